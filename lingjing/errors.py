@@ -1,0 +1,56 @@
+"""The one root exception and the exit codes of the command line.
+
+A user's mistake in a mission is *data* (a `lingjing.mission.diagnostics.Diagnostic`), never an exception. What
+raises is a fault at a border: a file that cannot be read, an engine that died, a plug-in that broke its contract.
+Every such fault derives from `LingjingError` and knows the exit code that the command line ends with.
+"""
+
+from enum import IntEnum
+
+
+class ExitCode(IntEnum):
+    """Exit codes of every verb (DESIGN section 7)."""
+
+    OK = 0
+    MISSION = 1
+    USAGE = 2
+    INFRASTRUCTURE = 3
+    BUG = 70
+    INTERRUPTED = 130
+
+
+class LingjingError(Exception):
+    """Root of everything this project raises on purpose.
+
+    `str(error)` names the thing at fault; `hint` says what to do about it.
+    """
+
+    exit_code = ExitCode.BUG
+
+    def __init__(self, message: str, *, hint: str = "") -> None:
+        super().__init__(message)
+        self.hint = hint
+
+
+class UsageError(LingjingError):
+    """Wrong arguments, unreadable input, unwritable output."""
+
+    exit_code = ExitCode.USAGE
+
+
+class MissionError(LingjingError):
+    """The mission has errors; the diagnostics, if any, are rendered into the message by who raises."""
+
+    exit_code = ExitCode.MISSION
+
+
+class PluginError(LingjingError):
+    """A plug-in broke its contract; the message names the plug-in and the hook or method."""
+
+    exit_code = ExitCode.USAGE
+
+
+class InfrastructureError(LingjingError):
+    """An engine or a worker process failed: the episode is an infrastructure abort, never a model failure."""
+
+    exit_code = ExitCode.INFRASTRUCTURE

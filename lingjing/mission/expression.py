@@ -1,0 +1,143 @@
+"""Expressions of the mission graph: a closed, total, typed tree.
+
+Lowered by the language, evaluated by `lingjing.mission.evaluate` (parameters, positions, draws) and by the kernel's
+adjudicator (rules). Quantities are held in SI base units with the author's unit beside them, angles in degrees.
+
+Invariants: every tree is finite and immutable; `Draw` appears only at the root of a property; a `Quantified` binds
+exactly one name.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import msgspec
+
+
+class Node(msgspec.Struct, frozen=True, tag=True, tag_field="node"):
+    """Base of every expression node; the tag in JSON is the class name."""
+
+
+class Number(Node, frozen=True):
+    """A quantity: `value` in SI base units (metre, second, kilogram, degree, …), `unit` as the author wrote it."""
+
+    value: float
+    unit: str = ""
+
+
+class Text(Node, frozen=True):
+    """A quoted string."""
+
+    value: str
+
+
+class Flag(Node, frozen=True):
+    """`true` or `false`."""
+
+    value: bool
+
+
+class Symbol(Node, frozen=True):
+    """A name that stands for itself: a class, a mode, a channel, a verb."""
+
+    name: str
+
+
+class Ref(Node, frozen=True):
+    """A reference to a declaration or to a bound variable; `kind` says which table the checker found it in."""
+
+    name: str
+    kind: Literal["param", "region", "grid", "group", "entity", "role", "mode", "local", "clock"]
+
+
+class Index(Node, frozen=True):
+    """One member of a group, counted from 1: `uav[i]`."""
+
+    base: Expr
+    index: Expr
+
+
+class Attr(Node, frozen=True):
+    """A field of a record, an entity or a region: `r.position`."""
+
+    base: Expr
+    name: str
+
+
+class Point(Node, frozen=True):
+    """Two or three lengths in the mission's frame: east, north and (optionally) elevation in metres."""
+
+    items: tuple[Expr, ...]
+
+
+class Sequence(Node, frozen=True):
+    """A bracketed list."""
+
+    items: tuple[Expr, ...]
+
+
+class Range(Node, frozen=True):
+    """An inclusive interval `low..high`."""
+
+    low: Expr
+    high: Expr
+
+
+class Call(Node, frozen=True):
+    """A built-in function, or a rule of this mission when `rule` is true. Named arguments keep their names."""
+
+    function: str
+    arguments: tuple[Expr, ...] = ()
+    named: tuple[tuple[str, Expr], ...] = ()
+    rule: bool = False
+
+
+class Unary(Node, frozen=True):
+    """`-x` or `not x`."""
+
+    operator: Literal["-", "not"]
+    operand: Expr
+
+
+class Binary(Node, frozen=True):
+    """Arithmetic, comparison, membership or logic on two operands."""
+
+    operator: Literal["+", "-", "*", "/", "==", "!=", "<", "<=", ">", ">=", "in", "and", "or"]
+    left: Expr
+    right: Expr
+
+
+class Quantified(Node, frozen=True):
+    """`exists r: body` or `forall v in domain: body`; `domain` names a group or a message kind."""
+
+    quantifier: Literal["exists", "forall"]
+    variable: str
+    domain: str
+    body: Expr
+
+
+class Draw(Node, frozen=True):
+    """A seeded draw: `~ uniform(a, b)`, `~ sites(region, apart >= 80 m)`; `named` holds `apart` and the like."""
+
+    distribution: str
+    arguments: tuple[Expr, ...] = ()
+    named: tuple[tuple[str, Expr], ...] = ()
+
+
+Expr = (
+    Number
+    | Text
+    | Flag
+    | Symbol
+    | Ref
+    | Index
+    | Attr
+    | Point
+    | Sequence
+    | Range
+    | Call
+    | Unary
+    | Binary
+    | Quantified
+    | Draw
+)

@@ -1,0 +1,303 @@
+"""`Mission`: the one intermediate representation; everything downstream of the compiler reads only this.
+
+A mission is a *template*: it still holds parameters, modes, index variables and seeded draws as expressions.
+`lingjing.mission.instantiate` turns it, with a seed, a mode and settings, into a `lingjing.mission.instance.Instance`,
+in which everything but the rules is a plain value.
+
+All structs are frozen; `mission.json` is their direct image (`schemas/mission.schema.json` is generated from here).
+Types of the standard library are resolved and merged: an asset carries every property of its type, so a mission
+document can be read without the library it was written against.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import msgspec
+
+from lingjing.mission.expression import Expr
+
+
+class Record(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Base of the mission's parts: frozen, keyword-only, unknown fields are errors."""
+
+
+class Guard(Record, frozen=True, kw_only=True):
+    """`when mode == star`: the declaration exists only if the condition holds for the chosen mode and parameters."""
+
+    condition: Expr
+
+
+class Property(Record, frozen=True, kw_only=True):
+    """One `name = value`, `name ~ draw` or `name <= bound` of a block."""
+
+    name: str
+    value: Expr
+    relation: Literal["=", "~", "<="] = "="
+    hidden: bool = False
+    inherited: bool = False
+
+
+class Scene(Record, frozen=True, kw_only=True):
+    """Which scene provider builds the city, with its options (`datum` is the elevation of the water surface)."""
+
+    kind: str
+    options: tuple[Property, ...] = ()
+
+
+class Clock(Record, frozen=True, kw_only=True):
+    """`tick` is the decision interval, `sync` the macro-step at which engines exchange mirrors; both in seconds."""
+
+    tick: Expr
+    sync: Expr
+
+
+class Budget(Record, frozen=True, kw_only=True):
+    """Limits K: committed ticks, and wall-clock deadlines in seconds for the policy, engine and capture barriers."""
+
+    ticks: Expr
+    policy: Expr
+    engine: Expr
+    capture: Expr
+
+
+class Parameter(Record, frozen=True, kw_only=True):
+    """`param uavs = 3 in 1..10`; `unit` is the author's, values are SI."""
+
+    name: str
+    default: Expr
+    bounds: Expr | None = None
+    doc: str = ""
+
+
+class Modes(Record, frozen=True, kw_only=True):
+    """The communication modes the mission can be played in and the default one."""
+
+    default: str
+    allowed: tuple[str, ...]
+
+
+class Region(Record, frozen=True, kw_only=True):
+    """A named area; `shape` is a `polygon(…)`, `circle(…)` or `box(…)` call."""
+
+    name: str
+    shape: Expr
+
+
+class Grid(Record, frozen=True, kw_only=True):
+    """Cells over a region: `rows` by `columns` counted from south-west, neighbours overlap by `overlap` (0..1)."""
+
+    name: str
+    region: str
+    rows: Expr
+    columns: Expr
+    overlap: Expr
+
+
+class Camera(Record, frozen=True, kw_only=True):
+    """A sensor mount. Size in pixels, field of view in degrees, channels among rgb, depth, semantic."""
+
+    name: str
+    view: Literal["nadir", "front", "oblique"]
+    width: Expr
+    height: Expr
+    hfov: Expr
+    channels: tuple[str, ...]
+    capture: Literal["on_request", "each_tick"] = "on_request"
+
+
+class Argument(Record, frozen=True, kw_only=True):
+    """One argument of a verb; `dimension` is the SI unit it is given in ("m", "deg", "" for a bare number)."""
+
+    name: str
+    dimension: str = ""
+    minimum: Expr | None = None
+    maximum: Expr | None = None
+    default: Expr | None = None
+    optional: bool = False
+
+
+class Verb(Record, frozen=True, kw_only=True):
+    """One command of an asset's action space."""
+
+    name: str
+    arguments: tuple[Argument, ...] = ()
+    doc: str = ""
+
+
+class Group(Record, frozen=True, kw_only=True):
+    """A declared entity or an indexed group of them: `asset uav[1..uavs] : quadrotor` or `target victim[…] : …`.
+
+    `count` is None for a single entity. `index` is the name the index has inside the block (`i`).
+    `labels`, if given, are the source's own names (equipment codes of a `resetScenario`).
+    """
+
+    name: str
+    role: Literal["asset", "target"]
+    type: str
+    engine: str
+    count: Expr | None = None
+    index: str = "i"
+    properties: tuple[Property, ...] = ()
+    cameras: tuple[Camera, ...] = ()
+    verbs: tuple[Verb, ...] = ()
+    labels: tuple[str, ...] = ()
+    when: Guard | None = None
+
+
+class Channel(Record, frozen=True, kw_only=True):
+    """What an agent observes: `uav[i].*`, `cells`, `peers.position`, `events`.
+
+    `source` is an entity expression, or a Symbol for the built-in sources `events`, `peers` and grid names;
+    `fields` is the tuple of observed fields, ("*",) for all that are not hidden.
+    """
+
+    source: Expr
+    fields: tuple[str, ...] = ("*",)
+
+
+class Agent(Record, frozen=True, kw_only=True):
+    """`agent scout[i in 1..uavs] as searcher controls uav[i] { observes … }`."""
+
+    name: str
+    role: str
+    count: Expr | None = None
+    index: str = "i"
+    controls: tuple[Expr, ...] = ()
+    observes: tuple[Channel, ...] = ()
+    prompt: str = ""
+    when: Guard | None = None
+
+
+class Authority(Record, frozen=True, kw_only=True):
+    """`authority searcher may command boat when …`: a role may command a resource it does not embody."""
+
+    role: str
+    resource: Expr
+    when: Guard | None = None
+
+
+class Field(Record, frozen=True, kw_only=True):
+    """One field of a message record. `type` is one of name, text, number, flag, position, box, frame, names."""
+
+    name: str
+    type: Literal["name", "text", "number", "flag", "position", "box", "frame", "names"]
+    optional: bool = False
+    minimum: float | None = None
+    maximum: float | None = None
+
+
+class MessageKind(Record, frozen=True, kw_only=True):
+    """`message detection : report from searcher to all`. `category` is what the metrics count it as."""
+
+    name: str
+    type: str
+    category: Literal["report", "assignment", "target_status", "other"]
+    fields: tuple[Field, ...]
+    senders: tuple[str, ...]
+    recipients: tuple[str, ...]
+    when: Guard | None = None
+
+
+class Comms(Record, frozen=True, kw_only=True):
+    """Bus settings; `hub` names the agent that star mode routes through. Delay in ticks, payload in bytes."""
+
+    hub: str | None = None
+    delay: Expr | None = None
+    payload: Expr | None = None
+
+
+class RuleParameter(Record, frozen=True, kw_only=True):
+    """A typed parameter of a rule: `domain` names a group (`victim`) or a message kind (`detection`)."""
+
+    name: str
+    domain: str
+
+
+class Rule(Record, frozen=True, kw_only=True):
+    """`adjudicate matched(v: victim, r: detection) { when … }`: becomes an event, once per binding, when true.
+
+    `matching` is true if the body compares a report with `truth(…)`: such a rule is solved one to one per frame.
+    """
+
+    name: str
+    parameters: tuple[RuleParameter, ...]
+    condition: Expr
+    matching: bool = False
+
+
+class Unlock(Record, frozen=True, kw_only=True):
+    """`unlock rescue(v: victim) when …`: the kernel allows an interaction; the owning engine performs and emits it."""
+
+    interaction: str
+    parameters: tuple[RuleParameter, ...]
+    condition: Expr
+
+
+class Stage(Record, frozen=True, kw_only=True):
+    """`stage detect per v in victim { done when … }`."""
+
+    name: str
+    condition: Expr
+    variable: str | None = None
+    domain: str | None = None
+
+
+class Relation(Record, frozen=True, kw_only=True):
+    """One of the paper's five coordination relations, as the mission declares it."""
+
+    kind: Literal["information_handoff", "cooperation", "competition", "guidance", "dependency"]
+    source: str
+    target: str
+    mutual: bool = False
+    carries: str | None = None
+    over: str | None = None
+    by: str | None = None
+    per: str | None = None
+    when: Guard | None = None
+
+
+class Reveal(Record, frozen=True, kw_only=True):
+    """`reveal image(target) to role`: the one audited way out of `hidden`."""
+
+    what: Literal["image"]
+    entity: Expr
+    role: str
+
+
+class Origin(Record, frozen=True, kw_only=True):
+    """Where the mission came from: the file, its digest, and the untouched document it was read from, if JSON."""
+
+    file: str = ""
+    sha256: str = ""
+    document: str = ""
+
+
+class Mission(Record, frozen=True, kw_only=True):
+    """The typed mission. See the module docstring; DESIGN section 2 for the meaning of each part."""
+
+    format: Literal["lingjing-mission/1"] = "lingjing-mission/1"
+    name: str
+    title: str
+    goal: str
+    scene: Scene
+    clock: Clock
+    budget: Budget
+    weather: tuple[Property, ...]
+    parameters: tuple[Parameter, ...]
+    modes: Modes
+    regions: tuple[Region, ...]
+    grids: tuple[Grid, ...]
+    groups: tuple[Group, ...]
+    agents: tuple[Agent, ...]
+    authorities: tuple[Authority, ...]
+    messages: tuple[MessageKind, ...]
+    comms: Comms
+    rules: tuple[Rule, ...]
+    unlocks: tuple[Unlock, ...]
+    stages: tuple[Stage, ...]
+    relations: tuple[Relation, ...]
+    reveals: tuple[Reveal, ...] = ()
+    success: Expr
+    failure: Expr | None = None
+    origin: Origin = Origin()

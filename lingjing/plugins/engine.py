@@ -1,0 +1,128 @@
+"""The engine contract: five methods, the values they exchange, and the declaration that makes an engine known.
+
+An engine owns entities; each entity has exactly one owner. A tick is split into macro-steps of `clock.sync_s`; at
+each, every engine advances by the same interval and then receives the others' states as mirrors (fixed-step Jacobi
+co-simulation, DESIGN section 4). The conformance kit (`lingjing.plugins.conformance`) tests every promise made here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+import msgspec
+import numpy as np
+import numpy.typing as npt
+
+from lingjing.mission.instance import Entity, Instance
+from lingjing.scene.city import City
+from lingjing.trace.records import BodyState, CameraPose, Command, FrameInfo, Receipt, TaskEvent
+
+
+class EngineSpec(msgspec.Struct, frozen=True, kw_only=True):
+    """What an engine is reset with: the whole instance (engines are trusted) and the ids of the entities it owns."""
+
+    engine: str
+    instance: Instance
+    owns: tuple[str, ...]
+
+    def owned(self) -> tuple[Entity, ...]:
+        """The owned entities in declaration order."""
+        mine = set(self.owns)
+        return tuple(entity for entity in self.instance.entities if entity.id in mine)
+
+
+class Boundary(msgspec.Struct, frozen=True, kw_only=True):
+    """What an engine reports when it has reached `time_s`: its owned entities, receipts and task events since."""
+
+    engine: str
+    time_s: float
+    states: tuple[BodyState, ...] = ()
+    receipts: tuple[Receipt, ...] = ()
+    events: tuple[TaskEvent, ...] = ()
+
+
+class CaptureRequest(msgspec.Struct, frozen=True, kw_only=True):
+    """Take one picture now: `frame` is the id it will have, `entity` and `camera` name the mount."""
+
+    frame: str
+    entity: str
+    camera: str
+    tick: int
+    time_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """A captured picture. `info.boxes` is the exact ground truth.
+
+    `rgb` is (height, width, 3) uint8; `depth` (height, width) float32 metres along the optical axis, inf where
+    nothing is hit, or None if not declared; `semantic` (height, width) uint8 class ids, or None.
+    """
+
+    info: FrameInfo
+    rgb: npt.NDArray[np.uint8]
+    depth: npt.NDArray[np.float32] | None = None
+    semantic: npt.NDArray[np.uint8] | None = None
+
+
+class Engine(Protocol):
+    """The whole contract. Every method may raise; the kernel turns that into an infrastructure abort."""
+
+    def reset(self, spec: EngineSpec, city: City, seed: int) -> Boundary:
+        """Build the engine's world and return READY(0): a boundary at time 0 with every owned entity."""
+        ...
+
+    def submit(self, commands: Sequence[Command]) -> tuple[Receipt, ...]:
+        """Admission only: exactly one `accepted` or `rejected` receipt for each command, in order."""
+        ...
+
+    def advance(self, until: float, mirrors: Sequence[BodyState]) -> Boundary:
+        """Advance to simulation time `until` (s). `mirrors` are all entities of other engines at the interval's
+        start; extrapolate them by their velocity where it matters. Returns every owned entity at `until`, and
+        `running`/`completed`/`rejected` receipts of long requests. `running` at most once per call and request."""
+        ...
+
+    def capture(self, requests: Sequence[CaptureRequest]) -> tuple[Frame, ...]:
+        """Pictures of the world as of the last `advance`. Engines without sensors return ()."""
+        ...
+
+    def close(self) -> None:
+        """Release everything; called once, also after a failure."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class EnginePlugin:
+    """How an engine is declared through the hook `lingjing_engines`.
+
+    `name` is what a type names after `engine =`; `place` says which process hosts it: `world` (local motion, can be
+    forked), `camera` (owns a GL context, cannot), `remote` (a bridge to something outside, runs in the caller).
+    `sensor` engines answer `capture` and are advanced once a tick, after the motion barrier. `factory` does the
+    heavy imports. `native_dt_s` is documentation and a bound on `sync`.
+    """
+
+    name: str
+    factory: Callable[[], Engine]
+    place: Literal["world", "camera", "remote"] = "world"
+    sensor: bool = False
+    native_dt_s: float = 0.01
+    summary: str = ""
+
+
+__all__ = [
+    "BodyState",
+    "Boundary",
+    "CameraPose",
+    "CaptureRequest",
+    "City",
+    "Command",
+    "Engine",
+    "EnginePlugin",
+    "EngineSpec",
+    "Frame",
+    "FrameInfo",
+    "Receipt",
+    "TaskEvent",
+]

@@ -1,0 +1,44 @@
+"""The hooks a plug-in may implement; pluggy project name and entry-point group are both `lingjing`.
+
+Hooks return values and mutate nothing. Built-in engines, scenes and the reference agents come through the same door.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import pluggy
+
+from lingjing.mission.instance import SceneSpec
+from lingjing.plugins.engine import EnginePlugin
+from lingjing.plugins.policy import PolicyPlugin
+from lingjing.scene.city import City
+
+hookspec = pluggy.HookspecMarker("lingjing")
+hookimpl = pluggy.HookimplMarker("lingjing")
+
+
+@dataclass(frozen=True, slots=True)
+class ScenePlugin:
+    """How a scene provider is declared: `name` is what a mission names after `scene`; `build` must be a pure
+    function of the spec."""
+
+    name: str
+    build: Callable[[SceneSpec], City]
+    summary: str = ""
+
+
+@hookspec
+def lingjing_engines() -> Iterable[EnginePlugin]:  # type: ignore[empty-body]
+    """Fires once when the host is built: the engines this plug-in offers."""
+
+
+@hookspec
+def lingjing_policies() -> Iterable[PolicyPlugin]:  # type: ignore[empty-body]
+    """Fires once when the host is built: the policies this plug-in offers."""
+
+
+@hookspec
+def lingjing_scenes() -> Iterable[ScenePlugin]:  # type: ignore[empty-body]
+    """Fires once when the host is built: the scene providers this plug-in offers."""

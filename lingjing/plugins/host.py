@@ -1,0 +1,79 @@
+"""The plug-in host: an object that finds plug-ins through entry points and answers by name."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Protocol, TypeVar
+
+import pluggy
+
+from lingjing.errors import PluginError, UsageError
+from lingjing.plugins import hookspecs
+from lingjing.plugins.engine import EnginePlugin
+from lingjing.plugins.hookspecs import ScenePlugin
+from lingjing.plugins.policy import PolicyPlugin
+
+
+class _Named(Protocol):
+    @property
+    def name(self) -> str: ...
+
+
+NamedT = TypeVar("NamedT", bound=_Named)
+
+
+class PluginHost:
+    """Everything the installed plug-ins offer. Two plug-ins with one name are an error that names both."""
+
+    def __init__(self, *, entry_points: bool = True, extra: Iterable[object] = ()) -> None:
+        self._manager = pluggy.PluginManager("lingjing")
+        self._manager.add_hookspecs(hookspecs)
+        if entry_points:
+            self._load_entry_points()
+        for plugin in extra:
+            self._manager.register(plugin)
+        self.sources: dict[tuple[str, str], str] = {}
+        self.engines: dict[str, EnginePlugin] = self._collect("lingjing_engines")
+        self.policies: dict[str, PolicyPlugin] = self._collect("lingjing_policies")
+        self.scenes: dict[str, ScenePlugin] = self._collect("lingjing_scenes")
+
+    def engine(self, name: str) -> EnginePlugin:
+        """The engine of that name, or a `UsageError` that lists what there is."""
+        return self._get("engine", self.engines, name)
+
+    def policy(self, name: str) -> PolicyPlugin:
+        """The policy of that name, or a `UsageError` that lists what there is."""
+        return self._get("policy", self.policies, name)
+
+    def scene(self, name: str) -> ScenePlugin:
+        """The scene provider of that name, or a `UsageError` that lists what there is."""
+        return self._get("scene", self.scenes, name)
+
+    def _load_entry_points(self) -> None:
+        try:
+            self._manager.load_setuptools_entrypoints("lingjing")
+        except Exception as error:
+            raise PluginError(f"a plug-in could not be loaded: {error}", hint="run `lingjing plugins`") from error
+
+    def _collect(self, hook: str) -> dict[str, NamedT]:
+        found: dict[str, NamedT] = {}
+        for implementation in getattr(self._manager.hook, hook).get_hookimpls():
+            source = implementation.plugin_name
+            for item in self._call(hook, implementation.function, source):
+                other = self.sources.setdefault((hook, item.name), source)
+                if item.name in found:
+                    raise PluginError(f"`{item.name}` is offered twice by {hook}: in `{other}` and in `{source}`")
+                found[item.name] = item
+        return dict(sorted(found.items()))
+
+    def _call(self, hook: str, function: object, source: str) -> Iterable[NamedT]:
+        try:
+            return tuple(function())  # type: ignore[operator]
+        except Exception as error:
+            raise PluginError(f"plug-in `{source}` failed in {hook}: {error}") from error
+
+    def _get(self, kind: str, table: dict[str, NamedT], name: str) -> NamedT:
+        if name in table:
+            return table[name]
+        known = ", ".join(table) or "none"
+        raise UsageError(f"no {kind} is called `{name}`", hint=f"known: {known}; see `lingjing plugins`")

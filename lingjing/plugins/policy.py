@@ -1,0 +1,210 @@
+"""The policy contract: two methods, what an agent may know, what it sees, and what it answers.
+
+`Brief` and `Observation` never hold a value that the mission marks hidden (the kernel's projection guarantees it),
+except in `privileged`, which only a policy declared so receives and which the trace records.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import msgspec
+import numpy as np
+import numpy.typing as npt
+
+from lingjing.mission.instance import (
+    CameraSpec,
+    Cell,
+    Datum,
+    Instance,
+    MessageSpec,
+    Region,
+    Vector,
+    VerbSpec,
+    Weather,
+)
+from lingjing.trace.records import (
+    Absent,
+    Action,
+    BodyState,
+    CameraPose,
+    Decision,
+    Envelope,
+    FrameInfo,
+    Outgoing,
+    Receipt,
+    TaskEvent,
+    Usage,
+)
+
+
+class Resource(msgspec.Struct, frozen=True, kw_only=True):
+    """Something the agent may command: its type, action schema and camera mounts. `embodied` if it controls it;
+    `properties` are the public ones (SI units), such as `speed_mps` and `band_low_m`, `band_high_m`."""
+
+    id: str
+    type: str
+    embodied: bool
+    verbs: tuple[VerbSpec, ...]
+    cameras: tuple[CameraSpec, ...] = ()
+    properties: dict[str, Datum] = {}
+
+
+class Peer(msgspec.Struct, frozen=True, kw_only=True):
+    """Another active agent, its role and what it embodies."""
+
+    id: str
+    role: str
+    resources: tuple[str, ...]
+
+
+class Brief(msgspec.Struct, frozen=True, kw_only=True):
+    """All an agent is told at reset. `seed` starts the policy's own random stream; `classes` are the names a
+    report's `class` may have; `water_level_m` is the elevation of the scene's water surface."""
+
+    agent: str
+    role: str
+    index: int
+    goal: str
+    prompt: str
+    mode: str
+    hub: str | None
+    tick_s: float
+    ticks: int
+    seed: int
+    resources: tuple[Resource, ...]
+    peers: tuple[Peer, ...]
+    messages: tuple[MessageSpec, ...]
+    regions: tuple[Region, ...]
+    cells: tuple[Cell, ...]
+    classes: tuple[str, ...]
+    weather: Weather
+    water_level_m: float
+    settings: dict[str, float] = {}
+
+
+class EntityView(msgspec.Struct, frozen=True, kw_only=True):
+    """What an observation channel shows of one entity; a field that is not observed is None."""
+
+    id: str
+    type: str
+    position: Vector | None = None
+    velocity: Vector | None = None
+    heading_deg: float | None = None
+    status: str | None = None
+    resources: dict[str, float] | None = None
+    busy: bool | None = None
+
+
+class CellView(msgspec.Struct, frozen=True, kw_only=True):
+    """The shared search state of one cell: the tick and the entity of the first photograph taken over it."""
+
+    name: str
+    visited_tick: int | None = None
+    visited_by: str | None = None
+
+
+class EventView(msgspec.Struct, frozen=True, kw_only=True):
+    """The public projection of a task event or an adjudicated event: no numbers, no hidden entity."""
+
+    id: str
+    kind: str
+    tick: int
+    entities: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """A stored picture as the policy receives it: `rgb` is the decoded JPEG, (height, width, 3) uint8; `depth`
+    (height, width) float32 metres along the optical axis; `semantic` (height, width) uint8. No ground truth."""
+
+    frame: str
+    entity: str
+    camera: str
+    tick: int
+    time_s: float
+    pose: CameraPose
+    rgb: npt.NDArray[np.uint8]
+    depth: npt.NDArray[np.float32] | None = None
+    semantic: npt.NDArray[np.uint8] | None = None
+
+
+class Privileged(msgspec.Struct, frozen=True, kw_only=True):
+    """The truth, for policies declared `privileged` only: the instance, all states, and the boxes of the agent's
+    frames."""
+
+    instance: Instance
+    states: tuple[BodyState, ...]
+    frames: tuple[FrameInfo, ...]
+    achieved: tuple[tuple[str, tuple[str, ...]], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Observation:
+    """What an agent sees at boundary `tick`. Immutable; the same object is what the trace records."""
+
+    agent: str
+    tick: int
+    time_s: float
+    entities: tuple[EntityView, ...] = ()
+    cells: tuple[CellView, ...] = ()
+    events: tuple[EventView, ...] = ()
+    pictures: tuple[Picture, ...] = ()
+    absent: tuple[Absent, ...] = ()
+    privileged: Privileged | None = None
+
+
+class Inbox(msgspec.Struct, frozen=True, kw_only=True):
+    """Messages delivered and receipts visible at this boundary, in a fixed order."""
+
+    messages: tuple[Envelope, ...] = ()
+    receipts: tuple[Receipt, ...] = ()
+
+
+class Policy(Protocol):
+    """An agent's mind. One object per agent and episode; each call runs in a worker thread with its own loop."""
+
+    async def reset(self, brief: Brief) -> None:
+        """Called once before boundary 0's first `act`."""
+        ...
+
+    async def act(self, observation: Observation, inbox: Inbox) -> Decision:
+        """At most one physical command and a finite list of messages for the next boundary."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class PolicyPlugin:
+    """How a policy is declared through the hook `lingjing_policies`. `factory` takes the `--policy-arg` pairs as
+    keyword arguments (strings) and returns one object per agent. `privileged` policies see the truth."""
+
+    name: str
+    factory: Callable[..., Policy]
+    privileged: bool = False
+    summary: str = ""
+
+
+__all__ = [
+    "Absent",
+    "Action",
+    "Brief",
+    "CellView",
+    "Decision",
+    "EntityView",
+    "Envelope",
+    "EventView",
+    "Inbox",
+    "Observation",
+    "Outgoing",
+    "Peer",
+    "Picture",
+    "Policy",
+    "PolicyPlugin",
+    "Privileged",
+    "Receipt",
+    "Resource",
+    "TaskEvent",
+    "Usage",
+]

@@ -1,0 +1,201 @@
+"""The vocabulary of an episode: what engines, agents and the kernel say to each other and what the trace keeps.
+
+Plain frozen values that travel over process borders (msgpack) and into the trace (JSON) as they are. Units: metres,
+seconds, degrees (headings clockwise from north), watt-hours. Simulation time is `time_s`, never a wall clock; the
+few wall-clock fields end in `_wall_s` and are left out of the digest.
+
+Symbols in brackets are those of the paper's table of run-time symbols.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import msgspec
+
+from lingjing.mission.instance import Datum, Vector
+
+
+class Value(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Base of every record: frozen, keyword-only."""
+
+
+class BodyState(Value, frozen=True, kw_only=True):
+    """One entity at one instant, as its owner reports it; also the mirror that other engines receive.
+
+    Velocity is in the world frame (m/s). `resources` holds stocks such as `battery_wh` or `battery` (0..1);
+    `status` is a short state word (`grounded`, `hovering`, `moving`, `idle`, `adrift`, `rescued`, `dead`, …).
+    """
+
+    id: str
+    position: Vector
+    velocity: Vector = (0.0, 0.0, 0.0)
+    heading_deg: float = 0.0
+    pitch_deg: float = 0.0
+    roll_deg: float = 0.0
+    status: str = ""
+    resources: dict[str, float] = {}
+
+
+class Action(Value, frozen=True, kw_only=True):
+    """A candidate physical command [u]: `resource` is None for the agent's first controlled resource."""
+
+    verb: str
+    arguments: dict[str, Datum] = {}
+    resource: str | None = None
+
+
+class Outgoing(Value, frozen=True, kw_only=True):
+    """A candidate message [m]. `to` names agents and counts only where the topology leaves a choice (the hub)."""
+
+    kind: str
+    body: dict[str, Datum] = {}
+    to: tuple[str, ...] = ()
+
+
+class Usage(Value, frozen=True, kw_only=True):
+    """What one policy call spent on model inference; money in US dollars."""
+
+    calls: int = 0
+    prompt_tokens: int = 0
+    completion_tokens: int = 0
+    cost_usd: float = 0.0
+
+
+class Decision(Value, frozen=True, kw_only=True):
+    """What a policy returns: at most one physical command and a finite list of messages."""
+
+    command: Action | None = None
+    messages: tuple[Outgoing, ...] = ()
+    thought: str = ""
+    usage: Usage | None = None
+
+
+class Command(Value, frozen=True, kw_only=True):
+    """An admitted command [û] on its way to an engine. `id` is `c<tick>-<n>`; `origin` kernel means an unlock."""
+
+    id: str
+    tick: int
+    sender: str
+    resource: str
+    verb: str
+    arguments: dict[str, Datum] = {}
+    origin: Literal["agent", "kernel"] = "agent"
+
+
+Status = Literal["accepted", "running", "completed", "rejected", "timed_out", "substituted"]
+
+
+class Receipt(Value, frozen=True, kw_only=True):
+    """A typed receipt [C]: `request` is a command or message id; `by` is `bus`, `kernel`, `policy` or an engine's
+    name; `reason` a stable code (`busy`, `conflict`, `no_authority`, `unknown_verb`, `bad_argument`, `clipped`,
+    `preempted`, `unreachable`, `battery`, `policy_timeout`, `policy_error`, `malformed`, …); `progress` is 0..1."""
+
+    request: str
+    tick: int
+    sender: str
+    resource: str
+    status: Status
+    reason: str = ""
+    detail: str = ""
+    by: str = "kernel"
+    time_s: float = 0.0
+    progress: float | None = None
+
+
+class TaskEvent(Value, frozen=True, kw_only=True):
+    """Something an engine did or saw: `arrived`, `rescue`, `collided`, `battery_empty`, … at an instant."""
+
+    kind: str
+    entities: tuple[str, ...]
+    time_s: float
+    values: dict[str, float] = {}
+
+
+class Snapshot(Value, frozen=True, kw_only=True):
+    """All entities of all engines at one macro-step."""
+
+    time_s: float
+    states: tuple[BodyState, ...]
+
+
+class Box(Value, frozen=True, kw_only=True):
+    """Ground truth of one entity in one frame: a normalised image box, origin top left, and its visible pixels."""
+
+    entity: str
+    cls: str
+    box: tuple[float, float, float, float]
+    pixels: int
+
+
+class CameraPose(Value, frozen=True, kw_only=True):
+    """Where a camera was: optical centre in metres; heading of its image-up (nadir) or optical axis (front) in
+    degrees; `tilt_deg` is the axis' angle below the horizon (90 nadir, 0 front)."""
+
+    position: Vector
+    heading_deg: float
+    tilt_deg: float
+    roll_deg: float = 0.0
+    hfov_deg: float = 84.0
+    width: int = 1920
+    height: int = 1080
+
+
+class FrameInfo(Value, frozen=True, kw_only=True):
+    """All that is known of a captured frame but its pixels. `id` is `f<tick>-<entity>-<camera>`."""
+
+    id: str
+    entity: str
+    camera: str
+    tick: int
+    time_s: float
+    pose: CameraPose
+    channels: tuple[str, ...]
+    boxes: tuple[Box, ...] = ()
+    sha256: str = ""
+
+
+class Absent(Value, frozen=True, kw_only=True):
+    """A picture that was asked for and did not come: no observation, no detection."""
+
+    entity: str
+    camera: str
+    tick: int
+    reason: str
+
+
+class Envelope(Value, frozen=True, kw_only=True):
+    """One admitted sender-to-recipient edge [M̂]. `id` is `m<tick>-<n>`, shared by all edges of one message."""
+
+    id: str
+    tick: int
+    sender: str
+    recipient: str
+    kind: str
+    category: str
+    body: dict[str, Datum]
+    bytes: int
+    deliver_at: int
+
+
+class Event(Value, frozen=True, kw_only=True):
+    """An adjudicated event [V]: the rule's name and its binding; `evidence` are the numbers that made it true.
+
+    Policies see only the public projection (`lingjing.kernel.visibility`), one boundary later.
+    """
+
+    id: str
+    kind: str
+    tick: int
+    time_s: float
+    bindings: tuple[str, ...]
+    evidence: dict[str, Datum] = {}
+
+
+class StageChange(Value, frozen=True, kw_only=True):
+    """A stage of a mission became done for one subject (or for all, with subject "")."""
+
+    stage: str
+    subject: str
+    tick: int
+    time_s: float
