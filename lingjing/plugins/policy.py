@@ -21,7 +21,6 @@ from lingjing.mission.instance import (
     Instance,
     MessageSpec,
     Region,
-    Vector,
     VerbSpec,
     Weather,
 )
@@ -30,8 +29,11 @@ from lingjing.trace.records import (
     Action,
     BodyState,
     CameraPose,
+    CellView,
     Decision,
+    EntityView,
     Envelope,
+    EventView,
     FrameInfo,
     Outgoing,
     Receipt,
@@ -83,36 +85,6 @@ class Brief(msgspec.Struct, frozen=True, kw_only=True):
     weather: Weather
     water_level_m: float
     settings: dict[str, float] = {}
-
-
-class EntityView(msgspec.Struct, frozen=True, kw_only=True):
-    """What an observation channel shows of one entity; a field that is not observed is None."""
-
-    id: str
-    type: str
-    position: Vector | None = None
-    velocity: Vector | None = None
-    heading_deg: float | None = None
-    status: str | None = None
-    resources: dict[str, float] | None = None
-    busy: bool | None = None
-
-
-class CellView(msgspec.Struct, frozen=True, kw_only=True):
-    """The shared search state of one cell: the tick and the entity of the first photograph taken over it."""
-
-    name: str
-    visited_tick: int | None = None
-    visited_by: str | None = None
-
-
-class EventView(msgspec.Struct, frozen=True, kw_only=True):
-    """The public projection of a task event or an adjudicated event: no numbers, no hidden entity."""
-
-    id: str
-    kind: str
-    tick: int
-    entities: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)

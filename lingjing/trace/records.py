@@ -13,7 +13,7 @@ from typing import Literal
 
 import msgspec
 
-from lingjing.mission.instance import Datum, Vector
+from lingjing.mission.instance import Datum, Instance, Vector
 
 
 class Value(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -199,3 +199,149 @@ class StageChange(Value, frozen=True, kw_only=True):
     subject: str
     tick: int
     time_s: float
+
+
+class EntityView(Value, frozen=True, kw_only=True):
+    """What an observation channel shows of one entity; a field that is not observed is None."""
+
+    id: str
+    type: str
+    position: Vector | None = None
+    velocity: Vector | None = None
+    heading_deg: float | None = None
+    status: str | None = None
+    resources: dict[str, float] | None = None
+    busy: bool | None = None
+
+
+class CellView(Value, frozen=True, kw_only=True):
+    """The shared search state of one cell: the tick and the entity of the first photograph taken over it."""
+
+    name: str
+    visited_tick: int | None = None
+    visited_by: str | None = None
+
+
+class EventView(Value, frozen=True, kw_only=True):
+    """The public projection of a task event or an adjudicated event: no numbers, no hidden entity."""
+
+    id: str
+    kind: str
+    tick: int
+    entities: tuple[str, ...]
+
+
+class ObservationRecord(Value, frozen=True, kw_only=True):
+    """What one agent saw at a boundary [o]; pictures by frame id (`frames`), the pixels are stored once.
+
+    `sha256` covers the complete policy input (observation, inbox and decoded pixels): two episodes whose agents
+    saw the same have the same value. `privileged` says that the truth was handed over too.
+    """
+
+    agent: str
+    entities: tuple[EntityView, ...] = ()
+    cells: tuple[CellView, ...] = ()
+    events: tuple[EventView, ...] = ()
+    frames: tuple[str, ...] = ()
+    absent: tuple[Absent, ...] = ()
+    privileged: bool = False
+    sha256: str = ""
+
+
+class InboxRecord(Value, frozen=True, kw_only=True):
+    """What one agent's inbox held at a boundary [I]: ids of the envelopes and the receipts shown to it."""
+
+    agent: str
+    messages: tuple[str, ...] = ()
+    receipts: tuple[Receipt, ...] = ()
+
+
+class DecisionRecord(Value, frozen=True, kw_only=True):
+    """What one policy returned [u, m], after substitution if it failed; `substituted` is the reason code or ""."""
+
+    agent: str
+    decision: Decision
+    substituted: str = ""
+    policy_wall_s: float = 0.0
+
+
+class RelationRecord(Value, frozen=True, kw_only=True):
+    """One occurrence of a declared coordination relation: who did it to whom, carried by what, when."""
+
+    kind: str
+    source: str
+    target: str
+    by: str
+    tick: int
+
+
+class EngineStatus(Value, frozen=True, kw_only=True):
+    """One engine at a boundary: its own clock, its frame counter and what the barrier waited for it."""
+
+    engine: str
+    time_s: float
+    frame: int
+    wait_wall_s: float = 0.0
+
+
+class BoundaryRecord(Value, frozen=True, kw_only=True):
+    """One committed boundary, everything Algorithm 1's `Log` receives, in the paper's order.
+
+    `snapshots` are the macro-steps since the boundary before, the last one is this boundary's state [T];
+    `frames` are the pictures captured at this boundary (pixels in their own topics); `digest` chains: SHA-256 over
+    the digest before and this record without wall-clock fields.
+    """
+
+    tick: int
+    time_s: float
+    snapshots: tuple[Snapshot, ...]
+    engines: tuple[EngineStatus, ...]
+    task_events: tuple[TaskEvent, ...]
+    frames: tuple[FrameInfo, ...]
+    observations: tuple[ObservationRecord, ...]
+    inboxes: tuple[InboxRecord, ...]
+    decisions: tuple[DecisionRecord, ...]
+    commands: tuple[Command, ...]
+    messages: tuple[Envelope, ...]
+    receipts: tuple[Receipt, ...]
+    events: tuple[Event, ...]
+    stages: tuple[StageChange, ...]
+    relations: tuple[RelationRecord, ...]
+    reward: float
+    done: bool
+    digest: str = ""
+    wall_s: float = 0.0
+
+
+class AgentBinding(Value, frozen=True, kw_only=True):
+    """Which policy played which agent; `privileged` marks an oracle."""
+
+    agent: str
+    policy: str
+    privileged: bool = False
+    arguments: dict[str, str] = {}
+
+
+class Header(Value, frozen=True, kw_only=True):
+    """The first record of a trace: what was played, by whom, on what."""
+
+    format: str = "lingjing-trace/1"
+    instance: Instance
+    bindings: tuple[AgentBinding, ...]
+    fingerprint: dict[str, str]
+    city_sha256: str = ""
+    attribution: str = ""
+    started_wall: str = ""
+
+
+class Outcome(Value, frozen=True, kw_only=True):
+    """The last record: `reason` is success, failure, budget, infrastructure-abort or interrupted."""
+
+    success: bool
+    reason: str
+    scr: float
+    ticks: int
+    digest: str
+    frames_digest: str
+    detail: str = ""
+    wall_s: float = 0.0
