@@ -1,0 +1,29 @@
+"""Where the files that ship with the package are: the standard library, the missions and the schemas.
+
+A wheel carries them under `lingjing/_data`; an editable installation reads the repository's own folders, so that an
+edit there counts at once.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+_PACKAGE = Path(__file__).resolve().parent
+_PACKAGED = _PACKAGE / "_data"
+_REPOSITORY = {
+    "std": _PACKAGE.parent / "scenarios" / "std",
+    "scenarios": _PACKAGE.parent / "scenarios",
+    "schemas": _PACKAGE.parent / "schemas",
+}
+
+
+def data_path(*parts: str) -> Path:
+    """The path of shipped data: the first part is `std`, `scenarios` or `schemas`, the rest goes below it.
+
+    The packaged copy wins; without one the repository's folder answers. The path need not exist. An unknown first
+    part raises `KeyError`.
+    """
+    kind, *rest = parts
+    repository = _REPOSITORY[kind]
+    root = _PACKAGED / kind if _PACKAGED.is_dir() else repository
+    return root.joinpath(*rest)
