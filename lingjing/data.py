@@ -10,11 +10,7 @@ from pathlib import Path
 
 _PACKAGE = Path(__file__).resolve().parent
 _PACKAGED = _PACKAGE / "_data"
-_REPOSITORY = {
-    "std": _PACKAGE.parent / "scenarios" / "std",
-    "scenarios": _PACKAGE.parent / "scenarios",
-    "schemas": _PACKAGE.parent / "schemas",
-}
+_FOLDERS = {"std": Path("scenarios", "std"), "scenarios": Path("scenarios"), "schemas": Path("schemas")}
 
 
 def data_path(*parts: str) -> Path:
@@ -24,6 +20,5 @@ def data_path(*parts: str) -> Path:
     part raises `KeyError`.
     """
     kind, *rest = parts
-    repository = _REPOSITORY[kind]
-    root = _PACKAGED / kind if _PACKAGED.is_dir() else repository
-    return root.joinpath(*rest)
+    root = _PACKAGED if _PACKAGED.is_dir() else _PACKAGE.parent
+    return root.joinpath(_FOLDERS[kind], *rest)

@@ -1,0 +1,52 @@
+"""Missions for heterogeneous unmanned systems: write one, play it, score it, replay it.
+
+The tree is the pipeline: `dsl` (text → mission) → `mission` (the typed graph) → `scene` (the city) → `plugins`
+(engines and policies) → `kernel` (the episode) → `trace` (what happened) → `analysis` (what it means); `cli` is the
+command line. The public surface is this module, `lingjing.plugins` and the command `lingjing`; the rest may change.
+
+Exports are lazy: importing this package loads nothing but itself.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from lingjing.dsl.load import load_mission as compile  # noqa: A004 - `lingjing.compile` is the public name
+    from lingjing.kernel.api import EpisodeResult, run
+    from lingjing.mission.model import Mission
+
+    __version__: str
+
+__all__ = ["EpisodeResult", "Mission", "__version__", "compile", "run"]
+
+_EXPORTS = {
+    "EpisodeResult": ("lingjing.kernel.api", "EpisodeResult"),
+    "Mission": ("lingjing.mission.model", "Mission"),
+    "compile": ("lingjing.dsl.load", "load_mission"),
+    "run": ("lingjing.kernel.api", "run"),
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Import an export at its first use (PEP 562) and keep it."""
+    if name == "__version__":
+        value: object = _version()
+    elif name in _EXPORTS:
+        module, attribute = _EXPORTS[name]
+        value = getattr(import_module(module), attribute)
+    else:
+        raise AttributeError(f"module `lingjing` has no attribute `{name}`")
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
+
+
+def _version() -> str:
+    from importlib.metadata import version
+
+    return version("lingjing")
