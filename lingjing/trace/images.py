@@ -1,0 +1,138 @@
+"""Pictures as bytes: JPEG for colour, an indexed PNG for class ids, quantised and packed depth.
+
+Pillow codes JPEG and PNG: as quick as OpenCV at 1080p (5.6 ms in, 7 ms out) without its thread pool, so the world
+process may import this module before it forks. `zstandard` packs depth. Everything here is single-threaded and
+deterministic for one set of library versions.
+
+Depth is stored in whole centimetres: distances up to `DEPTH_FAR_M` keep an error of at most 0.5 cm, everything
+farther, and the sky, reads back as infinity. Policies receive what is stored (`quantise_depth`), never the original.
+"""
+
+from __future__ import annotations
+
+import io
+import struct
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from lingjing.errors import LingjingError
+
+if TYPE_CHECKING:
+    from PIL.ImageFile import ImageFile
+
+JPEG_QUALITY = 90
+DEPTH_STEP_M = 0.01
+DEPTH_FAR_M = 655.34
+_SKY = 65535
+_DEPTH_HEAD = struct.Struct("<4sII")
+_DEPTH_MAGIC = b"LJD1"
+
+Rgb = npt.NDArray[np.uint8]
+Depth = npt.NDArray[np.float32]
+Semantic = npt.NDArray[np.uint8]
+
+
+def encode_jpeg(rgb: Rgb, quality: int = JPEG_QUALITY) -> bytes:
+    """`rgb` is (height, width, 3) uint8. Baseline JPEG with 4:2:0 chroma, no metadata."""
+    import PIL.Image
+
+    out = io.BytesIO()
+    PIL.Image.fromarray(rgb).save(out, "JPEG", quality=quality)
+    return out.getvalue()
+
+
+def decode_jpeg(data: bytes) -> Rgb:
+    """Pixels as (height, width, 3) uint8, writable and contiguous. Raises `LingjingError` for a broken image."""
+    return np.array(_open(data, "JPEG").convert("RGB"))
+
+
+def encode_depth(depth: Depth) -> bytes:
+    """`depth` is (height, width) float32 metres, inf where nothing is hit. Centimetres, differences between rows,
+    low and high bytes apart, zstd: 2 to 10 ms and at most about 0.7 MB for a 1080p sea with waves."""
+    import zstandard
+
+    steps = _steps(depth)
+    delta = steps.copy()
+    delta[1:] -= steps[:-1]
+    signed = delta.view(np.int16)
+    folded = ((signed << 1) ^ (signed >> 15)).view(np.uint16)  # small magnitudes of either sign become small numbers
+    planes = np.empty((2, *depth.shape), np.uint8)
+    np.copyto(planes[0], folded, casting="unsafe")
+    np.copyto(planes[1], folded >> 8, casting="unsafe")
+    packed = zstandard.ZstdCompressor(level=1).compress(planes.data)
+    return _DEPTH_HEAD.pack(_DEPTH_MAGIC, *depth.shape) + packed
+
+
+def decode_depth(data: bytes) -> Depth:
+    """The stored depth in metres, (height, width) float32. Raises `LingjingError` for foreign bytes."""
+    import zstandard
+
+    if len(data) < _DEPTH_HEAD.size or not data.startswith(_DEPTH_MAGIC):
+        raise LingjingError("not a depth image of this format", hint="it starts with the four bytes LJD1")
+    _, height, width = _DEPTH_HEAD.unpack_from(data)
+    try:
+        plain = zstandard.ZstdDecompressor().decompress(data[_DEPTH_HEAD.size :])
+        low, high = np.frombuffer(plain, np.uint8).reshape(2, height, width)
+    except (zstandard.ZstdError, ValueError) as error:
+        raise LingjingError(f"broken depth image of {len(data)} bytes: {error}") from error
+    folded = low | (high.astype(np.uint16) << 8)
+    delta = (folded >> 1) ^ (0 - (folded & 1))
+    return _metres(np.cumsum(delta, axis=0, dtype=np.uint16))
+
+
+def quantise_depth(depth: Depth) -> Depth:
+    """Exactly `decode_depth(encode_depth(depth))`, without the bytes in between."""
+    return _metres(_steps(depth))
+
+
+def encode_semantic(semantic: Semantic) -> bytes:
+    """`semantic` is (height, width) uint8 class ids. A PNG whose palette tells neighbouring ids apart."""
+    import PIL.Image
+
+    image = PIL.Image.fromarray(semantic)
+    image.putpalette(_palette())
+    out = io.BytesIO()
+    image.save(out, "PNG", compress_level=2)
+    return out.getvalue()
+
+
+def decode_semantic(data: bytes) -> Semantic:
+    """The class ids, (height, width) uint8. Raises `LingjingError` for a broken image."""
+    return np.array(_open(data, "PNG"))
+
+
+def _open(data: bytes, kind: str) -> ImageFile:
+    import PIL.Image
+
+    try:
+        image = PIL.Image.open(io.BytesIO(data), formats=(kind,))
+        image.load()
+    except (OSError, SyntaxError, ValueError) as error:
+        raise LingjingError(f"broken {kind} image of {len(data)} bytes: {error}") from error
+    return image
+
+
+def _steps(depth: Depth) -> npt.NDArray[np.uint16]:
+    with np.errstate(invalid="ignore"):
+        scaled = np.rint(depth * np.float32(1.0 / DEPTH_STEP_M))
+        far = ~(scaled < _SKY)  # also true for inf and nan
+    scaled[far] = _SKY
+    return np.maximum(scaled, 0.0).astype(np.uint16)
+
+
+def _metres(steps: npt.NDArray[np.uint16]) -> Depth:
+    metres: Depth = steps.astype(np.float32) * np.float32(DEPTH_STEP_M)
+    metres[steps == _SKY] = np.inf
+    return metres
+
+
+@lru_cache(maxsize=1)
+def _palette() -> bytes:
+    """256 colours; golden-ratio hues keep consecutive ids far apart, 0 is black."""
+    import colorsys
+
+    colours = [(0.0, 0.0, 0.0)] + [colorsys.hsv_to_rgb(i * 0.618034 % 1.0, 0.65, 0.95) for i in range(1, 256)]
+    return bytes(round(255 * channel) for colour in colours for channel in colour)

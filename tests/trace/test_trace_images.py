@@ -1,0 +1,78 @@
+"""The picture codecs: what comes back, how exactly, and how small it is."""
+
+import numpy as np
+import pytest
+
+from lingjing.errors import LingjingError
+from lingjing.trace import images
+
+
+def sea_depth(height: int = 1080, width: int = 1920) -> np.ndarray:
+    rows, columns = np.mgrid[0:height, 0:width].astype(np.float32)
+    waves = sum(0.15 * np.sin(columns * a + rows * b) for a, b in ((0.03, 0.05), (0.11, -0.06), (0.2, 0.17)))
+    return (100.0 + waves).astype(np.float32)
+
+
+def sea_colour(height: int = 540, width: int = 960) -> np.ndarray:
+    rows, columns = np.mgrid[0:height, 0:width]
+    shade = 12 * np.sin(columns / 13 + rows / 29)
+    return np.clip(np.stack([shade + 30, shade + 80, shade + 110], -1), 0, 255).astype(np.uint8)
+
+
+def test_jpeg_comes_back_close_and_repeats_exactly() -> None:
+    rgb = sea_colour()
+    data = images.encode_jpeg(rgb)
+    back = images.decode_jpeg(data)
+    assert back.shape == rgb.shape and back.dtype == np.uint8 and back.flags.writeable
+    assert np.abs(back.astype(int) - rgb).mean() < 2.0
+    assert images.encode_jpeg(rgb) == data
+    assert len(images.encode_jpeg(rgb, quality=40)) < len(data)
+
+
+def test_depth_is_kept_to_half_a_centimetre_and_small() -> None:
+    depth = sea_depth()
+    depth[:50] = np.inf
+    depth[50, :3] = (655.33, 655.36, 0.0)
+    data = images.encode_depth(depth)
+    back = images.decode_depth(data)
+    near = depth < images.DEPTH_FAR_M
+    assert np.abs(back[near] - depth[near]).max() <= 0.00505
+    assert np.isinf(back[~near]).all() and np.isinf(back[50, 1])
+    assert np.array_equal(back, images.quantise_depth(depth))
+    assert len(data) < 800_000
+
+
+@pytest.mark.parametrize("value", [np.nan, -1.0, 1e9, -np.inf])
+def test_odd_depths_do_not_wrap(value: float) -> None:
+    back = images.decode_depth(images.encode_depth(np.full((3, 4), value, np.float32)))
+    expected = 0.0 if value < 0 else np.inf
+    assert (back == expected).all()
+
+
+def test_random_depth_survives_every_delta() -> None:
+    depth = np.random.default_rng(1).uniform(0, 700, (37, 53)).astype(np.float32)
+    assert np.array_equal(images.decode_depth(images.encode_depth(depth)), images.quantise_depth(depth))
+
+
+def test_semantic_is_exact_and_a_picture_that_others_open() -> None:
+    ids = np.random.default_rng(2).integers(0, 256, (31, 47)).astype(np.uint8)
+    data = images.encode_semantic(ids)
+    assert data.startswith(b"\x89PNG")
+    assert np.array_equal(images.decode_semantic(data), ids)
+
+
+@pytest.mark.parametrize("decode", [images.decode_jpeg, images.decode_depth, images.decode_semantic])
+def test_broken_bytes_are_a_clear_error(decode) -> None:  # type: ignore[no-untyped-def]
+    with pytest.raises(LingjingError):
+        decode(b"nonsense")
+
+
+def test_truncated_bodies_are_a_clear_error() -> None:
+    for encode, decode, array in (
+        (images.encode_jpeg, images.decode_jpeg, sea_colour(64, 64)),
+        (images.encode_depth, images.decode_depth, sea_depth(64, 64)),
+        (images.encode_semantic, images.decode_semantic, np.arange(4096, dtype=np.uint8).reshape(64, 64)),
+    ):
+        data = encode(array)  # type: ignore[operator]
+        with pytest.raises(LingjingError):
+            decode(data[: len(data) // 2])
