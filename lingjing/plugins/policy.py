@@ -14,7 +14,9 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
+from lingjing.errors import UsageError
 from lingjing.mission.instance import (
+    ArgumentSpec,
     CameraSpec,
     Cell,
     Datum,
@@ -24,6 +26,7 @@ from lingjing.mission.instance import (
     VerbSpec,
     Weather,
 )
+from lingjing.mission.model import Field
 from lingjing.trace.records import (
     Absent,
     Action,
@@ -161,13 +164,23 @@ class PolicyPlugin:
 __all__ = [
     "Absent",
     "Action",
+    "ArgumentSpec",
+    "BodyState",
     "Brief",
+    "CameraPose",
+    "CameraSpec",
+    "Cell",
     "CellView",
+    "Datum",
     "Decision",
     "EntityView",
     "Envelope",
     "EventView",
+    "Field",
+    "FrameInfo",
     "Inbox",
+    "Instance",
+    "MessageSpec",
     "Observation",
     "Outgoing",
     "Peer",
@@ -176,7 +189,11 @@ __all__ = [
     "PolicyPlugin",
     "Privileged",
     "Receipt",
+    "Region",
     "Resource",
     "TaskEvent",
     "Usage",
+    "UsageError",
+    "VerbSpec",
+    "Weather",
 ]
