@@ -1,0 +1,162 @@
+"""Entry point of the command `lingjing`: pick the verb, run it, answer with an exit code (DESIGN section 7).
+
+Only the chosen verb's module is imported, so that `lingjing validate` starts without anything an episode needs.
+"""
+
+from __future__ import annotations
+
+import argparse
+import errno
+import os
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from types import TracebackType
+
+from lingjing.errors import ExitCode, LingjingError, UsageError
+
+BROKEN_PIPE = 141
+"""128 + SIGPIPE: what a shell reports for any tool whose reader went away."""
+
+_UNWRITABLE = {errno.EACCES, errno.EROFS, errno.ENOSPC, errno.EDQUOT, errno.EPERM}
+
+
+@dataclass(frozen=True, slots=True)
+class Verb:
+    """A verb of the command line: `module` has `add_parser` and `handler`; `summary` is its line in the help."""
+
+    name: str
+    module: str
+    summary: str
+
+
+VERBS = (
+    Verb("run", "lingjing.cli.run", "play a mission to a score and a trace"),
+    Verb("validate", "lingjing.cli.validate", "report every error of mission files"),
+    Verb("compile", "lingjing.cli.compile", "write the typed mission graph as JSON"),
+    Verb("plugins", "lingjing.cli.plugins", "list engines, policies and scenes and where they come from"),
+    Verb("new", "lingjing.cli.new", "write a file to start from"),
+    Verb("doctor", "lingjing.cli.doctor", "check that this machine can play missions"),
+)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command line; returns the exit code. `SystemExit` comes only from argparse (usage: 2, help: 0)."""
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    try:
+        code = _dispatch(arguments)
+        sys.stdout.flush()
+    except KeyboardInterrupt:
+        _say("interrupted")
+        return ExitCode.INTERRUPTED
+    except BrokenPipeError:
+        _silence_stdout()
+        return BROKEN_PIPE
+    except LingjingError as error:
+        return _report(error)
+    except OSError as error:
+        return _report(_unwritable(error)) if error.errno in _UNWRITABLE else _bug(error)
+    except Exception as error:  # noqa: BLE001 - the last door: whatever comes here is a fault of ours
+        return _bug(error)
+    return code
+
+
+def _dispatch(arguments: list[str]) -> int:
+    chosen = next((verb for verb in VERBS if verb.name == _first_word(arguments)), None)
+    parser = argparse.ArgumentParser(
+        prog="lingjing",
+        description="Missions for heterogeneous unmanned systems: write, play, score, replay.",
+        epilog="exit codes: 0 done, 1 the mission has errors, 2 usage, 3 infrastructure abort, 70 a bug, 130 interrupted",
+    )
+    parser.add_argument("--version", action="store_true", help="print the version and stop")
+    subparsers = parser.add_subparsers(dest="verb", metavar="VERB", title="verbs")
+    module = import_module(chosen.module) if chosen else None
+    for verb in VERBS:
+        if verb is chosen and module is not None:
+            module.add_parser(subparsers)
+        else:
+            subparsers.add_parser(verb.name, help=verb.summary)
+    args = parser.parse_args(arguments)
+    if args.version:
+        return _print_version()
+    if module is None:
+        parser.print_help(sys.stderr)
+        return ExitCode.USAGE
+    return int(module.handler(args))
+
+
+def _first_word(arguments: Sequence[str]) -> str:
+    return next((argument for argument in arguments if not argument.startswith("-")), "")
+
+
+def _print_version() -> int:
+    import lingjing
+
+    print(f"lingjing {lingjing.__version__}")
+    return ExitCode.OK
+
+
+def _report(error: LingjingError) -> int:
+    if _wants_traceback():
+        _print_traceback(error)
+    if error.exit_code == ExitCode.BUG:
+        return _bug(error)
+    _say(f"error: {error}")
+    if error.hint:
+        _say(f"hint: {error.hint}")
+    return error.exit_code
+
+
+def _unwritable(error: OSError) -> UsageError:
+    name = f"`{error.filename}`" if error.filename else "the output"
+    return UsageError(f"cannot write {name}: {error.strerror}", hint="choose another place with -o, or make room")
+
+
+def _bug(error: BaseException) -> int:
+    """One line that can be pasted into a report: version, verb, exception and where it was raised."""
+    if _wants_traceback():
+        _print_traceback(error)
+    import lingjing
+
+    verb = _first_word(sys.argv[1:])
+    _say(f"bug: lingjing {lingjing.__version__} {verb}: {type(error).__name__}: {error} [{_origin(error)}]")
+    _say("hint: please report the line above; LINGJING_TRACEBACK=1 shows the traceback")
+    return ExitCode.BUG
+
+
+def _origin(error: BaseException) -> str:
+    trace: TracebackType | None = error.__traceback__
+    place = "unknown place"
+    while trace is not None:
+        path = trace.tb_frame.f_code.co_filename
+        place = f"{os.path.basename(os.path.dirname(path))}/{os.path.basename(path)}:{trace.tb_lineno}"  # noqa: PTH119, PTH120
+        trace = trace.tb_next
+    return place
+
+
+def _wants_traceback() -> bool:
+    return os.environ.get("LINGJING_TRACEBACK", "") not in {"", "0"}
+
+
+def _print_traceback(error: BaseException) -> None:
+    import traceback
+
+    traceback.print_exception(error)
+
+
+def _say(line: str) -> None:
+    try:
+        print(line, file=sys.stderr, flush=True)
+    except BrokenPipeError:
+        return  # nobody is listening; the exit code still says it
+
+
+def _silence_stdout() -> None:
+    """Keep the interpreter from complaining when it flushes a closed pipe at exit."""
+    devnull = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(devnull, sys.stdout.fileno())
+
+
+if __name__ == "__main__":
+    sys.exit(main())
