@@ -1,0 +1,17 @@
+"""The mission: the one intermediate representation between every spelling and everything that runs.
+
+Modules in the order a mission passes them:
+
+- `units`, `functions`, `diagnostics`: dimensions and spellings of units, signatures of the built-ins, faults as data.
+- `expression`, `model`: the typed graph `Mission`, a template that still holds parameters, modes and seeded draws.
+- `document`: `mission.json` in and out, and the JSON Schemas generated from the code.
+- `frames`, `reset`: the `resetScenario` documents, which instantiate a template, and their coordinate frames.
+- `seeding`, `draws`: named random streams, and what is drawn from them.
+- `geometry2d`, `grid`: polygons, and search cells cut from them.
+- `evaluate`: the value of an expression that is known before the first tick.
+- `placing`, `roster`, `instantiate`: (mission, seed, mode, settings) to `instance.Instance`, the reset specification.
+
+In: a file's text or a compiled `Mission`. Out: an `Instance`, in which everything but the rules is a plain value.
+Invariants: all values are frozen; SI units and degrees; the same arguments give an equal `Instance` in every process;
+nothing here imports numpy (but `seeding.generator`, when called) or anything else heavy.
+"""

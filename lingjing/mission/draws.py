@@ -1,0 +1,185 @@
+"""Seeded draws: `~ uniform(a, b)`, `normal(mean, deviation)`, `choice([…])`, `subset([…])`, `sites(region, apart)`.
+
+`draw` gives the values of one property for all members of a group. Member *k* of a smaller group gets what member
+*k* of a larger one gets: numbers are taken in order from one stream, and sites are thrown one after the other.
+Places are rounded to a millimetre, so that every spelling of a mission can hold them exactly.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from lingjing.errors import MissionError
+from lingjing.mission import expression as ex
+from lingjing.mission import geometry2d
+from lingjing.mission.evaluate import Area, Interval, Place, Scope, Value, area, describe, evaluate, number
+from lingjing.mission.seeding import Stream
+
+SITE_TRIES = 2_000
+"""Darts thrown for one site before an attempt is given up."""
+SITE_ATTEMPTS = 8
+"""Fresh attempts at a whole group; the first that places everyone counts."""
+NORMAL_TRIES = 1_000
+
+
+def draw(expr: ex.Draw, scope: Scope, *, seed: int, path: str, count: int) -> tuple[Value, ...]:
+    """The values of `count` members of a group for the property at `path` (`ssr/victim/position`)."""
+    if expr.distribution not in _DISTRIBUTIONS:
+        known = ", ".join(_DISTRIBUTIONS)
+        raise MissionError(f"there is no distribution '{expr.distribution}'", hint=f"draw from one of {known}")
+    return _DISTRIBUTIONS[expr.distribution](expr, scope, seed, path, count)
+
+
+def sites(
+    polygon: geometry2d.Polygon, apart: float, *, seed: int, path: str, count: int, clear: float = 0.0
+) -> tuple[geometry2d.Point, ...]:
+    """`count` places in the polygon, uniform and pairwise at least `apart` metres from each other.
+
+    Sequential dart throwing: a dart outside the polygon, too near to its edge or to an earlier place is thrown again.
+    If an attempt gets stuck, the next one starts over on a stream of its own. `MissionError` if all of them do.
+    """
+    best = 0
+    for attempt in range(SITE_ATTEMPTS):
+        stream = Stream(seed, path if attempt == 0 else f"{path}#{attempt}")
+        placed = _throw(polygon, apart, clear, stream, count)
+        if len(placed) == count:
+            return tuple(placed)
+        best = max(best, len(placed))
+    extent = abs(geometry2d.signed_area(polygon)) / 10_000.0
+    raise MissionError(
+        f"{count} places at least {apart:g} m apart do not fit into {extent:.3g} ha: "
+        f"{best} fitted at best in {SITE_ATTEMPTS} attempts of {SITE_TRIES} tries a place",
+        hint="lower 'apart', ask for fewer members or widen the region",
+    )
+
+
+def _throw(
+    polygon: geometry2d.Polygon, apart: float, clear: float, stream: Stream, count: int
+) -> list[geometry2d.Point]:
+    west, south, east, north = geometry2d.bounds(polygon)
+    placed: list[geometry2d.Point] = []
+    for _ in range(count):
+        for _ in range(SITE_TRIES):
+            dart = round(stream.uniform(west, east), 3), round(stream.uniform(south, north), 3)
+            if _fits(dart, polygon, apart, clear, placed):
+                placed.append(dart)
+                break
+        else:
+            break
+    return placed
+
+
+def _fits(
+    dart: geometry2d.Point,
+    polygon: geometry2d.Polygon,
+    apart: float,
+    clear: float,
+    placed: list[geometry2d.Point],
+) -> bool:
+    if not geometry2d.contains(polygon, *dart):
+        return False
+    if clear > 0 and geometry2d.edge_distance(polygon, *dart) < clear:
+        return False
+    return all(math.hypot(dart[0] - x, dart[1] - y) >= apart for x, y in placed)
+
+
+def _sites(expr: ex.Draw, scope: Scope, seed: int, path: str, count: int) -> tuple[Value, ...]:
+    named = _named(expr, scope, ("apart", "clear"))
+    region = area(_one(expr), scope)
+    apart, clear = named.get("apart", 0.0), named.get("clear", 0.0)
+    places = sites(region.polygon, apart, seed=seed, path=path, count=count, clear=clear)
+    return tuple(Place(east, north) for east, north in places)
+
+
+def _uniform(expr: ex.Draw, scope: Scope, seed: int, path: str, count: int) -> tuple[Value, ...]:
+    _named(expr, scope, ())
+    low, high = _pair(expr, scope)
+    if low > high:
+        raise MissionError(f"uniform({low:g}, {high:g}) is empty", hint="write the lower end first")
+    stream = Stream(seed, path)
+    return tuple(stream.uniform(low, high) for _ in range(count))
+
+
+def _normal(expr: ex.Draw, scope: Scope, seed: int, path: str, count: int) -> tuple[Value, ...]:
+    named = _named(expr, scope, ("low", "high"))
+    low, high = named.get("low", -math.inf), named.get("high", math.inf)
+    mean, deviation = _pair(expr, scope)
+    if deviation < 0:
+        raise MissionError(f"normal(…) has a deviation of {deviation:g}", hint="give a deviation of 0 or more")
+    stream = Stream(seed, path)
+    return tuple(_bounded(stream, mean, deviation, low, high) for _ in range(count))
+
+
+def _bounded(stream: Stream, mean: float, deviation: float, low: float, high: float) -> float:
+    for _ in range(NORMAL_TRIES):
+        value = stream.normal(mean, deviation)
+        if low <= value <= high:
+            return value
+    raise MissionError(
+        f"normal({mean:g}, {deviation:g}) did not fall into {low:g}..{high:g} in {NORMAL_TRIES} tries",
+        hint="move the mean into the bounds or widen them",
+    )
+
+
+def _choice(expr: ex.Draw, scope: Scope, seed: int, path: str, count: int) -> tuple[Value, ...]:
+    _named(expr, scope, ())
+    values = _list(expr, scope)
+    stream = Stream(seed, path)
+    return tuple(values[stream.below(len(values))] for _ in range(count))
+
+
+def _subset(expr: ex.Draw, scope: Scope, seed: int, path: str, count: int) -> tuple[Value, ...]:
+    _named(expr, scope, ())
+    values = list(_list(expr, scope))
+    if count > len(values):
+        raise MissionError(
+            f"{count} different items are drawn from a list of {len(values)}",
+            hint="lengthen the list, ask for fewer members, or draw with choice(…), which may repeat",
+        )
+    stream = Stream(seed, path)
+    return tuple(values.pop(stream.below(len(values))) for _ in range(count))
+
+
+def _one(expr: ex.Draw) -> ex.Expr:
+    if len(expr.arguments) != 1:
+        raise MissionError(f"{expr.distribution}(…) takes one argument, {len(expr.arguments)} are given")
+    return expr.arguments[0]
+
+
+def _list(expr: ex.Draw, scope: Scope) -> tuple[Value, ...]:
+    values = tuple(evaluate(argument, scope) for argument in expr.arguments)
+    if len(values) == 1 and isinstance(values[0], tuple):
+        values = values[0]
+    if not values or isinstance(values[0], Area):
+        raise MissionError(f"{expr.distribution}(…) needs a list with something in it")
+    return values
+
+
+def _pair(expr: ex.Draw, scope: Scope) -> tuple[float, float]:
+    if len(expr.arguments) == 1:
+        value = evaluate(expr.arguments[0], scope)
+        if isinstance(value, Interval):
+            return value.low, value.high
+        raise MissionError(f"{expr.distribution}(…) takes two numbers, this is {describe(value)}")
+    if len(expr.arguments) != 2:
+        raise MissionError(f"{expr.distribution}(…) takes two numbers, {len(expr.arguments)} are given")
+    return number(expr.arguments[0], scope), number(expr.arguments[1], scope)
+
+
+def _named(expr: ex.Draw, scope: Scope, allowed: tuple[str, ...]) -> dict[str, float]:
+    for name, _ in expr.named:
+        if name not in allowed:
+            raise MissionError(
+                f"{expr.distribution}(…) has no option '{name}'", hint=f"it knows {', '.join(allowed) or 'none'}"
+            )
+    return {name: number(value, scope) for name, value in expr.named}
+
+
+_DISTRIBUTIONS: dict[str, Callable[[ex.Draw, Scope, int, str, int], tuple[Value, ...]]] = {
+    "sites": _sites,
+    "uniform": _uniform,
+    "normal": _normal,
+    "choice": _choice,
+    "subset": _subset,
+}

@@ -1,0 +1,185 @@
+"""Polygons of a mission: small exact-enough plane geometry in pure Python.
+
+A polygon is a tuple of (east, north) in metres without the closing repeat. Missions hold polygons of a few vertices;
+the maps of a city are another matter and live in `lingjing.scene`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+Point = tuple[float, float]
+Polygon = tuple[Point, ...]
+Box = tuple[float, float, float, float]
+"""(west, south, east, north) in metres."""
+
+CIRCLE_VERTICES = 64
+
+
+def signed_area(polygon: Sequence[Point]) -> float:
+    """Area in square metres, positive if the polygon runs anticlockwise (shoelace, about the first vertex)."""
+    if not polygon:
+        return 0.0
+    x0, y0 = polygon[0]
+    return 0.5 * sum((ax - x0) * (by - y0) - (bx - x0) * (ay - y0) for (ax, ay), (bx, by) in edges(polygon))
+
+
+def edges(polygon: Sequence[Point]) -> Iterator[tuple[Point, Point]]:
+    """The edges in order, the closing one last."""
+    for k, start in enumerate(polygon):
+        yield start, polygon[(k + 1) % len(polygon)]
+
+
+def bounds(polygon: Sequence[Point]) -> Box:
+    """The bounding box."""
+    easts, norths = [x for x, _ in polygon], [y for _, y in polygon]
+    return min(easts), min(norths), max(easts), max(norths)
+
+
+def centroid(polygon: Sequence[Point]) -> Point:
+    """The centre of area."""
+    x0, y0 = polygon[0]
+    east = north = 0.0
+    for (ax, ay), (bx, by) in edges(polygon):
+        cross = (ax - x0) * (by - y0) - (bx - x0) * (ay - y0)
+        east += cross * (ax + bx - 2 * x0)
+        north += cross * (ay + by - 2 * y0)
+    scale = 6.0 * signed_area(polygon)
+    return x0 + east / scale, y0 + north / scale
+
+
+def normalised(polygon: Sequence[Point]) -> Polygon:
+    """The same outline anticlockwise, without repeated neighbours and without the closing repeat."""
+    kept: list[Point] = []
+    for point in polygon:
+        if not kept or point != kept[-1]:
+            kept.append(point)
+    while len(kept) > 1 and kept[0] == kept[-1]:
+        kept.pop()
+    return tuple(kept) if signed_area(kept) >= 0 else (kept[0], *reversed(kept[1:]))
+
+
+def fault(polygon: Sequence[Point]) -> str:
+    """Why the outline is not a simple polygon, or "" if it is one."""
+    if not all(math.isfinite(value) for point in polygon for value in point):
+        return "has a coordinate that is not a finite number"
+    outline = normalised(polygon) if polygon else ()
+    if len(outline) < 3:
+        return f"has {len(outline)} different corners, 3 or more are needed"
+    if abs(signed_area(outline)) < 1e-9:
+        return "encloses no area"
+    crossing = _crossing(outline)
+    if crossing is not None:
+        return f"crosses itself: edge {crossing[0] + 1} meets edge {crossing[1] + 1}"
+    return ""
+
+
+def contains(polygon: Sequence[Point], east: float, north: float) -> bool:
+    """Whether the point lies in the polygon or on its edge (even-odd rule)."""
+    inside = False
+    for (ax, ay), (bx, by) in edges(polygon):
+        side = (bx - ax) * (north - ay) - (by - ay) * (east - ax)
+        if side == 0.0 and min(ax, bx) <= east <= max(ax, bx) and min(ay, by) <= north <= max(ay, by):
+            return True
+        if (ay > north) != (by > north) and (side > 0) == (by > ay):
+            inside = not inside
+    return inside
+
+
+def edge_distance(polygon: Sequence[Point], east: float, north: float) -> float:
+    """Metres from the point to the nearest edge."""
+    return min(_segment_distance(start, end, (east, north)) for start, end in edges(polygon))
+
+
+def clipped(polygon: Sequence[Point], box: Box) -> Polygon:
+    """The part of the polygon in the box (Sutherland and Hodgman), empty if they do not overlap.
+
+    Parts of a concave polygon that the box cuts asunder stay joined by edges along the box's border.
+    """
+    west, south, east, north = box
+    outline = list(polygon)
+    for axis, limit, sign in ((0, west, 1.0), (0, east, -1.0), (1, south, 1.0), (1, north, -1.0)):
+        outline = _half_plane(outline, axis, limit, sign)
+    kept = normalised(outline) if outline else ()
+    return kept if len(kept) >= 3 and signed_area(kept) > 0 else ()
+
+
+def circle(centre: Point, radius: float, vertices: int = CIRCLE_VERTICES) -> Polygon:
+    """A regular polygon of the circle's own area, anticlockwise from east."""
+    step = 2.0 * math.pi / vertices
+    reach = radius * math.sqrt(step / math.sin(step))
+    return tuple(
+        (centre[0] + reach * math.cos(k * step), centre[1] + reach * math.sin(k * step)) for k in range(vertices)
+    )
+
+
+def rectangle(one: Point, other: Point) -> Polygon:
+    """The rectangle between two opposite corners, anticlockwise from its south-west."""
+    west, south, east, north = bounds((one, other))
+    return (west, south), (east, south), (east, north), (west, north)
+
+
+def bearing_deg(start: Point, end: Point) -> float:
+    """The compass bearing in [0, 360) from `start` to `end`, clockwise from north."""
+    return math.degrees(math.atan2(end[0] - start[0], end[1] - start[1])) % 360.0
+
+
+def _segment_distance(start: Point, end: Point, point: Point) -> float:
+    dx, dy = end[0] - start[0], end[1] - start[1]
+    length = dx * dx + dy * dy
+    share = 0.0 if length == 0 else ((point[0] - start[0]) * dx + (point[1] - start[1]) * dy) / length
+    share = max(0.0, min(1.0, share))
+    return math.hypot(point[0] - start[0] - share * dx, point[1] - start[1] - share * dy)
+
+
+def _half_plane(outline: Sequence[Point], axis: int, limit: float, sign: float) -> list[Point]:
+    kept: list[Point] = []
+    for start, end in edges(outline):
+        first, second = sign * (start[axis] - limit), sign * (end[axis] - limit)
+        if first >= 0:
+            kept.append(start)
+        if (first > 0 > second) or (first < 0 < second):
+            share = first / (first - second)
+            cut = [start[0] + share * (end[0] - start[0]), start[1] + share * (end[1] - start[1])]
+            cut[axis] = limit
+            kept.append((cut[0], cut[1]))
+    return kept
+
+
+def _crossing(outline: Polygon) -> tuple[int, int] | None:
+    sides = tuple(edges(outline))
+    for i, (a, b) in enumerate(sides):
+        for j in range(i + 1, len(sides)):
+            c, d = sides[j]
+            if j == i + 1 or (i == 0 and j == len(sides) - 1):
+                if _folds_back(a, b, c, d):
+                    return i, j
+            elif _meet(a, b, c, d):
+                return i, j
+    return None
+
+
+def _side(a: Point, b: Point, p: Point) -> float:
+    return (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0])
+
+
+def _within(a: Point, b: Point, p: Point) -> bool:
+    return min(a[0], b[0]) <= p[0] <= max(a[0], b[0]) and min(a[1], b[1]) <= p[1] <= max(a[1], b[1])
+
+
+def _meet(a: Point, b: Point, c: Point, d: Point) -> bool:
+    sides = _side(a, b, c), _side(a, b, d), _side(c, d, a), _side(c, d, b)
+    if sides[0] * sides[1] < 0 and sides[2] * sides[3] < 0:
+        return True
+    touches = ((sides[0], a, b, c), (sides[1], a, b, d), (sides[2], c, d, a), (sides[3], c, d, b))
+    return any(side == 0 and _within(start, end, point) for side, start, end, point in touches)
+
+
+def _folds_back(a: Point, b: Point, c: Point, d: Point) -> bool:
+    """Whether two neighbouring edges, which share one corner, lie on top of each other."""
+    shared, one, other = (b, a, d) if b == c else (a, b, c)
+    if _side(shared, one, other) != 0:
+        return False
+    ahead = (one[0] - shared[0]) * (other[0] - shared[0]) + (one[1] - shared[1]) * (other[1] - shared[1])
+    return ahead > 0

@@ -1,0 +1,54 @@
+"""Cut a region into search cells.
+
+The region's bounding box is divided into `rows` by `columns` equal rectangles; row 1 is the southernmost, column 1
+the westernmost. Each rectangle is widened by overlap/2 of its own width and height on every side, so that neighbours
+share a strip as wide as `overlap` of a cell, and clipped to the region. `centre` is the middle of the rectangle before
+it was widened. A rectangle that misses the region altogether gives no cell; the others keep their row and column.
+"""
+
+from __future__ import annotations
+
+from lingjing.mission import geometry2d
+from lingjing.mission.instance import Cell
+
+
+def cells(grid: str, region: geometry2d.Polygon, rows: int, columns: int, overlap: float) -> tuple[Cell, ...]:
+    """The cells of a grid over an anticlockwise region, row by row from the south-west; `overlap` in 0..1."""
+    west, south, east, north = geometry2d.bounds(region)
+    width, height = (east - west) / columns, (north - south) / rows
+    made = (
+        _cell(
+            grid,
+            region,
+            row,
+            column,
+            (west + (column - 1) * width, south + (row - 1) * height),
+            (width, height),
+            overlap,
+        )
+        for row in range(1, rows + 1)
+        for column in range(1, columns + 1)
+    )
+    return tuple(cell for cell in made if cell.polygon)
+
+
+def _cell(
+    grid: str,
+    region: geometry2d.Polygon,
+    row: int,
+    column: int,
+    corner: geometry2d.Point,
+    size: tuple[float, float],
+    overlap: float,
+) -> Cell:
+    east, north = corner[0] + size[0] / 2, corner[1] + size[1] / 2
+    reach_east, reach_north = size[0] * (1 + overlap) / 2, size[1] * (1 + overlap) / 2
+    box = east - reach_east, north - reach_north, east + reach_east, north + reach_north
+    return Cell(
+        name=f"{grid}-{row}-{column}",
+        grid=grid,
+        row=row,
+        column=column,
+        polygon=geometry2d.clipped(region, box),
+        centre=(east, north),
+    )

@@ -1,0 +1,270 @@
+"""`instantiate`: a mission, a seed, a mode and settings become one `Instance`, the reset specification.
+
+Order of evaluation: settings, mode, clock and budget, scene, regions, grids, groups (first all counts, then places and
+properties), agents, messages, bus. A draw's stream is named `<mission>/<node>/<property>`, so what is drawn depends on
+the seed and that name alone. Rules, unlocks, stages and the success condition stay expressions.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+
+from lingjing.errors import MissionError, UsageError
+from lingjing.mission import expression as ex
+from lingjing.mission import grid as grids
+from lingjing.mission import model, roster
+from lingjing.mission.evaluate import Area, Interval, Place, Scope, Value, area, describe, evaluate, number, whole
+from lingjing.mission.instance import Budget, Cell, Clock, Entity, Instance, Region, SceneSpec, Weather
+from lingjing.mission.placing import at_path, datum, entities, holds, member_ids, single
+from lingjing.mission.seeding import integer
+
+CELLS_MOST = 10_000
+
+
+def instantiate(
+    mission: model.Mission,
+    *,
+    seed: int = 0,
+    mode: str | None = None,
+    settings: Mapping[str, float] | None = None,
+) -> Instance:
+    """Apply seed, mode and settings (SI values by parameter name) to a mission.
+
+    Equal arguments give equal instances in every process. Raises `UsageError` for a setting or a mode the mission
+    does not have, `MissionError` for a mission that cannot be evaluated.
+    """
+    chosen = choose_mode(mission, mode)
+    values = parameters(mission, chosen, settings or {})
+    scope = Scope(parameters=values, mode=chosen)
+    clock = _clock(mission, scope)
+    scope = replace(scope, tick_s=clock.tick_s)
+    scene = scene_spec(mission, scope, seed)
+    areas = _areas(mission, scope)
+    scope = replace(scope, areas=areas)
+    scope = replace(scope, members=_members(mission, scope))
+    crew = roster.agents(mission, scope)
+    return Instance(
+        mission=mission.name,
+        title=mission.title,
+        goal=mission.goal,
+        seed=seed,
+        settings=values,
+        scene=scene,
+        clock=clock,
+        budget=_budget(mission, scope),
+        weather=_weather(mission, scope, seed),
+        regions=tuple(Region(name=name, polygon=value.polygon) for name, value in areas.items()),
+        cells=_cells(mission, scope),
+        entities=_entities(mission, scope, seed, scene.datum_m),
+        agents=crew,
+        messages=roster.messages(mission, scope, crew),
+        comms=roster.comms(mission, scope, crew),
+        rules=mission.rules,
+        unlocks=mission.unlocks,
+        stages=mission.stages,
+        relations=tuple(relation for relation in mission.relations if holds(relation.when, scope)),
+        success=mission.success,
+        failure=mission.failure,
+    )
+
+
+def choose_mode(mission: model.Mission, mode: str | None) -> str:
+    """The mode to play in; `UsageError` if the mission does not have it."""
+    chosen = mission.modes.default if mode is None else mode
+    if chosen not in mission.modes.allowed:
+        raise UsageError(
+            f"mission '{mission.name}' has no mode '{chosen}'", hint=f"choose one of {', '.join(mission.modes.allowed)}"
+        )
+    return chosen
+
+
+def parameters(mission: model.Mission, mode: str, settings: Mapping[str, float]) -> dict[str, float]:
+    """Every parameter's value: the setting if there is one, else the default, checked against its bounds."""
+    names = tuple(parameter.name for parameter in mission.parameters)
+    for name in settings:
+        if name not in names:
+            raise UsageError(f"mission '{mission.name}' has no parameter '{name}'", hint=_suggestion(name, names))
+    values: dict[str, float] = {}
+    for parameter in mission.parameters:
+        scope = Scope(parameters=dict(values), mode=mode)
+        given = settings.get(parameter.name)
+        values[parameter.name] = (
+            _default(mission, parameter, scope) if given is None else _setting(mission, parameter, given, scope)
+        )
+    return values
+
+
+def scene_spec(mission: model.Mission, scope: Scope, seed: int) -> SceneSpec:
+    """The scene with its options evaluated: `datum_m` and `origin` (degrees) apart, the rest for the provider."""
+    path = f"{mission.name}/scene"
+    options = {o.name: single(o, scope, seed=seed, path=f"{path}/{o.name}") for o in mission.scene.options}
+    with at_path(path):
+        level = _number(options.pop("datum_m", 0.0), "datum_m")
+        made = SceneSpec(kind=mission.scene.kind, datum_m=level, seed=integer(seed, path))
+        origin = _origin(options.pop("origin")) if "origin" in options else made.origin
+        return SceneSpec(
+            kind=made.kind,
+            datum_m=level,
+            origin=origin,
+            options={name: datum(value, level) for name, value in options.items()},
+            seed=made.seed,
+        )
+
+
+def _default(mission: model.Mission, parameter: model.Parameter, scope: Scope) -> float:
+    with at_path(f"{mission.name}/{parameter.name}"):
+        value = number(parameter.default, scope)
+        fault = _bound_fault(parameter, value, scope)
+        if fault:
+            raise MissionError(f"the default {value:g} {fault}")
+        return value
+
+
+def _setting(mission: model.Mission, parameter: model.Parameter, given: float, scope: Scope) -> float:
+    if not _is_finite(given):
+        raise UsageError(f"{parameter.name} = {given!r} is not a number", hint=f"give '{parameter.name}' a number")
+    with at_path(f"{mission.name}/{parameter.name}"):
+        fault = _bound_fault(parameter, float(given), scope)
+    if fault:
+        raise UsageError(f"{parameter.name} = {given:g} {fault}", hint=parameter.doc)
+    return float(given)
+
+
+def _is_finite(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _bound_fault(parameter: model.Parameter, value: float, scope: Scope) -> str:
+    """`is outside of 1..10`, or "" if the value is allowed."""
+    if parameter.bounds is None:
+        return ""
+    unit = _unit(parameter.default)
+    bounds = evaluate(parameter.bounds, scope)
+    match bounds:
+        case Interval(low=low, high=high):
+            if not low <= value <= high:
+                return f"is outside of its range {low:g}{unit}..{high:g}{unit}"
+        case tuple():
+            if value not in bounds:
+                allowed = ", ".join(f"{item:g}{unit}" for item in bounds if isinstance(item, float))
+                return f"is none of the allowed {allowed}"
+        case _:
+            raise MissionError(f"bounds are a range or a list, this is {describe(bounds)}")
+    return ""
+
+
+def _unit(expr: ex.Expr) -> str:
+    return f" {expr.unit}" if isinstance(expr, ex.Number) and expr.unit else ""
+
+
+def _suggestion(name: str, names: Iterable[str]) -> str:
+    import difflib  # only on the way to a message
+
+    known = tuple(names)
+    close = difflib.get_close_matches(name, known, n=1)
+    listed = f"it has {', '.join(known)}" if known else "it has none"
+    return f"did you mean '{close[0]}'? {listed}" if close else listed
+
+
+def _clock(mission: model.Mission, scope: Scope) -> Clock:
+    with at_path(f"{mission.name}/clock"):
+        tick, sync = number(mission.clock.tick, scope), number(mission.clock.sync, scope)
+        if not (tick > 0 and sync > 0):
+            raise MissionError(f"tick = {tick:g} s and sync = {sync:g} s must be above 0")
+        if round(tick / sync) < 1 or abs(tick / sync - round(tick / sync)) > 1e-9:
+            raise MissionError(
+                f"tick = {tick:g} s is no whole multiple of sync = {sync:g} s",
+                hint="choose sync so that it divides tick",
+            )
+        return Clock(tick_s=tick, sync_s=sync)
+
+
+def _budget(mission: model.Mission, scope: Scope) -> Budget:
+    with at_path(f"{mission.name}/budget"):
+        limits = mission.budget
+        made = Budget(
+            ticks=whole(limits.ticks, scope),
+            policy_s=number(limits.policy, scope),
+            engine_s=number(limits.engine, scope),
+            capture_s=number(limits.capture, scope),
+        )
+        if made.ticks < 1 or min(made.policy_s, made.engine_s, made.capture_s) <= 0:
+            raise MissionError("every limit must be above 0", hint="budget { ticks <= 60, policy <= 90 s, … }")
+        return made
+
+
+def _weather(mission: model.Mission, scope: Scope, seed: int) -> Weather:
+    path = f"{mission.name}/weather"
+    values: dict[str, float] = {}
+    for prop in mission.weather:
+        if prop.name not in Weather.__struct_fields__:
+            with at_path(path):
+                raise MissionError(f"there is no '{prop.name}'", hint=_suggestion(prop.name, Weather.__struct_fields__))
+        value = single(prop, scope, seed=seed, path=f"{path}/{prop.name}")
+        with at_path(path):
+            values[prop.name] = _number(value, prop.name)
+    return Weather(**values)
+
+
+def _areas(mission: model.Mission, scope: Scope) -> dict[str, Area]:
+    areas: dict[str, Area] = {}
+    for region in mission.regions:
+        with at_path(f"{mission.name}/{region.name}"):
+            areas[region.name] = area(region.shape, replace(scope, areas=areas))
+    return areas
+
+
+def _cells(mission: model.Mission, scope: Scope) -> tuple[Cell, ...]:
+    made: list[Cell] = []
+    for grid in mission.grids:
+        with at_path(f"{mission.name}/{grid.name}"):
+            region = area(ex.Ref(grid.region, "region"), scope)
+            rows, columns, overlap = whole(grid.rows, scope), whole(grid.columns, scope), number(grid.overlap, scope)
+            if rows < 1 or columns < 1 or rows * columns > CELLS_MOST:
+                raise MissionError(f"{rows} by {columns} cells", hint=f"1 by 1 up to {CELLS_MOST} cells are possible")
+            if not 0 <= overlap <= 1:
+                raise MissionError(f"an overlap of {overlap:.0%}", hint="choose 0 % to 100 %")
+            made.extend(grids.cells(grid.name, region.polygon, rows, columns, overlap))
+    return tuple(made)
+
+
+def _members(mission: model.Mission, scope: Scope) -> dict[str, tuple[str, ...]]:
+    ids: dict[str, tuple[str, ...]] = {}
+    for group in mission.groups:
+        with at_path(f"{mission.name}/{group.name}"):
+            if holds(group.when, scope):
+                ids[group.name] = member_ids(group.name, group.count, scope)
+    return ids
+
+
+def _entities(mission: model.Mission, scope: Scope, seed: int, datum_m: float) -> tuple[Entity, ...]:
+    return tuple(
+        entity
+        for group in mission.groups
+        if group.name in scope.members
+        for entity in entities(group, scope, mission=mission.name, seed=seed, datum_m=datum_m)
+    )
+
+
+def _number(value: Value, name: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, float):
+        raise MissionError(f"'{name}' is a number, this is {describe(value)}")
+    return value
+
+
+def _origin(value: Value) -> tuple[float, float]:
+    match value:
+        case Place(east=latitude, north=longitude, elevation=None):
+            pass
+        case (float() as latitude, float() as longitude):
+            pass
+        case _:
+            raise MissionError(f"'origin' is (latitude, longitude), this is {describe(value)}")
+    if not (-85 <= latitude <= 85 and -180 <= longitude <= 180):
+        raise MissionError(
+            f"'origin' = ({latitude:g}, {longitude:g}) lies outside of the map",
+            hint="give latitude (-85..85) and longitude (-180..180) in degrees",
+        )
+    return latitude, longitude

@@ -1,0 +1,190 @@
+"""Turn the groups of a mission into entities: count, place, properties, cameras and verbs of each member."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from lingjing.errors import MissionError
+from lingjing.mission import expression as ex
+from lingjing.mission import model
+from lingjing.mission.draws import draw
+from lingjing.mission.evaluate import Interval, Members, Place, Scope, Value, describe, evaluate, number, whole
+from lingjing.mission.instance import ArgumentSpec, CameraSpec, Datum, Entity, Scalar, Vector, VerbSpec
+
+MEMBERS_MOST = 100_000
+_FIELDS = ("position", "heading_deg")
+
+
+@contextmanager
+def at_path(path: str) -> Iterator[None]:
+    """Put the node's path before the message of any `MissionError` raised inside."""
+    try:
+        yield
+    except MissionError as error:
+        raise MissionError(f"{path}: {error}", hint=error.hint) from error
+
+
+def holds(guard: model.Guard | None, scope: Scope) -> bool:
+    """Whether a declaration exists under this mode and these parameters."""
+    if guard is None:
+        return True
+    value = evaluate(guard.condition, scope)
+    if not isinstance(value, bool):
+        raise MissionError(f"'when' takes true or false, this is {describe(value)}")
+    return value
+
+
+def count_of(count: ex.Expr | None, scope: Scope) -> int:
+    """Members of an indexed declaration (`n` or `1..n`); 1 for a single one."""
+    if count is None:
+        return 1
+    if isinstance(count, ex.Range):
+        if whole(count.low, scope) != 1:
+            raise MissionError("members are counted from 1", hint="write the index as 1..n")
+        count = count.high
+    members = whole(count, scope)
+    if not 0 <= members <= MEMBERS_MOST:
+        raise MissionError(f"{members} members are asked for, 0 to {MEMBERS_MOST} are possible")
+    return members
+
+
+def member_ids(name: str, count: ex.Expr | None, scope: Scope) -> tuple[str, ...]:
+    """`uav[1]`, `uav[2]`, … for an indexed declaration, the bare name for a single one."""
+    if count is None:
+        return (name,)
+    return tuple(f"{name}[{k}]" for k in range(1, count_of(count, scope) + 1))
+
+
+def entities(group: model.Group, scope: Scope, *, mission: str, seed: int, datum_m: float) -> tuple[Entity, ...]:
+    """The members of one group. `scope.members` must already know every group; `mission` names the draws' streams."""
+    ids = scope.members[group.name]
+    columns = {
+        prop.name: _values(group, prop, scope, seed=seed, path=f"{mission}/{group.name}/{prop.name}", count=len(ids))
+        for prop in group.properties
+    }
+    if "position" not in columns:
+        raise MissionError(f"{mission}/{group.name} has no position", hint=f"give '{group.name}' a position")
+    cameras = tuple(_camera(camera, scope, f"{mission}/{group.name}/{camera.name}") for camera in group.cameras)
+    verbs = tuple(_verb(verb, scope, f"{mission}/{group.name}/{verb.name}") for verb in group.verbs)
+    hidden = tuple(sorted({prop.name for prop in group.properties if prop.hidden}))
+    made = []
+    for k, entity_id in enumerate(ids):
+        path = f"{mission}/{entity_id}"
+        with at_path(path):
+            values = {name: column[k] for name, column in columns.items()}
+            made.append(
+                Entity(
+                    id=entity_id,
+                    group=group.name,
+                    index=k + 1,
+                    role=group.role,
+                    type=group.type,
+                    engine=group.engine,
+                    position=_vector(values["position"], datum_m),
+                    heading_deg=_heading(values.get("heading_deg", 0.0)),
+                    label=group.labels[k] if k < len(group.labels) else "",
+                    properties={name: datum(v, datum_m) for name, v in values.items() if name not in _FIELDS},
+                    hidden=hidden,
+                    cameras=cameras,
+                    verbs=verbs,
+                )
+            )
+    return tuple(made)
+
+
+def single(prop: model.Property, scope: Scope, *, seed: int, path: str) -> Value:
+    """The value of a property that is not a group's (weather, scene)."""
+    with at_path(path):
+        if isinstance(prop.value, ex.Draw):
+            return draw(prop.value, scope, seed=seed, path=path, count=1)[0]
+        return evaluate(prop.value, scope)
+
+
+def datum(value: Value, datum_m: float) -> Datum:
+    """A value as plain data: a point becomes three numbers, a range two, an entity its id."""
+    match value:
+        case Place():
+            return _vector(value, datum_m)
+        case Interval(low=low, high=high):
+            return (low, high)
+        case Members(ids=(only,)):
+            return only
+        case Members(ids=ids):
+            return ids
+        case bool() | float() | str():
+            return value
+        case tuple():
+            return tuple(_scalar(item) for item in value)
+    raise MissionError(f"{describe(value)} cannot be kept as a property")
+
+
+def _scalar(value: Value) -> Scalar:
+    if isinstance(value, bool | float | str):
+        return value
+    if isinstance(value, Members) and len(value.ids) == 1:
+        return value.ids[0]
+    raise MissionError(f"{describe(value)} cannot stand in a property's list")
+
+
+def _values(
+    group: model.Group, prop: model.Property, scope: Scope, *, seed: int, path: str, count: int
+) -> tuple[Value, ...]:
+    with at_path(path):
+        if isinstance(prop.value, ex.Draw):
+            return draw(prop.value, scope, seed=seed, path=path, count=count)
+        return tuple(evaluate(prop.value, scope.binding(group.index, float(k))) for k in range(1, count + 1))
+
+
+def _vector(value: Value, datum_m: float) -> Vector:
+    if not isinstance(value, Place):
+        raise MissionError(f"a position is a point, this is {describe(value)}")
+    return value.east, value.north, datum_m if value.elevation is None else value.elevation
+
+
+def _heading(value: Value) -> float:
+    if isinstance(value, bool) or not isinstance(value, float):
+        raise MissionError(f"a heading is an angle, this is {describe(value)}")
+    return value % 360.0
+
+
+def _camera(camera: model.Camera, scope: Scope, path: str) -> CameraSpec:
+    with at_path(path):
+        width, height, hfov = whole(camera.width, scope), whole(camera.height, scope), number(camera.hfov, scope)
+        if not (16 <= width <= 16_384 and 16 <= height <= 16_384):
+            raise MissionError(f"{width} by {height} pixels", hint="a picture has 16 to 16384 pixels a side")
+        if not 0 < hfov < 180:
+            raise MissionError(f"hfov = {hfov:g} deg", hint="a field of view lies between 0 and 180 deg")
+        return CameraSpec(
+            name=camera.name,
+            view=camera.view,
+            width=width,
+            height=height,
+            hfov_deg=hfov,
+            channels=camera.channels,
+            capture=camera.capture,
+        )
+
+
+def _verb(verb: model.Verb, scope: Scope, path: str) -> VerbSpec:
+    with at_path(path):
+        return VerbSpec(
+            name=verb.name, arguments=tuple(_argument(argument, scope) for argument in verb.arguments), doc=verb.doc
+        )
+
+
+def _argument(argument: model.Argument, scope: Scope) -> ArgumentSpec:
+    low, high, default = (
+        None if bound is None else number(bound, scope)
+        for bound in (argument.minimum, argument.maximum, argument.default)
+    )
+    if low is not None and high is not None and low > high:
+        raise MissionError(f"argument '{argument.name}' is bounded by {low:g}..{high:g}, which is empty")
+    return ArgumentSpec(
+        name=argument.name,
+        unit=argument.dimension,
+        minimum=low,
+        maximum=high,
+        default=default,
+        optional=argument.optional,
+    )

@@ -1,0 +1,120 @@
+"""Who acts and who may say what in one mode: agents, message kinds and the bus of an instance."""
+
+from __future__ import annotations
+
+import math
+
+from lingjing.errors import MissionError
+from lingjing.mission import expression as ex
+from lingjing.mission import model
+from lingjing.mission.evaluate import Members, Scope, evaluate, members, number
+from lingjing.mission.instance import AgentSpec, ChannelSpec, CommsSpec, MessageSpec
+from lingjing.mission.placing import at_path, holds, member_ids
+
+EVERYONE = "all"
+
+
+def agents(mission: model.Mission, scope: Scope) -> tuple[AgentSpec, ...]:
+    """The active agents in declaration order, with every resource each may command."""
+    grants = tuple(grant for grant in mission.authorities if holds(grant.when, scope))
+    return tuple(
+        spec for agent in mission.agents if holds(agent.when, scope) for spec in _agents(mission, agent, grants, scope)
+    )
+
+
+def messages(mission: model.Mission, scope: Scope, crew: tuple[AgentSpec, ...]) -> tuple[MessageSpec, ...]:
+    """The message kinds open in this mode; roles that nobody plays here are left out, and so is a kind without sender."""
+    roles = {spec.role for spec in crew}
+    made = (
+        MessageSpec(
+            kind=kind.name,
+            type=kind.type,
+            category=kind.category,
+            fields=kind.fields,
+            senders=tuple(role for role in kind.senders if role in roles or role == EVERYONE),
+            recipients=tuple(role for role in kind.recipients if role in roles or role == EVERYONE),
+        )
+        for kind in mission.messages
+        if holds(kind.when, scope)
+    )
+    return tuple(spec for spec in made if spec.senders and spec.recipients)
+
+
+def comms(mission: model.Mission, scope: Scope, crew: tuple[AgentSpec, ...]) -> CommsSpec:
+    """The bus: star mode routes through one agent, broadcast through none."""
+    path = f"{mission.name}/comms"
+    with at_path(path):
+        delay = 1 if mission.comms.delay is None else _ticks(mission.comms.delay, scope)
+        payload = 4000 if mission.comms.payload is None else round(number(mission.comms.payload, scope))
+        if delay < 1:
+            raise MissionError(f"a delay of {delay} ticks", hint="a message is read a tick later at the earliest")
+        if payload < 1:
+            raise MissionError(f"a payload of {payload} bytes carries nothing")
+        if scope.mode == "star":
+            return CommsSpec(mode="star", hub=_hub(mission, crew), delay_ticks=delay, payload_bytes=payload)
+        if scope.mode == "broadcast":
+            return CommsSpec(mode="broadcast", hub=None, delay_ticks=delay, payload_bytes=payload)
+        raise MissionError(f"mode '{scope.mode}' is not known", hint="a mode is star or broadcast")
+
+
+def _hub(mission: model.Mission, crew: tuple[AgentSpec, ...]) -> str:
+    ids = [spec.id for spec in crew]
+    if mission.comms.hub is None:
+        raise MissionError("star mode has no hub", hint="name one: comms { hub = commander when mode == star }")
+    if mission.comms.hub not in ids:
+        raise MissionError(
+            f"the hub '{mission.comms.hub}' is no agent in star mode", hint=f"active agents are {', '.join(ids)}"
+        )
+    return mission.comms.hub
+
+
+def _ticks(expr: ex.Expr, scope: Scope) -> int:
+    """A delay in ticks; one written in seconds is rounded up to whole ticks."""
+    value = number(expr, scope)
+    in_time = isinstance(expr, ex.Number) and expr.unit not in ("", "tick", "ticks")
+    return math.ceil(value / scope.tick_s - 1e-9) if in_time else math.ceil(value)
+
+
+def _agents(
+    mission: model.Mission, agent: model.Agent, grants: tuple[model.Authority, ...], scope: Scope
+) -> tuple[AgentSpec, ...]:
+    made = []
+    for k, agent_id in enumerate(member_ids(agent.name, agent.count, scope), start=1):
+        local = scope.binding(agent.index, float(k))
+        with at_path(f"{mission.name}/{agent_id}"):
+            controls = _resources(agent.controls, local)
+            granted = _resources(tuple(grant.resource for grant in grants if grant.role == agent.role), local)
+            made.append(
+                AgentSpec(
+                    id=agent_id,
+                    name=agent.name,
+                    index=k,
+                    role=agent.role,
+                    controls=controls,
+                    commands=tuple(dict.fromkeys(controls + granted)),
+                    observes=tuple(spec for channel in agent.observes for spec in _channel(mission, channel, local)),
+                    prompt=agent.prompt,
+                )
+            )
+    return tuple(made)
+
+
+def _resources(expressions: tuple[ex.Expr, ...], scope: Scope) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(entity for expr in expressions for entity in members(expr, scope)))
+
+
+def _channel(mission: model.Mission, channel: model.Channel, scope: Scope) -> tuple[ChannelSpec, ...]:
+    value = evaluate(channel.source, scope)
+    match value:
+        case "events":
+            return (ChannelSpec(source="events", fields=channel.fields),)
+        case "peers":
+            return (ChannelSpec(source="peers", fields=channel.fields),)
+        case str() if any(grid.name == value for grid in mission.grids):
+            return (ChannelSpec(source="grid", name=value, fields=channel.fields),)
+        case Members(ids=ids):
+            return tuple(ChannelSpec(source="entity", name=entity, fields=channel.fields) for entity in ids)
+    grids = ", ".join(grid.name for grid in mission.grids)
+    raise MissionError(
+        f"'{value}' cannot be observed", hint=f"observe an entity, 'peers', 'events' or a grid ({grids or 'none here'})"
+    )

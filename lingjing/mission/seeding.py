@@ -1,0 +1,79 @@
+"""Named random streams: one seed, one stream for each path, and nothing shared between them.
+
+A stream is a function of (seed, path) alone, so that adding or editing one declaration reshuffles nothing else.
+Block *n* of a stream is SHA-256 of its key and *n*; every 64-bit word of a block gives one number. That is slow
+beside a generator of random bits (a microsecond a number) and the same on every machine, Python and library version,
+which is what the draws of a mission need. Engines that draw by the million take `generator`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import numpy as np
+
+_WORDS = 4
+_MANTISSA = 2.0**-53
+
+
+def digest(seed: int, path: str) -> bytes:
+    """The 32-byte key of the stream `path` under `seed`."""
+    return hashlib.sha256(f"{seed}\n{path}".encode("utf-8", "surrogatepass")).digest()
+
+
+def integer(seed: int, path: str, bits: int = 53) -> int:
+    """A non-negative whole number below 2**bits (at most 256), for simulators that take a seed of their own."""
+    if not 1 <= bits <= 256:
+        raise ValueError(f"bits = {bits} is not in 1..256")
+    return int.from_bytes(digest(seed, path), "big") >> (256 - bits)
+
+
+def generator(seed: int, path: str) -> np.random.Generator:
+    """A numpy generator for the stream `path` (PCG64); numpy is imported here and not before."""
+    import numpy as np
+
+    return np.random.Generator(np.random.PCG64(integer(seed, path, bits=128)))
+
+
+class Stream:
+    """Numbers of one named stream, in order. Cheap to make, not meant to be shared between draws."""
+
+    __slots__ = ("_block", "_key", "_words")
+
+    def __init__(self, seed: int, path: str) -> None:
+        self._key = digest(seed, path)
+        self._block = 0
+        self._words: list[int] = []
+
+    def word(self) -> int:
+        """The next 64 bits."""
+        if not self._words:
+            block = hashlib.sha256(self._key + self._block.to_bytes(8, "big")).digest()
+            self._block += 1
+            self._words = [int.from_bytes(block[8 * k : 8 * k + 8], "big") for k in reversed(range(_WORDS))]
+        return self._words.pop()
+
+    def unit(self) -> float:
+        """The next number in [0, 1), 53 bits of it random."""
+        return (self.word() >> 11) * _MANTISSA
+
+    def uniform(self, low: float, high: float) -> float:
+        """The next number in [low, high]."""
+        return min(high, low + (high - low) * self.unit())
+
+    def normal(self, mean: float, deviation: float) -> float:
+        """The next normal number (Box and Muller, cosine branch: two words a number, so a prefix stays a prefix)."""
+        radius = math.sqrt(-2.0 * math.log(1.0 - self.unit()))
+        return mean + deviation * radius * math.cos(2.0 * math.pi * self.unit())
+
+    def below(self, count: int) -> int:
+        """The next whole number in 0..count-1, without bias (rejection)."""
+        if count < 1:
+            raise ValueError(f"nothing to draw from: count = {count}")
+        limit = (1 << 64) - (1 << 64) % count
+        while (word := self.word()) >= limit:
+            pass
+        return word % count
