@@ -16,39 +16,17 @@ def cells(grid: str, region: geometry2d.Polygon, rows: int, columns: int, overla
     """The cells of a grid over an anticlockwise region, row by row from the south-west; `overlap` in 0..1."""
     west, south, east, north = geometry2d.bounds(region)
     width, height = (east - west) / columns, (north - south) / rows
-    made = (
-        _cell(
-            grid,
-            region,
-            row,
-            column,
-            (west + (column - 1) * width, south + (row - 1) * height),
-            (width, height),
-            overlap,
-        )
-        for row in range(1, rows + 1)
-        for column in range(1, columns + 1)
-    )
-    return tuple(cell for cell in made if cell.polygon)
+    made: list[Cell] = []
+    for row in range(1, rows + 1):
+        for column in range(1, columns + 1):
+            centre = west + (column - 0.5) * width, south + (row - 0.5) * height
+            outline = geometry2d.clipped(region, _widened(centre, (width, height), overlap))
+            if outline:
+                name = f"{grid}-{row}-{column}"
+                made.append(Cell(name=name, grid=grid, row=row, column=column, polygon=outline, centre=centre))
+    return tuple(made)
 
 
-def _cell(
-    grid: str,
-    region: geometry2d.Polygon,
-    row: int,
-    column: int,
-    corner: geometry2d.Point,
-    size: tuple[float, float],
-    overlap: float,
-) -> Cell:
-    east, north = corner[0] + size[0] / 2, corner[1] + size[1] / 2
-    reach_east, reach_north = size[0] * (1 + overlap) / 2, size[1] * (1 + overlap) / 2
-    box = east - reach_east, north - reach_north, east + reach_east, north + reach_north
-    return Cell(
-        name=f"{grid}-{row}-{column}",
-        grid=grid,
-        row=row,
-        column=column,
-        polygon=geometry2d.clipped(region, box),
-        centre=(east, north),
-    )
+def _widened(centre: geometry2d.Point, size: tuple[float, float], overlap: float) -> geometry2d.Box:
+    east, north = size[0] * (1 + overlap) / 2, size[1] * (1 + overlap) / 2
+    return centre[0] - east, centre[1] - north, centre[0] + east, centre[1] + north

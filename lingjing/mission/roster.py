@@ -23,7 +23,7 @@ def agents(mission: model.Mission, scope: Scope) -> tuple[AgentSpec, ...]:
 
 
 def messages(mission: model.Mission, scope: Scope, crew: tuple[AgentSpec, ...]) -> tuple[MessageSpec, ...]:
-    """The message kinds open in this mode; roles that nobody plays here are left out, and so is a kind without sender."""
+    """The message kinds open in this mode; without the roles that nobody plays in it."""
     roles = {spec.role for spec in crew}
     made = (
         MessageSpec(
