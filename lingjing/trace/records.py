@@ -38,11 +38,15 @@ class BodyState(Value, frozen=True, kw_only=True):
 
 
 class Action(Value, frozen=True, kw_only=True):
-    """A candidate physical command [u]: `resource` is None for the agent's first controlled resource."""
+    """A candidate physical command [u]: `resource` is None for the agent's first controlled resource.
+
+    `tick` may name the boundary the command was decided on; a command for another one is refused as stale.
+    """
 
     verb: str
     arguments: dict[str, Datum] = {}
     resource: str | None = None
+    tick: int | None = None
 
 
 class Outgoing(Value, frozen=True, kw_only=True):
@@ -257,11 +261,13 @@ class InboxRecord(Value, frozen=True, kw_only=True):
 
 
 class DecisionRecord(Value, frozen=True, kw_only=True):
-    """What one policy returned [u, m], after substitution if it failed; `substituted` is the reason code or ""."""
+    """What one policy returned [u, m], after substitution if it failed; `substituted` is the reason code or "", and
+    `detail` says what went wrong."""
 
     agent: str
     decision: Decision
     substituted: str = ""
+    detail: str = ""
     policy_wall_s: float = 0.0
 
 

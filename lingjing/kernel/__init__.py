@@ -1,0 +1,20 @@
+"""The lockstep kernel: Algorithm 1 of the paper and its operational expansion, line by line.
+
+In the order control flows:
+
+- `barrier` calls every policy in a thread of its own and collects by name within K_model;
+- `bus` validates and expands messages (ValidateAndExpand, Stage, Commit, DeliveredTo);
+- `commands` validates and resolves physical commands (ValidateAndResolve);
+- `world` hosts and couples the engines (`contract` is all the kernel knows of it);
+- `registry` is G, the shared state: an immutable value that `Update` replaces;
+- `pictures` turns captures into what is stored and what policies receive;
+- `visibility` projects what an agent may see (ProjectVisible) and may know (the brief);
+- `rules` evaluates expressions over run-time state, `adjudication` latches them as events (Adjudicate);
+- `evaluation` scores and ends the episode (Evaluate, TerminationReason);
+- `relations` names the occurrences of the five coordination relations;
+- `step` is W.Step, `episode` the loop around it.
+
+In: an `Instance`, a `City`, a `World`, policies. Out: boundary records and an `Outcome`. Invariants: nothing that
+decides an outcome reads a wall clock, a global random stream or the order of a set; every kernel state is a value,
+so a fork copies it; hidden state reaches policies only through `visibility`, which never looks at it.
+"""

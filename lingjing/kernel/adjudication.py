@@ -1,0 +1,236 @@
+"""Adjudicate: rules become events, once per binding, from engine state alone.
+
+At a boundary the macro-steps since the last one are walked in order. Rules that depend on motion are evaluated at
+each of them, so nothing drives through a radius unseen; the others once, at the boundary, where the messages
+committed with it count for the first time. A rule that holds is *latched*: its event is emitted once and time-stamped
+with the macro-step. Rules that compare a report with `truth(…)` are solved one to one in each frame: a report
+matches at most one entity, an entity at most one report a frame, earlier reports first, highest overlap first.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from lingjing.kernel.registry import Binding, Registry, Report
+from lingjing.kernel.rules import Instant, bindings, children, identity, planar, rule_moves
+from lingjing.mission.expression import Call, Expr
+from lingjing.mission.instance import Datum, Entity, Instance
+from lingjing.mission.model import Rule
+from lingjing.trace.records import BodyState, Event, Snapshot, StageChange
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What a boundary's adjudication found [V], with the registry that has latched it."""
+
+    registry: Registry
+    events: tuple[Event, ...]
+    stages: tuple[StageChange, ...]
+    unlocks: tuple[tuple[str, str], ...]
+
+
+class Adjudicator:
+    """The rules of one instance, sorted so that a rule follows those it calls; holds no run-time state."""
+
+    def __init__(self, instance: Instance) -> None:
+        self._instance = instance
+        self.kinds = frozenset(message.kind for message in instance.messages)
+        self._groups = _groups(instance.entities)
+        self._rules = {rule.name: rule for rule in instance.rules}
+        ordered = _sorted_rules(instance.rules)
+        self._moving = tuple(rule for rule in ordered if rule_moves(rule, self._rules, self.kinds))
+        self._settled = tuple(rule for rule in ordered if rule not in self._moving)
+
+    def instant(self, registry: Registry, states: Mapping[str, BodyState], time_s: float) -> Instant:
+        """An instant of this instance, ready for evaluation."""
+        return Instant(self._instance, registry, states, time_s, self._groups, self._rules, self.kinds)
+
+    def holds(self, condition: Expr, registry: Registry) -> bool:
+        """A closed condition at the registry's own boundary."""
+        return self.instant(registry, registry.states, registry.time_s).truth(condition, {})
+
+    def adjudicate(self, before: Registry, registry: Registry, snapshots: Sequence[Snapshot]) -> Verdict:
+        """Walk the macro-steps of the boundary that `registry` stands at; `before` is the last boundary's, whose
+        reports are the ones that count until the commit."""
+        events: list[Event] = []
+        early = replace(registry, reports=before.reports)
+        for snapshot in snapshots[:-1]:
+            early = self._apply(self._moving, early, snapshot, events)
+        registry = replace(registry, achieved=early.achieved, claimed=early.claimed)
+        last = Snapshot(time_s=registry.time_s, states=tuple(registry.states.values()))
+        registry = self._apply(self._settled, registry, last, events)
+        registry = self._apply(self._moving, registry, last, events)
+        registry, stages = self._stages(registry)
+        registry, unlocks = self._unlocks(registry)
+        return Verdict(registry, tuple(events), stages, unlocks)
+
+    def _apply(self, rules: Iterable[Rule], registry: Registry, snapshot: Snapshot, events: list[Event]) -> Registry:
+        states = {state.id: state for state in snapshot.states}
+        for rule in rules:
+            at = self.instant(registry, states, snapshot.time_s)
+            registry = self._match(rule, at, events) if rule.matching else self._latch(rule, at, events)
+        return registry
+
+    def _latch(self, rule: Rule, at: Instant, events: list[Event]) -> Registry:
+        achieved: dict[tuple[str, Binding], float] = {}
+        for scope in bindings(_domains(rule), at):
+            key = (rule.name, tuple(identity(value) for value in scope.values()))
+            if key in at.registry.achieved:
+                continue
+            at.evidence.clear()
+            if at.truth(rule.condition, scope):
+                achieved[key] = at.time_s
+                events.append(self._event(rule, scope, at, len(events)))
+        return _achieve(at.registry, achieved)
+
+    def _match(self, rule: Rule, at: Instant, events: list[Event]) -> Registry:
+        settled = {name for kind, binding in at.registry.achieved if kind == rule.name for name in binding}
+        claimed = set(at.registry.claimed)
+        achieved: dict[tuple[str, Binding], float] = {}
+        for report, scopes in self._by_report(rule, at).items():
+            if report in settled:
+                continue
+            best = self._best(rule, scopes, claimed, at)
+            if best is None:
+                continue
+            scope, claim, evidence = best
+            at.evidence.clear()
+            at.evidence.update(evidence)
+            claimed.add(claim)
+            achieved[(rule.name, tuple(identity(value) for value in scope.values()))] = at.time_s
+            events.append(self._event(rule, scope, at, len(events)))
+        return replace(_achieve(at.registry, achieved), claimed=frozenset(claimed))
+
+    def _by_report(self, rule: Rule, at: Instant) -> dict[str, list[dict[str, Entity | Report]]]:
+        """Candidate bindings of each report that no boundary has judged yet, in arrival order."""
+        table: dict[str, list[dict[str, Entity | Report]]] = {}
+        for scope in bindings(_domains(rule), at):
+            for value in scope.values():
+                if isinstance(value, Report) and value.tick == at.registry.tick:
+                    table.setdefault(value.id, []).append(scope)
+        order = {name: place for place, name in enumerate(at.registry.reports)}
+        return dict(sorted(table.items(), key=lambda item: order[item[0]]))
+
+    def _best(
+        self,
+        rule: Rule,
+        scopes: list[dict[str, Entity | Report]],
+        claimed: set[tuple[str, str]],
+        at: Instant,
+    ) -> tuple[dict[str, Entity | Report], tuple[str, str], dict[str, float]] | None:
+        best: tuple[dict[str, Entity | Report], tuple[str, str], dict[str, float]] | None = None
+        for scope in scopes:
+            claim = _claim(scope)
+            at.evidence.clear()
+            if claim in claimed or not at.truth(rule.condition, scope):
+                continue
+            if best is None or at.evidence.get("iou", 0.0) > best[2].get("iou", 0.0):
+                best = (scope, claim, dict(at.evidence))
+        return best
+
+    def _event(self, rule: Rule, scope: Mapping[str, Entity | Report], at: Instant, number: int) -> Event:
+        evidence: dict[str, Datum] = dict(at.evidence)
+        error = _localisation_error(scope, at)
+        if error is not None:
+            evidence["loc_error_m"] = error
+        return Event(
+            id=f"e{at.registry.tick}-{number + 1}",
+            kind=rule.name,
+            tick=at.registry.tick,
+            time_s=at.time_s,
+            bindings=tuple(identity(value) for value in scope.values()),
+            evidence=evidence,
+        )
+
+    def _stages(self, registry: Registry) -> tuple[Registry, tuple[StageChange, ...]]:
+        at = self.instant(registry, registry.states, registry.time_s)
+        done = dict(registry.stages)
+        changes = []
+        for stage in self._instance.stages:
+            domain = ((stage.variable, stage.domain),) if stage.variable and stage.domain else ()
+            for scope in bindings(domain, at):
+                subject = "".join(identity(value) for value in scope.values())
+                if (stage.name, subject) not in done and at.truth(stage.condition, scope):
+                    done[stage.name, subject] = registry.tick
+                    changes.append(
+                        StageChange(stage=stage.name, subject=subject, tick=registry.tick, time_s=registry.time_s)
+                    )
+        return (replace(registry, stages=done) if changes else registry), tuple(changes)
+
+    def _unlocks(self, registry: Registry) -> tuple[Registry, tuple[tuple[str, str], ...]]:
+        at = self.instant(registry, registry.states, registry.time_s)
+        fresh: dict[tuple[str, str], int] = {}
+        for unlock in self._instance.unlocks:
+            domains = tuple((parameter.name, parameter.domain) for parameter in unlock.parameters)
+            for scope in bindings(domains, at):
+                key = (unlock.interaction, identity(next(iter(scope.values()))))
+                if key not in registry.unlocked and key not in fresh and at.truth(unlock.condition, scope):
+                    fresh[key] = registry.tick
+        if not fresh:
+            return registry, ()
+        return replace(registry, unlocked={**registry.unlocked, **fresh}), tuple(fresh)
+
+
+def _achieve(registry: Registry, achieved: Mapping[tuple[str, Binding], float]) -> Registry:
+    return replace(registry, achieved={**registry.achieved, **achieved}) if achieved else registry
+
+
+def _domains(rule: Rule) -> tuple[tuple[str, str], ...]:
+    return tuple((parameter.name, parameter.domain) for parameter in rule.parameters)
+
+
+def _claim(scope: Mapping[str, Entity | Report]) -> tuple[str, str]:
+    """The (frame, entity) pair that a matching binding uses up."""
+    frame = next((str(value.body.get("frame")) for value in scope.values() if isinstance(value, Report)), "")
+    entity = next((value.id for value in scope.values() if isinstance(value, Entity)), "")
+    return frame, entity
+
+
+def _localisation_error(scope: Mapping[str, Entity | Report], at: Instant) -> float | None:
+    """Planar distance between a report's position and where the bound entity was when its frame was taken."""
+    report = next((value for value in scope.values() if isinstance(value, Report)), None)
+    entity = next((value for value in scope.values() if isinstance(value, Entity)), None)
+    if report is None or entity is None:
+        return None
+    states = at.registry.frame_states.get(str(report.body.get("frame")))
+    point = planar(report.body.get("position"), at)
+    if states is None or point is None or entity.id not in states:
+        return None
+    return math.dist(point, states[entity.id].position[:2])
+
+
+def _groups(entities: Iterable[Entity]) -> dict[str, tuple[Entity, ...]]:
+    groups: dict[str, tuple[Entity, ...]] = {}
+    for entity in entities:
+        groups[entity.group] = (*groups.get(entity.group, ()), entity)
+    return groups
+
+
+def _sorted_rules(rules: Sequence[Rule]) -> tuple[Rule, ...]:
+    """Declaration order, but never before a rule it calls (the checker has refused cycles)."""
+    table = {rule.name: rule for rule in rules}
+    ordered: dict[str, Rule] = {}
+
+    def visit(rule: Rule) -> None:
+        if rule.name in ordered:
+            return
+        for name in _calls(rule.condition):
+            if name in table and name != rule.name:
+                visit(table[name])
+        ordered[rule.name] = rule
+
+    for rule in rules:
+        visit(rule)
+    return tuple(ordered.values())
+
+
+def _calls(expr: Expr) -> Iterable[str]:
+    if isinstance(expr, Call) and expr.rule:
+        yield expr.function
+    for child in children(expr):
+        yield from _calls(child)
+
+
+__all__ = ["Adjudicator", "Verdict"]

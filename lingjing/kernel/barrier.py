@@ -1,0 +1,162 @@
+"""The policy barrier: every active agent's call in parallel, at most K_model of wall clock, collected by name.
+
+Each agent has a worker thread with an event loop of its own, so a policy may block, await or run inside a notebook's
+kernel without touching the caller's loop. A call that raises, answers something else than a `Decision` or passes the
+deadline is replaced by (no-op, no messages) with a reason; a late answer is dropped. A thread that stays blocked is
+left behind (it is a daemon) and the agent's next call starts in a fresh one.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import concurrent.futures
+import threading
+import time
+from collections.abc import Awaitable, Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import msgspec
+
+from lingjing.plugins.policy import Brief, Inbox, Observation, Policy
+from lingjing.trace.records import Decision, DecisionRecord
+
+
+class AgentThread:
+    """One agent's thread and event loop; started lazily, replaced when it is stuck."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self._loop: asyncio.AbstractEventLoop | None = None
+
+    def submit(self, call: Callable[[], Awaitable[Any]]) -> concurrent.futures.Future[Any]:
+        """Run `call()` on the agent's loop; the future belongs to the caller's thread."""
+        return asyncio.run_coroutine_threadsafe(_await(call), self._ready())
+
+    def abandon(self) -> None:
+        """Stop waiting for this thread: its loop ends when its current call lets go of it."""
+        if self._loop is not None:
+            self._loop.call_soon_threadsafe(self._loop.stop)
+            self._loop = None
+
+    close = abandon
+
+    def _ready(self) -> asyncio.AbstractEventLoop:
+        if self._loop is None:
+            self._loop = asyncio.new_event_loop()
+            threading.Thread(target=_serve, args=(self._loop,), name=f"policy-{self._name}", daemon=True).start()
+        return self._loop
+
+
+async def _await(call: Callable[[], Awaitable[Any]]) -> Any:
+    try:
+        return await call()
+    except (SystemExit, KeyboardInterrupt) as error:  # a policy must not end the process it is a guest of
+        raise RuntimeError(f"the policy tried to exit ({type(error).__name__})") from error
+
+
+def _serve(loop: asyncio.AbstractEventLoop) -> None:
+    asyncio.set_event_loop(loop)
+    try:
+        loop.run_forever()
+    finally:
+        _drain(loop)
+
+
+def _drain(loop: asyncio.AbstractEventLoop) -> None:
+    """Cancel what an abandoned call left behind, then close the loop."""
+    tasks = asyncio.all_tasks(loop)
+    for task in tasks:
+        task.cancel()
+    if tasks:
+        loop.run_until_complete(asyncio.gather(*tasks, return_exceptions=True))
+    loop.close()
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What came out of one call: a value, or the reason code and detail of its failure."""
+
+    value: Any = None
+    reason: str = ""
+    detail: str = ""
+    wall_s: float = 0.0
+
+
+class PolicyBarrier:
+    """Policies of one episode behind one barrier; agents keep declaration order."""
+
+    def __init__(self, policies: Mapping[str, Policy], limit_s: float) -> None:
+        self._policies = dict(policies)
+        self._limit_s = limit_s
+        self._threads = {name: AgentThread(name) for name in self._policies}
+
+    def reset(self, briefs: Mapping[str, Brief]) -> dict[str, Answer]:
+        """Give every policy its brief; failures come back as answers with a reason."""
+        return self._collect({name: _reset_call(policy, briefs[name]) for name, policy in self._policies.items()})
+
+    def act(self, inputs: Mapping[str, tuple[Observation, Inbox]]) -> tuple[DecisionRecord, ...]:
+        """Decisions in declaration order; a failed one is a no-op with the reason beside it."""
+        answers = self._collect({name: _act_call(self._policies[name], *inputs[name]) for name in self._policies})
+        return tuple(_decision_record(name, _check(answer)) for name, answer in answers.items())
+
+    def close(self) -> None:
+        """Let every thread end."""
+        for thread in self._threads.values():
+            thread.close()
+
+    def _collect(self, calls: Mapping[str, Callable[[], Awaitable[Any]]]) -> dict[str, Answer]:
+        started = time.monotonic()
+        futures = {name: self._threads[name].submit(call) for name, call in calls.items()}
+        return {name: self._wait(name, future, started) for name, future in futures.items()}
+
+    def _wait(self, name: str, future: concurrent.futures.Future[Any], started: float) -> Answer:
+        left = max(0.0, started + self._limit_s - time.monotonic())
+        try:
+            value = future.result(timeout=left)
+        except concurrent.futures.TimeoutError as error:
+            if future.done():  # the policy itself raised a TimeoutError
+                return _failure(error, started)
+            future.cancel()
+            self._threads[name].abandon()
+            return Answer(reason="policy_timeout", detail=f"no answer within {self._limit_s:g} s")
+        except Exception as error:
+            return _failure(error, started)
+        return Answer(value=value, wall_s=time.monotonic() - started)
+
+
+def _decision_record(agent: str, answer: Answer) -> DecisionRecord:
+    return DecisionRecord(
+        agent=agent,
+        decision=Decision() if answer.reason else answer.value,
+        substituted=answer.reason,
+        detail=answer.detail,
+        policy_wall_s=answer.wall_s,
+    )
+
+
+def _failure(error: Exception, started: float) -> Answer:
+    text = f"{type(error).__name__}: {error}".splitlines()[0][:300]
+    return Answer(reason="policy_error", detail=text, wall_s=time.monotonic() - started)
+
+
+def _reset_call(policy: Policy, brief: Brief) -> Callable[[], Awaitable[Any]]:
+    return lambda: policy.reset(brief)
+
+
+def _act_call(policy: Policy, observation: Observation, inbox: Inbox) -> Callable[[], Awaitable[Any]]:
+    return lambda: policy.act(observation, inbox)
+
+
+def _check(answer: Answer) -> Answer:
+    """A `Decision` that survives its own schema, or `malformed`."""
+    if answer.reason:
+        return answer
+    if not isinstance(answer.value, Decision):
+        kind = type(answer.value).__name__
+        return Answer(reason="malformed", detail=f"`act` returned {kind}, not a Decision", wall_s=answer.wall_s)
+    try:
+        value = msgspec.json.decode(msgspec.json.encode(answer.value), type=Decision)
+    except (msgspec.MsgspecError, TypeError, ValueError, RecursionError, OverflowError) as error:
+        return Answer(reason="malformed", detail=f"{error}"[:300], wall_s=answer.wall_s)
+    return Answer(value=value, wall_s=answer.wall_s)

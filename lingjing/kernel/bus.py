@@ -1,0 +1,209 @@
+"""The message bus B: validate candidate messages, expand them to edges, stage, commit, deliver.
+
+Star: an agent's message goes to the hub; the hub's goes to the recipients it names, or to all that the message kind
+declares. Broadcast: to all other active agents. Nothing is relayed by itself. With a delay of one tick, what is
+produced on boundary t is staged for t+1 and readable there. An edge is fixed at validation and delivered only after
+the engine barrier has committed the boundary.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import msgspec
+
+from lingjing.mission.instance import AgentSpec, Datum, Instance, MessageSpec
+from lingjing.mission.model import Field
+from lingjing.trace.records import Envelope, Outgoing, Receipt
+
+MESSAGES_PER_CALL = 32
+"""A policy call may send a finite list; beyond this many the rest is refused as `too_many`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Bus:
+    """Edges on their way: `staged` wait for the barrier, `committed` for their delivery tick."""
+
+    staged: tuple[Envelope, ...] = ()
+    committed: tuple[Envelope, ...] = ()
+
+    def stage(self, envelopes: Sequence[Envelope]) -> Bus:
+        """Buffer admitted edges until the boundary commits."""
+        return replace(self, staged=self.staged + tuple(envelopes))
+
+    def commit(self) -> Bus:
+        """Mark every staged edge deliverable, atomically."""
+        return Bus(committed=self.committed + self.staged)
+
+    def deliver(self, tick: int) -> tuple[Bus, tuple[Envelope, ...]]:
+        """Take out what is readable at `tick`, in the order it was admitted."""
+        due = tuple(envelope for envelope in self.committed if envelope.deliver_at <= tick)
+        return replace(self, committed=tuple(e for e in self.committed if e.deliver_at > tick)), due
+
+
+class Router:
+    """ValidateAndExpand for one instance: envelope validation and topology expansion."""
+
+    def __init__(self, instance: Instance) -> None:
+        self._instance = instance
+        self._comms = instance.comms
+        self._agents = {agent.id: agent for agent in instance.agents}
+        self._kinds: Mapping[str, MessageSpec] = {message.kind: message for message in instance.messages}
+
+    def expand(
+        self, candidates: Iterable[tuple[str, Sequence[Outgoing]]], tick: int, frames: Iterable[str]
+    ) -> tuple[tuple[Envelope, ...], tuple[Receipt, ...]]:
+        """Admitted edges [M̂] and bus receipts [C^M] of the candidates, in policy order. `frames` are the ids of the
+        pictures taken so far: a report may only speak of one of them."""
+        known = frozenset(frames)
+        edges: list[Envelope] = []
+        receipts: list[Receipt] = []
+        number = 0
+        for sender, messages in candidates:
+            for place, message in enumerate(messages):
+                number += 1
+                name = f"m{tick}-{number}"
+                new, receipt = self._one(name, sender, message, place, tick, known)
+                edges.extend(new)
+                receipts.append(receipt)
+        return tuple(edges), tuple(receipts)
+
+    def _one(
+        self, name: str, sender: str, message: Outgoing, place: int, tick: int, frames: frozenset[str]
+    ) -> tuple[tuple[Envelope, ...], Receipt]:
+        reason, detail = self._fault(sender, message, place, frames)
+        if reason:
+            return (), self._receipt(name, sender, message, tick, "rejected", reason, detail)
+        recipients, reason, detail = self._recipients(self._agents[sender], message)
+        if reason:
+            return (), self._receipt(name, sender, message, tick, "rejected", reason, detail)
+        size = len(msgspec.json.encode(message.body))
+        spec = self._kinds[message.kind]
+        edges = tuple(
+            Envelope(
+                id=name,
+                tick=tick,
+                sender=sender,
+                recipient=recipient,
+                kind=message.kind,
+                category=spec.category,
+                body=message.body,
+                bytes=size,
+                deliver_at=tick + self._comms.delay_ticks - 1,
+            )
+            for recipient in recipients
+        )
+        return edges, self._receipt(name, sender, message, tick, "accepted", "", ", ".join(recipients))
+
+    def _fault(self, sender: str, message: Outgoing, place: int, frames: frozenset[str]) -> tuple[str, str]:
+        """The reason code and detail of an envelope that must be refused, or two empty strings."""
+        agent, spec = self._agents.get(sender), self._kinds.get(message.kind)
+        if agent is None:
+            return "unknown_agent", f"`{sender}` is not active in this episode"
+        if place >= MESSAGES_PER_CALL:
+            return "too_many", f"at most {MESSAGES_PER_CALL} messages a call"
+        if spec is None:
+            return "unknown_kind", f"`{message.kind}` is not declared; open: {', '.join(self._kinds) or 'none'}"
+        if "all" not in spec.senders and agent.role not in spec.senders:
+            return "no_authority", f"role `{agent.role}` may not send `{message.kind}`"
+        size = len(msgspec.json.encode(message.body))
+        if size > self._comms.payload_bytes:
+            return "payload", f"{size} bytes, at most {self._comms.payload_bytes}"
+        detail = body_fault(spec, message.body, frames)
+        return ("bad_field", detail) if detail else ("", "")
+
+    def _recipients(self, agent: AgentSpec, message: Outgoing) -> tuple[tuple[str, ...], str, str]:
+        others = tuple(name for name in self._agents if name != agent.id)
+        if self._comms.mode == "broadcast":
+            return (others, "", "") if others else ((), "no_recipient", "no other agent is active")
+        hub = self._comms.hub
+        if agent.id != hub:
+            return ((hub,), "", "") if hub else ((), "no_recipient", "star mode without a hub")
+        return self._from_hub(others, message)
+
+    def _from_hub(self, others: tuple[str, ...], message: Outgoing) -> tuple[tuple[str, ...], str, str]:
+        roles = self._kinds[message.kind].recipients
+        allowed = tuple(name for name in others if "all" in roles or self._agents[name].role in roles)
+        unknown = [name for name in message.to if name not in allowed]
+        if unknown:
+            return (), "bad_recipient", f"`{unknown[0]}` cannot receive `{message.kind}`; open: {', '.join(allowed)}"
+        chosen = tuple(name for name in allowed if name in message.to) if message.to else allowed
+        return (chosen, "", "") if chosen else ((), "no_recipient", f"nobody may receive `{message.kind}`")
+
+    def _receipt(
+        self, name: str, sender: str, message: Outgoing, tick: int, status: str, reason: str, detail: str
+    ) -> Receipt:
+        return Receipt(
+            request=name,
+            tick=tick,
+            sender=sender,
+            resource=message.kind,
+            status="accepted" if status == "accepted" else "rejected",
+            reason=reason,
+            detail=detail,
+            by="bus",
+            time_s=(tick - 1) * self._instance.clock.tick_s,
+        )
+
+
+def body_fault(spec: MessageSpec, body: Mapping[str, Datum], frames: frozenset[str]) -> str:
+    """What is wrong with a message body, or "": unknown, missing or ill-typed fields, an unknown frame."""
+    fields = {item.name: item for item in spec.fields}
+    for name in body:
+        if name not in fields:
+            return f"`{name}` is not a field of `{spec.type}`; fields: {', '.join(fields)}"
+    for item in spec.fields:
+        value = body.get(item.name)
+        if value is None:
+            if not item.optional:
+                return f"`{item.name}` is missing"
+            continue
+        fault = field_fault(item, value, frames)
+        if fault:
+            return f"`{item.name}` {fault}"
+    return ""
+
+
+def field_fault(item: Field, value: Datum, frames: frozenset[str]) -> str:
+    """What is wrong with one field's value, or ""."""
+    if item.type == "frame":
+        return "" if isinstance(value, str) and value in frames else "names no picture taken so far"
+    if item.type in ("name", "text"):
+        return "" if isinstance(value, str) else "must be a text"
+    if item.type == "flag":
+        return "" if isinstance(value, bool) else "must be true or false"
+    if item.type == "number":
+        return _number_fault(item, value)
+    if item.type == "names":
+        fine = isinstance(value, tuple | list) and all(isinstance(one, str) for one in value)
+        return "" if fine else "must be a list of names"
+    if not isinstance(value, tuple | list) or not all(_finite(one) for one in value):
+        return "must be a list of finite numbers"
+    return _box_fault(value) if item.type == "box" else _position_fault(value)
+
+
+def _finite(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _number_fault(item: Field, value: Datum) -> str:
+    if not _finite(value):
+        return "must be a finite number"
+    low, high = item.minimum, item.maximum
+    if (low is not None and float(value) < low) or (high is not None and float(value) > high):  # type: ignore[arg-type]
+        return f"must lie in {low}..{high}"
+    return ""
+
+
+def _box_fault(value: Sequence[object]) -> str:
+    """A normalised box with 0 ≤ min < max ≤ 1 (the paper's adjudication section)."""
+    if len(value) != 4:
+        return "must have four numbers"
+    left, top, right, bottom = (float(one) for one in value)  # type: ignore[arg-type]
+    return "" if 0 <= left < right <= 1 and 0 <= top < bottom <= 1 else "must be x0, y0, x1, y1 with 0 ≤ min < max ≤ 1"
+
+
+def _position_fault(value: Sequence[object]) -> str:
+    return "" if len(value) in (2, 3) else "must have two or three numbers"

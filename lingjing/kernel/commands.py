@@ -1,0 +1,227 @@
+"""ValidateAndResolve: candidate commands become at most one admitted command per resource, the rest receipts.
+
+In the order of the collected policy outputs: unknown agent, stale tick, authority, action space, argument schema,
+busy resource, conflict. Arguments beyond their bounds are clipped, and the receipt says so. `stop` pre-empts what a
+resource is doing; everything else waits until the pending request has completed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+from lingjing.kernel.registry import Registry
+from lingjing.mission.instance import AgentSpec, ArgumentSpec, Datum, Entity, Instance, VerbSpec
+from lingjing.trace.records import Action, Command, Receipt
+
+PREEMPTING = "stop"
+"""The one verb that is admitted while its resource is busy."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """Why a candidate is refused: a stable reason code and a sentence."""
+
+    reason: str
+    detail: str
+
+
+class Gate:
+    """ValidateAndResolve for one instance."""
+
+    def __init__(self, instance: Instance) -> None:
+        self._instance = instance
+        self._agents = {agent.id: agent for agent in instance.agents}
+        self._entities = {entity.id: entity for entity in instance.entities}
+
+    def resolve(
+        self, candidates: Iterable[tuple[str, Action | None]], registry: Registry, tick: int
+    ) -> tuple[tuple[Command, ...], tuple[Receipt, ...]]:
+        """Admitted commands [Û] and validator receipts [C^U], in policy order."""
+        admitted: dict[str, Command] = {}
+        receipts: list[Receipt] = []
+        number = 0
+        for sender, action in candidates:
+            if action is None:
+                continue
+            number += 1
+            name = f"c{tick}-{number}"
+            command, found = self._one(name, sender, action, registry, tick, admitted)
+            receipts.extend(found)
+            if command is not None:
+                admitted[command.resource] = command
+        return tuple(admitted.values()), tuple(receipts)
+
+    def _one(
+        self,
+        name: str,
+        sender: str,
+        action: Action,
+        registry: Registry,
+        tick: int,
+        admitted: Mapping[str, Command],
+    ) -> tuple[Command | None, tuple[Receipt, ...]]:
+        resource = self._resource(sender, action)
+        fault = self._fault(sender, action, resource, registry, tick, admitted)
+        if fault is not None:
+            return None, (self._receipt(name, sender, resource, tick, "rejected", fault),)
+        entity = self._entities[resource]
+        verb = _verb(entity, action.verb)
+        assert verb is not None
+        arguments, clipped = _clip(verb, action.arguments, entity, registry)
+        command = Command(
+            id=name, tick=tick, sender=sender, resource=resource, verb=action.verb, arguments=arguments
+        )
+        if not clipped:
+            return command, ()
+        return command, (self._receipt(name, sender, resource, tick, "accepted", Fault("clipped", clipped)),)
+
+    def _resource(self, sender: str, action: Action) -> str:
+        if action.resource is not None:
+            return action.resource
+        agent = self._agents.get(sender)
+        return agent.commands[0] if agent is not None and agent.commands else ""
+
+    def _fault(
+        self,
+        sender: str,
+        action: Action,
+        resource: str,
+        registry: Registry,
+        tick: int,
+        admitted: Mapping[str, Command],
+    ) -> Fault | None:
+        agent = self._agents.get(sender)
+        return (
+            _identity_fault(sender, agent, action, tick)
+            or self._authority_fault(agent, resource)
+            or self._schema_fault(action, resource)
+            or _resource_fault(action, resource, registry, admitted)
+        )
+
+    def _authority_fault(self, agent: AgentSpec | None, resource: str) -> Fault | None:
+        assert agent is not None
+        if resource in agent.commands:
+            return None
+        allowed = ", ".join(agent.commands) or "nothing"
+        if resource not in self._entities:
+            return Fault("unknown_resource", f"there is no resource `{resource}`; `{agent.id}` may command {allowed}")
+        return Fault("no_authority", f"`{agent.id}` may not command `{resource}`, only {allowed}")
+
+    def _schema_fault(self, action: Action, resource: str) -> Fault | None:
+        entity = self._entities[resource]
+        verb = _verb(entity, action.verb)
+        if verb is None:
+            known = ", ".join(item.name for item in entity.verbs)
+            return Fault("unknown_verb", f"`{action.verb}` is not in the action space of `{resource}`: {known}")
+        detail = _argument_fault(verb, action.arguments) or _camera_fault(entity, action)
+        return Fault("bad_argument", detail) if detail else None
+
+    def _receipt(self, name: str, sender: str, resource: str, tick: int, status: str, fault: Fault) -> Receipt:
+        return Receipt(
+            request=name,
+            tick=tick,
+            sender=sender,
+            resource=resource,
+            status="accepted" if status == "accepted" else "rejected",
+            reason=fault.reason,
+            detail=fault.detail,
+            by="kernel",
+            time_s=(tick - 1) * self._instance.clock.tick_s,
+        )
+
+
+def camera_of(entity: Entity, arguments: Mapping[str, Datum]) -> str:
+    """The camera a `takePhoto` means: the one it names, else the first mount."""
+    return str(arguments.get("camera") or (entity.cameras[0].name if entity.cameras else ""))
+
+
+def _identity_fault(sender: str, agent: AgentSpec | None, action: Action, tick: int) -> Fault | None:
+    if agent is None:
+        return Fault("unknown_agent", f"`{sender}` is not active in this episode")
+    if action.tick is not None and action.tick != tick - 1:
+        return Fault("stale", f"decided on boundary {action.tick}, now is {tick - 1}")
+    return None
+
+
+def _resource_fault(
+    action: Action, resource: str, registry: Registry, admitted: Mapping[str, Command]
+) -> Fault | None:
+    first = admitted.get(resource)
+    if first is not None:
+        return Fault("conflict", f"`{first.sender}` was admitted first (`{first.verb}`, {first.id})")
+    held = registry.pending.get(resource)
+    if held is not None and action.verb != PREEMPTING:
+        return Fault("busy", f"`{resource}` is still doing `{held.verb}` ({held.id}); `stop` pre-empts it")
+    return None
+
+
+def _verb(entity: Entity, name: str) -> VerbSpec | None:
+    return next((verb for verb in entity.verbs if verb.name == name), None)
+
+
+def _argument_fault(verb: VerbSpec, arguments: Mapping[str, Datum]) -> str:
+    known = {argument.name: argument for argument in verb.arguments}
+    for name in arguments:
+        if name not in known:
+            return f"`{verb.name}` has no argument `{name}`; it takes {', '.join(known) or 'none'}"
+    for name, spec in known.items():
+        value = arguments.get(name)
+        if value is None:
+            if not spec.optional and spec.default is None:
+                return f"`{verb.name}` needs `{name}`"
+        elif spec.unit == "name":
+            if not isinstance(value, str):
+                return f"`{name}` must be a name"
+        elif not isinstance(value, int | float) or isinstance(value, bool) or not math.isfinite(value):
+            return f"`{name}` must be a finite number"
+    return ""
+
+
+def _camera_fault(entity: Entity, action: Action) -> str:
+    if action.verb != "takePhoto":
+        return ""
+    name = camera_of(entity, action.arguments)
+    mounts = [camera.name for camera in entity.cameras]
+    return "" if name in mounts else f"`{entity.id}` has no camera `{name}`: {', '.join(mounts) or 'none'}"
+
+
+def _clip(
+    verb: VerbSpec, arguments: Mapping[str, Datum], entity: Entity, registry: Registry
+) -> tuple[dict[str, Datum], str]:
+    """Arguments within their declared bounds and the entity's altitude band, with a sentence where that changed
+    something."""
+    values: dict[str, Datum] = {}
+    notes: list[str] = []
+    for spec in verb.arguments:
+        value = arguments.get(spec.name)
+        if value is None:
+            value = spec.default
+        if value is None:
+            continue
+        if isinstance(value, int | float):
+            low, high = _limits(verb, spec, entity, registry)
+            inside = min(max(float(value), low), high)
+            if inside != value:
+                notes.append(f"`{spec.name}` {value:g} → {inside:g}")
+            value = inside
+        values[spec.name] = value
+    return values, ", ".join(notes)
+
+
+def _limits(verb: VerbSpec, spec: ArgumentSpec, entity: Entity, registry: Registry) -> tuple[float, float]:
+    """Bounds of one argument: the declared ones, tightened by the altitude band where the verb changes elevation."""
+    low = -math.inf if spec.minimum is None else spec.minimum
+    high = math.inf if spec.maximum is None else spec.maximum
+    floor, ceiling = entity.properties.get("band_low_m"), entity.properties.get("band_high_m")
+    if not isinstance(floor, int | float) or not isinstance(ceiling, int | float):
+        return low, high
+    if spec.name in ("z", "altitude"):
+        return max(low, float(floor)), min(high, float(ceiling))
+    height = registry.states[entity.id].position[2]
+    if verb.name == "up":
+        return low, max(0.0, min(high, ceiling - height))
+    if verb.name == "down":
+        return low, max(0.0, min(high, height - floor))
+    return low, high

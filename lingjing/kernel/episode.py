@@ -1,0 +1,135 @@
+"""The episode loop around W.Step: policies act, the kernel commits, until done, the tick limit or an abort.
+
+An infrastructure abort ends the loop with a readable partial trace and is never a model failure. An interrupt closes
+the trace the same way and travels on.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+from lingjing.errors import InfrastructureError, PluginError
+from lingjing.kernel.barrier import PolicyBarrier
+from lingjing.kernel.step import Kernel, Published
+from lingjing.plugins.policy import Policy
+from lingjing.trace.records import BoundaryRecord, Outcome
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """Where an episode is: for a progress display, never for a decision."""
+
+    tick: int
+    ticks: int
+    time_s: float
+    wall_s: float
+    last_event: str
+    record: BoundaryRecord
+
+
+class Ending(Protocol):
+    """How a recorder is closed: `finish` for an episode that ran to its end, `abandon` for a partial one."""
+
+    def finish(self, outcome: Outcome) -> object:
+        """Write the outcome and give the file its final name."""
+        ...
+
+    def abandon(self, outcome: Outcome | None) -> object:
+        """Write the outcome, if any, and keep the file recognisable as partial."""
+        ...
+
+
+def seat(kernel: Kernel, policies: Mapping[str, Policy]) -> PolicyBarrier:
+    """Put every active agent's policy behind the barrier and give it its brief.
+
+    Raises `PluginError` that names the agent if a policy cannot take it: nothing has been recorded by then.
+    """
+    limit_s = kernel.instance.budget.policy_s
+    barrier = PolicyBarrier({agent.id: policies[agent.id] for agent in kernel.instance.agents}, limit_s)
+    for agent, answer in barrier.reset(kernel.briefs()).items():
+        if answer.reason:
+            barrier.close()
+            raise PluginError(f"the policy of `{agent}` could not take its brief: {answer.detail}")
+    return barrier
+
+
+def play(
+    kernel: Kernel,
+    barrier: PolicyBarrier,
+    recorder: Ending | None = None,
+    progress: Callable[[Progress], None] | None = None,
+) -> Outcome:
+    """Play one episode with the policies behind `barrier`, which is closed afterwards.
+
+    Returns an outcome with reason `infrastructure-abort` if the world fails. Anything else that ends the episode
+    from outside, a `KeyboardInterrupt` above all, is passed on after the trace is closed as a partial one.
+    """
+    started = time.perf_counter()
+    reason, detail = "error", ""
+    try:
+        reason = _loop(kernel, barrier, progress, started)
+    except InfrastructureError as error:
+        reason, detail = "infrastructure-abort", f"{error}"
+    except KeyboardInterrupt:
+        reason = "interrupted"
+        raise
+    finally:
+        barrier.close()
+        outcome = _outcome(kernel, reason, detail, time.perf_counter() - started)
+        if recorder is not None:
+            (recorder.finish if reason in ("success", "failure", "budget") else recorder.abandon)(outcome)
+    return outcome
+
+
+def _loop(
+    kernel: Kernel, barrier: PolicyBarrier, progress: Callable[[Progress], None] | None, started: float
+) -> str:
+    published = kernel.reset()
+    last = ""
+    while True:
+        last = _last_event(published, last)
+        if progress is not None:
+            progress(_progress(kernel, published, last, started))
+        if published.evaluation.done:
+            return published.evaluation.reason
+        if published.record.tick >= kernel.instance.budget.ticks:
+            return "budget"
+        inputs = {name: (published.observations[name], published.inboxes[name]) for name in published.observations}
+        published = kernel.step(barrier.act(inputs))
+
+
+def _last_event(published: Published, before: str) -> str:
+    record = published.record
+    for event in reversed(record.events):
+        return f"{event.kind}({', '.join(event.bindings)})"
+    for happened in reversed(record.task_events):
+        return f"{happened.kind} {' '.join(happened.entities)}"
+    return before
+
+
+def _progress(kernel: Kernel, published: Published, last: str, started: float) -> Progress:
+    return Progress(
+        tick=published.record.tick,
+        ticks=kernel.instance.budget.ticks,
+        time_s=published.record.time_s,
+        wall_s=time.perf_counter() - started,
+        last_event=last,
+        record=published.record,
+    )
+
+
+def _outcome(kernel: Kernel, reason: str, detail: str, wall_s: float) -> Outcome:
+    state = kernel.state
+    return Outcome(
+        success=reason == "success",
+        reason=reason,
+        scr=state.evaluation.reward,
+        ticks=state.registry.tick,
+        digest=state.digest,
+        frames_digest=state.frames_digest,
+        detail=detail,
+        wall_s=wall_s,
+    )

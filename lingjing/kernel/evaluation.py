@@ -1,0 +1,78 @@
+"""Evaluate: the score r and the flag d of a boundary, and why an episode ended.
+
+The built-in evaluator reads the mission's own success and failure conditions. Its score is the subtask completion
+rate: the share of the success condition's parts that hold, where `forall v in victim: rescued(v)` has one part for
+each victim and a conjunction adds up the parts of its sides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+from lingjing.kernel.adjudication import Adjudicator
+from lingjing.kernel.registry import Registry
+from lingjing.kernel.rules import Instant, Locals
+from lingjing.mission.expression import Binary, Expr, Quantified
+from lingjing.mission.instance import Instance
+from lingjing.trace.records import Event
+
+Reason = Literal["", "success", "failure", "budget"]
+
+
+@dataclass(frozen=True, slots=True)
+class Evaluation:
+    """r and d, with the reason if d: `success`, `failure`, or `budget` when the loop stops at the tick limit."""
+
+    reward: float
+    done: bool
+    reason: Reason = ""
+
+
+class Evaluator(Protocol):
+    """One evaluator of the set E: a pure function of the registry and the boundary's adjudicated events."""
+
+    def evaluate(self, registry: Registry, events: Sequence[Event]) -> Evaluation:
+        """The score and the flag at this boundary."""
+        ...
+
+
+class MissionEvaluator:
+    """Scores by the mission's own success and failure conditions."""
+
+    def __init__(self, instance: Instance, adjudicator: Adjudicator) -> None:
+        self._instance = instance
+        self._adjudicator = adjudicator
+
+    def evaluate(self, registry: Registry, events: Sequence[Event]) -> Evaluation:
+        """Success before failure: a mission won at the boundary where it would be lost is won."""
+        at = self._adjudicator.instant(registry, registry.states, registry.time_s)
+        parts = [holds for holds in parts_of(self._instance.success, {}, at)]
+        score = sum(parts) / len(parts) if parts else 0.0
+        if at.truth(self._instance.success, {}):
+            return Evaluation(score, True, "success")
+        if self._instance.failure is not None and at.truth(self._instance.failure, {}):
+            return Evaluation(score, True, "failure")
+        return Evaluation(score, False)
+
+
+def parts_of(condition: Expr, scope: Locals, at: Instant) -> Iterator[bool]:
+    """Whether each part of a condition holds: the sides of a conjunction, the members of a `forall`."""
+    if isinstance(condition, Binary) and condition.operator == "and":
+        yield from parts_of(condition.left, scope, at)
+        yield from parts_of(condition.right, scope, at)
+    elif isinstance(condition, Quantified) and condition.quantifier == "forall":
+        for member in at.domain(condition.domain):
+            yield from parts_of(condition.body, {**scope, condition.variable: member}, at)
+    else:
+        yield at.truth(condition, scope)
+
+
+def combine(results: Sequence[Evaluation]) -> Evaluation:
+    """Several evaluators: the mean score; done when any says so, with the first one's reason."""
+    if not results:
+        return Evaluation(0.0, False)
+    reward = sum(result.reward for result in results) / len(results)
+    ended = next((result for result in results if result.done), None)
+    return Evaluation(reward, ended is not None, ended.reason if ended else "")

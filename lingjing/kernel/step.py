@@ -1,0 +1,369 @@
+"""W.Step: one decision boundary, in the order of the paper's operational expansion (its second algorithm).
+
+`Kernel` is the world object W = (B, S, G, E, R): the bus, the instance, the registry, the evaluators and the
+recorder. `reset` commits boundary 0, `step` takes the collected policy outputs of boundary t to boundary t + 1.
+All run-time state is one immutable `KernelState`, so `fork` copies it, forks the engines and goes on alone.
+
+Line numbers in comments are those of that algorithm.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import msgspec
+
+from lingjing.kernel import pictures
+from lingjing.kernel.adjudication import Adjudicator, Verdict
+from lingjing.kernel.bus import Bus, Router
+from lingjing.kernel.commands import Gate
+from lingjing.kernel.evaluation import Evaluation, Evaluator, MissionEvaluator, combine
+from lingjing.kernel.registry import Assignment, Registry, initial
+from lingjing.kernel.relations import RelationTracker
+from lingjing.kernel.visibility import Projector
+from lingjing.kernel.world.contract import StoredFrame, World, WorldBoundary
+from lingjing.mission.instance import AgentSpec, Instance
+from lingjing.plugins.policy import Brief, Inbox, Observation
+from lingjing.scene.city import City
+from lingjing.trace.digest import START, input_digest, next_digest, next_frames_digest
+from lingjing.trace.records import (
+    Absent,
+    BoundaryRecord,
+    Command,
+    DecisionRecord,
+    Envelope,
+    Event,
+    FrameInfo,
+    InboxRecord,
+    ObservationRecord,
+    Receipt,
+)
+
+Record = Callable[[BoundaryRecord, Sequence[StoredFrame]], None]
+"""The recorder R: receives every committed boundary with its pictures."""
+
+
+@dataclass(frozen=True, slots=True)
+class KernelState:
+    """Everything that changes from boundary to boundary, as one value."""
+
+    registry: Registry
+    bus: Bus = Bus()
+    unlocks: tuple[tuple[str, str], ...] = ()
+    adjudicated: tuple[Event, ...] = ()
+    digest: str = START
+    frames_digest: str = START
+    evaluation: Evaluation = Evaluation(0.0, False)
+
+
+@dataclass(frozen=True, slots=True)
+class Published:
+    """The boundary output (O_t, I_t, V_t, r_t, d_t), and the record it came from."""
+
+    observations: Mapping[str, Observation]
+    inboxes: Mapping[str, Inbox]
+    evaluation: Evaluation
+    record: BoundaryRecord
+
+
+@dataclass(frozen=True, slots=True)
+class _Inputs:
+    """What the agent-runtime phase hands to a boundary, after validation."""
+
+    decisions: tuple[DecisionRecord, ...] = ()
+    commands: tuple[Command, ...] = ()
+    unlocks: tuple[Command, ...] = ()
+    envelopes: tuple[Envelope, ...] = ()
+    receipts: tuple[Receipt, ...] = ()
+    started: float = field(default_factory=time.perf_counter)
+
+
+class Kernel:
+    """W for one episode. Raises `InfrastructureError` where the algorithm returns an infrastructure abort."""
+
+    def __init__(
+        self,
+        instance: Instance,
+        city: City,
+        world: World,
+        *,
+        privileged: frozenset[str] = frozenset(),
+        evaluators: Sequence[Evaluator] = (),
+        record: Record | None = None,
+        blank_pictures: bool = False,
+    ) -> None:
+        self.instance = instance
+        self.world = world
+        self._city = city
+        self._privileged = privileged
+        self._record = record
+        self._blank = blank_pictures
+        self._router = Router(instance)
+        self._gate = Gate(instance)
+        self._adjudicator = Adjudicator(instance)
+        self._projector = Projector(instance)
+        self._relations = RelationTracker(instance)
+        self._evaluators = tuple(evaluators) or (MissionEvaluator(instance, self._adjudicator),)
+        self.state = KernelState(registry=initial(instance))
+
+    def reset(self) -> Published:
+        """Lines 1 to 20: reset every engine, commit and publish boundary 0."""
+        self.state = KernelState(registry=initial(self.instance))
+        return self._commit(self.world.reset(self.instance, self._city), _Inputs())
+
+    def step(self, decisions: Sequence[DecisionRecord]) -> Published:
+        """Lines 28 to 52: take the collected policy outputs to the next boundary.
+
+        `decisions` are in declaration order, one for each active agent (missing agents count as no-ops).
+        """
+        started = time.perf_counter()
+        registry, tick = self.state.registry, self.state.registry.tick + 1
+        envelopes, about_messages = self._router.expand(  # line 30: ValidateAndExpand
+            [(made.agent, made.decision.messages) for made in decisions], tick, registry.frames
+        )
+        commands, about_commands = self._gate.resolve(  # line 31: ValidateAndResolve
+            [(made.agent, made.decision.command) for made in decisions], registry, tick
+        )
+        self.state = replace(self.state, bus=self.state.bus.stage(envelopes))  # line 32
+        motion = tuple(command for command in commands if command.verb != pictures.PHOTO)
+        unlocks = self._unlocking(tick)
+        boundary = self.world.step(tick, unlocks + motion)  # lines 33 to 42
+        receipts = about_messages + about_commands + _substitutions(decisions, tick, registry.time_s)
+        return self._commit(boundary, _Inputs(tuple(decisions), commands, unlocks, envelopes, receipts, started))
+
+    def fork(self, record: Record | None = None) -> Kernel:
+        """A kernel that goes on alone from this boundary: engines forked, state copied, its own recorder."""
+        other = Kernel.__new__(Kernel)
+        other.__dict__.update(self.__dict__)
+        other.world = self.world.fork()
+        other._record = record
+        return other
+
+    def _unlocking(self, tick: int) -> tuple[Command, ...]:
+        """Kernel-origin commands for the interactions that the last boundary allowed."""
+        return tuple(
+            Command(
+                id=f"k{tick}-{number}",
+                tick=tick,
+                sender="kernel",
+                resource=entity,
+                verb=f"unlock.{interaction}",
+                origin="kernel",
+            )
+            for number, (interaction, entity) in enumerate(self.state.unlocks, 1)
+        )
+
+    def _commit(self, boundary: WorldBoundary, inputs: _Inputs) -> Published:
+        before = self.state.registry
+        bus, delivered = self.state.bus.commit().deliver(boundary.tick)  # line 43
+        answers = self._capture(boundary, inputs.commands)
+        frames = tuple(answer for answer in answers if isinstance(answer, StoredFrame))
+        receipts = inputs.receipts + self._engine_receipts(boundary, inputs, answers)  # lines 44 and 45
+        inboxes = self._inboxes(delivered, receipts)  # lines 46 and 47
+        registry = self._update(before, boundary, inputs, receipts, frames)  # line 48: Update
+        observations = self._observe(registry, boundary, answers)  # line 49: ProjectVisible
+        verdict = self._adjudicator.adjudicate(before, registry, boundary.snapshots)  # line 50: Adjudicate
+        evaluation = combine([one.evaluate(verdict.registry, verdict.events) for one in self._evaluators])  # line 51
+        record = self._draft(boundary, inputs, receipts, frames, verdict, evaluation, observations, inboxes)
+        digest = next_digest(self.state.digest, record)
+        record = _with_digest(record, digest, inputs.started)
+        self.state = KernelState(
+            registry=verdict.registry,
+            bus=bus,
+            unlocks=verdict.unlocks,
+            adjudicated=verdict.events,
+            digest=digest,
+            frames_digest=next_frames_digest(self.state.frames_digest, record.frames),
+            evaluation=evaluation,
+        )
+        if self._record is not None:
+            self._record(record, frames)  # line 52: Log
+        return Published(observations, inboxes, evaluation, record)
+
+    def _capture(self, boundary: WorldBoundary, commands: Sequence[Command]) -> tuple[StoredFrame | Absent, ...]:
+        wanted = pictures.requests(self.instance, commands, boundary.tick, boundary.time_s)
+        if not wanted:
+            return ()
+        return self.world.capture(boundary.tick, wanted, boundary.snapshots[-1].states)
+
+    def _engine_receipts(
+        self, boundary: WorldBoundary, inputs: _Inputs, answers: Sequence[StoredFrame | Absent]
+    ) -> tuple[Receipt, ...]:
+        """C^E: admissions (a missing one is timed out, lines 36 to 38), later receipts of long requests, pictures."""
+        sent = {command.id: command for command in inputs.unlocks + inputs.commands}
+        missing = tuple(
+            Receipt(
+                request=name,
+                tick=boundary.tick,
+                sender=sent[name].sender,
+                resource=sent[name].resource,
+                status="timed_out",
+                reason="no_receipt",
+                detail="the engine gave no admission receipt",
+                by="kernel",
+                time_s=boundary.time_s,
+            )
+            for name in boundary.missing
+        )
+        photos = pictures.receipts(inputs.commands, answers, self.instance, boundary.time_s)
+        return boundary.admissions + missing + boundary.receipts + photos
+
+    def _inboxes(self, delivered: Sequence[Envelope], receipts: Sequence[Receipt]) -> dict[str, Inbox]:
+        """DeliveredTo and VisibleReceiptsFor: an agent sees what is addressed to it and answers to its own requests."""
+        return {
+            agent.id: Inbox(
+                messages=tuple(edge for edge in delivered if edge.recipient == agent.id),
+                receipts=tuple(receipt for receipt in receipts if receipt.sender == agent.id),
+            )
+            for agent in self.instance.agents
+        }
+
+    def _update(
+        self,
+        registry: Registry,
+        boundary: WorldBoundary,
+        inputs: _Inputs,
+        receipts: Sequence[Receipt],
+        frames: Sequence[StoredFrame],
+    ) -> Registry:
+        return (
+            registry.with_boundary(boundary.tick, boundary.time_s, boundary.snapshots[-1].states)
+            .with_receipts(inputs.commands, receipts)
+            .with_events(boundary.events)
+            .with_frames([frame.info for frame in frames], self.instance)
+            .with_messages(inputs.envelopes, self._adjudicator.kinds)
+            .with_assignments(self._assignments(inputs, receipts))
+        )
+
+    def _assignments(self, inputs: _Inputs, receipts: Sequence[Receipt]) -> tuple[Assignment, ...]:
+        """Destinations given at this boundary: accepted commands with `x` and `y`, assignment messages with a
+        position for a resource or for the agent that controls it."""
+        accepted = {receipt.request for receipt in receipts if receipt.status == "accepted"}
+        tick = inputs.commands[0].tick if inputs.commands else (inputs.envelopes[0].tick if inputs.envelopes else 0)
+        found = [
+            Assignment(command.resource, float(command.arguments["x"]), float(command.arguments["y"]), tick)  # type: ignore[arg-type]
+            for command in inputs.commands
+            if command.id in accepted and {"x", "y"} <= command.arguments.keys()
+        ]
+        controls = {agent.id: agent.controls for agent in self.instance.agents}
+        seen: set[str] = set()
+        for edge in inputs.envelopes:
+            place, name = edge.body.get("position"), str(edge.body.get("assignee"))
+            if edge.category == "assignment" and edge.id not in seen and isinstance(place, tuple):
+                seen.add(edge.id)
+                for resource in controls.get(name, (name,)):
+                    found.append(Assignment(resource, float(place[0]), float(place[1]), tick))
+        return tuple(found)
+
+    def _observe(
+        self, registry: Registry, boundary: WorldBoundary, answers: Sequence[StoredFrame | Absent]
+    ) -> dict[str, Observation]:
+        frames = [answer for answer in answers if isinstance(answer, StoredFrame)]
+        shown = [pictures.seen(frame, blank=self._blank) for frame in frames]
+        absent = [answer for answer in answers if isinstance(answer, Absent)]
+        out = {}
+        for agent in self.instance.agents:
+            observation = self._projector.observe(
+                agent,
+                registry,
+                pictures=shown,
+                absent=absent,
+                task_events=boundary.events,
+                adjudicated=self.state.adjudicated,
+            )
+            if agent.id in self._privileged:
+                mine = {picture.frame for picture in observation.pictures}
+                truth = self._projector.privileged(
+                    registry, [frame.info for frame in frames if frame.info.id in mine]
+                )
+                observation = replace(observation, privileged=truth)
+            out[agent.id] = observation
+        return out
+
+    def _draft(
+        self,
+        boundary: WorldBoundary,
+        inputs: _Inputs,
+        receipts: Sequence[Receipt],
+        frames: Sequence[StoredFrame],
+        verdict: Verdict,
+        evaluation: Evaluation,
+        observations: Mapping[str, Observation],
+        inboxes: Mapping[str, Inbox],
+    ) -> BoundaryRecord:
+        before, after = self.state.registry, verdict.registry
+        infos = {frame.info.id: frame.info for frame in frames}
+        return BoundaryRecord(
+            tick=boundary.tick,
+            time_s=boundary.time_s,
+            snapshots=boundary.snapshots,
+            engines=boundary.engines,
+            task_events=boundary.events,
+            frames=tuple(infos.values()),
+            observations=tuple(
+                _observation_record(agent, observations[agent.id], inboxes[agent.id], infos)
+                for agent in self.instance.agents
+            ),
+            inboxes=tuple(_inbox_record(agent, inboxes[agent.id]) for agent in self.instance.agents),
+            decisions=inputs.decisions,
+            commands=inputs.unlocks + inputs.commands,
+            messages=inputs.envelopes,
+            receipts=tuple(receipts),
+            events=verdict.events,
+            stages=verdict.stages,
+            relations=self._relations.occurrences(before, after, inputs.envelopes, receipts, verdict.stages),
+            reward=evaluation.reward,
+            done=evaluation.done,
+        )
+
+    def briefs(self) -> dict[str, Brief]:
+        """The brief of every agent; `classes` are the types of everything that may be seen."""
+        classes = tuple(dict.fromkeys(entity.type for entity in self.instance.entities))
+        return {agent.id: self._projector.brief(agent, classes) for agent in self.instance.agents}
+
+
+def _with_digest(record: BoundaryRecord, digest: str, started: float) -> BoundaryRecord:
+    return msgspec.structs.replace(record, digest=digest, wall_s=time.perf_counter() - started)
+
+
+def _substitutions(decisions: Sequence[DecisionRecord], tick: int, time_s: float) -> tuple[Receipt, ...]:
+    """One receipt for each policy output that had to be replaced, addressed to the agent itself."""
+    return tuple(
+        Receipt(
+            request=f"p{tick}-{made.agent}",
+            tick=tick,
+            sender=made.agent,
+            resource="",
+            status="substituted",
+            reason=made.substituted,
+            detail=made.detail,
+            by="policy",
+            time_s=time_s,
+        )
+        for made in decisions
+        if made.substituted
+    )
+
+
+def _observation_record(
+    agent: AgentSpec, observation: Observation, inbox: Inbox, infos: Mapping[str, FrameInfo]
+) -> ObservationRecord:
+    record = ObservationRecord(
+        agent=agent.id,
+        entities=observation.entities,
+        cells=observation.cells,
+        events=observation.events,
+        frames=tuple(picture.frame for picture in observation.pictures),
+        absent=observation.absent,
+        privileged=observation.privileged is not None,
+    )
+    shown = [infos[name] for name in record.frames]
+    return msgspec.structs.replace(record, sha256=input_digest(record, inbox.messages, inbox.receipts, shown))
+
+
+def _inbox_record(agent: AgentSpec, inbox: Inbox) -> InboxRecord:
+    return InboxRecord(
+        agent=agent.id, messages=tuple(edge.id for edge in inbox.messages), receipts=inbox.receipts
+    )

@@ -1,0 +1,172 @@
+"""ProjectVisible: what an agent may see at a boundary, and what it may know before the first.
+
+An agent sees its declared channels and nothing else. A property that the mission marks hidden is never read here,
+and an entity with a hidden position is never listed, whatever a channel says; of events it gets the public
+projection (id, kind, public entities). So instances that differ only in hidden values give identical inputs until a
+sensor or an admitted message makes the difference.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+from lingjing.kernel.registry import Registry
+from lingjing.mission.instance import AgentSpec, ChannelSpec, Entity, Instance
+from lingjing.mission.seeding import integer
+from lingjing.plugins.policy import Brief, Observation, Peer, Picture, Privileged, Resource
+from lingjing.trace.records import (
+    Absent,
+    BodyState,
+    CellView,
+    EntityView,
+    Event,
+    EventView,
+    FrameInfo,
+    TaskEvent,
+)
+
+STATE_FIELDS = ("position", "velocity", "heading_deg", "status", "resources")
+"""Fields of an entity that a channel may name; `busy` comes with an agent's own resources."""
+
+
+class Projector:
+    """The projection of one instance; holds no run-time state."""
+
+    def __init__(self, instance: Instance) -> None:
+        self._instance = instance
+        self._entities = {entity.id: entity for entity in instance.entities}
+        self._public = frozenset(entity.id for entity in instance.entities if not entity.hidden)
+
+    def brief(self, agent: AgentSpec, classes: Sequence[str]) -> Brief:
+        """All the agent is told at reset."""
+        instance = self._instance
+        return Brief(
+            agent=agent.id,
+            role=agent.role,
+            index=agent.index,
+            goal=instance.goal,
+            prompt=agent.prompt,
+            mode=instance.mode,
+            hub=instance.comms.hub,
+            tick_s=instance.clock.tick_s,
+            ticks=instance.budget.ticks,
+            seed=integer(instance.seed, f"{instance.mission}/policy/{agent.id}"),
+            resources=tuple(self._resource(agent, name) for name in agent.commands),
+            peers=tuple(
+                Peer(id=peer.id, role=peer.role, resources=peer.controls)
+                for peer in instance.agents
+                if peer.id != agent.id
+            ),
+            messages=instance.messages,
+            regions=instance.regions,
+            cells=instance.cells,
+            classes=tuple(classes),
+            weather=instance.weather,
+            water_level_m=instance.scene.datum_m,
+            settings=instance.settings,
+        )
+
+    def observe(
+        self,
+        agent: AgentSpec,
+        registry: Registry,
+        *,
+        pictures: Sequence[Picture] = (),
+        absent: Sequence[Absent] = (),
+        task_events: Sequence[TaskEvent] = (),
+        adjudicated: Sequence[Event] = (),
+        privileged: Privileged | None = None,
+    ) -> Observation:
+        """The agent's member of O_t: `task_events` are this boundary's, `adjudicated` those of the one before."""
+        entities: dict[str, EntityView] = {}
+        cells: list[CellView] = []
+        events: tuple[EventView, ...] = ()
+        for channel in agent.observes:
+            if channel.source == "grid":
+                cells.extend(self._cells(channel, registry))
+            elif channel.source == "events":
+                events = self._events(task_events, adjudicated, registry.tick)
+            else:
+                self._entities_of(agent, channel, registry, entities)
+        eyes = frozenset(channel.name for channel in agent.observes if channel.source == "entity")
+        return Observation(
+            agent=agent.id,
+            tick=registry.tick,
+            time_s=registry.time_s,
+            entities=tuple(entities.values()),
+            cells=tuple(cells),
+            events=events,
+            pictures=tuple(picture for picture in pictures if picture.entity in eyes),
+            absent=tuple(item for item in absent if item.entity in eyes),
+            privileged=privileged,
+        )
+
+    def privileged(self, registry: Registry, frames: Iterable[FrameInfo]) -> Privileged:
+        """The truth, for a policy that was declared privileged."""
+        return Privileged(
+            instance=self._instance,
+            states=tuple(registry.states.values()),
+            frames=tuple(frames),
+            achieved=tuple(registry.achieved),
+        )
+
+    def _resource(self, agent: AgentSpec, name: str) -> Resource:
+        entity = self._entities[name]
+        return Resource(
+            id=entity.id,
+            type=entity.type,
+            embodied=name in agent.controls,
+            verbs=entity.verbs,
+            cameras=entity.cameras,
+            properties={key: value for key, value in entity.properties.items() if key not in entity.hidden},
+        )
+
+    def _entities_of(
+        self, agent: AgentSpec, channel: ChannelSpec, registry: Registry, into: dict[str, EntityView]
+    ) -> None:
+        names = (channel.name,) if channel.source == "entity" else self._peer_resources(agent)
+        for name in names:
+            entity, state = self._entities.get(name), registry.states.get(name)
+            if entity is not None and state is not None and name in self._public:
+                own = name in agent.commands
+                into[name] = _merge(into.get(name), entity, state, channel.fields, name in registry.pending, own)
+
+    def _peer_resources(self, agent: AgentSpec) -> tuple[str, ...]:
+        return tuple(name for peer in self._instance.agents if peer.id != agent.id for name in peer.controls)
+
+    def _cells(self, channel: ChannelSpec, registry: Registry) -> Iterable[CellView]:
+        for cell in self._instance.cells:
+            if cell.grid == channel.name:
+                visit = registry.visits.get(cell.name)
+                yield CellView(
+                    name=cell.name,
+                    visited_tick=visit.tick if visit else None,
+                    visited_by=visit.entity if visit else None,
+                )
+
+    def _events(
+        self, task_events: Sequence[TaskEvent], adjudicated: Sequence[Event], tick: int
+    ) -> tuple[EventView, ...]:
+        engine = tuple(
+            EventView(id=f"t{tick}-{number}", kind=event.kind, tick=tick, entities=self._named(event.entities))
+            for number, event in enumerate(task_events, 1)
+        )
+        judged = tuple(
+            EventView(id=event.id, kind=event.kind, tick=event.tick, entities=self._named(event.bindings))
+            for event in adjudicated
+        )
+        return engine + judged
+
+    def _named(self, names: Iterable[str]) -> tuple[str, ...]:
+        return tuple(name for name in names if name in self._public)
+
+
+def _merge(
+    seen: EntityView | None, entity: Entity, state: BodyState, fields: Sequence[str], pending: bool, own: bool
+) -> EntityView:
+    """A view with the channel's fields added to what other channels already show."""
+    wanted = STATE_FIELDS if "*" in fields else tuple(name for name in STATE_FIELDS if name in fields)
+    shown: Mapping[str, object] = {name: getattr(state, name) for name in wanted if name not in entity.hidden}
+    base = {} if seen is None else {name: getattr(seen, name) for name in (*STATE_FIELDS, "busy")}
+    busy = pending if own or "busy" in fields else base.get("busy")
+    return EntityView(id=entity.id, type=entity.type, **{**base, **shown, "busy": busy})  # type: ignore[arg-type]
