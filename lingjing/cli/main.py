@@ -67,7 +67,7 @@ def _dispatch(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(
         prog="lingjing",
         description="Missions for heterogeneous unmanned systems: write, play, score, replay.",
-        epilog="exit codes: 0 done, 1 the mission has errors, 2 usage, 3 infrastructure abort, 70 a bug, 130 interrupted",
+        epilog="exit codes: 0 done, 1 mission errors, 2 usage, 3 infrastructure abort, 70 a bug, 130 interrupted",
     )
     parser.add_argument("--version", action="store_true", help="print the version and stop")
     subparsers = parser.add_subparsers(dest="verb", metavar="VERB", title="verbs")

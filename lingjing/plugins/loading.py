@@ -34,9 +34,7 @@ def load_policy(spec: str, host: PluginHost) -> PolicyPlugin:
     cls = _policy_class(_load_module(Path(path)), Path(path), name)
     privileged = bool(vars(cls).get("privileged", False))
     summary = (inspect.getdoc(cls) or "").partition("\n")[0]
-    return PolicyPlugin(
-        name=f"{Path(path).name}:{cls.__name__}", factory=cls, privileged=privileged, summary=summary
-    )
+    return PolicyPlugin(name=f"{Path(path).name}:{cls.__name__}", factory=cls, privileged=privileged, summary=summary)
 
 
 def build_policy(plugin: PolicyPlugin, arguments: dict[str, str]) -> Policy:
@@ -106,7 +104,8 @@ def _only_policy(own: dict[str, type], path: Path) -> type:
     policies = [cls for cls in own.values() if all(callable(getattr(cls, method, None)) for method in _METHODS)]
     if len(policies) != 1:
         names = ", ".join(cls.__name__ for cls in policies) or "none"
-        raise UsageError(f"`{path}` does not hold exactly one policy class", hint=f"name one: {path}:CLASS; it has: {names}")
+        hint = f"name one: {path}:CLASS; it has: {names}"
+        raise UsageError(f"`{path}` does not hold exactly one policy class", hint=hint)
     _check_methods(policies[0], path)
     return policies[0]
 

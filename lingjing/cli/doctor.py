@@ -1,0 +1,169 @@
+"""`lingjing doctor`: check that this machine can play missions; every line says ok or what to do."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import platform
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+
+from lingjing.cli.libraries import SYSTEM_LIBRARIES, apt_line, missing_libraries
+from lingjing.errors import ExitCode, LingjingError
+
+PROBE_S = 60.0
+"""A probe that takes longer is reported as hanging."""
+ROOM_BYTES = 1 << 30
+"""Free disk that ten long episodes with pictures fit in."""
+
+_GL_PROBE = """
+import moderngl
+context = moderngl.create_standalone_context(backend="egl")
+print(context.info["GL_RENDERER"], "| OpenGL", context.version_code / 100)
+context.release()
+"""
+_JSBSIM_PROBE = """
+import os
+os.environ["JSBSIM_DEBUG"] = "0"
+import jsbsim
+jsbsim.FGFDMExec(None)
+print("JSBSim", jsbsim.__version__)
+"""
+_MEMFD_PROBE = """
+import os
+os.close(os.memfd_create("lingjing"))
+child = os.fork()
+if child == 0:
+    os._exit(0)
+assert os.waitpid(child, 0)[1] == 0
+print("fork and memfd_create work")
+"""
+
+
+class Finding(msgspec.Struct, frozen=True, kw_only=True):
+    """One line: what was looked at, what was found and, if it is not well, what to do."""
+
+    name: str
+    ok: bool
+    found: str
+    advice: str = ""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Declare the verb and its options."""
+    parser = subparsers.add_parser("doctor", help="check that this machine can play missions", description=__doc__)
+    parser.add_argument("--output-format", choices=("text", "json"), default="text")
+
+
+def handler(args: argparse.Namespace) -> int:
+    """Print every finding; 0 if all are well, else 3."""
+    findings: list[Finding] = []
+    for check in CHECKS:
+        finding = check()
+        findings.append(finding)
+        if args.output_format == "text":
+            _print(finding)
+    if args.output_format == "json":
+        sys.stdout.write(msgspec.json.encode(findings).decode() + "\n")
+    return ExitCode.OK if all(finding.ok for finding in findings) else ExitCode.INFRASTRUCTURE
+
+
+def check_python() -> Finding:
+    """The interpreter is new enough."""
+    ok = sys.version_info >= (3, 11)
+    return Finding(name="python", ok=ok, found=platform.python_version(), advice="" if ok else "use Python 3.11")
+
+
+def check_system() -> Finding:
+    """Episodes need Linux; elsewhere the language tools work."""
+    ok = sys.platform == "linux"
+    advice = "" if ok else "play missions on Linux or WSL2; validate and compile work here"
+    return Finding(name="system", ok=ok, found=platform.platform(terse=True), advice=advice)
+
+
+def check_libraries() -> Finding:
+    """The system libraries load."""
+    missing = missing_libraries()
+    if not missing:
+        return Finding(name="libraries", ok=True, found=", ".join(library.soname for library in SYSTEM_LIBRARIES))
+    names = ", ".join(library.soname for library in missing)
+    return Finding(name="libraries", ok=False, found=f"cannot load {names}", advice=apt_line(missing))
+
+
+def check_rendering() -> Finding:
+    """A process of its own opens an OpenGL context and names the renderer."""
+    return _probe("rendering", _GL_PROBE, f"see `libraries` above, or {apt_line(SYSTEM_LIBRARIES)}")
+
+
+def check_flight() -> Finding:
+    """JSBSim starts."""
+    return _probe("flight", _JSBSIM_PROBE, "reinstall it: pip install --force-reinstall jsbsim")
+
+
+def check_processes() -> Finding:
+    """What the world process and its snapshots stand on."""
+    return _probe("processes", _MEMFD_PROBE, "a sandbox forbids fork or memfd_create: allow them, or --world inline")
+
+
+def check_disk() -> Finding:
+    """Room and permission for runs in the working folder."""
+    here = Path.cwd()
+    free = shutil.disk_usage(here).free
+    writable = os.access(here, os.W_OK)
+    found = f"{free / 1e9:.1f} GB free, {'writable' if writable else 'read-only'}"
+    ok = writable and free >= ROOM_BYTES
+    return Finding(name="disk", ok=ok, found=found, advice="" if ok else "work in another folder, or use -o")
+
+
+def check_plugins() -> Finding:
+    """Entry points load and offer at least an engine and a policy."""
+    from lingjing.plugins.host import PluginHost
+
+    try:
+        host = PluginHost()
+    except LingjingError as error:
+        return Finding(name="plugins", ok=False, found=str(error), advice="reinstall or remove that plug-in")
+    found = f"{len(host.engines)} engines, {len(host.policies)} policies, {len(host.scenes)} scenes"
+    ok = bool(host.engines and host.policies and host.scenes)
+    return Finding(name="plugins", ok=ok, found=found, advice="" if ok else "install lingjing-agents")
+
+
+CHECKS: tuple[Callable[[], Finding], ...] = (
+    check_python,
+    check_system,
+    check_libraries,
+    check_rendering,
+    check_flight,
+    check_processes,
+    check_disk,
+    check_plugins,
+)
+
+
+def _probe(name: str, code: str, advice: str) -> Finding:
+    """Run `code` in a process of its own: a crash there is a finding, not our end."""
+    command = [sys.executable, "-c", code]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=PROBE_S, check=False)
+    except subprocess.TimeoutExpired:
+        return Finding(name=name, ok=False, found=f"no answer within {PROBE_S:.0f} s", advice=advice)
+    if done.returncode == 0:
+        return Finding(name=name, ok=True, found=_last_line(done.stdout))
+    reason = _last_line(done.stderr) or f"ended with code {done.returncode}"
+    return Finding(name=name, ok=False, found=reason, advice=advice)
+
+
+def _last_line(text: str) -> str:
+    lines = text.strip().splitlines()
+    return lines[-1] if lines else ""
+
+
+def _print(finding: Finding) -> None:
+    print(f"{'ok ' if finding.ok else 'BAD'} {finding.name}: {finding.found}", flush=True)
+    if finding.advice:
+        print(f"    do: {finding.advice}", flush=True)

@@ -1,0 +1,159 @@
+"""Several episodes: one after another on a warm world here, or a few at a time in processes of their own."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, TYPE_CHECKING
+
+import msgspec
+
+from lingjing.cli.progress import LiveProgress
+from lingjing.cli.scoreboard import INTERRUPTED, EpisodeReport
+from lingjing.errors import ExitCode, InfrastructureError, LingjingError, UsageError
+from lingjing.mission.model import Mission
+
+if TYPE_CHECKING:
+    from lingjing.kernel.api import EpisodeResult
+
+GRACE_S = 15.0
+"""How long an interrupted episode may take to close its workers."""
+
+
+@dataclass(frozen=True, slots=True)
+class RunOptions:
+    """What `lingjing run` was asked for, less the seeds and the folders."""
+
+    path: Path
+    policy: str
+    policies_for: Mapping[str, str]
+    policy_args: Mapping[str, str]
+    mode: str | None
+    settings: Mapping[str, float]
+    world: str
+    blank_pictures: bool
+
+    def command(self, seed: int, folder: Path) -> list[str]:
+        """The command line that plays this one episode and prints its JSON object."""
+        line = [sys.executable, "-m", "lingjing.cli.main", "run", str(self.path), "--json"]
+        line += ["--seed", str(seed), "-o", str(folder), "--policy", self.policy, "--world", self.world]
+        line += ["--mode", self.mode] if self.mode else []
+        line += ["--blank-pictures"] if self.blank_pictures else []
+        for option, pairs in (
+            ("--set", self.settings),
+            ("--policy-for", self.policies_for),
+            ("--policy-arg", self.policy_args),
+        ):
+            line += [part for name, value in pairs.items() for part in (option, f"{name}={value}")]
+        return line
+
+
+def play_here(mission: Mission, options: RunOptions, places: Iterable[tuple[int, Path]]) -> Iterator[EpisodeReport]:
+    """Play (seed, folder) pairs in order in this process; an interrupted episode is the last one."""
+    from lingjing.kernel.api import run
+
+    for seed, folder in places:
+        with LiveProgress(f"{mission.name} seed {seed}") as progress:
+            result = run(
+                mission,
+                policy=options.policy,
+                policies_for=options.policies_for,
+                policy_args=options.policy_args,
+                seed=seed,
+                mode=options.mode,
+                settings=options.settings,
+                out=folder,
+                world=options.world,
+                blank_pictures=options.blank_pictures,
+                progress=progress,
+            )
+        report = _report(mission, options, seed, result)
+        yield report
+        if report.reason == INTERRUPTED:
+            return
+
+
+def _report(mission: Mission, options: RunOptions, seed: int, result: EpisodeResult) -> EpisodeReport:
+    return EpisodeReport(
+        mission=mission.name,
+        seed=seed,
+        mode=options.mode or mission.modes.default,
+        policy=options.policy,
+        success=result.success,
+        reason=result.reason,
+        scr=result.scr,
+        ticks=result.ticks,
+        digest=result.digest,
+        trace=str(result.trace),
+        metrics=msgspec.to_builtins(result.metrics),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Child:
+    process: subprocess.Popen[bytes]
+    output: IO[bytes]
+    errors: IO[bytes]
+
+
+def play_apart(options: RunOptions, places: Iterable[tuple[int, Path]], jobs: int) -> Iterator[EpisodeReport]:
+    """Play (seed, folder) pairs in child processes, `jobs` at a time, in order of completion.
+
+    A child that fails before it has a result raises with its own message and exit code; the others are ended.
+    """
+    waiting = iter(places)
+    running: list[_Child] = []
+    try:
+        while True:
+            while len(running) < jobs and (place := next(waiting, None)) is not None:
+                running.append(_start(options.command(*place)))
+            if not running:
+                return
+            done = [child for child in running if child.process.poll() is not None]
+            running = [child for child in running if child not in done]
+            for child in done:
+                yield _finish(child)
+            if not done:
+                time.sleep(0.05)
+    finally:
+        _end(running)
+
+
+def _start(command: list[str]) -> _Child:
+    output, errors = tempfile.TemporaryFile(), tempfile.TemporaryFile()  # noqa: SIM115 - the child outlives this call
+    process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=output, stderr=errors)
+    return _Child(process, output, errors)
+
+
+def _finish(child: _Child) -> EpisodeReport:
+    child.output.seek(0)
+    child.errors.seek(0)
+    printed, complaint = child.output.read(), child.errors.read().decode(errors="replace").strip()
+    if printed:
+        return msgspec.json.decode(printed, type=EpisodeReport)
+    code = child.process.returncode
+    if code == ExitCode.INTERRUPTED:
+        raise KeyboardInterrupt
+    kinds: dict[int, type[LingjingError]] = {ExitCode.USAGE: UsageError, ExitCode.INFRASTRUCTURE: InfrastructureError}
+    raise kinds.get(code, LingjingError)(complaint.removeprefix("error: ") or f"an episode ended with code {code}")
+
+
+def _end(children: list[_Child]) -> None:
+    """Ask every child to stop as Ctrl-C would, then make sure."""
+    for child in children:
+        with suppress(ProcessLookupError):
+            child.process.send_signal(signal.SIGINT)
+    deadline = time.monotonic() + GRACE_S
+    for child in children:
+        try:
+            child.process.wait(max(0.1, deadline - time.monotonic()))
+        except subprocess.TimeoutExpired:
+            child.process.kill()
+            child.process.wait()

@@ -1,0 +1,45 @@
+"""Where a run is kept: a new folder each time, claimed by its creation, never an old one."""
+
+from __future__ import annotations
+
+from itertools import count
+from pathlib import Path
+
+from lingjing.errors import UsageError
+
+RUNS = Path("runs")
+
+
+def claim_run_folder(mission: str, mode: str, seed: int, root: Path = RUNS) -> Path:
+    """Create and return `<root>/<mission>-<mode>-<seed>-<n>` with the first free n from 1.
+
+    `mkdir` is atomic, so that two commands at once get two folders. Raises `UsageError` if it cannot be written.
+    """
+    for number in count(1):
+        folder = root / f"{mission}-{mode}-{seed}-{number}"
+        try:
+            folder.mkdir(parents=True)
+        except FileExistsError:
+            if not root.is_dir():
+                raise UsageError(f"`{root}` is not a folder", hint="choose another place with -o") from None
+            continue
+        except OSError as error:
+            raise _unwritable(folder, error) from error
+        return folder
+    raise AssertionError("count() never ends")
+
+
+def claim_folder(folder: Path) -> Path:
+    """Create `folder`, or take it if it is there and empty; one that holds anything is a `UsageError`."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        occupied = any(folder.iterdir())
+    except OSError as error:
+        raise _unwritable(folder, error) from error
+    if occupied:
+        raise UsageError(f"`{folder}` is not empty", hint="runs are never overwritten: name a new folder")
+    return folder
+
+
+def _unwritable(folder: Path, error: OSError) -> UsageError:
+    return UsageError(f"cannot write the output folder `{folder}`: {error.strerror}", hint="choose another with -o")

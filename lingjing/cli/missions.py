@@ -1,0 +1,39 @@
+"""Which mission file a word on the command line means."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from lingjing.data import data_path
+from lingjing.errors import UsageError
+
+
+def find_mission(word: str) -> Path:
+    """A file that is there wins; else a shipped mission by name (`ssr`, `scenarios/ssr.ljs`, `reset/ssr-001.json`).
+
+    Raises `UsageError` if neither is there. `-` stays what it is: standard input.
+    """
+    path = Path(word)
+    if word == "-" or path.exists():
+        return path
+    shipped = _shipped(path)
+    if shipped is None:
+        raise UsageError(f"there is no mission `{word}`", hint=f"shipped missions: {', '.join(shipped_missions())}")
+    return shipped
+
+
+def shipped_missions() -> tuple[str, ...]:
+    """The names of the missions that come with the package, sorted."""
+    return tuple(sorted(path.stem for path in data_path("scenarios").glob("*.ljs")))
+
+
+def _shipped(path: Path) -> Path | None:
+    if path.is_absolute() or ".." in path.parts:
+        return None
+    parts = path.parts[1:] if path.parts[:1] == ("scenarios",) else path.parts
+    if not parts:
+        return None
+    candidate = data_path("scenarios", *parts)
+    if not candidate.suffix:
+        candidate = candidate.with_suffix(".ljs")
+    return candidate if candidate.is_file() else None

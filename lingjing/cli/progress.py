@@ -1,0 +1,87 @@
+"""The live line of an episode: tick, simulated time, real-time factor, last event. Only on a terminal."""
+
+from __future__ import annotations
+
+import sys
+from types import TracebackType
+from typing import TYPE_CHECKING, Protocol, Self
+
+if TYPE_CHECKING:
+    from rich.progress import Progress as Bar
+
+
+class Boundary(Protocol):
+    """What the kernel tells after each boundary."""
+
+    @property
+    def tick(self) -> int:
+        """The boundary's tick."""
+        ...
+
+    @property
+    def ticks(self) -> int:
+        """The budget of ticks."""
+        ...
+
+    @property
+    def time_s(self) -> float:
+        """Simulated seconds."""
+        ...
+
+    @property
+    def wall_s(self) -> float:
+        """Real seconds since the episode began."""
+        ...
+
+    @property
+    def last_event(self) -> str:
+        """One line about the latest event, or an empty one."""
+        ...
+
+
+def describe(boundary: Boundary) -> str:
+    """`t=120 s  ×3.4  rescued victim[1]`; the factor is simulated by real seconds."""
+    factor = f"×{boundary.time_s / boundary.wall_s:.1f}" if boundary.wall_s > 0 else "×–"
+    return f"t={boundary.time_s:.0f} s  {factor}  {boundary.last_event}"
+
+
+class LiveProgress:
+    """A context manager to be called after each boundary; silent if standard error is no terminal."""
+
+    def __init__(self, title: str) -> None:
+        self._title = title
+        self._bar: Bar | None = None
+
+    def __enter__(self) -> Self:
+        if sys.stderr.isatty():
+            self._bar = _bar()
+            self._bar.start()
+            self._bar.add_task(self._title, total=None, text="starting")
+        return self
+
+    def __call__(self, boundary: Boundary) -> None:
+        """Show this boundary."""
+        if self._bar is not None:
+            self._bar.update(
+                self._bar.task_ids[0], completed=boundary.tick, total=boundary.ticks, text=describe(boundary)
+            )
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+
+
+def _bar() -> Bar:
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(bar_width=24),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[text]}", markup=False),
+        console=Console(stderr=True),
+        transient=True,
+    )

@@ -1,0 +1,98 @@
+"""`lingjing run MISSION`: play one or several episodes to a score, a trace and a picture."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from pathlib import Path
+
+from lingjing.cli.fleet import RunOptions, play_apart, play_here
+from lingjing.cli.folders import RUNS, claim_folder, claim_run_folder
+from lingjing.cli.missions import find_mission
+from lingjing.cli.pairs import parse_pairs, parse_seed, parse_seeds, parse_settings
+from lingjing.cli.scoreboard import EpisodeReport, exit_code, print_episode, print_json, print_suite, summarise
+from lingjing.errors import UsageError
+from lingjing.mission.model import Mission
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Declare the verb and its options."""
+    parser = subparsers.add_parser("run", help="play a mission to a score and a trace", description=__doc__)
+    parser.add_argument("mission", metavar="MISSION", help="a .ljs or resetScenario .json file, or a shipped name")
+    which = parser.add_mutually_exclusive_group()
+    which.add_argument("--seed", metavar="N", default="0", help="the episode's seed (default 0)")
+    which.add_argument("--seeds", metavar="A-B", help="several seeds, both ends included")
+    parser.add_argument("--mode", choices=("star", "broadcast"), help="communication mode (default: the mission's)")
+    parser.add_argument("--set", metavar="NAME=VALUE", action="append", default=[], help="set a mission parameter")
+    parser.add_argument(
+        "--policy", metavar="NAME|FILE.py:CLASS", default="heuristic", help="who plays (default heuristic)"
+    )
+    parser.add_argument(
+        "--policy-for", metavar="ROLE_OR_AGENT=NAME", action="append", default=[], help="who plays this role or agent"
+    )
+    parser.add_argument("--policy-arg", metavar="K=V", action="append", default=[], help="an option of the policy")
+    parser.add_argument("-o", "--output", metavar="DIR", help="a new or empty folder (default: a new one in runs/)")
+    parser.add_argument("--world", choices=("process", "inline"), default="process", help="where the engines run")
+    parser.add_argument("--blank-pictures", action="store_true", help="hand the policies black pictures (a control)")
+    parser.add_argument("-j", "--jobs", metavar="N", type=int, default=1, help="play N seeds at a time")
+    parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+
+
+def handler(args: argparse.Namespace) -> int:
+    """Play, print, and answer with the exit code."""
+    from lingjing.dsl.load import load_mission
+
+    if args.jobs < 1:
+        raise UsageError(f"-j {args.jobs}: at least one")
+    path = find_mission(args.mission)
+    options = _options(args, path)
+    seeds = parse_seeds(args.seeds) if args.seeds else (parse_seed(args.seed),)
+    mission = load_mission(path)
+    if args.seeds is None:
+        return _run_one(args, mission, options, seeds[0])
+    return _run_many(args, mission, options, seeds)
+
+
+def _options(args: argparse.Namespace, path: Path) -> RunOptions:
+    return RunOptions(
+        path=path,
+        policy=args.policy,
+        policies_for=parse_pairs("--policy-for", args.policy_for),
+        policy_args=parse_pairs("--policy-arg", args.policy_arg),
+        mode=args.mode,
+        settings=parse_settings(parse_pairs("--set", args.set)),
+        world=args.world,
+        blank_pictures=args.blank_pictures,
+    )
+
+
+def _run_one(args: argparse.Namespace, mission: Mission, options: RunOptions, seed: int) -> int:
+    mode = options.mode or mission.modes.default
+    folder = claim_folder(Path(args.output)) if args.output else claim_run_folder(mission.name, mode, seed)
+    (episode,) = play_here(mission, options, [(seed, folder)])
+    if args.json:
+        print_json(episode)
+    else:
+        print_episode(episode)
+    return exit_code([episode])
+
+
+def _run_many(args: argparse.Namespace, mission: Mission, options: RunOptions, seeds: tuple[int, ...]) -> int:
+    mode = options.mode or mission.modes.default
+    root = claim_folder(Path(args.output)) if args.output else RUNS
+    places = ((seed, claim_run_folder(mission.name, mode, seed, root)) for seed in seeds)
+    episodes = tuple(_played(args.jobs, mission, options, places))
+    report = summarise(episodes, seeds=args.seeds, folder=str(root))
+    if args.json:
+        print_json(report)
+    else:
+        print_suite(report)
+    return exit_code(episodes)
+
+
+def _played(
+    jobs: int, mission: Mission, options: RunOptions, places: Iterator[tuple[int, Path]]
+) -> Iterator[EpisodeReport]:
+    if jobs == 1:
+        return play_here(mission, options, places)
+    return iter(sorted(play_apart(options, places, jobs), key=lambda episode: episode.seed))
