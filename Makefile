@@ -1,0 +1,38 @@
+# Every target sets up what it needs first; a second run sets nothing up again.
+PYTHON3 ?= python3
+BIN := .venv/bin
+PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile -q
+
+.PHONY: help setup demo test check bench study clean
+
+help:
+	@echo 'make demo    play the sea rescue, seed 7, broadcast, with the heuristic agents'
+	@echo 'make test    run the tests'
+	@echo 'make check   ruff, mypy, import contracts and the tests'
+	@echo 'make bench   compare with others, side by side'
+	@echo 'make study   seeds 0-19, both modes, all reference agents: hours'
+
+setup:
+	@$(PYTHON3) tools/setup.py
+
+demo: setup
+	@$(BIN)/lingjing run scenarios/ssr.ljs --seed 7 --mode broadcast --policy heuristic
+
+test: setup
+	@$(PYTEST)
+
+check: setup
+	@$(BIN)/ruff check .
+	@$(BIN)/mypy
+	@$(BIN)/lint-imports
+	@$(PYTEST)
+
+bench: setup
+	@$(PYTHON3) tools/setup.py --bench
+	@$(BIN)/python benchmarks/all.py
+
+study: setup
+	@$(BIN)/python -m lingjing.bench.study
+
+clean:
+	rm -rf build .pytest_cache .mypy_cache .ruff_cache .import_linter_cache

@@ -1,0 +1,194 @@
+"""Make the project's own environment: `.venv` with the core, the agents and the development tools.
+
+Runs on a bare Python 3.11 with the standard library alone, under a lock (two at once are one after the other), and
+leaves a stamp over everything that decides the result, so that a second run does nothing. Exit codes: 0 ready,
+2 something to install by hand first (the line to do it is printed), 3 an installer failed, 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import fcntl
+import hashlib
+import os
+import platform
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT))
+
+from lingjing.cli.libraries import missing_libraries  # noqa: E402 - found through the line above
+
+BY_HAND, FAILED, INTERRUPTED = 2, 3, 130
+
+
+@dataclass(frozen=True)
+class Environment:
+    """A virtual environment: where it is, what decides its contents and the pip steps that fill it."""
+
+    folder: Path
+    inputs: tuple[Path, ...]
+    steps: tuple[tuple[str, ...], ...]
+
+    @property
+    def python(self) -> Path:
+        """Its interpreter."""
+        return self.folder / "bin" / "python"
+
+    @property
+    def stamp(self) -> Path:
+        """The file that says what it was made from."""
+        return self.folder / "setup.stamp"
+
+    def fingerprint(self) -> str:
+        """SHA-256 over the inputs, the interpreter and the place (environments cannot be moved)."""
+        digest = hashlib.sha256(f"{sys.version}\n{platform.machine()}\n{self.folder}\n".encode())
+        for path in self.inputs:
+            digest.update(f"{path.name}\n".encode() + path.read_bytes())
+        return digest.hexdigest()
+
+    def ready(self) -> bool:
+        """It was made from exactly these inputs and its interpreter is still there."""
+        return self.python.exists() and self.stamp.is_file() and self.stamp.read_text() == self.fingerprint()
+
+
+CONSTRAINTS = ROOT / "constraints.txt"
+BENCH = ROOT / "benchmarks" / "requirements.txt"
+MAIN_ENVIRONMENT = Environment(
+    folder=ROOT / ".venv",
+    inputs=(ROOT / "pyproject.toml", ROOT / "agents" / "pyproject.toml", CONSTRAINTS, Path(__file__)),
+    steps=(
+        ("-c", str(CONSTRAINTS), "hatchling", "editables"),
+        ("-c", str(CONSTRAINTS), "--no-build-isolation", "-e", f"{ROOT}[dev]", "-e", f"{ROOT / 'agents'}[litellm]"),
+    ),
+)
+BENCH_ENVIRONMENT = Environment(
+    folder=ROOT / ".venv-bench",
+    inputs=(BENCH, Path(__file__)),
+    steps=(("-r", str(BENCH)),),
+)
+
+
+class SetupError(Exception):
+    """Cannot go on; `code` is the exit code, the message says what to do."""
+
+    def __init__(self, code: int, message: str) -> None:
+        super().__init__(message)
+        self.code = code
+
+
+def main() -> int:
+    """Set up what was asked for; see the module's docstring for the exit codes."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--bench", action="store_true", help="the environment of foreign packages (.venv-bench)")
+    args = parser.parse_args()
+    try:
+        with locked():
+            if args.bench:
+                ensure(BENCH_ENVIRONMENT)
+            else:
+                ensure_libraries()
+                ensure(MAIN_ENVIRONMENT)
+    except SetupError as error:
+        print(f"setup: {error}", file=sys.stderr)
+        return error.code
+    except KeyboardInterrupt:
+        print("setup: interrupted; run it again to go on", file=sys.stderr)
+        return INTERRUPTED
+    return 0
+
+
+@contextlib.contextmanager
+def locked() -> Iterator[None]:
+    """Hold the set-up lock of this checkout; the kernel lets go of it however we end."""
+    path = ROOT / "build" / "setup.lock"
+    path.parent.mkdir(exist_ok=True)
+    with path.open("w") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            print("setup: another one is running here, waiting for it", file=sys.stderr)
+            fcntl.flock(file, fcntl.LOCK_EX)
+        yield
+
+
+def ensure(environment: Environment) -> None:
+    """Make the environment unless its stamp says that it is made."""
+    if environment.ready():
+        return
+    if sys.version_info < (3, 11):  # noqa: UP036 - whoever runs this may have an older one
+        raise SetupError(BY_HAND, f"needs Python 3.11 or newer, this is {platform.python_version()}")
+    environment.stamp.unlink(missing_ok=True)
+    create(environment)
+    for step in environment.steps:
+        print(f"setup: installing into {environment.folder.name}", file=sys.stderr)
+        pip(environment, step)
+    partial = environment.stamp.with_suffix(".part")
+    partial.write_text(environment.fingerprint())
+    partial.replace(environment.stamp)
+
+
+def create(environment: Environment) -> None:
+    """A virtual environment with a pip that runs; a broken one is made anew."""
+    if runs(environment.python, "-m", "pip", "--version"):
+        return
+    if not runs(Path(sys.executable), "-c", "import ensurepip, venv"):
+        apt(["python3-venv"])
+    print(f"setup: creating {environment.folder.name}", file=sys.stderr)
+    clear = [] if runs(environment.python, "-c", "") else ["--clear"]
+    made = subprocess.run([sys.executable, "-m", "venv", *clear, str(environment.folder)], check=False)
+    if made.returncode != 0:
+        raise SetupError(FAILED, f"could not create {environment.folder.name}; its message is above")
+
+
+def pip(environment: Environment, arguments: tuple[str, ...]) -> None:
+    """One pip installation, quiet unless it fails."""
+    options = ("--quiet", "--disable-pip-version-check", "--no-input")
+    command = [str(environment.python), "-m", "pip", "install", *options, *arguments]
+    if subprocess.run(command, check=False).returncode != 0:
+        raise SetupError(FAILED, "pip could not install the packages; its message is above. Run the same again")
+
+
+def ensure_libraries() -> None:
+    """The system libraries load; those that do not are installed, or the line to install them is printed."""
+    missing = missing_libraries()
+    if not missing:
+        return
+    names = ", ".join(library.soname for library in missing)
+    print(f"setup: cannot load {names}", file=sys.stderr)
+    apt(sorted({library.package for library in missing}))
+    still = missing_libraries()
+    if still:
+        raise SetupError(FAILED, f"still cannot load {', '.join(library.soname for library in still)}")
+
+
+def apt(packages: list[str]) -> None:
+    """Install Debian packages if we are root, else stop with the one line that does."""
+    line = f"apt-get install -y {' '.join(packages)}"
+    if os.geteuid() != 0 or shutil.which("apt-get") is None:
+        raise SetupError(BY_HAND, f"install these first, then run the same again:\n  sudo {line}")
+    environment = {**os.environ, "DEBIAN_FRONTEND": "noninteractive"}
+    install = ["apt-get", "install", "-y", "-q", "--no-install-recommends", "-o", "DPkg::Lock::Timeout=300", *packages]
+    print(f"setup: {line}", file=sys.stderr)
+    quiet = {"env": environment, "stdout": subprocess.DEVNULL}
+    subprocess.run(["apt-get", "update", "-q"], check=False, **quiet)
+    if subprocess.run(install, check=False, **quiet).returncode != 0:
+        raise SetupError(FAILED, f"`{line}` failed; its message is above")
+
+
+def runs(program: Path, *arguments: str) -> bool:
+    """Whether this command can be run and ends well; what it prints is of no interest."""
+    try:
+        return subprocess.run([str(program), *arguments], capture_output=True, check=False).returncode == 0
+    except OSError:
+        return False
+
+
+if __name__ == "__main__":
+    sys.exit(main())
