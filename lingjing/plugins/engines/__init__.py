@@ -1,6 +1,7 @@
 """The built-in engines, plug-ins like anybody's.
 
 `builtin` declares them. Shared by them: `sea` (waves, wind, current), `plane` (bearings, polygons, land and water),
-`stream` (seeded random streams), `requests` (admission and receipts of pending commands). Then one package for each
+`clock` (fixed-step time),
+`requests` (admission and receipts of pending commands). Then one package for each
 kind of motion: `multirotor` (JSBSim), `vessel` (3-DOF), `city` (targets and their interactions), and `camera`.
 """

@@ -76,9 +76,7 @@ def elevation(components: Sequence[WaveComponent], x: float, y: float, t: float)
 
 def rise(components: Sequence[WaveComponent], x: float, y: float, t: float) -> float:
     """Vertical velocity of the surface, m/s: the time derivative of `elevation`."""
-    return sum(
-        wave.amplitude_m * 2.0 * math.pi / wave.period_s * math.sin(wave.angle(x, y, t)) for wave in components
-    )
+    return sum(wave.amplitude_m * 2.0 * math.pi / wave.period_s * math.sin(wave.angle(x, y, t)) for wave in components)
 
 
 def slope(components: Sequence[WaveComponent], x: float, y: float, t: float) -> tuple[float, float]:

@@ -1,0 +1,78 @@
+"""The plug-in that declares the built-in engines and scenes; every factory imports what it needs when it is called."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from lingjing.mission.instance import SceneSpec
+from lingjing.plugins.engine import Engine, EnginePlugin
+from lingjing.plugins.hookspecs import ScenePlugin, hookimpl
+from lingjing.scene.city import City
+
+
+def _multirotor() -> Engine:
+    from lingjing.plugins.engines.multirotor.engine import MultirotorEngine
+
+    return MultirotorEngine()
+
+
+def _vessel() -> Engine:
+    from lingjing.plugins.engines.vessel.engine import VesselEngine
+
+    return VesselEngine()
+
+
+def _city() -> Engine:
+    from lingjing.plugins.engines.city.engine import CityEngine
+
+    return CityEngine()
+
+
+def _camera() -> Engine:
+    from lingjing.plugins.engines.camera.engine import CameraEngine
+
+    return CameraEngine()
+
+
+def _bay(spec: SceneSpec) -> City:
+    from lingjing.scene.bay import build
+
+    return build(spec)
+
+
+@hookimpl
+def lingjing_engines() -> Iterable[EnginePlugin]:
+    """The engines that come with the project."""
+    return (
+        EnginePlugin(
+            name="multirotor",
+            factory=_multirotor,
+            native_dt_s=0.02,
+            summary="Multirotors: JSBSim at 250 Hz under a 50 Hz position controller, with wind and battery.",
+        ),
+        EnginePlugin(
+            name="vessel",
+            factory=_vessel,
+            native_dt_s=0.1,
+            summary="Surface vessels: 3-DOF surge, sway and yaw at 10 Hz in waves, current and wind.",
+        ),
+        EnginePlugin(
+            name="city",
+            factory=_city,
+            native_dt_s=0.1,
+            summary="Targets and what may be done to them: drifting people and unlocked interactions.",
+        ),
+        EnginePlugin(
+            name="camera",
+            factory=_camera,
+            place="camera",
+            sensor=True,
+            summary="Rendered pictures of the city: RGB, depth and class ids with exact ground-truth boxes.",
+        ),
+    )
+
+
+@hookimpl
+def lingjing_scenes() -> Iterable[ScenePlugin]:
+    """The scenes that come with the project."""
+    return (ScenePlugin(name="bay", build=_bay, summary="A bay with a pier: open water, shore, buoys and debris."),)

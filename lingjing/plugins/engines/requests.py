@@ -1,0 +1,127 @@
+"""Requests in progress: admission, progress and the end of long commands, with their receipts.
+
+An engine admits a command with `accept` or `reject` (the receipt of `submit`) and reports what becomes of it with
+`run`, `complete` and `fail`, whose receipts wait here until `drain` hands them to the boundary. One request a
+resource; only `stop` replaces one that is still pending, which then ends as `rejected: preempted`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from lingjing.trace.records import Command, Receipt, Status
+
+STOP = "stop"
+"""The one verb that pre-empts a pending request."""
+
+
+class Refusal(Exception):  # noqa: N818 - a refusal is an answer and not an error
+    """Raised while a command is examined: a stable reason code and a sentence for people."""
+
+    def __init__(self, reason: str, detail: str) -> None:
+        super().__init__(detail)
+        self.reason = reason
+        self.detail = detail
+
+
+def number(command: Command, name: str) -> float:
+    """A finite numeric argument, or `Refusal(bad_argument)`."""
+    value = optional_number(command, name)
+    if value is None:
+        raise Refusal("bad_argument", f"`{command.verb}` needs `{name}`")
+    return value
+
+
+def optional_number(command: Command, name: str) -> float | None:
+    """A finite numeric argument or None if it is not given, or `Refusal(bad_argument)`."""
+    value = command.arguments.get(name)
+    if value is None:
+        return None
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise Refusal("bad_argument", f"`{name}` of `{command.verb}` must be a finite number, not {value!r}")
+    return float(value)
+
+
+class Requests:
+    """The pending requests of one engine, by resource, and the receipts not handed over yet."""
+
+    def __init__(self, engine: str) -> None:
+        self._engine = engine
+        self._pending: dict[str, Command] = {}
+        self._reported: dict[str, float] = {}
+        self._outbox: list[Receipt] = []
+
+    def pending(self, resource: str) -> Command | None:
+        """The request that holds a resource."""
+        return self._pending.get(resource)
+
+    def admit(self, command: Command, time_s: float, examine: Callable[[Command], None]) -> Receipt:
+        """Examine a command and open it: `examine` starts it or raises `Refusal`. Returns its admission receipt."""
+        try:
+            self._check_busy(command)
+            examine(command)
+        except Refusal as refusal:
+            return self._receipt(command, "rejected", time_s, refusal.reason, refusal.detail)
+        if command.resource in self._pending:
+            self.fail(command.resource, time_s, "preempted", f"`{command.verb}` {command.id} took over")
+        self._pending[command.resource] = command
+        return self._receipt(command, "accepted", time_s)
+
+    def run(self, resource: str, time_s: float, progress: float) -> None:
+        """Report progress (0..1, never falling) of the pending request, if there is one."""
+        command = self._pending.get(resource)
+        if command is None:
+            return
+        reached = max(min(progress, 1.0), self._reported.get(resource, 0.0))
+        self._reported[resource] = reached
+        self._outbox.append(self._receipt(command, "running", time_s, progress=reached))
+
+    def complete(self, resource: str, time_s: float) -> None:
+        """The pending request is done."""
+        command = self._close(resource)
+        if command is not None:
+            self._outbox.append(self._receipt(command, "completed", time_s, progress=1.0))
+
+    def fail(self, resource: str, time_s: float, reason: str, detail: str) -> None:
+        """The pending request ends without having been done."""
+        command = self._close(resource)
+        if command is not None:
+            self._outbox.append(self._receipt(command, "rejected", time_s, reason, detail))
+
+    def drain(self) -> tuple[Receipt, ...]:
+        """Hand over the receipts since the last call, in the order they arose."""
+        receipts = tuple(self._outbox)
+        self._outbox.clear()
+        return receipts
+
+    def _check_busy(self, command: Command) -> None:
+        held = self._pending.get(command.resource)
+        if held is not None and command.verb != STOP:
+            raise Refusal("busy", f"`{command.resource}` is still busy with `{held.verb}` {held.id}; `stop` ends it")
+
+    def _close(self, resource: str) -> Command | None:
+        self._reported.pop(resource, None)
+        return self._pending.pop(resource, None)
+
+    def _receipt(
+        self,
+        command: Command,
+        status: Status,
+        time_s: float,
+        reason: str = "",
+        detail: str = "",
+        progress: float | None = None,
+    ) -> Receipt:
+        return Receipt(
+            request=command.id,
+            tick=command.tick,
+            sender=command.sender,
+            resource=command.resource,
+            status=status,
+            reason=reason,
+            detail=detail,
+            by=self._engine,
+            time_s=time_s,
+            progress=progress,
+        )
