@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from lingjing.dsl.load import load_mission as compile  # noqa: A004 - `lingjing.compile` is the public name
-    from lingjing.kernel.api import EpisodeResult, run
+    from lingjing.bench.episode import EpisodeResult, run
     from lingjing.mission.model import Mission
 
     __version__: str
@@ -22,10 +22,10 @@ if TYPE_CHECKING:
 __all__ = ["EpisodeResult", "Mission", "__version__", "compile", "run"]
 
 _EXPORTS = {
-    "EpisodeResult": ("lingjing.kernel.api", "EpisodeResult"),
+    "EpisodeResult": ("lingjing.bench.episode", "EpisodeResult"),
     "Mission": ("lingjing.mission.model", "Mission"),
     "compile": ("lingjing.dsl.load", "load_mission"),
-    "run": ("lingjing.kernel.api", "run"),
+    "run": ("lingjing.bench.episode", "run"),
 }
 
 

@@ -21,7 +21,7 @@ from lingjing.errors import ExitCode, InfrastructureError, LingjingError, UsageE
 from lingjing.mission.model import Mission
 
 if TYPE_CHECKING:
-    from lingjing.kernel.api import EpisodeResult
+    from lingjing.bench.episode import EpisodeResult
 
 GRACE_S = 15.0
 """How long an interrupted episode may take to close its workers."""
@@ -57,7 +57,7 @@ class RunOptions:
 
 def play_here(mission: Mission, options: RunOptions, places: Iterable[tuple[int, Path]]) -> Iterator[EpisodeReport]:
     """Play (seed, folder) pairs in order in this process; an interrupted episode is the last one."""
-    from lingjing.kernel.api import run
+    from lingjing.bench.episode import run
 
     for seed, folder in places:
         with LiveProgress(f"{mission.name} seed {seed}") as progress:

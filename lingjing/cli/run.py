@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from lingjing.cli.fleet import RunOptions, play_apart, play_here
-from lingjing.cli.folders import RUNS, claim_folder, claim_run_folder
+from lingjing.bench.folders import RUNS, claim_folder, claim_run_folder
 from lingjing.cli.missions import find_mission
 from lingjing.cli.pairs import parse_pairs, parse_seed, parse_seeds, parse_settings
 from lingjing.cli.scoreboard import EpisodeReport, exit_code, print_episode, print_json, print_suite, summarise

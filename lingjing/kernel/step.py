@@ -109,27 +109,27 @@ class Kernel:
         self.state = KernelState(registry=initial(instance))
 
     def reset(self) -> Published:
-        """Lines 1 to 20: reset every engine, commit and publish boundary 0."""
+        """Lines 1 to 19: reset every engine, commit and publish boundary 0."""
         self.state = KernelState(registry=initial(self.instance))
         return self._commit(self.world.reset(self.instance, self._city), _Inputs())
 
     def step(self, decisions: Sequence[DecisionRecord]) -> Published:
-        """Lines 28 to 52: take the collected policy outputs to the next boundary.
+        """Lines 28 to 53: take the collected policy outputs to the next boundary.
 
         `decisions` are in declaration order, one for each active agent (missing agents count as no-ops).
         """
         started = time.perf_counter()
         registry, tick = self.state.registry, self.state.registry.tick + 1
-        envelopes, about_messages = self._router.expand(  # line 30: ValidateAndExpand
+        envelopes, about_messages = self._router.expand(  # line 29: ValidateAndExpand
             [(made.agent, made.decision.messages) for made in decisions], tick, registry.frames
         )
-        commands, about_commands = self._gate.resolve(  # line 31: ValidateAndResolve
+        commands, about_commands = self._gate.resolve(  # line 30: ValidateAndResolve
             [(made.agent, made.decision.command) for made in decisions], registry, tick
         )
-        self.state = replace(self.state, bus=self.state.bus.stage(envelopes))  # line 32
+        self.state = replace(self.state, bus=self.state.bus.stage(envelopes))  # line 31
         motion = tuple(command for command in commands if command.verb != pictures.PHOTO)
         unlocks = self._unlocking(tick)
-        boundary = self.world.step(tick, unlocks + motion)  # lines 33 to 42
+        boundary = self.world.step(tick, unlocks + motion)  # lines 32 to 42
         receipts = about_messages + about_commands + _substitutions(decisions, tick, registry.time_s)
         return self._commit(boundary, _Inputs(tuple(decisions), commands, unlocks, envelopes, receipts, started))
 
@@ -191,7 +191,7 @@ class Kernel:
     def _engine_receipts(
         self, boundary: WorldBoundary, inputs: _Inputs, answers: Sequence[StoredFrame | Absent]
     ) -> tuple[Receipt, ...]:
-        """C^E: admissions (a missing one is timed out, lines 36 to 38), later receipts of long requests, pictures."""
+        """C^E: admissions (a missing one is timed out, lines 35 to 38), later receipts of long requests, pictures."""
         sent = {command.id: command for command in inputs.unlocks + inputs.commands}
         missing = tuple(
             Receipt(

@@ -1,0 +1,286 @@
+"""One episode from a mission to a score: `run`, and `Session` for several on warm workers.
+
+Works in a plain script, in a worker process and inside a notebook's running loop alike: policies have loops of their
+own, and the engines live in processes that end with this one.
+"""
+
+from __future__ import annotations
+
+import datetime
+import hashlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Literal, Self
+
+import msgspec
+
+from lingjing.bench.folders import claim_run_folder
+from lingjing.errors import UsageError
+from lingjing.kernel.episode import Progress, play, seat
+from lingjing.kernel.fingerprint import fingerprint
+from lingjing.kernel.step import Kernel
+from lingjing.kernel.world import open_world
+from lingjing.kernel.world.contract import StoredFrame, World
+from lingjing.mission.instance import AgentSpec, Instance
+from lingjing.mission.instantiate import instantiate
+from lingjing.mission.model import Mission
+from lingjing.plugins.host import PluginHost
+from lingjing.plugins.loading import build_policy, load_policy
+from lingjing.plugins.policy import Policy, PolicyPlugin
+from lingjing.scene.city import City
+from lingjing.trace.reader import Trace, read_trace
+from lingjing.trace.records import AgentBinding, BoundaryRecord, Header, Outcome
+from lingjing.trace.writer import TraceWriter
+
+if TYPE_CHECKING:
+    from lingjing.analysis.metrics import Metrics
+
+PolicySpec = str | Callable[..., Policy]
+"""A policy's name, `FILE.py:CLASS`, or anything that returns a policy object when called."""
+
+TRACE_NAME = "trace.mcap"
+OVERVIEW_NAME = "overview.png"
+
+
+@dataclass(frozen=True, slots=True)
+class EpisodeResult:
+    """What came of one episode. `trace` is the MCAP file (a `.part` if the episode was cut short), `scr` the subtask
+    completion rate in 0..1, `detail` the cause of an abort."""
+
+    mission: str
+    seed: int
+    mode: str
+    success: bool
+    reason: str
+    scr: float
+    ticks: int
+    digest: str
+    frames_digest: str
+    trace: Path
+    folder: Path
+    metrics: Metrics
+    detail: str = ""
+
+
+class EpisodeInterrupted(KeyboardInterrupt):
+    """Ctrl-C in the middle of an episode: its partial trace is closed and scored in `result`."""
+
+    def __init__(self, result: EpisodeResult) -> None:
+        super().__init__(f"interrupted at tick {result.ticks}; the partial trace is {result.trace}")
+        self.result = result
+
+
+class Session:
+    """Plays episodes one after another on the same warm workers. A context manager; `close` ends the workers."""
+
+    def __init__(self, world: Literal["process", "inline"] = "process", host: PluginHost | None = None) -> None:
+        self.host = host or PluginHost()
+        self._kind = world
+        self._world: World | None = None
+
+    def run(
+        self,
+        mission: Mission,
+        *,
+        policy: PolicySpec = "heuristic",
+        policies_for: Mapping[str, PolicySpec] | None = None,
+        policy_args: Mapping[str, str] | None = None,
+        seed: int = 0,
+        mode: str | None = None,
+        settings: Mapping[str, float] | None = None,
+        out: str | Path | None = None,
+        blank_pictures: bool = False,
+        overview: bool = True,
+        progress: Callable[[Progress], None] | None = None,
+    ) -> EpisodeResult:
+        """Play one episode; see `lingjing.run` for the arguments and the errors."""
+        instance = instantiate(mission, seed=seed, mode=mode, settings=settings)
+        seats = _cast(instance, policy, policies_for or {}, dict(policy_args or {}), self.host)
+        city = self.host.scene(instance.scene.kind).build(instance.scene)
+        policies = {agent: build_policy(plugin, arguments) for agent, (plugin, arguments) in seats.items()}
+        recorder: list[TraceWriter] = []
+        kernel = Kernel(
+            instance,
+            city,
+            self._open(),
+            privileged=frozenset(agent for agent, (plugin, _) in seats.items() if plugin.privileged),
+            record=lambda record, frames: recorder[0].boundary(record, _stored(frames)),
+            blank_pictures=blank_pictures,
+        )
+        barrier = seat(kernel, policies)
+        folder = Path(out) if out is not None else claim_run_folder(instance.mission, instance.mode, seed)
+        writer = _writer(folder, instance, city, seats, barrier.close)
+        recorder.append(writer)
+        try:
+            outcome = play(kernel, barrier, writer, progress)
+        except KeyboardInterrupt:
+            self.close()
+            raise EpisodeInterrupted(_result(writer.part, folder, overview=False)) from None
+        partial = outcome.reason == "infrastructure-abort"
+        return _result(writer.part if partial else writer.path, folder, overview=overview)
+
+    def close(self) -> None:
+        """End the workers; the next episode starts new ones."""
+        if self._world is not None:
+            self._world.close()
+            self._world = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self.close()
+
+    def _open(self) -> World:
+        if self._world is None:
+            self._world = open_world(self._kind, host=self.host)
+        return self._world
+
+
+def run(
+    mission: Mission,
+    *,
+    policy: PolicySpec = "heuristic",
+    policies_for: Mapping[str, PolicySpec] | None = None,
+    policy_args: Mapping[str, str] | None = None,
+    seed: int = 0,
+    mode: str | None = None,
+    settings: Mapping[str, float] | None = None,
+    out: str | Path | None = None,
+    world: Literal["process", "inline"] = "process",
+    blank_pictures: bool = False,
+    overview: bool = True,
+    progress: Callable[[Progress], None] | None = None,
+) -> EpisodeResult:
+    """Play `mission` once and return its score.
+
+    `policy` plays every agent; `policies_for` overrides it by role or agent id; `policy_args` go to every policy
+    that takes them. `mode` and `settings` default to the mission's. `out` is a new or empty folder (default:
+    a new one under `runs/`) that receives `trace.mcap` and `overview.png`. `blank_pictures` hands policies black
+    pictures. `progress` is called at every boundary.
+
+    Raises `UsageError` for wrong arguments and unwritable folders, `MissionError` for a mission that cannot be
+    instantiated, `EpisodeInterrupted` on Ctrl-C. An engine that fails is no exception: the result's `reason` is
+    `infrastructure-abort` and `detail` says which engine and why.
+    """
+    with Session(world) as session:
+        return session.run(
+            mission,
+            policy=policy,
+            policies_for=policies_for,
+            policy_args=policy_args,
+            seed=seed,
+            mode=mode,
+            settings=settings,
+            out=out,
+            blank_pictures=blank_pictures,
+            overview=overview,
+            progress=progress,
+        )
+
+
+Seat = tuple[PolicyPlugin, dict[str, str]]
+
+
+def _cast(
+    instance: Instance,
+    default: PolicySpec,
+    chosen: Mapping[str, PolicySpec],
+    arguments: Mapping[str, str],
+    host: PluginHost,
+) -> dict[str, Seat]:
+    """Who plays whom. An override for a role or agent that the mission does not have is a `UsageError`."""
+    roles = dict.fromkeys(agent.role for agent in instance.agents)
+    names = dict.fromkeys((*roles, *(name for agent in instance.agents for name in (agent.name, agent.id))))
+    for name in chosen:
+        if name not in names:
+            raise UsageError(
+                f"no role or agent is called `{name}` in {instance.mode} mode", hint=f"there are: {', '.join(names)}"
+            )
+    loaded: dict[str, PolicyPlugin] = {}
+
+    def plugin_for(agent: AgentSpec) -> PolicyPlugin:
+        spec = next((chosen[name] for name in (agent.id, agent.name, agent.role) if name in chosen), default)
+        if not isinstance(spec, str):
+            return _plugin(spec)
+        if spec not in loaded:
+            loaded[spec] = load_policy(spec, host)
+        return loaded[spec]
+
+    return {agent.id: (plugin_for(agent), dict(arguments)) for agent in instance.agents}
+
+
+def _plugin(factory: Callable[..., Policy]) -> PolicyPlugin:
+    """A class or function given from Python; its attribute `privileged` counts as its declaration."""
+    name = getattr(factory, "__qualname__", type(factory).__name__)
+    return PolicyPlugin(name=name, factory=factory, privileged=bool(vars(factory).get("privileged", False)))
+
+
+def _stored(frames: object) -> list[tuple[object, bytes, object, object]]:
+    assert isinstance(frames, tuple)
+    return [(frame.info, frame.jpeg, frame.depth, frame.semantic) for frame in frames if isinstance(frame, StoredFrame)]
+
+
+def _writer(
+    folder: Path, instance: Instance, city: City, seats: Mapping[str, Seat], undo: Callable[[], None]
+) -> TraceWriter:
+    header = Header(
+        instance=instance,
+        bindings=tuple(
+            AgentBinding(agent=agent, policy=plugin.name, privileged=plugin.privileged, arguments=arguments)
+            for agent, (plugin, arguments) in seats.items()
+        ),
+        fingerprint=fingerprint(),
+        city_sha256=hashlib.sha256(msgspec.json.encode(city)).hexdigest(),
+        attribution=city.attribution,
+        started_wall=datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+    )
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        return TraceWriter(folder / TRACE_NAME, header)
+    except OSError as error:
+        undo()
+        raise UsageError(f"cannot write to `{folder}`: {error.strerror}", hint="choose another folder") from error
+    except BaseException:
+        undo()
+        raise
+
+
+def _result(path: Path, folder: Path, *, overview: bool) -> EpisodeResult:
+    from lingjing.analysis.metrics import metrics
+    from lingjing.analysis.overview import draw_overview
+
+    trace = read_trace(path)
+    if overview:
+        draw_overview(trace, folder / OVERVIEW_NAME)
+    outcome = trace.outcome or _unknown(trace)
+    instance = trace.header.instance
+    return EpisodeResult(
+        mission=instance.mission,
+        seed=instance.seed,
+        mode=instance.mode,
+        success=outcome.success,
+        reason=outcome.reason,
+        scr=outcome.scr,
+        ticks=outcome.ticks,
+        digest=outcome.digest,
+        frames_digest=outcome.frames_digest,
+        trace=path,
+        folder=folder,
+        metrics=metrics(trace),
+        detail=outcome.detail,
+    )
+
+
+def _unknown(trace: Trace) -> Outcome:
+    last: BoundaryRecord | None = trace.boundaries[-1] if trace.boundaries else None
+    return Outcome(
+        success=False,
+        reason="interrupted",
+        scr=last.reward if last else 0.0,
+        ticks=last.tick if last else 0,
+        digest=last.digest if last else "",
+        frames_digest="",
+    )
