@@ -6,12 +6,14 @@ In the order control flows:
 - `bus` validates and expands messages (ValidateAndExpand, Stage, Commit, DeliveredTo);
 - `commands` validates and resolves physical commands (ValidateAndResolve);
 - `world` hosts and couples the engines (`contract` is all the kernel knows of it);
+- `assignments` reads destinations out of commands and messages;
 - `registry` is G, the shared state: an immutable value that `Update` replaces;
 - `pictures` turns captures into what is stored and what policies receive;
 - `visibility` projects what an agent may see (ProjectVisible) and may know (the brief);
 - `rules` evaluates expressions over run-time state, `adjudication` latches them as events (Adjudicate);
 - `evaluation` scores and ends the episode (Evaluate, TerminationReason);
 - `relations` names the occurrences of the five coordination relations;
+- `recording` derives records from what was published;
 - `step` is W.Step, `episode` the loop around it.
 
 In: an `Instance`, a `City`, a `World`, policies. Out: boundary records and an `Outcome`. Invariants: nothing that

@@ -70,9 +70,7 @@ class Gate:
         verb = _verb(entity, action.verb)
         assert verb is not None
         arguments, clipped = _clip(verb, action.arguments, entity, registry)
-        command = Command(
-            id=name, tick=tick, sender=sender, resource=resource, verb=action.verb, arguments=arguments
-        )
+        command = Command(id=name, tick=tick, sender=sender, resource=resource, verb=action.verb, arguments=arguments)
         if not clipped:
             return command, ()
         return command, (self._receipt(name, sender, resource, tick, "accepted", Fault("clipped", clipped)),)
@@ -145,9 +143,7 @@ def _identity_fault(sender: str, agent: AgentSpec | None, action: Action, tick: 
     return None
 
 
-def _resource_fault(
-    action: Action, resource: str, registry: Registry, admitted: Mapping[str, Command]
-) -> Fault | None:
+def _resource_fault(action: Action, resource: str, registry: Registry, admitted: Mapping[str, Command]) -> Fault | None:
     first = admitted.get(resource)
     if first is not None:
         return Fault("conflict", f"`{first.sender}` was admitted first (`{first.verb}`, {first.id})")

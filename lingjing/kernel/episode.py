@@ -84,9 +84,7 @@ def play(
     return outcome
 
 
-def _loop(
-    kernel: Kernel, barrier: PolicyBarrier, progress: Callable[[Progress], None] | None, started: float
-) -> str:
+def _loop(kernel: Kernel, barrier: PolicyBarrier, progress: Callable[[Progress], None] | None, started: float) -> str:
     published = kernel.reset()
     last = ""
     while True:

@@ -48,7 +48,7 @@ class MissionEvaluator:
     def evaluate(self, registry: Registry, events: Sequence[Event]) -> Evaluation:
         """Success before failure: a mission won at the boundary where it would be lost is won."""
         at = self._adjudicator.instant(registry, registry.states, registry.time_s)
-        parts = [holds for holds in parts_of(self._instance.success, {}, at)]
+        parts = list(parts_of(self._instance.success, {}, at))
         score = sum(parts) / len(parts) if parts else 0.0
         if at.truth(self._instance.success, {}):
             return Evaluation(score, True, "success")

@@ -47,9 +47,7 @@ class RelationTracker:
                 found.extend(_dependencies(relation, after, stages))
         return tuple(found)
 
-    def _messages(
-        self, relation: Relation, envelopes: Sequence[Envelope], tick: int
-    ) -> Iterator[RelationRecord]:
+    def _messages(self, relation: Relation, envelopes: Sequence[Envelope], tick: int) -> Iterator[RelationRecord]:
         kind = relation.carries or relation.by
         for edge in envelopes:
             roles = (self._role(edge.sender), self._role(edge.recipient))
@@ -68,9 +66,7 @@ class RelationTracker:
                 continue
             for partner in partners:
                 if partner != agent.id:
-                    yield RelationRecord(
-                        kind=relation.kind, source=agent.id, target=partner, by=name, tick=after.tick
-                    )
+                    yield RelationRecord(kind=relation.kind, source=agent.id, target=partner, by=name, tick=after.tick)
 
     def _conflicts(self, relation: Relation, receipts: Sequence[Receipt], tick: int) -> Iterator[RelationRecord]:
         for receipt in receipts:

@@ -101,7 +101,8 @@ def evaluate(expr: Expr, scope: Locals, at: Instant) -> Value:
 def bindings(domains: tuple[tuple[str, str], ...], at: Instant) -> Iterator[dict[str, Entity | Report]]:
     """Every assignment of the (variable, domain) pairs, first variable slowest."""
     names = [name for name, _ in domains]
-    for values in itertools.product(*(at.domain(domain) for _, domain in domains)):
+    members: list[tuple[Entity | Report, ...]] = [at.domain(domain) for _, domain in domains]
+    for values in itertools.product(*members):
         yield dict(zip(names, values, strict=True))
 
 

@@ -15,19 +15,20 @@ from dataclasses import dataclass, field, replace
 
 import msgspec
 
-from lingjing.kernel import pictures
+from lingjing.kernel import assignments, pictures
 from lingjing.kernel.adjudication import Adjudicator, Verdict
 from lingjing.kernel.bus import Bus, Router
 from lingjing.kernel.commands import Gate
 from lingjing.kernel.evaluation import Evaluation, Evaluator, MissionEvaluator, combine
-from lingjing.kernel.registry import Assignment, Registry, initial
+from lingjing.kernel.recording import inbox_record, observation_record, substitutions
+from lingjing.kernel.registry import Registry, initial
 from lingjing.kernel.relations import RelationTracker
 from lingjing.kernel.visibility import Projector
 from lingjing.kernel.world.contract import StoredFrame, World, WorldBoundary
-from lingjing.mission.instance import AgentSpec, Instance
+from lingjing.mission.instance import Instance
 from lingjing.plugins.policy import Brief, Inbox, Observation
 from lingjing.scene.city import City
-from lingjing.trace.digest import START, input_digest, next_digest, next_frames_digest
+from lingjing.trace.digest import START, next_digest, next_frames_digest
 from lingjing.trace.records import (
     Absent,
     BoundaryRecord,
@@ -35,9 +36,6 @@ from lingjing.trace.records import (
     DecisionRecord,
     Envelope,
     Event,
-    FrameInfo,
-    InboxRecord,
-    ObservationRecord,
     Receipt,
 )
 
@@ -50,12 +48,12 @@ class KernelState:
     """Everything that changes from boundary to boundary, as one value."""
 
     registry: Registry
-    bus: Bus = Bus()
+    bus: Bus = field(default_factory=Bus)
     unlocks: tuple[tuple[str, str], ...] = ()
     adjudicated: tuple[Event, ...] = ()
     digest: str = START
     frames_digest: str = START
-    evaluation: Evaluation = Evaluation(0.0, False)
+    evaluation: Evaluation = field(default_factory=lambda: Evaluation(0.0, False))
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,7 +128,7 @@ class Kernel:
         motion = tuple(command for command in commands if command.verb != pictures.PHOTO)
         unlocks = self._unlocking(tick)
         boundary = self.world.step(tick, unlocks + motion)  # lines 32 to 42
-        receipts = about_messages + about_commands + _substitutions(decisions, tick, registry.time_s)
+        receipts = about_messages + about_commands + substitutions(decisions, tick, registry.time_s)
         return self._commit(boundary, _Inputs(tuple(decisions), commands, unlocks, envelopes, receipts, started))
 
     def fork(self, record: Record | None = None) -> Kernel:
@@ -234,28 +232,13 @@ class Kernel:
             .with_events(boundary.events)
             .with_frames([frame.info for frame in frames], self.instance)
             .with_messages(inputs.envelopes, self._adjudicator.kinds)
-            .with_assignments(self._assignments(inputs, receipts))
+            .with_assignments(
+                (
+                    *assignments.from_commands(inputs.commands, receipts),
+                    *assignments.from_messages(inputs.envelopes, self.instance.agents),
+                )
+            )
         )
-
-    def _assignments(self, inputs: _Inputs, receipts: Sequence[Receipt]) -> tuple[Assignment, ...]:
-        """Destinations given at this boundary: accepted commands with `x` and `y`, assignment messages with a
-        position for a resource or for the agent that controls it."""
-        accepted = {receipt.request for receipt in receipts if receipt.status == "accepted"}
-        tick = inputs.commands[0].tick if inputs.commands else (inputs.envelopes[0].tick if inputs.envelopes else 0)
-        found = [
-            Assignment(command.resource, float(command.arguments["x"]), float(command.arguments["y"]), tick)  # type: ignore[arg-type]
-            for command in inputs.commands
-            if command.id in accepted and {"x", "y"} <= command.arguments.keys()
-        ]
-        controls = {agent.id: agent.controls for agent in self.instance.agents}
-        seen: set[str] = set()
-        for edge in inputs.envelopes:
-            place, name = edge.body.get("position"), str(edge.body.get("assignee"))
-            if edge.category == "assignment" and edge.id not in seen and isinstance(place, tuple):
-                seen.add(edge.id)
-                for resource in controls.get(name, (name,)):
-                    found.append(Assignment(resource, float(place[0]), float(place[1]), tick))
-        return tuple(found)
 
     def _observe(
         self, registry: Registry, boundary: WorldBoundary, answers: Sequence[StoredFrame | Absent]
@@ -275,9 +258,7 @@ class Kernel:
             )
             if agent.id in self._privileged:
                 mine = {picture.frame for picture in observation.pictures}
-                truth = self._projector.privileged(
-                    registry, [frame.info for frame in frames if frame.info.id in mine]
-                )
+                truth = self._projector.privileged(registry, [frame.info for frame in frames if frame.info.id in mine])
                 observation = replace(observation, privileged=truth)
             out[agent.id] = observation
         return out
@@ -303,10 +284,9 @@ class Kernel:
             task_events=boundary.events,
             frames=tuple(infos.values()),
             observations=tuple(
-                _observation_record(agent, observations[agent.id], inboxes[agent.id], infos)
-                for agent in self.instance.agents
+                observation_record(observations[agent.id], inboxes[agent.id], infos) for agent in self.instance.agents
             ),
-            inboxes=tuple(_inbox_record(agent, inboxes[agent.id]) for agent in self.instance.agents),
+            inboxes=tuple(inbox_record(agent.id, inboxes[agent.id]) for agent in self.instance.agents),
             decisions=inputs.decisions,
             commands=inputs.unlocks + inputs.commands,
             messages=inputs.envelopes,
@@ -326,44 +306,3 @@ class Kernel:
 
 def _with_digest(record: BoundaryRecord, digest: str, started: float) -> BoundaryRecord:
     return msgspec.structs.replace(record, digest=digest, wall_s=time.perf_counter() - started)
-
-
-def _substitutions(decisions: Sequence[DecisionRecord], tick: int, time_s: float) -> tuple[Receipt, ...]:
-    """One receipt for each policy output that had to be replaced, addressed to the agent itself."""
-    return tuple(
-        Receipt(
-            request=f"p{tick}-{made.agent}",
-            tick=tick,
-            sender=made.agent,
-            resource="",
-            status="substituted",
-            reason=made.substituted,
-            detail=made.detail,
-            by="policy",
-            time_s=time_s,
-        )
-        for made in decisions
-        if made.substituted
-    )
-
-
-def _observation_record(
-    agent: AgentSpec, observation: Observation, inbox: Inbox, infos: Mapping[str, FrameInfo]
-) -> ObservationRecord:
-    record = ObservationRecord(
-        agent=agent.id,
-        entities=observation.entities,
-        cells=observation.cells,
-        events=observation.events,
-        frames=tuple(picture.frame for picture in observation.pictures),
-        absent=observation.absent,
-        privileged=observation.privileged is not None,
-    )
-    shown = [infos[name] for name in record.frames]
-    return msgspec.structs.replace(record, sha256=input_digest(record, inbox.messages, inbox.receipts, shown))
-
-
-def _inbox_record(agent: AgentSpec, inbox: Inbox) -> InboxRecord:
-    return InboxRecord(
-        agent=agent.id, messages=tuple(edge.id for edge in inbox.messages), receipts=inbox.receipts
-    )
