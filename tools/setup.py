@@ -60,6 +60,7 @@ class Environment:
 
 CONSTRAINTS = ROOT / "constraints.txt"
 BENCH = ROOT / "benchmarks" / "requirements.txt"
+BENCH_CONSTRAINTS = ROOT / "benchmarks" / "constraints.txt"
 MAIN_ENVIRONMENT = Environment(
     folder=ROOT / ".venv",
     inputs=(ROOT / "pyproject.toml", ROOT / "agents" / "pyproject.toml", CONSTRAINTS, Path(__file__)),
@@ -70,8 +71,8 @@ MAIN_ENVIRONMENT = Environment(
 )
 BENCH_ENVIRONMENT = Environment(
     folder=ROOT / ".venv-bench",
-    inputs=(BENCH, Path(__file__)),
-    steps=(("-r", str(BENCH)),),
+    inputs=(BENCH, BENCH_CONSTRAINTS, Path(__file__)),
+    steps=(("-c", str(BENCH_CONSTRAINTS), "-r", str(BENCH)),),
 )
 
 
@@ -149,7 +150,7 @@ def create(environment: Environment) -> None:
 
 def pip(environment: Environment, arguments: tuple[str, ...]) -> None:
     """One pip installation, quiet unless it fails."""
-    options = ("--quiet", "--disable-pip-version-check", "--no-input")
+    options = ("-qq", "--disable-pip-version-check", "--no-input")
     command = [str(environment.python), "-m", "pip", "install", *options, *arguments]
     if subprocess.run(command, check=False).returncode != 0:
         raise SetupError(FAILED, "pip could not install the packages; its message is above. Run the same again")
