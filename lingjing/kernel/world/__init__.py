@@ -1,0 +1,48 @@
+"""The world: engines behind one door, in the caller or in two worker processes.
+
+In the order in which a call meets them:
+
+- `contract`    what the kernel asks (`World`) and gets (`WorldBoundary`, `StoredFrame`)
+- `process`     `ProcessWorld`: a world process and a camera process; `inline` `InlineWorld`: all in the caller
+- `casting`     which engines an instance needs and where each runs
+- `conductor`   the coupling: a tick as macro-steps of all parts
+- `ensemble`    the engines of one place ← `coherence` (what a boundary must be) ← `calling` (the guarded call)
+- `sensor`      the sensor engine ← `frames` (a drawn picture as it is stored)
+- `handle`      the caller's end of a worker ← `launch` (its process) ← `channel` (framing) ← `messages`, `shared`
+- `worker`      the far end: `python -m lingjing.kernel.world.worker`
+
+Invariants: both worlds report the same boundaries and pictures; a worker never outlives its caller; whatever goes
+wrong with an engine is one `InfrastructureError` that names it, after which `reset` starts afresh.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal
+
+if TYPE_CHECKING:
+    from lingjing.kernel.world.contract import World
+
+__all__ = ["open_world"]
+
+
+def open_world(
+    kind: Literal["process", "inline"],
+    *,
+    plugins: tuple[str, ...] = (),
+    paths: tuple[str, ...] = (),
+    installed: bool = True,
+    quality: int = 90,
+) -> World:
+    """A world of the given kind, idle until `reset`.
+
+    `plugins` are extra plug-in objects as `module:attribute`, importable here and in the workers (where `paths` come
+    before the caller's `sys.path`); without `installed` they are the only ones. `quality` is that of the JPEGs.
+    """
+    if kind == "inline":
+        from lingjing.kernel.world.extras import host_with
+        from lingjing.kernel.world.inline import InlineWorld
+
+        return InlineWorld(host_with(plugins, installed=installed), quality=quality)
+    from lingjing.kernel.world.process import ProcessWorld
+
+    return ProcessWorld(plugins=plugins, paths=paths, installed=installed, quality=quality)

@@ -1,0 +1,45 @@
+"""Which engines an instance needs and where each of them runs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from lingjing.errors import UsageError
+from lingjing.mission.instance import Instance
+from lingjing.plugins.host import PluginHost
+
+CAMERA = "camera"
+
+
+@dataclass(frozen=True, slots=True)
+class Cast:
+    """Engine names by place, each sorted: `local` motion engines, `remote` bridges, and the sensor engine, if the
+    instance has a camera and a plug-in draws pictures."""
+
+    local: tuple[str, ...]
+    remote: tuple[str, ...]
+    sensor: str | None
+
+
+def cast(instance: Instance, host: PluginHost) -> Cast:
+    """The cast of `instance`; `UsageError` names an engine that is not installed or cannot own entities."""
+    places = {entity.engine: _place(host, entity.engine, entity.id) for entity in instance.entities}
+    return Cast(
+        local=tuple(sorted(name for name, place in places.items() if place == "world")),
+        remote=tuple(sorted(name for name, place in places.items() if place == "remote")),
+        sensor=_sensor(host) if any(entity.cameras for entity in instance.entities) else None,
+    )
+
+
+def _place(host: PluginHost, engine: str, entity: str) -> str:
+    place = host.engine(engine).place
+    if place == "camera":
+        raise UsageError(f"engine `{engine}` draws pictures and cannot move `{entity}`", hint="see `lingjing plugins`")
+    return place
+
+
+def _sensor(host: PluginHost) -> str | None:
+    names = [name for name, plugin in host.engines.items() if plugin.sensor and plugin.place == "camera"]
+    if len(names) < 2 or CAMERA in names:
+        return CAMERA if CAMERA in names else next(iter(names), None)
+    raise UsageError(f"several engines draw pictures: {', '.join(names)}", hint=f"call one of them `{CAMERA}`")

@@ -1,0 +1,166 @@
+"""The coupling of all motion engines of an episode: one decision tick is a whole number of macro-steps.
+
+Pure: it knows no process and no clock on the wall. It conducts *parts* (the engines of one place); a part may be an
+`Ensemble` here or the far end of a socket. Where there is more than one part (a remote engine in the caller beside
+the world process), each sees the others' states at the interval's start, exactly as engines do within a part.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from lingjing.errors import UsageError
+from lingjing.kernel.world.contract import WorldBoundary
+from lingjing.kernel.world.ensemble import Report
+from lingjing.mission.instance import Clock, Instance
+from lingjing.trace.records import BodyState, Command, EngineStatus, Receipt, Snapshot, TaskEvent
+
+
+class Part(Protocol):
+    """The engines of one place, named in `engines`; see `Ensemble` for the meaning of the calls."""
+
+    @property
+    def engines(self) -> tuple[str, ...]:
+        """Names of the engines it hosts."""
+        ...
+
+    def reset(self) -> tuple[Report, ...]:
+        """READY(0) of every engine."""
+        ...
+
+    def submit(self, commands: Sequence[Command]) -> dict[str, Receipt]:
+        """Admission receipts by command id."""
+        ...
+
+    def advance(self, until: float, foreign: Sequence[BodyState] = ()) -> tuple[Report, ...]:
+        """One macro-step to `until` (s)."""
+        ...
+
+
+def macro_steps(clock: Clock) -> int:
+    """Macro-steps in a tick; `UsageError` if `tick` is not a whole multiple of `sync`."""
+    count = round(clock.tick_s / clock.sync_s)
+    if count < 1 or abs(count * clock.sync_s - clock.tick_s) > 1e-9 * clock.tick_s:
+        raise UsageError(f"the tick of {clock.tick_s} s is not a whole number of macro-steps of {clock.sync_s} s")
+    return count
+
+
+def macro_time_s(clock: Clock, tick: int, step: int) -> float:
+    """The time of macro-step `step` (from 1) of `tick`, from integers: nothing accumulates, ticks meet exactly."""
+    if step == macro_steps(clock):
+        return tick * clock.tick_s
+    return (tick - 1) * clock.tick_s + step * clock.sync_s
+
+
+@dataclass(frozen=True, slots=True)
+class _Seat:
+    part: Part
+    resources: frozenset[str]
+    foreign: tuple[str, ...]
+
+
+class Conductor:
+    """Drives the parts of one episode from boundary to boundary."""
+
+    def __init__(self, instance: Instance, parts: Sequence[Part]) -> None:
+        self._clock = instance.clock
+        self._order = tuple(entity.id for entity in instance.entities)
+        self._seats = tuple(_seat(instance, part) for part in parts)
+        self._states: dict[str, BodyState] = {}
+        self._frames: dict[str, int] = {}
+        self._macro_steps = macro_steps(instance.clock)
+        self.tick = 0
+
+    def reset(self) -> WorldBoundary:
+        """Reset all parts; boundary 0 holds one snapshot, at time 0."""
+        reports = _by_engine([report for seat in self._seats for report in seat.part.reset()])
+        snapshot = self._commit(reports, 0.0)
+        return WorldBoundary(
+            tick=0,
+            time_s=0.0,
+            snapshots=(snapshot,),
+            receipts=_receipts(reports),
+            events=_events(reports),
+            engines=self._status(reports, 0.0),
+        )
+
+    def step(self, tick: int, commands: Sequence[Command]) -> WorldBoundary:
+        """Submit `commands`, then run every macro-step of `tick`, which must follow the boundary before."""
+        if tick != self.tick + 1:
+            raise ValueError(f"boundary {tick} does not follow boundary {self.tick}")
+        admitted = self._submit(commands)
+        snapshots: list[Snapshot] = []
+        reports: list[Report] = []
+        for step in range(1, self._macro_steps + 1):
+            until = macro_time_s(self._clock, tick, step)
+            latest = self._advance(until)
+            snapshots.append(self._commit(latest, until))
+            reports.extend(latest)
+        self.tick = tick
+        return WorldBoundary(
+            tick=tick,
+            time_s=snapshots[-1].time_s,
+            snapshots=tuple(snapshots),
+            admissions=tuple(admitted[command.id] for command in commands if command.id in admitted),
+            missing=tuple(command.id for command in commands if command.id not in admitted),
+            receipts=_receipts(reports),
+            events=_events(reports),
+            engines=self._status(reports, snapshots[-1].time_s),
+        )
+
+    def _submit(self, commands: Sequence[Command]) -> dict[str, Receipt]:
+        for command in commands:
+            if command.resource not in self._states:
+                raise ValueError(f"command {command.id} is for `{command.resource}`, which no engine owns")
+        admitted: dict[str, Receipt] = {}
+        for seat in self._seats:
+            mine = [command for command in commands if command.resource in seat.resources]
+            if mine:
+                admitted.update(seat.part.submit(mine))
+        return admitted
+
+    def _advance(self, until: float) -> list[Report]:
+        states = self._states
+        return _by_engine(
+            [
+                report
+                for seat in self._seats
+                for report in seat.part.advance(until, [states[name] for name in seat.foreign])
+            ]
+        )
+
+    def _commit(self, reports: Sequence[Report], time_s: float) -> Snapshot:
+        for report in reports:
+            boundary = report.boundary
+            self._frames[boundary.engine] = self._frames.get(boundary.engine, -1) + 1
+            self._states.update((state.id, state) for state in boundary.states)
+        return Snapshot(time_s=time_s, states=tuple([self._states[name] for name in self._order]))
+
+    def _status(self, reports: Sequence[Report], time_s: float) -> tuple[EngineStatus, ...]:
+        waits: dict[str, float] = {}
+        for report in reports:
+            waits[report.boundary.engine] = waits.get(report.boundary.engine, 0.0) + report.wall_s
+        return tuple(
+            EngineStatus(engine=name, time_s=time_s, frame=self._frames[name], wait_wall_s=waits[name])
+            for name in sorted(waits)
+        )
+
+
+def _seat(instance: Instance, part: Part) -> _Seat:
+    mine = [entity.id for entity in instance.entities if entity.engine in part.engines]
+    foreign = tuple(entity.id for entity in instance.entities if entity.engine not in part.engines)
+    return _Seat(part, frozenset(mine), foreign)
+
+
+def _by_engine(reports: list[Report]) -> list[Report]:
+    return sorted(reports, key=lambda report: report.boundary.engine)
+
+
+def _receipts(reports: Sequence[Report]) -> tuple[Receipt, ...]:
+    return tuple(receipt for report in reports for receipt in report.boundary.receipts)
+
+
+def _events(reports: Sequence[Report]) -> tuple[TaskEvent, ...]:
+    return tuple(event for report in reports for event in report.boundary.events)

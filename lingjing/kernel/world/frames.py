@@ -1,0 +1,45 @@
+"""From what a sensor engine drew to what the trace stores: checked, encoded as JPEG, hashed.
+
+Runs where the camera runs, so that a raw picture never crosses a process border.
+"""
+
+from __future__ import annotations
+
+import hashlib
+
+import msgspec
+import numpy as np
+
+from lingjing.kernel.world.calling import broken
+from lingjing.kernel.world.contract import StoredFrame
+from lingjing.plugins.engine import CaptureRequest, Frame
+from lingjing.trace.images import encode_jpeg
+
+
+def stored(engine: str, frame: Frame, request: CaptureRequest, quality: int) -> StoredFrame:
+    """`frame` as it is kept; `InfrastructureError` if it is not an answer to `request` or has the wrong arrays."""
+    _check_identity(engine, frame, request)
+    _check_arrays(engine, frame)
+    jpeg = encode_jpeg(frame.rgb, quality)
+    info = msgspec.structs.replace(frame.info, sha256=hashlib.sha256(jpeg).hexdigest())
+    return StoredFrame(info, jpeg, frame.depth, frame.semantic)
+
+
+def _check_identity(engine: str, frame: Frame, request: CaptureRequest) -> None:
+    info = frame.info
+    wanted = (request.frame, request.entity, request.camera, request.tick)
+    if (info.id, info.entity, info.camera, info.tick) != wanted:
+        raise broken(engine, "capture", f"it drew `{info.id}` of `{info.entity}` when asked for `{request.frame}`")
+
+
+def _check_arrays(engine: str, frame: Frame) -> None:
+    height, width = frame.rgb.shape[:2]
+    layers = (
+        ("rgb", frame.rgb, np.uint8, (height, width, 3)),
+        ("depth", frame.depth, np.float32, (height, width)),
+        ("semantic", frame.semantic, np.uint8, (height, width)),
+    )
+    for name, array, dtype, shape in layers:
+        if array is not None and (array.dtype != dtype or array.shape != shape):
+            found = f"{array.dtype} {array.shape}"
+            raise broken(engine, "capture", f"`{name}` is {found}, not {np.dtype(dtype)} {shape}")

@@ -1,0 +1,122 @@
+"""`InlineWorld`: every engine in the caller. The same boundaries and pictures as `ProcessWorld`, for debuggers.
+
+Nothing can be killed here, so a deadline is judged after the call: a boundary that came too late is an
+infrastructure abort, a picture that came too late is absent. An engine that never returns hangs the caller.
+"""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Sequence
+
+from lingjing.errors import InfrastructureError, UsageError
+from lingjing.kernel.world.calling import absent, no_episode, no_sensor
+from lingjing.kernel.world.casting import cast
+from lingjing.kernel.world.conductor import Conductor
+from lingjing.kernel.world.contract import StoredFrame, World, WorldBoundary
+from lingjing.kernel.world.ensemble import Ensemble, close_engines, start_engines
+from lingjing.kernel.world.sensor import Sensor
+from lingjing.mission.instance import Instance
+from lingjing.plugins.engine import CaptureRequest, Engine
+from lingjing.plugins.host import PluginHost
+from lingjing.scene.city import City
+from lingjing.trace.records import Absent, BodyState, Command
+
+
+class InlineWorld:
+    """A `World` without processes: conductor and sensor in the caller. See `World` for the methods."""
+
+    def __init__(self, host: PluginHost, *, quality: int = 90) -> None:
+        self._host = host
+        self._quality = quality
+        self._engines: dict[str, Engine] = {}
+        self._instance: Instance | None = None
+        self._conductor: Conductor | None = None
+        self._sensor: Sensor | None = None
+
+    def reset(self, instance: Instance, city: City) -> WorldBoundary:
+        """Start an episode on fresh engines; the engines of the one before are closed."""
+        self.close()
+        roles = cast(instance, self._host)
+        motion = (*roles.local, *roles.remote)
+        try:
+            self._engines = start_engines(self._host, motion)
+            if roles.sensor is not None:
+                self._engines.update(start_engines(self._host, (roles.sensor,)))
+                self._sensor = Sensor(roles.sensor, self._engines[roles.sensor], self._quality)
+            self._conductor = Conductor(instance, (self._ensemble(instance, city, motion),))
+            self._instance = instance
+            return self._reset(instance, city, self._conductor)
+        except BaseException:
+            self.close()
+            raise
+
+    def step(self, tick: int, commands: Sequence[Command]) -> WorldBoundary:
+        """Advance to boundary `tick` in the caller."""
+        instance, conductor = self._episode()
+        started = time.monotonic()
+        try:
+            boundary = conductor.step(tick, commands)
+        except InfrastructureError:
+            self.close()
+            raise
+        self._judge(boundary, started, instance.budget.engine_s)
+        return boundary
+
+    def capture(
+        self, tick: int, requests: Sequence[CaptureRequest], states: Sequence[BodyState]
+    ) -> tuple[StoredFrame | Absent, ...]:
+        """Draw the pictures one after another; those that end after `budget.capture_s` are absent."""
+        instance, _ = self._episode()
+        if not requests:
+            return ()
+        if self._sensor is None:
+            raise no_sensor()
+        deadline = time.monotonic() + instance.budget.capture_s
+        self._sensor.settle(tick * instance.clock.tick_s, states)
+        return tuple(self._draw(self._sensor, request, deadline) for request in requests)
+
+    def fork(self) -> World:
+        """Engines in the caller cannot be copied."""
+        raise UsageError("a world in the caller cannot be forked", hint="use `--world process`")
+
+    def close(self) -> None:
+        """Close all engines; idempotent. An engine that fails to close is reported as a warning."""
+        engines, self._engines = self._engines, {}
+        self._instance = self._conductor = self._sensor = None
+        for problem in close_engines(engines):
+            warnings.warn(problem, RuntimeWarning, stacklevel=2)
+
+    def _ensemble(self, instance: Instance, city: City, motion: Sequence[str]) -> Ensemble:
+        return Ensemble(instance, city, {name: self._engines[name] for name in motion})
+
+    def _reset(self, instance: Instance, city: City, conductor: Conductor) -> WorldBoundary:
+        started = time.monotonic()
+        if self._sensor is not None:
+            self._sensor.reset(instance, city)
+        boundary = conductor.reset()
+        self._judge(boundary, started, instance.budget.engine_s)
+        return boundary
+
+    def _judge(self, boundary: WorldBoundary, started: float, budget_s: float) -> None:
+        taken = time.monotonic() - started
+        if taken <= budget_s:
+            return
+        self.close()
+        slowest = max(boundary.engines, key=lambda status: status.wait_wall_s, default=None)
+        blame = "" if slowest is None else f"; the slowest was `{slowest.engine}` with {slowest.wait_wall_s:.1f} s"
+        raise InfrastructureError(f"the engines took {taken:.1f} s of {budget_s:g} s for one boundary{blame}")
+
+    def _draw(self, sensor: Sensor, request: CaptureRequest, deadline: float) -> StoredFrame | Absent:
+        if time.monotonic() > deadline:
+            return absent(request, "late")
+        frame = sensor.picture(request)
+        if frame is None:
+            return absent(request, "not_drawn")
+        return absent(request, "late") if time.monotonic() > deadline else frame
+
+    def _episode(self) -> tuple[Instance, Conductor]:
+        if self._instance is None or self._conductor is None:
+            raise no_episode()
+        return self._instance, self._conductor

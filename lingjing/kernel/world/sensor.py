@@ -1,0 +1,53 @@
+"""The sensor engine at work: brought to a boundary once, then asked for one picture after another.
+
+It owns nothing and gets every entity's state as a mirror with each capture, so it remembers nothing between two
+captures and one camera serves a world and its forks alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from lingjing.kernel.world.calling import Enter, broken, engine_seed, guarded, ignore
+from lingjing.kernel.world.coherence import checked_boundary
+from lingjing.kernel.world.contract import StoredFrame
+from lingjing.kernel.world.frames import stored
+from lingjing.mission.instance import Instance
+from lingjing.plugins.engine import CaptureRequest, Engine, EngineSpec
+from lingjing.scene.city import City
+from lingjing.trace.records import BodyState
+
+
+class Sensor:
+    """One sensor engine, by name, with the JPEG quality its pictures are stored in."""
+
+    def __init__(self, name: str, engine: Engine, quality: int, enter: Enter = ignore) -> None:
+        self.name = name
+        self._engine = engine
+        self._quality = quality
+        self._enter = enter
+
+    def reset(self, instance: Instance, city: City) -> None:
+        """Build the drawn world of an episode."""
+        spec = EngineSpec(engine=self.name, instance=instance, owns=())
+        seed = engine_seed(instance.seed, self.name)
+        report, _ = guarded(self._enter, self.name, "reset", lambda: self._engine.reset(spec, city, seed))
+        checked_boundary(self.name, "reset", report, 0.0, ())
+
+    def settle(self, time_s: float, states: Sequence[BodyState]) -> None:
+        """Put every entity where it is at the boundary at `time_s`."""
+        mirrors = tuple(states)
+        report, _ = guarded(self._enter, self.name, "advance", lambda: self._engine.advance(time_s, mirrors))
+        checked_boundary(self.name, "advance", report, time_s, ())
+
+    def picture(self, request: CaptureRequest) -> StoredFrame | None:
+        """The picture as it is stored, or None if the engine drew none."""
+        frames, _ = guarded(self._enter, self.name, "capture", lambda: tuple(self._engine.capture((request,))))
+        if len(frames) > 1:
+            raise broken(self.name, "capture", f"it drew {len(frames)} pictures when asked for `{request.frame}`")
+        if not frames:
+            return None
+        try:
+            return stored(self.name, frames[0], request, self._quality)
+        except (TypeError, ValueError, AttributeError) as error:
+            raise broken(self.name, "capture", f"its picture is malformed: {error}") from error

@@ -1,0 +1,308 @@
+"""Toy engines for the tests of the world: exact arithmetic, a visible coupling, and one fault on demand.
+
+An entity's property `fault` names what goes wrong and `fault_at` the simulation time (s) at which it does.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+import time
+
+import numpy as np
+
+from lingjing.mission.expression import Flag
+from lingjing.mission.instance import (
+    Budget,
+    CameraSpec,
+    Clock,
+    CommsSpec,
+    Entity,
+    Instance,
+    SceneSpec,
+    Weather,
+)
+from lingjing.plugins.engine import Boundary, CaptureRequest, EnginePlugin, Frame
+from lingjing.plugins.hookspecs import hookimpl
+from lingjing.scene.city import City, Prop
+from lingjing.trace.records import BodyState, Box, CameraPose, Command, FrameInfo, Receipt, TaskEvent
+
+CITY = City(id="toy", origin=(31.0, 121.5), bounds=(-100.0, -100.0, 100.0, 100.0))
+
+
+class Misbehaviour:
+    """The faults that a toy may have, looked up from its entities' properties."""
+
+    def __init__(self, spec):
+        self.plans = [
+            (entity.properties["fault"], float(entity.properties.get("fault_at", 0.0)))
+            for entity in spec.instance.entities
+            if "fault" in entity.properties and entity.properties.get("fault_in", entity.engine) == spec.engine
+        ]
+
+    def due(self, kind, time_s):
+        return any(fault == kind and time_s >= at for fault, at in self.plans)
+
+    def act(self, time_s):
+        if self.due("raise", time_s):
+            raise ValueError("the toy is broken")
+        if self.due("exit", time_s):
+            sys.exit(3)
+        if self.due("kill", time_s):
+            print("last words of the toy", file=sys.stderr, flush=True)
+            os.kill(os.getpid(), signal.SIGKILL)
+        if self.due("hang", time_s):
+            time.sleep(3600.0)
+        if self.due("chatter", time_s):
+            print("chatter " * 40_000, file=sys.stderr, flush=True)
+
+
+class Toy:
+    """Moves each entity east and follows the mean of the others a little, so that mirrors matter to the last bit."""
+
+    def __init__(self):
+        self.faults = None
+
+    def reset(self, spec, city, seed):
+        self.spec, self.seed = spec, seed
+        self.faults = Misbehaviour(spec)
+        self.faults.act(0.0) if self.faults.due("at_reset", 0.0) else None
+        self.time_s = 0.0
+        self.goals = {}
+        self.states = {e.id: BodyState(id=e.id, position=e.position, status="idle") for e in spec.owned()}
+        self.random = np.random.default_rng(seed)
+        if self.faults.due("threads", 0.0):
+            threading.Thread(target=time.sleep, args=(3600.0,), daemon=True).start()
+        return self.boundary(0.0)
+
+    def submit(self, commands):
+        if self.faults.due("bad_submit", self.time_s):
+            raise RuntimeError("no commands please")
+        return tuple(receipt for command in commands for receipt in self.admit(command))
+
+    def admit(self, command: Command):
+        status = "rejected" if command.verb == "refuse" else "accepted"
+        receipt = Receipt(
+            request=command.id,
+            tick=command.tick,
+            sender=command.sender,
+            resource=command.resource,
+            status=status,
+            by=self.spec.engine,
+            time_s=self.time_s,
+        )
+        if status == "accepted":
+            self.goals[command.resource] = (command, receipt)
+        answers = {"silent": (), "twice": (receipt, receipt)}
+        if command.verb == "misaddressed":
+            return (Receipt(request="c9-9", tick=0, sender="x", resource="y", status="accepted"),)
+        return answers.get(command.verb, (receipt,))
+
+    def advance(self, until, mirrors):
+        self.faults.act(until)
+        dt = until - self.time_s
+        drift = sum(mirror.position[0] for mirror in mirrors) / max(len(mirrors), 1)
+        events, receipts = [], []
+        for name, state in self.states.items():
+            x, y, z = state.position
+            speed = 1.0 + 0.01 * drift + float(self.random.normal(0.0, 0.1))
+            self.states[name] = BodyState(
+                id=name,
+                position=(x + speed * dt, y + 0.1 * dt, z),
+                velocity=(speed, 0.1, 0.0),
+                heading_deg=90.0,
+                status="moving",
+                resources={"battery": 1.0 - until / 1000.0},
+            )
+        for resource, (_, receipt) in sorted(self.goals.items()):
+            done = Receipt(
+                request=receipt.request,
+                tick=receipt.tick,
+                sender=receipt.sender,
+                resource=resource,
+                status="completed",
+                by=self.spec.engine,
+                time_s=until,
+                progress=1.0,
+            )
+            receipts.append(done)
+            events.append(TaskEvent(kind="arrived", entities=(resource,), time_s=until, values={"drift": drift}))
+        self.goals.clear()
+        self.time_s = until
+        return self.boundary(until, tuple(receipts), tuple(events))
+
+    def boundary(self, until, receipts=(), events=()):
+        states = tuple(self.states.values())
+        due = self.faults.due
+        if due("nan", until):
+            states = (BodyState(id=states[0].id, position=(float("nan"), 0.0, 0.0)), *states[1:])
+        if due("inf_battery", until):
+            states = (BodyState(id=states[0].id, position=(0.0, 0.0, 0.0), resources={"battery": float("inf")}),)
+        if due("numpy", until):
+            states = tuple(
+                BodyState(id=s.id, position=np.asarray(s.position), heading_deg=np.float64(90), pitch_deg=0)
+                for s in states
+            )
+        if due("malformed", until):
+            states = (BodyState(id=states[0].id, position=("a", "b", "c")), *states[1:])
+        if due("missing", until):
+            states = states[1:]
+        if due("foreign", until):
+            states = (*states, BodyState(id="stranger", position=(0.0, 0.0, 0.0)))
+        if due("doubled", until):
+            states = (*states, states[0])
+        if due("none", until):
+            return None
+        wrong = 1e-3 if due("late_clock", until) else 0.0
+        signed = "somebody" if due("signature", until) else self.spec.engine
+        return Boundary(engine=signed, time_s=until + wrong, states=states, receipts=receipts, events=events)
+
+    def capture(self, requests):
+        return ()
+
+    def close(self):
+        if self.faults and self.faults.due("bad_close", self.time_s):
+            raise RuntimeError("it does not close")
+
+
+class Painter:
+    """A sensor that paints the sum of all positions and can be slow, empty, wrong or deadly."""
+
+    def reset(self, spec, city, seed):
+        self.faults = Misbehaviour(spec)
+        self.cameras = {(e.id, c.name): c for e in spec.instance.entities for c in e.cameras}
+        self.drawn = 0
+        return Boundary(engine=spec.engine, time_s=0.0)
+
+    def submit(self, commands):
+        return ()
+
+    def advance(self, until, mirrors):
+        self.faults.act(until)
+        self.mirrors, self.time_s = tuple(mirrors), until
+        return Boundary(engine="camera", time_s=until)
+
+    def capture(self, requests):
+        return tuple(self.draw(request) for request in requests if not self.faults.due("empty", request.time_s))
+
+    def draw(self, request: CaptureRequest):
+        self.drawn += 1
+        if self.faults.due("slow_once", request.time_s) and self.drawn == 1:
+            time.sleep(0.6)
+        camera = self.cameras[(request.entity, request.camera)]
+        shape = (camera.height, camera.width)
+        total = sum(sum(mirror.position) for mirror in self.mirrors)
+        rows = np.arange(camera.height, dtype=np.uint32)[:, None, None]
+        rgb = np.broadcast_to((rows + int(total * 10)) % 256, (*shape, 3)).astype(np.uint8)
+        if self.faults.due("bad_array", request.time_s):
+            rgb = rgb[:, :, :2]
+        depth = np.full(shape, total, np.float32) if "depth" in camera.channels else None
+        semantic = np.full(shape, 7, np.uint8) if "semantic" in camera.channels else None
+        info = FrameInfo(
+            id=request.frame,
+            entity=request.entity,
+            camera=request.camera,
+            tick=request.tick,
+            time_s=request.time_s,
+            pose=CameraPose(position=(0.0, 0.0, 0.0), heading_deg=0.0, tilt_deg=90.0),
+            channels=camera.channels,
+            boxes=(Box(entity=request.entity, cls="toy", box=(0.1, 0.2, 0.3, 0.4), pixels=5),),
+        )
+        return Frame(info, rgb, depth, semantic)
+
+    def close(self):
+        pass
+
+
+class ToyPlugin:
+    """Engines `toy_a`, `toy_b`, `toy_c` move, `toy_remote` moves in the caller, `camera` draws."""
+
+    @hookimpl
+    def lingjing_engines(self):
+        toys = [EnginePlugin(name=f"toy_{letter}", factory=Toy) for letter in "abc"]
+        remote = EnginePlugin(name="toy_remote", factory=Toy, place="remote")
+        return [*toys, remote]
+
+
+class PainterPlugin:
+    """Only the painter: for hosts in which no other camera is installed."""
+
+    @hookimpl
+    def lingjing_engines(self):
+        return [EnginePlugin(name="camera", factory=Painter, place="camera", sensor=True)]
+
+
+plugin = ToyPlugin()
+painter = PainterPlugin()
+
+
+def camera(width=64, height=48, channels=("rgb", "depth", "semantic")):
+    return CameraSpec(
+        name="nadir", view="nadir", width=width, height=height, hfov_deg=84.0, channels=channels, capture="on_request"
+    )
+
+
+def entity(name, engine, x=0.0, cameras=(), **properties):
+    return Entity(
+        id=name,
+        group=name,
+        index=0,
+        role="asset",
+        type="toy",
+        engine=engine,
+        position=(x, 0.0, 0.0),
+        properties=properties,
+        cameras=cameras,
+    )
+
+
+def instance(*entities, seed=7, tick_s=1.0, sync_s=0.1, engine_s=20.0, capture_s=20.0):
+    return Instance(
+        mission="toy",
+        title="Toy",
+        goal="",
+        seed=seed,
+        settings={},
+        scene=SceneSpec(kind="toy"),
+        clock=Clock(tick_s=tick_s, sync_s=sync_s),
+        budget=Budget(ticks=10, policy_s=1.0, engine_s=engine_s, capture_s=capture_s),
+        weather=Weather(),
+        regions=(),
+        cells=(),
+        entities=entities,
+        agents=(),
+        messages=(),
+        comms=CommsSpec(mode="broadcast", hub=None),
+        rules=(),
+        unlocks=(),
+        stages=(),
+        relations=(),
+        success=Flag(True),
+    )
+
+
+def trio(**changes):
+    """Three engines, four entities, declared out of engine order, one with a camera."""
+    return instance(
+        entity("cat", "toy_c", 5.0),
+        entity("ant", "toy_a", 1.0, cameras=(camera(),)),
+        entity("bee", "toy_b", 2.0),
+        entity("ape", "toy_a", 3.0),
+        **changes,
+    )
+
+
+def command(name, resource, verb="go", sender="agent"):
+    return Command(id=name, tick=1, sender=sender, resource=resource, verb=verb)
+
+
+def request(tick, frame="f", entity_id="ant"):
+    return CaptureRequest(frame=frame, entity=entity_id, camera="nadir", tick=tick, time_s=float(tick))
+
+
+def big_city():
+    """A city of a few megabytes: more than a socket buffer holds."""
+    props = tuple(Prop(id=f"prop{n}", cls="tree", model="tree", position=(float(n), 0.5, 0.25)) for n in range(40_000))
+    return City(id="big", origin=(31.0, 121.5), bounds=(-1.0, -1.0, 1.0, 1.0), props=props)
