@@ -80,7 +80,8 @@ def decode_depth(data: bytes) -> Depth:
         raise LingjingError(f"broken depth image of {len(data)} bytes: {error}") from error
     folded = low | (high.astype(np.uint16) << 8)
     delta = (folded >> 1) ^ (0 - (folded & 1))
-    return _metres(np.cumsum(delta, axis=0, dtype=np.uint16))
+    steps: npt.NDArray[np.uint16] = np.cumsum(delta, axis=0, dtype=np.uint16)
+    return _metres(steps)
 
 
 def quantise_depth(depth: Depth) -> Depth:
@@ -120,7 +121,8 @@ def _steps(depth: Depth) -> npt.NDArray[np.uint16]:
         scaled = np.rint(depth * np.float32(1.0 / DEPTH_STEP_M))
         far = ~(scaled < _SKY)  # also true for inf and nan
     scaled[far] = _SKY
-    return np.maximum(scaled, 0.0).astype(np.uint16)
+    steps: npt.NDArray[np.uint16] = np.maximum(scaled, 0.0).astype(np.uint16)
+    return steps
 
 
 def _metres(steps: npt.NDArray[np.uint16]) -> Depth:

@@ -1,0 +1,19 @@
+"""The trace: one MCAP file per episode, from which everything after the episode is computed.
+
+In the order in which an episode meets them:
+
+- `records`    the vocabulary: what engines, agents and the kernel say to each other, and what is kept of it
+- `images`     pictures as bytes and back; policies receive what is stored
+- `encoding`   records as JSON, the same bytes for the same record
+- `digest`     the hash chain over boundaries, the one over pictures, the digest of one policy input, `verify`
+- `schemas`    JSON Schemas of the records, generated; `python -m lingjing.trace.schemas` writes them
+- `topics`     the names of the file's topics
+- `foxglove`   the same boundary in Foxglove's published schemas: poses, scene, images, logs, geo positions
+- `container`  the MCAP file itself; the only module that imports `mcap`
+- `writer`     `TraceWriter`: header, boundaries, outcome
+- `reader`     `read_trace`: the records back, pictures on demand
+
+Invariants: a file named `.part` is unfinished, and reads to its last complete boundary wherever it was cut; the two
+digests hold no wall-clock value; log times are simulation time in nanoseconds, so that two equal episodes differ in
+nothing but their wall-clock fields.
+"""

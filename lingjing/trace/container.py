@@ -1,0 +1,166 @@
+"""The MCAP file: channels, messages, flushes; and reading one that may have been cut anywhere.
+
+The only module that imports `mcap`. Chunks are closed at every flush, so a file that was cut reads up to its last
+flushed chunk with the plain `mcap` reader as well.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import struct
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO
+
+import mcap.exceptions
+import mcap.records
+import mcap.stream_reader
+import mcap.writer
+import zstandard
+
+from lingjing.errors import UsageError
+
+CHUNK_BYTES = 4 * 1024 * 1024
+LIMIT = 2**28
+"""No record of ours is longer; a damaged length must not make the reader ask for gigabytes."""
+MAGIC = b"\x89MCAP0\r\n"
+
+
+@dataclass(frozen=True, slots=True)
+class ContainerSchema:
+    """A schema as MCAP stores it: `encoding` is `jsonschema` or `protobuf`."""
+
+    name: str
+    encoding: str
+    data: bytes
+
+    @property
+    def message_encoding(self) -> str:
+        """How messages of this schema are encoded."""
+        return "json" if self.encoding == "jsonschema" else self.encoding
+
+
+@dataclass(frozen=True, slots=True)
+class Stored:
+    """One message found in a file: its topic and channel, `sequence`, simulation time, bytes, and its chunk's place."""
+
+    topic: str
+    channel: int
+    sequence: int
+    time_ns: int
+    data: bytes
+    chunk_at: int
+
+
+class ContainerWriter:
+    """Messages into one MCAP file, opened exclusively. Raises `OSError` as the file system does."""
+
+    def __init__(self, path: Path) -> None:
+        self._file: IO[bytes] = path.open("xb")
+        self._writer = mcap.writer.Writer(self._file, chunk_size=CHUNK_BYTES)
+        self._writer.start(library="lingjing")
+        self.last_ns = 0
+        self._schemas: dict[str, int] = {}
+        self._channels: dict[str, int] = {}
+
+    def add(self, topic: str, schema: ContainerSchema, time_ns: int, data: bytes, sequence: int = 0) -> None:
+        """One message; log time and publish time are both the simulation time."""
+        self.last_ns = max(self.last_ns, time_ns)
+        self._writer.add_message(self._channel(topic, schema), time_ns, data, time_ns, sequence)
+
+    def flush(self) -> None:
+        """Close the chunk and hand everything to the operating system (a killed process then loses nothing)."""
+        self._writer.flush()
+        self._file.flush()
+
+    def finish(self) -> None:
+        """Write the summary (indexes, statistics) and close the file."""
+        self._writer.finish()
+        self._file.close()
+
+    def close(self) -> None:
+        """Close the file as it is, without a summary, when writing has failed; idempotent."""
+        with contextlib.suppress(OSError):  # what cannot be flushed is why we are here
+            self._file.close()
+
+    def _channel(self, topic: str, schema: ContainerSchema) -> int:
+        if topic not in self._channels:
+            if schema.name not in self._schemas:
+                self._schemas[schema.name] = self._writer.register_schema(schema.name, schema.encoding, schema.data)
+            self._channels[topic] = self._writer.register_channel(
+                topic, schema.message_encoding, self._schemas[schema.name]
+            )
+        return self._channels[topic]
+
+
+_CUT = (
+    mcap.exceptions.McapError,
+    mcap.stream_reader.CRCValidationError,
+    zstandard.ZstdError,
+    struct.error,
+    zlib.error,
+    EOFError,
+    ValueError,
+    MemoryError,
+)
+"""What reading past a cut or a damaged place raises."""
+
+
+def scan(path: Path) -> Iterator[Stored]:
+    """Every message up to the file's end or its first damaged place, in file order.
+
+    Raises `UsageError` if the file cannot be opened or does not begin as an MCAP file.
+    """
+    channels: dict[int, str] = {}
+    with _opened(path) as file:
+        try:
+            for record in mcap.stream_reader.StreamReader(file, emit_chunks=True, record_size_limit=LIMIT).records:
+                if isinstance(record, mcap.records.Chunk):
+                    yield from _messages(record, channels, file.tell() - _chunk_length(record))
+        except _CUT:
+            return
+
+
+def chunk_messages(path: Path, chunk_at: int) -> Iterator[Stored]:
+    """Every message of the chunk that begins at byte `chunk_at`; topics of channels from earlier chunks are ""."""
+    with _opened(path) as file:
+        file.seek(chunk_at)
+        reader = mcap.stream_reader.StreamReader(file, skip_magic=True, emit_chunks=True, record_size_limit=LIMIT)
+        chunk = next(iter(reader.records))
+        if isinstance(chunk, mcap.records.Chunk):
+            yield from _messages(chunk, {}, chunk_at)
+
+
+def ends_properly(path: Path) -> bool:
+    """Whether the file ends as a finished MCAP file does."""
+    with _opened(path) as file:
+        file.seek(max(len(MAGIC), path.stat().st_size - len(MAGIC)))
+        return file.read() == MAGIC
+
+
+def _opened(path: Path) -> IO[bytes]:
+    try:
+        file = path.open("rb")
+    except OSError as error:
+        raise UsageError(f"cannot read the trace {path}: {error.strerror}") from error
+    if file.read(len(MAGIC)) != MAGIC:
+        file.close()
+        raise UsageError(f"{path} is not a trace", hint="a trace is an MCAP file such as runs/…/trace.mcap")
+    file.seek(0)
+    return file
+
+
+def _messages(chunk: mcap.records.Chunk, channels: dict[int, str], chunk_at: int) -> Iterator[Stored]:
+    for record in mcap.stream_reader.breakup_chunk(chunk, validate_crc=True):
+        if isinstance(record, mcap.records.Channel):
+            channels[record.id] = record.topic
+        elif isinstance(record, mcap.records.Message):
+            topic = channels.get(record.channel_id, "")
+            yield Stored(topic, record.channel_id, record.sequence, record.log_time, record.data, chunk_at)
+
+
+def _chunk_length(chunk: mcap.records.Chunk) -> int:
+    """Bytes of a chunk record in the file: opcode, length, six fixed fields, compression, data (MCAP, op 0x06)."""
+    return 1 + 8 + 8 + 8 + 8 + 4 + 4 + len(chunk.compression) + 8 + len(chunk.data)

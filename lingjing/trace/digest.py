@@ -1,0 +1,112 @@
+"""What two episodes are compared by: a hash chain over boundaries, one over pictures, one value per policy input.
+
+`next_digest` covers decisions, states, receipts, messages and events, but no wall clock and no pixels: fields whose
+name ends in `_wall_s`, `wall_s`, `digest` itself, `FrameInfo.sha256` and `ObservationRecord.sha256` are blanked.
+`next_frames_digest` covers the pixels. Both chains start from `START`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from lingjing.trace.encoding import settled, to_json
+from lingjing.trace.records import BoundaryRecord, Envelope, FrameInfo, ObservationRecord, Receipt
+
+if TYPE_CHECKING:
+    from lingjing.trace.reader import Trace
+
+START = ""
+"""What both chains start from."""
+
+
+def next_digest(previous: str, record: BoundaryRecord) -> str:
+    """SHA-256 (hex) over the digest before and this record without wall clock and pixels.
+
+    Raises `InfrastructureError` if the record holds a number that is not finite.
+    """
+    return hashlib.sha256(previous.encode() + b"\n" + to_json(_timeless(settled(record)))).hexdigest()
+
+
+def next_frames_digest(previous: str, frames: Iterable[FrameInfo]) -> str:
+    """SHA-256 (hex) over the digest before and each picture's id and hash; unchanged if there are none."""
+    for frame in frames:
+        previous = hashlib.sha256(f"{previous}\n{frame.id}\n{frame.sha256}".encode()).hexdigest()
+    return previous
+
+
+def input_digest(
+    observation: ObservationRecord,
+    messages: Sequence[Envelope] = (),
+    receipts: Sequence[Receipt] = (),
+    pictures: Sequence[FrameInfo] = (),
+    hashes: Sequence[str] = (),
+) -> str:
+    """SHA-256 (hex) of one complete policy input, for `ObservationRecord.sha256`.
+
+    `pictures` are the observation's frames: their id, pose, time and `sha256` count, their ground-truth boxes do
+    not. `hashes` are those of the other channels' bytes, in any order the caller keeps to.
+    """
+    whole = hashlib.sha256(to_json(settled(msgspec.structs.replace(observation, sha256=""))))
+    for record in (*messages, *receipts, *(msgspec.structs.replace(frame, boxes=()) for frame in pictures)):
+        whole.update(b"\n" + to_json(settled(record)))
+    for value in hashes:
+        whole.update(b"\n" + value.encode())
+    return whole.hexdigest()
+
+
+def verify(trace: Trace, *, pixels: bool = False) -> str | None:
+    """None if every digest of the trace follows from its records, else one sentence that names the first fault.
+
+    With `pixels` every stored JPEG is hashed as well.
+    """
+    return _chain_fault(trace) or _outcome_fault(trace) or (_pixel_fault(trace) if pixels else None)
+
+
+def _chain_fault(trace: Trace) -> str | None:
+    digest = START
+    for place, record in enumerate(trace.boundaries):
+        if record.tick != place:
+            return f"boundary {place} says that it is boundary {record.tick}"
+        digest = next_digest(digest, record)
+        if digest != record.digest:
+            return f"boundary {record.tick} does not follow from the one before: its digest is not that of its content"
+    return None
+
+
+def _outcome_fault(trace: Trace) -> str | None:
+    if trace.outcome is None:
+        return None
+    last = trace.boundaries[-1].digest if trace.boundaries else START
+    if trace.outcome.digest != last:
+        return "the outcome's digest is not that of the last boundary"
+    pixels = START
+    for record in trace.boundaries:
+        pixels = next_frames_digest(pixels, record.frames)
+    if trace.outcome.frames_digest != pixels:
+        return "the outcome's frames digest does not follow from the pictures' hashes"
+    return None
+
+
+def _pixel_fault(trace: Trace) -> str | None:
+    for record in trace.boundaries:
+        for frame in record.frames:
+            if hashlib.sha256(trace.jpeg(frame.id)).hexdigest() != frame.sha256:
+                return f"the picture {frame.id} is not the one that was hashed"
+    return None
+
+
+def _timeless(record: BoundaryRecord) -> BoundaryRecord:
+    replace = msgspec.structs.replace
+    return replace(
+        record,
+        engines=tuple(replace(engine, wait_wall_s=0.0) for engine in record.engines),
+        frames=tuple(replace(frame, sha256="") for frame in record.frames),
+        observations=tuple(replace(seen, sha256="") for seen in record.observations),
+        decisions=tuple(replace(made, policy_wall_s=0.0) for made in record.decisions),
+        digest="",
+        wall_s=0.0,
+    )

@@ -1,0 +1,332 @@
+"""An episode in Foxglove's published schemas, so that its file opens in Foxglove and Rerun as it is.
+
+The only module that imports `foxglove_schemas_protobuf`. Every message is derived from the project's own records and
+never read back, except for the bytes of stored pictures.
+
+Frames of reference: `world` is east, north, up; an entity's frame is x forward, y left, z up; a camera's is x right,
+y down, z along the optical axis.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from functools import cache
+from typing import Any
+
+from foxglove_schemas_protobuf.CameraCalibration_pb2 import CameraCalibration
+from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
+from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
+from foxglove_schemas_protobuf.ImageAnnotations_pb2 import ImageAnnotations
+from foxglove_schemas_protobuf.LocationFix_pb2 import LocationFix
+from foxglove_schemas_protobuf.Log_pb2 import Log
+from foxglove_schemas_protobuf.PointsAnnotation_pb2 import PointsAnnotation
+from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
+from google.protobuf import descriptor_pb2, descriptor_pool, message_factory, timestamp_pb2
+
+from lingjing.mission.instance import Entity, Instance
+from lingjing.trace.container import ContainerSchema
+from lingjing.trace.records import BodyState, BoundaryRecord, FrameInfo, Snapshot
+from lingjing.trace.topics import camera_topic, entity_topic
+
+Topic = str
+Derived = tuple[Topic, ContainerSchema, bytes]
+"""A message on its way into the container: topic, schema, encoded bytes."""
+
+WORLD = "world"
+_COLOURS = {"asset": (0.10, 0.45, 0.90), "target": (0.95, 0.35, 0.10)}
+
+
+def scene(instance: Instance) -> Derived:
+    """The map of the mission: regions, cells, and a marker with a name that follows each entity."""
+    update = SceneUpdate()
+    for region in instance.regions:
+        _outline(update, f"region/{region.name}", region.polygon, instance.scene.datum_m, (0.1, 0.7, 0.3, 0.9), 3.0)
+    for cell in instance.cells:
+        _outline(update, f"cell/{cell.name}", cell.polygon, instance.scene.datum_m, (0.5, 0.6, 0.7, 0.5), 1.0)
+    for entity in instance.entities:
+        _marker(update, entity)
+    return "/scene", _schema(SceneUpdate), update.SerializeToString(deterministic=True)
+
+
+def transforms(snapshot: Snapshot) -> Derived:
+    """Where every entity was at one macro-step."""
+    message = FrameTransforms()
+    for state in snapshot.states:
+        transform = message.transforms.add()
+        _stamp(transform.timestamp, snapshot.time_s)
+        transform.parent_frame_id = WORLD
+        transform.child_frame_id = state.id
+        _place(transform.translation, state.position)
+        _turn(transform.rotation, _body_axes(state))
+    return "/tf", _schema(FrameTransforms), message.SerializeToString(deterministic=True)
+
+
+def positions(instance: Instance, snapshot: Snapshot) -> Iterator[Derived]:
+    """WGS84 positions of all entities at a boundary."""
+    for state in snapshot.states:
+        message = LocationFix()
+        _stamp(message.timestamp, snapshot.time_s)
+        message.frame_id = state.id
+        message.latitude, message.longitude = geodetic(instance.scene.origin, state.position[0], state.position[1])
+        message.altitude = state.position[2]
+        message.position_covariance_type = LocationFix.UNKNOWN
+        yield f"/geo/{entity_topic(state.id)}", _schema(LocationFix), message.SerializeToString(deterministic=True)
+
+
+def logs(record: BoundaryRecord) -> Iterator[Derived]:
+    """What happened at a boundary, one line each: messages, refusals, events, finished stages."""
+    for level, name, text in _lines(record):
+        message = Log()
+        _stamp(message.timestamp, record.time_s)
+        message.level = Log.Level.Value(level)
+        message.name = name
+        message.message = text
+        yield "/log", _schema(Log), message.SerializeToString(deterministic=True)
+
+
+def frame_messages(
+    frame: FrameInfo, jpeg: bytes, depth: bytes | None = None, semantic: bytes | None = None
+) -> Iterator[Derived]:
+    """A stored picture with its pose, its calibration and its ground-truth boxes."""
+    camera = f"{frame.entity}/{frame.camera}"
+    yield _camera_transform(frame, camera)
+    yield camera_topic(frame, "calibration"), _schema(CameraCalibration), _calibration(frame, camera)
+    yield camera_topic(frame), _schema(CompressedImage), _image(frame, camera, jpeg, "jpeg")
+    yield camera_topic(frame, "truth"), _schema(ImageAnnotations), _annotations(frame)
+    if depth is not None:
+        yield camera_topic(frame, "depth"), _depth_schema(), _depth(frame, camera, depth)
+    if semantic is not None:
+        yield camera_topic(frame, "semantic"), _schema(CompressedImage), _image(frame, camera, semantic, "png")
+
+
+def image_bytes(message: bytes) -> bytes:
+    """The JPEG or PNG inside a `foxglove.CompressedImage`."""
+    return bytes(CompressedImage.FromString(message).data)
+
+
+def depth_bytes(message: bytes) -> bytes:
+    """The packed depth inside a `lingjing.DepthImage`."""
+    return bytes(_depth_class().FromString(message).data)
+
+
+def geodetic(origin: tuple[float, float], east: float, north: float) -> tuple[float, float]:
+    """(latitude, longitude) in degrees of a point near `origin`; series in the WGS84 radii of curvature, within
+    2 cm of the transverse Mercator world frame over 5 km. For display: nothing is decided by it."""
+    a, e2 = 6378137.0, 6.69437999014e-3
+    latitude = math.radians(origin[0])
+    w = 1.0 - e2 * math.sin(latitude) ** 2
+    meridian, normal = a * (1.0 - e2) / w**1.5, a / math.sqrt(w)
+    middle = latitude + 0.5 * north / meridian
+    meridian = a * (1.0 - e2) / (1.0 - e2 * math.sin(middle) ** 2) ** 1.5
+    foot = latitude + north / meridian
+    normal = a / math.sqrt(1.0 - e2 * math.sin(foot) ** 2)
+    lat = foot - math.tan(foot) * east**2 / (2.0 * meridian * normal)
+    lon = math.radians(origin[1]) + east / (normal * math.cos(foot))
+    return math.degrees(lat), math.degrees(lon)
+
+
+Axes = tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
+
+
+def _body_axes(state: BodyState) -> Axes:
+    """Forward, left and up of a body in the world frame."""
+    heading, pitch, roll = (math.radians(v) for v in (state.heading_deg, state.pitch_deg, state.roll_deg))
+    sh, ch, sp, cp, sr, cr = (f(v) for v in (heading, pitch, roll) for f in (math.sin, math.cos))
+    forward = (sh * cp, ch * cp, sp)
+    level_left, level_up = (-ch, sh, 0.0), (-sh * sp, -ch * sp, cp)
+    left = tuple(cr * a + sr * b for a, b in zip(level_left, level_up, strict=True))
+    up = tuple(cr * b - sr * a for a, b in zip(level_left, level_up, strict=True))
+    return forward, (left[0], left[1], left[2]), (up[0], up[1], up[2])
+
+
+def _camera_axes(frame: FrameInfo) -> Axes:
+    """Right, down and forward of a camera in the world frame."""
+    heading, tilt, roll = (math.radians(v) for v in (frame.pose.heading_deg, frame.pose.tilt_deg, frame.pose.roll_deg))
+    sh, ch, st, ct, sr, cr = (f(v) for v in (heading, tilt, roll) for f in (math.sin, math.cos))
+    level_right, level_down = (ch, -sh, 0.0), (-sh * st, -ch * st, -ct)
+    right = tuple(cr * a + sr * b for a, b in zip(level_right, level_down, strict=True))
+    down = tuple(cr * b - sr * a for a, b in zip(level_right, level_down, strict=True))
+    return (right[0], right[1], right[2]), (down[0], down[1], down[2]), (sh * ct, ch * ct, -st)
+
+
+def _quaternion(axes: Axes) -> tuple[float, float, float, float]:
+    """(x, y, z, w) of the rotation whose columns are `axes` (Shepperd's method)."""
+    (m00, m10, m20), (m01, m11, m21), (m02, m12, m22) = axes
+    squares = (1 + m00 - m11 - m22, 1 - m00 + m11 - m22, 1 - m00 - m11 + m22, 1 + m00 + m11 + m22)
+    largest = squares.index(max(squares))
+    s = 2.0 * math.sqrt(squares[largest])
+    if largest == 0:
+        return s / 4, (m01 + m10) / s, (m02 + m20) / s, (m21 - m12) / s
+    if largest == 1:
+        return (m01 + m10) / s, s / 4, (m12 + m21) / s, (m02 - m20) / s
+    if largest == 2:
+        return (m02 + m20) / s, (m12 + m21) / s, s / 4, (m10 - m01) / s
+    return (m21 - m12) / s, (m02 - m20) / s, (m10 - m01) / s, s / 4
+
+
+def _camera_transform(frame: FrameInfo, camera: str) -> Derived:
+    message = FrameTransforms()
+    transform = message.transforms.add()
+    _stamp(transform.timestamp, frame.time_s)
+    transform.parent_frame_id = WORLD
+    transform.child_frame_id = camera
+    _place(transform.translation, frame.pose.position)
+    _turn(transform.rotation, _camera_axes(frame))
+    return "/tf", _schema(FrameTransforms), message.SerializeToString(deterministic=True)
+
+
+def _calibration(frame: FrameInfo, camera: str) -> bytes:
+    pose = frame.pose
+    focal = pose.width / 2.0 / math.tan(math.radians(pose.hfov_deg) / 2.0)
+    middle = (pose.width / 2.0, pose.height / 2.0)
+    message = CameraCalibration(frame_id=camera, width=pose.width, height=pose.height)
+    _stamp(message.timestamp, frame.time_s)
+    message.K.extend((focal, 0, middle[0], 0, focal, middle[1], 0, 0, 1))
+    message.R.extend((1, 0, 0, 0, 1, 0, 0, 0, 1))
+    message.P.extend((focal, 0, middle[0], 0, 0, focal, middle[1], 0, 0, 0, 1, 0))
+    return bytes(message.SerializeToString(deterministic=True))
+
+
+def _image(frame: FrameInfo, camera: str, data: bytes, kind: str) -> bytes:
+    message = CompressedImage(frame_id=camera, data=data, format=kind)
+    _stamp(message.timestamp, frame.time_s)
+    return bytes(message.SerializeToString(deterministic=True))
+
+
+def _annotations(frame: FrameInfo) -> bytes:
+    message = ImageAnnotations()
+    _stamp(message.timestamp, frame.time_s)
+    for truth in frame.boxes:
+        points = message.points.add(type=PointsAnnotation.LINE_LOOP, thickness=2.0)
+        _stamp(points.timestamp, frame.time_s)
+        points.outline_color.r, points.outline_color.g, points.outline_color.b, points.outline_color.a = 0.2, 1, 0.4, 1
+        x0, y0, x1, y1 = truth.box
+        for x, y in ((x0, y0), (x1, y0), (x1, y1), (x0, y1)):
+            points.points.add(x=x * frame.pose.width, y=y * frame.pose.height)
+        label = message.texts.add(text=truth.entity, font_size=18.0)
+        _stamp(label.timestamp, frame.time_s)
+        label.position.x, label.position.y = x0 * frame.pose.width, y0 * frame.pose.height
+        label.text_color.r, label.text_color.g, label.text_color.b, label.text_color.a = 0.2, 1, 0.4, 1
+    return bytes(message.SerializeToString(deterministic=True))
+
+
+def _depth(frame: FrameInfo, camera: str, data: bytes) -> bytes:
+    message = _depth_class()(frame_id=camera, data=data, format="LJD1")
+    _stamp(message.timestamp, frame.time_s)
+    return bytes(message.SerializeToString(deterministic=True))
+
+
+def _lines(record: BoundaryRecord) -> Iterator[tuple[str, str, str]]:
+    for envelope in record.messages:
+        text = ", ".join(f"{key}={value}" for key, value in envelope.body.items())
+        yield "INFO", f"{envelope.sender} -> {envelope.recipient}", f"{envelope.kind} {envelope.id}: {text}"
+    for receipt in record.receipts:
+        if receipt.status in ("rejected", "timed_out", "substituted"):
+            text = f"{receipt.request} on {receipt.resource}: {receipt.status}, {receipt.reason} {receipt.detail}"
+            yield "WARNING", receipt.sender, text.rstrip()
+    for task in record.task_events:
+        yield "INFO", "engine", f"{task.kind} {', '.join(task.entities)} at {task.time_s:g} s"
+    for event in record.events:
+        yield "INFO", "kernel", f"{event.kind}({', '.join(event.bindings)})"
+    for stage in record.stages:
+        yield "INFO", "kernel", f"stage {stage.stage} {stage.subject} done".replace("  ", " ")
+
+
+def _outline(
+    update: Any,
+    name: str,
+    polygon: tuple[tuple[float, float], ...],
+    level: float,
+    colour: tuple[float, float, float, float],
+    thickness: float,
+) -> None:
+    entity = update.entities.add(id=name, frame_id=WORLD)
+    _stamp(entity.timestamp, 0.0)
+    line = entity.lines.add(type=1, thickness=thickness, scale_invariant=True)  # LINE_LOOP
+    line.pose.orientation.w = 1.0
+    line.color.r, line.color.g, line.color.b, line.color.a = colour
+    for east, north in polygon:
+        line.points.add(x=east, y=north, z=level)
+
+
+def _marker(update: Any, entity: Entity) -> None:
+    marker = update.entities.add(id=f"entity/{entity.id}", frame_id=entity.id, frame_locked=True)
+    _stamp(marker.timestamp, 0.0)
+    cube = marker.cubes.add()
+    cube.pose.orientation.w = 1.0
+    cube.size.x, cube.size.y, cube.size.z = 4.0, 2.0, 1.0
+    cube.color.r, cube.color.g, cube.color.b, cube.color.a = (*_COLOURS[entity.role], 1.0)
+    text = marker.texts.add(text=entity.id, billboard=True, font_size=14.0, scale_invariant=True)
+    text.pose.position.z = 4.0
+    text.pose.orientation.w = 1.0
+    text.color.r, text.color.g, text.color.b, text.color.a = 1, 1, 1, 1
+
+
+def _stamp(timestamp: Any, time_s: float) -> None:
+    seconds = math.floor(time_s)
+    timestamp.seconds, timestamp.nanos = seconds, min(999_999_999, round((time_s - seconds) * 1e9))
+
+
+def _place(vector: Any, position: tuple[float, float, float]) -> None:
+    vector.x, vector.y, vector.z = position
+
+
+def _turn(quaternion: Any, axes: Axes) -> None:
+    quaternion.x, quaternion.y, quaternion.z, quaternion.w = _quaternion(axes)
+
+
+@cache
+def _schema(message: Any) -> ContainerSchema:
+    return ContainerSchema(message.DESCRIPTOR.full_name, "protobuf", _file_set(message.DESCRIPTOR.file))
+
+
+def _file_set(file: Any) -> bytes:
+    """The file and all it imports as a serialised FileDescriptorSet, imports first, as MCAP asks for."""
+    files: dict[str, Any] = {}
+
+    def collect(one: Any) -> None:
+        for dependency in one.dependencies:
+            collect(dependency)
+        files.setdefault(one.name, one)
+
+    collect(file)
+    whole = descriptor_pb2.FileDescriptorSet()
+    for one in files.values():
+        one.CopyToProto(whole.file.add())
+    return bytes(whole.SerializeToString(deterministic=True))
+
+
+@cache
+def _depth_class() -> Any:
+    """`lingjing.DepthImage`: as `foxglove.CompressedImage`, with `lingjing.trace.images`' packed depth as data.
+
+    Foxglove's only depth picture is a raw one, 4 MB at 1080p; nobody publishes a compressed one."""
+    field = descriptor_pb2.FieldDescriptorProto
+    file = descriptor_pb2.FileDescriptorProto(
+        name="lingjing/DepthImage.proto",
+        package="lingjing",
+        syntax="proto3",
+        dependency=["google/protobuf/timestamp.proto"],
+    )
+    message = file.message_type.add(name="DepthImage")
+    kinds = (("frame_id", field.TYPE_STRING), ("data", field.TYPE_BYTES), ("format", field.TYPE_STRING))
+    message.field.add(
+        name="timestamp",
+        number=1,
+        type=field.TYPE_MESSAGE,
+        type_name=".google.protobuf.Timestamp",
+        label=field.LABEL_OPTIONAL,
+    )
+    for number, (name, kind) in enumerate(kinds, start=2):
+        message.field.add(name=name, number=number, type=kind, label=field.LABEL_OPTIONAL)
+    pool = descriptor_pool.DescriptorPool()
+    timestamp = descriptor_pb2.FileDescriptorProto()
+    timestamp_pb2.DESCRIPTOR.CopyToProto(timestamp)
+    pool.Add(timestamp)
+    pool.Add(file)
+    return message_factory.GetMessageClass(pool.FindMessageTypeByName("lingjing.DepthImage"))
+
+
+def _depth_schema() -> ContainerSchema:
+    return _schema(_depth_class())

@@ -1,0 +1,163 @@
+"""`read_trace`: the records of one episode back from its file, pictures on demand.
+
+A file that was cut or damaged anywhere reads as a prefix: header, the boundaries before the fault, no outcome.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TypeVar
+
+import msgspec
+import numpy as np
+import numpy.typing as npt
+
+from lingjing.errors import UsageError
+from lingjing.trace import images
+from lingjing.trace.container import Stored, chunk_messages, ends_properly, scan
+from lingjing.trace.encoding import from_json
+from lingjing.trace.records import BoundaryRecord, FrameInfo, Header, Outcome
+from lingjing.trace.topics import BOUNDARY, CAMERAS, FRAME, HEADER, OUTCOME, camera_topic
+
+CUT_SHORT = ("infrastructure-abort", "interrupted")
+"""Outcomes of episodes that did not end by themselves."""
+
+Record = TypeVar("Record", bound=msgspec.Struct)
+
+
+@dataclass(frozen=True, slots=True)
+class StoredPicture:
+    """A picture as it was stored: see `lingjing.plugins.policy.Picture` for shapes and units."""
+
+    info: FrameInfo
+    rgb: npt.NDArray[np.uint8]
+    depth: npt.NDArray[np.float32] | None = None
+    semantic: npt.NDArray[np.uint8] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where one channel of a picture lies in the file."""
+
+    channel: int
+    sequence: int
+    chunk_at: int
+
+
+@dataclass(frozen=True)
+class Trace:
+    """One episode. `complete` says that it ended by itself and its file is whole; a trace that is not complete
+    holds every boundary up to where it was cut, and an outcome only if the end was recorded.
+
+    `places` finds the stored bytes: picture id, then topic.
+    """
+
+    path: Path
+    header: Header
+    boundaries: tuple[BoundaryRecord, ...]
+    outcome: Outcome | None
+    complete: bool
+    places: Mapping[str, Mapping[str, Place]] = field(repr=False, default_factory=dict)
+
+    @cached_property
+    def frames(self) -> dict[str, FrameInfo]:
+        """All pictures of the complete boundaries by id, in the order of capture."""
+        return {frame.id: frame for record in self.boundaries for frame in record.frames}
+
+    def jpeg(self, frame_id: str) -> bytes:
+        """The stored JPEG. Raises `UsageError` if there is no such picture."""
+        data = self._image(self._info(frame_id), "")
+        if data is None:
+            raise UsageError(f"{self.path} has lost the picture {frame_id}")
+        return data
+
+    def picture(self, frame_id: str) -> StoredPicture:
+        """The decoded picture. Raises `UsageError` if there is no such picture, `LingjingError` if it is broken."""
+        info = self._info(frame_id)
+        depth, semantic = self._image(info, "depth"), self._image(info, "semantic")
+        return StoredPicture(
+            info=info,
+            rgb=images.decode_jpeg(self.jpeg(frame_id)),
+            depth=None if depth is None else images.decode_depth(depth),
+            semantic=None if semantic is None else images.decode_semantic(semantic),
+        )
+
+    def _info(self, frame_id: str) -> FrameInfo:
+        if frame_id not in self.frames:
+            some = ", ".join(list(self.frames)[:3])
+            raise UsageError(f"no picture {frame_id} in {self.path}", hint=f"it holds {len(self.frames)}: {some} …")
+        return self.frames[frame_id]
+
+    def _image(self, info: FrameInfo, channel: str) -> bytes | None:
+        from lingjing.trace.foxglove import depth_bytes, image_bytes
+
+        place = self.places.get(info.id, {}).get(camera_topic(info, channel))
+        if place is None:
+            return None
+        return (depth_bytes if channel == "depth" else image_bytes)(_read(self.path, place))
+
+
+def read_trace(path: Path) -> Trace:
+    """Read a `trace.mcap` or a `.part`, whole or cut.
+
+    Raises `UsageError` for a file that cannot be read, is no trace, or was cut before its header ended.
+    """
+    found = _Found(path)
+    for stored in scan(path):
+        found.take(stored)
+    if found.header is None:
+        raise UsageError(f"{path} holds no episode", hint="it was cut before its first record, or is another's file")
+    cut_short = found.outcome is None or found.outcome.reason in CUT_SHORT
+    return Trace(
+        path=path,
+        header=found.header,
+        boundaries=tuple(found.boundaries),
+        outcome=found.outcome,
+        complete=not cut_short and ends_properly(path),
+        places={frame: found.places.get(sequence, {}) for frame, sequence in found.sequences.items()},
+    )
+
+
+class _Found:
+    """What one pass over the file has gathered so far."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.header: Header | None = None
+        self.outcome: Outcome | None = None
+        self.boundaries: list[BoundaryRecord] = []
+        self.sequences: dict[str, int] = {}
+        self.places: dict[int, dict[str, Place]] = {}
+
+    def take(self, stored: Stored) -> None:
+        """Sort one message into its place; derived messages are passed over."""
+        if stored.topic.startswith(CAMERAS):
+            place = Place(stored.channel, stored.sequence, stored.chunk_at)
+            self.places.setdefault(stored.sequence, {})[stored.topic] = place
+        elif stored.topic == BOUNDARY:
+            self.boundaries.append(self._decoded(stored, BoundaryRecord))
+        elif stored.topic == FRAME:
+            self.sequences[self._decoded(stored, FrameInfo).id] = stored.sequence
+        elif stored.topic == HEADER:
+            self.header = self._decoded(stored, Header)
+        elif stored.topic == OUTCOME:
+            self.outcome = self._decoded(stored, Outcome)
+
+    def _decoded(self, stored: Stored, kind: type[Record]) -> Record:
+        try:
+            return from_json(stored.data, kind)
+        except (msgspec.ValidationError, msgspec.DecodeError) as error:
+            raise UsageError(
+                f"{self.path} holds a {stored.topic} record that this version cannot read: {error}",
+                hint="it was written by another version",
+            ) from error
+
+
+def _read(path: Path, place: Place) -> bytes:
+    for stored in chunk_messages(path, place.chunk_at):
+        if (stored.channel, stored.sequence) == (place.channel, place.sequence):
+            return stored.data
+    raise UsageError(f"{path} has changed since it was read")

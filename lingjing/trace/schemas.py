@@ -1,0 +1,61 @@
+"""JSON Schemas of the trace's own records, generated from the structs.
+
+`python -m lingjing.trace.schemas [FOLDER]` writes them (default: the repository's `schemas/trace`); a test compares
+the folder with the code, and every trace carries them beside its channels.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from lingjing.data import data_path
+from lingjing.trace.records import BoundaryRecord, FrameInfo, Header, Outcome
+
+RECORDS: dict[str, type[msgspec.Struct]] = {
+    "header": Header,
+    "boundary": BoundaryRecord,
+    "frame": FrameInfo,
+    "outcome": Outcome,
+}
+"""Name of a topic under `/lingjing/` and of its schema file, and the struct that it holds."""
+
+
+@lru_cache(maxsize=len(RECORDS))
+def schema_text(name: str) -> str:
+    """The JSON Schema (2020-12) of one of `RECORDS`, indented, ending in a newline.
+
+    The root is spelt out instead of referred to, because viewers want `"type": "object"` there.
+    """
+    return json.dumps(_schema(name), indent=2, sort_keys=True, ensure_ascii=False) + "\n"
+
+
+def write_schemas(folder: Path) -> tuple[Path, ...]:
+    """Write `<name>.schema.json` for every record into `folder` and return the paths."""
+    folder.mkdir(parents=True, exist_ok=True)
+    paths = tuple(folder / f"{name}.schema.json" for name in RECORDS)
+    for name, path in zip(RECORDS, paths, strict=True):
+        path.write_text(schema_text(name), encoding="utf-8")
+    return paths
+
+
+def _schema(name: str) -> dict[str, Any]:
+    record = RECORDS[name]
+    whole = msgspec.json.schema(record)
+    definitions = whole["$defs"]
+    root = definitions.pop(record.__name__)
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": f"lingjing.{record.__name__}",
+        **{key: value for key, value in root.items() if key != "title"},
+        **({"$defs": definitions} if definitions else {}),
+    }
+
+
+if __name__ == "__main__":
+    write_schemas(Path(sys.argv[1]) if len(sys.argv) > 1 else data_path("schemas", "trace"))

@@ -1,0 +1,25 @@
+"""The names of a trace's topics.
+
+Brackets of entity ids become underscores (`/geo/uav_1`), because Foxglove's message paths read brackets as slices.
+"""
+
+from __future__ import annotations
+
+from lingjing.trace.records import FrameInfo
+
+HEADER = "/lingjing/header"
+BOUNDARY = "/lingjing/boundary"
+FRAME = "/lingjing/frame"
+OUTCOME = "/lingjing/outcome"
+CAMERAS = "/camera/"
+
+
+def entity_topic(entity: str) -> str:
+    """`uav[1]` as it stands in a topic: `uav_1`."""
+    return entity.replace("[", "_").replace("]", "")
+
+
+def camera_topic(frame: FrameInfo, channel: str = "") -> str:
+    """`/camera/<entity>/<camera>` for the colour picture; `depth`, `semantic`, `truth`, `calibration` below it."""
+    topic = f"{CAMERAS}{entity_topic(frame.entity)}/{frame.camera}"
+    return f"{topic}/{channel}" if channel else topic

@@ -1,0 +1,144 @@
+"""`TraceWriter`: header, boundaries and outcome of one episode into `trace.mcap`.
+
+While the episode runs the file is called `trace.mcap.part`; only a clean end gives it its name. After the header and
+after every boundary everything is handed to the operating system, so that a killed process leaves a file that reads
+to its last complete boundary.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+import numpy.typing as npt
+
+from lingjing.errors import LingjingError, UsageError
+from lingjing.trace import foxglove, images
+from lingjing.trace.container import ContainerSchema, ContainerWriter
+from lingjing.trace.encoding import to_json
+from lingjing.trace.records import BoundaryRecord, FrameInfo, Header, Outcome, Value
+from lingjing.trace.schemas import RECORDS, schema_text
+
+Picture = tuple[FrameInfo, bytes, npt.NDArray[np.float32] | None, npt.NDArray[np.uint8] | None]
+"""A picture to store: what is known of it, its JPEG, and depth and class ids where the camera declares them."""
+
+PART = ".part"
+
+
+def part_path(path: Path) -> Path:
+    """What a trace is called while its episode runs, and for good if the episode was cut short."""
+    return path.with_name(path.name + PART)
+
+
+class TraceWriter:
+    """One episode's trace. Use it as a context manager: an episode that ends in neither `finish` nor `abandon`
+    leaves a closed `.part`.
+
+    Raises `UsageError` if `path` or its `.part` is there already, or when the file cannot be written.
+    """
+
+    def __init__(self, path: Path, header: Header) -> None:
+        self.path = path
+        self.part = part_path(path)
+        self._instance = header.instance
+        self._pictures = 0
+        self._open = True
+        self._container = self._create()
+        self._guarded(lambda: self._begin(header))
+
+    def boundary(self, record: BoundaryRecord, pictures: Sequence[Picture] = ()) -> None:
+        """Write the boundary's pictures, its derived messages and then the record itself, and flush."""
+        self._guarded(lambda: self._boundary(record, pictures))
+
+    def finish(self, outcome: Outcome) -> Path:
+        """Write the outcome, close the file, give it its name, and return that."""
+        self._guarded(lambda: self._end(outcome))
+        self.part.rename(self.path)
+        return self.path
+
+    def abandon(self, outcome: Outcome | None = None) -> Path:
+        """End an episode that was cut short: the file is closed whole but stays `.part`, whose path is returned."""
+        if self._open:
+            self._guarded(lambda: self._end(outcome))
+        return self.part
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._open:
+            self.abandon()
+
+    def _create(self) -> ContainerWriter:
+        if self.path.exists() or self.part.exists():
+            taken = self.path if self.path.exists() else self.part
+            raise UsageError(f"{taken} is there already", hint="a trace is never overwritten: choose another folder")
+        try:
+            return ContainerWriter(self.part)
+        except OSError as error:
+            raise UsageError(f"cannot write the trace {self.part}: {error.strerror}") from error
+
+    def _begin(self, header: Header) -> None:
+        self._own("header", header, 0)
+        self._derived(foxglove.scene(header.instance), 0)
+        self._container.flush()
+
+    def _boundary(self, record: BoundaryRecord, pictures: Sequence[Picture]) -> None:
+        now = nanoseconds(record.time_s)
+        for picture in pictures:
+            self._picture(picture)
+        for snapshot in record.snapshots:
+            self._derived(foxglove.transforms(snapshot), nanoseconds(snapshot.time_s))
+        for message in foxglove.positions(self._instance, record.snapshots[-1]) if record.snapshots else ():
+            self._derived(message, now)
+        for message in foxglove.logs(record):
+            self._derived(message, now)
+        self._own("boundary", record, now, record.tick)
+        self._container.flush()
+
+    def _picture(self, picture: Picture) -> None:
+        frame, jpeg, depth, semantic = picture
+        self._pictures += 1
+        time_ns = nanoseconds(frame.time_s)
+        packed = None if depth is None else images.encode_depth(depth)
+        ids = None if semantic is None else images.encode_semantic(semantic)
+        self._own("frame", frame, time_ns, self._pictures)
+        for message in foxglove.frame_messages(frame, jpeg, packed, ids):
+            self._derived(message, time_ns, self._pictures)
+
+    def _own(self, name: str, record: Value, time_ns: int, sequence: int = 0) -> None:
+        schema = ContainerSchema(f"lingjing.{RECORDS[name].__name__}", "jsonschema", schema_text(name).encode())
+        self._container.add(f"/lingjing/{name}", schema, time_ns, to_json(record), sequence)
+
+    def _derived(self, message: foxglove.Derived, time_ns: int, sequence: int = 0) -> None:
+        topic, schema, data = message
+        self._container.add(topic, schema, time_ns, data, sequence)
+
+    def _end(self, outcome: Outcome | None) -> None:
+        self._open = False
+        if outcome is not None:
+            self._own("outcome", outcome, self._container.last_ns)
+        self._container.finish()
+
+    def _guarded(self, action: Callable[[], None]) -> None:
+        if not self._open:
+            raise LingjingError(f"the trace {self.part} is closed")
+        try:
+            action()
+        except OSError as error:
+            self._open = False
+            self._container.close()
+            raise UsageError(
+                f"cannot write the trace {self.part}: {error.strerror}",
+                hint="what was written before stays readable",
+            ) from error
+
+
+def nanoseconds(time_s: float) -> int:
+    """Simulation time as MCAP log time."""
+    return round(time_s * 1e9)
