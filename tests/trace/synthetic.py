@@ -270,9 +270,7 @@ def episode(ticks: int = 48, width: int = 640, height: int = 360, depth: bool = 
                     velocity = world.move(name, (goal[0], goal[1]), 3.0, 0.5)
                     if math.hypot(place[0] - goal[0], place[1] - goal[1]) < 40.0:
                         rescued.add(waiting[0])
-                        task_events.append(
-                            TaskEvent(kind="rescue", entities=(waiting.pop(0), "boat"), time_s=time_s)
-                        )
+                        task_events.append(TaskEvent(kind="rescue", entities=(waiting.pop(0), "boat"), time_s=time_s))
                 elif tick and name.startswith("victim") and name not in rescued:
                     velocity = (0.08, 0.05)
                     place[0] += 0.04
@@ -436,9 +434,7 @@ def episode(ticks: int = 48, width: int = 640, height: int = 360, depth: bool = 
             return
 
 
-def _broadcast(
-    mid: str, tick: int, sender: str, kind: str, category: str, body: dict[str, object]
-) -> list[Envelope]:
+def _broadcast(mid: str, tick: int, sender: str, kind: str, category: str, body: dict[str, object]) -> list[Envelope]:
     size = len(msgspec.json.encode(body))
     return [
         Envelope(

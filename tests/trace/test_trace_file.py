@@ -1,0 +1,231 @@
+"""The file: whole, cut anywhere, killed, abandoned, read by the plain reader, refused when it is not one."""
+
+import contextlib
+import hashlib
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import jsonschema
+import mcap.exceptions
+import mcap.reader
+import msgspec
+import numpy as np
+import pytest
+from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+
+from lingjing.errors import ExitCode, LingjingError, UsageError
+from lingjing.trace.digest import verify
+from lingjing.trace.reader import Trace, read_trace
+from lingjing.trace.records import Outcome
+from lingjing.trace.writer import TraceWriter, part_path
+
+
+def test_everything_comes_back(synthetic: ModuleType, trace: Trace) -> None:
+    records = [record for record, _ in synthetic.episode(60, depth=True)]
+    assert trace.header == synthetic.header()
+    assert list(trace.boundaries) == records
+    assert trace.outcome == synthetic.outcome_of(records)
+    assert trace.complete
+    assert verify(trace, pixels=True) is None
+    assert not part_path(trace.path).exists()
+
+
+def test_pictures_come_back_with_all_channels(synthetic: ModuleType, trace: Trace) -> None:
+    pictures = [picture for _, some in synthetic.episode(60, depth=True) for picture in some]
+    assert list(trace.frames) == [info.id for info, _, _, _ in pictures]
+    for info, jpeg, depth, semantic in (pictures[0], pictures[-1]):
+        back = trace.picture(info.id)
+        assert trace.jpeg(info.id) == jpeg and back.info == info
+        assert back.rgb.shape == (info.pose.height, info.pose.width, 3)
+        assert np.allclose(back.depth, depth, atol=0.0051) and np.array_equal(back.semantic, semantic)
+
+
+def test_a_picture_without_depth_has_none(synthetic: ModuleType, tmp_path: Path) -> None:
+    synthetic.write_episode(tmp_path / "t.mcap", ticks=4)
+    back = read_trace(tmp_path / "t.mcap")
+    assert back.picture("f3-uav[1]-nadir").depth is None and back.picture("f3-uav[1]-nadir").semantic is None
+
+
+def test_an_unknown_picture_is_named(trace: Trace) -> None:
+    with pytest.raises(UsageError, match="no picture f99"):
+        trace.picture("f99")
+
+
+def test_cut_anywhere_it_reads_to_a_boundary(trace: Trace, tmp_path: Path) -> None:
+    data, part = trace.path.read_bytes(), tmp_path / "trace.mcap.part"
+    lengths = set()
+    for at in sorted(random.Random(3).sample(range(len(data)), 200)):
+        part.write_bytes(data[:at])
+        try:
+            cut = read_trace(part)
+        except UsageError as error:
+            assert "not a trace" in str(error) or "holds no episode" in str(error)
+            assert at < 40_000
+            continue
+        assert cut.boundaries == trace.boundaries[: len(cut.boundaries)]
+        assert not cut.complete
+        if len(cut.boundaries) not in lengths:
+            assert verify(cut, pixels=True) is None
+        lengths.add(len(cut.boundaries))
+    assert len(lengths) > 20
+
+
+def test_damaged_anywhere_it_raises_nothing_else(trace: Trace, tmp_path: Path) -> None:
+    data, path, chance = trace.path.read_bytes(), tmp_path / "t.mcap", random.Random(5)
+    for _ in range(60):
+        broken = bytearray(data)
+        at = chance.randrange(len(broken))
+        broken[at : at + 4] = chance.randbytes(4)
+        path.write_bytes(broken)
+        try:
+            back = read_trace(path)
+        except LingjingError:
+            continue
+        assert back.boundaries == trace.boundaries[: len(back.boundaries)]
+
+
+KILLED = """
+import importlib.util, os, signal, sys
+from pathlib import Path
+spec = importlib.util.spec_from_file_location("synthetic_episode", sys.argv[1])
+module = importlib.util.module_from_spec(spec)
+sys.modules[spec.name] = module
+spec.loader.exec_module(module)
+from lingjing.trace.writer import TraceWriter
+writer = TraceWriter(Path(sys.argv[2]), module.header())
+for record, pictures in module.episode(60):
+    writer.boundary(record, pictures)
+    if record.tick == 9:
+        os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def test_killed_in_the_middle_it_reads_to_its_last_boundary(synthetic: ModuleType, tmp_path: Path) -> None:
+    path = tmp_path / "trace.mcap"
+    done = subprocess.run([sys.executable, "-c", KILLED, synthetic.__file__, str(path)], check=False)
+    assert done.returncode == -signal.SIGKILL
+    assert not path.exists()
+    back = read_trace(part_path(path))
+    assert [record.tick for record in back.boundaries] == list(range(10))
+    assert back.outcome is None and not back.complete and verify(back, pixels=True) is None
+    assert _plain_boundaries(part_path(path)) == 10
+
+
+def _plain_boundaries(path: Path) -> int:
+    """Boundaries that the plain reader gives before it meets the cut."""
+    count = 0
+    with path.open("rb") as file, contextlib.suppress(mcap.exceptions.McapError):
+        for _, channel, _ in mcap.reader.NonSeekingReader(file).iter_messages(log_time_order=False):
+            count += channel.topic == "/lingjing/boundary"
+    return count
+
+
+def test_an_abandoned_episode_keeps_part_and_reads_whole(synthetic: ModuleType, tmp_path: Path) -> None:
+    path = tmp_path / "trace.mcap"
+    outcome = Outcome(success=False, reason="infrastructure-abort", scr=0.0, ticks=4, digest="", frames_digest="")
+    with TraceWriter(path, synthetic.header()) as writer:
+        records = []
+        for record, pictures in synthetic.episode(4):
+            writer.boundary(record, pictures)
+            records.append(record)
+        outcome = msgspec.structs.replace(
+            synthetic.outcome_of(records), reason="infrastructure-abort", detail="camera died"
+        )
+        assert writer.abandon(outcome) == part_path(path)
+    back = read_trace(part_path(path))
+    assert not path.exists() and back.outcome == outcome and not back.complete
+    assert list(back.boundaries) == records and verify(back) is None
+
+
+def test_an_exception_leaves_a_closed_part(synthetic: ModuleType, tmp_path: Path) -> None:
+    path = tmp_path / "trace.mcap"
+    with pytest.raises(ZeroDivisionError), TraceWriter(path, synthetic.header()) as writer:
+        writer.boundary(*next(synthetic.episode(4)))
+        1 / 0  # noqa: B018
+    assert len(read_trace(part_path(path)).boundaries) == 1 and not path.exists()
+    with pytest.raises(LingjingError, match="closed"):
+        writer.boundary(*next(synthetic.episode(4)))
+
+
+def test_nothing_is_overwritten(synthetic: ModuleType, tmp_path: Path) -> None:
+    for taken in (tmp_path / "trace.mcap", tmp_path / "trace.mcap.part"):
+        taken.write_text("mine")
+        with pytest.raises(UsageError, match="is there already"):
+            TraceWriter(tmp_path / "trace.mcap", synthetic.header())
+        assert taken.read_text() == "mine"
+        taken.unlink()
+
+
+def test_an_unwritable_place_is_a_usage_error(synthetic: ModuleType, tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="cannot write the trace") as caught:
+        TraceWriter(tmp_path / "missing" / "trace.mcap", synthetic.header())
+    assert caught.value.exit_code == ExitCode.USAGE
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+def test_a_full_disk_is_a_usage_error(synthetic: ModuleType, tmp_path: Path) -> None:
+    writer = TraceWriter(tmp_path / "trace.mcap", synthetic.header())
+    full = os.open("/dev/full", os.O_WRONLY)
+    os.dup2(full, writer._container._file.fileno())
+    os.close(full)
+    with pytest.raises(UsageError, match="No space left"):
+        writer.boundary(*next(synthetic.episode(4)))
+
+
+@pytest.mark.parametrize("content", [None, b"", b"hello", b"\x89MCAP0\r\n", b"\x89PNG" * 100, b"\0" * 10_000])
+def test_what_is_no_trace_is_a_clear_error(content: bytes | None, tmp_path: Path) -> None:
+    path = tmp_path / "trace.mcap"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(UsageError) as caught:
+        read_trace(path)
+    assert str(path) in str(caught.value)
+
+
+def test_a_folder_is_no_trace(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="cannot read the trace"):
+        read_trace(tmp_path)
+
+
+def test_the_plain_reader_decodes_every_message(trace: Trace) -> None:
+    seen: dict[str, int] = {}
+    validators: dict[int, jsonschema.Draft202012Validator] = {}
+    classes: dict[int, type] = {}
+    with trace.path.open("rb") as file:
+        for schema, channel, message in mcap.reader.make_reader(file).iter_messages():
+            assert schema is not None
+            seen[channel.topic] = seen.get(channel.topic, 0) + 1
+            if schema.encoding == "jsonschema":
+                validator = validators.setdefault(schema.id, jsonschema.Draft202012Validator(json.loads(schema.data)))
+                assert json.loads(schema.data)["type"] == "object"
+                if seen[channel.topic] <= 3:
+                    validator.validate(json.loads(message.data))
+            else:
+                cls = classes.setdefault(schema.id, _message_class(schema.name, schema.data))
+                decoded = cls.FromString(message.data)  # type: ignore[attr-defined]
+                assert decoded.ByteSize() == len(message.data)
+    assert {"/lingjing/header", "/lingjing/boundary", "/lingjing/frame", "/lingjing/outcome"} <= set(seen)
+    assert {"/tf", "/scene", "/log", "/geo/uav_1", "/camera/uav_1/nadir", "/camera/uav_1/nadir/depth"} <= set(seen)
+    assert seen["/lingjing/boundary"] == len(trace.boundaries)
+    assert seen["/camera/uav_2/nadir"] == sum(frame.entity == "uav[2]" for frame in trace.frames.values())
+
+
+def test_two_equal_episodes_are_equal_files(synthetic: ModuleType, tmp_path: Path) -> None:
+    hashes = set()
+    for name in ("a.mcap", "b.mcap"):
+        synthetic.write_episode(tmp_path / name, ticks=8, depth=True)
+        hashes.add(hashlib.sha256((tmp_path / name).read_bytes()).hexdigest())
+    assert len(hashes) == 1
+
+
+def _message_class(name: str, data: bytes) -> type:
+    pool = descriptor_pool.DescriptorPool()
+    for file in descriptor_pb2.FileDescriptorSet.FromString(data).file:
+        pool.Add(file)
+    return message_factory.GetMessageClass(pool.FindMessageTypeByName(name))
