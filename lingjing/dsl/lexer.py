@@ -1,0 +1,283 @@
+"""The lexer: one master pattern, newline tokens at statement boundaries only, balanced braces guaranteed.
+
+The token stream is made so that the grammar stays context-free and recovery stays simple: a newline inside `()`, `[]`
+or after an operator is no token; a comma between the items of a block is `NL` when a statement follows it and `SEP`
+else; a unit belongs to its number (`QUANTITY`); a sign before a literal belongs to it; braces of a set (`in { a, b }`)
+are `LSET`, `RSET`. Brackets always balance: what is missing is reported and supplied, what is too much is reported
+and dropped.
+"""
+
+from __future__ import annotations
+
+import re
+
+from lingjing.dsl.reporter import Reporter
+from lingjing.dsl.tokens import INNER, OPERATORS_THAT_CONTINUE, STATEMENTS, SYMBOLS, Token
+
+DEEPEST = 64
+"""Brackets within brackets. A mission needs about six; the bound keeps every later phase's recursion shallow."""
+
+_NOT_A_UNIT = rf"(?!(?:{'|'.join(INNER)})\b)"
+_UNIT = r"(?:[^\W\d_]+|[%°])(?:\^-?\d|\d)?"
+MASTER = re.compile(
+    rf"""
+    (?P<WORD>[^\W\d]\w*)
+  | (?P<NUMBER>(?:\d+(?:\.(?!\.)\d+)?(?:[eE][+-]?\d+)?)(?![\w]*\d)(?:[ \t]*{_NOT_A_UNIT}(?P<UNIT>{_UNIT}(?:[/*]{_UNIT})*)(?!\w))?)
+  | (?P<SPACE>[ \t]+|\#[^\r\n]*)
+  | (?P<LINE>(?:\r\n|\n|\r)(?:[ \t]*(?:\#[^\r\n]*)?(?:\r\n|\n|\r))*)
+  | (?P<COMMA>,)
+  | (?P<SYMBOL><->|->|<=|>=|==|!=|\.\.|\.\*|[-+*/<>=~:.(){{}}\[\]])
+  | (?P<STRING>"(?:[^"\\\r\n]|\\.)*")
+  | (?P<OPENSTRING>"[^\r\n]*)
+  | (?P<BADNUMBER>\d\w*(?:\.\w+)*)
+  | (?P<BAD>.)
+    """,
+    re.VERBOSE | re.DOTALL,
+)
+
+_STATEMENT_FOLLOWS = re.compile(r"[ \t]+(?:[^\W\d]|\"|\{|-?\d)|[ \t]*\{")
+_HEADER_FOLLOWS = re.compile(r"[ \t]+(?:[^\W\d]|\")|[ \t]*\{")
+_NAME_FOLLOWS = re.compile(r"[ \t]*(?:=(?!=)|~|:|<=)")
+_INNER_IS_NAME = re.compile(r"[ \t]*(?:=(?!=)|~|:)")
+_NEXT_ITEM = re.compile(r"(?:[ \t\r\n]|\#[^\r\n]*)*(?:(?P<close>\})|(?P<word>[^\W\d]\w*)(?P<after>[ \t]*(?:=(?!=)|~)?))")
+_CONTINUES = re.compile(r"[ \t]*(?:(?:and|or)\b|->|<->)")
+_STARTS = re.compile(r"[ \t]*(?:(?P<word>[^\W\d]\w*)|\})")
+_SEA_LEVEL = re.compile(r"[ \t]+level\b")
+_BIDI = re.compile("[\u202a-\u202e\u2066-\u2069\u200e\u200f]")
+_OPERANDS = frozenset("NAME NUMBER QUANTITY STRING RPAR RSQB RSET TRUE FALSE".split())
+_CLOSERS = {"(": ")", "[": "]", "{": "}", "set": "}"}
+
+
+class Lexer:
+    """State of one pass over one text: the tokens so far and the open brackets."""
+
+    def __init__(self, text: str, report: Reporter) -> None:
+        self.text = text
+        self.report = report
+        self.tokens: list[Token] = []
+        self.open: list[tuple[str, int]] = []
+        self.previous = "NL"
+
+    def run(self) -> list[Token]:
+        """All tokens, ending in `$END`."""
+        self._refuse_bidi()
+        handlers = {
+            "WORD": self._word,
+            "NUMBER": self._number,
+            "LINE": self._line,
+            "COMMA": self._comma,
+            "SYMBOL": self._symbol,
+            "STRING": self._string,
+            "OPENSTRING": self._open_string,
+            "BADNUMBER": self._bad_number,
+            "BAD": self._bad,
+        }
+        skip = 0
+        for match in MASTER.finditer(self.text):
+            kind = match.lastgroup
+            if kind == "SPACE" or match.start() < skip:
+                continue
+            skip = handlers[kind](match) or 0  # type: ignore[index]
+            if len(self.open) > DEEPEST:
+                self.report("LJ0005", match.start(), match.end(), f"brackets are nested deeper than {DEEPEST}")
+                break
+        return self._finish()
+
+    def _add(self, kind: str, start: int, end: int, unit: str = "") -> None:
+        self.tokens.append(Token(kind, self.text[start:end], start, end, unit))
+        self.previous = kind
+
+    def _refuse_bidi(self) -> None:
+        for match in _BIDI.finditer(self.text):
+            code = f"U+{ord(match[0]):04X}"
+            self.report("LJ0001", match.start(), match.end(), f"{code} reverses the reading direction unseen", "remove it")
+
+    # -- words and numbers
+
+    def _word(self, match: re.Match[str]) -> int:
+        word, start, end = match[0], match.start(), match.end()
+        previous = self.previous
+        if previous in ("NL", "LBRACE", "HIDDEN", "SEP") and word in STATEMENTS and self._begins(end, previous):
+            self._add(STATEMENTS[word], start, end)
+        elif word in INNER and previous != "DOT" and self._means(word, end):
+            self._add(INNER[word], start, end)
+        elif word == "sea" and (level := _SEA_LEVEL.match(self.text, end)):
+            self._add("NAME", start, level.end())
+            return level.end()
+        else:
+            self._add("NAME", start, end)
+        return 0
+
+    def _begins(self, end: int, previous: str) -> bool:
+        if previous == "SEP" or _NAME_FOLLOWS.match(self.text, end):
+            return False
+        return _STATEMENT_FOLLOWS.match(self.text, end) is not None
+
+    def _means(self, word: str, end: int) -> bool:
+        if word == "at" and self.text.startswith("(", end):
+            return False
+        at_start = self.previous in ("NL", "LBRACE", "HIDDEN")
+        return not (at_start and _NAME_FOLLOWS.match(self.text, end)) and not _INNER_IS_NAME.match(self.text, end)
+
+    def _number(self, match: re.Match[str]) -> int:
+        unit, start, end = match["UNIT"] or "", match.start(), match.end()
+        text = self.text[start : match.start("UNIT")].rstrip() if unit else match[0]
+        if self.previous == "MINUS" and self._sign_is_free(start):
+            text, start = "-" + text, self.tokens.pop().start
+        self.previous = "QUANTITY" if unit else "NUMBER"
+        self.tokens.append(Token(self.previous, text, start, end, unit))
+        return 0
+
+    def _sign_is_free(self, start: int) -> bool:
+        sign = self.tokens[-1]
+        return sign.end == start and (len(self.tokens) < 2 or self.tokens[-2].type not in _OPERANDS)
+
+    # -- structure
+
+    def _line(self, match: re.Match[str]) -> int:
+        top = self.open[-1][0] if self.open else "{"
+        if top != "{":
+            if not self._bracket_was_forgotten(top, match.end()):
+                return 0
+            self._close_down_to_block(match.start())
+        if self.previous in ("NL", "LBRACE") or self.previous in OPERATORS_THAT_CONTINUE:
+            if self.previous not in ("NL", "LBRACE", "SEP", "COMMA") and self._statement_starts(match.end()):
+                self._add("NL", match.start(), match.start())
+            return 0
+        if _CONTINUES.match(self.text, match.end()):
+            return 0
+        self._add("NL", match.start(), match.start())
+        return 0
+
+    def _bracket_was_forgotten(self, bracket: str, at: int) -> bool:
+        """A new line inside a bracket that can only begin a statement: two operands in a row, or a keyword."""
+        match = _STARTS.match(self.text, at)
+        if match is None or (bracket == "set" and match["word"] is None):
+            return False
+        two_operands = self.previous in _OPERANDS and match["word"] is not None and match["word"] not in INNER
+        return two_operands or self._statement_starts(at)
+
+    def _statement_starts(self, at: int) -> bool:
+        match = _STARTS.match(self.text, at)
+        if match is None:
+            return False
+        word = match["word"]
+        if word is None:
+            return True
+        end = match.end()
+        if word not in STATEMENTS or word == "when" or _NAME_FOLLOWS.match(self.text, end):
+            return False
+        return _HEADER_FOLLOWS.match(self.text, end) is not None
+
+    def _close_down_to_block(self, at: int) -> None:
+        while self.open and self.open[-1][0] != "{":
+            bracket, start = self.open.pop()
+            closer = _CLOSERS[bracket]
+            shown = "{" if bracket == "set" else bracket
+            self.report("LJ0003", start, start + 1, f"`{shown}` is never closed", f"add `{closer}`")
+            self._add({")": "RPAR", "]": "RSQB", "}": "RSET"}[closer], at, at)
+
+    def _comma(self, match: re.Match[str]) -> int:
+        start, end = match.start(), match.end()
+        if self.open and self.open[-1][0] != "{":
+            self._add("COMMA", start, end)
+            return 0
+        follow = _NEXT_ITEM.match(self.text, end)
+        if follow and (follow["close"] or self._item_starts(follow)):
+            if self.previous not in ("NL", "LBRACE"):
+                self._add("NL", start, end)
+            return 0
+        self._add("SEP", start, end)
+        return 0
+
+    def _item_starts(self, follow: re.Match[str]) -> bool:
+        after = follow["after"].strip()
+        if after:
+            return True
+        word = follow["word"]
+        at = follow.end("word")
+        return word in STATEMENTS and not _NAME_FOLLOWS.match(self.text, at) and bool(
+            _STATEMENT_FOLLOWS.match(self.text, at)
+        )
+
+    def _symbol(self, match: re.Match[str]) -> int:
+        text, start, end = match[0], match.start(), match.end()
+        if text in "([":
+            self.open.append((text, start))
+            self._add(SYMBOLS[text], start, end)
+        elif text == "{":
+            is_set = self.previous == "IN"
+            self.open.append(("set" if is_set else "{", start))
+            self._add("LSET" if is_set else "LBRACE", start, end)
+        elif text in ")]}":
+            self._close(text, start, end)
+        else:
+            self._add(SYMBOLS[text], start, end)
+        return 0
+
+    def _close(self, closer: str, start: int, end: int) -> None:
+        if closer == "}":
+            if self.open and self.open[-1][0] == "set":
+                self.open.pop()
+                self._add("RSET", start, end)
+                return
+            self._close_down_to_block(start)
+        if not self.open or _CLOSERS[self.open[-1][0]] != closer:
+            self.report("LJ0004", start, end, f"`{closer}` closes nothing", "remove it, or add what it should close")
+            return
+        self.open.pop()
+        if closer == "}" and self.previous in ("NL", "SEP"):
+            self.tokens.pop()
+        self._add(SYMBOLS[closer], start, end)
+
+    # -- texts and faults
+
+    def _string(self, match: re.Match[str]) -> int:
+        self._add("STRING", match.start(), match.end())
+        return 0
+
+    def _open_string(self, match: re.Match[str]) -> int:
+        self.report("LJ0002", match.start(), match.end(), "the text is never closed", 'add `"` before the line ends')
+        self._add("STRING", match.start(), match.end())
+        return 0
+
+    def _bad_number(self, match: re.Match[str]) -> int:
+        self.report("LJ0006", match.start(), match.end(), f"`{match[0]}` is neither a number nor a name")
+        self._add("NUMBER", match.start(), match.end())
+        return 0
+
+    def _bad(self, match: re.Match[str]) -> int:
+        character = match[0]
+        shown = f"`{character}`" if character.isprintable() else f"U+{ord(character):04X}"
+        self.report("LJ0001", match.start(), match.end(), f"{shown} has no meaning here", _BAD_HINTS.get(character, "remove it"))
+        return 0
+
+    def _finish(self) -> list[Token]:
+        end = len(self.text)
+        self._close_down_to_block(end)
+        if self.previous in ("NL", "SEP") and self.tokens:
+            self.tokens.pop()
+        while self.open:
+            _, start = self.open.pop()
+            self.report("LJ0003", start, start + 1, "`{` is never closed", "add `}`")
+            self._add("RBRACE", end, end)
+        self._add("$END", end, end)
+        return self.tokens
+
+
+_BAD_HINTS = {
+    "'": 'texts stand in double quotes: `"…"`',
+    ";": "a statement ends with its line",
+    "&": "write `and`",
+    "|": "write `or`",
+    "!": "write `not`, or `!=`",
+    "，": "write `,`",
+    "：": "write `:`",
+    "“": 'write `"`',
+    "”": 'write `"`',
+}
+
+
+def lex(text: str, report: Reporter) -> list[Token]:
+    """The tokens of a text; faults go to `report`."""
+    return Lexer(text, report).run()

@@ -1,0 +1,219 @@
+"""The parser: drives lark's LALR(1) tables over the tokens, and recovers at statement boundaries.
+
+On an unexpected token it reports what was due, drops the unfinished statement from the stack, skips to the end of that
+statement (a block it opens is still parsed, so that errors in it are found) and puts an ERROR in the statement's
+place. Braces balance in the token stream, so a fault in a statement never moves the end of the block around it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+from lingjing.dsl import syntax as s
+from lingjing.dsl.builder import Builder
+from lingjing.dsl.lexer import lex
+from lingjing.dsl.reporter import Reporter
+from lingjing.dsl.suggest import nearest
+from lingjing.dsl.tables import Tables, load_tables
+from lingjing.dsl.tokens import INNER, NAMES_IN_MESSAGES, STATEMENTS, Token
+
+
+def parse(report: Reporter) -> s.File:
+    """The syntax tree of the reporter's source. Faulty statements are `Faulty` nodes, already reported."""
+    return Parser(report).run(lex(report.source.text, report))
+
+
+@cache
+def _tables() -> Tables:
+    return load_tables()
+
+
+class Parser:
+    """One run over one token list."""
+
+    def __init__(self, report: Reporter) -> None:
+        self.report = report
+        self.tables = _tables()
+        actions = Builder(report).actions()
+        self.rules: list[tuple[int, str, Callable[..., Any], tuple[int, ...]]] = [
+            (rule.size, rule.origin, actions[rule.action], rule.missing) for rule in self.tables.rules
+        ]
+        self.states = [self.tables.start]
+        self.values: list[Any] = []
+
+    def run(self, tokens: list[Token]) -> s.File:
+        """Parse; always ends with a tree."""
+        at, last_fault = 0, -1
+        while True:
+            fault = self._drive(tokens, at)
+            if fault < 0:
+                return self.values[-1]  # type: ignore[no-any-return]
+            at = self._recover(tokens, fault, silent=fault == last_fault)
+            last_fault = max(fault, at)
+
+    def _drive(self, tokens: list[Token], at: int) -> int:
+        """Feed tokens from `at` on; -1 at the end, else the index of the token that does not fit."""
+        table, rules = self.tables.states, self.rules
+        states, values = self.states, self.values
+        final = self.tables.end
+        row = table[states[-1]]
+        for position in range(at, len(tokens)):
+            token = tokens[position]
+            kind = token.type
+            while True:
+                action = row.get(kind)
+                if action is None:
+                    return position
+                if action >= 0:
+                    states.append(action)
+                    values.append(token)
+                    row = table[action]
+                    break
+                size, origin, build, missing = rules[~action]
+                if size:
+                    arguments = values[-size:]
+                    del values[-size:]
+                    del states[-size:]
+                    for gap in missing:
+                        arguments.insert(gap, None)
+                    values.append(build(*arguments))
+                else:
+                    values.append(build())
+                state = table[states[-1]][origin]
+                states.append(state)
+                row = table[state]
+                if state == final and kind == "$END":
+                    return -1
+        return -1
+
+    # -- recovery
+
+    def _recover(self, tokens: list[Token], fault: int, *, silent: bool) -> int:
+        begin = _statement_begin(tokens, fault)
+        if not silent:
+            self._explain(tokens, begin, fault)
+        while "ERROR" not in self.tables.states[self.states[-1]]:
+            self.states.pop()
+            self.values.pop()
+        stop = _statement_stop(tokens, fault)
+        if stop == fault and silent:
+            stop = min(fault + 1, len(tokens) - 1)
+        words = " ".join(t.text for t in tokens[begin:stop] if t.type == "NAME")
+        first, last = tokens[begin], tokens[max(begin, stop - 1)]
+        error = Token("ERROR", words, first.start, max(first.start, last.end))
+        state = self.tables.states[self.states[-1]]["ERROR"]
+        self.states.append(state)
+        self.values.append(error)
+        return stop
+
+    def _explain(self, tokens: list[Token], begin: int, fault: int) -> None:
+        token, first = tokens[fault], tokens[begin]
+        if first.type == "NAME" and fault - begin <= 1 and token.type not in ("EQUAL", "TILDE", "LE", "OP", "ERROR"):
+            if self._explain_word(first, token):
+                return
+        due = self._due()
+        found = _shown(token)
+        keyword = f" in `{first.text}`" if first.text in STATEMENTS and begin < fault else ""
+        start, end = token.start, max(token.end, token.start)
+        if token.type in ("NL", "$END", "RBRACE") and fault > 0:
+            start = end = tokens[fault - 1].end
+        if token.type == "NAME" and (close := nearest(token.text, self._words_due(due))):
+            self.report(
+                "LJ0010", start, end, f"`{token.text}` does not fit here{keyword}", f"did you mean `{close}`?", replace=close
+            )
+            return
+        wanted = _listing(due)
+        self.report("LJ0010", start, end, f"{wanted} is due here{keyword}, found {found}", _hint(tokens, fault, due))
+
+    def _explain_word(self, first: Token, token: Token) -> bool:
+        close = nearest(first.text, STATEMENTS)
+        if close is None and token.type not in ("NAME", "STRING", "NUMBER", "QUANTITY"):
+            return False
+        hint = f"did you mean `{close}`?" if close else "a statement begins with a keyword, or is `name = value`"
+        self.report("LJ0011", first.start, first.end, f"no statement is called `{first.text}`", hint, replace=close)
+        return True
+
+    def _due(self) -> list[str]:
+        """Token types that could really come next: looked up by running the reductions on a copy of the stack."""
+        row = self.tables.states[self.states[-1]]
+        return sorted(kind for kind in row if kind.isupper() and kind != "ERROR" and self._accepts(kind) or kind == "$END")
+
+    def _accepts(self, kind: str) -> bool:
+        states = list(self.states)
+        while True:
+            action = self.tables.states[states[-1]].get(kind)
+            if action is None:
+                return False
+            if action >= 0:
+                return True
+            size, origin, _, _ = self.rules[~action]
+            if size:
+                del states[-size:]
+            states.append(self.tables.states[states[-1]][origin])
+            if kind == "$END" and states[-1] == self.tables.end:
+                return True
+
+    def _words_due(self, due: list[str]) -> list[str]:
+        return [word for word, kind in {**STATEMENTS, **INNER}.items() if kind in due]
+
+
+def _statement_begin(tokens: list[Token], fault: int) -> int:
+    depth, at = 0, fault
+    while at > 0:
+        kind = tokens[at - 1].type
+        if kind == "RBRACE":
+            depth += 1
+        elif kind == "LBRACE":
+            if depth == 0:
+                break
+            depth -= 1
+        elif kind == "NL" and depth == 0:
+            break
+        at -= 1
+    return at
+
+
+def _statement_stop(tokens: list[Token], fault: int) -> int:
+    """Where to go on: at the end of the statement, or at the block it opens."""
+    for at in range(fault, len(tokens)):
+        if tokens[at].type in ("NL", "RBRACE", "LBRACE", "$END"):
+            return at
+    return len(tokens) - 1
+
+
+def _shown(token: Token) -> str:
+    if token.type in ("NL", "$END"):
+        return NAMES_IN_MESSAGES[token.type]
+    text = f"{token.text} {token.unit}" if token.unit else token.text
+    return f"`{text}`" if len(text) <= 30 else NAMES_IN_MESSAGES.get(token.type, "this")
+
+
+_VALUE_STARTS = frozenset("NAME NUMBER QUANTITY STRING LPAR LSQB MINUS NOT EXISTS FORALL TRUE FALSE LSET".split())
+_EXPRESSION_GOES_ON = frozenset("OP MINUS LE IN AND OR RANGE BY FROM TO AT LSQB DOT DOTSTAR".split())
+
+
+def _listing(due: list[str]) -> str:
+    kinds = set(due)
+    if {"NAME", "NUMBER", "LPAR"} <= kinds:
+        kinds = (kinds - _VALUE_STARTS) | {"a value"}
+    if {"OP", "AND", "RANGE"} <= kinds:
+        kinds -= _EXPRESSION_GOES_ON
+    if len(kinds & set(STATEMENTS.values())) > 5:
+        kinds = (kinds - set(STATEMENTS.values()) - {"NAME"}) | {"a statement"}
+    if len(kinds) > 1:
+        kinds -= {"SEP"}
+    words = sorted(NAMES_IN_MESSAGES.get(kind, kind) for kind in kinds)
+    if len(words) <= 1:
+        return words[0] if words else "something else"
+    return f"{', '.join(words[:-1])} or {words[-1]}"
+
+
+def _hint(tokens: list[Token], fault: int, due: list[str]) -> str:
+    token = tokens[fault]
+    if fault and token.type == "NAME" and tokens[fault - 1].type == "NUMBER":
+        return "a unit follows its number on the same line"
+    if "NL" in due and token.type not in ("NL", "RBRACE", "$END"):
+        return "a statement ends with its line or with a comma"
+    return ""

@@ -1,0 +1,38 @@
+"""`Reporter`: where every phase puts its diagnostics."""
+
+from __future__ import annotations
+
+from lingjing.dsl.source import Source
+from lingjing.mission.diagnostics import Diagnostic, Edit, Fix, Related, Severity, Span
+
+
+class Reporter:
+    """Collects the diagnostics of one file. Calling it reports an error at offsets of its source."""
+
+    __slots__ = ("diagnostics", "source")
+
+    def __init__(self, source: Source) -> None:
+        self.source = source
+        self.diagnostics: list[Diagnostic] = []
+
+    def __call__(
+        self,
+        code: str,
+        start: int,
+        end: int,
+        message: str,
+        hint: str = "",
+        *,
+        related: tuple[Related, ...] = (),
+        replace: str | None = None,
+        safe: bool = False,
+        severity: Severity = "error",
+    ) -> None:
+        """Report; `replace` offers to put that text in the span's place."""
+        span = self.source.span(start, end)
+        fix = None if replace is None else Fix(f"write `{replace}`", (Edit(span, replace),), safe)
+        self.diagnostics.append(Diagnostic(code, span, message, hint, severity, related, fix))
+
+    def span(self, start: int, end: int) -> Span:
+        """The span between two offsets of this source."""
+        return self.source.span(start, end)

@@ -1,0 +1,133 @@
+"""`Source`: the text of one file with what is needed to say where something stands in it."""
+
+from __future__ import annotations
+
+import os
+from bisect import bisect_right
+
+from lingjing.errors import UsageError
+from lingjing.mission.diagnostics import Span
+
+LONGEST_LINE = 1_000_000
+"""Characters. No hand and no model writes such a line; refusing it keeps every phase's memory bounded."""
+
+LARGEST_FILE = 64 * 1024 * 1024
+"""Bytes: some thirty times the largest mission the project is measured with."""
+
+
+class Source:
+    """One text. Lines end with LF, CRLF or CR; a byte-order mark is dropped; offsets count characters of `text`."""
+
+    __slots__ = ("_line_starts", "path", "text")
+
+    def __init__(self, text: str, path: str = "<string>") -> None:
+        self.text = text.removeprefix("\ufeff")
+        self.path = path
+        self._line_starts: list[int] | None = None
+
+    def line_of(self, offset: int) -> int:
+        """The line of an offset, from 1."""
+        return bisect_right(self.line_starts(), offset)
+
+    def line_text(self, line: int) -> str:
+        """The text of a line, from 1, without its end; empty past the last."""
+        starts = self.line_starts()
+        if not 1 <= line <= len(starts):
+            return ""
+        end = starts[line] if line < len(starts) else len(self.text)
+        return self.text[starts[line - 1] : end].rstrip("\r\n")
+
+    def span(self, start: int, end: int) -> Span:
+        """The span from `start` to just before `end`."""
+        line, end_line = self.line_of(start), self.line_of(end)
+        starts = self.line_starts()
+        return Span(
+            path=self.path,
+            start=start,
+            end=end,
+            line=line,
+            column=start - starts[line - 1] + 1,
+            end_line=end_line,
+            end_column=end - starts[end_line - 1] + 1,
+        )
+
+    def line_starts(self) -> list[int]:
+        """Offsets at which the lines begin."""
+        if self._line_starts is None:
+            self._line_starts = _line_starts(self.text)
+        return self._line_starts
+
+
+def _line_starts(text: str) -> list[int]:
+    starts = [0]
+    find = text.find
+    if "\r" not in text:
+        at = find("\n")
+        while at >= 0:
+            starts.append(at + 1)
+            at = find("\n", at + 1)
+        return starts
+    for at, character in enumerate(text):
+        if character == "\n" or (character == "\r" and text[at + 1 : at + 2] != "\n"):
+            starts.append(at + 1)
+    return starts
+
+
+def read_source(path: str) -> Source:
+    """Read a file. `UsageError` names it and says why it cannot be read: missing, a folder, not text, far too large."""
+    try:
+        with open(path, "rb") as file:  # noqa: PTH123 - pathlib costs a tenth of the cold start
+            size = os.fstat(file.fileno()).st_size
+            if size > LARGEST_FILE:
+                raise UsageError(
+                    f"`{path}` has {size / 1e6:.0f} MB", hint=f"a mission has at most {LARGEST_FILE // 1_000_000} MB"
+                )
+            data = file.read()
+    except FileNotFoundError:
+        raise UsageError(f"`{path}` does not exist", hint="check the spelling and the working folder") from None
+    except IsADirectoryError:
+        raise UsageError(f"`{path}` is a folder", hint="name a .ljs or .json file in it") from None
+    except OSError as error:
+        raise UsageError(f"`{path}` cannot be read: {error.strerror}") from None
+    except ValueError:
+        raise UsageError(f"`{path!r}` is not a file name") from None
+    return decode_source(data, path)
+
+
+def decode_source(data: bytes, path: str) -> Source:
+    """Text from bytes. `UsageError` on what is not UTF-8 (with the byte's offset) or has a line beyond all reason."""
+    try:
+        text = data.decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise UsageError(
+            f"`{path}` is not UTF-8: byte {data[error.start]:#04x} at offset {error.start}", hint=_encoding_hint(data)
+        ) from None
+    longest, at = longest_line(text)
+    if longest > LONGEST_LINE:
+        raise UsageError(
+            f"`{path}` has a line of {longest:,} characters at line {text.count(chr(10), 0, at) + 1}",
+            hint=f"a line has at most {LONGEST_LINE:,} characters; break it after commas",
+        )
+    return Source(text, path)
+
+
+def longest_line(text: str) -> tuple[int, int]:
+    """Length and offset of the longest line; looks no further than the first beyond the limit."""
+    start, best, best_at = 0, 0, 0
+    while start <= len(text):
+        end = text.find("\n", start)
+        end = len(text) if end < 0 else end
+        if end - start > best:
+            best, best_at = end - start, start
+            if best > LONGEST_LINE:
+                break
+        start = end + 1
+    return best, best_at
+
+
+def _encoding_hint(data: bytes) -> str:
+    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return "it looks like UTF-16; save it as UTF-8"
+    if b"\0" in data[:4096]:
+        return "it looks like a binary file; a mission is text"
+    return "save it as UTF-8"

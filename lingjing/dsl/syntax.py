@@ -1,0 +1,411 @@
+"""The syntax tree: what the author wrote, frozen, with the offsets where it stands.
+
+Every node has `start` and `end`, character offsets into its source. Statements are the members of blocks; expressions
+are what stands in them. Nothing is resolved here: names are text, numbers keep the author's unit.
+"""
+
+from __future__ import annotations
+
+import msgspec
+
+
+class Node(msgspec.Struct, frozen=True, gc=False):
+    """Base of the tree."""
+
+    start: int
+    end: int
+
+
+# -- expressions
+
+
+class Broken(Node, frozen=True, gc=False):
+    """An expression already reported; later phases pass over it in silence."""
+
+
+class Name(Node, frozen=True, gc=False):
+    """A bare word."""
+
+    text: str
+
+
+class Number(Node, frozen=True, gc=False):
+    """`value` as written, before its unit is applied; `unit` is empty for a bare number."""
+
+    value: float
+    unit: str = ""
+
+
+class Text(Node, frozen=True, gc=False):
+    """A quoted text, unescaped."""
+
+    value: str
+
+
+class Flag(Node, frozen=True, gc=False):
+    """`true` or `false`."""
+
+    value: bool
+
+
+class Argument(Node, frozen=True, gc=False):
+    """An argument of a call; `name` is None if it goes by its place."""
+
+    name: Name | None
+    value: Expression
+
+
+class Composite(Node, frozen=True, gc=False):
+    """An expression made of others; `depth` counts the levels below and is bounded by the builder."""
+
+    depth: int
+
+
+class Tuple(Composite, frozen=True, gc=False):
+    """`(a, b)`: a point."""
+
+    items: tuple[Expression, ...]
+
+
+class List(Composite, frozen=True, gc=False):
+    """`[a, b]`."""
+
+    items: tuple[Expression, ...]
+
+
+class NameSet(Node, frozen=True, gc=False):
+    """`{ a, b }` after `in`."""
+
+    names: tuple[Name, ...]
+
+
+class Call(Composite, frozen=True, gc=False):
+    """`function(…)`."""
+
+    function: Name
+    arguments: tuple[Argument, ...]
+
+
+class Subscript(Composite, frozen=True, gc=False):
+    """`base[index]`."""
+
+    base: Expression
+    index: Expression
+
+
+class Attribute(Composite, frozen=True, gc=False):
+    """`base.name`."""
+
+    base: Expression
+    name: Name
+
+
+class Unary(Composite, frozen=True, gc=False):
+    """`-x`, `not x`."""
+
+    operator: str
+    operand: Expression
+
+
+class Binary(Composite, frozen=True, gc=False):
+    """`left operator right`; besides arithmetic and logic also `..`, `by`, `from`, `to`, `at`."""
+
+    operator: str
+    left: Expression
+    right: Expression
+
+
+class Quantified(Composite, frozen=True, gc=False):
+    """`exists r: body`, `forall v in victim: body`; `domain` is None if it is to be inferred."""
+
+    quantifier: str
+    variable: Name
+    domain: Name | None
+    body: Expression
+
+
+Expression = (
+    Broken | Name | Number | Text | Flag | Tuple | List | NameSet | Call | Subscript | Attribute | Unary | Binary | Quantified
+)
+
+
+# -- statements
+
+
+class Statement(Node, frozen=True, gc=False):
+    """Base of all statements."""
+
+
+class Block(Node, frozen=True, gc=False):
+    """`{ … }`."""
+
+    items: tuple[Statement, ...]
+
+
+class Version(Statement, frozen=True, gc=False):
+    """`ljs 1`."""
+
+    number: Number
+
+
+class Use(Statement, frozen=True, gc=False):
+    """`use std.air { quadrotor }`; no names means all of the file's."""
+
+    path: tuple[Name, ...]
+    names: Block | None
+
+
+class MissionBlock(Statement, frozen=True, gc=False):
+    """`mission name "title" { … }`."""
+
+    name: Name
+    title: Text | None
+    block: Block
+
+
+class TextLine(Statement, frozen=True, gc=False):
+    """`goal "…"`, `prompt "…"`."""
+
+    keyword: str
+    text: Text
+
+
+class SceneBlock(Statement, frozen=True, gc=False):
+    """`scene bay { … }`."""
+
+    kind: Name
+    block: Block | None
+
+
+class Section(Statement, frozen=True, gc=False):
+    """`clock { … }` and the other unnamed blocks: budget, weather, comms, actions."""
+
+    keyword: str
+    block: Block
+
+
+class Param(Statement, frozen=True, gc=False):
+    """`param name = default in low..high`; the value still holds the bounds as the right side of `in`."""
+
+    name: Name
+    value: Expression
+
+
+class ModeLine(Statement, frozen=True, gc=False):
+    """`mode default in { … }`."""
+
+    default: Name
+    allowed: NameSet
+
+
+class RegionLine(Statement, frozen=True, gc=False):
+    """`region name = shape`."""
+
+    name: Name
+    shape: Expression
+
+
+class GridBlock(Statement, frozen=True, gc=False):
+    """`grid name over region { … }`."""
+
+    name: Name
+    region: Name
+    block: Block
+
+
+class EntityBlock(Statement, frozen=True, gc=False):
+    """`asset` or `target`: an entity or group in a mission, a type at the top of a file."""
+
+    keyword: str
+    name: Name
+    index: Expression | None
+    type: Name | None
+    guard: Expression | None
+    block: Block | None
+
+
+class CameraBlock(Statement, frozen=True, gc=False):
+    """`camera name { … }`."""
+
+    name: Name
+    block: Block
+
+
+class AgentBlock(Statement, frozen=True, gc=False):
+    """`agent name[i in 1..n] as role controls uav[i] { … }`."""
+
+    name: Name
+    index: Expression | None
+    role: Name
+    controls: tuple[Expression, ...]
+    guard: Expression | None
+    block: Block | None
+
+
+class AuthorityLine(Statement, frozen=True, gc=False):
+    """`authority role may command resource when …`."""
+
+    role: Name
+    resource: Expression
+    guard: Expression | None
+
+
+class MessageLine(Statement, frozen=True, gc=False):
+    """`message kind : record from roles to roles when …`."""
+
+    name: Name
+    type: Name
+    senders: tuple[Name, ...]
+    recipients: tuple[Name, ...]
+    guard: Expression | None
+
+
+class Typed(Node, frozen=True, gc=False):
+    """`name: type in low..high optional`: a parameter of a rule or a verb, a field of a record."""
+
+    name: Name
+    type: Name
+    bounds: Expression | None
+    optional: bool
+
+
+class RuleBlock(Statement, frozen=True, gc=False):
+    """`adjudicate name(…) { when … }`."""
+
+    name: Name
+    parameters: tuple[Typed, ...]
+    block: Block
+
+
+class UnlockLine(Statement, frozen=True, gc=False):
+    """`unlock interaction(…) when …`."""
+
+    name: Name
+    parameters: tuple[Typed, ...]
+    condition: Expression
+
+
+class StageBlock(Statement, frozen=True, gc=False):
+    """`stage name per v in group { done when … }`."""
+
+    name: Name
+    variable: Name | None
+    domain: Name | None
+    block: Block
+
+
+class Clause(Node, frozen=True, gc=False):
+    """`carries x`, `over x`, `by x`, `per x` of a relation."""
+
+    keyword: str
+    name: Name
+
+
+class RelationLine(Statement, frozen=True, gc=False):
+    """`relation kind source -> target clauses when …`."""
+
+    kind: Name
+    source: Name
+    target: Name
+    mutual: bool
+    clauses: tuple[Clause, ...]
+    guard: Expression | None
+
+
+class Outcome(Statement, frozen=True, gc=False):
+    """`success when …`, `failure when …`."""
+
+    keyword: str
+    condition: Expression
+
+
+class Condition(Statement, frozen=True, gc=False):
+    """`done when …` (keyword `done`) or `when …`."""
+
+    keyword: str
+    condition: Expression
+
+
+class Channel(Node, frozen=True, gc=False):
+    """One observed channel; `everything` is true for `x.*`."""
+
+    source: Expression
+    everything: bool
+
+
+class Observes(Statement, frozen=True, gc=False):
+    """`observes a.*, b, c.position`."""
+
+    channels: tuple[Channel, ...]
+
+
+class VerbLine(Statement, frozen=True, gc=False):
+    """`verb name(…)`."""
+
+    name: Name
+    parameters: tuple[Typed, ...]
+
+
+class InteractionBlock(Statement, frozen=True, gc=False):
+    """`interaction name { … }`."""
+
+    name: Name
+    block: Block
+
+
+class RecordBlock(Statement, frozen=True, gc=False):
+    """`record name : category { … }`."""
+
+    name: Name
+    category: Name
+    block: Block
+
+
+class RevealLine(Statement, frozen=True, gc=False):
+    """`reveal image(target) to role`."""
+
+    what: Name
+    entity: Expression
+    role: Name
+
+
+class Property(Statement, frozen=True, gc=False):
+    """`name = value`, `name ~ draw`, `name <= bound`, perhaps `hidden`, perhaps guarded."""
+
+    name: Name
+    relation: str
+    value: Expression
+    hidden: bool
+    guard: Expression | None
+
+
+class FieldLine(Statement, frozen=True, gc=False):
+    """A field of a record."""
+
+    typed: Typed
+
+
+class Bare(Statement, frozen=True, gc=False):
+    """A name alone: a verb in `actions`, a name in `use`."""
+
+    name: Name
+
+
+class UnknownBlock(Statement, frozen=True, gc=False):
+    """`word { … }` where the word is no statement."""
+
+    name: Name
+    block: Block
+
+
+class Faulty(Statement, frozen=True, gc=False):
+    """A statement the parser gave up on. `names` are the words in it, `block` what could be read of its block."""
+
+    names: tuple[str, ...]
+    block: Block | None
+
+
+class File(Node, frozen=True, gc=False):
+    """A whole file."""
+
+    items: tuple[Statement, ...]

@@ -1,0 +1,153 @@
+"""LALR(1) tables of the grammar, built by lark and cached.
+
+lark is imported here and only when no cached table fits: the tables are plain integers, so the parser
+(`lingjing.dsl.parser`) drives them without it and a cold start pays a millisecond instead of lark's 65 ms import and
+200 ms table construction. Looked up in this order: package data (`lingjing/_data/ljs.tables`, written when a
+wheel is built), the user's cache folder, lark. The key is the SHA-256 of the grammar and this module's format number.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import sys
+import tempfile
+
+import msgspec
+
+FORMAT = 1
+"""Raised when the shape of `Tables` changes."""
+
+_HERE = os.path.dirname(os.path.abspath(__file__))
+GRAMMAR_FILE = os.path.join(_HERE, "ljs.lark")
+PACKAGED_FILE = os.path.join(os.path.dirname(_HERE), "_data", "ljs.tables")
+
+
+class Rule(msgspec.Struct, frozen=True, array_like=True):
+    """A reduction: pop `size` values, call the builder's `action`, go on with `origin`.
+
+    `missing` lists where absent optional symbols leave a gap in the action's arguments.
+    """
+
+    origin: str
+    size: int
+    action: str
+    missing: tuple[int, ...] = ()
+
+
+class Tables(msgspec.Struct, frozen=True, array_like=True):
+    """`states[s][symbol]` is the next state if it is >= 0, else `~rule`; `start` and `end` are state numbers."""
+
+    key: str
+    start: int
+    end: int
+    states: tuple[dict[str, int], ...]
+    rules: tuple[Rule, ...]
+
+
+def load_tables() -> Tables:
+    """The tables of the grammar as it is now; never fails because a cache is missing, broken or not writable."""
+    with open(GRAMMAR_FILE, "rb") as file:  # noqa: PTH123
+        grammar = file.read()
+    key = hashlib.sha256(grammar + b"\0%d" % FORMAT).hexdigest()
+    cached = os.path.join(_cache_folder(), f"ljs-{key[:16]}.tables")
+    for path in (PACKAGED_FILE, cached):
+        tables = _read(path, key)
+        if tables is not None:
+            return tables
+    tables = build_tables(grammar.decode(), key)
+    _write_quietly(tables, cached)
+    return tables
+
+
+def build_tables(grammar: str, key: str) -> Tables:
+    """Tables made by lark from the grammar's text."""
+    from lark import Lark
+    from lark.lexer import Lexer
+
+    class NoLexer(Lexer):
+        """The tokens come from elsewhere."""
+
+        def __init__(self, *_: object) -> None:
+            pass
+
+        def lex(self, *_: object) -> object:  # type: ignore[override]
+            raise NotImplementedError
+
+    parser = Lark(grammar, parser="lalr", lexer=NoLexer, start="file", maybe_placeholders=True, keep_all_tokens=True)
+    table = parser.parser.parser._parse_table  # type: ignore[attr-defined]
+    rules: dict[object, int] = {}
+    kept: list[Rule] = []
+    states = []
+    for number in range(len(table.states)):
+        row: dict[str, int] = {}
+        for symbol, (action, target) in sorted(table.states[number].items()):
+            symbol = str(symbol)
+            if action.name == "Shift":
+                row[symbol] = target
+                continue
+            if target not in rules:
+                rules[target] = len(kept)
+                kept.append(_rule(target))
+            row[symbol] = ~rules[target]
+        states.append(row)
+    return Tables(key, table.start_states["file"], table.end_states["file"], tuple(states), tuple(kept))
+
+
+def _rule(rule: object) -> Rule:
+    gaps = rule.options.empty_indices  # type: ignore[attr-defined]
+    missing: list[int] = []
+    position = 0
+    for gap in gaps:
+        if gap:
+            missing.append(position)
+        position += 1
+    name = str(rule.alias or rule.origin.name)  # type: ignore[attr-defined]
+    return Rule(str(rule.origin.name), len(rule.expansion), name, tuple(missing))  # type: ignore[attr-defined]
+
+
+def write_tables(path: str) -> None:
+    """Write the tables for packaging: `python -m lingjing.dsl.tables lingjing/_data/ljs.tables`."""
+    os.makedirs(os.path.dirname(os.path.abspath(path)), exist_ok=True)
+    with open(GRAMMAR_FILE, "rb") as file:  # noqa: PTH123
+        grammar = file.read()
+    key = hashlib.sha256(grammar + b"\0%d" % FORMAT).hexdigest()
+    _write(build_tables(grammar.decode(), key), path)
+
+
+def _cache_folder() -> str:
+    base = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
+    return os.path.join(base, "lingjing")
+
+
+def _read(path: str, key: str) -> Tables | None:
+    try:
+        with open(path, "rb") as file:  # noqa: PTH123
+            tables = msgspec.msgpack.decode(file.read(), type=Tables)
+    except (OSError, msgspec.DecodeError):
+        return None
+    return tables if tables.key == key else None
+
+
+def _write_quietly(tables: Tables, path: str) -> None:
+    """A cache that cannot be written costs time, nothing else."""
+    try:
+        os.makedirs(os.path.dirname(path), exist_ok=True)
+        _write(tables, path)
+    except OSError:
+        return
+
+
+def _write(tables: Tables, path: str) -> None:
+    handle, temporary = tempfile.mkstemp(dir=os.path.dirname(os.path.abspath(path)), prefix=".ljs-")
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(msgspec.msgpack.encode(tables))
+        os.replace(temporary, path)
+    except OSError:
+        os.unlink(temporary)
+        raise
+
+
+if __name__ == "__main__":
+    write_tables(sys.argv[1])
