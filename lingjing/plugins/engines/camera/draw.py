@@ -1,0 +1,324 @@
+"""`Renderer`: one picture from a pose, a sea and the instances, in one pass over the scene.
+
+Order: ground, solids, water, sky (each pixel shaded about once), then shadows and marks blended into the colour
+alone, then objects. Shadows are planar: a mesh pressed along the sun's rays onto its plane, drawn twice so that
+overlaps darken once (first its alpha is marked, then colour is multiplied by the mark and the mark removed).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import cos, radians, sin
+
+import moderngl
+import numpy as np
+import numpy.typing as npt
+
+from lingjing.mission.instance import Weather
+from lingjing.plugins.engines.camera import shaders
+from lingjing.plugins.engines.camera.classes import CLASSES
+from lingjing.plugins.engines.camera.context import open_context
+from lingjing.plugins.engines.camera.ground import SHORE_REACH_M, Ground
+from lingjing.plugins.engines.camera.instances import Batch, Rows, afloat, matrix, row, visible
+from lingjing.plugins.engines.camera.meshes import Array
+from lingjing.plugins.engines.camera.noise import noise_texture
+from lingjing.plugins.engines.camera.ocean import Surface
+from lingjing.plugins.engines.camera.targets import MAX_TARGETS, Buffers, Target
+from lingjing.plugins.geometry import camera_axes, focal_px
+from lingjing.trace.records import CameraPose
+
+VERTEX = "3f 3f 3f 1f"
+VERTEX_NAMES = ("in_position", "in_normal", "in_colour")
+INSTANCE = "4f 4f 4f 1f 1u/i"
+INSTANCE_NAMES = ("in_row0", "in_row1", "in_row2", "in_plane", "in_id")
+FAR_M = 40_000.0
+ALL = (True, True, True, True)
+NONE = (False, False, False, False)
+
+
+@dataclass(frozen=True, slots=True)
+class Scenery:
+    """What a picture shows besides the static ground: the sea at a time, all instances, marks on the water."""
+
+    time_s: float
+    weather: Weather
+    sea: tuple[Surface, Surface]
+    batches: Sequence[Batch]
+    marks: npt.NDArray[np.void]
+
+
+@dataclass(slots=True)
+class _Model:
+    """A mesh on the GPU with room for instances."""
+
+    vertices: moderngl.Buffer
+    instances: moderngl.Buffer
+    lit: moderngl.VertexArray
+    shadow: moderngl.VertexArray
+    capacity: int
+
+    def release(self) -> None:
+        for thing in (self.lit, self.shadow, self.instances, self.vertices):
+            thing.release()
+
+
+class Renderer:
+    """Owns the GL context and everything in it. Not thread-safe; `close` frees all."""
+
+    def __init__(self) -> None:
+        self.context = open_context()
+        program = self.context.program
+        self._object = program(vertex_shader=shaders.OBJECT_VERTEX, fragment_shader=shaders.OBJECT_FRAGMENT)
+        self._ground = program(vertex_shader=shaders.OBJECT_VERTEX, fragment_shader=shaders.GROUND_FRAGMENT)
+        self._water = program(vertex_shader=shaders.WATER_VERTEX, fragment_shader=shaders.WATER_FRAGMENT)
+        self._sky = program(vertex_shader=shaders.SKY_VERTEX, fragment_shader=shaders.SKY_FRAGMENT)
+        self._shadow = program(vertex_shader=shaders.SHADOW_VERTEX, fragment_shader=shaders.SHADOW_FRAGMENT)
+        self._mark = program(vertex_shader=shaders.MARK_VERTEX, fragment_shader=shaders.MARK_FRAGMENT)
+        self._programs = (self._object, self._ground, self._water, self._sky, self._shadow, self._mark)
+        self._corners = self.context.buffer(np.array([-1, -1, 1, -1, 1, 1, -1, -1, 1, 1, -1, 1], "f4").tobytes())
+        self._noise = self.texture(noise_texture())
+        self._sea = (self._sea_texture(), self._sea_texture())
+        self._sea_scales = ((1.0, 1.0), (1.0, 1.0))
+        self._sea_now: tuple[Surface, Surface] | None = None
+        self._shore = self.context.texture((1, 1), 2, b"\xff\x80")
+        self._water_vao = self.context.vertex_array(self._water, [(self._corners, "2f", "in_corner")])
+        self._sky_vao = self.context.vertex_array(self._sky, [(self._corners, "2f", "in_corner")])
+        self._surfaces: list[tuple[int, _Model]] = []
+        self._solids: list[_Model] = []
+        self._models: dict[str, _Model] = {}
+        self._targets: dict[tuple[tuple[int, int], bool], Target] = {}
+        self._level = 0.0
+        self._bounds = (0.0, 0.0, 1.0, 1.0)
+
+    def texture(self, pixels: npt.NDArray[np.uint8]) -> moderngl.Texture:
+        """A repeating, mipmapped texture of (rows, columns, components) bytes."""
+        texture = self.context.texture(pixels.shape[1::-1], pixels.shape[2], pixels.tobytes())
+        texture.filter = moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR
+        texture.build_mipmaps()
+        return texture
+
+    def load(self, ground: Ground) -> None:
+        """Replace the static geometry."""
+        for _, model in self._surfaces:
+            model.release()
+        for model in self._solids:
+            model.release()
+        self._surfaces = [(cls, self._static(mesh, ground.level_m, cls, self._ground)) for cls, mesh in ground.surfaces]
+        self._solids = [self._static(mesh, plane, CLASSES["structure"], self._object) for plane, mesh in ground.solids]
+        self._shore.release()
+        rows, columns, parts = ground.shore.shape
+        self._shore = self.context.texture((columns, rows), parts, ground.shore.tobytes())
+        self._shore.repeat_x = self._shore.repeat_y = False
+        self._level = ground.level_m
+        west, south, east, north = ground.bounds
+        self._bounds = west, south, 1.0 / (east - west), 1.0 / (north - south)
+
+    def render(self, pose: CameraPose, scenery: Scenery, depth: bool) -> Buffers:
+        """Draw one picture and read it back."""
+        target = self._target((pose.width, pose.height), depth)
+        self._prepare(pose, scenery)
+        target.frame.use()
+        target.frame.color_mask = [ALL] * (3 if depth else 2)
+        target.frame.clear(0.0, 0.0, 0.0, 1.0)
+        self.context.enable_only(moderngl.DEPTH_TEST)
+        self.context.depth_func = "<="
+        for cls, model in self._surfaces:
+            self._ground["u_surface"] = cls
+            model.lit.render(instances=1)
+        for model in self._solids:
+            model.lit.render(instances=1)
+        self._water_vao.render()
+        self._sky_vao.render()
+        drawn = self._fill(pose, scenery)
+        self._blend(target, drawn, scenery)
+        for model, _, count in drawn:
+            if count:
+                model.lit.render(instances=count)
+        return target.read()
+
+    def close(self) -> None:
+        """Release every GL object, then the context."""
+        for target in self._targets.values():
+            target.release()
+        for model in [*(m for _, m in self._surfaces), *self._solids, *self._models.values()]:
+            model.release()
+        self._targets, self._surfaces, self._solids, self._models = {}, [], [], {}
+        for thing in (self._water_vao, self._sky_vao, self._corners, self._noise, *self._sea, self._shore):
+            thing.release()
+        for program in self._programs:
+            program.release()
+        self.context.release()
+
+    def _target(self, size: tuple[int, int], depth: bool) -> Target:
+        key = size, depth
+        if key not in self._targets:
+            if len(self._targets) >= MAX_TARGETS:
+                self._targets.pop(next(iter(self._targets))).release()
+            self._targets[key] = Target(self.context, size, depth)
+        return self._targets[key]
+
+    def _sea_texture(self) -> moderngl.Texture:
+        return self.texture(np.zeros((256, 256, 4), np.uint8))
+
+    def _prepare(self, pose: CameraPose, scenery: Scenery) -> None:
+        if self._sea_now is not scenery.sea:
+            packed = [surface.packed() for surface in scenery.sea]
+            for texture, (pixels, _) in zip(self._sea, packed, strict=True):
+                texture.write(pixels.tobytes())
+                texture.build_mipmaps()
+            self._sea_scales = packed[0][1], packed[1][1]
+            self._sea_now = scenery.sea
+        for unit, texture in enumerate((*self._sea, self._shore, self._noise)):
+            texture.use(unit)
+        values = {**_view(pose), **_air(scenery), **self._sea_values(scenery), "u_level": self._level}
+        for program in self._programs:
+            for name in program:
+                if name in values:
+                    program[name] = values[name]
+
+    def _sea_values(self, scenery: Scenery) -> dict[str, object]:
+        return {
+            "u_swell": 0,
+            "u_ripple": 1,
+            "u_shore": 2,
+            "u_noise": 3,
+            "u_swell_scale": self._sea_scales[0],
+            "u_ripple_scale": self._sea_scales[1],
+            "u_lengths": (scenery.sea[0].length_m, scenery.sea[1].length_m),
+            "u_bounds": self._bounds,
+            "u_reach": SHORE_REACH_M,
+        }
+
+    def _model(self, mesh: Array, capacity: int, program: moderngl.Program) -> _Model:
+        vertices = self.context.buffer(np.ascontiguousarray(mesh, np.float32).tobytes())
+        instances = self.context.buffer(reserve=capacity * 56)
+        lit = self._array(program, vertices, instances)
+        return _Model(vertices, instances, lit, self._array(self._shadow, vertices, instances), capacity)
+
+    def _array(
+        self, program: moderngl.Program, vertices: moderngl.Buffer, instances: moderngl.Buffer
+    ) -> moderngl.VertexArray:
+        mesh = _layout(program, ("3f", "3f", "4f"), VERTEX_NAMES, "")
+        each = _layout(program, ("4f", "4f", "4f", "1f", "1u"), INSTANCE_NAMES, "/i")
+        return self.context.vertex_array(program, [(vertices, *mesh), (instances, *each)])
+
+    def _static(self, mesh: Array, plane: float, number: int, program: moderngl.Program) -> _Model:
+        model = self._model(mesh, 1, program)
+        model.instances.write(row(matrix((0.0, 0.0, 0.0), 0.0, 0.0, 0.0), plane, number).tobytes())
+        return model
+
+    def _fill(self, pose: CameraPose, scenery: Scenery) -> list[tuple[_Model, int, int]]:
+        """Per mesh: (model, instances whose shadow may show, of these the first so many are themselves visible)."""
+        drawn = []
+        slack = 1.0 + 2.0 / max(_sun(scenery.weather)[2], 0.2)
+        for batch in scenery.batches:
+            near = visible(batch.rows, batch.radius, pose, slack) | _casts_far(batch, scenery.weather)
+            if not near.any():
+                continue
+            rows = afloat(batch, scenery.sea[0])
+            seen = visible(rows, batch.radius, pose) & near
+            ordered: Rows = np.concatenate([rows[seen], rows[near & ~seen]])
+            model = self._loaded(batch, len(batch.rows))
+            model.instances.write(ordered.tobytes())
+            drawn.append((model, len(ordered), int(seen.sum())))
+        return drawn
+
+    def _loaded(self, batch: Batch, needed: int) -> _Model:
+        model = self._models.get(batch.key)
+        if model is None or model.capacity < needed:
+            if model is not None:
+                model.release()
+            model = self._models[batch.key] = self._model(batch.mesh, needed, self._object)
+        return model
+
+    def _blend(self, target: Target, drawn: list[tuple[_Model, int, int]], scenery: Scenery) -> None:
+        spare = [NONE] * (len(target.frame.color_attachments) - 1)
+        target.frame.depth_mask = False
+        self.context.enable(moderngl.BLEND)
+        self._marks(target, spare, scenery)
+        casters = [(model, count) for model, count, _ in drawn] + [(model, 1) for model in self._solids]
+        self.context.blend_func = moderngl.ONE, moderngl.ZERO
+        target.frame.color_mask = [(False, False, False, True), *spare]
+        self._shadow["u_dark"] = _shade(scenery.weather)
+        for model, count in casters:
+            model.shadow.render(instances=count)
+        self.context.blend_func = moderngl.ZERO, moderngl.DST_ALPHA, moderngl.ONE, moderngl.ZERO
+        target.frame.color_mask = [ALL, *spare]
+        self._shadow["u_dark"] = 1.0
+        for model, count in casters:
+            model.shadow.render(instances=count)
+        target.frame.color_mask = [ALL] * (1 + len(spare))
+        target.frame.depth_mask = True
+        self.context.disable(moderngl.BLEND)
+
+    def _marks(self, target: Target, spare: list[tuple[bool, ...]], scenery: Scenery) -> None:
+        if not len(scenery.marks):
+            return
+        target.frame.color_mask = [(True, True, True, False), *spare]
+        self.context.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
+        buffer = self.context.buffer(scenery.marks.tobytes())
+        array = self.context.vertex_array(
+            self._mark, [(self._corners, "2f", "in_corner"), (buffer, "4f 2f/i", "in_place", "in_kind")]
+        )
+        array.render(instances=len(scenery.marks))
+        array.release()
+        buffer.release()
+
+
+def _layout(program: moderngl.Program, sizes: Sequence[str], names: Sequence[str], rate: str) -> tuple[str, ...]:
+    """The buffer format with padding for attributes the program does not read."""
+    used = [name in program for name in names]
+    parts = [size if there else f"{4 * int(size[0])}x" for size, there in zip(sizes, used, strict=True)]
+    return (" ".join(parts) + rate, *(name for name, there in zip(names, used, strict=True) if there))
+
+
+def _casts_far(batch: Batch, weather: Weather) -> npt.NDArray[np.bool_]:
+    """Instances high over their shadow's plane, whose shadow lies far from themselves."""
+    high = batch.rows["rows"][:, 2, 3] - batch.rows["plane"]
+    return np.asarray(high > 2.0 * batch.radius)
+
+
+def _sun(weather: Weather) -> tuple[float, float, float]:
+    azimuth, elevation = radians(weather.sun_azimuth_deg), radians(max(weather.sun_elevation_deg, 3.0))
+    return sin(azimuth) * cos(elevation), cos(azimuth) * cos(elevation), sin(elevation)
+
+
+def _shade(weather: Weather) -> float:
+    """What a shadow leaves of the developed colour."""
+    return 0.60 + 0.32 * min(max(weather.cloud, 0.0), 1.0)
+
+
+def _view(pose: CameraPose) -> dict[str, object]:
+    right, down, axis = camera_axes(pose)
+    focal = focal_px(pose)
+    near = 0.05 if pose.position[2] < 10.0 else 0.4
+    a, b = (FAR_M + near) / (FAR_M - near), -2.0 * FAR_M * near / (FAR_M - near)
+    sx, sy = 2.0 * focal / pose.width, 2.0 * focal / pose.height
+    clip = np.zeros((4, 4))
+    clip[0, :3], clip[1, :3], clip[2, :3], clip[3, :3] = np.array(right) * sx, np.array(down) * sy, np.array(axis) * a, axis
+    clip[2, 3] = b
+    return {
+        "u_clip": tuple(clip.T.ravel().tolist()),
+        "u_eye": pose.position,
+        "u_right": right,
+        "u_down": down,
+        "u_axis": axis,
+        "u_lens": (pose.width / 2.0, pose.height / 2.0, focal),
+    }
+
+
+def _air(scenery: Scenery) -> dict[str, object]:
+    weather = scenery.weather
+    cloud = min(max(weather.cloud, 0.0), 1.0)
+    sun = _sun(weather)
+    strength = (1.0 - 0.8 * cloud) * min(1.0, 0.25 + 1.1 * sun[2])
+    return {
+        "u_sun": sun,
+        "u_sunlight": (1.30 * strength, 1.22 * strength, 1.08 * strength),
+        "u_skylight": (0.34 + 0.14 * cloud, 0.40 + 0.12 * cloud, 0.48 + 0.08 * cloud),
+        "u_fog": 3.912 / max(weather.visibility_m, 1.0),
+        "u_time": scenery.time_s % 3600.0,
+        "u_cloud": cloud,
+        "u_wind": weather.wind_mps,
+    }

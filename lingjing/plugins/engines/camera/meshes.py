@@ -1,0 +1,131 @@
+"""Triangle meshes from primitives: (n, 10) float32 rows of position, normal, colour, gloss; three rows a triangle.
+
+Model frame: x to the right, y ahead (along the heading), z up, metres. Colours are linear RGB 0..1; gloss 0..1 is
+how much a surface mirrors the sun. Everything is built once from numbers in this package; nothing is loaded.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float32]
+Colour = tuple[float, float, float]
+Point = tuple[float, float, float]
+
+STRIDE = 10
+
+
+def merge(*meshes: Array) -> Array:
+    """One mesh of several."""
+    return np.concatenate(meshes) if meshes else np.zeros((0, STRIDE), np.float32)
+
+
+def flat(points: npt.ArrayLike, colour: Colour, gloss: float = 0.0) -> Array:
+    """Triangles (n, 3, 3) with face normals."""
+    corners = np.asarray(points, np.float64).reshape(-1, 3, 3)
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
+    return _rows(corners.reshape(-1, 3), np.repeat(normal, 3, axis=0), colour, gloss)
+
+
+def box(centre: Point, size: Point, colour: Colour, gloss: float = 0.0) -> Array:
+    """An axis-aligned box with full edge lengths `size`."""
+    x, y, z = (s / 2.0 for s in size)
+    ring = np.array([(-x, -y), (x, -y), (x, y), (-x, y)])
+    return move(prism(ring, -z, z, colour, gloss), centre)
+
+
+def prism(ring: npt.ArrayLike, base: float, top: float, colour: Colour, gloss: float = 0.0) -> Array:
+    """A prism over a convex anticlockwise ring (n, 2)."""
+    outline = np.asarray(ring, np.float64)
+    following = np.roll(outline, -1, axis=0)
+    low, high = np.full((len(outline), 1), base), np.full((len(outline), 1), top)
+    a, b = np.hstack([outline, low]), np.hstack([following, low])
+    c, d = np.hstack([following, high]), np.hstack([outline, high])
+    walls = np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
+    fan = [(d[0], d[k], d[k + 1]) for k in range(1, len(d) - 1)]
+    floor = [(a[0], a[k + 1], a[k]) for k in range(1, len(a) - 1)]
+    return flat(np.concatenate([walls, np.array(fan), np.array(floor)]), colour, gloss)
+
+
+def cylinder(base: Point, top: Point, radii: tuple[float, float], colour: Colour, gloss: float = 0.0, sides: int = 10) -> Array:  # fmt: skip
+    """A closed cone frustum between two points."""
+    start, end = np.array(base, float), np.array(top, float)
+    axis = (end - start) / max(float(np.linalg.norm(end - start)), 1e-9)
+    across = np.cross(axis, (1.0, 0.0, 0.0) if abs(axis[0]) < 0.9 else (0.0, 1.0, 0.0))
+    across /= np.linalg.norm(across)
+    angle = np.linspace(0.0, 2.0 * np.pi, sides, endpoint=False)
+    spokes = np.cos(angle)[:, None] * across + np.sin(angle)[:, None] * np.cross(axis, across)
+    low, high = start + radii[0] * spokes, end + radii[1] * spokes
+    low2, high2, spokes2 = (np.roll(part, -1, axis=0) for part in (low, high, spokes))
+    points = np.concatenate([np.stack([low, low2, high2], 1), np.stack([low, high2, high], 1)]).reshape(-1, 3)
+    normals = np.concatenate([np.stack([spokes, spokes2, spokes2], 1), np.stack([spokes, spokes2, spokes], 1)])
+    caps = [(end, high[k], high2[k]) for k in range(sides)] + [(start, low2[k], low[k]) for k in range(sides)]
+    return merge(_rows(points, normals.reshape(-1, 3), colour, gloss), flat(np.array(caps), colour, gloss))
+
+
+def ellipsoid(centre: Point, radii: Point, colour: Colour, gloss: float = 0.0, rows: int = 6, sides: int = 10) -> Array:
+    """A smooth ellipsoid."""
+    polar = np.linspace(0.0, np.pi, rows + 1)
+    around = np.linspace(0.0, 2.0 * np.pi, sides + 1)
+    grid = np.stack(
+        [
+            np.sin(polar)[:, None] * np.cos(around),
+            np.sin(polar)[:, None] * np.sin(around),
+            np.repeat(np.cos(polar)[:, None], sides + 1, axis=1),
+        ],
+        axis=-1,
+    )
+    a, b, c, d = grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]
+    unit = np.concatenate([np.stack([a, b, c], 2), np.stack([a, c, d], 2)]).reshape(-1, 3)
+    normals = unit / np.array(radii)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    return _rows(unit * np.array(radii) + np.array(centre), normals, colour, gloss)
+
+
+def torus(centre: Point, radius: float, tube: float, colours: Sequence[Colour], sides: int = 16) -> Array:
+    """A ring lying flat, its segments coloured in turn."""
+    parts = []
+    angle = np.linspace(0.0, 2.0 * np.pi, sides + 1)
+    spine = np.stack([radius * np.cos(angle), radius * np.sin(angle), np.zeros(sides + 1)], 1) + np.array(centre)
+    for k in range(sides):
+        start, end = _point(spine[k]), _point(spine[k + 1])
+        parts.append(cylinder(start, end, (tube, tube), colours[k * len(colours) // sides], 0.2, sides=8))
+    return merge(*parts)
+
+
+def loft(sections: Sequence[tuple[float, npt.ArrayLike]], colour: Colour, gloss: float = 0.0) -> Array:
+    """A skin through open cross-sections: (y, points (m, 2) of x and z from left to right), from stern to bow."""
+    rings = [np.insert(np.asarray(ring, np.float64), 1, y, axis=1) for y, ring in sections]
+    faces = []
+    for near, far in zip(rings[:-1], rings[1:], strict=True):
+        for k in range(len(near) - 1):
+            faces.append((near[k], near[k + 1], far[k + 1]))
+            faces.append((near[k], far[k + 1], far[k]))
+    return flat(np.array(faces), colour, gloss)
+
+
+def move(mesh: Array, offset: Point) -> Array:
+    """The mesh shifted by metres."""
+    moved = mesh.copy()
+    moved[:, :3] += np.array(offset, np.float32)
+    return moved
+
+
+def two_sided(mesh: Array) -> Array:
+    """The mesh with its back faces as well."""
+    back = mesh.reshape(-1, 3, STRIDE)[:, ::-1].reshape(-1, STRIDE).copy()
+    back[:, 3:6] *= -1.0
+    return merge(mesh, back)
+
+
+def _rows(points: npt.NDArray[np.float64], normals: npt.NDArray[np.float64], colour: Colour, gloss: float) -> Array:
+    paint = np.tile(np.array([*colour, gloss]), (len(points), 1))
+    return np.hstack([points, normals, paint]).astype(np.float32)
+
+
+def _point(values: npt.NDArray[np.float64]) -> Point:
+    return float(values[0]), float(values[1]), float(values[2])

@@ -1,0 +1,304 @@
+"""The GLSL programs: ground, objects, water, sky, projected shadows, marks on the water.
+
+One pass writes three targets: 0 RGBA8 colour (tone-mapped, gamma 2; alpha 1), 1 R16UI id, 2 R32F metres along the
+optical axis. The picture is drawn upside down in GL terms (clip y is flipped), so that row 0 of a read-back is the
+top row and gl_FragCoord.xy is the pixel of `lingjing.plugins.geometry`. Fog follows Koschmieder: contrast falls to
+2 % at the visibility. Only float arithmetic and the textures made here decide a pixel: no time but `u_time`.
+"""
+
+from __future__ import annotations
+
+COMMON = """
+#version 330
+uniform mat4 u_clip;
+uniform vec3 u_eye, u_right, u_down, u_axis;
+uniform vec3 u_lens;          // half width, half height, focal length (pixels)
+uniform vec3 u_sun, u_sunlight, u_skylight;
+uniform float u_fog, u_level, u_time, u_cloud, u_wind;
+
+vec3 ray_of(vec2 pixel) {
+  return u_axis + ((pixel.x - u_lens.x) * u_right + (pixel.y - u_lens.y) * u_down) / u_lens.z;
+}
+vec3 sky_of(vec3 d) {
+  float h = clamp(d.z, 0.0, 1.0);
+  vec3 clear = mix(vec3(0.62, 0.72, 0.80), vec3(0.10, 0.25, 0.56), 1.0 - (1.0 - h) * (1.0 - h));
+  vec3 grey = mix(vec3(0.66, 0.69, 0.72), vec3(0.52, 0.56, 0.61), h);
+  return mix(clear, grey, u_cloud);
+}
+vec3 fogged(vec3 c, float range) {
+  return mix(sky_of(vec3(1.0, 0.0, 0.02)), c, exp(-u_fog * range));
+}
+vec4 developed(vec3 c) {
+  return vec4(sqrt(1.0 - exp(-1.75 * max(c, 0.0))), 1.0);
+}
+"""
+
+OUTPUTS = """
+layout(location = 0) out vec4 o_colour;
+layout(location = 1) out uint o_id;
+layout(location = 2) out float o_depth;
+"""
+
+OBJECT_VERTEX = (
+    COMMON
+    + """
+in vec3 in_position, in_normal;
+in vec4 in_colour;
+in vec4 in_row0, in_row1, in_row2;
+in float in_plane;
+in uint in_id;
+out vec3 v_world, v_normal;
+out vec4 v_colour;
+flat out uint v_id;
+void main() {
+  vec4 p = vec4(in_position, 1.0);
+  v_world = vec3(dot(in_row0, p), dot(in_row1, p), dot(in_row2, p));
+  v_normal = vec3(dot(in_row0.xyz, in_normal), dot(in_row1.xyz, in_normal), dot(in_row2.xyz, in_normal));
+  v_colour = in_colour;
+  v_id = in_id;
+  gl_Position = u_clip * vec4(v_world - u_eye, 1.0);
+}
+"""
+)
+
+OBJECT_FRAGMENT = (
+    COMMON
+    + OUTPUTS
+    + """
+in vec3 v_world, v_normal;
+in vec4 v_colour;
+flat in uint v_id;
+void main() {
+  vec3 to_eye = u_eye - v_world;
+  float range = length(to_eye);
+  vec3 v = to_eye / range;
+  vec3 n = normalize(v_normal);
+  n = dot(n, v) < 0.0 ? -n : n;
+  vec3 h = normalize(v + u_sun);
+  vec3 light = u_sunlight * max(dot(n, u_sun), 0.0) + u_skylight * (0.62 + 0.38 * n.z);
+  float shine = pow(max(dot(n, h), 0.0), 40.0) * v_colour.a;
+  vec3 c = v_colour.rgb * light + u_sunlight * shine * 0.6 + sky_of(reflect(-v, n)) * v_colour.a * 0.08;
+  o_colour = developed(fogged(c, range));
+  o_id = v_id;
+  o_depth = -dot(to_eye, u_axis);
+}
+"""
+)
+
+GROUND_FRAGMENT = (
+    COMMON
+    + OUTPUTS
+    + """
+uniform sampler2D u_noise;
+uniform int u_surface;         // class id: 2 sand, 3 grass, 4 rock, 5 concrete
+in vec3 v_world, v_normal;
+in vec4 v_colour;
+flat in uint v_id;
+void main() {
+  vec3 to_eye = u_eye - v_world;
+  float range = length(to_eye);
+  vec3 n = normalize(v_normal);
+  vec4 wide = texture(u_noise, v_world.xy / 97.0);
+  vec4 fine = texture(u_noise, v_world.xy / 11.0 + v_world.z * 0.05);
+  vec3 c = v_colour.rgb * (0.72 + 0.30 * wide.r + 0.26 * fine.g);
+  float over = v_world.z - u_level;
+  if (u_surface == 2) {
+    c *= mix(0.45, 1.0, smoothstep(0.15, 0.75, over + 0.25 * (wide.g - 0.5)));
+    c = mix(c, vec3(0.17, 0.14, 0.08), 0.55 * smoothstep(0.62, 0.75, fine.r) * smoothstep(0.8, 1.2, over));
+  } else if (u_surface == 3) {
+    c = mix(c, vec3(0.20, 0.18, 0.075), smoothstep(0.45, 0.8, wide.g) * 0.75);
+    c = mix(c, vec3(0.17, 0.155, 0.13), smoothstep(0.90, 0.80, n.z));
+    c *= 0.8 + 0.4 * fine.b;
+  } else if (u_surface == 4) {
+    c *= 0.65 + 0.75 * fine.r;
+    c = mix(c * 0.45, c, smoothstep(0.2, 1.1, over + 0.6 * (fine.g - 0.5)));
+    c = mix(c, vec3(0.09, 0.115, 0.045), smoothstep(0.55, 0.75, wide.r) * smoothstep(3.0, 5.0, over));
+  } else {
+    vec2 joint = abs(fract(v_world.xy / 6.0) - 0.5);
+    float seam = smoothstep(0.488, 0.496, max(joint.x, joint.y)) * step(0.5, n.z);
+    c *= (1.0 - 0.35 * seam) * (0.9 + 0.2 * fine.b);
+    c = mix(vec3(0.045, 0.055, 0.035), c, smoothstep(0.2, 1.2, over + (wide.g - 0.5)));
+  }
+  vec3 light = u_sunlight * max(dot(n, u_sun), 0.0) + u_skylight * (0.62 + 0.38 * n.z);
+  o_colour = developed(fogged(c * light, range));
+  o_id = v_id;
+  o_depth = -dot(to_eye, u_axis);
+}
+"""
+)
+
+WATER_VERTEX = (
+    COMMON
+    + """
+in vec2 in_corner;
+void main() {
+  gl_Position = u_clip * vec4(in_corner * 30000.0, u_level - u_eye.z, 1.0);
+}
+"""
+)
+
+WATER_FRAGMENT = (
+    COMMON
+    + OUTPUTS
+    + """
+uniform sampler2D u_swell, u_ripple, u_shore, u_noise;
+uniform vec2 u_swell_scale, u_ripple_scale;   // metres and slope of a full deflection
+uniform vec2 u_lengths;                       // patch lengths
+uniform vec4 u_bounds;                        // west, south, 1 / width, 1 / height
+uniform float u_reach;
+void main() {
+  vec3 ray = ray_of(gl_FragCoord.xy);
+  float depth = (u_level - u_eye.z) / ray.z;
+  vec3 p = u_eye + depth * ray;
+  float range = depth * length(ray);
+  vec3 v = -ray * (depth / range);
+
+  vec4 a = texture(u_swell, p.xy / u_lengths.x);
+  vec4 b = texture(u_ripple, p.xy / u_lengths.y);
+  vec4 c = texture(u_ripple, mat2(0.8, 0.6, -0.6, 0.8) * p.xy / (u_lengths.y * 3.3));
+  vec2 shore = texture(u_shore, (p.xy - u_bounds.xy) * u_bounds.zw).rg;
+  float land = shore.r * shore.r * u_reach;
+  float gust = 0.55 + 0.9 * shore.g;
+  vec2 slope = (a.yz * 2.0 - 1.0) * u_swell_scale.y
+             + (b.yz * 2.0 - 1.0) * u_ripple_scale.y * gust
+             + (c.yz * 2.0 - 1.0) * u_ripple_scale.y * 0.8 * gust;
+  slope *= 0.35 + 0.65 * smoothstep(0.0, 40.0, land);
+  vec3 n = normalize(vec3(-slope, 1.0));
+
+  float facing = max(dot(n, v), 0.0);
+  float f = 1.0 - facing;
+  float fresnel = 0.022 + 0.978 * f * f * f * f * f;
+  vec3 r = reflect(-v, n);
+  r.z = abs(r.z);
+
+  float height = (a.x * 2.0 - 1.0) * u_swell_scale.x;
+  float shallow = exp(-land / 13.0);
+  vec3 body = mix(vec3(0.012, 0.060, 0.075), vec3(0.022, 0.082, 0.088), shore.g);
+  body = mix(body, vec3(0.10, 0.235, 0.20), exp(-land / 42.0));
+  body = mix(body, vec3(0.30, 0.31, 0.22), shallow * shallow);
+  float lit = 0.55 + 0.45 * max(dot(n, u_sun), 0.0) / max(u_sun.z, 0.2);
+  body *= lit * (1.0 + 0.35 * clamp(height, -1.0, 1.6) + 1.6 * dot(slope, -u_sun.xy));
+  vec3 colour = body * (0.35 * u_sunlight + u_skylight) + sky_of(r) * fresnel * 1.15;
+
+  vec3 h = normalize(v + u_sun);
+  float sharp = mix(900.0, 90.0, clamp(range / 900.0, 0.0, 1.0));
+  float glint = pow(max(dot(n, h), 0.0), sharp) * (sharp + 8.0) * 0.0125;
+  colour += u_sunlight * min(glint * (0.02 + fresnel * 1.5), 3.0);
+
+  vec4 grain = texture(u_noise, p.xy / 19.0 + slope * 0.3);
+  float broken = smoothstep(0.35, 0.75, grain.r * 0.65 + b.x * 0.5);
+  float foam = a.w * broken;
+  float swash = land + 0.9 * sin(u_time * 0.7 + grain.g * 9.0) + 3.0 * grain.g - 2.0 + 1.5 * height;
+  foam = max(foam, smoothstep(4.5, 0.6, swash) * smoothstep(0.30, 0.62, grain.b * 0.6 + grain.r * 0.5) * 0.8);
+  colour = mix(colour, vec3(0.62, 0.66, 0.67) * (0.55 * u_sunlight + u_skylight), foam);
+
+  o_colour = developed(fogged(colour, range));
+  o_id = 1u;
+  o_depth = depth;
+}
+"""
+)
+
+SKY_VERTEX = (
+    COMMON
+    + """
+in vec2 in_corner;
+void main() { gl_Position = vec4(in_corner * 3.0, 1.0, 1.0); }
+"""
+)
+
+SKY_FRAGMENT = (
+    COMMON
+    + OUTPUTS
+    + """
+uniform sampler2D u_noise;
+void main() {
+  vec3 d = normalize(ray_of(gl_FragCoord.xy));
+  vec3 c = sky_of(d);
+  float glow = max(dot(d, u_sun), 0.0);
+  c += u_sunlight * (0.05 * pow(glow, 8.0) + (1.0 - u_cloud) * (0.25 * pow(glow, 90.0) + 8.0 * pow(glow, 4000.0)));
+  if (d.z > 0.005) {
+    vec2 at = d.xy / (d.z + 0.06) * 0.16 + u_time * vec2(2e-5, 1e-5) * u_wind;
+    float puff = 0.7 * texture(u_noise, at).r + 0.45 * texture(u_noise, at * 3.1).g;
+    float veil = smoothstep(0.95 - 0.65 * u_cloud, 1.15 - 0.45 * u_cloud, puff + 0.12) * smoothstep(0.0, 0.12, d.z);
+    c = mix(c, vec3(0.86, 0.87, 0.88) * (0.75 + 0.3 * glow), veil * 0.8);
+  }
+  c = mix(c, sky_of(vec3(1.0, 0.0, 0.02)), exp(-max(d.z, 0.0) * 26.0));
+  o_colour = developed(c);
+  o_id = 0u;
+  o_depth = uintBitsToFloat(0x7f800000u);
+}
+"""
+)
+
+SHADOW_VERTEX = (
+    COMMON
+    + """
+in vec3 in_position;
+in vec4 in_row0, in_row1, in_row2;
+in float in_plane;
+void main() {
+  vec4 p = vec4(in_position, 1.0);
+  vec3 w = vec3(dot(in_row0, p), dot(in_row1, p), dot(in_row2, p));
+  w -= u_sun * (max(w.z - in_plane, 0.0) / u_sun.z);
+  w.z = in_plane;
+  gl_Position = u_clip * vec4((w - u_eye) * 0.996, 1.0);
+}
+"""
+)
+
+SHADOW_FRAGMENT = """
+#version 330
+uniform float u_dark;
+layout(location = 0) out vec4 o_colour;
+void main() { o_colour = vec4(0.0, 0.0, 0.0, u_dark); }
+"""
+
+MARK_VERTEX = (
+    COMMON
+    + """
+in vec2 in_corner;
+in vec4 in_place;              // east, north, half length, heading (radians)
+in vec2 in_kind;               // 0 ripple rings, 1 wake; strength
+out vec2 v_at;
+flat out vec2 v_kind;
+flat out float v_size;
+void main() {
+  v_at = in_corner;
+  v_kind = in_kind;
+  v_size = in_place.z;
+  vec2 q = in_corner * in_place.z;
+  float s = sin(in_place.w), c = cos(in_place.w);
+  vec3 w = vec3(in_place.xy + vec2(q.x * c + q.y * s, -q.x * s + q.y * c), u_level);
+  gl_Position = u_clip * vec4((w - u_eye) * 0.997, 1.0);
+}
+"""
+)
+
+MARK_FRAGMENT = (
+    COMMON
+    + """
+uniform sampler2D u_noise;
+in vec2 v_at;
+flat in vec2 v_kind;
+flat in float v_size;
+layout(location = 0) out vec4 o_colour;
+void main() {
+  vec4 grain = texture(u_noise, v_at * v_size / 6.0 + vec2(0.0, u_time * 0.05));
+  float alpha;
+  if (v_kind.x < 0.5) {
+    float r = length(v_at);
+    float rings = 0.5 + 0.5 * sin(22.0 * r - 3.0 * u_time + 3.0 * grain.r);
+    alpha = rings * smoothstep(1.0, 0.25, r) * (0.25 + 0.5 * grain.g);
+  } else {
+    float back = (0.92 - v_at.y) * 0.5;
+    float side = abs(v_at.x);
+    float arms = smoothstep(0.10, 0.0, abs(side - 0.16 - 0.42 * back)) * 0.7;
+    float core = smoothstep(0.15 + 0.12 * back, 0.0, side);
+    alpha = (arms + core) * smoothstep(0.0, 0.06, back) * smoothstep(1.0, 0.25, back);
+    alpha *= smoothstep(0.25, 0.7, grain.r * 0.6 + grain.b * 0.5);
+  }
+  o_colour = vec4(developed(vec3(0.62, 0.66, 0.67) * (0.55 * u_sunlight + u_skylight)).rgb, alpha * v_kind.y);
+}
+"""
+)
