@@ -1,0 +1,70 @@
+"""A body adrift: carried by current and wind, wandering a little, riding the waves, never washed ashore."""
+
+from __future__ import annotations
+
+import math
+
+from lingjing.mission.instance import Entity, Vector, Weather
+from lingjing.mission.seeding import Stream
+from lingjing.plugins.engines import sea
+from lingjing.plugins.engines.plane import Terrain
+
+STEP_S = 0.1
+"""Step of the drift."""
+
+_LEEWAY = 0.03
+"""Share of the wind's speed that a person in the water makes, as search planners assume."""
+_WANDER = 0.25
+"""Standard deviation of the wander, as a share of the drift."""
+_WANDER_TIME_S = 30.0
+
+
+class Afloat:
+    """A drifting target. Its mean speed is the declared drift, its course that of the current plus leeway."""
+
+    def __init__(self, entity: Entity, terrain: Terrain, weather: Weather, seed: int) -> None:
+        drift = entity.properties.get("drift_mps", 0.0)
+        speed = float(drift) if isinstance(drift, int | float) else 0.0
+        x, y, z = entity.position
+        level = terrain.water_level(x, y)
+        self._terrain = terrain
+        self._waves = sea.waves(weather) if level is not None else ()
+        self._level = z if level is None else level
+        self._mean = _course(weather, speed) if level is not None else (0.0, 0.0)
+        self._keep = math.exp(-STEP_S / _WANDER_TIME_S)
+        self._kick = _WANDER * speed * math.sqrt(1.0 - self._keep**2)
+        self._stream = Stream(seed, f"city/{entity.id}/drift")
+        self._wander = (0.0, 0.0)
+        self._position = (x, y)
+        self._velocity = (0.0, 0.0)
+
+    def step(self) -> None:
+        """Drift by `STEP_S`; against the shore only along the free axis, or not at all."""
+        if self._mean == (0.0, 0.0):
+            return
+        east, north = (self._keep * part + self._kick * self._stream.normal(0.0, 1.0) for part in self._wander)
+        self._wander = (east, north)
+        velocity = (self._mean[0] + east, self._mean[1] + north)
+        for candidate in (velocity, (velocity[0], 0.0), (0.0, velocity[1])):
+            x, y = self._position[0] + STEP_S * candidate[0], self._position[1] + STEP_S * candidate[1]
+            if self._terrain.water_level(x, y) is not None:
+                self._position, self._velocity = (x, y), candidate
+                return
+        self._velocity = (0.0, 0.0)
+
+    def pose(self, time_s: float, remainder_s: float) -> tuple[Vector, Vector]:
+        """Position and velocity at `time_s`, `remainder_s` after the last step; the height is the waves'."""
+        east, north = self._velocity
+        x, y = self._position[0] + remainder_s * east, self._position[1] + remainder_s * north
+        slope_east, slope_north = sea.slope(self._waves, x, y, time_s)
+        rise = sea.rise(self._waves, x, y, time_s) + slope_east * east + slope_north * north
+        return (x, y, self._level + sea.elevation(self._waves, x, y, time_s)), (east, north, rise)
+
+
+def _course(weather: Weather, speed: float) -> tuple[float, float]:
+    wind, current = sea.wind_velocity(weather), sea.current_velocity(weather)
+    east, north = current[0] + _LEEWAY * wind[0], current[1] + _LEEWAY * wind[1]
+    whole = math.hypot(east, north)
+    if whole == 0.0:  # no current and no wind: nothing carries it
+        return 0.0, 0.0
+    return speed * east / whole, speed * north / whole
