@@ -41,5 +41,11 @@ def claim_folder(folder: Path) -> Path:
     return folder
 
 
+def release_if_empty(folder: Path) -> None:
+    """Take a claimed folder away again if nothing was written into it."""
+    if folder.is_dir() and not any(folder.iterdir()):
+        folder.rmdir()
+
+
 def _unwritable(folder: Path, error: OSError) -> UsageError:
     return UsageError(f"cannot write the output folder `{folder}`: {error.strerror}", hint="choose another with -o")

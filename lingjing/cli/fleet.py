@@ -11,17 +11,18 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, TYPE_CHECKING
+from typing import IO, TYPE_CHECKING, Literal
 
 import msgspec
 
+from lingjing.bench.folders import release_if_empty
 from lingjing.cli.progress import LiveProgress
-from lingjing.cli.scoreboard import INTERRUPTED, EpisodeReport
+from lingjing.cli.scoreboard import EpisodeReport
 from lingjing.errors import ExitCode, InfrastructureError, LingjingError, UsageError
 from lingjing.mission.model import Mission
 
 if TYPE_CHECKING:
-    from lingjing.bench.episode import EpisodeResult
+    from lingjing.bench.episode import EpisodeResult, Session
 
 GRACE_S = 15.0
 """How long an interrupted episode may take to close its workers."""
@@ -37,7 +38,7 @@ class RunOptions:
     policy_args: Mapping[str, str]
     mode: str | None
     settings: Mapping[str, float]
-    world: str
+    world: Literal["process", "inline"]
     blank_pictures: bool
 
     def command(self, seed: int, folder: Path) -> list[str]:
@@ -55,13 +56,28 @@ class RunOptions:
         return line
 
 
-def play_here(mission: Mission, options: RunOptions, places: Iterable[tuple[int, Path]]) -> Iterator[EpisodeReport]:
-    """Play (seed, folder) pairs in order in this process; an interrupted episode is the last one."""
-    from lingjing.bench.episode import run
+def play_here(
+    mission: Mission, options: RunOptions, places: Iterable[tuple[int, Path | None]]
+) -> Iterator[EpisodeReport]:
+    """Play (seed, folder) pairs in order on the same warm workers; an interrupted episode is the last one.
 
-    for seed, folder in places:
+    A folder of None is a new one under `runs/`.
+    """
+    from lingjing.bench.episode import EpisodeInterrupted, Session
+
+    with Session(options.world) as session:
+        for seed, folder in places:
+            try:
+                yield _report(options, _play(session, mission, options, seed, folder))
+            except EpisodeInterrupted as interrupt:
+                yield _report(options, interrupt.result)
+                return
+
+
+def _play(session: Session, mission: Mission, options: RunOptions, seed: int, folder: Path | None) -> EpisodeResult:
+    try:
         with LiveProgress(f"{mission.name} seed {seed}") as progress:
-            result = run(
+            return session.run(
                 mission,
                 policy=options.policy,
                 policies_for=options.policies_for,
@@ -70,21 +86,19 @@ def play_here(mission: Mission, options: RunOptions, places: Iterable[tuple[int,
                 mode=options.mode,
                 settings=options.settings,
                 out=folder,
-                world=options.world,
                 blank_pictures=options.blank_pictures,
                 progress=progress,
             )
-        report = _report(mission, options, seed, result)
-        yield report
-        if report.reason == INTERRUPTED:
-            return
+    finally:
+        if folder is not None:
+            release_if_empty(folder)
 
 
-def _report(mission: Mission, options: RunOptions, seed: int, result: EpisodeResult) -> EpisodeReport:
+def _report(options: RunOptions, result: EpisodeResult) -> EpisodeReport:
     return EpisodeReport(
-        mission=mission.name,
-        seed=seed,
-        mode=options.mode or mission.modes.default,
+        mission=result.mission,
+        seed=result.seed,
+        mode=result.mode,
         policy=options.policy,
         success=result.success,
         reason=result.reason,
@@ -93,6 +107,7 @@ def _report(mission: Mission, options: RunOptions, seed: int, result: EpisodeRes
         digest=result.digest,
         trace=str(result.trace),
         metrics=msgspec.to_builtins(result.metrics),
+        detail=result.detail,
     )
 
 

@@ -3,9 +3,15 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Mapping
 
 from lingjing.errors import UsageError
+from lingjing.mission.expression import Expr, Number
+from lingjing.mission.model import Mission
+from lingjing.mission.units import Unit, dimension_name, unit_of
+
+_QUANTITY = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S*)", re.ASCII)
 
 MOST_SEEDS = 100_000
 """A range beyond this is a slip of the finger."""
@@ -44,18 +50,29 @@ def parse_seed(text: str) -> int:
     return int(text)
 
 
-def parse_settings(pairs: Mapping[str, str]) -> dict[str, float]:
-    """Values of `--set`: a number in SI units; anything else is a `UsageError`."""
-    return {name: _number(name, text) for name, text in pairs.items()}
+def parse_settings(pairs: Mapping[str, str], mission: Mission) -> dict[str, float]:
+    """Values of `--set` in SI units: `80`, `80 m` or `0.08 km`; a wrong number or unit is a `UsageError`."""
+    units = {parameter.name: _unit_of(parameter.default) for parameter in mission.parameters}
+    return {name: _quantity(name, text, units.get(name)) for name, text in pairs.items()}
 
 
-def _number(name: str, text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
+def _unit_of(default: Expr) -> Unit | None:
+    """The unit of a parameter whose default is a plain quantity; None where it is computed."""
+    return unit_of(default.unit) if isinstance(default, Number) and default.unit else None
+
+
+def _quantity(name: str, text: str, expected: Unit | None) -> float:
+    match = _QUANTITY.fullmatch(text)
+    value = float(match[1]) if match else math.nan
+    if match is None or not math.isfinite(value):
+        raise UsageError(f"--set {name}={text}: `{text}` is not a number", hint="write a number, then its unit")
+    if not match[2]:
+        return value
+    unit = unit_of(match[2])
+    if unit is None:
+        raise UsageError(f"--set {name}={text}: there is no unit `{match[2]}`", hint="without a unit it is in SI units")
+    if expected is not None and unit.dimension != expected.dimension:
         raise UsageError(
-            f"--set {name}={text}: `{text}` is not a number", hint="write a number in SI units, without unit"
+            f"--set {name}={text}: {dimension_name(unit.dimension)} where {dimension_name(expected.dimension)} is due"
         )
-    return value
+    return value * unit.factor

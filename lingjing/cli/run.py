@@ -6,8 +6,8 @@ import argparse
 from collections.abc import Iterator
 from pathlib import Path
 
+from lingjing.bench.folders import RUNS, claim_folder, claim_run_folder, release_if_empty
 from lingjing.cli.fleet import RunOptions, play_apart, play_here
-from lingjing.bench.folders import RUNS, claim_folder, claim_run_folder
 from lingjing.cli.missions import find_mission
 from lingjing.cli.pairs import parse_pairs, parse_seed, parse_seeds, parse_settings
 from lingjing.cli.scoreboard import EpisodeReport, exit_code, print_episode, print_json, print_suite, summarise
@@ -45,30 +45,29 @@ def handler(args: argparse.Namespace) -> int:
     if args.jobs < 1:
         raise UsageError(f"-j {args.jobs}: at least one")
     path = find_mission(args.mission)
-    options = _options(args, path)
     seeds = parse_seeds(args.seeds) if args.seeds else (parse_seed(args.seed),)
     mission = load_mission(path)
+    options = _options(args, path, mission)
     if args.seeds is None:
         return _run_one(args, mission, options, seeds[0])
     return _run_many(args, mission, options, seeds)
 
 
-def _options(args: argparse.Namespace, path: Path) -> RunOptions:
+def _options(args: argparse.Namespace, path: Path, mission: Mission) -> RunOptions:
     return RunOptions(
         path=path,
         policy=args.policy,
         policies_for=parse_pairs("--policy-for", args.policy_for),
         policy_args=parse_pairs("--policy-arg", args.policy_arg),
         mode=args.mode,
-        settings=parse_settings(parse_pairs("--set", args.set)),
+        settings=parse_settings(parse_pairs("--set", args.set), mission),
         world=args.world,
         blank_pictures=args.blank_pictures,
     )
 
 
 def _run_one(args: argparse.Namespace, mission: Mission, options: RunOptions, seed: int) -> int:
-    mode = options.mode or mission.modes.default
-    folder = claim_folder(Path(args.output)) if args.output else claim_run_folder(mission.name, mode, seed)
+    folder = claim_folder(Path(args.output)) if args.output else None
     (episode,) = play_here(mission, options, [(seed, folder)])
     if args.json:
         print_json(episode)
@@ -78,10 +77,13 @@ def _run_one(args: argparse.Namespace, mission: Mission, options: RunOptions, se
 
 
 def _run_many(args: argparse.Namespace, mission: Mission, options: RunOptions, seeds: tuple[int, ...]) -> int:
-    mode = options.mode or mission.modes.default
     root = claim_folder(Path(args.output)) if args.output else RUNS
+    mode = options.mode or mission.modes.default
     places = ((seed, claim_run_folder(mission.name, mode, seed, root)) for seed in seeds)
-    episodes = tuple(_played(args.jobs, mission, options, places))
+    try:
+        episodes = tuple(_played(args.jobs, mission, options, places))
+    finally:
+        release_if_empty(root)
     report = summarise(episodes, seeds=args.seeds, folder=str(root))
     if args.json:
         print_json(report)

@@ -20,7 +20,10 @@ INTERRUPTED = "interrupted"
 
 
 class EpisodeReport(msgspec.Struct, frozen=True, kw_only=True):
-    """One episode, as `lingjing run --json` prints it. `trace` is the path of the MCAP file."""
+    """One episode, as `lingjing run --json` prints it.
+
+    `trace` is the path of the MCAP file (a `.part` if the episode was cut short), `detail` the cause of an abort.
+    """
 
     mission: str
     seed: int
@@ -33,6 +36,7 @@ class EpisodeReport(msgspec.Struct, frozen=True, kw_only=True):
     digest: str
     trace: str
     metrics: dict[str, object]
+    detail: str = ""
 
 
 class SuiteReport(msgspec.Struct, frozen=True, kw_only=True):

@@ -1,0 +1,131 @@
+"""The command's door: help, version, exit codes, messages."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import types
+from pathlib import Path
+
+import pytest
+
+from lingjing.cli import main as door
+from lingjing.data import data_path
+from lingjing.errors import InfrastructureError, MissionError, UsageError
+
+HEAVY = (
+    "mujoco", "libsumo", "jsbsim", "litellm", "mcap", "gymnasium", "pydantic",
+    "pluggy", "rich", "numpy", "cv2", "moderngl", "matplotlib", "scipy",
+)  # fmt: skip
+
+
+def cli(*arguments: str, cwd: Path | None = None, **extra: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "lingjing.cli.main", *arguments]
+    environment = {"PATH": "/usr/bin:/bin", "HOME": "/nonexistent", **extra}
+    return subprocess.run(command, capture_output=True, text=True, cwd=cwd, env=environment, timeout=120, check=False)
+
+
+def raising(error: BaseException) -> types.ModuleType:
+    """A verb module whose handler raises `error`."""
+    module = types.ModuleType("lingjing_test_verb")
+
+    def handler(args: object) -> int:
+        raise error
+
+    module.add_parser = lambda subparsers: subparsers.add_parser("run")  # type: ignore[attr-defined]
+    module.handler = handler  # type: ignore[attr-defined]
+    return module
+
+
+@pytest.fixture
+def run_verb(monkeypatch: pytest.MonkeyPatch):
+    def arrange(error: BaseException) -> int:
+        monkeypatch.setattr(door, "import_module", lambda name: raising(error))
+        return door.main(["run"])
+
+    return arrange
+
+
+def test_version_is_printed_alone() -> None:
+    done = cli("--version")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.startswith("lingjing 0.")
+
+
+def test_no_verb_prints_the_verbs_and_is_a_usage_error() -> None:
+    done = cli()
+    assert done.returncode == 2
+    assert done.stdout == ""
+    for verb in door.VERBS:
+        assert f"    {verb.name} " in done.stderr
+
+
+def test_help_of_every_verb_ends_well() -> None:
+    for verb in door.VERBS:
+        done = cli(verb.name, "--help")
+        assert done.returncode == 0, done.stderr
+        assert f"lingjing {verb.name}" in done.stdout
+
+
+def test_an_unknown_verb_is_a_usage_error() -> None:
+    done = cli("fly")
+    assert done.returncode == 2
+    assert "fly" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "said"),
+    [
+        (UsageError("no such thing", hint="try another"), 2, "error: no such thing\nhint: try another\n"),
+        (MissionError("wrong mission"), 1, "error: wrong mission\n"),
+        (InfrastructureError("engine `vessel` died"), 3, "error: engine `vessel` died\n"),
+        (KeyboardInterrupt(), 130, "interrupted\n"),
+        (PermissionError(13, "Permission denied", "/there"), 2, "error: cannot write `/there`: Permission denied\n"),
+    ],
+)
+def test_errors_become_a_message_and_a_code(run_verb, capsys, error, code, said) -> None:
+    assert run_verb(error) == code
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert printed.err.startswith(said)
+    assert "Traceback" not in printed.err
+
+
+def test_a_bug_gives_one_line_to_report(run_verb, capsys, monkeypatch) -> None:
+    monkeypatch.delenv("LINGJING_TRACEBACK", raising=False)
+    assert run_verb(ZeroDivisionError("oops")) == 70
+    said = capsys.readouterr().err
+    assert "ZeroDivisionError: oops" in said
+    assert "test_cli_main.py:" in said
+    assert "report" in said
+    assert "Traceback" not in said
+
+
+def test_the_traceback_can_be_asked_for(run_verb, capsys, monkeypatch) -> None:
+    monkeypatch.setenv("LINGJING_TRACEBACK", "1")
+    assert run_verb(ZeroDivisionError("oops")) == 70
+    assert "Traceback" in capsys.readouterr().err
+
+
+def test_a_reader_that_goes_away_is_no_complaint() -> None:
+    script = f"{sys.executable} -m lingjing.cli.main run --help | true; echo ${{PIPESTATUS[0]}}"
+    done = subprocess.run(["bash", "-c", script], capture_output=True, text=True, check=True, timeout=60)
+    assert done.stderr == ""
+    assert done.stdout.strip() in {"0", "141"}
+
+
+def test_importing_the_package_is_light() -> None:
+    code = "import sys, lingjing; print(sorted(set(sys.argv[1:]) & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code, *HEAVY], capture_output=True, text=True, check=True, timeout=60)
+    assert done.stdout.strip() == "[]"
+
+
+def test_validate_loads_nothing_heavy() -> None:
+    code = (
+        "import sys\nfrom lingjing.cli.main import main\n"
+        "code = main(['validate', sys.argv[1]])\n"
+        "print(code, sorted(set(sys.argv[2:]) & set(sys.modules)))"
+    )
+    command = [sys.executable, "-c", code, str(data_path("scenarios", "ssr.ljs")), *HEAVY]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60)
+    assert done.stdout.splitlines()[-1] == "0 []", done.stdout + done.stderr

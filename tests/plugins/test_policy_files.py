@@ -1,0 +1,132 @@
+"""Policies by file: what is accepted and what the author is told."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from lingjing.errors import UsageError
+from lingjing.plugins.hookspecs import hookimpl
+from lingjing.plugins.host import PluginHost
+from lingjing.plugins.loading import build_policy, load_policy
+from lingjing.plugins.policy import PolicyPlugin
+
+GOOD = '''
+class Scout:
+    """Looks around."""
+
+    def __init__(self, height: str = "80") -> None:
+        self.height = float(height)
+
+    async def reset(self, brief): ...
+
+    async def act(self, observation, inbox): ...
+'''
+
+
+class _Named:
+    @hookimpl
+    def lingjing_policies(self):
+        return [PolicyPlugin(name="named", factory=object)]
+
+
+@pytest.fixture
+def host() -> PluginHost:
+    return PluginHost(entry_points=False, extra=[_Named()])
+
+
+@pytest.fixture
+def write(tmp_path: Path):
+    def put(text: str, name: str = "mine.py") -> Path:
+        path = tmp_path / name
+        path.write_text(text, encoding="utf-8")
+        return path
+
+    return put
+
+
+def refused(spec: str, host: PluginHost) -> UsageError:
+    with pytest.raises(UsageError) as caught:
+        load_policy(spec, host)
+    return caught.value
+
+
+def test_a_name_is_looked_up_in_the_host(host) -> None:
+    assert load_policy("named", host).name == "named"
+    assert "named" in refused("unheard-of", host).hint
+
+
+def test_a_class_in_a_file_is_a_policy_whose_name_has_no_folder(host, write) -> None:
+    plugin = load_policy(f"{write(GOOD)}:Scout", host)
+    assert (plugin.name, plugin.privileged, plugin.summary) == ("mine.py:Scout", False, "Looks around.")
+    assert build_policy(plugin, {"height": "120"}).height == 120.0
+
+
+def test_the_class_may_be_left_out_if_there_is_one(host, write) -> None:
+    assert load_policy(str(write(GOOD)), host).name == "mine.py:Scout"
+    both = write(GOOD + GOOD.replace("Scout", "Other"))
+    assert "Scout, Other" in refused(str(both), host).hint
+
+
+def test_privileged_is_declared_by_the_class(host, write) -> None:
+    text = GOOD.replace('"""Looks around."""', "privileged = True")
+    assert load_policy(f"{write(text)}:Scout", host).privileged is True
+
+
+def test_a_file_imports_its_neighbours(host, write) -> None:
+    write("SPEED = 3\n", "neighbour_of_mine.py")
+    plugin = load_policy(f"{write('from neighbour_of_mine import SPEED' + chr(10) + GOOD)}:Scout", host)
+    assert plugin.name == "mine.py:Scout"
+
+
+def test_a_missing_file_is_named(host, tmp_path) -> None:
+    error = refused(f"{tmp_path}/none.py:Scout", host)
+    assert "none.py" in str(error)
+    assert "lingjing new agent" in error.hint
+
+
+def test_a_missing_class_suggests_the_nearest(host, write) -> None:
+    error = refused(f"{write(GOOD)}:Scuot", host)
+    assert "Scuot" in str(error)
+    assert error.hint == "did you mean `Scout`?"
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("x = 1\nimport no_such_package_anywhere\n", "mine.py:2: ModuleNotFoundError"),
+        ("x = 1\ny = 2\n\nclass Scout\n", "mine.py:4: expected ':'"),
+        ("def f():\n    return 1 / 0\n\nf()\n", "mine.py:2: ZeroDivisionError"),
+        ("raise SystemExit(3)\n", "mine.py:1: SystemExit"),
+    ],
+)
+def test_a_fault_in_the_file_gives_its_line(host, write, text, said) -> None:
+    assert said in str(refused(f"{write(text)}:Scout", host))
+
+
+def test_bytes_that_are_no_text_are_refused(host, tmp_path) -> None:
+    (tmp_path / "mine.py").write_bytes(b"\xff\xfe\x00class Scout: ...")
+    assert "mine.py" in str(refused(f"{tmp_path}/mine.py:Scout", host))
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("class Scout: ...\n", "no method `reset`"),
+        (GOOD.replace("async def act", "async def perform"), "no method `act`"),
+        (GOOD.replace("async def act", "def act"), "must be `async def act"),
+        ("Scout = 3\n", "not a class"),
+    ],
+)
+def test_a_class_without_the_two_methods_is_refused(host, write, text, said) -> None:
+    assert said in str(refused(f"{write(text)}:Scout", host))
+
+
+def test_arguments_that_the_policy_does_not_take_are_named(host, write) -> None:
+    plugin = load_policy(f"{write(GOOD)}:Scout", host)
+    with pytest.raises(UsageError, match="hight") as caught:
+        build_policy(plugin, {"hight": "3"})
+    assert "height" in caught.value.hint
+    with pytest.raises(UsageError, match="could not convert"):
+        build_policy(plugin, {"height": "tall"})
