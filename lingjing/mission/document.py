@@ -1,0 +1,80 @@
+"""`mission.json` in and out, and the JSON Schemas of what this package reads and writes.
+
+`python -m lingjing.mission.document [DIR]` writes the schemas to `schemas/`; a test compares them with the code.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import msgspec
+
+from lingjing.errors import MissionError
+from lingjing.mission import jsontext
+from lingjing.mission.instance import Instance
+from lingjing.mission.model import Mission
+from lingjing.mission.reset_document import Envelope, Scenario
+
+DIALECT = "https://json-schema.org/draft/2020-12/schema"
+
+
+def encode(mission: Mission) -> str:
+    """The mission as `mission.json`: indented, keys in the order of the model, a newline at the end."""
+    return msgspec.json.format(msgspec.json.encode(mission), indent=2).decode() + "\n"
+
+
+def decode(text: str, path: str) -> Mission:
+    """The mission of a `mission.json`; `path` stands in messages.
+
+    `UsageError` if the text is not JSON (line and column), `MissionError` if it is not a mission (JSON path).
+    """
+    try:
+        return msgspec.json.decode(text.encode("utf-8", "surrogatepass"), type=Mission)
+    except (msgspec.DecodeError, RecursionError, UnicodeDecodeError) as error:
+        jsontext.load(text, path)
+        raise MissionError(
+            f"{path}: not a mission: {error}",
+            hint="write mission.json with `lingjing compile`, or edit it by schemas/mission.schema.json",
+        ) from None
+
+
+def encode_instance(instance: Instance) -> bytes:
+    """The instance as compact JSON, equal bytes for equal instances."""
+    return msgspec.json.encode(instance)
+
+
+def decode_instance(data: bytes) -> Instance:
+    """The instance of `encode_instance`'s bytes; raises `msgspec.ValidationError` on anything else."""
+    return msgspec.json.decode(data, type=Instance)
+
+
+def schemas() -> dict[str, bytes]:
+    """File name to contents of every schema of this package, formatted as they are committed."""
+    return {
+        "mission.schema.json": _formatted({"$schema": DIALECT, **msgspec.json.schema(Mission)}),
+        "reset-scenario.schema.json": _formatted(_reset_scenario()),
+    }
+
+
+def main(arguments: Sequence[str] = ()) -> None:
+    """Write the schemas to the folder named by the first argument (default: `schemas/` of the project)."""
+    folder = Path(arguments[0]) if arguments else Path(__file__).resolve().parents[2] / "schemas"
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, contents in schemas().items():
+        (folder / name).write_bytes(contents)
+
+
+def _reset_scenario() -> dict[str, object]:
+    """An envelope or a bare scenario; fields that are not named here are allowed and kept."""
+    alternatives, definitions = msgspec.json.schema_components((Envelope, Scenario), ref_template="#/$defs/{name}")
+    return {"$schema": DIALECT, "title": "resetScenario", "anyOf": list(alternatives), "$defs": definitions}
+
+
+def _formatted(schema: dict[str, object]) -> bytes:
+    return msgspec.json.format(msgspec.json.encode(schema), indent=2) + b"\n"
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,61 @@
+"""Read JSON text into plain values, with messages that name the line and column or the JSON path of what is wrong."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator
+
+from lingjing.errors import MissionError, UsageError
+
+
+def load(text: str, path: str) -> object:
+    """The parsed document. `UsageError` if it is not JSON, `MissionError` for a number that is none.
+
+    Python's reader is lenient where JSON is not: NaN, Infinity and numbers beyond a double are refused here by path.
+    """
+    try:
+        value: object = json.loads(text.removeprefix("\ufeff"))
+    except json.JSONDecodeError as error:
+        raise UsageError(
+            f"{path}:{error.lineno}:{error.colno}: not JSON: {error.msg}", hint=_way_out(text, error.msg)
+        ) from None
+    except RecursionError:
+        raise UsageError(f"{path}: nested too deeply to be a mission", hint="flatten the document") from None
+    except ValueError:
+        # Python refuses to convert whole numbers of thousands of digits.
+        raise UsageError(f"{path}: holds a number of thousands of digits", hint="write numbers as doubles") from None
+    for where, fault in _faults(value):
+        raise MissionError(f"{path}: {where} {fault}", hint="write finite numbers and valid Unicode")
+    return value
+
+
+def _way_out(text: str, message: str) -> str:
+    if not text.strip():
+        return "the file is empty: was it written to its end?"
+    if message.startswith("Extra data"):
+        return "one document a file: remove what follows the first"
+    return "JSON takes double quotes, no comments and no comma before a closing bracket"
+
+
+def _faults(root: object) -> Iterator[tuple[str, str]]:
+    stack: list[tuple[str, object]] = [("$", root)]
+    while stack:
+        where, value = stack.pop()
+        match value:
+            case dict():
+                stack.extend((f"{where}.{key}", item) for key, item in reversed(value.items()))
+            case list():
+                stack.extend((f"{where}[{k}]", value[k]) for k in reversed(range(len(value))))
+            case float() if not math.isfinite(value):
+                yield where, f"is {'NaN' if math.isnan(value) else 'infinite'}, not a finite number"
+            case str() if not _is_unicode(value):
+                yield where, "holds half of a surrogate pair"
+
+
+def _is_unicode(text: str) -> bool:
+    try:
+        text.encode("utf-8")
+    except UnicodeEncodeError:
+        return False
+    return True

@@ -1,0 +1,154 @@
+"""`resetScenario` out: `emit(mission)`.
+
+A mission that came from a document gives that document back to the letter, with the `lingjing` object added to its
+scenario if it had none. A mission written in the language gives a complete document with the paper's keys; since such
+a document holds places and not draws, they are drawn first (seed, mode and settings are recorded in `lingjing`), and
+reading it again gives the same instance for that seed.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+
+import msgspec
+
+from lingjing.errors import MissionError
+from lingjing.mission import frames, model
+from lingjing.mission.instance import Entity, Instance, Region
+from lingjing.mission.instantiate import instantiate
+from lingjing.mission.reset import LISTS, PERSONS, search_region
+from lingjing.mission.sky import word_for
+
+Json = bool | int | float | str | list["Json"] | dict[str, "Json"] | None
+
+
+def emit(
+    mission: model.Mission,
+    *,
+    seed: int = 0,
+    mode: str | None = None,
+    settings: Mapping[str, float] | None = None,
+) -> str:
+    """The mission as a `resetScenario` document; seed, mode and settings matter to a template only."""
+    if mission.origin.document:
+        return with_template(mission.origin.document, mission.name)
+    instance = instantiate(mission, seed=seed, mode=mode, settings=settings)
+    document: Json = {
+        "commandType": "resetScenario",
+        "taskId": f"{mission.name}-{seed}",
+        "scenario": _scenario(mission, instance, dict(settings or {})),
+    }
+    return msgspec.json.format(msgspec.json.encode(document), indent=2).decode() + "\n"
+
+
+def with_template(text: str, name: str) -> str:
+    """The document with `"lingjing": {"mission": name}` as its scenario's first field; unchanged if it has one."""
+    start, keys = _scenario_span(text)
+    if "lingjing" in keys:
+        return text
+    inner = text[start + 1 :]
+    margin = inner[: len(inner) - len(inner.lstrip())]
+    comma = "" if inner.lstrip().startswith("}") else ","
+    added = f'"lingjing": {{"mission": {json.dumps(name, ensure_ascii=False)}}}'
+    return f"{text[: start + 1]}{margin}{added}{comma}{inner}"
+
+
+def _scenario_span(text: str) -> tuple[int, set[str]]:
+    """Where the scenario's opening brace stands, and the scenario's keys."""
+    start = len(text) - len(text.removeprefix("\ufeff").lstrip())
+    members = _members(text, start)
+    if "scenario" in members:
+        start = members["scenario"]
+        members = _members(text, start)
+    return start, set(members)
+
+
+def _members(text: str, start: int) -> dict[str, int]:
+    """Keys of the JSON object that begins at `start`, and where each value begins; the last of equal keys counts."""
+    decoder = json.JSONDecoder()
+    found: dict[str, int] = {}
+    position = _blank(text, start + 1)
+    if text[start] != "{":
+        raise MissionError("the document's scenario is no object", hint="read the document before it is written back")
+    while text[position] != "}":
+        key, position = decoder.raw_decode(text, position)
+        position = _blank(text, _blank(text, position) + 1)
+        found[key] = position
+        _, position = decoder.raw_decode(text, position)
+        position = _blank(text, position)
+        if text[position] == ",":
+            position = _blank(text, position + 1)
+    return found
+
+
+def _blank(text: str, position: int) -> int:
+    while text[position] in " \t\r\n":
+        position += 1
+    return position
+
+
+# -- a document for a template --------------------------------------------------------------------------------------
+
+
+def _scenario(mission: model.Mission, instance: Instance, settings: dict[str, float]) -> dict[str, Json]:
+    added: dict[str, Json] = {"mission": mission.name, "mode": instance.mode, "seed": instance.seed}
+    if settings:
+        added["settings"] = dict(settings)
+    lists: dict[str, Json] = {
+        name: [_equipment(entity) for entity in instance.entities if entity.role == "asset" and entity.engine == engine]
+        for name, engine in LISTS
+    }
+    return {
+        "commandType": "resetScenario",
+        "lingjing": added,
+        "sceneName": instance.title,
+        "collaborationType": instance.mode,
+        "sceneRegion": instance.scene.kind,
+        "equipmentList": lists,
+        "taskMatrix": [
+            {
+                "taskLevel": "System",
+                "task_id": f"{mission.name.upper()}_{instance.seed}",
+                "goal": instance.goal,
+                "initial_state": _initial_state(mission, instance, lists),
+            }
+        ],
+    }
+
+
+def _initial_state(mission: model.Mission, instance: Instance, lists: Mapping[str, Json]) -> dict[str, Json]:
+    drones = lists["droneEntityList"]
+    name = search_region(mission)
+    persons = [entity for entity in instance.entities if entity.type == PERSONS]
+    return {
+        "weather": word_for(instance.weather.visibility_m, instance.weather.cloud),
+        "uav_count": len(drones) if isinstance(drones, list) else 0,
+        "rescuePersonPosition": [{"personId": e.label or e.id, **_coordinates(e.position)} for e in persons],
+        "rescueRange": _corners([region for region in instance.regions if region.name == name], instance),
+        "goalFirePosition": [],
+    }
+
+
+def _corners(regions: Sequence[Region], instance: Instance) -> list[Json]:
+    return [
+        {"rangeId": f"RANGE-{k:03d}", **_coordinates((east, north, instance.scene.datum_m))}
+        for region in regions
+        for k, (east, north) in enumerate(region.polygon, start=1)
+    ]
+
+
+def _equipment(entity: Entity) -> Json:
+    heading = "raw" if entity.engine == "multirotor" else "heading"
+    return {
+        "equipmentCode": entity.label or entity.id,
+        "name": entity.id,
+        "data": _coordinates(entity.position),
+        heading: entity.heading_deg,
+        "sensorType": "/".join(camera.name for camera in entity.cameras),
+    }
+
+
+def _coordinates(position: tuple[float, float, float]) -> dict[str, Json]:
+    x, y, z = frames.to_unreal(*position)
+    return {"X": x, "Y": y, "Z": z}
