@@ -10,7 +10,8 @@ In the order control flows:
 - `registry` is G, the shared state: an immutable value that `Update` replaces;
 - `pictures` turns captures into what is stored and what policies receive;
 - `visibility` projects what an agent may see (ProjectVisible) and may know (the brief);
-- `rules` evaluates expressions over run-time state, `adjudication` latches them as events (Adjudicate);
+- `instant` is one moment, `predicates` the functions of rules, `rules` the evaluation of expressions,
+  `adjudication` latches them as events (Adjudicate);
 - `evaluation` scores and ends the episode (Evaluate, TerminationReason);
 - `relations` names the occurrences of the five coordination relations;
 - `recording` derives records from what was published;

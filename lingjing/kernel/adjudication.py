@@ -13,8 +13,10 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from lingjing.kernel.instant import Instant
+from lingjing.kernel.predicates import planar
 from lingjing.kernel.registry import Binding, Registry, Report
-from lingjing.kernel.rules import Instant, bindings, children, identity, planar, rule_moves
+from lingjing.kernel.rules import bindings, children, holds, identity, rule_moves
 from lingjing.mission.expression import Call, Expr
 from lingjing.mission.instance import Datum, Entity, Instance
 from lingjing.mission.model import Rule
@@ -47,10 +49,6 @@ class Adjudicator:
         """An instant of this instance, ready for evaluation."""
         return Instant(self._instance, registry, states, time_s, self._groups, self._rules, self.kinds)
 
-    def holds(self, condition: Expr, registry: Registry) -> bool:
-        """A closed condition at the registry's own boundary."""
-        return self.instant(registry, registry.states, registry.time_s).truth(condition, {})
-
     def adjudicate(self, before: Registry, registry: Registry, snapshots: Sequence[Snapshot]) -> Verdict:
         """Walk the macro-steps of the boundary that `registry` stands at; `before` is the last boundary's, whose
         reports are the ones that count until the commit."""
@@ -80,7 +78,7 @@ class Adjudicator:
             if key in at.registry.achieved:
                 continue
             at.evidence.clear()
-            if at.truth(rule.condition, scope):
+            if holds(rule.condition, scope, at):
                 achieved[key] = at.time_s
                 events.append(self._event(rule, scope, at, len(events)))
         return _achieve(at.registry, achieved)
@@ -124,7 +122,7 @@ class Adjudicator:
         for scope in scopes:
             claim = _claim(scope)
             at.evidence.clear()
-            if claim in claimed or not at.truth(rule.condition, scope):
+            if claim in claimed or not holds(rule.condition, scope, at):
                 continue
             if best is None or at.evidence.get("iou", 0.0) > best[2].get("iou", 0.0):
                 best = (scope, claim, dict(at.evidence))
@@ -152,7 +150,7 @@ class Adjudicator:
             domain = ((stage.variable, stage.domain),) if stage.variable and stage.domain else ()
             for scope in bindings(domain, at):
                 subject = "".join(identity(value) for value in scope.values())
-                if (stage.name, subject) not in done and at.truth(stage.condition, scope):
+                if (stage.name, subject) not in done and holds(stage.condition, scope, at):
                     done[stage.name, subject] = registry.tick
                     changes.append(
                         StageChange(stage=stage.name, subject=subject, tick=registry.tick, time_s=registry.time_s)
@@ -166,7 +164,7 @@ class Adjudicator:
             domains = tuple((parameter.name, parameter.domain) for parameter in unlock.parameters)
             for scope in bindings(domains, at):
                 key = (unlock.interaction, identity(next(iter(scope.values()))))
-                if key not in registry.unlocked and key not in fresh and at.truth(unlock.condition, scope):
+                if key not in registry.unlocked and key not in fresh and holds(unlock.condition, scope, at):
                     fresh[key] = registry.tick
         if not fresh:
             return registry, ()

@@ -12,8 +12,9 @@ from dataclasses import dataclass
 from typing import Literal, Protocol
 
 from lingjing.kernel.adjudication import Adjudicator
+from lingjing.kernel.instant import Instant, Locals
 from lingjing.kernel.registry import Registry
-from lingjing.kernel.rules import Instant, Locals
+from lingjing.kernel.rules import holds
 from lingjing.mission.expression import Binary, Expr, Quantified
 from lingjing.mission.instance import Instance
 from lingjing.trace.records import Event
@@ -50,9 +51,9 @@ class MissionEvaluator:
         at = self._adjudicator.instant(registry, registry.states, registry.time_s)
         parts = list(parts_of(self._instance.success, {}, at))
         score = sum(parts) / len(parts) if parts else 0.0
-        if at.truth(self._instance.success, {}):
+        if holds(self._instance.success, {}, at):
             return Evaluation(score, True, "success")
-        if self._instance.failure is not None and at.truth(self._instance.failure, {}):
+        if self._instance.failure is not None and holds(self._instance.failure, {}, at):
             return Evaluation(score, True, "failure")
         return Evaluation(score, False)
 
@@ -66,7 +67,7 @@ def parts_of(condition: Expr, scope: Locals, at: Instant) -> Iterator[bool]:
         for member in at.domain(condition.domain):
             yield from parts_of(condition.body, {**scope, condition.variable: member}, at)
     else:
-        yield at.truth(condition, scope)
+        yield holds(condition, scope, at)
 
 
 def combine(results: Sequence[Evaluation]) -> Evaluation:

@@ -8,13 +8,13 @@ radii; boxes are normalised image boxes. Evaluation collects the numbers it used
 from __future__ import annotations
 
 import itertools
-import math
 import operator
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
 
 from lingjing.errors import LingjingError
-from lingjing.kernel.registry import Binding, Registry, Report
+from lingjing.kernel.instant import Instant, Locals, RegionValue, Value
+from lingjing.kernel.predicates import FUNCTIONS, planar
+from lingjing.kernel.registry import Binding, Report
 from lingjing.mission.expression import (
     Attr,
     Binary,
@@ -33,55 +33,9 @@ from lingjing.mission.expression import (
     Unary,
 )
 from lingjing.mission.geometry2d import contains
-from lingjing.mission.instance import Entity, Instance
+from lingjing.mission.instance import Entity
 from lingjing.mission.model import Rule
-from lingjing.trace.records import BodyState, Box
-
-HANDOFF_M = 50.0
-"""How near a destination must be to a target for `assigned` to mean that target (the paper's vessel radius)."""
-
-SAME_POINT_M = 1.0
-"""A destination this near a matched report's position was taken from it."""
-
-
-@dataclass(frozen=True, slots=True)
-class RegionValue:
-    """A named region as a value: membership is the only thing it can be asked."""
-
-    name: str
-    polygon: tuple[tuple[float, float], ...]
-
-
-Value = bool | float | str | tuple[object, ...] | Entity | Report | Box | RegionValue | None
-Locals = Mapping[str, Entity | Report]
-
-
-@dataclass(slots=True)
-class Instant:
-    """One moment at which expressions are evaluated: the registry, the entities' states and what was emitted.
-
-    `domains` restricts the reports a quantifier sees (reports of a boundary count from its commit on). `evidence`
-    collects the numbers of the latest evaluation.
-    """
-
-    instance: Instance
-    registry: Registry
-    states: Mapping[str, BodyState]
-    time_s: float
-    groups: Mapping[str, tuple[Entity, ...]]
-    rules: Mapping[str, Rule]
-    kinds: frozenset[str]
-    evidence: dict[str, float] = field(default_factory=dict)
-
-    def domain(self, name: str) -> tuple[Entity, ...] | tuple[Report, ...]:
-        """The members of a group or the reports of a message kind, in declaration or arrival order."""
-        if name in self.kinds:
-            return tuple(report for report in self.registry.reports.values() if report.kind == name)
-        return self.groups.get(name, ())
-
-    def truth(self, expr: Expr, scope: Locals) -> bool:
-        """The expression as a condition: only `True` is true."""
-        return evaluate(expr, scope, self) is True
+from lingjing.trace.records import Box
 
 
 def identity(value: Entity | Report) -> str:
@@ -96,6 +50,11 @@ def evaluate(expr: Expr, scope: Locals, at: Instant) -> Value:
     if handler is None:
         raise LingjingError(f"an expression of kind {type(expr).__name__} cannot stand in a rule")
     return handler(expr, scope, at)
+
+
+def holds(condition: Expr, scope: Locals, at: Instant) -> bool:
+    """The expression as a condition: only `True` is true."""
+    return evaluate(condition, scope, at) is True
 
 
 def bindings(domains: tuple[tuple[str, str], ...], at: Instant) -> Iterator[dict[str, Entity | Report]]:
@@ -195,9 +154,9 @@ _ARITHMETIC: Mapping[str, Callable[[float, float], float | bool]] = {
 
 def _binary(expr: Binary, scope: Locals, at: Instant) -> Value:
     if expr.operator == "and":
-        return at.truth(expr.left, scope) and at.truth(expr.right, scope)
+        return holds(expr.left, scope, at) and holds(expr.right, scope, at)
     if expr.operator == "or":
-        return at.truth(expr.left, scope) or at.truth(expr.right, scope)
+        return holds(expr.left, scope, at) or holds(expr.right, scope, at)
     left, right = evaluate(expr.left, scope, at), evaluate(expr.right, scope, at)
     if expr.operator == "in":
         return _member(left, right, at)
@@ -221,17 +180,17 @@ def _member(left: Value, right: Value, at: Instant) -> bool:
 
 
 def _quantified(expr: Quantified, scope: Locals, at: Instant) -> Value:
-    outcomes = (at.truth(expr.body, {**scope, expr.variable: member}) for member in at.domain(expr.domain))
+    outcomes = (holds(expr.body, {**scope, expr.variable: member}, at) for member in at.domain(expr.domain))
     return any(outcomes) if expr.quantifier == "exists" else all(outcomes)
 
 
 def _call(expr: Call, scope: Locals, at: Instant) -> Value:
     if expr.rule:
         return _achieved(expr, scope, at)
-    function = _FUNCTIONS.get(expr.function)
+    function = FUNCTIONS.get(expr.function)
     if function is None:
         raise LingjingError(f"the function `{expr.function}` cannot stand in a rule")
-    return function(expr, scope, at)
+    return function([evaluate(argument, scope, at) for argument in expr.arguments], at)
 
 
 def _achieved(expr: Call, scope: Locals, at: Instant) -> bool:
@@ -239,111 +198,6 @@ def _achieved(expr: Call, scope: Locals, at: Instant) -> bool:
     binding: Binding = tuple(identity(value) for value in values if isinstance(value, Entity | Report))
     return (expr.function, binding) in at.registry.achieved
 
-
-def planar(value: Value, at: Instant) -> tuple[float, float] | None:
-    """East and north of a position or of an entity's current position."""
-    if isinstance(value, Entity):
-        state = at.states.get(value.id)
-        return None if state is None else (state.position[0], state.position[1])
-    if isinstance(value, tuple) and len(value) >= 2:
-        east, north = value[0], value[1]
-        if isinstance(east, int | float) and isinstance(north, int | float):
-            return float(east), float(north)
-    return None
-
-
-def _distance_xy(expr: Call, scope: Locals, at: Instant) -> Value:
-    first = planar(evaluate(expr.arguments[0], scope, at), at)
-    second = planar(evaluate(expr.arguments[1], scope, at), at)
-    if first is None or second is None:
-        return None
-    distance = math.hypot(first[0] - second[0], first[1] - second[1])
-    at.evidence["distance_m"] = distance
-    return distance
-
-
-def overlap(first: tuple[float, ...], second: tuple[float, ...]) -> float:
-    """Intersection over union of two boxes (x_min, y_min, x_max, y_max); 0 for an empty one."""
-    width = min(first[2], second[2]) - max(first[0], second[0])
-    height = min(first[3], second[3]) - max(first[1], second[1])
-    if width <= 0 or height <= 0:
-        return 0.0
-    shared = width * height
-    union = _area(first) + _area(second) - shared
-    return shared / union if union > 0 else 0.0
-
-
-def _area(box: tuple[float, ...]) -> float:
-    return max(0.0, box[2] - box[0]) * max(0.0, box[3] - box[1])
-
-
-def _iou(expr: Call, scope: Locals, at: Instant) -> Value:
-    first, second = (evaluate(argument, scope, at) for argument in expr.arguments[:2])
-    if not _is_box(first) or not _is_box(second):
-        return None
-    value = overlap(first, second)  # type: ignore[arg-type]
-    at.evidence["iou"] = value
-    return value
-
-
-def _is_box(value: Value) -> bool:
-    return isinstance(value, tuple) and len(value) == 4 and all(isinstance(item, int | float) for item in value)
-
-
-def _truth(expr: Call, scope: Locals, at: Instant) -> Value:
-    """The ground-truth box of an entity in a frame, or None where no pixel of it is visible."""
-    entity, frame = (evaluate(argument, scope, at) for argument in expr.arguments[:2])
-    info = at.registry.frames.get(frame) if isinstance(frame, str) else None
-    if info is None or not isinstance(entity, Entity):
-        return None
-    return next((box for box in info.boxes if box.entity == entity.id), None)
-
-
-def _emitted(expr: Call, scope: Locals, at: Instant) -> Value:
-    """An engine has emitted the task event `kind` about every entity given, by this instant."""
-    kind, *entities = (evaluate(argument, scope, at) for argument in expr.arguments)
-    names = {entity.id for entity in entities if isinstance(entity, Entity)}
-    return any(
-        event.kind == kind and event.time_s <= at.time_s and names <= set(event.entities)
-        for event in at.registry.emitted
-    )
-
-
-def _assigned(expr: Call, scope: Locals, at: Instant) -> Value:
-    """The resource has been given a destination that means this target (see `HANDOFF_M`, `SAME_POINT_M`)."""
-    resource, target = (evaluate(argument, scope, at) for argument in expr.arguments[:2])
-    if not isinstance(resource, Entity) or not isinstance(target, Entity):
-        return None
-    here = planar(target, at)
-    reported = _matched_positions(target, at)
-    return any(
-        (here is not None and math.dist((item.east, item.north), here) <= HANDOFF_M)
-        or any(math.dist((item.east, item.north), point) <= SAME_POINT_M for point in reported)
-        for item in at.registry.assignments
-        if item.resource == resource.id
-    )
-
-
-def _matched_positions(target: Entity, at: Instant) -> list[tuple[float, float]]:
-    matching = {name for name, rule in at.rules.items() if rule.matching}
-    found = []
-    for rule, binding in at.registry.achieved:
-        if rule in matching and target.id in binding:
-            for name in binding:
-                report = at.registry.reports.get(name)
-                point = planar(report.body.get("position"), at) if report is not None else None
-                if point is not None:
-                    found.append(point)
-    return found
-
-
-_FUNCTIONS: Mapping[str, Callable[[Call, Locals, Instant], Value]] = {
-    "distance_xy": _distance_xy,
-    "iou": _iou,
-    "truth": _truth,
-    "emitted": _emitted,
-    "assigned": _assigned,
-}
 
 _HANDLERS: Mapping[type, Callable[..., Value]] = {
     Number: _literal,

@@ -1,0 +1,126 @@
+"""The functions a rule may call: distances, boxes, ground truth, task events, assignments.
+
+Each takes evaluated arguments and the instant. Total: what does not exist is `None` and makes a predicate false.
+Distances are planar metres, boxes normalised image boxes. Numbers that decide are left in the instant's evidence.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+
+from lingjing.kernel.instant import Instant, Value
+from lingjing.mission.instance import Entity
+
+HANDOFF_M = 50.0
+"""How near a destination must be to a target for `assigned` to mean that target (the paper's vessel radius)."""
+
+SAME_POINT_M = 1.0
+"""A destination this near a matched report's position was taken from it."""
+
+
+def planar(value: Value, at: Instant) -> tuple[float, float] | None:
+    """East and north of a position or of an entity's current position."""
+    if isinstance(value, Entity):
+        state = at.states.get(value.id)
+        return None if state is None else (state.position[0], state.position[1])
+    if isinstance(value, tuple) and len(value) >= 2:
+        east, north = value[0], value[1]
+        if isinstance(east, int | float) and isinstance(north, int | float):
+            return float(east), float(north)
+    return None
+
+
+def _distance_xy(arguments: Sequence[Value], at: Instant) -> Value:
+    first = planar(arguments[0], at)
+    second = planar(arguments[1], at)
+    if first is None or second is None:
+        return None
+    distance = math.hypot(first[0] - second[0], first[1] - second[1])
+    at.evidence["distance_m"] = distance
+    return distance
+
+
+def overlap(first: tuple[float, ...], second: tuple[float, ...]) -> float:
+    """Intersection over union of two boxes (x_min, y_min, x_max, y_max); 0 for an empty one."""
+    width = min(first[2], second[2]) - max(first[0], second[0])
+    height = min(first[3], second[3]) - max(first[1], second[1])
+    if width <= 0 or height <= 0:
+        return 0.0
+    shared = width * height
+    union = _area(first) + _area(second) - shared
+    return shared / union if union > 0 else 0.0
+
+
+def _area(box: tuple[float, ...]) -> float:
+    return max(0.0, box[2] - box[0]) * max(0.0, box[3] - box[1])
+
+
+def _iou(arguments: Sequence[Value], at: Instant) -> Value:
+    first, second = arguments[:2]
+    if not _is_box(first) or not _is_box(second):
+        return None
+    value = overlap(first, second)  # type: ignore[arg-type]
+    at.evidence["iou"] = value
+    return value
+
+
+def _is_box(value: Value) -> bool:
+    return isinstance(value, tuple) and len(value) == 4 and all(isinstance(item, int | float) for item in value)
+
+
+def _truth(arguments: Sequence[Value], at: Instant) -> Value:
+    """The ground-truth box of an entity in a frame, or None where no pixel of it is visible."""
+    entity, frame = arguments[:2]
+    info = at.registry.frames.get(frame) if isinstance(frame, str) else None
+    if info is None or not isinstance(entity, Entity):
+        return None
+    return next((box for box in info.boxes if box.entity == entity.id), None)
+
+
+def _emitted(arguments: Sequence[Value], at: Instant) -> Value:
+    """An engine has emitted the task event `kind` about every entity given, by this instant."""
+    kind, *entities = arguments
+    names = {entity.id for entity in entities if isinstance(entity, Entity)}
+    return any(
+        event.kind == kind and event.time_s <= at.time_s and names <= set(event.entities)
+        for event in at.registry.emitted
+    )
+
+
+def _assigned(arguments: Sequence[Value], at: Instant) -> Value:
+    """The resource has been given a destination that means this target (see `HANDOFF_M`, `SAME_POINT_M`)."""
+    resource, target = arguments[:2]
+    if not isinstance(resource, Entity) or not isinstance(target, Entity):
+        return None
+    here = planar(target, at)
+    reported = _matched_positions(target, at)
+    return any(
+        (here is not None and math.dist((item.east, item.north), here) <= HANDOFF_M)
+        or any(math.dist((item.east, item.north), point) <= SAME_POINT_M for point in reported)
+        for item in at.registry.assignments
+        if item.resource == resource.id
+    )
+
+
+def _matched_positions(target: Entity, at: Instant) -> list[tuple[float, float]]:
+    matching = {name for name, rule in at.rules.items() if rule.matching}
+    found = []
+    for rule, binding in at.registry.achieved:
+        if rule in matching and target.id in binding:
+            for name in binding:
+                report = at.registry.reports.get(name)
+                point = planar(report.body.get("position"), at) if report is not None else None
+                if point is not None:
+                    found.append(point)
+    return found
+
+
+FUNCTIONS: Mapping[str, Callable[[Sequence[Value], Instant], Value]] = {
+    "distance_xy": _distance_xy,
+    "iou": _iou,
+    "truth": _truth,
+    "emitted": _emitted,
+    "assigned": _assigned,
+}
+"""Every function of a rule by its name in the language."""

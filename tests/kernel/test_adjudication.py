@@ -1,0 +1,154 @@
+"""What counts: box matching one to one, closed radii, unlocks, latching, evidence."""
+
+import sys
+from pathlib import Path
+
+import msgspec
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+import kernel_kit as kit
+
+from lingjing.kernel.predicates import overlap
+from lingjing.trace.records import Box
+
+
+def photographed(*args, **kwargs):
+    kernel = kit.make_kernel(*args, **kwargs)
+    kernel.reset()
+    kernel.step(kit.decisions(scout_1=kit.does("takePhoto")))
+    return kernel
+
+
+def judged(kernel, *reports):
+    record = kernel.step(kit.decisions(scout_1=kit.joined(*reports))).record
+    return [(event.kind, *event.bindings) for event in record.events]
+
+
+def shifted(share):
+    """`TRUE_BOX` moved right so that intersection over union is `share`."""
+    width = kit.TRUE_BOX[2] - kit.TRUE_BOX[0]
+    move = width * (1 - share) / (1 + share)
+    return (kit.TRUE_BOX[0] + move, kit.TRUE_BOX[1], kit.TRUE_BOX[2] + move, kit.TRUE_BOX[3])
+
+
+FRAME = "f1-uav[1]-nadir"
+
+
+@pytest.mark.parametrize(("share", "hit"), [(0.5 + 1e-9, True), (0.51, True), (0.499, False), (1.0, True)])
+def test_boxes_match_from_one_half_on(share, hit):
+    assert overlap(kit.TRUE_BOX, shifted(share)) == pytest.approx(share)
+    events = judged(photographed(), kit.report(FRAME, box=shifted(share)))
+    assert (("matched", "victim[1]", "m2-1") in events) is hit
+
+
+def test_touching_and_empty_boxes_do_not_overlap():
+    assert overlap((0.0, 0.0, 0.5, 0.5), (0.5, 0.0, 1.0, 0.5)) == 0.0
+    assert overlap((0.2, 0.2, 0.2, 0.2), (0.2, 0.2, 0.2, 0.2)) == 0.0
+
+
+def test_the_class_must_be_the_same():
+    assert judged(photographed(), kit.report(FRAME, cls="buoy")) == []
+
+
+def test_a_report_outside_the_region_is_matched_but_not_accepted():
+    assert judged(photographed(), kit.report(FRAME, position=(301.0, 0.0))) == [("matched", "victim[1]", "m2-1")]
+
+
+def test_one_entity_is_matched_once_a_frame():
+    events = judged(photographed(), kit.report(FRAME, box=shifted(0.8)), kit.report(FRAME))
+    assert [event for event in events if event[0] == "matched"] == [("matched", "victim[1]", "m2-1")]
+
+
+def test_one_report_matches_one_entity_the_one_it_fits_best():
+    both = kit.make_instance(victims=((100.0, 0.0), (105.0, 0.0)))
+
+    class Two(kit.Table):
+        def draw(self, request):
+            frame = super().draw(request)
+            boxes = (
+                Box(entity="victim[1]", cls="person", box=shifted(0.6), pixels=9),
+                Box(entity="victim[2]", cls="person", box=kit.TRUE_BOX, pixels=9),
+            )
+            return kit.Frame(msgspec.structs.replace(frame.info, boxes=boxes), frame.rgb)
+
+    events = judged(photographed(both, kit.KitPlugin(table=Two)), kit.report(FRAME))
+    assert [event for event in events if event[0] == "matched"] == [("matched", "victim[2]", "m2-1")]
+
+
+def test_a_report_of_an_old_frame_is_judged_by_that_frame_and_its_time():
+    kernel = photographed()
+    kernel.step(kit.decisions(scout_1=kit.does("go", x=0.0, y=200.0)))
+    record = kernel.step(kit.decisions(scout_1=kit.report(FRAME, position=(103.0, 4.0)))).record
+    assert record.events[0].evidence["loc_error_m"] == pytest.approx(5.0)
+    assert record.events[0].evidence["iou"] == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(("east", "rescued"), [(50.0, True), (50.001, True), (49.999, False)])
+def test_the_radius_is_inclusive(east, rescued):
+    """The victim is at (100, 0), the boat stops at (east, 0): exactly 50 m away, just inside, just outside."""
+    kernel = photographed(kit.make_instance(victims=((100.0, 0.0),)))
+    kernel.step(kit.decisions(scout_1=kit.report(FRAME), skipper=kit.does("go", x=east, y=0.0)))
+    published = [kernel.step(kit.decisions()) for _ in range(3)][-1]
+    assert published.evaluation.done is rescued
+
+
+def test_without_a_report_nothing_is_unlocked_and_nothing_rescued():
+    kernel = photographed()
+    kernel.step(kit.decisions(skipper=kit.does("go", x=100.0, y=0.0)))
+    records = [kernel.step(kit.decisions()).record for _ in range(4)]
+    assert all(record.events == () and record.commands == () for record in records)
+    assert kernel.state.evaluation.reward == 0.0
+
+
+def test_a_lie_about_position_box_or_frame_changes_nothing():
+    """The policy claims a person where there is none, in a picture that shows none."""
+    kernel = kit.make_kernel(kit.make_instance(victims=((250.0, 250.0),)))
+    kernel.reset()
+    kernel.step(kit.decisions(scout_1=kit.does("takePhoto"), skipper=kit.does("go", x=0.0, y=0.0)))
+    kernel.step(kit.decisions(scout_1=kit.report(FRAME, position=(0.0, 0.0), confidence=1.0)))
+    records = [kernel.step(kit.decisions()).record for _ in range(3)]
+    assert all(record.events == () and record.stages == () for record in records)
+
+
+def test_an_unlock_is_a_kernel_command_to_the_engine_that_owns_the_target():
+    kernel = photographed()
+    kernel.step(kit.decisions(scout_1=kit.report(FRAME)))
+    record = kernel.step(kit.decisions()).record
+    assert [(c.origin, c.verb, c.resource) for c in record.commands] == [("kernel", "unlock.rescue", "victim[1]")]
+    assert kernel.step(kit.decisions()).record.commands == ()  # once
+
+
+def test_an_event_is_latched_and_emitted_once():
+    kernel = photographed()
+    kernel.step(kit.decisions(scout_1=kit.report(FRAME), skipper=kit.does("go", x=100.0, y=-20.0)))
+    kinds = [event.kind for _ in range(6) for event in kernel.step(kit.decisions()).record.events]
+    assert kinds == ["rescued"]
+
+
+def test_handoff_is_an_accepted_destination_that_means_the_target():
+    kernel = photographed(kit.make_instance("star"))
+    kernel.step(kit.decisions(scout_1=kit.report(FRAME, position=(160.0, 0.0))))
+    wrong = kernel.step(
+        kit.decisions(commander=kit.says("order", to=("skipper",), assignee="skipper", position=(0.0, 80.0)))
+    )
+    right = kernel.step(kit.decisions(skipper=kit.does("go", x=160.0, y=0.0)))
+    assert [change.stage for change in wrong.record.stages] == []
+    assert [(change.stage, change.subject) for change in right.record.stages] == [("handoff", "victim[1]")]
+
+
+def test_relations_are_recorded_when_they_happen():
+    kernel = photographed()
+    second = kernel.step(
+        kit.decisions(
+            scout_1=kit.joined(kit.report(FRAME), kit.does("go", "boat", x=90.0, y=0.0)),
+            skipper=kit.does("go", x=100.0, y=0.0),
+        )
+    ).record
+    assert [(r.kind, r.source, r.target) for r in second.relations] == [
+        ("information_handoff", "scout[1]", "skipper"),
+        ("competition", "skipper", "boat"),
+    ]
+    later = [relation for _ in range(3) for relation in kernel.step(kit.decisions()).record.relations]
+    assert [(r.kind, r.by) for r in later] == [("dependency", "victim[1]")]

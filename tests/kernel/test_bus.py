@@ -1,0 +1,121 @@
+"""Message routing and timing under star and broadcast, to the tick."""
+
+import sys
+from pathlib import Path
+
+import msgspec
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+import kernel_kit as kit
+
+from lingjing.kernel.bus import MESSAGES_PER_CALL, Router
+
+
+def read(published):
+    return {name: [edge.id for edge in inbox.messages] for name, inbox in published.inboxes.items() if inbox.messages}
+
+
+def test_broadcast_is_read_by_all_other_agents_at_the_next_boundary():
+    kernel = kit.make_kernel()
+    kernel.reset()
+    assert read(kernel.step(kit.decisions(scout_1=kit.says("order", assignee="boat")))) == {
+        "scout[2]": ["m1-1"],
+        "skipper": ["m1-1"],
+    }
+    assert read(kernel.step(kit.decisions())) == {}
+
+
+def test_star_reaches_the_hub_first_and_the_recipient_one_boundary_later():
+    kernel = kit.make_kernel(kit.make_instance("star"))
+    kernel.reset()
+    up = kernel.step(kit.decisions(scout_1=kit.says("order", assignee="boat")))  # produced on 0
+    down = kernel.step(kit.decisions(commander=kit.says("order", to=("skipper",), assignee="boat")))  # answers 1
+    assert (up.record.tick, read(up)) == (1, {"commander": ["m1-1"]})
+    assert (down.record.tick, read(down)) == (2, {"skipper": ["m2-1"]})
+
+
+def test_nothing_is_relayed_by_itself_under_star():
+    kernel = kit.make_kernel(kit.make_instance("star"))
+    kernel.reset()
+    kernel.step(kit.decisions(scout_1=kit.says("order", to=("skipper",), assignee="boat")))
+    assert [read(kernel.step(kit.decisions())) for _ in range(3)] == [{}, {}, {}]
+
+
+def test_a_hub_message_without_recipients_goes_to_all_that_its_kind_declares():
+    kernel = kit.make_kernel(kit.make_instance("star"))
+    kernel.reset()
+    assert sorted(read(kernel.step(kit.decisions(commander=kit.says("order", assignee="boat"))))) == [
+        "scout[1]",
+        "scout[2]",
+        "skipper",
+    ]
+
+
+def test_a_longer_delay_holds_a_message_back_by_whole_ticks():
+    instance = kit.make_instance()
+    kernel = kit.make_kernel(
+        msgspec.structs.replace(instance, comms=msgspec.structs.replace(instance.comms, delay_ticks=3))
+    )
+    kernel.reset()
+    outs = [kernel.step(kit.decisions(scout_1=kit.says("order", assignee="boat")))]
+    outs += [kernel.step(kit.decisions()) for _ in range(3)]
+    assert [bool(read(out)) for out in outs] == [False, False, True, False]
+
+
+GOOD = {
+    "frame": "f0",
+    "class": "person",
+    "box": (0.1, 0.1, 0.2, 0.2),
+    "position": (1.0, 2.0),
+    "confidence": 0.5,
+}
+
+
+@pytest.mark.parametrize(
+    ("kind", "change", "reason", "word"),
+    [
+        ("detection", {}, "", ""),
+        ("shout", {}, "unknown_kind", "detection, order"),
+        ("detection", {"frame": "f9"}, "bad_field", "names no picture"),
+        ("detection", {"box": (0.5, 0.1, 0.2, 0.2)}, "bad_field", "min < max"),
+        ("detection", {"box": (-0.1, 0.1, 0.2, 0.2)}, "bad_field", "min < max"),
+        ("detection", {"box": (0.1, 0.1, 0.2)}, "bad_field", "four numbers"),
+        ("detection", {"position": (1.0, float("inf"))}, "bad_field", "finite"),
+        ("detection", {"position": (1.0,)}, "bad_field", "two or three"),
+        ("detection", {"confidence": 1.5}, "bad_field", "0.0..1.0"),
+        ("detection", {"confidence": True}, "bad_field", "finite number"),
+        ("detection", {"class": 3}, "bad_field", "text"),
+        ("detection", {"class": None}, "bad_field", "missing"),
+        ("detection", {"speed": 3}, "bad_field", "not a field"),
+        ("detection", {"class": "x" * 5000}, "payload", "at most 4000"),
+    ],
+)
+def test_an_envelope_is_refused_with_its_reason(kind, change, reason, word):
+    body = {key: value for key, value in {**GOOD, **change}.items() if value is not None}
+    edges, (receipt,) = Router(kit.make_instance()).expand(
+        [("scout[1]", kit.says(kind, **body).messages)], 1, frames=["f0"]
+    )
+    assert (receipt.reason, receipt.status) == (reason, "rejected" if reason else "accepted")
+    assert word in receipt.detail
+    assert bool(edges) is not bool(reason)
+
+
+def test_the_list_of_messages_is_finite():
+    many = kit.says("order", assignee="boat").messages * (MESSAGES_PER_CALL + 2)
+    edges, receipts = Router(kit.make_instance()).expand([("scout[1]", many)], 1, frames=())
+    assert len(edges) == 2 * MESSAGES_PER_CALL
+    assert [r.reason for r in receipts[-2:]] == ["too_many", "too_many"]
+
+
+def test_an_unknown_sender_and_an_unknown_recipient_are_refused():
+    router = Router(kit.make_instance("star"))
+    _, (ghost,) = router.expand([("ghost", kit.says("order", assignee="boat").messages)], 1, frames=())
+    _, (lost,) = router.expand([("commander", kit.says("order", to=("ghost",), assignee="b").messages)], 1, frames=())
+    assert (ghost.reason, lost.reason) == ("unknown_agent", "bad_recipient")
+
+
+def test_bytes_are_those_of_the_body_as_json():
+    edges, _ = Router(kit.make_instance()).expand([("scout[1]", kit.says("order", assignee="boat").messages)], 1, ())
+    assert {edge.bytes for edge in edges} == {len(b'{"assignee":"boat"}')}

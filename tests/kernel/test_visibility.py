@@ -1,0 +1,102 @@
+"""What an agent may see: its channels, never a hidden value; instances that differ only there look the same."""
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+import kernel_kit as kit
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from lingjing.kernel.relations import RelationTracker
+
+
+def inputs(published):
+    return {record.agent: record.sha256 for record in published.record.observations}
+
+
+@settings(max_examples=25, deadline=None)
+@given(place=st.tuples(st.floats(-290, 290), st.floats(60, 290)), mode=st.sampled_from(["star", "broadcast"]))
+def test_hidden_positions_do_not_change_a_policy_input_before_a_sensor_does(place, mode):
+    first, second = (
+        kit.make_kernel(kit.make_instance(mode)),
+        kit.make_kernel(kit.make_instance(mode, victims=(place, place))),
+    )
+    assert inputs(first.reset()) == inputs(second.reset())
+    assert first.briefs() == second.briefs()
+    fly = kit.decisions(scout_1=kit.does("go", x=90.0, y=0.0), skipper=kit.does("go", x=0.0, y=-90.0))
+    assert inputs(first.step(fly)) == inputs(second.step(fly))
+
+
+def test_a_sensor_makes_the_difference():
+    first, second = kit.make_kernel(), kit.make_kernel(kit.make_instance(victims=((200.0, 200.0), (-100.0, 0.0))))
+    for kernel in (first, second):
+        kernel.reset()
+    one, two = (kernel.step(kit.decisions(scout_1=kit.does("takePhoto"))) for kernel in (first, second))
+    assert inputs(one)["scout[1]"] != inputs(two)["scout[1]"]
+    assert inputs(one)["skipper"] == inputs(two)["skipper"]
+
+
+def test_an_agent_sees_its_channels_and_nothing_else():
+    observation = kit.make_kernel(kit.make_instance("star")).reset().observations
+    assert [view.id for view in observation["skipper"].entities] == ["boat"]
+    assert observation["commander"].entities == ()
+    assert [cell.name for cell in observation["commander"].cells] == ["cells-1-1"]
+    assert observation["skipper"].cells == ()
+    own, *peers = observation["scout[1]"].entities
+    assert (own.id, own.busy, own.status) == ("uav[1]", False, "idle")
+    assert [(view.id, view.status, view.position is not None) for view in peers] == [
+        ("uav[2]", None, True),
+        ("boat", None, True),
+    ]
+
+
+def test_pictures_go_to_those_who_observe_the_camera():
+    kernel = kit.make_kernel()
+    kernel.reset()
+    published = kernel.step(kit.decisions(scout_1=kit.does("takePhoto")))
+    assert {name: len(seen.pictures) for name, seen in published.observations.items()} == {
+        "scout[1]": 1,
+        "scout[2]": 0,
+        "skipper": 0,
+    }
+
+
+def test_only_a_privileged_agent_receives_the_truth_and_the_trace_says_so():
+    kernel = kit.make_kernel(privileged=frozenset({"scout[1]"}))
+    published = kernel.reset()
+    assert published.observations["scout[2]"].privileged is None
+    truth = published.observations["scout[1]"].privileged
+    assert "victim[1]" in [state.id for state in truth.states]
+    assert [seen.privileged for seen in published.record.observations] == [True, False, False]
+
+
+def test_blank_pictures_are_black():
+    kernel = kit.make_kernel(blank_pictures=True)
+    kernel.reset()
+    picture = kernel.step(kit.decisions(scout_1=kit.does("takePhoto"))).observations["scout[1]"].pictures[0]
+    assert not picture.rgb.any()
+
+
+def test_a_cell_is_visited_by_the_first_photograph_from_above_it():
+    kernel = kit.make_kernel()
+    kernel.reset()
+    kernel.step(kit.decisions(scout_2=kit.does("takePhoto")))
+    cells = kernel.step(kit.decisions(scout_1=kit.does("takePhoto"))).observations["scout[1]"].cells
+    assert [(cell.visited_tick, cell.visited_by) for cell in cells] == [(1, "uav[2]")]
+
+
+def test_a_brief_holds_schema_peers_and_public_settings_but_no_target():
+    brief = kit.make_kernel().briefs()["scout[1]"]
+    assert [(resource.id, resource.embodied) for resource in brief.resources] == [("uav[1]", True), ("boat", False)]
+    assert [peer.id for peer in brief.peers] == ["scout[2]", "skipper"]
+    assert brief.classes == ("person", "craft")
+    assert "victim[" not in repr(brief)
+
+
+def test_relations_are_silent_when_nothing_happens():
+    kernel = kit.make_kernel()
+    kernel.reset()
+    before = kernel.state.registry
+    assert RelationTracker(kernel.instance).occurrences(before, before, (), (), ()) == ()
