@@ -1,5 +1,6 @@
 """Episodes and suites: from a mission to scored, recorded runs.
 
-`folders` claims where a run is kept → `episode` plays one (`run`, `Session`) → `study` plays matched seeds over modes
-and policies and prints the table. In: a `Mission`; out: an `EpisodeResult` whose trace holds all there is to know.
+`folders` claims where a run is kept → `episode` plays one (`run`, `Session`) → `fleet` plays several, here or in child
+processes → `report` says what came of them → `study` plays matched seeds over modes and policies and prints the table.
+In: a `Mission`; out: an `EpisodeResult` whose trace holds all there is to know.
 """

@@ -6,11 +6,13 @@ import argparse
 from collections.abc import Iterator
 from pathlib import Path
 
+from lingjing.bench.fleet import RunOptions, Task, play_apart, play_here
 from lingjing.bench.folders import RUNS, claim_folder, claim_run_folder, release_if_empty
-from lingjing.cli.fleet import RunOptions, play_apart, play_here
+from lingjing.bench.report import EpisodeReport, summarise
 from lingjing.cli.missions import find_mission
 from lingjing.cli.pairs import parse_pairs, parse_seed, parse_seeds, parse_settings
-from lingjing.cli.scoreboard import EpisodeReport, exit_code, print_episode, print_json, print_suite, summarise
+from lingjing.cli.progress import LiveProgress
+from lingjing.cli.scoreboard import exit_code, print_episode, print_json, print_suite
 from lingjing.errors import UsageError
 from lingjing.mission.model import Mission
 
@@ -68,7 +70,7 @@ def _options(args: argparse.Namespace, path: Path, mission: Mission) -> RunOptio
 
 def _run_one(args: argparse.Namespace, mission: Mission, options: RunOptions, seed: int) -> int:
     folder = claim_folder(Path(args.output)) if args.output else None
-    (episode,) = play_here(mission, options, [(seed, folder)])
+    (episode,) = play_here(mission, options, [(seed, folder)], LiveProgress)
     if args.json:
         print_json(episode)
     else:
@@ -96,5 +98,6 @@ def _played(
     jobs: int, mission: Mission, options: RunOptions, places: Iterator[tuple[int, Path]]
 ) -> Iterator[EpisodeReport]:
     if jobs == 1:
-        return play_here(mission, options, places)
-    return iter(sorted(play_apart(options, places, jobs), key=lambda episode: episode.seed))
+        return play_here(mission, options, places, LiveProgress)
+    tasks = (Task(options, seed, folder) for seed, folder in places)
+    return iter(sorted((report for _, report in play_apart(tasks, jobs)), key=lambda report: report.seed))

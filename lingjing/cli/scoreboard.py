@@ -2,96 +2,17 @@
 
 from __future__ import annotations
 
-import hashlib
 import sys
-from collections import Counter
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import msgspec
 
+from lingjing.bench.report import ABORTED, INTERRUPTED, EpisodeReport, SuiteReport
 from lingjing.errors import ExitCode
 
 if TYPE_CHECKING:
     from rich.table import Table
-
-ABORTED = "infrastructure-abort"
-INTERRUPTED = "interrupted"
-
-
-class EpisodeReport(msgspec.Struct, frozen=True, kw_only=True):
-    """One episode, as `lingjing run --json` prints it.
-
-    `trace` is the path of the MCAP file (a `.part` if the episode was cut short), `detail` the cause of an abort.
-    """
-
-    mission: str
-    seed: int
-    mode: str
-    policy: str
-    success: bool
-    reason: str
-    scr: float
-    ticks: int
-    digest: str
-    trace: str
-    metrics: dict[str, object]
-    detail: str = ""
-
-
-class SuiteReport(msgspec.Struct, frozen=True, kw_only=True):
-    """Several seeds of one mission, as `lingjing run --seeds A-B --json` prints them.
-
-    `tsr` is the share of successes among the episodes that were not aborted by the infrastructure (None if all
-    were); `success` says whether every episode succeeded; `scr` and the numbers in `metrics` are means over the
-    same episodes, `ticks` is their sum, `digest` is the SHA-256 over the episodes' digests in order, `trace` the
-    folder that holds them.
-    """
-
-    mission: str
-    seed: str
-    mode: str
-    policy: str
-    success: bool
-    reason: str
-    scr: float
-    ticks: int
-    digest: str
-    trace: str
-    metrics: dict[str, object]
-    tsr: float | None
-    episodes: tuple[EpisodeReport, ...]
-
-
-def summarise(episodes: Sequence[EpisodeReport], *, seeds: str, folder: str) -> SuiteReport:
-    """All episodes of one command as one report; there is at least one."""
-    counted = [episode for episode in episodes if episode.reason != ABORTED]
-    reasons = Counter(episode.reason for episode in episodes)
-    return SuiteReport(
-        mission=episodes[0].mission,
-        seed=seeds,
-        mode=episodes[0].mode,
-        policy=episodes[0].policy,
-        success=all(episode.success for episode in episodes),
-        reason=", ".join(f"{reason} {number}" for reason, number in sorted(reasons.items())),
-        scr=_mean([episode.scr for episode in counted]),
-        ticks=sum(episode.ticks for episode in counted),
-        digest=hashlib.sha256("".join(episode.digest for episode in episodes).encode()).hexdigest(),
-        trace=folder,
-        metrics=mean_metrics(counted),
-        tsr=_mean([float(episode.success) for episode in counted]) if counted else None,
-        episodes=tuple(episodes),
-    )
-
-
-def mean_metrics(episodes: Sequence[EpisodeReport]) -> dict[str, object]:
-    """The mean of every metric that is a number; episodes in which it is not one are left out of its mean."""
-    values: dict[str, list[float]] = {}
-    for episode in episodes:
-        for name, value in episode.metrics.items():
-            if isinstance(value, (int, float)) and not isinstance(value, bool):
-                values.setdefault(name, []).append(float(value))
-    return {name: _mean(numbers) for name, numbers in values.items()}
 
 
 def exit_code(episodes: Sequence[EpisodeReport]) -> ExitCode:
@@ -163,7 +84,3 @@ def _print_table(table: Table) -> None:
 
 def _text(value: object) -> str:
     return f"{value:.3g}" if isinstance(value, float) else str(value)
-
-
-def _mean(values: Sequence[float]) -> float:
-    return sum(values) / len(values) if values else 0.0

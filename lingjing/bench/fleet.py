@@ -7,22 +7,24 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import suppress
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import AbstractContextManager, suppress
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Literal
+from typing import IO, TYPE_CHECKING, Literal, NamedTuple
 
 import msgspec
 
 from lingjing.bench.folders import release_if_empty
-from lingjing.cli.progress import LiveProgress
-from lingjing.cli.scoreboard import EpisodeReport
+from lingjing.bench.report import EpisodeReport
 from lingjing.errors import ExitCode, InfrastructureError, LingjingError, UsageError
 from lingjing.mission.model import Mission
 
 if TYPE_CHECKING:
     from lingjing.bench.episode import EpisodeResult, Session
+    from lingjing.kernel.episode import Progress
+
+    Watch = Callable[[str], AbstractContextManager[Callable[[Progress], None]]]
 
 GRACE_S = 15.0
 """How long an interrupted episode may take to close its workers."""
@@ -30,16 +32,16 @@ GRACE_S = 15.0
 
 @dataclass(frozen=True, slots=True)
 class RunOptions:
-    """What `lingjing run` was asked for, less the seeds and the folders."""
+    """How a mission is to be played, less the seeds and the folders: the options of `lingjing run`."""
 
     path: Path
     policy: str
-    policies_for: Mapping[str, str]
-    policy_args: Mapping[str, str]
-    mode: str | None
-    settings: Mapping[str, float]
-    world: Literal["process", "inline"]
-    blank_pictures: bool
+    policies_for: Mapping[str, str] = field(default_factory=dict)
+    policy_args: Mapping[str, str] = field(default_factory=dict)
+    mode: str | None = None
+    settings: Mapping[str, float] = field(default_factory=dict)
+    world: Literal["process", "inline"] = "process"
+    blank_pictures: bool = False
 
     def command(self, seed: int, folder: Path) -> list[str]:
         """The command line that plays this one episode and prints its JSON object."""
@@ -57,26 +59,28 @@ class RunOptions:
 
 
 def play_here(
-    mission: Mission, options: RunOptions, places: Iterable[tuple[int, Path | None]]
+    mission: Mission, options: RunOptions, places: Iterable[tuple[int, Path | None]], watch: Watch
 ) -> Iterator[EpisodeReport]:
     """Play (seed, folder) pairs in order on the same warm workers; an interrupted episode is the last one.
 
-    A folder of None is a new one under `runs/`.
+    A folder of None is a new one under `runs/`. `watch` opens a progress display for each episode.
     """
     from lingjing.bench.episode import EpisodeInterrupted, Session
 
     with Session(options.world) as session:
         for seed, folder in places:
             try:
-                yield _report(options, _play(session, mission, options, seed, folder))
+                yield _report(options, _play(session, mission, options, seed, folder, watch))
             except EpisodeInterrupted as interrupt:
                 yield _report(options, interrupt.result)
                 return
 
 
-def _play(session: Session, mission: Mission, options: RunOptions, seed: int, folder: Path | None) -> EpisodeResult:
+def _play(
+    session: Session, mission: Mission, options: RunOptions, seed: int, folder: Path | None, watch: Watch
+) -> EpisodeResult:
     try:
-        with LiveProgress(f"{mission.name} seed {seed}") as progress:
+        with watch(f"{mission.name} seed {seed}") as progress:
             return session.run(
                 mission,
                 policy=options.policy,
@@ -111,40 +115,50 @@ def _report(options: RunOptions, result: EpisodeResult) -> EpisodeReport:
     )
 
 
+class Task(NamedTuple):
+    """An episode to be played in a process of its own."""
+
+    options: RunOptions
+    seed: int
+    folder: Path
+
+
 @dataclass(frozen=True, slots=True)
 class _Child:
+    task: Task
     process: subprocess.Popen[bytes]
     output: IO[bytes]
     errors: IO[bytes]
 
 
-def play_apart(options: RunOptions, places: Iterable[tuple[int, Path]], jobs: int) -> Iterator[EpisodeReport]:
-    """Play (seed, folder) pairs in child processes, `jobs` at a time, in order of completion.
+def play_apart(tasks: Iterable[Task], jobs: int) -> Iterator[tuple[Task, EpisodeReport]]:
+    """Play in child processes, `jobs` at a time, in order of completion.
 
     A child that fails before it has a result raises with its own message and exit code; the others are ended.
     """
-    waiting = iter(places)
+    waiting = iter(tasks)
     running: list[_Child] = []
     try:
         while True:
-            while len(running) < jobs and (place := next(waiting, None)) is not None:
-                running.append(_start(options.command(*place)))
+            while len(running) < jobs and (task := next(waiting, None)) is not None:
+                running.append(_start(task))
             if not running:
                 return
             done = [child for child in running if child.process.poll() is not None]
             running = [child for child in running if child not in done]
             for child in done:
-                yield _finish(child)
+                yield child.task, _finish(child)
             if not done:
                 time.sleep(0.05)
     finally:
         _end(running)
 
 
-def _start(command: list[str]) -> _Child:
+def _start(task: Task) -> _Child:
+    command = task.options.command(task.seed, task.folder)
     output, errors = tempfile.TemporaryFile(), tempfile.TemporaryFile()  # noqa: SIM115 - the child outlives this call
     process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=output, stderr=errors)
-    return _Child(process, output, errors)
+    return _Child(task, process, output, errors)
 
 
 def _finish(child: _Child) -> EpisodeReport:

@@ -1,0 +1,146 @@
+"""Reports of several episodes, and the study's bookkeeping."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+import pytest
+
+from lingjing.bench import fleet
+from lingjing.bench.fleet import RunOptions, Task, play_apart
+from lingjing.bench.report import ABORTED, EpisodeReport, summarise
+from lingjing.bench.study import CASES, Row, Study, missing, play, table
+from lingjing.errors import InfrastructureError, UsageError
+
+ECHO = """
+import json, sys
+options = dict(zip(sys.argv[1::2], sys.argv[2::2]))
+print(json.dumps({"mission": "m", "seed": int(options["--seed"]), "mode": options["--mode"],
+    "policy": options["--policy"], "success": True, "reason": "success", "scr": 1.0, "ticks": 3, "digest": "d", "trace": "t", "metrics": {}}))
+"""
+
+
+def report(seed: int, *, success: bool, reason: str = "budget", scr: float = 0.5, **metrics: object) -> EpisodeReport:
+    return EpisodeReport(
+        mission="ssr", seed=seed, mode="star", policy="p", success=success, reason=reason, scr=scr, ticks=10 + seed,
+        digest=f"d{seed}", trace=f"{seed}.mcap", metrics=metrics,
+    )  # fmt: skip
+
+
+def test_aborted_episodes_are_left_out_of_every_mean() -> None:
+    episodes = [
+        report(0, success=True, reason="success", scr=1.0, kilobytes=4, cost=None),
+        report(1, success=False, kilobytes=2.0, cost=3.0),
+        report(2, success=False, reason=ABORTED, scr=0.0, kilobytes=100.0),
+    ]
+    suite = summarise(episodes, seeds="0-2", folder="runs")
+    assert suite.tsr == 0.5
+    assert suite.scr == 0.75
+    assert suite.ticks == 21
+    assert suite.success is False
+    assert suite.metrics == {"kilobytes": 3.0, "cost": 3.0}
+    assert suite.reason == "budget 1, infrastructure-abort 1, success 1"
+
+
+def test_no_counted_episode_has_no_rate() -> None:
+    assert summarise([report(0, success=False, reason=ABORTED)], seeds="0", folder="runs").tsr is None
+
+
+@pytest.fixture
+def child(monkeypatch: pytest.MonkeyPatch):
+    """Replace the command that plays an episode by a small script that gets the same arguments."""
+
+    def use(script: str) -> None:
+        def command(self: RunOptions, seed: int, folder: Path) -> list[str]:
+            arguments = ["--seed", str(seed), "--mode", self.mode or "", "--policy", self.policy]
+            return [sys.executable, "-c", textwrap.dedent(script), *arguments]
+
+        monkeypatch.setattr(RunOptions, "command", command)
+
+    return use
+
+
+def tasks(count: int, folder: Path) -> list[Task]:
+    return [Task(RunOptions(path=Path("m.ljs"), policy="p", mode="star"), n, folder / str(n)) for n in range(count)]
+
+
+def test_children_answer_each_for_its_task(child, tmp_path: Path) -> None:
+    child(ECHO)
+    answers = {task.seed: answer.seed for task, answer in play_apart(tasks(5, tmp_path), jobs=2)}
+    assert answers == {n: n for n in range(5)}
+
+
+@pytest.mark.parametrize(("code", "kind"), [(2, UsageError), (3, InfrastructureError)])
+def test_a_child_that_fails_speaks_for_itself(child, tmp_path: Path, code: int, kind: type[Exception]) -> None:
+    child(f"import sys; print('error: no policy is called x', file=sys.stderr); sys.exit({code})")
+    with pytest.raises(kind, match=r"^no policy is called x"):
+        list(play_apart(tasks(1, tmp_path), jobs=1))
+
+
+def test_no_child_is_left_behind(child, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    child("import time; time.sleep(600)")
+    started: list[subprocess.Popen[bytes]] = []
+    real = fleet._start
+
+    def start(task: Task) -> fleet._Child:
+        made = real(task)
+        started.append(made.process)
+        return made
+
+    monkeypatch.setattr(fleet, "_start", start)
+
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGALRM, interrupt)
+    signal.setitimer(signal.ITIMER_REAL, 1.0)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            list(play_apart(tasks(4, tmp_path), jobs=2))
+    finally:
+        signal.signal(signal.SIGALRM, before)
+    assert len(started) == 2
+    assert all(process.poll() is not None for process in started)
+
+
+def test_a_study_goes_on_where_it_was(child, tmp_path: Path) -> None:
+    child(ECHO)
+    cases = CASES[:2]
+    study = Study(tmp_path)
+    first = missing(study, Path("m.ljs"), cases, ["star"], range(2))
+    assert [(case.name, task.seed) for case, task in first] == [
+        ("oracle", 0), ("heuristic", 0), ("oracle", 1), ("heuristic", 1),
+    ]  # fmt: skip
+    for _, task in first:
+        task.folder.mkdir()
+    play(study, first[:3], jobs=2, keep=True)
+    again = Study(tmp_path)
+    assert {(row.case, row.report.seed) for row in again.rows} == {("oracle", 0), ("heuristic", 0), ("oracle", 1)}
+    left = missing(again, Path("m.ljs"), cases, ["star"], range(2))
+    assert [(case.name, task.seed) for case, task in left] == [("heuristic", 1)]
+
+
+def test_an_aborted_episode_is_played_again_with_its_seed(child, tmp_path: Path) -> None:
+    marker = tmp_path / "tried"
+    child(
+        "import pathlib\n"
+        f"marker = pathlib.Path({str(marker)!r})\n"
+        f"reason = 'success' if marker.exists() else {ABORTED!r}\n"
+        "marker.touch()\n" + ECHO.replace('"reason": "success"', '"reason": reason')
+    )
+    study = Study(tmp_path)
+    play(study, missing(study, Path("m.ljs"), CASES[:1], ["star"], range(1)), jobs=1, keep=True)
+    assert [(row.tries, row.report.reason) for row in study.rows] == [(2, "success")]
+
+
+def test_the_table_counts_successes_of_what_was_not_aborted() -> None:
+    rows = [
+        Row(case="oracle", report=report(0, success=True, reason="success", scr=1.0)),
+        Row(case="oracle", report=report(1, success=False, scr=0.5)),
+        Row(case="oracle", report=report(2, success=False, reason=ABORTED)),
+    ]
+    assert table(rows).splitlines()[2:] == ["| oracle | star | 1 of 2 | 0.75 | 10.0 | 1 |"]
