@@ -20,7 +20,8 @@ ECHO = """
 import json, sys
 options = dict(zip(sys.argv[1::2], sys.argv[2::2]))
 print(json.dumps({"mission": "m", "seed": int(options["--seed"]), "mode": options["--mode"],
-    "policy": options["--policy"], "success": True, "reason": "success", "scr": 1.0, "ticks": 3, "digest": "d", "trace": "t", "metrics": {}}))
+    "policy": options["--policy"], "success": True, "reason": "success",
+    "scr": 1.0, "ticks": 3, "digest": "d", "trace": "t", "metrics": {}}))
 """
 
 
