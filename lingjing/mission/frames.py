@@ -98,6 +98,6 @@ def _geodetic_tangent(conformal: float) -> float:
 
 
 def _shifted(value: float, places: int) -> float:
-    """The value with its decimal point moved. Dividing by 100 would round a second time: 95137.1 / 100 is not 951.371."""
+    """Move the decimal point. Dividing by 100 would round a second time: 95137.1 / 100 is not 951.371."""
     digits = repr(value + 0.0)  # + 0.0: no negative zero
     return value * 10.0**places if "e" in digits else float(f"{digits}e{places}")

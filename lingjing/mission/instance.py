@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from typing import Literal
 
-
 from lingjing.mission.expression import Expr
 from lingjing.mission.model import Field, Record, Relation, Rule, Stage, Unlock
 

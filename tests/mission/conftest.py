@@ -7,7 +7,7 @@ from lingjing.mission import model as m
 
 
 def metres(value: float) -> ex.Number:
-    return ex.Number(value, "m")
+    return ex.Number(float(value), "m")
 
 
 def point(*items: float) -> ex.Point:

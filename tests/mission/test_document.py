@@ -1,0 +1,70 @@
+"""mission.json and the schemas."""
+
+from pathlib import Path
+
+import jsonschema
+import msgspec
+import pytest
+
+from lingjing.errors import LingjingError, MissionError, UsageError
+from lingjing.mission import document
+from lingjing.mission import model as m
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def test_missions_round_trip(ssr: m.Mission) -> None:
+    text = document.encode(ssr)
+    again = document.decode(text, "mission.json")
+    assert again == ssr
+    assert document.encode(again) == text
+
+
+@pytest.mark.parametrize("name", document.schemas())
+def test_schemas_are_those_of_the_code(name: str) -> None:
+    committed = (ROOT / "schemas" / name).read_bytes()
+    assert committed == document.schemas()[name], "run `python -m lingjing.mission.document`"
+
+
+@pytest.mark.parametrize("name", document.schemas())
+def test_schemas_are_schemas(name: str) -> None:
+    jsonschema.Draft202012Validator.check_schema(msgspec.json.decode(document.schemas()[name]))
+
+
+def test_mission_json_is_valid_and_the_schema_refuses_what_the_reader_refuses(ssr: m.Mission) -> None:
+    validator = jsonschema.Draft202012Validator(msgspec.json.decode(document.schemas()["mission.schema.json"]))
+    value = msgspec.json.decode(document.encode(ssr))
+    validator.validate(value)
+    assert not validator.is_valid({**value, "colour": "red"})
+    assert not validator.is_valid({**value, "name": 3})
+
+
+def test_main_writes_the_schemas(tmp_path: Path) -> None:
+    document.main([str(tmp_path / "out")])
+    assert {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir()} == document.schemas()
+
+
+@pytest.mark.parametrize(
+    ("text", "error", "words"),
+    [
+        ("", UsageError, "m.json:1:1: not JSON"),
+        ('{\n  "name": }', UsageError, "m.json:2:11: not JSON"),
+        ("{} {}", UsageError, "m.json:1:4: not JSON: Extra data"),
+        ("[" * 100_000, UsageError, "nested too deeply"),
+        ('{"a": ' + "9" * 5000 + "}", UsageError, "thousands of digits"),
+        ("{}", MissionError, "missing required field `name`"),
+        ("[]", MissionError, "Expected `object`, got `array`"),
+        ('{"name": "\\ud800"}', MissionError, "$.name holds half of a surrogate pair"),
+        ('{"name": NaN}', MissionError, "$.name is NaN"),
+    ],
+)
+def test_unreadable_documents_end_in_one_message(text: str, error: type[LingjingError], words: str) -> None:
+    with pytest.raises(error) as caught:
+        document.decode(text, "m.json")
+    assert words in str(caught.value) and caught.value.hint
+
+
+def test_a_wrong_field_is_named_by_its_path(ssr: m.Mission) -> None:
+    text = document.encode(ssr).replace('"rows": {', '"rows": 3, "was": {', 1)
+    with pytest.raises(MissionError, match=r"\$\.grids\[0\]"):
+        document.decode(text, "m.json")

@@ -1,0 +1,115 @@
+"""Seeded draws: in the region, apart, prefix-stable and independent of each other."""
+
+import itertools
+import math
+import statistics
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from lingjing.errors import MissionError
+from lingjing.mission import expression as ex
+from lingjing.mission import geometry2d
+from lingjing.mission.draws import draw, sites
+from lingjing.mission.evaluate import Area, Place, Scope
+
+FIELD = ((0.0, 0.0), (800.0, 0.0), (800.0, 300.0), (300.0, 300.0), (300.0, 350.0), (0.0, 350.0))
+SCOPE = Scope(areas={"field": Area(FIELD)})
+SEEDS = st.integers(0, 2**31)
+
+
+def n(value: float) -> ex.Number:
+    return ex.Number(value)
+
+
+@given(SEEDS, st.integers(0, 8), st.floats(0.0, 80.0), st.floats(0.0, 40.0))
+def test_sites_lie_in_the_region_and_apart(seed: int, count: int, apart: float, clear: float) -> None:
+    named = (("apart", n(apart)), ("clear", n(clear)))
+    expr = ex.Draw("sites", (ex.Ref("field", "region"),), named)
+    places = draw(expr, SCOPE, seed=seed, path="m/v/position", count=count)
+    points = [(place.east, place.north) for place in places if isinstance(place, Place)]
+    assert len(points) == count
+    assert all(geometry2d.contains(FIELD, *point) for point in points)
+    assert all(geometry2d.edge_distance(FIELD, *point) >= clear for point in points)
+    assert all(math.dist(a, b) >= apart for a, b in itertools.combinations(points, 2))
+    assert all(round(value, 3) == value for point in points for value in point)
+
+
+@given(SEEDS, st.integers(1, 7), st.floats(0.0, 100.0))
+def test_fewer_sites_are_the_first_of_more(seed: int, count: int, apart: float) -> None:
+    more = sites(FIELD, apart, seed=seed, path="p", count=count + 1)
+    assert sites(FIELD, apart, seed=seed, path="p", count=count) == more[:count]
+
+
+@given(SEEDS, st.sampled_from(["uniform", "normal", "choice", "subset"]), st.integers(1, 5))
+def test_fewer_values_are_the_first_of_more(seed: int, distribution: str, count: int) -> None:
+    listed = ex.Sequence(tuple(n(k) for k in range(9)))
+    arguments = (n(1), n(4)) if distribution in ("uniform", "normal") else (listed,)
+    expr = ex.Draw(distribution, arguments)
+    more = draw(expr, SCOPE, seed=seed, path="p", count=count + 1)
+    assert draw(expr, SCOPE, seed=seed, path="p", count=count) == more[:count]
+
+
+@given(SEEDS, st.integers(1, 9))
+def test_a_subset_has_no_repeats(seed: int, count: int) -> None:
+    expr = ex.Draw("subset", tuple(n(k) for k in range(9)))
+    assert len(set(draw(expr, SCOPE, seed=seed, path="p", count=count))) == count
+
+
+@given(SEEDS)
+def test_a_bounded_normal_stays_in_its_bounds(seed: int) -> None:
+    expr = ex.Draw("normal", (n(0), n(2)), (("low", n(-1)), ("high", n(1))))
+    values = draw(expr, SCOPE, seed=seed, path="p", count=20)
+    assert all(isinstance(value, float) and -1 <= value <= 1 for value in values)
+
+
+@settings(max_examples=1)
+@given(st.just(0))
+def test_sites_are_uniform(_: int) -> None:
+    places = [sites(FIELD, 0.0, seed=seed, path="p", count=1)[0] for seed in range(4000)]
+    centre = geometry2d.centroid(FIELD)
+    assert statistics.fmean(east for east, _ in places) == pytest.approx(centre[0], abs=3 * 231 / math.sqrt(4000))
+    notch = sum(north > 300 for _, north in places) / 4000
+    assert notch == pytest.approx(300 * 50 / abs(geometry2d.signed_area(FIELD)), abs=0.012)
+
+
+def test_a_tight_layout_is_tried_afresh_before_it_is_given_up() -> None:
+    # Two places 990 m apart in a 1000 m strip: the first dart of an attempt usually falls into the middle.
+    strip = ((0.0, 0.0), (1000.0, 0.0), (1000.0, 1.0), (0.0, 1.0))
+    tries = [_placed(strip, seed) for seed in range(300)]
+    assert 10 < sum(tries) < 290
+
+
+def _placed(strip: geometry2d.Polygon, seed: int) -> bool:
+    try:
+        (a, b) = sites(strip, 990.0, seed=seed, path="p", count=2)
+    except MissionError:
+        return False
+    return math.dist(a, b) >= 990.0
+
+
+@pytest.mark.parametrize(
+    ("expr", "count", "words", "hint"),
+    [
+        (
+            ex.Draw("sites", (ex.Ref("field", "region"),), (("apart", n(900)),)),
+            3,
+            "3 places at least 900 m apart do not fit into 25.5 ha: 1 fitted at best",
+            "lower 'apart'",
+        ),
+        (ex.Draw("sites", (ex.Ref("field", "region"),), (("part", n(9)),)), 1, "no option 'part'", "apart, clear"),
+        (ex.Draw("sites", (n(4),)), 1, "a region is due here", ""),
+        (ex.Draw("poisson", (n(4),)), 1, "no distribution 'poisson'", "sites, uniform, normal, choice, subset"),
+        (ex.Draw("uniform", (n(4), n(1))), 1, "uniform(4, 1) is empty", "lower end first"),
+        (ex.Draw("uniform", (n(4),)), 1, "takes two numbers", ""),
+        (ex.Draw("normal", (n(4), n(-1))), 1, "deviation of -1", "0 or more"),
+        (ex.Draw("normal", (n(0), n(1)), (("low", n(50)),)), 1, "did not fall into 50..inf", "widen"),
+        (ex.Draw("subset", (n(4), n(1))), 3, "3 different items are drawn from a list of 2", "choice(…)"),
+        (ex.Draw("choice", (ex.Sequence(()),)), 3, "needs a list", ""),
+    ],
+)
+def test_faults_name_the_numbers_and_the_way_out(expr: ex.Draw, count: int, words: str, hint: str) -> None:
+    with pytest.raises(MissionError) as caught:
+        draw(expr, SCOPE, seed=1, path="p", count=count)
+    assert words in str(caught.value) and hint in caught.value.hint

@@ -1,0 +1,76 @@
+"""Plane geometry against shapely, an independent implementation."""
+
+import math
+
+import pytest
+import shapely
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from lingjing.mission import geometry2d
+
+SQUARE = ((0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0))
+ELL = ((0.0, 0.0), (10.0, 0.0), (10.0, 4.0), (4.0, 4.0), (4.0, 10.0), (0.0, 10.0))
+COORDINATE = st.integers(-200, 200).map(lambda k: k / 4)
+POINT = st.tuples(COORDINATE, COORDINATE)
+RING = st.lists(POINT, min_size=3, max_size=7, unique=True).map(tuple)
+
+
+@given(RING)
+def test_fault_agrees_with_shapely(ring: geometry2d.Polygon) -> None:
+    assert (geometry2d.fault(ring) == "") == (shapely.Polygon(ring).is_valid and shapely.Polygon(ring).area > 0)
+
+
+@given(RING, POINT)
+def test_measures_agree_with_shapely(ring: geometry2d.Polygon, point: geometry2d.Point) -> None:
+    assume(not geometry2d.fault(ring))
+    reference, outline = shapely.Polygon(ring), geometry2d.normalised(ring)
+    assert geometry2d.signed_area(outline) == pytest.approx(reference.area)
+    assert geometry2d.centroid(outline) == pytest.approx((reference.centroid.x, reference.centroid.y), abs=1e-6)
+    assert geometry2d.contains(outline, *point) == reference.covers(shapely.Point(point))
+    assert geometry2d.edge_distance(outline, *point) == pytest.approx(reference.exterior.distance(shapely.Point(point)))
+
+
+@given(RING, POINT, POINT)
+def test_clipped_area_agrees_with_shapely(
+    ring: geometry2d.Polygon, one: geometry2d.Point, other: geometry2d.Point
+) -> None:
+    assume(not geometry2d.fault(ring))
+    box = geometry2d.bounds((one, other))
+    part = geometry2d.clipped(geometry2d.normalised(ring), box)
+    expected = shapely.Polygon(ring).intersection(shapely.box(*box)).area
+    assert (geometry2d.signed_area(part) if part else 0.0) == pytest.approx(expected, abs=1e-6)
+
+
+def test_normalised_turns_clockwise_outlines_and_drops_repeats() -> None:
+    clockwise = (*reversed(SQUARE), SQUARE[-1], SQUARE[-1])
+    assert geometry2d.signed_area(geometry2d.normalised(clockwise)) == 100.0
+    assert len(geometry2d.normalised(clockwise)) == 4
+
+
+@pytest.mark.parametrize(
+    ("ring", "words"),
+    [
+        ((), "0 different corners"),
+        (((0.0, 0.0), (1.0, 1.0)), "2 different corners"),
+        (((0.0, 0.0), (1.0, 1.0), (2.0, 2.0)), "no area"),
+        (((0.0, 0.0), (10.0, 10.0), (10.0, 0.0), (0.0, 11.0)), "edge 1 meets edge 3"),
+        (((0.0, 0.0), (math.nan, 1.0), (2.0, 2.0)), "not a finite number"),
+    ],
+)
+def test_fault_names_the_reason(ring: geometry2d.Polygon, words: str) -> None:
+    assert words in geometry2d.fault(ring)
+
+
+def test_contains_the_border_and_not_the_notch() -> None:
+    assert geometry2d.contains(ELL, 4.0, 7.0) and geometry2d.contains(ELL, 0.0, 0.0)
+    assert not geometry2d.contains(ELL, 5.0, 5.0)
+
+
+def test_circle_has_the_area_of_the_circle() -> None:
+    assert geometry2d.signed_area(geometry2d.circle((3.0, 4.0), 50.0)) == pytest.approx(math.pi * 2500)
+
+
+@pytest.mark.parametrize(("end", "bearing"), [((0.0, 1.0), 0), ((1.0, 0.0), 90), ((0.0, -1.0), 180), ((-1.0, 0.0), 270)])
+def test_bearing_is_a_compass(end: geometry2d.Point, bearing: float) -> None:
+    assert geometry2d.bearing_deg((0.0, 0.0), end) == pytest.approx(bearing)
