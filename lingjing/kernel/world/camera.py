@@ -1,0 +1,94 @@
+"""The camera process as the caller sees it: pictures within a deadline, late ones dropped, a dead one an abort.
+
+One camera may serve a world and its forks: a capture carries every entity's state, so nothing is remembered.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Sequence
+
+from lingjing.kernel.world.calling import absent
+from lingjing.kernel.world.contract import StoredFrame
+from lingjing.kernel.world.handle import Worker
+from lingjing.kernel.world.messages import Capture, Picture, encoded
+from lingjing.kernel.world.shared import load_frame
+from lingjing.plugins.engine import CaptureRequest
+from lingjing.trace.records import Absent, BodyState
+
+_PATIENCE = 3
+"""How many deadlines a camera may be late before it counts as hung."""
+
+
+class Camera:
+    """The caller's end of a camera process that has been reset for an episode."""
+
+    def __init__(self, worker: Worker) -> None:
+        self.worker = worker
+        self._lock = threading.Lock()
+        self._serial = 0
+        self._owed: dict[int, tuple[float, int]] = {}
+
+    @property
+    def busy(self) -> bool:
+        """Whether it still draws for a deadline that has passed."""
+        return bool(self._owed)
+
+    def capture(
+        self, time_s: float, requests: Sequence[CaptureRequest], states: Sequence[BodyState], allowed_s: float
+    ) -> tuple[StoredFrame | Absent, ...]:
+        """One answer per request; what has not come within `allowed_s` seconds is `late` and dropped when it comes."""
+        with self._lock:
+            try:
+                return self._captured(time_s, requests, states, allowed_s)
+            except BaseException:
+                self.worker.kill()
+                raise
+
+    def _captured(
+        self, time_s: float, requests: Sequence[CaptureRequest], states: Sequence[BodyState], allowed_s: float
+    ) -> tuple[StoredFrame | Absent, ...]:
+        now = time.monotonic()
+        self._serial += 1
+        self._owed[self._serial] = (now + _PATIENCE * allowed_s, len(requests))
+        message = Capture(serial=self._serial, time_s=time_s, requests=tuple(requests), states=tuple(states))
+        self.worker.send(encoded(message), now + allowed_s, allowed_s)
+        answers: list[StoredFrame | Absent] = [absent(request, "late") for request in requests]
+        while self._serial in self._owed and self._collect(requests, answers, now + allowed_s, allowed_s):
+            pass
+        return tuple(answers)
+
+    def _collect(
+        self,
+        requests: Sequence[CaptureRequest],
+        answers: list[StoredFrame | Absent],
+        deadline: float,
+        allowed_s: float,
+    ) -> bool:
+        """Take in one reply; False when the deadline has passed."""
+        hung_at = min(until for until, _ in self._owed.values())
+        try:
+            reply, packet = self.worker.receive(min(deadline, hung_at))
+        except TimeoutError:
+            if hung_at <= deadline:
+                raise self.worker.hung(_PATIENCE * allowed_s) from None
+            return False
+        try:
+            if not isinstance(reply, Picture):
+                raise self.worker.fault(reply)
+            self._settle(reply.serial)
+            if reply.serial != self._serial:
+                return True
+            if reply.info is None or reply.layout is None:
+                answers[reply.index] = absent(requests[reply.index], "not_drawn")
+            else:
+                answers[reply.index] = load_frame(reply.info, reply.layout, packet.descriptors[0])
+        finally:
+            packet.close()
+        return True
+
+    def _settle(self, serial: int) -> None:
+        until, count = self._owed.pop(serial)
+        if count > 1:
+            self._owed[serial] = (until, count - 1)

@@ -1,0 +1,156 @@
+"""What a worker does with a request: the desk of the world process and the desk of the camera process."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from typing import Protocol
+
+from lingjing.kernel.world.conductor import Conductor
+from lingjing.kernel.world.ensemble import Ensemble, close_engines, start_engines
+from lingjing.kernel.world.messages import (
+    Admitted,
+    Advance,
+    Capture,
+    Message,
+    Picture,
+    Prepare,
+    Ready,
+    Reported,
+    Request,
+    Reset,
+    Step,
+    Stepped,
+    Submit,
+)
+from lingjing.kernel.world.sensor import Sensor
+from lingjing.kernel.world.shared import Progress, store_frame
+from lingjing.plugins.engine import CaptureRequest, Engine
+from lingjing.plugins.host import PluginHost
+
+Answer = tuple[Message, tuple[int, ...]]
+"""A reply and the descriptors that go with it; who yields it closes them after it was sent."""
+
+
+class Desk(Protocol):
+    """A worker's trade."""
+
+    def answer(self, request: Request) -> Iterator[Answer]:
+        """The replies to one request; raises what the engines raise."""
+        ...
+
+    def close(self) -> tuple[str, ...]:
+        """Close all engines; returns what went wrong."""
+        ...
+
+
+class _Engines:
+    """The engine objects of the present episode: fresh ones for each, so that nothing carries over."""
+
+    def __init__(self, find_host: Callable[[], PluginHost], progress: Progress) -> None:
+        self._find_host = find_host
+        self._host: PluginHost | None = None
+        self._progress = progress
+        self.by_name: dict[str, Engine] = {}
+
+    def prepare(self, names: tuple[str, ...]) -> Ready:
+        """Close the old ones and create the new."""
+        problems = self.close()
+        if self._host is None:
+            self._host = self._find_host()
+        self.by_name = start_engines(self._host, names, self._progress.enter)
+        return Ready(problems=problems)
+
+    def close(self) -> tuple[str, ...]:
+        """Close all; returns what went wrong."""
+        engines, self.by_name = self.by_name, {}
+        return close_engines(engines, self._progress.enter)
+
+
+class WorldDesk:
+    """Motion engines: whole ticks when they are all here, single macro-steps when the caller hosts some too."""
+
+    def __init__(self, find_host: Callable[[], PluginHost], progress: Progress) -> None:
+        self._engines = _Engines(find_host, progress)
+        self._enter = progress.enter
+        self._ensemble: Ensemble | None = None
+        self._conductor: Conductor | None = None
+
+    def answer(self, request: Request) -> Iterator[Answer]:
+        """One reply to each request."""
+        yield self._reply(request), ()
+
+    def close(self) -> tuple[str, ...]:
+        """Close all engines."""
+        return self._engines.close()
+
+    def _reply(self, request: Request) -> Message:
+        match request:
+            case Prepare():
+                self._ensemble = self._conductor = None
+                return self._engines.prepare(request.engines)
+            case Reset():
+                return self._reset(request)
+            case Step() if self._conductor is not None:
+                return Stepped(boundary=self._conductor.step(request.tick, request.commands))
+            case Submit() if self._ensemble is not None:
+                return Admitted(receipts=self._ensemble.submit(request.commands))
+            case Advance() if self._ensemble is not None:
+                return Reported(reports=self._ensemble.advance(request.until, request.foreign))
+        raise RuntimeError(f"{type(request).__name__} came out of turn to the world process")
+
+    def _reset(self, request: Reset) -> Message:
+        self._ensemble = Ensemble(request.instance, request.city, self._engines.by_name, self._enter)
+        if not request.coupled:
+            return Reported(reports=self._ensemble.reset())
+        self._conductor = Conductor(request.instance, (self._ensemble,))
+        return Stepped(boundary=self._conductor.reset())
+
+
+class CameraDesk:
+    """The sensor engine: pictures are drawn, encoded and handed over one by one, each as soon as it is there."""
+
+    def __init__(self, find_host: Callable[[], PluginHost], progress: Progress, quality: int) -> None:
+        self._engines = _Engines(find_host, progress)
+        self._enter = progress.enter
+        self._quality = quality
+        self._sensor: Sensor | None = None
+
+    def answer(self, request: Request) -> Iterator[Answer]:
+        """One reply, or one for each picture asked for."""
+        match request:
+            case Prepare():
+                yield self._prepare(request), ()
+            case Reset() if self._sensor is not None:
+                self._sensor.reset(request.instance, request.city)
+                yield Ready(), ()
+            case Capture() if self._sensor is not None:
+                yield from self._capture(self._sensor, request)
+            case _:
+                raise RuntimeError(f"{type(request).__name__} came out of turn to the camera process")
+
+    def close(self) -> tuple[str, ...]:
+        """Close the sensor engine."""
+        return self._engines.close()
+
+    def _prepare(self, request: Prepare) -> Message:
+        ready = self._engines.prepare(request.engines)
+        (name,) = request.engines
+        self._sensor = Sensor(name, self._engines.by_name[name], self._quality, self._enter)
+        return ready
+
+    def _capture(self, sensor: Sensor, request: Capture) -> Iterator[Answer]:
+        sensor.settle(request.time_s, request.states)
+        for index, wanted in enumerate(request.requests):
+            yield from self._picture(sensor, request.serial, index, wanted)
+
+    def _picture(self, sensor: Sensor, serial: int, index: int, wanted: CaptureRequest) -> Iterator[Answer]:
+        frame = sensor.picture(wanted)
+        if frame is None:
+            yield Picture(serial=serial, index=index), ()
+            return
+        layout, descriptor = store_frame(frame)
+        try:
+            yield Picture(serial=serial, index=index, info=frame.info, layout=layout), (descriptor,)
+        finally:
+            os.close(descriptor)

@@ -1,0 +1,247 @@
+"""The caller's end of a worker process: requests with deadlines, and a diagnosis when one is not met.
+
+A worker is used by one world, or by several when it has been forked or is a shared camera: the last one to release
+it ends it. A forked copy keeps its parent process alive, because the parent reaps it and its death signal is tied to
+the parent's life.
+"""
+
+from __future__ import annotations
+
+import os
+import select
+import signal
+import socket
+import subprocess
+import time
+import warnings
+from collections.abc import Sequence
+from typing import TypeVar
+
+from lingjing.errors import InfrastructureError
+from lingjing.kernel.world.channel import Channel, ChannelClosedError, Packet
+from lingjing.kernel.world.launch import LastWords, Place, Recipe, launch
+from lingjing.kernel.world.messages import (
+    Close,
+    Closed,
+    Failed,
+    Fork,
+    Forked,
+    Message,
+    Refused,
+    Reply,
+    decoded_reply,
+    encoded,
+)
+from lingjing.kernel.world.shared import Progress, progress_memory
+
+ReplyT = TypeVar("ReplyT", bound=Message)
+
+_CLOSE_S = 5.0
+_EXIT_S = 2.0
+_DUMP_S = 0.5
+_QUIET_S = 0.05
+_SHOWN_LINES = 12
+
+
+class Worker:
+    """One worker process. All deadlines are `time.monotonic()` seconds."""
+
+    def __init__(
+        self,
+        name: str,
+        pidfd: int,
+        end: socket.socket,
+        progress: int,
+        words: LastWords,
+        *,
+        process: subprocess.Popen[bytes] | None = None,
+        parent: Worker | None = None,
+        pid: int = 0,
+    ) -> None:
+        self.name = name
+        self.pid = process.pid if process is not None else pid
+        self.parent = parent
+        self.alive = True
+        self.users = 1
+        self._owner = os.getpid()
+        self._process = process
+        self._pidfd = pidfd
+        self._channel = Channel(end)
+        self._progress = Progress(progress)
+        os.close(progress)
+        self._words = words
+
+    @classmethod
+    def start(cls, place: Place, recipe: Recipe) -> Worker:
+        """A new process of its own."""
+        started = launch(place, recipe)
+        name = f"{place} process"
+        return cls(name, started.pidfd, started.end, started.progress, started.words, process=started.process)
+
+    def share(self) -> Worker:
+        """Count one more user."""
+        self.users += 1
+        return self
+
+    def release(self) -> None:
+        """Count one user less; the last one ends the worker politely."""
+        self.users -= 1
+        if self.users == 0 and self.alive:
+            self._end()
+
+    def send(self, payload: bytes, deadline: float, allowed_s: float, descriptors: Sequence[int] = ()) -> None:
+        """Send one encoded request; past the deadline (of `allowed_s` seconds) the worker is killed."""
+        try:
+            self._channel.send(payload, descriptors, deadline, self._words)
+        except TimeoutError:
+            raise self.hung(allowed_s) from None
+        except ChannelClosedError:
+            raise self._died() from None
+
+    def receive(self, deadline: float) -> tuple[Reply, Packet]:
+        """The next reply and its packet; `TimeoutError` leaves the worker as it is."""
+        try:
+            packet = self._channel.receive(deadline, self._words)
+        except ChannelClosedError:
+            raise self._died() from None
+        return decoded_reply(packet.payload), packet
+
+    def expect(self, kind: type[ReplyT], deadline: float, allowed_s: float) -> ReplyT:
+        """The next reply, which must be of `kind`; past the deadline (of `allowed_s` seconds) the worker is killed."""
+        try:
+            reply, packet = self.receive(deadline)
+        except TimeoutError:
+            raise self.hung(allowed_s) from None
+        packet.close()
+        if isinstance(reply, kind):
+            return reply
+        raise self.fault(reply)
+
+    def ask(self, message: Message, kind: type[ReplyT], deadline: float, allowed_s: float) -> ReplyT:
+        """One round trip."""
+        self.send(encoded(message), deadline, allowed_s)
+        return self.expect(kind, deadline, allowed_s)
+
+    def fault(self, reply: Message) -> InfrastructureError:
+        """The error for a reply that is not the one expected."""
+        if isinstance(reply, Refused):
+            return InfrastructureError(reply.message)
+        if isinstance(reply, Failed):
+            error = InfrastructureError(reply.message, hint=reply.hint)
+            error.add_note(reply.traceback)
+            return error
+        return InfrastructureError(f"the {self.name} answered {type(reply).__name__} out of turn")
+
+    def fork(self, deadline: float, allowed_s: float) -> Worker:
+        """A copy of this worker, bit for bit, in a process of its own."""
+        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
+        progress = progress_memory()
+        try:
+            self.send(encoded(Fork()), deadline, allowed_s, (theirs.fileno(), progress))
+            theirs.close()
+            pid = self.expect(Forked, deadline, allowed_s).pid
+            pidfd = os.pidfd_open(pid)
+        except BaseException as error:
+            ours.close()
+            theirs.close()
+            os.close(progress)
+            if isinstance(error, ProcessLookupError):
+                raise InfrastructureError(f"the copy of the {self.name} died at once") from error
+            raise
+        return Worker(self.name, pidfd, ours, progress, self._words, parent=self.share(), pid=pid)
+
+    def kill(self) -> None:
+        """End it now, whoever uses it; idempotent. Its forks die with it."""
+        if self.alive:
+            self._signal(signal.SIGKILL)
+            self._await_exit(_EXIT_S)
+            self._dispose()
+
+    def hung(self, allowed_s: float) -> InfrastructureError:
+        """Kill a worker that did not answer in time; the error names the engine it was in."""
+        engine, call = self._progress.read()
+        # Its stack, for who wrote the engine: the worker dumps it at this signal even from within a C call.
+        self._signal(signal.SIGUSR2)
+        self._words.wait(_DUMP_S)
+        self._words.wait(_QUIET_S)
+        self.kill()
+        doing = f"engine `{engine}` ({call})" if engine else f"the {self.name}"
+        error = InfrastructureError(f"{doing} did not answer within {allowed_s:g} s; the {self.name} was killed")
+        error.add_note(self._words.lines(_SHOWN_LINES))
+        return error
+
+    def _died(self) -> InfrastructureError:
+        engine, call = self._progress.read()
+        self._await_exit(_EXIT_S)
+        self._words.drain()
+        reason = self._exit_reason()
+        self.kill()
+        doing = f" while engine `{engine}` was in {call}" if engine else ""
+        words = self._words.lines(_SHOWN_LINES)
+        last = f"; its last words:\n{words}" if words else ""
+        return InfrastructureError(f"the {self.name} died{reason}{doing}{last}")
+
+    @property
+    def _is_ours(self) -> bool:
+        # In a process that the caller forked, this is another process's worker: it must be left alone.
+        return os.getpid() == self._owner
+
+    def _exit_reason(self) -> str:
+        if self._process is None:
+            return ""
+        try:
+            code = self._process.wait(_EXIT_S)
+        except subprocess.TimeoutExpired:
+            return ""
+        return f" ({signal.Signals(-code).name})" if code < 0 else f" (exit code {code})"
+
+    def _end(self) -> None:
+        if self._is_ours:
+            self._ask_to_close()
+            if not self._await_exit(_EXIT_S):
+                self._signal(signal.SIGKILL)
+                self._await_exit(_EXIT_S)
+        self._dispose()
+
+    def _ask_to_close(self) -> None:
+        deadline = time.monotonic() + _CLOSE_S
+        try:
+            self._channel.send(encoded(Close()), (), deadline, self._words)
+            while not isinstance(reply := self._late_reply(deadline), Closed):
+                pass
+        except (TimeoutError, ChannelClosedError):
+            self._signal(signal.SIGKILL)
+            return
+        for problem in reply.problems:
+            warnings.warn(problem, RuntimeWarning, stacklevel=2)
+
+    def _late_reply(self, deadline: float) -> Reply:
+        packet = self._channel.receive(deadline, self._words)
+        packet.close()
+        return decoded_reply(packet.payload)
+
+    def _signal(self, number: signal.Signals) -> None:
+        if not self._is_ours:
+            return
+        try:
+            signal.pidfd_send_signal(self._pidfd, number)
+        except ProcessLookupError:
+            return  # it has ended already, which is all a signal can ask of it
+
+    def _await_exit(self, timeout_s: float) -> bool:
+        if not self._is_ours:
+            return True
+        poller = select.poll()
+        poller.register(self._pidfd, select.POLLIN)
+        return bool(poller.poll(int(timeout_s * 1000)))
+
+    def _dispose(self) -> None:
+        self.alive = False
+        self._channel.close()
+        self._progress.close()
+        os.close(self._pidfd)
+        self._words.drain()
+        if self.parent is None:
+            self._words.close()
+        else:
+            self.parent.release()

@@ -1,0 +1,172 @@
+"""Starting a worker process: its command, its environment, its standard error, and a thread that outlives it.
+
+Rules learnt by trying (DESIGN section 4): `Popen` over a socket pair, because `multiprocessing` breaks scripts
+without a main guard; thread counts fixed in the environment before any import; a process group of its own, so that a
+terminal's Ctrl-C reaches the caller alone. A parent-death signal follows the *thread* that started a child, so each
+worker is started by a thread that then waits for it to end: it dies with the caller and not with whichever thread
+happened to ask for it, and it never stays a zombie.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import select
+import socket
+import subprocess
+import sys
+import threading
+from collections import deque
+from collections.abc import Sequence
+from concurrent.futures import Future
+from dataclasses import dataclass
+from typing import Literal
+
+from lingjing.kernel.world.shared import progress_memory
+
+Place = Literal["world", "camera"]
+
+_TAIL_BYTES = 16_384
+_PIPE_BYTES = 1_048_576
+_ONE_THREAD = (
+    "OPENBLAS_NUM_THREADS",
+    "OMP_NUM_THREADS",
+    "MKL_NUM_THREADS",
+    "NUMEXPR_NUM_THREADS",
+    "BLIS_NUM_THREADS",
+    "VECLIB_MAXIMUM_THREADS",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Recipe:
+    """How the workers of a world are started; see `lingjing.kernel.world.open_world` for the meaning."""
+
+    plugins: tuple[str, ...] = ()
+    paths: tuple[str, ...] = ()
+    installed: bool = True
+    quality: int = 90
+
+    def arguments(self, place: Place) -> list[str]:
+        """The worker's command line but for its descriptors."""
+        options = ["--place", place, "--quality", str(self.quality), "--parent", str(os.getpid())]
+        options += [] if self.installed else ["--bare"]
+        return options + [part for plugin in self.plugins for part in ("--plugin", plugin)]
+
+
+class LastWords:
+    """The end of what a worker and its forks write to standard output and error, read whenever the caller waits."""
+
+    def __init__(self, descriptor: int) -> None:
+        os.set_blocking(descriptor, False)
+        self._descriptor = descriptor
+        self._chunks: deque[bytes] = deque()
+
+    def fileno(self) -> int:
+        """The pipe's descriptor, -1 when all writers are gone."""
+        return self._descriptor
+
+    def drain(self) -> None:
+        """Read what is there; only the last few kilobytes are kept."""
+        while self._descriptor >= 0:
+            try:
+                chunk = os.read(self._descriptor, 65_536)
+            except BlockingIOError:
+                return
+            if not chunk:
+                self.close()
+            self._keep(chunk)
+
+    def wait(self, timeout_s: float) -> None:
+        """Wait for something to be written, at most so long, and read it."""
+        if self._descriptor >= 0:
+            select.select([self._descriptor], [], [], timeout_s)
+            self.drain()
+
+    def lines(self, count: int) -> str:
+        """The last `count` lines."""
+        text = b"".join(self._chunks).decode(errors="replace")
+        return "\n".join(text.strip().splitlines()[-count:])
+
+    def close(self) -> None:
+        """Close the pipe; what was read stays."""
+        if self._descriptor >= 0:
+            os.close(self._descriptor)
+            self._descriptor = -1
+
+    def _keep(self, chunk: bytes) -> None:
+        self._chunks.append(chunk[-_TAIL_BYTES:])
+        while sum(map(len, self._chunks)) - len(self._chunks[0]) >= _TAIL_BYTES:
+            self._chunks.popleft()
+
+
+@dataclass(frozen=True, slots=True)
+class Launched:
+    """A worker that has been started: the caller owns all of it."""
+
+    process: subprocess.Popen[bytes]
+    pidfd: int
+    end: socket.socket
+    progress: int
+    words: LastWords
+
+
+def launch(place: Place, recipe: Recipe) -> Launched:
+    """Start `python -m lingjing.kernel.world.worker`; returns at once, the worker answers when it is up."""
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
+    progress = progress_memory()
+    reading, writing = os.pipe2(os.O_CLOEXEC)
+    # Room for what a worker says while the caller waits for the other one.
+    fcntl.fcntl(writing, fcntl.F_SETPIPE_SZ, _PIPE_BYTES)
+    descriptors = (theirs.fileno(), progress)
+    try:
+        command = [*_command(descriptors), *recipe.arguments(place)]
+        process, pidfd = _started(command, _environment(recipe.paths), descriptors, writing)
+    except BaseException:
+        ours.close()
+        os.close(progress)
+        os.close(reading)
+        raise
+    finally:
+        theirs.close()
+        os.close(writing)
+    return Launched(process, pidfd, ours, progress, LastWords(reading))
+
+
+def _command(descriptors: tuple[int, int]) -> list[str]:
+    # -P: the worker takes its modules from where the caller does, not from the folder it happens to run in.
+    python = [sys.executable, "-P", "-m", "lingjing.kernel.world.worker"]
+    return [*python, "--fd", str(descriptors[0]), "--progress", str(descriptors[1])]
+
+
+def _environment(paths: Sequence[str]) -> dict[str, str]:
+    search = [*paths, *(path or os.getcwd() for path in sys.path)]  # noqa: PTH109 - an entry of PYTHONPATH
+    threads = dict.fromkeys(_ONE_THREAD, "1")
+    return {**os.environ, **threads, "PYTHONPATH": os.pathsep.join(dict.fromkeys(search)), "PYTHONUNBUFFERED": "1"}
+
+
+def _started(
+    command: list[str], environment: dict[str, str], descriptors: tuple[int, ...], output: int
+) -> tuple[subprocess.Popen[bytes], int]:
+    outcome: Future[tuple[subprocess.Popen[bytes], int]] = Future()
+
+    def start_and_wait() -> None:
+        try:
+            process = subprocess.Popen(
+                command,
+                env=environment,
+                pass_fds=descriptors,
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=output,
+                process_group=0,
+            )
+            pidfd = os.pidfd_open(process.pid)
+        except BaseException as error:  # noqa: BLE001 - handed to the caller's thread
+            outcome.set_exception(error)
+            return
+        outcome.set_result((process, pidfd))
+        process.wait()
+
+    threading.Thread(target=start_and_wait, name=f"lingjing-{command[-1]}", daemon=True).start()
+    return outcome.result()

@@ -1,0 +1,316 @@
+"""`ProcessWorld`: motion engines in a world process, the sensor engine in a camera process, both kept warm.
+
+So a hung or killed engine is an abort and not a crash, deadlines hold, pictures are drawn on another core, and the
+world process can be forked. Remote engines run in the caller, which then drives every macro-step; without them a
+tick is one round trip.
+"""
+
+from __future__ import annotations
+
+import time
+import warnings
+import weakref
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from lingjing.errors import UsageError
+from lingjing.kernel.world.calling import no_episode, no_sensor
+from lingjing.kernel.world.camera import Camera
+from lingjing.kernel.world.casting import Cast, cast
+from lingjing.kernel.world.conductor import Conductor, Part, macro_steps
+from lingjing.kernel.world.contract import StoredFrame, WorldBoundary
+from lingjing.kernel.world.ensemble import Ensemble, Report, close_engines, start_engines
+from lingjing.kernel.world.extras import host_with
+from lingjing.kernel.world.handle import Worker
+from lingjing.kernel.world.launch import Place, Recipe
+from lingjing.kernel.world.messages import (
+    Admitted,
+    Advance,
+    Prepare,
+    Ready,
+    Reported,
+    Reset,
+    Step,
+    Stepped,
+    Submit,
+    encoded,
+)
+from lingjing.mission.instance import Instance
+from lingjing.plugins.engine import CaptureRequest, Engine
+from lingjing.plugins.host import PluginHost
+from lingjing.scene.city import City
+from lingjing.trace.records import Absent, BodyState, Command, Receipt
+
+START_S = 60.0
+"""What a worker may take to come up and import its engines."""
+
+
+class _FarPart:
+    """The world process as one part among others, when the caller conducts."""
+
+    def __init__(self, worker: Worker, engines: tuple[str, ...], payload: bytes, allowed_s: float) -> None:
+        self.engines = engines
+        self.deadline = 0.0
+        self._worker = worker
+        self._payload = payload
+        self._allowed_s = allowed_s
+
+    def reset(self) -> tuple[Report, ...]:
+        self._worker.send(self._payload, self.deadline, self._allowed_s)
+        return self._worker.expect(Reported, self.deadline, self._allowed_s).reports
+
+    def submit(self, commands: Sequence[Command]) -> dict[str, Receipt]:
+        message = Submit(commands=tuple(commands))
+        return self._worker.ask(message, Admitted, self.deadline, self._allowed_s).receipts
+
+    def advance(self, until: float, foreign: Sequence[BodyState] = ()) -> tuple[Report, ...]:
+        message = Advance(until=until, foreign=tuple(foreign))
+        return self._worker.ask(message, Reported, self.deadline, self._allowed_s).reports
+
+
+@dataclass(slots=True)
+class _Driver:
+    """How an episode with remote engines is driven from here."""
+
+    conductor: Conductor
+    far: _FarPart | None
+
+    def begin(self, deadline: float) -> None:
+        """Set the deadline of the boundary that comes next."""
+        if self.far is not None:
+            self.far.deadline = deadline
+
+
+@dataclass(slots=True)
+class _Episode:
+    instance: Instance
+    cast: Cast
+    tick: int = 0
+    driver: _Driver | None = None
+
+
+class _Staff:
+    """The workers and the remote engines of a world; it can be dismissed without the world that hired it."""
+
+    def __init__(self, world: Worker | None = None, camera: Camera | None = None) -> None:
+        self.world = world
+        self.camera = camera
+        self.remote: dict[str, Engine] = {}
+
+    def dismiss(self) -> None:
+        """End everything; idempotent."""
+        world, camera, remote = self.world, self.camera, self.remote
+        self.world, self.camera, self.remote = None, None, {}
+        if camera is not None:
+            _let_go(camera)
+        if world is not None:
+            world.release()
+        _warn(close_engines(remote))
+
+    def abandon_world(self) -> None:
+        """Kill the world process, whose state nobody knows any more."""
+        if self.world is not None:
+            self.world.kill()
+            self.world = None
+
+
+class ProcessWorld:
+    """A `World` of two worker processes. See `World` for the methods, `open_world` for the parameters."""
+
+    def __init__(
+        self,
+        *,
+        plugins: tuple[str, ...] = (),
+        paths: tuple[str, ...] = (),
+        installed: bool = True,
+        quality: int = 90,
+        host: PluginHost | None = None,
+    ) -> None:
+        self._recipe = Recipe(plugins, paths, installed, quality)
+        self._host = host if host is not None else host_with(plugins, installed=installed)
+        self._episode: _Episode | None = None
+        self._hire(_Staff())
+
+    def reset(self, instance: Instance, city: City) -> WorldBoundary:
+        """Start an episode on warm workers, or on new ones where there are none."""
+        roles = cast(instance, self._host)
+        macro_steps(instance.clock)
+        self._episode = None
+        try:
+            self._recruit(roles)
+            self._prepare(roles)
+            return self._reset(_Episode(instance, roles), city)
+        except BaseException:
+            self._staff.abandon_world()
+            self._abandon_camera()
+            raise
+
+    def step(self, tick: int, commands: Sequence[Command]) -> WorldBoundary:
+        """Advance to boundary `tick` within `budget.engine_s`."""
+        episode = self._playing()
+        if tick != episode.tick + 1:
+            raise ValueError(f"boundary {tick} does not follow boundary {episode.tick}")
+        allowed_s = episode.instance.budget.engine_s
+        deadline = time.monotonic() + allowed_s
+        try:
+            boundary = self._step(episode, tick, tuple(commands), deadline, allowed_s)
+        except BaseException:
+            self._episode = None
+            self._staff.abandon_world()
+            raise
+        episode.tick = tick
+        return boundary
+
+    def capture(
+        self, tick: int, requests: Sequence[CaptureRequest], states: Sequence[BodyState]
+    ) -> tuple[StoredFrame | Absent, ...]:
+        """Draw the pictures of boundary `tick` in one round trip, within `budget.capture_s` for all of them."""
+        episode = self._playing()
+        if not requests:
+            return ()
+        if self._staff.camera is None or episode.cast.sensor is None:
+            raise no_sensor()
+        time_s = tick * episode.instance.clock.tick_s
+        try:
+            return self._staff.camera.capture(time_s, requests, states, episode.instance.budget.capture_s)
+        except BaseException:
+            self._episode = None
+            self._abandon_camera()
+            raise
+
+    def fork(self) -> ProcessWorld:
+        """A world in a forked copy of the world process; the camera is shared. Closing either leaves the other."""
+        episode = self._playing()
+        if self._staff.world is None or episode.driver is not None:
+            names = ", ".join(episode.cast.remote) or "none"
+            raise UsageError(f"a world with remote engines ({names}) cannot be forked")
+        allowed_s = episode.instance.budget.engine_s
+        copy = self._staff.world.fork(time.monotonic() + allowed_s, allowed_s)
+        twin = ProcessWorld(
+            plugins=self._recipe.plugins,
+            paths=self._recipe.paths,
+            installed=self._recipe.installed,
+            quality=self._recipe.quality,
+            host=self._host,
+        )
+        camera = self._staff.camera
+        if camera is not None:
+            camera.worker.share()
+        twin._hire(_Staff(copy, camera))
+        twin._episode = _Episode(episode.instance, episode.cast, episode.tick)
+        return twin
+
+    def close(self) -> None:
+        """End the workers and the remote engines; idempotent. Forks of this world live on."""
+        self._episode = None
+        self._staff.dismiss()
+
+    def _hire(self, staff: _Staff) -> None:
+        self._staff = staff
+        weakref.finalize(self, staff.dismiss)
+
+    def _playing(self) -> _Episode:
+        if self._episode is None:
+            raise no_episode()
+        return self._episode
+
+    def _recruit(self, roles: Cast) -> None:
+        """Have the workers that this episode needs; they come up side by side."""
+        staff = self._staff
+        staff.world = self._fit(staff.world)
+        if roles.local and staff.world is None:
+            staff.world = self._start("world")
+        camera = staff.camera
+        if camera is not None and (not camera.worker.alive or camera.busy or camera.worker.users > 1):
+            _let_go(camera)
+            staff.camera = None
+        if roles.sensor is not None and staff.camera is None:
+            staff.camera = Camera(self._start("camera"))
+
+    def _fit(self, worker: Worker | None) -> Worker | None:
+        """The worker if it can play another episode: alive and nobody's copy or original."""
+        if worker is None or (worker.alive and worker.parent is None and worker.users == 1):
+            return worker
+        worker.release()
+        return None
+
+    def _start(self, place: Place) -> Worker:
+        return Worker.start(place, self._recipe)
+
+    def _prepare(self, roles: Cast) -> None:
+        staff = self._staff
+        old, staff.remote = staff.remote, {}
+        _warn(close_engines(old))
+        deadline = time.monotonic() + START_S
+        waiting: list[Worker] = []
+        if staff.camera is not None and roles.sensor is not None:
+            staff.camera.worker.send(encoded(Prepare(engines=(roles.sensor,))), deadline, START_S)
+            waiting.append(staff.camera.worker)
+        if staff.world is not None:
+            staff.world.send(encoded(Prepare(engines=roles.local)), deadline, START_S)
+            waiting.append(staff.world)
+        staff.remote = start_engines(self._host, roles.remote)
+        for worker in waiting:
+            _warn(worker.expect(Ready, deadline, START_S).problems)
+
+    def _reset(self, episode: _Episode, city: City) -> WorldBoundary:
+        staff, roles, instance = self._staff, episode.cast, episode.instance
+        allowed_s = instance.budget.engine_s
+        deadline = time.monotonic() + allowed_s
+        coupled = not roles.remote and bool(roles.local)
+        payload = encoded(Reset(instance=instance, city=city, coupled=coupled))
+        camera = staff.camera.worker if staff.camera is not None and roles.sensor is not None else None
+        if camera is not None:
+            camera.send(payload, deadline, allowed_s)
+        if coupled and staff.world is not None:
+            staff.world.send(payload, deadline, allowed_s)
+            boundary = staff.world.expect(Stepped, deadline, allowed_s).boundary
+        else:
+            episode.driver = self._driver(episode, city, payload)
+            episode.driver.begin(deadline)
+            boundary = episode.driver.conductor.reset()
+        if camera is not None:
+            camera.expect(Ready, deadline, allowed_s)
+        self._episode = episode
+        return boundary
+
+    def _driver(self, episode: _Episode, city: City, payload: bytes) -> _Driver:
+        world, roles, instance = self._staff.world, episode.cast, episode.instance
+        parts: list[Part] = [Ensemble(instance, city, self._staff.remote)]
+        far = None
+        if roles.local and world is not None:
+            far = _FarPart(world, roles.local, payload, instance.budget.engine_s)
+            parts.append(far)
+        return _Driver(Conductor(instance, parts), far)
+
+    def _step(
+        self, episode: _Episode, tick: int, commands: tuple[Command, ...], deadline: float, allowed_s: float
+    ) -> WorldBoundary:
+        if episode.driver is not None:
+            episode.driver.begin(deadline)
+            return episode.driver.conductor.step(tick, commands)
+        if self._staff.world is None:
+            raise no_episode()
+        return self._staff.world.ask(Step(tick=tick, commands=commands), Stepped, deadline, allowed_s).boundary
+
+    def _abandon_camera(self) -> None:
+        camera, self._staff.camera = self._staff.camera, None
+        if camera is None:
+            return
+        if camera.worker.users == 1:
+            camera.worker.kill()
+        else:
+            camera.worker.release()
+
+
+def _warn(problems: Sequence[str]) -> None:
+    for problem in problems:
+        warnings.warn(problem, RuntimeWarning, stacklevel=3)
+
+
+def _let_go(camera: Camera) -> None:
+    # A camera that still draws what nobody waits for is not worth a polite end.
+    if camera.busy and camera.worker.users == 1:
+        camera.worker.kill()
+    else:
+        camera.worker.release()

@@ -1,0 +1,119 @@
+"""Memory that crosses the process border by descriptor: pictures, and the word that says what a worker is doing.
+
+`memfd_create` needs no name, no tracker and no room in `/dev/shm`; the memory goes with its last descriptor. A
+picture is written into its memory, its descriptor is passed on, and the receiver reads it into arrays of its own and
+closes it at once: nothing stays open however long the arrays live.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import mmap
+import os
+from collections.abc import Sequence
+
+import msgspec
+import numpy as np
+import numpy.typing as npt
+
+from lingjing.kernel.world.contract import StoredFrame
+from lingjing.trace.records import FrameInfo
+
+_PROGRESS_BYTES = 256
+_SEALS = fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_GROW | fcntl.F_SEAL_WRITE
+_WAITING = ("", "")
+
+
+class Layout(msgspec.Struct, frozen=True):
+    """What lies in a picture's memory, one after the other: JPEG bytes, then depth, then semantic (or 0 by 0)."""
+
+    jpeg: int
+    depth: tuple[int, int] | None
+    semantic: tuple[int, int] | None
+
+
+def store_frame(frame: StoredFrame) -> tuple[Layout, int]:
+    """A sealed memory with the frame's bytes; the caller closes the descriptor."""
+    arrays = [np.ascontiguousarray(array) for array in (frame.depth, frame.semantic) if array is not None]
+    descriptor = os.memfd_create("lingjing-frame", os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING)
+    try:
+        _write(descriptor, [memoryview(frame.jpeg), *(array.data.cast("B") for array in arrays)])
+        fcntl.fcntl(descriptor, fcntl.F_ADD_SEALS, _SEALS)
+    except BaseException:
+        os.close(descriptor)
+        raise
+    return Layout(len(frame.jpeg), _shape(frame.depth), _shape(frame.semantic)), descriptor
+
+
+def load_frame(info: FrameInfo, layout: Layout, descriptor: int) -> StoredFrame:
+    """The frame in that memory, in arrays that nobody else holds. The descriptor stays the caller's to close."""
+    jpeg = bytearray(layout.jpeg)
+    depth = None if layout.depth is None else np.empty(layout.depth, np.float32)
+    semantic = None if layout.semantic is None else np.empty(layout.semantic, np.uint8)
+    arrays = [array for array in (depth, semantic) if array is not None]
+    _read(descriptor, [memoryview(jpeg), *(array.data.cast("B") for array in arrays)])
+    for array in arrays:
+        array.flags.writeable = False
+    return StoredFrame(info, bytes(jpeg), depth, semantic)
+
+
+class Progress:
+    """One word in shared memory: the engine and the call that a worker is in. Readable after it hangs or dies."""
+
+    def __init__(self, descriptor: int) -> None:
+        self._memory = mmap.mmap(descriptor, _PROGRESS_BYTES)
+
+    def enter(self, engine: str, call: str) -> None:
+        """Note the call. One slice assignment: a reader never sees an older word's tail."""
+        word = f"{engine}\0{call}".encode()[: _PROGRESS_BYTES - 1]
+        self._memory[:] = word.ljust(_PROGRESS_BYTES, b"\0")
+
+    def rest(self) -> None:
+        """Note that no engine is being called."""
+        self.enter(*_WAITING)
+
+    def read(self) -> tuple[str, str]:
+        """(engine, call); empty when none is being called."""
+        engine, _, call = self._memory[:].rstrip(b"\0").partition(b"\0")
+        return engine.decode(errors="replace"), call.decode(errors="replace")
+
+    def rebind(self, descriptor: int) -> None:
+        """Write into another memory from now on: a forked worker must not speak for its parent."""
+        self._memory.close()
+        self._memory = mmap.mmap(descriptor, _PROGRESS_BYTES)
+
+    def close(self) -> None:
+        """Let go of the memory."""
+        self._memory.close()
+
+
+def progress_memory() -> int:
+    """A descriptor for a new `Progress`; the caller closes it."""
+    descriptor = os.memfd_create("lingjing-progress", os.MFD_CLOEXEC)
+    os.ftruncate(descriptor, _PROGRESS_BYTES)
+    return descriptor
+
+
+def _shape(array: npt.NDArray[np.generic] | None) -> tuple[int, int] | None:
+    return None if array is None else (array.shape[0], array.shape[1])
+
+
+def _write(descriptor: int, parts: Sequence[memoryview]) -> None:
+    offset = 0
+    for part in parts:
+        done = 0
+        while done < len(part):
+            done += os.pwrite(descriptor, part[done:], offset + done)
+        offset += len(part)
+
+
+def _read(descriptor: int, parts: Sequence[memoryview]) -> None:
+    offset = 0
+    for part in parts:
+        done = 0
+        while done < len(part):
+            got = os.preadv(descriptor, [part[done:]], offset + done)
+            if not got:
+                raise EOFError("a picture's memory is shorter than its layout says")
+            done += got
+        offset += len(part)

@@ -1,0 +1,195 @@
+"""`python -m lingjing.kernel.world.worker`: a worker process, started by `lingjing.kernel.world.launch` alone.
+
+It never outlives its caller: the kernel kills it when the thread that started it ends, it looks for its parent
+whenever it has waited a while, and the end of its socket ends it. It ignores Ctrl-C, which is the caller's to handle.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import ctypes
+import faulthandler
+import os
+import random
+import signal
+import socket
+import sys
+import time
+import traceback
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NoReturn
+
+from lingjing.errors import LingjingError
+from lingjing.kernel.world.channel import Channel, ChannelClosedError, Packet
+from lingjing.kernel.world.desks import CameraDesk, Desk, WorldDesk
+from lingjing.kernel.world.extras import host_with
+from lingjing.kernel.world.messages import (
+    Close,
+    Closed,
+    Failed,
+    Fork,
+    Forked,
+    Message,
+    Refused,
+    Request,
+    decoded_request,
+    encoded,
+)
+from lingjing.kernel.world.shared import Progress
+from lingjing.plugins.host import PluginHost
+
+_PATROL_S = 1.0
+_PR_SET_PDEATHSIG = 1
+_UNFORKABLE = ("cv2", "moderngl", "OpenGL", "glcontext", "glfw", "torch")
+
+
+@dataclass(slots=True)
+class Post:
+    """Where this process stands: whom it answers, who started it, whom it started."""
+
+    channel: Channel
+    progress: Progress
+    parent: int
+    forks: set[int] = field(default_factory=set)
+
+    def reply(self, message: Message, descriptors: Sequence[int] = ()) -> None:
+        """Send one reply."""
+        self.channel.send(encoded(message), descriptors)
+
+    def reap(self, *_: object) -> None:
+        """Take note of ended forks; the handler of SIGCHLD. Only those: an engine may have children of its own."""
+        for pid in tuple(self.forks):
+            if os.waitpid(pid, os.WNOHANG)[0]:
+                self.forks.discard(pid)
+
+
+def main() -> NoReturn:
+    """Serve until told to close or left alone."""
+    options = _options()
+    _die_with(options.parent)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    faulthandler.enable()
+    faulthandler.register(signal.SIGUSR2)
+    for descriptor in (options.fd, options.progress):
+        os.set_inheritable(descriptor, False)
+    progress = Progress(options.progress)
+    os.close(options.progress)
+    post = Post(Channel(socket.socket(fileno=options.fd)), progress, options.parent)
+    signal.signal(signal.SIGCHLD, post.reap)
+    _serve(_desk(options, progress), post)
+
+
+def _options() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="lingjing.kernel.world.worker")
+    parser.add_argument("--fd", type=int, required=True)
+    parser.add_argument("--progress", type=int, required=True)
+    parser.add_argument("--parent", type=int, required=True)
+    parser.add_argument("--place", choices=("world", "camera"), required=True)
+    parser.add_argument("--quality", type=int, required=True)
+    parser.add_argument("--plugin", action="append", default=[])
+    parser.add_argument("--bare", action="store_true")
+    return parser.parse_args()
+
+
+def _desk(options: argparse.Namespace, progress: Progress) -> Desk:
+    plugins = tuple(options.plugin)
+
+    def find_host() -> PluginHost:
+        return host_with(plugins, installed=not options.bare)
+
+    if options.place == "camera":
+        return CameraDesk(find_host, progress, options.quality)
+    return WorldDesk(find_host, progress)
+
+
+def _serve(desk: Desk, post: Post) -> NoReturn:
+    while True:
+        packet = _next(post)
+        request = decoded_request(packet.payload)
+        if isinstance(request, Fork):
+            _fork(post, packet)
+            continue
+        if isinstance(request, Close):
+            _leave(desk, post)
+        _attempt(desk, post, request)
+
+
+def _attempt(desk: Desk, post: Post, request: Request) -> None:
+    try:
+        for reply, descriptors in desk.answer(request):
+            post.reply(reply, descriptors)
+        post.progress.rest()
+    except ChannelClosedError:
+        os._exit(0)
+    except LingjingError as error:
+        post.reply(Failed(message=str(error), hint=error.hint, traceback=traceback.format_exc()))
+    except Exception as error:  # noqa: BLE001 - a fault of ours; it is reported to the caller, who raises it
+        message = f"the worker failed: {type(error).__name__}: {error}"
+        post.reply(Failed(message=message, traceback=traceback.format_exc()))
+
+
+def _next(post: Post) -> Packet:
+    while True:
+        try:
+            return post.channel.receive(time.monotonic() + _PATROL_S)
+        except TimeoutError:
+            if os.getppid() != post.parent:
+                os._exit(0)
+        except ChannelClosedError:
+            os._exit(0)
+
+
+def _leave(desk: Desk, post: Post) -> NoReturn:
+    problems = desk.close()
+    with contextlib.suppress(ChannelClosedError):  # nobody may be left to tell
+        post.reply(Closed(problems=problems))
+    sys.stdout.flush()
+    sys.stderr.flush()
+    # No interpreter shutdown: in a forked copy it would run handlers that belong to the original.
+    os._exit(0)
+
+
+def _fork(post: Post, packet: Packet) -> None:
+    threads = len(list(Path("/proc/self/task").iterdir()))
+    if threads != 1:
+        packet.close()
+        suspects = [name for name in _UNFORKABLE if name in sys.modules]
+        also = f" (it has loaded {', '.join(suspects)})" if suspects else ""
+        post.reply(Refused(message=f"the world process has {threads} threads and cannot be forked{also}"))
+        return
+    state = random.getstate()  # Python reseeds it in a forked child; a copy must not differ from its original
+    original = os.getpid()
+    pid = os.fork()
+    if pid:
+        packet.close()
+        post.forks.add(pid)
+        post.reap()  # it may have ended before it was in the set
+        post.reply(Forked(pid=pid))
+        return
+    _die_with(original)
+    random.setstate(state)
+    _take_post(post, packet, original)
+
+
+def _take_post(post: Post, packet: Packet, parent: int) -> None:
+    end, progress = packet.descriptors
+    post.channel.close()
+    post.channel = Channel(socket.socket(fileno=end))
+    post.progress.rebind(progress)
+    os.close(progress)
+    post.parent = parent
+    post.forks.clear()
+
+
+def _die_with(parent: int) -> None:
+    # prctl(2); if the parent ended before this call, no signal will come, so look afterwards.
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
+    if os.getppid() != parent:
+        os._exit(0)
+
+
+if __name__ == "__main__":
+    main()
