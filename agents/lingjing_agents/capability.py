@@ -1,0 +1,63 @@
+"""What a brief lets an agent do: read from verbs, cameras and message fields, never from the names in a mission."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+
+from lingjing.plugins.policy import Brief, CameraSpec, Datum, MessageSpec, Outgoing, Resource
+
+
+def has_verb(resource: Resource, verb: str) -> bool:
+    """Whether the resource's action schema has that verb."""
+    return any(spec.name == verb for spec in resource.verbs)
+
+
+def flying_camera(brief: Brief) -> Resource | None:
+    """The first embodied resource that can go to a point and look down: what makes an agent a searcher."""
+    for resource in brief.resources:
+        able = has_verb(resource, "setDestination") and has_verb(resource, "takePhoto")
+        if resource.embodied and able and nadir_camera(resource) is not None:
+            return resource
+    return None
+
+
+def vessel(brief: Brief, *, embodied: bool = True) -> Resource | None:
+    """The first resource with `moveTo` that the agent embodies, or (`embodied=False`) may merely command."""
+    for resource in brief.resources:
+        if resource.embodied == embodied and has_verb(resource, "moveTo"):
+            return resource
+    return None
+
+
+def nadir_camera(resource: Resource) -> CameraSpec | None:
+    """The first camera that looks straight down."""
+    return next((camera for camera in resource.cameras if camera.view == "nadir"), None)
+
+
+def may_send(brief: Brief, category: str) -> MessageSpec | None:
+    """The first message kind of that category that this agent may send in this mode."""
+    mine = {brief.agent, brief.role, "all"}
+    for message in brief.messages:
+        if message.category == category and mine.intersection(message.senders):
+            return message
+    return None
+
+
+def compose(message: MessageSpec, body: Mapping[str, Datum], to: tuple[str, ...] = ()) -> Outgoing:
+    """A message with those of the given fields that its record declares; None values are left out."""
+    names = {field.name for field in message.fields}
+    kept: dict[str, Datum] = {name: value for name, value in body.items() if name in names and value is not None}
+    return Outgoing(kind=message.kind, body=kept, to=to)
+
+
+def natural(name: str) -> tuple[tuple[int, int, str], ...]:
+    """A sort key that puts `uav[2]` before `uav[10]`; the agreed order among agents."""
+    parts = re.findall(r"\d+|\D+", name)
+    return tuple((0, int(part), "") if part.isdigit() else (1, 0, part) for part in parts)
+
+
+def team(brief: Brief) -> tuple[str, ...]:
+    """Ids of the agents that share this agent's role, itself included, in the agreed order."""
+    mates = {peer.id for peer in brief.peers if peer.role == brief.role and peer.resources}
+    return tuple(sorted(mates | {brief.agent}, key=natural))

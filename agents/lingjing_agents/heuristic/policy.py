@@ -1,0 +1,48 @@
+"""`heuristic`: picks the rules by what the agent can do, then follows them."""
+
+from __future__ import annotations
+
+from typing import ClassVar, Protocol
+
+from lingjing.plugins.policy import Brief, Decision, Inbox, Observation
+from lingjing_agents.capability import flying_camera, vessel
+from lingjing_agents.heuristic.coordinator import Coordinator
+from lingjing_agents.heuristic.rescuer import Rescuer
+from lingjing_agents.heuristic.searcher import Searcher
+
+
+class Rules(Protocol):
+    """One role's rules: a pure function of what it has seen so far."""
+
+    def act(self, observation: Observation, inbox: Inbox) -> Decision:
+        """The decision for this boundary."""
+        ...
+
+
+class HeuristicPolicy:
+    """The rule baseline. It needs no arguments and draws no random numbers."""
+
+    OPTIONS: ClassVar[tuple[str, ...]] = ()
+
+    def __init__(self) -> None:
+        self._rules: Rules | None = None
+
+    async def reset(self, brief: Brief) -> None:
+        """Choose: who flies a camera over cells searches, who drives a vessel rescues, who has no body coordinates."""
+        self._rules = rules_for(brief)
+
+    async def act(self, observation: Observation, inbox: Inbox) -> Decision:
+        """What the rules say; nothing for an agent no rule fits."""
+        return self._rules.act(observation, inbox) if self._rules is not None else Decision()
+
+
+def rules_for(brief: Brief) -> Rules | None:
+    """The rules that fit an agent's abilities, or None."""
+    camera, boat = flying_camera(brief), vessel(brief)
+    if camera is not None and brief.cells:
+        return Searcher(brief, camera)
+    if boat is not None:
+        return Rescuer(brief, boat)
+    if not any(resource.embodied for resource in brief.resources):
+        return Coordinator(brief)
+    return None

@@ -1,0 +1,124 @@
+"""The rescuer's rules: go to one believed person at a time, the nearest first, until the engine says rescued."""
+
+from __future__ import annotations
+
+import math
+
+from lingjing.plugins.policy import Action, Brief, Decision, EntityView, Inbox, Observation, Outgoing, Resource
+from lingjing_agents.capability import compose, may_send
+from lingjing_agents.heuristic.events import EventLog, view_of
+from lingjing_agents.heuristic.sightings import Sighting, Sightings, confidence_in, name_in, position_in
+
+RESCUE_M = 50.0
+"""Nearer than this a rescue is due; farther away an event cannot have been about this sighting."""
+PATIENCE_TICKS = 2
+DOUBT_M = 300.0
+"""Extra distance that a sighting of confidence 0 is worth: near and doubtful against far and sure."""
+STAGING_TICKS = 2.0
+"""While nothing is known the vessel closes in with short hops: a pending `moveTo` could not be taken back."""
+
+
+class Rescuer:
+    """Keeps reported positions, drives to them one by one, tells the others what came of each."""
+
+    def __init__(self, brief: Brief, body: Resource) -> None:
+        self._brief = brief
+        self._body = body
+        self._sightings = Sightings(brief.weather)
+        self._log = EventLog()
+        self._target: Sighting | None = None
+        self._arrived_tick: int | None = None
+        self._status = may_send(brief, "target_status")
+
+    def act(self, observation: Observation, inbox: Inbox) -> Decision:
+        """Listen, settle the current target, then go on."""
+        self._listen(observation, inbox)
+        own = view_of(observation, self._body.id)
+        if own is None or own.position is None:
+            return Decision()
+        here = own.position[:2]
+        messages = self._settle(observation, here)
+        command = None if own.busy else self._move(observation, own, here)
+        if command is None and not own.busy:
+            messages += self._give_up(observation)
+        return Decision(command=command, messages=messages)
+
+    def _listen(self, observation: Observation, inbox: Inbox) -> None:
+        for envelope in inbox.messages:
+            place = position_in(envelope.body)
+            if place is None:
+                continue
+            if envelope.category == "report" or self._is_order(envelope.category, name_in(envelope.body, "assignee")):
+                time_s = observation.time_s - self._brief.tick_s
+                self._sightings.add(Sighting(*place, time_s, confidence_in(envelope.body)))
+
+    def _is_order(self, category: str, assignee: str | None) -> bool:
+        return category == "assignment" and assignee in {self._brief.agent, self._body.id}
+
+    def _settle(self, observation: Observation, here: tuple[float, float]) -> tuple[Outgoing, ...]:
+        messages: tuple[Outgoing, ...] = ()
+        for _ in range(self._log.fresh_rescues(observation.events)):
+            done = self._sightings.nearest(here, observation.time_s, within=2 * RESCUE_M, state="open")
+            if done is None:
+                continue
+            done.state = "rescued"
+            messages += self._tell("rescued", done, observation.time_s)
+            if done is self._target:
+                self._target, self._arrived_tick = None, None
+        return messages
+
+    def _move(self, observation: Observation, own: EntityView, here: tuple[float, float]) -> Action | None:
+        if self._target is None or self._target.state != "open":
+            self._target = self._choose(here, observation.time_s)
+            self._arrived_tick = None
+        if self._target is None:
+            return self._stage(here)
+        x, y = self._sightings.where(self._target, observation.time_s)
+        if math.dist(here, (x, y)) > RESCUE_M / 2:
+            lead_s = math.dist(here, (x, y)) / self._speed()
+            return self._go(*self._sightings.where(self._target, observation.time_s + lead_s))
+        return None
+
+    def _choose(self, here: tuple[float, float], time_s: float) -> Sighting | None:
+        def cost(sighting: Sighting) -> float:
+            return math.dist(here, self._sightings.where(sighting, time_s)) + DOUBT_M * (1.0 - sighting.confidence)
+
+        return min(self._sightings.of("open"), key=cost, default=None)
+
+    def _stage(self, here: tuple[float, float]) -> Action | None:
+        corners = [corner for region in self._brief.regions for corner in region.polygon]
+        if not corners or self._log.rescues:
+            return None
+        middle = (sum(x for x, _ in corners) / len(corners), sum(y for _, y in corners) / len(corners))
+        distance = math.dist(here, middle)
+        hop = min(distance, STAGING_TICKS * self._brief.tick_s * self._speed())
+        if distance < 2 * RESCUE_M:
+            return None
+        share = hop / distance
+        return self._go(here[0] + share * (middle[0] - here[0]), here[1] + share * (middle[1] - here[1]))
+
+    def _give_up(self, observation: Observation) -> tuple[Outgoing, ...]:
+        """At the target, and nothing happens: after some patience it was a false alarm or has drifted away."""
+        if self._target is None:
+            return ()
+        if self._arrived_tick is None:
+            self._arrived_tick = observation.tick
+        if observation.tick - self._arrived_tick < PATIENCE_TICKS:
+            return ()
+        missed, self._target, self._arrived_tick = self._target, None, None
+        missed.state = "missed"
+        return self._tell("missed", missed, observation.time_s)
+
+    def _tell(self, state: str, sighting: Sighting, time_s: float) -> tuple[Outgoing, ...]:
+        if self._status is None:
+            return ()
+        x, y = self._sightings.where(sighting, time_s)
+        place = (round(x, 1), round(y, 1), self._brief.water_level_m)
+        return (compose(self._status, {"task": "rescue", "state": state, "position": place}),)
+
+    def _go(self, x: float, y: float) -> Action:
+        return Action(verb="moveTo", arguments={"x": round(x, 2), "y": round(y, 2)}, resource=self._body.id)
+
+    def _speed(self) -> float:
+        speed = self._body.properties.get("speed_mps")
+        return float(speed) if isinstance(speed, (int, float)) and speed > 0 else 3.0

@@ -1,0 +1,102 @@
+"""Which cell is whose and where to take the next picture: the shared plan of a team of searchers.
+
+All searchers compute the same lattice and the same first partition, so nothing has to be said to agree on it; under a
+hub its assignments replace the partition. Messages `assignment(search, cell)` move a cell to another searcher and
+`status(searched, cell)` closes it. When all is done the next pass flies lower, where people are larger.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from lingjing.plugins.geometry import bearing_deg
+from lingjing.plugins.policy import Brief, CameraSpec
+from lingjing_agents.capability import team
+from lingjing_agents.heuristic.coverage import Waypoint, lattice, partition
+from lingjing_agents.heuristic.coverage_map import CoverageMap
+
+PASS_HEIGHTS = (1.0, 0.7, 0.55)
+"""Height of each pass as a share of the mission's altitude; the last one repeats."""
+ALIGNED_DEG = 20.0
+TURN_M = 60.0
+"""What a turn into the lane costs, in metres of flight."""
+WORTH_GAIN = 0.12
+"""A waypoint is skipped when less than this share of its footprint is new."""
+
+
+@dataclass(slots=True)
+class Sweep:
+    """The state of the search as one searcher knows it."""
+
+    brief: Brief
+    camera: CameraSpec
+    height_m: float
+    lowest_m: float
+    number: int = 0
+    plan: tuple[Waypoint, ...] = ()
+    owner: dict[str, str] = field(default_factory=dict)
+    open_cells: set[str] = field(default_factory=set)
+    map: CoverageMap = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.map = CoverageMap(self.brief.cells)
+        self.plan = lattice(self.brief.cells, self.camera, self.height_m)
+        self.owner = partition(self.brief.cells, self.plan, team(self.brief))
+        self.open_cells = {cell.name for cell in self.brief.cells}
+
+    def next_waypoint(self, here: tuple[float, float]) -> Waypoint | None:
+        """The quickest to reach of this searcher's waypoints that would still show something new.
+
+        Coming along the lane saves a turn, which is worth a tick's flight."""
+        mine = [waypoint for waypoint in self.plan if self._is_mine(waypoint.cell)]
+        worth = [waypoint for waypoint in mine if self._worth(waypoint)]
+        return min(worth, key=lambda waypoint: _effort_m(here, waypoint), default=None)
+
+    def drop(self, waypoint: Waypoint) -> None:
+        """Never mind this waypoint any more: it has been photographed or cannot be reached."""
+        self.plan = tuple(other for other in self.plan if other != waypoint)
+
+    def finished_cells(self) -> tuple[str, ...]:
+        """Own open cells without anything left to photograph; they count as searched from now on."""
+        wanted = {waypoint.cell for waypoint in self.plan if self._worth(waypoint)}
+        done = tuple(cell.name for cell in self.brief.cells if self._is_mine(cell.name) and cell.name not in wanted)
+        self.open_cells.difference_update(done)
+        return done
+
+    def claim(self) -> str | None:
+        """A cell to take over from the team mate with most left (at least two), or None."""
+        left: dict[str, list[str]] = {}
+        for cell in self.brief.cells:
+            if cell.name in self.open_cells and self.owner[cell.name] != self.brief.agent:
+                left.setdefault(self.owner[cell.name], []).append(cell.name)
+        busiest = max(left.values(), key=len, default=[])
+        return busiest[-1] if len(busiest) >= 2 else None
+
+    def next_pass(self) -> None:
+        """Look again from lower down at this searcher's share of the cells."""
+        self.number += 1
+        share = PASS_HEIGHTS[min(self.number, len(PASS_HEIGHTS) - 1)]
+        self.plan = lattice(self.brief.cells, self.camera, max(self.height_m * share, self.lowest_m))
+        self.owner = partition(self.brief.cells, self.plan, team(self.brief))
+        self.open_cells = {cell.name for cell in self.brief.cells}
+
+    def _is_mine(self, cell: str) -> bool:
+        return cell in self.open_cells and self.owner.get(cell) == self.brief.agent
+
+    def _worth(self, waypoint: Waypoint) -> bool:
+        return self.map.gain(waypoint.x, waypoint.y, waypoint.size, self.number + 1) >= WORTH_GAIN
+
+
+def off_course_deg(course_deg: float, heading_deg: float) -> float:
+    """How far a heading is from a lane's axis, either way along it: 0..90 degrees."""
+    off = abs(heading_deg - course_deg) % 180.0
+    return min(off, 180.0 - off)
+
+
+def _effort_m(here: tuple[float, float], waypoint: Waypoint) -> float:
+    there = (waypoint.x, waypoint.y)
+    turn = (
+        waypoint.course_deg is not None and off_course_deg(waypoint.course_deg, bearing_deg(here, there)) > ALIGNED_DEG
+    )
+    return math.dist(here, there) + TURN_M * turn

@@ -1,0 +1,89 @@
+"""Requests, completions, failures and the one-method Protocol of a chat model."""
+
+from __future__ import annotations
+
+from base64 import b64encode
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+import msgspec
+
+
+@dataclass(frozen=True, slots=True)
+class ChatMessage:
+    """One turn. `images` are JPEG files; they go with user turns only."""
+
+    role: Literal["system", "user", "assistant"]
+    text: str
+    images: tuple[bytes, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class ChatRequest:
+    """One completion to ask for. `schema` is a JSON Schema the answer must satisfy, as JSON text, or None."""
+
+    model: str
+    messages: tuple[ChatMessage, ...]
+    temperature: float = 0.0
+    max_tokens: int = 2048
+    schema: bytes | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Completion:
+    """What came back. `finish_reason` is the protocol's (`stop`, `length`, `content_filter`, …); `cost_usd` is what
+    the client knows of the price, None if nothing."""
+
+    text: str
+    finish_reason: str
+    prompt_tokens: int = 0
+    completion_tokens: int = 0
+    cost_usd: float | None = None
+
+
+class ModelError(Exception):
+    """A call to a model failed. `transient` says whether trying again may help, `retry_after_s` when the service
+    said so, `status` is the HTTP status or None."""
+
+    def __init__(
+        self, message: str, *, transient: bool = False, retry_after_s: float | None = None, status: int | None = None
+    ) -> None:
+        super().__init__(message)
+        self.transient = transient
+        self.retry_after_s = retry_after_s
+        self.status = status
+
+
+class ModelClient(Protocol):
+    """A chat model. A call may be made from any event loop; nothing is kept open between calls."""
+
+    async def complete(self, request: ChatRequest, timeout_s: float) -> Completion:
+        """Ask once, without retries, within `timeout_s` seconds. Raises `ModelError`."""
+        ...
+
+
+def wire_messages(messages: tuple[ChatMessage, ...]) -> list[dict[str, object]]:
+    """The messages as the OpenAI chat protocol spells them; images become base64 data URLs."""
+    return [{"role": message.role, "content": _content(message)} for message in messages]
+
+
+def response_format(schema: bytes | None) -> dict[str, object] | None:
+    """The protocol's `response_format` for a JSON Schema. Not `strict`: optional fields are part of the schema."""
+    if schema is None:
+        return None
+    return {
+        "type": "json_schema",
+        "json_schema": {"name": "step", "strict": False, "schema": msgspec.json.decode(schema)},
+    }
+
+
+def _content(message: ChatMessage) -> object:
+    if not message.images:
+        return message.text
+    parts: list[dict[str, object]] = [{"type": "text", "text": message.text}]
+    parts.extend({"type": "image_url", "image_url": {"url": _data_url(image)}} for image in message.images)
+    return parts
+
+
+def _data_url(image: bytes) -> str:
+    return "data:image/jpeg;base64," + b64encode(image).decode("ascii")

@@ -1,0 +1,65 @@
+"""Backoff for transient failures, within a deadline: the caller never waits longer than it may."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from dataclasses import dataclass
+
+from lingjing_agents.llm.chat import ChatRequest, Completion, ModelClient, ModelError
+
+FIRST_PAUSE_S = 0.5
+LONGEST_PAUSE_S = 20.0
+
+
+class Deadline:
+    """A span of wall time that starts now."""
+
+    def __init__(self, seconds: float) -> None:
+        self._end = time.monotonic() + seconds
+        self.seconds = seconds
+
+    def left_s(self) -> float:
+        """Seconds left, never negative."""
+        return max(0.0, self._end - time.monotonic())
+
+
+@dataclass(slots=True)
+class Attempts:
+    """How many calls were made, failed ones included."""
+
+    calls: int = 0
+
+
+async def complete_with_retries(
+    client: ModelClient, request: ChatRequest, deadline: Deadline, attempts: Attempts, *, tries: int = 5
+) -> Completion:
+    """Ask until there is an answer, a failure that repeating cannot mend, `tries` failures, or no time left.
+
+    The pause doubles from half a second; a `Retry-After` that fits into the deadline is honoured instead.
+    """
+    pause = FIRST_PAUSE_S
+    for attempt in range(1, tries + 1):
+        left = deadline.left_s()
+        if left <= 0.0:
+            break
+        attempts.calls += 1
+        try:
+            return await _ask(client, request, left)
+        except ModelError as error:
+            if not error.transient or attempt == tries:
+                raise
+            wait = error.retry_after_s if error.retry_after_s is not None else pause
+            if wait >= deadline.left_s():
+                raise
+            await asyncio.sleep(wait)
+            pause = min(pause * 2, LONGEST_PAUSE_S)
+    raise ModelError(f"no usable answer within the deadline of {deadline.seconds:g} s")
+
+
+async def _ask(client: ModelClient, request: ChatRequest, left_s: float) -> Completion:
+    try:
+        async with asyncio.timeout(left_s):
+            return await client.complete(request, left_s)
+    except TimeoutError as error:
+        raise ModelError(f"no answer from the model within {left_s:.1f} s", transient=True) from error

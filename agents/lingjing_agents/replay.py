@@ -1,0 +1,49 @@
+"""`scripted`: replays decisions from a JSON file, for tests, demonstrations and counterfactuals.
+
+The file maps an agent to a map from tick to decision: `{"scout[1]": {"0": {"command": {"verb": "takeoff"}}}}`. A
+decision has the fields of `lingjing.plugins.policy.Decision`, all optional; a tick that is not listed is a no-op.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import ClassVar
+
+import msgspec
+
+from lingjing.plugins.policy import Brief, Decision, Inbox, Observation, UsageError
+
+Script = dict[str, dict[int, Decision]]
+
+
+def load_script(path: Path) -> Script:
+    """The script in a file; `UsageError` if it cannot be read or is not one."""
+    try:
+        return msgspec.json.decode(path.read_bytes(), type=Script)
+    except OSError as error:
+        raise UsageError(f"cannot read the script {path}: {error.strerror}", hint="give script=PATH") from error
+    except msgspec.DecodeError as error:
+        raise UsageError(
+            f"{path} is not a script: {error}",
+            hint='expected {"agent": {"tick": {"command": {"verb": …}, "messages": […]}}}',
+        ) from error
+
+
+class ScriptedPolicy:
+    """Says at each tick what the script says for its agent."""
+
+    OPTIONS: ClassVar[tuple[str, ...]] = ("script",)
+
+    def __init__(self, script: str = "") -> None:
+        if not script:
+            raise UsageError("policy `scripted` needs a script", hint="give --policy-arg script=PATH")
+        self._script = load_script(Path(script))
+        self._lines: dict[int, Decision] = {}
+
+    async def reset(self, brief: Brief) -> None:
+        """Take the lines of this agent."""
+        self._lines = self._script.get(brief.agent, {})
+
+    async def act(self, observation: Observation, inbox: Inbox) -> Decision:
+        """The line of this tick, or nothing."""
+        return self._lines.get(observation.tick, Decision())

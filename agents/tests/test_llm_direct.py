@@ -1,0 +1,96 @@
+"""The direct client and the retries against a real HTTP server."""
+
+import socket
+
+import pytest
+from chat_server import Reply, serve, stopwatch
+from lingjing_agents.llm.chat import ChatMessage, ChatRequest, ModelError
+from lingjing_agents.llm.direct import DirectClient
+from lingjing_agents.llm.retry import Attempts, Deadline, complete_with_retries
+
+HELLO = ChatRequest("test-model", (ChatMessage("user", "hello", (b"\xff\xd8jpeg",)),), schema=b'{"type":"object"}')
+
+
+async def ask(url: str, seconds: float = 5.0, tries: int = 5, key: str = ""):
+    attempts = Attempts()
+    answer = await complete_with_retries(DirectClient(url, key), HELLO, Deadline(seconds), attempts, tries=tries)
+    return answer, attempts.calls
+
+
+async def test_one_good_answer_with_text_tokens_and_what_was_sent():
+    with serve([Reply("hi")]) as server:
+        answer, calls = await ask(server.url, key="secret")
+    assert (answer.text, answer.finish_reason, answer.prompt_tokens, answer.completion_tokens) == (
+        "hi",
+        "stop",
+        100,
+        20,
+    )
+    assert calls == 1
+    assert server.keys == ["Bearer secret"]
+    (request,) = server.requests
+    assert request["model"] == "test-model"
+    assert request["response_format"]["json_schema"]["schema"] == {"type": "object"}
+    text, image = request["messages"][0]["content"]
+    assert text == {"type": "text", "text": "hello"}
+    assert image["image_url"]["url"].startswith("data:image/jpeg;base64,/9h")
+
+
+async def test_rate_limit_waits_as_long_as_the_service_says():
+    elapsed = stopwatch()
+    with serve([Reply(status=429, headers={"retry-after": "1"}), Reply("hi")]) as server:
+        answer, calls = await ask(server.url)
+    assert answer.text == "hi"
+    assert calls == 2
+    assert elapsed() >= 1.0
+
+
+async def test_rate_limit_longer_than_the_deadline_fails_at_once():
+    elapsed = stopwatch()
+    with serve([Reply(status=429, headers={"retry-after": "60"})]) as server:
+        with pytest.raises(ModelError, match="429"):
+            await ask(server.url, seconds=3.0)
+        assert len(server.requests) == 1
+    assert elapsed() < 2.0
+
+
+@pytest.mark.parametrize(
+    "bad", [Reply(status=500), Reply(status=503), Reply(drop=True), Reply(body="<html>busy</html>")]
+)
+async def test_transient_failures_are_tried_again(bad: Reply):
+    with serve([bad, Reply("hi")]) as server:
+        answer, calls = await ask(server.url)
+    assert answer.text == "hi"
+    assert calls == 2
+
+
+async def test_the_last_failure_is_the_one_that_is_told():
+    with serve([Reply(status=500)]) as server:
+        with pytest.raises(ModelError, match="scripted 500"):
+            await ask(server.url, tries=2)
+        assert len(server.requests) == 2
+
+
+@pytest.mark.parametrize("status", [400, 401, 403, 404, 422])
+async def test_the_users_mistakes_are_not_tried_again(status: int):
+    with serve([Reply(status=status)]) as server:
+        with pytest.raises(ModelError, match=f"answered {status}") as failure:
+            await ask(server.url)
+        assert len(server.requests) == 1
+    assert failure.value.status == status
+
+
+async def test_a_slow_service_ends_at_the_deadline():
+    elapsed = stopwatch()
+    with serve([Reply(delay_s=30.0)]) as server:
+        with pytest.raises(ModelError, match=r"within|deadline"):
+            await ask(server.url, seconds=0.5)
+        assert elapsed() < 3.0
+
+
+async def test_nobody_listens():
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    with pytest.raises(ModelError, match=f"127.0.0.1:{port}"):
+        await ask(f"http://127.0.0.1:{port}/v1", tries=2)
