@@ -1,0 +1,193 @@
+"""Detection reports against the ground truth of the frames they speak of (the paper's box-matching rule).
+
+The kernel decides which report matches which target (`adjudicate matched`, one to one in a frame); here it is
+counted. Aligned frames are all stored frames: each was handed to a policy at its boundary. A report counts once,
+however many recipients it had. A target without visible pixels is not evaluated in a frame.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from statistics import median
+
+from lingjing.trace.reader import Trace
+from lingjing.trace.records import Envelope, FrameInfo
+
+BINS = 10
+"""Bins of equal width of the expected calibration error."""
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """One detection report: what was said, about which frame, and the target it matched, if any.
+
+    `box` is normalised (x0, y0, x1, y1); `position` is (east, north) in metres; `error_m` its planar distance to
+    the matched target at the frame's capture time.
+    """
+
+    id: str
+    tick: int
+    sender: str
+    frame: str
+    cls: str
+    box: tuple[float, float, float, float] | None
+    position: tuple[float, float] | None
+    confidence: float | None
+    target: str | None
+    error_m: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Detection:
+    """Counts over aligned frames; rates are None where their denominator is zero."""
+
+    reports: tuple[Report, ...]
+    frames: int
+    true_positives: int
+    false_positives: int
+    false_negatives: int
+    missing_frames: int
+    hallucinating_frames: int
+
+    @property
+    def precision(self) -> float | None:
+        """TP / (TP + FP)."""
+        return ratio(self.true_positives, self.true_positives + self.false_positives)
+
+    @property
+    def recall(self) -> float | None:
+        """TP / (TP + FN)."""
+        return ratio(self.true_positives, self.true_positives + self.false_negatives)
+
+    @property
+    def f1(self) -> float | None:
+        """Harmonic mean of precision and recall."""
+        wrong = self.false_positives + self.false_negatives
+        return ratio(2 * self.true_positives, 2 * self.true_positives + wrong)
+
+    @property
+    def miss_rate(self) -> float | None:
+        """Share of aligned frames with at least one unmatched visible target."""
+        return ratio(self.missing_frames, self.frames)
+
+    @property
+    def hallucination_rate(self) -> float | None:
+        """Share of aligned frames with at least one unmatched report."""
+        return ratio(self.hallucinating_frames, self.frames)
+
+    @property
+    def localisation_error_m(self) -> float | None:
+        """Median planar error over matched reports that name a position."""
+        errors = [report.error_m for report in self.reports if report.error_m is not None]
+        return median(errors) if errors else None
+
+    @property
+    def calibration_error(self) -> float | None:
+        """Expected calibration error of the reports' confidences against their matches, ten bins."""
+        judged = [(r.confidence, r.target is not None) for r in self.reports if r.confidence is not None]
+        total = 0.0
+        for index in range(BINS):
+            inside = [(c, hit) for c, hit in judged if min(int(c * BINS), BINS - 1) == index]
+            total += abs(sum(hit for _, hit in inside) - sum(c for c, _ in inside))
+        return ratio(total, len(judged))
+
+
+def detect(trace: Trace) -> Detection:
+    """Align every report of the trace with the frame it names."""
+    reports = tuple(_reports(trace))
+    hits: dict[str, set[str]] = {}
+    wrong: set[str] = set()
+    for report in reports:
+        if report.target is None:
+            wrong.add(report.frame)
+        else:
+            hits.setdefault(report.frame, set()).add(report.target)
+    targets = {entity.id for entity in trace.header.instance.entities if entity.role == "target"}
+    missed = {frame.id: len(_visible(frame, targets) - hits.get(frame.id, set())) for frame in trace.frames.values()}
+    return Detection(
+        reports=reports,
+        frames=len(trace.frames),
+        true_positives=sum(len(found) for found in hits.values()),
+        false_positives=sum(report.target is None for report in reports),
+        false_negatives=sum(missed.values()),
+        missing_frames=sum(count > 0 for count in missed.values()),
+        hallucinating_frames=sum(frame in wrong for frame in trace.frames),
+    )
+
+
+def matching_rules(trace: Trace) -> frozenset[str]:
+    """Names of the rules that compare a report with the truth; `matched` if the instance lists none."""
+    return frozenset(rule.name for rule in trace.header.instance.rules if rule.matching) or frozenset({"matched"})
+
+
+def position_of(trace: Trace, entity: str, tick: int) -> tuple[float, float] | None:
+    """True (east, north) of an entity at boundary `tick`, None if there is no such boundary or entity."""
+    if not 0 <= tick < len(trace.boundaries) or not trace.boundaries[tick].snapshots:
+        return None
+    for state in trace.boundaries[tick].snapshots[-1].states:
+        if state.id == entity:
+            return state.position[0], state.position[1]
+    return None
+
+
+def ratio(part: float, whole: float) -> float | None:
+    """Part / whole, None for an empty whole."""
+    return part / whole if whole else None
+
+
+def numbers(value: object, count: int) -> tuple[float, ...] | None:
+    """The first `count` finite numbers of a message field, None if it does not hold them."""
+    if not isinstance(value, tuple) or len(value) < count:
+        return None
+    plain = [float(item) for item in value[:count] if isinstance(item, int | float) and math.isfinite(item)]
+    return tuple(plain) if len(plain) == count else None
+
+
+def _reports(trace: Trace) -> Iterator[Report]:
+    matches = _matches(trace)
+    seen: set[str] = set()
+    for record in trace.boundaries:
+        for envelope in record.messages:
+            if envelope.category == "report" and envelope.id not in seen:
+                seen.add(envelope.id)
+                yield _report(trace, envelope, matches.get(envelope.id))
+
+
+def _report(trace: Trace, envelope: Envelope, target: str | None) -> Report:
+    body = envelope.body
+    frame = str(body.get("frame") or "")
+    position, box, confidence = numbers(body.get("position"), 2), numbers(body.get("box"), 4), body.get("confidence")
+    info = trace.frames.get(frame)
+    truth = position_of(trace, target, info.tick) if target is not None and info is not None else None
+    return Report(
+        id=envelope.id,
+        tick=envelope.tick,
+        sender=envelope.sender,
+        frame=frame,
+        cls=str(body.get("class") or ""),
+        box=None if box is None else (box[0], box[1], box[2], box[3]),
+        position=None if position is None else (position[0], position[1]),
+        confidence=float(confidence) if isinstance(confidence, int | float) else None,
+        target=target,
+        error_m=math.dist(position, truth) if position is not None and truth is not None else None,
+    )
+
+
+def _matches(trace: Trace) -> dict[str, str]:
+    """Report id to target, from the events of the matching rules, whatever the order of their parameters."""
+    rules = matching_rules(trace)
+    entities = {entity.id for entity in trace.header.instance.entities}
+    found: dict[str, str] = {}
+    for record in trace.boundaries:
+        for event in record.events:
+            targets = [name for name in event.bindings if name in entities]
+            reports = [name for name in event.bindings if name not in entities]
+            if event.kind in rules and targets and reports:
+                found[reports[0]] = targets[0]
+    return found
+
+
+def _visible(frame: FrameInfo, targets: set[str]) -> set[str]:
+    return {truth.entity for truth in frame.boxes if truth.pixels > 0 and truth.entity in targets}
