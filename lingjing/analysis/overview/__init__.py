@@ -1,0 +1,30 @@
+"""`overview.png`: one picture of an episode, drawn from its trace.
+
+- `style`     colours, fonts, the labels' placement
+- `mapview`   the map: region, cells, tracks, truth and reports
+- `timeline`  messages, events, batteries over ticks
+- `pictures`  the best detections, cut out of their frames, and one whole frame
+- `score`     the numbers
+- `sheet`     the page that holds them
+
+matplotlib is loaded by the first call, not by this import.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from lingjing.trace.reader import Trace
+
+
+def draw_overview(trace: Trace, path: Path) -> None:
+    """Draw `trace`, whole or cut, as a PNG of 1800 by 1200 pixels at `path`.
+
+    Raises `UsageError` if the file cannot be written.
+    """
+    from lingjing.analysis.overview.sheet import draw_sheet
+
+    draw_sheet(trace, path)
+
+
+__all__ = ["draw_overview"]

@@ -1,0 +1,211 @@
+"""The map: search region and cells, tracks that darken with time, where targets really were, what was reported."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.lines import Line2D
+from matplotlib.patches import Polygon
+
+from lingjing.analysis.detection import Report
+from lingjing.analysis.overview import style
+from lingjing.analysis.story import Story, Track
+
+STRAY_M = 400.0
+"""Reports farther than this from everything real do not stretch the map; they are clamped to its edge."""
+
+
+def draw_map(axes: Axes, story: Story) -> None:
+    """Fill `axes` with the episode's map, east to the right, metres."""
+    axes.set_facecolor(style.WATER)
+    axes.set_aspect("equal", adjustable="box")
+    west, south, east, north = _bounds(story, axes)
+    axes.set_xlim(west, east)
+    axes.set_ylim(south, north)
+    _ground(axes, story)
+    labels = style.Labels(axes)
+    _assets(axes, story, labels)
+    _reports(axes, story, (west, south, east, north), labels)
+    _targets(axes, story, labels)
+    _names(axes, story, labels)
+    _scale(axes, west, south, east - west, north - south)
+    _legend(axes, story)
+    style.bare(axes, "Map: tracks darken with time")
+
+
+def _bounds(story: Story, axes: Axes) -> tuple[float, float, float, float]:
+    """The box around everything real plus a margin, widened to the panel's shape."""
+    points = [point for track in story.tracks.values() for point in track.points]
+    points += [point for region in story.instance.regions for point in region.polygon]
+    points += [entity.position[:2] for entity in story.instance.entities]
+    spots = np.array(points)
+    low, high = spots.min(axis=0), spots.max(axis=0)
+    for report in story.reports:
+        if report.position is not None and _stray(report.position, low, high) <= STRAY_M:
+            low, high = np.minimum(low, report.position), np.maximum(high, report.position)
+    size = np.maximum((high - low) * 1.12, 100.0)
+    panel = axes.get_position()
+    width, height = axes.figure.get_size_inches()  # type: ignore[union-attr]
+    shape = panel.width * width / (panel.height * height)
+    size = np.array([max(size[0], size[1] * shape), max(size[1], size[0] / shape)])
+    middle = (low + high) / 2
+    return (*(middle - size / 2), *(middle + size / 2))
+
+
+def _stray(point: tuple[float, float], low: np.ndarray, high: np.ndarray) -> float:  # type: ignore[type-arg]
+    return float(np.linalg.norm(np.maximum(np.maximum(low - point, np.array(point) - high), 0.0)))
+
+
+def _ground(axes: Axes, story: Story) -> None:
+    for cell in story.instance.cells:
+        seen = cell.name in story.visited
+        colour = style.VISITED if seen else "none"
+        axes.add_patch(Polygon(cell.polygon, facecolor=colour, alpha=0.55, edgecolor="none", zorder=1))
+        axes.add_patch(
+            Polygon(cell.polygon, facecolor="none", edgecolor="#9fb4c4", linewidth=0.6, linestyle=(0, (4, 3)), zorder=2)
+        )
+    for region in story.instance.regions:
+        axes.add_patch(Polygon(region.polygon, facecolor="none", edgecolor=style.REGION, linewidth=1.8, zorder=2))
+    for cell in story.instance.cells:
+        name = f"{cell.row}-{cell.column}"
+        axes.text(*cell.centre, name, fontsize=8, color="#8ba1b2", ha="center", va="center", zorder=2)
+
+
+def _assets(axes: Axes, story: Story, labels: style.Labels) -> None:
+    tracks = story.tracks_of("asset")
+    colours = style.asset_colours(track.entity for track in tracks)
+    for track in tracks:
+        _line(axes, track, colours[track.entity])
+        if track.points:
+            start, end = track.points[0], track.points[-1]
+            axes.plot(*start, "o", ms=6, mfc="white", mec=colours[track.entity], mew=1.5, zorder=6)
+            axes.plot(*end, "o", ms=8, mfc=colours[track.entity], mec="white", mew=1.2, zorder=6)
+            labels.block(start, 5)
+            labels.block(end, 7)
+    for frame in story.frames.values():
+        axes.plot(*frame.pose.position[:2], ".", ms=3, color=colours.get(frame.entity, style.FAINT), zorder=5)
+
+
+def _line(axes: Axes, track: Track, colour: str) -> None:
+    points = np.array(track.points)
+    if len(points) < 2:
+        return
+    step = max(1, len(points) // 400)
+    points = np.concatenate([points[::step], points[-1:]])
+    segments = np.stack([points[:-1], points[1:]], axis=1)
+    shades = [style.shaded(colour, 0.25 + 0.75 * at / len(segments)) for at in range(len(segments))]
+    axes.add_collection(LineCollection(list(segments), colors=shades, linewidths=1.8, capstyle="round", zorder=4))
+
+
+def _targets(axes: Axes, story: Story, labels: style.Labels) -> None:
+    for track in story.tracks_of("target"):
+        if not track.points:
+            continue
+        colour = style.FATES[story.fate[track.entity]]
+        points = np.array(track.points)
+        axes.plot(points[:, 0], points[:, 1], "-", color=colour, linewidth=1.2, alpha=0.6, zorder=6)
+        axes.plot(*points[0], "D", ms=5, mfc="white", mec=colour, mew=1.4, zorder=7)
+        place = _fate_place(story, track)
+        axes.plot(*place, "*", ms=15, mfc=colour, mec="white", mew=1.0, zorder=8)
+        labels.block(place, 10)
+
+
+def _fate_place(story: Story, track: Track) -> tuple[float, float]:
+    """Where the target was when it was completed (it may travel aboard afterwards), else where it ended."""
+    last = story.instance.stages[-1].name if story.instance.stages else ""
+    tick = story.stage_ticks.get((last, track.entity))
+    if tick is None:
+        return track.points[-1]
+    time_s = tick * story.instance.clock.tick_s
+    index = min(range(len(track.times)), key=lambda at: abs(track.times[at] - time_s))
+    return track.points[index]
+
+
+def _reports(axes: Axes, story: Story, bounds: tuple[float, float, float, float], labels: style.Labels) -> None:
+    for report in story.reports:
+        if report.position is None:
+            continue
+        place = _clamped(report.position, bounds)
+        truth = _truth(story, report)
+        if truth is not None:
+            axes.plot(*zip(place, truth, strict=True), "-", color=style.CLAIM, linewidth=0.8, alpha=0.7, zorder=7)
+        marker, size = ("+", 8) if report.target is not None else ("x", 6)
+        colour = style.CLAIM if report.target is not None else style.FATES["missed"]
+        axes.plot(*place, marker, ms=size, mec=colour, mew=1.4, zorder=8)
+        labels.block(place, 4)
+
+
+def _clamped(point: tuple[float, float], bounds: tuple[float, float, float, float]) -> tuple[float, float]:
+    west, south, east, north = bounds
+    dx, dy = (east - west) * 0.01, (north - south) * 0.01
+    return min(max(point[0], west + dx), east - dx), min(max(point[1], south + dy), north - dy)
+
+
+def _truth(story: Story, report: Report) -> tuple[float, float] | None:
+    frame = story.frames.get(report.frame)
+    if report.target is None or frame is None:
+        return None
+    track = story.tracks[report.target]
+    index = min(range(len(track.times)), key=lambda at: abs(track.times[at] - frame.time_s))
+    return track.points[index]
+
+
+def _names(axes: Axes, story: Story, labels: style.Labels) -> None:
+    assets = story.tracks_of("asset")
+    colours = style.asset_colours(track.entity for track in assets)
+    for track in story.tracks_of("target"):
+        if track.points:
+            fate = story.fate[track.entity]
+            labels.add(f"{track.entity} {fate}", _fate_place(story, track), style.FATES[fate], 8.5)
+    for track in assets:
+        if track.points:
+            labels.add(track.entity, track.points[-1], colours[track.entity])
+
+
+def _scale(axes: Axes, west: float, south: float, width: float, height: float) -> None:
+    rough = width / 6
+    unit = 10 ** math.floor(math.log10(rough))
+    length = unit * max(step for step in (1, 2, 5) if step * unit <= rough)
+    x, y = west + width * 0.03, south + height * 0.035
+    axes.plot((x, x + length), (y, y), color=style.INK, linewidth=2.5, solid_capstyle="butt", zorder=10)
+    axes.text(x + length / 2, y + height * 0.012, f"{length:g} m", ha="center", va="bottom", fontsize=8.5, zorder=10)
+    axes.annotate(
+        "N",
+        (x + length + width * 0.03, y + height * 0.055),
+        (x + length + width * 0.03, y),
+        ha="center",
+        va="center",
+        fontsize=9,
+        fontweight="bold",
+        arrowprops={"arrowstyle": "-|>", "color": style.INK, "linewidth": 1.2},
+        zorder=10,
+    )
+
+
+def _legend(axes: Axes, story: Story) -> None:
+    def mark(marker: str, label: str, **options: object) -> Line2D:
+        return Line2D([], [], linestyle="none", marker=marker, label=label, **options)  # type: ignore[arg-type]
+
+    entries = [
+        mark("o", "start", mfc="white", mec=style.INK, ms=6),
+        mark("o", "end", mfc=style.INK, mec="white", ms=8),
+        mark(".", "picture taken", color=style.INK, ms=5),
+        mark("D", "target at start", mfc="white", mec=style.INK, ms=5),
+        *(mark("*", f"target {fate}", mfc=colour, mec="white", ms=12) for fate, colour in style.FATES.items()),
+        mark("+", "report, line to truth", mec=style.CLAIM, ms=8, mew=1.4),
+        mark("x", "false report", mec=style.FATES["missed"], ms=6, mew=1.4),
+    ]
+    axes.legend(
+        handles=entries,
+        loc="upper center",
+        bbox_to_anchor=(0.5, -0.008),
+        ncols=len(entries),
+        fontsize=8,
+        frameon=False,
+        handletextpad=0.2,
+        columnspacing=1.2,
+        borderaxespad=0.2,
+    )

@@ -1,0 +1,194 @@
+"""What the agents saw: the best detections cut out of their frames, and one whole frame.
+
+The truth is drawn in green, the report in magenta. Where nothing was reported, the largest views of targets that
+were missed are shown instead.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from matplotlib.axes import Axes
+from matplotlib.patches import Rectangle
+
+from lingjing.analysis.overview import style
+from lingjing.analysis.story import Story
+from lingjing.errors import LingjingError
+from lingjing.trace.reader import Trace
+from lingjing.trace.records import FrameInfo
+
+UnitBox = tuple[float, float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """One thing worth showing in a frame; boxes are normalised."""
+
+    frame: FrameInfo
+    truth: UnitBox | None
+    claim: UnitBox | None
+    entity: str
+    overlap: float
+    error_m: float | None
+
+    @property
+    def caption(self) -> str:
+        """Two lines under the picture."""
+        first = f"{self.entity or 'nothing there'} · {self.frame.entity} · tick {self.frame.tick}"
+        if self.claim is None:
+            return f"{first}\nvisible, not reported"
+        if self.truth is None:
+            return f"{first}\nfalse report"
+        error = "" if self.error_m is None else f" · {self.error_m:.1f} m off"
+        return f"{first}\nIoU {self.overlap:.2f}{error}"
+
+
+def best_views(story: Story, count: int) -> list[View]:
+    """The best match of each target first, then further matches, a false report, and what was missed."""
+    matches = sorted(_matches(story), key=lambda view: (-view.overlap, view.frame.tick))
+    first: dict[str, View] = {}
+    for view in matches:
+        first.setdefault(view.entity, view)
+    firsts = sorted(first.values(), key=lambda view: view.frame.tick)
+    others = [view for view in matches if view not in firsts]
+    return [*firsts, *_false(story)[:1], *_missed(story, set(first)), *others, *_false(story)[1:]][:count]
+
+
+def whole_frame(story: Story) -> FrameInfo | None:
+    """The frame with the most targets in it; among equals one that a report speaks of."""
+    spoken = {report.frame for report in story.reports if report.target is not None}
+    targets = set(story.fate)
+
+    def worth(frame: FrameInfo) -> tuple[int, bool, int]:
+        seen = [truth for truth in frame.boxes if truth.entity in targets]
+        return len(seen), frame.id in spoken, sum(truth.pixels for truth in seen)
+
+    return max(story.frames.values(), key=worth, default=None)
+
+
+def draw_view(axes: Axes, trace: Trace, view: View) -> None:
+    """One cut-out, about eight times as wide as what it shows."""
+    rgb = _rgb(trace, view.frame)
+    style.bare(axes)
+    axes.set_xlabel(view.caption, fontsize=8, color=style.INK, labelpad=3)
+    if rgb is None:
+        _empty(axes, "the picture cannot be decoded")
+        return
+    x0, y0, x1, y1 = _window(view, rgb.shape[1], rgb.shape[0], _shape(axes))
+    axes.imshow(rgb[y0:y1, x0:x1], extent=(x0, x1, y1, y0), interpolation="nearest", aspect="auto")
+    axes.set_xlim(x0, x1)
+    axes.set_ylim(y1, y0)
+    _box(axes, view.truth, rgb, style.TRUTH, "-", 1.8)
+    _box(axes, view.claim, rgb, style.CLAIM, (0, (3, 2)), 1.8)
+
+
+def draw_whole(axes: Axes, trace: Trace, story: Story, frame: FrameInfo | None) -> None:
+    """A whole frame with all its boxes."""
+    style.bare(axes)
+    rgb = None if frame is None else _rgb(trace, frame)
+    if frame is None or rgb is None:
+        _empty(axes, "no picture was taken")
+        return
+    axes.imshow(rgb, extent=(0, rgb.shape[1], rgb.shape[0], 0), interpolation="antialiased", aspect="equal")
+    targets = set(story.fate)
+    for truth in frame.boxes:
+        if truth.entity in targets:
+            _box(axes, _grown(truth.box, 0.008), rgb, style.TRUTH, "-", 1.4)
+    for report in story.reports:
+        if report.frame == frame.id and report.box is not None:
+            _box(axes, _grown(report.box, 0.014), rgb, style.CLAIM, (0, (3, 2)), 1.4)
+    height = frame.pose.position[2] - story.instance.scene.datum_m
+    caption = f"{frame.entity} {frame.camera} · tick {frame.tick} · {height:.0f} m over the water"
+    axes.set_xlabel(caption, fontsize=8, color=style.INK, labelpad=3)
+
+
+def overlap(a: UnitBox, b: UnitBox) -> float:
+    """Intersection over union."""
+    width = min(a[2], b[2]) - max(a[0], b[0])
+    height = min(a[3], b[3]) - max(a[1], b[1])
+    shared = max(0.0, width) * max(0.0, height)
+    total = (a[2] - a[0]) * (a[3] - a[1]) + (b[2] - b[0]) * (b[3] - b[1]) - shared
+    return shared / total if total > 0 else 0.0
+
+
+def _matches(story: Story) -> list[View]:
+    views = []
+    for report in story.reports:
+        frame = story.frames.get(report.frame)
+        if frame is None or report.target is None or report.box is None:
+            continue
+        truth = next((box.box for box in frame.boxes if box.entity == report.target), None)
+        if truth is not None:
+            share = overlap(truth, report.box)
+            views.append(View(frame, truth, report.box, report.target, share, report.error_m))
+    return views
+
+
+def _false(story: Story) -> list[View]:
+    return [
+        View(story.frames[report.frame], None, report.box, "", 0.0, None)
+        for report in story.reports
+        if report.target is None and report.box is not None and report.frame in story.frames
+    ]
+
+
+def _missed(story: Story, found: set[str]) -> list[View]:
+    best: dict[str, tuple[int, View]] = {}
+    for frame in story.frames.values():
+        for truth in frame.boxes:
+            if truth.entity in story.fate and truth.entity not in found:
+                if truth.pixels > best.get(truth.entity, (0,))[0]:
+                    best[truth.entity] = (truth.pixels, View(frame, truth.box, None, truth.entity, 0.0, None))
+    return [view for _, view in best.values()]
+
+
+def _window(view: View, width: int, height: int, shape: float) -> tuple[int, int, int, int]:
+    """Pixels to cut out: the boxes in the middle, at least a tenth of the frame's width, `shape` wide by high."""
+    boxes = [box for box in (view.truth, view.claim) if box is not None]
+    x0, y0 = min(box[0] for box in boxes) * width, min(box[1] for box in boxes) * height
+    x1, y1 = max(box[2] for box in boxes) * width, max(box[3] for box in boxes) * height
+    wide = max(5 * (x1 - x0), 5 * (y1 - y0) * shape, width / 16, 48.0)
+    wide = min(wide, width, height * shape)
+    high = wide / shape
+    left = min(max((x0 + x1 - wide) / 2, 0.0), width - wide)
+    top = min(max((y0 + y1 - high) / 2, 0.0), height - high)
+    return round(left), round(top), round(left + wide), round(top + high)
+
+
+def _shape(axes: Axes) -> float:
+    width, height = axes.figure.get_size_inches()  # type: ignore[union-attr]
+    panel = axes.get_position()
+    return float(panel.width * width / (panel.height * height))
+
+
+def _rgb(trace: Trace, frame: FrameInfo) -> npt.NDArray[np.uint8] | None:
+    try:
+        return trace.picture(frame.id).rgb
+    except LingjingError:
+        return None  # a damaged picture must not cost the page; the panel says so
+
+
+def _box(
+    axes: Axes,
+    box: UnitBox | None,
+    rgb: npt.NDArray[np.uint8],
+    colour: str,
+    line: str | tuple[int, tuple[int, int]],
+    width: float,
+) -> None:
+    if box is None:
+        return
+    high, wide = rgb.shape[:2]
+    corner, size = (box[0] * wide, box[1] * high), ((box[2] - box[0]) * wide, (box[3] - box[1]) * high)
+    axes.add_patch(Rectangle(corner, *size, fill=False, edgecolor=colour, linewidth=width, linestyle=line))
+
+
+def _grown(box: UnitBox, margin: float) -> UnitBox:
+    return box[0] - margin, box[1] - margin * 16 / 9, box[2] + margin, box[3] + margin * 16 / 9
+
+
+def _empty(axes: Axes, text: str) -> None:
+    axes.set_facecolor(style.PANEL)
+    axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center", fontsize=9, color=style.FAINT)

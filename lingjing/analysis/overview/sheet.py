@@ -1,0 +1,63 @@
+"""The page: map on the left, numbers and pictures on the right, time along the bottom."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from lingjing.analysis.metrics import metrics
+from lingjing.analysis.overview import style
+from lingjing.analysis.overview.mapview import draw_map
+from lingjing.analysis.overview.pictures import best_views, draw_view, draw_whole, whole_frame
+from lingjing.analysis.overview.score import draw_score
+from lingjing.analysis.overview.timeline import draw_batteries, draw_events, draw_messages
+from lingjing.analysis.story import Story, tell
+from lingjing.errors import UsageError
+from lingjing.trace.reader import Trace
+
+WIDTH, HEIGHT, DPI = 18.0, 12.0, 100
+VIEWS = 4
+
+
+def draw_sheet(trace: Trace, path: Path) -> None:
+    """See `lingjing.analysis.overview.draw_overview`."""
+    figure = Figure(figsize=(WIDTH, HEIGHT), dpi=DPI, facecolor=style.PAPER)
+    FigureCanvasAgg(figure)  # the Agg canvas by itself: no pyplot, no global state, no display
+    story = tell(trace)
+    _title(figure, trace)
+    draw_map(_panel(figure, 0.012, 0.375, 0.588, 0.555), story)
+    draw_score(_panel(figure, 0.615, 0.675, 0.373, 0.255), metrics(trace), complete=trace.complete)
+    _pictures(figure, trace, story)
+    left, width = 0.06, 0.54
+    draw_messages(_panel(figure, left, 0.225, width, 0.095), story)
+    draw_events(_panel(figure, left, 0.125, width, 0.065), story)
+    draw_batteries(_panel(figure, left, 0.04, width, 0.055), story)
+    try:
+        figure.savefig(path, format="png", dpi=DPI, metadata={"Software": "lingjing"})
+    except OSError as error:
+        raise UsageError(f"cannot write {path}: {error.strerror}") from error
+
+
+def _pictures(figure: Figure, trace: Trace, story: Story) -> None:
+    views = best_views(story, VIEWS)
+    for place, view in enumerate(views):
+        row, column = divmod(place, 2)
+        left, bottom = 0.615 + column * 0.19, 0.51 - row * 0.185
+        draw_view(_panel(figure, left, bottom, 0.183, 0.13), trace, view)
+    draw_whole(_panel(figure, 0.615, 0.04, 0.373, 0.23), trace, story, whole_frame(story))
+
+
+def _title(figure: Figure, trace: Trace) -> None:
+    instance = trace.header.instance
+    policies = ", ".join(dict.fromkeys(binding.policy for binding in trace.header.bindings))
+    figure.text(0.012, 0.972, instance.title or instance.mission, fontsize=19, fontweight="bold", color=style.INK)
+    privileged = " (privileged)" if any(binding.privileged for binding in trace.header.bindings) else ""
+    details = f"{instance.mission} · seed {instance.seed} · {instance.mode} · policy {policies}{privileged}"
+    figure.text(0.988, 0.972, details, fontsize=11, color=style.FAINT, ha="right")
+
+
+def _panel(figure: Figure, left: float, bottom: float, width: float, height: float) -> Axes:
+    return figure.add_axes((left, bottom, width, height))

@@ -1,0 +1,126 @@
+"""Colours, sizes and label placement shared by the panels."""
+
+from __future__ import annotations
+
+import colorsys
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+from matplotlib.axes import Axes
+from matplotlib.text import Annotation
+
+INK = "#1c2733"
+FAINT = "#7b8794"
+RULE = "#d5dce3"
+PAPER = "#ffffff"
+PANEL = "#f6f8fa"
+WATER = "#dcebf5"
+REGION = "#2f7f9e"
+VISITED = "#bfe0d2"
+FATES = {"completed": "#1a8f4b", "found": "#e08a00", "missed": "#d1344b"}
+CATEGORIES = {"report": "#8a3ffc", "assignment": "#0f62fe", "target_status": "#009d9a", "other": "#6f7b87"}
+TRUTH = "#18c56b"
+CLAIM = "#ff2fa0"
+_ASSETS = ("#1f6fd1", "#c2410c", "#6d28d9", "#0f766e", "#a16207", "#be185d", "#4d7c0f", "#334155")
+
+
+def asset_colours(names: Iterable[str]) -> dict[str, str]:
+    """One colour for each asset, in declaration order."""
+    colours = {}
+    for place, name in enumerate(names):
+        lap, index = divmod(place, len(_ASSETS))
+        colours[name] = _ASSETS[index] if lap == 0 else shaded(_ASSETS[index], 1.0 - 0.25 * lap)
+    return colours
+
+
+def shaded(colour: str, share: float) -> str:
+    """`colour` mixed with white; 1 leaves it as it is."""
+    share = min(1.0, max(0.0, share))
+    channels = [int(colour[at : at + 2], 16) for at in (1, 3, 5)]
+    return "#" + "".join(f"{round(255 + (channel - 255) * share):02x}" for channel in channels)
+
+
+def target_colour(place: int) -> str:
+    """A colour for the n-th target in the timeline."""
+    red, green, blue = colorsys.hls_to_rgb((0.02 + place * 0.381966) % 1.0, 0.42, 0.62)
+    return f"#{round(red * 255):02x}{round(green * 255):02x}{round(blue * 255):02x}"
+
+
+_SPOTS = tuple(
+    (dx * reach, dy * reach)
+    for reach in (9, 16, 26, 38, 52, 70)
+    for dx, dy in ((1, 0.6), (-1, 0.6), (1, -0.8), (-1, -0.8), (0, 1.2), (0, -1.4), (1.4, 0), (-1.4, 0))
+)
+
+
+@dataclass
+class Labels:
+    """Places labels beside their points so that none covers another or an obstacle.
+
+    `taken` holds rectangles in pixels; a label that finds no free spot takes the last one.
+    """
+
+    axes: Axes
+    taken: list[tuple[float, float, float, float]] = field(default_factory=list)
+
+    def block(self, point: tuple[float, float], pixels: float) -> None:
+        """Keep labels off a marker at `point` (data coordinates)."""
+        x, y = self.axes.transData.transform(point)
+        self.taken.append((x - pixels, y - pixels, x + pixels, y + pixels))
+
+    def add(self, text: str, point: tuple[float, float], colour: str, size: float = 9.0, weight: str = "bold") -> None:
+        """Write `text` next to `point` (data coordinates)."""
+        figure = self.axes.figure
+        note = self.axes.annotate(
+            text,
+            point,
+            xytext=_SPOTS[0],
+            textcoords="offset points",
+            color=colour,
+            fontsize=size,
+            fontweight=weight,
+            ha="center",
+            va="center",
+            zorder=9,
+            bbox={"boxstyle": "round,pad=0.15", "facecolor": "white", "alpha": 0.8, "edgecolor": "none"},
+            arrowprops={"arrowstyle": "-", "color": colour, "linewidth": 0.6, "alpha": 0.7, "shrinkA": 0, "shrinkB": 2},
+        )
+        renderer = figure.canvas.get_renderer()  # type: ignore[union-attr]
+        for dx, dy in _SPOTS:
+            half = note.get_window_extent(renderer).width / 2 * 72 / figure.dpi if dx else 0.0
+            note.set_position((dx + (half if dx > 0 else -half if dx < 0 else 0.0), dy))
+            box = _extent(note, renderer)
+            if self._free(box):
+                break
+        self.taken.append(_extent(note, renderer))
+
+    def _free(self, box: tuple[float, float, float, float]) -> bool:
+        frame = self.axes.get_window_extent()
+        if box[0] < frame.x0 or box[1] < frame.y0 or box[2] > frame.x1 or box[3] > frame.y1:
+            return False
+        return all(
+            box[2] <= other[0] or box[0] >= other[2] or box[3] <= other[1] or box[1] >= other[3] for other in self.taken
+        )
+
+
+def _extent(note: Annotation, renderer: object) -> tuple[float, float, float, float]:
+    """The label's own rectangle in pixels, without its leader."""
+    from matplotlib.text import Text
+
+    box = Text.get_window_extent(note, renderer)  # type: ignore[arg-type]
+    return box.x0 - 2, box.y0 - 2, box.x1 + 2, box.y1 + 2
+
+
+def bare(axes: Axes, title: str = "") -> None:
+    """A panel without ticks."""
+    axes.set_xticks([])
+    axes.set_yticks([])
+    for side in axes.spines.values():
+        side.set_color(RULE)
+    if title:
+        heading(axes, title)
+
+
+def heading(axes: Axes, title: str) -> None:
+    """A panel's title, flush left."""
+    axes.set_title(title, loc="left", fontsize=10, color=INK, fontweight="bold", pad=5)

@@ -1,0 +1,124 @@
+"""Over ticks: who told whom, what the kernel adjudicated, what is left in the batteries."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
+
+from lingjing.analysis.overview import style
+from lingjing.analysis.story import Said, Story
+
+
+def draw_messages(axes: Axes, story: Story) -> None:
+    """A lane for each agent; a message leaves its sender's dot for the recipients' lanes."""
+    agents = [agent.id for agent in story.instance.agents]
+    lanes = {agent: place for place, agent in enumerate(agents)}
+    for lane in lanes.values():
+        axes.axhline(lane, color=style.RULE, linewidth=0.8, zorder=1)
+    for said, x in _spread(story):
+        _message(axes, said, x, lanes)
+    for tick, sender in story.refusals:
+        if sender in lanes:
+            axes.plot(tick, lanes[sender], "|", ms=9, mec=style.FATES["missed"], mew=1.4, zorder=3)
+    axes.set_yticks(list(lanes.values()), agents)
+    axes.set_ylim(len(agents) - 0.5, -0.5)
+    used = dict.fromkeys(said.category for said in story.said)
+    entries = [_dot(style.CATEGORIES[name], name.replace("_", " ")) for name in style.CATEGORIES if name in used]
+    if story.refusals:
+        entries.append(
+            Line2D([], [], linestyle="none", marker="|", mec=style.FATES["missed"], ms=8, mew=1.4, label="refused")
+        )
+    _finish(axes, story, "Messages", entries)
+
+
+def draw_events(axes: Axes, story: Story) -> None:
+    """A lane for each kind of event, a dot for each, in its target's colour and with its index."""
+    kinds = [rule.name for rule in story.instance.rules]
+    kinds += [event.kind for event in story.happened if event.kind not in kinds]
+    lanes = {kind: place for place, kind in enumerate(dict.fromkeys(kinds))}
+    targets = [track.entity for track in story.tracks_of("target")]
+    crowd: dict[tuple[str, int], list[str]] = defaultdict(list)
+    for event in story.happened:
+        crowd[event.kind, event.tick].append(event.entity)
+    for lane in lanes.values():
+        axes.axhline(lane, color=style.RULE, linewidth=0.8, zorder=1)
+    for (kind, tick), entities in crowd.items():
+        for place, entity in enumerate(entities):
+            x = tick + 0.55 * (place - (len(entities) - 1) / 2)
+            index = targets.index(entity) if entity in targets else -1
+            colour = style.target_colour(index) if index >= 0 else style.FAINT
+            axes.plot(x, lanes[kind], "o", ms=10, mfc=colour, mec="white", mew=0.7, zorder=3)
+            if index >= 0:
+                axes.text(
+                    x, lanes[kind], str(index + 1), color="white", fontsize=7, ha="center", va="center_baseline",
+                    fontweight="bold", zorder=4,
+                )  # fmt: skip
+    axes.set_yticks(list(lanes.values()), list(lanes))
+    axes.set_ylim(len(lanes) - 0.4, -0.6) if lanes else axes.set_yticks([])
+    entries = [_dot(style.target_colour(place), name) for place, name in enumerate(targets)]
+    _finish(axes, story, "Events", entries)
+
+
+def draw_batteries(axes: Axes, story: Story) -> None:
+    """What is left in each asset's battery, percent of what it began with."""
+    tracks = story.tracks_of("asset")
+    colours = style.asset_colours(track.entity for track in tracks)
+    tick_s = story.instance.clock.tick_s
+    powered = [track for track in tracks if track.battery]
+    for track in powered:
+        times = [time_s / tick_s for time_s in track.times[-len(track.battery) :]]
+        axes.plot(times, [100 * share for share in track.battery], color=colours[track.entity], linewidth=1.6)
+    axes.set_ylim(0, 105)
+    axes.set_yticks([0, 50, 100], ["0", "50", "100 %"])
+    axes.grid(axis="y", color=style.RULE, linewidth=0.6)
+    entries = [Line2D([], [], color=colours[track.entity], linewidth=1.8, label=track.entity) for track in powered]
+    _finish(axes, story, "Battery" if powered else "Battery: no asset has one", entries)
+    axes.set_xlabel(f"tick ({tick_s:g} s each)", fontsize=9, color=style.INK, labelpad=2)
+    axes.tick_params(labelbottom=True)
+
+
+def _spread(story: Story) -> list[tuple[Said, float]]:
+    """Messages of one tick side by side instead of on top of each other."""
+    by_tick: dict[int, list[Said]] = defaultdict(list)
+    for said in story.said:
+        by_tick[said.tick].append(said)
+    return [
+        (said, tick + 0.8 * ((place + 0.5) / len(group) - 0.5))
+        for tick, group in by_tick.items()
+        for place, said in enumerate(group)
+    ]
+
+
+def _message(axes: Axes, said: Said, x: float, lanes: dict[str, int]) -> None:
+    colour = style.CATEGORIES.get(said.category, style.FAINT)
+    ends = [lanes[name] for name in (said.sender, *said.recipients) if name in lanes]
+    if not ends or said.sender not in lanes:
+        return
+    axes.plot((x, x), (min(ends), max(ends)), "-", color=colour, linewidth=0.9, alpha=0.6, zorder=2)
+    for name in said.recipients:
+        if name in lanes:
+            axes.plot(x, lanes[name], "v" if lanes[name] > lanes[said.sender] else "^", ms=3.5, color=colour, zorder=3)
+    axes.plot(x, lanes[said.sender], "o", ms=5.5, mfc=colour, mec="white", mew=0.6, zorder=4)
+
+
+def _dot(colour: str, label: str) -> Line2D:
+    return Line2D([], [], linestyle="none", marker="o", mfc=colour, mec="white", ms=7, label=label)
+
+
+def _finish(axes: Axes, story: Story, title: str, entries: list[Line2D]) -> None:
+    axes.set_facecolor(style.PANEL)
+    axes.set_xlim(-0.8, max(story.ticks, 1) + 0.8)
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True, nbins=20))
+    axes.tick_params(labelsize=8, colors=style.INK, length=2, labelbottom=False)
+    for name, side in axes.spines.items():
+        side.set_visible(name in ("left", "bottom"))
+        side.set_color(style.RULE)
+    style.heading(axes, title)
+    if entries:
+        axes.legend(
+            handles=entries, loc="lower right", bbox_to_anchor=(1.0, 0.985), ncols=len(entries), fontsize=8,
+            frameon=False, handletextpad=0.3, columnspacing=1.2, borderaxespad=0.1,
+        )  # fmt: skip
