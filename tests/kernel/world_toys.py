@@ -68,7 +68,8 @@ class Toy:
     def reset(self, spec, city, seed):
         self.spec, self.seed = spec, seed
         self.faults = Misbehaviour(spec)
-        self.faults.act(0.0) if self.faults.due("at_reset", 0.0) else None
+        if self.faults.due("at_reset", 0.0):
+            self.faults.act(0.0)
         self.time_s = 0.0
         self.goals = {}
         self.states = {e.id: BodyState(id=e.id, position=e.position, status="idle") for e in spec.owned()}
@@ -190,6 +191,8 @@ class Painter:
     def draw(self, request: CaptureRequest):
         self.drawn += 1
         if self.faults.due("slow_once", request.time_s) and self.drawn == 1:
+            time.sleep(0.6)
+        if self.faults.due("slow_second", request.time_s) and self.drawn == 2:
             time.sleep(0.6)
         camera = self.cameras[(request.entity, request.camera)]
         shape = (camera.height, camera.width)

@@ -41,6 +41,7 @@ _EXIT_S = 2.0
 _DUMP_S = 0.5
 _QUIET_S = 0.05
 _SHOWN_LINES = 12
+_DUMP_LINES = 60
 
 
 class Worker:
@@ -91,6 +92,7 @@ class Worker:
 
     def send(self, payload: bytes, deadline: float, allowed_s: float, descriptors: Sequence[int] = ()) -> None:
         """Send one encoded request; past the deadline (of `allowed_s` seconds) the worker is killed."""
+        self._check_alive()
         try:
             self._channel.send(payload, descriptors, deadline, self._words)
         except TimeoutError:
@@ -100,6 +102,7 @@ class Worker:
 
     def receive(self, deadline: float) -> tuple[Reply, Packet]:
         """The next reply and its packet; `TimeoutError` leaves the worker as it is."""
+        self._check_alive()
         try:
             packet = self._channel.receive(deadline, self._words)
         except ChannelClosedError:
@@ -167,8 +170,12 @@ class Worker:
         self.kill()
         doing = f"engine `{engine}` ({call})" if engine else f"the {self.name}"
         error = InfrastructureError(f"{doing} did not answer within {allowed_s:g} s; the {self.name} was killed")
-        error.add_note(self._words.lines(_SHOWN_LINES))
+        error.add_note(self._words.lines(_DUMP_LINES))
         return error
+
+    def _check_alive(self) -> None:
+        if not self.alive:
+            raise InfrastructureError(f"the {self.name} has ended")
 
     def _died(self) -> InfrastructureError:
         engine, call = self._progress.read()
