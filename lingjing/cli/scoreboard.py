@@ -35,7 +35,7 @@ def print_episode(report: EpisodeReport) -> None:
         ("success", f"{'yes' if report.success else 'no'} ({report.reason})"),
         ("SCR", f"{report.scr:.2f}"),
         ("ticks", str(report.ticks)),
-        *((name, _text(value)) for name, value in report.metrics.items() if not isinstance(value, (dict, list))),
+        *((name, _text(value)) for name, value in report.metrics.items() if _is_plain(name, value)),
         ("digest", report.digest[:16]),
     ]
     if sys.stdout.isatty():
@@ -80,6 +80,13 @@ def _print_table(table: Table) -> None:
     from rich.console import Console
 
     Console().print(table)
+
+
+def _is_plain(name: str, value: object) -> bool:
+    """A single value that is defined and has no row of its own."""
+    return (
+        value is not None and not isinstance(value, (dict, list)) and name not in {"success", "reason", "scr", "ticks"}
+    )
 
 
 def _text(value: object) -> str:

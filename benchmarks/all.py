@@ -1,0 +1,23 @@
+"""Every benchmark in one run, each in a process of its own: `make bench`."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+SCRIPTS = ("kernel.py", "render.py", "validate.py", "episode.py")
+
+
+def main() -> int:
+    """Run them in order; the exit code is that of the first that fails, after all have run."""
+    codes = []
+    for script in SCRIPTS:
+        print(f"\n## {script.removesuffix('.py')}\n", flush=True)
+        codes.append(subprocess.run([sys.executable, str(HERE / script)], check=False).returncode)
+    return next((code for code in codes if code), 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
