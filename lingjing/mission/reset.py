@@ -223,6 +223,7 @@ def _filled(
             spots = spots[:1]
     else:
         mission = _counted(mission, group, len(spots), parsed, where)
+        group = next(g for g in mission.groups if g.name == group.name)
     origin = _origin(mission)
     points = tuple(_point(_world(spot, origin, parsed)) for spot in spots)
     properties = _set(group.properties, "position", _indexed(group, points, "position"))

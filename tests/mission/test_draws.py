@@ -75,18 +75,18 @@ def test_sites_are_uniform(_: int) -> None:
 
 
 def test_a_tight_layout_is_tried_afresh_before_it_is_given_up() -> None:
-    # Two places 990 m apart in a 1000 m strip: the first dart of an attempt usually falls into the middle.
+    # Two places 900 m apart in a 1000 m strip: four attempts in five fail with their first dart.
     strip = ((0.0, 0.0), (1000.0, 0.0), (1000.0, 1.0), (0.0, 1.0))
-    tries = [_placed(strip, seed) for seed in range(300)]
-    assert 10 < sum(tries) < 290
+    tries = [_placed(strip, seed) for seed in range(20)]
+    assert sum(tries) >= 10
 
 
 def _placed(strip: geometry2d.Polygon, seed: int) -> bool:
     try:
-        (a, b) = sites(strip, 990.0, seed=seed, path="p", count=2)
+        (a, b) = sites(strip, 900.0, seed=seed, path="p", count=2)
     except MissionError:
         return False
-    return math.dist(a, b) >= 990.0
+    return math.dist(a, b) >= 900.0
 
 
 @pytest.mark.parametrize(

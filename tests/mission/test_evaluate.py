@@ -28,7 +28,7 @@ def p(*items: float) -> ex.Point:
     return ex.Point(tuple(n(item) for item in items))
 
 
-UAV, I = ex.Ref("uav", "group"), ex.Ref("i", "local")
+UAV, INDEX = ex.Ref("uav", "group"), ex.Ref("i", "local")
 FIELD = ex.Ref("field", "region")
 PADS = ex.Sequence((p(0, 0, 1), p(100, 0, 1)))
 
@@ -48,8 +48,8 @@ PADS = ex.Sequence((p(0, 0, 1), p(100, 0, 1)))
         (ex.Binary("in", p(10, 5), FIELD), True),
         (ex.Binary("+", p(1, 2), p(3, 4, 5)), Place(4.0, 6.0, 5.0)),
         (ex.Range(n(1), n(3)), Interval(1.0, 3.0)),
-        (ex.Index(UAV, I), Members(("uav[2]",))),
-        (ex.Index(ex.Sequence((n(7), n(8))), I), 8.0),
+        (ex.Index(UAV, INDEX), Members(("uav[2]",))),
+        (ex.Index(ex.Sequence((n(7), n(8))), INDEX), 8.0),
         (ex.Attr(FIELD, "centre"), Place(5.0, 5.0)),
         (ex.Attr(FIELD, "area"), 100.0),
         (ex.Attr(p(1, 2, 3), "elevation"), 3.0),

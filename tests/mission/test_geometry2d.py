@@ -71,6 +71,8 @@ def test_circle_has_the_area_of_the_circle() -> None:
     assert geometry2d.signed_area(geometry2d.circle((3.0, 4.0), 50.0)) == pytest.approx(math.pi * 2500)
 
 
-@pytest.mark.parametrize(("end", "bearing"), [((0.0, 1.0), 0), ((1.0, 0.0), 90), ((0.0, -1.0), 180), ((-1.0, 0.0), 270)])
+@pytest.mark.parametrize(
+    ("end", "bearing"), [((0.0, 1.0), 0), ((1.0, 0.0), 90), ((0.0, -1.0), 180), ((-1.0, 0.0), 270)]
+)
 def test_bearing_is_a_compass(end: geometry2d.Point, bearing: float) -> None:
     assert geometry2d.bearing_deg((0.0, 0.0), end) == pytest.approx(bearing)
