@@ -19,6 +19,7 @@ import hashlib
 import math
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TypeVar
@@ -448,4 +449,5 @@ def _decide(case: PolicyCase) -> list[Decision]:
         await policy.reset(case.brief)
         return [await policy.act(observation, Inbox()) for observation in case.observations]
 
-    return asyncio.run(play())
+    with ThreadPoolExecutor(max_workers=1) as worker:  # as in an episode: a thread and a loop of its own
+        return worker.submit(lambda: asyncio.run(play())).result()

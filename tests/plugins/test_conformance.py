@@ -1,0 +1,491 @@
+"""The conformance kit: the built-in engines pass it, and each check catches an engine broken on purpose."""
+
+import asyncio
+import os
+
+import msgspec
+import numpy as np
+import pytest
+
+from lingjing.mission.instance import ArgumentSpec, CameraSpec, Field, MessageSpec, VerbSpec, Weather
+from lingjing.plugins import conformance as kit
+from lingjing.plugins.engine import Boundary, EnginePlugin, Frame
+from lingjing.plugins.engines.builtin import lingjing_engines
+from lingjing.plugins.policy import Brief, PolicyPlugin, Resource
+from lingjing.trace.records import (
+    Action,
+    BodyState,
+    CameraPose,
+    Command,
+    Decision,
+    FrameInfo,
+    Outgoing,
+    Receipt,
+    TaskEvent,
+)
+
+BUILT_IN = {plugin.name: plugin for plugin in lingjing_engines()}
+WEATHER = Weather(wind_mps=4.0, wind_from_deg=220.0, turbulence=0.2, wave_height_m=0.5, current_mps=0.15)
+
+
+def order(number, resource, verb, origin="agent", **arguments):
+    return Command(
+        id=f"c0-{number}", tick=0, sender="test", resource=resource, verb=verb, arguments=arguments, origin=origin
+    )
+
+
+@pytest.fixture
+def case(instance_of, uav, boat, victim, open_sea):
+    entities = [uav(1), uav(2, (8.0, 0.0, 1.1)), boat((0.0, -20.0, -3.5)), victim(1), victim(2, (90.0, 0.0, -3.5))]
+    commands = {
+        "multirotor": (order(1, "uav[1]", "setDestination", x=90.0, y=9.0, z=50.0), order(2, "uav[2]", "takeoff")),
+        "vessel": (order(1, "boat", "moveTo", x=40.0, y=40.0),),
+        "city": (order(1, "victim[1]", "unlock.rescue", "kernel"), order(2, "victim[2]", "unlock.rescue", "kernel")),
+    }
+    near = BodyState(id="boat", position=(0.0, -20.0, -3.5), velocity=(1.0, 0.0, 0.0))
+
+    def build(name, plugin=None):
+        mirrors = (near,) if name == "city" else ()
+        return kit.EngineCase(
+            plugin or BUILT_IN[name], instance_of(entities, WEATHER), open_sea, commands[name], mirrors, 3, 20.0
+        )
+
+    return build
+
+
+@pytest.mark.parametrize("name", ["multirotor", "vessel", "city"])
+@pytest.mark.parametrize("check", kit.ENGINE_CHECKS, ids=kit.check_name)
+def test_the_built_in_motion_engines_conform(case, name, check):
+    check(case(name))
+
+
+def test_check_engine_runs_everything_at_once(case):
+    whole = case("vessel")
+    kit.check_engine(whole.plugin, whole.instance, whole.city, whole.commands, seconds=10.0)
+
+
+class Sound:
+    """A small engine that keeps every promise: each request takes four seconds. Faults are subclasses of it."""
+
+    made = 0
+    verbs = ("moveTo", "stop")
+
+    def reset(self, spec, city, seed):
+        self.name, self.owned, self.now = spec.engine, spec.owned(), 0.0
+        self.pending, self.outbox, self.process = {}, [], os.getpid()
+        return self.boundary()
+
+    def submit(self, commands):
+        return tuple(self.admit(command) for command in commands)
+
+    def admit(self, command):
+        if command.verb not in self.verbs or command.resource not in {entity.id for entity in self.owned}:
+            return self.receipt(command, "rejected", "unknown_verb")
+        self.preempt(command)
+        self.pending[command.resource] = (command, self.now)
+        return self.receipt(command, "accepted")
+
+    def preempt(self, command):
+        if command.resource in self.pending:
+            self.outbox.append(self.receipt(self.pending.pop(command.resource)[0], "rejected", "preempted"))
+
+    def advance(self, until, mirrors):
+        self.now = until
+        for command, since in list(self.pending.values()):
+            if until - since >= 4.0:
+                del self.pending[command.resource]
+                self.outbox.append(self.receipt(command, "completed"))
+            else:
+                self.outbox.append(self.receipt(command, "running", progress=(until - since) / 4.0))
+        return self.boundary()
+
+    def capture(self, requests):
+        return ()
+
+    def close(self):
+        pass
+
+    def state(self, entity):
+        return BodyState(id=entity.id, position=entity.position)
+
+    def events(self):
+        return ()
+
+    def boundary(self):
+        receipts, self.outbox = tuple(self.outbox), []
+        states = tuple(self.state(entity) for entity in self.owned)
+        return Boundary(engine=self.name, time_s=self.now, states=states, receipts=receipts, events=self.events())
+
+    def receipt(self, command, status, reason="", progress=None):
+        return Receipt(
+            request=command.id,
+            tick=command.tick,
+            sender=command.sender,
+            resource=command.resource,
+            status=status,
+            reason=reason,
+            by=self.name,
+            time_s=self.now,
+            progress=progress,
+        )
+
+
+class Misplaced(Sound):
+    def state(self, entity):
+        return BodyState(id=entity.id, position=(entity.position[0] + 1.0, 0.0, 0.0))
+
+
+class LateStart(Sound):
+    def reset(self, spec, city, seed):
+        return msgspec.structs.replace(super().reset(spec, city, seed), time_s=0.5)
+
+
+class Forgetful(Sound):
+    def submit(self, commands):
+        return super().submit(commands)[1:]
+
+
+class Backwards(Sound):
+    verbs = ("moveTo", "stop", "takeoff", "setDestination")
+
+    def submit(self, commands):
+        return super().submit(commands)[::-1]
+
+
+class Eager(Sound):
+    def admit(self, command):
+        return msgspec.structs.replace(super().admit(command), status="completed")
+
+
+class Obliging(Sound):
+    def admit(self, command):
+        return self.receipt(command, "accepted")
+
+
+class Speechless(Sound):
+    def admit(self, command):
+        return msgspec.structs.replace(super().admit(command), reason="")
+
+
+class Slow(Sound):
+    def advance(self, until, mirrors):
+        return super().advance(until - 0.1, mirrors)
+
+
+class Losing(Sound):
+    def advance(self, until, mirrors):
+        boundary = super().advance(until, mirrors)
+        return msgspec.structs.replace(boundary, states=boundary.states[1:])
+
+
+class Infinite(Sound):
+    def state(self, entity):
+        place = entity.position if self.now == 0.0 else (float("nan"), 0.0, 0.0)
+        return BodyState(id=entity.id, position=place)
+
+
+class Overturned(Sound):
+    def state(self, entity):
+        return BodyState(id=entity.id, position=entity.position, heading_deg=360.0 if self.now else 0.0)
+
+
+class Prophetic(Sound):
+    def events(self):
+        return (TaskEvent(kind="arrived", entities=("boat",), time_s=self.now + 60.0),) if self.now else ()
+
+
+class Chatty(Sound):
+    def advance(self, until, mirrors):
+        self.outbox += [self.receipt(command, "running", progress=0.1) for command, _ in self.pending.values()]
+        return super().advance(until, mirrors)
+
+
+class Undead(Sound):
+    def advance(self, until, mirrors):
+        self.outbox += [self.receipt(command, "completed") for command, _ in self.pending.values()]
+        return super().advance(until, mirrors)
+
+
+class Boastful(Sound):
+    def receipt(self, command, status, reason="", progress=None):
+        return super().receipt(command, status, reason, None if progress is None else 2.0)
+
+
+class Anonymous(Sound):
+    def receipt(self, *arguments, **more):
+        return msgspec.structs.replace(super().receipt(*arguments, **more), by="kernel")
+
+
+class Stubborn(Sound):
+    def preempt(self, command):
+        self.pending.pop(command.resource, None)
+
+
+class Moody(Sound):
+    def state(self, entity):
+        Moody.made += 1
+        height = 0.0 if self.now == 0.0 else float(Moody.made)
+        return BodyState(id=entity.id, position=(*entity.position[:2], height))
+
+
+class Residual(Sound):
+    runs = 0
+
+    def reset(self, spec, city, seed):
+        self.runs += 1
+        return super().reset(spec, city, seed)
+
+    def state(self, entity):
+        return BodyState(id=entity.id, position=entity.position, pitch_deg=float(self.runs))
+
+
+class Loose(Sound):
+    def state(self, entity):
+        return BodyState(id=entity.id, position=list(entity.position))
+
+
+class Rooted(Sound):
+    def state(self, entity):
+        away = 0.0 if os.getpid() == self.process else 1.0
+        return BodyState(id=entity.id, position=entity.position, roll_deg=away)
+
+
+class Snapping(Sound):
+    def capture(self, requests):
+        return (None,)
+
+
+class Clinging(Sound):
+    def close(self):
+        if not hasattr(self, "name"):
+            raise kit.ConformanceError("closed before it was reset")
+
+
+BROKEN = [
+    (Misplaced, kit.check_ready),
+    (LateStart, kit.check_ready),
+    (Forgetful, kit.check_admission),
+    (Backwards, kit.check_admission),
+    (Eager, kit.check_admission),
+    (Anonymous, kit.check_admission),
+    (Obliging, kit.check_refusals),
+    (Speechless, kit.check_refusals),
+    (Slow, kit.check_advance),
+    (Losing, kit.check_advance),
+    (Infinite, kit.check_advance),
+    (Overturned, kit.check_advance),
+    (Prophetic, kit.check_advance),
+    (Chatty, kit.check_receipts),
+    (Undead, kit.check_receipts),
+    (Boastful, kit.check_receipts),
+    (Stubborn, kit.check_preemption),
+    (Moody, kit.check_repeatable),
+    (Residual, kit.check_repeatable),
+    (Loose, kit.check_values),
+    (Rooted, kit.check_fork),
+    (Snapping, kit.check_capture),
+    (Clinging, kit.check_close),
+]
+
+
+def declared(engine, name="vessel", **more):
+    return EnginePlugin(name=name, factory=engine, **more)
+
+
+@pytest.mark.parametrize("check", kit.ENGINE_CHECKS, ids=kit.check_name)
+def test_a_sound_engine_passes(case, check):
+    check(case("vessel", declared(Sound)))
+
+
+@pytest.mark.parametrize(("broken", "check"), BROKEN, ids=[engine.__name__ for engine, _ in BROKEN])
+def test_each_fault_is_caught_by_its_check(case, broken, check):
+    name = "multirotor" if broken is Backwards else "vessel"
+    with pytest.raises(kit.ConformanceError):
+        check(case(name, declared(broken, name)))
+
+
+def test_every_check_has_an_engine_that_fails_it():
+    assert {check for _, check in BROKEN} == set(kit.ENGINE_CHECKS)
+
+
+class Hopeless(Slow, Boastful):
+    pass
+
+
+def test_all_faults_are_told_at_once(case):
+    broken = case("vessel", declared(Hopeless))
+    with pytest.raises(kit.ConformanceError, match=r"engine `vessel` breaks its contract: .*advance: .*receipts: "):
+        kit.check_engine(broken.plugin, broken.instance, broken.city, broken.commands)
+
+
+class Painter(Sound):
+    """A sensor that paints flat pictures as declared."""
+
+    height, dtype = 4, np.uint8
+
+    def capture(self, requests):
+        return tuple(self.paint(request) for request in requests)
+
+    def paint(self, request):
+        pose = CameraPose(position=(0.0, 0.0, 0.0), heading_deg=0.0, tilt_deg=90.0)
+        info = FrameInfo(
+            id=request.frame,
+            entity=request.entity,
+            camera=request.camera,
+            tick=request.tick,
+            time_s=request.time_s,
+            pose=pose,
+            channels=("rgb",),
+        )
+        return Frame(info=info, rgb=np.zeros((self.height, 6, 3), self.dtype))
+
+
+class Cropping(Painter):
+    height = 3
+
+
+class Floating(Painter):
+    dtype = np.float32
+
+
+class Dropping(Painter):
+    def capture(self, requests):
+        return super().capture(requests)[1:]
+
+
+@pytest.mark.parametrize(
+    ("painter", "conforms"), [(Painter, True), (Cropping, False), (Floating, False), (Dropping, False)]
+)
+def test_pictures_are_checked_against_their_declaration(case, painter, conforms):
+    camera = CameraSpec(
+        name="nadir", view="nadir", width=6, height=4, hfov_deg=84.0, channels=("rgb",), capture="on_request"
+    )
+    plain = case("vessel", declared(painter, "camera", place="camera", sensor=True))
+    entities = tuple(msgspec.structs.replace(entity, cameras=(camera,)) for entity in plain.instance.entities[:2])
+    instance = msgspec.structs.replace(plain.instance, entities=entities)
+    pictured = kit.EngineCase(plain.plugin, instance, plain.city)
+    if conforms:
+        kit.check_capture(pictured)
+        return
+    with pytest.raises(kit.ConformanceError, match="capture"):
+        kit.check_capture(pictured)
+
+
+class Calm:
+    """A policy that says where it goes, and goes."""
+
+    made = 0
+    command = Action(verb="moveTo", arguments={"x": 1.0, "y": 2.0})
+    message = Outgoing(kind="note", body={"text": "going"})
+
+    async def reset(self, brief):
+        self.brief = brief
+
+    async def act(self, observation, inbox):
+        await asyncio.sleep(0)
+        return Decision(command=self.command, messages=(self.message,))
+
+
+class Trespassing(Calm):
+    command = Action(verb="moveTo", resource="uav[1]")
+
+
+class Inventive(Calm):
+    command = Action(verb="dive")
+
+
+class Verbose(Calm):
+    command = Action(verb="moveTo", arguments={"x": 1.0, "y": 2.0, "mood": "good"})
+
+
+class Whispering(Calm):
+    message = Outgoing(kind="secret", body={})
+
+
+class Terse(Calm):
+    message = Outgoing(kind="note", body={})
+
+
+class Lost(Calm):
+    message = Outgoing(kind="note", body={"text": "?"}, to=("nobody",))
+
+
+class Wordless(Calm):
+    async def act(self, observation, inbox):
+        return {"command": None}
+
+
+class Fickle(Calm):
+    async def act(self, observation, inbox):
+        Fickle.made += 1
+        return Decision(thought=str(Fickle.made))
+
+
+@pytest.fixture
+def brief():
+    arguments = (ArgumentSpec(name="x", unit="m"), ArgumentSpec(name="y", unit="m"))
+    boat = Resource(id="boat", type="lifeboat", embodied=True, verbs=(VerbSpec(name="moveTo", arguments=arguments),))
+    note = MessageSpec(
+        kind="note",
+        type="note",
+        category="other",
+        fields=(Field(name="text", type="text"),),
+        senders=("rescuer",),
+        recipients=("all",),
+    )
+    return Brief(
+        agent="skipper",
+        role="rescuer",
+        index=1,
+        goal="",
+        prompt="",
+        mode="broadcast",
+        hub=None,
+        tick_s=10.0,
+        ticks=60,
+        seed=1,
+        resources=(boat,),
+        peers=(),
+        messages=(note,),
+        regions=(),
+        cells=(),
+        classes=(),
+        weather=Weather(),
+        water_level_m=0.0,
+    )
+
+
+def test_a_sound_policy_passes(brief):
+    kit.check_policy(PolicyPlugin(name="calm", factory=Calm), brief)
+
+
+@pytest.mark.parametrize(
+    ("broken", "complaint"),
+    [
+        (Trespassing, "may not command"),
+        (Inventive, "no verb `dive`"),
+        (Verbose, "takes no mood"),
+        (Whispering, "a message `secret`"),
+        (Terse, "without text"),
+        (Lost, "unknown agent"),
+        (Wordless, "a dict instead of a Decision"),
+        (Fickle, "decide differently"),
+    ],
+)
+def test_a_broken_policy_is_caught(brief, broken, complaint):
+    with pytest.raises(kit.ConformanceError, match=complaint):
+        kit.check_policy(PolicyPlugin(name="broken", factory=broken), brief)
+
+
+def test_a_policy_over_a_model_need_not_repeat_itself(brief):
+    kit.check_policy(PolicyPlugin(name="fickle", factory=Fickle), brief, deterministic=False)
+
+
+def test_nothing_heavy_is_loaded_to_declare_the_built_in_plug_ins():
+    import subprocess
+    import sys
+
+    code = "import sys, lingjing.plugins.engines.builtin as b; b.lingjing_engines(); b.lingjing_scenes(); "
+    code += "print([m for m in ('jsbsim', 'cv2', 'moderngl', 'scipy', 'shapely') if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
