@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
     from lingjing.kernel.world.contract import World
+    from lingjing.plugins.host import PluginHost
 
 __all__ = ["open_world"]
 
@@ -28,6 +29,7 @@ __all__ = ["open_world"]
 def open_world(
     kind: Literal["process", "inline"],
     *,
+    host: PluginHost | None = None,
     plugins: tuple[str, ...] = (),
     paths: tuple[str, ...] = (),
     installed: bool = True,
@@ -36,13 +38,14 @@ def open_world(
     """A world of the given kind, idle until `reset`.
 
     `plugins` are extra plug-in objects as `module:attribute`, importable here and in the workers (where `paths` come
-    before the caller's `sys.path`); without `installed` they are the only ones. `quality` is that of the JPEGs.
+    before the caller's `sys.path`); without `installed` they are the only ones. `host`, if the caller has built one
+    already, must offer the same; workers always find plug-ins for themselves. `quality` is that of the JPEGs.
     """
     if kind == "inline":
         from lingjing.kernel.world.extras import host_with
         from lingjing.kernel.world.inline import InlineWorld
 
-        return InlineWorld(host_with(plugins, installed=installed), quality=quality)
+        return InlineWorld(host if host is not None else host_with(plugins, installed=installed), quality=quality)
     from lingjing.kernel.world.process import ProcessWorld
 
-    return ProcessWorld(plugins=plugins, paths=paths, installed=installed, quality=quality)
+    return ProcessWorld(plugins=plugins, paths=paths, installed=installed, quality=quality, host=host)

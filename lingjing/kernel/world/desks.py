@@ -45,7 +45,7 @@ class Desk(Protocol):
 
 
 class _Engines:
-    """The engine objects of the present episode: fresh ones for each, so that nothing carries over."""
+    """The engine objects of the present episode."""
 
     def __init__(self, find_host: Callable[[], PluginHost], progress: Progress) -> None:
         self._find_host = find_host
@@ -68,7 +68,10 @@ class _Engines:
 
 
 class WorldDesk:
-    """Motion engines: whole ticks when they are all here, single macro-steps when the caller hosts some too."""
+    """Motion engines: whole ticks when they are all here, single macro-steps when the caller hosts some too.
+
+    Each episode gets fresh engine objects, so that nothing carries over but what was imported.
+    """
 
     def __init__(self, find_host: Callable[[], PluginHost], progress: Progress) -> None:
         self._engines = _Engines(find_host, progress)
@@ -108,7 +111,10 @@ class WorldDesk:
 
 
 class CameraDesk:
-    """The sensor engine: pictures are drawn, encoded and handed over one by one, each as soon as it is there."""
+    """The sensor engine: pictures are drawn, encoded and handed over one by one, each as soon as it is there.
+
+    One engine object stays from episode to episode with its graphics context: a picture depends on nothing before it.
+    """
 
     def __init__(self, find_host: Callable[[], PluginHost], progress: Progress, quality: int) -> None:
         self._engines = _Engines(find_host, progress)
@@ -134,8 +140,10 @@ class CameraDesk:
         return self._engines.close()
 
     def _prepare(self, request: Prepare) -> Message:
-        ready = self._engines.prepare(request.engines)
         (name,) = request.engines
+        if name in self._engines.by_name:
+            return Ready()
+        ready = self._engines.prepare(request.engines)
         self._sensor = Sensor(name, self._engines.by_name[name], self._quality, self._enter)
         return ready
 

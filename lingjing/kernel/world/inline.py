@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from lingjing.errors import InfrastructureError, UsageError
 from lingjing.kernel.world.calling import absent, no_episode, no_sensor
 from lingjing.kernel.world.casting import cast
-from lingjing.kernel.world.conductor import Conductor
+from lingjing.kernel.world.conductor import Conductor, macro_steps
 from lingjing.kernel.world.contract import StoredFrame, World, WorldBoundary
 from lingjing.kernel.world.ensemble import Ensemble, close_engines, start_engines
 from lingjing.kernel.world.sensor import Sensor
@@ -30,22 +30,21 @@ class InlineWorld:
     def __init__(self, host: PluginHost, *, quality: int = 90) -> None:
         self._host = host
         self._quality = quality
-        self._engines: dict[str, Engine] = {}
+        self._motion: dict[str, Engine] = {}
+        self._drawing: dict[str, Engine] = {}
         self._instance: Instance | None = None
         self._conductor: Conductor | None = None
         self._sensor: Sensor | None = None
 
     def reset(self, instance: Instance, city: City) -> WorldBoundary:
-        """Start an episode on fresh engines; the engines of the one before are closed."""
-        self.close()
+        """Start an episode on fresh motion engines; the sensor engine keeps its graphics context."""
         roles = cast(instance, self._host)
-        motion = (*roles.local, *roles.remote)
+        macro_steps(instance.clock)  # a clock that does not divide is refused before anything starts
+        self._end_episode()
         try:
-            self._engines = start_engines(self._host, motion)
-            if roles.sensor is not None:
-                self._engines.update(start_engines(self._host, (roles.sensor,)))
-                self._sensor = Sensor(roles.sensor, self._engines[roles.sensor], self._quality)
-            self._conductor = Conductor(instance, (self._ensemble(instance, city, motion),))
+            self._motion = start_engines(self._host, (*roles.local, *roles.remote))
+            self._sensor = self._find_sensor(roles.sensor)
+            self._conductor = Conductor(instance, (Ensemble(instance, city, self._motion),))
             self._instance = instance
             return self._reset(instance, city, self._conductor)
         except BaseException:
@@ -83,13 +82,21 @@ class InlineWorld:
 
     def close(self) -> None:
         """Close all engines; idempotent. An engine that fails to close is reported as a warning."""
-        engines, self._engines = self._engines, {}
-        self._instance = self._conductor = self._sensor = None
-        for problem in close_engines(engines):
-            warnings.warn(problem, RuntimeWarning, stacklevel=2)
+        self._end_episode()
+        drawing, self._drawing = self._drawing, {}
+        _warn(close_engines(drawing))
 
-    def _ensemble(self, instance: Instance, city: City, motion: Sequence[str]) -> Ensemble:
-        return Ensemble(instance, city, {name: self._engines[name] for name in motion})
+    def _end_episode(self) -> None:
+        motion, self._motion = self._motion, {}
+        self._instance = self._conductor = self._sensor = None
+        _warn(close_engines(motion))
+
+    def _find_sensor(self, name: str | None) -> Sensor | None:
+        if name is None:
+            return None
+        if name not in self._drawing:
+            self._drawing = start_engines(self._host, (name,))
+        return Sensor(name, self._drawing[name], self._quality)
 
     def _reset(self, instance: Instance, city: City, conductor: Conductor) -> WorldBoundary:
         started = time.monotonic()
@@ -120,3 +127,8 @@ class InlineWorld:
         if self._instance is None or self._conductor is None:
             raise no_episode()
         return self._instance, self._conductor
+
+
+def _warn(problems: Sequence[str]) -> None:
+    for problem in problems:
+        warnings.warn(problem, RuntimeWarning, stacklevel=3)
