@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import msgspec
@@ -15,6 +15,7 @@ from lingjing.errors import MissionError
 from lingjing.mission import jsontext
 from lingjing.mission.instance import Instance
 from lingjing.mission.model import Mission
+from lingjing.mission.reset import instantiate_document
 from lingjing.mission.reset_document import Envelope, Scenario
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -31,13 +32,24 @@ def decode(text: str, path: str) -> Mission:
     `UsageError` if the text is not JSON (line and column), `MissionError` if it is not a mission (JSON path).
     """
     try:
-        return msgspec.json.decode(text.encode("utf-8", "surrogatepass"), type=Mission)
+        return msgspec.json.decode(text.removeprefix("\ufeff").encode("utf-8", "surrogatepass"), type=Mission)
     except (msgspec.DecodeError, RecursionError, UnicodeDecodeError) as error:
         jsontext.load(text, path)
         raise MissionError(
             f"{path}: not a mission: {error}",
             hint="write mission.json with `lingjing compile`, or edit it by schemas/mission.schema.json",
         ) from None
+
+
+def read(text: str, path: str, templates: Callable[[str], Mission]) -> tuple[Mission, tuple[str, ...]]:
+    """The mission of any JSON text, a `mission.json` or a `resetScenario`, and notes on how it was understood.
+
+    Errors are those of `decode` and of `lingjing.mission.reset.instantiate_document`, which also defines `templates`.
+    """
+    value = jsontext.load(text, path)
+    if isinstance(value, dict) and str(value.get("format", "")).startswith("lingjing-mission"):
+        return decode(text, path), ()
+    return instantiate_document(text, path, templates)
 
 
 def encode_instance(instance: Instance) -> bytes:

@@ -37,7 +37,8 @@ def sites(
     """`count` places in the polygon, uniform and pairwise at least `apart` metres from each other.
 
     Sequential dart throwing: a dart outside the polygon, too near to its edge or to an earlier place is thrown again.
-    If an attempt gets stuck, the next one starts over on a stream of its own. `MissionError` if all of them do.
+    If an attempt gets stuck, the next one starts over on a stream of its own (only then may a larger group begin
+    otherwise than a smaller one). `MissionError` if all of them do.
     """
     best = 0
     for attempt in range(SITE_ATTEMPTS):

@@ -357,12 +357,16 @@ def _checked(outline: geometry2d.Polygon) -> Area:
 
 def _at(call: ex.Call, scope: Scope) -> Value:
     """`at(i, [values], spread d)`: the i-th value; beyond the list, points spread and other values repeat."""
-    index, values = _arguments(call, scope, 2)
-    if not isinstance(index, float) or index != round(index) or index < 1:
-        raise MissionError(f"at(…) counts from 1, this is {describe(index)}")
+    if len(call.arguments) != 2:
+        raise MissionError(f"at(…) takes an index and a list, {len(call.arguments)} arguments are given")
+    position, listed = whole(call.arguments[0], scope), call.arguments[1]
+    if position < 1:
+        raise MissionError(f"at(…) counts from 1, this is {position}")
+    if isinstance(listed, ex.Sequence) and position <= len(listed.items):  # the one item alone: linear in members
+        return evaluate(listed.items[position - 1], scope)
+    values = evaluate(listed, scope)
     if not isinstance(values, tuple) or not values:
         raise MissionError("at(index, [values]) needs a list with something in it")
-    position = round(index)
     if position <= len(values):
         return values[position - 1]
     places = tuple(value for value in values if isinstance(value, Place))

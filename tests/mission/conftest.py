@@ -1,5 +1,7 @@
 """The sea rescue as a mission graph built by hand: the tests of this package need no compiler."""
 
+from typing import Literal
+
 import pytest
 
 from lingjing.mission import expression as ex
@@ -14,7 +16,7 @@ def point(*items: float) -> ex.Point:
     return ex.Point(tuple(metres(item) for item in items))
 
 
-def prop(name: str, value: ex.Expr, relation: str = "=", hidden: bool = False) -> m.Property:
+def prop(name: str, value: ex.Expr, relation: Literal["=", "~", "<="] = "=", hidden: bool = False) -> m.Property:
     return m.Property(name=name, value=value, relation=relation, hidden=hidden)
 
 

@@ -68,3 +68,13 @@ def test_a_wrong_field_is_named_by_its_path(ssr: m.Mission) -> None:
     text = document.encode(ssr).replace('"rows": {', '"rows": 3, "was": {', 1)
     with pytest.raises(MissionError, match=r"\$\.grids\[0\]"):
         document.decode(text, "m.json")
+
+
+def test_read_tells_a_mission_from_a_reset_scenario(ssr: m.Mission) -> None:
+    templates = {"ssr": ssr}.__getitem__
+    assert document.read(document.encode(ssr), "m.json", templates) == (ssr, ())
+    listing = (ROOT / "scenarios" / "reset" / "ssr-001.json").read_text(encoding="utf-8")
+    mission, notes = document.read(listing, "s.json", templates)
+    assert mission.name == "ssr" and notes
+    with pytest.raises(MissionError, match="neither 'scenario' nor"):
+        document.read('{"format": 3}', "x.json", templates)
