@@ -76,7 +76,8 @@ def instance(count: int) -> Instance:
             Entity(id=f"body{n}", group="body", index=n, role="asset", type="toy", engine=f"toy{n}", position=(0, 0, 0))
             for n in range(count)
         ),
-        agents=(), messages=(), comms=CommsSpec(mode="broadcast", hub=None), rules=(), unlocks=(), stages=(), relations=(),
+        agents=(), messages=(), comms=CommsSpec(mode="broadcast", hub=None), rules=(), unlocks=(),
+        stages=(), relations=(),
         success=Flag(value=False),
     )  # fmt: skip
 

@@ -54,11 +54,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         _silence_stdout()
         return BROKEN_PIPE
     except LingjingError as error:
-        return _report(error)
+        return _report(error, arguments)
     except OSError as error:
-        return _report(_unwritable(error)) if error.errno in _UNWRITABLE else _bug(error)
+        return _report(_unwritable(error), arguments) if error.errno in _UNWRITABLE else _bug(error, arguments)
     except Exception as error:  # noqa: BLE001 - the last door: whatever comes here is a fault of ours
-        return _bug(error)
+        return _bug(error, arguments)
     return code
 
 
@@ -97,11 +97,11 @@ def _print_version() -> int:
     return ExitCode.OK
 
 
-def _report(error: LingjingError) -> int:
+def _report(error: LingjingError, arguments: Sequence[str]) -> int:
     if _wants_traceback():
         _print_traceback(error)
     if error.exit_code == ExitCode.BUG:
-        return _bug(error)
+        return _bug(error, arguments)
     _say(f"error: {error}")
     if error.hint:
         _say(f"hint: {error.hint}")
@@ -113,13 +113,13 @@ def _unwritable(error: OSError) -> UsageError:
     return UsageError(f"cannot write {name}: {error.strerror}", hint="choose another place with -o, or make room")
 
 
-def _bug(error: BaseException) -> int:
+def _bug(error: BaseException, arguments: Sequence[str]) -> int:
     """One line that can be pasted into a report: version, verb, exception and where it was raised."""
     if _wants_traceback():
         _print_traceback(error)
     import lingjing
 
-    verb = _first_word(sys.argv[1:])
+    verb = _first_word(arguments)
     _say(f"bug: lingjing {lingjing.__version__} {verb}: {type(error).__name__}: {error} [{_origin(error)}]")
     _say("hint: please report the line above; LINGJING_TRACEBACK=1 shows the traceback")
     return ExitCode.BUG

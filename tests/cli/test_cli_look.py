@@ -1,0 +1,124 @@
+"""`plugins`, `new` and `doctor`: what is printed and what is written."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from lingjing.cli import doctor, libraries
+from lingjing.cli.main import main
+from lingjing.errors import PluginError, UsageError
+from lingjing.plugins import host as hosts
+from lingjing.plugins.host import PluginHost
+from lingjing.plugins.loading import build_policy, load_policy
+
+
+def test_plugins_lists_the_built_in_engines_and_the_agents_with_their_source(capsys) -> None:
+    assert main(["plugins", "--output-format", "json"]) == 0
+    found = {(offer["kind"], offer["name"]): offer for offer in json.loads(capsys.readouterr().out)}
+    for engine in ("multirotor", "vessel", "city", "camera"):
+        assert found["engine", engine]["source"] == "builtin"
+    for policy in ("heuristic", "oracle", "random", "react"):
+        assert found["policy", policy]["source"] == "agents"
+    assert found["policy", "oracle"]["notes"] == "privileged"
+    assert found["scene", "bay"]["summary"]
+
+
+def test_plugins_prints_a_line_each(capsys) -> None:
+    assert main(["plugins"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert any(line.split()[:3] == ["policy", "heuristic", "agents"] for line in lines)
+
+
+def test_a_broken_plugin_is_found_among_the_others(capsys, monkeypatch) -> None:
+    def broken(self: PluginHost) -> None:
+        raise PluginError("a plug-in could not be loaded: boom")
+
+    monkeypatch.setattr(hosts.PluginHost, "_load_entry_points", broken)
+    assert main(["plugins"]) == 2
+    said = capsys.readouterr().err
+    assert "builtin  lingjing.plugins.engines.builtin  lingjing 0." in said
+    assert "error: a plug-in could not be loaded: boom" in said
+
+
+def test_a_new_agent_can_be_loaded_as_it_is(tmp_path: Path, monkeypatch, capsys) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["new", "agent", "deep-scout"]) == 0
+    assert "--policy ./deep_scout.py:DeepScout" in capsys.readouterr().out
+    plugin = load_policy("./deep_scout.py:DeepScout", PluginHost(entry_points=False))
+    assert plugin.name == "deep_scout.py:DeepScout"
+    assert type(build_policy(plugin, {})).__name__ == "DeepScout"
+
+
+def test_a_new_agent_overwrites_nothing(tmp_path: Path, monkeypatch, capsys) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("scout.py").write_text("mine")
+    assert main(["new", "agent", "scout"]) == 2
+    assert "already there" in capsys.readouterr().err
+    assert Path("scout.py").read_text() == "mine"
+
+
+@pytest.mark.parametrize("name", ["class", "1st", "a/b", "", "é", "a b"])
+def test_a_new_agent_needs_a_python_name(name: str, tmp_path: Path, monkeypatch) -> None:
+    from lingjing.cli.new import write_agent
+
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(UsageError, match="not a name"):
+        write_agent(name, tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_new_in_a_folder_that_is_gone_is_a_usage_error(tmp_path: Path) -> None:
+    from lingjing.cli.new import write_agent
+
+    with pytest.raises(UsageError, match="cannot write"):
+        write_agent("scout", tmp_path / "gone")
+
+
+def test_doctor_finds_this_machine_fit(capsys) -> None:
+    assert main(["doctor", "--output-format", "json"]) == 0
+    findings = json.loads(capsys.readouterr().out)
+    assert {finding["name"]: finding["ok"] for finding in findings} == dict.fromkeys(
+        ("python", "system", "libraries", "rendering", "flight", "processes", "disk", "plugins"), True
+    )
+    assert "OpenGL" in next(finding["found"] for finding in findings if finding["name"] == "rendering")
+
+
+def test_doctor_says_what_to_install(capsys, monkeypatch) -> None:
+    absent = libraries.SystemLibrary("libNoSuchThing.so.9", "libnosuchthing9", "a test")
+    monkeypatch.setattr(libraries, "SYSTEM_LIBRARIES", (*libraries.SYSTEM_LIBRARIES, absent))
+    monkeypatch.setattr(doctor, "CHECKS", (doctor.check_python, doctor.check_libraries))
+    assert main(["doctor"]) == 3
+    printed = capsys.readouterr().out
+    assert printed.startswith("ok  python: 3.")
+    assert "BAD libraries: cannot load libNoSuchThing.so.9" in printed
+    assert "do: apt-get install -y libnosuchthing9" in printed
+
+
+@pytest.mark.parametrize(
+    ("code", "found"),
+    [
+        ("import os; os.abort()", "ended with code -6"),
+        ("raise OSError('no display')", "OSError: no display"),
+        ("import time; time.sleep(60)", "no answer within"),
+    ],
+)
+def test_a_probe_that_dies_is_a_finding(code: str, found: str, monkeypatch) -> None:
+    monkeypatch.setattr(doctor, "PROBE_S", 2.0)
+    finding = doctor._probe("rendering", code, "do this")
+    assert (finding.ok, finding.advice) == (False, "do this")
+    assert found in finding.found
+
+
+def test_libraries_can_be_probed_before_anything_is_installed() -> None:
+    code = "import sys; import lingjing.cli.libraries; print(sorted(m for m in sys.modules if 'msgspec' in m))"
+    root = Path(libraries.__file__).parents[2]
+    done = subprocess.run(
+        [sys.executable, "-I", "-S", "-c", f"import sys; sys.path.insert(0, {str(root)!r}); {code}"],
+        capture_output=True, text=True, check=True, timeout=60,
+    )  # fmt: skip
+    assert done.stdout.strip() == "[]"
