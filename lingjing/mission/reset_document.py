@@ -15,6 +15,10 @@ from lingjing.errors import MissionError
 from lingjing.mission import jsontext
 
 
+PLACED = msgspec.Meta(extra_json_schema={"anyOf": [{"required": ["X", "Y"]}, {"required": ["lon", "lat"]}]})
+"""What the schema says beyond the types: a place has one pair of coordinates (the reader checks it where it is used)."""
+
+
 class Part(msgspec.Struct, frozen=True, kw_only=True, rename="camel"):
     """Base of the document's parts: frozen; unknown fields are allowed."""
 
@@ -48,11 +52,17 @@ class Equipment(Part, frozen=True, kw_only=True):
     equipment_code: str = ""
     name: str = ""
     side: str = ""
-    data: Coordinates
+    data: Annotated[Coordinates, PLACED]
     heading: float | None = None
     raw: float | None = None
     yaw: float | None = None
     sensor_type: str = ""
+
+
+class Satellite(Equipment, frozen=True, kw_only=True):
+    """An entity in orbit: its two-line elements place it, coordinates may be missing."""
+
+    data: Coordinates = Coordinates()
 
 
 class EquipmentList(Part, frozen=True, kw_only=True):
@@ -61,7 +71,7 @@ class EquipmentList(Part, frozen=True, kw_only=True):
     drone_entity_list: tuple[Equipment, ...] = ()
     unmanned_dog_entity_list: tuple[Equipment, ...] = ()
     auto_vehicle_entity_list: tuple[Equipment, ...] = ()
-    satellite_entity_list: tuple[Equipment, ...] = ()
+    satellite_entity_list: tuple[Satellite, ...] = ()
     ship_entity_list: tuple[Equipment, ...] = ()
     plane_entity_list: tuple[Equipment, ...] = ()
 
@@ -71,8 +81,8 @@ class InitialState(Part, frozen=True, kw_only=True):
 
     weather: str = ""
     uav_count: int | None = msgspec.field(default=None, name="uav_count")
-    rescue_person_position: tuple[Person, ...] = ()
-    rescue_range: tuple[Corner, ...] = ()
+    rescue_person_position: tuple[Annotated[Person, PLACED], ...] = ()
+    rescue_range: tuple[Annotated[Corner, PLACED], ...] = ()
     goal_fire_position: tuple[Coordinates, ...] = ()
 
 

@@ -157,6 +157,10 @@ def test_a_place_without_height_stands_on_the_datum(ssr: m.Mission) -> None:
             "unmannedDogEntityList: mission 'ssr' has no quadruped; 1 kept, not played",
         ),
         (
+            lambda s: s["equipmentList"].update(satelliteEntityList=[{"equipmentCode": "SAT-1", "tle1": "1 25544U"}]),
+            "satelliteEntityList: mission 'ssr' has no satellite; 1 kept, not played",
+        ),
+        (
             lambda s: s["equipmentList"]["shipEntityList"].append(s["equipmentList"]["shipEntityList"][0]),
             "the first of 2 is the boat",
         ),
@@ -285,6 +289,14 @@ def test_any_json_ends_in_a_message(ssr: m.Mission, value: object) -> None:
     for whole in (value, {"scenario": value}, {"equipmentList": value, "taskMatrix": value}):
         with pytest.raises(LingjingError):
             read(ssr, json.dumps(whole))
+
+
+def test_the_schema_knows_a_place_and_a_satellite_without_one() -> None:
+    validator = jsonschema.Draft202012Validator(msgspec.json.decode(document.schemas()["reset-scenario.schema.json"]))
+    orbit = [{"equipmentCode": "SAT-1", "tle1": "1 25544U", "tle2": "2 25544"}]
+    assert validator.is_valid(json.loads(edited(lambda s: s["equipmentList"].update(satelliteEntityList=orbit))))
+    assert not validator.is_valid(json.loads(edited(lambda s: state(s)["rescuePersonPosition"][0].pop("Y"))))
+    assert not validator.is_valid(json.loads(edited(lambda s: s["equipmentList"].update(shipEntityList=orbit))))
 
 
 def test_a_template_without_a_count_parameter_takes_the_documents_count(ssr: m.Mission) -> None:
