@@ -14,9 +14,8 @@ import msgspec
 from lingjing.errors import MissionError
 from lingjing.mission import jsontext
 
-
 PLACED = msgspec.Meta(extra_json_schema={"anyOf": [{"required": ["X", "Y"]}, {"required": ["lon", "lat"]}]})
-"""What the schema says beyond the types: a place has one pair of coordinates (the reader checks it where it is used)."""
+"""What the schema says beyond the types: a place has a pair of coordinates (checked where it is used)."""
 
 
 class Part(msgspec.Struct, frozen=True, kw_only=True, rename="camel"):
