@@ -137,9 +137,7 @@ def in_image(pose: CameraPose, u: float, v: float) -> bool:
     return 0.0 <= u <= pose.width and 0.0 <= v <= pose.height
 
 
-def box_to_plane(
-    pose: CameraPose, box: tuple[float, float, float, float], elevation_m: float
-) -> Vector | None:
+def box_to_plane(pose: CameraPose, box: tuple[float, float, float, float], elevation_m: float) -> Vector | None:
     """Where the centre of a normalised box (x0, y0, x1, y1) lies on the horizontal plane at `elevation_m`."""
     u = (box[0] + box[2]) / 2.0 * pose.width
     v = (box[1] + box[3]) / 2.0 * pose.height

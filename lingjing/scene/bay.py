@@ -139,6 +139,11 @@ def _solids(level: float) -> Iterator[Solid]:
     for k, east in enumerate(range(232, 361, 16)):
         yield Solid(id=f"bollard-{k}", polygon=_box(east, -675.4, east + 0.5, -674.9), base_m=top, top_m=top + 0.6,
                     material="iron")  # fmt: skip
+    for k, (column, row) in enumerate(((340.0, -640.0), (340.0, -636.5), (346.0, -600.0), (232.0, -600.0))):
+        yield Solid(id=f"container-{k}", polygon=_box(column, row, column + 12.2, row + 2.44), base_m=top,
+                    top_m=top + 2.6, material=("red", "blue", "green", "blue")[k])  # fmt: skip
+    yield Solid(id="edge-line", polygon=_box(230.0, -673.6, 360.0, -673.2), base_m=top, top_m=top + 0.01,
+                material="paint")  # fmt: skip
     tower = tuple((531.0 + 3.0 * cos(k * pi / 6), -620.0 + 3.0 * sin(k * pi / 6)) for k in range(12))
     gallery = tuple((531.0 + 3.6 * cos(k * pi / 6), -620.0 + 3.6 * sin(k * pi / 6)) for k in range(12))
     base = level + 7.0
@@ -166,8 +171,8 @@ def _harbour(level: float, chance: Random) -> Iterator[Prop]:
     top = apron_top_m(level)
     for k, (east, north) in enumerate(((306.6, -620.2), (310.0, -590.1), (278.7, -590.1))):
         yield Prop(id=f"pad-{k}", cls="concrete", model="helipad", position=(east, north, top))
-    for k in range(9):
-        east = 26.0 + 12.5 * k
+    for k in range(7):
+        east = 22.0 + 11.0 * k
         side = -1.0 if k % 2 else 1.0
         model = chance.choice(("dinghy", "fishing_boat", "rowing_boat"))
         yield Prop(id=f"berth-{k}", cls="moored_boat", model=model, floating=True,

@@ -12,7 +12,7 @@ APT_LINE = "apt-get install -y libegl1 libgl1"
 def open_context() -> moderngl.Context:
     """A standalone OpenGL 3.3 context. Raises `InfrastructureError` with the line that installs what is missing."""
     try:
-        return moderngl.create_context(standalone=True, backend="egl", require=330)
+        return moderngl.create_context(standalone=True, backend="egl", require=330)  # type: ignore[arg-type] # its stub
     except Exception as error:
         raise InfrastructureError(f"the camera cannot open an OpenGL context through EGL: {error}",
                                   hint=f"on Debian or Ubuntu: {APT_LINE}") from error  # fmt: skip

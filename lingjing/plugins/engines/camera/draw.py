@@ -28,13 +28,9 @@ from lingjing.plugins.engines.camera.targets import MAX_TARGETS, Buffers, Target
 from lingjing.plugins.geometry import camera_axes, focal_px
 from lingjing.trace.records import CameraPose
 
-VERTEX = "3f 3f 3f 1f"
 VERTEX_NAMES = ("in_position", "in_normal", "in_colour")
-INSTANCE = "4f 4f 4f 1f 1u/i"
 INSTANCE_NAMES = ("in_row0", "in_row1", "in_row2", "in_plane", "in_id")
 FAR_M = 40_000.0
-ALL = (True, True, True, True)
-NONE = (False, False, False, False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,6 +96,10 @@ class Renderer:
 
     def load(self, ground: Ground) -> None:
         """Replace the static geometry."""
+        with self.context:
+            self._load(ground)
+
+    def _load(self, ground: Ground) -> None:
         for _, model in self._surfaces:
             model.release()
         for model in self._solids:
@@ -116,10 +116,14 @@ class Renderer:
 
     def render(self, pose: CameraPose, scenery: Scenery, depth: bool) -> Buffers:
         """Draw one picture and read it back."""
+        with self.context:
+            return self._render(pose, scenery, depth)
+
+    def _render(self, pose: CameraPose, scenery: Scenery, depth: bool) -> Buffers:
         target = self._target((pose.width, pose.height), depth)
         self._prepare(pose, scenery)
         target.frame.use()
-        target.frame.color_mask = [ALL] * (3 if depth else 2)
+        target.write(colour=True, alpha=True, rest=True)
         target.frame.clear(0.0, 0.0, 0.0, 1.0)
         self.context.enable_only(moderngl.DEPTH_TEST)
         self.context.depth_func = "<="
@@ -139,6 +143,11 @@ class Renderer:
 
     def close(self) -> None:
         """Release every GL object, then the context."""
+        with self.context:
+            self._release()
+        self.context.release()
+
+    def _release(self) -> None:
         for target in self._targets.values():
             target.release()
         for model in [*(m for _, m in self._surfaces), *self._solids, *self._models.values()]:
@@ -148,7 +157,6 @@ class Renderer:
             thing.release()
         for program in self._programs:
             program.release()
-        self.context.release()
 
     def _target(self, size: tuple[int, int], depth: bool) -> Target:
         key = size, depth
@@ -213,7 +221,7 @@ class Renderer:
         drawn = []
         slack = 1.0 + 2.0 / max(_sun(scenery.weather)[2], 0.2)
         for batch in scenery.batches:
-            near = visible(batch.rows, batch.radius, pose, slack) | _casts_far(batch, scenery.weather)
+            near = visible(batch.rows, batch.radius, pose, slack) | _casts_far(batch)
             if not near.any():
                 continue
             rows = afloat(batch, scenery.sea[0])
@@ -233,29 +241,26 @@ class Renderer:
         return model
 
     def _blend(self, target: Target, drawn: list[tuple[_Model, int, int]], scenery: Scenery) -> None:
-        spare = [NONE] * (len(target.frame.color_attachments) - 1)
-        target.frame.depth_mask = False
         self.context.enable(moderngl.BLEND)
-        self._marks(target, spare, scenery)
+        self._marks(target, scenery)
         casters = [(model, count) for model, count, _ in drawn] + [(model, 1) for model in self._solids]
-        self.context.blend_func = moderngl.ONE, moderngl.ZERO
-        target.frame.color_mask = [(False, False, False, True), *spare]
-        self._shadow["u_dark"] = _shade(scenery.weather)
-        for model, count in casters:
-            model.shadow.render(instances=count)
-        self.context.blend_func = moderngl.ZERO, moderngl.DST_ALPHA, moderngl.ONE, moderngl.ZERO
-        target.frame.color_mask = [ALL, *spare]
-        self._shadow["u_dark"] = 1.0
-        for model, count in casters:
-            model.shadow.render(instances=count)
-        target.frame.color_mask = [ALL] * (1 + len(spare))
-        target.frame.depth_mask = True
+        target.write(colour=False, alpha=True, rest=False)
+        self._cast(casters, _shade(scenery.weather), (moderngl.ONE, moderngl.ZERO))
+        target.write(colour=True, alpha=True, rest=False)
+        self._cast(casters, 1.0, (moderngl.ZERO, moderngl.DST_ALPHA, moderngl.ONE, moderngl.ZERO))
+        target.write(colour=True, alpha=True, rest=True)
         self.context.disable(moderngl.BLEND)
 
-    def _marks(self, target: Target, spare: list[tuple[bool, ...]], scenery: Scenery) -> None:
+    def _cast(self, casters: list[tuple[_Model, int]], alpha: float, blend: tuple[int, ...]) -> None:
+        self._shadow["u_dark"] = alpha
+        self.context.blend_func = blend  # type: ignore[assignment] # two or four factors
+        for model, count in casters:
+            model.shadow.render(instances=count)
+
+    def _marks(self, target: Target, scenery: Scenery) -> None:
         if not len(scenery.marks):
             return
-        target.frame.color_mask = [(True, True, True, False), *spare]
+        target.write(colour=True, alpha=False, rest=False)
         self.context.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
         buffer = self.context.buffer(scenery.marks.tobytes())
         array = self.context.vertex_array(
@@ -273,7 +278,7 @@ def _layout(program: moderngl.Program, sizes: Sequence[str], names: Sequence[str
     return (" ".join(parts) + rate, *(name for name, there in zip(names, used, strict=True) if there))
 
 
-def _casts_far(batch: Batch, weather: Weather) -> npt.NDArray[np.bool_]:
+def _casts_far(batch: Batch) -> npt.NDArray[np.bool_]:
     """Instances high over their shadow's plane, whose shadow lies far from themselves."""
     high = batch.rows["rows"][:, 2, 3] - batch.rows["plane"]
     return np.asarray(high > 2.0 * batch.radius)
@@ -296,7 +301,7 @@ def _view(pose: CameraPose) -> dict[str, object]:
     a, b = (FAR_M + near) / (FAR_M - near), -2.0 * FAR_M * near / (FAR_M - near)
     sx, sy = 2.0 * focal / pose.width, 2.0 * focal / pose.height
     clip = np.zeros((4, 4))
-    clip[0, :3], clip[1, :3], clip[2, :3], clip[3, :3] = np.array(right) * sx, np.array(down) * sy, np.array(axis) * a, axis
+    clip[:, :3] = np.array([right, down, axis, axis]) * np.array([[sx], [sy], [a], [1.0]])
     clip[2, 3] = b
     return {
         "u_clip": tuple(clip.T.ravel().tolist()),

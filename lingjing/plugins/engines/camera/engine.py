@@ -10,6 +10,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import msgspec
+
 from lingjing.errors import InfrastructureError
 from lingjing.mission.instance import CameraSpec, Entity
 from lingjing.plugins.engine import Boundary, CaptureRequest, EngineSpec, Frame
@@ -17,7 +19,7 @@ from lingjing.plugins.engines.camera.boxes import entity_boxes
 from lingjing.plugins.engines.camera.classes import FIRST_ENTITY, MAX_ENTITIES, semantic_table
 from lingjing.plugins.engines.camera.context import renderer_name
 from lingjing.plugins.engines.camera.draw import Renderer, Scenery
-from lingjing.plugins.engines.camera.ground import build_ground, height_under
+from lingjing.plugins.engines.camera.ground import build_ground, height_under, water_level
 from lingjing.plugins.engines.camera.instances import Batch, entity_batches, marks, prop_batches
 from lingjing.plugins.engines.camera.models import entity_model
 from lingjing.plugins.engines.camera.noise import noise_texture
@@ -27,6 +29,9 @@ from lingjing.scene.city import City
 from lingjing.trace.records import BodyState, Command, FrameInfo, Receipt
 
 HIDDEN_STATUSES = frozenset({"rescued"})
+AFLOAT = frozenset({"person_in_water", "lifeboat"})
+"""Types that are drawn on the water's plane: the drawn sea is flat (waves live in its shading), so a body that an
+engine heaves with its waves would sink out of sight or hover."""
 
 
 class CameraEngine:
@@ -40,6 +45,7 @@ class CameraEngine:
         self._ocean: Ocean | None = None
         self._states: dict[str, BodyState] = {}
         self._time_s = 0.0
+        self._level = 0.0
 
     def reset(self, spec: EngineSpec, city: City, seed: int) -> Boundary:
         """Open the context if need be, build the city's meshes if it changed, forget the last episode."""
@@ -50,7 +56,7 @@ class CameraEngine:
             self._renderer = Renderer()
         if city != self._city:
             self._renderer.load(build_ground(city, noise_texture()[::4, ::4, 0]))
-            self._props, self._city = prop_batches(city), city
+            self._props, self._city, self._level = prop_batches(city), city, water_level(city)
         self._spec, self._time_s = spec, 0.0
         self._ocean = Ocean(spec.instance.weather, seed)
         self._states = {e.id: BodyState(id=e.id, position=e.position, heading_deg=e.heading_deg) for e in entities}
@@ -127,8 +133,10 @@ class CameraEngine:
             if entity.id != viewer.id and state.status not in HIDDEN_STATUSES:
                 key, mesh = entity_model(entity.type, entity.index, self._time_s)
                 plane = height_under(self._city, state.position[0], state.position[1])
-                drawn.append((state, key, mesh, FIRST_ENTITY + number, plane))
-                wet.append((state, entity.type))
+                if entity.type in AFLOAT and plane == self._level:
+                    state = msgspec.structs.replace(state, position=(*state.position[:2], plane))
+                    wet.append((state, entity.type))
+                drawn.append((state, f"entity/{key}", mesh, FIRST_ENTITY + number, plane))
         batches = (*self._props, *entity_batches(drawn))
         sea = self._ocean.surfaces(self._time_s)
         return Scenery(self._time_s, instance.weather, sea, batches, marks(wet))

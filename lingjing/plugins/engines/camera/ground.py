@@ -34,11 +34,14 @@ MATERIALS: dict[str, Colour] = {
     "iron": (0.05, 0.05, 0.055),
     "white": (0.80, 0.80, 0.78),
     "red": (0.55, 0.04, 0.03),
+    "blue": (0.05, 0.13, 0.30),
+    "green": (0.05, 0.17, 0.10),
+    "paint": (0.62, 0.46, 0.08),
 }
 SHORE_SIZE = 1024
 SHORE_REACH_M = 160.0
 
-Grid = npt.NDArray[np.float64]
+Grid = npt.NDArray[np.floating]
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,8 +132,9 @@ def _profile(into: Grid, rise: float, slope: float, xs: Grid, ys: Grid, number: 
     """Height over the water from the distance inside the polygon, with relief that fades at the edge."""
     x, y = np.meshgrid(xs, ys)
     relief = np.sin(x / 17.0 + number) * np.sin(y / 13.0 + 2.0 * number) + 0.6 * np.sin(x / 7.3 - y / 9.1 + number)
-    ramp = -0.5 + slope * (into + 0.6 * relief)
-    top = rise * (1.0 + 0.05 * relief)
+    ramp = -0.15 + slope * (into + 0.6 * relief)
+    hills = 0.5 * np.sin(x / 210.0 + 0.7) * np.sin(y / 170.0 + np.sin(x / 330.0)) if rise > 15.0 else 0.0
+    top = rise * (1.0 + 0.05 * relief + hills)
     smooth = np.minimum(ramp, top)
     return np.asarray(np.where(ramp > 0.7 * top, smooth - 0.05 * top * np.clip(1.7 - ramp / top, 0.0, 1.0), smooth))
 

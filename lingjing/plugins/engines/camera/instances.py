@@ -9,9 +9,9 @@ from math import cos, radians, sin
 import numpy as np
 import numpy.typing as npt
 
+from lingjing.plugins.engines.camera.classes import prop_class
 from lingjing.plugins.engines.camera.meshes import Array
 from lingjing.plugins.engines.camera.models import prop_model
-from lingjing.plugins.engines.camera.classes import prop_class
 from lingjing.plugins.engines.camera.ocean import Surface
 from lingjing.plugins.geometry import camera_axes, focal_px
 from lingjing.scene.city import City
@@ -86,17 +86,16 @@ def entity_batches(drawn: Iterable[tuple[BodyState, str, Array, int, float]]) ->
 
 
 def afloat(batch: Batch, swell: Surface) -> Rows:
-    """The batch's rows with floating ones lifted and tilted by the waves."""
+    """The batch's rows with floating ones tilted by the waves; the drawn sea is flat, so they stay on its plane."""
     if not batch.floating.any():
         return batch.rows
     rows = batch.rows.copy()
     which = np.flatnonzero(batch.floating)
     at = rows["rows"][which].astype(np.float64)
-    height, east, north = swell.at(at[:, 0, 3], at[:, 1, 3])
+    _, east, north = swell.at(at[:, 0, 3], at[:, 1, 3])
     lean = np.broadcast_to(np.eye(3), (len(which), 3, 3)).copy()
     lean[:, 2, 0], lean[:, 2, 1], lean[:, 0, 2], lean[:, 1, 2] = east, north, -east, -north
     at[:, :, :3] = lean @ at[:, :, :3]
-    at[:, 2, 3] += 0.6 * height
     rows["rows"][which] = at.astype(np.float32)
     return rows
 
@@ -126,10 +125,10 @@ def marks(states: Sequence[tuple[BodyState, str]]) -> npt.NDArray[np.void]:
         speed = float(np.hypot(state.velocity[0], state.velocity[1]))
         heading = radians(state.heading_deg)
         if kind == "person_in_water":
-            out.append(((east, north, 1.7, heading), (0.0, 0.55)))
+            out.append(((east, north, 1.3, heading), (0.0, 0.5)))
         elif kind == "lifeboat" and speed > 0.3:
             size = 6.0 + 6.0 * speed
-            back = 0.92 * size - 3.5
+            back = 0.97 * size - 4.1
             at = (east - back * sin(heading), north - back * cos(heading), size, heading)
             out.append((at, (1.0, min(1.0, 0.3 + 0.25 * speed))))
     return np.array(out, MARK)

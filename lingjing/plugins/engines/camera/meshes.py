@@ -7,6 +7,7 @@ how much a surface mirrors the sun. Everything is built once from numbers in thi
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -51,7 +52,9 @@ def prism(ring: npt.ArrayLike, base: float, top: float, colour: Colour, gloss: f
     return flat(np.concatenate([walls, np.array(fan), np.array(floor)]), colour, gloss)
 
 
-def cylinder(base: Point, top: Point, radii: tuple[float, float], colour: Colour, gloss: float = 0.0, sides: int = 10) -> Array:  # fmt: skip
+def cylinder(
+    base: Point, top: Point, radii: tuple[float, float], colour: Colour, gloss: float = 0.0, sides: int = 10
+) -> Array:
     """A closed cone frustum between two points."""
     start, end = np.array(base, float), np.array(top, float)
     axis = (end - start) / max(float(np.linalg.norm(end - start)), 1e-9)
@@ -101,7 +104,7 @@ def loft(sections: Sequence[tuple[float, npt.ArrayLike]], colour: Colour, gloss:
     """A skin through open cross-sections: (y, points (m, 2) of x and z from left to right), from stern to bow."""
     rings = [np.insert(np.asarray(ring, np.float64), 1, y, axis=1) for y, ring in sections]
     faces = []
-    for near, far in zip(rings[:-1], rings[1:], strict=True):
+    for near, far in pairwise(rings):
         for k in range(len(near) - 1):
             faces.append((near[k], near[k + 1], far[k + 1]))
             faces.append((near[k], far[k + 1], far[k]))

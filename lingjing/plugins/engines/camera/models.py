@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
+from itertools import pairwise
 from math import cos, pi, radians, sin
 
 import numpy as np
@@ -22,7 +23,6 @@ from lingjing.plugins.engines.camera.meshes import (
     flat,
     loft,
     merge,
-
     torus,
     two_sided,
 )
@@ -122,7 +122,8 @@ def _hull(length: float, beam: float, depth: float, colour: Colour, inside: Colo
         half, y = 0.5 * beam * float(width), float(station) * length
         sheer = depth - draught + 0.30 * depth * max(0.0, float(station)) ** 2 * 4.0
         thin = max(half - 0.09, 0.01)
-        outer.append((y, [(half, sheer), (0.82 * half, -0.2 * draught), (0.0, -draught), (-0.82 * half, -0.2 * draught), (-half, sheer)]))  # fmt: skip
+        chine, low = 0.82 * half, -0.2 * draught
+        outer.append((y, [(half, sheer), (chine, low), (0.0, -draught), (-chine, low), (-half, sheer)]))
         inner.append((y * 0.97, [(-thin, sheer), (-0.8 * thin, 0.10), (0.8 * thin, 0.10), (thin, sheer)]))
         rim.append((y, [(-half, sheer + 0.01), (-thin, sheer + 0.01), (thin, sheer + 0.01), (half, sheer + 0.01)]))
     edge = [[(y, ring[k : k + 2]) for y, ring in rim] for k in (0, 2)]
@@ -312,7 +313,9 @@ def _rock(variant: int) -> Array:
 
 def _tree(variant: int) -> Array:
     green: Colour = ((0.06, 0.13, 0.03), (0.09, 0.16, 0.04), (0.05, 0.11, 0.04))[variant]
-    crowns = [(0.0, 0.0, 5.2, 2.3), (1.2, 0.5, 4.4, 1.6), (-1.0, 0.9, 4.6, 1.7), (-0.2, -1.3, 4.2, 1.6), (0.3, 0.2, 6.5, 1.5)]  # fmt: skip
+    crowns = [
+        (0.0, 0.0, 5.2, 2.3), (1.2, 0.5, 4.4, 1.6), (-1.0, 0.9, 4.6, 1.7), (-0.2, -1.3, 4.2, 1.6), (0.3, 0.2, 6.5, 1.5),
+    ]  # fmt: skip
     leaves = [
         ellipsoid((x, y, z), (r, r, 0.8 * r), tuple(c * (0.85 + 0.08 * k) for c in green), rows=5, sides=8)  # type: ignore[arg-type]
         for k, (x, y, z, r) in enumerate(crowns)
@@ -333,7 +336,7 @@ def _helipad() -> Array:
     mark: Colour = (0.75, 0.72, 0.66)
     angle = np.linspace(0.0, 2.0 * pi, 33)
     ring = []
-    for a, b in zip(angle[:-1], angle[1:], strict=True):
+    for a, b in pairwise(angle):
         quad = [(r * cos(t), r * sin(t), 0.02) for r, t in ((2.6, a), (3.0, a), (3.0, b), (2.6, b))]
         ring += [(quad[0], quad[1], quad[2]), (quad[0], quad[2], quad[3])]
     bars = [box((x, 0.0, 0.0), (0.4, 2.6, 0.04), mark) for x in (-0.8, 0.8)]

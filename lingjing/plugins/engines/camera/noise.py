@@ -17,9 +17,8 @@ def noise_texture() -> npt.NDArray[np.uint8]:
 
 
 def _fractal(salt: int, octaves: tuple[int, ...]) -> npt.NDArray[np.float64]:
-    total = sum(_octave(salt + k, cells) / 2.0**k for k, cells in enumerate(octaves))
-    values = np.asarray(total, np.float64)
-    return (values - values.min()) / (values.max() - values.min())
+    values = np.sum([_octave(salt + k, cells) / 2.0**k for k, cells in enumerate(octaves)], axis=0)
+    return np.asarray((values - values.min()) / np.ptp(values))
 
 
 def _octave(salt: int, cells: int) -> npt.NDArray[np.float64]:

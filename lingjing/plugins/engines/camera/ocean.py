@@ -73,13 +73,14 @@ class Ocean:
         chance = np.random.default_rng(int.from_bytes(digest[:16], "big"))
         self._swell = _swell(weather, chance)
         self._ripple = _ripple(weather, chance)
-        self._cover = min(0.06, 2.0 * 3.84e-6 * weather.wind_mps**3.41)
+        self._cover = min(0.06, 3.84e-6 * weather.wind_mps**3.41)
         self._last: tuple[float, tuple[Surface, Surface]] | None = None
 
     def surfaces(self, time_s: float) -> tuple[Surface, Surface]:
         """(swell, ripple) at a time in seconds."""
         if self._last is None or self._last[0] != time_s:
-            self._last = time_s, (self._evaluate(self._swell, time_s, True), self._evaluate(self._ripple, time_s, False))
+            swell, ripple = self._evaluate(self._swell, time_s, True), self._evaluate(self._ripple, time_s, False)
+            self._last = time_s, (swell, ripple)
         return self._last[1]
 
     def _evaluate(self, waves: _Waves, time_s: float, crests: bool) -> Surface:

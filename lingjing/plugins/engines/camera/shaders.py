@@ -21,15 +21,16 @@ vec3 ray_of(vec2 pixel) {
 }
 vec3 sky_of(vec3 d) {
   float h = clamp(d.z, 0.0, 1.0);
-  vec3 clear = mix(vec3(0.62, 0.72, 0.80), vec3(0.10, 0.25, 0.56), 1.0 - (1.0 - h) * (1.0 - h));
-  vec3 grey = mix(vec3(0.66, 0.69, 0.72), vec3(0.52, 0.56, 0.61), h);
+  vec3 clear = mix(vec3(0.42, 0.53, 0.62), vec3(0.075, 0.20, 0.47), 1.0 - (1.0 - h) * (1.0 - h));
+  vec3 grey = mix(vec3(0.46, 0.49, 0.52), vec3(0.40, 0.44, 0.49), h);
   return mix(clear, grey, u_cloud);
 }
-vec3 fogged(vec3 c, float range) {
-  return mix(sky_of(vec3(1.0, 0.0, 0.02)), c, exp(-u_fog * range));
+vec3 fogged(vec3 c, float range, float dive) {   // dive: 0 level line of sight, 1 straight down (less airlight)
+  return mix(sky_of(vec3(1.0, 0.0, 0.02)) * (1.0 - 0.6 * dive), c, exp(-u_fog * range));
 }
 vec4 developed(vec3 c) {
-  return vec4(sqrt(1.0 - exp(-1.75 * max(c, 0.0))), 1.0);
+  vec3 v = sqrt(1.0 - exp(-1.9 * max(c, 0.0)));
+  return vec4(mix(v, v * v * (3.0 - 2.0 * v), 0.55), 1.0);
 }
 """
 
@@ -78,7 +79,7 @@ void main() {
   vec3 light = u_sunlight * max(dot(n, u_sun), 0.0) + u_skylight * (0.62 + 0.38 * n.z);
   float shine = pow(max(dot(n, h), 0.0), 40.0) * v_colour.a;
   vec3 c = v_colour.rgb * light + u_sunlight * shine * 0.6 + sky_of(reflect(-v, n)) * v_colour.a * 0.08;
-  o_colour = developed(fogged(c, range));
+  o_colour = developed(fogged(c, range, max(v.z, 0.0)));
   o_id = v_id;
   o_depth = -dot(to_eye, u_axis);
 }
@@ -98,13 +99,15 @@ void main() {
   vec3 to_eye = u_eye - v_world;
   float range = length(to_eye);
   vec3 n = normalize(v_normal);
-  vec4 wide = texture(u_noise, v_world.xy / 97.0);
-  vec4 fine = texture(u_noise, v_world.xy / 11.0 + v_world.z * 0.05);
-  vec3 c = v_colour.rgb * (0.72 + 0.30 * wide.r + 0.26 * fine.g);
+  vec4 wide = texture(u_noise, v_world.xy / 131.0);
+  vec4 fine = texture(u_noise, mat2(0.86, 0.5, -0.5, 0.86) * v_world.xy / 37.0 + v_world.z * 0.02);
+  vec3 c = v_colour.rgb * (0.72 + 0.30 * wide.r + 0.26 * fine.g) * (0.93 + 0.14 * fine.b);
   float over = v_world.z - u_level;
   if (u_surface == 2) {
     c *= mix(0.45, 1.0, smoothstep(0.15, 0.75, over + 0.25 * (wide.g - 0.5)));
-    c = mix(c, vec3(0.17, 0.14, 0.08), 0.55 * smoothstep(0.62, 0.75, fine.r) * smoothstep(0.8, 1.2, over));
+    float tangle = smoothstep(0.60, 0.80, fine.r * 0.6 + wide.g * 0.45);
+    c = mix(c, vec3(0.14, 0.14, 0.06), 0.6 * tangle * smoothstep(0.9, 1.5, over));
+    c = mix(c, vec3(0.10, 0.08, 0.05), 0.5 * smoothstep(0.10, 0.0, abs(over - 0.95 - 0.3 * (wide.r - 0.5))) * fine.b);
   } else if (u_surface == 3) {
     c = mix(c, vec3(0.20, 0.18, 0.075), smoothstep(0.45, 0.8, wide.g) * 0.75);
     c = mix(c, vec3(0.17, 0.155, 0.13), smoothstep(0.90, 0.80, n.z));
@@ -120,7 +123,7 @@ void main() {
     c = mix(vec3(0.045, 0.055, 0.035), c, smoothstep(0.2, 1.2, over + (wide.g - 0.5)));
   }
   vec3 light = u_sunlight * max(dot(n, u_sun), 0.0) + u_skylight * (0.62 + 0.38 * n.z);
-  o_colour = developed(fogged(c * light, range));
+  o_colour = developed(fogged(c * light, range, max(to_eye.z / range, 0.0)));
   o_id = v_id;
   o_depth = -dot(to_eye, u_axis);
 }
@@ -173,9 +176,9 @@ void main() {
 
   float height = (a.x * 2.0 - 1.0) * u_swell_scale.x;
   float shallow = exp(-land / 13.0);
-  vec3 body = mix(vec3(0.012, 0.060, 0.075), vec3(0.022, 0.082, 0.088), shore.g);
-  body = mix(body, vec3(0.10, 0.235, 0.20), exp(-land / 42.0));
-  body = mix(body, vec3(0.30, 0.31, 0.22), shallow * shallow);
+  vec3 body = mix(vec3(0.008, 0.052, 0.072), vec3(0.016, 0.074, 0.086), shore.g);
+  body = mix(body, vec3(0.055, 0.215, 0.20), exp(-land / 38.0));
+  body = mix(body, vec3(0.27, 0.29, 0.20), shallow * shallow);
   float lit = 0.55 + 0.45 * max(dot(n, u_sun), 0.0) / max(u_sun.z, 0.2);
   body *= lit * (1.0 + 0.35 * clamp(height, -1.0, 1.6) + 1.6 * dot(slope, -u_sun.xy));
   vec3 colour = body * (0.35 * u_sunlight + u_skylight) + sky_of(r) * fresnel * 1.15;
@@ -186,13 +189,14 @@ void main() {
   colour += u_sunlight * min(glint * (0.02 + fresnel * 1.5), 3.0);
 
   vec4 grain = texture(u_noise, p.xy / 19.0 + slope * 0.3);
-  float broken = smoothstep(0.35, 0.75, grain.r * 0.65 + b.x * 0.5);
-  float foam = a.w * broken;
-  float swash = land + 0.9 * sin(u_time * 0.7 + grain.g * 9.0) + 3.0 * grain.g - 2.0 + 1.5 * height;
-  foam = max(foam, smoothstep(4.5, 0.6, swash) * smoothstep(0.30, 0.62, grain.b * 0.6 + grain.r * 0.5) * 0.8);
+  float lace = grain.r * 0.7 + grain.b * 0.45 + (b.x - 0.5) * 0.5;
+  float foam = a.w * smoothstep(0.78 - 0.28 * a.w, 1.06 - 0.28 * a.w, lace + 0.05);
+  float swash = land - 1.6 + 0.8 * sin(u_time * 0.7 + grain.g * 9.0) + 4.0 * (shore.g + grain.g - 1.0) + 1.2 * height;
+  float surf = smoothstep(0.50, 0.80, lace + 0.16 * smoothstep(1.5, -1.0, swash));
+  foam = max(foam, 0.85 * smoothstep(2.6, -0.4, swash) * surf);
   colour = mix(colour, vec3(0.62, 0.66, 0.67) * (0.55 * u_sunlight + u_skylight), foam);
 
-  o_colour = developed(fogged(colour, range));
+  o_colour = developed(fogged(colour, range, v.z));
   o_id = 1u;
   o_depth = depth;
 }
@@ -263,10 +267,12 @@ in vec2 in_kind;               // 0 ripple rings, 1 wake; strength
 out vec2 v_at;
 flat out vec2 v_kind;
 flat out float v_size;
+flat out vec2 v_seed;
 void main() {
   v_at = in_corner;
   v_kind = in_kind;
   v_size = in_place.z;
+  v_seed = floor(in_place.xy) / 7.0;
   vec2 q = in_corner * in_place.z;
   float s = sin(in_place.w), c = cos(in_place.w);
   vec3 w = vec3(in_place.xy + vec2(q.x * c + q.y * s, -q.x * s + q.y * c), u_level);
@@ -282,21 +288,23 @@ uniform sampler2D u_noise;
 in vec2 v_at;
 flat in vec2 v_kind;
 flat in float v_size;
+flat in vec2 v_seed;
 layout(location = 0) out vec4 o_colour;
 void main() {
-  vec4 grain = texture(u_noise, v_at * v_size / 6.0 + vec2(0.0, u_time * 0.05));
+  vec4 grain = texture(u_noise, (v_at * v_size) / 13.0 + v_seed + vec2(0.0, u_time * 0.02));
   float alpha;
   if (v_kind.x < 0.5) {
     float r = length(v_at);
     float rings = 0.5 + 0.5 * sin(22.0 * r - 3.0 * u_time + 3.0 * grain.r);
-    alpha = rings * smoothstep(1.0, 0.25, r) * (0.25 + 0.5 * grain.g);
+    alpha = smoothstep(1.0, 0.2, r) * (0.12 * rings + smoothstep(0.50, 0.75, grain.r + 0.35 * (0.5 - r)));
   } else {
-    float back = (0.92 - v_at.y) * 0.5;
-    float side = abs(v_at.x);
-    float arms = smoothstep(0.10, 0.0, abs(side - 0.16 - 0.42 * back)) * 0.7;
-    float core = smoothstep(0.15 + 0.12 * back, 0.0, side);
-    alpha = (arms + core) * smoothstep(0.0, 0.06, back) * smoothstep(1.0, 0.25, back);
-    alpha *= smoothstep(0.25, 0.7, grain.r * 0.6 + grain.b * 0.5);
+    float back = (0.97 - v_at.y) * v_size;          // metres behind the bow
+    float side = abs(v_at.x) * v_size;
+    float age = back / (2.0 * v_size);
+    float arms = smoothstep(0.35 + 0.05 * back, 0.0, abs(side - 0.5 - 0.30 * back)) * smoothstep(0.75, 0.1, age) * 0.7;
+    float core = smoothstep(1.0 + 0.07 * back, 0.2, side) * smoothstep(6.5, 8.5, back) * smoothstep(1.0, 0.2, age);
+    float froth = smoothstep(0.25 + 0.45 * age, 0.55 + 0.45 * age, grain.r * 0.6 + grain.b * 0.5);
+    alpha = max(arms * smoothstep(0.42, 0.62, grain.r), core * froth);
   }
   o_colour = vec4(developed(vec3(0.62, 0.66, 0.67) * (0.55 * u_sunlight + u_skylight)).rgb, alpha * v_kind.y);
 }

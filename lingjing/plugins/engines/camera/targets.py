@@ -32,20 +32,28 @@ class Target:
         self.frame = context.framebuffer(self._textures, self._z)
         self.has_depth = depth
 
+    def write(self, colour: bool, alpha: bool, rest: bool) -> None:
+        """Choose what drawing changes: colour, its alpha, and the rest (ids, depth picture, depth test buffer)."""
+        others = [(rest,) * 4] * (len(self._textures) - 1)
+        self.frame.color_mask = [(colour, colour, colour, alpha), *others]  # type: ignore[assignment] # per target
+        self.frame.depth_mask = rest
+
     def read(self) -> Buffers:
         """Fresh arrays of the last drawing."""
         width, height = self.size
-        rgba = np.empty((height, width, 4), np.uint8)
+        rgb = np.empty((height, width, 3), np.uint8)
         ids = np.empty((height, width), np.uint16)
-        self.frame.read_into(rgba, components=4)
+        self.frame.read_into(rgb, components=3)
         self.frame.read_into(ids, components=1, attachment=1, dtype="u2")
         depth = None
         if self.has_depth:
             depth = np.empty((height, width), np.float32)
             self.frame.read_into(depth, components=1, attachment=2, dtype="f4")
-        return Buffers(np.ascontiguousarray(rgba[..., :3]), ids, depth)
+        return Buffers(rgb, ids, depth)
 
     def release(self) -> None:
         """Free the GL objects."""
-        for thing in (self.frame, self._z, *self._textures):
-            thing.release()
+        self.frame.release()
+        self._z.release()
+        for texture in self._textures:
+            texture.release()
