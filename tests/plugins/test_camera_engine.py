@@ -149,7 +149,7 @@ def test_projected_entity_lies_in_its_box(engine: CameraEngine) -> None:
         found = boxes(frame)
         assert len(found) == expected
         for state in states(instance()):
-            seen = world_to_pixel(frame.info.pose, (*state.position[:2], LEVEL + 0.1))
+            seen = world_to_pixel(frame.info.pose, (*state.position[:2], state.position[2] + 0.1))
             if state.id in found and seen is not None:
                 x0, y0, x1, y1 = found[state.id]
                 assert x0 - 2 / 960 <= seen[0] / 960 <= x1 + 2 / 960
@@ -285,7 +285,8 @@ def digest() -> str:
 
 
 def test_same_pictures_in_two_other_processes_silent_at_exit() -> None:
-    code = f"import sys; sys.path.insert(0, {os.path.dirname(__file__)!r}); import test_camera_engine as t; print(t.digest())"
+    here = os.path.dirname(__file__)
+    code = f"import sys; sys.path.insert(0, {here!r}); import test_camera_engine as t; print(t.digest())"
     runs = [
         subprocess.run([sys.executable, "-c", code], env={**os.environ, "PYTHONHASHSEED": h}, check=True,
                        capture_output=True, text=True)
