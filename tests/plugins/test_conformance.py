@@ -7,10 +7,11 @@ import msgspec
 import numpy as np
 import pytest
 
-from lingjing.mission.instance import ArgumentSpec, CameraSpec, Field, MessageSpec, VerbSpec, Weather
+from lingjing.mission.instance import ArgumentSpec, CameraSpec, Field, MessageSpec, SceneSpec, VerbSpec, Weather
 from lingjing.plugins import conformance as kit
 from lingjing.plugins.engine import Boundary, EnginePlugin, Frame
-from lingjing.plugins.engines.builtin import lingjing_engines
+from lingjing.plugins.engines import builtin
+from lingjing.plugins.host import PluginHost
 from lingjing.plugins.policy import Brief, PolicyPlugin, Resource
 from lingjing.trace.records import (
     Action,
@@ -24,7 +25,7 @@ from lingjing.trace.records import (
     TaskEvent,
 )
 
-BUILT_IN = {plugin.name: plugin for plugin in lingjing_engines()}
+BUILT_IN = {plugin.name: plugin for plugin in builtin.lingjing_engines()}
 WEATHER = Weather(wind_mps=4.0, wind_from_deg=220.0, turbulence=0.2, wave_height_m=0.5, current_mps=0.15)
 
 
@@ -479,6 +480,14 @@ def test_a_broken_policy_is_caught(brief, broken, complaint):
 
 def test_a_policy_over_a_model_need_not_repeat_itself(brief):
     kit.check_policy(PolicyPlugin(name="fickle", factory=Fickle), brief, deterministic=False)
+
+
+def test_the_host_finds_the_built_in_plug_ins_through_the_door_of_all():
+    host = PluginHost(entry_points=False, extra=(builtin,))
+    assert set(host.engines) == {"multirotor", "vessel", "city", "camera"}
+    assert [name for name, plugin in host.engines.items() if plugin.sensor] == ["camera"]
+    assert host.engine("camera").place == "camera"
+    assert host.scene("bay").build(SceneSpec(kind="bay", datum_m=-3.5)).waters
 
 
 def test_nothing_heavy_is_loaded_to_declare_the_built_in_plug_ins():

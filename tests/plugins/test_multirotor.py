@@ -173,6 +173,16 @@ def test_flying_into_a_tower_is_a_collision_and_a_fall(fly, quay):
     assert play.command("uav[1]", "stop").reason == "dead"
 
 
+def test_two_that_meet_in_the_air_both_fall(player, instance_of, uav, open_sea):
+    pair = [uav(1, (0.0, 0.0, 50.0)), uav(2, (100.0, 0.0, 50.0)), uav(3, (50.0, 10.0, 50.0))]
+    play = player(MultirotorEngine(), instance_of(pair), open_sea, "multirotor")
+    play.command("uav[1]", "setDestination", x=100.0, y=0.0, z=50.0)
+    play.command("uav[2]", "setDestination", x=0.0, y=0.0, z=50.0)
+    play.run(20.0)
+    assert [event.entities for event in play.events] == [("uav[1]", "uav[2]"), ("uav[2]", "uav[1]")]
+    assert [state.status for state in play.boundary.states] == ["dead", "dead", "hovering"]
+
+
 def test_it_comes_down_on_a_roof_and_not_through_it(fly, quay):
     play = fly(city=quay, position=(100.0, 0.0, 90.0), endurance_s=5.0)
     play.run(40.0)

@@ -5,6 +5,7 @@ Points are (east, north) metres, bearings compass degrees in [0, 360). Polygons 
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,20 +14,13 @@ from lingjing.scene.city import City, Polygon, Solid
 
 Point = tuple[float, float]
 
+_CELL_M = 50.0
+_REACH_M = 1.0
+
 
 def compass(angle_deg: float) -> float:
     """An angle as a bearing in [0, 360); taken twice, because a tiny negative angle rounds up to 360 the first time."""
     return angle_deg % 360.0 % 360.0
-
-
-def bearing_of(east: float, north: float) -> float:
-    """Compass bearing of a vector, degrees; 0 for the null vector."""
-    return compass(math.degrees(math.atan2(east, north)))
-
-
-def turn(start_deg: float, end_deg: float) -> float:
-    """The signed shortest turn from one bearing to another, degrees in (-180, 180], clockwise positive."""
-    return -((start_deg - end_deg + 180.0) % 360.0 - 180.0)
 
 
 def inside(polygon: Sequence[Point], x: float, y: float) -> bool:
@@ -91,7 +85,7 @@ class Terrain:
         self.datum_m = city.datum_m
         self._waters = tuple((Area.of(water.polygon), water.level_m) for water in city.waters)
         self._lands = tuple((Area.of(land.polygon), land.top_m) for land in city.lands)
-        self._solids = tuple((Area.of(solid.polygon), solid) for solid in city.solids)
+        self._solids = _indexed(city.solids)
         tops = [city.datum_m, *(top for _, top in self._lands), *(level for _, level in self._waters)]
         self.highest_m = max([*tops, *(solid.top_m for solid in city.solids)])
 
@@ -110,13 +104,28 @@ class Terrain:
 
     def support(self, x: float, y: float, below_m: float) -> float:
         """Elevation of what something falling from `below_m` comes to rest on: ground, water or a solid's top."""
-        tops = [solid.top_m for area, solid in self._solids if solid.top_m <= below_m and area.holds(x, y)]
+        tops = [solid.top_m for area, solid in self._near(x, y) if solid.top_m <= below_m and area.holds(x, y)]
         return max([self.surface(x, y), *tops])
 
     def solids_at(self, x: float, y: float, low_m: float, high_m: float, margin_m: float = 0.0) -> tuple[Solid, ...]:
-        """Solids that a body of radius `margin_m` between two elevations is in touch with."""
+        """Solids that a body of radius `margin_m` (at most 1 m) between two elevations is in touch with."""
         return tuple(
             solid
-            for area, solid in self._solids
+            for area, solid in self._near(x, y)
             if solid.base_m < high_m and solid.top_m > low_m and area.holds(x, y, margin_m)
         )
+
+    def _near(self, x: float, y: float) -> tuple[tuple[Area, Solid], ...]:
+        return self._solids.get((math.floor(x / _CELL_M), math.floor(y / _CELL_M)), ())
+
+
+def _indexed(solids: Sequence[Solid]) -> dict[tuple[int, int], tuple[tuple[Area, Solid], ...]]:
+    """Solids by the grid cells that they touch, in the city's order, so that a lookup does not grow with the city."""
+    cells: dict[tuple[int, int], list[tuple[Area, Solid]]] = {}
+    for solid in solids:
+        area = Area.of(solid.polygon)
+        columns = range(math.floor((area.west - _REACH_M) / _CELL_M), math.floor((area.east + _REACH_M) / _CELL_M) + 1)
+        rows = range(math.floor((area.south - _REACH_M) / _CELL_M), math.floor((area.north + _REACH_M) / _CELL_M) + 1)
+        for cell in itertools.product(columns, rows):
+            cells.setdefault(cell, []).append((area, solid))
+    return {cell: tuple(found) for cell, found in cells.items()}

@@ -27,7 +27,8 @@ ENDURANCE_S = 1500.0
 
 _STEPS = round(PERIOD_S / STEP_S)
 _SPINUP_PERIODS = 25
-_RADIUS_M = 0.3
+RADIUS_M = 0.3
+"""From the centre to the rotors' tips, roughly: how close is a collision."""
 _HALF_HEIGHT_M = 0.1
 _AIRBORNE_M = 6.0
 _LAUNCH_M = 1.5
@@ -96,6 +97,11 @@ class Drone:
         return self.phase in (Phase.GROUNDED, Phase.SPINUP, Phase.FLYING)
 
     @property
+    def flying(self) -> bool:
+        """Whether the vehicle is in the air and in control."""
+        return self.phase in (Phase.FLYING, Phase.LANDING)
+
+    @property
     def progress(self) -> float:
         """How much of the task's way is behind, 0..1."""
         if self.task is None or self._length <= 0.0:
@@ -124,6 +130,12 @@ class Drone:
         self._goal = self._point_ahead(ahead)
         self.task = Task(legs=(self._goal,), arrives=False)
         self._legs, self._length = self.task.legs, path_length(self.position, self.task.legs)
+
+    def strike(self, what: str) -> Notice:
+        """Hit something: the flight is over and the fall begins."""
+        notice = Notice("collided", what, math.hypot(*self.velocity))
+        self.phase, self.velocity = Phase.FALLING, (0.0, 0.0, 0.0)
+        return notice
 
     def begin_here(self) -> None:
         """A task that is done at once."""
@@ -204,25 +216,20 @@ class Drone:
         x, y, z = self.position
         if z - _HALF_HEIGHT_M > self._terrain.highest_m or self._at_launch():
             return None
-        solids = self._terrain.solids_at(x, y, z - _HALF_HEIGHT_M, z + _HALF_HEIGHT_M, _RADIUS_M)
+        solids = self._terrain.solids_at(x, y, z - _HALF_HEIGHT_M, z + _HALF_HEIGHT_M, RADIUS_M)
         if solids:
-            return self._crash(solids[0].id)
+            return self.strike(solids[0].id)
         if z - _HALF_HEIGHT_M > self._terrain.surface(x, y):
             return None
         if self.phase is Phase.LANDING:
             self._rest()
             return None
-        return self._crash("ground" if self._terrain.water_level(x, y) is None else "water")
+        return self.strike("ground" if self._terrain.water_level(x, y) is None else "water")
 
     def _at_launch(self) -> bool:
         x, y, z = self._launch
         near = math.hypot(self.position[0] - x, self.position[1] - y) < _LAUNCH_M
-        return near and self.position[2] > z - _RADIUS_M and self.phase is Phase.FLYING
-
-    def _crash(self, what: str) -> Notice:
-        notice = Notice("collided", what, math.hypot(*self.velocity))
-        self.phase, self.velocity = Phase.FALLING, (0.0, 0.0, 0.0)
-        return notice
+        return near and self.position[2] > z - RADIUS_M and self.phase is Phase.FLYING
 
     def _exhausted(self) -> Notice | None:
         if self.phase is not Phase.FLYING or not self.battery.empty:

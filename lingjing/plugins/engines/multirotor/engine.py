@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
+import math
 from collections.abc import Sequence
 
 from lingjing.plugins.engine import Boundary, CaptureRequest, EngineSpec, Frame
 from lingjing.plugins.engines.clock import Clock
 from lingjing.plugins.engines.multirotor.control import PERIOD_S
-from lingjing.plugins.engines.multirotor.drone import Drone, Notice
+from lingjing.plugins.engines.multirotor.drone import RADIUS_M, Drone, Notice
 from lingjing.plugins.engines.multirotor.verbs import plan
 from lingjing.plugins.engines.plane import Terrain
 from lingjing.plugins.engines.requests import STOP, Refusal, Requests
@@ -16,7 +18,7 @@ from lingjing.trace.records import BodyState, Command, Receipt, TaskEvent
 
 
 class MultirotorEngine:
-    """Steps every vehicle at 50 Hz (250 Hz inside JSBSim); vehicles do not see each other."""
+    """Steps every vehicle at 50 Hz (250 Hz inside JSBSim); vehicles that touch each other both crash."""
 
     def reset(self, spec: EngineSpec, city: City, seed: int) -> Boundary:
         """Load one airframe a vehicle and stand them at their start."""
@@ -43,6 +45,7 @@ class MultirotorEngine:
                 notice = drone.step()
                 if notice is not None:
                     self._report(drone, notice)
+            self._collide()
         if self._clock.is_boundary(self._tick_s):
             for drone in self._drones.values():
                 self._requests.run(drone.id, until, drone.progress)
@@ -68,6 +71,13 @@ class MultirotorEngine:
             drone.brake()
         else:
             drone.begin(plan(command, drone.situation, self._terrain))
+
+    def _collide(self) -> None:
+        flying = [drone for drone in self._drones.values() if drone.flying]
+        for one, other in itertools.combinations(flying, 2):
+            if math.dist(one.position, other.position) < 2.0 * RADIUS_M and one.flying and other.flying:
+                self._report(one, one.strike(other.id))
+                self._report(other, other.strike(one.id))
 
     def _report(self, drone: Drone, notice: Notice) -> None:
         now, task = self._clock.now_s, drone.task

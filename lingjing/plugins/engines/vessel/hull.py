@@ -1,9 +1,9 @@
 """The hull: how a small lifeboat of 6 m moves through moving water.
 
 Fossen's 3-DOF manoeuvring model in velocities relative to the water (a steady current carries the hull without a
-force of its own): surge and sway with linear and quadratic damping, yaw with what a skeg leaves of the Munk moment, keel lift, wind on the hull's sides,
-added resistance in waves. Integrated by classical Runge-Kutta. Angles in radians, heading clockwise from north, yaw
-rate and sway positive to starboard; forces in newtons.
+force of its own): surge and sway with linear and quadratic damping, keel lift, yaw with what a skeg leaves of the Munk
+moment, wind on the hull's sides, added resistance in waves. Integrated by classical Runge-Kutta. Angles in radians,
+heading clockwise from north, yaw rate and sway positive to starboard; forces in newtons.
 """
 
 from __future__ import annotations
