@@ -1,0 +1,92 @@
+"""What is declared is what is imported, versions are pinned by name alone, and heavy packages have one door each."""
+
+from __future__ import annotations
+
+import ast
+import re
+import sys
+import tomllib
+from collections.abc import Iterator
+from importlib.metadata import packages_distributions
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+CORE, AGENTS = ROOT / "lingjing", ROOT / "agents" / "lingjing_agents"
+ONE_DOOR = {
+    "lark": 1,
+    "mujoco": 1,
+    "jsbsim": 1,
+    "mcap": 1,
+    "pluggy": 2,  # the hook specifications and the host, both in lingjing.plugins
+}
+BY_NAME = {"cv2": "opencv-python-headless", "google": "protobuf"}  # packages that share an import name with others
+
+
+def canonical(name: str) -> str:
+    return re.sub(r"[-_.]+", "-", name).lower()
+
+
+def imports(path: Path) -> Iterator[str]:
+    """Top-level names of every absolute import in a file, wherever it stands."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name.partition(".")[0] for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
+            yield node.module.partition(".")[0]
+
+
+def foreign(root: Path) -> dict[str, set[str]]:
+    """Imported packages that are neither ours nor the standard library's, with the modules that import them."""
+    found: dict[str, set[str]] = {}
+    for path in root.rglob("*.py"):
+        for name in imports(path):
+            if name not in sys.stdlib_module_names and not name.startswith("lingjing"):
+                found.setdefault(name, set()).add(path.relative_to(root.parent).as_posix())
+    return found
+
+
+def distributions(names: set[str]) -> set[str]:
+    known = packages_distributions()
+    return {canonical(BY_NAME.get(name) or known[name][0]) for name in names}
+
+
+def declared(pyproject: Path, *extras: str) -> set[str]:
+    project = tomllib.loads(pyproject.read_text(encoding="utf-8"))["project"]
+    lists = [project["dependencies"], *(project["optional-dependencies"][extra] for extra in extras)]
+    return {canonical(re.match(r"[\w.-]+", line)[0]) for requirements in lists for line in requirements}  # type: ignore[index]
+
+
+def test_the_core_declares_what_it_imports_and_nothing_else() -> None:
+    assert distributions(set(foreign(CORE))) == declared(ROOT / "pyproject.toml")
+
+
+def test_the_agents_declare_what_they_import_and_nothing_else() -> None:
+    needed = declared(ROOT / "agents" / "pyproject.toml", "litellm") - {"lingjing"}
+    assert distributions(set(foreign(AGENTS))) == needed
+
+
+@pytest.mark.parametrize(("package", "doors"), ONE_DOOR.items())
+def test_heavy_packages_have_one_door(package: str, doors: int) -> None:
+    importers = foreign(CORE).get(package, set())
+    assert len(importers) <= doors, sorted(importers)
+
+
+def test_the_chat_library_has_one_door_in_the_agents_and_none_in_the_core() -> None:
+    assert "litellm" not in foreign(CORE)
+    assert len(foreign(AGENTS)["litellm"]) == 1
+
+
+@pytest.mark.parametrize("name", ["constraints.txt", "benchmarks/constraints.txt", "benchmarks/requirements.txt"])
+def test_pins_are_names_and_versions_and_no_hosts(name: str) -> None:
+    lines = [line for line in (ROOT / name).read_text().splitlines() if not line.startswith("#")]
+    assert lines
+    for line in lines:
+        assert re.fullmatch(r"[A-Za-z0-9._-]+==[A-Za-z0-9.!+_-]+", line), line
+
+
+def test_every_dependency_is_pinned() -> None:
+    pins = {canonical(line.partition("==")[0]) for line in (ROOT / "constraints.txt").read_text().splitlines()}
+    asked = declared(ROOT / "pyproject.toml", "dev") | declared(ROOT / "agents" / "pyproject.toml", "litellm")
+    assert asked - {"lingjing"} <= pins
