@@ -21,8 +21,9 @@ from foxglove_schemas_protobuf.ImageAnnotations_pb2 import ImageAnnotations
 from foxglove_schemas_protobuf.LocationFix_pb2 import LocationFix
 from foxglove_schemas_protobuf.Log_pb2 import Log
 from foxglove_schemas_protobuf.PointsAnnotation_pb2 import PointsAnnotation
+from foxglove_schemas_protobuf.RawImage_pb2 import RawImage
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
-from google.protobuf import descriptor_pb2, descriptor_pool, message_factory, timestamp_pb2
+from google.protobuf import descriptor_pb2
 
 from lingjing.mission.instance import Entity, Instance
 from lingjing.trace.container import ContainerSchema
@@ -95,7 +96,7 @@ def frame_messages(
     yield camera_topic(frame), _schema(CompressedImage), _image(frame, camera, jpeg, "jpeg")
     yield camera_topic(frame, "truth"), _schema(ImageAnnotations), _annotations(frame)
     if depth is not None:
-        yield camera_topic(frame, "depth"), _depth_schema(), _depth(frame, camera, depth)
+        yield camera_topic(frame, "depth"), _schema(RawImage), _depth(frame, camera, depth)
     if semantic is not None:
         yield camera_topic(frame, "semantic"), _schema(CompressedImage), _image(frame, camera, semantic, "png")
 
@@ -105,9 +106,10 @@ def image_bytes(message: bytes) -> bytes:
     return bytes(CompressedImage.FromString(message).data)
 
 
-def depth_bytes(message: bytes) -> bytes:
-    """The packed depth inside a `lingjing.DepthImage`."""
-    return bytes(_depth_class().FromString(message).data)
+def depth_bytes(message: bytes) -> tuple[bytes, int, int]:
+    """The 16-bit centimetres inside a `foxglove.RawImage`, with width and height in pixels."""
+    image = RawImage.FromString(message)
+    return bytes(image.data), image.width, image.height
 
 
 def geodetic(origin: tuple[float, float], east: float, north: float) -> tuple[float, float]:
@@ -212,8 +214,11 @@ def _annotations(frame: FrameInfo) -> bytes:
 
 
 def _depth(frame: FrameInfo, camera: str, data: bytes) -> bytes:
-    message = _depth_class()(frame_id=camera, data=data, format="LJD1")
+    """`16UC1` as in ROS, but centimetres: millimetres would end at 65 m."""
+    pose = frame.pose
+    message = RawImage(frame_id=camera, width=pose.width, height=pose.height, encoding="16UC1", step=2 * pose.width)
     _stamp(message.timestamp, frame.time_s)
+    message.data = data
     return bytes(message.SerializeToString(deterministic=True))
 
 
@@ -295,38 +300,3 @@ def _file_set(file: Any) -> bytes:
     for one in files.values():
         one.CopyToProto(whole.file.add())
     return bytes(whole.SerializeToString(deterministic=True))
-
-
-@cache
-def _depth_class() -> Any:
-    """`lingjing.DepthImage`: as `foxglove.CompressedImage`, with `lingjing.trace.images`' packed depth as data.
-
-    Foxglove's only depth picture is a raw one, 4 MB at 1080p; nobody publishes a compressed one."""
-    field = descriptor_pb2.FieldDescriptorProto
-    file = descriptor_pb2.FileDescriptorProto(
-        name="lingjing/DepthImage.proto",
-        package="lingjing",
-        syntax="proto3",
-        dependency=["google/protobuf/timestamp.proto"],
-    )
-    message = file.message_type.add(name="DepthImage")
-    kinds = (("frame_id", field.TYPE_STRING), ("data", field.TYPE_BYTES), ("format", field.TYPE_STRING))
-    message.field.add(
-        name="timestamp",
-        number=1,
-        type=field.TYPE_MESSAGE,
-        type_name=".google.protobuf.Timestamp",
-        label=field.LABEL_OPTIONAL,
-    )
-    for number, (name, kind) in enumerate(kinds, start=2):
-        message.field.add(name=name, number=number, type=kind, label=field.LABEL_OPTIONAL)
-    pool = descriptor_pool.DescriptorPool()
-    timestamp = descriptor_pb2.FileDescriptorProto()
-    timestamp_pb2.DESCRIPTOR.CopyToProto(timestamp)
-    pool.Add(timestamp)
-    pool.Add(file)
-    return message_factory.GetMessageClass(pool.FindMessageTypeByName("lingjing.DepthImage"))
-
-
-def _depth_schema() -> ContainerSchema:
-    return _schema(_depth_class())

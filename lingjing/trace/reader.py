@@ -69,20 +69,24 @@ class Trace:
 
     def jpeg(self, frame_id: str) -> bytes:
         """The stored JPEG. Raises `UsageError` if there is no such picture."""
-        data = self._image(self._info(frame_id), "")
-        if data is None:
+        from lingjing.trace.foxglove import image_bytes
+
+        message = self._message(self._info(frame_id), "")
+        if message is None:
             raise UsageError(f"{self.path} has lost the picture {frame_id}")
-        return data
+        return image_bytes(message)
 
     def picture(self, frame_id: str) -> StoredPicture:
         """The decoded picture. Raises `UsageError` if there is no such picture, `LingjingError` if it is broken."""
+        from lingjing.trace.foxglove import depth_bytes, image_bytes
+
         info = self._info(frame_id)
-        depth, semantic = self._image(info, "depth"), self._image(info, "semantic")
+        depth, semantic = self._message(info, "depth"), self._message(info, "semantic")
         return StoredPicture(
             info=info,
             rgb=images.decode_jpeg(self.jpeg(frame_id)),
-            depth=None if depth is None else images.decode_depth(depth),
-            semantic=None if semantic is None else images.decode_semantic(semantic),
+            depth=None if depth is None else images.decode_depth(*depth_bytes(depth)),
+            semantic=None if semantic is None else images.decode_semantic(image_bytes(semantic)),
         )
 
     def _info(self, frame_id: str) -> FrameInfo:
@@ -91,13 +95,9 @@ class Trace:
             raise UsageError(f"no picture {frame_id} in {self.path}", hint=f"it holds {len(self.frames)}: {some} …")
         return self.frames[frame_id]
 
-    def _image(self, info: FrameInfo, channel: str) -> bytes | None:
-        from lingjing.trace.foxglove import depth_bytes, image_bytes
-
+    def _message(self, info: FrameInfo, channel: str) -> bytes | None:
         place = self.places.get(info.id, {}).get(camera_topic(info, channel))
-        if place is None:
-            return None
-        return (depth_bytes if channel == "depth" else image_bytes)(_read(self.path, place))
+        return None if place is None else _read(self.path, place)
 
 
 def read_trace(path: Path) -> Trace:

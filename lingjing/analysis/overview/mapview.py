@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.lines import Line2D
@@ -17,14 +18,17 @@ from lingjing.analysis.story import Story, Track
 STRAY_M = 400.0
 """Reports farther than this from everything real do not stretch the map; they are clamped to its edge."""
 
+STILL_M = 0.05
+"""A macro-step shorter than this is waiting."""
+
 
 def draw_map(axes: Axes, story: Story) -> None:
     """Fill `axes` with the episode's map, east to the right, metres."""
     axes.set_facecolor(style.WATER)
-    axes.set_aspect("equal", adjustable="box")
     west, south, east, north = _bounds(story, axes)
     axes.set_xlim(west, east)
     axes.set_ylim(south, north)
+    axes.set_aspect("equal", adjustable="box")  # after the limits: it would shrink the panel to theirs
     _ground(axes, story)
     labels = style.Labels(axes)
     _assets(axes, story, labels)
@@ -47,15 +51,13 @@ def _bounds(story: Story, axes: Axes) -> tuple[float, float, float, float]:
         if report.position is not None and _stray(report.position, low, high) <= STRAY_M:
             low, high = np.minimum(low, report.position), np.maximum(high, report.position)
     size = np.maximum((high - low) * 1.12, 100.0)
-    panel = axes.get_position()
-    width, height = axes.figure.get_size_inches()  # type: ignore[union-attr]
-    shape = panel.width * width / (panel.height * height)
+    shape = style.panel_shape(axes)
     size = np.array([max(size[0], size[1] * shape), max(size[1], size[0] / shape)])
     middle = (low + high) / 2
     return (*(middle - size / 2), *(middle + size / 2))
 
 
-def _stray(point: tuple[float, float], low: np.ndarray, high: np.ndarray) -> float:  # type: ignore[type-arg]
+def _stray(point: tuple[float, float], low: npt.NDArray[np.float64], high: npt.NDArray[np.float64]) -> float:
     return float(np.linalg.norm(np.maximum(np.maximum(low - point, np.array(point) - high), 0.0)))
 
 
@@ -93,6 +95,8 @@ def _line(axes: Axes, track: Track, colour: str) -> None:
     points = np.array(track.points)
     if len(points) < 2:
         return
+    moved = np.r_[True, np.hypot(*np.diff(points, axis=0).T) > STILL_M]  # waiting must not use up the shades
+    points = np.concatenate([points[moved], points[-1:]])
     step = max(1, len(points) // 400)
     points = np.concatenate([points[::step], points[-1:]])
     segments = np.stack([points[:-1], points[1:]], axis=1)

@@ -76,7 +76,7 @@ def draw_view(axes: Axes, trace: Trace, view: View) -> None:
     if rgb is None:
         _empty(axes, "the picture cannot be decoded")
         return
-    x0, y0, x1, y1 = _window(view, rgb.shape[1], rgb.shape[0], _shape(axes))
+    x0, y0, x1, y1 = _window(view, rgb.shape[1], rgb.shape[0], style.panel_shape(axes))
     axes.imshow(rgb[y0:y1, x0:x1], extent=(x0, x1, y1, y0), interpolation="nearest", aspect="auto")
     axes.set_xlim(x0, x1)
     axes.set_ylim(y1, y0)
@@ -136,11 +136,11 @@ def _false(story: Story) -> list[View]:
 
 def _missed(story: Story, found: set[str]) -> list[View]:
     best: dict[str, tuple[int, View]] = {}
+    wanted = set(story.fate) - found
     for frame in story.frames.values():
         for truth in frame.boxes:
-            if truth.entity in story.fate and truth.entity not in found:
-                if truth.pixels > best.get(truth.entity, (0,))[0]:
-                    best[truth.entity] = (truth.pixels, View(frame, truth.box, None, truth.entity, 0.0, None))
+            if truth.entity in wanted and truth.pixels > best.get(truth.entity, (0,))[0]:
+                best[truth.entity] = (truth.pixels, View(frame, truth.box, None, truth.entity, 0.0, None))
     return [view for _, view in best.values()]
 
 
@@ -155,12 +155,6 @@ def _window(view: View, width: int, height: int, shape: float) -> tuple[int, int
     left = min(max((x0 + x1 - wide) / 2, 0.0), width - wide)
     top = min(max((y0 + y1 - high) / 2, 0.0), height - high)
     return round(left), round(top), round(left + wide), round(top + high)
-
-
-def _shape(axes: Axes) -> float:
-    width, height = axes.figure.get_size_inches()  # type: ignore[union-attr]
-    panel = axes.get_position()
-    return float(panel.width * width / (panel.height * height))
 
 
 def _rgb(trace: Trace, frame: FrameInfo) -> npt.NDArray[np.uint8] | None:

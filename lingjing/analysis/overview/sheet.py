@@ -47,7 +47,7 @@ def _pictures(figure: Figure, trace: Trace, story: Story) -> None:
         row, column = divmod(place, 2)
         left, bottom = 0.615 + column * 0.19, 0.51 - row * 0.185
         draw_view(_panel(figure, left, bottom, 0.183, 0.13), trace, view)
-    draw_whole(_panel(figure, 0.615, 0.04, 0.373, 0.23), trace, story, whole_frame(story))
+    draw_whole(_panel(figure, 0.615, 0.04, 0.373, 0.235), trace, story, whole_frame(story))
 
 
 def _title(figure: Figure, trace: Trace) -> None:

@@ -7,7 +7,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from matplotlib.axes import Axes
-from matplotlib.text import Annotation
+from matplotlib.backends.backend_agg import FigureCanvasAgg, RendererAgg
+from matplotlib.text import Annotation, Text
 
 INK = "#1c2733"
 FAINT = "#7b8794"
@@ -70,7 +71,8 @@ class Labels:
 
     def add(self, text: str, point: tuple[float, float], colour: str, size: float = 9.0, weight: str = "bold") -> None:
         """Write `text` next to `point` (data coordinates)."""
-        figure = self.axes.figure
+        figure, canvas = self.axes.figure, self.axes.figure.canvas
+        assert isinstance(canvas, FigureCanvasAgg)
         note = self.axes.annotate(
             text,
             point,
@@ -85,7 +87,7 @@ class Labels:
             bbox={"boxstyle": "round,pad=0.15", "facecolor": "white", "alpha": 0.8, "edgecolor": "none"},
             arrowprops={"arrowstyle": "-", "color": colour, "linewidth": 0.6, "alpha": 0.7, "shrinkA": 0, "shrinkB": 2},
         )
-        renderer = figure.canvas.get_renderer()  # type: ignore[union-attr]
+        renderer: RendererAgg = canvas.get_renderer()  # type: ignore[no-untyped-call]
         for dx, dy in _SPOTS:
             half = note.get_window_extent(renderer).width / 2 * 72 / figure.dpi if dx else 0.0
             note.set_position((dx + (half if dx > 0 else -half if dx < 0 else 0.0), dy))
@@ -103,12 +105,16 @@ class Labels:
         )
 
 
-def _extent(note: Annotation, renderer: object) -> tuple[float, float, float, float]:
+def _extent(note: Annotation, renderer: RendererAgg) -> tuple[float, float, float, float]:
     """The label's own rectangle in pixels, without its leader."""
-    from matplotlib.text import Text
-
-    box = Text.get_window_extent(note, renderer)  # type: ignore[arg-type]
+    box = Text.get_window_extent(note, renderer)
     return box.x0 - 2, box.y0 - 2, box.x1 + 2, box.y1 + 2
+
+
+def panel_shape(axes: Axes) -> float:
+    """Width over height of a panel on the page."""
+    size = axes.get_window_extent()
+    return float(size.width / size.height)
 
 
 def bare(axes: Axes, title: str = "") -> None:
