@@ -1,0 +1,69 @@
+"""The mission language `.ljs`: text in, `Mission` and diagnostics out.
+
+Phases, each a plain function, in the order a text passes them:
+
+- `source`: read and decode; where an offset stands. `reporter`: where phases put their diagnostics.
+- `tokens`, `lexer`: text → tokens; newlines only at statement boundaries, braces balanced.
+- `ljs.lark`, `tables`, `builder`, `parser`: tokens → `syntax` tree; lark's LALR(1) tables, recovery at statements.
+- `library`: what `use` finds. `scope`: what names mean.
+- `elaborate`, `calls`, `typenames`: expressions, typed, with the way hidden values take.
+- `blocks`, `settings`, `entities`, `agents`, `rules`, `checker`: declarations → `Checked`.
+- `properties`, `lower`: `Checked` → `lingjing.mission.model.Mission`.
+- `render`, `codes`, `suggest`: diagnostics for people and programs. `load`: any mission file → `Mission`.
+
+Invariants: every error of a file is reported in one run, in source order; a faulty part is never looked at again, its
+good neighbours are; nothing but `UsageError` (unreadable input) and `PluginError` is ever raised for a bad text.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from lingjing.dsl.source import Source
+
+if TYPE_CHECKING:
+    from lingjing.mission.diagnostics import Diagnostic
+    from lingjing.mission.model import Mission
+
+__all__ = ["Compilation", "Source", "compile_file", "compile_source", "compile_text"]
+
+
+class Compilation(msgspec.Struct, frozen=True):
+    """The outcome of one compilation: `mission` is None exactly if there is an error among the diagnostics."""
+
+    mission: Mission | None
+    diagnostics: tuple[Diagnostic, ...]
+    source: Source
+
+
+def compile_text(text: str, *, path: str = "<string>") -> Compilation:
+    """Compile a mission's text. Never raises for what the text says."""
+    return compile_source(Source(text, path))
+
+
+def compile_file(path: str) -> Compilation:
+    """Compile a mission file; `UsageError` if it cannot be read as text."""
+    from lingjing.dsl.source import read_source
+
+    return compile_source(read_source(path))
+
+
+def compile_source(source: Source) -> Compilation:
+    """Compile a source: parse, check, and lower if there was no error."""
+    from lingjing.dsl.checker import check
+    from lingjing.dsl.lower import lower
+    from lingjing.dsl.parser import parse
+    from lingjing.dsl.reporter import Reporter
+    from lingjing.mission.diagnostics import has_errors, in_source_order
+
+    report = Reporter(source)
+    if not source.text.strip():
+        report("LJ0007", 0, 0, "the file is empty", "`lingjing new mission` writes one to start from")
+        return Compilation(None, tuple(report.diagnostics), source)
+    checked = check(parse(report), report)
+    diagnostics = in_source_order(tuple(report.diagnostics))
+    if checked is None or has_errors(diagnostics):
+        return Compilation(None, diagnostics, source)
+    return Compilation(lower(checked, source), diagnostics, source)

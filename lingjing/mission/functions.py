@@ -37,6 +37,7 @@ Kind = Literal[
     "role",
     "events",
     "peers",
+    "velocity",
     "any",
 ]
 
@@ -69,7 +70,7 @@ class Option(msgspec.Struct, frozen=True):
 
 
 class Signature(msgspec.Struct, frozen=True):
-    """A built-in. `where` says where it may stand: in any expression, after `~`, or in rules only.
+    """A built-in. `where` says where it may stand: in any expression, before the run only, after `~`, in rules only.
 
     `variadic` repeats the last parameter; `least` is then the smallest number of arguments. With `same` the result's
     dimension is that of the tied parameters.
@@ -79,7 +80,7 @@ class Signature(msgspec.Struct, frozen=True):
     parameters: tuple[Parameter, ...]
     result: Type
     options: tuple[Option, ...] = ()
-    where: Literal["anywhere", "draw", "rule"] = "anywhere"
+    where: Literal["anywhere", "static", "draw", "rule"] = "anywhere"
     variadic: bool = False
     least: int = 0
     same: bool = False
@@ -105,8 +106,19 @@ POSITIONS = Type("list", item="position")
 PLACE = Type("position", of="entity")
 """A position, or an entity or report that has one."""
 
-TRUTH_FIELDS: dict[str, Type] = {"box": BOX, "position": POSITION, "class": NAME, "visible": FLAG}
+TRUTH_FIELDS: dict[str, Type] = {"box": BOX}
 """What `truth(entity, frame)` tells: the entity as the frame's ground truth has it at capture time."""
+
+STATE_FIELDS: dict[str, tuple[str, Type]] = {
+    "position": ("position", POSITION),
+    "velocity": ("velocity", Type("velocity")),
+    "heading": ("heading_deg", DEGREES),
+    "status": ("status", NAME),
+}
+"""What every entity has while a mission runs: the author's name → its name in the graph, and its type."""
+
+OBSERVED_FIELDS = ("position", "velocity", "heading", "status", "resources", "busy")
+"""What an observation channel of an entity or of `peers` may name; the author's spelling."""
 
 FIELD_TYPES: dict[str, Type] = {
     "name": NAME,
@@ -127,27 +139,36 @@ def _p(name: str, type: Type, *, optional: bool = False, same: bool = False) -> 
 
 _SAME = _p("value", QUANTITY, same=True)
 _SIGNATURES = (
-    Signature("polygon", (_p("corner", POSITION),), REGION, variadic=True, least=3, doc="corners in order"),
-    Signature("circle", (_p("centre", PLACE), _p("radius", METRES)), REGION),
-    Signature("box", (_p("corner", PLACE), _p("corner", PLACE)), REGION, doc="an upright rectangle"),
+    Signature("polygon", (_p("corner", POSITION),), REGION, variadic=True, least=3, where="static", doc="corners in order"),
+    Signature("circle", (_p("centre", PLACE), _p("radius", METRES)), REGION, where="static"),
+    Signature("box", (_p("corner", PLACE), _p("corner", PLACE)), REGION, where="static", doc="an upright rectangle"),
     Signature(
         "at",
         (_p("index", NUMBER), _p("points", POSITIONS)),
         POSITION,
         (Option("spread", METRES),),
+        where="static",
         doc="the index-th of the points; further members stand `spread` apart around them",
     ),
-    Signature("distance", (_p("a", PLACE), _p("b", PLACE)), METRES),
+    Signature("distance", (_p("a", PLACE), _p("b", PLACE)), METRES, where="static"),
     Signature("distance_xy", (_p("a", PLACE), _p("b", PLACE)), METRES, doc="horizontal distance"),
-    Signature("min", (_SAME,), QUANTITY, variadic=True, least=2, same=True),
-    Signature("max", (_SAME,), QUANTITY, variadic=True, least=2, same=True),
-    Signature("abs", (_SAME,), QUANTITY, same=True),
-    Signature("sqrt", (_p("value", NUMBER),), NUMBER),
-    Signature("floor", (_p("value", NUMBER),), NUMBER),
-    Signature("ceil", (_p("value", NUMBER),), NUMBER),
-    Signature("round", (_p("value", NUMBER),), NUMBER),
+    Signature("min", (_SAME,), QUANTITY, variadic=True, least=2, same=True, where="static"),
+    Signature("max", (_SAME,), QUANTITY, variadic=True, least=2, same=True, where="static"),
+    Signature("abs", (_SAME,), QUANTITY, same=True, where="static"),
+    Signature("sqrt", (_p("value", NUMBER),), NUMBER, where="static"),
+    Signature("floor", (_p("value", NUMBER),), NUMBER, where="static"),
+    Signature("ceil", (_p("value", NUMBER),), NUMBER, where="static"),
+    Signature("round", (_p("value", NUMBER),), NUMBER, where="static"),
     Signature("uniform", (_SAME, _SAME), QUANTITY, where="draw", same=True, doc="between low and high"),
-    Signature("normal", (_SAME, _SAME), QUANTITY, where="draw", same=True, doc="mean and standard deviation"),
+    Signature(
+        "normal",
+        (_SAME, _SAME),
+        QUANTITY,
+        (Option("low", QUANTITY, ">="), Option("high", QUANTITY, "<=")),
+        where="draw",
+        same=True,
+        doc="mean and standard deviation, cut off at `low` and `high`",
+    ),
     Signature("choice", (_p("items", LIST),), ANY, where="draw", doc="one of the list's items"),
     Signature(
         "sites",

@@ -1,0 +1,424 @@
+"""`check`: a syntax tree becomes checked declarations, in the order in which they may refer to each other.
+
+Names may be used before they are declared in the text, so heads come first: types and records, mode, params, regions
+and grids, the names of entities, agents, messages, stages and rules; then the bodies. Faulty parts are reported and
+left out; the rest is still checked. `Checked` is complete only if nothing was reported.
+"""
+
+from __future__ import annotations
+
+from typing import TypeVar
+
+import msgspec
+
+from lingjing.dsl import library, syntax as s
+from lingjing.dsl.agents import AgentChecker
+from lingjing.dsl.blocks import BlockReader
+from lingjing.dsl.elaborate import Elaborator
+from lingjing.dsl.entities import EntityChecker
+from lingjing.dsl.parser import parse
+from lingjing.dsl.reporter import Reporter
+from lingjing.dsl.rules import RuleChecker
+from lingjing.dsl.scope import Library, RecordDecl, Scope, TypeDecl
+from lingjing.dsl.settings import SettingsChecker
+from lingjing.dsl.source import Source
+from lingjing.dsl.suggest import did_you_mean, nearest
+from lingjing.mission import expression as ex
+from lingjing.mission import model
+from lingjing.mission.diagnostics import Diagnostic, Related
+
+VERSION = 1
+T = TypeVar("T")
+N = TypeVar("N", bound=s.Statement)
+
+_ONCE = {
+    "goal": s.TextLine,
+    "scene": s.SceneBlock,
+    "mode": s.ModeLine,
+}
+_REQUIRED = (
+    ("goal", 'add `goal "…"`'),
+    ("scene", "add `scene … { }`"),
+    ("clock", "add `clock { tick = 10 s, sync = 500 ms }`"),
+    ("budget", "add `budget { ticks <= … }`"),
+    ("success", "add `success when …`"),
+)
+
+
+class Checked(msgspec.Struct, frozen=True, kw_only=True):
+    """The good declarations of a mission; parts that are missing were reported."""
+
+    name: str
+    title: str
+    goal: str
+    scene: model.Scene | None
+    clock: model.Clock | None
+    budget: model.Budget | None
+    weather: tuple[model.Property, ...]
+    parameters: tuple[model.Parameter, ...]
+    modes: model.Modes | None
+    regions: tuple[model.Region, ...]
+    grids: tuple[model.Grid, ...]
+    groups: tuple[model.Group, ...]
+    agents: tuple[model.Agent, ...]
+    authorities: tuple[model.Authority, ...]
+    messages: tuple[model.MessageKind, ...]
+    comms: model.Comms
+    rules: tuple[model.Rule, ...]
+    unlocks: tuple[model.Unlock, ...]
+    stages: tuple[model.Stage, ...]
+    relations: tuple[model.Relation, ...]
+    reveals: tuple[model.Reveal, ...]
+    success: ex.Expr | None
+    failure: ex.Expr | None
+
+
+def check(tree: s.File, report: Reporter) -> Checked | None:
+    """Check a mission file. None if it holds no mission that could be looked at."""
+    file = FileChecker(report)
+    file.declarations(tree)
+    missions = [item for item in tree.items if isinstance(item, s.MissionBlock)]
+    faulty = any(isinstance(item, s.Faulty) for item in tree.items)
+    for extra in missions[1:]:
+        report("LJ0104", extra.name.start, extra.name.end, "a file holds one mission", "move it into a file of its own")
+    if missions:
+        return MissionChecker(file).mission(missions[0])
+    if not faulty:
+        end = len(report.source.text.rstrip())
+        report("LJ0106", 0, min(1, end), "the file holds no mission", 'add `mission name "title" { … }`')
+    return None
+
+
+def check_library(source: Source) -> tuple[Library, tuple[Diagnostic, ...]]:
+    """Check a library file: its types and records."""
+    report = Reporter(source)
+    tree = parse(report)
+    file = FileChecker(report)
+    file.declarations(tree)
+    for item in tree.items:
+        if isinstance(item, s.MissionBlock):
+            report("LJ0107", item.start, item.name.end, "a library file holds types, no mission")
+    return Library(source.path, file.own_types, file.own_records), tuple(report.diagnostics)
+
+
+class FileChecker:
+    """The top of a file: version, `use`, types and records."""
+
+    def __init__(self, report: Reporter) -> None:
+        self.report = report
+        self.scope = Scope()
+        self.of = Elaborator(report, self.scope)
+        self.blocks = BlockReader(self.of)
+        self.settings = SettingsChecker(self.blocks)
+        self.entities = EntityChecker(self.blocks, self.settings)
+        self.own_types: dict[str, TypeDecl] = {}
+        self.own_records: dict[str, RecordDecl] = {}
+
+    def declarations(self, tree: s.File) -> None:
+        """Everything but the mission."""
+        self.scope.poisoned.update(_names_in_faults(tree.items))
+        self._version(tree)
+        for item in tree.items:
+            if isinstance(item, s.Use):
+                self._use(item)
+        for item in tree.items:
+            if isinstance(item, s.EntityBlock):
+                self._enter(item.name, self.entities.type(item), self.own_types, self.scope.types)
+            elif isinstance(item, s.RecordBlock):
+                self._enter(item.name, self.entities.record(item), self.own_records, self.scope.records)
+            elif not isinstance(item, s.Use | s.Version | s.MissionBlock | s.Faulty):
+                self.blocks.misplaced(item, "a file outside of its mission")
+
+    def _version(self, tree: s.File) -> None:
+        first = tree.items[0] if tree.items else None
+        if not isinstance(first, s.Version):
+            if first is not None and not isinstance(first, s.Faulty):
+                self.report("LJ0106", first.start, first.start + 1, "the file does not say its version", "begin with `ljs 1`")
+            return
+        number = first.number
+        if isinstance(number, s.Number) and number.value != VERSION:
+            self.report("LJ0117", number.start, number.end, f"this is version {number.value:g} of the language, known is {VERSION}",
+                        f"write `ljs {VERSION}`")  # fmt: skip
+        for item in tree.items[1:]:
+            if isinstance(item, s.Version):
+                self.report("LJ0103", item.start, item.end, "the version is given twice")
+
+    def _use(self, node: s.Use) -> None:
+        path = tuple(word.text for word in node.path)
+        shown = ".".join(path)
+        start, end = node.path[0].start, node.path[-1].end
+        file = library.find_file(path)
+        if file is None:
+            known = library.known_paths(path[0])
+            self.report("LJ0118", start, end, f"there is no library `{shown}`", did_you_mean(shown, known), replace=nearest(shown, known))
+            if node.names is not None:
+                self.scope.poisoned.update(item.name.text for item in node.names.items if isinstance(item, s.Bare))
+            else:
+                self.scope.poisoned.update(_words(self.report.source.text))
+            return
+        if os_same(file, self.report.source.path):
+            self.report("LJ0118", start, end, f"`{shown}` uses itself")
+            return
+        found, faults = library.load_library(file)
+        if any(fault.severity == "error" for fault in faults):
+            first = faults[0]
+            self.report("LJ0119", start, end, f"the library `{shown}` has errors", f"run `lingjing validate {file}`",
+                        related=(Related(first.span, first.message),))  # fmt: skip
+        self._import(node, found, shown)
+
+    def _import(self, node: s.Use, found: Library, shown: str) -> None:
+        declared: dict[str, TypeDecl | RecordDecl] = {**found.types, **found.records}
+        wanted = list(declared)
+        if node.names is not None:
+            wanted = []
+            for item in node.names.items:
+                if not isinstance(item, s.Bare):
+                    if not isinstance(item, s.Faulty):
+                        self.blocks.misplaced(item, "`use`")
+                    continue
+                if item.name.text in declared:
+                    wanted.append(item.name.text)
+                    continue
+                name = item.name
+                self.report("LJ0101", name.start, name.end, f"`{shown}` declares no `{name.text}`",
+                            did_you_mean(name.text, declared), replace=nearest(name.text, declared))  # fmt: skip
+                self.scope.poisoned.add(name.text)
+        for name in wanted:
+            if name in found.types:
+                self.scope.types[name] = found.types[name]
+            if name in found.records:
+                self.scope.records[name] = found.records[name]
+
+    def _enter(self, name: s.Name, decl: T | None, own: dict[str, T], known: dict[str, T]) -> None:
+        if name.text in known:
+            first = known[name.text].span  # type: ignore[attr-defined]
+            self.report("LJ0104", name.start, name.end, f"the type `{name.text}` is declared twice", "choose another name",
+                        related=(Related(first, "first declared here"),))  # fmt: skip
+            return
+        if decl is None:
+            self.scope.poisoned.add(name.text)
+            return
+        own[name.text] = known[name.text] = decl
+
+
+class MissionChecker:
+    """The inside of a mission."""
+
+    def __init__(self, file: FileChecker) -> None:
+        self.report = file.report
+        self.scope = file.scope
+        self.blocks = file.blocks
+        self.settings = file.settings
+        self.entities = file.entities
+        self.agents = AgentChecker(file.blocks, file.settings, file.entities)
+        self.rules = RuleChecker(file.blocks)
+
+    def mission(self, node: s.MissionBlock) -> Checked:
+        """All passes over a mission's block."""
+        items = node.block.items
+        self.scope.poisoned.update(_names_in_faults(items))
+        self._misplaced(items)
+        modes = self._mode(items)
+        parameters = [self.settings.param(item) for item in _all(items, s.Param)]
+        self._heads(items)
+        regions = [self.settings.region(item) for item in _all(items, s.RegionLine)]
+        grids = [self.settings.grid(item) for item in _all(items, s.GridBlock)]
+        self._taints(items)
+        sections = self._sections(items)
+        goal = self._one(items, s.TextLine, "goal")
+        scene = self._one(items, s.SceneBlock, "scene")
+        clock, budget = sections.get("clock"), sections.get("budget")
+        weather, comms = sections.get("weather"), sections.get("comms")
+        outcomes = self._outcomes(items)
+        given = {name for name, part in (("goal", goal), ("scene", scene)) if part} | sections.keys() | outcomes.keys()
+        self._required(node, given)
+        checked = Checked(
+            name=node.name.text,
+            title=node.title.value if node.title else node.name.text,
+            goal=self.agents.text(goal) if goal else "",
+            scene=self.settings.scene(scene) if scene else None,
+            clock=self.settings.clock(clock) if clock else None,
+            budget=self.settings.budget(budget) if budget else None,
+            weather=self.settings.weather(weather) if weather else (),
+            parameters=_good(parameters),
+            modes=modes,
+            regions=_good(regions),
+            grids=_good(grids),
+            groups=_good([self.entities.entity(item) for item in _all(items, s.EntityBlock)]),
+            agents=tuple(self.agents.agent(item) for item in _all(items, s.AgentBlock)),
+            authorities=_good([self.agents.authority(item) for item in _all(items, s.AuthorityLine)]),
+            messages=_good([self.agents.message(item) for item in _all(items, s.MessageLine)]),
+            comms=self.settings.comms(comms) if comms else model.Comms(),
+            rules=_good([self.rules.rule(item) for item in _all(items, s.RuleBlock)]),
+            unlocks=_good([self.rules.unlock(item) for item in _all(items, s.UnlockLine)]),
+            stages=_good([self.rules.stage(item) for item in _all(items, s.StageBlock)]),
+            relations=_good([self.agents.relation(item) for item in _all(items, s.RelationLine)]),
+            reveals=_good([self.agents.reveal(item) for item in _all(items, s.RevealLine)]),
+            success=outcomes.get("success"),
+            failure=outcomes.get("failure"),
+        )
+        self.rules.cycles(_all(items, s.RuleBlock))
+        self._whole(node, checked)
+        return checked
+
+    # -- private
+
+    def _misplaced(self, items: tuple[s.Statement, ...]) -> None:
+        for item in items:
+            inside = isinstance(item, _MISSION_STATEMENTS) and not (
+                (isinstance(item, s.TextLine) and item.keyword != "goal")
+                or (isinstance(item, s.Section) and item.keyword == "actions")
+            )
+            if not inside:
+                self.blocks.misplaced(item, "a mission")
+
+    def _mode(self, items: tuple[s.Statement, ...]) -> model.Modes | None:
+        node = self._one(items, s.ModeLine, "mode")
+        if node is None:
+            if not _names_in_faults(items):
+                modes = model.Modes(default="broadcast", allowed=("broadcast",))
+                self.scope.modes = modes.allowed
+                return modes
+            self.scope.modes = ("star", "broadcast")
+            return None
+        modes_or_none = self.settings.mode(node)
+        self.scope.modes = modes_or_none.allowed if modes_or_none else ("star", "broadcast")
+        return modes_or_none
+
+    def _heads(self, items: tuple[s.Statement, ...]) -> None:
+        for item in items:
+            if isinstance(item, s.EntityBlock):
+                self.entities.head(item)
+            elif isinstance(item, s.AgentBlock):
+                self.agents.head(item)
+            elif isinstance(item, s.MessageLine):
+                self.agents.message_head(item)
+            elif isinstance(item, s.StageBlock):
+                self.rules.stage_head(item)
+            elif isinstance(item, s.RuleBlock):
+                self.rules.head(item)
+
+    def _taints(self, items: tuple[s.Statement, ...]) -> None:
+        """Repeat until no property becomes hidden any more; each round hides at least one, so it ends."""
+        nodes = _all(items, s.EntityBlock)
+        before = -1
+        while (now := _hidden_count(self.scope)) != before:
+            before = now
+            for node in nodes:
+                self.entities.taints(node)
+
+    def _sections(self, items: tuple[s.Statement, ...]) -> dict[str, s.Section]:
+        found: dict[str, s.Section] = {}
+        for item in _all(items, s.Section):
+            if item.keyword in found:
+                self._twice(item.keyword, item, found[item.keyword])
+            else:
+                found[item.keyword] = item
+        return found
+
+    def _outcomes(self, items: tuple[s.Statement, ...]) -> dict[str, ex.Expr]:
+        found: dict[str, ex.Expr] = {}
+        first: dict[str, s.Outcome] = {}
+        for item in _all(items, s.Outcome):
+            if item.keyword in first:
+                self._twice(item.keyword, item, first[item.keyword])
+                continue
+            first[item.keyword] = item
+            found[item.keyword] = self.rules.outcome(item)
+        return found
+
+    def _one(self, items: tuple[s.Statement, ...], kind: type[N], keyword: str) -> N | None:
+        found = [i for i in _all(items, kind) if not isinstance(i, s.TextLine) or i.keyword == keyword]
+        for extra in found[1:]:
+            self._twice(keyword, extra, found[0])
+        return found[0] if found else None
+
+    def _twice(self, keyword: str, node: s.Statement, first: s.Statement) -> None:
+        self.report("LJ0103", node.start, node.start + len(keyword), f"`{keyword}` is given twice", "remove one of the two",
+                    related=(Related(self.report.span(first.start, first.start + len(keyword)), "first given here"),))  # fmt: skip
+
+    def _required(self, node: s.MissionBlock, given: set[str]) -> None:
+        faulty = _names_in_faults(node.block.items)
+        text = self.report.source.text
+        broken = [text[i.start : i.end].split(None, 1)[0] for i in node.block.items if isinstance(i, s.Faulty)]
+        for keyword, hint in _REQUIRED:
+            if keyword not in given and keyword not in broken and not (faulty and keyword in faulty):
+                self.report("LJ0106", node.name.start, node.name.end, f"the mission lacks `{keyword}`", hint)
+
+    def _whole(self, node: s.MissionBlock, checked: Checked) -> None:
+        """What only the whole mission can show."""
+        items = node.block.items
+        if any(isinstance(item, s.Faulty) for item in items):
+            return
+        if not _all(items, s.AgentBlock):
+            self.report("LJ0106", node.name.start, node.name.end, "the mission has no agent", "add `agent … as … controls …`")
+        comms = next((item for item in _all(items, s.Section) if item.keyword == "comms"), None)
+        hub_given = comms is not None and any(isinstance(i, s.Property) and i.name.text == "hub" for i in comms.block.items)
+        mode = next(iter(_all(items, s.ModeLine)), None)
+        if checked.modes and "star" in checked.modes.allowed and not hub_given and mode is not None:
+            self.report("LJ0502", mode.start, mode.start + len("mode"), "star mode has no hub",
+                        "add `comms { hub = … when mode == star }`")  # fmt: skip
+
+
+_MISSION_STATEMENTS = (
+    s.TextLine,
+    s.SceneBlock,
+    s.Section,
+    s.Param,
+    s.ModeLine,
+    s.RegionLine,
+    s.GridBlock,
+    s.EntityBlock,
+    s.AgentBlock,
+    s.AuthorityLine,
+    s.MessageLine,
+    s.RuleBlock,
+    s.UnlockLine,
+    s.StageBlock,
+    s.RelationLine,
+    s.Outcome,
+    s.RevealLine,
+    s.Faulty,
+)
+
+
+def os_same(one: str, other: str) -> bool:
+    """Whether two names mean the same existing file."""
+    import os
+
+    try:
+        return os.path.samefile(one, other)
+    except OSError:
+        return False
+
+
+def _all(items: tuple[s.Statement, ...], kind: type[N]) -> list[N]:
+    return [item for item in items if isinstance(item, kind)]
+
+
+def _good(parts: list[T | None]) -> tuple[T, ...]:
+    return tuple([part for part in parts if part is not None])
+
+
+def _hidden_count(scope: Scope) -> int:
+    return sum(1 for info in scope.groups.values() for attribute in info.attributes.values() if attribute.taint)
+
+
+def _names_in_faults(items: tuple[s.Statement, ...]) -> set[str]:
+    """Every word in faulty statements, also inside blocks: any of them may have been a declaration."""
+    found: set[str] = set()
+    waiting = list(items)
+    while waiting:
+        item = waiting.pop()
+        if isinstance(item, s.Faulty):
+            found.update(item.names)
+        block = getattr(item, "block", None)
+        if isinstance(block, s.Block):
+            waiting.extend(block.items)
+    return found
+
+
+def _words(text: str) -> set[str]:
+    import re
+
+    return set(re.findall(r"[^\W\d]\w*", text))

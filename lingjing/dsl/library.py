@@ -1,0 +1,97 @@
+"""The standard library and what plug-ins add to it: from `use std.air` to the declarations of a file.
+
+`use std.NAME` reads `NAME.ljs` of the standard library: shipped inside the package, else the repository's
+`scenarios/std`. Any other first word names a package under the entry-point group `lingjing.std`, whose `.ljs` files
+are found by the words that follow (`use acme.rotors` → entry point `acme`, file `rotors.ljs`).
+"""
+
+from __future__ import annotations
+
+import os
+from functools import lru_cache
+
+from lingjing.dsl.scope import Library
+from lingjing.errors import PluginError
+from lingjing.mission.diagnostics import Diagnostic
+
+GROUP = "lingjing.std"
+_PACKAGE = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+_PACKAGED = os.path.join(_PACKAGE, "_data", "std")
+_REPOSITORY = os.path.join(os.path.dirname(_PACKAGE), "scenarios", "std")
+
+
+def standard_folder() -> str:
+    """Where the standard library's files are."""
+    return _PACKAGED if os.path.isdir(_PACKAGED) else _REPOSITORY
+
+
+def scenarios_folder() -> str:
+    """Where the shipped missions are: package data, else the repository's `scenarios`."""
+    packaged = os.path.join(_PACKAGE, "_data", "scenarios")
+    return packaged if os.path.isdir(packaged) else os.path.dirname(_REPOSITORY)
+
+
+def find_file(path: tuple[str, ...]) -> str | None:
+    """The file of a `use` path, or None. Words are identifiers, so no path leads out of the library."""
+    if len(path) < 2:
+        return None
+    folder = standard_folder() if path[0] == "std" else _plugin_folder(path[0])
+    if folder is None:
+        return None
+    file = os.path.join(folder, *path[1:-1], f"{path[-1]}.ljs")
+    return file if os.path.isfile(file) else None
+
+
+def known_paths(first: str) -> list[str]:
+    """What could have been meant: `std.air`, `std.sea`, … and the plug-ins' names."""
+    folder = standard_folder() if first == "std" else _plugin_folder(first)
+    if folder is None:
+        return [*(f"std.{name}" for name in _files(standard_folder())), *_plugin_names()]
+    return [f"{first}.{name}" for name in _files(folder)]
+
+
+def load_library(file: str) -> tuple[Library, tuple[Diagnostic, ...]]:
+    """The declarations of a library file and what is wrong with it."""
+    stat = os.stat(file)
+    return _load(file, stat.st_mtime_ns, stat.st_size)
+
+
+@lru_cache(maxsize=128)
+def _load(file: str, _modified: int, _size: int) -> tuple[Library, tuple[Diagnostic, ...]]:
+    from lingjing.dsl.checker import check_library
+    from lingjing.dsl.source import read_source
+
+    return check_library(read_source(file))
+
+
+def _files(folder: str) -> list[str]:
+    try:
+        return sorted(name[:-4] for name in os.listdir(folder) if name.endswith(".ljs"))
+    except OSError:
+        return []
+
+
+def _plugin_names() -> list[str]:
+    from importlib.metadata import entry_points
+
+    return sorted(point.name for point in entry_points(group=GROUP))
+
+
+def _plugin_folder(name: str) -> str | None:
+    from importlib.metadata import entry_points
+    from importlib.util import find_spec
+
+    points = sorted(entry_points(group=GROUP, name=name), key=lambda point: point.value)
+    if not points:
+        return None
+    if len({point.value for point in points}) > 1:
+        both = " and ".join(f"`{point.value}`" for point in points)
+        raise PluginError(f"two packages offer the types `{name}`: {both}", hint="uninstall one of them")
+    try:
+        spec = find_spec(points[0].value)
+    except (ImportError, ValueError) as error:
+        raise PluginError(f"the types `{name}` cannot be found: {error}", hint="reinstall the plug-in") from error
+    places = list(spec.submodule_search_locations or ()) if spec else []
+    if not places:
+        raise PluginError(f"the types `{name}` name `{points[0].value}`, which is no package")
+    return places[0]

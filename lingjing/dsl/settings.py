@@ -1,0 +1,261 @@
+"""Checks of a mission's settings: scene, clock, budget, weather, parameters, mode, regions, grids, comms."""
+
+from __future__ import annotations
+
+from lingjing.dsl import syntax as s
+from lingjing.dsl.blocks import BlockReader, Entry, Key
+from lingjing.dsl.properties import lowered
+from lingjing.dsl.scope import STATIC, UNKNOWN, Scope, Symbol, Value
+from lingjing.dsl.suggest import did_you_mean, nearest
+from lingjing.dsl.typenames import with_article
+from lingjing.mission import expression as ex
+from lingjing.mission import model
+from lingjing.mission.functions import DEGREES, FLAG, METRES, NUMBER, REGION, TEXT, Type
+from lingjing.mission.units import DATA, TICKS, TIME
+
+SECONDS = Type("quantity", TIME)
+MODES = ("star", "broadcast")
+
+
+def _keys(*keys: Key) -> dict[str, Key]:
+    return {key.name: key for key in keys}
+
+
+_DRAWN = ("=", "~")
+SCENE_KEYS = _keys(
+    Key("datum", Type("level")),
+    Key("origin", Type("position", of="degrees")),
+    Key("map", TEXT),
+    Key("extent", METRES, above=0),
+)
+CLOCK_KEYS = _keys(Key("tick", SECONDS, above=0, required=True), Key("sync", SECONDS, above=0, required=True))
+BUDGET_KEYS = _keys(
+    Key("ticks", NUMBER, ("<=",), low=1, required=True),
+    Key("policy", SECONDS, ("<=",), above=0),
+    Key("engine", SECONDS, ("<=",), above=0),
+    Key("capture", SECONDS, ("<=",), above=0),
+)
+WEATHER_KEYS = _keys(
+    Key("wind", Type("directed", of="from"), _DRAWN, low=0),
+    Key("current", Type("directed", of="to"), _DRAWN, low=0),
+    Key("turbulence", NUMBER, _DRAWN, low=0),
+    Key("visibility", METRES, _DRAWN, above=0),
+    Key("wave_height", METRES, _DRAWN, low=0),
+    Key("wave_period", SECONDS, _DRAWN, above=0),
+    Key("cloud", NUMBER, _DRAWN, low=0, high=1),
+    Key("sun_azimuth", DEGREES, _DRAWN),
+    Key("sun_elevation", DEGREES, _DRAWN, low=-90, high=90),
+)
+GRID_KEYS = _keys(Key("shape", Type("size"), required=True), Key("overlap", NUMBER, low=0, high=0.9))
+COMMS_KEYS = _keys(
+    Key("hub", Type("name"), guarded=True),
+    Key("delay", Type("quantity", TICKS), low=1),
+    Key("payload", Type("quantity", DATA), ("<=",), above=0),
+)
+_DEADLINES = {"policy": 90.0, "engine": 30.0, "capture": 10.0}
+"""Seconds; the paper's limits, for a budget that names ticks only."""
+
+
+class SettingsChecker:
+    """One method a declaration; each gives its part of the graph, or None if it is faulty."""
+
+    def __init__(self, blocks: BlockReader) -> None:
+        self.blocks = blocks
+        self.of = blocks.of
+        self.report = blocks.report
+        self.scope: Scope = blocks.of.scope
+
+    def declare(self, name: s.Name, symbol: Symbol) -> None:
+        """Enter a name that expressions may use; reports a second declaration."""
+        first = self.scope.symbols.get(name.text)
+        if first is None:
+            self.scope.symbols[name.text] = symbol
+            return
+        from lingjing.mission.diagnostics import Related
+
+        self.report("LJ0104", name.start, name.end, f"`{name.text}` is declared twice", "choose another name",
+                    related=(Related(first.span, "first declared here"),))  # fmt: skip
+
+    def scene(self, node: s.SceneBlock) -> model.Scene:
+        """`scene kind { … }`."""
+        entries = self.blocks.read(node.block, SCENE_KEYS, "`scene`")
+        return model.Scene(kind=node.kind.text, options=_lowered(entries))
+
+    def clock(self, node: s.Section) -> model.Clock | None:
+        """`clock { tick = …, sync = … }`; the tick must be a whole multiple of the macro-step."""
+        entries = self.blocks.read(node.block, CLOCK_KEYS, "`clock`", owner=node)
+        if len(entries) < 2:
+            return None
+        tick, sync = entries["tick"], entries["sync"]
+        a, b = self.of.constant(tick.value.ir), self.of.constant(sync.value.ir)
+        if a is not None and b is not None and abs(a / b - round(a / b)) > 1e-9 * a / b:
+            place = sync.node.value
+            self.report("LJ0501", place.start, place.end, f"a tick of {a:g} s is no whole multiple of a sync of {b:g} s")
+            return None
+        return model.Clock(tick=tick.value.ir, sync=sync.value.ir)
+
+    def budget(self, node: s.Section) -> model.Budget | None:
+        """`budget { ticks <= …, … }`; deadlines not given are the paper's."""
+        entries = self.blocks.read(node.block, BUDGET_KEYS, "`budget`", owner=node)
+        if "ticks" not in entries:
+            return None
+        limits = {
+            name: entries[name].value.ir if name in entries else ex.Number(default, "s")
+            for name, default in _DEADLINES.items()
+        }
+        return model.Budget(ticks=entries["ticks"].value.ir, **limits)
+
+    def weather(self, node: s.Section) -> tuple[model.Property, ...]:
+        """`weather { … }`."""
+        return _lowered(self.blocks.read(node.block, WEATHER_KEYS, "`weather`"))
+
+    def mode(self, node: s.ModeLine) -> model.Modes | None:
+        """`mode default in { … }`."""
+        names = [name.text for name in node.allowed.names]
+        for position, name in enumerate(node.allowed.names):
+            if name.text not in MODES:
+                self.report("LJ0109", name.start, name.end, f"no mode is called `{name.text}`",
+                            did_you_mean(name.text, MODES), replace=nearest(name.text, MODES))  # fmt: skip
+                self.scope.poisoned.add(name.text)
+                return None
+            if name.text in names[:position]:
+                self.report("LJ0103", name.start, name.end, f"`{name.text}` is given twice")
+        if node.default.text not in names:
+            default = node.default
+            self.report("LJ0109", default.start, default.end, f"the mode `{default.text}` is not among those allowed",
+                        did_you_mean(default.text, names), replace=nearest(default.text, names))  # fmt: skip
+            return None
+        return model.Modes(default=node.default.text, allowed=tuple(dict.fromkeys(names)))
+
+    def param(self, node: s.Param) -> model.Parameter | None:
+        """`param name = default in low..high`."""
+        default_node, bounds_node = node.value, None
+        if isinstance(node.value, s.Binary) and node.value.operator == "in":
+            default_node, bounds_node = node.value.left, node.value.right
+        default = self.of.expect(default_node, STATIC, Type("quantity"), f"the param `{node.name.text}`")
+        bounds = self._bounds(node, bounds_node, default) if bounds_node is not None else None
+        for value, place in ((default, default_node), (bounds, bounds_node)):
+            if value is not None and place is not None:
+                self.blocks.leak(value.taint, place, f"the param `{node.name.text}`")
+        kind = default.type if default is not UNKNOWN else Type("any")
+        span = self.report.span(node.name.start, node.name.end)
+        self.declare(node.name, Symbol("param", kind, span, default.taint))
+        constant = self.of.constant(default.ir)
+        if constant is not None and default is not UNKNOWN:
+            self.scope.constants[node.name.text] = constant
+        if default is UNKNOWN or bounds is UNKNOWN:
+            return None
+        self._default_in_bounds(default_node, default, bounds)
+        return model.Parameter(name=node.name.text, default=default.ir, bounds=bounds.ir if bounds else None)
+
+    def region(self, node: s.RegionLine) -> model.Region | None:
+        """`region name = polygon(…)`."""
+        shape = self.of.expect(node.shape, STATIC, REGION, f"the region `{node.name.text}`")
+        taint = (*shape.taint, self.of.step(f"region `{node.name.text}`", node.name)) if shape.taint else ()
+        span = self.report.span(node.name.start, node.name.end)
+        self.declare(node.name, Symbol("region", REGION, span, taint))
+        if shape is UNKNOWN:
+            return None
+        self._outline(node.shape, shape.ir)
+        return model.Region(name=node.name.text, shape=shape.ir)
+
+    def grid(self, node: s.GridBlock) -> model.Grid | None:
+        """`grid name over region { … }`."""
+        region = self.scope.symbols.get(node.region.text)
+        if region is None or region.kind != "region":
+            regions = [name for name, symbol in self.scope.symbols.items() if symbol.kind == "region"]
+            self.of.unknown_name(node.region, regions, "no region")
+        taint = (*region.taint, self.of.step(f"grid `{node.name.text}`", node.name)) if region and region.taint else ()
+        span = self.report.span(node.name.start, node.name.end)
+        self.declare(node.name, Symbol("grid", Type("grid", of=node.name.text), span, taint))
+        entries = self.blocks.read(node.block, GRID_KEYS, "`grid`", owner=node)
+        if "shape" not in entries:
+            return None
+        rows, columns = entries["shape"].parts
+        overlap = entries["overlap"].value.ir if "overlap" in entries else ex.Number(0.0)
+        return model.Grid(name=node.name.text, region=node.region.text, rows=rows.ir, columns=columns.ir, overlap=overlap)
+
+    def comms(self, node: s.Section) -> model.Comms:
+        """`comms { … }`; a hub's only condition can be `mode == star`, because only star mode has one."""
+        entries = self.blocks.read(node.block, COMMS_KEYS, "`comms`")
+        hub = entries.get("hub")
+        name = None
+        if hub is not None:
+            name = self._hub(hub)
+        return model.Comms(
+            hub=name,
+            delay=entries["delay"].value.ir if "delay" in entries else None,
+            payload=entries["payload"].value.ir if "payload" in entries else None,
+        )
+
+    def guard(self, node: s.Expression | None) -> model.Guard | None:
+        """`when …` after a declaration: a condition over mode and params."""
+        if node is None:
+            return None
+        value = self.of.expect(node, STATIC, FLAG, "`when`")
+        self.blocks.leak(value.taint, node, "a declaration's condition")
+        return model.Guard(condition=value.ir)
+
+    # -- private
+
+    def _bounds(self, node: s.Param, bounds: s.Expression, default: Value) -> Value:
+        if isinstance(bounds, s.List):
+            value = self.of.value(bounds, STATIC)
+            same = default is UNKNOWN or value is UNKNOWN or value.type.dimension == default.type.dimension
+            if same:
+                return value
+            self.of.mismatch(bounds, value, default.type, f"the values allowed for `{node.name.text}` are of another dimension")
+            return UNKNOWN
+        due = Type("range", default.type.dimension if default is not UNKNOWN else None)
+        value = self.of.value(bounds, STATIC)
+        if value.type.kind == "range" and due.dimension is not None and value.type.dimension != due.dimension:
+            self.report("LJ0203", bounds.start, bounds.end,
+                        f"{with_article(due)} is due for the bounds of `{node.name.text}`, this is {with_article(value.type)}")  # fmt: skip
+            return UNKNOWN
+        return value if self.of.fits(value, due, bounds, f"the bounds of `{node.name.text}`") else UNKNOWN
+
+    def _default_in_bounds(self, node: s.Expression, default: Value, bounds: Value | None) -> None:
+        number = self.of.constant(default.ir)
+        if bounds is None or number is None or not isinstance(bounds.ir, ex.Range):
+            return
+        low, high = self.of.constant(bounds.ir.low), self.of.constant(bounds.ir.high)
+        if (low is not None and number < low) or (high is not None and number > high):
+            self.report("LJ0206", node.start, node.end, "the default is outside of its bounds")
+
+    def _outline(self, node: s.Expression, shape: ex.Expr) -> None:
+        """A polygon of constant corners must enclose an area without crossing itself."""
+        if not (isinstance(shape, ex.Call) and shape.function == "polygon"):
+            return
+        corners: list[tuple[float, float]] = []
+        for argument in shape.arguments:
+            if not isinstance(argument, ex.Point):
+                return
+            east, north = (self.of.constant(item) for item in argument.items[:2])
+            if east is None or north is None:
+                return
+            corners.append((east, north))
+        from lingjing.mission.geometry2d import fault
+
+        wrong = fault(tuple(corners))
+        if wrong:
+            self.report("LJ0208", node.start, node.end, f"the outline {wrong}", "list the corners in order around the area")
+
+    def _hub(self, hub: Entry) -> str | None:
+        guard, node = hub.node.guard, hub.node.value
+        if guard is not None:
+            condition = self.of.expect(guard, STATIC, FLAG, "`when`")
+            star = ex.Binary("==", ex.Ref("mode", "mode"), ex.Symbol("star"))
+            if condition is not UNKNOWN and condition.ir != star:
+                self.report("LJ0307", guard.start, guard.end, "a hub exists in star mode, and only there", "write `when mode == star`")
+                return None
+        if not isinstance(node, s.Name):
+            self.report("LJ0201", node.start, node.end, "the hub is one agent", "name a single agent, not a group's member")
+            return None
+        if node.text not in self.scope.agents:
+            self.of.unknown_name(node, list(self.scope.agents), "no agent")
+            return None
+        return node.text
+
+
+def _lowered(entries: dict[str, Entry]) -> tuple[model.Property, ...]:
+    return tuple(prop for entry in entries.values() for prop in lowered(entry))
