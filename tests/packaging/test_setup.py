@@ -1,0 +1,141 @@
+"""The set-up script: it does its work once, says what is missing, and leaves nothing half-made that looks whole."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def load():
+    spec = spec_from_file_location("lingjing_setup", ROOT / "tools" / "setup.py")
+    assert spec
+    assert spec.loader
+    module = module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+setup = load()
+
+
+@pytest.fixture
+def environment(tmp_path: Path):
+    """A small environment: one input file, and pip steps that need no registry."""
+    pins = tmp_path / "constraints.txt"
+    pins.write_text("# nothing\n")
+    return setup.Environment(folder=tmp_path / "env", inputs=(pins,), steps=(("-r", str(pins)),))
+
+
+@pytest.fixture
+def created(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An environment is only a link to this interpreter: quick."""
+
+    def create(environment) -> None:
+        environment.python.parent.mkdir(parents=True, exist_ok=True)
+        environment.python.unlink(missing_ok=True)
+        environment.python.symlink_to(sys.executable)
+
+    monkeypatch.setattr(setup, "create", create)
+
+
+@pytest.fixture
+def pips(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, ...]]:
+    """The pip steps that were run; they are only written down."""
+    seen: list[tuple[str, ...]] = []
+    monkeypatch.setattr(setup, "pip", lambda environment, arguments: seen.append(arguments))
+    return seen
+
+
+def test_the_second_run_does_nothing(environment, created, pips) -> None:
+    setup.ensure(environment)
+    assert environment.ready()
+    before = environment.stamp.stat().st_mtime_ns
+    setup.ensure(environment)
+    assert len(pips) == 1
+    assert environment.stamp.stat().st_mtime_ns == before
+
+
+def test_a_changed_input_is_installed_again(environment, created, pips) -> None:
+    setup.ensure(environment)
+    environment.inputs[0].write_text("# something\n")
+    assert not environment.ready()
+    setup.ensure(environment)
+    assert len(pips) == 2
+    assert environment.ready()
+
+
+def test_an_environment_without_its_interpreter_is_made_again(environment, pips) -> None:
+    setup.ensure(environment)
+    environment.python.unlink()
+    assert not environment.ready()
+    setup.ensure(environment)
+    assert setup.runs(environment.python, "-m", "pip", "--version")
+
+
+def test_an_installation_that_fails_leaves_no_stamp(environment) -> None:
+    broken = replace(environment, steps=(("--no-index", "lingjing-no-such-package"),))
+    with pytest.raises(setup.SetupError, match="pip could not install"):
+        setup.ensure(broken)
+    assert not broken.ready()
+
+
+def test_an_interrupt_leaves_no_stamp(environment, created, monkeypatch) -> None:
+    def interrupted(environment, arguments) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(setup, "pip", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        setup.ensure(environment)
+    assert not environment.ready()
+
+
+def test_missing_libraries_are_one_line_for_who_is_not_root(monkeypatch, capsys) -> None:
+    absent = setup.missing_libraries.__globals__["SystemLibrary"]("libNoSuch.so.1", "libnosuch1", "a test")
+    monkeypatch.setattr(setup, "missing_libraries", lambda: (absent,))
+    monkeypatch.setattr(os, "geteuid", lambda: 1000)
+    monkeypatch.setattr(sys, "argv", ["setup.py"])
+    monkeypatch.setattr(setup, "ensure", lambda environment: pytest.fail("went on without its libraries"))
+    assert setup.main() == 2
+    said = capsys.readouterr().err
+    assert "cannot load libNoSuch.so.1" in said
+    assert said.splitlines()[-1] == "  sudo apt-get install -y libnosuch1"
+
+
+def test_the_project_is_set_up_by_now() -> None:
+    done = subprocess.run(
+        [sys.executable, str(ROOT / "tools" / "setup.py")],
+        capture_output=True, text=True, check=True, timeout=120,
+        env={"PATH": os.environ["PATH"], "HOME": os.environ.get("HOME", "/")},
+    )  # fmt: skip
+    assert done.stdout == ""
+
+
+def _hold(started, seconds: float) -> None:
+    with setup.locked():
+        started.set()
+        time.sleep(seconds)
+
+
+def test_two_at_once_are_one_after_the_other(capsys) -> None:
+    context = multiprocessing.get_context("fork")
+    started = context.Event()
+    other = context.Process(target=_hold, args=(started, 1.0))
+    other.start()
+    assert started.wait(10)
+    before = time.monotonic()
+    with setup.locked():
+        waited = time.monotonic() - before
+    other.join()
+    assert waited > 0.5
+    assert "waiting" in capsys.readouterr().err
