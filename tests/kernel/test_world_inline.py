@@ -217,7 +217,7 @@ def photographed(fault, at=0.0, capture_s=20.0):
 
 
 def test_pictures_that_come_late_are_absent(world):
-    ready = world.reset(photographed("slow_once", capture_s=0.3), toys.CITY)
+    ready = world.reset(photographed("slow_once", capture_s=0.8), toys.CITY)
     answers = world.capture(0, [toys.request(0, "f1"), toys.request(0, "f2")], ready.snapshots[-1].states)
     assert answers == (Absent(entity="ant", camera="nadir", tick=0, reason="late"),) * 2
     (frame,) = world.capture(0, [toys.request(0, "f3")], ready.snapshots[-1].states)

@@ -53,6 +53,8 @@ class Misbehaviour:
         if self.due("kill", time_s):
             print("last words of the toy", file=sys.stderr, flush=True)
             os.kill(os.getpid(), signal.SIGKILL)
+        if self.due("crash", time_s):
+            os.kill(os.getpid(), signal.SIGSEGV)
         if self.due("hang", time_s):
             time.sleep(3600.0)
         if self.due("chatter", time_s):
@@ -191,9 +193,9 @@ class Painter:
     def draw(self, request: CaptureRequest):
         self.drawn += 1
         if self.faults.due("slow_once", request.time_s) and self.drawn == 1:
-            time.sleep(0.6)
+            time.sleep(1.6)
         if self.faults.due("slow_second", request.time_s) and self.drawn == 2:
-            time.sleep(0.6)
+            time.sleep(1.6)
         camera = self.cameras[(request.entity, request.camera)]
         shape = (camera.height, camera.width)
         total = sum(sum(mirror.position) for mirror in self.mirrors)

@@ -17,6 +17,7 @@ wrong with an engine is one `InfrastructureError` that names it, after which `re
 
 from __future__ import annotations
 
+import sys
 from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
@@ -46,6 +47,10 @@ def open_world(
         from lingjing.kernel.world.inline import InlineWorld
 
         return InlineWorld(host if host is not None else host_with(plugins, installed=installed), quality=quality)
+    if sys.platform != "linux":
+        from lingjing.errors import UsageError
+
+        raise UsageError("worker processes need Linux (or WSL2)", hint="use `--world inline`")
     from lingjing.kernel.world.process import ProcessWorld
 
     return ProcessWorld(plugins=plugins, paths=paths, installed=installed, quality=quality, host=host)

@@ -40,8 +40,9 @@ _CLOSE_S = 5.0
 _EXIT_S = 2.0
 _DUMP_S = 0.5
 _QUIET_S = 0.05
-_SHOWN_LINES = 12
+_SHOWN_LINES = 5
 _DUMP_LINES = 60
+_CRASH = "Fatal Python error: "
 
 
 class Worker:
@@ -170,7 +171,7 @@ class Worker:
         self.kill()
         doing = f"engine `{engine}` ({call})" if engine else f"the {self.name}"
         error = InfrastructureError(f"{doing} did not answer within {allowed_s:g} s; the {self.name} was killed")
-        error.add_note(self._words.lines(_DUMP_LINES))
+        error.add_note(_tail(self._words.text(), _DUMP_LINES))
         return error
 
     def _check_alive(self) -> None:
@@ -184,9 +185,13 @@ class Worker:
         reason = self._exit_reason()
         self.kill()
         doing = f" while engine `{engine}` was in {call}" if engine else ""
-        words = self._words.lines(_SHOWN_LINES)
-        last = f"; its last words:\n{words}" if words else ""
-        return InfrastructureError(f"the {self.name} died{reason}{doing}{last}")
+        # What the interpreter dumps when it crashes is for who wrote the engine; the rest is for everybody.
+        said, crash, dump = self._words.text().partition(_CRASH)
+        last = f"; its last words: {_tail(said, _SHOWN_LINES)}" if said.strip() else ""
+        error = InfrastructureError(f"the {self.name} died{reason}{doing}{last}")
+        if crash:
+            error.add_note(crash + dump)
+        return error
 
     @property
     def _is_ours(self) -> bool:
@@ -252,3 +257,7 @@ class Worker:
             self._words.close()
         else:
             self.parent.release()
+
+
+def _tail(text: str, count: int) -> str:
+    return "\n".join(text.strip().splitlines()[-count:])

@@ -22,6 +22,7 @@ from concurrent.futures import Future
 from dataclasses import dataclass
 from typing import Literal
 
+from lingjing.errors import InfrastructureError
 from lingjing.kernel.world.shared import progress_memory
 
 Place = Literal["world", "camera"]
@@ -83,10 +84,9 @@ class LastWords:
             select.select([self._descriptor], [], [], timeout_s)
             self.drain()
 
-    def lines(self, count: int) -> str:
-        """The last `count` lines."""
-        text = b"".join(self._chunks).decode(errors="replace")
-        return "\n".join(text.strip().splitlines()[-count:])
+    def text(self) -> str:
+        """What was kept."""
+        return b"".join(self._chunks).decode(errors="replace")
 
     def close(self) -> None:
         """Close the pipe; what was read stays."""
@@ -113,6 +113,13 @@ class Launched:
 
 def launch(place: Place, recipe: Recipe) -> Launched:
     """Start `python -m lingjing.kernel.world.worker`; returns at once, the worker answers when it is up."""
+    try:
+        return _launch(place, recipe)
+    except OSError as error:
+        raise InfrastructureError(f"the {place} process cannot be started: {error}") from error
+
+
+def _launch(place: Place, recipe: Recipe) -> Launched:
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
     progress = progress_memory()
     reading, writing = os.pipe2(os.O_CLOEXEC)
@@ -161,11 +168,14 @@ def _started(
                 stderr=output,
                 process_group=0,
             )
-            pidfd = os.pidfd_open(process.pid)
-        except BaseException as error:  # noqa: BLE001 - handed to the caller's thread
+        except OSError as error:
             outcome.set_exception(error)
             return
-        outcome.set_result((process, pidfd))
+        try:
+            outcome.set_result((process, os.pidfd_open(process.pid)))
+        except OSError as error:
+            process.kill()
+            outcome.set_exception(error)
         process.wait()
 
     threading.Thread(target=start_and_wait, name=f"lingjing-{command[-1]}", daemon=True).start()
