@@ -14,7 +14,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from lingjing.mission.expression import Flag
+from lingjing.mission.expression import Binary, Call, Flag, Number, Ref
 from lingjing.mission.instance import (
     AgentSpec,
     Budget,
@@ -30,7 +30,7 @@ from lingjing.mission.instance import (
     SceneSpec,
     Weather,
 )
-from lingjing.mission.model import Stage
+from lingjing.mission.model import Rule, RuleParameter, Stage, Unlock
 from lingjing.trace import images
 from lingjing.trace.digest import START, next_digest, next_frames_digest
 from lingjing.trace.records import (
@@ -40,6 +40,7 @@ from lingjing.trace.records import (
     BoundaryRecord,
     Box,
     CameraPose,
+    CellView,
     Command,
     Decision,
     DecisionRecord,
@@ -59,6 +60,8 @@ from lingjing.trace.records import (
 )
 from lingjing.trace.writer import TraceWriter
 
+V, R = RuleParameter(name="v", domain="victim"), RuleParameter(name="r", domain="detection")
+REACH = Binary("<=", Call("distance_xy", (Ref("boat", "entity"), Ref("v", "local"))), Number(50.0, "m"))
 SEARCH = ((-123.7, -1100.5), (665.1, -1081.1), (665.1, -754.9), (-123.7, -750.2))
 ALTITUDE, DATUM, HFOV = 100.0, -3.5, 84.0
 STARTS = ((306.6, -620.2), (310.0, -590.1), (278.7, -590.1))
@@ -171,8 +174,12 @@ def instance(width: int = 640, height: int = 360) -> Instance:
         agents=(*scouts, skipper),
         messages=kinds,
         comms=CommsSpec(mode="broadcast", hub=None),
-        rules=(),
-        unlocks=(),
+        rules=(
+            Rule(name="matched", parameters=(V, R), condition=Flag(True), matching=True),
+            Rule(name="reported", parameters=(V, R), condition=Flag(True)),
+            Rule(name="rescued", parameters=(V,), condition=REACH),
+        ),
+        unlocks=(Unlock(interaction="rescue", parameters=(V,), condition=Flag(True)),),
         stages=tuple(
             Stage(name=name, condition=Flag(True), variable="v", domain="victim")
             for name in ("detect", "locate", "handoff", "execute")
@@ -237,7 +244,9 @@ class World:
         return dx / far * step / dt, dy / far * step / dt
 
 
-def episode(ticks: int = 48, width: int = 640, height: int = 360, depth: bool = False) -> Iterator[Step]:
+def episode(  # noqa: C901  one loop reads like the episode it makes
+    ticks: int = 48, width: int = 640, height: int = 360, depth: bool = False
+) -> Iterator[Step]:
     """The boundaries of one episode with their pictures, digests chained."""
     spec = instance(width, height)
     world = World(
@@ -249,6 +258,7 @@ def episode(ticks: int = 48, width: int = 640, height: int = 360, depth: bool = 
     rescued: set[str] = set()
     seen: set[str] = set()
     assigned: set[str] = set()
+    visited: dict[str, tuple[int, str]] = {}
     digest, time_s = START, 0.0
     delivered: list[Envelope] = []
     for tick in range(ticks + 1):
@@ -311,6 +321,10 @@ def episode(ticks: int = 48, width: int = 640, height: int = 360, depth: bool = 
                 height=height,
             )
             rgb, boxes = render(pose, people, seed=tick * 10 + i)
+            for cell in spec.cells:
+                (x0, y0), _, (x1, y1), _ = cell.polygon
+                if x0 <= place[0] <= x1 and y0 <= place[1] <= y1:
+                    visited.setdefault(cell.name, (tick, f"uav[{i}]"))
             jpeg = images.encode_jpeg(rgb)
             info = FrameInfo(
                 id=f"f{tick}-uav[{i}]-nadir",
@@ -411,7 +425,9 @@ def episode(ticks: int = 48, width: int = 640, height: int = 360, depth: bool = 
             engines=(EngineStatus(engine="multirotor", time_s=time_s, frame=tick * 20, wait_wall_s=0.01),),
             task_events=tuple(task_events),
             frames=tuple(picture[0] for picture in pictures),
-            observations=tuple(ObservationRecord(agent=agent, sha256="0" * 64) for agent in AGENTS),
+            observations=tuple(
+                ObservationRecord(agent=agent, cells=_seen_cells(visited), sha256="0" * 64) for agent in AGENTS
+            ),
             inboxes=tuple(
                 InboxRecord(agent=agent, messages=tuple(m.id for m in delivered if m.recipient == agent))
                 for agent in AGENTS
@@ -451,6 +467,10 @@ def _broadcast(mid: str, tick: int, sender: str, kind: str, category: str, body:
         for agent in AGENTS
         if agent != sender
     ]
+
+
+def _seen_cells(visited: dict[str, tuple[int, str]]) -> tuple[CellView, ...]:
+    return tuple(CellView(name=name, visited_tick=tick, visited_by=by) for name, (tick, by) in visited.items())
 
 
 def _lanes(spec: Instance) -> dict[str, list[tuple[float, float]]]:

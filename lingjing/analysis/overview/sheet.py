@@ -45,9 +45,9 @@ def _pictures(figure: Figure, trace: Trace, story: Story) -> None:
     views = best_views(story, VIEWS)
     for place, view in enumerate(views):
         row, column = divmod(place, 2)
-        left, bottom = 0.615 + column * 0.19, 0.51 - row * 0.185
-        draw_view(_panel(figure, left, bottom, 0.183, 0.13), trace, view)
-    draw_whole(_panel(figure, 0.615, 0.04, 0.373, 0.235), trace, story, whole_frame(story))
+        left, bottom = 0.615 + column * 0.19, 0.535 - row * 0.165
+        draw_view(_panel(figure, left, bottom, 0.183, 0.115), trace, view)
+    draw_whole(_panel(figure, 0.615, 0.04, 0.373, 0.295), trace, story, whole_frame(story))
 
 
 def _title(figure: Figure, trace: Trace) -> None:

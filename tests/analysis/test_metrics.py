@@ -1,0 +1,275 @@
+"""Every number of `metrics` against a count by hand."""
+
+import math
+from types import ModuleType
+
+import msgspec
+import pytest
+
+from lingjing.analysis.detection import detect, numbers
+from lingjing.analysis.metrics import Metrics, metrics
+from lingjing.analysis.repetition import Reach, reaches_of, repeated_target_rate
+from lingjing.trace.reader import Trace
+from lingjing.trace.records import (
+    Absent,
+    BodyState,
+    BoundaryRecord,
+    Box,
+    CameraPose,
+    Command,
+    Decision,
+    DecisionRecord,
+    Envelope,
+    Event,
+    FrameInfo,
+    ObservationRecord,
+    Receipt,
+    Snapshot,
+    TaskEvent,
+)
+
+replace = msgspec.structs.replace
+POSE = CameraPose(position=(0.0, 0.0, 100.0), heading_deg=0.0, tilt_deg=90.0)
+BOX = (0.4, 0.4, 0.5, 0.5)
+
+
+def boundary(tick: int, **fields: object) -> BoundaryRecord:
+    """A boundary with nothing in it but `fields`."""
+    names = [field.name for field in msgspec.structs.fields(BoundaryRecord) if field.required]
+    empty: dict[str, object] = dict.fromkeys(names, ())
+    empty.update(tick=tick, time_s=10.0 * tick, reward=0.0, done=False)
+    return BoundaryRecord(**{**empty, **fields})  # type: ignore[arg-type]
+
+
+def frame(name: str, tick: int, *targets: str, pixels: int = 30) -> FrameInfo:
+    boxes = tuple(Box(entity=target, cls="person_in_water", box=BOX, pixels=pixels) for target in targets)
+    return FrameInfo(
+        id=name, entity="uav[1]", camera="nadir", tick=tick, time_s=10.0 * tick, pose=POSE, channels=("rgb",),
+        boxes=boxes,
+    )  # fmt: skip
+
+
+def report(number: int, frame_id: str, tick: int, recipients: int = 2, **body: object) -> tuple[Envelope, ...]:
+    whole = {"frame": frame_id, "class": "person_in_water", "box": BOX, "position": (3.0, 4.0, 0.0), **body}
+    return tuple(
+        Envelope(
+            id=f"m{tick}-{number}", tick=tick, sender="scout[1]", recipient=f"r{place}", kind="detection",
+            category="report", body=whole, bytes=150, deliver_at=tick + 1,  # type: ignore[arg-type]
+        )
+        for place in range(recipients)
+    )  # fmt: skip
+
+
+def matched(tick: int, target: str, message: str) -> Event:
+    return Event(id=f"e{tick}", kind="matched", tick=tick, time_s=10.0 * tick, bindings=(target, message))
+
+
+def at(tick: int, **places: tuple[float, float]) -> Snapshot:
+    names = {"v1": "victim[1]", "v2": "victim[2]", "boat": "boat"}
+    states = tuple(BodyState(id=names[key], position=(*place, 0.0)) for key, place in places.items())
+    return Snapshot(time_s=10.0 * tick, states=states)
+
+
+@pytest.fixture
+def of(trace: Trace):  # type: ignore[no-untyped-def]
+    def build(*records: BoundaryRecord, header: object = None) -> Trace:
+        return Trace(trace.path, header or trace.header, records, None, False)  # type: ignore[arg-type]
+
+    return build
+
+
+def test_the_synthetic_rescue(trace: Trace) -> None:
+    found = metrics(trace)
+    assert (found.success, found.scr, found.reason, found.ticks, found.sim_s) == (True, 1.0, "success", 48, 480.0)
+    assert (found.reports, found.detections, found.targets_found, found.false_positives) == (5, 4, 3, 1)
+    assert (found.messages, found.rounds, found.gap) == (24, 3, 0.0)
+    assert found.kilobytes == sum(edge.bytes for record in trace.boundaries for edge in record.messages) / 1000
+    assert (found.precision, found.first_discovery_tick, found.conflicts, found.rejections) == (0.8, 7, 1, 1)
+    assert (found.calls, found.tokens) == (4 * 48, 860 * 4 * 48)
+    assert found.cost_usd == pytest.approx(0.192)
+    assert found.localisation_error_m == pytest.approx(detect(trace).localisation_error_m)
+    assert [(stage.name, stage.done, stage.cumulative) for stage in found.stages] == [
+        (name, 3, True) for name in ("detect", "locate", "handoff", "execute")
+    ]
+    assert found.coverage is not None and 0.5 < found.coverage <= 1.0
+    assert found.rep == 0.0
+
+
+def test_a_trace_with_nothing_in_it_has_no_rates(of) -> None:  # type: ignore[no-untyped-def]
+    found = metrics(of())
+    for name in ("scr", "precision", "recall", "f1", "miss_rate", "localisation_error_m", "gap", "rep", "wall_s"):
+        assert getattr(found, name) is None, name
+    assert (found.success, found.ticks, found.messages, found.tokens, found.coverage) == (False, 0, 0, 0, 0.0)
+
+
+def test_precision_recall_and_rates_over_aligned_frames(of) -> None:  # type: ignore[no-untyped-def]
+    """Five frames: a hit; a hit and a miss; a false report over a miss; nothing; a target without pixels."""
+    found = detect(
+        of(
+            boundary(0),
+            boundary(1, frames=(frame("a", 1, "victim[1]"),)),
+            boundary(2, frames=(frame("b", 2, "victim[1]", "victim[2]"),), messages=report(1, "a", 2),
+                     events=(matched(2, "victim[1]", "m2-1"),)),
+            boundary(3, frames=(frame("c", 3, "victim[3]", "boat"),), messages=report(1, "b", 3),
+                     events=(matched(3, "victim[2]", "m3-1"),)),
+            boundary(4, frames=(frame("d", 4),), messages=report(1, "c", 4, confidence=0.9)),
+            boundary(5, frames=(frame("e", 5, "victim[1]", pixels=0),), messages=report(1, "nowhere", 5)),
+        )
+    )  # fmt: skip
+    assert (found.true_positives, found.false_positives, found.false_negatives) == (2, 2, 2)
+    assert (found.precision, found.recall, found.f1) == (0.5, 0.5, 0.5)
+    assert found.frames == 5
+    assert found.miss_rate == 2 / 5  # frames b and c; a boat is no target
+    assert found.hallucination_rate == 1 / 5  # the report of no stored frame has no frame to spoil
+
+
+def test_a_report_counts_once_but_its_edges_are_messages(of) -> None:  # type: ignore[no-untyped-def]
+    found = metrics(of(boundary(1, frames=(frame("a", 1),), messages=report(1, "a", 1, recipients=5))))
+    assert (found.reports, found.messages, found.kilobytes) == (1, 5, 0.75)
+
+
+def test_localisation_error_is_taken_at_the_capture(of) -> None:  # type: ignore[no-untyped-def]
+    """The target drifts on after the picture; the report names (3, 4)."""
+    found = metrics(
+        of(
+            boundary(0),
+            boundary(1, snapshots=(at(1, v1=(0.0, 0.0)),), frames=(frame("a", 1, "victim[1]"),)),
+            boundary(2, snapshots=(at(2, v1=(90.0, 0.0)),), messages=report(1, "a", 2),
+                     events=(matched(2, "victim[1]", "m2-1"),)),
+        )
+    )  # fmt: skip
+    assert found.localisation_error_m == 5.0
+
+
+@pytest.mark.parametrize("position", [None, "here", (1.0,), (float("nan"), 2.0), (None, 3.0)])
+def test_a_report_without_a_position_has_no_error(of, position: object) -> None:  # type: ignore[no-untyped-def]
+    record = boundary(
+        0,
+        snapshots=(at(0, v1=(0.0, 0.0)),),
+        frames=(frame("a", 0, "victim[1]"),),
+        messages=report(1, "a", 0, position=position),
+        events=(matched(0, "victim[1]", "m0-1"),),
+    )
+    assert metrics(of(record)).localisation_error_m is None
+    assert metrics(of(record)).detections == 1
+
+
+def test_calibration_error_over_ten_bins(of) -> None:  # type: ignore[no-untyped-def]
+    """Bin 0.9..1: two of confidence 0.95, one hit: |0.5 - 0.95|, two samples; bin 0.2: one miss: 0.2."""
+    record = boundary(
+        0,
+        frames=(frame("a", 0, "victim[1]"),),
+        messages=(*report(1, "a", 0, confidence=0.95), *report(2, "a", 0, confidence=0.95),
+                  *report(3, "a", 0, confidence=0.2)),
+        events=(matched(0, "victim[1]", "m0-1"),),
+    )  # fmt: skip
+    assert metrics(of(record)).calibration_error == pytest.approx((2 * 0.45 + 0.2) / 3)
+    certain = boundary(0, messages=report(1, "a", 0, confidence=1.0))
+    assert metrics(of(certain)).calibration_error == 1.0
+
+
+def test_rounds_count_ticks_and_categories(of) -> None:  # type: ignore[no-untyped-def]
+    edge = report(1, "a", 1)[0]
+    found = metrics(
+        of(
+            boundary(1, messages=(replace(edge, category="assignment"), replace(edge, category="target_status"))),
+            boundary(2, messages=(replace(edge, tick=2, category="target_status"),)),
+            boundary(3, messages=(replace(edge, tick=3, category="other"), replace(edge, tick=3))),
+        )
+    )
+    assert found.rounds == 2 and found.messages == 5
+
+
+def test_decisions_receipts_and_absences(of) -> None:  # type: ignore[no-untyped-def]
+    absent = Absent(entity="uav[1]", camera="nadir", tick=1, reason="late")
+    idle = DecisionRecord(agent="a", decision=Decision(), substituted="policy_timeout")
+    receipt = Receipt(request="c", tick=1, sender="a", resource="r", status="rejected", reason="conflict")
+    found = metrics(
+        of(
+            boundary(
+                1,
+                decisions=(idle, replace(idle, substituted="")),
+                receipts=(receipt, replace(receipt, reason="busy"), replace(receipt, status="accepted", reason="")),
+                observations=(ObservationRecord(agent="a", absent=(absent,)),) * 2,
+            )
+        )
+    )
+    assert (found.substitutions, found.idle_fraction, found.conflicts, found.rejections) == (1, 1.0, 1, 2)
+    assert found.absent_frames == 1
+
+
+def test_executors_and_their_reach_come_from_the_rules(trace: Trace) -> None:
+    assert reaches_of(trace.header.instance) == (Reach("boat", "victim", 50.0),)
+
+
+def assignment(tick: int, sender: str, assignee: str, **body: object) -> Envelope:
+    whole = {"assignee": assignee, "task": "rescue", **body}
+    return Envelope(
+        id=f"m{tick}-{sender}", tick=tick, sender=sender, recipient="x", kind="assignment", category="assignment",
+        body=whole, bytes=9, deliver_at=tick + 1,  # type: ignore[arg-type]
+    )  # fmt: skip
+
+
+def test_rep_counts_requests_and_entries(of) -> None:  # type: ignore[no-untyped-def]
+    far, near = at(0, v1=(0.0, 0.0), v2=(500.0, 0.0), boat=(0.0, 300.0)), (10.0, 0.0)
+    there = at(3, v1=(0.0, 0.0), v2=(500.0, 0.0), boat=near)
+    steps = [
+        boundary(0, snapshots=(far,)),
+        boundary(1, snapshots=(far,), messages=(assignment(1, "scout[1]", "boat", position=(5.0, 5.0, 0.0)),)),
+        boundary(2, snapshots=(far,), messages=(assignment(2, "scout[2]", "skipper", position=(0.0, 9.0, 0.0)),)),
+        boundary(3, snapshots=(there,)),  # the assignee arrives: not repeated
+        boundary(4, snapshots=(there,)),  # and stays: no event
+    ]
+    assert repeated_target_rate(of(*steps[:1])) is None
+    assert repeated_target_rate(of(*steps[:2])) == 0.0
+    assert repeated_target_rate(of(*steps[:3])) == 1 / 2
+    assert repeated_target_rate(of(*steps[:4])) == 1 / 3
+    assert repeated_target_rate(of(*steps)) == 1 / 3
+    rescue = TaskEvent(kind="rescue", entities=("victim[1]", "boat"), time_s=30.0)
+    done = boundary(4, snapshots=(there,), task_events=(rescue,))
+    again = [boundary(5, snapshots=(far,)), boundary(6, snapshots=(there,))]
+    assert repeated_target_rate(of(*steps[:4], done, *again)) == 2 / 4
+
+
+def test_rep_sees_commands_of_those_who_do_not_embody_the_executor(of) -> None:  # type: ignore[no-untyped-def]
+    far = at(0, v1=(0.0, 0.0), v2=(500.0, 0.0), boat=(0.0, 300.0))
+
+    def go(tick: int, sender: str, x: float) -> Command:
+        arguments = {"x": x, "y": 0.0}
+        return Command(id="c", tick=tick, sender=sender, resource="boat", verb="moveTo", arguments=arguments)
+
+    own = boundary(1, snapshots=(far,), commands=(go(1, "skipper", 0.0),))
+    assert repeated_target_rate(of(own)) is None
+    first = boundary(2, snapshots=(far,), commands=(go(2, "scout[1]", 0.0), go(2, "scout[1]", 480.0)))
+    assert repeated_target_rate(of(own, first)) == 0.0
+    other = boundary(3, snapshots=(far,), commands=(go(3, "scout[3]", 510.0), go(3, "scout[3]", 250.0)))
+    assert repeated_target_rate(of(own, first, other)) == 1 / 3
+
+
+def test_one_sender_says_and_commands_it_once(of) -> None:  # type: ignore[no-untyped-def]
+    far = at(0, v1=(0.0, 0.0), v2=(500.0, 0.0), boat=(0.0, 300.0))
+    command = Command(id="c", tick=1, sender="scout[1]", resource="boat", verb="moveTo", arguments={"x": 0.0, "y": 0.0})
+    said = assignment(1, "scout[1]", "skipper", position=(0.0, 0.0, 0.0))
+    assert repeated_target_rate(of(boundary(1, snapshots=(far,), commands=(command,), messages=(said,)))) == 0.0
+
+
+def test_a_mission_without_targets_has_no_gap(of, trace: Trace, synthetic: ModuleType) -> None:  # type: ignore[no-untyped-def]
+    instance = trace.header.instance
+    bare = replace(instance, entities=tuple(e for e in instance.entities if e.role == "asset"), cells=(), stages=())
+    cut = Trace(trace.path, replace(trace.header, instance=bare), (), trace.outcome, False)
+    assert metrics(cut).gap is None and metrics(cut).coverage is None and metrics(cut).stages == ()
+    assert metrics(Trace(trace.path, trace.header, (), trace.outcome, False)).gap == 0.0
+
+
+def test_metrics_are_plain_data(trace: Trace) -> None:
+    found = metrics(trace)
+    assert msgspec.json.decode(msgspec.json.encode(found), type=Metrics) == found
+    assert all(math.isfinite(v) for v in msgspec.to_builtins(found).values() if isinstance(v, float))
+
+
+@pytest.mark.parametrize(
+    ("value", "count", "expected"),
+    [((1, 2.0, 3), 2, (1.0, 2.0)), ((1,), 2, None), ("12", 2, None), ((1, "2"), 2, None), (None, 1, None)],
+)
+def test_numbers(value: object, count: int, expected: object) -> None:
+    assert numbers(value, count) == expected
