@@ -31,7 +31,7 @@ __all__ = ["Compilation", "Source", "compile_file", "compile_source", "compile_t
 
 
 class Compilation(msgspec.Struct, frozen=True):
-    """The outcome of one compilation: `mission` is None exactly if there is an error among the diagnostics."""
+    """The outcome of one compilation: `mission` is None if there is an error, or if the file holds types only."""
 
     mission: Mission | None
     diagnostics: tuple[Diagnostic, ...]

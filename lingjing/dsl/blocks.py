@@ -74,12 +74,18 @@ class BlockReader:
         environment: Environment = STATIC,
         others: tuple[type, ...] = (),
         owner: s.Node | None = None,
+        lenient: bool = False,
     ) -> dict[str, Entry]:
-        """The block's good properties. `others` are statement types that the caller reads itself."""
+        """The block's good properties. `others` are statement types that the caller reads itself.
+
+        `lenient` passes over unknown keys: what they could be is itself not known.
+        """
         entries: dict[str, Entry] = {}
         seen: dict[str, s.Property] = {}
         for item in block.items if block else ():
             if isinstance(item, s.Property):
+                if lenient and item.name.text not in keys:
+                    continue
                 self._property(item, keys, what, environment, seen, entries)
             elif not isinstance(item, (*others, s.Faulty)):
                 self.misplaced(item, what, keys)

@@ -7,6 +7,7 @@ left out; the rest is still checked. `Checked` is complete only if nothing was r
 
 from __future__ import annotations
 
+import os
 from typing import TypeVar
 
 import msgspec
@@ -74,7 +75,7 @@ class Checked(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def check(tree: s.File, report: Reporter) -> Checked | None:
-    """Check a mission file. None if it holds no mission that could be looked at."""
+    """Check a file. None if it holds no mission; that is an error unless it holds types."""
     file = FileChecker(report)
     file.declarations(tree)
     missions = [item for item in tree.items if isinstance(item, s.MissionBlock)]
@@ -83,17 +84,17 @@ def check(tree: s.File, report: Reporter) -> Checked | None:
         report("LJ0104", extra.name.start, extra.name.end, "a file holds one mission", "move it into a file of its own")
     if missions:
         return MissionChecker(file).mission(missions[0])
-    if not faulty:
+    if not faulty and not file.own_types and not file.own_records:
         end = len(report.source.text.rstrip())
         report("LJ0106", 0, min(1, end), "the file holds no mission", 'add `mission name "title" { … }`')
     return None
 
 
-def check_library(source: Source) -> tuple[Library, tuple[Diagnostic, ...]]:
+def check_library(source: Source, chain: tuple[str, ...] = ()) -> tuple[Library, tuple[Diagnostic, ...]]:
     """Check a library file: its types and records."""
     report = Reporter(source)
     tree = parse(report)
-    file = FileChecker(report)
+    file = FileChecker(report, chain)
     file.declarations(tree)
     for item in tree.items:
         if isinstance(item, s.MissionBlock):
@@ -104,8 +105,9 @@ def check_library(source: Source) -> tuple[Library, tuple[Diagnostic, ...]]:
 class FileChecker:
     """The top of a file: version, `use`, types and records."""
 
-    def __init__(self, report: Reporter) -> None:
+    def __init__(self, report: Reporter, chain: tuple[str, ...] = ()) -> None:
         self.report = report
+        self.chain = (*chain, os.path.realpath(report.source.path))
         self.scope = Scope()
         self.of = Elaborator(report, self.scope)
         self.blocks = BlockReader(self.of)
@@ -156,10 +158,10 @@ class FileChecker:
             else:
                 self.scope.poisoned.update(_words(self.report.source.text))
             return
-        if os_same(file, self.report.source.path):
-            self.report("LJ0118", start, end, f"`{shown}` uses itself")
+        if os.path.realpath(file) in self.chain:
+            self.report("LJ0118", start, end, f"`{shown}` uses itself, directly or through others")
             return
-        found, faults = library.load_library(file)
+        found, faults = library.load_library(file, self.chain)
         if any(fault.severity == "error" for fault in faults):
             first = faults[0]
             self.report("LJ0119", start, end, f"the library `{shown}` has errors", f"run `lingjing validate {file}`",
@@ -380,16 +382,6 @@ _MISSION_STATEMENTS = (
     s.RevealLine,
     s.Faulty,
 )
-
-
-def os_same(one: str, other: str) -> bool:
-    """Whether two names mean the same existing file."""
-    import os
-
-    try:
-        return os.path.samefile(one, other)
-    except OSError:
-        return False
 
 
 def _all(items: tuple[s.Statement, ...], kind: type[N]) -> list[N]:

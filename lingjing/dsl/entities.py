@@ -202,7 +202,9 @@ class EntityChecker:
         what = f"`{node.name.text}`"
         keys = self._keys_of(decl)
         others = (s.CameraBlock, s.Section) if node.keyword == "asset" else ()
-        entries = self.blocks.read(node.block, keys, what, environment=environment, others=others)
+        entries = self.blocks.read(
+            node.block, keys, what, environment=environment, others=others, lenient=decl is None
+        )
         cameras, verbs = self._equipment(node, decl)
         guard = self.settings.guard(node.guard)
         if decl is None:

@@ -10,25 +10,17 @@ from __future__ import annotations
 import os
 from functools import lru_cache
 
+from lingjing.data import data_path
 from lingjing.dsl.scope import Library
 from lingjing.errors import PluginError
 from lingjing.mission.diagnostics import Diagnostic
 
 GROUP = "lingjing.std"
-_PACKAGE = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
-_PACKAGED = os.path.join(_PACKAGE, "_data", "std")
-_REPOSITORY = os.path.join(os.path.dirname(_PACKAGE), "scenarios", "std")
 
 
 def standard_folder() -> str:
     """Where the standard library's files are."""
-    return _PACKAGED if os.path.isdir(_PACKAGED) else _REPOSITORY
-
-
-def scenarios_folder() -> str:
-    """Where the shipped missions are: package data, else the repository's `scenarios`."""
-    packaged = os.path.join(_PACKAGE, "_data", "scenarios")
-    return packaged if os.path.isdir(packaged) else os.path.dirname(_REPOSITORY)
+    return str(data_path("std"))
 
 
 def find_file(path: tuple[str, ...]) -> str | None:
@@ -50,18 +42,18 @@ def known_paths(first: str) -> list[str]:
     return [f"{first}.{name}" for name in _files(folder)]
 
 
-def load_library(file: str) -> tuple[Library, tuple[Diagnostic, ...]]:
-    """The declarations of a library file and what is wrong with it."""
+def load_library(file: str, chain: tuple[str, ...] = ()) -> tuple[Library, tuple[Diagnostic, ...]]:
+    """The declarations of a library file and what is wrong with it. `chain` are the files that led here."""
     stat = os.stat(file)
-    return _load(file, stat.st_mtime_ns, stat.st_size)
+    return _load(file, stat.st_mtime_ns, stat.st_size, chain)
 
 
 @lru_cache(maxsize=128)
-def _load(file: str, _modified: int, _size: int) -> tuple[Library, tuple[Diagnostic, ...]]:
+def _load(file: str, _modified: int, _size: int, chain: tuple[str, ...]) -> tuple[Library, tuple[Diagnostic, ...]]:
     from lingjing.dsl.checker import check_library
     from lingjing.dsl.source import read_source
 
-    return check_library(read_source(file))
+    return check_library(read_source(file), chain)
 
 
 def _files(folder: str) -> list[str]:

@@ -137,7 +137,7 @@ class SettingsChecker:
         for value, place in ((default, default_node), (bounds, bounds_node)):
             if value is not None and place is not None:
                 self.blocks.leak(value.taint, place, f"the param `{node.name.text}`")
-        kind = default.type if default is not UNKNOWN else Type("any")
+        kind = default.type if default is not UNKNOWN and bounds is not UNKNOWN else Type("any")
         span = self.report.span(node.name.start, node.name.end)
         self.declare(node.name, Symbol("param", kind, span, default.taint))
         constant = self.of.constant(default.ir)

@@ -2,16 +2,16 @@
 
 lark is imported here and only when no cached table fits: the tables are plain integers, so the parser
 (`lingjing.dsl.parser`) drives them without it and a cold start pays a millisecond instead of lark's 65 ms import and
-200 ms table construction. Looked up in this order: package data (`lingjing/_data/ljs.tables`, written when a
-wheel is built), the user's cache folder, lark. The key is the SHA-256 of the grammar and this module's format number.
+200 ms table construction. Looked up in this order: package data (`ljs.tables` beside this file, written
+after the grammar changed), the user's cache folder, lark. The key is the SHA-256 of the grammar and this module's format number.
 """
 
 from __future__ import annotations
 
 import hashlib
 import os
-import sys
 import tempfile
+from typing import Any
 
 import msgspec
 
@@ -20,7 +20,7 @@ FORMAT = 1
 
 _HERE = os.path.dirname(os.path.abspath(__file__))
 GRAMMAR_FILE = os.path.join(_HERE, "ljs.lark")
-PACKAGED_FILE = os.path.join(os.path.dirname(_HERE), "_data", "ljs.tables")
+PACKAGED_FILE = os.path.join(_HERE, "ljs.tables")
 
 
 class Rule(msgspec.Struct, frozen=True, array_like=True):
@@ -76,22 +76,31 @@ def build_tables(grammar: str, key: str) -> Tables:
 
     parser = Lark(grammar, parser="lalr", lexer=NoLexer, start="file", maybe_placeholders=True, keep_all_tokens=True)
     table = parser.parser.parser._parse_table  # type: ignore[attr-defined]
+    return _numbered(key, table.states, table.start_states["file"], table.end_states["file"])
+
+
+def _numbered(key: str, states: dict[int, dict[str, tuple[Any, Any]]], start: int, end: int) -> Tables:
+    """Number states and rules in the order a walk from the start meets them: lark's own numbers vary with the hash
+    seed, and equal grammars should give equal files."""
+    order, numbers = [start], {start: 0}
     rules: dict[object, int] = {}
     kept: list[Rule] = []
-    states = []
-    for number in range(len(table.states)):
+    rows: list[dict[str, int]] = []
+    for state in order:
         row: dict[str, int] = {}
-        for symbol, (action, target) in sorted(table.states[number].items()):
-            symbol = str(symbol)
+        for symbol, (action, target) in sorted(states[state].items()):
             if action.name == "Shift":
-                row[symbol] = target
+                if target not in numbers:
+                    numbers[target] = len(order)
+                    order.append(target)
+                row[str(symbol)] = numbers[target]
                 continue
             if target not in rules:
                 rules[target] = len(kept)
                 kept.append(_rule(target))
-            row[symbol] = ~rules[target]
-        states.append(row)
-    return Tables(key, table.start_states["file"], table.end_states["file"], tuple(states), tuple(kept))
+            row[str(symbol)] = ~rules[target]
+        rows.append(row)
+    return Tables(key, 0, numbers[end], tuple(rows), tuple(kept))
 
 
 def _rule(rule: object) -> Rule:
@@ -106,13 +115,13 @@ def _rule(rule: object) -> Rule:
     return Rule(str(rule.origin.name), len(rule.expansion), name, tuple(missing))  # type: ignore[attr-defined]
 
 
-def write_tables(path: str) -> None:
-    """Write the tables for packaging: `python -m lingjing.dsl.tables lingjing/_data/ljs.tables`."""
-    os.makedirs(os.path.dirname(os.path.abspath(path)), exist_ok=True)
+def write_tables(path: str = PACKAGED_FILE) -> None:
+    """Write the tables that ship with the package: `python -m lingjing.dsl.tables`, after the grammar changed."""
     with open(GRAMMAR_FILE, "rb") as file:  # noqa: PTH123
         grammar = file.read()
     key = hashlib.sha256(grammar + b"\0%d" % FORMAT).hexdigest()
     _write(build_tables(grammar.decode(), key), path)
+    os.chmod(path, 0o644)
 
 
 def _cache_folder() -> str:
@@ -144,10 +153,10 @@ def _write(tables: Tables, path: str) -> None:
         with os.fdopen(handle, "wb") as file:
             file.write(msgspec.msgpack.encode(tables))
         os.replace(temporary, path)
-    except OSError:
+    except BaseException:
         os.unlink(temporary)
         raise
 
 
 if __name__ == "__main__":
-    write_tables(sys.argv[1])
+    write_tables()

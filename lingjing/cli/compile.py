@@ -1,0 +1,70 @@
+"""`lingjing compile`: write the typed mission graph, or the mission as a `resetScenario` document."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import os
+import sys
+import tempfile
+
+from lingjing.errors import ExitCode, UsageError
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Declare the verb and its options."""
+    parser = subparsers.add_parser("compile", help="write the typed mission graph as JSON", description=__doc__)
+    parser.add_argument("file", metavar="FILE", help="a .ljs or .json file; - reads standard input")
+    parser.add_argument("-o", "--output", metavar="OUT", help="where to write (default: standard output)")
+    parser.add_argument("--emit", choices=("mission", "reset-scenario"), default="mission", help="what to write")
+    parser.set_defaults(handler=handler)
+
+
+def handler(args: argparse.Namespace) -> int:
+    """Compile and write; the output appears whole or not at all."""
+    from lingjing.cli.missions import find_mission
+    from lingjing.dsl.load import load_noted
+
+    mission, notes = load_noted(str(find_mission(args.file)))
+    for note in notes:
+        print(f"note: {note}", file=sys.stderr)
+    if args.emit == "mission":
+        from lingjing.mission.document import encode
+
+        text = encode(mission)
+    else:
+        from lingjing.mission.reset_emit import emit
+
+        text = emit(mission)
+    if args.output in (None, "-"):
+        sys.stdout.write(text)
+    else:
+        write_whole(args.output, text)
+    return ExitCode.OK
+
+
+def write_whole(path: str, text: str) -> None:
+    """Write a file so that it is there whole or not at all; `UsageError` if it cannot be written."""
+    folder = os.path.dirname(os.path.abspath(path))
+    if os.path.isdir(path):
+        raise UsageError(f"cannot write `{path}`: it is a folder", hint="name a file")
+    try:
+        handle, temporary = tempfile.mkstemp(dir=folder, prefix=".lingjing-", suffix=".part")
+    except OSError as error:
+        raise UsageError(f"cannot write `{path}`: {error.strerror}", hint="choose another place with -o") from None
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
+            file.write(text)
+        os.chmod(temporary, 0o666 & ~_umask())
+        os.replace(temporary, path)
+    except BaseException:
+        with contextlib.suppress(OSError):
+            os.unlink(temporary)
+        raise
+
+
+def _umask() -> int:
+    """The process's umask: `mkstemp` gives 0600, a written file should be as readable as any other."""
+    mask = os.umask(0o022)
+    os.umask(mask)
+    return mask

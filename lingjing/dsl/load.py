@@ -1,0 +1,81 @@
+"""Any mission file → `Mission`: `.ljs`, `mission.json` or a `resetScenario` document."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable
+
+from lingjing.dsl import Compilation, compile_file, compile_source
+from lingjing.dsl.render import render_text, summary
+from lingjing.dsl.source import Source, decode_source, read_source
+from lingjing.errors import MissionError, UsageError
+from lingjing.mission.model import Mission
+
+STDIN = "-"
+
+
+def load_mission(path: str | os.PathLike[str]) -> Mission:
+    """The mission of a file. `UsageError` if it cannot be read or holds no mission, `MissionError` with the rendered
+    diagnostics if it has errors."""
+    mission, _ = load_noted(os.fspath(path))
+    return mission
+
+
+def load_noted(path: str) -> tuple[Mission, tuple[str, ...]]:
+    """The mission of a file and, for a document, notes on how it was understood."""
+    source = source_of(path)
+    if is_document(source):
+        return read_document(source)
+    return mission_of(compile_source(source)), ()
+
+
+def source_of(path: str) -> Source:
+    """The text of a file, or of standard input for `-`."""
+    if path == STDIN:
+        return decode_source(sys.stdin.buffer.read(), "<stdin>")
+    return read_source(path)
+
+
+def is_document(source: Source) -> bool:
+    """Whether the text is JSON: by the file's name, or for standard input by its first character."""
+    if source.path == "<stdin>":
+        return source.text.lstrip()[:1] in ("{", "[")
+    return source.path.lower().endswith(".json")
+
+
+def read_document(source: Source) -> tuple[Mission, tuple[str, ...]]:
+    """The mission of a `mission.json` or a `resetScenario` document, and notes."""
+    from lingjing.mission.document import read
+
+    return read(source.text, source.path, templates_beside(os.path.dirname(source.path)))
+
+
+def templates_beside(folder: str) -> Callable[[str], Mission]:
+    """Finds a document's template by name: in the document's own folder, else among the shipped missions.
+
+    The function raises `KeyError` if there is none.
+    """
+
+    def find(name: str) -> Mission:
+        if not name.isidentifier():
+            raise KeyError(name)
+        from lingjing.data import data_path
+
+        for file in (os.path.join(folder, f"{name}.ljs"), str(data_path("scenarios", f"{name}.ljs"))):
+            if os.path.isfile(file):
+                return mission_of(compile_file(file))
+        raise KeyError(name)
+
+    return find
+
+
+def mission_of(compilation: Compilation) -> Mission:
+    """The mission of a compilation, or a `MissionError` that shows all its errors."""
+    if compilation.mission is not None:
+        return compilation.mission
+    path = compilation.source.path
+    if not compilation.diagnostics:
+        raise UsageError(f"`{path}` holds types and no mission", hint="name a file with `mission … { … }`")
+    shown = render_text(compilation.diagnostics, compilation.source)
+    raise MissionError(f"{summary(compilation.diagnostics)}\n\n{shown.rstrip()}")
