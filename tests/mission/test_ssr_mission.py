@@ -21,7 +21,7 @@ LISTING = (ROOT / "scenarios" / "reset" / "ssr-001.json").read_text(encoding="ut
 
 @pytest.fixture(scope="module")
 def compiled() -> m.Mission:
-    compilation = compile_file(ROOT / "scenarios" / "ssr.ljs")
+    compilation = compile_file(str(ROOT / "scenarios" / "ssr.ljs"))
     assert compilation.mission is not None, compilation.diagnostics
     return compilation.mission
 
