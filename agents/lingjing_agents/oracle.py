@@ -37,6 +37,8 @@ NEAR_M = 8.0
 STOP_SHORT_M = 30.0
 """A rescue works from 50 m: the vessel need not go all the way."""
 MAX_TOURS = 720
+PATIENCE_TICKS = 3
+"""A report is adjudicated one boundary after it was sent and seen to be one later; after that it is sent again."""
 
 
 class OraclePolicy:
@@ -50,6 +52,7 @@ class OraclePolicy:
         self._camera, self._boat = flying_camera(brief), vessel(brief)
         self._report, self._assignment = may_send(brief, "report"), may_send(brief, "assignment")
         self._first: dict[str, tuple[Place, float]] = {}
+        self._told: dict[str, int] = {}
 
     async def act(self, observation: Observation, inbox: Inbox) -> Decision:
         """Search, sail or keep still. `UsageError` if the truth was not handed over."""
@@ -67,20 +70,21 @@ class OraclePolicy:
     # -- searchers
 
     def _search(self, observation: Observation, truth: Privileged, body: Resource) -> Decision:
-        open_targets = tuple(entity for entity in _targets(truth) if entity.id not in _matched(truth))
+        matched, now = _matched(truth), observation.tick
+        told = {name for name, tick in self._told.items() if now - tick < PATIENCE_TICKS}
+        targets = tuple(entity for entity in _targets(truth) if entity.id not in matched | told)
         messages: tuple[Outgoing, ...] = ()
-        told: set[str] = set()
         for frame in truth.frames:
             if frame.entity == body.id:
-                messages += self._tell(frame, truth, open_targets, told)
+                messages += self._tell(frame, truth, targets, now)
         own = _state(truth, body.id)
-        mine = [entity for entity in self._share(truth, open_targets) if entity.id not in told]
+        mine = [entity for entity in self._share(truth, targets) if self._told.get(entity.id) != now]
         if own is None or _busy(observation, body.id) or not mine:
             return Decision(messages=messages)
         return Decision(command=self._above(observation, truth, body, own, mine[0]), messages=messages)
 
     def _tell(
-        self, frame: FrameInfo, truth: Privileged, targets: tuple[Entity, ...], told: set[str]
+        self, frame: FrameInfo, truth: Privileged, targets: tuple[Entity, ...], tick: int
     ) -> tuple[Outgoing, ...]:
         messages: list[Outgoing] = []
         wanted = {entity.id for entity in targets}
@@ -88,7 +92,7 @@ class OraclePolicy:
             state = _state(truth, box.entity)
             if box.entity not in wanted or state is None or self._report is None:
                 continue
-            told.add(box.entity)
+            self._told[box.entity] = tick
             body: dict[str, Datum] = {
                 "frame": frame.id,
                 "class": box.cls,

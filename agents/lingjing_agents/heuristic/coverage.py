@@ -38,7 +38,7 @@ def footprint(camera: CameraSpec, height_m: float) -> tuple[float, float]:
 
 
 def lattice(
-    cells: tuple[Cell, ...], camera: CameraSpec, height_m: float, *, overlap: float = 0.08
+    cells: tuple[Cell, ...], camera: CameraSpec, height_m: float, *, overlap: float = 0.03
 ) -> tuple[Waypoint, ...]:
     """Waypoints whose footprints cover the cells' bounding box with at least `overlap` (0..1) between neighbours.
 
