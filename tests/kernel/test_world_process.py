@@ -198,7 +198,7 @@ def test_a_hung_engine_is_killed_within_the_deadline(world):
     started = time.monotonic()
     with pytest.raises(InfrastructureError, match=r"engine `toy_b` \(advance\) did not answer within 1 s") as caught:
         world.step(1, ())
-    assert time.monotonic() - started < 4.0
+    assert time.monotonic() - started < 6.0
     assert "in act" in "\n".join(caught.value.__notes__)
     assert not is_running(before)
     assert world.reset(toys.trio(), toys.CITY).tick == 0

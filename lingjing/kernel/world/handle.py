@@ -38,8 +38,8 @@ ReplyT = TypeVar("ReplyT", bound=Message)
 
 _CLOSE_S = 5.0
 _EXIT_S = 2.0
-_DUMP_S = 0.5
-_QUIET_S = 0.05
+_DUMP_S = 2.0
+_QUIET_S = 0.3
 _SHOWN_LINES = 5
 _DUMP_LINES = 60
 _CRASH = "Fatal Python error: "
@@ -166,8 +166,9 @@ class Worker:
         engine, call = self._progress.read()
         # Its stack, for who wrote the engine: the worker dumps it at this signal even from within a C call.
         self._signal(signal.SIGUSR2)
-        self._words.wait(_DUMP_S)
-        self._words.wait(_QUIET_S)
+        until = time.monotonic() + _DUMP_S
+        while self._words.wait(_QUIET_S) and time.monotonic() < until:
+            pass
         self.kill()
         doing = f"engine `{engine}` ({call})" if engine else f"the {self.name}"
         error = InfrastructureError(f"{doing} did not answer within {allowed_s:g} s; the {self.name} was killed")

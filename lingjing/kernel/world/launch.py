@@ -78,11 +78,15 @@ class LastWords:
                 self.close()
             self._keep(chunk)
 
-    def wait(self, timeout_s: float) -> None:
-        """Wait for something to be written, at most so long, and read it."""
-        if self._descriptor >= 0:
-            select.select([self._descriptor], [], [], timeout_s)
-            self.drain()
+    def wait(self, timeout_s: float) -> bool:
+        """Wait for something to be written, at most so long, and read it; whether there was something."""
+        if self._descriptor < 0:
+            return False
+        poller = select.poll()  # not `select`, which cannot watch descriptors from 1024 on
+        poller.register(self._descriptor, select.POLLIN)
+        ready = bool(poller.poll(int(timeout_s * 1000)))
+        self.drain()
+        return ready
 
     def text(self) -> str:
         """What was kept."""
