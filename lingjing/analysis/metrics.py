@@ -157,7 +157,7 @@ def _usage(decisions: Iterable[DecisionRecord]) -> Usage:
         calls=sum(usage.calls for usage in spent),
         prompt_tokens=sum(usage.prompt_tokens for usage in spent),
         completion_tokens=sum(usage.completion_tokens for usage in spent),
-        cost_usd=sum(usage.cost_usd for usage in spent),
+        cost_usd=sum((usage.cost_usd for usage in spent), 0.0),
     )
 
 

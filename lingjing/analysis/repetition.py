@@ -17,6 +17,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
+from lingjing.analysis.completion import completed_at, nodes
 from lingjing.analysis.detection import numbers, ratio
 from lingjing.mission.expression import Attr, Binary, Call, Expr, Index, Node, Number, Ref
 from lingjing.mission.instance import Datum, Instance
@@ -68,7 +69,7 @@ def reaches_of(instance: Instance) -> tuple[Reach, ...]:
     found = []
     for rule in instance.rules:
         domains = {parameter.name: parameter.domain for parameter in rule.parameters}
-        for node in _nodes(rule.condition):
+        for node in nodes(rule.condition):
             reach = _reach(node, domains, instance)
             found += [reach] if reach is not None and reach not in found else []
     return tuple(found)
@@ -93,16 +94,6 @@ def _name(argument: Expr) -> str:
     if isinstance(argument, Index) and isinstance(argument.index, Number):
         return f"{_name(argument.base)}[{round(argument.index.value)}]"
     return argument.name if isinstance(argument, Ref) else ""
-
-
-def _nodes(node: object) -> Iterator[Node]:
-    if isinstance(node, tuple):
-        for item in node:
-            yield from _nodes(item)
-    elif isinstance(node, Node):
-        yield node
-        for name in node.__struct_fields__:
-            yield from _nodes(getattr(node, name))
 
 
 def _requests(instance: Instance, record: BoundaryRecord, reaches: tuple[Reach, ...]) -> Iterator[tuple[str, str]]:
@@ -146,11 +137,10 @@ def _meant(
 
 def _entries(count: _Count, instance: Instance, record: BoundaryRecord, reaches: tuple[Reach, ...]) -> None:
     """Entries at every macro-step, in time order with the interactions that the engines performed in between. A
-    target is completed by an unlocked interaction or by the mission's last stage."""
+    target is completed by an unlocked interaction or by what the mission's success asks of it."""
     groups = {entity.id: entity.group for entity in instance.entities if entity.role == "target"}
     kinds = {unlock.interaction for unlock in instance.unlocks}
     done = [(task.time_s, name) for task in record.task_events if task.kind in kinds for name in task.entities]
-    last = instance.stages[-1].name if instance.stages else ""
     for snapshot in record.snapshots:
         places = {state.id: state.position[:2] for state in snapshot.states}
         for reach in reaches:
@@ -164,7 +154,7 @@ def _entries(count: _Count, instance: Instance, record: BoundaryRecord, reaches:
                     count.inside.add(pair)
                     count.entry(target, reach.executor)
         count.completed |= {name for time_s, name in done if time_s <= snapshot.time_s and name in groups}
-    count.completed |= {change.subject for change in record.stages if change.stage == last}
+    count.completed |= completed_at(instance, record)
 
 
 def _states(record: BoundaryRecord) -> tuple[BodyState, ...]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from lingjing.analysis.completion import completion_ticks
 from lingjing.analysis.detection import Report, detect
 from lingjing.mission.instance import Instance
 from lingjing.trace.reader import Trace
@@ -46,8 +47,8 @@ class Happened:
 
 @dataclass(frozen=True, slots=True)
 class Story:
-    """Everything the overview draws. `fate` is `completed`, `found` or `missed` for each target; `stage_ticks` says
-    when a (stage, subject) was done."""
+    """Everything the overview draws. `fate` is `completed`, `found` or `missed` for each target; `completed`
+    says at which tick."""
 
     instance: Instance
     tracks: dict[str, Track]
@@ -58,7 +59,7 @@ class Story:
     refusals: tuple[tuple[int, str], ...]
     visited: frozenset[str]
     fate: dict[str, str]
-    stage_ticks: dict[tuple[str, str], int]
+    completed: dict[str, int]
     ticks: int
 
     def tracks_of(self, role: str) -> tuple[Track, ...]:
@@ -91,9 +92,7 @@ def tell(trace: Trace) -> Story:
             if view.visited_tick is not None
         ),
         fate=_fate(trace, reports),
-        stage_ticks={
-            (change.stage, change.subject): change.tick for record in trace.boundaries for change in record.stages
-        },
+        completed=completion_ticks(trace),
         ticks=trace.boundaries[-1].tick if trace.boundaries else 0,
     )
 
@@ -140,13 +139,9 @@ def _happened(trace: Trace) -> tuple[Happened, ...]:
 
 
 def _fate(trace: Trace, reports: tuple[Report, ...]) -> dict[str, str]:
-    """The mission's last stage completes a target; a matched report finds it."""
-    instance = trace.header.instance
-    last = instance.stages[-1].name if instance.stages else ""
-    completed = {change.subject for record in trace.boundaries for change in record.stages if change.stage == last}
-    found = {report.target for report in reports}
+    completed, found = completion_ticks(trace), {report.target for report in reports}
     return {
         entity.id: "completed" if entity.id in completed else "found" if entity.id in found else "missed"
-        for entity in instance.entities
+        for entity in trace.header.instance.entities
         if entity.role == "target"
     }

@@ -14,7 +14,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from lingjing.mission.expression import Binary, Call, Flag, Number, Ref
+from lingjing.mission.expression import Binary, Call, Flag, Number, Quantified, Ref
 from lingjing.mission.instance import (
     AgentSpec,
     Budget,
@@ -185,7 +185,7 @@ def instance(width: int = 640, height: int = 360) -> Instance:
             for name in ("detect", "locate", "handoff", "execute")
         ),
         relations=(),
-        success=Flag(True),
+        success=Quantified("forall", "v", "victim", Call("rescued", (Ref("v", "local"),), rule=True)),
     )
 
 

@@ -119,8 +119,7 @@ def _targets(axes: Axes, story: Story, labels: style.Labels) -> None:
 
 def _fate_place(story: Story, track: Track) -> tuple[float, float]:
     """Where the target was when it was completed (it may travel aboard afterwards), else where it ended."""
-    last = story.instance.stages[-1].name if story.instance.stages else ""
-    tick = story.stage_ticks.get((last, track.entity))
+    tick = story.completed.get(track.entity)
     if tick is None:
         return track.points[-1]
     time_s = tick * story.instance.clock.tick_s

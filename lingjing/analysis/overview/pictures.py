@@ -74,7 +74,7 @@ def draw_view(axes: Axes, trace: Trace, view: View) -> None:
     style.bare(axes)
     axes.set_xlabel(view.caption, fontsize=8, color=style.INK, labelpad=3)
     if rgb is None:
-        _empty(axes, "the picture cannot be decoded")
+        draw_nothing(axes, "the picture cannot be decoded")
         return
     x0, y0, x1, y1 = _window(view, rgb.shape[1], rgb.shape[0], style.panel_shape(axes))
     axes.imshow(rgb[y0:y1, x0:x1], extent=(x0, x1, y1, y0), interpolation="nearest", aspect="auto")
@@ -89,7 +89,7 @@ def draw_whole(axes: Axes, trace: Trace, story: Story, frame: FrameInfo | None) 
     style.bare(axes)
     rgb = None if frame is None else _rgb(trace, frame)
     if frame is None or rgb is None:
-        _empty(axes, "no picture was taken")
+        draw_nothing(axes, "no picture was taken")
         return
     axes.imshow(rgb, extent=(0, rgb.shape[1], rgb.shape[0], 0), interpolation="antialiased", aspect="equal")
     targets = set(story.fate)
@@ -183,6 +183,8 @@ def _grown(box: UnitBox, margin: float) -> UnitBox:
     return box[0] - margin, box[1] - margin * 16 / 9, box[2] + margin, box[3] + margin * 16 / 9
 
 
-def _empty(axes: Axes, text: str) -> None:
+def draw_nothing(axes: Axes, text: str) -> None:
+    """An empty panel that says why."""
+    style.bare(axes)
     axes.set_facecolor(style.PANEL)
     axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center", fontsize=9, color=style.FAINT)

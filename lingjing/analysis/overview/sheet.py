@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from lingjing.analysis.metrics import metrics
 from lingjing.analysis.overview import style
 from lingjing.analysis.overview.mapview import draw_map
-from lingjing.analysis.overview.pictures import best_views, draw_view, draw_whole, whole_frame
+from lingjing.analysis.overview.pictures import best_views, draw_nothing, draw_view, draw_whole, whole_frame
 from lingjing.analysis.overview.score import draw_score
 from lingjing.analysis.overview.timeline import draw_batteries, draw_events, draw_messages
 from lingjing.analysis.story import Story, tell
@@ -43,6 +43,8 @@ def draw_sheet(trace: Trace, path: Path) -> None:
 
 def _pictures(figure: Figure, trace: Trace, story: Story) -> None:
     views = best_views(story, VIEWS)
+    if not views:
+        draw_nothing(_panel(figure, 0.615, 0.37, 0.373, 0.28), "no target was reported or in view")
     for place, view in enumerate(views):
         row, column = divmod(place, 2)
         left, bottom = 0.615 + column * 0.19, 0.535 - row * 0.165

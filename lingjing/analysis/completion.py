@@ -1,0 +1,44 @@
+"""Which targets were completed, and when: what the mission's success asks of each, wherever the mission says it.
+
+A target is completed by an event of a rule that the success condition calls (`forall v in victim: rescued(v)`), or,
+where success calls none, by the mission's last stage.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from lingjing.mission.expression import Call, Node
+from lingjing.mission.instance import Instance
+from lingjing.trace.reader import Trace
+from lingjing.trace.records import BoundaryRecord
+
+
+def completion_ticks(trace: Trace) -> dict[str, int]:
+    """The tick at which each completed target was completed."""
+    found: dict[str, int] = {}
+    for record in trace.boundaries:
+        for target in completed_at(trace.header.instance, record):
+            found.setdefault(target, record.tick)
+    return found
+
+
+def completed_at(instance: Instance, record: BoundaryRecord) -> set[str]:
+    """Targets that this boundary's events or stages complete."""
+    targets = {entity.id for entity in instance.entities if entity.role == "target"}
+    rules = {node.function for node in nodes(instance.success) if isinstance(node, Call) and node.rule}
+    if rules:
+        return targets & {name for event in record.events if event.kind in rules for name in event.bindings}
+    last = instance.stages[-1].name if instance.stages else None
+    return targets & {change.subject for change in record.stages if change.stage == last}
+
+
+def nodes(expression: object) -> Iterator[Node]:
+    """Every node of an expression, the root first."""
+    if isinstance(expression, tuple):
+        for item in expression:
+            yield from nodes(item)
+    elif isinstance(expression, Node):
+        yield expression
+        for name in expression.__struct_fields__:
+            yield from nodes(getattr(expression, name))
