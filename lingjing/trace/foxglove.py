@@ -59,7 +59,7 @@ def transforms(snapshot: Snapshot) -> Derived:
         transform.parent_frame_id = WORLD
         transform.child_frame_id = state.id
         _place(transform.translation, state.position)
-        _turn(transform.rotation, _body_axes(state))
+        _turn(transform.rotation, _body_turn(state))
     return "/tf", _schema(FrameTransforms), message.SerializeToString(deterministic=True)
 
 
@@ -128,18 +128,19 @@ def geodetic(origin: tuple[float, float], east: float, north: float) -> tuple[fl
     return math.degrees(lat), math.degrees(lon)
 
 
+Turn = tuple[float, float, float, float]
 Axes = tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
 
 
-def _body_axes(state: BodyState) -> Axes:
-    """Forward, left and up of a body in the world frame."""
-    heading, pitch, roll = (math.radians(v) for v in (state.heading_deg, state.pitch_deg, state.roll_deg))
-    sh, ch, sp, cp, sr, cr = (f(v) for v in (heading, pitch, roll) for f in (math.sin, math.cos))
-    forward = (sh * cp, ch * cp, sp)
-    level_left, level_up = (-ch, sh, 0.0), (-sh * sp, -ch * sp, cp)
-    left = tuple(cr * a + sr * b for a, b in zip(level_left, level_up, strict=True))
-    up = tuple(cr * b - sr * a for a, b in zip(level_left, level_up, strict=True))
-    return forward, (left[0], left[1], left[2]), (up[0], up[1], up[2])
+def _body_turn(state: BodyState) -> Turn:
+    """From a body's frame to the world: yaw from east, then pitch about the left axis (nose up is negative there),
+    then roll."""
+    yaw = math.radians(90.0 - state.heading_deg) / 2.0
+    pitch, roll = math.radians(-state.pitch_deg) / 2.0, math.radians(state.roll_deg) / 2.0
+    sy, cy, sp, cp = math.sin(yaw), math.cos(yaw), math.sin(pitch), math.cos(pitch)
+    sr, cr = math.sin(roll), math.cos(roll)
+    x, y = sr * cp * cy - cr * sp * sy, cr * sp * cy + sr * cp * sy
+    return x, y, cr * cp * sy - sr * sp * cy, cr * cp * cy + sr * sp * sy
 
 
 def _camera_axes(frame: FrameInfo) -> Axes:
@@ -152,7 +153,7 @@ def _camera_axes(frame: FrameInfo) -> Axes:
     return (right[0], right[1], right[2]), (down[0], down[1], down[2]), (sh * ct, ch * ct, -st)
 
 
-def _quaternion(axes: Axes) -> tuple[float, float, float, float]:
+def _quaternion(axes: Axes) -> Turn:
     """(x, y, z, w) of the rotation whose columns are `axes` (Shepperd's method)."""
     (m00, m10, m20), (m01, m11, m21), (m02, m12, m22) = axes
     squares = (1 + m00 - m11 - m22, 1 - m00 + m11 - m22, 1 - m00 - m11 + m22, 1 + m00 + m11 + m22)
@@ -174,7 +175,7 @@ def _camera_transform(frame: FrameInfo, camera: str) -> Derived:
     transform.parent_frame_id = WORLD
     transform.child_frame_id = camera
     _place(transform.translation, frame.pose.position)
-    _turn(transform.rotation, _camera_axes(frame))
+    _turn(transform.rotation, _quaternion(_camera_axes(frame)))
     return "/tf", _schema(FrameTransforms), message.SerializeToString(deterministic=True)
 
 
@@ -277,8 +278,8 @@ def _place(vector: Any, position: tuple[float, float, float]) -> None:
     vector.x, vector.y, vector.z = position
 
 
-def _turn(quaternion: Any, axes: Axes) -> None:
-    quaternion.x, quaternion.y, quaternion.z, quaternion.w = _quaternion(axes)
+def _turn(quaternion: Any, turn: Turn) -> None:
+    quaternion.x, quaternion.y, quaternion.z, quaternion.w = turn
 
 
 @cache
