@@ -7,6 +7,7 @@ import contextlib
 import os
 import sys
 import tempfile
+from pathlib import Path
 
 from lingjing.errors import ExitCode, UsageError
 
@@ -45,21 +46,21 @@ def handler(args: argparse.Namespace) -> int:
 
 def write_whole(path: str, text: str) -> None:
     """Write a file so that it is there whole or not at all; `UsageError` if it cannot be written."""
-    folder = os.path.dirname(os.path.abspath(path))
-    if os.path.isdir(path):
+    target = Path(path).absolute()
+    if target.is_dir():
         raise UsageError(f"cannot write `{path}`: it is a folder", hint="name a file")
     try:
-        handle, temporary = tempfile.mkstemp(dir=folder, prefix=".lingjing-", suffix=".part")
+        handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=".lingjing-", suffix=".part")
     except OSError as error:
         raise UsageError(f"cannot write `{path}`: {error.strerror}", hint="choose another place with -o") from None
     try:
         with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
             file.write(text)
-        os.chmod(temporary, 0o666 & ~_umask())
-        os.replace(temporary, path)
+        Path(temporary).chmod(0o666 & ~_umask())
+        Path(temporary).replace(target)
     except BaseException:
         with contextlib.suppress(OSError):
-            os.unlink(temporary)
+            Path(temporary).unlink()
         raise
 
 

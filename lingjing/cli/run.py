@@ -12,7 +12,7 @@ from lingjing.bench.report import EpisodeReport, summarise
 from lingjing.cli.missions import find_mission
 from lingjing.cli.pairs import parse_pairs, parse_seed, parse_seeds, parse_settings
 from lingjing.cli.progress import LiveProgress
-from lingjing.cli.scoreboard import exit_code, print_episode, print_json, print_suite
+from lingjing.cli.scoreboard import exit_code, explain_aborts, print_episode, print_json, print_suite
 from lingjing.errors import UsageError
 from lingjing.mission.model import Mission
 
@@ -75,6 +75,7 @@ def _run_one(args: argparse.Namespace, mission: Mission, options: RunOptions, se
         print_json(episode)
     else:
         print_episode(episode)
+    explain_aborts([episode])
     return exit_code([episode])
 
 
@@ -91,6 +92,7 @@ def _run_many(args: argparse.Namespace, mission: Mission, options: RunOptions, s
         print_json(report)
     else:
         print_suite(report)
+    explain_aborts(episodes)
     return exit_code(episodes)
 
 

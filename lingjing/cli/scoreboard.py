@@ -23,6 +23,15 @@ def exit_code(episodes: Sequence[EpisodeReport]) -> ExitCode:
     return ExitCode.INFRASTRUCTURE if ABORTED in reasons else ExitCode.OK
 
 
+def explain_aborts(episodes: Sequence[EpisodeReport]) -> None:
+    """On standard error: what aborted an episode and what to do; nothing if none was aborted."""
+    aborted = [episode for episode in episodes if episode.reason == ABORTED]
+    for episode in aborted:
+        print(f"error: seed {episode.seed} was aborted: {episode.detail}", file=sys.stderr)
+    if aborted:
+        print("hint: the trace holds what happened before; `lingjing doctor` checks this machine", file=sys.stderr)
+
+
 def print_json(report: EpisodeReport | SuiteReport) -> None:
     """One object and a newline on standard output, nothing else."""
     sys.stdout.write(msgspec.json.encode(report).decode() + "\n")

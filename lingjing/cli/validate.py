@@ -18,7 +18,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 
 def handler(args: argparse.Namespace) -> int:
-    """Check the files; 0 if all are good, 1 if one has errors, 2 if one cannot be read (the others are still checked)."""
+    """Check the files: 0 all are good, 1 one has errors, 2 one cannot be read (the others are still checked)."""
     from lingjing.dsl.render import render_json, summary
 
     found, unreadable, wrong = [], 0, 0

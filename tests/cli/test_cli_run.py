@@ -1,0 +1,180 @@
+"""`lingjing run` from end to end on the real mission, cut to a few ticks."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from lingjing.bench.report import EpisodeReport
+from lingjing.data import data_path
+
+KEYS = {"mission", "seed", "mode", "success", "reason", "scr", "ticks", "digest", "trace", "metrics"}
+RUN = (sys.executable, "-m", "lingjing.cli.main", "run")
+
+
+@pytest.fixture(scope="module")
+def short(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The mission with a budget of three ticks."""
+    text = data_path("scenarios", "ssr.ljs").read_text(encoding="utf-8")
+    assert "ticks <= 60" in text
+    path = tmp_path_factory.mktemp("mission") / "short.ljs"
+    path.write_text(text.replace("ticks <= 60", "ticks <= 3"), encoding="utf-8")
+    return path
+
+
+def lingjing_run(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [*RUN, *map(str, arguments)], cwd=cwd, capture_output=True, text=True, timeout=240, check=False
+    )
+
+
+def test_json_is_one_object_with_the_promised_keys(short: Path, tmp_path: Path) -> None:
+    done = lingjing_run(short, "--seed", 3, "--mode", "star", "--policy", "random", "--json", cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    answer = json.loads(done.stdout)
+    assert answer.keys() >= KEYS
+    assert (answer["mission"], answer["seed"], answer["mode"], answer["ticks"]) == ("ssr", 3, "star", 3)
+    assert (answer["reason"], answer["success"]) == ("budget", False)
+    assert answer["trace"] == "runs/ssr-star-3-1/trace.mcap"
+    assert sorted(path.name for path in (tmp_path / "runs/ssr-star-3-1").iterdir()) == ["overview.png", "trace.mcap"]
+
+
+def test_several_seeds_on_a_warm_world_equal_single_ones_in_processes(short: Path, tmp_path: Path) -> None:
+    warm = lingjing_run(short, "--seeds", "0-1", "--policy", "random", "--json", "-o", "warm", cwd=tmp_path)
+    apart = lingjing_run(short, "--seeds", "0-1", "--policy", "random", "--json", "-o", "apart", "-j", 2, cwd=tmp_path)
+    assert (warm.returncode, apart.returncode) == (0, 0), warm.stderr + apart.stderr
+    first, second = json.loads(warm.stdout), json.loads(apart.stdout)
+    assert first.keys() >= KEYS | {"tsr", "episodes"}
+    assert [episode["seed"] for episode in first["episodes"]] == [0, 1]
+    assert [e["digest"] for e in first["episodes"]] == [e["digest"] for e in second["episodes"]]
+    assert first["episodes"][0]["digest"] != first["episodes"][1]["digest"]
+    assert (first["tsr"], first["digest"]) == (0.0, second["digest"])
+    assert sorted(path.name for path in (tmp_path / "warm").iterdir()) == ["ssr-broadcast-0-1", "ssr-broadcast-1-1"]
+
+
+def test_piped_output_is_plain_and_ends_with_the_trace(short: Path, tmp_path: Path) -> None:
+    done = lingjing_run(short, "--policy", "random", "-o", "here", "--world", "inline", cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "\x1b" not in done.stdout
+    lines = done.stdout.splitlines()
+    assert "success: no (budget)" in lines
+    assert lines[-1] == "trace: here/trace.mcap"
+
+
+def test_a_run_is_never_overwritten(short: Path, tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "trace.mcap").write_text("precious")
+    done = lingjing_run(short, "--policy", "random", "-o", "out", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "`out` is not empty" in done.stderr
+    assert (tmp_path / "out" / "trace.mcap").read_text() == "precious"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--policy", "heuristik"), "no policy is called `heuristik`"),
+        (("--policy", "./none.py:Scout"), "there is no policy file `none.py`"),
+        (("--policy-for", "pilot=random"), "no role or agent is called `pilot`"),
+        (("--policy-for", "searcher"), "--policy-for searcher: expected name=value"),
+        (("--policy-arg", "hight=3", "--policy", "random"), "hight"),
+        (("--set", "victims=99"), "victims"),
+        (("--set", "height=3"), "height"),
+        (("--set", "altitude=80 s"), "duration where length is due"),
+        (("--mode", "mesh"), "mesh"),
+        (("--seed", "-1"), "`-1` is not a seed"),
+        (("--seeds", "5-1"), "runs backwards"),
+        (("-j", "0"), "at least one"),
+        (("-o", "/proc/nowhere"), "/proc/nowhere"),
+    ],
+)
+def test_wrong_arguments_name_themselves_and_leave_nothing(
+    arguments: tuple[str, ...], said: str, short: Path, tmp_path: Path
+) -> None:
+    done = lingjing_run(short, *arguments, cwd=tmp_path)
+    assert done.returncode == 2, done.stderr
+    assert said in done.stderr
+    assert "Traceback" not in done.stderr
+    assert done.stdout == ""
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("content", "code"),
+    [(None, 2), (b"", 1), (b"\xff\xfe\x00", 2), (b"mission ssr {", 1), (b"x" * 10_000_000, 2)],
+    ids=["missing", "empty", "not-utf8", "broken", "ten-megabytes-of-one-line"],
+)
+def test_wrong_missions_give_a_message_and_their_code(content: bytes | None, code: int, tmp_path: Path) -> None:
+    if content is not None:
+        (tmp_path / "m.ljs").write_bytes(content)
+    done = lingjing_run("m.ljs", cwd=tmp_path)
+    assert done.returncode == code, done.stderr[:2000]
+    assert "m.ljs" in done.stderr
+    assert len(done.stderr) < 20_000
+    assert "Traceback" not in done.stderr
+
+
+def test_a_new_agent_plays_at_once(short: Path, tmp_path: Path) -> None:
+    new = subprocess.run(
+        [sys.executable, "-m", "lingjing.cli.main", "new", "agent", "mine"], cwd=tmp_path, check=True, timeout=60,
+        capture_output=True,
+    )  # fmt: skip
+    assert b"mine.py" in new.stdout
+    done = lingjing_run(short, "--policy", "./mine.py:Mine", "--json", "-o", "out", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    answer = msgspec.json.decode(done.stdout, type=EpisodeReport)
+    assert (answer.policy, answer.reason, answer.metrics["substitutions"]) == ("./mine.py:Mine", "budget", 0)
+
+
+def descendants(pid: int) -> set[int]:
+    """Process ids below `pid`, from /proc."""
+    children: dict[int, list[int]] = {}
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdigit():
+            try:
+                parent = int((entry / "stat").read_text().rpartition(")")[2].split()[1])
+            except (OSError, ValueError):
+                continue
+            children.setdefault(parent, []).append(int(entry.name))
+    found: set[int] = set()
+    frontier = [pid]
+    while frontier:
+        frontier = [child for parent in frontier for child in children.get(parent, []) if child not in found]
+        found.update(frontier)
+    return found
+
+
+def test_control_c_ends_with_a_partial_trace_and_no_process(tmp_path: Path) -> None:
+    mission = data_path("scenarios", "ssr.ljs")
+    process = subprocess.Popen(
+        [*RUN, str(mission), "--policy", "random", "-o", "out", "--json"], cwd=tmp_path,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    part = tmp_path / "out" / "trace.mcap.part"
+    deadline = time.monotonic() + 120
+    while not (part.exists() and part.stat().st_size > 200_000) and time.monotonic() < deadline:
+        assert process.poll() is None, process.communicate()
+        time.sleep(0.05)
+    workers = descendants(process.pid)
+    assert workers
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 130, err
+    assert "Traceback" not in err
+    answer = json.loads(out)
+    assert answer["reason"] == "interrupted"
+    assert Path(tmp_path / answer["trace"]) == part
+    assert not (tmp_path / "out" / "trace.mcap").exists()
+    gone = time.monotonic() + 10
+    while any(Path(f"/proc/{pid}").exists() for pid in workers) and time.monotonic() < gone:
+        time.sleep(0.05)
+    assert not [pid for pid in workers if Path(f"/proc/{pid}").exists()]
+    assert os.listdir(tmp_path / "out") == ["trace.mcap.part"]
