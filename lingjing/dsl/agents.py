@@ -42,8 +42,14 @@ class AgentChecker:
         if first is None:
             self.scope.agents[node.name.text] = span
         else:
-            self.report("LJ0104", node.name.start, node.name.end, f"the agent `{node.name.text}` is declared twice",
-                        "choose another name", related=(Related(first, "first declared here"),))  # fmt: skip
+            self.report(
+                "LJ0104",
+                node.name.start,
+                node.name.end,
+                f"the agent `{node.name.text}` is declared twice",
+                "choose another name",
+                related=(Related(first, "first declared here"),),
+            )
         self.scope.roles.setdefault(node.role.text, self.report.span(node.role.start, node.role.end))
 
     def agent(self, node: s.AgentBlock) -> model.Agent:
@@ -96,8 +102,14 @@ class AgentChecker:
             self.of.unknown_name(node.type, list(self.scope.records), "no message record")
         known = self.scope.messages.get(node.name.text)
         if known is not None:
-            self.report("LJ0104", node.name.start, node.name.end, f"the message `{node.name.text}` is declared twice",
-                        "choose another name", related=(Related(known[1], "first declared here"),))  # fmt: skip
+            self.report(
+                "LJ0104",
+                node.name.start,
+                node.name.end,
+                f"the message `{node.name.text}` is declared twice",
+                "choose another name",
+                related=(Related(known[1], "first declared here"),),
+            )
             return
         self.scope.messages[node.name.text] = (record, self.report.span(node.name.start, node.name.end))
 
@@ -126,11 +138,22 @@ class AgentChecker:
     def reveal(self, node: s.RevealLine) -> model.Reveal | None:
         """`reveal image(target) to role`."""
         if node.what.text != "image":
-            self.report("LJ0109", node.what.start, node.what.end, f"`{node.what.text}` cannot be revealed", "only an `image` can")
+            self.report(
+                "LJ0109",
+                node.what.start,
+                node.what.end,
+                f"`{node.what.text}` cannot be revealed",
+                "only an `image` can",
+            )
             return None
         value = self.of.value(node.entity, STATIC)
         if value.type.kind not in ("entity", "group", "any"):
-            self.report("LJ0201", node.entity.start, node.entity.end, f"a target is due here, this is {with_article(value.type)}")
+            self.report(
+                "LJ0201",
+                node.entity.start,
+                node.entity.end,
+                f"a target is due here, this is {with_article(value.type)}",
+            )
             return None
         self.role(node.role)
         return None if value is UNKNOWN else model.Reveal(what="image", entity=value.ir, role=node.role.text)
@@ -139,8 +162,14 @@ class AgentChecker:
         """One of the paper's five relations."""
         kind = node.kind
         if kind.text not in RELATIONS:
-            self.report("LJ0109", kind.start, kind.end, f"no relation is called `{kind.text}`",
-                        did_you_mean(kind.text, RELATIONS), replace=nearest(kind.text, RELATIONS))  # fmt: skip
+            self.report(
+                "LJ0109",
+                kind.start,
+                kind.end,
+                f"no relation is called `{kind.text}`",
+                did_you_mean(kind.text, RELATIONS),
+                replace=nearest(kind.text, RELATIONS),
+            )
             return None
         for end in (node.source, node.target):
             if kind.text == "dependency":
@@ -173,7 +202,9 @@ class AgentChecker:
             return UNKNOWN
         kind = value.type.kind
         if kind not in ("entity", "group"):
-            self.report("LJ0201", node.start, node.end, f"an asset is due for {what}, this is {with_article(value.type)}")
+            self.report(
+                "LJ0201", node.start, node.end, f"an asset is due for {what}, this is {with_article(value.type)}"
+            )
             return UNKNOWN
         info = self.scope.groups[value.type.of]
         if info.role != "asset":
@@ -185,18 +216,28 @@ class AgentChecker:
         value = self._asset(node, environment, "`controls`")
         if value is UNKNOWN:
             return UNKNOWN
-        constant = isinstance(value.ir, ex.Ref) or (isinstance(value.ir, ex.Index) and isinstance(value.ir.index, ex.Number))
+        constant = isinstance(value.ir, ex.Ref) or (
+            isinstance(value.ir, ex.Index) and isinstance(value.ir.index, ex.Number)
+        )
         text = self.report.source.text[node.start : node.end]
         first = self.controlled.setdefault(text, node)
         if first is not node and constant:
-            self.report("LJ0115", node.start, node.end, f"`{text}` is controlled by two agents", "use `authority … may command …`",
-                        related=(Related(self.report.span(first.start, first.end), "first controlled here"),))  # fmt: skip
+            self.report(
+                "LJ0115",
+                node.start,
+                node.end,
+                f"`{text}` is controlled by two agents",
+                "use `authority … may command …`",
+                related=(Related(self.report.span(first.start, first.end), "first controlled here"),),
+            )
         return value
 
     def _channel(self, node: s.Channel, environment: Environment) -> model.Channel | None:
-        source, field = node.source, None
+        source = node.source
+        field: s.Name | None = None
         if isinstance(source, s.Attribute) and not node.everything:
-            source, field = source.base, source.name
+            field = source.name
+            source = source.base
         if isinstance(source, s.Name) and source.text in ("events", "peers") and source.text not in self.scope.symbols:
             return self._built_in(source, field)
         value = self.of.value(source, environment)
@@ -207,8 +248,13 @@ class AgentChecker:
         if kind == "grid":
             return self._grid_channel(value, field)
         if kind not in ("entity", "group"):
-            self.report("LJ0116", node.start, node.end, f"{with_article(value.type)} cannot be observed",
-                        "observe an entity, a grid, `peers` or `events`")  # fmt: skip
+            self.report(
+                "LJ0116",
+                node.start,
+                node.end,
+                f"{with_article(value.type)} cannot be observed",
+                "observe an entity, a grid, `peers` or `events`",
+            )
             return None
         if field is None:
             return model.Channel(source=value.ir)
@@ -219,14 +265,26 @@ class AgentChecker:
             return model.Channel(source=ex.Symbol(source.text))
         known = OBSERVED_FIELDS if source.text == "peers" else ()
         if field.text not in known:
-            self.report("LJ0102", field.start, field.end, f"`{source.text}` has no field `{field.text}`",
-                        did_you_mean(field.text, known), replace=nearest(field.text, known))  # fmt: skip
+            self.report(
+                "LJ0102",
+                field.start,
+                field.end,
+                f"`{source.text}` has no field `{field.text}`",
+                did_you_mean(field.text, known),
+                replace=nearest(field.text, known),
+            )
             return None
         return model.Channel(source=ex.Symbol(source.text), fields=(_lowered_field(field.text),))
 
     def _grid_channel(self, value: Value, field: s.Name | None) -> model.Channel | None:
         if field is not None:
-            self.report("LJ0102", field.start, field.end, f"a grid's cells have no field `{field.text}`", "observe the grid whole")
+            self.report(
+                "LJ0102",
+                field.start,
+                field.end,
+                f"a grid's cells have no field `{field.text}`",
+                "observe the grid whole",
+            )
             return None
         return model.Channel(source=ex.Symbol(value.type.of))
 
@@ -238,8 +296,14 @@ class AgentChecker:
             self.blocks.leak(taint, node, "an observation")
             return None
         if field.text not in OBSERVED_FIELDS:
-            self.report("LJ0102", field.start, field.end, f"`{info.name}` shows no `{field.text}`",
-                        did_you_mean(field.text, OBSERVED_FIELDS), replace=nearest(field.text, OBSERVED_FIELDS))  # fmt: skip
+            self.report(
+                "LJ0102",
+                field.start,
+                field.end,
+                f"`{info.name}` shows no `{field.text}`",
+                did_you_mean(field.text, OBSERVED_FIELDS),
+                replace=nearest(field.text, OBSERVED_FIELDS),
+            )
             return None
         return model.Channel(source=value.ir, fields=(_lowered_field(field.text),))
 
@@ -254,7 +318,11 @@ class AgentChecker:
         if match is None or (symbol is None and match[1] not in ("mode",)):
             if match is None or match[1] not in self.scope.poisoned:
                 shown = hole[1].strip()
-                hint = did_you_mean(match[1], list(self.scope.symbols)) if match else "a hole is `{name}` or `{name.field}`"
+                hint = (
+                    did_you_mean(match[1], list(self.scope.symbols))
+                    if match
+                    else "a hole is `{name}` or `{name.field}`"
+                )
                 self.report("LJ0101", start, end, f"nothing is called `{shown}`", hint)
             return
         taint = symbol.taint if symbol else ()
@@ -262,7 +330,13 @@ class AgentChecker:
         if info is not None and match[2]:
             attribute = info.attributes.get(match[2])
             if attribute is None:
-                self.report("LJ0102", start, end, f"`{info.name}` has no field `{match[2]}`", did_you_mean(match[2], info.attributes))
+                self.report(
+                    "LJ0102",
+                    start,
+                    end,
+                    f"`{info.name}` has no field `{match[2]}`",
+                    did_you_mean(match[2], info.attributes),
+                )
                 return
             taint = attribute.taint
         if taint:

@@ -119,9 +119,17 @@ class BlockReader:
         from lingjing.mission.diagnostics import Related
 
         way = " → ".join([step.name for step in taint] + [sink])
-        related = tuple(Related(step.span, f"{step.name}{' is hidden here' if i == 0 else ''}") for i, step in enumerate(taint))
-        self.report("LJ0401", node.start, node.end, f"a hidden value reaches {sink}: {way}",
-                    "hidden values may reach only `adjudicate`, `truth(…)` and sensors", related=related)  # fmt: skip
+        related = tuple(
+            Related(step.span, f"{step.name}{' is hidden here' if i == 0 else ''}") for i, step in enumerate(taint)
+        )
+        self.report(
+            "LJ0401",
+            node.start,
+            node.end,
+            f"a hidden value reaches {sink}: {way}",
+            "hidden values may reach only `adjudicate`, `truth(…)` and sensors",
+            related=related,
+        )
 
     # -- private
 
@@ -147,7 +155,13 @@ class BlockReader:
             return
         seen[name.text] = item
         if item.hidden and not key.hideable:
-            self.report("LJ0402", item.start, name.end, f"`{name.text}` in {what} cannot be hidden", "only what targets and assets have can be")
+            self.report(
+                "LJ0402",
+                item.start,
+                name.end,
+                f"`{name.text}` in {what} cannot be hidden",
+                "only what targets and assets have can be",
+            )
             return
         if item.guard is not None and not key.guarded:
             guard = item.guard
@@ -155,8 +169,13 @@ class BlockReader:
             return
         if item.relation not in key.relations:
             allowed = " or ".join(f"`{relation}`" for relation in key.relations)
-            self.report("LJ0303", name.start, item.value.start, f"`{name.text}` takes {allowed}, not `{item.relation}`",
-                        f"write `{name.text} {key.relations[0]} …`")  # fmt: skip
+            self.report(
+                "LJ0303",
+                name.start,
+                item.value.start,
+                f"`{name.text}` takes {allowed}, not `{item.relation}`",
+                f"write `{name.text} {key.relations[0]} …`",
+            )
             return
         parts = self.parts(item.value, key, item.relation, environment)
         if any(part is UNKNOWN for part in parts):
@@ -172,8 +191,14 @@ class BlockReader:
         """Report a repeated declaration and point at the first."""
         from lingjing.mission.diagnostics import Related
 
-        self.report(code, node.start, node.end, message, "remove one of the two",
-                    related=(Related(self.report.span(first.start, first.end), "first given here"),))  # fmt: skip
+        self.report(
+            code,
+            node.start,
+            node.end,
+            message,
+            "remove one of the two",
+            related=(Related(self.report.span(first.start, first.end), "first given here"),),
+        )
 
     def parts(self, node: s.Expression, key: Key, relation: str, environment: Environment) -> tuple[Value, ...]:
         """The checked value in its parts."""
@@ -190,7 +215,11 @@ class BlockReader:
         if relation == "~":
             value = self.of.calls.draw(node, environment)
             return (value if self.of.fits(value, key.type, node, what) else UNKNOWN,)
-        if kind == "name" and isinstance(node, s.Name) and (key.choices is not None or node.text not in environment.locals):
+        if (
+            kind == "name"
+            and isinstance(node, s.Name)
+            and (key.choices is not None or node.text not in environment.locals)
+        ):
             return (self._choice(node, key),)
         if kind == "list" and key.type.item == "name" and isinstance(node, s.List):
             return (self._choices(node, key, environment),)
@@ -222,8 +251,13 @@ class BlockReader:
     def _directed(self, node: s.Expression, key: Key, relation: str, environment: Environment) -> tuple[Value, ...]:
         word = key.type.of
         if not isinstance(node, s.Binary) or node.operator != word:
-            self.report("LJ0205", node.start, node.end, f"`{key.name}` is a speed and a direction",
-                        f"write `{key.name} {relation} 4 m/s {word} 220 deg`")  # fmt: skip
+            self.report(
+                "LJ0205",
+                node.start,
+                node.end,
+                f"`{key.name}` is a speed and a direction",
+                f"write `{key.name} {relation} 4 m/s {word} 220 deg`",
+            )
             return (UNKNOWN,)
         parts = []
         for part, due in ((node.left, MPS), (node.right, DEGREES)):
@@ -231,7 +265,9 @@ class BlockReader:
             value = self.of.calls.draw(part, environment) if drawn else self.of.value(part, environment)
             parts.append(value if self.of.fits(value, due, part, f"`{key.name}`") else UNKNOWN)
         if relation == "~" and not any(isinstance(part.ir, ex.Draw) for part in parts) and UNKNOWN not in parts:
-            self.report("LJ0301", node.start, node.end, "nothing is drawn here", f"write `{key.name} = …`, or draw the speed")
+            self.report(
+                "LJ0301", node.start, node.end, "nothing is drawn here", f"write `{key.name} = …`, or draw the speed"
+            )
             return (UNKNOWN,)
         return tuple(parts)
 
@@ -280,5 +316,10 @@ class BlockReader:
         for key in keys.values():
             if key.required and key.name not in seen:
                 end = place.start + len(self.report.source.text[place.start : place.end].split(None, 1)[0])
-                self.report("LJ0106", place.start, min(end, place.end), f"{what} lacks `{key.name}`",
-                            f"add `{key.name} {key.relations[0]} …`: {with_article(key.type)}")  # fmt: skip
+                self.report(
+                    "LJ0106",
+                    place.start,
+                    min(end, place.end),
+                    f"{what} lacks `{key.name}`",
+                    f"add `{key.name} {key.relations[0]} …`: {with_article(key.type)}",
+                )

@@ -5,6 +5,7 @@ An expression under construction is a flat list `[operand, operator, operand, �
 bounded here so that no later phase recurses without limit.
 """
 
+# ruff: noqa: D102 - the docstring of a reduction is its rule in ljs.lark
 from __future__ import annotations
 
 import re
@@ -31,6 +32,7 @@ _NOT_RANK = 3
 _ESCAPE = re.compile(r"\\(.)")
 _ESCAPES = {"n": "\n", "t": "\t"}
 T = TypeVar("T")
+Arguments = list[s.Argument]
 Flat = list[Any]
 """`[operand, operator token, operand, …]`, or a lone operand."""
 
@@ -43,7 +45,9 @@ class Builder:
 
     def actions(self) -> dict[str, Callable[..., Any]]:
         """Alias → method."""
-        return {name: getattr(self, name) for name in dir(self) if not name.startswith("_") and name not in _NOT_ACTIONS}
+        return {
+            name: getattr(self, name) for name in dir(self) if not name.startswith("_") and name not in _NOT_ACTIONS
+        }
 
     # -- lists and structure
 
@@ -89,11 +93,11 @@ class Builder:
         return tuple(items)
 
     def typed(
-        self, name: Token, _colon: Token, type: Token, _in: Token | None, bounds: Flat | None, optional: Token | None
+        self, name: Token, _colon: Token, kind: Token, _in: Token | None, bounds: Flat | None, optional: Token | None
     ) -> s.Typed:
         limits = None if bounds is None else self._done(bounds)
-        end = optional.end if optional else limits.end if limits else type.end
-        return s.Typed(name.start, end, _word(name), _word(type), limits, optional is not None)
+        end = optional.end if optional else limits.end if limits else kind.end
+        return s.Typed(name.start, end, _word(name), _word(kind), limits, optional is not None)
 
     def no_clauses(self) -> list[s.Clause]:
         return []
@@ -151,13 +155,13 @@ class Builder:
         name: Token,
         index: s.Expression | None,
         _colon: Token | None,
-        type: Token | None,
+        kind: Token | None,
         guard: s.Expression | None,
         block: s.Block | None,
     ) -> s.EntityBlock:
-        end = (block or guard or type or index or name).end
-        kind = _word(type) if type else None
-        return s.EntityBlock(keyword.start, end, keyword.text, _word(name), index, kind, guard, block)
+        end = (block or guard or kind or index or name).end
+        of_type = _word(kind) if kind else None
+        return s.EntityBlock(keyword.start, end, keyword.text, _word(name), index, of_type, guard, block)
 
     def camera(self, keyword: Token, name: Token, block: s.Block) -> s.CameraBlock:
         return s.CameraBlock(keyword.start, block.end, _word(name), block)
@@ -189,7 +193,7 @@ class Builder:
         keyword: Token,
         name: Token,
         _colon: Token,
-        type: Token,
+        kind: Token,
         _from: Token,
         senders: list[Token],
         _to: Token,
@@ -198,7 +202,13 @@ class Builder:
     ) -> s.MessageLine:
         end = (guard or recipients[-1]).end
         return s.MessageLine(
-            keyword.start, end, _word(name), _word(type), tuple(map(_word, senders)), tuple(map(_word, recipients)), guard
+            keyword.start,
+            end,
+            _word(name),
+            _word(kind),
+            tuple(map(_word, senders)),
+            tuple(map(_word, recipients)),
+            guard,
         )
 
     def adjudicate(self, keyword: Token, name: Token, parameters: tuple[s.Typed, ...], block: s.Block) -> s.RuleBlock:
@@ -217,8 +227,9 @@ class Builder:
         domain: Token | None,
         block: s.Block,
     ) -> s.StageBlock:
-        bound = (_word(variable), _word(domain)) if variable and domain else (None, None)
-        return s.StageBlock(keyword.start, block.end, _word(name), *bound, block)
+        bound = _word(variable) if variable else None
+        over = _word(domain) if domain else None
+        return s.StageBlock(keyword.start, block.end, _word(name), bound, over, block)
 
     def relation(
         self,
@@ -324,7 +335,7 @@ class Builder:
     def set_operand(self, names: s.NameSet) -> s.NameSet:
         return names
 
-    def paren(self, opening: Token, arguments: list[s.Argument], closing: Token) -> s.Expression:
+    def paren(self, opening: Token, arguments: Arguments, closing: Token) -> s.Expression:
         items = self._unnamed(arguments)
         if len(items) == 1:
             return items[0]
@@ -333,14 +344,14 @@ class Builder:
     def empty_list(self, opening: Token, closing: Token) -> s.List:
         return s.List(opening.start, closing.end, 1, ())
 
-    def list(self, opening: Token, arguments: list[s.Argument], closing: Token) -> s.Expression:
+    def list(self, opening: Token, arguments: Arguments, closing: Token) -> s.Expression:
         items = self._unnamed(arguments)
         return self._bounded(s.List(opening.start, closing.end, _below(items), items))
 
     def empty_call(self, name: Token, _opening: Token, closing: Token) -> s.Call:
         return s.Call(name.start, closing.end, 1, _word(name), ())
 
-    def call(self, name: Token, _opening: Token, arguments: list[s.Argument], closing: Token) -> s.Expression:
+    def call(self, name: Token, _opening: Token, arguments: Arguments, closing: Token) -> s.Expression:
         depth = _below(tuple(argument.value for argument in arguments))
         return self._bounded(s.Call(name.start, closing.end, depth, _word(name), tuple(arguments)))
 
@@ -383,7 +394,7 @@ class Builder:
         depth = _below((done,))
         return self._bounded(s.Quantified(word.start, done.end, depth, word.text, _word(variable), domain, done))
 
-    def _unnamed(self, arguments: list[s.Argument]) -> tuple[s.Expression, ...]:
+    def _unnamed(self, arguments: Arguments) -> tuple[s.Expression, ...]:
         for argument in arguments:
             if argument.name is not None:
                 name = argument.name

@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING
 from lingjing.dsl import syntax as s
 from lingjing.dsl.scope import UNKNOWN, Environment, Taint, Value
 from lingjing.dsl.suggest import did_you_mean, nearest
-from lingjing.dsl.typenames import with_article
 from lingjing.mission import expression as ex
 from lingjing.mission.functions import DISTRIBUTIONS, FLAG, FUNCTIONS, Option, Parameter, Signature, Type
-from lingjing.mission.units import NONE, Dimension
+from lingjing.mission.units import Dimension
 
 if TYPE_CHECKING:
     from lingjing.dsl.elaborate import Elaborator
@@ -67,7 +66,9 @@ class CallChecker:
         if signature.name == "uniform":
             low, high = (self.of.constant(argument) for argument in arguments)
             if low is not None and high is not None and low > high:
-                self.report("LJ0206", node.start, node.end, "the range of the draw is empty", "the smaller end stands first")
+                self.report(
+                    "LJ0206", node.start, node.end, "the range of the draw is empty", "the smaller end stands first"
+                )
         result = Type("quantity", dimension) if signature.same else signature.result
         if signature.name == "choice":
             kind = self.of.value(node.arguments[0].value, environment).type
@@ -84,7 +85,9 @@ class CallChecker:
             variable = node.variable
             hint = f"say over what: `{node.quantifier} {variable.text} in …:`"
             if not _mentions_unknown(node.body, self.scope.rules):
-                self.report("LJ0105", variable.start, variable.end, f"what `{variable.text}` ranges over is not clear", hint)
+                self.report(
+                    "LJ0105", variable.start, variable.end, f"what `{variable.text}` ranges over is not clear", hint
+                )
             return None
         first = found[0]
         for other in found[1:]:
@@ -126,7 +129,9 @@ class CallChecker:
     def _rule(self, node: s.Call, environment: Environment) -> Value:
         rule = self.scope.rules[node.function.text]
         if not environment.rule:
-            self._misplaced(node, f"the rule `{rule.name}` is known only while the mission runs", "it belongs into a rule")
+            self._misplaced(
+                node, f"the rule `{rule.name}` is known only while the mission runs", "it belongs into a rule"
+            )
             return UNKNOWN
         if len(node.arguments) != len(rule.parameters):
             due, given = len(rule.parameters), len(node.arguments)
@@ -203,7 +208,9 @@ class CallChecker:
         if due.kind in ("entity", "position") and value.type.kind == "group":
             group = value.type.of
             message = f"one member of `{group}` is due for {what}, this is the whole group"
-            self.report("LJ0201", node.start, node.end, message, f"bind one: `exists v in {group}: …`, or name it: `{group}[1]`")
+            self.report(
+                "LJ0201", node.start, node.end, message, f"bind one: `exists v in {group}: …`, or name it: `{group}[1]`"
+            )
             return UNKNOWN
         if not self.of.fits(value, due, node, what):
             return UNKNOWN
@@ -222,7 +229,7 @@ class CallChecker:
         if isinstance(node, s.Name) and node.text in known:
             return Value(ex.Symbol(node.text), Type("interaction"))
         if isinstance(node, s.Name):
-            return self.of.unknown_name(node, list(known), "no interaction")
+            return UNKNOWN if self.scope.incomplete else self.of.unknown_name(node, list(known), "no interaction")
         self.report("LJ0201", node.start, node.end, "an interaction's name is due here")
         return UNKNOWN
 
@@ -243,8 +250,14 @@ class CallChecker:
     def _unknown_option(self, name: s.Name, signature: Signature) -> bool:
         known = [option.name for option in signature.options]
         hint = did_you_mean(name.text, known) or f"`{signature.name}` takes no named arguments"
-        self.report("LJ0306", name.start, name.end, f"`{signature.name}` has no argument `{name.text}`", hint,
-                    replace=nearest(name.text, known))  # fmt: skip
+        self.report(
+            "LJ0306",
+            name.start,
+            name.end,
+            f"`{signature.name}` has no argument `{name.text}`",
+            hint,
+            replace=nearest(name.text, known),
+        )
         return False
 
     def _count_fits(self, node: s.Call, signature: Signature, given: int) -> bool:
@@ -314,5 +327,3 @@ def _distributions() -> str:
 
 def _count(number: int, noun: str) -> str:
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
-
-

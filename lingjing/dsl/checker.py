@@ -12,7 +12,8 @@ from typing import TypeVar
 
 import msgspec
 
-from lingjing.dsl import library, syntax as s
+from lingjing.dsl import library
+from lingjing.dsl import syntax as s
 from lingjing.dsl.agents import AgentChecker
 from lingjing.dsl.blocks import BlockReader
 from lingjing.dsl.elaborate import Elaborator
@@ -135,12 +136,19 @@ class FileChecker:
         first = tree.items[0] if tree.items else None
         if not isinstance(first, s.Version):
             if first is not None and not isinstance(first, s.Faulty):
-                self.report("LJ0106", first.start, first.start + 1, "the file does not say its version", "begin with `ljs 1`")
+                self.report(
+                    "LJ0106", first.start, first.start + 1, "the file does not say its version", "begin with `ljs 1`"
+                )
             return
         number = first.number
         if isinstance(number, s.Number) and number.value != VERSION:
-            self.report("LJ0117", number.start, number.end, f"this is version {number.value:g} of the language, known is {VERSION}",
-                        f"write `ljs {VERSION}`")  # fmt: skip
+            self.report(
+                "LJ0117",
+                number.start,
+                number.end,
+                f"this is version {number.value:g} of the language, known is {VERSION}",
+                f"write `ljs {VERSION}`",
+            )
         for item in tree.items[1:]:
             if isinstance(item, s.Version):
                 self.report("LJ0103", item.start, item.end, "the version is given twice")
@@ -151,8 +159,16 @@ class FileChecker:
         start, end = node.path[0].start, node.path[-1].end
         file = library.find_file(path)
         if file is None:
+            self.scope.incomplete = True
             known = library.known_paths(path[0])
-            self.report("LJ0118", start, end, f"there is no library `{shown}`", did_you_mean(shown, known), replace=nearest(shown, known))
+            self.report(
+                "LJ0118",
+                start,
+                end,
+                f"there is no library `{shown}`",
+                did_you_mean(shown, known),
+                replace=nearest(shown, known),
+            )
             if node.names is not None:
                 self.scope.poisoned.update(item.name.text for item in node.names.items if isinstance(item, s.Bare))
             else:
@@ -164,8 +180,14 @@ class FileChecker:
         found, faults = library.load_library(file, self.chain)
         if any(fault.severity == "error" for fault in faults):
             first = faults[0]
-            self.report("LJ0119", start, end, f"the library `{shown}` has errors", f"run `lingjing validate {file}`",
-                        related=(Related(first.span, first.message),))  # fmt: skip
+            self.report(
+                "LJ0119",
+                start,
+                end,
+                f"the library `{shown}` has errors",
+                f"run `lingjing validate {file}`",
+                related=(Related(first.span, first.message),),
+            )
         self._import(node, found, shown)
 
     def _import(self, node: s.Use, found: Library, shown: str) -> None:
@@ -182,20 +204,35 @@ class FileChecker:
                     wanted.append(item.name.text)
                     continue
                 name = item.name
-                self.report("LJ0101", name.start, name.end, f"`{shown}` declares no `{name.text}`",
-                            did_you_mean(name.text, declared), replace=nearest(name.text, declared))  # fmt: skip
+                self.report(
+                    "LJ0101",
+                    name.start,
+                    name.end,
+                    f"`{shown}` declares no `{name.text}`",
+                    did_you_mean(name.text, declared),
+                    replace=nearest(name.text, declared),
+                )
                 self.scope.poisoned.add(name.text)
-        for name in wanted:
-            if name in found.types:
-                self.scope.types[name] = found.types[name]
-            if name in found.records:
-                self.scope.records[name] = found.records[name]
+                close = nearest(name.text, declared)
+                if close is not None:
+                    wanted.append(close)
+        for word in wanted:
+            if word in found.types:
+                self.scope.types[word] = found.types[word]
+            if word in found.records:
+                self.scope.records[word] = found.records[word]
 
     def _enter(self, name: s.Name, decl: T | None, own: dict[str, T], known: dict[str, T]) -> None:
         if name.text in known:
             first = known[name.text].span  # type: ignore[attr-defined]
-            self.report("LJ0104", name.start, name.end, f"the type `{name.text}` is declared twice", "choose another name",
-                        related=(Related(first, "first declared here"),))  # fmt: skip
+            self.report(
+                "LJ0104",
+                name.start,
+                name.end,
+                f"the type `{name.text}` is declared twice",
+                "choose another name",
+                related=(Related(first, "first declared here"),),
+            )
             return
         if decl is None:
             self.scope.poisoned.add(name.text)
@@ -336,8 +373,14 @@ class MissionChecker:
         return found[0] if found else None
 
     def _twice(self, keyword: str, node: s.Statement, first: s.Statement) -> None:
-        self.report("LJ0103", node.start, node.start + len(keyword), f"`{keyword}` is given twice", "remove one of the two",
-                    related=(Related(self.report.span(first.start, first.start + len(keyword)), "first given here"),))  # fmt: skip
+        self.report(
+            "LJ0103",
+            node.start,
+            node.start + len(keyword),
+            f"`{keyword}` is given twice",
+            "remove one of the two",
+            related=(Related(self.report.span(first.start, first.start + len(keyword)), "first given here"),),
+        )
 
     def _required(self, node: s.MissionBlock, given: set[str]) -> None:
         faulty = _names_in_faults(node.block.items)
@@ -353,13 +396,22 @@ class MissionChecker:
         if any(isinstance(item, s.Faulty) for item in items):
             return
         if not _all(items, s.AgentBlock):
-            self.report("LJ0106", node.name.start, node.name.end, "the mission has no agent", "add `agent … as … controls …`")
+            self.report(
+                "LJ0106", node.name.start, node.name.end, "the mission has no agent", "add `agent … as … controls …`"
+            )
         comms = next((item for item in _all(items, s.Section) if item.keyword == "comms"), None)
-        hub_given = comms is not None and any(isinstance(i, s.Property) and i.name.text == "hub" for i in comms.block.items)
+        hub_given = comms is not None and any(
+            isinstance(i, s.Property) and i.name.text == "hub" for i in comms.block.items
+        )
         mode = next(iter(_all(items, s.ModeLine)), None)
         if checked.modes and "star" in checked.modes.allowed and not hub_given and mode is not None:
-            self.report("LJ0502", mode.start, mode.start + len("mode"), "star mode has no hub",
-                        "add `comms { hub = … when mode == star }`")  # fmt: skip
+            self.report(
+                "LJ0502",
+                mode.start,
+                mode.start + len("mode"),
+                "star mode has no hub",
+                "add `comms { hub = … when mode == star }`",
+            )
 
 
 _MISSION_STATEMENTS = (

@@ -29,7 +29,18 @@ from lingjing.mission.functions import (
     TRUTH_FIELDS,
     Type,
 )
-from lingjing.mission.units import AREA, LENGTH, NONE, TIME, UNITS, BY_DIMENSION, dimension_unit, multiply, si_value, unit_of
+from lingjing.mission.units import (
+    AREA,
+    BY_DIMENSION,
+    LENGTH,
+    NONE,
+    TIME,
+    UNITS,
+    dimension_unit,
+    multiply,
+    si_value,
+    unit_of,
+)
 
 _COMPARISONS = frozenset(("<", "<=", ">", ">="))
 _NAMELIKE = frozenset(("name", "names", "entity", "role", "text"))
@@ -81,11 +92,17 @@ class Elaborator:
     def mismatch(self, node: s.Node, value: Value, due: Type, message: str) -> None:
         """Report a value of the wrong type: a missing unit, a wrong dimension, or a wrong kind."""
         if due.kind == "quantity" and due.dimension not in (None, NONE) and value.type.dimension == NONE:
-            unit = dimension_unit(due.dimension or NONE)
+            unit = dimension_unit(due.dimension)
             bare = isinstance(node, s.Number) and not node.unit
             text = self.report.source.text[node.start : node.end]
-            self.report("LJ0202", node.start, node.end, message, f"give it a unit: `{text} {unit}`" if bare else "",
-                        replace=f"{text} {unit}" if bare else None)  # fmt: skip
+            self.report(
+                "LJ0202",
+                node.start,
+                node.end,
+                message,
+                f"give it a unit: `{text} {unit}`" if bare else "",
+                replace=f"{text} {unit}" if bare else None,
+            )
         elif due.kind == "quantity" and value.type.kind == "quantity":
             self.report("LJ0203", node.start, node.end, message, _unit_hint(due))
         else:
@@ -95,8 +112,14 @@ class Elaborator:
         """Report a name nobody declared, unless a faulty statement may have declared it."""
         if node.text not in self.scope.poisoned:
             close = nearest(node.text, known)
-            self.report("LJ0101", node.start, node.end, f"{what} is called `{node.text}`", did_you_mean(node.text, known),
-                        replace=close)  # fmt: skip
+            self.report(
+                "LJ0101",
+                node.start,
+                node.end,
+                f"{what} is called `{node.text}`",
+                did_you_mean(node.text, known),
+                replace=close,
+            )
         return UNKNOWN
 
     def step(self, name: str, node: s.Node) -> Step:
@@ -162,7 +185,9 @@ class Elaborator:
             odd = next(i for i, item in enumerate(items) if item.type not in (items[0].type, UNKNOWN.type))
             first, other = with_article(items[0].type), with_article(items[odd].type)
             place = node.items[odd]
-            self.report("LJ0201", place.start, place.end, f"a list holds one kind of thing: this is {other} among {first}s")
+            self.report(
+                "LJ0201", place.start, place.end, f"a list holds one kind of thing: this is {other} among {first}s"
+            )
             return UNKNOWN
         item_kind = next(iter(kinds), None)
         dimension = next(iter(dimensions), None)
@@ -175,7 +200,13 @@ class Elaborator:
     def _call(self, node: s.Call, environment: Environment) -> Value:
         if node.function.text in DISTRIBUTIONS and node.function.text not in self.scope.rules:
             start, end = node.function.start, node.function.end
-            self.report("LJ0302", start, end, f"`{node.function.text}(…)` draws a value", "a draw is a property's whole value, after `~`")
+            self.report(
+                "LJ0302",
+                start,
+                end,
+                f"`{node.function.text}(…)` draws a value",
+                "a draw is a property's whole value, after `~`",
+            )
             return UNKNOWN
         return self.calls.call(node, environment)
 
@@ -185,7 +216,9 @@ class Elaborator:
         if base.type.kind == "any":
             return UNKNOWN
         if base.type.kind != "group":
-            self.report("LJ0201", node.base.start, node.base.end, f"{with_article(base.type)} has no members to pick from")
+            self.report(
+                "LJ0201", node.base.start, node.base.end, f"{with_article(base.type)} has no members to pick from"
+            )
             return UNKNOWN
         self._index_in_range(node, base.type.of, index)
         return Value(ex.Index(base.ir, index.ir), Type("entity", of=base.type.of), _taint(index))
@@ -203,7 +236,11 @@ class Elaborator:
             return self._entity_field(base, node, environment)
         if kind == "message":
             return self._record_field(base, name)
-        tables: dict[str, dict[str, Type]] = {"truth": TRUTH_FIELDS, "position": _POINT_FIELDS, "region": _REGION_FIELDS}
+        tables: dict[str, dict[str, Type]] = {
+            "truth": TRUTH_FIELDS,
+            "position": _POINT_FIELDS,
+            "region": _REGION_FIELDS,
+        }
         fields = tables.get(kind)
         if fields is None:
             hint = f"name one member: `{base.type.of}[1]`" if kind == "group" else ""
@@ -240,7 +277,14 @@ class Elaborator:
 
     def _no_field(self, name: s.Name, owner: str, known: list[str]) -> Value:
         hint = did_you_mean(name.text, known)
-        self.report("LJ0102", name.start, name.end, f"{owner} has no field `{name.text}`", hint, replace=nearest(name.text, known))
+        self.report(
+            "LJ0102",
+            name.start,
+            name.end,
+            f"{owner} has no field `{name.text}`",
+            hint,
+            replace=nearest(name.text, known),
+        )
         return UNKNOWN
 
     # -- operators
@@ -327,7 +371,9 @@ class Elaborator:
             for value, other, part in ((left, right, node.right), (right, left, node.left)):
                 bare = other if value is left else left
                 if bare.type.dimension == NONE and isinstance(part, s.Number):
-                    self.mismatch(part, bare, value.type, f"{with_article(value.type)} is due here, this is a bare number")
+                    self.mismatch(
+                        part, bare, value.type, f"{with_article(value.type)} is due here, this is a bare number"
+                    )
                     return UNKNOWN
         code = "LJ0203" if left.type.kind == right.type.kind == "quantity" else "LJ0201"
         ours, theirs = with_article(left.type), with_article(right.type)
@@ -362,7 +408,12 @@ class Elaborator:
         if a.kind == b.kind == "position" and node.operator in ("+", "-"):
             return self._made(node, left, right, POSITION)
         if a.kind != "quantity" or b.kind != "quantity":
-            self.report("LJ0201", node.start, node.end, f"`{node.operator}` does not apply to {with_article(a)} and {with_article(b)}")
+            self.report(
+                "LJ0201",
+                node.start,
+                node.end,
+                f"`{node.operator}` does not apply to {with_article(a)} and {with_article(b)}",
+            )
             return UNKNOWN
         da, db = dimension_of(a), dimension_of(b)
         if node.operator in ("+", "-"):
@@ -384,7 +435,9 @@ class Elaborator:
 
     def _quantified(self, node: s.Quantified, environment: Environment) -> Value:
         if not environment.rule:
-            self.report("LJ0304", node.start, node.start + len(node.quantifier), f"`{node.quantifier}` belongs into a rule")
+            self.report(
+                "LJ0304", node.start, node.start + len(node.quantifier), f"`{node.quantifier}` belongs into a rule"
+            )
             return UNKNOWN
         domain = self.calls.domain_of(node)
         if domain is None:

@@ -81,8 +81,13 @@ class EntityChecker:
         if node.index is not None or node.type is not None or node.guard is not None:
             wrong = node.index or node.type or node.guard
             assert wrong is not None
-            self.report("LJ0110", wrong.start, wrong.end, f"outside of a mission `{node.keyword} {node.name.text}` declares a type",
-                        f"write `{node.keyword} {node.name.text} {{ … }}`")  # fmt: skip
+            self.report(
+                "LJ0110",
+                wrong.start,
+                wrong.end,
+                f"outside of a mission `{node.keyword} {node.name.text}` declares a type",
+                f"write `{node.keyword} {node.name.text} {{ … }}`",
+            )
         attributes: dict[str, Attribute] = {}
         properties: list[model.Property] = []
         verbs: dict[str, model.Verb] = {}
@@ -103,11 +108,18 @@ class EntityChecker:
                 interactions.append(item.name.text)
                 properties.extend(self._interaction(item))
             elif not isinstance(item, s.Faulty):
-                self.blocks.misplaced(item, f"the {node.keyword} type `{node.name.text}`", ("engine", "verb", "interaction"))
+                self.blocks.misplaced(
+                    item, f"the {node.keyword} type `{node.name.text}`", ("engine", "verb", "interaction")
+                )
         faulty = any(isinstance(item, s.Faulty) for item in (node.block.items if node.block else ()))
         if not engine and "engine" not in seen and not faulty:
-            self.report("LJ0106", node.name.start, node.name.end, f"the type `{node.name.text}` lacks `engine`",
-                        "add `engine = …`: who moves it")  # fmt: skip
+            self.report(
+                "LJ0106",
+                node.name.start,
+                node.name.end,
+                f"the type `{node.name.text}` lacks `engine`",
+                "add `engine = …`: who moves it",
+            )
         return TypeDecl(
             node.name.text,
             node.keyword,
@@ -123,8 +135,14 @@ class EntityChecker:
         """`record name : category { fields }`."""
         category = node.category
         if category.text not in CATEGORIES:
-            self.report("LJ0109", category.start, category.end, f"no category of messages is called `{category.text}`",
-                        did_you_mean(category.text, CATEGORIES), replace=nearest(category.text, CATEGORIES))  # fmt: skip
+            self.report(
+                "LJ0109",
+                category.start,
+                category.end,
+                f"no category of messages is called `{category.text}`",
+                did_you_mean(category.text, CATEGORIES),
+                replace=nearest(category.text, CATEGORIES),
+            )
         fields: dict[str, model.Field] = {}
         for item in node.block.items:
             if isinstance(item, s.FieldLine):
@@ -138,7 +156,9 @@ class EntityChecker:
         if category.text not in CATEGORIES:
             return None
         kind: Literal["report", "assignment", "target_status", "other"] = category.text  # type: ignore[assignment]
-        return RecordDecl(node.name.text, kind, tuple(fields.values()), self.report.span(node.name.start, node.name.end))
+        return RecordDecl(
+            node.name.text, kind, tuple(fields.values()), self.report.span(node.name.start, node.name.end)
+        )
 
     # -- entities of a mission
 
@@ -197,14 +217,14 @@ class EntityChecker:
     def entity(self, node: s.EntityBlock) -> model.Group | None:
         """`asset uav[1..n] : quadrotor { … }`."""
         decl = self.scope.types.get(node.type.text) if node.type else None
+        if decl is not None and decl.role != node.keyword:
+            decl = None
         count, index = self.count(node.index)
         environment = STATIC.binding(index, NUMBER) if node.index is not None else STATIC
         what = f"`{node.name.text}`"
         keys = self._keys_of(decl)
         others = (s.CameraBlock, s.Section) if node.keyword == "asset" else ()
-        entries = self.blocks.read(
-            node.block, keys, what, environment=environment, others=others, lenient=decl is None
-        )
+        entries = self.blocks.read(node.block, keys, what, environment=environment, others=others, lenient=decl is None)
         cameras, verbs = self._equipment(node, decl)
         guard = self.settings.guard(node.guard)
         if decl is None:
@@ -249,8 +269,13 @@ class EntityChecker:
             return ex.Number(1.0), name
         if not isinstance(value.ir, ex.Range) or value.type.dimension != NONE:
             text = self.report.source.text[range_node.start : range_node.end]
-            self.report("LJ0111", range_node.start, range_node.end, "members are counted `1..n`",
-                        f"write `[1..{text}]`" if value.type.kind == "quantity" else "")  # fmt: skip
+            self.report(
+                "LJ0111",
+                range_node.start,
+                range_node.end,
+                "members are counted `1..n`",
+                f"write `[1..{text}]`" if value.type.kind == "quantity" else "",
+            )
             return ex.Number(1.0), name
         if self.of.constant(value.ir.low) != 1.0:
             self.report("LJ0111", range_node.start, range_node.end, "members are counted from 1")
@@ -264,8 +289,13 @@ class EntityChecker:
 
     def _type_of(self, node: s.EntityBlock) -> TypeDecl | None:
         if node.type is None:
-            self.report("LJ0106", node.name.start, node.name.end, f"`{node.name.text}` lacks a type",
-                        f"write `{node.keyword} {node.name.text} : …`")  # fmt: skip
+            self.report(
+                "LJ0106",
+                node.name.start,
+                node.name.end,
+                f"`{node.name.text}` lacks a type",
+                f"write `{node.keyword} {node.name.text} : …`",
+            )
             return None
         decl = self.scope.types.get(node.type.text)
         if decl is None:
@@ -274,8 +304,13 @@ class EntityChecker:
             return None
         if decl.role != node.keyword:
             place = node.type
-            self.report("LJ0112", place.start, place.end, f"`{decl.name}` is {'an asset' if decl.role == 'asset' else 'a target'} type",
-                        f"write `{decl.role} {node.name.text} : {decl.name}`")  # fmt: skip
+            self.report(
+                "LJ0112",
+                place.start,
+                place.end,
+                f"`{decl.name}` is {'an asset' if decl.role == 'asset' else 'a target'} type",
+                f"write `{decl.role} {node.name.text} : {decl.name}`",
+            )
             return None
         return decl
 
@@ -300,8 +335,13 @@ class EntityChecker:
         given = any(isinstance(item, s.Property) and item.name.text == "position" for item in items)
         faulty = any(isinstance(item, s.Faulty) for item in items)
         if not given and not faulty and "position" not in decl.attributes:
-            self.report("LJ0106", node.name.start, node.name.end, f"`{node.name.text}` lacks `position`",
-                        "add `position = (… m, … m)` or `position ~ sites(…)`")  # fmt: skip
+            self.report(
+                "LJ0106",
+                node.name.start,
+                node.name.end,
+                f"`{node.name.text}` lacks `position`",
+                "add `position = (… m, … m)` or `position ~ sites(…)`",
+            )
 
     def _labels(self, entries: dict[str, Entry], count: ex.Expr | None, node: s.EntityBlock) -> tuple[str, ...]:
         entry = entries.get("labels") or entries.get("label")
@@ -339,8 +379,13 @@ class EntityChecker:
         entries = self.blocks.read(node.block, CAMERA_KEYS, f"the camera `{node.name.text}`", owner=node.name)
         view = _word(entries.get("view")) or node.name.text
         if view not in VIEWS:
-            self.report("LJ0106", node.name.start, node.name.end, f"the camera `{node.name.text}` lacks `view`",
-                        f"add `view = …`: {', '.join(VIEWS)}")  # fmt: skip
+            self.report(
+                "LJ0106",
+                node.name.start,
+                node.name.end,
+                f"the camera `{node.name.text}` lacks `view`",
+                f"add `view = …`: {', '.join(VIEWS)}",
+            )
             return None
         if not {"size", "hfov", "channels"} <= entries.keys():
             return None
@@ -372,8 +417,14 @@ class EntityChecker:
                 continue
             if verb is None:
                 if decl is not None:
-                    self.report("LJ0113", name.start, name.end, f"the type `{decl.name}` has no verb `{name.text}`",
-                                did_you_mean(name.text, decl.verbs), replace=nearest(name.text, decl.verbs))  # fmt: skip
+                    self.report(
+                        "LJ0113",
+                        name.start,
+                        name.end,
+                        f"the type `{decl.name}` has no verb `{name.text}`",
+                        did_you_mean(name.text, decl.verbs),
+                        replace=nearest(name.text, decl.verbs),
+                    )
                 continue
             verbs[name.text] = verb if isinstance(item, s.Bare) else self._bounded(item, verb)
         return tuple(verbs.values())
@@ -381,11 +432,15 @@ class EntityChecker:
     def _bounded(self, item: s.Property, verb: model.Verb) -> model.Verb:
         """`forward <= 50 m`: the bound of the verb's first argument."""
         if item.relation != "<=" or item.hidden or item.guard:
-            self.report("LJ0303", item.start, item.value.start, "an action is named or bounded", f"write `{verb.name} <= …`")
+            self.report(
+                "LJ0303", item.start, item.value.start, "an action is named or bounded", f"write `{verb.name} <= …`"
+            )
             return verb
         first = verb.arguments[0] if verb.arguments else None
         if first is None or first.dimension == "name":
-            self.report("LJ0306", item.value.start, item.value.end, f"`{verb.name}` has no argument that could be bounded")
+            self.report(
+                "LJ0306", item.value.start, item.value.end, f"`{verb.name}` has no argument that could be bounded"
+            )
             return verb
         due = next(entry.dimension for entry in BY_NAME.values() if entry.unit == first.dimension)
         bound = self.of.expect(item.value, STATIC, Type("quantity", due), f"the bound of `{verb.name}`")
@@ -396,7 +451,9 @@ class EntityChecker:
         value = self.of.constant(bound.ir)
         if value is not None and ((least is not None and value < least) or (most is not None and value > most)):
             shown = f"{'' if least is None else f'{least:g}'}..{'' if most is None else f'{most:g}'} {first.dimension}"
-            self.report("LJ0206", item.value.start, item.value.end, f"`{verb.name}` takes {shown}: the bound lies outside")
+            self.report(
+                "LJ0206", item.value.start, item.value.end, f"`{verb.name}` takes {shown}: the bound lies outside"
+            )
             return verb
         arguments = (msgspec.structs.replace(first, maximum=bound.ir), *verb.arguments[1:])
         return msgspec.structs.replace(verb, arguments=arguments)
@@ -407,7 +464,9 @@ class EntityChecker:
         seen["engine"] = item
         if item.relation == "=" and isinstance(item.value, s.Name):
             return item.value.text
-        self.report("LJ0201", item.value.start, item.value.end, "an engine's name is due here", "write `engine = vessel`")
+        self.report(
+            "LJ0201", item.value.start, item.value.end, "an engine's name is due here", "write `engine = vessel`"
+        )
         return ""
 
     def _type_property(self, item: s.Property, seen: dict[str, s.Property]) -> Entry | None:
@@ -460,8 +519,14 @@ class EntityChecker:
         return value.ir.low, value.ir.high
 
     def _no_type(self, node: s.Name, known: list[str]) -> None:
-        self.report("LJ0109", node.start, node.end, f"no type is called `{node.text}`", did_you_mean(node.text, known),
-                    replace=nearest(node.text, known))  # fmt: skip
+        self.report(
+            "LJ0109",
+            node.start,
+            node.end,
+            f"no type is called `{node.text}`",
+            did_you_mean(node.text, known),
+            replace=nearest(node.text, known),
+        )
 
     def _field(self, node: s.Typed) -> model.Field | None:
         if node.type.text not in FIELD_TYPES:

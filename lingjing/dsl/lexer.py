@@ -18,16 +18,17 @@ DEEPEST = 64
 """Brackets within brackets. A mission needs about six; the bound keeps every later phase's recursion shallow."""
 
 _NOT_A_UNIT = rf"(?!(?:{'|'.join(INNER)})\b)"
-_UNIT = r"(?:[^\W\d_]+|[%°])(?:\^-?\d|\d)?"
+_FACTOR = r"(?:[^\W\d_]+|[%°])(?:\^-?\d|\d)?"
+_UNIT = rf"[ \t]*{_NOT_A_UNIT}(?P<UNIT>{_FACTOR}(?:[/*]{_FACTOR})*)(?!\w)"
 MASTER = re.compile(
     rf"""
     (?P<WORD>[^\W\d]\w*)
-  | (?P<NUMBER>(?:\d+(?:\.(?!\.)\d+)?(?:[eE][+-]?\d+)?)(?![\w]*\d)(?:[ \t]*{_NOT_A_UNIT}(?P<UNIT>{_UNIT}(?:[/*]{_UNIT})*)(?!\w))?)
+  | (?P<NUMBER>\d++(?:\.\d++)?+(?:[eE][+-]?\d++)?+(?!\w*\d)(?:{_UNIT})?)
   | (?P<SPACE>[ \t]+|\#[^\r\n]*)
   | (?P<LINE>(?:\r\n|\n|\r)(?:[ \t]*(?:\#[^\r\n]*)?(?:\r\n|\n|\r))*)
   | (?P<COMMA>,)
   | (?P<SYMBOL><->|->|<=|>=|==|!=|\.\.|\.\*|[-+*/<>=~:.(){{}}\[\]])
-  | (?P<STRING>"(?:[^"\\\r\n]|\\.)*")
+  | (?P<STRING>"(?:[^"\\\r\n]|\\[^\r\n])*+")
   | (?P<OPENSTRING>"[^\r\n]*)
   | (?P<BADNUMBER>\d\w*(?:\.\w+)*)
   | (?P<BAD>.)
@@ -39,12 +40,14 @@ _STATEMENT_FOLLOWS = re.compile(r"[ \t]+(?:[^\W\d]|\"|\{|-?\d)|[ \t]*\{")
 _HEADER_FOLLOWS = re.compile(r"[ \t]+(?:[^\W\d]|\")|[ \t]*\{")
 _NAME_FOLLOWS = re.compile(r"[ \t]*(?:=(?!=)|~|:|<=)")
 _INNER_IS_NAME = re.compile(r"[ \t]*(?:=(?!=)|~|:)")
-_NEXT_ITEM = re.compile(r"(?:[ \t\r\n]|\#[^\r\n]*)*(?:(?P<close>\})|(?P<word>[^\W\d]\w*)(?P<after>[ \t]*(?:=(?!=)|~)?))")
+_NEXT_ITEM = re.compile(
+    r"(?:[ \t\r\n]|\#[^\r\n]*)*(?:(?P<close>\})|(?P<word>[^\W\d]\w*)(?P<after>[ \t]*(?:=(?!=)|~)?))"
+)
 _CONTINUES = re.compile(r"[ \t]*(?:(?:and|or)\b|->|<->)")
 _STARTS = re.compile(r"[ \t]*(?:(?P<word>[^\W\d]\w*)|\})")
 _SEA_LEVEL = re.compile(r"[ \t]+level\b")
 _BIDI = re.compile("[\u202a-\u202e\u2066-\u2069\u200e\u200f]")
-_OPERANDS = frozenset("NAME NUMBER QUANTITY STRING RPAR RSQB RSET TRUE FALSE".split())
+_OPERANDS = frozenset(("NAME", "NUMBER", "QUANTITY", "STRING", "RPAR", "RSQB", "RSET", "TRUE", "FALSE"))
 _CLOSERS = {"(": ")", "[": "]", "{": "}", "set": "}"}
 
 
@@ -58,8 +61,8 @@ class Lexer:
         self.open: list[tuple[str, int]] = []
         self.previous = "NL"
 
-    def run(self) -> list[Token]:
-        """All tokens, ending in `$END`."""
+    def run(self) -> list[Token] | None:
+        """All tokens, ending in `$END`; None if the nesting is beyond all reason, which ends the compilation."""
         self._refuse_bidi()
         handlers = {
             "WORD": self._word,
@@ -80,7 +83,7 @@ class Lexer:
             skip = handlers[kind](match) or 0  # type: ignore[index]
             if len(self.open) > DEEPEST:
                 self.report("LJ0005", match.start(), match.end(), f"brackets are nested deeper than {DEEPEST}")
-                break
+                return None
         return self._finish()
 
     def _add(self, kind: str, start: int, end: int, unit: str = "") -> None:
@@ -90,7 +93,9 @@ class Lexer:
     def _refuse_bidi(self) -> None:
         for match in _BIDI.finditer(self.text):
             code = f"U+{ord(match[0]):04X}"
-            self.report("LJ0001", match.start(), match.end(), f"{code} reverses the reading direction unseen", "remove it")
+            self.report(
+                "LJ0001", match.start(), match.end(), f"{code} reverses the reading direction unseen", "remove it"
+            )
 
     # -- words and numbers
 
@@ -196,8 +201,10 @@ class Lexer:
             return True
         word = follow["word"]
         at = follow.end("word")
-        return word in STATEMENTS and not _NAME_FOLLOWS.match(self.text, at) and bool(
-            _STATEMENT_FOLLOWS.match(self.text, at)
+        return (
+            word in STATEMENTS
+            and not _NAME_FOLLOWS.match(self.text, at)
+            and bool(_STATEMENT_FOLLOWS.match(self.text, at))
         )
 
     def _symbol(self, match: re.Match[str]) -> int:
@@ -248,8 +255,13 @@ class Lexer:
 
     def _bad(self, match: re.Match[str]) -> int:
         character = match[0]
+        if character in _COMMAS:
+            self.report("LJ0001", match.start(), match.end(), f"`{character}` has no meaning here", "write `,`", replace=",")
+            return self._comma(match)
         shown = f"`{character}`" if character.isprintable() else f"U+{ord(character):04X}"
-        self.report("LJ0001", match.start(), match.end(), f"{shown} has no meaning here", _BAD_HINTS.get(character, "remove it"))
+        self.report(
+            "LJ0001", match.start(), match.end(), f"{shown} has no meaning here", _BAD_HINTS.get(character, "remove it")
+        )
         return 0
 
     def _finish(self) -> list[Token]:
@@ -265,19 +277,18 @@ class Lexer:
         return self.tokens
 
 
+_COMMAS = frozenset(";，、；")
 _BAD_HINTS = {
     "'": 'texts stand in double quotes: `"…"`',
-    ";": "a statement ends with its line",
     "&": "write `and`",
     "|": "write `or`",
     "!": "write `not`, or `!=`",
-    "，": "write `,`",
     "：": "write `:`",
     "“": 'write `"`',
     "”": 'write `"`',
 }
 
 
-def lex(text: str, report: Reporter) -> list[Token]:
-    """The tokens of a text; faults go to `report`."""
+def lex(text: str, report: Reporter) -> list[Token] | None:
+    """The tokens of a text, see `Lexer.run`; faults go to `report`."""
     return Lexer(text, report).run()

@@ -7,8 +7,8 @@ are found by the words that follow (`use acme.rotors` → entry point `acme`, fi
 
 from __future__ import annotations
 
-import os
 from functools import lru_cache
+from pathlib import Path
 
 from lingjing.data import data_path
 from lingjing.dsl.scope import Library
@@ -30,8 +30,8 @@ def find_file(path: tuple[str, ...]) -> str | None:
     folder = standard_folder() if path[0] == "std" else _plugin_folder(path[0])
     if folder is None:
         return None
-    file = os.path.join(folder, *path[1:-1], f"{path[-1]}.ljs")
-    return file if os.path.isfile(file) else None
+    file = Path(folder, *path[1:-1], f"{path[-1]}.ljs")
+    return str(file) if file.is_file() else None
 
 
 def known_paths(first: str) -> list[str]:
@@ -44,7 +44,7 @@ def known_paths(first: str) -> list[str]:
 
 def load_library(file: str, chain: tuple[str, ...] = ()) -> tuple[Library, tuple[Diagnostic, ...]]:
     """The declarations of a library file and what is wrong with it. `chain` are the files that led here."""
-    stat = os.stat(file)
+    stat = Path(file).stat()
     return _load(file, stat.st_mtime_ns, stat.st_size, chain)
 
 
@@ -58,7 +58,7 @@ def _load(file: str, _modified: int, _size: int, chain: tuple[str, ...]) -> tupl
 
 def _files(folder: str) -> list[str]:
     try:
-        return sorted(name[:-4] for name in os.listdir(folder) if name.endswith(".ljs"))
+        return sorted(file.stem for file in Path(folder).iterdir() if file.suffix == ".ljs")
     except OSError:
         return []
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable
+from pathlib import Path
 
 from lingjing.dsl import Compilation, compile_file, compile_source
 from lingjing.dsl.render import render_text, summary
@@ -48,10 +49,10 @@ def read_document(source: Source) -> tuple[Mission, tuple[str, ...]]:
     """The mission of a `mission.json` or a `resetScenario` document, and notes."""
     from lingjing.mission.document import read
 
-    return read(source.text, source.path, templates_beside(os.path.dirname(source.path)))
+    return read(source.text, source.path, templates_beside(Path(source.path).parent))
 
 
-def templates_beside(folder: str) -> Callable[[str], Mission]:
+def templates_beside(folder: Path) -> Callable[[str], Mission]:
     """Finds a document's template by name: in the document's own folder, else among the shipped missions.
 
     The function raises `KeyError` if there is none.
@@ -62,9 +63,9 @@ def templates_beside(folder: str) -> Callable[[str], Mission]:
             raise KeyError(name)
         from lingjing.data import data_path
 
-        for file in (os.path.join(folder, f"{name}.ljs"), str(data_path("scenarios", f"{name}.ljs"))):
-            if os.path.isfile(file):
-                return mission_of(compile_file(file))
+        for file in (folder / f"{name}.ljs", data_path("scenarios", f"{name}.ljs")):
+            if file.is_file():
+                return mission_of(compile_file(str(file)))
         raise KeyError(name)
 
     return find

@@ -22,7 +22,10 @@ from lingjing.dsl.tokens import INNER, NAMES_IN_MESSAGES, STATEMENTS, Token
 
 def parse(report: Reporter) -> s.File:
     """The syntax tree of the reporter's source. Faulty statements are `Faulty` nodes, already reported."""
-    return Parser(report).run(lex(report.source.text, report))
+    tokens = lex(report.source.text, report)
+    if tokens is None:
+        return s.File(0, 0, (s.Faulty(0, 0, (), None),))
+    return Parser(report).run(tokens)
 
 
 @cache
@@ -93,10 +96,11 @@ class Parser:
     def _recover(self, tokens: list[Token], fault: int, *, silent: bool) -> int:
         begin = _statement_begin(tokens, fault)
         if not silent:
+            mended = self._mend(tokens, begin, fault)
+            if mended >= 0:
+                return mended
             self._explain(tokens, begin, fault)
-        while "ERROR" not in self.tables.states[self.states[-1]]:
-            self.states.pop()
-            self.values.pop()
+        self._drop_statement()
         stop = _statement_stop(tokens, fault)
         if stop == fault and silent:
             stop = min(fault + 1, len(tokens) - 1)
@@ -108,37 +112,64 @@ class Parser:
         self.values.append(error)
         return stop
 
+    def _drop_statement(self) -> None:
+        while "ERROR" not in self.tables.states[self.states[-1]]:
+            self.states.pop()
+            self.values.pop()
+
+    def _mend(self, tokens: list[Token], begin: int, fault: int) -> int:
+        """Read a misspelt keyword as the keyword: report it and give where to go on, or -1.
+
+        That keeps the statement, and so the names it declares, for the later phases.
+        """
+        first, token = tokens[begin], tokens[fault]
+        if first.type == "NAME" and fault - begin <= 1 and token.type in _AFTER_KEYWORD:
+            close = nearest(first.text, STATEMENTS)
+            if close is not None:
+                hint = f"did you mean `{close}`?"
+                self.report("LJ0011", first.start, first.end, f"no statement is called `{first.text}`", hint, replace=close)
+                tokens[begin] = Token(STATEMENTS[close], close, first.start, first.end)
+                self._drop_statement()
+                return begin
+        if token.type == "NAME":
+            due = self._due()
+            close = nearest(token.text, self._words_due(due))
+            if close is not None:
+                where = f" in `{first.text}`" if first.text in STATEMENTS else ""
+                message = f"`{token.text}` does not fit here{where}"
+                self.report("LJ0010", token.start, token.end, message, f"did you mean `{close}`?", replace=close)
+                kind = INNER.get(close) or STATEMENTS[close]
+                tokens[fault] = Token(kind, close, token.start, token.end)
+                return fault
+        return -1
+
     def _explain(self, tokens: list[Token], begin: int, fault: int) -> None:
         token, first = tokens[fault], tokens[begin]
-        if first.type == "NAME" and fault - begin <= 1 and token.type not in ("EQUAL", "TILDE", "LE", "OP", "ERROR"):
-            if self._explain_word(first, token):
-                return
+        opens = first.type == "NAME" and fault - begin <= 1
+        if opens and token.type not in ("EQUAL", "TILDE", "LE", "OP") and self._explain_word(first, token):
+            return
         due = self._due()
         found = _shown(token)
         keyword = f" in `{first.text}`" if first.text in STATEMENTS and begin < fault else ""
         start, end = token.start, max(token.end, token.start)
         if token.type in ("NL", "$END", "RBRACE") and fault > 0:
             start = end = tokens[fault - 1].end
-        if token.type == "NAME" and (close := nearest(token.text, self._words_due(due))):
-            self.report(
-                "LJ0010", start, end, f"`{token.text}` does not fit here{keyword}", f"did you mean `{close}`?", replace=close
-            )
-            return
         wanted = _listing(due)
         self.report("LJ0010", start, end, f"{wanted} is due here{keyword}, found {found}", _hint(tokens, fault, due))
 
     def _explain_word(self, first: Token, token: Token) -> bool:
-        close = nearest(first.text, STATEMENTS)
-        if close is None and token.type not in ("NAME", "STRING", "NUMBER", "QUANTITY"):
+        if token.type not in _AFTER_KEYWORD or token.type == "LBRACE":
             return False
-        hint = f"did you mean `{close}`?" if close else "a statement begins with a keyword, or is `name = value`"
-        self.report("LJ0011", first.start, first.end, f"no statement is called `{first.text}`", hint, replace=close)
+        hint = "a statement begins with a keyword, or is `name = value`"
+        self.report("LJ0011", first.start, first.end, f"no statement is called `{first.text}`", hint)
         return True
 
     def _due(self) -> list[str]:
         """Token types that could really come next: looked up by running the reductions on a copy of the stack."""
         row = self.tables.states[self.states[-1]]
-        return sorted(kind for kind in row if kind.isupper() and kind != "ERROR" and self._accepts(kind) or kind == "$END")
+        return sorted(
+            kind for kind in row if (kind.isupper() and kind != "ERROR" and self._accepts(kind)) or kind == "$END"
+        )
 
     def _accepts(self, kind: str) -> bool:
         states = list(self.states)
@@ -190,8 +221,27 @@ def _shown(token: Token) -> str:
     return f"`{text}`" if len(text) <= 30 else NAMES_IN_MESSAGES.get(token.type, "this")
 
 
-_VALUE_STARTS = frozenset("NAME NUMBER QUANTITY STRING LPAR LSQB MINUS NOT EXISTS FORALL TRUE FALSE LSET".split())
-_EXPRESSION_GOES_ON = frozenset("OP MINUS LE IN AND OR RANGE BY FROM TO AT LSQB DOT DOTSTAR".split())
+_AFTER_KEYWORD = frozenset(("NAME", "STRING", "NUMBER", "QUANTITY", "LBRACE", "WHEN"))
+_VALUE_STARTS = frozenset(
+    (
+        "NAME",
+        "NUMBER",
+        "QUANTITY",
+        "STRING",
+        "LPAR",
+        "LSQB",
+        "MINUS",
+        "NOT",
+        "EXISTS",
+        "FORALL",
+        "TRUE",
+        "FALSE",
+        "LSET",
+    )
+)
+_EXPRESSION_GOES_ON = frozenset(
+    ("OP", "MINUS", "LE", "IN", "AND", "OR", "RANGE", "BY", "FROM", "TO", "AT", "LSQB", "DOT", "DOTSTAR")
+)
 
 
 def _listing(due: list[str]) -> str:

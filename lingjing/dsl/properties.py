@@ -21,7 +21,9 @@ def suffix_of(dimension: Dimension | None) -> str:
     return known.suffix if known else ""
 
 
-def lowered(entry: Entry, *, prefix: str = "", inherited: bool = False, hidden: bool = False) -> tuple[model.Property, ...]:
+def lowered(
+    entry: Entry, *, prefix: str = "", inherited: bool = False, hidden: bool = False
+) -> tuple[model.Property, ...]:
     """The graph's properties for one read entry."""
     name, kind = prefix + entry.node.name.text, entry.key.type
     hides = hidden or entry.node.hidden

@@ -110,4 +110,3 @@ class _Ansi(_Plain):
     @staticmethod
     def put(_colour: str, text: str) -> str:
         return f"\x1b[{_COLOURS[_colour]}m{text}\x1b[0m"
-

@@ -5,6 +5,9 @@ from __future__ import annotations
 from lingjing.dsl.source import Source
 from lingjing.mission.diagnostics import Diagnostic, Edit, Fix, Related, Severity, Span
 
+MOST = 1000
+"""Diagnostics of one file. Beyond that a reader is not helped, and a file of garbage must not eat the memory."""
+
 
 class Reporter:
     """Collects the diagnostics of one file. Calling it reports an error at offsets of its source."""
@@ -29,6 +32,11 @@ class Reporter:
         severity: Severity = "error",
     ) -> None:
         """Report; `replace` offers to put that text in the span's place."""
+        if len(self.diagnostics) >= MOST:
+            return
+        if len(self.diagnostics) == MOST - 1:
+            code, message, hint = "LJ0008", f"there are more than {MOST} errors", "the rest is not shown"
+            related, replace = (), None
         span = self.source.span(start, end)
         fix = None if replace is None else Fix(f"write `{replace}`", (Edit(span, replace),), safe)
         self.diagnostics.append(Diagnostic(code, span, message, hint, severity, related, fix))

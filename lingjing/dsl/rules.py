@@ -26,8 +26,14 @@ class RuleChecker:
         name = node.name
         known = self.scope.rules.get(name.text)
         if known is not None:
-            self.report("LJ0104", name.start, name.end, f"the rule `{name.text}` is declared twice", "choose another name",
-                        related=(Related(known.span, "first declared here"),))  # fmt: skip
+            self.report(
+                "LJ0104",
+                name.start,
+                name.end,
+                f"the rule `{name.text}` is declared twice",
+                "choose another name",
+                related=(Related(known.span, "first declared here"),),
+            )
             return
         if name.text in FUNCTIONS:
             self.report("LJ0104", name.start, name.end, f"`{name.text}` is a built-in function", "choose another name")
@@ -38,8 +44,14 @@ class RuleChecker:
         """Make the stage's name known."""
         known = self.scope.stages.get(node.name.text)
         if known is not None:
-            self.report("LJ0104", node.name.start, node.name.end, f"the stage `{node.name.text}` is declared twice",
-                        "choose another name", related=(Related(known[1], "first declared here"),))  # fmt: skip
+            self.report(
+                "LJ0104",
+                node.name.start,
+                node.name.end,
+                f"the stage `{node.name.text}` is declared twice",
+                "choose another name",
+                related=(Related(known[1], "first declared here"),),
+            )
             return
         variable = node.variable.text if node.variable else None
         self.scope.stages[node.name.text] = (variable, self.report.span(node.name.start, node.name.end))
@@ -61,7 +73,7 @@ class RuleChecker:
         """`unlock interaction(v: group) when …`."""
         interactions = self.scope.interactions()
         name = node.name
-        if name.text not in interactions:
+        if name.text not in interactions and not self.scope.incomplete:
             self.of.unknown_name(name, list(interactions), "no interaction")
         parameters, environment = self._parameters(node.parameters)
         value = self.of.expect(node.condition, environment, FLAG, "`when`")
@@ -105,8 +117,13 @@ class RuleChecker:
                     Related(self.report.span(by_name[n].name.start, by_name[n].name.end), "which refers on from here")
                     for n in way[1:-1]
                 )
-                self.report("LJ0308", node.name.start, node.name.end,
-                            f"the rule `{node.name.text}` refers to itself: {' → '.join(way)}", related=related)  # fmt: skip
+                self.report(
+                    "LJ0308",
+                    node.name.start,
+                    node.name.end,
+                    f"the rule `{node.name.text}` refers to itself: {' → '.join(way)}",
+                    related=related,
+                )
 
     # -- private
 
@@ -135,12 +152,24 @@ class RuleChecker:
         for item in block.items:
             if isinstance(item, s.Condition) and item.keyword == keyword:
                 if found is not None:
-                    self.report("LJ0103", item.start, item.start + len(item.keyword), f"{what} has two conditions", "join them with `and`")
+                    self.report(
+                        "LJ0103",
+                        item.start,
+                        item.start + len(item.keyword),
+                        f"{what} has two conditions",
+                        "join them with `and`",
+                    )
                 found = found or item
             elif isinstance(item, s.Faulty):
                 faulty = True
             elif isinstance(item, s.Condition):
-                self.report("LJ0110", item.start, item.start + len(item.keyword), f"{what} says `{spelled} …`", f"write `{spelled}`")
+                self.report(
+                    "LJ0110",
+                    item.start,
+                    item.start + len(item.keyword),
+                    f"{what} says `{spelled} …`",
+                    f"write `{spelled}`",
+                )
                 faulty = True
             else:
                 self.blocks.misplaced(item, what, (spelled,))
@@ -187,5 +216,3 @@ def _way_back(start: str, calls: dict[str, list[str]]) -> list[str]:
                 came[called] = name
                 waiting.append(called)
     return []
-
-

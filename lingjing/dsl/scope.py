@@ -117,6 +117,8 @@ class Scope:
         self.constants: dict[str, float] = {}
         self.poisoned: set[str] = set()
         """Names in faulty statements: they may have been declared there, so their absence is not reported."""
+        self.incomplete = False
+        """A library or a type is missing: what only it could declare is not reported as missing."""
 
     def interactions(self) -> dict[str, list[str]]:
         """Interaction name → the target types that offer it."""
@@ -137,9 +139,9 @@ class Environment(msgspec.Struct, frozen=True):
     locals: dict[str, Type] = {}
     rule: bool = False
 
-    def binding(self, name: str, type: Type) -> Environment:
+    def binding(self, name: str, of: Type) -> Environment:
         """The same with one more name."""
-        return Environment({**self.locals, name: type}, self.rule)
+        return Environment({**self.locals, name: of}, self.rule)
 
 
 STATIC = Environment()

@@ -73,8 +73,14 @@ class SettingsChecker:
             return
         from lingjing.mission.diagnostics import Related
 
-        self.report("LJ0104", name.start, name.end, f"`{name.text}` is declared twice", "choose another name",
-                    related=(Related(first.span, "first declared here"),))  # fmt: skip
+        self.report(
+            "LJ0104",
+            name.start,
+            name.end,
+            f"`{name.text}` is declared twice",
+            "choose another name",
+            related=(Related(first.span, "first declared here"),),
+        )
 
     def scene(self, node: s.SceneBlock) -> model.Scene:
         """`scene kind { … }`."""
@@ -90,7 +96,9 @@ class SettingsChecker:
         a, b = self.of.constant(tick.value.ir), self.of.constant(sync.value.ir)
         if a is not None and b is not None and abs(a / b - round(a / b)) > 1e-9 * a / b:
             place = sync.node.value
-            self.report("LJ0501", place.start, place.end, f"a tick of {a:g} s is no whole multiple of a sync of {b:g} s")
+            self.report(
+                "LJ0501", place.start, place.end, f"a tick of {a:g} s is no whole multiple of a sync of {b:g} s"
+            )
             return None
         return model.Clock(tick=tick.value.ir, sync=sync.value.ir)
 
@@ -114,16 +122,28 @@ class SettingsChecker:
         names = [name.text for name in node.allowed.names]
         for position, name in enumerate(node.allowed.names):
             if name.text not in MODES:
-                self.report("LJ0109", name.start, name.end, f"no mode is called `{name.text}`",
-                            did_you_mean(name.text, MODES), replace=nearest(name.text, MODES))  # fmt: skip
+                self.report(
+                    "LJ0109",
+                    name.start,
+                    name.end,
+                    f"no mode is called `{name.text}`",
+                    did_you_mean(name.text, MODES),
+                    replace=nearest(name.text, MODES),
+                )
                 self.scope.poisoned.add(name.text)
                 return None
             if name.text in names[:position]:
                 self.report("LJ0103", name.start, name.end, f"`{name.text}` is given twice")
         if node.default.text not in names:
             default = node.default
-            self.report("LJ0109", default.start, default.end, f"the mode `{default.text}` is not among those allowed",
-                        did_you_mean(default.text, names), replace=nearest(default.text, names))  # fmt: skip
+            self.report(
+                "LJ0109",
+                default.start,
+                default.end,
+                f"the mode `{default.text}` is not among those allowed",
+                did_you_mean(default.text, names),
+                replace=nearest(default.text, names),
+            )
             return None
         return model.Modes(default=node.default.text, allowed=tuple(dict.fromkeys(names)))
 
@@ -173,7 +193,9 @@ class SettingsChecker:
             return None
         rows, columns = entries["shape"].parts
         overlap = entries["overlap"].value.ir if "overlap" in entries else ex.Number(0.0)
-        return model.Grid(name=node.name.text, region=node.region.text, rows=rows.ir, columns=columns.ir, overlap=overlap)
+        return model.Grid(
+            name=node.name.text, region=node.region.text, rows=rows.ir, columns=columns.ir, overlap=overlap
+        )
 
     def comms(self, node: s.Section) -> model.Comms:
         """`comms { … }`; a hub's only condition can be `mode == star`, because only star mode has one."""
@@ -204,13 +226,19 @@ class SettingsChecker:
             same = default is UNKNOWN or value is UNKNOWN or value.type.dimension == default.type.dimension
             if same:
                 return value
-            self.of.mismatch(bounds, value, default.type, f"the values allowed for `{node.name.text}` are of another dimension")
+            self.of.mismatch(
+                bounds, value, default.type, f"the values allowed for `{node.name.text}` are of another dimension"
+            )
             return UNKNOWN
         due = Type("range", default.type.dimension if default is not UNKNOWN else None)
         value = self.of.value(bounds, STATIC)
         if value.type.kind == "range" and due.dimension is not None and value.type.dimension != due.dimension:
-            self.report("LJ0203", bounds.start, bounds.end,
-                        f"{with_article(due)} is due for the bounds of `{node.name.text}`, this is {with_article(value.type)}")  # fmt: skip
+            self.report(
+                "LJ0203",
+                bounds.start,
+                bounds.end,
+                f"{with_article(due)} is due for the bounds of `{node.name.text}`, this is {with_article(value.type)}",
+            )
             return UNKNOWN
         return value if self.of.fits(value, due, bounds, f"the bounds of `{node.name.text}`") else UNKNOWN
 
@@ -238,7 +266,9 @@ class SettingsChecker:
 
         wrong = fault(tuple(corners))
         if wrong:
-            self.report("LJ0208", node.start, node.end, f"the outline {wrong}", "list the corners in order around the area")
+            self.report(
+                "LJ0208", node.start, node.end, f"the outline {wrong}", "list the corners in order around the area"
+            )
 
     def _hub(self, hub: Entry) -> str | None:
         guard, node = hub.node.guard, hub.node.value
@@ -246,10 +276,18 @@ class SettingsChecker:
             condition = self.of.expect(guard, STATIC, FLAG, "`when`")
             star = ex.Binary("==", ex.Ref("mode", "mode"), ex.Symbol("star"))
             if condition is not UNKNOWN and condition.ir != star:
-                self.report("LJ0307", guard.start, guard.end, "a hub exists in star mode, and only there", "write `when mode == star`")
+                self.report(
+                    "LJ0307",
+                    guard.start,
+                    guard.end,
+                    "a hub exists in star mode, and only there",
+                    "write `when mode == star`",
+                )
                 return None
         if not isinstance(node, s.Name):
-            self.report("LJ0201", node.start, node.end, "the hub is one agent", "name a single agent, not a group's member")
+            self.report(
+                "LJ0201", node.start, node.end, "the hub is one agent", "name a single agent, not a group's member"
+            )
             return None
         if node.text not in self.scope.agents:
             self.of.unknown_name(node, list(self.scope.agents), "no agent")

@@ -125,7 +125,20 @@ class Quantified(Composite, frozen=True, gc=False):
 
 
 Expression = (
-    Broken | Name | Number | Text | Flag | Tuple | List | NameSet | Call | Subscript | Attribute | Unary | Binary | Quantified
+    Broken
+    | Name
+    | Number
+    | Text
+    | Flag
+    | Tuple
+    | List
+    | NameSet
+    | Call
+    | Subscript
+    | Attribute
+    | Unary
+    | Binary
+    | Quantified
 )
 
 
@@ -145,7 +158,7 @@ class Block(Node, frozen=True, gc=False):
 class Version(Statement, frozen=True, gc=False):
     """`ljs 1`."""
 
-    number: Number
+    number: Number | Broken
 
 
 class Use(Statement, frozen=True, gc=False):

@@ -1,9 +1,10 @@
 """LALR(1) tables of the grammar, built by lark and cached.
 
 lark is imported here and only when no cached table fits: the tables are plain integers, so the parser
-(`lingjing.dsl.parser`) drives them without it and a cold start pays a millisecond instead of lark's 65 ms import and
-200 ms table construction. Looked up in this order: package data (`ljs.tables` beside this file, written
-after the grammar changed), the user's cache folder, lark. The key is the SHA-256 of the grammar and this module's format number.
+(`lingjing.dsl.parser`) drives them without it and a cold start pays a millisecond instead of lark's import (65 ms)
+and its table construction (100 ms and more). They are looked up beside this file (`ljs.tables`, written after the
+grammar changed), then in the user's cache folder, and else made by lark. The key is the SHA-256 of the grammar and of
+this module's format number.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from __future__ import annotations
 import hashlib
 import os
 import tempfile
+from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -18,9 +20,8 @@ import msgspec
 FORMAT = 1
 """Raised when the shape of `Tables` changes."""
 
-_HERE = os.path.dirname(os.path.abspath(__file__))
-GRAMMAR_FILE = os.path.join(_HERE, "ljs.lark")
-PACKAGED_FILE = os.path.join(_HERE, "ljs.tables")
+GRAMMAR_FILE = Path(__file__).with_name("ljs.lark")
+PACKAGED_FILE = Path(__file__).with_name("ljs.tables")
 
 
 class Rule(msgspec.Struct, frozen=True, array_like=True):
@@ -47,10 +48,9 @@ class Tables(msgspec.Struct, frozen=True, array_like=True):
 
 def load_tables() -> Tables:
     """The tables of the grammar as it is now; never fails because a cache is missing, broken or not writable."""
-    with open(GRAMMAR_FILE, "rb") as file:  # noqa: PTH123
-        grammar = file.read()
+    grammar = GRAMMAR_FILE.read_bytes()
     key = hashlib.sha256(grammar + b"\0%d" % FORMAT).hexdigest()
-    cached = os.path.join(_cache_folder(), f"ljs-{key[:16]}.tables")
+    cached = _cache_folder() / f"ljs-{key[:16]}.tables"
     for path in (PACKAGED_FILE, cached):
         tables = _read(path, key)
         if tables is not None:
@@ -71,11 +71,11 @@ def build_tables(grammar: str, key: str) -> Tables:
         def __init__(self, *_: object) -> None:
             pass
 
-        def lex(self, *_: object) -> object:  # type: ignore[override]
+        def lex(self, *_: object) -> Any:
             raise NotImplementedError
 
     parser = Lark(grammar, parser="lalr", lexer=NoLexer, start="file", maybe_placeholders=True, keep_all_tokens=True)
-    table = parser.parser.parser._parse_table  # type: ignore[attr-defined]
+    table = parser.parser.parser._parse_table
     return _numbered(key, table.states, table.start_states["file"], table.end_states["file"])
 
 
@@ -105,56 +105,49 @@ def _numbered(key: str, states: dict[int, dict[str, tuple[Any, Any]]], start: in
 
 def _rule(rule: object) -> Rule:
     gaps = rule.options.empty_indices  # type: ignore[attr-defined]
-    missing: list[int] = []
-    position = 0
-    for gap in gaps:
-        if gap:
-            missing.append(position)
-        position += 1
+    missing = [position for position, gap in enumerate(gaps) if gap]
     name = str(rule.alias or rule.origin.name)  # type: ignore[attr-defined]
     return Rule(str(rule.origin.name), len(rule.expansion), name, tuple(missing))  # type: ignore[attr-defined]
 
 
-def write_tables(path: str = PACKAGED_FILE) -> None:
+def write_tables(path: Path = PACKAGED_FILE) -> None:
     """Write the tables that ship with the package: `python -m lingjing.dsl.tables`, after the grammar changed."""
-    with open(GRAMMAR_FILE, "rb") as file:  # noqa: PTH123
-        grammar = file.read()
+    grammar = GRAMMAR_FILE.read_bytes()
     key = hashlib.sha256(grammar + b"\0%d" % FORMAT).hexdigest()
     _write(build_tables(grammar.decode(), key), path)
-    os.chmod(path, 0o644)
+    path.chmod(0o644)
 
 
-def _cache_folder() -> str:
-    base = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
-    return os.path.join(base, "lingjing")
+def _cache_folder() -> Path:
+    base = os.environ.get("XDG_CACHE_HOME")
+    return Path(base or "~/.cache").expanduser() / "lingjing"
 
 
-def _read(path: str, key: str) -> Tables | None:
+def _read(path: Path, key: str) -> Tables | None:
     try:
-        with open(path, "rb") as file:  # noqa: PTH123
-            tables = msgspec.msgpack.decode(file.read(), type=Tables)
+        tables = msgspec.msgpack.decode(path.read_bytes(), type=Tables)
     except (OSError, msgspec.DecodeError):
-        return None
+        return None  # no cache, or a broken one: the tables are made again
     return tables if tables.key == key else None
 
 
-def _write_quietly(tables: Tables, path: str) -> None:
+def _write_quietly(tables: Tables, path: Path) -> None:
     """A cache that cannot be written costs time, nothing else."""
     try:
-        os.makedirs(os.path.dirname(path), exist_ok=True)
+        path.parent.mkdir(parents=True, exist_ok=True)
         _write(tables, path)
-    except OSError:
-        return
+    except (OSError, RuntimeError):
+        return  # RuntimeError: no home folder
 
 
-def _write(tables: Tables, path: str) -> None:
-    handle, temporary = tempfile.mkstemp(dir=os.path.dirname(os.path.abspath(path)), prefix=".ljs-")
+def _write(tables: Tables, path: Path) -> None:
+    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=".ljs-")
     try:
         with os.fdopen(handle, "wb") as file:
             file.write(msgspec.msgpack.encode(tables))
-        os.replace(temporary, path)
+        Path(temporary).replace(path)
     except BaseException:
-        os.unlink(temporary)
+        Path(temporary).unlink()
         raise
 
 

@@ -23,18 +23,70 @@ class Token(msgspec.Struct, frozen=True, gc=False):
 STATEMENTS: dict[str, str] = {
     word: word.upper()
     for word in (
-        "ljs use mission goal scene clock budget weather comms actions param mode region grid target asset camera agent "
-        "authority message adjudicate unlock stage relation success failure when done observes verb interaction record "
-        "reveal prompt hidden"
-    ).split()
+        "ljs",
+        "use",
+        "mission",
+        "goal",
+        "scene",
+        "clock",
+        "budget",
+        "weather",
+        "comms",
+        "actions",
+        "param",
+        "mode",
+        "region",
+        "grid",
+        "target",
+        "asset",
+        "camera",
+        "agent",
+        "authority",
+        "message",
+        "adjudicate",
+        "unlock",
+        "stage",
+        "relation",
+        "success",
+        "failure",
+        "when",
+        "done",
+        "observes",
+        "verb",
+        "interaction",
+        "record",
+        "reveal",
+        "prompt",
+        "hidden",
+    )
 }
 """Words that begin a statement, with their token types."""
 
 INNER: dict[str, str] = {
     word: word.upper()
     for word in (
-        "in over as controls may command from to per when carries by at optional and or not exists forall true false"
-    ).split()
+        "in",
+        "over",
+        "as",
+        "controls",
+        "may",
+        "command",
+        "from",
+        "to",
+        "per",
+        "when",
+        "carries",
+        "by",
+        "at",
+        "optional",
+        "and",
+        "or",
+        "not",
+        "exists",
+        "forall",
+        "true",
+        "false",
+    )
 }
 """Words that mean something inside a statement, with their token types."""
 
@@ -84,6 +136,30 @@ NAMES_IN_MESSAGES: dict[str, str] = {
 """How a token type is called in a message."""
 
 OPERATORS_THAT_CONTINUE = frozenset(
-    "EQUAL TILDE LE OP MINUS RANGE AND OR NOT COLON ARROW BOTH COMMA SEP DOT IN BY FROM TO AT OVER AS WHEN".split()
+    (
+        "EQUAL",
+        "TILDE",
+        "LE",
+        "OP",
+        "MINUS",
+        "RANGE",
+        "AND",
+        "OR",
+        "NOT",
+        "COLON",
+        "ARROW",
+        "BOTH",
+        "COMMA",
+        "SEP",
+        "DOT",
+        "IN",
+        "BY",
+        "FROM",
+        "TO",
+        "AT",
+        "OVER",
+        "AS",
+        "WHEN",
+    )
 )
 """After these a line end does not end the statement."""

@@ -21,43 +21,43 @@ _WORDS = {
 }
 
 
-def dimension_of(type: Type) -> Dimension:
+def dimension_of(given: Type) -> Dimension:
     """The dimension of a quantity whose dimension is known."""
-    return type.dimension or NONE
+    return given.dimension or NONE
 
 
-def word(type: Type) -> str:
+def word(given: Type) -> str:
     """A type as a noun: `length`, `bare number`, `range of lengths`, `position`."""
-    if type.kind == "quantity":
-        if type.dimension is None:
+    if given.kind == "quantity":
+        if given.dimension is None:
             return "quantity"
-        return "bare number" if type.dimension == NONE else dimension_name(type.dimension)
-    if type.kind == "range" and type.dimension is not None:
-        return "range of numbers" if type.dimension == NONE else f"range of {dimension_name(type.dimension)}s"
-    if type.kind == "list":
-        return f"list of {type.item}s" if type.item else "list"
-    if type.kind == "name" and type.of == "type":
+        return "bare number" if given.dimension == NONE else dimension_name(given.dimension)
+    if given.kind == "range" and given.dimension is not None:
+        return "range of numbers" if given.dimension == NONE else f"range of {dimension_name(given.dimension)}s"
+    if given.kind == "list":
+        return f"list of {given.item}s" if given.item else "list"
+    if given.kind == "name" and given.of == "type":
         return "type's name"
-    if type.kind == "name" and type.of == "mode":
+    if given.kind == "name" and given.of == "mode":
         return "mode"
-    if type.kind == "message" and type.of:
-        return f"`{type.of}` message"
-    if type.kind == "entity" and type.of:
-        return f"`{type.of}` entity"
-    if type.kind == "group" and type.of:
-        return f"group (`{type.of}`)"
-    return _WORDS.get(type.kind, type.kind)
+    if given.kind == "message" and given.of:
+        return f"`{given.of}` message"
+    if given.kind == "entity" and given.of:
+        return f"`{given.of}` entity"
+    if given.kind == "group" and given.of:
+        return f"group (`{given.of}`)"
+    return _WORDS.get(given.kind, given.kind)
 
 
-def with_article(type: Type) -> str:
+def with_article(given: Type) -> str:
     """`a length`, `an angle`."""
-    noun = word(type)
+    noun = word(given)
     return f"an {noun}" if noun.lstrip("`")[:1] in "aeiou" else f"a {noun}"
 
 
-def of_type(type: Type, of: str) -> Type:
+def of_type(given: Type, of: str) -> Type:
     """The same kind, narrowed."""
-    return Type(type.kind, type.dimension, type.item, of)
+    return Type(given.kind, given.dimension, given.item, of)
 
 
 def fits(given: Type, due: Type) -> bool:

@@ -1,0 +1,94 @@
+"""Every diagnostic code has a failing example that pins its line and column."""
+
+from __future__ import annotations
+
+import pytest
+
+from lingjing.dsl import compile_text
+from lingjing.dsl.codes import CODES
+from lingjing.mission.diagnostics import Diagnostic
+
+# code, what is replaced in the small mission, by what, line, column, a part of the message
+CASES = [
+    ("LJ0001", "delay = 1 tick,", "delay = 1 tick;", 12, 60, "`;` has no meaning"),
+    ("LJ0001", "Find everybody", "Find \u202e everybody", 7, 14, "U+202E"),
+    ("LJ0002", '"Find everybody."', '"Find everybody.', 7, 8, "never closed"),
+    ("LJ0003", "sites(search, apart >= 10 m)", "sites(search, apart >= 10 m", 19, 28, "`(` is never closed"),
+    ("LJ0004", "apart >= 10 m)", "apart >= 10 m))", 19, 51, "`)` closes nothing"),
+    ("LJ0005", "uavs = 2 in", "uavs = " + "(" * 65 + "2" + ")" * 65 + " in", 13, 79, "nested deeper"),
+    ("LJ0006", "uavs = 2 in", "uavs = 2x3y in", 13, 16, "neither a number nor a name"),
+    ("LJ0010", "tick = 10 s", "tick = = 10 s", 9, 18, "found `=`"),
+    ("LJ0010", "to all\n", "too all\n", 31, 44, "`too` does not fit here"),
+    ("LJ0011", "  goal ", "  gaol ", 7, 3, "no statement is called `gaol`"),
+    ("LJ0012", "(12.4 m, -51.8 m)", "(12.4 m, north = -51.8 m)", 26, 47, "only a call"),
+    ("LJ0101", "distance_xy(boat, v)", "distance_xy(boot, v)", 34, 75, "nothing is called `boot`"),
+    ("LJ0102", "r.frame", "r.fraem", 32, 76, "no field `fraem`"),
+    ("LJ0103", "visibility = 8 km", "wind = 1 m/s from 2 deg", 11, 40, "`wind` is given twice"),
+    ("LJ0104", "  param altitude", "  param uavs = 2\n  param altitude", 14, 9, "declared twice"),
+    ("LJ0105", "exists r: matched(v, r) }", "exists q: rescued(v) }", 35, 51, "what `q` ranges over"),
+    ("LJ0106", "ticks <= 60, ", "", 10, 3, "lacks `ticks`"),
+    ("LJ0107", "everybody.\"", "everybody.\"\n  done when true", 8, 3, "`done` has no meaning in a mission"),
+    ("LJ0108", "visibility = 8 km", "visibilty = 8 km", 11, 40, "knows no `visibilty`"),
+    ("LJ0109", "channels = [rgb]", "channels = [rbg]", 23, 66, "cannot be `rbg`"),
+    ("LJ0110", "{ done when rescued(v) }", "{ when rescued(v) }", 36, 35, "says `done when …`"),
+    ("LJ0111", "victim[1..3]", "victim[3]", 18, 17, "counted `1..n`"),
+    ("LJ0112", ": lifeboat {", ": person_in_water {", 26, 16, "is a target type"),
+    ("LJ0113", "takePhoto }", "takePicture }", 24, 41, "has no verb `takePicture`"),
+    ("LJ0114", "may command boat", "may command victim", 30, 34, "nobody commands it"),
+    ("LJ0115", "as coordinator when", "as coordinator controls boat when", 29, 43, "controlled by two agents"),
+    ("LJ0116", "observes cells }", "observes search }", 29, 63, "cannot be observed"),
+    ("LJ0117", "ljs 1", "ljs 9", 1, 5, "version 9"),
+    ("LJ0118", "use std.sea", "use std.see", 3, 5, "no library `std.see`"),
+    ("LJ0201", "heading = 30 deg", "heading = boat", 26, 67, "an angle is due"),
+    ("LJ0202", "tick = 10 s", "tick = 10", 9, 18, "a duration is due"),
+    ("LJ0203", "tick = 10 s", "tick = 10 m", 9, 18, "this is a length"),
+    ("LJ0204", "tick = 10 s", "tick = 10 sec", 9, 21, "no unit is called `sec`"),
+    ("LJ0205", "shape = 3 by 3", "shape = 9", 17, 36, "two numbers"),
+    ("LJ0206", "uavs = 2 in", "uavs = 20 in", 13, 16, "outside of its bounds"),
+    ("LJ0207", "uavs = 2 in", "uavs = 2 / 0 in", 13, 20, "division by zero"),
+    ("LJ0208", "(100 m, 0 m), (100 m, 100 m)", "(100 m, 100 m), (100 m, 0 m)", 16, 19, "the outline"),
+    ("LJ0301", "~ sites(search, apart >= 10 m)", "~ (1 m, 2 m)", 19, 23, "a distribution is due"),
+    ("LJ0302", "visibility = 8 km", "visibility = uniform(1 km, 2 km)", 11, 53, "draws a value"),
+    ("LJ0303", "ticks <= 60", "ticks = 60", 10, 12, "takes `<=`, not `=`"),
+    ("LJ0304", "uavs = 2 in", "uavs = iou(1, 2) in", 13, 16, "while the mission runs"),
+    ("LJ0306", "distance_xy(boat, v)", "distance_xy(boat)", 34, 63, "takes 2 arguments, 1 given"),
+    ("LJ0307", "hub = commander when mode == star", "hub = commander when mode == broadcast", 12, 32, "a hub exists in star mode"),
+    ("LJ0308", "{ when emitted(rescue, v) and", "{ when rescued(v) and", 34, 14, "refers to itself"),
+    ("LJ0401", "observes cells }", "observes victim[1].position }", 29, 63, "a hidden value reaches"),
+    ("LJ0402", "tick = 10 s", "hidden tick = 10 s", 9, 11, "cannot be hidden"),
+    ("LJ0501", "sync = 500 ms", "sync = 3 s", 9, 31, "no whole multiple"),
+    ("LJ0502", "hub = commander when mode == star, ", "", 15, 3, "star mode has no hub"),
+]  # fmt: skip
+ELSEWHERE = {"LJ0007", "LJ0008", "LJ0119"}
+"""Codes whose examples are files of their own; tested below and in `test_inputs` and `test_library`."""
+
+
+def test_the_small_mission_is_good(small: str) -> None:
+    assert compile_text(small).diagnostics == ()
+
+
+@pytest.mark.parametrize(("code", "old", "new", "line", "column", "part"), CASES, ids=lambda value: str(value)[:24])
+def test_code(small: str, code: str, old: str, new: str, line: int, column: int, part: str) -> None:
+    assert small.count(old) >= 1
+    found = compile_text(small.replace(old, new, 1)).diagnostics
+    assert shown(found) == [(code, line, column)]
+    assert part in found[0].message
+    assert found[0].span.end >= found[0].span.start
+
+
+def test_every_code_has_an_example() -> None:
+    assert {case[0] for case in CASES} | ELSEWHERE == set(CODES)
+
+
+def test_empty_file() -> None:
+    assert shown(compile_text(" \n\t\n").diagnostics) == [("LJ0007", 1, 1)]
+
+
+def test_the_number_of_diagnostics_is_bounded() -> None:
+    found = compile_text("ljs 1\n" + "$\n" * 5000).diagnostics
+    assert len(found) == 1000
+    assert "LJ0008" in {item.code for item in found}
+
+
+def shown(found: tuple[Diagnostic, ...]) -> list[tuple[str, int, int]]:
+    return [(item.code, item.span.line, item.span.column) for item in found]
