@@ -6,7 +6,7 @@ own, and the engines live in processes that end with this one.
 
 from __future__ import annotations
 
-import datetime
+import datetime as dt
 import hashlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -235,7 +235,7 @@ def _writer(
         fingerprint=fingerprint(),
         city_sha256=hashlib.sha256(msgspec.json.encode(city)).hexdigest(),
         attribution=city.attribution,
-        started_wall=datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+        started_wall=dt.datetime.now(dt.UTC).isoformat(timespec="seconds"),
     )
     try:
         folder.mkdir(parents=True, exist_ok=True)

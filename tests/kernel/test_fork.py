@@ -1,0 +1,77 @@
+"""A fork in mid-episode: the branch that changes nothing ends with its parent's digest; one that does, does not."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from lingjing.dsl.load import load_mission
+from lingjing.kernel.step import Kernel
+from lingjing.kernel.world import open_world
+from lingjing.mission.instantiate import instantiate
+from lingjing.plugins.host import PluginHost
+from lingjing.trace.records import Action, Decision, DecisionRecord
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def host():
+    return PluginHost()
+
+
+@pytest.fixture
+def kernel(host):
+    instance = instantiate(load_mission(ROOT / "scenarios" / "ssr.ljs"), seed=7)
+    world = open_world("process", host=host)
+    kernel = Kernel(instance, host.scene(instance.scene.kind).build(instance.scene), world)
+    kernel.reset()
+    yield kernel
+    world.close()
+
+
+def deciding(tick):
+    """Everybody busy at first, a photograph later, nothing in between."""
+    moves = {
+        "scout[1]": Action(verb="setDestination", arguments={"x": 250.0, "y": -800.0, "z": 100.0}),
+        "scout[2]": Action(verb="setDestination", arguments={"x": 450.0, "y": -780.0, "z": 90.0}),
+        "skipper": Action(verb="moveTo", arguments={"x": 100.0, "y": -1200.0}),
+    }
+    if tick == 0:
+        return tuple(DecisionRecord(agent=name, decision=Decision(command=move)) for name, move in moves.items())
+    if tick == 6:
+        photo = Decision(command=Action(verb="takePhoto"))
+        return (DecisionRecord(agent="scout[1]", decision=photo),)
+    return ()
+
+
+def played(kernel, start, stop, change=()):
+    records = []
+    for tick in range(start, stop):
+        records.append(kernel.step(change if change and tick == start else deciding(tick)).record)
+    return [(record.digest, kernel.state.frames_digest) for record in records]
+
+
+def test_a_null_fork_of_the_real_engines_ends_with_its_parents_digest(kernel):
+    played(kernel, 0, 4)
+    branch = kernel.fork()
+    parent, child = played(kernel, 4, 8), played(branch, 4, 8)
+    branch.world.close()
+    assert child == parent
+    assert len({digest for digest, _ in parent}) == 4
+
+
+def test_a_fork_that_differs_goes_its_own_way_and_leaves_its_parent_alone(kernel):
+    played(kernel, 0, 3)
+    branch, control = kernel.fork(), kernel.fork()
+    stop = (DecisionRecord(agent="skipper", decision=Decision(command=Action(verb="stop"))),)
+    other = (DecisionRecord(agent="scout[3]", decision=Decision(command=Action(verb="takeoff"))),)
+    changed = played(branch, 3, 6, other)
+    refused = played(control, 3, 4, stop)
+    parent = played(kernel, 3, 6)
+    branch.world.close()
+    control.world.close()
+    assert changed[0] != parent[0]
+    assert refused[0] != parent[0]  # the receipt of the refusal is part of the story
