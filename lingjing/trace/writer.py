@@ -50,7 +50,7 @@ class TraceWriter:
         self._guarded(lambda: self._begin(header))
 
     def boundary(self, record: BoundaryRecord, pictures: Sequence[Picture] = ()) -> None:
-        """Write the boundary's pictures, its derived messages and then the record itself, and flush."""
+        """Write the boundary's pictures and derived messages, the record itself last, and flush."""
         self._guarded(lambda: self._boundary(record, pictures))
 
     def finish(self, outcome: Outcome) -> Path:
@@ -90,10 +90,10 @@ class TraceWriter:
 
     def _boundary(self, record: BoundaryRecord, pictures: Sequence[Picture]) -> None:
         now = nanoseconds(record.time_s)
+        for snapshot in record.snapshots:  # before the pictures, whose poses are later: each topic stays in time order
+            self._derived(foxglove.transforms(snapshot), nanoseconds(snapshot.time_s))
         for picture in pictures:
             self._picture(picture)
-        for snapshot in record.snapshots:
-            self._derived(foxglove.transforms(snapshot), nanoseconds(snapshot.time_s))
         for message in foxglove.positions(self._instance, record.snapshots[-1]) if record.snapshots else ():
             self._derived(message, now)
         for message in foxglove.logs(record):

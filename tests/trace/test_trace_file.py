@@ -216,6 +216,15 @@ def test_the_plain_reader_decodes_every_message(trace: Trace) -> None:
     assert seen["/camera/uav_2/nadir"] == sum(frame.entity == "uav[2]" for frame in trace.frames.values())
 
 
+def test_every_topic_is_in_time_order(trace: Trace) -> None:
+    last: dict[str, int] = {}
+    with trace.path.open("rb") as file:
+        for _, channel, message in mcap.reader.make_reader(file).iter_messages(log_time_order=False):
+            assert message.log_time >= last.get(channel.topic, 0), channel.topic
+            last[channel.topic] = message.log_time
+    assert last["/tf"] == round(trace.boundaries[-1].time_s * 1e9)
+
+
 def test_two_equal_episodes_are_equal_files(synthetic: ModuleType, tmp_path: Path) -> None:
     hashes = set()
     for name in ("a.mcap", "b.mcap"):

@@ -145,11 +145,11 @@ def _missed(story: Story, found: set[str]) -> list[View]:
 
 
 def _window(view: View, width: int, height: int, shape: float) -> tuple[int, int, int, int]:
-    """Pixels to cut out: the boxes in the middle, at least a tenth of the frame's width, `shape` wide by high."""
+    """Pixels to cut out: the boxes in the middle, at least a twenty-fourth of the frame wide, `shape` wide by high."""
     boxes = [box for box in (view.truth, view.claim) if box is not None]
     x0, y0 = min(box[0] for box in boxes) * width, min(box[1] for box in boxes) * height
     x1, y1 = max(box[2] for box in boxes) * width, max(box[3] for box in boxes) * height
-    wide = max(5 * (x1 - x0), 5 * (y1 - y0) * shape, width / 16, 48.0)
+    wide = max(5 * (x1 - x0), 2.6 * (y1 - y0) * shape, width / 24, 48.0)
     wide = min(wide, width, height * shape)
     high = wide / shape
     left = min(max((x0 + x1 - wide) / 2, 0.0), width - wide)
