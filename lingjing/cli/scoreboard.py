@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -52,6 +53,9 @@ def print_episode(report: EpisodeReport) -> None:
     else:
         for name, value in rows:
             print(f"{name}: {value}")
+    overview = Path(report.trace).with_name("overview.png")
+    if overview.is_file():
+        print(f"overview: {overview}")
     print(f"trace: {report.trace}")
 
 
@@ -93,9 +97,7 @@ def _print_table(table: Table) -> None:
 
 def _is_plain(name: str, value: object) -> bool:
     """A single value that is defined and has no row of its own."""
-    return (
-        value is not None and not isinstance(value, (dict, list)) and name not in {"success", "reason", "scr", "ticks"}
-    )
+    return isinstance(value, (bool, int, float, str)) and name not in {"success", "reason", "scr", "ticks"}
 
 
 def _text(value: object) -> str:

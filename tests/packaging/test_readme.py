@@ -1,0 +1,89 @@
+"""The README is true: its excerpt, its commands, its code and its error message."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import lingjing.cli.main as door
+
+ROOT = Path(__file__).resolve().parents[2]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+SSR = (ROOT / "scenarios" / "ssr.ljs").read_text(encoding="utf-8")
+
+
+def blocks(language: str) -> list[str]:
+    return re.findall(rf"^```{language}\n(.*?)^```", README, flags=re.MULTILINE | re.DOTALL)
+
+
+def test_it_is_short() -> None:
+    assert len(README.split()) < 500
+
+
+def test_the_excerpt_stands_in_the_mission() -> None:
+    (excerpt,) = blocks("ljs")
+    lines = set(SSR.splitlines())
+    assert [line for line in excerpt.splitlines() if line not in lines] == []
+
+
+def test_its_make_targets_exist() -> None:
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    targets = set(re.findall(r"`?\bmake (\w+)", README))
+    assert targets >= {"demo", "test", "bench", "study"}
+    for target in targets - {"and"}:
+        assert re.search(rf"^{target}:", makefile, flags=re.MULTILINE), target
+
+
+def test_its_commands_are_understood(monkeypatch: pytest.MonkeyPatch) -> None:
+    commands = [
+        shlex.split(command)[1:]
+        for block in blocks("sh")
+        for line in block.splitlines()
+        for command in line.split("&&")
+        if command.strip().startswith("lingjing")
+    ]
+    assert len(commands) == 4
+    real = door.import_module
+    seen: list[str] = []
+
+    def import_module(name: str):
+        module = real(name)
+        monkeypatch.setattr(module, "handler", lambda args: seen.append(args.verb) or 0)
+        return module
+
+    monkeypatch.setattr(door, "import_module", import_module)
+    assert [door.main(command) for command in commands] == [0, 0, 0, 0]
+    assert seen == ["run", "run", "new", "run"]
+
+
+def test_its_error_message_is_what_one_gets(tmp_path: Path) -> None:
+    (shown,) = blocks("console")
+    command, _, output = shown.partition("\n")
+    assert command == "$ lingjing validate ssr.ljs"
+    wrong = SSR.replace("drift = 0.1 m/s", "drift = 0.1 m").replace("~ sites(search", "~ sites(serch")
+    (tmp_path / "ssr.ljs").write_text(wrong, encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, "-m", "lingjing.cli.main", "validate", "ssr.ljs"],
+        cwd=tmp_path, capture_output=True, text=True, check=False, timeout=60,
+    )  # fmt: skip
+    assert done.returncode == 1
+    assert (done.stdout + done.stderr).strip() == output.strip()
+
+
+@pytest.mark.slow
+def test_its_python_runs(tmp_path: Path) -> None:
+    (code,) = blocks("python")
+    (tmp_path / "scenarios").symlink_to(ROOT / "scenarios")
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False, timeout=280
+    )
+    assert done.returncode == 0, done.stderr
+    success, found, trace = done.stdout.split()
+    assert success in {"True", "False"}
+    assert 0 <= int(found) <= 3
+    assert (tmp_path / trace).is_file()
