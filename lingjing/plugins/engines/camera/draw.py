@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import cos, radians, sin
+from math import cos, e, log2, radians, sin
 
 import moderngl
 import numpy as np
@@ -20,17 +20,20 @@ from lingjing.plugins.engines.camera import shaders
 from lingjing.plugins.engines.camera.classes import CLASSES
 from lingjing.plugins.engines.camera.context import open_context
 from lingjing.plugins.engines.camera.ground import SHORE_REACH_M, Ground
-from lingjing.plugins.engines.camera.instances import Batch, Rows, afloat, matrix, row, visible
-from lingjing.plugins.engines.camera.meshes import Array
-from lingjing.plugins.engines.camera.noise import noise_texture
-from lingjing.plugins.engines.camera.ocean import Surface
+from lingjing.plugins.engines.camera.ground import Surface as Land
+from lingjing.plugins.engines.camera.instances import Batch, Rows, afloat, in_sight, visible
+from lingjing.plugins.engines.camera.meshes import indexed
+from lingjing.plugins.engines.camera.noise import lace_texture, noise_texture
+from lingjing.plugins.engines.camera.ocean import RIPPLE_M, Surface
+from lingjing.plugins.engines.camera.ocean import SIZE as SEA_SIZE
 from lingjing.plugins.engines.camera.targets import MAX_TARGETS, Buffers, Target
+from lingjing.plugins.engines.camera.upload import Model, upload, upload_still
 from lingjing.plugins.geometry import camera_axes, focal_px
 from lingjing.trace.records import CameraPose
 
-VERTEX_NAMES = ("in_position", "in_normal", "in_colour")
-INSTANCE_NAMES = ("in_row0", "in_row1", "in_row2", "in_plane", "in_id")
 FAR_M = 40_000.0
+MIPMAPPED = moderngl.LINEAR_MIPMAP_LINEAR
+GROUND_CLASSES = tuple(CLASSES[name] for name in ("sand", "grass", "rock", "concrete"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,21 +47,6 @@ class Scenery:
     marks: npt.NDArray[np.void]
 
 
-@dataclass(slots=True)
-class _Model:
-    """A mesh on the GPU with room for instances."""
-
-    vertices: moderngl.Buffer
-    instances: moderngl.Buffer
-    lit: moderngl.VertexArray
-    shadow: moderngl.VertexArray
-    capacity: int
-
-    def release(self) -> None:
-        for thing in (self.lit, self.shadow, self.instances, self.vertices):
-            thing.release()
-
-
 class Renderer:
     """Owns the GL context and everything in it. Not thread-safe; `close` frees all."""
 
@@ -66,23 +54,27 @@ class Renderer:
         self.context = open_context()
         program = self.context.program
         self._object = program(vertex_shader=shaders.OBJECT_VERTEX, fragment_shader=shaders.OBJECT_FRAGMENT)
-        self._ground = program(vertex_shader=shaders.OBJECT_VERTEX, fragment_shader=shaders.GROUND_FRAGMENT)
+        self._ground = {
+            cls: program(vertex_shader=shaders.OBJECT_VERTEX, fragment_shader=shaders.ground_fragment(cls))
+            for cls in GROUND_CLASSES
+        }
         self._water = program(vertex_shader=shaders.WATER_VERTEX, fragment_shader=shaders.WATER_FRAGMENT)
         self._sky = program(vertex_shader=shaders.SKY_VERTEX, fragment_shader=shaders.SKY_FRAGMENT)
         self._shadow = program(vertex_shader=shaders.SHADOW_VERTEX, fragment_shader=shaders.SHADOW_FRAGMENT)
         self._mark = program(vertex_shader=shaders.MARK_VERTEX, fragment_shader=shaders.MARK_FRAGMENT)
-        self._programs = (self._object, self._ground, self._water, self._sky, self._shadow, self._mark)
+        self._programs = (self._object, *self._ground.values(), self._water, self._sky, self._shadow, self._mark)
         self._corners = self.context.buffer(np.array([-1, -1, 1, -1, 1, 1, -1, -1, 1, 1, -1, 1], "f4").tobytes())
-        self._noise = self.texture(noise_texture())
+        noise = noise_texture()
+        self._noise, self._lace = self.texture(noise), lace_texture()
         self._sea = (self._sea_texture(), self._sea_texture())
         self._sea_scales = ((1.0, 1.0), (1.0, 1.0))
         self._sea_now: tuple[Surface, Surface] | None = None
         self._shore = self.context.texture((1, 1), 2, b"\xff\x80")
         self._water_vao = self.context.vertex_array(self._water, [(self._corners, "2f", "in_corner")])
         self._sky_vao = self.context.vertex_array(self._sky, [(self._corners, "2f", "in_corner")])
-        self._surfaces: list[tuple[int, _Model]] = []
-        self._solids: list[_Model] = []
-        self._models: dict[str, _Model] = {}
+        self._surfaces: list[tuple[Land, Model]] = []
+        self._solids: list[Model] = []
+        self._models: dict[str, Model] = {}
         self._targets: dict[tuple[tuple[int, int], bool], Target] = {}
         self._level = 0.0
         self._bounds = (0.0, 0.0, 1.0, 1.0)
@@ -90,7 +82,7 @@ class Renderer:
     def texture(self, pixels: npt.NDArray[np.uint8]) -> moderngl.Texture:
         """A repeating, mipmapped texture of (rows, columns, components) bytes."""
         texture = self.context.texture(pixels.shape[1::-1], pixels.shape[2], pixels.tobytes())
-        texture.filter = moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR
+        texture.filter = MIPMAPPED, moderngl.LINEAR
         texture.build_mipmaps()
         return texture
 
@@ -104,8 +96,11 @@ class Renderer:
             model.release()
         for model in self._solids:
             model.release()
-        self._surfaces = [(cls, self._static(mesh, ground.level_m, cls, self._ground)) for cls, mesh in ground.surfaces]
-        self._solids = [self._static(mesh, plane, CLASSES["structure"], self._object) for plane, mesh in ground.solids]
+        self._surfaces = [(land, self._land(land, ground.level_m)) for land in ground.surfaces]
+        self._solids = [
+            upload_still(self.context, (self._object, self._shadow), indexed(mesh), plane, CLASSES["structure"])
+            for plane, mesh in ground.solids
+        ]
         self._shore.release()
         rows, columns, parts = ground.shore.shape
         self._shore = self.context.texture((columns, rows), parts, ground.shore.tobytes())
@@ -127,9 +122,8 @@ class Renderer:
         target.frame.clear(0.0, 0.0, 0.0, 1.0)
         self.context.enable_only(moderngl.DEPTH_TEST)
         self.context.depth_func = "<="
-        for cls, model in self._surfaces:
-            self._ground["u_surface"] = cls
-            model.lit.render(instances=1)
+        for land, model in self._surfaces:
+            _draw_land(land, model, pose)
         for model in self._solids:
             model.lit.render(instances=1)
         self._water_vao.render()
@@ -166,12 +160,17 @@ class Renderer:
             self._targets[key] = Target(self.context, size, depth)
         return self._targets[key]
 
+    def _land(self, land: Land, level: float) -> Model:
+        program = self._ground.get(land.cls, self._ground[CLASSES["concrete"]])
+        index = np.concatenate([patch.triangles.ravel() for patch in land.patches])
+        return upload_still(self.context, (program, self._shadow), (land.vertices, index), level, land.cls)
+
     def _sea_texture(self) -> moderngl.Texture:
-        return self.texture(np.zeros((256, 256, 4), np.uint8))
+        return self.texture(np.zeros((SEA_SIZE, SEA_SIZE, 4), np.uint8))
 
     def _prepare(self, pose: CameraPose, scenery: Scenery) -> None:
         if self._sea_now is not scenery.sea:
-            packed = [surface.packed() for surface in scenery.sea]
+            packed = [scenery.sea[0].packed(), scenery.sea[1].packed(self._lace)]
             for texture, (pixels, _) in zip(self._sea, packed, strict=True):
                 texture.write(pixels.tobytes())
                 texture.build_mipmaps()
@@ -179,6 +178,8 @@ class Renderer:
             self._sea_now = scenery.sea
         for unit, texture in enumerate((*self._sea, self._shore, self._noise)):
             texture.use(unit)
+        for texture in self._sea:
+            texture.filter = (moderngl.LINEAR if _close(pose, self._level) else MIPMAPPED), moderngl.LINEAR
         values = {**_view(pose), **_air(scenery), **self._sea_values(scenery), "u_level": self._level}
         for program in self._programs:
             for name in program:
@@ -198,25 +199,7 @@ class Renderer:
             "u_reach": SHORE_REACH_M,
         }
 
-    def _model(self, mesh: Array, capacity: int, program: moderngl.Program) -> _Model:
-        vertices = self.context.buffer(np.ascontiguousarray(mesh, np.float32).tobytes())
-        instances = self.context.buffer(reserve=capacity * 56)
-        lit = self._array(program, vertices, instances)
-        return _Model(vertices, instances, lit, self._array(self._shadow, vertices, instances), capacity)
-
-    def _array(
-        self, program: moderngl.Program, vertices: moderngl.Buffer, instances: moderngl.Buffer
-    ) -> moderngl.VertexArray:
-        mesh = _layout(program, ("3f", "3f", "4f"), VERTEX_NAMES, "")
-        each = _layout(program, ("4f", "4f", "4f", "1f", "1u"), INSTANCE_NAMES, "/i")
-        return self.context.vertex_array(program, [(vertices, *mesh), (instances, *each)])
-
-    def _static(self, mesh: Array, plane: float, number: int, program: moderngl.Program) -> _Model:
-        model = self._model(mesh, 1, program)
-        model.instances.write(row(matrix((0.0, 0.0, 0.0), 0.0, 0.0, 0.0), plane, number).tobytes())
-        return model
-
-    def _fill(self, pose: CameraPose, scenery: Scenery) -> list[tuple[_Model, int, int]]:
+    def _fill(self, pose: CameraPose, scenery: Scenery) -> list[tuple[Model, int, int]]:
         """Per mesh: (model, instances whose shadow may show, of these the first so many are themselves visible)."""
         drawn = []
         slack = 1.0 + 2.0 / max(_sun(scenery.weather)[2], 0.2)
@@ -228,19 +211,21 @@ class Renderer:
             seen = visible(rows, batch.radius, pose) & near
             ordered: Rows = np.concatenate([rows[seen], rows[near & ~seen]])
             model = self._loaded(batch, len(batch.rows))
-            model.instances.write(ordered.tobytes())
+            model.place(ordered)
             drawn.append((model, len(ordered), int(seen.sum())))
         return drawn
 
-    def _loaded(self, batch: Batch, needed: int) -> _Model:
+    def _loaded(self, batch: Batch, needed: int) -> Model:
         model = self._models.get(batch.key)
         if model is None or model.capacity < needed:
             if model is not None:
                 model.release()
-            model = self._models[batch.key] = self._model(batch.mesh, needed, self._object)
+            model = self._models[batch.key] = upload(
+                self.context, (self._object, self._shadow), indexed(batch.mesh), needed
+            )
         return model
 
-    def _blend(self, target: Target, drawn: list[tuple[_Model, int, int]], scenery: Scenery) -> None:
+    def _blend(self, target: Target, drawn: list[tuple[Model, int, int]], scenery: Scenery) -> None:
         self.context.enable(moderngl.BLEND)
         self._marks(target, scenery)
         casters = [(model, count) for model, count, _ in drawn] + [(model, 1) for model in self._solids]
@@ -251,7 +236,7 @@ class Renderer:
         target.write(colour=True, alpha=True, rest=True)
         self.context.disable(moderngl.BLEND)
 
-    def _cast(self, casters: list[tuple[_Model, int]], alpha: float, blend: tuple[int, ...]) -> None:
+    def _cast(self, casters: list[tuple[Model, int]], alpha: float, blend: tuple[int, ...]) -> None:
         self._shadow["u_dark"] = alpha
         self.context.blend_func = blend  # type: ignore[assignment] # two or four factors
         for model, count in casters:
@@ -271,11 +256,27 @@ class Renderer:
         buffer.release()
 
 
-def _layout(program: moderngl.Program, sizes: Sequence[str], names: Sequence[str], rate: str) -> tuple[str, ...]:
-    """The buffer format with padding for attributes the program does not read."""
-    used = [name in program for name in names]
-    parts = [size if there else f"{4 * int(size[0])}x" for size, there in zip(sizes, used, strict=True)]
-    return (" ".join(parts) + rate, *(name for name, there in zip(names, used, strict=True) if there))
+def _close(pose: CameraPose, level: float) -> bool:
+    """Whether no pixel of the picture spans much more than a ripple's texel: then the sea needs no mipmaps, which
+    cost a software renderer twice the look-ups."""
+    steepest = pose.tilt_deg > 80.0 and pose.hfov_deg < 100.0
+    return steepest and (pose.position[2] - level) / focal_px(pose) < 1.7 * RIPPLE_M / SEA_SIZE
+
+
+def _draw_land(land: Land, model: Model, pose: CameraPose) -> None:
+    """Only the patches that the picture can show, neighbours in one call."""
+    centres = np.array([patch.centre for patch in land.patches])
+    radius = np.array([patch.radius for patch in land.patches])
+    seen = in_sight(centres, radius, pose)
+    counts = [patch.triangles.size for patch in land.patches]
+    first = run = 0
+    for count, shown in zip([*counts, 0], [*seen.tolist(), False], strict=True):
+        if shown:
+            run += count
+        else:
+            if run:
+                model.lit.render(vertices=run, first=first, instances=1)
+            first, run = first + run + count, 0
 
 
 def _casts_far(batch: Batch) -> npt.NDArray[np.bool_]:
@@ -313,6 +314,12 @@ def _view(pose: CameraPose) -> dict[str, object]:
     }
 
 
+def _haze(cloud: float) -> tuple[float, float, float]:
+    """Radiance of the air towards the horizon, `sky_of` there."""
+    clear, grey = (0.407, 0.517, 0.614), (0.459, 0.489, 0.519)
+    return tuple(c * (1.0 - cloud) + g * cloud for c, g in zip(clear, grey, strict=True))  # type: ignore[return-value]
+
+
 def _air(scenery: Scenery) -> dict[str, object]:
     weather = scenery.weather
     cloud = min(max(weather.cloud, 0.0), 1.0)
@@ -322,7 +329,8 @@ def _air(scenery: Scenery) -> dict[str, object]:
         "u_sun": sun,
         "u_sunlight": (1.30 * strength, 1.22 * strength, 1.08 * strength),
         "u_skylight": (0.34 + 0.14 * cloud, 0.40 + 0.12 * cloud, 0.48 + 0.08 * cloud),
-        "u_fog": 3.912 / max(weather.visibility_m, 1.0),
+        "u_haze": _haze(cloud),
+        "u_fog": 3.912 * log2(e) / max(weather.visibility_m, 1.0),
         "u_time": scenery.time_s % 3600.0,
         "u_cloud": cloud,
         "u_wind": weather.wind_mps,

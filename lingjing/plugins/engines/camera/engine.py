@@ -83,7 +83,10 @@ class CameraEngine:
 
     def fingerprint(self) -> dict[str, str]:
         """The GL renderer and version behind the pictures; {} before the first reset."""
-        return {"gl": renderer_name(self._renderer.context)} if self._renderer is not None else {}
+        if self._renderer is None:
+            return {}
+        with self._renderer.context as context:
+            return {"gl": renderer_name(context)}
 
     def close(self) -> None:
         """Free everything; the engine may be reset again."""

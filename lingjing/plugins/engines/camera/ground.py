@@ -15,7 +15,7 @@ import shapely
 from scipy import ndimage
 
 from lingjing.plugins.engines.camera.classes import CLASSES, prop_class
-from lingjing.plugins.engines.camera.meshes import Array, Colour, flat, merge, prism
+from lingjing.plugins.engines.camera.meshes import Array, Colour, flat, indexed, merge, prism
 from lingjing.scene.city import City, Land, Polygon
 
 SURFACES: dict[str, tuple[Colour, float]] = {
@@ -39,17 +39,37 @@ MATERIALS: dict[str, Colour] = {
     "paint": (0.62, 0.46, 0.08),
 }
 SHORE_SIZE = 1024
+PATCH_CELLS = 24
+BURIED_M = 3.0
 SHORE_REACH_M = 160.0
 
 Grid = npt.NDArray[np.floating]
 
 
 @dataclass(frozen=True, slots=True)
+class Patch:
+    """A piece of ground drawn or left out as one: triangles (n, 3) over the shared vertices, a bounding sphere."""
+
+    triangles: npt.NDArray[np.uint32]
+    centre: npt.NDArray[np.float64]
+    radius: float
+
+
+@dataclass(frozen=True, slots=True)
+class Surface:
+    """The ground of one land: its class id, vertices (n, 10) and patches."""
+
+    cls: int
+    vertices: Array
+    patches: tuple[Patch, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Ground:
-    """Static meshes: class id → ground mesh, shadow plane (m) → mesh of solids standing on it, and the shore map."""
+    """Static meshes: the ground of every land, shadow plane (m) → mesh of solids standing on it, the shore map."""
 
     level_m: float
-    surfaces: tuple[tuple[int, Array], ...]
+    surfaces: tuple[Surface, ...]
     solids: tuple[tuple[float, Array], ...]
     shore: npt.NDArray[np.uint8]
     bounds: tuple[float, float, float, float]
@@ -86,16 +106,34 @@ def fill(polygon: Polygon, xs: Grid, ys: Grid) -> npt.NDArray[np.bool_]:
     return mask
 
 
-def _surfaces(city: City, level: float) -> tuple[tuple[int, Array], ...]:
-    parts: dict[int, list[Array]] = {}
-    for number, land in enumerate(city.lands):
-        mesh = _quay(land, level) if land.surface == "concrete" else _height_field(land, level, number)
-        parts.setdefault(prop_class(land.surface), []).append(mesh)
-    return tuple((cls, merge(*meshes)) for cls, meshes in sorted(parts.items()))
+def _surfaces(city: City, level: float) -> tuple[Surface, ...]:
+    return tuple(
+        _quay(land, level) if land.surface == "concrete" else _height_field(land, level, number, _buried(city, land))
+        for number, land in enumerate(city.lands)
+    )
 
 
-def _quay(land: Land, level: float) -> Array:
-    return _prism(land.polygon, level - 3.0, land.top_m, SURFACES["concrete"][0])
+def _quay(land: Land, level: float) -> Surface:
+    mesh = _prism(land.polygon, level - 3.0, land.top_m, SURFACES["concrete"][0])
+    vertices, index = indexed(mesh)
+    return Surface(prop_class(land.surface), vertices, (_patch(vertices, index.reshape(-1, 3)),))
+
+
+def _buried(city: City, land: Land) -> shapely.Geometry:
+    """Where higher land lies on this one so deep inside its own edge that this one cannot show."""
+    rise = land.top_m - water_level(city) + 1.0
+    over = [
+        shapely.Polygon(other.polygon).buffer(-BURIED_M - rise / SURFACES.get(other.surface, SURFACES["grass"])[1])
+        for other in city.lands
+        if other.top_m > land.top_m
+    ]
+    return shapely.union_all(over)
+
+
+def _patch(vertices: Array, triangles: npt.NDArray[np.uint32]) -> Patch:
+    points = vertices[np.unique(triangles), :3].astype(np.float64)
+    centre = (points.min(axis=0) + points.max(axis=0)) / 2.0
+    return Patch(triangles, centre, float(np.linalg.norm(points - centre, axis=1).max()))
 
 
 def _prism(polygon: Polygon, base: float, top: float, colour: Colour) -> Array:
@@ -116,16 +154,17 @@ def _prism(polygon: Polygon, base: float, top: float, colour: Colour) -> Array:
     return flat(np.array([*walls, *lid]), colour)
 
 
-def _height_field(land: Land, level: float, number: int) -> Array:
+def _height_field(land: Land, level: float, number: int, buried: shapely.Geometry) -> Surface:
     colour, slope = SURFACES.get(land.surface, SURFACES["grass"])
     west, south, east, north = shapely.Polygon(land.polygon).bounds
-    step = max(2.0, (east - west) / 220.0)
+    step = max(3.0, (east - west) / 140.0)
     xs, ys = np.arange(west - step, east + 2 * step, step), np.arange(south - step, north + 2 * step, step)
     mask = fill(land.polygon, xs, ys)
     into = ndimage.distance_transform_edt(mask) - ndimage.distance_transform_edt(~mask)
     into = (into - np.sign(into) * 0.5) * step
     height = _profile(into, land.top_m - level, slope, xs, ys, number) + level
-    return _mesh_of(xs, ys, height, into > -1.5 * step, colour)
+    keep = (into > -1.5 * step) & ~shapely.contains_xy(buried, *np.meshgrid(xs, ys))
+    return _surface_of(prop_class(land.surface), xs, ys, height, keep, colour)
 
 
 def _profile(into: Grid, rise: float, slope: float, xs: Grid, ys: Grid, number: int) -> Grid:
@@ -139,7 +178,7 @@ def _profile(into: Grid, rise: float, slope: float, xs: Grid, ys: Grid, number: 
     return np.asarray(np.where(ramp > 0.7 * top, smooth - 0.05 * top * np.clip(1.7 - ramp / top, 0.0, 1.0), smooth))
 
 
-def _mesh_of(xs: Grid, ys: Grid, height: Grid, keep: npt.NDArray[np.bool_], colour: Colour) -> Array:
+def _surface_of(cls: int, xs: Grid, ys: Grid, height: Grid, keep: npt.NDArray[np.bool_], colour: Colour) -> Surface:
     step = xs[1] - xs[0]
     dy, dx = np.gradient(height, step)
     normal = np.stack([-dx, -dy, np.ones_like(dx)], axis=-1)
@@ -148,9 +187,19 @@ def _mesh_of(xs: Grid, ys: Grid, height: Grid, keep: npt.NDArray[np.bool_], colo
     shade = 1.0 + 0.12 * np.sin(x / 23.0 + 1.3 * np.sin(y / 19.0))
     paint = np.concatenate([np.array(colour) * shade[..., None], np.zeros((*shade.shape, 1))], axis=-1)
     rows = np.concatenate([np.stack([x, y, height], -1), normal, paint], axis=-1).astype(np.float32)
-    a, b, c, d = rows[:-1, :-1], rows[:-1, 1:], rows[1:, 1:], rows[1:, :-1]
+    vertices = rows.reshape(-1, rows.shape[-1])
+    number = np.arange(len(vertices), dtype=np.uint32).reshape(height.shape)
+    a, b, c, d = number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]
     wanted = keep[:-1, :-1] & keep[:-1, 1:] & keep[1:, 1:] & keep[1:, :-1]
-    return np.concatenate([np.stack(t, axis=2)[wanted] for t in ((a, b, c), (a, c, d))]).reshape(-1, 10)
+    patches = []
+    for row in range(0, wanted.shape[0], PATCH_CELLS):
+        for column in range(0, wanted.shape[1], PATCH_CELLS):
+            part = np.s_[row : row + PATCH_CELLS, column : column + PATCH_CELLS]
+            here = wanted[part]
+            if here.any():
+                corners = [np.stack([p[part][here] for p in t], axis=1) for t in ((a, b, c), (a, c, d))]
+                patches.append(_patch(vertices, np.concatenate(corners)))
+    return Surface(cls, vertices, tuple(patches))
 
 
 def _solids(city: City, level: float) -> tuple[tuple[float, Array], ...]:

@@ -103,12 +103,21 @@ def afloat(batch: Batch, swell: Surface) -> Rows:
 def visible(rows: Rows, radius: npt.NDArray[np.float64], pose: CameraPose, slack: float = 0.0) -> npt.NDArray[np.bool_]:
     """Which instances may touch the picture: inside the frustum (spheres grown by `slack` radii), a third of a
     pixel or more."""
+    at = rows["rows"][:, :, 3].astype(np.float64)
+    away = np.linalg.norm(at - np.array(pose.position), axis=1)
+    sized: npt.NDArray[np.bool_] = radius * focal_px(pose) > 0.17 * np.maximum(away, 1.0)
+    return sized & in_sight(at, radius * (1.0 + slack), pose)
+
+
+def in_sight(
+    centres: npt.NDArray[np.float64], reach: npt.NDArray[np.float64], pose: CameraPose
+) -> npt.NDArray[np.bool_]:
+    """Which spheres (n, 3), (n,) touch the camera's frustum, ignoring its far end."""
     right, down, axis = (np.array(a) for a in camera_axes(pose))
-    offset = rows["rows"][:, :, 3].astype(np.float64) - np.array(pose.position)
-    reach = radius * (1.0 + slack)
+    offset = centres - np.array(pose.position)
     focal = focal_px(pose)
     z = offset @ axis
-    keep: npt.NDArray[np.bool_] = (z > -reach) & (radius * focal > 0.17 * np.maximum(z, 1.0))
+    keep: npt.NDArray[np.bool_] = z > -reach
     for across, half in ((right, pose.width / 2.0), (down, pose.height / 2.0)):
         keep &= np.abs(offset @ across) <= z * half / focal + reach * np.hypot(1.0, half / focal)
     return keep

@@ -25,11 +25,13 @@ def merge(*meshes: Array) -> Array:
 
 
 def flat(points: npt.ArrayLike, colour: Colour, gloss: float = 0.0) -> Array:
-    """Triangles (n, 3, 3) with face normals."""
+    """Triangles (n, 3, 3) with face normals; those without an area are left out."""
     corners = np.asarray(points, np.float64).reshape(-1, 3, 3)
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
-    return _rows(corners.reshape(-1, 3), np.repeat(normal, 3, axis=0), colour, gloss)
+    length = np.linalg.norm(normal, axis=1)
+    some = length > 1e-9
+    normal = normal[some] / length[some, None]
+    return _rows(corners[some].reshape(-1, 3), np.repeat(normal, 3, axis=0), colour, gloss)
 
 
 def box(centre: Point, size: Point, colour: Colour, gloss: float = 0.0) -> Array:
@@ -109,6 +111,12 @@ def loft(sections: Sequence[tuple[float, npt.ArrayLike]], colour: Colour, gloss:
             faces.append((near[k], near[k + 1], far[k + 1]))
             faces.append((near[k], far[k + 1], far[k]))
     return flat(np.array(faces), colour, gloss)
+
+
+def indexed(mesh: Array) -> tuple[Array, npt.NDArray[np.uint32]]:
+    """(vertices without repeats, three indices a triangle)."""
+    vertices, index = np.unique(mesh, axis=0, return_inverse=True)
+    return vertices, index.ravel().astype(np.uint32)
 
 
 def move(mesh: Array, offset: Point) -> Array:

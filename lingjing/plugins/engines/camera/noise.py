@@ -16,6 +16,13 @@ def noise_texture() -> npt.NDArray[np.uint8]:
     return np.rint(255.0 * np.stack([smooth, other, fine, white], axis=-1)).astype(np.uint8)
 
 
+def lace_texture() -> npt.NDArray[np.uint8]:
+    """(SIZE, SIZE) bytes: fine noise of full contrast that breaks foam up."""
+    values = 0.45 * _fractal(11, OCTAVES[1:]) + 0.55 * _fractal(17, OCTAVES[3:])
+    stretched = np.clip(0.5 + (values - values.mean()) / (4.5 * values.std()), 0.0, 1.0)
+    return np.asarray(np.rint(255.0 * stretched), np.uint8)
+
+
 def _fractal(salt: int, octaves: tuple[int, ...]) -> npt.NDArray[np.float64]:
     values = np.sum([_octave(salt + k, cells) / 2.0**k for k, cells in enumerate(octaves)], axis=0)
     return np.asarray((values - values.min()) / np.ptp(values))

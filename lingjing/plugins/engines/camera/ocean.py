@@ -47,12 +47,16 @@ class Surface:
         row = np.floor(north / step).astype(np.int64) % SIZE
         return self.height[row, column], self.slope_x[row, column], self.slope_y[row, column]
 
-    def packed(self) -> tuple[npt.NDArray[np.uint8], tuple[float, float]]:
-        """(SIZE, SIZE, 4) bytes of height, slopes, foam and the scales (height, slope) of a full deflection."""
+    def packed(self, extra: npt.NDArray[np.uint8] | None = None) -> tuple[npt.NDArray[np.uint8], tuple[float, float]]:
+        """(SIZE, SIZE, 4) bytes of height, slopes, foam (or `extra` in its place) and the scales (height, slope) of a
+        full deflection."""
         tall = max(float(np.abs(self.height).max()), 1e-3)
         steep = max(float(np.abs(self.slope_x).max()), float(np.abs(self.slope_y).max()), 1e-3)
         layers = [self.height / tall, self.slope_x / steep, self.slope_y / steep, self.foam * 2.0 - 1.0]
-        return np.rint(127.5 + 127.5 * np.stack(layers, axis=-1)).astype(np.uint8), (tall, steep)
+        pixels = np.rint(127.5 + 127.5 * np.stack(layers, axis=-1)).astype(np.uint8)
+        if extra is not None:
+            pixels[..., 3] = extra
+        return pixels, (tall, steep)
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,7 @@ COMMON = """
 uniform mat4 u_clip;
 uniform vec3 u_eye, u_right, u_down, u_axis;
 uniform vec3 u_lens;          // half width, half height, focal length (pixels)
-uniform vec3 u_sun, u_sunlight, u_skylight;
+uniform vec3 u_sun, u_sunlight, u_skylight, u_haze;
 uniform float u_fog, u_level, u_time, u_cloud, u_wind;
 
 vec3 ray_of(vec2 pixel) {
@@ -26,7 +26,7 @@ vec3 sky_of(vec3 d) {
   return mix(clear, grey, u_cloud);
 }
 vec3 fogged(vec3 c, float range, float dive) {   // dive: 0 level line of sight, 1 straight down (less airlight)
-  return mix(sky_of(vec3(1.0, 0.0, 0.02)) * (1.0 - 0.6 * dive), c, exp(-u_fog * range));
+  return mix(u_haze * (1.0 - 0.6 * dive), c, exp2(-u_fog * range));
 }
 vec4 developed(vec3 c) {
   vec3 v = sqrt(1.0 - exp(-1.9 * max(c, 0.0)));
@@ -91,7 +91,7 @@ GROUND_FRAGMENT = (
     + OUTPUTS
     + """
 uniform sampler2D u_noise;
-uniform int u_surface;         // class id: 2 sand, 3 grass, 4 rock, 5 concrete
+#define SURFACE 2              // class id, replaced: 2 sand, 3 grass, 4 rock, 5 concrete
 in vec3 v_world, v_normal;
 in vec4 v_colour;
 flat in uint v_id;
@@ -103,16 +103,16 @@ void main() {
   vec4 fine = texture(u_noise, mat2(0.86, 0.5, -0.5, 0.86) * v_world.xy / 37.0 + v_world.z * 0.02);
   vec3 c = v_colour.rgb * (0.72 + 0.30 * wide.r + 0.26 * fine.g) * (0.93 + 0.14 * fine.b);
   float over = v_world.z - u_level;
-  if (u_surface == 2) {
+  if (SURFACE == 2) {
     c *= mix(0.45, 1.0, smoothstep(0.15, 0.75, over + 0.25 * (wide.g - 0.5)));
     float tangle = smoothstep(0.60, 0.80, fine.r * 0.6 + wide.g * 0.45);
     c = mix(c, vec3(0.14, 0.14, 0.06), 0.6 * tangle * smoothstep(0.9, 1.5, over));
     c = mix(c, vec3(0.10, 0.08, 0.05), 0.5 * smoothstep(0.10, 0.0, abs(over - 0.95 - 0.3 * (wide.r - 0.5))) * fine.b);
-  } else if (u_surface == 3) {
+  } else if (SURFACE == 3) {
     c = mix(c, vec3(0.20, 0.18, 0.075), smoothstep(0.45, 0.8, wide.g) * 0.75);
     c = mix(c, vec3(0.17, 0.155, 0.13), smoothstep(0.90, 0.80, n.z));
     c *= 0.8 + 0.4 * fine.b;
-  } else if (u_surface == 4) {
+  } else if (SURFACE == 4) {
     c *= 0.65 + 0.75 * fine.r;
     c = mix(c * 0.45, c, smoothstep(0.2, 1.1, over + 0.6 * (fine.g - 0.5)));
     c = mix(c, vec3(0.09, 0.115, 0.045), smoothstep(0.55, 0.75, wide.r) * smoothstep(3.0, 5.0, over));
@@ -130,6 +130,12 @@ void main() {
 """
 )
 
+
+def ground_fragment(cls: int) -> str:
+    """The ground's fragment shader for one surface class: a branch costs a software renderer both its sides."""
+    return GROUND_FRAGMENT.replace("#define SURFACE 2 ", f"#define SURFACE {cls} ")
+
+
 WATER_VERTEX = (
     COMMON
     + """
@@ -144,7 +150,7 @@ WATER_FRAGMENT = (
     COMMON
     + OUTPUTS
     + """
-uniform sampler2D u_swell, u_ripple, u_shore, u_noise;
+uniform sampler2D u_swell, u_ripple, u_shore;
 uniform vec2 u_swell_scale, u_ripple_scale;   // metres and slope of a full deflection
 uniform vec2 u_lengths;                       // patch lengths
 uniform vec4 u_bounds;                        // west, south, 1 / width, 1 / height
@@ -175,10 +181,11 @@ void main() {
   r.z = abs(r.z);
 
   float height = (a.x * 2.0 - 1.0) * u_swell_scale.x;
-  float shallow = exp(-land / 13.0);
+  float near = 1.0 - shore.r;
+  float shoal = near * near * near;
   vec3 body = mix(vec3(0.008, 0.052, 0.072), vec3(0.016, 0.074, 0.086), shore.g);
-  body = mix(body, vec3(0.055, 0.215, 0.20), exp(-land / 38.0));
-  body = mix(body, vec3(0.27, 0.29, 0.20), shallow * shallow);
+  body = mix(body, vec3(0.055, 0.215, 0.20), shoal * (0.55 + 0.45 * near));
+  body = mix(body, vec3(0.27, 0.29, 0.20), shoal * shoal * shoal);
   float lit = 0.55 + 0.45 * max(dot(n, u_sun), 0.0) / max(u_sun.z, 0.2);
   body *= lit * (1.0 + 0.35 * clamp(height, -1.0, 1.6) + 1.6 * dot(slope, -u_sun.xy));
   vec3 colour = body * (0.35 * u_sunlight + u_skylight) + sky_of(r) * fresnel * 1.15;
@@ -188,10 +195,9 @@ void main() {
   float glint = pow(max(dot(n, h), 0.0), sharp) * (sharp + 8.0) * 0.0125;
   colour += u_sunlight * min(glint * (0.02 + fresnel * 1.5), 3.0);
 
-  vec4 grain = texture(u_noise, p.xy / 19.0 + slope * 0.3);
-  float lace = grain.r * 0.7 + grain.b * 0.45 + (b.x - 0.5) * 0.5;
-  float foam = a.w * smoothstep(0.78 - 0.28 * a.w, 1.06 - 0.28 * a.w, lace + 0.05);
-  float swash = land - 1.6 + 0.8 * sin(u_time * 0.7 + grain.g * 9.0) + 4.0 * (shore.g + grain.g - 1.0) + 1.2 * height;
+  float lace = b.a * 0.75 + c.a * 0.30 + (b.x - 0.5) * 0.3;
+  float foam = a.w * smoothstep(0.78 - 0.28 * a.w, 1.06 - 0.28 * a.w, lace);
+  float swash = land - 1.6 + 0.8 * sin(u_time * 0.7 + c.a * 9.0) + 4.0 * (shore.g + c.a - 1.0) + 1.2 * height;
   float surf = smoothstep(0.50, 0.80, lace + 0.16 * smoothstep(1.5, -1.0, swash));
   foam = max(foam, 0.85 * smoothstep(2.6, -0.4, swash) * surf);
   colour = mix(colour, vec3(0.62, 0.66, 0.67) * (0.55 * u_sunlight + u_skylight), foam);
@@ -227,7 +233,7 @@ void main() {
     float veil = smoothstep(0.95 - 0.65 * u_cloud, 1.15 - 0.45 * u_cloud, puff + 0.12) * smoothstep(0.0, 0.12, d.z);
     c = mix(c, vec3(0.86, 0.87, 0.88) * (0.75 + 0.3 * glow), veil * 0.8);
   }
-  c = mix(c, sky_of(vec3(1.0, 0.0, 0.02)), exp(-max(d.z, 0.0) * 26.0));
+  c = mix(c, u_haze, exp(-max(d.z, 0.0) * 26.0));
   o_colour = developed(c);
   o_id = 0u;
   o_depth = uintBitsToFloat(0x7f800000u);
