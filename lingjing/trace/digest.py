@@ -1,7 +1,8 @@
 """What two episodes are compared by: a hash chain over boundaries, one over pictures, one value per policy input.
 
 `next_digest` covers decisions, states, receipts, messages and events, but no wall clock and no pixels: fields whose
-name ends in `_wall_s`, `wall_s`, `digest` itself, `FrameInfo.sha256` and `ObservationRecord.sha256` are blanked.
+name ends in `_wall_s`, `wall_s`, `digest` itself, what `FrameInfo` says of pixels and renderer, and
+`ObservationRecord.sha256` are blanked.
 `next_frames_digest` covers the pixels. Both chains start from `START`.
 """
 
@@ -34,7 +35,8 @@ def next_digest(previous: str, record: BoundaryRecord) -> str:
 def next_frames_digest(previous: str, frames: Iterable[FrameInfo]) -> str:
     """SHA-256 (hex) over the digest before and each picture's id and hash; unchanged if there are none."""
     for frame in frames:
-        previous = hashlib.sha256(f"{previous}\n{frame.id}\n{frame.sha256}".encode()).hexdigest()
+        pixels = f"{frame.sha256}\n{frame.channels_sha256}"
+        previous = hashlib.sha256(f"{previous}\n{frame.id}\n{pixels}".encode()).hexdigest()
     return previous
 
 
@@ -43,18 +45,15 @@ def input_digest(
     messages: Sequence[Envelope] = (),
     receipts: Sequence[Receipt] = (),
     pictures: Sequence[FrameInfo] = (),
-    hashes: Sequence[str] = (),
 ) -> str:
     """SHA-256 (hex) of one complete policy input, for `ObservationRecord.sha256`.
 
-    `pictures` are the observation's frames: their id, pose, time and `sha256` count, their ground-truth boxes do
-    not. `hashes` are those of the other channels' bytes, in any order the caller keeps to.
+    `pictures` are the observation's frames: their id, pose, time and the hashes of all their channels count, their
+    ground-truth boxes do not.
     """
     whole = hashlib.sha256(to_json(settled(msgspec.structs.replace(observation, sha256=""))))
     for record in (*messages, *receipts, *(msgspec.structs.replace(frame, boxes=()) for frame in pictures)):
         whole.update(b"\n" + to_json(settled(record)))
-    for value in hashes:
-        whole.update(b"\n" + value.encode())
     return whole.hexdigest()
 
 
@@ -104,7 +103,7 @@ def _timeless(record: BoundaryRecord) -> BoundaryRecord:
     return replace(
         record,
         engines=tuple(replace(engine, wait_wall_s=0.0) for engine in record.engines),
-        frames=tuple(replace(frame, sha256="") for frame in record.frames),
+        frames=tuple(replace(frame, sha256="", channels_sha256="", renderer="") for frame in record.frames),
         observations=tuple(replace(seen, sha256="") for seen in record.observations),
         decisions=tuple(replace(made, policy_wall_s=0.0) for made in record.decisions),
         digest="",

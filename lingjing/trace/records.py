@@ -146,7 +146,11 @@ class CameraPose(Value, frozen=True, kw_only=True):
 
 
 class FrameInfo(Value, frozen=True, kw_only=True):
-    """All that is known of a captured frame but its pixels. `id` is `f<tick>-<entity>-<camera>`."""
+    """All that is known of a captured frame but its pixels. `id` is `f<tick>-<entity>-<camera>`.
+
+    `sha256` is that of the stored JPEG, `channels_sha256` that of the raw depth and class ids (empty if there are
+    none); `renderer` is what drew it, part of the fingerprint that pixels are promised equal for.
+    """
 
     id: str
     entity: str
@@ -157,6 +161,8 @@ class FrameInfo(Value, frozen=True, kw_only=True):
     channels: tuple[str, ...]
     boxes: tuple[Box, ...] = ()
     sha256: str = ""
+    channels_sha256: str = ""
+    renderer: str = ""
 
 
 class Absent(Value, frozen=True, kw_only=True):

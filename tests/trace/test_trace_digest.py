@@ -158,16 +158,16 @@ RECEIPT = Receipt(request="c1-1", tick=1, sender="a", resource="r", status="acce
 def test_input_digest_covers_what_a_policy_sees_and_nothing_hidden(rich: BoundaryRecord) -> None:
     seen = ObservationRecord(agent="scout[1]", frames=("f",))
     frame = rich.frames[0]
-    before = input_digest(seen, (ENVELOPE,), (RECEIPT,), (frame,), ("depth",))
+    before = input_digest(seen, (ENVELOPE,), (RECEIPT,), (frame,))
     truth = Box(entity="victim[9]", cls="person_in_water", box=(0.0, 0.0, 1.0, 1.0), pixels=3)
-    assert input_digest(seen, (ENVELOPE,), (RECEIPT,), (replace(frame, boxes=(truth,)),), ("depth",)) == before
-    assert input_digest(replace(seen, sha256="x"), (ENVELOPE,), (RECEIPT,), (frame,), ("depth",)) == before
+    assert input_digest(seen, (ENVELOPE,), (RECEIPT,), (replace(frame, boxes=(truth,)),)) == before
+    assert input_digest(replace(seen, sha256="x"), (ENVELOPE,), (RECEIPT,), (frame,)) == before
     others = {
-        input_digest(replace(seen, agent="scout[2]"), (ENVELOPE,), (RECEIPT,), (frame,), ("depth",)),
-        input_digest(seen, (), (RECEIPT,), (frame,), ("depth",)),
-        input_digest(seen, (ENVELOPE,), (), (frame,), ("depth",)),
-        input_digest(seen, (ENVELOPE,), (RECEIPT,), (replace(frame, sha256="x"),), ("depth",)),
-        input_digest(seen, (ENVELOPE,), (RECEIPT,), (frame,), ()),
+        input_digest(replace(seen, agent="scout[2]"), (ENVELOPE,), (RECEIPT,), (frame,)),
+        input_digest(seen, (), (RECEIPT,), (frame,)),
+        input_digest(seen, (ENVELOPE,), (), (frame,)),
+        input_digest(seen, (ENVELOPE,), (RECEIPT,), (replace(frame, sha256="x"),)),
+        input_digest(seen, (ENVELOPE,), (RECEIPT,), (replace(frame, channels_sha256="depth"),)),
     }
     assert before not in others and len(others) == 5
 

@@ -21,8 +21,21 @@ def stored(engine: str, frame: Frame, request: CaptureRequest, quality: int) -> 
     _check_identity(engine, frame, request)
     _check_arrays(engine, frame)
     jpeg = encode_jpeg(frame.rgb, quality)
-    info = msgspec.structs.replace(frame.info, sha256=hashlib.sha256(jpeg).hexdigest())
+    info = msgspec.structs.replace(
+        frame.info, sha256=hashlib.sha256(jpeg).hexdigest(), channels_sha256=_channels_sha256(frame)
+    )
     return StoredFrame(info, jpeg, frame.depth, frame.semantic)
+
+
+def _channels_sha256(frame: Frame) -> str:
+    """One hash of depth and class ids, so that a policy input is compared by all its pixels."""
+    layers = [layer for layer in (frame.depth, frame.semantic) if layer is not None]
+    if not layers:
+        return ""
+    whole = hashlib.sha256()
+    for layer in layers:
+        whole.update(np.ascontiguousarray(layer).data)
+    return whole.hexdigest()
 
 
 def _check_identity(engine: str, frame: Frame, request: CaptureRequest) -> None:
