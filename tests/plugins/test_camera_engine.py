@@ -4,7 +4,7 @@ import hashlib
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import msgspec
 import numpy as np
@@ -22,7 +22,8 @@ from lingjing.mission.instance import (
     SceneSpec,
     Weather,
 )
-from lingjing.plugins.engine import BodyState, CaptureRequest, City, Command, EngineSpec, Frame
+from lingjing.plugins.conformance import ENGINE_CHECKS, EngineCase
+from lingjing.plugins.engine import BodyState, CaptureRequest, City, Command, EnginePlugin, EngineSpec, Frame
 from lingjing.plugins.engines.camera import context
 from lingjing.plugins.engines.camera.classes import CLASSES, semantic_table
 from lingjing.plugins.engines.camera.engine import CameraEngine
@@ -124,6 +125,7 @@ def test_frame_has_the_declared_channels_and_shapes(engine: CameraEngine) -> Non
     assert nadir.semantic is not None and nadir.semantic.dtype == np.uint8
     assert front.depth is None and front.semantic is None
     assert nadir.info.id == "f1-uav[1]-nadir" and nadir.info.pose.tilt_deg == 90.0
+    assert nadir.info.renderer == engine.fingerprint()["gl"]
 
 
 def test_boxes_enclose_the_drawn_pixels_exactly(engine: CameraEngine) -> None:
@@ -313,6 +315,13 @@ def test_missing_egl_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> No
     with pytest.raises(InfrastructureError) as error:
         CameraEngine().reset(EngineSpec(engine="camera", instance=instance(), owns=()), build(instance().scene), 1)
     assert "libEGL" in str(error.value) and "apt-get install -y libegl1 libgl1" in error.value.hint
+
+
+@pytest.mark.parametrize("check", ENGINE_CHECKS, ids=lambda check: check.__name__)
+def test_conformance(check: Callable[[EngineCase], None]) -> None:
+    plugin = EnginePlugin(name="camera", factory=CameraEngine, place="camera", sensor=True)
+    given = instance()
+    check(EngineCase(plugin, given, build(given.scene), mirrors=tuple(states(given))))
 
 
 def test_semantic_table() -> None:

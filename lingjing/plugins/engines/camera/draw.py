@@ -18,7 +18,7 @@ import numpy.typing as npt
 from lingjing.mission.instance import Weather
 from lingjing.plugins.engines.camera import shaders
 from lingjing.plugins.engines.camera.classes import CLASSES
-from lingjing.plugins.engines.camera.context import open_context
+from lingjing.plugins.engines.camera.context import open_context, renderer_name
 from lingjing.plugins.engines.camera.ground import SHORE_REACH_M, Ground
 from lingjing.plugins.engines.camera.ground import Surface as Land
 from lingjing.plugins.engines.camera.instances import Batch, Rows, afloat, in_sight, visible
@@ -52,6 +52,7 @@ class Renderer:
 
     def __init__(self) -> None:
         self.context = open_context()
+        self.name = renderer_name(self.context)
         program = self.context.program
         self._object = program(vertex_shader=shaders.OBJECT_VERTEX, fragment_shader=shaders.OBJECT_FRAGMENT)
         self._ground = {

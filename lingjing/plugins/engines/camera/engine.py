@@ -17,7 +17,6 @@ from lingjing.mission.instance import CameraSpec, Entity
 from lingjing.plugins.engine import Boundary, CaptureRequest, EngineSpec, Frame
 from lingjing.plugins.engines.camera.boxes import entity_boxes
 from lingjing.plugins.engines.camera.classes import FIRST_ENTITY, MAX_ENTITIES, semantic_table
-from lingjing.plugins.engines.camera.context import renderer_name
 from lingjing.plugins.engines.camera.draw import Renderer, Scenery
 from lingjing.plugins.engines.camera.ground import build_ground, height_under, water_level
 from lingjing.plugins.engines.camera.instances import Batch, entity_batches, marks, prop_batches
@@ -83,10 +82,7 @@ class CameraEngine:
 
     def fingerprint(self) -> dict[str, str]:
         """The GL renderer and version behind the pictures; {} before the first reset."""
-        if self._renderer is None:
-            return {}
-        with self._renderer.context as context:
-            return {"gl": renderer_name(context)}
+        return {"gl": self._renderer.name} if self._renderer is not None else {}
 
     def close(self) -> None:
         """Free everything; the engine may be reset again."""
@@ -122,6 +118,7 @@ class CameraEngine:
             pose=pose,
             channels=camera.channels,
             boxes=entity_boxes(buffers.ids, entities),
+            renderer=self._renderer.name,
         )
         semantic = semantic_table(entities)[buffers.ids] if "semantic" in camera.channels else None
         return Frame(info=info, rgb=buffers.rgb, depth=buffers.depth, semantic=semantic)
