@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
-
 import numpy as np
 
 from lingjing.plugins.policy import (
@@ -26,8 +24,6 @@ SPEAK_PROBABILITY = 0.15
 
 class RandomPolicy:
     """Draws everything from one stream started by `brief.seed`; looks only at what names a valid choice."""
-
-    OPTIONS: ClassVar[tuple[str, ...]] = ()
 
     async def reset(self, brief: Brief) -> None:
         """Start the stream and remember the action schema."""

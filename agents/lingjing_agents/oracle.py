@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from itertools import islice, pairwise, permutations
-from typing import ClassVar
 
 from lingjing.plugins.policy import (
     Action,
@@ -43,8 +42,6 @@ PATIENCE_TICKS = 3
 
 class OraclePolicy:
     """One mind for every role; what is left to do is read from the truth at each tick."""
-
-    OPTIONS: ClassVar[tuple[str, ...]] = ()
 
     async def reset(self, brief: Brief) -> None:
         """Look up what this agent can do."""

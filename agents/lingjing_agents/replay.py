@@ -7,7 +7,6 @@ decision has the fields of `lingjing.plugins.policy.Decision`, all optional; a t
 from __future__ import annotations
 
 from pathlib import Path
-from typing import ClassVar
 
 import msgspec
 
@@ -31,8 +30,6 @@ def load_script(path: Path) -> Script:
 
 class ScriptedPolicy:
     """Says at each tick what the script says for its agent."""
-
-    OPTIONS: ClassVar[tuple[str, ...]] = ("script",)
 
     def __init__(self, script: str = "") -> None:
         if not script:

@@ -4,7 +4,6 @@ import math
 
 import pytest
 from agent_kit import EAST, NADIR, NORTH, SOUTH, WEST, brief, grid
-
 from lingjing_agents.capability import natural, team
 from lingjing_agents.heuristic.coverage import footprint, lattice, partition
 from lingjing_agents.heuristic.coverage_map import CoverageMap

@@ -183,5 +183,3 @@ def likelihood(measures: dict[str, float]) -> float:
 
 def _membership(value: float, corners: tuple[float, float, float, float]) -> float:
     return float(np.interp(value, corners, (0.0, 1.0, 1.0, 0.0)))
-
-

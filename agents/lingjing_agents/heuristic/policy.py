@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import ClassVar, Protocol
+from typing import Protocol
 
 from lingjing.plugins.policy import Brief, Decision, Inbox, Observation
 from lingjing_agents.capability import flying_camera, vessel
@@ -21,8 +21,6 @@ class Rules(Protocol):
 
 class HeuristicPolicy:
     """The rule baseline. It needs no arguments and draws no random numbers."""
-
-    OPTIONS: ClassVar[tuple[str, ...]] = ()
 
     def __init__(self) -> None:
         self._rules: Rules | None = None

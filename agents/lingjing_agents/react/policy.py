@@ -9,7 +9,6 @@ from __future__ import annotations
 import os
 from collections import deque
 from dataclasses import dataclass
-from typing import ClassVar
 
 from lingjing.plugins.policy import Brief, Decision, Inbox, Observation, Picture, Usage, UsageError
 from lingjing_agents.llm.capabilities import Capability, capability_of
@@ -47,12 +46,7 @@ class Options:
 
 
 class ReactPolicy:
-    """An agent's mind that is a chat model. See `OPTIONS` for its arguments."""
-
-    OPTIONS: ClassVar[tuple[str, ...]] = (
-        "model", "base_url", "api_key_env", "client", "temperature", "max_tokens", "deadline", "repairs", "tries",
-        "history", "image_side", "images", "vision", "schema", "price_in", "price_out",
-    )  # fmt: skip
+    """An agent's mind that is a chat model. `read_options` and `make_client` say what its arguments are."""
 
     def __init__(self, **arguments: str) -> None:
         self._options = read_options(arguments)
