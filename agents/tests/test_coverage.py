@@ -59,7 +59,7 @@ def test_what_was_photographed_gains_nothing():
     assert 0.3 < seen.gain(150.0, -900.0, (100.0, 100.0), 1) < 0.7
 
 
-def test_a_finished_pass_is_followed_by_a_lower_one():
+def test_a_finished_pass_is_followed_by_one_from_other_places_then_from_lower():
     sweep = Sweep(brief(), NADIR, 100.0, 20.0)
     first = sweep.next_waypoint((306.0, -620.0))
     assert first is not None
@@ -71,7 +71,11 @@ def test_a_finished_pass_is_followed_by_a_lower_one():
     sweep.next_pass()
     second = sweep.next_waypoint((306.0, -620.0))
     assert second is not None
-    assert second.height_m < first.height_m
+    assert (second.height_m, second.course_deg) == (first.height_m, 0.0)
+    sweep.next_pass()
+    third = sweep.next_waypoint((306.0, -620.0))
+    assert third is not None
+    assert third.height_m < first.height_m
 
 
 @pytest.mark.parametrize(("heading", "off"), [(90, 0), (270, 0), (80, 10), (0, 90), (359, 89), (100, 10), (-90, 0)])

@@ -38,18 +38,19 @@ def footprint(camera: CameraSpec, height_m: float) -> tuple[float, float]:
 
 
 def lattice(
-    cells: tuple[Cell, ...], camera: CameraSpec, height_m: float, *, overlap: float = 0.03
+    cells: tuple[Cell, ...], camera: CameraSpec, height_m: float, *, overlap: float = 0.03, crosswise: bool = False
 ) -> tuple[Waypoint, ...]:
     """Waypoints whose footprints cover the cells' bounding box with at least `overlap` (0..1) between neighbours.
 
-    Another height gives a lattice with other edges.
+    `crosswise` takes the lanes of the other, longer way: the same height from other places.
     """
     if not cells:
         return ()
     across, along = footprint(camera, height_m)
     north_south = _lanes(cells, height_m, (across, along), 0.0, overlap)
     east_west = _lanes(cells, height_m, (along, across), 90.0, overlap)
-    return north_south if len(north_south) < len(east_west) else east_west
+    fewer, more = sorted((east_west, north_south), key=len)
+    return more if crosswise else fewer
 
 
 def _lanes(

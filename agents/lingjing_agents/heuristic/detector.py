@@ -3,7 +3,8 @@
 Water, foam and glints all lie near the line from the local water colour to white; what people wear and their skin do
 not. A pixel is described by its place along that line (`whiteness`, 0 at the water, 1 at white) and its distance from
 it (`colour`, in grey levels). Blobs that hold warm pixels are judged by rules of thumb about a person who waves: one
-to two metres long, neither solid nor round (buoys and crates are), not a stick, some of it pale skin but not most.
+to two metres long, neither solid nor round (buoys and crates are), not a stick, some of it pale skin but not most,
+and no white paint (life rings have it).
 
 Only what a nadir picture of open water shows is understood; shores are rejected by size. The thresholds were chosen
 on rendered frames of other seeds than the studies use.
@@ -42,8 +43,9 @@ RULES: tuple[tuple[str, tuple[float, float, float, float]], ...] = (
     ("area_m2", (0.12, 0.24, 0.95, 1.20)),
     ("fill", (0.16, 0.28, 0.60, 0.70)),
     ("solidity", (0.36, 0.48, 0.84, 0.90)),
-    ("elongation", (0.90, 1.00, 2.20, 3.20)),
+    ("elongation", (1.00, 1.16, 2.20, 3.20)),
     ("pale", (0.00, 0.04, 0.32, 0.48)),
+    ("brightest", (0.30, 0.50, 0.90, 0.97)),
     ("warm", (0.04, 0.10, 0.86, 0.94)),
 )
 """For each measure the interval where it speaks for a person fully (the middle two), and where not at all (beyond the
@@ -149,6 +151,7 @@ def blobs(seen: Planes, metres_per_px: float, gap_px: int) -> Iterator[Blob]:
         pale = (seen.whiteness[inside] > PALE) & (seen.colour[inside] < PALE_COLOUR)
         measures = measure(mask, metres_per_px)
         measures["pale"] = float(pale[mask].mean())
+        measures["brightest"] = float(seen.whiteness[inside][mask].max())
         measures["warm"] = float(warm_counts[label]) / float(mask.sum())
         yield Blob((int(x0), int(y0), int(x1), int(y1)), mask, measures)
 

@@ -31,6 +31,8 @@ from lingjing_agents.heuristic.sweep import ALIGNED_DEG, Sweep, off_course_deg
 
 CONFIRM_SHARE = 0.5
 """Height of a second look, as a share of the search height."""
+CONFIRMED = 0.3
+"""What a second look must be worth at least."""
 REACHED_M = 12.0
 TURN_HOP_M = 5.0
 """A vehicle turns its nose only when it goes somewhere: a short hop along the lane is enough."""
@@ -53,7 +55,7 @@ class Goal:
 class Searcher:
     """One camera in the air. All state is of this episode."""
 
-    def __init__(self, brief: Brief, body: Resource, *, sure: float = 0.6, doubtful: float = 0.3) -> None:
+    def __init__(self, brief: Brief, body: Resource, *, sure: float = 0.5, doubtful: float = 0.05) -> None:
         camera = nadir_camera(body)
         assert camera is not None
         self._brief, self._body, self._camera = brief, body, camera
@@ -138,7 +140,7 @@ class Searcher:
 
     def _judge(self, picture: Picture, find: Find, *, again: bool) -> tuple[Outgoing, ...]:
         place = box_to_plane(picture.pose, find.box, self._brief.water_level_m)
-        if place is None or find.confidence < self._doubtful:
+        if place is None or find.confidence < (CONFIRMED if again else self._doubtful):
             return ()
         known = self._sightings.nearest(place[:2], picture.time_s, within=self._sightings.merge_m)
         if known is not None and known.state != "missed":

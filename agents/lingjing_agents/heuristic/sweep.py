@@ -2,7 +2,8 @@
 
 All searchers compute the same lattice and the same first partition, so nothing has to be said to agree on it; under a
 hub its assignments replace the partition. Messages `assignment(search, cell)` move a cell to another searcher and
-`status(searched, cell)` closes it. When all is done the next pass flies lower, where people are larger.
+`status(searched, cell)` closes it. When all is done the next pass flies
+crosswise, for other waves and glints, then lower, where people are larger.
 """
 
 from __future__ import annotations
@@ -16,8 +17,8 @@ from lingjing_agents.capability import team
 from lingjing_agents.heuristic.coverage import Waypoint, lattice, partition
 from lingjing_agents.heuristic.coverage_map import CoverageMap
 
-PASS_HEIGHTS = (1.0, 0.7, 0.55)
-"""Height of each pass as a share of the mission's altitude; the last one repeats."""
+PASSES = ((1.0, False), (1.0, True), (0.7, False), (0.55, False))
+"""Height of each pass as a share of the mission's altitude, and whether lanes run crosswise; the last one repeats."""
 ALIGNED_DEG = 20.0
 TURN_M = 60.0
 """What a turn into the lane costs, in metres of flight."""
@@ -74,10 +75,11 @@ class Sweep:
         return busiest[-1] if len(busiest) >= 2 else None
 
     def next_pass(self) -> None:
-        """Look again from lower down at this searcher's share of the cells."""
+        """Look again at this searcher's share of the cells, from other places."""
         self.number += 1
-        share = PASS_HEIGHTS[min(self.number, len(PASS_HEIGHTS) - 1)]
-        self.plan = lattice(self.brief.cells, self.camera, max(self.height_m * share, self.lowest_m))
+        share, crosswise = PASSES[min(self.number, len(PASSES) - 1)]
+        height_m = max(self.height_m * share, self.lowest_m)
+        self.plan = lattice(self.brief.cells, self.camera, height_m, crosswise=crosswise)
         self.owner = partition(self.brief.cells, self.plan, team(self.brief))
         self.open_cells = {cell.name for cell in self.brief.cells}
 
