@@ -79,12 +79,19 @@ def check(tree: s.File, report: Reporter) -> Checked | None:
     """Check a file. None if it holds no mission; that is an error unless it holds types."""
     file = FileChecker(report)
     file.declarations(tree)
+    checked = _mission(file, tree)
+    file.of.names.report_all()
+    return checked
+
+
+def _mission(file: FileChecker, tree: s.File) -> Checked | None:
+    report = file.report
     missions = [item for item in tree.items if isinstance(item, s.MissionBlock)]
-    faulty = any(isinstance(item, s.Faulty) for item in tree.items)
     for extra in missions[1:]:
         report("LJ0104", extra.name.start, extra.name.end, "a file holds one mission", "move it into a file of its own")
     if missions:
         return MissionChecker(file).mission(missions[0])
+    faulty = any(isinstance(item, s.Faulty) for item in tree.items)
     if not faulty and not file.own_types and not file.own_records:
         end = len(report.source.text.rstrip())
         report("LJ0106", 0, min(1, end), "the file holds no mission", 'add `mission name "title" { … }`')
@@ -100,6 +107,7 @@ def check_library(source: Source, chain: tuple[str, ...] = ()) -> tuple[Library,
     for item in tree.items:
         if isinstance(item, s.MissionBlock):
             report("LJ0107", item.start, item.name.end, "a library file holds types, no mission")
+    file.of.names.report_all()
     return Library(source.path, file.own_types, file.own_records), tuple(report.diagnostics)
 
 
@@ -120,6 +128,7 @@ class FileChecker:
     def declarations(self, tree: s.File) -> None:
         """Everything but the mission."""
         self.scope.poisoned.update(_names_in_faults(tree.items))
+        self.scope.incomplete = any(isinstance(item, s.Faulty) for item in tree.items)
         self._version(tree)
         for item in tree.items:
             if isinstance(item, s.Use):
@@ -199,7 +208,8 @@ class FileChecker:
                 if not isinstance(item, s.Bare):
                     if not isinstance(item, s.Faulty):
                         self.blocks.misplaced(item, "`use`")
-                    continue
+                    wanted = list(declared)  # some name was meant there: better all than errors wherever it is used
+                    break
                 if item.name.text in declared:
                     wanted.append(item.name.text)
                     continue
@@ -216,6 +226,9 @@ class FileChecker:
                 close = nearest(name.text, declared)
                 if close is not None:
                     wanted.append(close)
+                else:
+                    self.scope.incomplete = True
+        self.scope.left_behind.update({name: shown for name in declared if name not in wanted})
         for word in wanted:
             if word in found.types:
                 self.scope.types[word] = found.types[word]
@@ -297,6 +310,7 @@ class MissionChecker:
             failure=outcomes.get("failure"),
         )
         self.rules.cycles(_all(items, s.RuleBlock))
+        self.rules.unlocked_once(_all(items, s.UnlockLine))
         self._whole(node, checked)
         return checked
 
@@ -401,7 +415,7 @@ class MissionChecker:
             )
         comms = next((item for item in _all(items, s.Section) if item.keyword == "comms"), None)
         hub_given = comms is not None and any(
-            isinstance(i, s.Property) and i.name.text == "hub" for i in comms.block.items
+            isinstance(i, s.Faulty) or (isinstance(i, s.Property) and i.name.text == "hub") for i in comms.block.items
         )
         mode = next(iter(_all(items, s.ModeLine)), None)
         if checked.modes and "star" in checked.modes.allowed and not hub_given and mode is not None:

@@ -15,6 +15,7 @@ from lingjing.dsl.reporter import Reporter
 from lingjing.dsl.scope import UNKNOWN, Environment, Scope, Step, Taint, Value
 from lingjing.dsl.suggest import did_you_mean, nearest
 from lingjing.dsl.typenames import dimension_of, fits, of_type, with_article
+from lingjing.dsl.unknown import UnknownNames
 from lingjing.mission import expression as ex
 from lingjing.mission.functions import (
     DISTRIBUTIONS,
@@ -54,6 +55,7 @@ class Elaborator:
     def __init__(self, report: Reporter, scope: Scope) -> None:
         self.report = report
         self.scope = scope
+        self.names = UnknownNames(report, scope)
         self.calls = CallChecker(self)
         self._handlers: dict[type, Callable[[Any, Environment], Value]] = {
             s.Number: self._number,
@@ -109,17 +111,8 @@ class Elaborator:
             self.report("LJ0201", node.start, node.end, message)
 
     def unknown_name(self, node: s.Name, known: list[str], what: str = "nothing") -> Value:
-        """Report a name nobody declared, unless a faulty statement may have declared it."""
-        if node.text not in self.scope.poisoned:
-            close = nearest(node.text, known)
-            self.report(
-                "LJ0101",
-                node.start,
-                node.end,
-                f"{what} is called `{node.text}`",
-                did_you_mean(node.text, known),
-                replace=close,
-            )
+        """Note a name nobody declared; it is reported at the end unless a faulty statement may have declared it."""
+        self.names.note(node, known, what)
         return UNKNOWN
 
     def step(self, name: str, node: s.Node) -> Step:
@@ -441,6 +434,7 @@ class Elaborator:
             return UNKNOWN
         domain = self.calls.domain_of(node)
         if domain is None:
+            self.value(node.body, environment.binding(node.variable.text, UNKNOWN.type))
             return UNKNOWN
         name, kind = domain
         body = self.expect(node.body, environment.binding(node.variable.text, kind), FLAG, f"`{node.quantifier}`")

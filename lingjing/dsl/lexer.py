@@ -12,6 +12,7 @@ from __future__ import annotations
 import re
 
 from lingjing.dsl.reporter import Reporter
+from lingjing.dsl.suggest import nearest
 from lingjing.dsl.tokens import INNER, OPERATORS_THAT_CONTINUE, STATEMENTS, SYMBOLS, Token
 
 DEEPEST = 64
@@ -29,7 +30,7 @@ MASTER = re.compile(
   | (?P<COMMA>,)
   | (?P<SYMBOL><->|->|<=|>=|==|!=|\.\.|\.\*|[-+*/<>=~:.(){{}}\[\]])
   | (?P<STRING>"(?:[^"\\\r\n]|\\[^\r\n])*+")
-  | (?P<OPENSTRING>"[^\r\n]*)
+  | (?P<OPENSTRING>"[^\r\n{{}}]*)
   | (?P<BADNUMBER>\d\w*(?:\.\w+)*)
   | (?P<BAD>.)
     """,
@@ -46,6 +47,8 @@ _NEXT_ITEM = re.compile(
 _CONTINUES = re.compile(r"[ \t]*(?:(?:and|or)\b|->|<->)")
 _STARTS = re.compile(r"[ \t]*(?:(?P<word>[^\W\d]\w*)|\})")
 _SEA_LEVEL = re.compile(r"[ \t]+level\b")
+_BLOCK_FOLLOWS = re.compile(r"[ \t]*\{")
+_BLOCK_KEYWORDS = ("clock", "budget", "weather", "comms", "actions")
 _BIDI = re.compile("[\u202a-\u202e\u2066-\u2069\u200e\u200f]")
 _OPERANDS = frozenset(("NAME", "NUMBER", "QUANTITY", "STRING", "RPAR", "RSQB", "RSET", "TRUE", "FALSE"))
 _CLOSERS = {"(": ")", "[": "]", "{": "}", "set": "}"}
@@ -86,8 +89,8 @@ class Lexer:
                 return None
         return self._finish()
 
-    def _add(self, kind: str, start: int, end: int, unit: str = "") -> None:
-        self.tokens.append(Token(kind, self.text[start:end], start, end, unit))
+    def _add(self, kind: str, start: int, end: int, *, text: str | None = None) -> None:
+        self.tokens.append(Token(kind, self.text[start:end] if text is None else text, start, end))
         self.previous = kind
 
     def _refuse_bidi(self) -> None:
@@ -104,6 +107,8 @@ class Lexer:
         previous = self.previous
         if previous in ("NL", "LBRACE", "HIDDEN", "SEP") and word in STATEMENTS and self._begins(end, previous):
             self._add(STATEMENTS[word], start, end)
+        elif previous in ("NL", "LBRACE") and (meant := self._misspelt_block(word, end)):
+            self._add(STATEMENTS[meant], start, end, text=meant)
         elif word in INNER and previous != "DOT" and self._means(word, end):
             self._add(INNER[word], start, end)
         elif word == "sea" and (level := _SEA_LEVEL.match(self.text, end)):
@@ -117,6 +122,17 @@ class Lexer:
         if previous == "SEP" or _NAME_FOLLOWS.match(self.text, end):
             return False
         return _STATEMENT_FOLLOWS.match(self.text, end) is not None
+
+    def _misspelt_block(self, word: str, end: int) -> str | None:
+        """The keyword meant by `comms {` misspelt: such a word can be nothing else."""
+        if not _BLOCK_FOLLOWS.match(self.text, end):
+            return None
+        close = nearest(word, _BLOCK_KEYWORDS)
+        if close is not None:
+            start = end - len(word)
+            hint = f"did you mean `{close}`?"
+            self.report("LJ0011", start, end, f"no statement is called `{word}`", hint, replace=close)
+        return close
 
     def _means(self, word: str, end: int) -> bool:
         if word == "at" and self.text.startswith("(", end):
@@ -213,6 +229,8 @@ class Lexer:
             self.open.append((text, start))
             self._add(SYMBOLS[text], start, end)
         elif text == "{":
+            if self.previous != "IN":
+                self._close_down_to_block(start)
             is_set = self.previous == "IN"
             self.open.append(("set" if is_set else "{", start))
             self._add("LSET" if is_set else "LBRACE", start, end)
@@ -256,7 +274,9 @@ class Lexer:
     def _bad(self, match: re.Match[str]) -> int:
         character = match[0]
         if character in _COMMAS:
-            self.report("LJ0001", match.start(), match.end(), f"`{character}` has no meaning here", "write `,`", replace=",")
+            self.report(
+                "LJ0001", match.start(), match.end(), f"`{character}` has no meaning here", "write `,`", replace=","
+            )
             return self._comma(match)
         shown = f"`{character}`" if character.isprintable() else f"U+{ord(character):04X}"
         self.report(

@@ -113,9 +113,12 @@ class Parser:
         return stop
 
     def _drop_statement(self) -> None:
-        while "ERROR" not in self.tables.states[self.states[-1]]:
+        """Pop to where the unfinished statement began: past any block of its own that is already closed."""
+        closed = 0
+        while closed or "ERROR" not in self.tables.states[self.states[-1]]:
             self.states.pop()
-            self.values.pop()
+            kind = getattr(self.values.pop(), "type", "")
+            closed += (kind == "RBRACE") - (kind == "LBRACE")
 
     def _mend(self, tokens: list[Token], begin: int, fault: int) -> int:
         """Read a misspelt keyword as the keyword: report it and give where to go on, or -1.
@@ -127,10 +130,17 @@ class Parser:
             close = nearest(first.text, STATEMENTS)
             if close is not None:
                 hint = f"did you mean `{close}`?"
-                self.report("LJ0011", first.start, first.end, f"no statement is called `{first.text}`", hint, replace=close)
+                self.report(
+                    "LJ0011", first.start, first.end, f"no statement is called `{first.text}`", hint, replace=close
+                )
                 tokens[begin] = Token(STATEMENTS[close], close, first.start, first.end)
                 self._drop_statement()
                 return begin
+        if first.type == "NAME" and fault == begin + 1 and _is_value(tokens, fault):
+            message = f"`=` is due after `{first.text}`"
+            self.report("LJ0010", token.start, token.end, message, f"write `{first.text} = …`")
+            tokens.insert(fault, Token("EQUAL", "=", token.start, token.start))
+            return fault
         if token.type == "NAME":
             due = self._due()
             close = nearest(token.text, self._words_due(due))
@@ -167,9 +177,7 @@ class Parser:
     def _due(self) -> list[str]:
         """Token types that could really come next: looked up by running the reductions on a copy of the stack."""
         row = self.tables.states[self.states[-1]]
-        return sorted(
-            kind for kind in row if (kind.isupper() and kind != "ERROR" and self._accepts(kind)) or kind == "$END"
-        )
+        return sorted(kind for kind in row if kind.isupper() and kind != "ERROR" and self._accepts(kind))
 
     def _accepts(self, kind: str) -> bool:
         states = list(self.states)
@@ -188,6 +196,14 @@ class Parser:
 
     def _words_due(self, due: list[str]) -> list[str]:
         return [word for word, kind in {**STATEMENTS, **INNER}.items() if kind in due]
+
+
+def _is_value(tokens: list[Token], at: int) -> bool:
+    """Whether a value begins there that a forgotten `=` would fit in front of."""
+    kind = tokens[at].type
+    following = tokens[min(at + 1, len(tokens) - 1)].type
+    ends = following in ("NL", "SEP", "RBRACE", "WHEN", "$END")
+    return kind in ("QUANTITY", "LSQB") or (kind in ("NAME", "NUMBER", "STRING", "TRUE", "FALSE") and ends)
 
 
 def _statement_begin(tokens: list[Token], fault: int) -> int:
@@ -249,7 +265,7 @@ def _listing(due: list[str]) -> str:
     if {"NAME", "NUMBER", "LPAR"} <= kinds:
         kinds = (kinds - _VALUE_STARTS) | {"a value"}
     if {"OP", "AND", "RANGE"} <= kinds:
-        kinds -= _EXPRESSION_GOES_ON
+        kinds -= _EXPRESSION_GOES_ON | {"LPAR"}
     if len(kinds & set(STATEMENTS.values())) > 5:
         kinds = (kinds - set(STATEMENTS.values()) - {"NAME"}) | {"a statement"}
     if len(kinds) > 1:

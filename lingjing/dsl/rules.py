@@ -104,6 +104,14 @@ class RuleChecker:
         """`success when …`, `failure when …`."""
         return self.of.expect(node.condition, RULE, FLAG, f"`{node.keyword} when`").ir
 
+    def unlocked_once(self, nodes: list[s.UnlockLine]) -> None:
+        """Report interactions with two conditions."""
+        first: dict[str, s.UnlockLine] = {}
+        for node in nodes:
+            known = first.setdefault(node.name.text, node)
+            if known is not node:
+                self.blocks.duplicate(node.name, known.name, f"`{node.name.text}` is unlocked twice", "LJ0104")
+
     def cycles(self, nodes: list[s.RuleBlock]) -> None:
         """Report rules that refer to themselves, directly or through others."""
         calls = {node.name.text: _called(node, self.scope) for node in nodes}

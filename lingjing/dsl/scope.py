@@ -117,6 +117,8 @@ class Scope:
         self.constants: dict[str, float] = {}
         self.poisoned: set[str] = set()
         """Names in faulty statements: they may have been declared there, so their absence is not reported."""
+        self.left_behind: dict[str, str] = {}
+        """What a library declares and the file did not ask for → the library."""
         self.incomplete = False
         """A library or a type is missing: what only it could declare is not reported as missing."""
 
