@@ -13,8 +13,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from lingjing.dsl.load import load_mission as compile  # noqa: A004 - `lingjing.compile` is the public name
     from lingjing.bench.episode import EpisodeResult, run
+    from lingjing.dsl.load import load_mission as compile  # noqa: A004 - `lingjing.compile` is the public name
     from lingjing.mission.model import Mission
 
     __version__: str
