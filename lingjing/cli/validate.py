@@ -5,8 +5,12 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+from typing import TYPE_CHECKING
 
 from lingjing.errors import ExitCode, MissionError, UsageError
+
+if TYPE_CHECKING:
+    from lingjing.mission.diagnostics import Diagnostic
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -21,7 +25,8 @@ def handler(args: argparse.Namespace) -> int:
     """Check the files: 0 all are good, 1 one has errors, 2 one cannot be read (the others are still checked)."""
     from lingjing.dsl.render import render_json, summary
 
-    found, unreadable, wrong = [], 0, 0
+    found: list[Diagnostic] = []
+    unreadable = wrong = 0
     for path in args.files:
         try:
             faults, shown = _check(path, as_json=args.output_format == "json")
@@ -46,7 +51,7 @@ def handler(args: argparse.Namespace) -> int:
     return ExitCode.MISSION if wrong or summary(found) else ExitCode.OK
 
 
-def _check(path: str, *, as_json: bool) -> tuple[tuple[object, ...], str]:
+def _check(path: str, *, as_json: bool) -> tuple[tuple[Diagnostic, ...], str]:
     from lingjing.dsl import compile_source
     from lingjing.dsl.load import is_document, read_document, source_of
     from lingjing.dsl.render import render_text

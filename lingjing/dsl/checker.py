@@ -271,8 +271,8 @@ class MissionChecker:
         self.scope.poisoned.update(_names_in_faults(items))
         self._misplaced(items)
         modes = self._mode(items)
-        parameters = [self.settings.param(item) for item in _all(items, s.Param)]
         self._heads(items)
+        parameters = [self.settings.param(item) for item in _all(items, s.Param)]
         regions = [self.settings.region(item) for item in _all(items, s.RegionLine)]
         grids = [self.settings.grid(item) for item in _all(items, s.GridBlock)]
         self._taints(items)

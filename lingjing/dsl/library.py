@@ -16,6 +16,8 @@ from lingjing.errors import PluginError
 from lingjing.mission.diagnostics import Diagnostic
 
 GROUP = "lingjing.std"
+DEEPEST, LONGEST = 8, 100
+"""Words of a path, letters of a word: beyond that no library is meant, and file systems begin to refuse."""
 
 
 def standard_folder() -> str:
@@ -25,7 +27,7 @@ def standard_folder() -> str:
 
 def find_file(path: tuple[str, ...]) -> str | None:
     """The file of a `use` path, or None. Words are identifiers, so no path leads out of the library."""
-    if len(path) < 2:
+    if not 2 <= len(path) <= DEEPEST or max(map(len, path)) > LONGEST:
         return None
     folder = standard_folder() if path[0] == "std" else _plugin_folder(path[0])
     if folder is None:

@@ -159,7 +159,7 @@ class SettingsChecker:
                 self.blocks.leak(value.taint, place, f"the param `{node.name.text}`")
         kind = default.type if default is not UNKNOWN and bounds is not UNKNOWN else Type("any")
         span = self.report.span(node.name.start, node.name.end)
-        self.declare(node.name, Symbol("param", kind, span, default.taint))
+        self.declare(node.name, Symbol("param", kind, span))  # a leak is reported here, once
         constant = self.of.constant(default.ir)
         if constant is not None and default is not UNKNOWN:
             self.scope.constants[node.name.text] = constant

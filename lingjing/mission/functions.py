@@ -133,13 +133,15 @@ FIELD_TYPES: dict[str, Type] = {
 """Types of the fields of message records (`lingjing.mission.model.Field.type`)."""
 
 
-def _p(name: str, type: Type, *, optional: bool = False, same: bool = False) -> Parameter:
-    return Parameter(name, type, optional, same)
+def _p(name: str, kind: Type, *, optional: bool = False, same: bool = False) -> Parameter:
+    return Parameter(name, kind, optional, same)
 
 
 _SAME = _p("value", QUANTITY, same=True)
 _SIGNATURES = (
-    Signature("polygon", (_p("corner", POSITION),), REGION, variadic=True, least=3, where="static", doc="corners in order"),
+    Signature(
+        "polygon", (_p("corner", POSITION),), REGION, variadic=True, least=3, where="static", doc="corners in order"
+    ),
     Signature("circle", (_p("centre", PLACE), _p("radius", METRES)), REGION, where="static"),
     Signature("box", (_p("corner", PLACE), _p("corner", PLACE)), REGION, where="static", doc="an upright rectangle"),
     Signature(

@@ -6,7 +6,6 @@ import contextlib
 
 import pytest
 
-
 SMALL = """\
 ljs 1
 use std.air { quadrotor }

@@ -52,7 +52,7 @@ CASES = [
     ("LJ0303", "ticks <= 60", "ticks = 60", 10, 12, "takes `<=`, not `=`"),
     ("LJ0304", "uavs = 2 in", "uavs = iou(1, 2) in", 13, 16, "while the mission runs"),
     ("LJ0306", "distance_xy(boat, v)", "distance_xy(boat)", 34, 63, "takes 2 arguments, 1 given"),
-    ("LJ0307", "hub = commander when mode == star", "hub = commander when mode == broadcast", 12, 32, "a hub exists in star mode"),
+    ("LJ0307", "when mode == star, delay", "when mode == broadcast, delay", 12, 32, "a hub exists in star mode"),
     ("LJ0308", "{ when emitted(rescue, v) and", "{ when rescued(v) and", 34, 14, "refers to itself"),
     ("LJ0401", "observes cells }", "observes victim[1].position }", 29, 63, "a hidden value reaches"),
     ("LJ0402", "tick = 10 s", "hidden tick = 10 s", 9, 11, "cannot be hidden"),

@@ -1,0 +1,53 @@
+"""Hidden values: wherever one becomes visible there is an error that shows the way it took."""
+
+from __future__ import annotations
+
+import pytest
+
+from lingjing.dsl import compile_text
+
+LEAKS = [
+    ('"Find everybody."', '"Find {victim.position}."', 7, "`victim.position` → the goal's text"),
+    ("observes boat.*, events", "observes victim[1].position", 28, "`victim.position` → "),
+    ("forward <= 50 m", "forward <= distance_xy(victim[1], boat)", 24, "→ the bound of the action `forward`"),
+    ("uavs = 2 in", "uavs = distance_xy(victim[1], boat) / 9 m in", 13, "→ the param `uavs`"),
+    ("when mode == broadcast", "when distance_xy(victim[1], boat) < 5 m", 30, "→ a declaration's condition"),
+    ("visibility = 8 km", "visibility = distance_xy(victim[1], boat)", 11, "→ `visibility` of `weather`"),
+    ("observes boat.*, events }", 'observes boat.*, events\n prompt "{victim.position}" }', 29, "→ the prompt's text"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("old", "new", "line", "way"), LEAKS)
+def test_leak(small: str, old: str, new: str, line: int, way: str) -> None:
+    found = compile_text(small.replace(old, new, 1)).diagnostics
+    assert [(item.code, item.span.line) for item in found] == [("LJ0401", line)]
+    assert way in found[0].message
+    assert found[0].related[0].message.endswith("is hidden here")
+
+
+def test_what_reads_a_hidden_value_becomes_hidden(small: str) -> None:
+    raft = "  target raft : person_in_water { position = (1 m, 2 m) + victim[1].position }\n"
+    seen = small.replace("  asset boat", raft + "  asset boat").replace("observes cells }", "observes raft.position }")
+    (leak,) = compile_text(seen).diagnostics
+    assert leak.code == "LJ0401"
+    assert leak.message.endswith("`victim.position` → `raft.position` → `raft.position` → an observation")
+    unseen = compile_text(small.replace("  asset boat", raft + "  asset boat"))
+    assert unseen.mission is not None
+    group = next(group for group in unseen.mission.groups if group.name == "raft")
+    assert next(prop for prop in group.properties if prop.name == "position").hidden
+
+
+def test_a_region_around_a_hidden_place_leaks_through_its_grid(small: str) -> None:
+    text = small.replace("region search = ", "region near = circle(victim[1], 50 m)\n  region search = ")
+    assert compile_text(text).diagnostics == ()
+    (leak,) = compile_text(text.replace("grid cells over search", "grid cells over near")).diagnostics[:1]
+    assert leak.code == "LJ0401"
+    assert "region `near`" in leak.message and "grid `cells`" in leak.message
+
+
+def test_rules_may_read_everything(small: str) -> None:
+    assert compile_text(small.replace("distance_xy(boat, v) <= 50 m", "v.position in search")).diagnostics == ()
+
+
+def test_all_of_a_target_is_all_that_is_not_hidden(small: str) -> None:
+    assert compile_text(small.replace("observes cells }", "observes victim[1].* }")).diagnostics == ()

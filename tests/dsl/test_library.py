@@ -1,0 +1,78 @@
+"""`use`: the standard library, plug-ins' types, files that use each other, faulty libraries."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from lingjing.dsl import compile_text
+from lingjing.errors import PluginError
+
+
+@pytest.fixture
+def acme(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An installed distribution `acme` that brings types through the entry-point group `lingjing.std`."""
+    package = tmp_path / "acme_types"
+    package.mkdir()
+    (package / "__init__.py").write_text("")
+    info = tmp_path / "acme-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: acme\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text("[lingjing.std]\nacme = acme_types\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.delitem(sys.modules, "acme_types", raising=False)
+    return package
+
+
+def test_types_of_a_plug_in(acme: Path, small: str) -> None:
+    (acme / "boats.ljs").write_text(
+        "ljs 1\nasset catamaran {\n  engine = vessel\n  speed = 9 m/s\n  sail = 12 m^2\n"
+        "  verb moveTo(x: length, y: length)\n}\n"
+    )
+    text = small.replace("use std.air", "use acme.boats { catamaran }\nuse std.air").replace(
+        ": lifeboat {", ": catamaran {"
+    )
+    compilation = compile_text(text)
+    assert compilation.diagnostics == ()
+    assert compilation.mission is not None
+    boat = next(group for group in compilation.mission.groups if group.name == "boat")
+    assert {prop.name: prop.inherited for prop in boat.properties}["sail_m2"]
+
+
+def test_a_faulty_library_is_reported_where_it_is_used(acme: Path, small: str) -> None:
+    (acme / "boats.ljs").write_text("ljs 1\nasset catamaran {\n  engine = vessel\n  speed = 9 m/\n}\n")
+    (found,) = compile_text(small.replace("use std.air", "use acme.boats\nuse std.air")).diagnostics
+    assert (found.code, found.span.line) == ("LJ0119", 2)
+    assert found.related[0].span.path.endswith("boats.ljs")
+
+
+def test_libraries_that_use_each_other(acme: Path, small: str) -> None:
+    (acme / "one.ljs").write_text("ljs 1\nuse acme.two\n")
+    (acme / "two.ljs").write_text("ljs 1\nuse acme.one\n")
+    (found,) = compile_text(small.replace("use std.air", "use acme.one\nuse std.air")).diagnostics
+    assert found.code == "LJ0119"
+
+
+def test_a_type_left_behind_is_named(small: str) -> None:
+    (found,) = compile_text(small.replace("use std.sea { lifeboat, person", "use std.sea { person")).diagnostics
+    assert found.hint == "add it: `use std.sea { lifeboat }`"
+
+
+def test_a_missing_library_causes_no_further_errors(small: str) -> None:
+    found = compile_text(small.replace("use std.sea {", "use nowhere.sea {")).diagnostics
+    assert [(item.code, item.span.line) for item in found] == [("LJ0118", 3)]
+
+
+def test_two_packages_with_one_name(acme: Path, small: str) -> None:
+    other = acme.parent / "other-1.0.dist-info"
+    other.mkdir()
+    (other / "METADATA").write_text("Metadata-Version: 2.1\nName: other\nVersion: 1.0\n")
+    (other / "entry_points.txt").write_text("[lingjing.std]\nacme = other_types\n")
+    with pytest.raises(PluginError, match="`acme_types` and `other_types`"):
+        compile_text(small.replace("use std.air", "use acme.boats\nuse std.air"))
+
+
+def test_no_path_leads_out_of_the_library() -> None:
+    assert compile_text("ljs 1\nuse std...ssr\nrecord a : other { }\n").diagnostics[0].code == "LJ0010"

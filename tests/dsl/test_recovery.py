@@ -1,0 +1,91 @@
+"""All errors of a file in one run, in source order; a faulty statement hides none of its neighbours'."""
+
+from __future__ import annotations
+
+from lingjing.dsl import compile_text
+from lingjing.mission.diagnostics import Diagnostic
+
+
+def test_many_errors_come_in_one_run_and_in_source_order(small: str) -> None:
+    broken = (
+        small.replace("tick = 10 s", "tick = 10 m")
+        .replace("visibility = 8 km", "visibilty = 8 km")
+        .replace(": quadrotor", ": quadrotr")
+        .replace("distance_xy(boat, v)", "distance_xy(boot, v)")
+        .replace("observes cells }", "observes victim[2].position }")
+        .replace("stage detect per v in victim {", "stage detect per v victim {")
+    )
+    assert codes(compile_text(broken).diagnostics) == [
+        ("LJ0203", 9),
+        ("LJ0108", 11),
+        ("LJ0101", 21),
+        ("LJ0401", 29),
+        ("LJ0101", 34),
+        ("LJ0010", 35),
+    ]
+
+
+def test_a_faulty_statement_causes_no_further_errors(small: str) -> None:
+    found = compile_text(small.replace("target victim[1..3] :", "target victim[1..3 :")).diagnostics
+    assert {item.span.line for item in found} == {18}
+
+
+def test_what_a_faulty_block_holds_is_still_read(small: str) -> None:
+    broken = small.replace("asset uav[1..uavs] : quadrotor {", "asset uav[1..uavs] quadrotor {").replace(
+        "hfov = 84 deg, channels = [rgb]", "hfov = = 84 deg, channels = [rgb]"
+    )
+    assert codes(compile_text(broken).diagnostics) == [("LJ0010", 21), ("LJ0010", 23)]
+
+
+def test_an_unclosed_block_is_reported_at_its_brace(small: str) -> None:
+    found = compile_text(small.rstrip()[:-1]).diagnostics
+    assert codes(found) == [("LJ0003", 6)]
+    assert found[0].message == "`{` is never closed"
+
+
+def test_an_unclosed_text_does_not_swallow_the_block(small: str) -> None:
+    assert codes(compile_text(small.replace('"A small mission"', '"A small mission')).diagnostics) == [("LJ0002", 6)]
+
+
+def test_a_misspelt_keyword_keeps_what_it_declares(small: str) -> None:
+    found = compile_text(small.replace("  asset boat", "  aset boat")).diagnostics
+    assert codes(found) == [("LJ0011", 26)]
+    assert found[0].fix is not None and found[0].fix.edits[0].text == "asset"
+
+
+def test_a_misspelt_declaration_is_reported_once_where_it_stands(small: str) -> None:
+    found = compile_text(small.replace("  asset boat", "  asset baot")).diagnostics
+    assert codes(found) == [("LJ0101", 26)]
+    assert len(found[0].related) == 4
+
+
+def test_continued_lines_and_any_newline_are_read(small: str) -> None:
+    longer = small.replace("when emitted(rescue, v) and distance", "when emitted(rescue, v)\n    and distance").replace(
+        "[(1 m, 2 m), (3 m, 4 m)], spread", "[(1 m, 2 m),\n (3 m, 4 m)],\n # a comment\n spread"
+    )
+    assert compile_text(longer).diagnostics == ()
+    one = compile_text(small).mission
+    for ending in ("\r\n", "\r"):
+        other = compile_text("\ufeff" + small.replace("\n", ending))
+        assert other.diagnostics == ()
+        assert other.mission is not None and one is not None and other.mission.groups == one.groups
+    found = compile_text(small.replace("boat, v)", "boot, v)").replace("\n", "\r")).diagnostics
+    assert codes(found) == [("LJ0101", 34)]
+
+
+def test_a_comma_equals_a_newline_in_a_block(small: str) -> None:
+    flat = compile_text(small).mission
+    tall = compile_text(
+        small.replace("tick = 10 s, sync", "tick = 10 s\n    sync").replace("takeoff, forward", "takeoff\nforward")
+    )
+    assert flat is not None and tall.mission is not None
+    assert (tall.mission.clock, tall.mission.groups) == (flat.clock, flat.groups)
+
+
+def test_keywords_are_names_where_they_cannot_be_keywords() -> None:
+    text = "ljs 1\nrecord order : other {\n  target: name\n  goal: text optional\n  mode: name\n}\n"
+    assert compile_text(text).diagnostics == ()
+
+
+def codes(found: tuple[Diagnostic, ...]) -> list[tuple[str, int]]:
+    return [(item.code, item.span.line) for item in found]
