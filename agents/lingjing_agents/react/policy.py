@@ -15,7 +15,7 @@ from lingjing_agents.llm.capabilities import Capability, capability_of
 from lingjing_agents.llm.chat import ChatMessage, ChatRequest, Completion, ModelClient, ModelError
 from lingjing_agents.llm.direct import DirectClient
 from lingjing_agents.llm.retry import Attempts, Deadline, complete_with_retries
-from lingjing_agents.llm.through_litellm import LitellmClient
+from lingjing_agents.llm.through_litellm import LitellmClient, load_litellm
 from lingjing_agents.options import choice, number, whole
 from lingjing_agents.react.picture import jpeg
 from lingjing_agents.react.prompt import observation_text, system_prompt
@@ -159,6 +159,7 @@ def make_client(given: dict[str, str]) -> ModelClient:
         raise UsageError(f"api_key_env={variable}: that environment variable is not set", hint=f"export {variable}=…")
     url = given.get("base_url", "")
     if choice("client", given.get("client", "direct"), ("direct", "litellm")) == "litellm":
+        load_litellm()  # seconds of import: before the first barrier, and a missing package is told at once
         return LitellmClient(url, key)
     if not url.startswith(("http://", "https://")):
         raise UsageError(
