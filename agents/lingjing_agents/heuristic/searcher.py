@@ -22,7 +22,7 @@ from lingjing.plugins.policy import (
     Picture,
     Resource,
 )
-from lingjing_agents.capability import compose, may_send, nadir_camera, natural, vessel
+from lingjing_agents.capability import compose, may_send, nadir_camera, natural, team, vessel
 from lingjing_agents.heuristic.coverage import Waypoint
 from lingjing_agents.heuristic.detector import Find, find_people
 from lingjing_agents.heuristic.events import EventLog, view_of
@@ -36,6 +36,8 @@ CONFIRMED = 0.3
 REACHED_M = 12.0
 TURN_HOP_M = 5.0
 """A vehicle turns its nose only when it goes somewhere: a short hop along the lane is enough."""
+LEVEL_M = 2.5
+"""Each searcher keeps to a flight level of its own, so that two over one place do not collide."""
 HUB_PATIENCE_TICKS = 3
 ATTEMPTS = 2
 BOAT_PATIENCE_TICKS = 4
@@ -67,7 +69,10 @@ class Searcher:
         self._log = EventLog()
         height = brief.settings.get("altitude", 100.0)
         lowest = _number(body, "band_low_m", 20.0)
-        self._sweep = Sweep(brief, camera, min(height, _number(body, "band_high_m", height)), lowest)
+        mates = team(brief)
+        self._level_m = LEVEL_M * mates.index(brief.agent)
+        highest = _number(body, "band_high_m", math.inf) - brief.water_level_m - LEVEL_M * (len(mates) - 1)
+        self._sweep = Sweep(brief, camera, max(min(height, highest), lowest), lowest)
         self._goal: Goal | None = None
         self._second_looks: list[Goal] = []
         self._ordered = brief.hub is None
@@ -87,6 +92,8 @@ class Searcher:
         messages += self._progress()
         own = view_of(observation, self._body.id)
         if own is None or own.position is None:
+            return Decision(messages=messages)
+        if own.status == "dead":
             return Decision(messages=messages)
         command = self._send_boat(observation) if own.busy else self._move(observation, own)
         said, self._outbox = tuple(self._outbox), []
@@ -189,7 +196,8 @@ class Searcher:
         return self._pursue(self._goal, own.position, own.heading_deg)
 
     def _pursue(self, goal: Goal, here: tuple[float, float, float], heading_deg: float | None) -> Action:
-        target = (goal.waypoint.x, goal.waypoint.y, goal.waypoint.height_m + self._brief.water_level_m)
+        z = goal.waypoint.height_m + self._level_m + self._brief.water_level_m
+        target = (goal.waypoint.x, goal.waypoint.y, z)
         if math.dist(here, target) > REACHED_M:
             goal.flights += 1
             return self._fly(*target)
