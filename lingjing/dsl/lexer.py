@@ -21,15 +21,18 @@ DEEPEST = 64
 _NOT_A_UNIT = rf"(?!(?:{'|'.join(INNER)})\b)"
 _FACTOR = r"(?:[^\W\d_]+|[%°])(?:\^-?\d|\d)?"
 _UNIT = rf"[ \t]*{_NOT_A_UNIT}(?P<UNIT>{_FACTOR}(?:[/*]{_FACTOR})*)(?!\w)"
+_DIGITS = r"\d+(?!\d)"
+"""All digits there are. No possessive quantifiers here: Python 3.11.2, which Debian 12 has, matches a possessive
+group wrongly (it takes the dot of `1..3`)."""
 MASTER = re.compile(
     rf"""
     (?P<WORD>[^\W\d]\w*)
-  | (?P<NUMBER>\d++(?:\.\d++)?+(?:[eE][+-]?\d++)?+(?!\w*\d)(?:{_UNIT})?)
+  | (?P<NUMBER>{_DIGITS}(?:\.{_DIGITS}|(?!\.\d))(?:[eE][+-]?{_DIGITS}|(?![eE][+-]?\d))(?!\w*\d)(?:{_UNIT})?)
   | (?P<SPACE>[ \t]+|\#[^\r\n]*)
   | (?P<LINE>(?:\r\n|\n|\r)(?:[ \t]*(?:\#[^\r\n]*)?(?:\r\n|\n|\r))*)
   | (?P<COMMA>,)
   | (?P<SYMBOL><->|->|<=|>=|==|!=|\.\.|\.\*|[-+*/<>=~:.(){{}}\[\]])
-  | (?P<STRING>"(?:[^"\\\r\n]|\\[^\r\n])*+")
+  | (?P<STRING>"[^"\\\r\n]*(?:\\[^\r\n][^"\\\r\n]*)*")
   | (?P<OPENSTRING>"[^\r\n{{}}]*)
   | (?P<BADNUMBER>\d\w*(?:\.\w+)*)
   | (?P<BAD>.)
