@@ -63,11 +63,22 @@ def test_a_finished_pass_is_followed_by_one_from_other_places_then_from_lower():
     sweep = Sweep(brief(), NADIR, 100.0, 20.0)
     first = sweep.next_waypoint((306.0, -620.0))
     assert first is not None
+    assert sweep.finished_cells() == ()
     for waypoint in sweep.plan:
-        sweep.drop(waypoint)
+        if sweep.owner[waypoint.cell] == "scout[1]":
+            (x, y), (wide, high) = (waypoint.x, waypoint.y), waypoint.size
+            sweep.map.mark(
+                (
+                    (x - wide / 2, y - high / 2),
+                    (x + wide / 2, y - high / 2),
+                    (x + wide / 2, y + high / 2),
+                    (x - wide / 2, y + high / 2),
+                )
+            )
+            sweep.drop(waypoint)
     assert sweep.next_waypoint((306.0, -620.0)) is None
-    assert set(sweep.finished_cells()) == {name for name, owner in sweep.owner.items() if owner == "scout[1]"}
     assert sweep.claim() is not None
+    assert set(sweep.finished_cells()) == {name for name, owner in sweep.owner.items() if owner == "scout[1]"}
     sweep.next_pass()
     second = sweep.next_waypoint((306.0, -620.0))
     assert second is not None

@@ -12,7 +12,7 @@ import math
 from dataclasses import dataclass, field
 
 from lingjing.plugins.geometry import bearing_deg
-from lingjing.plugins.policy import Brief, CameraSpec
+from lingjing.plugins.policy import Brief, CameraSpec, Cell
 from lingjing_agents.capability import team
 from lingjing_agents.heuristic.coverage import Waypoint, lattice, partition
 from lingjing_agents.heuristic.coverage_map import CoverageMap
@@ -59,18 +59,21 @@ class Sweep:
         self.plan = tuple(other for other in self.plan if other != waypoint)
 
     def finished_cells(self) -> tuple[str, ...]:
-        """Own open cells without anything left to photograph; they count as searched from now on."""
-        wanted = {waypoint.cell for waypoint in self.plan if self._worth(waypoint)}
-        done = tuple(cell.name for cell in self.brief.cells if self._is_mine(cell.name) and cell.name not in wanted)
-        self.open_cells.difference_update(done)
-        return done
+        """Own open cells that no picture still to be taken would touch; they count as searched from now on.
+
+        Only those are told that have mostly been looked at: a cell taken over may have no waypoint of its own."""
+        left = [waypoint for waypoint in self.plan if self._is_mine(waypoint.cell) and self._worth(waypoint)]
+        mine = [cell for cell in self.brief.cells if self._is_mine(cell.name)]
+        done = [cell for cell in mine if not any(_touches(waypoint, cell) for waypoint in left)]
+        self.open_cells.difference_update(cell.name for cell in done)
+        return tuple(cell.name for cell in done if self._looked_at(cell))
 
     def claim(self) -> str | None:
         """A cell to take over from the team mate with most left (at least two), or None."""
         left: dict[str, list[str]] = {}
-        for cell in self.brief.cells:
-            if cell.name in self.open_cells and self.owner[cell.name] != self.brief.agent:
-                left.setdefault(self.owner[cell.name], []).append(cell.name)
+        for cell in dict.fromkeys(waypoint.cell for waypoint in self.plan if self._worth(waypoint)):
+            if cell in self.open_cells and self.owner[cell] != self.brief.agent:
+                left.setdefault(self.owner[cell], []).append(cell)
         busiest = max(left.values(), key=len, default=[])
         return busiest[-1] if len(busiest) >= 2 else None
 
@@ -86,8 +89,30 @@ class Sweep:
     def _is_mine(self, cell: str) -> bool:
         return cell in self.open_cells and self.owner.get(cell) == self.brief.agent
 
+    def _looked_at(self, cell: Cell) -> bool:
+        west, south, east, north = _extent(cell)
+        middle, size = ((west + east) / 2, (south + north) / 2), (east - west, north - south)
+        return self.map.gain(*middle, size, self.number + 1) < 0.5
+
     def _worth(self, waypoint: Waypoint) -> bool:
         return self.map.gain(waypoint.x, waypoint.y, waypoint.size, self.number + 1) >= WORTH_GAIN
+
+
+def _extent(cell: Cell) -> tuple[float, float, float, float]:
+    """West, south, east and north of a cell in metres."""
+    xs, ys = [x for x, _ in cell.polygon], [y for _, y in cell.polygon]
+    return min(xs), min(ys), max(xs), max(ys)
+
+
+def _touches(waypoint: Waypoint, cell: Cell) -> bool:
+    west, south, east, north = _extent(cell)
+    wide, high = waypoint.size[0] / 2, waypoint.size[1] / 2
+    return (
+        west < waypoint.x + wide
+        and waypoint.x - wide < east
+        and south < waypoint.y + high
+        and waypoint.y - high < north
+    )
 
 
 def off_course_deg(course_deg: float, heading_deg: float) -> float:
