@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -141,6 +140,8 @@ def _write_quietly(tables: Tables, path: Path) -> None:
 
 
 def _write(tables: Tables, path: Path) -> None:
+    import tempfile  # not needed when the tables are there
+
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=".ljs-")
     try:
         with os.fdopen(handle, "wb") as file:
