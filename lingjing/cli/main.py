@@ -47,8 +47,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run one command line; returns the exit code. `SystemExit` comes only from argparse (usage: 2, help: 0)."""
     arguments = list(sys.argv[1:] if argv is None else argv)
     try:
-        code = _dispatch(arguments)
-        sys.stdout.flush()
+        try:
+            code = _dispatch(arguments)
+        finally:
+            sys.stdout.flush()  # here, where a closed pipe can still be met quietly, also after --help
     except KeyboardInterrupt:
         _say("interrupted")
         return ExitCode.INTERRUPTED
