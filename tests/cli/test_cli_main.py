@@ -114,7 +114,8 @@ def test_a_reader_that_goes_away_is_no_complaint(arguments: tuple[str, ...]) -> 
     os.close(reader)
     done = subprocess.run(
         [sys.executable, "-m", "lingjing.cli.main", *arguments],
-        env={**os.environ, "PYTHONUNBUFFERED": ""}, stdout=writer, stderr=subprocess.PIPE, text=True, timeout=60, check=False,
+        env={**os.environ, "PYTHONUNBUFFERED": ""}, stdout=writer, stderr=subprocess.PIPE, text=True, timeout=60,
+        check=False,
     )  # fmt: skip
     os.close(writer)
     assert (done.returncode, done.stderr) == (door.BROKEN_PIPE, "")
