@@ -1,0 +1,170 @@
+"""Passes over what happens: interactions, rules, stages, the outcome, and the paper's five relations."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from lingjing.mission import expression as ex
+from lingjing.mission import model
+from lingjing.mission.graph.draft import Draft
+from lingjing.mission.graph.spelling import parts, spell
+from lingjing.mission.graph.things import groups_in
+from lingjing.mission.graph.types import NodeKind
+
+SUCCESS, FAILURE = "success", "failure"
+
+_ENDS: tuple[NodeKind, ...] = ("role", "stage", "agent", "asset", "target", "event", "rule")
+_MEANS: tuple[NodeKind, ...] = ("channel", "grid", "asset", "target", "region", "resource")
+
+
+def add_rules(mission: model.Mission, draft: Draft) -> None:
+    """What the kernel adjudicates."""
+    for rule in mission.rules:
+        judged = " × ".join(parameter.domain for parameter in rule.parameters)
+        detail = f"{judged}, one to one" if rule.matching else judged
+        draft.node("rule", rule.name, detail=detail, text=spell(rule.condition))
+
+
+def add_events(mission: model.Mission, draft: Draft) -> None:
+    """Interactions of the groups' types: the owning engine performs them and says so."""
+    for group in mission.groups:
+        target = draft.find(group.name, "asset", "target")
+        for interaction, by in _interactions(group) if target else ():
+            event = draft.find(interaction, "event") or draft.node("event", interaction, detail=f"performed by {by}")
+            draft.edge("requires", event, str(target))
+            for performer in mission.groups:
+                if performer.role == "asset" and performer.engine == by and draft.has(f"asset:{performer.name}"):
+                    draft.edge("requires", event, f"asset:{performer.name}")
+
+
+def add_unlocks(mission: model.Mission, draft: Draft) -> None:
+    """What must be true before an engine may perform an interaction."""
+    for unlock in mission.unlocks:
+        event = draft.find(unlock.interaction, "event") or draft.node("event", unlock.interaction)
+        for node in _needs(unlock.condition, mission, draft):
+            if node.startswith(("rule:", "event:")):
+                draft.edge("unlocks", node, event)
+            else:
+                draft.edge("requires", event, node)
+
+
+def add_judgements(mission: model.Mission, draft: Draft) -> None:
+    """What every rule judges, and what it needs to know for that."""
+    for rule in mission.rules:
+        node = f"rule:{rule.name}"
+        for parameter in rule.parameters:
+            entity = draft.find(parameter.domain, "target", "asset")
+            report = draft.find(parameter.domain, "channel")
+            if entity:
+                draft.edge("adjudicates", node, entity)
+            elif report:
+                draft.edge("requires", node, report)
+        for needed in _needs(rule.condition, mission, draft):
+            draft.edge("requires", node, needed)
+
+
+def add_stages(mission: model.Mission, draft: Draft) -> None:
+    """Stages, once per member of their group, and what completes them."""
+    for stage in mission.stages:
+        per = draft.find(stage.domain, "target", "asset") if stage.domain else None
+        detail = f"per {stage.domain}" if stage.domain else ""
+        node = draft.node("stage", stage.name, detail=detail, text=spell(stage.condition), per=per)
+        for needed in _needs(stage.condition, mission, draft):
+            draft.edge("requires", node, needed)
+
+
+def add_outcome(mission: model.Mission, draft: Draft) -> None:
+    """Success, failure, and the ticks that all of it may take."""
+    for name, condition in ((SUCCESS, mission.success), (FAILURE, mission.failure)):
+        if condition is None:
+            continue
+        per = next((node for domain in _domains(condition) if (node := draft.find(domain, "target", "asset"))), None)
+        said = "for every " + per.partition(":")[2] if per else ""
+        node = draft.node("outcome", name, detail=said, text=spell(condition), per=per)
+        for needed in _needs(condition, mission, draft):
+            draft.edge("requires", node, needed)
+    budget = mission.budget
+    barriers = (("policy", budget.policy), ("engine", budget.engine), ("capture", budget.capture))
+    ticks = draft.node(
+        "resource",
+        "ticks",
+        detail=f"≤ {spell(budget.ticks)} of {spell(mission.clock.tick)}",
+        text=", ".join(f"{name} ≤ {spell(limit)}" for name, limit in barriers),
+        within=f"outcome:{SUCCESS}",
+    )
+    draft.edge("requires", f"outcome:{SUCCESS}", ticks)
+
+
+def add_relations(mission: model.Mission, draft: Draft) -> None:
+    """The declared relations; `via` is what one carries, is over, or is by."""
+    for relation in mission.relations:
+        at = draft.presence(relation.when)
+        if at is None or _absent(relation, mission, draft):
+            continue
+        what = f"the relation {relation.kind}"
+        word, means = next(
+            ((word, name) for word in ("carries", "over", "by") if (name := getattr(relation, word))), ("", "")
+        )
+        draft.edge(
+            relation.kind,
+            draft.need(relation.source, what, *_ENDS),
+            draft.need(relation.target, what, *_ENDS),
+            label=word or (f"per {relation.per}" if relation.per else ""),
+            via=draft.need(means, what, *_MEANS) if means else None,
+            mutual=relation.mutual,
+            at=at,
+        )
+
+
+# -- private
+
+
+def _needs(condition: ex.Expr, mission: model.Mission, draft: Draft) -> tuple[str, ...]:
+    """The nodes whose state a condition reads, once each, in the order it reads them."""
+    return tuple(dict.fromkeys(_read(condition, mission, draft)))
+
+
+def _read(condition: ex.Expr, mission: model.Mission, draft: Draft) -> Iterator[str]:
+    for part in parts(condition):
+        found: str | None = None
+        match part:
+            case ex.Call(function=function, rule=True):
+                found = draft.find(function, "rule")
+            case ex.Call(function="emitted", arguments=(ex.Symbol(name=name), *_)):
+                found = draft.find(name, "event")
+            case ex.Call(function="assigned"):
+                kinds = (kind.name for kind in mission.messages if kind.category == "assignment")
+                yield from (node for name in kinds if (node := draft.find(name, "channel")))
+            case ex.Ref(kind="group" | "entity"):
+                found = next(iter(groups_in(part, draft)), None)
+            case ex.Ref(name=name, kind="region" | "grid"):
+                found = draft.find(name, "region", "grid")
+            case ex.Quantified(domain=domain, body=body) if not _calls_a_rule(body):
+                found = draft.find(domain, "channel", "target", "asset")
+        if found:
+            yield found
+
+
+def _calls_a_rule(body: ex.Expr) -> bool:
+    """Whether a rule is called: then the rule, not the quantifier around it, says what is read."""
+    return any(isinstance(part, ex.Call) and part.rule for part in parts(body))
+
+
+def _domains(condition: ex.Expr) -> Iterator[str]:
+    return (part.domain for part in parts(condition) if isinstance(part, ex.Quantified))
+
+
+def _interactions(group: model.Group) -> Iterator[tuple[str, str]]:
+    """(interaction, performing engine) of a group, from the properties its type's `interaction` blocks became."""
+    for item in group.properties:
+        if item.name.endswith("_by") and isinstance(item.value, ex.Symbol):
+            yield item.name.removesuffix("_by"), item.value.name
+
+
+def _absent(relation: model.Relation, mission: model.Mission, draft: Draft) -> bool:
+    """Whether it names something declared that exists in none of the modes shown: then the relation does not either."""
+    declared = {agent.role for agent in mission.agents}.union(
+        *({part.name for part in table} for table in (mission.agents, mission.groups, mission.messages))
+    )
+    named = (relation.source, relation.target, relation.carries, relation.over, relation.by)
+    return any(name in declared and draft.find(name, *_ENDS, *_MEANS) is None for name in named if name)

@@ -1,0 +1,173 @@
+"""The graph while it is being drawn up: nodes and edges are added, names are found, nothing is said twice."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import msgspec
+
+from lingjing.errors import MissionError
+from lingjing.mission import expression as ex
+from lingjing.mission import model
+from lingjing.mission.evaluate import Scope, number, whole
+from lingjing.mission.graph.guards import Presence, presence
+from lingjing.mission.graph.spelling import spell
+from lingjing.mission.graph.types import Edge, EdgeKind, MissionGraph, Node, NodeKind
+
+
+class Draft:
+    """Collects one mission's nodes and edges for the modes shown. A pass adds what one kind of declaration says."""
+
+    def __init__(self, mission: model.Mission, modes: tuple[str, ...]) -> None:
+        self.modes = modes
+        self._mission = mission
+        self._defaults = _defaults(mission, modes)
+        self._nodes: dict[str, Node] = {}
+        self._edges: dict[str, Edge] = {}
+
+    def node(
+        self,
+        kind: NodeKind,
+        name: str,
+        *,
+        title: str = "",
+        detail: str = "",
+        text: str = "",
+        count: int | None = None,
+        within: str | None = None,
+        per: str | None = None,
+        at: Presence | None = None,
+    ) -> str:
+        """Add a node and give its id. It exists where `at` says, and only where what it is within exists."""
+        identity = f"{kind}:{name}"
+        if identity in self._nodes:
+            raise MissionError(f"two things are called `{name}`, both of the kind {kind}", hint="rename one of them")
+        self._nodes[identity] = Node(
+            id=identity,
+            kind=kind,
+            name=name,
+            title=title or name,
+            detail=detail,
+            text=text,
+            count=count,
+            within=within,
+            per=per,
+            when=at.when if at else "",
+            modes=self._shared(at.modes if at else self.modes, (within,) if within else ()),
+        )
+        return identity
+
+    def edge(
+        self,
+        kind: EdgeKind,
+        source: str,
+        target: str,
+        *,
+        label: str = "",
+        via: str | None = None,
+        mutual: bool = False,
+        at: Presence | None = None,
+    ) -> None:
+        """Add an edge; it exists where `at` says and both ends do. Said twice it is one edge, nowhere it is none."""
+        when = at.when if at else ""
+        modes = self._shared(at.modes if at else self.modes, (source, target, *((via,) if via else ())))
+        if not modes:
+            return
+        base = f"{kind} {source} {target}"
+        made = Edge(
+            id=base,
+            kind=kind,
+            source=source,
+            target=target,
+            label=label,
+            via=via,
+            mutual=mutual,
+            when=when,
+            modes=modes,
+        )
+        copies = 1
+        while (known := self._edges.get(made.id)) is not None:
+            if _same(known, made):
+                return
+            copies += 1
+            made = msgspec.structs.replace(made, id=f"{base} #{copies}")
+        self._edges[made.id] = made
+
+    def has(self, identity: str) -> bool:
+        """Whether there is such a node."""
+        return identity in self._nodes
+
+    def find(self, name: str, *kinds: NodeKind) -> str | None:
+        """The id of the node called `name` of the first of these kinds that has one."""
+        return next((f"{kind}:{name}" for kind in kinds if f"{kind}:{name}" in self._nodes), None)
+
+    def need(self, name: str, what: str, *kinds: NodeKind) -> str:
+        """As `find`; `MissionError` naming `what` if there is none."""
+        found = self.find(name, *kinds)
+        if found is None:
+            raise MissionError(
+                f"{what} names `{name}`, and the mission has no such {' or '.join(kinds)}",
+                hint=f"declare `{name}`, or correct the name",
+            )
+        return found
+
+    def all_of(self, kind: NodeKind) -> tuple[str, ...]:
+        """The ids of all nodes of a kind, in order."""
+        return tuple(node.id for node in self._nodes.values() if node.kind == kind)
+
+    def presence(self, guard: model.Guard | None) -> Presence | None:
+        """Where a guarded declaration exists, or None if in no mode shown."""
+        return presence(guard, self.modes)
+
+    def count(self, expr: ex.Expr | None) -> int | None:
+        """The size of a group at the default parameters; 0 if only a run knows, None for a single thing."""
+        if expr is None:
+            return None
+        try:
+            return whole(expr, self._defaults)
+        except MissionError:
+            return 0
+
+    def value(self, expr: ex.Expr) -> str:
+        """A small whole number at the default parameters, else the expression as written."""
+        try:
+            return str(whole(expr, self._defaults))
+        except MissionError:
+            return spell(expr)
+
+    def many(self, name: str, expr: ex.Expr | None) -> str:
+        """What a group is called: `uav[1..3]`, or `uav[1..n]` where only a run knows."""
+        if expr is None:
+            return name
+        return f"{name}[1..{self.count(expr) or spell(expr)}]"
+
+    def done(self) -> MissionGraph:
+        """The finished graph."""
+        return MissionGraph(
+            mission=self._mission.name,
+            title=self._mission.title,
+            goal=self._mission.goal,
+            modes=self.modes,
+            default=self._mission.modes.default,
+            nodes=tuple(self._nodes.values()),
+            edges=tuple(self._edges.values()),
+        )
+
+    def _shared(self, modes: tuple[str, ...], others: Iterable[str]) -> tuple[str, ...]:
+        limits = [self._nodes[identity].modes for identity in others]
+        return tuple(mode for mode in modes if all(mode in limit for limit in limits))
+
+
+def _defaults(mission: model.Mission, modes: tuple[str, ...]) -> Scope:
+    """A scope with the parameters that have a value before any draw."""
+    values: dict[str, float] = {}
+    for parameter in mission.parameters:
+        try:
+            values[parameter.name] = number(parameter.default, Scope(parameters=values))
+        except MissionError:
+            continue  # drawn by a run: what depends on it is shown as written
+    return Scope(parameters=values, mode=modes[0] if len(modes) == 1 else mission.modes.default)
+
+
+def _same(one: Edge, other: Edge) -> bool:
+    return msgspec.structs.replace(one, id="") == msgspec.structs.replace(other, id="")

@@ -1,0 +1,208 @@
+"""Passes over what there is: roles and agents, entities and what they hide, places, message kinds and the bus."""
+
+from __future__ import annotations
+
+from lingjing.mission import expression as ex
+from lingjing.mission import model
+from lingjing.mission.graph.draft import Draft
+from lingjing.mission.graph.guards import Presence, either
+from lingjing.mission.graph.spelling import parts, spell
+from lingjing.mission.graph.types import NodeKind
+
+BUS = "comms"
+"""The bus is named after the block that declares it."""
+
+_BUILT_IN = {"events": "adjudicated and engine events", "peers": "the other agents"}
+"""Observation sources that no declaration makes."""
+
+_STORES = ("endurance", "energy", "battery", "payload", "capacity", "load", "stock", "money", "tokens", "messages")
+"""First words of the properties that say how much of something an entity can spend or carry."""
+
+
+def add_roles(mission: model.Mission, draft: Draft) -> None:
+    """A role for every name that agents play, there whenever one of them is."""
+    for role in dict.fromkeys(agent.role for agent in mission.agents):
+        found = (draft.presence(agent.when) for agent in mission.agents if agent.role == role)
+        at = either((one for one in found if one), draft.modes)
+        if at:
+            draft.node("role", role, at=at)
+
+
+def add_agents(mission: model.Mission, draft: Draft) -> None:
+    """Agents within their roles."""
+    for agent in mission.agents:
+        at = draft.presence(agent.when)
+        if at is None:
+            continue
+        role = draft.need(agent.role, f"the agent `{agent.name}`", "role")
+        node = draft.node(
+            "agent",
+            agent.name,
+            title=draft.many(agent.name, agent.count),
+            text=agent.prompt,
+            count=draft.count(agent.count),
+            within=role,
+            at=at,
+        )
+        draft.edge("plays", node, role)
+
+
+def add_regions(mission: model.Mission, draft: Draft) -> None:
+    """Named areas."""
+    for region in mission.regions:
+        draft.node("region", region.name, detail=_shape(region.shape), text=spell(region.shape))
+
+
+def add_grids(mission: model.Mission, draft: Draft) -> None:
+    """Search cells, within the region they are cut from."""
+    for grid in mission.grids:
+        region = draft.need(grid.region, f"the grid `{grid.name}`", "region")
+        size = f"{draft.value(grid.rows)} × {draft.value(grid.columns)}"
+        node = draft.node("grid", grid.name, detail=f"{size}, overlap {spell(grid.overlap)}", within=region)
+        draft.edge("requires", node, region, label="over")
+
+
+def add_entities(mission: model.Mission, draft: Draft) -> None:
+    """Assets and targets; then what they hide, what they spend and what their properties refer to."""
+    there = tuple((group, at) for group in mission.groups if (at := draft.presence(group.when)))
+    for group, at in there:
+        draft.node(
+            group.role,
+            group.name,
+            title=draft.many(group.name, group.count),
+            detail=group.type,
+            text=_abilities(group),
+            count=draft.count(group.count),
+            at=at,
+        )
+    for group, _ in there:
+        for item in group.properties:
+            _add_property(group, item, draft)
+
+
+def add_messages(mission: model.Mission, draft: Draft) -> None:
+    """The bus, and the message kinds that travel on it from roles to roles."""
+    if not mission.messages:
+        return
+    limits = [f"delay {spell(mission.comms.delay)}"] if mission.comms.delay else []
+    limits += [f"payload ≤ {spell(mission.comms.payload)}"] if mission.comms.payload else []
+    bus = draft.node("channel", BUS, title="bus", detail=", ".join(limits))
+    hub = mission.comms.hub and draft.find(mission.comms.hub, "agent")
+    if hub and "star" in draft.modes:
+        alone = draft.modes == ("star",)
+        draft.edge("requires", bus, hub, label="hub", at=Presence("" if alone else "mode == star", ("star",)))
+    for kind in mission.messages:
+        _add_message(kind, bus, draft)
+
+
+def add_controls(mission: model.Mission, draft: Draft) -> None:
+    """Who embodies which asset, and who else may command it."""
+    for agent in mission.agents:
+        source = draft.find(agent.name, "agent")
+        for expr in agent.controls if source else ():
+            for target in groups_in(expr, draft):
+                draft.edge("controls", str(source), target, label=_member(expr))
+    for grant in mission.authorities:
+        at, role = draft.presence(grant.when), draft.find(grant.role, "role")
+        for target in groups_in(grant.resource, draft) if at and role else ():
+            draft.edge("may_command", str(role), target, label=_member(grant.resource), at=at)
+
+
+def add_observations(mission: model.Mission, draft: Draft) -> None:
+    """What every agent sees: entities, grids, and the built-in channels."""
+    for agent in mission.agents:
+        source = draft.find(agent.name, "agent")
+        for channel in agent.observes if source else ():
+            fields = "" if channel.fields == ("*",) else ", ".join(channel.fields)
+            for target in _observed(channel.source, agent.name, draft):
+                draft.edge("observes", str(source), target, label=fields)
+
+
+def add_reveals(mission: model.Mission, draft: Draft) -> None:
+    """The audited ways out of `hidden`."""
+    for reveal in mission.reveals:
+        role = draft.find(reveal.role, "role")
+        for entity in groups_in(reveal.entity, draft) if role else ():
+            draft.edge("reveals", entity, str(role), label=reveal.what)
+
+
+def groups_in(expr: ex.Expr, draft: Draft) -> tuple[str, ...]:
+    """The assets and targets an expression names, once each, in the order it names them."""
+    names = (part.name for part in parts(expr) if isinstance(part, ex.Ref) and part.kind in ("group", "entity"))
+    return tuple(dict.fromkeys(node for name in names if (node := draft.find(name, "asset", "target"))))
+
+
+# -- private
+
+
+def _add_property(group: model.Group, item: model.Property, draft: Draft) -> None:
+    owner = f"{group.role}:{group.name}"
+    said = f"{item.relation} {spell(item.value)}"
+    source = owner
+    if item.hidden:
+        source = draft.node("fact", f"{group.name}.{item.name}", title=item.name, detail=said, within=owner)
+        draft.edge("hides", owner, source)
+    elif group.role == "asset" and item.name.startswith(_STORES):
+        store = draft.node("resource", f"{group.name}.{item.name}", title=_bare(item.name), detail=said, within=owner)
+        draft.edge("requires", owner, store)
+    for part in parts(item.value):
+        if isinstance(part, ex.Ref) and part.kind in ("region", "grid", "group", "entity"):
+            kinds: tuple[NodeKind, ...] = ("region", "grid", "asset", "target")
+            place = draft.find(part.name, *kinds)
+            if place and place != owner:
+                draft.edge("requires", source, place, label=item.name)
+
+
+def _add_message(kind: model.MessageKind, bus: str, draft: Draft) -> None:
+    at = draft.presence(kind.when)
+    senders, readers = (_roles(names, draft) for names in (kind.senders, kind.recipients))
+    if at is None or not senders or not readers:
+        return
+    fields = ", ".join(f"{field.name}{'?' if field.optional else ''}: {field.type}" for field in kind.fields)
+    node = draft.node("channel", kind.name, detail=kind.type, text=fields, within=bus, at=at)
+    draft.edge("requires", node, bus)
+    for role in senders:
+        draft.edge("speaks_to", role, node)
+    for role in readers:
+        draft.edge("speaks_to", node, role)
+
+
+def _roles(names: tuple[str, ...], draft: Draft) -> tuple[str, ...]:
+    """The roles played in the modes shown; `all` is every one of them."""
+    if "all" in names:
+        return draft.all_of("role")
+    return tuple(node for name in names if (node := draft.find(name, "role")))
+
+
+def _observed(source: ex.Expr, agent: str, draft: Draft) -> tuple[str, ...]:
+    groups = groups_in(source, draft)
+    if groups or not isinstance(source, ex.Symbol | ex.Ref):
+        return groups
+    if isinstance(source, ex.Ref) and source.kind in ("group", "entity"):
+        return ()  # an entity that does not exist in the modes shown
+    if source.name in _BUILT_IN and not draft.has(f"channel:{source.name}"):
+        draft.node("channel", source.name, detail=_BUILT_IN[source.name])
+    kinds: tuple[NodeKind, ...] = ("grid", "channel", "region")
+    return (draft.need(source.name, f"what `{agent}` observes", *kinds),)
+
+
+def _abilities(group: model.Group) -> str:
+    cameras = ", ".join(f"{camera.name} ({'+'.join(camera.channels)})" for camera in group.cameras)
+    verbs = ", ".join(verb.name for verb in group.verbs)
+    said = (f"engine: {group.engine}", cameras and f"cameras: {cameras}", verbs and f"verbs: {verbs}")
+    return "\n".join(line for line in said if line)
+
+
+def _shape(shape: ex.Expr) -> str:
+    if isinstance(shape, ex.Call) and shape.function == "polygon":
+        return f"polygon of {len(shape.arguments)} corners"
+    return shape.function if isinstance(shape, ex.Call) else spell(shape)
+
+
+def _member(expr: ex.Expr) -> str:
+    return spell(expr) if isinstance(expr, ex.Index) else ""
+
+
+def _bare(name: str) -> str:
+    """A property's name without the suffix that carries its unit."""
+    return name.rsplit("_", 1)[0] if "_" in name else name
