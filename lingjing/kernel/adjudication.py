@@ -10,13 +10,13 @@ matches at most one entity, an entity at most one report a frame, earlier report
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from lingjing.kernel.instant import Instant
 from lingjing.kernel.predicates import planar
 from lingjing.kernel.registry import Binding, Registry, Report
-from lingjing.kernel.rules import bindings, children, holds, identity, rule_moves
+from lingjing.kernel.rules import bindings, children, holds, identity, rule_moves, settles_at_once
 from lingjing.mission.expression import Call, Expr
 from lingjing.mission.instance import Datum, Entity, Instance
 from lingjing.mission.model import Rule
@@ -44,6 +44,7 @@ class Adjudicator:
         ordered = _sorted_rules(instance.rules)
         self._moving = tuple(rule for rule in ordered if rule_moves(rule, self._rules, self.kinds))
         self._settled = tuple(rule for rule in ordered if rule not in self._moving)
+        self._at_once = frozenset(rule.name for rule in ordered if settles_at_once(rule, self._rules, self.kinds))
 
     def instant(self, registry: Registry, states: Mapping[str, BodyState], time_s: float) -> Instant:
         """An instant of this instance, ready for evaluation."""
@@ -56,7 +57,7 @@ class Adjudicator:
         early = replace(registry, reports=before.reports)
         for snapshot in snapshots[:-1]:
             early = self._apply(self._moving, early, snapshot, events)
-        registry = replace(registry, achieved=early.achieved, claimed=early.claimed)
+        registry = replace(early, reports=registry.reports)
         last = Snapshot(time_s=registry.time_s, states=tuple(registry.states.values()))
         registry = self._apply(self._settled, registry, last, events)
         registry = self._apply(self._moving, registry, last, events)
@@ -72,50 +73,49 @@ class Adjudicator:
         return registry
 
     def _latch(self, rule: Rule, at: Instant, events: list[Event]) -> Registry:
-        achieved: dict[tuple[str, Binding], float] = {}
-        for scope in bindings(_domains(rule), at):
-            key = (rule.name, tuple(identity(value) for value in scope.values()))
-            if key in at.registry.achieved:
+        achieved: dict[Binding, float] = {}
+        for scope in bindings(_domains(rule), at, fresh=rule.name in self._at_once):
+            binding = tuple(identity(value) for value in scope.values())
+            if (rule.name, binding) in at.registry.achieved:
                 continue
             at.evidence.clear()
             if holds(rule.condition, scope, at):
-                achieved[key] = at.time_s
+                achieved[binding] = at.time_s
                 events.append(self._event(rule, scope, at, len(events)))
-        return _achieve(at.registry, achieved)
+        return at.registry.with_achieved(rule.name, achieved)
 
     def _match(self, rule: Rule, at: Instant, events: list[Event]) -> Registry:
-        settled = {name for kind, binding in at.registry.achieved if kind == rule.name for name in binding}
-        claimed = set(at.registry.claimed)
-        achieved: dict[tuple[str, Binding], float] = {}
+        registry = at.registry
+        achieved: dict[Binding, float] = {}
         for report, scopes in self._by_report(rule, at).items():
-            if report in settled:
-                continue
-            best = self._best(rule, scopes, claimed, at)
+            best = self._best(rule, scopes, registry.claimed, at)
             if best is None:
                 continue
             scope, claim, evidence = best
             at.evidence.clear()
             at.evidence.update(evidence)
-            claimed.add(claim)
-            achieved[(rule.name, tuple(identity(value) for value in scope.values()))] = at.time_s
+            registry = _sighted(replace(registry, claimed=registry.claimed.extended({claim: report})), scope, at)
+            achieved[tuple(identity(value) for value in scope.values())] = at.time_s
             events.append(self._event(rule, scope, at, len(events)))
-        return replace(_achieve(at.registry, achieved), claimed=frozenset(claimed))
+        return registry.with_achieved(rule.name, achieved)
 
     def _by_report(self, rule: Rule, at: Instant) -> dict[str, list[dict[str, Entity | Report]]]:
         """Candidate bindings of each report that no boundary has judged yet, in arrival order."""
-        table: dict[str, list[dict[str, Entity | Report]]] = {}
-        for scope in bindings(_domains(rule), at):
+        arrived = dict.fromkeys(
+            value.id for _, domain in _domains(rule) for value in at.fresh(domain) if isinstance(value, Report)
+        )
+        table: dict[str, list[dict[str, Entity | Report]]] = {name: [] for name in arrived}
+        for scope in bindings(_domains(rule), at, fresh=True):
             for value in scope.values():
-                if isinstance(value, Report) and value.tick == at.registry.tick:
-                    table.setdefault(value.id, []).append(scope)
-        order = {name: place for place, name in enumerate(at.registry.reports)}
-        return dict(sorted(table.items(), key=lambda item: order[item[0]]))
+                if isinstance(value, Report):
+                    table[value.id].append(scope)
+        return table
 
     def _best(
         self,
         rule: Rule,
         scopes: list[dict[str, Entity | Report]],
-        claimed: set[tuple[str, str]],
+        claimed: Container[tuple[str, str]],
         at: Instant,
     ) -> tuple[dict[str, Entity | Report], tuple[str, str], dict[str, float]] | None:
         best: tuple[dict[str, Entity | Report], tuple[str, str], dict[str, float]] | None = None
@@ -171,10 +171,6 @@ class Adjudicator:
         return replace(registry, unlocked={**registry.unlocked, **fresh}), tuple(fresh)
 
 
-def _achieve(registry: Registry, achieved: Mapping[tuple[str, Binding], float]) -> Registry:
-    return replace(registry, achieved={**registry.achieved, **achieved}) if achieved else registry
-
-
 def _domains(rule: Rule) -> tuple[tuple[str, str], ...]:
     return tuple((parameter.name, parameter.domain) for parameter in rule.parameters)
 
@@ -184,6 +180,15 @@ def _claim(scope: Mapping[str, Entity | Report]) -> tuple[str, str]:
     frame = next((str(value.body.get("frame")) for value in scope.values() if isinstance(value, Report)), "")
     entity = next((value.id for value in scope.values() if isinstance(value, Entity)), "")
     return frame, entity
+
+
+def _sighted(registry: Registry, scope: Mapping[str, Entity | Report], at: Instant) -> Registry:
+    """The registry that knows where a matched report says its entities are."""
+    for report in (value for value in scope.values() if isinstance(value, Report)):
+        place = planar(report.body.get("position"), at)
+        for entity in (value for value in scope.values() if isinstance(value, Entity)):
+            registry = registry if place is None else registry.with_sighting(entity.id, place)
+    return registry
 
 
 def _localisation_error(scope: Mapping[str, Entity | Report], at: Instant) -> float | None:

@@ -10,7 +10,7 @@ from lingjing.trace.records import Command, Envelope, Receipt
 
 
 def from_commands(commands: Sequence[Command], receipts: Sequence[Receipt]) -> Iterator[Assignment]:
-    """Accepted commands that name a destination in the plane (`x`, `y`)."""
+    """Commands that their engine accepted and that name a destination in the plane (`x`, `y`)."""
     accepted = {receipt.request for receipt in receipts if receipt.status == "accepted"}
     for command in commands:
         place = _point((command.arguments.get("x"), command.arguments.get("y")))

@@ -2,7 +2,8 @@
 
 Each agent has a worker thread with an event loop of its own, so a policy may block, await or run inside a notebook's
 kernel without touching the caller's loop. A call that raises, answers something else than a `Decision` or passes the
-deadline is replaced by (no-op, no messages) with a reason; a late answer is dropped. A thread that stays blocked is
+deadline is replaced by (no-op, no messages) with a reason; a late answer is dropped. What is in the decision is looked
+at by `candidates`. A thread that stays blocked is
 left behind (it is a daemon) and the agent's next call starts in a fresh one.
 """
 
@@ -10,16 +11,17 @@ from __future__ import annotations
 
 import asyncio
 import concurrent.futures
+import re
 import threading
 import time
 from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import msgspec
-
 from lingjing.plugins.policy import Brief, Inbox, Observation, Policy
 from lingjing.trace.records import Decision, DecisionRecord
+
+_ADDRESS = re.compile(r"0x[0-9a-fA-F]{4,}")
 
 
 class AgentThread:
@@ -48,10 +50,14 @@ class AgentThread:
         return self._loop
 
 
-async def _await(call: Callable[[], Awaitable[Any]]) -> Any:
+async def _await(call: Callable[[], Awaitable[Any]]) -> tuple[Any, float]:
+    """What the call returned and the seconds that it took."""
+    started = time.monotonic()
     try:
-        return await call()
-    except (SystemExit, KeyboardInterrupt) as error:  # a policy must not end the process it is a guest of
+        return await call(), time.monotonic() - started
+    except (Exception, asyncio.CancelledError):
+        raise
+    except BaseException as error:  # a policy must not end the process it is a guest of
         raise RuntimeError(f"the policy tried to exit ({type(error).__name__})") from error
 
 
@@ -113,7 +119,7 @@ class PolicyBarrier:
     def _wait(self, name: str, future: concurrent.futures.Future[Any], started: float) -> Answer:
         left = max(0.0, started + self._limit_s - time.monotonic())
         try:
-            value = future.result(timeout=left)
+            value, wall_s = future.result(timeout=left)
         except concurrent.futures.TimeoutError as error:
             if future.done():  # the policy itself raised a TimeoutError
                 return _failure(error, started)
@@ -122,7 +128,7 @@ class PolicyBarrier:
             return Answer(reason="policy_timeout", detail=f"no answer within {self._limit_s:g} s")
         except Exception as error:  # noqa: BLE001 - whatever a policy raises is the policy's failure
             return _failure(error, started)
-        return Answer(value=value, wall_s=time.monotonic() - started)
+        return Answer(value=value, wall_s=wall_s)
 
 
 def _decision_record(agent: str, answer: Answer) -> DecisionRecord:
@@ -136,8 +142,12 @@ def _decision_record(agent: str, answer: Answer) -> DecisionRecord:
 
 
 def _failure(error: Exception, started: float) -> Answer:
-    text = f"{type(error).__name__}: {error}".splitlines()[0][:300]
-    return Answer(reason="policy_error", detail=text, wall_s=time.monotonic() - started)
+    """Without addresses of objects, which differ from run to run and would make the digest differ."""
+    try:
+        text = f"{type(error).__name__}: {error}".splitlines()[0]
+    except Exception:  # noqa: BLE001 - a message that cannot be made is the policy's failure too
+        text = type(error).__name__
+    return Answer(reason="policy_error", detail=_ADDRESS.sub("0x…", text)[:300], wall_s=time.monotonic() - started)
 
 
 def _reset_call(policy: Policy, brief: Brief) -> Callable[[], Awaitable[Any]]:
@@ -149,14 +159,8 @@ def _act_call(policy: Policy, observation: Observation, inbox: Inbox) -> Callabl
 
 
 def _check(answer: Answer) -> Answer:
-    """A `Decision` that survives its own schema, or `malformed`."""
-    if answer.reason:
+    """A `Decision`, or `malformed`."""
+    if answer.reason or isinstance(answer.value, Decision):
         return answer
-    if not isinstance(answer.value, Decision):
-        kind = type(answer.value).__name__
-        return Answer(reason="malformed", detail=f"`act` returned {kind}, not a Decision", wall_s=answer.wall_s)
-    try:
-        value = msgspec.json.decode(msgspec.json.encode(answer.value), type=Decision)
-    except (msgspec.MsgspecError, TypeError, ValueError, RecursionError, OverflowError) as error:
-        return Answer(reason="malformed", detail=f"{error}"[:300], wall_s=answer.wall_s)
-    return Answer(value=value, wall_s=answer.wall_s)
+    kind = type(answer.value).__name__
+    return Answer(reason="malformed", detail=f"`act` returned {kind}, not a Decision", wall_s=answer.wall_s)

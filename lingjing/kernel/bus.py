@@ -3,17 +3,18 @@
 Star: an agent's message goes to the hub; the hub's goes to the recipients it names, or to all that the message kind
 declares. Broadcast: to all other active agents. Nothing is relayed by itself. With a delay of one tick, what is
 produced on boundary t is staged for t+1 and readable there. An edge is fixed at validation and delivered only after
-the engine barrier has committed the boundary.
+the engine barrier has committed the boundary. What nobody could read any more is refused as `expired`. A report is
+for the adjudicator first: it is accepted also when nobody else can read it.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import msgspec
 
+from lingjing.kernel.candidates import REACH_M, is_number
 from lingjing.mission.instance import AgentSpec, Datum, Instance, MessageSpec
 from lingjing.mission.model import Field
 from lingjing.trace.records import Envelope, Outgoing, Receipt
@@ -53,11 +54,10 @@ class Router:
         self._kinds: Mapping[str, MessageSpec] = {message.kind: message for message in instance.messages}
 
     def expand(
-        self, candidates: Iterable[tuple[str, Sequence[Outgoing]]], tick: int, frames: Iterable[str]
+        self, candidates: Iterable[tuple[str, Sequence[Outgoing]]], tick: int, frames: Container[str]
     ) -> tuple[tuple[Envelope, ...], tuple[Receipt, ...]]:
         """Admitted edges [M̂] and bus receipts [C^M] of the candidates, in policy order. `frames` are the ids of the
         pictures taken so far: a report may only speak of one of them."""
-        known = frozenset(frames)
         edges: list[Envelope] = []
         receipts: list[Receipt] = []
         number = 0
@@ -65,22 +65,27 @@ class Router:
             for place, message in enumerate(messages):
                 number += 1
                 name = f"m{tick}-{number}"
-                new, receipt = self._one(name, sender, message, place, tick, known)
+                new, receipt = self._one(name, sender, message, place, tick, frames)
                 edges.extend(new)
                 receipts.append(receipt)
         return tuple(edges), tuple(receipts)
 
     def _one(
-        self, name: str, sender: str, message: Outgoing, place: int, tick: int, frames: frozenset[str]
+        self, name: str, sender: str, message: Outgoing, place: int, tick: int, frames: Container[str]
     ) -> tuple[tuple[Envelope, ...], Receipt]:
         reason, detail = self._fault(sender, message, place, frames)
         if reason:
             return (), self._receipt(name, sender, message, tick, "rejected", reason, detail)
+        spec = self._kinds[message.kind]
+        deliver_at = tick + self._comms.delay_ticks - 1
         recipients, reason, detail = self._recipients(self._agents[sender], message)
+        if not reason and tick <= self._instance.budget.ticks < deliver_at:
+            recipients, reason, detail = (), "expired", "the episode ends before it could be read"
+        if reason in ("no_recipient", "expired") and spec.category == "report":
+            return (), self._receipt(name, sender, message, tick, "accepted", "", f"adjudicated; {detail}")
         if reason:
             return (), self._receipt(name, sender, message, tick, "rejected", reason, detail)
         size = len(msgspec.json.encode(message.body))
-        spec = self._kinds[message.kind]
         edges = tuple(
             Envelope(
                 id=name,
@@ -91,13 +96,13 @@ class Router:
                 category=spec.category,
                 body=message.body,
                 bytes=size,
-                deliver_at=tick + self._comms.delay_ticks - 1,
+                deliver_at=deliver_at,
             )
             for recipient in recipients
         )
         return edges, self._receipt(name, sender, message, tick, "accepted", "", ", ".join(recipients))
 
-    def _fault(self, sender: str, message: Outgoing, place: int, frames: frozenset[str]) -> tuple[str, str]:
+    def _fault(self, sender: str, message: Outgoing, place: int, frames: Container[str]) -> tuple[str, str]:
         """The reason code and detail of an envelope that must be refused, or two empty strings."""
         agent, spec = self._agents.get(sender), self._kinds.get(message.kind)
         if agent is None:
@@ -119,8 +124,8 @@ class Router:
         if self._comms.mode == "broadcast":
             return (others, "", "") if others else ((), "no_recipient", "no other agent is active")
         hub = self._comms.hub
-        if agent.id != hub:
-            return ((hub,), "", "") if hub else ((), "no_recipient", "star mode without a hub")
+        if hub is None or agent.id != hub:
+            return ((hub,), "", "") if hub in self._agents else ((), "no_recipient", "no hub is active")
         return self._from_hub(others, message)
 
     def _from_hub(self, others: tuple[str, ...], message: Outgoing) -> tuple[tuple[str, ...], str, str]:
@@ -148,7 +153,7 @@ class Router:
         )
 
 
-def body_fault(spec: MessageSpec, body: Mapping[str, Datum], frames: frozenset[str]) -> str:
+def body_fault(spec: MessageSpec, body: Mapping[str, Datum], frames: Container[str]) -> str:
     """What is wrong with a message body, or "": unknown, missing or ill-typed fields, an unknown frame."""
     fields = {item.name: item for item in spec.fields}
     for name in body:
@@ -166,7 +171,7 @@ def body_fault(spec: MessageSpec, body: Mapping[str, Datum], frames: frozenset[s
     return ""
 
 
-def field_fault(item: Field, value: Datum, frames: frozenset[str]) -> str:
+def field_fault(item: Field, value: Datum, frames: Container[str]) -> str:
     """What is wrong with one field's value, or ""."""
     if item.type == "frame":
         return "" if isinstance(value, str) and value in frames else "names no picture taken so far"
@@ -179,20 +184,16 @@ def field_fault(item: Field, value: Datum, frames: frozenset[str]) -> str:
     if item.type == "names":
         fine = isinstance(value, tuple | list) and all(isinstance(one, str) for one in value)
         return "" if fine else "must be a list of names"
-    if not isinstance(value, tuple | list) or not all(_finite(one) for one in value):
+    if not isinstance(value, tuple | list) or not all(is_number(one) for one in value):
         return "must be a list of finite numbers"
     return _box_fault(value) if item.type == "box" else _position_fault(value)
 
 
-def _finite(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-
-
 def _number_fault(item: Field, value: Datum) -> str:
-    if not _finite(value):
+    if not is_number(value):
         return "must be a finite number"
     low, high = item.minimum, item.maximum
-    if (low is not None and float(value) < low) or (high is not None and float(value) > high):  # type: ignore[arg-type]
+    if (low is not None and value < low) or (high is not None and value > high):  # type: ignore[operator]
         return f"must lie in {low}..{high}"
     return ""
 
@@ -201,9 +202,13 @@ def _box_fault(value: Sequence[object]) -> str:
     """A normalised box with 0 ≤ min < max ≤ 1 (the paper's adjudication section)."""
     if len(value) != 4:
         return "must have four numbers"
-    left, top, right, bottom = (float(one) for one in value)  # type: ignore[arg-type]
-    return "" if 0 <= left < right <= 1 and 0 <= top < bottom <= 1 else "must be x0, y0, x1, y1 with 0 ≤ min < max ≤ 1"
+    left, top, right, bottom = value
+    fine = 0 <= left < right <= 1 and 0 <= top < bottom <= 1  # type: ignore[operator]
+    return "" if fine else "must be x0, y0, x1, y1 with 0 ≤ min < max ≤ 1"
 
 
 def _position_fault(value: Sequence[object]) -> str:
-    return "" if len(value) in (2, 3) else "must have two or three numbers"
+    if len(value) not in (2, 3):
+        return "must have two or three numbers"
+    far = any(abs(one) > REACH_M for one in value)  # type: ignore[arg-type]
+    return f"must lie within {REACH_M:g} m" if far else ""

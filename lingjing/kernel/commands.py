@@ -1,22 +1,30 @@
 """ValidateAndResolve: candidate commands become at most one admitted command per resource, the rest receipts.
 
 In the order of the collected policy outputs: unknown agent, stale tick, authority, action space, argument schema,
-busy resource, conflict. Arguments beyond their bounds are clipped, and the receipt says so. `stop` pre-empts what a
-resource is doing; everything else waits until the pending request has completed.
+busy resource, conflict. Arguments beyond their bounds are clipped, and the admission receipt says so. `stop` pre-empts
+what a resource is doing; everything else waits until the pending request has completed. Engines refuse what a dead
+entity is told; pictures are no engine's business, so a dead entity's are refused here.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
+from lingjing.kernel.candidates import REACH_M, is_number
 from lingjing.kernel.registry import Registry
 from lingjing.mission.instance import AgentSpec, ArgumentSpec, Datum, Entity, Instance, VerbSpec
 from lingjing.trace.records import Action, Command, Receipt
 
 PREEMPTING = "stop"
 """The one verb that is admitted while its resource is busy."""
+
+PHOTO = "takePhoto"
+"""The verb that the kernel routes to the camera engine instead of the resource's own."""
+
+DEAD = "dead"
+"""The status word of an entity that does nothing any more."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,6 +35,15 @@ class Fault:
     detail: str
 
 
+@dataclass(frozen=True, slots=True)
+class Resolution:
+    """Admitted commands [Û], validator receipts [C^U], and by command id what had to be clipped."""
+
+    commands: tuple[Command, ...] = ()
+    receipts: tuple[Receipt, ...] = ()
+    clipped: Mapping[str, str] = field(default_factory=dict)
+
+
 class Gate:
     """ValidateAndResolve for one instance."""
 
@@ -35,45 +52,37 @@ class Gate:
         self._agents = {agent.id: agent for agent in instance.agents}
         self._entities = {entity.id: entity for entity in instance.entities}
 
-    def resolve(
-        self, candidates: Iterable[tuple[str, Action | None]], registry: Registry, tick: int
-    ) -> tuple[tuple[Command, ...], tuple[Receipt, ...]]:
-        """Admitted commands [Û] and validator receipts [C^U], in policy order."""
+    def resolve(self, candidates: Iterable[tuple[str, Action | None]], registry: Registry, tick: int) -> Resolution:
+        """At most one command per resource; everything in policy order."""
         admitted: dict[str, Command] = {}
         receipts: list[Receipt] = []
+        clipped: dict[str, str] = {}
         number = 0
         for sender, action in candidates:
             if action is None:
                 continue
             number += 1
             name = f"c{tick}-{number}"
-            command, found = self._one(name, sender, action, registry, tick, admitted)
-            receipts.extend(found)
-            if command is not None:
-                admitted[command.resource] = command
-        return tuple(admitted.values()), tuple(receipts)
+            resource = self._resource(sender, action)
+            fault = self._fault(sender, action, resource, registry, tick, admitted)
+            if fault is not None:
+                receipts.append(self._refusal(name, sender, resource, tick, fault))
+                continue
+            admitted[resource], note = self._command(name, sender, action, resource, registry, tick)
+            if note:
+                clipped[name] = note
+        return Resolution(tuple(admitted.values()), tuple(receipts), clipped)
 
-    def _one(
-        self,
-        name: str,
-        sender: str,
-        action: Action,
-        registry: Registry,
-        tick: int,
-        admitted: Mapping[str, Command],
-    ) -> tuple[Command | None, tuple[Receipt, ...]]:
-        resource = self._resource(sender, action)
-        fault = self._fault(sender, action, resource, registry, tick, admitted)
-        if fault is not None:
-            return None, (self._receipt(name, sender, resource, tick, "rejected", fault),)
+    def _command(
+        self, name: str, sender: str, action: Action, resource: str, registry: Registry, tick: int
+    ) -> tuple[Command, str]:
+        """The command of a valid candidate, and what was clipped."""
         entity = self._entities[resource]
         verb = _verb(entity, action.verb)
         assert verb is not None
-        arguments, clipped = _clip(verb, action.arguments, entity, registry)
+        arguments, note = _clip(verb, action.arguments, entity, registry)
         command = Command(id=name, tick=tick, sender=sender, resource=resource, verb=action.verb, arguments=arguments)
-        if not clipped:
-            return command, ()
-        return command, (self._receipt(name, sender, resource, tick, "accepted", Fault("clipped", clipped)),)
+        return command, note
 
     def _resource(self, sender: str, action: Action) -> str:
         if action.resource is not None:
@@ -116,13 +125,13 @@ class Gate:
         detail = _argument_fault(verb, action.arguments) or _camera_fault(entity, action)
         return Fault("bad_argument", detail) if detail else None
 
-    def _receipt(self, name: str, sender: str, resource: str, tick: int, status: str, fault: Fault) -> Receipt:
+    def _refusal(self, name: str, sender: str, resource: str, tick: int, fault: Fault) -> Receipt:
         return Receipt(
             request=name,
             tick=tick,
             sender=sender,
             resource=resource,
-            status="accepted" if status == "accepted" else "rejected",
+            status="rejected",
             reason=fault.reason,
             detail=fault.detail,
             by="kernel",
@@ -150,6 +159,8 @@ def _resource_fault(action: Action, resource: str, registry: Registry, admitted:
     held = registry.pending.get(resource)
     if held is not None and action.verb != PREEMPTING:
         return Fault("busy", f"`{resource}` is still doing `{held.verb}` ({held.id}); `stop` pre-empts it")
+    if action.verb == PHOTO and registry.states[resource].status == DEAD:
+        return Fault("dead", f"`{resource}` is dead and takes no pictures")
     return None
 
 
@@ -170,13 +181,15 @@ def _argument_fault(verb: VerbSpec, arguments: Mapping[str, Datum]) -> str:
         elif spec.unit == "name":
             if not isinstance(value, str):
                 return f"`{name}` must be a name"
-        elif not isinstance(value, int | float) or isinstance(value, bool) or not math.isfinite(value):
+        elif not isinstance(value, int | float) or not is_number(value):
             return f"`{name}` must be a finite number"
+        elif abs(value) > REACH_M:
+            return f"`{name}` must lie within {REACH_M:g}"
     return ""
 
 
 def _camera_fault(entity: Entity, action: Action) -> str:
-    if action.verb != "takePhoto":
+    if action.verb != PHOTO:
         return ""
     name = camera_of(entity, action.arguments)
     mounts = [camera.name for camera in entity.cameras]

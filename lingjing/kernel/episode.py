@@ -52,7 +52,10 @@ def seat(kernel: Kernel, policies: Mapping[str, Policy]) -> PolicyBarrier:
     for agent, answer in barrier.reset(kernel.briefs()).items():
         if answer.reason:
             barrier.close()
-            raise PluginError(f"the policy of `{agent}` could not take its brief: {answer.detail}")
+            raise PluginError(
+                f"the policy of `{agent}` could not take its brief: {answer.detail}",
+                hint="correct the policy's `reset`, or choose another with --policy",
+            )
     return barrier
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -45,3 +46,11 @@ class Instant:
         if name in self.kinds:
             return tuple(report for report in self.registry.reports.values() if report.kind == name)
         return self.groups.get(name, ())
+
+    def fresh(self, name: str) -> tuple[Entity, ...] | tuple[Report, ...]:
+        """As `domain`, but of the reports only those that arrived at this boundary."""
+        if name not in self.kinds:
+            return self.groups.get(name, ())
+        tick = self.registry.tick
+        new = itertools.takewhile(lambda report: report.tick == tick, self.registry.reports.newest())
+        return tuple(reversed([report for report in new if report.kind == name]))

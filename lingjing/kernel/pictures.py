@@ -11,16 +11,13 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from lingjing.kernel.commands import camera_of
+from lingjing.kernel.commands import PHOTO, camera_of
 from lingjing.kernel.world.contract import StoredFrame
 from lingjing.mission.instance import Instance
 from lingjing.plugins.engine import CaptureRequest
 from lingjing.plugins.policy import Picture
 from lingjing.trace.images import decode_jpeg, quantise_depth
 from lingjing.trace.records import Absent, Command, Receipt
-
-PHOTO = "takePhoto"
-"""The verb that the kernel routes to the camera engine instead of the resource's own."""
 
 
 def requests(instance: Instance, commands: Iterable[Command], tick: int, time_s: float) -> tuple[CaptureRequest, ...]:

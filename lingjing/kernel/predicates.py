@@ -83,37 +83,23 @@ def _emitted(arguments: Sequence[Value], at: Instant) -> Value:
     kind, *entities = arguments
     names = {entity.id for entity in entities if isinstance(entity, Entity)}
     return any(
-        event.kind == kind and event.time_s <= at.time_s and names <= set(event.entities)
-        for event in at.registry.emitted
+        emitted == kind and time_s <= at.time_s and names.issubset(about)
+        for (emitted, about), time_s in at.registry.emitted.items()
     )
 
 
 def _assigned(arguments: Sequence[Value], at: Instant) -> Value:
-    """The resource has been given a destination that means this target (see `HANDOFF_M`, `SAME_POINT_M`)."""
+    """A destination that the resource was given last means this target (see `HANDOFF_M`, `SAME_POINT_M`)."""
     resource, target = arguments[:2]
     if not isinstance(resource, Entity) or not isinstance(target, Entity):
         return None
     here = planar(target, at)
-    reported = _matched_positions(target, at)
+    reported = at.registry.sightings.get(target.id, ())
     return any(
         (here is not None and math.dist((item.east, item.north), here) <= HANDOFF_M)
         or any(math.dist((item.east, item.north), point) <= SAME_POINT_M for point in reported)
-        for item in at.registry.assignments
-        if item.resource == resource.id
+        for item in at.registry.assignments.get(resource.id, ())
     )
-
-
-def _matched_positions(target: Entity, at: Instant) -> list[tuple[float, float]]:
-    matching = {name for name, rule in at.rules.items() if rule.matching}
-    found = []
-    for rule, binding in at.registry.achieved:
-        if rule in matching and target.id in binding:
-            for name in binding:
-                report = at.registry.reports.get(name)
-                point = planar(report.body.get("position"), at) if report is not None else None
-                if point is not None:
-                    found.append(point)
-    return found
 
 
 FUNCTIONS: Mapping[str, Callable[[Sequence[Value], Instant], Value]] = {

@@ -11,8 +11,10 @@ from lingjing.trace.digest import input_digest
 from lingjing.trace.records import DecisionRecord, FrameInfo, InboxRecord, ObservationRecord, Receipt
 
 
-def observation_record(observation: Observation, inbox: Inbox, frames: Mapping[str, FrameInfo]) -> ObservationRecord:
-    """What one agent saw, pictures by id, with the digest of its complete policy input."""
+def observation_record(
+    observation: Observation, inbox: Inbox, frames: Mapping[str, FrameInfo], *, blank: bool = False
+) -> ObservationRecord:
+    """What one agent saw, pictures by id, with the digest of its complete policy input (without pixels if `blank`)."""
     record = ObservationRecord(
         agent=observation.agent,
         entities=observation.entities,
@@ -23,6 +25,8 @@ def observation_record(observation: Observation, inbox: Inbox, frames: Mapping[s
         privileged=observation.privileged is not None,
     )
     shown = [frames[name] for name in record.frames]
+    if blank:
+        shown = [msgspec.structs.replace(frame, sha256="", channels_sha256="") for frame in shown]
     return msgspec.structs.replace(record, sha256=input_digest(record, inbox.messages, inbox.receipts, shown))
 
 

@@ -1,7 +1,7 @@
 """G: the shared state registry, an immutable value that each boundary replaces.
 
-Holds what adjudication and visibility need of the past. Growth is linear in what happened (reports, frames, events),
-never in ticks. Copying it is free, which is what a fork of the kernel costs.
+Holds what adjudication and visibility need of the past. It grows with what happened (reports, pictures, events) and
+never with ticks alone; what grows is a `Ledger`, so that a boundary costs what it adds and a fork copies nothing.
 """
 
 from __future__ import annotations
@@ -9,11 +9,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
+from lingjing.kernel.ledger import Ledger
 from lingjing.mission.geometry2d import contains
 from lingjing.mission.instance import Cell, Datum, Entity, Instance
-from lingjing.trace.records import BodyState, Command, Envelope, FrameInfo, Receipt, TaskEvent
+from lingjing.trace.records import BodyState, Command, FrameInfo, Receipt, TaskEvent
 
 Binding = tuple[str, ...]
+
+SIGHTINGS = 100
+"""So many different reported positions of an entity are remembered: a destination is taken from a recent one."""
 
 DOWNWARD_DEG = 45.0
 """A picture visits a cell only if its axis points at least this far below the horizon."""
@@ -53,22 +57,27 @@ class Visit:
 class Registry:
     """The state G at a committed boundary.
 
-    `achieved` maps (rule, binding) to the time it became true; `claimed` holds (frame, entity) pairs that a report
-    has been matched with; `unlocked` the (interaction, entity) pairs the kernel has allowed.
+    `achieved` maps (rule, binding) to the time it became true; `witnesses` maps (rule, place, the binding without that
+    place) to a value that made it true there, which is what `exists` asks for; `sightings` are the latest
+    reported positions by matched entity; `claimed` holds (frame, entity) pairs that a report has been matched with; `emitted`
+    maps (kind, entities) to the first time an engine said so; `assignments` are the destinations given to a resource
+    at the latest boundary where it was given any; `unlocked` the (interaction, entity) pairs the kernel has allowed.
     """
 
     tick: int = 0
     time_s: float = 0.0
     states: Mapping[str, BodyState] = field(default_factory=dict)
     pending: Mapping[str, Command] = field(default_factory=dict)
-    reports: Mapping[str, Report] = field(default_factory=dict)
-    frames: Mapping[str, FrameInfo] = field(default_factory=dict)
-    frame_states: Mapping[str, Mapping[str, BodyState]] = field(default_factory=dict)
-    emitted: tuple[TaskEvent, ...] = ()
-    assignments: tuple[Assignment, ...] = ()
+    reports: Ledger[str, Report] = field(default_factory=Ledger)
+    frames: Ledger[str, FrameInfo] = field(default_factory=Ledger)
+    frame_states: Ledger[str, Mapping[str, BodyState]] = field(default_factory=Ledger)
+    emitted: Mapping[tuple[str, tuple[str, ...]], float] = field(default_factory=dict)
+    assignments: Mapping[str, tuple[Assignment, ...]] = field(default_factory=dict)
     visits: Mapping[str, Visit] = field(default_factory=dict)
-    achieved: Mapping[tuple[str, Binding], float] = field(default_factory=dict)
-    claimed: frozenset[tuple[str, str]] = frozenset()
+    achieved: Ledger[tuple[str, Binding], float] = field(default_factory=Ledger)
+    witnesses: Ledger[tuple[str, int, Binding], str] = field(default_factory=Ledger)
+    sightings: Mapping[str, tuple[tuple[float, float], ...]] = field(default_factory=dict)
+    claimed: Ledger[tuple[str, str], str] = field(default_factory=Ledger)
     unlocked: Mapping[tuple[str, str], int] = field(default_factory=dict)
     stages: Mapping[tuple[str, str], int] = field(default_factory=dict)
 
@@ -76,9 +85,14 @@ class Registry:
         """The registry at the next boundary's telemetry."""
         return replace(self, tick=tick, time_s=time_s, states={state.id: state for state in states})
 
-    def with_events(self, events: tuple[TaskEvent, ...]) -> Registry:
-        """Task events of the boundary appended."""
-        return replace(self, emitted=self.emitted + events) if events else self
+    def with_events(self, events: Iterable[TaskEvent]) -> Registry:
+        """Task events of the boundary added; of equal ones the first counts."""
+        fresh: dict[tuple[str, tuple[str, ...]], float] = {}
+        for event in events:
+            key = (event.kind, event.entities)
+            if key not in self.emitted:
+                fresh[key] = min(event.time_s, fresh.get(key, event.time_s))
+        return replace(self, emitted={**self.emitted, **fresh}) if fresh else self
 
     def with_receipts(self, commands: Iterable[Command], receipts: Iterable[Receipt]) -> Registry:
         """Pending requests opened by `accepted`, closed by `completed` and `rejected`.
@@ -98,14 +112,9 @@ class Registry:
                     del pending[receipt.resource]
         return replace(self, pending=pending)
 
-    def with_messages(self, envelopes: Iterable[Envelope], kinds: frozenset[str]) -> Registry:
-        """Messages of the kinds that rules range over become reports, once per message id."""
-        fresh = {
-            envelope.id: Report(envelope.id, envelope.kind, envelope.sender, envelope.tick, envelope.body)
-            for envelope in envelopes
-            if envelope.kind in kinds and envelope.id not in self.reports
-        }
-        return replace(self, reports={**self.reports, **fresh}) if fresh else self
+    def with_reports(self, reports: Iterable[Report]) -> Registry:
+        """Admitted messages, which rules may range over, whoever else receives them."""
+        return replace(self, reports=self.reports.extended({report.id: report for report in reports}))
 
     def with_frames(self, frames: Iterable[FrameInfo], instance: Instance) -> Registry:
         """Captured frames, the states they were captured at, and the cells they visit."""
@@ -120,14 +129,39 @@ class Registry:
                 visits.setdefault(cell.name, Visit(cell.name, frame.entity, frame.tick))
         return replace(
             self,
-            frames={**self.frames, **new},
-            frame_states={**self.frame_states, **dict.fromkeys(new, self.states)},
+            frames=self.frames.extended(new),
+            frame_states=self.frame_states.extended(dict.fromkeys(new, self.states)),
             visits=visits,
         )
 
-    def with_assignments(self, assignments: tuple[Assignment, ...]) -> Registry:
-        """Destinations given at this boundary appended."""
-        return replace(self, assignments=self.assignments + assignments) if assignments else self
+    def with_assignments(self, assignments: Iterable[Assignment]) -> Registry:
+        """Destinations given at this boundary; they replace what their resources were given before."""
+        given: dict[str, tuple[Assignment, ...]] = {}
+        for item in assignments:
+            given[item.resource] = (*given.get(item.resource, ()), item)
+        return replace(self, assignments={**self.assignments, **given}) if given else self
+
+    def with_achieved(self, rule: str, bindings: Mapping[Binding, float]) -> Registry:
+        """Bindings for which a rule has become true, with the times."""
+        if not bindings:
+            return self
+        holes = {
+            (rule, place, (*binding[:place], *binding[place + 1 :])): value
+            for binding in bindings
+            for place, value in enumerate(binding)
+        }
+        return replace(
+            self,
+            achieved=self.achieved.extended({(rule, binding): time_s for binding, time_s in bindings.items()}),
+            witnesses=self.witnesses.extended(holes),
+        )
+
+    def with_sighting(self, entity: str, place: tuple[float, float]) -> Registry:
+        """A matched report said that the entity is at this place (east, north)."""
+        known = self.sightings.get(entity, ())
+        if place in known:
+            return self
+        return replace(self, sightings={**self.sightings, entity: (*known, place)[-SIGHTINGS:]})
 
 
 def initial(instance: Instance) -> Registry:

@@ -2,8 +2,8 @@
 
 The paper's five labels describe task structure. A declaration becomes a record when it happens: a message that
 carries the evidence (information handoff) or the assignment (guidance), a first visit of a shared cell
-(cooperation), a refused command for a shared resource (competition), a stage that follows its prerequisite
-(dependency).
+(cooperation), a command for a shared resource that was refused because somebody else has it (competition), a stage
+that follows its prerequisite (dependency). A mutual relation occurs in both directions.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class RelationTracker:
             elif relation.kind == "cooperation":
                 found.extend(self._visits(relation, before, after))
             elif relation.kind == "competition":
-                found.extend(self._conflicts(relation, receipts, after.tick))
+                found.extend(self._conflicts(relation, before, receipts, after.tick))
             else:
                 found.extend(_dependencies(relation, after, stages))
         return tuple(found)
@@ -50,8 +50,7 @@ class RelationTracker:
     def _messages(self, relation: Relation, envelopes: Sequence[Envelope], tick: int) -> Iterator[RelationRecord]:
         kind = relation.carries or relation.by
         for edge in envelopes:
-            roles = (self._role(edge.sender), self._role(edge.recipient))
-            if edge.kind == kind and roles == (relation.source, relation.target):
+            if edge.kind == kind and self._between(relation, edge.sender, edge.recipient):
                 yield RelationRecord(
                     kind=relation.kind, source=edge.sender, target=edge.recipient, by=edge.id, tick=tick
                 )
@@ -68,12 +67,23 @@ class RelationTracker:
                 if partner != agent.id:
                     yield RelationRecord(kind=relation.kind, source=agent.id, target=partner, by=name, tick=after.tick)
 
-    def _conflicts(self, relation: Relation, receipts: Sequence[Receipt], tick: int) -> Iterator[RelationRecord]:
+    def _conflicts(
+        self, relation: Relation, before: Registry, receipts: Sequence[Receipt], tick: int
+    ) -> Iterator[RelationRecord]:
+        roles = (relation.source, relation.target) if relation.mutual else (relation.source,)
         for receipt in receipts:
-            if receipt.reason in ("conflict", "busy") and self._resources.get(receipt.resource) == relation.over:
+            if self._resources.get(receipt.resource) != relation.over or self._role(receipt.sender) not in roles:
+                continue
+            held = before.pending.get(receipt.resource)
+            by_other = held is not None and held.sender != receipt.sender
+            if receipt.reason == "conflict" or (receipt.reason == "busy" and by_other):
                 yield RelationRecord(
                     kind=relation.kind, source=receipt.sender, target=receipt.resource, by=receipt.request, tick=tick
                 )
+
+    def _between(self, relation: Relation, sender: str, recipient: str) -> bool:
+        roles, declared = (self._role(sender), self._role(recipient)), (relation.source, relation.target)
+        return roles == declared or (relation.mutual and roles == declared[::-1])
 
     def _role(self, agent: str) -> str:
         return self._agents[agent].role if agent in self._agents else ""

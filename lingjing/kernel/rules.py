@@ -57,10 +57,14 @@ def holds(condition: Expr, scope: Locals, at: Instant) -> bool:
     return evaluate(condition, scope, at) is True
 
 
-def bindings(domains: tuple[tuple[str, str], ...], at: Instant) -> Iterator[dict[str, Entity | Report]]:
+def bindings(
+    domains: tuple[tuple[str, str], ...], at: Instant, *, fresh: bool = False
+) -> Iterator[dict[str, Entity | Report]]:
     """Every assignment of the (variable, domain) pairs, first variable slowest."""
     names = [name for name, _ in domains]
-    members: list[tuple[Entity | Report, ...]] = [at.domain(domain) for _, domain in domains]
+    members: list[tuple[Entity | Report, ...]] = [
+        at.fresh(domain) if fresh else at.domain(domain) for _, domain in domains
+    ]
     for values in itertools.product(*members):
         yield dict(zip(names, values, strict=True))
 
@@ -180,8 +184,28 @@ def _member(left: Value, right: Value, at: Instant) -> bool:
 
 
 def _quantified(expr: Quantified, scope: Locals, at: Instant) -> Value:
+    known = _witnessed(expr, scope, at)
+    if known is not None:
+        return known
     outcomes = (holds(expr.body, {**scope, expr.variable: member}, at) for member in at.domain(expr.domain))
     return any(outcomes) if expr.quantifier == "exists" else all(outcomes)
+
+
+def _witnessed(expr: Quantified, scope: Locals, at: Instant) -> bool | None:
+    """`exists r in D: rule(v, r)` looked up instead of searched for; None if the expression has another form."""
+    body = expr.body
+    if expr.quantifier != "exists" or not isinstance(body, Call) or not body.rule:
+        return None
+    names = [argument.name if isinstance(argument, Ref) else None for argument in body.arguments]
+    rule = at.rules.get(body.function)
+    if rule is None or None in names or names.count(expr.variable) != 1 or len(names) != len(rule.parameters):
+        return None
+    place = names.index(expr.variable)
+    others = [evaluate(argument, scope, at) for argument in body.arguments if argument != body.arguments[place]]
+    if rule.parameters[place].domain != expr.domain or not all(isinstance(value, Entity | Report) for value in others):
+        return None
+    rest: Binding = tuple(identity(value) for value in others if isinstance(value, Entity | Report))
+    return (body.function, place, rest) in at.registry.witnesses
 
 
 def _call(expr: Call, scope: Locals, at: Instant) -> Value:
@@ -241,6 +265,28 @@ def rule_moves(rule: Rule, rules: Mapping[str, Rule], kinds: frozenset[str]) -> 
     """`moving` for a rule's own condition with its parameters bound."""
     entities = frozenset(parameter.name for parameter in rule.parameters if parameter.domain not in kinds)
     return moving(rule.condition, rules, entities, kinds)
+
+
+def settles_at_once(rule: Rule, rules: Mapping[str, Rule], kinds: frozenset[str]) -> bool:
+    """Whether a binding's truth is fixed at the boundary where its report arrives, and need not be asked for again.
+
+    So it is if exactly one parameter is a report and the condition reads nothing but that report, its picture's ground
+    truth, constants and rules of the same kind about the same report.
+    """
+    reports = [parameter.name for parameter in rule.parameters if parameter.domain in kinds]
+    return len(reports) == 1 and not rule_moves(rule, rules, kinds) and _fixed(rule.condition, reports[0], rules, kinds)
+
+
+def _fixed(expr: Expr, report: str, rules: Mapping[str, Rule], kinds: frozenset[str]) -> bool:
+    if isinstance(expr, Quantified):
+        return False
+    if isinstance(expr, Call) and expr.rule:
+        about = any(isinstance(argument, Ref) and argument.name == report for argument in expr.arguments)
+        rule = rules.get(expr.function)
+        return about and rule is not None and settles_at_once(rule, rules, kinds)
+    if isinstance(expr, Call) and expr.function in ("assigned", "emitted"):
+        return False
+    return all(_fixed(child, report, rules, kinds) for child in children(expr))
 
 
 def children(expr: Expr) -> tuple[Expr, ...]:

@@ -12,16 +12,18 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import msgspec
 
 from lingjing.kernel import assignments, pictures
 from lingjing.kernel.adjudication import Adjudicator, Verdict
 from lingjing.kernel.bus import Bus, Router
-from lingjing.kernel.commands import Gate
+from lingjing.kernel.candidates import received
+from lingjing.kernel.commands import PHOTO, Gate, Resolution
 from lingjing.kernel.evaluation import Evaluation, Evaluator, MissionEvaluator, combine
 from lingjing.kernel.recording import inbox_record, observation_record, substitutions
-from lingjing.kernel.registry import Registry, initial
+from lingjing.kernel.registry import Registry, Report, initial
 from lingjing.kernel.relations import RelationTracker
 from lingjing.kernel.visibility import Projector
 from lingjing.kernel.world.contract import StoredFrame, World, WorldBoundary
@@ -38,6 +40,11 @@ from lingjing.trace.records import (
     Event,
     Receipt,
 )
+
+KERNEL: Literal["kernel"] = "kernel"
+"""The sender of the kernel's own commands. Their receipts name hidden entities and are no agent's to see."""
+
+_UNLOCK_ID = "k"
 
 Record = Callable[[BoundaryRecord, Sequence[StoredFrame]], None]
 """The recorder R: receives every committed boundary with its pictures."""
@@ -71,9 +78,10 @@ class _Inputs:
     """What the agent-runtime phase hands to a boundary, after validation."""
 
     decisions: tuple[DecisionRecord, ...] = ()
-    commands: tuple[Command, ...] = ()
+    resolved: Resolution = field(default_factory=Resolution)
     unlocks: tuple[Command, ...] = ()
     envelopes: tuple[Envelope, ...] = ()
+    reports: tuple[Report, ...] = ()
     receipts: tuple[Receipt, ...] = ()
     started: float = field(default_factory=time.perf_counter)
 
@@ -114,22 +122,25 @@ class Kernel:
     def step(self, decisions: Sequence[DecisionRecord]) -> Published:
         """Lines 28 to 53: take the collected policy outputs to the next boundary.
 
-        `decisions` are in declaration order, one for each active agent (missing agents count as no-ops).
+        `decisions` are in declaration order, one for each active agent (missing agents count as no-ops). They are
+        copied: what a caller or a policy does to its own objects afterwards changes nothing.
         """
         started = time.perf_counter()
+        decisions = tuple(received(made) for made in decisions)
         registry, tick = self.state.registry, self.state.registry.tick + 1
         envelopes, about_messages = self._router.expand(  # line 29: ValidateAndExpand
             [(made.agent, made.decision.messages) for made in decisions], tick, registry.frames
         )
-        commands, about_commands = self._gate.resolve(  # line 30: ValidateAndResolve
+        resolved = self._gate.resolve(  # line 30: ValidateAndResolve
             [(made.agent, made.decision.command) for made in decisions], registry, tick
         )
         self.state = replace(self.state, bus=self.state.bus.stage(envelopes))  # line 31
-        motion = tuple(command for command in commands if command.verb != pictures.PHOTO)
+        motion = tuple(command for command in resolved.commands if command.verb != PHOTO)
         unlocks = self._unlocking(tick)
         boundary = self.world.step(tick, unlocks + motion)  # lines 32 to 42
-        receipts = about_messages + about_commands + substitutions(decisions, tick, registry.time_s)
-        return self._commit(boundary, _Inputs(tuple(decisions), commands, unlocks, envelopes, receipts, started))
+        receipts = about_messages + resolved.receipts + substitutions(decisions, tick, registry.time_s)
+        reports = _reports(decisions, about_messages)
+        return self._commit(boundary, _Inputs(decisions, resolved, unlocks, envelopes, reports, receipts, started))
 
     def fork(self, record: Record | None = None) -> Kernel:
         """A kernel that goes on alone from this boundary: engines forked, state copied, its own recorder."""
@@ -143,12 +154,12 @@ class Kernel:
         """Kernel-origin commands for the interactions that the last boundary allowed."""
         return tuple(
             Command(
-                id=f"k{tick}-{number}",
+                id=f"{_UNLOCK_ID}{tick}-{number}",
                 tick=tick,
-                sender="kernel",
+                sender=KERNEL,
                 resource=entity,
                 verb=f"unlock.{interaction}",
-                origin="kernel",
+                origin=KERNEL,
             )
             for number, (interaction, entity) in enumerate(self.state.unlocks, 1)
         )
@@ -156,7 +167,7 @@ class Kernel:
     def _commit(self, boundary: WorldBoundary, inputs: _Inputs) -> Published:
         before = self.state.registry
         bus, delivered = self.state.bus.commit().deliver(boundary.tick)  # line 43
-        answers = self._capture(boundary, inputs.commands)
+        answers = self._capture(boundary, inputs.resolved.commands)
         frames = tuple(answer for answer in answers if isinstance(answer, StoredFrame))
         receipts = inputs.receipts + self._engine_receipts(boundary, inputs, answers)  # lines 44 and 45
         inboxes = self._inboxes(delivered, receipts)  # lines 46 and 47
@@ -190,7 +201,8 @@ class Kernel:
         self, boundary: WorldBoundary, inputs: _Inputs, answers: Sequence[StoredFrame | Absent]
     ) -> tuple[Receipt, ...]:
         """C^E: admissions (a missing one is timed out, lines 35 to 38), later receipts of long requests, pictures."""
-        sent = {command.id: command for command in inputs.unlocks + inputs.commands}
+        commands = inputs.resolved.commands
+        sent = {command.id: command for command in inputs.unlocks + commands}
         missing = tuple(
             Receipt(
                 request=name,
@@ -205,15 +217,24 @@ class Kernel:
             )
             for name in boundary.missing
         )
-        photos = pictures.receipts(inputs.commands, answers, self.instance, boundary.time_s)
-        return boundary.admissions + missing + boundary.receipts + photos
+        photos = pictures.receipts(commands, answers, self.instance, boundary.time_s)
+        admissions = tuple(_clipped(receipt, inputs.resolved.clipped) for receipt in boundary.admissions + missing)
+        return admissions + boundary.receipts + photos
 
     def _inboxes(self, delivered: Sequence[Envelope], receipts: Sequence[Receipt]) -> dict[str, Inbox]:
-        """DeliveredTo and VisibleReceiptsFor: an agent sees what is addressed to it and answers to its own requests."""
+        """DeliveredTo and VisibleReceiptsFor: an agent sees what is addressed to it and answers to its own requests.
+
+        Every recipient gets a body of its own: what it does to it reaches neither its peers nor the adjudicator.
+        """
+        answers = [receipt for receipt in receipts if not receipt.request.startswith(_UNLOCK_ID)]
         return {
             agent.id: Inbox(
-                messages=tuple(edge for edge in delivered if edge.recipient == agent.id),
-                receipts=tuple(receipt for receipt in receipts if receipt.sender == agent.id),
+                messages=tuple(
+                    msgspec.structs.replace(edge, body=dict(edge.body))
+                    for edge in delivered
+                    if edge.recipient == agent.id
+                ),
+                receipts=tuple(receipt for receipt in answers if receipt.sender == agent.id),
             )
             for agent in self.instance.agents
         }
@@ -228,13 +249,13 @@ class Kernel:
     ) -> Registry:
         return (
             registry.with_boundary(boundary.tick, boundary.time_s, boundary.snapshots[-1].states)
-            .with_receipts(inputs.commands, receipts)
+            .with_receipts(inputs.resolved.commands, receipts)
             .with_events(boundary.events)
             .with_frames([frame.info for frame in frames], self.instance)
-            .with_messages(inputs.envelopes, self._adjudicator.kinds)
+            .with_reports(inputs.reports)
             .with_assignments(
                 (
-                    *assignments.from_commands(inputs.commands, receipts),
+                    *assignments.from_commands(inputs.resolved.commands, receipts),
                     *assignments.from_messages(inputs.envelopes, self.instance.agents),
                 )
             )
@@ -284,11 +305,12 @@ class Kernel:
             task_events=boundary.events,
             frames=tuple(infos.values()),
             observations=tuple(
-                observation_record(observations[agent.id], inboxes[agent.id], infos) for agent in self.instance.agents
+                observation_record(observations[agent.id], inboxes[agent.id], infos, blank=self._blank)
+                for agent in self.instance.agents
             ),
             inboxes=tuple(inbox_record(agent.id, inboxes[agent.id]) for agent in self.instance.agents),
             decisions=inputs.decisions,
-            commands=inputs.unlocks + inputs.commands,
+            commands=inputs.unlocks + inputs.resolved.commands,
             messages=inputs.envelopes,
             receipts=tuple(receipts),
             events=verdict.events,
@@ -302,6 +324,25 @@ class Kernel:
         """The brief of every agent; `classes` are the types of everything that may be seen."""
         classes = tuple(dict.fromkeys(entity.type for entity in self.instance.entities))
         return {agent.id: self._projector.brief(agent, classes) for agent in self.instance.agents}
+
+
+def _reports(decisions: Sequence[DecisionRecord], receipts: Sequence[Receipt]) -> tuple[Report, ...]:
+    """The admitted messages as rules range over them: the router answers each candidate with one receipt, in order."""
+    candidates = [(made.agent, message) for made in decisions for message in made.decision.messages]
+    return tuple(
+        Report(receipt.request, message.kind, sender, receipt.tick, message.body)
+        for (sender, message), receipt in zip(candidates, receipts, strict=True)
+        if receipt.status == "accepted"
+    )
+
+
+def _clipped(receipt: Receipt, clipped: Mapping[str, str]) -> Receipt:
+    """An engine's answer that says what of the request the kernel had changed before."""
+    note = clipped.get(receipt.request)
+    if note is None:
+        return receipt
+    detail = f"{receipt.detail} ({note})" if receipt.detail else note
+    return msgspec.structs.replace(receipt, reason=receipt.reason or "clipped", detail=detail)
 
 
 def _with_digest(record: BoundaryRecord, digest: str, started: float) -> BoundaryRecord:

@@ -8,7 +8,9 @@ sensor or an admitted message makes the difference.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
+
+import msgspec
 
 from lingjing.kernel.registry import Registry
 from lingjing.mission.instance import AgentSpec, ChannelSpec, Entity, Instance
@@ -63,7 +65,7 @@ class Projector:
             classes=tuple(classes),
             weather=instance.weather,
             water_level_m=instance.scene.datum_m,
-            settings=instance.settings,
+            settings=dict(instance.settings),
         )
 
     def observe(
@@ -105,7 +107,9 @@ class Projector:
         """The truth, for a policy that was declared privileged."""
         return Privileged(
             instance=self._instance,
-            states=tuple(registry.states.values()),
+            states=tuple(
+                msgspec.structs.replace(state, resources=dict(state.resources)) for state in registry.states.values()
+            ),
             frames=tuple(frames),
             achieved=tuple(registry.achieved),
         )
@@ -166,7 +170,9 @@ def _merge(
 ) -> EntityView:
     """A view with the channel's fields added to what other channels already show."""
     wanted = STATE_FIELDS if "*" in fields else tuple(name for name in STATE_FIELDS if name in fields)
-    shown: Mapping[str, object] = {name: getattr(state, name) for name in wanted if name not in entity.hidden}
+    shown: dict[str, object] = {name: getattr(state, name) for name in wanted if name not in entity.hidden}
+    if "resources" in shown:
+        shown["resources"] = dict(state.resources)  # the engine's own: a policy may do what it likes to its copy
     base = {} if seen is None else {name: getattr(seen, name) for name in (*STATE_FIELDS, "busy")}
     busy = pending if own or "busy" in fields else base.get("busy")
-    return EntityView(id=entity.id, type=entity.type, **{**base, **shown, "busy": busy})  # type: ignore[arg-type]
+    return EntityView(id=entity.id, type=entity.type, **{**base, **shown, "busy": busy})
