@@ -37,6 +37,7 @@ VERBS = (
     Verb("run", "lingjing.cli.run", "play a mission to a score and a trace"),
     Verb("validate", "lingjing.cli.validate", "report every error of mission files"),
     Verb("compile", "lingjing.cli.compile", "write the typed mission graph as JSON"),
+    Verb("fmt", "lingjing.cli.fmt", "lay mission files out the one way"),
     Verb("plugins", "lingjing.cli.plugins", "list engines, policies and scenes and where they come from"),
     Verb("new", "lingjing.cli.new", "write a file to start from"),
     Verb("doctor", "lingjing.cli.doctor", "check that this machine can play missions"),

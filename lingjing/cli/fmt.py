@@ -1,0 +1,84 @@
+"""`lingjing fmt`: lay mission files out the one way; comments, units and numbers stay as they were written."""
+
+from __future__ import annotations
+
+import argparse
+import difflib
+import os
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lingjing.errors import ExitCode, UsageError
+
+if TYPE_CHECKING:
+    from lingjing.dsl.source import Source
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Declare the verb and its options."""
+    parser = subparsers.add_parser("fmt", help="lay mission files out the one way", description=__doc__)
+    parser.add_argument(
+        "files", metavar="FILE", nargs="+", help="a .ljs file, a folder of them, or - for standard input to output"
+    )
+    parser.add_argument("--check", action="store_true", help="write nothing; end with 1 if a file would change")
+    parser.add_argument("--diff", action="store_true", help="write nothing; show what would change, and end with 1")
+    parser.set_defaults(handler=handler)
+
+
+def handler(args: argparse.Namespace) -> int:
+    """Format: 0 done, 1 a file has syntax errors or would change, 2 one cannot be read (the others are still done)."""
+    codes = [_file(name, check=args.check, diff=args.diff) for word in args.files for name in _files(word)]
+    return max(codes, default=ExitCode.OK)
+
+
+def _files(word: str) -> list[str]:
+    """The file itself, or the `.ljs` files below a folder, sorted."""
+    path = Path(word)
+    if path.suffix.lower() == ".json":
+        raise UsageError(f"`{word}` is JSON", hint="fmt lays out .ljs files")
+    if word == "-" or not path.is_dir():
+        return [word]
+    found = sorted(str(file) for file in path.rglob("*.ljs"))
+    if not found:
+        raise UsageError(f"`{word}` holds no .ljs file")
+    return found
+
+
+def _file(name: str, *, check: bool, diff: bool) -> int:
+    from lingjing.cli.compile import write_whole
+    from lingjing.dsl.format import format_source
+    from lingjing.dsl.load import source_of
+    from lingjing.dsl.render import render_text, summary
+
+    try:
+        source = source_of(name)
+    except UsageError as error:
+        print(f"error: {error}", file=sys.stderr)
+        if error.hint:
+            print(f"hint: {error.hint}", file=sys.stderr)
+        return ExitCode.USAGE
+    formatted = format_source(source)
+    if formatted.text is None:
+        color = sys.stderr.isatty() and "NO_COLOR" not in os.environ
+        sys.stderr.write(render_text(formatted.diagnostics, source, color=color))
+        print(f"{name}: left as it is: {summary(formatted.diagnostics)}", file=sys.stderr)
+        return ExitCode.MISSION
+    changes = name != "-" and formatted.text.encode() != Path(name).read_bytes()
+    if diff:
+        sys.stdout.write(_diff(source, formatted.text))
+    elif name == "-" and not check:
+        sys.stdout.write(formatted.text)
+    elif check and (changes or formatted.text != source.text):
+        print(f"would reformat {name}")
+    elif changes:
+        write_whole(os.path.realpath(name), formatted.text)
+        print(f"reformatted {name}")
+    wrong = (check or diff) and (changes or formatted.text != source.text)
+    return ExitCode.MISSION if wrong else ExitCode.OK
+
+
+def _diff(source: Source, after: str) -> str:
+    before = source.text.splitlines(keepends=True)
+    lines = difflib.unified_diff(before, after.splitlines(keepends=True), source.path, source.path)
+    return "".join(line if line.endswith("\n") else f"{line}\n\\ No newline at end of file\n" for line in lines)
