@@ -150,7 +150,7 @@ def _add_property(group: model.Group, item: model.Property, draft: Draft) -> Non
             kinds: tuple[NodeKind, ...] = ("region", "grid", "asset", "target")
             place = draft.find(part.name, *kinds)
             if place and place != owner:
-                draft.edge("requires", source, place, label=item.name)
+                draft.edge("requires", source, place, label="" if item.hidden else item.name)
 
 
 def _add_message(kind: model.MessageKind, bus: str, draft: Draft) -> None:

@@ -1,0 +1,78 @@
+"""The graph as a Mermaid flowchart: a subgraph a lane, a colour an edge kind. Plain text, ends in a newline."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from lingjing.mission.draw.reading import edge_words, readable
+from lingjing.mission.draw.styles import EDGES, LANES, NODES, guard_words, lane_of
+from lingjing.mission.graph.types import Edge, MissionGraph, Node
+
+_SHAPES = {"role": ("([", "])"), "fact": ("{{", "}}"), "rule": ("[/", "/]"), "outcome": ("([", "])")}
+_ENTITIES = {"#": "#35;", '"': "#quot;", "<": "#lt;", ">": "#gt;", "`": "#96;", "&": "#amp;", "\n": " ", "\r": " "}
+
+
+def mermaid(graph: MissionGraph) -> str:
+    """The flowchart's text; the same graph gives the same text."""
+    shown = readable(graph)
+    names = _names(shown.nodes)
+    lines = ["---", f"title: {_yaml(shown.title or shown.mission)}", "---", "flowchart LR"]
+    for place, (title, _) in enumerate(LANES):
+        inside = [node for node in shown.nodes if lane_of(node) == place]
+        if inside:
+            lines.append(f'  subgraph lane{place}["{title}"]')
+            lines.extend(f"    {_node(node, names)}" for node in inside)
+            lines.append("  end")
+    lines.extend(f"  {_edge(edge, names)}" for edge in shown.edges)
+    lines.extend(f"  {line}" for line in _styles(shown, names))
+    return "\n".join(lines) + "\n"
+
+
+def escape(text: str) -> str:
+    """Text for between quotes: Mermaid reads entities with `#` and nothing else as special there."""
+    return "".join(_ENTITIES.get(letter, letter) for letter in text)
+
+
+def _node(node: Node, names: Mapping[str, str]) -> str:
+    opening, closing = _SHAPES.get(node.kind, ("[", "]"))
+    lines = [node.title, node.detail, f"when {guard_words(node.when)}" if node.when else ""]
+    label = "<br/>".join(escape(line) for line in lines if line)
+    return f'{names[node.id]}{opening}"{label}"{closing}'
+
+
+def _edge(edge: Edge, names: Mapping[str, str]) -> str:
+    arrow = "-.->" if edge.when else "==>" if EDGES[edge.kind].relation else "-->"
+    arrow = f"<{arrow}" if edge.mutual else arrow
+    return f'{names[edge.source]} {arrow}|"{escape(edge_words(edge, always=True))}"| {names[edge.target]}'
+
+
+def _styles(graph: MissionGraph, names: Mapping[str, str]) -> Iterator[str]:
+    for sort, style in NODES.items():
+        found = [names[node.id] for node in graph.nodes if node.kind == sort]
+        if found:
+            fill, border = style.light
+            yield f"classDef {sort} fill:{fill},stroke:{border},color:#0f172a"
+            yield f"class {','.join(found)} {sort}"
+    for kind, look in EDGES.items():
+        places = [str(place) for place, edge in enumerate(graph.edges) if edge.kind == kind]
+        if places:
+            yield f"linkStyle {','.join(places)} stroke:{look.light},stroke-width:{look.width}px,color:{look.light}"
+
+
+def _names(nodes: tuple[Node, ...]) -> dict[str, str]:
+    """An id of ASCII letters, digits and underscores for each node, numbered where two would be the same."""
+    taken: dict[str, str] = {}
+    for node in nodes:
+        plain = "".join(letter if letter.isascii() and letter.isalnum() else "_" for letter in node.id)
+        name, copies = plain, 1
+        while name in taken:
+            copies += 1
+            name = f"{plain}_{copies}"
+        taken[name] = node.id
+    return {identity: name for name, identity in taken.items()}
+
+
+def _yaml(text: str) -> str:
+    """A double-quoted YAML string."""
+    plain = " ".join(text.split()).replace("\\", "\\\\").replace('"', '\\"')
+    return f'"{plain}"'

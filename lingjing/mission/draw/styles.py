@@ -1,0 +1,87 @@
+"""How every kind of node and edge looks, the same in all formats: lanes, colours, words."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from lingjing.mission.graph.types import EdgeKind, Node, NodeKind
+
+
+@dataclass(frozen=True, slots=True)
+class EdgeStyle:
+    """`words` name the kind in a legend, `means` explains it; two colours, for a light and a dark page."""
+
+    words: str
+    means: str
+    light: str
+    dark: str
+    width: float = 1.6
+    relation: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class NodeStyle:
+    """The fill and the border of a node's box, each for a light and a dark page."""
+
+    light: tuple[str, str]
+    dark: tuple[str, str]
+
+
+EDGES: dict[EdgeKind, EdgeStyle] = {
+    "plays": EdgeStyle("plays", "the agent plays the role", "#94a3b8", "#64748b", 1.2),
+    "controls": EdgeStyle("controls", "embodies the asset", "#1d4ed8", "#7aa5ff", 2.2),
+    "may_command": EdgeStyle("may command", "may command what another embodies", "#0284c7", "#56c7f7", 1.8),
+    "observes": EdgeStyle("observes", "has it as an observation channel", "#0d9488", "#3bd0bd"),
+    "speaks_to": EdgeStyle("speaks to", "sends on the channel, or reads from it", "#7c3aed", "#b99bfb"),
+    "hides": EdgeStyle("hides", "no policy may read it", "#9f1239", "#fb7185", 1.4),
+    "reveals": EdgeStyle("reveals", "the audited way out of hidden", "#e11d48", "#ff6b88", 2.0),
+    "adjudicates": EdgeStyle("adjudicates", "judges against ground truth", "#ea580c", "#fb923c"),
+    "unlocks": EdgeStyle("unlocks", "lets an engine perform it", "#a16207", "#eab308", 2.2),
+    "requires": EdgeStyle("requires", "needs what the arrow points at", "#64748b", "#93a1b5", 1.3),
+    "information_handoff": EdgeStyle("information handoff", "passes evidence on", "#be185d", "#f472b6", 2.4, True),
+    "cooperation": EdgeStyle("cooperation", "does complementary work", "#15803d", "#4ade80", 2.4, True),
+    "competition": EdgeStyle("competition", "contends for a resource", "#b91c1c", "#f87171", 2.4, True),
+    "guidance": EdgeStyle("guidance", "assigns work", "#4338ca", "#a5b4fc", 2.4, True),
+    "dependency": EdgeStyle("dependency", "must come first", "#1e293b", "#e2e8f0", 2.4, True),
+}
+
+NODES: dict[NodeKind, NodeStyle] = {
+    "role": NodeStyle(("#eef2ff", "#818cf8"), ("#1e2140", "#6670d6")),
+    "agent": NodeStyle(("#ffffff", "#818cf8"), ("#2a2e57", "#7f88ea")),
+    "asset": NodeStyle(("#eff6ff", "#60a5fa"), ("#162440", "#4a86d8")),
+    "resource": NodeStyle(("#ffffff", "#94a3b8"), ("#27303f", "#64748b")),
+    "channel": NodeStyle(("#f5f3ff", "#a78bfa"), ("#251d40", "#8163d0")),
+    "region": NodeStyle(("#f0fdfa", "#2dd4bf"), ("#10302d", "#22a594")),
+    "grid": NodeStyle(("#ffffff", "#2dd4bf"), ("#163d39", "#22a594")),
+    "target": NodeStyle(("#fff1f2", "#fb7185"), ("#3a1620", "#d1536a")),
+    "fact": NodeStyle(("#ffe4e6", "#be123c"), ("#521a28", "#fb7185")),
+    "rule": NodeStyle(("#fff7ed", "#fb923c"), ("#38210f", "#cf7428")),
+    "event": NodeStyle(("#fefce8", "#d4a50c"), ("#352c0b", "#b8900f")),
+    "stage": NodeStyle(("#f7fee7", "#84cc16"), ("#212e0c", "#6ba314")),
+    "outcome": NodeStyle(("#dcfce7", "#16a34a"), ("#0f331d", "#22a352")),
+}
+
+LANES: tuple[tuple[str, tuple[NodeKind, ...]], ...] = (
+    ("Roles and agents", ("role", "agent")),
+    ("Resources and channels", ("asset", "resource", "channel")),
+    ("World", ("region", "grid", "target", "fact")),
+    ("Rules and events", ("rule", "event")),
+    ("Stages", ("stage",)),
+    ("Outcome", ("outcome",)),
+)
+"""Columns from left to right, each with the kinds it holds."""
+
+_LANE_OF = {kind: place for place, (_, kinds) in enumerate(LANES) for kind in kinds}
+
+
+def lane_of(node: Node) -> int:
+    """The lane of a node; what is within another node stands in that one's lane."""
+    if node.within is not None:
+        kind = node.within.partition(":")[0]
+        return next(place for known, place in _LANE_OF.items() if known == kind)
+    return _LANE_OF[node.kind]
+
+
+def guard_words(when: str) -> str:
+    """A guard as short as it can be read: `mode == star` is `star`."""
+    return when.removeprefix("mode == ") if when.count("==") == 1 else when
