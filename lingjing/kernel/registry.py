@@ -58,8 +58,8 @@ class Registry:
     """The state G at a committed boundary.
 
     `achieved` maps (rule, binding) to the time it became true; `witnesses` maps (rule, place, the binding without that
-    place) to a value that made it true there, which is what `exists` asks for; `sightings` are the latest
-    reported positions by matched entity; `claimed` holds (frame, entity) pairs that a report has been matched with; `emitted`
+    place) to a value that made it true there, which is what `exists` asks for; `sightings` are the latest reported
+    positions by matched entity; `claimed` holds (frame, entity) pairs that a report has been matched with; `emitted`
     maps (kind, entities) to the first time an engine said so; `assignments` are the destinations given to a resource
     at the latest boundary where it was given any; `unlocked` the (interaction, entity) pairs the kernel has allowed.
     """

@@ -119,3 +119,49 @@ def test_an_unknown_sender_and_an_unknown_recipient_are_refused():
 def test_bytes_are_those_of_the_body_as_json():
     edges, _ = Router(kit.make_instance()).expand([("scout[1]", kit.says("order", assignee="boat").messages)], 1, ())
     assert {edge.bytes for edge in edges} == {len(b'{"assignee":"boat"}')}
+
+
+def with_delay(ticks, delay, **changes):
+    instance = kit.make_instance(ticks=ticks, **changes)
+    return msgspec.structs.replace(instance, comms=msgspec.structs.replace(instance.comms, delay_ticks=delay))
+
+
+def test_a_message_that_nobody_could_read_before_the_end_is_refused_as_expired():
+    kernel = kit.make_kernel(with_delay(ticks=3, delay=2))
+    kernel.reset()
+    order = kit.decisions(scout_1=kit.says("order", assignee="boat"))
+    reasons = [[r.reason for r in kernel.step(order).record.receipts] for _ in range(3)]
+    assert reasons == [[""], [""], ["expired"]]
+
+
+def test_messages_of_the_last_tick_are_read_at_the_last_boundary():
+    kernel = kit.make_kernel(kit.make_instance(ticks=1))
+    kernel.reset()
+    assert sorted(read(kernel.step(kit.decisions(scout_1=kit.says("order", assignee="boat"))))) == [
+        "scout[2]",
+        "skipper",
+    ]
+
+
+def test_a_report_is_adjudicated_when_it_is_sent_also_if_its_readers_wait_or_do_not_exist():
+    alone = kit.make_instance()
+    alone = msgspec.structs.replace(alone, agents=alone.agents[:1])
+    for instance in (alone, with_delay(ticks=2, delay=5)):
+        kernel = kit.make_kernel(instance)
+        kernel.reset()
+        kernel.step(kit.decisions(scout_1=kit.does("takePhoto")))
+        record = kernel.step(kit.decisions(scout_1=kit.report("f1-uav[1]-nadir"))).record
+        assert [event.kind for event in record.events] == ["matched", "reported"]
+        assert [(r.status, r.detail[:11]) for r in record.receipts] == [("accepted", "adjudicated")]
+        assert record.messages == ()
+
+
+def test_a_message_to_oneself_or_to_a_hub_that_is_not_active_is_refused():
+    star = kit.make_instance("star")
+    router = Router(star)
+    _, (self_addressed,) = router.expand(
+        [("commander", kit.says("order", ("commander",), assignee="b").messages)], 1, ()
+    )
+    headless = Router(msgspec.structs.replace(star, agents=star.agents[:3]))
+    _, (lost,) = headless.expand([("scout[1]", kit.says("order", assignee="b").messages)], 1, ())
+    assert (self_addressed.reason, lost.reason) == ("bad_recipient", "no_recipient")

@@ -3,6 +3,7 @@
 import sys
 from pathlib import Path
 
+import msgspec
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -80,8 +81,96 @@ def test_a_rejection_by_the_engine_leaves_the_resource_free():
 def test_arguments_are_clipped_and_the_receipt_says_so():
     record = kernel_at_zero().step(kit.decisions(scout_1=kit.does("hop", distance=80.0))).record
     assert record.commands[0].arguments == {"distance": 50.0}
-    (receipt,) = (r for r in record.receipts if r.reason == "clipped")
+    (receipt,) = record.receipts  # one answer: the engine's, which says what was changed
+    assert (receipt.status, receipt.reason, receipt.by) == ("accepted", "clipped", "glider")
     assert "80 → 50" in receipt.detail
+
+
+def test_a_clipped_command_that_its_engine_rejects_is_rejected_once_and_assigns_nothing():
+    kernel = kernel_at_zero(kit.make_instance(victims=((450.0, 0.0),)))
+    record = kernel.step(kit.decisions(scout_1=kit.does("go", x=450.0, y=0.0, z=400.0))).record
+    (receipt,) = record.receipts
+    assert (receipt.status, receipt.reason) == ("rejected", "unreachable")
+    assert "400 → 160" in receipt.detail
+    assert kernel.state.registry.assignments == {}
+    assert kernel.state.registry.pending == {}
+
+
+class Preempting(kit.Glider):
+    """`stop` takes ten seconds, and the old request is reported as pre-empted while it lasts."""
+
+    def reset(self, spec, city, seed):
+        self.lost, self.halting = [], {}
+        return super().reset(spec, city, seed)
+
+    def admit(self, command):
+        if command.verb == "stop" and command.resource in self.jobs:
+            self.lost.append(self.receipt(self.jobs[command.resource], "rejected", reason="preempted"))
+            self.halting[command.resource] = (command, self.time_s + 10.5)
+        return super().admit(command)
+
+    def advance(self, until, mirrors):
+        boundary = super().advance(until, mirrors)
+        done = [name for name, (_, end) in self.halting.items() if end <= until]
+        ended = tuple(self.receipt(self.halting.pop(name)[0], "completed") for name in done)
+        early, self.lost = tuple(self.lost), []
+        return msgspec.structs.replace(boundary, receipts=early + boundary.receipts + ended)
+
+
+def test_the_end_of_a_pre_empted_request_does_not_release_the_one_that_took_over():
+    kernel = kernel_at_zero(plugin=kit.KitPlugin(glider=Preempting))
+    kernel.step(kit.decisions(skipper=kit.does("go", x=0.0, y=390.0)))
+    stopped = kernel.step(kit.decisions(skipper=kit.does("stop"))).record
+    assert [(r.request, r.status, r.reason) for r in stopped.receipts] == [
+        ("c2-1", "accepted", ""),
+        ("c1-1", "rejected", "preempted"),
+    ]
+    assert kernel.state.registry.pending["boat"].id == "c2-1"
+    kernel.step(kit.decisions())
+    assert kernel.state.registry.pending == {}
+
+
+def test_a_stop_without_admission_receipt_leaves_the_old_request_pending():
+    class Deaf(kit.Glider):
+        verbs_without_receipt = ("stop",)
+
+    kernel = kernel_at_zero(plugin=kit.KitPlugin(glider=Deaf))
+    kernel.step(kit.decisions(skipper=kit.does("go", x=0.0, y=390.0)))
+    record = kernel.step(kit.decisions(skipper=kit.does("stop"))).record
+    assert [(r.request, r.status) for r in record.receipts] == [("c2-1", "timed_out")]
+    assert kernel.state.registry.pending["boat"].id == "c1-1"
+
+
+def test_a_dead_entity_takes_no_pictures():
+    class Crashed(kit.Glider):
+        def advance(self, until, mirrors):
+            boundary = super().advance(until, mirrors)
+            dead = tuple(msgspec.structs.replace(state, status="dead") for state in boundary.states)
+            return msgspec.structs.replace(boundary, states=dead)
+
+    kernel = kernel_at_zero(plugin=kit.KitPlugin(glider=Crashed))
+    kernel.step(kit.decisions())
+    record = kernel.step(kit.decisions(scout_1=kit.does("takePhoto"))).record
+    assert (refusals(record), record.frames) == ([("scout[1]", "dead")], ())
+
+
+def test_a_picture_that_comes_too_late_releases_its_resource():
+    class Lazy(kit.Table):
+        def capture(self, requests):
+            return ()
+
+    kernel = kernel_at_zero(plugin=kit.KitPlugin(table=Lazy))
+    published = kernel.step(kit.decisions(scout_1=kit.does("takePhoto")))
+    assert [(r.status, r.reason) for r in published.record.receipts] == [("accepted", ""), ("timed_out", "not_drawn")]
+    assert [item.reason for item in published.observations["scout[1]"].absent] == ["not_drawn"]
+    assert kernel.state.registry.pending == {}
+
+
+def test_an_agent_without_resources_is_told_so():
+    kernel = kernel_at_zero(kit.make_instance("star"))
+    record = kernel.step(kit.decisions(commander=kit.does("go", x=0.0, y=0.0))).record
+    assert refusals(record) == [("commander", "unknown_resource")]
+    assert "may command nothing" in record.receipts[0].detail
 
 
 def test_destinations_are_clipped_to_the_altitude_band():

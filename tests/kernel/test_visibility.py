@@ -6,6 +6,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parent))
 
 import kernel_kit as kit
+import msgspec
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -93,6 +94,55 @@ def test_a_brief_holds_schema_peers_and_public_settings_but_no_target():
     assert [peer.id for peer in brief.peers] == ["scout[2]", "skipper"]
     assert brief.classes == ("person", "craft")
     assert "victim[" not in repr(brief)
+
+
+def test_what_a_policy_does_to_its_inputs_reaches_nobody_else():
+    def played(spoil):
+        kernel = kit.make_kernel(plugin=kit.KitPlugin(glider=Powered))
+        kernel.briefs()["skipper"].settings.update(victims=99.0)
+        kernel.reset()
+        kernel.step(kit.decisions(scout_1=kit.does("takePhoto")))
+        said = kernel.step(kit.decisions(scout_1=kit.report("f1-uav[1]-nadir", position=(280.0, 0.0))))
+        if spoil:
+            said.inboxes["skipper"].messages[0].body.clear()
+            said.observations["skipper"].entities[0].resources["battery"] = 99.0
+        assert said.inboxes["scout[2]"].messages[0].body["class"] == "person"
+        return kernel.step(kit.decisions(skipper=kit.does("go", x=280.0, y=0.0))).record
+
+    spoilt, clean = played(True), played(False)
+    assert [change.stage for change in clean.stages] == ["handoff"]  # by the reported position
+    assert spoilt.digest == clean.digest
+    assert spoilt.snapshots[-1].states[-1].resources == {"battery": 1.0}
+
+
+class Powered(kit.Glider):
+    def advance(self, until, mirrors):
+        boundary = super().advance(until, mirrors)
+        for name, state in self.states.items():
+            self.states[name] = msgspec.structs.replace(state, resources=state.resources or {"battery": 1.0})
+        return msgspec.structs.replace(boundary, states=tuple(self.states.values()))
+
+
+def test_receipts_of_the_kernels_own_commands_are_nobodys_whatever_an_agent_is_called():
+    instance = kit.make_instance()
+    named = msgspec.structs.replace(instance.agents[2], id="kernel", name="kernel")
+    kernel = kit.make_kernel(msgspec.structs.replace(instance, agents=(*instance.agents[:2], named)))
+    kernel.reset()
+    kernel.step(kit.decisions(scout_1=kit.does("takePhoto")))
+    kernel.step(kit.decisions(scout_1=kit.report("f1-uav[1]-nadir")))
+    published = kernel.step(kit.decisions())
+    assert [r.resource for r in published.record.receipts] == ["victim[1]"]
+    assert published.inboxes["kernel"].receipts == ()
+
+
+def test_blanked_pictures_are_not_part_of_what_was_seen():
+    there, elsewhere = kit.make_instance(), kit.make_instance(victims=((200.0, 200.0), (-100.0, 0.0)))
+    seen = []
+    for instance in (there, elsewhere):
+        kernel = kit.make_kernel(instance, blank_pictures=True)
+        kernel.reset()
+        seen.append(inputs(kernel.step(kit.decisions(scout_1=kit.does("takePhoto")))))
+    assert seen[0] == seen[1]
 
 
 def test_relations_are_silent_when_nothing_happens():

@@ -1,0 +1,173 @@
+"""What a policy may throw at the kernel: every odd value is refused with a receipt and none of it reaches a trace."""
+
+import asyncio
+import sys
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+import kernel_kit as kit
+
+from lingjing.kernel.barrier import PolicyBarrier
+from lingjing.kernel.candidates import DECISION_BYTES, THOUGHT_LETTERS, plain
+from lingjing.trace.encoding import to_json
+from lingjing.trace.records import Action, Decision, Outgoing, Usage
+
+NAN, INF = float("nan"), float("inf")
+
+
+def stepped(made, name="scout_1", **options):
+    kernel = kit.make_kernel(**options)
+    kernel.reset()
+    kernel.step(kit.decisions(scout_1=kit.does("takePhoto")))
+    return kernel.step(kit.decisions(**{name: made})).record
+
+
+@pytest.mark.parametrize("value", [NAN, INF, -INF, 10**400, -(10**400), 1e308, -1.1e7, 2**63])
+@pytest.mark.parametrize("name", ["x", "z"])
+def test_an_unusable_number_in_a_command_is_refused_and_never_taken_for_one_left_out(name, value):
+    record = stepped(kit.does("go", **{"x": 0.0, "y": 0.0, name: value}))
+    (receipt,) = record.receipts
+    assert (receipt.status, receipt.reason) == ("rejected", "bad_argument")
+    assert name in receipt.detail
+    assert record.commands == ()
+    assert b"null" not in msgspec.json.encode(record.decisions[0].decision.command.arguments)
+
+
+@pytest.mark.parametrize("value", [NAN, INF, 10**400, 1e308])
+def test_an_unusable_number_in_a_message_is_refused_and_the_command_beside_it_goes_on(value):
+    frame = "f1-uav[1]-nadir"
+    record = stepped(kit.joined(kit.does("go", x=0.0, y=0.0), kit.report(frame, position=(value, 0.0))))
+    assert [(r.by, r.status, r.reason) for r in record.receipts] == [
+        ("bus", "rejected", "bad_field"),
+        ("glider", "accepted", ""),
+        ("glider", "completed", ""),
+    ]
+    assert record.messages == ()
+    order = stepped(kit.says("order", assignee="boat", position=(0.0, value)))
+    assert [r.reason for r in order.receipts] == ["bad_field"]
+
+
+@pytest.mark.parametrize(
+    "made",
+    [
+        Decision(usage=Usage(cost_usd=NAN)),
+        Decision(usage=Usage(prompt_tokens=10**30)),
+        Decision(command=Action(verb="stop", tick=10**30)),
+        Decision(thought=object()),
+        Decision(messages=(Outgoing(kind="order", body={"assignee": {"deep": 1}}),)),
+        Decision(command=Action(verb="go", arguments={"x": [[[]]]})),
+        Decision(command=Action(verb="v" * DECISION_BYTES)),
+    ],
+)
+def test_what_does_not_fit_the_schema_becomes_a_substituted_no_op(made):
+    record = stepped(made)
+    assert [(r.status, r.reason) for r in record.receipts] == [("substituted", "malformed")]
+    assert record.decisions[0].decision == Decision()
+    assert len(to_json(record.decisions[0])) < 1000
+
+
+def test_a_value_that_contains_itself_is_malformed():
+    loop = []
+    loop.append(loop)
+    assert stepped(Decision(command=Action(verb="go", arguments={"x": loop}))).decisions[0].substituted == "malformed"
+
+
+def test_numpy_values_are_taken_for_what_they_are():
+    record = stepped(kit.does("go", x=np.float32(1.5), y=np.int64(2), z=np.float64(30.0)))
+    assert record.commands[0].arguments == {"x": 1.5, "y": 2.0, "z": 30.0}
+    where = stepped(kit.says("order", assignee="boat", position=np.array([1.0, 2.0])))
+    assert where.messages[0].body["position"] == (1.0, 2.0)
+
+
+def test_a_lone_surrogate_is_replaced_and_a_long_thought_is_cut():
+    made = stepped(Decision(thought="\ud83dno" + "x" * 10**6)).decisions[0]
+    assert made.substituted == ""
+    assert made.decision.thought.startswith("\ufffdno")
+    assert len(made.decision.thought) == THOUGHT_LETTERS
+    assert plain(Decision(thought="grün 🛟")).thought == "grün 🛟"
+
+
+def test_a_decision_made_plain_stays_as_it_is():
+    made = kit.joined(kit.does("go", x=NAN, y=10**30), kit.report("f", position=(INF, -INF)))
+    assert plain(plain(made)) == plain(made)
+
+
+def test_a_subclass_of_a_decision_counts_as_one_and_an_extended_one_does_not():
+    class Same(Decision, frozen=True):
+        pass
+
+    class More(Decision, frozen=True):
+        mood: str = "good"
+
+    assert type(stepped(Same(thought="hm")).decisions[0].decision) is Decision
+    assert stepped(More()).decisions[0].substituted == "malformed"
+
+
+def test_an_object_that_a_policy_keeps_changes_nothing_afterwards():
+    body = {"assignee": "boat"}
+    kernel = kit.make_kernel()
+    kernel.reset()
+    record = kernel.step(kit.decisions(scout_1=Decision(messages=(Outgoing(kind="order", body=body),)))).record
+    body["assignee"] = "uav[1]"
+    assert {edge.body["assignee"] for edge in record.messages} == {"boat"}
+    assert record.decisions[0].decision.messages[0].body == {"assignee": "boat"}
+
+
+class Raising:
+    def __init__(self, error):
+        self.error = error
+
+    async def reset(self, brief):
+        pass
+
+    async def act(self, observation, inbox):
+        raise self.error
+
+
+class WordlessError(Exception):
+    def __str__(self):
+        raise OSError("no words")
+
+
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [
+        (GeneratorExit(), "GeneratorExit"),
+        (asyncio.CancelledError(), "CancelledError"),
+        (BaseException("odd"), "BaseException"),
+        (WordlessError(), "WordlessError"),
+        (ValueError(), "ValueError"),
+    ],
+)
+def test_whatever_a_policy_raises_is_its_own_failure(error, words):
+    barrier = PolicyBarrier({"a": Raising(error)}, 5.0)
+    (made,) = barrier.act({"a": (None, None)})
+    barrier.close()
+    assert (made.substituted, words in made.detail) == ("policy_error", True)
+
+
+def test_the_address_of_an_object_is_not_part_of_the_story():
+    details = set()
+    for _ in range(2):
+        barrier = PolicyBarrier({"a": Raising(ValueError(object()))}, 5.0)
+        details.add(barrier.act({"a": (None, None)})[0].detail)
+        barrier.close()
+    assert details == {"ValueError: <object object at 0x…>"}
+
+
+def test_the_time_of_a_call_is_its_own_and_not_that_of_the_call_before_it():
+    class Sleeping(Raising):
+        async def act(self, observation, inbox):
+            await asyncio.sleep(self.error)
+            return Decision()
+
+    barrier = PolicyBarrier({"slow": Sleeping(0.4), "quick": Sleeping(0.0)}, 5.0)
+    slow, quick = barrier.act(dict.fromkeys(("slow", "quick"), (None, None)))
+    barrier.close()
+    assert slow.policy_wall_s >= 0.4
+    assert quick.policy_wall_s < 0.3
