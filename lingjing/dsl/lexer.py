@@ -14,6 +14,7 @@ import re
 from lingjing.dsl.reporter import Reporter
 from lingjing.dsl.suggest import nearest
 from lingjing.dsl.tokens import INNER, OPERATORS_THAT_CONTINUE, STATEMENTS, SYMBOLS, Token
+from lingjing.mission.diagnostics import Related
 
 DEEPEST = 64
 """Brackets within brackets. A mission needs about six; the bound keeps every later phase's recursion shallow."""
@@ -32,6 +33,7 @@ MASTER = re.compile(
   | (?P<LINE>(?:\r\n|\n|\r)(?:[ \t]*(?:\#[^\r\n]*)?(?:\r\n|\n|\r))*)
   | (?P<COMMA>,)
   | (?P<SYMBOL><->|->|<=|>=|==|!=|\.\.|\.\*|[-+*/<>=~:.(){{}}\[\]])
+  | (?P<LONGSTRING>""\"[^"\\]*(?:(?:\\.|"(?!""))[^"\\]*)*""\")
   | (?P<STRING>"[^"\\\r\n]*(?:\\[^\r\n][^"\\\r\n]*)*")
   | (?P<OPENSTRING>"[^\r\n{{}}]*)
   | (?P<BADNUMBER>\d\w*(?:\.\w+)*)
@@ -60,13 +62,16 @@ _CLOSERS = {"(": ")", "[": "]", "{": "}", "set": "}"}
 class Lexer:
     """State of one pass over one text: the tokens so far and the open brackets."""
 
-    def __init__(self, text: str, report: Reporter) -> None:
+    def __init__(self, text: str, report: Reporter, *, guided: bool = False) -> None:
         self.text = text
         self.report = report
         self.tokens: list[Token] = []
         self.open: list[tuple[str, int]] = []
         self.previous = "NL"
 
+        self.guide = Indentation(text) if guided else None
+        self.depths: dict[int, int] = {}
+        self.unbalanced = False
     def run(self) -> list[Token] | None:
         """All tokens, ending in `$END`; None if the nesting is beyond all reason, which ends the compilation."""
         self._refuse_bidi()
@@ -77,6 +82,7 @@ class Lexer:
             "COMMA": self._comma,
             "SYMBOL": self._symbol,
             "STRING": self._string,
+            "LONGSTRING": self._string,
             "OPENSTRING": self._open_string,
             "BADNUMBER": self._bad_number,
             "BAD": self._bad,
@@ -171,9 +177,57 @@ class Lexer:
         if _CONTINUES.match(self.text, match.end()):
             return 0
         self._add("NL", match.start(), match.start())
+        if self.guide is not None and self._block_was_forgotten(self.guide, match):
+            return 0
         return 0
 
     def _bracket_was_forgotten(self, bracket: str, at: int) -> bool:
+    def _block_was_forgotten(self, guide: Indentation, line: re.Match[str]) -> bool:
+        """Supply `{` where the next line is indented deeper than a header without one, `}` where it is not."""
+        last = self.tokens[-1]
+        first = self._statement()
+        depth = guide.depth(line.end())
+        if depth is None or self.text.startswith("}", line.end() + depth):
+            return False
+        if first is last and first.text in _BLOCK_KEYWORDS:
+            first = self.tokens[-1] = Token(STATEMENTS[first.text], first.text, first.start, first.end)
+        if first.type in _HEADERS and last.type != "LBRACE" and depth > guide.depth_of_line(first.start):
+            self.report("LJ0010", last.end, last.end, f"`{{` is due after this `{first.text}`", "add `{`")
+            self._opened(guide, last.end)
+            self.open.append(("{", last.end))
+            self._add("LBRACE", last.end, last.end)
+            return True
+        self._close_deeper(guide, depth, orphans=True)
+        return False
+
+    def _opened(self, guide: Indentation, start: int) -> None:
+        """Remember how deep the statement that opens a block is indented."""
+        first = self._statement() if self.tokens and self.previous not in ("NL", "LBRACE") else None
+        self.depths[start] = guide.depth_of_line(first.start if first else start)
+
+    def _statement(self) -> Token:
+        at = len(self.tokens) - 1
+        while at > 0 and self.tokens[at - 1].type not in ("NL", "LBRACE", "RBRACE"):
+            at -= 1
+        return self.tokens[at]
+
+    def _close_deeper(self, guide: Indentation, depth: int, *, orphans: bool) -> None:
+        """Close the blocks whose opening line is indented deeper than `depth`, or as deep where `orphans`."""
+        while self.open and self.open[-1][0] == "{":
+            opened = self.depths[self.open[-1][1]]
+            if opened < depth or (opened == depth and not orphans):
+                return
+            self._supply_brace()
+
+    def _supply_brace(self) -> None:
+        _, start = self.open.pop()
+        if self.previous in ("NL", "SEP"):
+            self.tokens.pop()
+        end = self.tokens[-1].end
+        related = (Related(self.report.span(start, start + 1), "opened here"),)
+        self.report("LJ0003", end, end, "`}` is missing here", "add `}`", related=related, replace="}")
+        self._add("RBRACE", end, end)
+
         """A new line inside a bracket that can only begin a statement: two operands in a row, or a keyword."""
         match = _STARTS.match(self.text, at)
         if match is None or (bracket == "set" and match["word"] is None):
@@ -235,7 +289,12 @@ class Lexer:
             if self.previous != "IN":
                 self._close_down_to_block(start)
             is_set = self.previous == "IN"
+            if self.guide is not None and self.previous == "LBRACE":
+                self.report("LJ0003", start, end, "`{` is never closed", "remove it", replace="")
+                return 0
             self.open.append(("set" if is_set else "{", start))
+            if self.guide is not None:
+                self._opened(self.guide, start)
             self._add("LSET" if is_set else "LBRACE", start, end)
         elif text in ")]}":
             self._close(text, start, end)
@@ -251,7 +310,11 @@ class Lexer:
                 return
             self._close_down_to_block(start)
         if not self.open or _CLOSERS[self.open[-1][0]] != closer:
+            if self.guide is not None and self._is_surplus(self.guide, start):
+                self.report("LJ0004", start, end, "`}` is too much here", "remove it", replace="")
+                return
             self.report("LJ0004", start, end, f"`{closer}` closes nothing", "remove it, or add what it should close")
+            self.unbalanced |= closer == "}"
             return
         self.open.pop()
         if closer == "}" and self.previous in ("NL", "SEP"):
@@ -259,6 +322,25 @@ class Lexer:
         self._add(SYMBOLS[closer], start, end)
 
     # -- texts and faults
+    def _is_surplus(self, guide: Indentation, start: int) -> bool:
+        """Whether a `}` cannot close the innermost block, as the lines are indented; closes deeper blocks first."""
+        begin = guide.line_start(start)
+        if self.open and guide.line_start(self.open[-1][1]) == begin:
+            return False
+        depth = guide.depth_of_line(start)
+        if begin + depth == start:
+            self._close_deeper(guide, depth, orphans=False)
+            return not self.open or self.depths[self.open[-1][1]] != depth
+        if not self.open:
+            return True
+        opened = self.depths[self.open[-1][1]]
+        after = _NEXT_LINE.match(self.text, start)
+        following = guide.depth(after.end("lines")) if after else None
+        if after is None or following is None:
+            return False
+        closes = self.text.startswith("}", after.end("lines") + following)
+        return following > opened or (closes and following == opened)
+
 
     def _string(self, match: re.Match[str]) -> int:
         self._add("STRING", match.start(), match.end())
@@ -293,7 +375,12 @@ class Lexer:
         if self.previous in ("NL", "SEP") and self.tokens:
             self.tokens.pop()
         while self.open:
+            self.previous = ""
             _, start = self.open.pop()
+            self.unbalanced = True
+            if self.guide is not None:
+                self._supply_brace()
+                continue
             self.report("LJ0003", start, start + 1, "`{` is never closed", "add `}`")
             self._add("RBRACE", end, end)
         self._add("$END", end, end)
@@ -301,6 +388,59 @@ class Lexer:
 
 
 _COMMAS = frozenset(";，、；")
+class Indentation:
+    """How deep lines are indented: where braces do not balance, that tells which block was meant."""
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+
+    def line_start(self, offset: int) -> int:
+        """Where the line of an offset begins."""
+        return max(self.text.rfind("\n", 0, offset), self.text.rfind("\r", 0, offset)) + 1
+
+    def depth_of_line(self, offset: int) -> int:
+        """Indentation of an offset's line, in characters."""
+        begin = self.line_start(offset)
+        return _BLANK.match(self.text, begin).end() - begin  # type: ignore[union-attr]
+
+    def depth(self, begin: int) -> int | None:
+        """Indentation of the line that begins there or, if there is only a comment, of the next; None at the end."""
+        match = _NEXT_CODE.match(self.text, begin)
+        return None if match is None else len(match["depth"])
+
+    def is_kept(self) -> bool:
+        """Whether the author indents what stands in a block."""
+        opened = deeper = 0
+        for match in _OPENED.finditer(self.text):
+            opened += 1
+            deeper += len(match["inside"]) > len(match["outside"])
+        return opened > 0 and deeper >= 0.9 * opened
+
+
+_BLANK = re.compile(r"[ \t]*")
+_NEXT_CODE = re.compile(r"(?:[ \t]*(?:\#[^\r\n]*)?[\r\n])*(?P<depth>[ \t]*)(?=[^\s\#])")
+_NEXT_LINE = re.compile(r"[}\s]*?(?:\#[^\r\n]*)?(?P<lines>[\r\n]+)")
+_OPENED = re.compile(r"^(?P<outside>[ \t]*)[^\s\#][^\r\n]*\{[ \t]*[\r\n]+(?P<inside>[ \t]*)(?=[^\s}])", re.MULTILINE)
+_HEADERS = frozenset(
+    (
+        "MISSION",
+        "SCENE",
+        "CLOCK",
+        "BUDGET",
+        "WEATHER",
+        "COMMS",
+        "ACTIONS",
+        "GRID",
+        "TARGET",
+        "ASSET",
+        "CAMERA",
+        "AGENT",
+        "ADJUDICATE",
+        "STAGE",
+        "INTERACTION",
+        "RECORD",
+    )
+)
 _BAD_HINTS = {
     "'": 'texts stand in double quotes: `"…"`',
     "&": "write `and`",
@@ -313,5 +453,15 @@ _BAD_HINTS = {
 
 
 def lex(text: str, report: Reporter) -> list[Token] | None:
-    """The tokens of a text, see `Lexer.run`; faults go to `report`."""
-    return Lexer(text, report).run()
+    """The tokens of a text, see `Lexer.run`; faults go to `report`.
+
+    If braces do not balance and the author indents blocks, a second pass goes by the indentation: what is missing or
+    too much is then reported where it is, and costs none of the other blocks.
+    """
+    before = len(report.diagnostics)
+    lexer = Lexer(text, report)
+    tokens = lexer.run()
+    if tokens is None or not lexer.unbalanced or not Indentation(text).is_kept():
+        return tokens
+    del report.diagnostics[before:]
+    return Lexer(text, report, guided=True).run()

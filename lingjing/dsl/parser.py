@@ -45,6 +45,7 @@ class Parser:
         ]
         self.states = [self.tables.start]
         self.values: list[Any] = []
+        self.repaired: set[int] = set()
 
     def run(self, tokens: list[Token]) -> s.File:
         """Parse; always ends with a tree."""
@@ -53,6 +54,8 @@ class Parser:
             fault = self._drive(tokens, at)
             if fault < 0:
                 return self.values[-1]  # type: ignore[no-any-return]
+            if fault == last_fault == len(tokens) - 1:
+                raise AssertionError("the lexer let braces pass that do not balance")
             at = self._recover(tokens, fault, silent=fault == last_fault)
             last_fault = max(fault, at)
 
@@ -100,6 +103,9 @@ class Parser:
             if mended >= 0:
                 return mended
             self._explain(tokens, begin, fault)
+            if begin not in self.repaired and self._repair(tokens, fault):
+                self.repaired.add(begin)
+                return fault
         self._drop_statement()
         stop = _statement_stop(tokens, fault)
         if stop == fault and silent:
@@ -111,6 +117,41 @@ class Parser:
         self.states.append(state)
         self.values.append(error)
         return stop
+
+    def _repair(self, tokens: list[Token], fault: int) -> bool:
+        """Change one token where the fault was reported, if the statement then reads to its end.
+
+        What the statement declares stays known to the later phases. Tried in this order, the first that reads
+        farthest wins: leave the token out, swap it with the next, supply what may be missing before it.
+        """
+        token = tokens[fault]
+        follow = tokens[fault : fault + _LOOKAHEAD]
+        tries: list[tuple[list[Token], int]] = []
+        if token.type not in _BOUNDARIES and len(follow) > 1:
+            tries.append((follow[1:], 1))
+            if follow[1].type not in _BOUNDARIES:
+                tries.append(([follow[1], token, *follow[2:]], 2))
+        tries += [([Token(kind, text, token.start, token.start), *follow], 0) for kind, text in _SUPPLIED]
+        best, reached = None, 0
+        for changed, taken in tries:
+            read = self._reads(changed)
+            if read > reached:
+                best, reached = (changed, taken), read
+        if best is None:
+            return False
+        changed, taken = best
+        tokens[fault : fault + taken] = changed[: {0: 1, 1: 0, 2: 2}[taken]]
+        return True
+
+    def _reads(self, tokens: list[Token]) -> int:
+        """How well these tokens follow: 0 if they stop fitting within the statement."""
+        states = list(self.states)
+        for position, token in enumerate(tokens):
+            if not self._step(states, token.type):
+                return 0
+            if token.type in _BOUNDARIES and position:
+                return _LOOKAHEAD + 1
+        return len(tokens)
 
     def _drop_statement(self) -> None:
         """Pop to where the unfinished statement began: past any block of its own that is already closed."""
@@ -180,12 +221,16 @@ class Parser:
         return sorted(kind for kind in row if kind.isupper() and kind != "ERROR" and self._accepts(kind))
 
     def _accepts(self, kind: str) -> bool:
-        states = list(self.states)
+        return self._step(list(self.states), kind)
+
+    def _step(self, states: list[int], kind: str) -> bool:
+        """Shift one token on a stack of states, reductions first; False if it does not fit."""
         while True:
             action = self.tables.states[states[-1]].get(kind)
             if action is None:
                 return False
             if action >= 0:
+                states.append(action)
                 return True
             size, origin, _, _ = self.rules[~action]
             if size:
@@ -237,6 +282,22 @@ def _shown(token: Token) -> str:
     return f"`{text}`" if len(text) <= 30 else NAMES_IN_MESSAGES.get(token.type, "this")
 
 
+_LOOKAHEAD = 24
+"""Tokens that a repair is tried on."""
+_BOUNDARIES = frozenset(("NL", "LBRACE", "RBRACE", "$END"))
+_SUPPLIED = (
+    ("COLON", ":"),
+    ("EQUAL", "="),
+    ("COMMA", ","),
+    ("SEP", ","),
+    ("IN", "in"),
+    ("AS", "as"),
+    ("WHEN", "when"),
+    ("RPAR", ")"),
+    ("OP", "*"),
+    ("NUMBER", "?"),
+)
+"""What a repair may supply; the number is none, so that the builder makes a broken expression of it."""
 _AFTER_KEYWORD = frozenset(("NAME", "STRING", "NUMBER", "QUANTITY", "LBRACE", "WHEN"))
 _VALUE_STARTS = frozenset(
     (

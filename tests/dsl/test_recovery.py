@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 from lingjing.dsl import compile_text
 from lingjing.mission.diagnostics import Diagnostic
 
@@ -37,10 +39,33 @@ def test_what_a_faulty_block_holds_is_still_read(small: str) -> None:
     assert codes(compile_text(broken).diagnostics) == [("LJ0010", 21), ("LJ0010", 23)]
 
 
-def test_an_unclosed_block_is_reported_at_its_brace(small: str) -> None:
+def test_an_unclosed_block_is_reported_where_it_should_end(small: str) -> None:
     found = compile_text(small.rstrip()[:-1]).diagnostics
+    assert codes(found) == [("LJ0003", 38)]
+    assert found[0].related[0].span.line == 6
+
+
+def test_without_indentation_an_unclosed_block_is_reported_at_its_brace(small: str) -> None:
+    flat = "\n".join(line.strip() for line in small.rstrip()[:-1].split("\n"))
+    found = compile_text(flat).diagnostics
     assert codes(found) == [("LJ0003", 6)]
     assert found[0].message == "`{` is never closed"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "code", "line"),
+    [
+        ("  target victim[1..3] : person_in_water {", "  target victim[1..3] : person_in_water", "LJ0010", 18),
+        ("  target victim[1..3] : person_in_water {", "  target victim[1..3] : person_in_water {{", "LJ0003", 18),
+        ("apart >= 10 m)\n  }", "apart >= 10 m)\n", "LJ0003", 19),
+        ("apart >= 10 m)\n  }", "apart >= 10 m)\n  }}", "LJ0004", 20),
+        ("channels = [rgb] }", "channels = [rgb]", "LJ0003", 23),
+        ("channels = [rgb] }", "channels = [rgb] }}", "LJ0004", 23),
+    ],
+)
+def test_an_unbalanced_brace_costs_no_other_block(small: str, old: str, new: str, code: str, line: int) -> None:
+    assert small.count(old) == 1
+    assert codes(compile_text(small.replace(old, new)).diagnostics) == [(code, line)]
 
 
 def test_an_unclosed_text_does_not_swallow_the_block(small: str) -> None:
