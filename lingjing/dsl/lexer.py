@@ -68,10 +68,10 @@ class Lexer:
         self.tokens: list[Token] = []
         self.open: list[tuple[str, int]] = []
         self.previous = "NL"
-
         self.guide = Indentation(text) if guided else None
         self.depths: dict[int, int] = {}
         self.unbalanced = False
+
     def run(self) -> list[Token] | None:
         """All tokens, ending in `$END`; None if the nesting is beyond all reason, which ends the compilation."""
         self._refuse_bidi()
@@ -81,8 +81,8 @@ class Lexer:
             "LINE": self._line,
             "COMMA": self._comma,
             "SYMBOL": self._symbol,
-            "STRING": self._string,
             "LONGSTRING": self._string,
+            "STRING": self._string,
             "OPENSTRING": self._open_string,
             "BADNUMBER": self._bad_number,
             "BAD": self._bad,
@@ -176,12 +176,11 @@ class Lexer:
             return 0
         if _CONTINUES.match(self.text, match.end()):
             return 0
-        self._add("NL", match.start(), match.start())
         if self.guide is not None and self._block_was_forgotten(self.guide, match):
             return 0
+        self._add("NL", match.start(), match.start())
         return 0
 
-    def _bracket_was_forgotten(self, bracket: str, at: int) -> bool:
     def _block_was_forgotten(self, guide: Indentation, line: re.Match[str]) -> bool:
         """Supply `{` where the next line is indented deeper than a header without one, `}` where it is not."""
         last = self.tokens[-1]
@@ -228,6 +227,7 @@ class Lexer:
         self.report("LJ0003", end, end, "`}` is missing here", "add `}`", related=related, replace="}")
         self._add("RBRACE", end, end)
 
+    def _bracket_was_forgotten(self, bracket: str, at: int) -> bool:
         """A new line inside a bracket that can only begin a statement: two operands in a row, or a keyword."""
         match = _STARTS.match(self.text, at)
         if match is None or (bracket == "set" and match["word"] is None):
@@ -288,13 +288,13 @@ class Lexer:
         elif text == "{":
             if self.previous != "IN":
                 self._close_down_to_block(start)
-            is_set = self.previous == "IN"
             if self.guide is not None and self.previous == "LBRACE":
                 self.report("LJ0003", start, end, "`{` is never closed", "remove it", replace="")
                 return 0
-            self.open.append(("set" if is_set else "{", start))
+            is_set = self.previous == "IN"
             if self.guide is not None:
                 self._opened(self.guide, start)
+            self.open.append(("set" if is_set else "{", start))
             self._add("LSET" if is_set else "LBRACE", start, end)
         elif text in ")]}":
             self._close(text, start, end)
@@ -309,19 +309,18 @@ class Lexer:
                 self._add("RSET", start, end)
                 return
             self._close_down_to_block(start)
-        if not self.open or _CLOSERS[self.open[-1][0]] != closer:
             if self.guide is not None and self._is_surplus(self.guide, start):
                 self.report("LJ0004", start, end, "`}` is too much here", "remove it", replace="")
                 return
-            self.report("LJ0004", start, end, f"`{closer}` closes nothing", "remove it, or add what it should close")
+        if not self.open or _CLOSERS[self.open[-1][0]] != closer:
             self.unbalanced |= closer == "}"
+            self.report("LJ0004", start, end, f"`{closer}` closes nothing", "remove it, or add what it should close")
             return
         self.open.pop()
         if closer == "}" and self.previous in ("NL", "SEP"):
             self.tokens.pop()
         self._add(SYMBOLS[closer], start, end)
 
-    # -- texts and faults
     def _is_surplus(self, guide: Indentation, start: int) -> bool:
         """Whether a `}` cannot close the innermost block, as the lines are indented; closes deeper blocks first."""
         begin = guide.line_start(start)
@@ -341,6 +340,7 @@ class Lexer:
         closes = self.text.startswith("}", after.end("lines") + following)
         return following > opened or (closes and following == opened)
 
+    # -- texts and faults
 
     def _string(self, match: re.Match[str]) -> int:
         self._add("STRING", match.start(), match.end())
@@ -374,20 +374,19 @@ class Lexer:
         self._close_down_to_block(end)
         if self.previous in ("NL", "SEP") and self.tokens:
             self.tokens.pop()
-        while self.open:
             self.previous = ""
-            _, start = self.open.pop()
+        while self.open:
             self.unbalanced = True
             if self.guide is not None:
                 self._supply_brace()
                 continue
+            _, start = self.open.pop()
             self.report("LJ0003", start, start + 1, "`{` is never closed", "add `}`")
             self._add("RBRACE", end, end)
         self._add("$END", end, end)
         return self.tokens
 
 
-_COMMAS = frozenset(";，、；")
 class Indentation:
     """How deep lines are indented: where braces do not balance, that tells which block was meant."""
 
@@ -441,6 +440,7 @@ _HEADERS = frozenset(
         "RECORD",
     )
 )
+_COMMAS = frozenset(";，、；")
 _BAD_HINTS = {
     "'": 'texts stand in double quotes: `"…"`',
     "&": "write `and`",

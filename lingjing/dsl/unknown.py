@@ -17,6 +17,20 @@ from lingjing.dsl.suggest import did_you_mean, nearest
 from lingjing.mission.diagnostics import Related, Span
 
 _MOST_RELATED = 5
+_SYNTAX = ("LJ0010", "LJ0011", "LJ0006", "LJ0001")
+_DECLARES_VALUES = ("param", "region", "grid", "target", "asset")
+_LOOKED_FOR_AS = {
+    "agent": ("agent", "role"),
+    "message": ("message kind",),
+    "adjudicate": ("function",),
+    "stage": ("stage",),
+}
+"""Keyword of a declaration → how `Use.what` calls what it declares; the others declare values."""
+_HEADS = {
+    **{word: re.compile(rf"{word} +\w") for word in ("message", "adjudicate", "stage", *_DECLARES_VALUES)},
+    "agent": re.compile(r"agent +\w+ *(\[[^\]]*\])? *as +(?!controls\b|when\b)\w"),
+}
+"""A declaration whose name is whole."""
 _FROM_LIBRARIES = ("no asset type", "no target type", "no type", "no message record", "no interaction")
 
 
@@ -42,8 +56,9 @@ class UnknownNames:
 
     def report_all(self) -> None:
         """Report what was noted."""
+        lost = self._lost()
         for name, uses in self.uses.items():
-            if self._was_in_a_fault(name):
+            if name in lost or self._was_in_a_fault(name):
                 continue
             declared = self._misspelt_declaration(name, uses)
             if declared is not None:
@@ -52,6 +67,38 @@ class UnknownNames:
             for use in uses:
                 self._at_use(use)
         self.uses.clear()
+
+    def _lost(self) -> set[str]:
+        """Names whose declarations are elsewhere known to be faulty: one that lost its name, or took another's.
+
+        For each such declaration the most used unknown name of its kind.
+        """
+        found: set[str] = set()
+        for keyword in self._nameless():
+            kinds = _LOOKED_FOR_AS.get(keyword, ("nothing", "group"))
+            fitting = [
+                (len(uses), name)
+                for name, uses in self.uses.items()
+                if name not in found and any(kind in uses[0].what for kind in kinds)
+            ]
+            if fitting:
+                found.add(max(fitting)[1])
+        return found
+
+    def _nameless(self) -> list[str]:
+        """The keywords of declarations whose own name cannot be what the author meant."""
+        found = []
+        source = self.report.source
+        for item in self.report.diagnostics:
+            line = source.line_text(item.span.line).strip()
+            keyword = line.split(None, 1)[0] if line else ""
+            if item.code == "LJ0104" and item.related:
+                first = source.line_text(item.related[0].span.line).strip()
+                if first != line and (keyword in _LOOKED_FOR_AS or keyword in _DECLARES_VALUES):
+                    found.append(keyword)
+            elif item.code in _SYNTAX and keyword in _HEADS and not _HEADS[keyword].match(line):
+                found.append(keyword)
+        return found
 
     def _was_in_a_fault(self, name: str) -> bool:
         """Whether a faulty statement may have declared it: the name, run together with another, or misspelt."""
