@@ -1,4 +1,4 @@
-"""`lingjing compile`: write the typed mission graph, or the mission as a `resetScenario` document."""
+"""`lingjing compile`: write the typed mission graph, or the mission as `.ljs` text or a `resetScenario` document."""
 
 from __future__ import annotations
 
@@ -8,8 +8,12 @@ import os
 import sys
 import tempfile
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from lingjing.errors import ExitCode, UsageError
+
+if TYPE_CHECKING:
+    from lingjing.mission.model import Mission
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -17,7 +21,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser = subparsers.add_parser("compile", help="write the typed mission graph as JSON", description=__doc__)
     parser.add_argument("file", metavar="FILE", help="a .ljs or .json file; - reads standard input")
     parser.add_argument("-o", "--output", metavar="OUT", help="where to write (default: standard output)")
-    parser.add_argument("--emit", choices=("mission", "reset-scenario"), default="mission", help="what to write")
+    parser.add_argument("--emit", choices=("mission", "reset-scenario", "ljs"), default="mission", help="what to write")
     parser.set_defaults(handler=handler)
 
 
@@ -33,6 +37,8 @@ def handler(args: argparse.Namespace) -> int:
         from lingjing.mission.document import encode
 
         text = encode(mission)
+    elif args.emit == "ljs":
+        text = _ljs(mission)
     else:
         from lingjing.mission.reset_emit import emit
 
@@ -42,6 +48,16 @@ def handler(args: argparse.Namespace) -> int:
     else:
         write_whole(args.output, text)
     return ExitCode.OK
+
+
+def _ljs(mission: Mission) -> str:
+    """The mission's text, and a note for whatever it does not say."""
+    from lingjing.dsl.print import lost, to_ljs
+
+    text = to_ljs(mission)
+    for place in lost(mission, text):
+        print(f"note: {place} has no place in .ljs text and is left out", file=sys.stderr)
+    return text
 
 
 def write_whole(path: str, text: str) -> None:

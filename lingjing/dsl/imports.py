@@ -1,0 +1,143 @@
+"""Where the types and message records of a mission come from: the libraries it can `use`, or its own file.
+
+A mission holds every type merged into its groups. To write it down again, each type is looked up in the libraries: the
+one that gives exactly the inherited properties, the engine and the verbs is used; a type found nowhere is written out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import msgspec
+
+from lingjing.dsl import library
+from lingjing.dsl.scope import Library, RecordDecl, TypeDecl
+from lingjing.mission import expression as ex
+from lingjing.mission import model
+
+
+@dataclass(slots=True)
+class LocalType:
+    """A type that no library has, put together again from the groups of it."""
+
+    name: str
+    role: str
+    engine: str
+    properties: tuple[model.Property, ...]
+    verbs: tuple[model.Verb, ...]
+    interactions: tuple[str, ...] = ()
+
+
+@dataclass(slots=True)
+class Imports:
+    """`uses`: library path → names, in the order of first need; `verbs`: type → all its verbs."""
+
+    uses: dict[str, list[str]] = field(default_factory=dict)
+    types: list[LocalType] = field(default_factory=list)
+    records: list[model.MessageKind] = field(default_factory=list)
+    verbs: dict[str, tuple[model.Verb, ...]] = field(default_factory=dict)
+
+
+def find_imports(mission: model.Mission) -> Imports:
+    """What the mission's file must use and declare before it."""
+    libraries = _libraries()
+    imports = Imports()
+    for name in dict.fromkeys(group.type for group in mission.groups):
+        _import_type(name, mission, libraries, imports)
+    for kind in {message.type: message for message in mission.messages}.values():
+        _import_record(kind, libraries, imports)
+    return imports
+
+
+def _libraries() -> dict[str, Library]:
+    """Every library file that has no errors, by its path in a `use`."""
+    found: dict[str, Library] = {}
+    for path in library.known_paths("std"):
+        paths = [path] if "." in path else library.known_paths(path)
+        for dotted in paths:
+            file = library.find_file(tuple(dotted.split(".")))
+            if file is not None and dotted not in found:
+                loaded, diagnostics = library.load_library(file)
+                if not diagnostics:
+                    found[dotted] = loaded
+    return found
+
+
+def _import_type(name: str, mission: model.Mission, libraries: dict[str, Library], imports: Imports) -> None:
+    groups = [group for group in mission.groups if group.type == name]
+    for path, one in libraries.items():
+        decl = one.types.get(name)
+        if decl is not None and all(_gives(decl, group) for group in groups):
+            imports.uses.setdefault(path, []).append(name)
+            imports.verbs[name] = tuple(decl.verbs.values())
+            return
+    local = _put_together(name, groups, mission)
+    imports.types.append(local)
+    imports.verbs[name] = local.verbs
+
+
+def _gives(decl: TypeDecl, group: model.Group) -> bool:
+    """Whether the group can have been declared with this type."""
+    if (decl.role, decl.engine) != (group.role, group.engine):
+        return False
+    own = {prop.name for prop in group.properties if not prop.inherited}
+    due = [_shown(prop) for prop in decl.properties if prop.name not in own]
+    given = [_shown(prop) for prop in group.properties if prop.inherited]
+    return due == given and all(_is_verb_of(verb, decl.verbs.get(verb.name)) for verb in group.verbs)
+
+
+def _shown(prop: model.Property) -> model.Property:
+    """Without `hidden`, which an entity can add to what it inherits."""
+    return msgspec.structs.replace(prop, hidden=False)
+
+
+def _is_verb_of(verb: model.Verb, of: model.Verb | None) -> bool:
+    return of is not None and (verb == of or _bounded_as(of, verb) == verb)
+
+
+def _bounded_as(verb: model.Verb, other: model.Verb) -> model.Verb:
+    """The verb with the other's bound of the first argument: all that `actions` can change."""
+    if not verb.arguments or not other.arguments:
+        return verb
+    first = msgspec.structs.replace(verb.arguments[0], maximum=other.arguments[0].maximum)
+    return msgspec.structs.replace(verb, arguments=(first, *verb.arguments[1:]))
+
+
+def _put_together(name: str, groups: list[model.Group], mission: model.Mission) -> LocalType:
+    first = groups[0]
+    properties = {prop.name: prop for group in groups for prop in group.properties if prop.inherited}
+    verbs: dict[str, model.Verb] = {}
+    for group in groups:
+        for verb in group.verbs:
+            known = verbs.get(verb.name)
+            verbs[verb.name] = verb if known is None else _wider(known, verb)
+    unlocked = tuple(dict.fromkeys(unlock.interaction for unlock in mission.unlocks))
+    own = tuple(name for name in unlocked if any(_is_part(prop, name) for prop in properties.values()))
+    return LocalType(name, first.role, first.engine, tuple(properties.values()), tuple(verbs.values()), own)
+
+
+def _is_part(prop: model.Property, interaction: str) -> bool:
+    return prop.name in {f"{interaction}_{key}" for key in ("by", "within_m", "lasting_s")}
+
+
+def _wider(a: model.Verb, b: model.Verb) -> model.Verb:
+    """The one whose first argument is bounded less."""
+
+    def most(verb: model.Verb) -> float:
+        maximum = verb.arguments[0].maximum if verb.arguments else None
+        return maximum.value if isinstance(maximum, ex.Number) else float("inf")
+
+    return a if most(a) >= most(b) else b
+
+
+def _import_record(kind: model.MessageKind, libraries: dict[str, Library], imports: Imports) -> None:
+    for path, one in libraries.items():
+        decl = one.records.get(kind.type)
+        if decl is not None and _same_record(decl, kind):
+            imports.uses.setdefault(path, []).append(kind.type)
+            return
+    imports.records.append(kind)
+
+
+def _same_record(decl: RecordDecl, kind: model.MessageKind) -> bool:
+    return (decl.category, decl.fields) == (kind.category, kind.fields)
