@@ -112,7 +112,8 @@ class Gate:
         if resource in agent.commands:
             return None
         allowed = ", ".join(agent.commands) or "nothing"
-        if resource not in self._entities:
+        entity = self._entities.get(resource)
+        if entity is None or entity.hidden:  # that a hidden entity exists is not for a receipt to say
             return Fault("unknown_resource", f"there is no resource `{resource}`; `{agent.id}` may command {allowed}")
         return Fault("no_authority", f"`{agent.id}` may not command `{resource}`, only {allowed}")
 

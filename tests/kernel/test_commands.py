@@ -27,6 +27,7 @@ def refusals(record):
     ("made", "reason", "word"),
     [
         (kit.does("go", "submarine", x=0.0, y=0.0), "unknown_resource", "uav[1], boat"),
+        (kit.does("go", "victim[1]", x=0.0, y=0.0), "unknown_resource", "uav[1], boat"),
         (kit.does("go", "uav[2]", x=0.0, y=0.0), "no_authority", "only uav[1], boat"),
         (kit.does("fly"), "unknown_verb", "go, hop"),
         (kit.does("go", x=1.0), "bad_argument", "needs `y`"),
