@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import datetime as dt
 import hashlib
+from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -32,7 +33,7 @@ from lingjing.plugins.policy import Policy, PolicyPlugin
 from lingjing.scene.city import City
 from lingjing.trace.reader import Trace, read_trace
 from lingjing.trace.records import AgentBinding, BoundaryRecord, Header, Outcome
-from lingjing.trace.writer import TraceWriter
+from lingjing.trace.writer import Picture, TraceWriter
 
 if TYPE_CHECKING:
     from lingjing.analysis.metrics import Metrics
@@ -62,6 +63,8 @@ class EpisodeResult:
     folder: Path
     metrics: Metrics
     detail: str = ""
+    warnings: tuple[str, ...] = ()
+    """What a reader of the score should know: replaced answers of policies, an overview that could not be written."""
 
 
 class EpisodeInterrupted(KeyboardInterrupt):
@@ -218,7 +221,7 @@ def _plugin(factory: Callable[..., Policy]) -> PolicyPlugin:
     return PolicyPlugin(name=name, factory=factory, privileged=bool(vars(factory).get("privileged", False)))
 
 
-def _stored(frames: object) -> list[tuple[object, bytes, object, object]]:
+def _stored(frames: object) -> list[Picture]:
     assert isinstance(frames, tuple)
     return [(frame.info, frame.jpeg, frame.depth, frame.semantic) for frame in frames if isinstance(frame, StoredFrame)]
 
@@ -253,8 +256,12 @@ def _result(path: Path, folder: Path, *, overview: bool) -> EpisodeResult:
     from lingjing.analysis.overview import draw_overview
 
     trace = read_trace(path)
+    warnings = _warnings(trace)
     if overview:
-        draw_overview(trace, folder / OVERVIEW_NAME)
+        try:
+            draw_overview(trace, folder / OVERVIEW_NAME)
+        except UsageError as error:  # the trace holds everything; a score is not lost for want of its picture
+            warnings += (f"no overview: {error}",)
     outcome = trace.outcome or _unknown(trace)
     instance = trace.header.instance
     return EpisodeResult(
@@ -271,7 +278,20 @@ def _result(path: Path, folder: Path, *, overview: bool) -> EpisodeResult:
         folder=folder,
         metrics=metrics(trace),
         detail=outcome.detail,
+        warnings=warnings,
     )
+
+
+def _warnings(trace: Trace) -> tuple[str, ...]:
+    """One line on the answers that policies failed to give, with the first failure's own words."""
+    replaced = [made for record in trace.boundaries for made in record.decisions if made.substituted]
+    if not replaced:
+        return ()
+    first, kinds = replaced[0], Counter(made.substituted for made in replaced)
+    reasons = ", ".join(f"{kind} {number}" for kind, number in sorted(kinds.items()))
+    asked = sum(len(record.decisions) for record in trace.boundaries)
+    counted = f"{len(replaced)} of {asked} policy answers were replaced by doing nothing ({reasons})"
+    return (f"{counted}; the first was `{first.agent}`: {first.detail}",)
 
 
 def _unknown(trace: Trace) -> Outcome:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import signal
+import os
 import subprocess
 import sys
 import tempfile
@@ -47,6 +47,7 @@ class RunOptions:
         """The command line that plays this one episode and prints its JSON object."""
         line = [sys.executable, "-m", "lingjing.cli.main", "run", str(self.path), "--json"]
         line += ["--seed", str(seed), "-o", str(folder), "--policy", self.policy, "--world", self.world]
+        line += ["--end-with", str(os.getpid())]
         line += ["--mode", self.mode] if self.mode else []
         line += ["--blank-pictures"] if self.blank_pictures else []
         for option, pairs in (
@@ -112,6 +113,7 @@ def _report(options: RunOptions, result: EpisodeResult) -> EpisodeReport:
         trace=str(result.trace),
         metrics=msgspec.to_builtins(result.metrics),
         detail=result.detail,
+        warnings=result.warnings,
     )
 
 
@@ -135,6 +137,7 @@ def play_apart(tasks: Iterable[Task], jobs: int) -> Iterator[tuple[Task, Episode
     """Play in child processes, `jobs` at a time, in order of completion.
 
     A child that fails before it has a result raises with its own message and exit code; the others are ended.
+    At an interrupt the children end as an interrupted command does and what they had is yielded before it is raised.
     """
     waiting = iter(tasks)
     running: list[_Child] = []
@@ -150,6 +153,13 @@ def play_apart(tasks: Iterable[Task], jobs: int) -> Iterator[tuple[Task, Episode
                 yield child.task, _finish(child)
             if not done:
                 time.sleep(0.05)
+    except KeyboardInterrupt:
+        stopped, running = running, []
+        _end(stopped)
+        for child in stopped:
+            with suppress(KeyboardInterrupt, LingjingError):  # it had no result yet
+                yield child.task, _finish(child)
+        raise
     finally:
         _end(running)
 
@@ -157,7 +167,8 @@ def play_apart(tasks: Iterable[Task], jobs: int) -> Iterator[tuple[Task, Episode
 def _start(task: Task) -> _Child:
     command = task.options.command(task.seed, task.folder)
     output, errors = tempfile.TemporaryFile(), tempfile.TemporaryFile()  # noqa: SIM115 - the child outlives this call
-    process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=output, stderr=errors)
+    # A process group of its own: a terminal's Ctrl-C reaches the caller alone, who then ends each child once.
+    process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=output, stderr=errors, process_group=0)
     return _Child(task, process, output, errors)
 
 
@@ -167,6 +178,7 @@ def _finish(child: _Child) -> EpisodeReport:
     printed, complaint = child.output.read(), child.errors.read().decode(errors="replace").strip()
     if printed:
         return msgspec.json.decode(printed, type=EpisodeReport)
+    release_if_empty(child.task.folder)
     code = child.process.returncode
     if code == ExitCode.INTERRUPTED:
         raise KeyboardInterrupt
@@ -178,7 +190,7 @@ def _end(children: list[_Child]) -> None:
     """Ask every child to stop as Ctrl-C would, then make sure."""
     for child in children:
         with suppress(ProcessLookupError):
-            child.process.send_signal(signal.SIGINT)
+            child.process.terminate()
     deadline = time.monotonic() + GRACE_S
     for child in children:
         try:
@@ -186,3 +198,4 @@ def _end(children: list[_Child]) -> None:
         except subprocess.TimeoutExpired:
             child.process.kill()
             child.process.wait()
+        release_if_empty(child.task.folder)

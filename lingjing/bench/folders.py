@@ -34,6 +34,8 @@ def claim_folder(folder: Path) -> Path:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         occupied = any(folder.iterdir())
+    except FileExistsError:
+        raise UsageError(f"`{folder}` is a file, not a folder", hint="choose another with -o") from None
     except OSError as error:
         raise _unwritable(folder, error) from error
     if occupied:

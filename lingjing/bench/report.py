@@ -16,6 +16,7 @@ class EpisodeReport(msgspec.Struct, frozen=True, kw_only=True):
     """One episode, as `lingjing run --json` prints it.
 
     `trace` is the path of the MCAP file (a `.part` if the episode was cut short), `detail` the cause of an abort.
+    `warnings` are what a reader of the score should know, a line each.
     """
 
     mission: str
@@ -30,15 +31,16 @@ class EpisodeReport(msgspec.Struct, frozen=True, kw_only=True):
     trace: str
     metrics: dict[str, object]
     detail: str = ""
+    warnings: tuple[str, ...] = ()
 
 
 class SuiteReport(msgspec.Struct, frozen=True, kw_only=True):
     """Several seeds of one mission, as `lingjing run --seeds A-B --json` prints them.
 
-    `tsr` is the share of successes among the episodes that were not aborted by the infrastructure (None if all
-    were); `success` says whether every episode succeeded; `scr` and the numbers in `metrics` are means over the
-    same episodes, `ticks` is their sum, `digest` is the SHA-256 over the episodes' digests in order, `trace` the
-    folder that holds them.
+    `tsr` is the share of successes among the episodes that were neither aborted by the infrastructure nor
+    interrupted (None if there are none); `success` says whether every episode succeeded; `scr` and the numbers in
+    `metrics` are means over the same episodes, `ticks` is their sum, `digest` is the SHA-256 over the episodes'
+    digests in order, `trace` the folder that holds them.
     """
 
     mission: str
@@ -58,7 +60,7 @@ class SuiteReport(msgspec.Struct, frozen=True, kw_only=True):
 
 def summarise(episodes: Sequence[EpisodeReport], *, seeds: str, folder: str) -> SuiteReport:
     """All episodes of one command as one report; there is at least one."""
-    counted = [episode for episode in episodes if episode.reason != ABORTED]
+    counted = [episode for episode in episodes if episode.reason not in (ABORTED, INTERRUPTED)]
     reasons = Counter(episode.reason for episode in episodes)
     return SuiteReport(
         mission=episodes[0].mission,

@@ -61,10 +61,17 @@ def _ljs(mission: Mission) -> str:
 
 
 def write_whole(path: str, text: str) -> None:
-    """Write a file so that it is there whole or not at all; `UsageError` if it cannot be written."""
-    target = Path(path).absolute()
+    """Write a file so that it is there whole or not at all; `UsageError` if it cannot be written.
+
+    A device or a pipe gets the text itself. A link is followed.
+    """
+    target = Path(path).resolve()
     if target.is_dir():
         raise UsageError(f"cannot write `{path}`: it is a folder", hint="name a file")
+    if target.exists() and not target.is_file():  # a device or a pipe is written to, never replaced
+        with target.open("w", encoding="utf-8", newline="\n") as file:
+            file.write(text)
+        return
     try:
         handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=".lingjing-", suffix=".part")
     except OSError as error:

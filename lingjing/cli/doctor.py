@@ -112,8 +112,11 @@ def check_processes() -> Finding:
 
 def check_disk() -> Finding:
     """Room and permission for runs in the working folder."""
-    here = Path.cwd()
-    free = shutil.disk_usage(here).free
+    try:
+        here = Path.cwd()
+        free = shutil.disk_usage(here).free
+    except OSError as error:
+        return Finding(name="disk", ok=False, found=f"no working folder: {error.strerror}", advice="change to another")
     writable = os.access(here, os.W_OK)
     found = f"{free / 1e9:.1f} GB free, {'writable' if writable else 'read-only'}"
     ok = writable and free >= ROOM_BYTES

@@ -5,7 +5,6 @@ Only the chosen verb's module is imported, so that `lingjing validate` starts wi
 
 from __future__ import annotations
 
-import argparse
 import errno
 import os
 import sys
@@ -14,12 +13,13 @@ from importlib import import_module
 from types import TracebackType
 from typing import NamedTuple
 
+from lingjing.cli.process import deaf, endable, leave, open_streams, silence_stdout
 from lingjing.errors import ExitCode, LingjingError, UsageError
 
 BROKEN_PIPE = 141
 """128 + SIGPIPE: what a shell reports for any tool whose reader went away."""
 
-_UNWRITABLE = {errno.EACCES, errno.EROFS, errno.ENOSPC, errno.EDQUOT, errno.EPERM}
+_UNWRITABLE = {errno.EACCES, errno.EROFS, errno.ENOSPC, errno.EDQUOT, errno.EPERM, errno.EFBIG, errno.EIO}
 
 
 class Verb(NamedTuple):
@@ -45,22 +45,37 @@ VERBS = (
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run one command line; returns the exit code. `SystemExit` comes only from argparse (usage: 2, help: 0)."""
-    arguments = list(sys.argv[1:] if argv is None else argv)
+    """Run one command line; returns the exit code. `SystemExit` comes only from argparse (usage: 2, help: 0).
+
+    Without `argv` this is the command of the process: it then also ends it, whatever threads a policy left behind.
+    """
+    if argv is not None:
+        return _guarded(list(argv))
+    open_streams()
+    code = _guarded(sys.argv[1:])
+    deaf()
+    return leave(code)
+
+
+def _guarded(arguments: list[str]) -> int:
+    """The exit code of a command line, with one message where it fails."""
     try:
-        try:
-            code = _dispatch(arguments)
-        finally:
-            sys.stdout.flush()  # here, where a closed pipe can still be met quietly, also after --help
+        with endable():
+            try:
+                code = _dispatch(arguments)
+            finally:
+                sys.stdout.flush()  # here, where a closed pipe can still be met quietly, also after --help
     except KeyboardInterrupt:
         _say("interrupted")
         return ExitCode.INTERRUPTED
     except BrokenPipeError:
-        _silence_stdout()
+        silence_stdout()
         return BROKEN_PIPE
     except LingjingError as error:
         return _report(error, arguments)
     except OSError as error:
+        if error.filename is None:
+            silence_stdout()  # it may be full: what it still holds must not be tried again at the end
         return _report(_unwritable(error), arguments) if error.errno in _UNWRITABLE else _bug(error, arguments)
     except Exception as error:  # noqa: BLE001 - the last door: whatever comes here is a fault of ours
         return _bug(error, arguments)
@@ -68,6 +83,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _dispatch(arguments: list[str]) -> int:
+    import argparse  # not above: an interrupt while it loads is met here
+
     chosen = next((verb for verb in VERBS if verb.name == _first_word(arguments)), None)
     parser = argparse.ArgumentParser(
         prog="lingjing",
@@ -155,12 +172,6 @@ def _say(line: str) -> None:
         print(line, file=sys.stderr, flush=True)
     except BrokenPipeError:
         return  # nobody is listening; the exit code still says it
-
-
-def _silence_stdout() -> None:
-    """Keep the interpreter from complaining when it flushes a closed pipe at exit."""
-    devnull = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(devnull, sys.stdout.fileno())
 
 
 if __name__ == "__main__":

@@ -7,6 +7,9 @@ from pathlib import Path
 from lingjing.data import data_path
 from lingjing.errors import UsageError
 
+LONGEST_SHOWN = 300
+"""Characters of a name in a message."""
+
 
 def find_mission(word: str) -> Path:
     """A file that is there wins; else a shipped mission by name (`ssr`, `scenarios/ssr.ljs`, `reset/ssr-001.json`).
@@ -14,17 +17,25 @@ def find_mission(word: str) -> Path:
     Raises `UsageError` if neither is there. `-` stays what it is: standard input.
     """
     path = Path(word)
-    if word == "-" or path.exists():
+    if word == "-" or (word and _exists(path)):
         return path
     shipped = _shipped(path)
     if shipped is None:
-        raise UsageError(f"there is no mission `{word}`", hint=f"shipped missions: {', '.join(shipped_missions())}")
+        shown = word if len(word) <= LONGEST_SHOWN else f"{word[:LONGEST_SHOWN]}…"
+        raise UsageError(f"there is no mission `{shown}`", hint=f"shipped missions: {', '.join(shipped_missions())}")
     return shipped
 
 
 def shipped_missions() -> tuple[str, ...]:
     """The names of the missions that come with the package, sorted."""
     return tuple(sorted(path.stem for path in data_path("scenarios").glob("*.ljs")))
+
+
+def _exists(path: Path) -> bool:
+    try:
+        return path.exists()
+    except OSError:  # a name longer than any file system takes
+        return False
 
 
 def _shipped(path: Path) -> Path | None:
@@ -36,4 +47,4 @@ def _shipped(path: Path) -> Path | None:
     candidate = data_path("scenarios", *parts)
     if not candidate.suffix:
         candidate = candidate.with_suffix(".ljs")
-    return candidate if candidate.is_file() else None
+    return candidate if _exists(candidate) and candidate.is_file() else None

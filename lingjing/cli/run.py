@@ -11,9 +11,10 @@ from lingjing.bench.folders import RUNS, claim_folder, claim_run_folder, release
 from lingjing.bench.report import EpisodeReport, summarise
 from lingjing.cli.missions import find_mission
 from lingjing.cli.pairs import parse_pairs, parse_seed, parse_seeds, parse_settings
+from lingjing.cli.process import end_with, results_alone
 from lingjing.cli.progress import LiveProgress
-from lingjing.cli.scoreboard import exit_code, explain_aborts, print_episode, print_json, print_suite
-from lingjing.errors import UsageError
+from lingjing.cli.scoreboard import exit_code, explain, print_episode, print_json, print_suite
+from lingjing.errors import ExitCode, UsageError
 from lingjing.mission.model import Mission
 
 
@@ -38,6 +39,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("--blank-pictures", action="store_true", help="hand the policies black pictures (a control)")
     parser.add_argument("-j", "--jobs", metavar="N", type=int, default=1, help="play N seeds at a time")
     parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+    parser.add_argument("--end-with", metavar="PID", type=int, help=argparse.SUPPRESS)  # set by play_apart
 
 
 def handler(args: argparse.Namespace) -> int:
@@ -46,6 +48,10 @@ def handler(args: argparse.Namespace) -> int:
 
     if args.jobs < 1:
         raise UsageError(f"-j {args.jobs}: at least one")
+    if args.output == "":
+        raise UsageError("-o names no folder", hint="give -o a name, or leave it out for a new folder in runs/")
+    if args.end_with is not None:
+        end_with(args.end_with)
     path = find_mission(args.mission)
     seeds = parse_seeds(args.seeds) if args.seeds else (parse_seed(args.seed),)
     mission = load_mission(path)
@@ -70,12 +76,17 @@ def _options(args: argparse.Namespace, path: Path, mission: Mission) -> RunOptio
 
 def _run_one(args: argparse.Namespace, mission: Mission, options: RunOptions, seed: int) -> int:
     folder = claim_folder(Path(args.output)) if args.output else None
-    (episode,) = play_here(mission, options, [(seed, folder)], LiveProgress)
+    try:
+        with results_alone():
+            (episode,) = play_here(mission, options, [(seed, folder)], LiveProgress)
+    finally:
+        if folder is not None:
+            release_if_empty(folder)
     if args.json:
         print_json(episode)
     else:
         print_episode(episode)
-    explain_aborts([episode])
+    explain([episode])
     return exit_code([episode])
 
 
@@ -84,16 +95,30 @@ def _run_many(args: argparse.Namespace, mission: Mission, options: RunOptions, s
     mode = options.mode or mission.modes.default
     places = ((seed, claim_run_folder(mission.name, mode, seed, root)) for seed in seeds)
     try:
-        episodes = tuple(_played(args.jobs, mission, options, places))
+        with results_alone():
+            episodes, interrupted = _until_interrupted(_played(args.jobs, mission, options, places))
     finally:
         release_if_empty(root)
+    if not episodes:
+        raise KeyboardInterrupt
     report = summarise(episodes, seeds=args.seeds, folder=str(root))
     if args.json:
         print_json(report)
     else:
         print_suite(report)
-    explain_aborts(episodes)
-    return exit_code(episodes)
+    explain(episodes)
+    return ExitCode.INTERRUPTED if interrupted else exit_code(episodes)
+
+
+def _until_interrupted(played: Iterator[EpisodeReport]) -> tuple[list[EpisodeReport], bool]:
+    """All episodes by seed, or those that an interrupt left; and whether there was one."""
+    episodes: list[EpisodeReport] = []
+    interrupted = False
+    try:
+        episodes.extend(played)
+    except KeyboardInterrupt:
+        interrupted = True
+    return sorted(episodes, key=lambda report: report.seed), interrupted
 
 
 def _played(
@@ -102,4 +127,4 @@ def _played(
     if jobs == 1:
         return play_here(mission, options, places, LiveProgress)
     tasks = (Task(options, seed, folder) for seed, folder in places)
-    return iter(sorted((report for _, report in play_apart(tasks, jobs)), key=lambda report: report.seed))
+    return (report for _, report in play_apart(tasks, jobs))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,10 +11,16 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from lingjing.bench.report import ABORTED, INTERRUPTED, EpisodeReport, SuiteReport
+from lingjing.cli.scorecard import scorecard
 from lingjing.errors import ExitCode
 
 if TYPE_CHECKING:
     from rich.table import Table
+    from rich.text import Text
+
+
+NARROWEST = 60
+"""Columns of a terminal; in a narrower one lines are easier to read than a table."""
 
 
 def exit_code(episodes: Sequence[EpisodeReport]) -> ExitCode:
@@ -24,34 +31,38 @@ def exit_code(episodes: Sequence[EpisodeReport]) -> ExitCode:
     return ExitCode.INFRASTRUCTURE if ABORTED in reasons else ExitCode.OK
 
 
-def explain_aborts(episodes: Sequence[EpisodeReport]) -> None:
-    """On standard error: what aborted an episode and what to do; nothing if none was aborted."""
-    aborted = [episode for episode in episodes if episode.reason == ABORTED]
-    for episode in aborted:
-        print(f"error: seed {episode.seed} was aborted: {episode.detail}", file=sys.stderr)
-    if aborted:
-        print("hint: the trace holds what happened before; `lingjing doctor` checks this machine", file=sys.stderr)
+def explain(episodes: Sequence[EpisodeReport]) -> None:
+    """On standard error: what cut an episode short or deserves a warning, and what to do; nothing if all is well."""
+    for episode in episodes:
+        for warning in episode.warnings:
+            _say(f"warning: seed {episode.seed}: {warning}")
+        if episode.reason == INTERRUPTED:
+            _say(f"interrupted: seed {episode.seed} at tick {episode.ticks}; the partial trace is {episode.trace}")
+        if episode.reason == ABORTED:
+            _say(f"error: seed {episode.seed} was aborted: {episode.detail}")
+    if any(episode.reason == ABORTED for episode in episodes):
+        _say("hint: the trace holds what happened before; `lingjing doctor` checks this machine")
+
+
+def _say(line: str) -> None:
+    print(line, file=sys.stderr)
 
 
 def print_json(report: EpisodeReport | SuiteReport) -> None:
     """One object and a newline on standard output, nothing else."""
-    sys.stdout.write(msgspec.json.encode(report).decode() + "\n")
+    try:
+        text = msgspec.json.encode(report).decode()
+    except UnicodeEncodeError:  # a folder's name that is not text: its bytes travel as escapes, as Python has them
+        text = json.dumps(msgspec.to_builtins(report))
+    sys.stdout.write(text + "\n")
 
 
 def print_episode(report: EpisodeReport) -> None:
-    """A table on a terminal, `name: value` lines in a pipe; the path of the run last, whole and alone."""
-    rows = [
-        ("mission", f"{report.mission} (seed {report.seed}, {report.mode}, {report.policy})"),
-        ("success", f"{'yes' if report.success else 'no'} ({report.reason})"),
-        ("SCR", f"{report.scr:.2f}"),
-        ("ticks", str(report.ticks)),
-        *((name, _text(value)) for name, value in report.metrics.items() if _is_plain(name, value)),
-        ("digest", report.digest[:16]),
-    ]
-    if sys.stdout.isatty():
-        _print_table(_two_columns(rows))
+    """A grouped table on a terminal, `name: value` lines in a pipe; the path of the run last, whole and alone."""
+    if sys.stdout.isatty() and _width() >= NARROWEST:
+        _print_table(_card(report))
     else:
-        for name, value in rows:
+        for name, value in _lines(report):
             print(f"{name}: {value}")
     overview = Path(report.trace).with_name("overview.png")
     if overview.is_file():
@@ -60,33 +71,86 @@ def print_episode(report: EpisodeReport) -> None:
 
 
 def print_suite(report: SuiteReport) -> None:
-    """One line an episode, then TSR and mean SCR."""
-    head = ("seed", "success", "reason", "SCR", "ticks", "trace")
+    """One line an episode, then TSR and mean SCR, and the folder of the traces."""
+    head = ("seed", "success", "reason", "SCR", "ticks", "run")
     rows = [
-        (str(e.seed), "yes" if e.success else "no", e.reason, f"{e.scr:.2f}", str(e.ticks), e.trace)
+        (str(e.seed), "yes" if e.success else "no", e.reason, f"{e.scr:.2f}", str(e.ticks), _run_name(e, report.trace))
         for e in report.episodes
     ]
     if sys.stdout.isatty():
-        from rich.table import Table
-
-        table = Table(*head)
-        for row in rows:
-            table.add_row(*row)
-        _print_table(table)
+        _print_table(_table(head, rows))
     else:
         for row in (head, *rows):
             print("\t".join(row))
-    tsr = "none counted" if report.tsr is None else f"{report.tsr:.2f}"
-    print(f"{report.mission} seeds {report.seed} {report.mode} {report.policy}: TSR {tsr}, SCR {report.scr:.2f}")
+    print(f"{report.mission} seeds {report.seed} {report.mode} {report.policy}: {_tsr(report)}, SCR {report.scr:.2f}")
+    print(f"traces: {report.trace}")
 
 
-def _two_columns(rows: Sequence[tuple[str, str]]) -> Table:
+def _tsr(report: SuiteReport) -> str:
+    """`TSR 0.50 (2 of 4)`; episodes that were aborted or interrupted do not count."""
+    counted = [episode for episode in report.episodes if episode.reason not in (ABORTED, INTERRUPTED)]
+    if report.tsr is None:
+        return "TSR N/A (no episode ran to its end)"
+    return f"TSR {report.tsr:.2f} ({sum(episode.success for episode in counted)} of {len(counted)})"
+
+
+def _run_name(episode: EpisodeReport, root: str) -> str:
+    """The trace's path inside the suite's folder."""
+    path = Path(episode.trace)
+    return str(path.relative_to(root)) if path.is_relative_to(root) else str(path)
+
+
+def _lines(report: EpisodeReport) -> list[tuple[str, str]]:
+    return [
+        ("mission", f"{report.mission} (seed {report.seed}, {report.mode}, {report.policy})"),
+        ("success", f"{'yes' if report.success else 'no'} ({report.reason})"),
+        ("SCR", f"{report.scr:.2f}"),
+        ("ticks", str(report.ticks)),
+        *((name, _text(value)) for name, value in report.metrics.items() if _is_plain(name, value)),
+        ("digest", report.digest[:16]),
+    ]
+
+
+def _card(report: EpisodeReport) -> Table:
+    from rich import box
     from rich.table import Table
+    from rich.text import Text  # values are text, not markup: a path may hold brackets
 
-    table = Table(show_header=False)
-    for row in rows:
-        table.add_row(*row)
+    title = Text(f"{report.mission} · seed {report.seed} · {report.mode} · {report.policy}")
+    table = Table(title=title, title_justify="left", show_header=False, box=box.SIMPLE, pad_edge=False)
+    table.add_column(style="bold", no_wrap=True)
+    table.add_column(style="dim", overflow="fold")
+    table.add_column(overflow="fold")
+    for group, rows in scorecard(report):
+        for number, (name, value) in enumerate(rows):
+            last = number == len(rows) - 1
+            table.add_row("" if number else group, name, _coloured(name, Text(value), report), end_section=last)
     return table
+
+
+def _coloured(name: str, value: Text, report: EpisodeReport) -> Text:
+    if name == "success":
+        value.stylize("bold green" if report.success else "bold red")
+    return value
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(*head, box=box.SIMPLE, pad_edge=False)
+    for column in table.columns:
+        column.overflow = "fold"
+    for row in rows:
+        table.add_row(*map(Text, row))
+    return table
+
+
+def _width() -> int:
+    from rich.console import Console
+
+    return Console().width
 
 
 def _print_table(table: Table) -> None:

@@ -60,7 +60,7 @@ def compile_source(source: Source) -> Compilation:
 
     report = Reporter(source)
     if not source.text.strip():
-        report("LJ0007", 0, 0, "the file is empty", "`lingjing new mission` writes one to start from")
+        report("LJ0007", 0, 0, "the file is empty", "begin with `ljs 1`; the shipped mission `ssr` is an example")
         return Compilation(None, tuple(report.diagnostics), source)
     checked = check(parse(report), report)
     diagnostics = in_source_order(tuple(report.diagnostics))

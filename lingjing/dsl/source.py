@@ -82,7 +82,9 @@ def read_source(path: str) -> Source:
                 raise UsageError(
                     f"`{path}` has {size / 1e6:.0f} MB", hint=f"a mission has at most {LARGEST_FILE // 1_000_000} MB"
                 )
-            data = file.read()
+            data = file.read(LARGEST_FILE + 1)
+            if len(data) > LARGEST_FILE:  # a device without a size
+                raise UsageError(f"`{path}` does not end", hint=f"a mission has at most {LARGEST_FILE // 1_000_000} MB")
     except FileNotFoundError:
         raise UsageError(f"`{path}` does not exist", hint="check the spelling and the working folder") from None
     except IsADirectoryError:

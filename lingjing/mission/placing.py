@@ -15,6 +15,9 @@ from lingjing.mission.instance import ArgumentSpec, CameraSpec, Datum, Entity, S
 MEMBERS_MOST = 100_000
 _FIELDS = ("position", "heading_deg")
 
+FARTHEST_M = 1e6
+"""A position beyond this is a slip of units: the scene's flat frame holds for some kilometres."""
+
 
 @contextmanager
 def at_path(path: str) -> Iterator[None]:
@@ -139,7 +142,13 @@ def _values(
 def _vector(value: Value, datum_m: float) -> Vector:
     if not isinstance(value, Place):
         raise MissionError(f"a position is a point, this is {describe(value)}")
-    return value.east, value.north, datum_m if value.elevation is None else value.elevation
+    place = value.east, value.north, datum_m if value.elevation is None else value.elevation
+    if not all(abs(metres) <= FARTHEST_M for metres in place):
+        raise MissionError(
+            f"a position of ({', '.join(f'{metres:g}' for metres in place)}) m is beyond the scene",
+            hint=f"coordinates are metres from the scene's origin, {FARTHEST_M:g} at most",
+        )
+    return place
 
 
 def _heading(value: Value) -> float:

@@ -14,7 +14,7 @@ from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import ModuleType
 
-from lingjing.errors import UsageError
+from lingjing.errors import LingjingError, UsageError
 from lingjing.plugins.host import PluginHost
 from lingjing.plugins.policy import Policy, PolicyPlugin
 
@@ -49,8 +49,12 @@ def build_policy(plugin: PolicyPlugin, arguments: dict[str, str]) -> Policy:
         ) from error
     try:
         return plugin.factory(**arguments)
-    except (TypeError, ValueError) as error:
-        raise UsageError(f"policy `{plugin.name}` cannot be built: {error}", hint="check its --policy-arg") from error
+    except LingjingError:
+        raise
+    except (Exception, SystemExit) as error:
+        raise UsageError(
+            f"policy `{plugin.name}` cannot be built: {_said(error)}", hint="check its --policy-arg and its code"
+        ) from error
 
 
 def _load_module(path: Path) -> ModuleType:
@@ -71,8 +75,17 @@ def _load_module(path: Path) -> ModuleType:
         raise UsageError(f"{error.filename or path}:{error.lineno}: {error.msg}", hint="fix the policy file") from error
     except (Exception, SystemExit) as error:
         where = f"{path}:{_line_in(error, resolved)}"
-        raise UsageError(f"{where}: {type(error).__name__}: {error}", hint="fix the policy file") from error
+        raise UsageError(f"{where}: {_said(error)}", hint="fix the policy file") from error
     return module
+
+
+def _said(error: BaseException) -> str:
+    """An exception of a stranger in one line: its type and what it says, if it can say anything."""
+    try:
+        text = f"{type(error).__name__}: {error}"
+    except Exception:  # noqa: BLE001 - its own `__str__` may raise anything
+        text = type(error).__name__
+    return text.splitlines()[0].rstrip(": ").encode("utf-8", "backslashreplace").decode()
 
 
 def _line_in(error: BaseException, path: Path) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 
 from matplotlib.axes import Axes
@@ -35,10 +36,22 @@ def draw_sheet(trace: Trace, path: Path) -> None:
     draw_messages(_panel(figure, left, 0.225, width, 0.095), story)
     draw_events(_panel(figure, left, 0.125, width, 0.065), story)
     draw_batteries(_panel(figure, left, 0.04, width, 0.055), story)
+    _save(figure, path)
+
+
+def _save(figure: Figure, path: Path) -> None:
+    """Write the picture whole or not at all: under another name first, which it keeps if the process is killed."""
+    part = path.with_name(f"{path.name}.part")
     try:
-        figure.savefig(path, format="png", dpi=DPI, metadata={"Software": "lingjing"})
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", message="Glyph .* missing from font")  # a name in a script we lack
+            figure.savefig(part, format="png", dpi=DPI, metadata={"Software": "lingjing"})
+        part.replace(path)
     except OSError as error:
-        raise UsageError(f"cannot write {path}: {error.strerror}") from error
+        part.unlink(missing_ok=True)
+        raise UsageError(
+            f"cannot write {path}: {error.strerror}", hint="make room, or choose another folder"
+        ) from error
 
 
 def _pictures(figure: Figure, trace: Trace, story: Story) -> None:

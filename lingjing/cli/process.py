@@ -1,0 +1,122 @@
+"""The command's own process: its standard streams, the signals that end it, and how it leaves.
+
+Loaded by every verb, so it imports next to nothing.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from types import FrameType
+
+_ENDING = ("SIGTERM", "SIGHUP")
+_PR_SET_PDEATHSIG = 1
+
+
+def open_streams() -> None:
+    """Give closed standard streams (`>&-`) a null device, lest a trace is opened as descriptor 1; print whatever the
+    encoding lacks as an escape."""
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        if getattr(sys, name) is None:
+            descriptor = os.open(os.devnull, os.O_RDWR)  # the lowest one free, so this very one
+            setattr(sys, name, open(descriptor, "w" if number else "r", encoding="utf-8"))  # noqa: PTH123, SIM115
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(AttributeError, ValueError):  # not a text file of ours
+            stream.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
+
+
+@contextmanager
+def endable() -> Iterator[None]:
+    """Meet SIGTERM and SIGHUP as Ctrl-C is met: with a closed partial trace and no worker left.
+
+    A signal that whoever started us had ignored (`nohup`) stays ignored. Only the main thread can set handlers.
+    """
+    before = {}
+    for name in _ENDING:
+        number = getattr(signal, name, None)
+        if number is not None and signal.getsignal(number) == signal.SIG_DFL:
+            with suppress(ValueError):  # not the main thread
+                before[number] = signal.signal(number, _interrupt)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def deaf() -> None:
+    """Ignore what would interrupt the last few milliseconds, when the answer is known and printed."""
+    for name in ("SIGINT", *_ENDING):
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.SIG_IGN)
+
+
+def leave(code: int) -> int:
+    """Return `code`; where threads are left that could keep the interpreter from ending, end the process with it."""
+    threads = sys.modules.get("threading")
+    if threads is None or threads.active_count() == 1:
+        return code
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError, ValueError):
+            stream.flush()
+    os._exit(code)
+
+
+def end_with(parent: int) -> None:
+    """Have the kernel send SIGTERM to this process when its parent ends; raise `KeyboardInterrupt` if it has."""
+    import ctypes
+
+    # prctl(2), Linux only; if the parent ended before this call no signal will come, so look afterwards.
+    prctl = getattr(ctypes.CDLL(None), "prctl", None)
+    if prctl is not None:
+        prctl(_PR_SET_PDEATHSIG, signal.SIGTERM, 0, 0, 0)
+    if os.getppid() != parent:
+        raise KeyboardInterrupt
+
+
+@contextmanager
+def results_alone() -> Iterator[None]:
+    """Keep standard output for the result: what policies, libraries and their children print goes to standard error.
+
+    Both the stream and the descriptor are turned, and turned back at the end. A policy that closes the stream it is
+    given closes nothing of ours.
+    """
+    stdout = sys.stdout
+    stdout.flush()
+    kept = _turn_descriptor(stdout)
+    with open(os.dup(2), "w", encoding="utf-8", errors="backslashreplace", buffering=1) as aside:  # noqa: PTH123
+        sys.stdout = aside
+        try:
+            yield
+        finally:
+            sys.stdout = stdout
+            if kept is not None:
+                os.dup2(kept, 1)
+                os.close(kept)
+
+
+def _turn_descriptor(stdout: object) -> int | None:
+    """Point descriptor 1 to standard error and return a copy of what it was; None if `stdout` is not written to it."""
+    try:
+        if stdout.fileno() != 1:  # type: ignore[attr-defined]
+            return None
+    except (OSError, ValueError, AttributeError):  # a stream without a descriptor, as under a test runner
+        return None
+    kept = os.dup(1)
+    os.dup2(2, 1)
+    return kept
+
+
+def silence_stdout() -> None:
+    """Keep the interpreter from complaining when it flushes a closed or full output at exit."""
+    with suppress(OSError, ValueError):
+        devnull = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(devnull, sys.stdout.fileno())
+        os.close(devnull)
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    raise KeyboardInterrupt

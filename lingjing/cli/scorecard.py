@@ -1,0 +1,111 @@
+"""One episode's numbers for people: grouped, with units, and N/A where a number is not defined."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from lingjing.bench.report import EpisodeReport
+
+Row = tuple[str, str]
+Group = tuple[str, tuple[Row, ...]]
+
+UNDEFINED = "N/A"
+"""Shown for a rate over nothing, as the paper's tables do."""
+
+_REASONS = {
+    "budget": "the budget of ticks ran out",
+    "failure": "the mission's failure condition holds",
+    "infrastructure-abort": "aborted by the infrastructure",
+    "interrupted": "interrupted",
+}
+
+
+def scorecard(report: EpisodeReport) -> tuple[Group, ...]:
+    """Outcome, perception, communication and cost, a few rows each."""
+    metrics = report.metrics
+    return (
+        ("Outcome", _outcome(report)),
+        ("Perception", _perception(metrics)),
+        ("Communication", _communication(metrics)),
+        ("Cost", _cost(metrics)),
+    )
+
+
+def verdict(report: EpisodeReport) -> str:
+    """`yes`, or `no: the budget of ticks ran out`."""
+    return "yes" if report.success else f"no: {_REASONS.get(report.reason, report.reason)}"
+
+
+def _outcome(report: EpisodeReport) -> tuple[Row, ...]:
+    metrics = report.metrics
+    return (
+        ("success", verdict(report)),
+        ("subtasks done (SCR)", f"{report.scr:.2f}"),
+        ("stages", _stages(metrics.get("stages"))),
+        ("ticks", f"{report.ticks} = {_number(metrics.get('sim_s'))} s simulated in {_seconds(metrics.get('wall_s'))}"),
+        ("area searched", _share(metrics.get("coverage"))),
+    )
+
+
+def _perception(metrics: Mapping[str, object]) -> tuple[Row, ...]:
+    first = metrics.get("first_discovery_tick")
+    when = "" if first is None else f", the first at tick {first}"
+    late = f", {metrics['absent_frames']} absent" if metrics.get("absent_frames") else ""
+    rates = " / ".join(_number(metrics.get(name)) for name in ("precision", "recall", "f1"))
+    return (
+        ("pictures", f"{_number(metrics.get('frames'))}{late}"),
+        ("targets found", f"{_number(metrics.get('targets_found'))}{when}"),
+        ("reports", _of_them(metrics, "reports", "false_positives", "false")),
+        ("precision / recall / F1", rates),
+        ("localisation error", _with_unit(metrics.get("localisation_error_m"), "m")),
+    )
+
+
+def _communication(metrics: Mapping[str, object]) -> tuple[Row, ...]:
+    return (
+        ("messages", f"{_number(metrics.get('messages'))} in {_number(metrics.get('rounds'))} rounds"),
+        ("payload", _with_unit(metrics.get("kilobytes"), "kB")),
+        ("refused", _of_them(metrics, "rejections", "conflicts", "conflicts")),
+        ("repeated targets", _share(metrics.get("rep"))),
+    )
+
+
+def _cost(metrics: Mapping[str, object]) -> tuple[Row, ...]:
+    dollars = metrics.get("cost_usd")
+    return (
+        ("model calls", f"{_number(metrics.get('calls'))}, {_number(metrics.get('tokens'))} tokens"),
+        ("cost", f"${dollars:.4f}" if isinstance(dollars, int | float) else UNDEFINED),
+        ("answers replaced", _number(metrics.get("substitutions"))),
+        ("steps without a command", _share(metrics.get("idle_fraction"))),
+    )
+
+
+def _of_them(metrics: Mapping[str, object], whole: str, part: str, kind: str) -> str:
+    """`4, 1 of them false`, or `4`."""
+    some = f", {metrics[part]} of them {kind}" if metrics.get(part) else ""
+    return f"{_number(metrics.get(whole))}{some}"
+
+
+def _stages(stages: object) -> str:
+    """`detect 2/3, locate 1/3`."""
+    if not isinstance(stages, Sequence) or not stages:
+        return UNDEFINED
+    return ", ".join(f"{stage['name']} {stage['done']}/{stage['required']}" for stage in stages)
+
+
+def _number(value: object) -> str:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return UNDEFINED if value is None else str(value)
+    return f"{value:,}" if isinstance(value, int) else f"{value:.3g}" if abs(value) < 1000 else f"{value:,.0f}"
+
+
+def _share(value: object) -> str:
+    return f"{value:.0%}" if isinstance(value, int | float) else UNDEFINED
+
+
+def _with_unit(value: object, unit: str) -> str:
+    return UNDEFINED if value is None else f"{_number(value)} {unit}"
+
+
+def _seconds(value: object) -> str:
+    return f"{value:.1f} s" if isinstance(value, int | float) else UNDEFINED

@@ -1,0 +1,255 @@
+"""How a run ends when it is not let alone: signals, hostile policies, closed streams, full disks."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from lingjing.bench.report import ABORTED, INTERRUPTED, EpisodeReport, summarise
+from lingjing.cli.compile import write_whole
+from lingjing.cli.main import main
+from lingjing.cli.missions import find_mission
+from lingjing.cli.scorecard import scorecard
+from lingjing.data import data_path
+from lingjing.errors import UsageError
+from lingjing.trace.reader import read_trace
+
+COMMAND = (sys.executable, "-c", "import sys; from lingjing.cli.main import main; sys.exit(main())")
+
+POLICY = """
+import asyncio, os, sys, time
+from lingjing.plugins.policy import Decision
+class P:
+    def __init__(self): {init}
+    async def reset(self, brief): {reset}
+    async def act(self, observation, inbox): {act}
+"""
+
+
+@pytest.fixture(scope="module")
+def short(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The mission with a budget of two ticks, and two seconds for each policy."""
+    text = data_path("scenarios", "ssr.ljs").read_text(encoding="utf-8")
+    path = tmp_path_factory.mktemp("mission") / "short.ljs"
+    path.write_text(text.replace("ticks <= 60, policy <= 90 s", "ticks <= 2, policy <= 2 s"), encoding="utf-8")
+    return path
+
+
+def write_policy(folder: Path, init: str = "pass", reset: str = "pass", act: str = "return Decision()") -> str:
+    (folder / "p.py").write_text(POLICY.format(init=init, reset=reset, act=act), encoding="utf-8")
+    return "./p.py:P"
+
+
+def lingjing(*arguments: object, cwd: Path, **options: object) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [*COMMAND, *map(str, arguments)], cwd=cwd, capture_output=True, text=True, timeout=120, check=False, **options
+    )  # type: ignore[call-overload]
+
+
+@pytest.mark.parametrize("init", ["raise RuntimeError('boom')", "sys.exit('boom')"])
+def test_a_policy_that_cannot_be_built_is_named(init: str, short: Path, tmp_path: Path) -> None:
+    done = lingjing("run", short, "--policy", write_policy(tmp_path, init=init), cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith("error: policy `p.py:P` cannot be built: ")
+    assert "boom\nhint: " in done.stderr
+
+
+def test_what_policies_print_stays_out_of_the_result(short: Path, tmp_path: Path) -> None:
+    policy = write_policy(
+        tmp_path, init="print('built')", reset="os.write(1, b'raw')", act="print('acted'); sys.stdout.close()"
+    )
+    done = lingjing("run", short, "--policy", policy, "--json", "-o", "out", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["ticks"] == 2
+    assert {"built", "acted"} <= set(done.stderr.split())
+    assert "raw" in done.stderr
+
+
+def test_replaced_answers_are_told_with_the_first_failure(short: Path, tmp_path: Path) -> None:
+    policy = write_policy(tmp_path, act="raise ValueError('no idea')")
+    done = lingjing("run", short, "--policy", policy, "--json", "-o", "out", cwd=tmp_path)
+    assert done.returncode == 0
+    said = "8 of 8 policy answers were replaced by doing nothing (policy_error 8); the first was `scout[1]`: "
+    assert done.stderr == f"warning: seed 0: {said}ValueError: no idea\n"
+    assert json.loads(done.stdout)["warnings"] == [f"{said}ValueError: no idea"]
+
+
+def test_a_thread_that_a_policy_leaves_behind_does_not_hold_the_command(short: Path, tmp_path: Path) -> None:
+    policy = write_policy(tmp_path, reset="asyncio.get_running_loop().run_in_executor(None, time.sleep, 600)")
+    done = lingjing("run", short, "--policy", policy, "--json", "-o", "out", cwd=tmp_path)
+    assert (done.returncode, json.loads(done.stdout)["reason"]) == (0, "budget")
+
+
+@pytest.mark.parametrize("closed", [">&-", "2>&-", ">&- 2>&- <&-"])
+def test_closed_streams_are_no_fault(closed: str, short: Path, tmp_path: Path) -> None:
+    script = f'"$@" {closed}'
+    command = ["sh", "-c", script, "sh", *COMMAND, "run", str(short), "--policy", "random", "-o", "out"]
+    assert subprocess.run(command, cwd=tmp_path, timeout=120, check=False, capture_output=True).returncode == 0
+    assert read_trace(tmp_path / "out" / "trace.mcap").complete
+
+
+def test_a_full_output_gives_one_message(tmp_path: Path) -> None:
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            [*COMMAND, "compile", "ssr"], cwd=tmp_path, stdout=full, stderr=subprocess.PIPE, text=True, check=False
+        )
+    assert done.returncode == 2
+    assert done.stderr == (
+        "error: cannot write the output: No space left on device\nhint: choose another place with -o, or make room\n"
+    )
+
+
+def test_a_file_size_limit_leaves_a_readable_part(short: Path, tmp_path: Path) -> None:
+    limited = ["sh", "-c", 'ulimit -f 280; exec "$@"', "sh", *COMMAND]
+    arguments = ["run", str(short), "--policy", "random", "-o", "out", "--json"]
+    done = subprocess.run([*limited, *arguments], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith("error: cannot write the trace out/trace.mcap.part: File too large\nhint: ")
+    assert os.listdir(tmp_path / "out") == ["trace.mcap.part"]
+    assert read_trace(tmp_path / "out" / "trace.mcap.part").boundaries
+
+
+def group_is_gone(leader: int) -> bool:
+    """Whether no living process is a descendant of `leader` by session."""
+    for entry in Path("/proc").iterdir():
+        try:
+            fields = (entry / "stat").read_text().rpartition(")")[2].split() if entry.name.isdigit() else None
+        except OSError:
+            continue
+        if fields and fields[3] == str(leader) and fields[0] != "Z":
+            return False
+    return True
+
+
+def ended(
+    arguments: tuple[str, ...], folder: Path, traces: int, act: Callable[[subprocess.Popen[str]], None]
+) -> tuple[subprocess.Popen[str], str, str]:
+    """Start a long run in a session of its own, `act` once so many traces have boundaries, wait for its end."""
+    process = subprocess.Popen(
+        [*COMMAND, "run", "ssr", "--policy", "random", "-o", "out", "--json", *arguments], cwd=folder,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
+    )  # fmt: skip
+    deadline = time.monotonic() + 120
+    while sum(part.stat().st_size > 100_000 for part in folder.rglob("*.part")) < traces:
+        assert process.poll() is None, process.communicate()
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    act(process)
+    out, err = process.communicate(timeout=60)
+    patience = time.monotonic() + 10
+    while not group_is_gone(process.pid) and time.monotonic() < patience:
+        time.sleep(0.05)
+    assert group_is_gone(process.pid)
+    return process, out, err
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_being_told_to_end_is_an_interrupt(number: signal.Signals, tmp_path: Path) -> None:
+    process, out, err = ended((), tmp_path, 1, lambda process: process.send_signal(number))
+    answer = json.loads(out)
+    assert (process.returncode, answer["reason"]) == (130, INTERRUPTED)
+    part = "the partial trace is out/trace.mcap.part"
+    assert err == f"interrupted: seed 0 at tick {answer['ticks']}; {part}\n"
+    assert read_trace(tmp_path / "out" / "trace.mcap.part").boundaries
+
+
+def test_an_impatient_control_c_is_an_interrupt_too(tmp_path: Path) -> None:
+    def impatient(process: subprocess.Popen[str]) -> None:
+        for _ in range(6):
+            if process.poll() is None:
+                os.killpg(process.pid, signal.SIGINT)
+            time.sleep(0.04)
+
+    process, _, err = ended((), tmp_path, 1, impatient)
+    assert process.returncode == 130
+    assert err.startswith("interrupted")
+    assert err.count("\n") == 1
+
+
+def test_interrupting_several_at_a_time_reports_each(tmp_path: Path) -> None:
+    process, out, err = ended(
+        ("--seeds", "0-3", "-j", "2"), tmp_path, 2, lambda process: os.killpg(process.pid, signal.SIGINT)
+    )
+    answer = json.loads(out)
+    assert process.returncode == 130
+    assert [(episode["seed"], episode["reason"]) for episode in answer["episodes"]] == [
+        (0, INTERRUPTED), (1, INTERRUPTED),
+    ]  # fmt: skip
+    assert answer["tsr"] is None
+    assert err.count("interrupted: seed ") == 2
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["ssr-broadcast-0-1", "ssr-broadcast-1-1"]
+
+
+def test_killing_the_caller_of_several_leaves_nothing_running(tmp_path: Path) -> None:
+    process, out, _ = ended(("--seeds", "0-3", "-j", "2"), tmp_path, 2, lambda process: process.kill())
+    assert (process.returncode, out) == (-signal.SIGKILL, "")
+    assert not list(tmp_path.rglob("trace.mcap"))
+
+
+def test_compiling_to_a_device_writes_to_it(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    reader = subprocess.Popen(["cat", pipe], stdout=subprocess.PIPE, text=True)
+    write_whole(str(pipe), "text")
+    assert reader.communicate(timeout=10)[0] == "text"
+    assert pipe.is_fifo()
+
+
+@pytest.mark.parametrize("name", ["", "x" * 5000])
+def test_a_name_that_cannot_be_a_file_is_no_mission(name: str) -> None:
+    with pytest.raises(UsageError, match="there is no mission") as caught:
+        find_mission(name)
+    assert len(str(caught.value)) < 400
+
+
+def test_a_place_beyond_the_scene_is_an_error_of_the_mission(tmp_path: Path, capsys, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    text = data_path("scenarios", "reset", "ssr-001.json").read_text(encoding="utf-8")
+    Path("far.json").write_text(text.replace('"X": 30660.0', '"X": 1e300'), encoding="utf-8")
+    assert main(["run", "far.json", "--policy", "random"]) == 1
+    assert "is beyond the scene\nhint: " in capsys.readouterr().err
+    assert os.listdir() == ["far.json"]
+
+
+def test_a_file_without_an_end_is_refused(capsys) -> None:
+    assert main(["validate", "/dev/zero"]) == 2
+    assert "`/dev/zero` does not end" in capsys.readouterr().err
+
+
+def test_an_output_that_is_a_file_is_called_one(short: Path, tmp_path: Path, capsys) -> None:
+    (tmp_path / "taken").write_text("mine")
+    assert main(["run", str(short), "-o", str(tmp_path / "taken")]) == 2
+    assert "is a file, not a folder" in capsys.readouterr().err
+
+
+def episode(reason: str, **metrics: object) -> EpisodeReport:
+    return EpisodeReport(
+        mission="ssr", seed=1, mode="star", policy="p", success=reason == "success", reason=reason, scr=0.5, ticks=3,
+        digest="d", trace="t", metrics=metrics,
+    )  # fmt: skip
+
+
+def test_interrupted_episodes_count_in_no_rate() -> None:
+    suite = summarise([episode("success"), episode(INTERRUPTED), episode(ABORTED)], seeds="1", folder="runs")
+    assert suite.tsr == 1.0
+
+
+def test_the_score_is_grouped_and_says_what_is_undefined() -> None:
+    report = episode("budget", precision=None, recall=0.25, f1=None, kilobytes=5.688, reports=4, false_positives=1,
+                     localisation_error_m=None, stages=[{"name": "detect", "done": 1, "required": 3}])  # fmt: skip
+    groups = {name: dict(rows) for name, rows in scorecard(report)}
+    assert list(groups) == ["Outcome", "Perception", "Communication", "Cost"]
+    assert groups["Outcome"]["success"] == "no: the budget of ticks ran out"
+    assert groups["Outcome"]["stages"] == "detect 1/3"
+    assert groups["Perception"]["precision / recall / F1"] == "N/A / 0.25 / N/A"
+    assert groups["Perception"]["reports"] == "4, 1 of them false"
+    assert groups["Perception"]["localisation error"] == "N/A"
+    assert groups["Communication"]["payload"] == "5.69 kB"
