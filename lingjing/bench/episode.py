@@ -79,6 +79,8 @@ class Session:
     """Plays episodes one after another on the same warm workers. A context manager; `close` ends the workers."""
 
     def __init__(self, world: Literal["process", "inline"] = "process", host: PluginHost | None = None) -> None:
+        if world not in ("process", "inline"):
+            raise UsageError(f"world={world!r}", hint='engines run in "process" or "inline"')
         self.host = host or PluginHost()
         self._kind = world
         self._world: World | None = None
@@ -99,6 +101,7 @@ class Session:
         progress: Callable[[Progress], None] | None = None,
     ) -> EpisodeResult:
         """Play one episode; see `lingjing.run` for the arguments and the errors."""
+        _check_seed(seed)
         instance = instantiate(mission, seed=seed, mode=mode, settings=settings)
         seats = _cast(instance, policy, policies_for or {}, dict(policy_args or {}), self.host)
         city = self.host.scene(instance.scene.kind).build(instance.scene)
@@ -217,8 +220,19 @@ def _cast(
 
 def _plugin(factory: Callable[..., Policy]) -> PolicyPlugin:
     """A class or function given from Python; its attribute `privileged` counts as its declaration."""
+    if not callable(factory):
+        raise UsageError(
+            f"{factory!r} is not a policy",
+            hint="give a policy's name, FILE.py:CLASS, a class, or a function that makes one",
+        )
     name = getattr(factory, "__qualname__", type(factory).__name__)
-    return PolicyPlugin(name=name, factory=factory, privileged=bool(vars(factory).get("privileged", False)))
+    declared = getattr(factory, "__dict__", {}).get("privileged", False)
+    return PolicyPlugin(name=name, factory=factory, privileged=bool(declared))
+
+
+def _check_seed(seed: int) -> None:
+    if isinstance(seed, bool) or not isinstance(seed, int) or not 0 <= seed < 2**63:
+        raise UsageError(f"{seed!r} is not a seed", hint="a seed is a whole number from 0 to 2**63 - 1")
 
 
 def _stored(frames: object) -> list[Picture]:

@@ -230,6 +230,44 @@ def test_an_output_that_is_a_file_is_called_one(short: Path, tmp_path: Path, cap
     assert "is a file, not a folder" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"policy": 3}, "3 is not a policy"),
+        ({"seed": -1}, "-1 is not a seed"),
+        ({"seed": "x"}, "'x' is not a seed"),
+        ({"world": "moon"}, "world='moon'"),
+    ],
+)
+def test_wrong_arguments_from_python_are_usage_errors(wrong, said, short: Path, tmp_path: Path, monkeypatch) -> None:
+    import lingjing as package
+
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(UsageError, match=said):
+        package.run(package.compile(short), **wrong)
+    assert os.listdir(tmp_path) == []
+
+
+def test_python_plays_a_class_inside_a_running_loop(short: Path, tmp_path: Path) -> None:
+    import asyncio
+
+    import lingjing as package
+    from lingjing.plugins.policy import Decision
+
+    class Idle:
+        async def reset(self, brief: object) -> None:
+            self.brief = brief
+
+        async def act(self, observation: object, inbox: object) -> Decision:
+            return Decision()
+
+    async def notebook() -> package.EpisodeResult:
+        return package.run(package.compile(short), policy=Idle, seed=3, out=tmp_path / "out")
+
+    result = asyncio.run(notebook())
+    assert (result.reason, result.ticks, result.warnings) == ("budget", 2, ())
+
+
 def episode(reason: str, **metrics: object) -> EpisodeReport:
     return EpisodeReport(
         mission="ssr", seed=1, mode="star", policy="p", success=reason == "success", reason=reason, scr=0.5, ticks=3,
