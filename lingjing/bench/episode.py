@@ -230,7 +230,7 @@ def _plugin(factory: Callable[..., Policy]) -> PolicyPlugin:
     return PolicyPlugin(name=name, factory=factory, privileged=bool(declared))
 
 
-def _check_seed(seed: int) -> None:
+def _check_seed(seed: object) -> None:
     if isinstance(seed, bool) or not isinstance(seed, int) or not 0 <= seed < 2**63:
         raise UsageError(f"{seed!r} is not a seed", hint="a seed is a whole number from 0 to 2**63 - 1")
 
