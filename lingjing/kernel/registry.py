@@ -6,7 +6,7 @@ never with ticks alone; what grows is a `Ledger`, so that a boundary costs what 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 from lingjing.kernel.ledger import Ledger
@@ -15,6 +15,9 @@ from lingjing.mission.instance import Cell, Datum, Entity, Instance
 from lingjing.trace.records import BodyState, Command, FrameInfo, Receipt, TaskEvent
 
 Binding = tuple[str, ...]
+
+UNLOCK = "unlock."
+"""Prefix of the verbs that the kernel sends: `unlock.<interaction>`."""
 
 SIGHTINGS = 100
 """So many different reported positions of an entity are remembered: a destination is taken from a recent one."""
@@ -84,6 +87,12 @@ class Registry:
     def with_boundary(self, tick: int, time_s: float, states: Iterable[BodyState]) -> Registry:
         """The registry at the next boundary's telemetry."""
         return replace(self, tick=tick, time_s=time_s, states={state.id: state for state in states})
+
+    def with_lost_unlocks(self, unlocks: Iterable[Command], missing: Container[str]) -> Registry:
+        """Unlocks without an admission receipt count as never sent, so that they are sent again."""
+        lost = {unlock_of(command) for command in unlocks if command.id in missing}
+        kept = {key: tick for key, tick in self.unlocked.items() if key not in lost}
+        return replace(self, unlocked=kept) if lost else self
 
     def with_events(self, events: Iterable[TaskEvent]) -> Registry:
         """Task events of the boundary added; of equal ones the first counts."""
@@ -162,6 +171,11 @@ class Registry:
         if place in known:
             return self
         return replace(self, sightings={**self.sightings, entity: (*known, place)[-SIGHTINGS:]})
+
+
+def unlock_of(command: Command) -> tuple[str, str]:
+    """The (interaction, entity) pair of a kernel-origin command."""
+    return command.verb.removeprefix(UNLOCK), command.resource
 
 
 def initial(instance: Instance) -> Registry:

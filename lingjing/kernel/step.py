@@ -23,7 +23,7 @@ from lingjing.kernel.candidates import received
 from lingjing.kernel.commands import PHOTO, Gate, Resolution
 from lingjing.kernel.evaluation import Evaluation, Evaluator, MissionEvaluator, combine
 from lingjing.kernel.recording import inbox_record, observation_record, substitutions
-from lingjing.kernel.registry import Registry, Report, initial
+from lingjing.kernel.registry import UNLOCK, Registry, Report, initial
 from lingjing.kernel.relations import RelationTracker
 from lingjing.kernel.visibility import Projector
 from lingjing.kernel.world.contract import StoredFrame, World, WorldBoundary
@@ -158,7 +158,7 @@ class Kernel:
                 tick=tick,
                 sender=KERNEL,
                 resource=entity,
-                verb=f"unlock.{interaction}",
+                verb=f"{UNLOCK}{interaction}",
                 origin=KERNEL,
             )
             for number, (interaction, entity) in enumerate(self.state.unlocks, 1)
@@ -250,6 +250,7 @@ class Kernel:
         return (
             registry.with_boundary(boundary.tick, boundary.time_s, boundary.snapshots[-1].states)
             .with_receipts(inputs.resolved.commands, receipts)
+            .with_lost_unlocks(inputs.unlocks, boundary.missing)
             .with_events(boundary.events)
             .with_frames([frame.info for frame in frames], self.instance)
             .with_reports(inputs.reports)

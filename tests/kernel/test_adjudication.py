@@ -120,6 +120,22 @@ def test_an_unlock_is_a_kernel_command_to_the_engine_that_owns_the_target():
     assert kernel.step(kit.decisions()).record.commands == ()  # once
 
 
+def test_an_unlock_that_its_engine_does_not_answer_is_sent_again():
+    class Deaf(kit.Shore):
+        def submit(self, commands):
+            self.heard = getattr(self, "heard", 0) + len(commands)
+            return super().submit(commands) if self.heard > 1 else ()
+
+    kernel = photographed(plugin=kit.KitPlugin(shore=Deaf))
+    kernel.step(kit.decisions(scout_1=kit.report(FRAME)))
+    records = [kernel.step(kit.decisions()).record for _ in range(3)]
+    assert [[(r.request, r.status) for r in record.receipts] for record in records] == [
+        [("k3-1", "timed_out")],
+        [("k4-1", "accepted")],
+        [],
+    ]
+
+
 def test_an_event_is_latched_and_emitted_once():
     kernel = photographed()
     kernel.step(kit.decisions(scout_1=kit.report(FRAME), skipper=kit.does("go", x=100.0, y=-20.0)))
