@@ -1,0 +1,100 @@
+"""Feasibility: proofs that a mission cannot be won, from lower bounds that hold whatever the policies do.
+
+Three answers: *proved infeasible* (a `Proof` with the numbers), *feasible* and *unknown*; the last two are silent.
+Bounds are sound: a straight line at top speed with allowances for wind, current and overshoot, the nearest point of a
+region for a drawn place, all cameras at their best. So a mission that anybody can win is never called infeasible.
+
+In the order of the work:
+
+- `proof`: the result, and comparisons with slack. `spread`: places and numbers before the seed is known.
+- `motion`: ceilings of speed and flight time. `outline`: a mission (every seed) or an instance (one) as checks see it.
+- `needs`: a condition → the tree of what must have happened. `limits`: the time there is for it.
+- `travel`, `tour`: time and energy of one visit and of several. `seeing`: pictures. `speech`: messages and
+  assignments. `payload`: loads and trips. `counting`: counted budgets. `order`: circles. `placing`: room for draws.
+- `refutation`: the checks over one tree. Here: over success and every stage, in each mode.
+
+Missions are judged at their default settings, in each of their modes; a setting is judged by its instance. Pictures
+from below an asset's altitude band do not count (on the way up one may be taken by chance).
+"""
+
+from __future__ import annotations
+
+import msgspec
+
+from lingjing.errors import LingjingError
+from lingjing.mission import model
+from lingjing.mission.evaluate import number
+from lingjing.mission.feasibility.limits import Limit, episode, of_stage
+from lingjing.mission.feasibility.needs import needs, some_member
+from lingjing.mission.feasibility.order import refute_order
+from lingjing.mission.feasibility.outline import Outline, of_instance, of_mission, too_large
+from lingjing.mission.feasibility.placing import refute_places
+from lingjing.mission.feasibility.proof import Proof
+from lingjing.mission.feasibility.refutation import refute, refute_each
+from lingjing.mission.instance import Instance
+
+__all__ = ["Proof", "prove", "prove_instance", "prove_outline"]
+
+
+def prove(mission: model.Mission) -> tuple[Proof, ...]:
+    """Why the mission cannot be won at its default settings, for any seed, in one or more of its modes.
+
+    Nothing if that is not proved: also for a mission that cannot be evaluated, or is too large to be looked at.
+    """
+    if too_large(mission):
+        return ()
+    modes = mission.modes.allowed
+    found: dict[Proof, list[str]] = {}
+    for mode in modes:
+        try:
+            outline = of_mission(mission, mode)
+        except LingjingError:
+            continue
+        for proof in prove_outline(outline):
+            found.setdefault(proof, []).append(mode)
+    return tuple(_in_modes(proof, where, modes) for proof, where in found.items())
+
+
+def prove_instance(instance: Instance) -> tuple[Proof, ...]:
+    """Why this instance (seed, mode and settings) cannot be won; nothing if that is not proved."""
+    return prove_outline(of_instance(instance))
+
+
+def prove_outline(outline: Outline) -> tuple[Proof, ...]:
+    """All checks over one outline, each proof once."""
+    places = refute_places(outline)
+    if places:
+        return tuple(places)
+    success = needs(outline.instance.success, outline, "success")
+    proofs = [*refute_order(outline), *refute(success, episode(outline), outline, "success"), *_stages(outline)]
+    kept = list(dict.fromkeys(proofs))
+    return tuple(kept)
+
+
+def _stages(outline: Outline) -> list[Proof]:
+    """Stages that nobody can end for any member of their group; with a budget of their own if nothing precedes them."""
+    found = []
+    followers = {r.target for r in outline.instance.relations if r.kind == "dependency"}
+    for stage in outline.instance.stages:
+        at = f"stage/{stage.name}"
+        need = some_member(stage.condition, stage.variable, stage.domain, outline, at)
+        found.extend(refute_each(need, episode(outline), outline))
+        if stage.ticks is not None and stage.name not in followers:
+            found.extend(refute(need, _own(stage, outline), outline, at))
+    return found
+
+
+def _own(stage: model.Stage, outline: Outline) -> Limit:
+    if stage.ticks is None:
+        return episode(outline)
+    try:
+        return of_stage(outline, stage.name, number(stage.ticks, outline.scope))
+    except LingjingError:
+        return episode(outline)
+
+
+def _in_modes(proof: Proof, where: list[str], modes: tuple[str, ...]) -> Proof:
+    """The proof with the mode it holds in, if it does not say so and the mission has others."""
+    if len(where) == len(modes) or f"in {where[0]} mode" in proof.message:
+        return proof
+    return msgspec.structs.replace(proof, message=f"in {' and '.join(where)} mode, {proof.message}")

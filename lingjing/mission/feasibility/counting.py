@@ -1,0 +1,133 @@
+"""Counted budgets: fewer messages or commands than any way to success needs; fewer ticks than its steps take."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from lingjing.mission.feasibility.limits import Limit
+from lingjing.mission.feasibility.motion import IDLE_VERBS
+from lingjing.mission.feasibility.needs import Leaf, Need, Picture, Report, Some, Visit
+from lingjing.mission.feasibility.outline import Body, Outline
+from lingjing.mission.feasibility.proof import Proof, exceeds, spelled
+from lingjing.mission.feasibility.seeing import takes_pictures_by_itself
+from lingjing.mission.feasibility.tour import length
+from lingjing.mission.instance import LimitSpec, VerbSpec
+
+OVERSHOOT = 1.25
+"""One command carries its vehicle at most this many times as far as it says, and `SWING_M` beyond."""
+SWING_M = 2.0
+_STEPPING = frozenset(("multirotor", "quadruped"))
+
+
+def refute_ticks(need: Need, limit: Limit, outline: Outline, at: str) -> Proof | None:
+    """Too few ticks for a picture to be asked for, seen and reported."""
+    least = _ticks(need, 1 if takes_pictures_by_itself(outline) else 2)
+    if not exceeds(least, limit.ticks):
+        return None
+    return Proof(
+        "LJ0602",
+        at,
+        f"no schedule fits: to ask for a picture, to see it and to report it takes at least {least} ticks, "
+        f"{limit.words}",
+        "raise the budget",
+        ((limit.at, "the budget"),),
+    )
+
+
+def refute_counts(leaves: Sequence[Leaf], limit: Limit, outline: Outline) -> list[Proof]:
+    """Counted budgets of the episode, and its budget of messages, below what is needed."""
+    reports = _reports(leaves)
+    found = [_messages(counted, reports) for counted in outline.instance.limits if not counted.stage]
+    found += [_commands(counted, leaves, limit, outline) for counted in outline.instance.limits if not counted.stage]
+    most, needed = outline.instance.budget.messages, sum(reports.values())
+    if most is not None and needed > most:
+        found.append(
+            Proof(
+                "LJ0610",
+                "budget/messages",
+                f"success takes at least {needed} messages ({_spelled(reports)}), the budget is {most}",
+                "raise the budget",
+            )
+        )
+    return [proof for proof in found if proof]
+
+
+def _ticks(need: Need, picture: int) -> int:
+    match need:
+        case Picture():
+            return picture
+        case Report():
+            return 1
+        case Some(least=least, parts=parts) if 0 < least <= len(parts):
+            return sorted(_ticks(part, picture) for part in parts)[least - 1]
+    return 0
+
+
+def _reports(leaves: Sequence[Leaf]) -> dict[str, int]:
+    """Messages of each kind that are needed at least: one for each entity where they are matched one to one."""
+    about: dict[str, set[str]] = {}
+    for leaf in leaves:
+        if isinstance(leaf, Report):
+            about.setdefault(leaf.kind, set()).add(leaf.about if leaf.matching else "")
+    return {kind: max(1, len(names - {""})) for kind, names in about.items()}
+
+
+def _messages(counted: LimitSpec, reports: dict[str, int]) -> Proof | None:
+    kinds = {item.name for item in counted.counts if item.kind == "message"}
+    needed = {kind: count for kind, count in reports.items() if kind in kinds}
+    if sum(needed.values()) <= counted.most:
+        return None
+    return Proof(
+        "LJ0610",
+        f"limit/{counted.name}",
+        f"success takes at least {sum(needed.values())} messages ({_spelled(needed)}), `{counted.name}` allows "
+        f"{counted.most}",
+        "raise the limit",
+    )
+
+
+def _spelled(reports: dict[str, int]) -> str:
+    return ", ".join(f"{count} `{kind}`" for kind, count in reports.items())
+
+
+def _commands(counted: LimitSpec, leaves: Sequence[Leaf], limit: Limit, outline: Outline) -> Proof | None:
+    """A way that takes more steps than the limit allows, if every command that moves the vehicle counts."""
+    for body in outline.bodies.values():
+        step = _longest_step(body, counted)
+        visits = tuple(leaf for leaf in leaves if isinstance(leaf, Visit) and leaf.movers == (body,))
+        if math.isinf(step) or not visits or body.aboard:
+            continue
+        metres = length((body,), visits, limit, outline)
+        needed = math.ceil(metres / step - 1e-9) if step > 0 else 1 if metres > SWING_M else 0
+        if needed > counted.most:
+            return Proof(
+                "LJ0610",
+                f"limit/{counted.name}",
+                f"`{body.id}` must cover at least {spelled(round(metres, 3))} m, which at {spelled(round(step, 3))} m "
+                f"a command at most are {needed} commands, `{counted.name}` allows {counted.most}",
+                "raise the limit, allow longer steps, or start nearer",
+                ((body.path, "the vehicle"),),
+            )
+    return None
+
+
+def _longest_step(body: Body, counted: LimitSpec) -> float:
+    """How far one counted command takes the vehicle, metres; infinity if that is not bounded or not all count."""
+    names = {item.name for item in counted.counts if item.kind == "command" and item.resource == body.id}
+    moving = [verb for verb in body.entity.verbs if verb.name not in IDLE_VERBS]
+    if body.entity.engine not in _STEPPING or not names or not moving:
+        return math.inf
+    if "" not in names and any(verb.name not in names for verb in moving):
+        return math.inf
+    return max(_step(verb) for verb in moving)
+
+
+def _step(verb: VerbSpec) -> float:
+    """A verb's longest displacement: by its one bounded length; none if it only turns."""
+    metres = [argument for argument in verb.arguments if argument.unit == "m"]
+    if not metres and verb.arguments and all(argument.unit == "deg" for argument in verb.arguments):
+        return SWING_M
+    if len(metres) != 1 or len(verb.arguments) != 1 or metres[0].maximum is None or metres[0].name in ("x", "y", "z"):
+        return math.inf
+    return metres[0].maximum * OVERSHOOT + SWING_M

@@ -1,0 +1,232 @@
+"""`Outline`: an instance with everything that depends on the seed widened to all that it can be.
+
+`of_instance` widens nothing: what is proved of it holds for that instance. `of_mission` puts the default settings in
+and leaves every draw open: what is proved of it holds for every seed. All checks read an outline and nothing else.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import msgspec
+
+from lingjing.mission import expression as ex
+from lingjing.mission import model
+from lingjing.mission.evaluate import Area, Scope
+from lingjing.mission.feasibility.motion import Air, bounds, ceiling, drives, flight_s
+from lingjing.mission.feasibility.spread import Bounds, Where, numbers, places, point
+from lingjing.mission.instance import Entity, Instance
+from lingjing.mission.instantiate import instantiate
+
+DECLARATIONS_MOST = 2_000
+"""A mission with more declared groups and agents is not looked at: compiling it must stay fast."""
+
+
+class Body(msgspec.Struct, frozen=True):
+    """An entity with what it can do at most: places, speed over ground (m/s), seconds of flight on one battery.
+
+    `aboard` names the entities that may carry it away, from no farther than `aboard_m`.
+    """
+
+    entity: Entity
+    where: Where
+    drawn: dict[str, Bounds]
+    speed_mps: float
+    flight_s: float
+    driven: bool
+    aboard: frozenset[str] = frozenset()
+    aboard_m: float = 0.0
+
+    @property
+    def id(self) -> str:
+        """The entity's id."""
+        return self.entity.id
+
+    @property
+    def path(self) -> str:
+        """The path of its declaration."""
+        return f"{self.entity.role}/{self.entity.group}"
+
+    def bounds(self, name: str) -> Bounds:
+        """Between which bounds a property lies when the mission begins."""
+        return bounds(self.entity, self.drawn, name)
+
+
+class Outline(msgspec.Struct, frozen=True):
+    """What the checks read.
+
+    `groups` holds the members of every group that exists in this mode, `kinds` the message kinds that are known,
+    closed ones included, `drawn_sites` the groups whose places are drawn: name, members, where.
+    """
+
+    instance: Instance
+    scope: Scope
+    bodies: dict[str, Body]
+    groups: dict[str, tuple[Body, ...]]
+    kinds: frozenset[str]
+    drawn_sites: tuple[tuple[str, int, Where], ...] = ()
+
+    @property
+    def ticks(self) -> int:
+        """The budget of the whole episode."""
+        return self.instance.budget.ticks
+
+    def seconds(self, ticks: float) -> float:
+        """Ticks as seconds of mission time."""
+        return ticks * self.instance.clock.tick_s
+
+    def by_engine(self, engine: str) -> tuple[Body, ...]:
+        """The bodies that an engine owns."""
+        return tuple(body for body in self.bodies.values() if body.entity.engine == engine)
+
+
+def of_instance(instance: Instance) -> Outline:
+    """The outline of one instance, exact."""
+    weathers = (instance.weather, *(event.weather for event in instance.events if event.weather is not None))
+    air = Air(max(w.wind_mps for w in weathers), max(w.current_mps for w in weathers))
+    return _outline(instance, air, {}, frozenset(message.kind for message in instance.messages))
+
+
+def of_mission(mission: model.Mission, mode: str) -> Outline:
+    """The outline of a mission at its default settings, for every seed. `MissionError` if it cannot be evaluated."""
+    instance = instantiate(_without_draws(mission), mode=mode)
+    scope = _scope(instance)
+    opened = {group.name: _opened(group, scope) for group in mission.groups if _is_there(group.name, instance)}
+    return _outline(instance, _air(mission, scope), opened, frozenset(kind.name for kind in mission.messages))
+
+
+def too_large(mission: model.Mission) -> bool:
+    """Whether the mission has more declarations than are looked at."""
+    return len(mission.groups) + len(mission.agents) > DECLARATIONS_MOST
+
+
+def interactions(entity: Entity) -> Iterator[tuple[str, str, float]]:
+    """(name, engine that may do it, radius in metres) of what may be done to a target."""
+    for key, engine in entity.properties.items():
+        name = key.removesuffix("_by")
+        within = entity.properties.get(f"{name}_within_m")
+        if key.endswith("_by") and isinstance(engine, str) and isinstance(within, int | float):
+            yield name, engine, float(within)
+
+
+_Opened = tuple[Where | None, dict[str, Bounds]]
+
+
+def _outline(instance: Instance, air: Air, opened: dict[str, _Opened], kinds: frozenset[str]) -> Outline:
+    driven = {name for agent in instance.agents for name in agent.commands}
+    engines: dict[str, list[str]] = {}
+    for entity in instance.entities:
+        engines.setdefault(entity.engine, []).append(entity.id)
+    bodies = {entity.id: _body(entity, air, opened, driven, engines) for entity in instance.entities}
+    groups: dict[str, list[Body]] = {}
+    for body in bodies.values():
+        groups.setdefault(body.entity.group, []).append(body)
+    members = {name: tuple(found) for name, found in groups.items()}
+    sites = tuple((name, len(members.get(name, ())), where) for name, (where, _) in opened.items() if where)
+    return Outline(instance, _scope(instance), bodies, members, kinds, sites)
+
+
+def _body(
+    entity: Entity, air: Air, opened: dict[str, _Opened], driven: set[str], engines: dict[str, list[str]]
+) -> Body:
+    where, drawn = opened.get(entity.group, (None, {}))
+    moves = entity.id in driven and drives(entity)
+    aboard, reach = _carriers(entity, engines)
+    return Body(
+        entity=entity,
+        where=point(entity.position[0], entity.position[1]) if where is None else where,
+        drawn=drawn,
+        speed_mps=ceiling(entity, drawn, air, driven=moves),
+        flight_s=flight_s(entity, drawn),
+        driven=moves,
+        aboard=aboard,
+        aboard_m=reach,
+    )
+
+
+def _carriers(entity: Entity, engines: dict[str, list[str]]) -> tuple[frozenset[str], float]:
+    """Who may take the entity aboard, and from how far."""
+    carriers: set[str] = set()
+    reach = 0.0
+    for name, engine, within in interactions(entity):
+        if entity.properties.get(f"{name}_aboard", "drift_mps" in entity.properties) is not False:
+            carriers.update(engines.get(engine, ()))
+            reach = max(reach, within)
+    return frozenset(carriers), reach
+
+
+def _scope(instance: Instance) -> Scope:
+    members: dict[str, list[str]] = {}
+    for entity in instance.entities:
+        members.setdefault(entity.group, []).append(entity.id)
+    return Scope(
+        parameters=instance.settings,
+        mode=instance.mode,
+        areas={region.name: Area(region.polygon) for region in instance.regions},
+        members={name: tuple(ids) for name, ids in members.items()},
+        tick_s=instance.clock.tick_s,
+    )
+
+
+def _is_there(group: str, instance: Instance) -> bool:
+    return any(entity.group == group for entity in instance.entities)
+
+
+def _opened(group: model.Group, scope: Scope) -> _Opened:
+    where: Where | None = None
+    drawn: dict[str, Bounds] = {}
+    for prop in group.properties:
+        if not isinstance(prop.value, ex.Draw):
+            continue
+        if prop.name == "position":
+            where = places(prop.value, scope, group.name)
+        else:
+            drawn[prop.name] = numbers(prop.value, scope)
+    return where, drawn
+
+
+def _air(mission: model.Mission, scope: Scope) -> Air:
+    weathers = [mission.weather, *(change.weather for event in mission.events for change in event.changes)]
+    wind, current = (
+        max((_most(prop, scope) for weather in weathers for prop in weather if prop.name == name), default=0.0)
+        for name in ("wind_mps", "current_mps")
+    )
+    return Air(wind, current)
+
+
+def _most(prop: model.Property, scope: Scope) -> float:
+    from lingjing.mission.evaluate import number
+
+    return numbers(prop.value, scope)[1] if isinstance(prop.value, ex.Draw) else number(prop.value, scope)
+
+
+# -- the mission with its draws taken out ---------------------------------------------------------------------------
+
+_ORIGIN = ex.Point((ex.Number(0.0, "m"), ex.Number(0.0, "m")))
+_ZERO = ex.Number(0.0)
+
+
+def _without_draws(mission: model.Mission) -> model.Mission:
+    """The same mission with a stand-in for every draw: instantiating it throws no darts and cannot fail by chance."""
+    return msgspec.structs.replace(
+        mission,
+        groups=tuple(msgspec.structs.replace(g, properties=_settled(g.properties)) for g in mission.groups),
+        weather=_settled(mission.weather),
+        scene=msgspec.structs.replace(mission.scene, options=_settled(mission.scene.options)),
+        events=tuple(_settled_event(event) for event in mission.events),
+    )
+
+
+def _settled(properties: tuple[model.Property, ...]) -> tuple[model.Property, ...]:
+    return tuple(
+        msgspec.structs.replace(prop, value=_ORIGIN if prop.name == "position" else _ZERO, relation="=")
+        if isinstance(prop.value, ex.Draw)
+        else prop
+        for prop in properties
+    )
+
+
+def _settled_event(event: model.Event) -> model.Event:
+    changes = tuple(msgspec.structs.replace(c, weather=_settled(c.weather)) for c in event.changes)
+    at = _ZERO if isinstance(event.at, ex.Draw) else event.at
+    return msgspec.structs.replace(event, at=at, changes=changes)

@@ -1,0 +1,67 @@
+"""Places: more members than fit into a region at the distance they must keep."""
+
+from __future__ import annotations
+
+import math
+
+from lingjing.mission.feasibility.outline import Outline
+from lingjing.mission.feasibility.proof import Proof, spelled
+from lingjing.mission.feasibility.spread import Where
+from lingjing.mission.geometry2d import Point, Polygon, signed_area
+
+
+def refute_places(outline: Outline) -> list[Proof]:
+    """Groups whose drawn places cannot all lie in their region."""
+    found = []
+    for group, count, where in outline.drawn_sites:
+        most = most_places(where)
+        if count > most:
+            hectares = sum(abs(signed_area(outline_)) for outline_ in where.outlines) / 10_000.0
+            found.append(
+                Proof(
+                    "LJ0611",
+                    f"target/{group}",
+                    f"{count} places at least {spelled(where.apart)} m apart cannot fit into {hectares:.4g} ha: "
+                    f"at most {most} can",
+                    "lower `apart`, ask for fewer members, or widen the region",
+                )
+            )
+    return found
+
+
+def most_places(where: Where) -> float:
+    """How many points at least `apart` from each other the region can hold, at most.
+
+    Groemer (1960): a convex area A of perimeter P holds at most 2/√3 · A/d² + P/(2d) + 1 points with distances of d
+    or more; the convex hull holds at least as many as what it is the hull of.
+    """
+    if where.apart <= 0 or not where.drawn:
+        return math.inf
+    hull = convex_hull(tuple(corner for outline in where.outlines for corner in outline))
+    if len(hull) < 3:
+        return math.inf
+    around = sum(math.dist(a, b) for a, b in zip(hull, (*hull[1:], hull[0]), strict=True))
+    apart = where.apart
+    return math.floor(2.0 / math.sqrt(3.0) * abs(signed_area(hull)) / apart**2 + around / (2.0 * apart) + 1.0 + 1e-9)
+
+
+def convex_hull(points: tuple[Point, ...]) -> Polygon:
+    """The convex hull, anticlockwise (Andrew's monotone chain)."""
+    ordered = sorted(set(points))
+    if len(ordered) < 3:
+        return tuple(ordered)
+    lower, upper = _chain(ordered), _chain(ordered[::-1])
+    return (*lower[:-1], *upper[:-1])
+
+
+def _chain(ordered: list[Point]) -> list[Point]:
+    kept: list[Point] = []
+    for point in ordered:
+        while len(kept) > 1 and _turn(kept[-2], kept[-1], point) <= 0:
+            kept.pop()
+        kept.append(point)
+    return kept
+
+
+def _turn(a: Point, b: Point, c: Point) -> float:
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])

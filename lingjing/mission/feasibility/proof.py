@@ -1,0 +1,44 @@
+"""`Proof`: a reason why a mission cannot be won, with the arithmetic in its message."""
+
+from __future__ import annotations
+
+import msgspec
+
+SLACK = 1e-9
+"""Relative and absolute slack of every comparison: what is needed exactly is feasible."""
+
+
+class Proof(msgspec.Struct, frozen=True):
+    """One thing that is impossible.
+
+    `at` is the path of the declaration at fault: `success`, `rule/rescued`, `stage/detect`, `asset/boat`,
+    `target/victim`, `budget/ticks`, `relation/2` (counted from 0), `unlock/rescue`, `limit/moves`. `related` holds
+    further paths, each with what it has to do with it.
+    """
+
+    code: str
+    at: str
+    message: str
+    hint: str = ""
+    related: tuple[tuple[str, str], ...] = ()
+
+
+def exceeds(needed: float, available: float) -> bool:
+    """Whether more is needed than there is, beyond the slack."""
+    return needed > available * (1.0 + SLACK) + SLACK
+
+
+def both(needed: float, available: float) -> tuple[str, str]:
+    """The two amounts with as many decimals as tell them apart, the needed one rounded down."""
+    for decimals in range(9):
+        scale = 10.0**decimals
+        low = int(needed * scale) / scale if needed < 1e12 else needed
+        if low > available:
+            return f"{low:,.{decimals}f}", spelled(available)
+    return f"{needed!r}", f"{available!r}"
+
+
+def spelled(amount: float) -> str:
+    """A number for people: thousands apart, no idle decimals."""
+    text = f"{amount:,.3f}".rstrip("0").rstrip(".")
+    return text if text not in ("0", "-0") or amount == 0 else f"{amount:g}"

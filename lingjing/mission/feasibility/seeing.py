@@ -1,0 +1,117 @@
+"""Pictures: some camera must be able to take one, and the target must cover pixels in it."""
+
+from __future__ import annotations
+
+import math
+
+from lingjing.mission.feasibility.needs import Picture
+from lingjing.mission.feasibility.outline import Body, Outline
+from lingjing.mission.feasibility.proof import Proof, both, exceeds, spelled
+from lingjing.mission.instance import CameraSpec
+
+PHOTO = "takePhoto"
+
+RESOLVED_PX = 2.0
+"""A target whose longest extent covers fewer pixels at the lowest allowed altitude, at the place of the picture where
+it appears largest, cannot be told from noise."""
+
+EXTENTS = ("size_m", "length_m", "width_m", "height_m", "diameter_m")
+"""Properties of a target that say how large it is; the largest counts."""
+
+LARGEST_M = {"person_in_water": 2.5}
+"""Extents of known target types that do not say how large they are, generous."""
+
+_FLYING = frozenset(("multirotor", "plane"))
+
+
+def refute_picture(picture: Picture, outline: Outline) -> Proof | None:
+    """Why no picture can show the target, if that is so."""
+    mounts = [(body, camera) for body in outline.bodies.values() for camera in body.entity.cameras]
+    if not mounts:
+        return _no_camera(picture, "no asset of this mission has a camera", "give an asset a `camera … { }`", ())
+    usable = [(body, camera) for body, camera in mounts if takes_pictures(body, camera, outline)]
+    if not usable:
+        return _nobody(picture, mounts[0][0])
+    return _too_small(picture, usable)
+
+
+def takes_pictures(body: Body, camera: CameraSpec, outline: Outline) -> bool:
+    """Whether the camera takes pictures by itself, or some agent may ask for one."""
+    if camera.capture == "each_tick":
+        return True
+    commanded = any(body.id in agent.commands for agent in outline.instance.agents)
+    return commanded and any(verb.name == PHOTO for verb in body.entity.verbs)
+
+
+def takes_pictures_by_itself(outline: Outline) -> bool:
+    """Whether any camera takes a picture at each tick."""
+    return any(c.capture == "each_tick" for body in outline.bodies.values() for c in body.entity.cameras)
+
+
+def extent_m(target: Body) -> float:
+    """The longest extent of a target in metres; infinity if it is not known."""
+    known = [target.bounds(name)[1] for name in EXTENTS if name in target.entity.properties]
+    return max(known) if known else LARGEST_M.get(target.entity.type, math.inf)
+
+
+def most_pixels(size_m: float, height_m: float, camera: CameraSpec) -> float:
+    """Pixels that a body of the size can cover from the height, wherever it is in the picture and however the camera
+    is turned.
+
+    A focal length of `f` pixels shows an angle `a` off the axis `f / cos² a` pixels a radian wide; the corner of the
+    picture is farthest off.
+    """
+    focal = camera.width / (2.0 * math.tan(math.radians(camera.hfov_deg) / 2.0))
+    corner = ((camera.width / 2.0) ** 2 + (camera.height / 2.0) ** 2) / focal**2
+    nearest = height_m - size_m / 2.0
+    return math.inf if nearest <= 0 else focal * (1.0 + corner) * 2.0 * math.atan(size_m / 2.0 / nearest)
+
+
+def _too_small(picture: Picture, usable: list[tuple[Body, CameraSpec]]) -> Proof | None:
+    size = extent_m(picture.target)
+    if math.isinf(size):
+        return None
+    views = [(most_pixels(size, _lowest_m(body, picture.target), camera), body, camera) for body, camera in usable]
+    pixels, body, camera = max(views, key=lambda view: view[0])
+    if not exceeds(RESOLVED_PX, pixels):
+        return None
+    needed, covered = both(RESOLVED_PX, pixels)
+    return Proof(
+        "LJ0608",
+        picture.at,
+        f"no camera can resolve `{picture.target.id}`: {spelled(size)} m seen by `{body.id}.{camera.name}` "
+        f"({camera.width} by {camera.height} px, {spelled(camera.hfov_deg)} deg) from "
+        f"{spelled(_lowest_m(body, picture.target))} m, the lowest allowed, cover {covered} px at most, "
+        f"{needed} px are needed",
+        "lower the band, or give the camera more pixels or a narrower field of view",
+        ((body.path, "the camera's carrier"), (picture.target.path, "what must be seen")),
+    )
+
+
+def _lowest_m(body: Body, target: Body) -> float:
+    """Metres between camera and target at the lowest allowed altitude; 0 if the asset is not kept up by a band."""
+    lowest = body.bounds("band_low_m")[0]
+    if body.entity.engine not in _FLYING or not math.isfinite(lowest):
+        return 0.0
+    top = target.entity.position[2] + extent_m(target)
+    return max(0.0, lowest - top)
+
+
+def _nobody(picture: Picture, body: Body) -> Proof:
+    verbs = [verb.name for verb in body.entity.verbs]
+    if PHOTO in verbs:
+        why, hint = f"no agent may command `{body.id}`", "let an agent control it, or write `capture = each_tick`"
+    else:
+        why = f"`{body.id}` takes pictures on request, and `{PHOTO}` is not among its actions"
+        hint = f"add `{PHOTO}` to its actions, or write `capture = each_tick`"
+    return _no_camera(picture, why, hint, ((body.path, "the camera's carrier"),))
+
+
+def _no_camera(picture: Picture, why: str, hint: str, related: tuple[tuple[str, str], ...]) -> Proof:
+    return Proof(
+        "LJ0609",
+        picture.at,
+        f"no picture can show `{picture.target.id}`: {why}",
+        hint,
+        (*related, (picture.target.path, "what must be seen")),
+    )

@@ -1,0 +1,162 @@
+"""Tours: what one vehicle, or a few, must visit in turn takes at least the shortest path through all of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+import msgspec
+
+from lingjing.mission.feasibility.limits import Limit
+from lingjing.mission.feasibility.needs import Leaf, Visit
+from lingjing.mission.feasibility.outline import Body, Outline
+from lingjing.mission.feasibility.proof import Proof, both, exceeds, spelled
+from lingjing.mission.feasibility.spread import gap
+from lingjing.mission.feasibility.travel import meeting, movers_of
+
+EXACT_MOST = 8
+"""Up to so many stops of one vehicle the shortest order is found exactly; beyond, a spanning tree bounds it."""
+
+STOPS_MOST = 300
+"""More stops than these are not looked at: the bound takes time with their square."""
+
+
+class Tour(msgspec.Struct, frozen=True):
+    """Visits that some of the movers must make, and the metres they drive for it together, at least."""
+
+    movers: tuple[Body, ...]
+    visits: tuple[Visit, ...]
+    metres: float
+
+
+def tours(leaves: Sequence[Leaf], limit: Limit, outline: Outline) -> list[Tour]:
+    """One for every set of movers that must share two or more visits."""
+    visits = [leaf for leaf in leaves if isinstance(leaf, Visit)]
+    sets = {frozenset(mover.id for mover in visit.movers): visit.movers for visit in visits}
+    found = []
+    for ids, movers in sets.items():
+        served = _one_a_goal([v for v in visits if ids >= {mover.id for mover in v.movers}])
+        if 2 <= len(served) <= STOPS_MOST and not any(math.isinf(mover.speed_mps) or mover.aboard for mover in movers):
+            found.append(Tour(movers, served, length(movers, served, limit, outline)))
+    return found
+
+
+def refute_tours(leaves: Sequence[Leaf], limit: Limit, outline: Outline) -> list[Proof]:
+    """Why no schedule of the visits fits into the limit or the batteries, for each tour of which that is so."""
+    proofs = []
+    for tour in tours(leaves, limit, outline):
+        speed = sum(mover.speed_mps for mover in tour.movers)
+        flown = sum(mover.speed_mps * min(limit.seconds, mover.flight_s) for mover in tour.movers)
+        if speed > 0 and exceeds(tour.metres / speed, limit.seconds):
+            proofs.append(_no_schedule(tour, speed, limit))
+        elif speed > 0 and exceeds(tour.metres, flown):
+            proofs.append(_no_battery(tour, flown))
+    return proofs
+
+
+def length(movers: tuple[Body, ...], visits: tuple[Visit, ...], limit: Limit, outline: Outline) -> float:
+    """Metres that the movers cover together, at least: within the limit no goal has moved by more than its speed
+    allows."""
+    goals = [meeting(visit, outline) for visit in visits]
+    reach = [goal.radius_m + goal.speed_mps * limit.seconds for goal in goals]
+    if any(math.isinf(metres) for metres in reach):
+        return 0.0
+    first = [
+        min(_less(gap(mover.where, goal.where), r) for mover in movers) for goal, r in zip(goals, reach, strict=True)
+    ]
+
+    def leg(i: int, j: int) -> float:
+        return _less(gap(goals[i].where, goals[j].where), reach[i] + reach[j])
+
+    if len(movers) == 1 and len(goals) <= EXACT_MOST:
+        return _shortest_path(first, leg)
+    return _spanning_tree(first, leg)
+
+
+def _one_a_goal(visits: Sequence[Visit]) -> tuple[Visit, ...]:
+    """One visit for each goal, the one that must come nearest."""
+    nearest: dict[object, Visit] = {}
+    for visit in visits:
+        key = visit.goal.id if isinstance(visit.goal, Body) else visit.goal
+        known = nearest.get(key)
+        if known is None or visit.radius_m < known.radius_m:
+            nearest[key] = visit
+    return tuple(nearest.values())
+
+
+def _less(metres: float, radius: float) -> float:
+    return max(0.0, metres - radius)
+
+
+def _shortest_path(first: Sequence[float], leg: Callable[[int, int], float]) -> float:
+    """The shortest path from the start through all stops (Held and Karp)."""
+    count = len(first)
+    legs = [[leg(i, j) if i != j else 0.0 for j in range(count)] for i in range(count)]
+    best = {(1 << i, i): first[i] for i in range(count)}
+    for visited in range(1, 1 << count):
+        for last in range(count):
+            here = best.get((visited, last))
+            if here is None:
+                continue
+            for stop in range(count):
+                if visited & 1 << stop:
+                    continue
+                key = visited | 1 << stop, stop
+                best[key] = min(best.get(key, math.inf), here + legs[last][stop])
+    return min(best[(1 << count) - 1, last] for last in range(count))
+
+
+def _spanning_tree(first: Sequence[float], leg: Callable[[int, int], float]) -> float:
+    """The shortest tree that joins all stops to the starts (Prim); every set of paths from the starts is one."""
+    nearest = dict(enumerate(first))
+    total = 0.0
+    while nearest:
+        stop = min(nearest, key=lambda i: nearest[i])
+        total += nearest.pop(stop)
+        for other in nearest:
+            nearest[other] = min(nearest[other], leg(stop, other))
+    return total
+
+
+def _no_schedule(tour: Tour, speed: float, limit: Limit) -> Proof:
+    needed, _ = both(tour.metres / speed, limit.seconds)
+    together = "" if len(tour.movers) == 1 else " together"
+    return Proof(
+        "LJ0602",
+        tour.visits[0].at,
+        f"no schedule fits: to come within {_radii(tour)} of {_stops(tour)}, {movers_of(tour.movers)} must cover at "
+        f"least {spelled(round(tour.metres, 3))} m{together}, which at {spelled(round(speed, 3))} m/s at most takes "
+        f"{needed} s, {limit.words}",
+        "raise the budget, lower the number of goals, or add vehicles",
+        ((limit.at, "the budget"), (tour.movers[0].path, "the vehicle"), *_goals(tour)),
+    )
+
+
+def _no_battery(tour: Tour, metres: float) -> Proof:
+    needed, available = both(tour.metres, metres)
+    return Proof(
+        "LJ0603",
+        tour.visits[0].at,
+        f"no battery lasts: to come within {_radii(tour)} of {_stops(tour)}, {movers_of(tour.movers)} must cover at "
+        f"least {needed} m, the batteries last for {available} m at most",
+        "raise `endurance`, lower the number of goals, or add vehicles",
+        ((tour.movers[0].path, "the vehicle"), *_goals(tour)),
+    )
+
+
+def _radii(tour: Tour) -> str:
+    radii = sorted({visit.radius_m for visit in tour.visits})
+    return f"{spelled(radii[0])} m" if len(radii) == 1 else f"{spelled(radii[0])} to {spelled(radii[-1])} m"
+
+
+def _stops(tour: Tour) -> str:
+    groups: dict[str, int] = {}
+    for visit in tour.visits:
+        word = visit.goal.entity.group if isinstance(visit.goal, Body) else ""
+        groups[word] = groups.get(word, 0) + 1
+    return " and ".join(f"{count} `{name}`" if name else f"{count} places" for name, count in groups.items())
+
+
+def _goals(tour: Tour) -> tuple[tuple[str, str], ...]:
+    paths = dict.fromkeys(visit.goal.path for visit in tour.visits if isinstance(visit.goal, Body))
+    return tuple((path, "where it must go") for path in paths)

@@ -1,0 +1,137 @@
+"""Travel: nobody is anywhere sooner than in a straight line at top speed, nor farther than a battery lasts."""
+
+from __future__ import annotations
+
+import math
+
+import msgspec
+
+from lingjing.mission.feasibility.limits import Limit
+from lingjing.mission.feasibility.needs import Visit
+from lingjing.mission.feasibility.outline import Body, Outline
+from lingjing.mission.feasibility.proof import Proof, both, exceeds, spelled
+from lingjing.mission.feasibility.spread import Where, gap
+
+
+class Meeting(msgspec.Struct, frozen=True):
+    """A visit as plain geometry: where the goal begins, how fast it moves by itself (m/s), how near is near enough."""
+
+    where: Where
+    speed_mps: float
+    radius_m: float
+
+
+def meeting(visit: Visit, outline: Outline) -> Meeting:
+    """The visit with what carriers may do to its goal taken into account.
+
+    A goal that others than the visit's movers may take aboard moves as fast as they do. If only the movers may, they
+    meet it first where it drifts, from as far as it can be taken aboard.
+    """
+    if isinstance(visit.goal, Where):
+        return Meeting(visit.goal, 0.0, visit.radius_m)
+    goal, movers = visit.goal, {mover.id for mover in visit.movers}
+    radius = max(visit.radius_m, goal.aboard_m)
+    if goal.aboard <= movers:
+        return Meeting(goal.where, goal.speed_mps, radius)
+    return Meeting(goal.where, max(goal.speed_mps, _carried(goal, outline)), radius)
+
+
+def pace(mover: Body, outline: Outline) -> float:
+    """The speed of a mover, m/s: its own, or that of whoever takes it aboard."""
+    return max(mover.speed_mps, _carried(mover, outline))
+
+
+def refute_visit(visit: Visit, limit: Limit, outline: Outline) -> Proof | None:
+    """Why no mover can make the visit within the limit, if that is so."""
+    if not visit.movers:
+        return None
+    goal = meeting(visit, outline)
+    away = {mover.id: _away(mover, goal, outline) for mover in visit.movers}
+    best = min(visit.movers, key=lambda mover: _seconds(away[mover.id], pace(mover, outline) + goal.speed_mps))
+    needed = _seconds(away[best.id], pace(best, outline) + goal.speed_mps)
+    if math.isinf(needed):
+        return _nobody(visit, away[best.id], best)
+    if exceeds(needed, limit.seconds):
+        return _too_late(visit, goal, limit, best, away[best.id], pace(best, outline) + goal.speed_mps)
+    return _too_far(visit, goal, limit, away, outline)
+
+
+def name_of(goal: Body | Where) -> str:
+    """The goal in words."""
+    return f"`{goal.id}`" if isinstance(goal, Body) else "its goal"
+
+
+def movers_of(movers: tuple[Body, ...]) -> str:
+    """The movers in words."""
+    if len(movers) == 1:
+        return f"`{movers[0].id}`"
+    groups = list(dict.fromkeys(mover.entity.group for mover in movers))
+    return f"the {len(movers)} " + " and ".join(f"`{group}`" for group in groups)
+
+
+def _carried(body: Body, outline: Outline) -> float:
+    return max((outline.bodies[name].speed_mps for name in body.aboard), default=0.0)
+
+
+def _away(mover: Body, goal: Meeting, outline: Outline) -> float:
+    """Metres that must be covered at least; a mover that is taken aboard jumps to its carrier."""
+    return max(0.0, gap(mover.where, goal.where) - goal.radius_m - mover.aboard_m)
+
+
+def _seconds(metres: float, speed: float) -> float:
+    if metres <= 1e-6 or math.isinf(speed):
+        return 0.0
+    return metres / speed if speed > 0 else math.inf
+
+
+def _nobody(visit: Visit, metres: float, mover: Body) -> Proof:
+    why = "no agent may command it to move" if not mover.driven else "it has no speed"
+    who = movers_of(visit.movers)
+    return Proof(
+        "LJ0607",
+        visit.at,
+        f"nobody can bring {who} within {spelled(visit.radius_m)} m of {name_of(visit.goal)}: "
+        f"`{mover.id}` is {spelled(round(metres, 3))} m too far away at the least, and {why}",
+        f"let an agent control `{mover.entity.group}`, give it a verb that moves it, or place it nearer",
+        ((mover.path, "what would have to move"), *_goal(visit)),
+    )
+
+
+def _too_late(visit: Visit, goal: Meeting, limit: Limit, mover: Body, metres: float, speed: float) -> Proof:
+    needed, _ = both(metres / speed, limit.seconds)
+    closing = " (both moving)" if goal.speed_mps > 0 else ""
+    return Proof(
+        "LJ0601",
+        visit.at,
+        f"{movers_of(visit.movers)} cannot come within {spelled(visit.radius_m)} m of {name_of(visit.goal)} in time: "
+        f"{spelled(round(metres, 3))} m at {spelled(round(speed, 3))} m/s at most{closing} "
+        f"need at least {needed} s, {limit.words}",
+        "raise the budget, start nearer, or choose a faster vehicle",
+        ((limit.at, "the budget"), (mover.path, "the vehicle"), *_goal(visit)),
+    )
+
+
+def _too_far(visit: Visit, goal: Meeting, limit: Limit, away: dict[str, float], outline: Outline) -> Proof | None:
+    """Why no battery lasts for the visit, if that is so."""
+    worst: Proof | None = None
+    for mover in visit.movers:
+        speed = pace(mover, outline)
+        metres = max(0.0, away[mover.id] - goal.speed_mps * limit.seconds)
+        flight = _seconds(metres, speed)
+        if not exceeds(flight, mover.flight_s):
+            return None
+        needed, lasts = both(flight, mover.flight_s)
+        worst = worst or Proof(
+            "LJ0603",
+            visit.at,
+            f"no battery takes {movers_of(visit.movers)} within {spelled(visit.radius_m)} m of {name_of(visit.goal)}: "
+            f"{spelled(round(metres, 3))} m at {spelled(round(speed, 3))} m/s at most are at least {needed} s of "
+            f"flight, `{mover.id}` can fly for {lasts} s at most",
+            "raise `endurance`, start nearer, or choose another vehicle",
+            ((mover.path, "the vehicle"), *_goal(visit)),
+        )
+    return worst
+
+
+def _goal(visit: Visit) -> tuple[tuple[str, str], ...]:
+    return ((visit.goal.path, "where it must go"),) if isinstance(visit.goal, Body) else ()
