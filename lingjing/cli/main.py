@@ -36,6 +36,7 @@ class Verb(NamedTuple):
 VERBS = (
     Verb("run", "lingjing.cli.run", "play a mission to a score and a trace"),
     Verb("validate", "lingjing.cli.validate", "report every error of mission files"),
+    Verb("explain", "lingjing.cli.explain", "say what an error code means"),
     Verb("compile", "lingjing.cli.compile", "write the typed mission graph as JSON"),
     Verb("fmt", "lingjing.cli.fmt", "lay mission files out the one way"),
     Verb("plugins", "lingjing.cli.plugins", "list engines, policies and scenes and where they come from"),

@@ -1,15 +1,17 @@
-"""`lingjing validate`: report every error of mission files, in one run each."""
+"""`lingjing validate`: report every error of mission files, in one run each, and mend what can only be one thing."""
 
 from __future__ import annotations
 
 import argparse
 import os
 import sys
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from lingjing.errors import ExitCode, MissionError, UsageError
 
 if TYPE_CHECKING:
+    from lingjing.dsl import Compilation
+    from lingjing.dsl.source import Source
     from lingjing.mission.diagnostics import Diagnostic
 
 
@@ -17,54 +19,139 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     """Declare the verb and its options."""
     parser = subparsers.add_parser("validate", help="report every error of mission files", description=__doc__)
     parser.add_argument("files", metavar="FILE", nargs="+", help="a .ljs or .json file; - reads standard input")
-    parser.add_argument("--output-format", choices=("text", "json"), default="text")
+    parser.add_argument("--output-format", choices=("text", "json", "sarif"), default="text")
+    parser.add_argument("--fix", action="store_true", help="apply the safe fixes to the files")
+    parser.add_argument("--unsafe-fixes", action="store_true", help="apply the likely fixes too; look at them")
+    parser.add_argument("--diff", action="store_true", help="show what --fix would change, and change nothing")
+    parser.add_argument("--no-cache", action="store_true", help="compile anew even what is known to be good")
     parser.set_defaults(handler=handler)
+
+
+class Checked(NamedTuple):
+    """One file's diagnostics and what goes to standard output for it."""
+
+    diagnostics: tuple[Diagnostic, ...]
+    shown: str
 
 
 def handler(args: argparse.Namespace) -> int:
     """Check the files: 0 all are good, 1 one has errors, 2 one cannot be read (the others are still checked)."""
-    from lingjing.dsl.render import render_json, summary
-
     found: list[Diagnostic] = []
     unreadable = wrong = 0
     for path in args.files:
         try:
-            faults, shown = _check(path, as_json=args.output_format == "json")
+            checked = _check(path, args)
         except UsageError as error:
             unreadable += 1
             _say_error(error)
             continue
         except MissionError as error:
             wrong += 1
-            _say_error(error)
+            if args.output_format == "text":
+                _say_error(error)
+            else:
+                found.append(_as_diagnostic(error, path))
             continue
-        found.extend(faults)
-        sys.stdout.write(shown)
+        found.extend(checked.diagnostics)
+        sys.stdout.write(checked.shown)
+    return _conclude(args, found, unreadable=unreadable, wrong=wrong)
+
+
+def _conclude(args: argparse.Namespace, found: list[Diagnostic], *, unreadable: int, wrong: int) -> int:
+    errors = any(item.severity == "error" for item in found)
     if args.output_format == "json":
+        from lingjing.dsl.render import render_json
+
         sys.stdout.write(render_json(found))
-    elif total := summary(found):
-        print(total)
+    elif args.output_format == "sarif":
+        import lingjing
+        from lingjing.dsl.sarif import render_sarif
+
+        sys.stdout.write(render_sarif(found, lingjing.__version__))
+    elif errors:
+        from lingjing.dsl.render import conclusion
+
+        # where standard output is a text or a patch, the summary is not part of it
+        data = args.diff or (_mends(args) and "-" in args.files)
+        print(conclusion(found), file=sys.stderr if data else sys.stdout)
     elif sys.stdout.isatty() and not unreadable and not wrong:
         print("no errors")
     if unreadable:
         return ExitCode.USAGE
-    return ExitCode.MISSION if wrong or summary(found) else ExitCode.OK
+    return ExitCode.MISSION if wrong or errors else ExitCode.OK
 
 
-def _check(path: str, *, as_json: bool) -> tuple[tuple[Diagnostic, ...], str]:
-    from lingjing.dsl import compile_source
+def _check(path: str, args: argparse.Namespace) -> Checked:
     from lingjing.dsl.load import is_document, read_document, source_of
-    from lingjing.dsl.render import render_text
 
     source = source_of(path)
+    as_text = args.output_format == "text"
     if is_document(source):
         _, notes = read_document(source)
-        return (), "" if as_json else "".join(f"{source.path}: note: {note}\n" for note in notes)
-    compilation = compile_source(source)
-    if as_json:
-        return compilation.diagnostics, ""
+        return Checked((), "".join(f"{source.path}: note: {note}\n" for note in notes) if as_text else "")
+    if _mends(args) or args.diff:
+        return _fix(path, source, args)
+    if not args.no_cache:
+        from lingjing.dsl.cache import known_good
+
+        diagnostics = known_good(source)
+        if diagnostics is not None:
+            return Checked(diagnostics, _text(diagnostics, source) if as_text else "")
+    compilation = _compile(source)
+    if not args.no_cache:
+        from lingjing.dsl.cache import keep
+
+        keep(compilation)
+    return Checked(compilation.diagnostics, _text(compilation.diagnostics, source) if as_text else "")
+
+
+def _mends(args: argparse.Namespace) -> bool:
+    return bool(args.fix or args.unsafe_fixes)
+
+
+def _compile(source: Source) -> Compilation:
+    from lingjing.dsl import compile_source
+
+    return compile_source(source)
+
+
+def _fix(path: str, source: Source, args: argparse.Namespace) -> Checked:
+    """Apply fixes. What was done goes to standard error where standard output is data: JSON, SARIF, the text of `-`."""
+    from lingjing.dsl.fixes import fix_source, unified_diff, write_text
+    from lingjing.dsl.load import STDIN
+
+    fixed = fix_source(source, _compile, unsafe=args.unsafe_fixes)
+    left, now = fixed.compilation.diagnostics, fixed.compilation.source
+    done = "".join(f"{source.path}:{item.line}: fixed {item.code}: {item.title}\n" for item in fixed.applied)
+    if args.diff:
+        shown, left = unified_diff(source.text, fixed.text, source.path), _compile(source).diagnostics
+    elif path == STDIN:
+        shown = fixed.text
+        sys.stderr.write(done + _text(left, now))
+    else:
+        if fixed.text != source.text:
+            write_text(path, fixed.text)
+        shown = done + _text(left, now)
+    if args.output_format == "text":
+        return Checked(left, shown)
+    sys.stderr.write(done)
+    return Checked(left, "")
+
+
+def _text(diagnostics: tuple[Diagnostic, ...], source: Source) -> str:
+    if not diagnostics:
+        return ""
+    from lingjing.dsl.render import render_text
+
     color = sys.stdout.isatty() and "NO_COLOR" not in os.environ
-    return compilation.diagnostics, render_text(compilation.diagnostics, source, color=color)
+    return render_text(diagnostics, source, color=color)
+
+
+def _as_diagnostic(error: MissionError, path: str) -> Diagnostic:
+    """A document that is no mission, for readers of JSON and SARIF: it has no line, so it stands at the first."""
+    from lingjing.mission.diagnostics import Diagnostic, Span
+
+    return Diagnostic("LJ0009", Span(path, 0, 0, 1, 1, 1, 1), str(error), error.hint)
 
 
 def _say_error(error: UsageError | MissionError) -> None:

@@ -13,7 +13,7 @@ import msgspec
 from lingjing.dsl import syntax as s
 from lingjing.dsl.elaborate import Elaborator
 from lingjing.dsl.scope import STATIC, UNKNOWN, Environment, Taint, Value
-from lingjing.dsl.suggest import did_you_mean, nearest
+from lingjing.dsl.suggest import did_you_mean, is_certain, nearest
 from lingjing.dsl.typenames import with_article
 from lingjing.mission import expression as ex
 from lingjing.mission.functions import DEGREES, MPS, NUMBER, Type
@@ -147,7 +147,12 @@ class BlockReader:
         if key is None:
             hint = did_you_mean(name.text, keys)
             close = nearest(name.text, keys)
-            self.report("LJ0108", name.start, name.end, f"{what} knows no `{name.text}`", hint, replace=close)
+            certain = is_certain(name.text, keys.keys() - seen.keys())
+            self.report(
+                "LJ0108", name.start, name.end, f"{what} knows no `{name.text}`", hint, replace=close, safe=certain
+            )
+            if close is not None:
+                seen.setdefault(close, item)  # so that it is not reported as missing, too
             return
         if name.text in seen:
             first = seen[name.text].name
@@ -175,6 +180,8 @@ class BlockReader:
                 item.value.start,
                 f"`{name.text}` takes {allowed}, not `{item.relation}`",
                 f"write `{name.text} {key.relations[0]} …`",
+                replace=f"{name.text} {key.relations[0]} " if len(key.relations) == 1 else None,
+                safe=item.relation != "~",
             )
             return
         parts = self.parts(item.value, key, item.relation, environment)
@@ -230,7 +237,9 @@ class BlockReader:
             return Value(ex.Symbol(node.text), key.type)
         close = nearest(node.text, key.choices)
         hint = did_you_mean(node.text, key.choices)
-        self.report("LJ0109", node.start, node.end, f"`{key.name}` cannot be `{node.text}`", hint, replace=close)
+        certain = is_certain(node.text, key.choices)
+        message = f"`{key.name}` cannot be `{node.text}`"
+        self.report("LJ0109", node.start, node.end, message, hint, replace=close, safe=certain)
         return UNKNOWN
 
     def _choices(self, node: s.List, key: Key, environment: Environment) -> Value:

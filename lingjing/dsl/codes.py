@@ -12,6 +12,7 @@ CODES: dict[str, str] = {
     "LJ0006": "neither a number nor a name",
     "LJ0007": "the file is empty",
     "LJ0008": "more errors than are shown",
+    "LJ0009": "a JSON document that is no mission",
     "LJ0010": "the statement goes on in a way the grammar does not know",
     "LJ0011": "no statement begins with this word",
     "LJ0012": "a named argument outside of a call",

@@ -12,7 +12,7 @@ from __future__ import annotations
 import re
 
 from lingjing.dsl.reporter import Reporter
-from lingjing.dsl.suggest import nearest
+from lingjing.dsl.suggest import is_certain, nearest
 from lingjing.dsl.tokens import INNER, OPERATORS_THAT_CONTINUE, STATEMENTS, SYMBOLS, Token
 from lingjing.mission.diagnostics import Related
 
@@ -105,9 +105,10 @@ class Lexer:
     def _refuse_bidi(self) -> None:
         for match in _BIDI.finditer(self.text):
             code = f"U+{ord(match[0]):04X}"
-            self.report(
-                "LJ0001", match.start(), match.end(), f"{code} reverses the reading direction unseen", "remove it"
-            )
+            line = self.text.rfind("\n", 0, match.start()) + 1
+            outside = self.text.count('"', line, match.start()) % 2 == 0
+            message = f"{code} reverses the reading direction unseen"
+            self.report("LJ0001", match.start(), match.end(), message, "remove it", replace="", safe=outside)
 
     # -- words and numbers
 
@@ -140,7 +141,8 @@ class Lexer:
         if close is not None:
             start = end - len(word)
             hint = f"did you mean `{close}`?"
-            self.report("LJ0011", start, end, f"no statement is called `{word}`", hint, replace=close)
+            certain = is_certain(word, _BLOCK_KEYWORDS)
+            self.report("LJ0011", start, end, f"no statement is called `{word}`", hint, replace=close, safe=certain)
         return close
 
     def _means(self, word: str, end: int) -> bool:
@@ -360,7 +362,13 @@ class Lexer:
         character = match[0]
         if character in _COMMAS:
             self.report(
-                "LJ0001", match.start(), match.end(), f"`{character}` has no meaning here", "write `,`", replace=","
+                "LJ0001",
+                match.start(),
+                match.end(),
+                f"`{character}` has no meaning here",
+                "write `,`",
+                replace=",",
+                safe=True,
             )
             return self._comma(match)
         shown = f"`{character}`" if character.isprintable() else f"U+{ord(character):04X}"

@@ -15,7 +15,7 @@ from lingjing.dsl import syntax as s
 from lingjing.dsl.builder import Builder
 from lingjing.dsl.lexer import lex
 from lingjing.dsl.reporter import Reporter
-from lingjing.dsl.suggest import nearest
+from lingjing.dsl.suggest import is_certain, nearest
 from lingjing.dsl.tables import Tables, load_tables
 from lingjing.dsl.tokens import INNER, NAMES_IN_MESSAGES, STATEMENTS, Token
 
@@ -183,16 +183,17 @@ class Parser:
         if first.type == "NAME" and fault - begin <= 1 and token.type in _AFTER_KEYWORD:
             close = nearest(first.text, STATEMENTS)
             if close is not None:
-                hint = f"did you mean `{close}`?"
-                self.report(
-                    "LJ0011", first.start, first.end, f"no statement is called `{first.text}`", hint, replace=close
-                )
+                message, hint = f"no statement is called `{first.text}`", f"did you mean `{close}`?"
+                certain = is_certain(first.text, STATEMENTS)
+                self.report("LJ0011", first.start, first.end, message, hint, replace=close, safe=certain)
                 tokens[begin] = Token(STATEMENTS[close], close, first.start, first.end)
                 self._drop_statement()
                 return begin
         if first.type == "NAME" and fault == begin + 1 and _is_value(tokens, fault):
             message = f"`=` is due after `{first.text}`"
-            self.report("LJ0010", token.start, token.end, message, f"write `{first.text} = …`")
+            text = self.report.source.text[token.start : token.end]
+            hint = f"write `{first.text} = …`"
+            self.report("LJ0010", token.start, token.end, message, hint, replace=f"= {text}")
             tokens.insert(fault, Token("EQUAL", "=", token.start, token.start))
             return fault
         if token.type == "NAME":
@@ -201,7 +202,9 @@ class Parser:
             if close is not None:
                 where = f" in `{first.text}`" if first.text in STATEMENTS else ""
                 message = f"`{token.text}` does not fit here{where}"
-                self.report("LJ0010", token.start, token.end, message, f"did you mean `{close}`?", replace=close)
+                certain = is_certain(token.text, self._words_due(due))
+                hint = f"did you mean `{close}`?"
+                self.report("LJ0010", token.start, token.end, message, hint, replace=close, safe=certain)
                 kind = INNER.get(close) or STATEMENTS[close]
                 tokens[fault] = Token(kind, close, token.start, token.end)
                 return fault

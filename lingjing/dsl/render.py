@@ -36,6 +36,30 @@ def summary(diagnostics: Iterable[Diagnostic]) -> str:
     return f"{_counted(len(errors), 'error')} in {_counted(files, 'file')}"
 
 
+def conclusion(diagnostics: Iterable[Diagnostic]) -> str:
+    """The summary, and what can be done about it: how many fixes there are, and where a code is explained."""
+    found = tuple(diagnostics)
+    lines = [summary(found)]
+    fixes = [item.fix for item in found if item.fix is not None]
+    safe = sum(fix.safe for fix in fixes)
+    if safe:
+        lines.append(f"{_counted(safe, 'safe fix', 'safe fixes')}: --fix applies {'it' if safe == 1 else 'them'}")
+    if len(fixes) > safe:
+        guesses = _counted(len(fixes) - safe, "likely fix", "likely fixes")
+        lines.append(f"{guesses}: --unsafe-fixes applies {'it' if len(fixes) - safe == 1 else 'them'} too")
+    return "\n".join(lines)
+
+
+def diagnostics_schema() -> bytes:
+    """The JSON Schema of `render_json`'s output, as it is committed in `schemas/diagnostics.schema.json`."""
+    schema = {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "diagnostics",
+        **msgspec.json.schema(tuple[Diagnostic, ...]),
+    }
+    return msgspec.json.format(msgspec.json.encode(schema), indent=2) + b"\n"
+
+
 def _one(item: Diagnostic, source: Source, paint: type[_Plain]) -> str:
     place = f"{item.span.path}:{item.span.line}:{item.span.column}"
     lines = [f"{paint.put('bold', place)}: {paint.put(item.severity, f'{item.severity}[{item.code}]')}: {item.message}"]
@@ -50,6 +74,8 @@ def _one(item: Diagnostic, source: Source, paint: type[_Plain]) -> str:
             lines += _snippet(related.span, source, margin, paint, "note", "-")
     if item.hint:
         lines.append(f"{margin} {paint.put('frame', '=')} {paint.put('hint', 'hint')}: {item.hint}")
+    if item.fix is not None and item.fix.safe:
+        lines.append(f"{margin} {paint.put('frame', '=')} {paint.put('hint', 'safe fix')}: {item.fix.title}")
     return "\n".join(lines) + "\n\n"
 
 
@@ -92,8 +118,8 @@ def _cells(text: str) -> int:
     return sum(0 if combining(c) else 2 if east_asian_width(c) in "WF" else 1 for c in text)
 
 
-def _counted(number: int, noun: str) -> str:
-    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+def _counted(number: int, noun: str, several: str = "") -> str:
+    return f"{number} {noun}" if number == 1 else f"{number} {several or noun + 's'}"
 
 
 class _Plain:

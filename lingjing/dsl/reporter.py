@@ -44,3 +44,9 @@ class Reporter:
     def span(self, start: int, end: int) -> Span:
         """The span between two offsets of this source."""
         return self.source.span(start, end)
+
+
+def _title(span: Span, replace: str) -> str:
+    if not replace:
+        return "remove it"
+    return f"{'insert' if span.start == span.end else 'write'} `{replace}`"

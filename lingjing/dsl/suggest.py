@@ -21,6 +21,13 @@ def nearest(word: str, known: Iterable[str]) -> str | None:
     return best
 
 
+def is_certain(word: str, known: Iterable[str]) -> bool:
+    """Whether exactly one known word is a single slip away, so that nothing else can have been meant."""
+    folded = word.lower()
+    near = {candidate for candidate in known if candidate != word and _distance(folded, candidate.lower(), 1) <= 1}
+    return len(near) == 1 and len(word) > 2
+
+
 def did_you_mean(word: str, known: Iterable[str], what: str = "") -> str:
     """A hint: the nearest word, else the list of all there are if it is short, else nothing."""
     words = sorted(set(known))

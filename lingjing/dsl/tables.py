@@ -16,6 +16,8 @@ from typing import Any
 
 import msgspec
 
+from lingjing.dsl.cache import cache_folder
+
 FORMAT = 1
 """Raised when the shape of `Tables` changes."""
 
@@ -49,7 +51,7 @@ def load_tables() -> Tables:
     """The tables of the grammar as it is now; never fails because a cache is missing, broken or not writable."""
     grammar = GRAMMAR_FILE.read_bytes()
     key = hashlib.sha256(grammar + b"\0%d" % FORMAT).hexdigest()
-    cached = _cache_folder() / f"ljs-{key[:16]}.tables"
+    cached = Path(cache_folder()) / f"ljs-{key[:16]}.tables"
     for path in (PACKAGED_FILE, cached):
         tables = _read(path, key)
         if tables is not None:
@@ -115,11 +117,6 @@ def write_tables(path: Path = PACKAGED_FILE) -> None:
     key = hashlib.sha256(grammar + b"\0%d" % FORMAT).hexdigest()
     _write(build_tables(grammar.decode(), key), path)
     path.chmod(0o644)
-
-
-def _cache_folder() -> Path:
-    base = os.environ.get("XDG_CACHE_HOME")
-    return Path(base or "~/.cache").expanduser() / "lingjing"
 
 
 def _read(path: Path, key: str) -> Tables | None:

@@ -1,0 +1,46 @@
+"""`lingjing explain LJ0101`: what a code means, an example that has it, and how to mend it."""
+
+from __future__ import annotations
+
+import argparse
+
+from lingjing.errors import ExitCode, UsageError
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Declare the verb and its options."""
+    parser = subparsers.add_parser("explain", help="say what an error code means", description=__doc__)
+    parser.add_argument("code", metavar="CODE", nargs="?", help="a code such as LJ0101; without one all are listed")
+    parser.set_defaults(handler=handler)
+
+
+def handler(args: argparse.Namespace) -> int:
+    """Print the page of a code, or the list of all."""
+    print(listing() if args.code is None else page(args.code), end="")
+    return ExitCode.OK
+
+
+def listing() -> str:
+    """Every code with its meaning, a line each."""
+    from lingjing.dsl.codes import CODES
+
+    return "".join(f"{code}  {meaning}\n" for code, meaning in sorted(CODES.items()))
+
+
+def page(code: str) -> str:
+    """The text of a code's page; `lj101` and `101` are understood. `UsageError` if there is no such code."""
+    from lingjing.data import data_path
+    from lingjing.dsl.codes import CODES
+
+    digits = code.upper().removeprefix("LJ")
+    wanted = f"LJ{digits.zfill(4)}"
+    if wanted not in CODES:
+        from lingjing.dsl.suggest import nearest
+
+        close = nearest(wanted, CODES)
+        hint = f"did you mean {close}? " if close else ""
+        raise UsageError(f"no error has the code `{code}`", hint=f"{hint}`lingjing explain` lists them all")
+    file = data_path("errors", f"{wanted}.md")
+    if not file.is_file():
+        return f"# {wanted}: {CODES[wanted]}\n"
+    return file.read_text(encoding="utf-8")
