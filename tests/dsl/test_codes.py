@@ -59,7 +59,7 @@ CASES = [
     ("LJ0501", "sync = 500 ms", "sync = 3 s", 9, 31, "no whole multiple"),
     ("LJ0502", "hub = commander when mode == star, ", "", 15, 3, "star mode has no hub"),
 ]  # fmt: skip
-ELSEWHERE = {"LJ0007", "LJ0008", "LJ0119"}
+ELSEWHERE = {"LJ0007", "LJ0008", "LJ0009", "LJ0119"}
 """Codes whose examples are files of their own; tested below and in `test_inputs` and `test_library`."""
 
 
