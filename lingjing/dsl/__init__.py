@@ -8,7 +8,7 @@ Phases, each a plain function, in the order a text passes them:
 - `library`: what `use` finds. `scope`: what names mean.
 - `elaborate`, `calls`, `typenames`: expressions, typed, with the way hidden values take.
 - `blocks`, `settings`, `entities`, `agents`, `rules`, `checker`: declarations → `Checked`.
-- `properties`, `lower`: `Checked` → `lingjing.mission.model.Mission`.
+- `properties`, `lower`: `Checked` → `lingjing.mission.model.Mission`. `infeasible`: why it cannot be won, if proved.
 - `render`, `codes`, `suggest`: diagnostics for people and programs. `load`: any mission file → `Mission`.
 
 Invariants: every error of a file is reported in one run, in source order; a faulty part is never looked at again, its
@@ -51,8 +51,9 @@ def compile_file(path: str) -> Compilation:
 
 
 def compile_source(source: Source) -> Compilation:
-    """Compile a source: parse, check, and lower if there was no error."""
+    """Compile a source: parse, check, lower if there was no error, and look whether the mission can be won."""
     from lingjing.dsl.checker import check
+    from lingjing.dsl.infeasible import infeasible
     from lingjing.dsl.lower import lower
     from lingjing.dsl.parser import parse
     from lingjing.dsl.reporter import Reporter
@@ -62,8 +63,12 @@ def compile_source(source: Source) -> Compilation:
     if not source.text.strip():
         report("LJ0007", 0, 0, "the file is empty", "begin with `ljs 1`; the shipped mission `ssr` is an example")
         return Compilation(None, tuple(report.diagnostics), source)
-    checked = check(parse(report), report)
+    tree = parse(report)
+    checked = check(tree, report)
     diagnostics = in_source_order(tuple(report.diagnostics))
     if checked is None or has_errors(diagnostics):
         return Compilation(None, diagnostics, source)
-    return Compilation(lower(checked, source), diagnostics, source)
+    mission = lower(checked, report.source)
+    infeasible(mission, tree, report)
+    diagnostics = in_source_order(tuple(report.diagnostics))
+    return Compilation(None if has_errors(diagnostics) else mission, diagnostics, source)

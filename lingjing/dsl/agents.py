@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable
 
 from lingjing.dsl import syntax as s
 from lingjing.dsl.blocks import BlockReader
 from lingjing.dsl.entities import EntityChecker
+from lingjing.dsl.properties import suffix_of
 from lingjing.dsl.scope import STATIC, UNKNOWN, Environment, Scope, Value
 from lingjing.dsl.settings import SettingsChecker
 from lingjing.dsl.suggest import did_you_mean, nearest
 from lingjing.dsl.typenames import with_article
+from lingjing.dsl.wording import WordingChecker
 from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.diagnostics import Related
@@ -19,8 +20,6 @@ from lingjing.mission.functions import NUMBER, OBSERVED_FIELDS, STATE_FIELDS
 
 EVERYONE = "all"
 RELATIONS = ("information_handoff", "cooperation", "competition", "guidance", "dependency")
-_HOLE = re.compile(r"\{([^{}]*)\}")
-_PATH = re.compile(r"\s*([^\W\d]\w*)(?:\[\s*\w+\s*\])?(?:\.([^\W\d]\w*))?\s*")
 
 
 class AgentChecker:
@@ -33,6 +32,7 @@ class AgentChecker:
         self.of = blocks.of
         self.report = blocks.report
         self.scope: Scope = blocks.of.scope
+        self.wording = WordingChecker(blocks)
         self.controlled: dict[str, s.Expression] = {}
 
     def head(self, node: s.AgentBlock) -> None:
@@ -59,6 +59,7 @@ class AgentChecker:
         controls = tuple(self._controlled(part, environment) for part in node.controls)
         channels: list[model.Channel] = []
         prompt = ""
+        budget: model.Allowance | None = None
         for item in node.block.items if node.block else ():
             if isinstance(item, s.Observes):
                 for channel in item.channels:
@@ -66,9 +67,11 @@ class AgentChecker:
                     if checked is not None:
                         channels.append(checked)
             elif isinstance(item, s.TextLine) and item.keyword == "prompt":
-                prompt = self.text(item)
+                prompt = self.wording.text(item, environment)
+            elif isinstance(item, s.Section) and item.keyword == "budget":
+                budget = self.settings.allowance(item)
             elif not isinstance(item, s.Faulty):
-                self.blocks.misplaced(item, f"the agent `{node.name.text}`", ("observes", "prompt"))
+                self.blocks.misplaced(item, f"the agent `{node.name.text}`", ("observes", "prompt", "budget"))
         return model.Agent(
             name=node.name.text,
             role=node.role.text,
@@ -78,22 +81,18 @@ class AgentChecker:
             observes=tuple(dict.fromkeys(channels)),
             prompt=prompt,
             when=self.settings.guard(node.guard),
+            budget=budget,
         )
 
-    def text(self, node: s.TextLine) -> str:
-        """A goal or prompt: its holes `{name}` must be public."""
-        for hole in _HOLE.finditer(node.text.value):
-            self._hole(node, hole)
-        return node.text.value
-
-    def authority(self, node: s.AuthorityLine) -> model.Authority | None:
-        """`authority role may command resource`."""
-        self.role(node.role)
+    def authority(self, node: s.AuthorityLine) -> tuple[model.Authority, ...]:
+        """`authority role, role may command resource`: one of the graph's for each role."""
+        for role in node.roles:
+            self.role(role)
         resource = self._asset(node.resource, STATIC, "a command")
         guard = self.settings.guard(node.guard)
         if resource is UNKNOWN:
-            return None
-        return model.Authority(role=node.role.text, resource=resource.ir, when=guard)
+            return ()
+        return tuple(model.Authority(role=role.text, resource=resource.ir, when=guard) for role in node.roles)
 
     def message_head(self, node: s.MessageLine) -> None:
         """Make the message kind known."""
@@ -295,53 +294,29 @@ class AgentChecker:
             taint = (*attribute.taint, self.of.step(f"`{self._text(node)}`", node))
             self.blocks.leak(taint, node, "an observation")
             return None
+        if attribute is not None and attribute.state:
+            return model.Channel(source=value.ir, fields=(field.text + suffix_of(attribute.type.dimension),))
+        known = [*OBSERVED_FIELDS, *(name for name, known in info.attributes.items() if known.state)]
+        if field.text in self._cameras(info.name):
+            return model.Channel(source=value.ir, fields=(field.text,))
         if field.text not in OBSERVED_FIELDS:
+            known += self._cameras(info.name)
             self.report(
                 "LJ0102",
                 field.start,
                 field.end,
                 f"`{info.name}` shows no `{field.text}`",
-                did_you_mean(field.text, OBSERVED_FIELDS),
-                replace=nearest(field.text, OBSERVED_FIELDS),
+                did_you_mean(field.text, known),
+                replace=nearest(field.text, known),
             )
             return None
         return model.Channel(source=value.ir, fields=(_lowered_field(field.text),))
 
+    def _cameras(self, group: str) -> list[str]:
+        return self.scope.mounted.get(group, [])
+
     def _text(self, node: s.Node) -> str:
         return self.report.source.text[node.start : node.end]
-
-    def _hole(self, node: s.TextLine, hole: re.Match[str]) -> None:
-        start = node.text.start + 1 + hole.start()
-        end = node.text.start + 1 + hole.end()
-        match = _PATH.fullmatch(hole[1])
-        symbol = self.scope.symbols.get(match[1]) if match else None
-        if match is None or (symbol is None and match[1] not in ("mode",)):
-            if match is None or match[1] not in self.scope.poisoned:
-                shown = hole[1].strip()
-                hint = (
-                    did_you_mean(match[1], list(self.scope.symbols))
-                    if match
-                    else "a hole is `{name}` or `{name.field}`"
-                )
-                self.report("LJ0101", start, end, f"nothing is called `{shown}`", hint)
-            return
-        taint = symbol.taint if symbol else ()
-        info = self.scope.groups.get(match[1])
-        if info is not None and match[2]:
-            attribute = info.attributes.get(match[2])
-            if attribute is None:
-                self.report(
-                    "LJ0102",
-                    start,
-                    end,
-                    f"`{info.name}` has no field `{match[2]}`",
-                    did_you_mean(match[2], info.attributes),
-                )
-                return
-            taint = attribute.taint
-        if taint:
-            place = s.Broken(start, end)
-            self.blocks.leak(taint, place, f"the {node.keyword}'s text")
 
     def _stage(self, name: s.Name) -> None:
         if name.text not in self.scope.stages:

@@ -118,11 +118,23 @@ class Builder:
     def version(self, keyword: Token, number: Token) -> s.Version:
         return s.Version(keyword.start, number.end, self.number(number))
 
-    def use(self, keyword: Token, path: list[Token], names: s.Block | None) -> s.Use:
-        return s.Use(keyword.start, (names or path[-1]).end, tuple(map(_word, path)), names)
+    def use(self, keyword: Token, dot: Token | None, path: list[Token], names: s.Block | None) -> s.Use:
+        return s.Use(keyword.start, (names or path[-1]).end, tuple(map(_word, path)), names, dot is not None)
 
-    def mission(self, keyword: Token, name: Token, title: Token | None, block: s.Block) -> s.MissionBlock:
-        return s.MissionBlock(keyword.start, block.end, _word(name), self.text(title) if title else None, block)
+    def mission(
+        self,
+        keyword: Token,
+        name: Token,
+        _extends: Token | None,
+        base: Token | None,
+        title: Token | None,
+        block: s.Block,
+    ) -> s.MissionBlock:
+        shown = self.text(title) if title else None
+        return s.MissionBlock(keyword.start, block.end, _word(name), shown, block, _word(base) if base else None)
+
+    def override(self, keyword: Token, item: s.Statement) -> s.Override:
+        return s.Override(keyword.start, item.end, item)
 
     def goal(self, keyword: Token, text: Token) -> s.TextLine:
         return s.TextLine(keyword.start, text.end, keyword.text, self.text(text))
@@ -135,12 +147,18 @@ class Builder:
     def section(self, keyword: Token, block: s.Block) -> s.Section:
         return s.Section(keyword.start, block.end, keyword.text, block)
 
+    def preset(self, keyword: Token, name: Token, block: s.Block | None) -> s.Section:
+        inside = block or s.Block(name.end, name.end, ())
+        return s.Section(keyword.start, inside.end, keyword.text, inside, _word(name))
+
     def param(self, keyword: Token, name: Token, _equal: Token, value: Flat) -> s.Param:
         done = self._done(value)
         return s.Param(keyword.start, done.end, _word(name), done)
 
-    def mode(self, keyword: Token, default: Token, _in: Token, allowed: s.NameSet) -> s.ModeLine:
-        return s.ModeLine(keyword.start, allowed.end, _word(default), allowed)
+    def mode(self, keyword: Token, default: Token, _in: Token | None, allowed: s.NameSet | None) -> s.ModeLine:
+        only = _word(default)
+        names = allowed or s.NameSet(only.start, only.end, (only,))
+        return s.ModeLine(keyword.start, names.end, only, names)
 
     def region(self, keyword: Token, name: Token, _equal: Token, shape: Flat) -> s.RegionLine:
         done = self._done(shape)
@@ -163,8 +181,11 @@ class Builder:
         of_type = _word(kind) if kind else None
         return s.EntityBlock(keyword.start, end, keyword.text, _word(name), index, of_type, guard, block)
 
-    def camera(self, keyword: Token, name: Token, block: s.Block) -> s.CameraBlock:
-        return s.CameraBlock(keyword.start, block.end, _word(name), block)
+    def camera(
+        self, keyword: Token, name: Token, _colon: Token | None, preset: Token | None, block: s.Block | None
+    ) -> s.CameraBlock:
+        end = (block or preset or name).end
+        return s.CameraBlock(keyword.start, end, _word(name), block, _word(preset) if preset else None)
 
     def agent(
         self,
@@ -183,10 +204,16 @@ class Builder:
         return s.AgentBlock(keyword.start, end, _word(name), index, _word(role), held, guard, block)
 
     def authority(
-        self, keyword: Token, role: Token, _may: Token, _command: Token, resource: Flat, guard: s.Expression | None
+        self,
+        keyword: Token,
+        roles: list[Token],
+        _may: Token,
+        _command: Token,
+        resource: Flat,
+        guard: s.Expression | None,
     ) -> s.AuthorityLine:
         done = self._done(resource)
-        return s.AuthorityLine(keyword.start, (guard or done).end, _word(role), done, guard)
+        return s.AuthorityLine(keyword.start, (guard or done).end, tuple(map(_word, roles)), done, guard)
 
     def message(
         self,
@@ -259,6 +286,77 @@ class Builder:
         done = self._done(condition)
         return s.Condition(keyword.start, done.end, keyword.text, done)
 
+    def limit(
+        self,
+        keyword: Token,
+        name: Token,
+        _le: Token,
+        most: Flat,
+        _counts: Token,
+        counts: list[s.Channel],
+        guard: s.Expression | None,
+    ) -> s.LimitLine:
+        end = (guard or counts[-1]).end
+        return s.LimitLine(keyword.start, end, _word(name), self._done(most), tuple(counts), guard)
+
+    def permit(self, keyword: Token, resource: s.Channel, guard: s.Expression) -> s.PermitLine:
+        return s.PermitLine(keyword.start, guard.end, resource, guard)
+
+    def constraint(
+        self,
+        keyword: Token,
+        kind: Token,
+        name: Token,
+        _per: Token | None,
+        variable: Token | None,
+        _in: Token | None,
+        domain: Token | None,
+        guard: s.Expression | None,
+        block: s.Block,
+    ) -> s.ConstraintBlock:
+        bound, over = _word(variable) if variable else None, _word(domain) if domain else None
+        return s.ConstraintBlock(keyword.start, block.end, _word(kind), _word(name), bound, over, guard, block)
+
+    def inspection(
+        self,
+        keyword: Token,
+        name: Token,
+        _of: Token,
+        asset: Flat,
+        _by: Token,
+        inspectors: list[Flat],
+        guard: s.Expression | None,
+        block: s.Block,
+    ) -> s.InspectionBlock:
+        by = tuple(map(self._done, inspectors))
+        return s.InspectionBlock(keyword.start, block.end, _word(name), self._done(asset), by, guard, block)
+
+    def event(
+        self,
+        keyword: Token,
+        name: Token,
+        _at: Token,
+        tilde: Token | None,
+        at: Flat,
+        guard: s.Expression | None,
+        block: s.Block,
+    ) -> s.EventBlock:
+        drawn = tilde is not None
+        return s.EventBlock(keyword.start, block.end, _word(name), self._done(at), drawn, guard, block)
+
+    def change(self, keyword: Token, entity: Flat) -> s.ChangeLine:
+        done = self._done(entity)
+        return s.ChangeLine(keyword.start, done.end, keyword.text, done)
+
+    def axis(self, name: Token, _in: Token, values: Flat) -> s.Axis:
+        done = self._done(values)
+        return s.Axis(name.start, done.end, _word(name), done)
+
+    def sweep(
+        self, keyword: Token, name: Token, _over: Token, axes: list[s.Axis], guard: s.Expression | None
+    ) -> s.SweepLine:
+        return s.SweepLine(keyword.start, (guard or axes[-1]).end, _word(name), tuple(axes), guard)
+
     def observes(self, keyword: Token, channels: list[s.Channel]) -> s.Observes:
         return s.Observes(keyword.start, channels[-1].end, tuple(channels))
 
@@ -277,11 +375,23 @@ class Builder:
         return s.RevealLine(keyword.start, role.end, _word(what), self._done(entity), _word(role))
 
     def property(
-        self, hidden: Token | None, name: Token, relation: Token, value: Flat, guard: s.Expression | None
+        self,
+        hidden: Token | None,
+        state: Token | None,
+        name: Token,
+        relation: Token,
+        value: Flat,
+        guard: s.Expression | None,
     ) -> s.Property:
         done = self._done(value)
-        start = (hidden or name).start
-        return s.Property(start, (guard or done).end, _word(name), relation.text, done, hidden is not None, guard)
+        start, end = (hidden or state or name).start, (guard or done).end
+        return s.Property(
+            start, end, _word(name), relation.text, done, hidden is not None, guard, state is not None
+        )
+
+    def bounded(self, name: Token, relation: Token, value: Flat) -> s.Property:
+        done = self._done(value)
+        return s.Property(name.start, done.end, _word(name), relation.text, done, hidden=False, guard=None)
 
     def field(self, typed: s.Typed) -> s.FieldLine:
         return s.FieldLine(typed.start, typed.end, typed)
@@ -324,7 +434,10 @@ class Builder:
         return s.Number(token.start, token.end, value, token.unit)
 
     def text(self, token: Token) -> s.Text:
-        raw = token.text[1:-1] if len(token.text) > 1 and token.text.endswith('"') else token.text[1:]
+        if token.text.startswith('""' + '"') and len(token.text) >= 6:
+            raw = _dedented(token.text[3:-3])
+        else:
+            raw = token.text[1:-1] if len(token.text) > 1 and token.text.endswith('"') else token.text[1:]
         if "\\" in raw:
             raw = _ESCAPE.sub(lambda match: _ESCAPES.get(match[1], match[1]), raw)
         return s.Text(token.start, token.end, raw)
@@ -384,6 +497,11 @@ class Builder:
         done = self._done(value)
         return s.Argument(name.start, done.end, _word(name), done)
 
+    def comprehension(self, value: Flat, _for: Token, variable: Token, _in: Token, domain: Token) -> s.Argument:
+        done = self._done(value)
+        over = s.Binding(variable.start, domain.end, _word(variable), _word(domain))
+        return s.Argument(done.start, domain.end, None, done, over)
+
     def named_number(self, name: Token, value: Token) -> s.Argument:
         return s.Argument(name.start, value.end, _word(name), self.number(value))
 
@@ -396,6 +514,9 @@ class Builder:
 
     def _unnamed(self, arguments: Arguments) -> tuple[s.Expression, ...]:
         for argument in arguments:
+            if argument.over is not None:
+                over = argument.over
+                self.report("LJ0012", over.start, over.end, "`for … in …` belongs into a call: `sum(… for x in group)`")
             if argument.name is not None:
                 name = argument.name
                 self.report("LJ0012", name.start, name.end, "only a call has named arguments")
@@ -453,6 +574,19 @@ class _Ranker:
 
 
 _NOT_ACTIONS = frozenset({"actions", "report"})
+
+
+def _dedented(raw: str) -> str:
+    """The lines of a long text without their common indentation and without the blank first and last line."""
+    lines = raw.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    rest = [line for line in lines[1:] if line.strip()]
+    margin = min((len(line) - len(line.lstrip(" \t")) for line in rest), default=0)
+    kept = [lines[0].strip(), *(line[margin:].rstrip() for line in lines[1:])]
+    while kept and not kept[0]:
+        kept.pop(0)
+    while kept and not kept[-1]:
+        kept.pop()
+    return "\n".join(kept)
 
 
 def _word(token: Token) -> s.Name:

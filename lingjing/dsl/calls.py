@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from lingjing.dsl import syntax as s
 from lingjing.dsl.scope import UNKNOWN, Environment, Taint, Value
 from lingjing.dsl.suggest import did_you_mean, nearest
+from lingjing.dsl.typenames import with_article
 from lingjing.mission import expression as ex
 from lingjing.mission.functions import DISTRIBUTIONS, FLAG, FUNCTIONS, Option, Parameter, Signature, Type
 from lingjing.mission.units import Dimension
@@ -43,6 +44,10 @@ class CallChecker:
             return UNKNOWN
         arguments, named, dimension, taint = checked
         result = Type("quantity", dimension) if signature.same else signature.result
+        if name == "at":
+            result = self._item_type(node, environment)
+        elif name == "buffer" and not self._buffers(node, environment):
+            return UNKNOWN
         return Value(ex.Call(name, arguments, named), result, taint)
 
     def draw(self, node: s.Expression, environment: Environment) -> Value:
@@ -70,7 +75,7 @@ class CallChecker:
                     "LJ0206", node.start, node.end, "the range of the draw is empty", "the smaller end stands first"
                 )
         result = Type("quantity", dimension) if signature.same else signature.result
-        if signature.name == "choice":
+        if signature.name in ("choice", "subset"):
             kind = self.of.value(node.arguments[0].value, environment).type
             result = Type(kind.item or "any", kind.dimension)
         return Value(ex.Draw(signature.name, arguments, named), result, taint)
@@ -110,6 +115,35 @@ class CallChecker:
         return None
 
     # -- private
+
+    def _item_type(self, node: s.Call, environment: Environment) -> Type:
+        """What `at(i, [items], rest = …)` gives: one of the items."""
+        listed = [argument.value for argument in node.arguments if argument.name is None]
+        kind = self.of.value(listed[1], environment).type
+        item = Type(kind.item or "any", kind.dimension)
+        for argument in node.arguments:
+            if argument.name is not None and argument.name.text == "rest":
+                self.of.expect(argument.value, environment, item, "`rest`")
+        return item
+
+    def _buffers(self, node: s.Call, environment: Environment) -> bool:
+        shape = node.arguments[0].value
+        kind = self.of.value(shape, environment).type
+        if kind.kind in ("region", "any") or (kind.kind == "list" and kind.item in ("position", None)):
+            return True
+        message = f"a region or a list of positions is due for `shape` of `buffer`, this is {with_article(kind)}"
+        self.report("LJ0201", shape.start, shape.end, message)
+        return False
+
+    def _named(self, node: s.Expression, kind: str) -> Value:
+        """The name of an inspection or of a counted budget."""
+        known = self.scope.inspections if kind == "inspection" else self.scope.limits
+        if isinstance(node, s.Name) and node.text in known:
+            return Value(ex.Symbol(node.text), Type("inspection" if kind == "inspection" else "limit"))
+        if isinstance(node, s.Name):
+            return self.of.unknown_name(node, list(known), f"no {kind}")
+        self.report("LJ0201", node.start, node.end, f"the name of {'an' if kind[0] == 'i' else 'a'} {kind} is due here")
+        return UNKNOWN
 
     def _inferred(self, node: s.Expression, variable: str) -> list[s.Name]:
         found: list[s.Name] = []
@@ -203,6 +237,8 @@ class CallChecker:
     ) -> Value:
         if due.kind == "interaction":
             return self._interaction(node)
+        if due.kind in ("inspection", "limit"):
+            return self._named(node, due.kind)
         what = f"`{parameter.name}` of `{signature.name}`"
         value = self.of.value(node, environment)
         if due.kind in ("entity", "position") and value.type.kind == "group":

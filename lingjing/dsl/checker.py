@@ -7,37 +7,27 @@ left out; the rest is still checked. `Checked` is complete only if nothing was r
 
 from __future__ import annotations
 
-import os
 from typing import TypeVar
 
 import msgspec
 
-from lingjing.dsl import library
 from lingjing.dsl import syntax as s
 from lingjing.dsl.agents import AgentChecker
-from lingjing.dsl.blocks import BlockReader
-from lingjing.dsl.elaborate import Elaborator
-from lingjing.dsl.entities import EntityChecker
-from lingjing.dsl.parser import parse
+from lingjing.dsl.conduct import ConductChecker
+from lingjing.dsl.events import EventChecker
+from lingjing.dsl.inherit import inherited
 from lingjing.dsl.reporter import Reporter
 from lingjing.dsl.rules import RuleChecker
-from lingjing.dsl.scope import Library, RecordDecl, Scope, TypeDecl
-from lingjing.dsl.settings import SettingsChecker
-from lingjing.dsl.source import Source
-from lingjing.dsl.suggest import did_you_mean, nearest
+from lingjing.dsl.scope import Scope
+from lingjing.dsl.studies import StudyChecker
+from lingjing.dsl.toplevel import FileChecker, names_in_faults
 from lingjing.mission import expression as ex
 from lingjing.mission import model
-from lingjing.mission.diagnostics import Diagnostic, Related
+from lingjing.mission.diagnostics import Related
 
-VERSION = 1
 T = TypeVar("T")
 N = TypeVar("N", bound=s.Statement)
 
-_ONCE = {
-    "goal": s.TextLine,
-    "scene": s.SceneBlock,
-    "mode": s.ModeLine,
-}
 _REQUIRED = (
     ("goal", 'add `goal "…"`'),
     ("scene", "add `scene … { }`"),
@@ -73,6 +63,13 @@ class Checked(msgspec.Struct, frozen=True, kw_only=True):
     reveals: tuple[model.Reveal, ...]
     success: ex.Expr | None
     failure: ex.Expr | None
+    base: str
+    limits: tuple[model.Limit, ...]
+    permits: tuple[model.Permit, ...]
+    constraints: tuple[model.Constraint, ...]
+    inspections: tuple[model.Inspection, ...]
+    events: tuple[model.Event, ...]
+    sweeps: tuple[model.Sweep, ...]
 
 
 def check(tree: s.File, report: Reporter) -> Checked | None:
@@ -90,167 +87,13 @@ def _mission(file: FileChecker, tree: s.File) -> Checked | None:
     for extra in missions[1:]:
         report("LJ0104", extra.name.start, extra.name.end, "a file holds one mission", "move it into a file of its own")
     if missions:
-        return MissionChecker(file).mission(missions[0])
+        whole = inherited(file, missions[0])
+        return None if whole is None else MissionChecker(file).mission(whole)
     faulty = any(isinstance(item, s.Faulty) for item in tree.items)
-    if not faulty and not file.own_types and not file.own_records:
+    if not faulty and not file.own:
         end = len(report.source.text.rstrip())
         report("LJ0106", 0, min(1, end), "the file holds no mission", 'add `mission name "title" { … }`')
     return None
-
-
-def check_library(source: Source, chain: tuple[str, ...] = ()) -> tuple[Library, tuple[Diagnostic, ...]]:
-    """Check a library file: its types and records."""
-    report = Reporter(source)
-    tree = parse(report)
-    file = FileChecker(report, chain)
-    file.declarations(tree)
-    for item in tree.items:
-        if isinstance(item, s.MissionBlock):
-            report("LJ0107", item.start, item.name.end, "a library file holds types, no mission")
-    file.of.names.report_all()
-    return Library(source.path, file.own_types, file.own_records), tuple(report.diagnostics)
-
-
-class FileChecker:
-    """The top of a file: version, `use`, types and records."""
-
-    def __init__(self, report: Reporter, chain: tuple[str, ...] = ()) -> None:
-        self.report = report
-        self.chain = (*chain, os.path.realpath(report.source.path))
-        self.scope = Scope()
-        self.of = Elaborator(report, self.scope)
-        self.blocks = BlockReader(self.of)
-        self.settings = SettingsChecker(self.blocks)
-        self.entities = EntityChecker(self.blocks, self.settings)
-        self.own_types: dict[str, TypeDecl] = {}
-        self.own_records: dict[str, RecordDecl] = {}
-
-    def declarations(self, tree: s.File) -> None:
-        """Everything but the mission."""
-        self.scope.poisoned.update(_names_in_faults(tree.items))
-        self.scope.incomplete = any(isinstance(item, s.Faulty) for item in tree.items)
-        self._version(tree)
-        for item in tree.items:
-            if isinstance(item, s.Use):
-                self._use(item)
-        for item in tree.items:
-            if isinstance(item, s.EntityBlock):
-                self._enter(item.name, self.entities.type(item), self.own_types, self.scope.types)
-            elif isinstance(item, s.RecordBlock):
-                self._enter(item.name, self.entities.record(item), self.own_records, self.scope.records)
-            elif not isinstance(item, s.Use | s.Version | s.MissionBlock | s.Faulty):
-                self.blocks.misplaced(item, "a file outside of its mission")
-
-    def _version(self, tree: s.File) -> None:
-        first = tree.items[0] if tree.items else None
-        if not isinstance(first, s.Version):
-            if first is not None and not isinstance(first, s.Faulty):
-                self.report(
-                    "LJ0106", first.start, first.start + 1, "the file does not say its version", "begin with `ljs 1`"
-                )
-            return
-        number = first.number
-        if isinstance(number, s.Number) and number.value != VERSION:
-            self.report(
-                "LJ0117",
-                number.start,
-                number.end,
-                f"this is version {number.value:g} of the language, known is {VERSION}",
-                f"write `ljs {VERSION}`",
-            )
-        for item in tree.items[1:]:
-            if isinstance(item, s.Version):
-                self.report("LJ0103", item.start, item.end, "the version is given twice")
-
-    def _use(self, node: s.Use) -> None:
-        path = tuple(word.text for word in node.path)
-        shown = ".".join(path)
-        start, end = node.path[0].start, node.path[-1].end
-        file = library.find_file(path)
-        if file is None:
-            self.scope.incomplete = True
-            known = library.known_paths(path[0])
-            self.report(
-                "LJ0118",
-                start,
-                end,
-                f"there is no library `{shown}`",
-                did_you_mean(shown, known),
-                replace=nearest(shown, known),
-            )
-            if node.names is not None:
-                self.scope.poisoned.update(item.name.text for item in node.names.items if isinstance(item, s.Bare))
-            else:
-                self.scope.poisoned.update(_words(self.report.source.text))
-            return
-        if os.path.realpath(file) in self.chain:
-            self.report("LJ0118", start, end, f"`{shown}` uses itself, directly or through others")
-            return
-        found, faults = library.load_library(file, self.chain)
-        if any(fault.severity == "error" for fault in faults):
-            first = faults[0]
-            self.report(
-                "LJ0119",
-                start,
-                end,
-                f"the library `{shown}` has errors",
-                f"run `lingjing validate {file}`",
-                related=(Related(first.span, first.message),),
-            )
-        self._import(node, found, shown)
-
-    def _import(self, node: s.Use, found: Library, shown: str) -> None:
-        declared: dict[str, TypeDecl | RecordDecl] = {**found.types, **found.records}
-        wanted = list(declared)
-        if node.names is not None:
-            wanted = []
-            for item in node.names.items:
-                if not isinstance(item, s.Bare):
-                    if not isinstance(item, s.Faulty):
-                        self.blocks.misplaced(item, "`use`")
-                    wanted = list(declared)  # some name was meant there: better all than errors wherever it is used
-                    break
-                if item.name.text in declared:
-                    wanted.append(item.name.text)
-                    continue
-                name = item.name
-                self.report(
-                    "LJ0101",
-                    name.start,
-                    name.end,
-                    f"`{shown}` declares no `{name.text}`",
-                    did_you_mean(name.text, declared),
-                    replace=nearest(name.text, declared),
-                )
-                self.scope.poisoned.add(name.text)
-                close = nearest(name.text, declared)
-                if close is not None:
-                    wanted.append(close)
-                else:
-                    self.scope.incomplete = True
-        self.scope.left_behind.update({name: shown for name in declared if name not in wanted})
-        for word in wanted:
-            if word in found.types:
-                self.scope.types[word] = found.types[word]
-            if word in found.records:
-                self.scope.records[word] = found.records[word]
-
-    def _enter(self, name: s.Name, decl: T | None, own: dict[str, T], known: dict[str, T]) -> None:
-        if name.text in known:
-            first = known[name.text].span  # type: ignore[attr-defined]
-            self.report(
-                "LJ0104",
-                name.start,
-                name.end,
-                f"the type `{name.text}` is declared twice",
-                "choose another name",
-                related=(Related(first, "first declared here"),),
-            )
-            return
-        if decl is None:
-            self.scope.poisoned.add(name.text)
-            return
-        own[name.text] = known[name.text] = decl
 
 
 class MissionChecker:
@@ -264,15 +107,19 @@ class MissionChecker:
         self.entities = file.entities
         self.agents = AgentChecker(file.blocks, file.settings, file.entities)
         self.rules = RuleChecker(file.blocks)
+        self.conduct = ConductChecker(file.blocks, file.settings, self.rules)
+        self.events = EventChecker(file.blocks, file.settings)
+        self.studies = StudyChecker(file.blocks, file.settings)
 
     def mission(self, node: s.MissionBlock) -> Checked:
         """All passes over a mission's block."""
         items = node.block.items
-        self.scope.poisoned.update(_names_in_faults(items))
+        self.scope.poisoned.update(names_in_faults(items))
         self._misplaced(items)
         modes = self._mode(items)
         self._heads(items)
         parameters = [self.settings.param(item) for item in _all(items, s.Param)]
+        self.studies.bounds = {param.name: param.bounds for param in parameters if param is not None}
         regions = [self.settings.region(item) for item in _all(items, s.RegionLine)]
         grids = [self.settings.grid(item) for item in _all(items, s.GridBlock)]
         self._taints(items)
@@ -287,7 +134,7 @@ class MissionChecker:
         checked = Checked(
             name=node.name.text,
             title=node.title.value if node.title else node.name.text,
-            goal=self.agents.text(goal) if goal else "",
+            goal=self.agents.wording.text(goal) if goal else "",
             scene=self.settings.scene(scene) if scene else None,
             clock=self.settings.clock(clock) if clock else None,
             budget=self.settings.budget(budget) if budget else None,
@@ -298,16 +145,23 @@ class MissionChecker:
             grids=_good(grids),
             groups=_good([self.entities.entity(item) for item in _all(items, s.EntityBlock)]),
             agents=tuple(self.agents.agent(item) for item in _all(items, s.AgentBlock)),
-            authorities=_good([self.agents.authority(item) for item in _all(items, s.AuthorityLine)]),
+            authorities=tuple(part for item in _all(items, s.AuthorityLine) for part in self.agents.authority(item)),
             messages=_good([self.agents.message(item) for item in _all(items, s.MessageLine)]),
             comms=self.settings.comms(comms) if comms else model.Comms(),
             rules=_good([self.rules.rule(item) for item in _all(items, s.RuleBlock)]),
             unlocks=_good([self.rules.unlock(item) for item in _all(items, s.UnlockLine)]),
-            stages=_good([self.rules.stage(item) for item in _all(items, s.StageBlock)]),
+            stages=_good([self.rules.stage(item, self.conduct.limit) for item in _all(items, s.StageBlock)]),
             relations=_good([self.agents.relation(item) for item in _all(items, s.RelationLine)]),
             reveals=_good([self.agents.reveal(item) for item in _all(items, s.RevealLine)]),
             success=outcomes.get("success"),
             failure=outcomes.get("failure"),
+            base=node.base.text if node.base else "",
+            limits=_good([self.conduct.limit(item) for item in _all(items, s.LimitLine)]),
+            permits=_good([self.conduct.permit(item) for item in _all(items, s.PermitLine)]),
+            constraints=_good([self.conduct.constraint(item) for item in _all(items, s.ConstraintBlock)]),
+            inspections=_good([self.conduct.inspection(item) for item in _all(items, s.InspectionBlock)]),
+            events=_good([self.events.event(item) for item in _all(items, s.EventBlock)]),
+            sweeps=_good([self.studies.sweep(item) for item in _all(items, s.SweepLine)]),
         )
         self.rules.cycles(_all(items, s.RuleBlock))
         self.rules.unlocked_once(_all(items, s.UnlockLine))
@@ -328,7 +182,7 @@ class MissionChecker:
     def _mode(self, items: tuple[s.Statement, ...]) -> model.Modes | None:
         node = self._one(items, s.ModeLine, "mode")
         if node is None:
-            if not _names_in_faults(items):
+            if not names_in_faults(items):
                 modes = model.Modes(default="broadcast", allowed=("broadcast",))
                 self.scope.modes = modes.allowed
                 return modes
@@ -348,6 +202,11 @@ class MissionChecker:
                 self.agents.message_head(item)
             elif isinstance(item, s.StageBlock):
                 self.rules.stage_head(item)
+                for line in item.block.items:
+                    if isinstance(line, s.LimitLine):
+                        self.conduct.head(line)
+            elif isinstance(item, s.InspectionBlock | s.LimitLine):
+                self.conduct.head(item)
             elif isinstance(item, s.RuleBlock):
                 self.rules.head(item)
 
@@ -397,7 +256,7 @@ class MissionChecker:
         )
 
     def _required(self, node: s.MissionBlock, given: set[str]) -> None:
-        faulty = _names_in_faults(node.block.items)
+        faulty = names_in_faults(node.block.items)
         text = self.report.source.text
         broken = [text[i.start : i.end].split(None, 1)[0] for i in node.block.items if isinstance(i, s.Faulty)]
         for keyword, hint in _REQUIRED:
@@ -418,6 +277,7 @@ class MissionChecker:
             isinstance(i, s.Faulty) or (isinstance(i, s.Property) and i.name.text == "hub") for i in comms.block.items
         )
         mode = next(iter(_all(items, s.ModeLine)), None)
+        self._alone(node, checked)
         if checked.modes and "star" in checked.modes.allowed and not hub_given and mode is not None:
             self.report(
                 "LJ0502",
@@ -426,6 +286,21 @@ class MissionChecker:
                 "star mode has no hub",
                 "add `comms { hub = … when mode == star }`",
             )
+
+
+    def _alone(self, node: s.MissionBlock, checked: Checked) -> None:
+        """`single` is for one agent."""
+        agents = _all(node.block.items, s.AgentBlock)
+        if checked.modes is None or checked.modes.default != "single" or (len(agents) < 2 and not agents[0].index):
+            return
+        second = agents[-1]
+        self.report(
+            "LJ0504",
+            second.name.start,
+            second.name.end,
+            "the mode is `single`, this mission has several agents",
+            "write `mode broadcast`, or `mode star` with a hub",
+        )
 
 
 _MISSION_STATEMENTS = (
@@ -446,6 +321,13 @@ _MISSION_STATEMENTS = (
     s.RelationLine,
     s.Outcome,
     s.RevealLine,
+    s.LimitLine,
+    s.PermitLine,
+    s.ConstraintBlock,
+    s.InspectionBlock,
+    s.EventBlock,
+    s.SweepLine,
+    s.Override,
     s.Faulty,
 )
 
@@ -460,23 +342,3 @@ def _good(parts: list[T | None]) -> tuple[T, ...]:
 
 def _hidden_count(scope: Scope) -> int:
     return sum(1 for info in scope.groups.values() for attribute in info.attributes.values() if attribute.taint)
-
-
-def _names_in_faults(items: tuple[s.Statement, ...]) -> set[str]:
-    """Every word in faulty statements, also inside blocks: any of them may have been a declaration."""
-    found: set[str] = set()
-    waiting = list(items)
-    while waiting:
-        item = waiting.pop()
-        if isinstance(item, s.Faulty):
-            found.update(item.names)
-        block = getattr(item, "block", None)
-        if isinstance(block, s.Block):
-            waiting.extend(block.items)
-    return found
-
-
-def _words(text: str) -> set[str]:
-    import re
-
-    return set(re.findall(r"[^\W\d]\w*", text))

@@ -36,6 +36,11 @@ CODES: dict[str, str] = {
     "LJ0117": "a version of the language that is not known",
     "LJ0118": "there is no such library",
     "LJ0119": "a library has errors of its own",
+    "LJ0120": "a file or a mission leads back to itself",
+    "LJ0121": "a hole in a text that names nothing that can be shown",
+    "LJ0122": "a path leads out of the project",
+    "LJ0123": "there is nothing to override",
+    "LJ0124": "the base mission has this already",
     # types and dimensions
     "LJ0201": "a value of another kind is due",
     "LJ0202": "a unit is missing",
@@ -59,5 +64,20 @@ CODES: dict[str, str] = {
     # the mission as a whole
     "LJ0501": "tick and sync do not fit",
     "LJ0502": "star mode without a hub",
+    "LJ0503": "a sweep with too many combinations",
+    "LJ0504": "the mode `single` with more than one agent",
+    # what cannot be won
+    "LJ0601": "a place that cannot be reached in time",
+    "LJ0602": "no schedule fits the budget",
+    "LJ0603": "farther than the batteries last",
+    "LJ0604": "more than the vehicles can carry",
+    "LJ0605": "a message that is needed and nobody can send",
+    "LJ0606": "what waits for itself",
+    "LJ0607": "what nobody can do",
+    "LJ0608": "a target too small for every camera",
+    "LJ0609": "a picture that no camera can take",
+    "LJ0610": "a counted budget below what is needed",
+    "LJ0611": "more places than fit into their region",
+    "LJ0612": "more is asked for than there is",
 }
 """Code → meaning."""

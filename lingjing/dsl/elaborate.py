@@ -10,6 +10,7 @@ from collections.abc import Callable
 from typing import Any
 
 from lingjing.dsl import syntax as s
+from lingjing.dsl.aggregates import aggregate, is_aggregate
 from lingjing.dsl.calls import CallChecker
 from lingjing.dsl.reporter import Reporter
 from lingjing.dsl.scope import UNKNOWN, Environment, Scope, Step, Taint, Value
@@ -191,6 +192,8 @@ class Elaborator:
         return Value(ex.Sequence(tuple(i.ir for i in items)), Type("list", item="name"), _taint(*items))
 
     def _call(self, node: s.Call, environment: Environment) -> Value:
+        if is_aggregate(node):
+            return aggregate(self, node, environment)
         if node.function.text in DISTRIBUTIONS and node.function.text not in self.scope.rules:
             start, end = node.function.start, node.function.end
             self.report(

@@ -42,7 +42,7 @@ MASTER = re.compile(
     re.VERBOSE | re.DOTALL,
 )
 
-_STATEMENT_FOLLOWS = re.compile(r"[ \t]+(?:[^\W\d]|\"|\{|-?\d)|[ \t]*\{")
+_STATEMENT_FOLLOWS = re.compile(r"[ \t]+(?:[^\W\d]|\"|\{|-?\d|\.[^\W\d])|[ \t]*\{")
 _HEADER_FOLLOWS = re.compile(r"[ \t]+(?:[^\W\d]|\")|[ \t]*\{")
 _NAME_FOLLOWS = re.compile(r"[ \t]*(?:=(?!=)|~|:|<=)")
 _INNER_IS_NAME = re.compile(r"[ \t]*(?:=(?!=)|~|:)")
@@ -54,7 +54,8 @@ _STARTS = re.compile(r"[ \t]*(?:(?P<word>[^\W\d]\w*)|\})")
 _SEA_LEVEL = re.compile(r"[ \t]+level\b")
 _BLOCK_FOLLOWS = re.compile(r"[ \t]*\{")
 _BLOCK_KEYWORDS = ("clock", "budget", "weather", "comms", "actions")
-_BIDI = re.compile("[\u202a-\u202e\u2066-\u2069\u200e\u200f]")
+_BEFORE_STATEMENTS = frozenset(("NL", "LBRACE", "HIDDEN", "OVERRIDE", "SEP"))
+_BIDI = re.compile("[\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069]")
 _OPERANDS = frozenset(("NAME", "NUMBER", "QUANTITY", "STRING", "RPAR", "RSQB", "RSET", "TRUE", "FALSE"))
 _CLOSERS = {"(": ")", "[": "]", "{": "}", "set": "}"}
 
@@ -62,8 +63,9 @@ _CLOSERS = {"(": ")", "[": "]", "{": "}", "set": "}"}
 class Lexer:
     """State of one pass over one text: the tokens so far and the open brackets."""
 
-    def __init__(self, text: str, report: Reporter, *, guided: bool = False) -> None:
+    def __init__(self, text: str, report: Reporter, *, start: int = 0, guided: bool = False) -> None:
         self.text = text
+        self.start = start
         self.report = report
         self.tokens: list[Token] = []
         self.open: list[tuple[str, int]] = []
@@ -88,7 +90,7 @@ class Lexer:
             "BAD": self._bad,
         }
         skip = 0
-        for match in MASTER.finditer(self.text):
+        for match in MASTER.finditer(self.text, self.start):
             kind = match.lastgroup
             if kind == "SPACE" or match.start() < skip:
                 continue
@@ -103,7 +105,7 @@ class Lexer:
         self.previous = kind
 
     def _refuse_bidi(self) -> None:
-        for match in _BIDI.finditer(self.text):
+        for match in _BIDI.finditer(self.text, self.start):
             code = f"U+{ord(match[0]):04X}"
             line = self.text.rfind("\n", 0, match.start()) + 1
             outside = self.text.count('"', line, match.start()) % 2 == 0
@@ -115,7 +117,7 @@ class Lexer:
     def _word(self, match: re.Match[str]) -> int:
         word, start, end = match[0], match.start(), match.end()
         previous = self.previous
-        if previous in ("NL", "LBRACE", "HIDDEN", "SEP") and word in STATEMENTS and self._begins(end, previous):
+        if previous in _BEFORE_STATEMENTS and word in STATEMENTS and self._begins(end, previous):
             self._add(STATEMENTS[word], start, end)
         elif previous in ("NL", "LBRACE") and (meant := self._misspelt_block(word, end)):
             self._add(STATEMENTS[meant], start, end, text=meant)
@@ -148,7 +150,7 @@ class Lexer:
     def _means(self, word: str, end: int) -> bool:
         if word == "at" and self.text.startswith("(", end):
             return False
-        at_start = self.previous in ("NL", "LBRACE", "HIDDEN")
+        at_start = self.previous in ("NL", "LBRACE", "HIDDEN", "STATE")
         return not (at_start and _NAME_FOLLOWS.match(self.text, end)) and not _INNER_IS_NAME.match(self.text, end)
 
     def _number(self, match: re.Match[str]) -> int:
@@ -460,16 +462,16 @@ _BAD_HINTS = {
 }
 
 
-def lex(text: str, report: Reporter) -> list[Token] | None:
-    """The tokens of a text, see `Lexer.run`; faults go to `report`.
+def lex(text: str, report: Reporter, start: int = 0) -> list[Token] | None:
+    """The tokens of a text from `start` on, see `Lexer.run`; faults go to `report`.
 
     If braces do not balance and the author indents blocks, a second pass goes by the indentation: what is missing or
     too much is then reported where it is, and costs none of the other blocks.
     """
     before = len(report.diagnostics)
-    lexer = Lexer(text, report)
+    lexer = Lexer(text, report, start=start)
     tokens = lexer.run()
     if tokens is None or not lexer.unbalanced or not Indentation(text).is_kept():
         return tokens
     del report.diagnostics[before:]
-    return Lexer(text, report, guided=True).run()
+    return Lexer(text, report, start=start, guided=True).run()

@@ -1,12 +1,15 @@
-"""The standard library and what plug-ins add to it: from `use std.air` to the declarations of a file.
+"""The standard library, the project's own files and what plug-ins add: from `use …` to the declarations of a file.
 
 `use std.NAME` reads `NAME.ljs` of the standard library: shipped inside the package, else the repository's
 `scenarios/std`. Any other first word names a package under the entry-point group `lingjing.std`, whose `.ljs` files
-are found by the words that follow (`use acme.rotors` → entry point `acme`, file `rotors.ljs`).
+are found by the words that follow (`use acme.rotors` → entry point `acme`, file `rotors.ljs`). `use .boats.tug` is
+`boats/tug.ljs` in the folder of the file that says so; as no word can be `..`, no path leads out of that folder, and a
+link that does is no file.
 """
 
 from __future__ import annotations
 
+import os
 from functools import lru_cache
 from pathlib import Path
 
@@ -25,10 +28,18 @@ def standard_folder() -> str:
     return str(data_path("std"))
 
 
-def find_file(path: tuple[str, ...]) -> str | None:
-    """The file of a `use` path, or None. Words are identifiers, so no path leads out of the library."""
-    if not 2 <= len(path) <= DEEPEST or max(map(len, path)) > LONGEST:
+def folder_of(path: str) -> str | None:
+    """The folder of a file whose `use .name` is looked up; None for a text that is no file."""
+    return None if path.startswith("<") else os.path.dirname(os.path.realpath(path))  # noqa: PTH120
+
+
+def find_file(path: tuple[str, ...], folder: str | None = None) -> str | None:
+    """The file of a `use` path, or None; a relative one is looked up in `folder`. Words are identifiers, so no path
+    leads out of the library."""
+    if not (1 if folder else 2) <= len(path) <= DEEPEST or max(map(len, path)) > LONGEST:
         return None
+    if folder is not None:
+        return _beside(folder, path)
     folder = standard_folder() if path[0] == "std" else _plugin_folder(path[0])
     if folder is None:
         return None
@@ -36,8 +47,10 @@ def find_file(path: tuple[str, ...]) -> str | None:
     return str(file) if file.is_file() else None
 
 
-def known_paths(first: str) -> list[str]:
-    """What could have been meant: `std.air`, `std.sea`, … and the plug-ins' names."""
+def known_paths(first: str, beside: str | None = None) -> list[str]:
+    """What could have been meant: `std.air`, `std.sea`, … and the plug-ins' names, or the files `beside`."""
+    if beside is not None:
+        return [f".{name}" for name in _files(beside)]
     folder = standard_folder() if first == "std" else _plugin_folder(first)
     if folder is None:
         return [*(f"std.{name}" for name in _files(standard_folder())), *_plugin_names()]
@@ -52,10 +65,16 @@ def load_library(file: str, chain: tuple[str, ...] = ()) -> tuple[Library, tuple
 
 @lru_cache(maxsize=128)
 def _load(file: str, _modified: int, _size: int, chain: tuple[str, ...]) -> tuple[Library, tuple[Diagnostic, ...]]:
-    from lingjing.dsl.checker import check_library
     from lingjing.dsl.source import read_source
+    from lingjing.dsl.toplevel import check_library
 
     return check_library(read_source(file), chain)
+
+
+def _beside(folder: str, path: tuple[str, ...]) -> str | None:
+    file = os.path.realpath(Path(folder, *path[:-1], f"{path[-1]}.ljs"))
+    inside = file.startswith(folder.rstrip(os.sep) + os.sep)
+    return file if inside and Path(file).is_file() else None
 
 
 def _files(folder: str) -> list[str]:

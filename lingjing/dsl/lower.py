@@ -39,6 +39,13 @@ def lower(checked: Checked, source: Source) -> Mission:
         success=success,
         failure=checked.failure,
         origin=_origin(source),
+        base=checked.base,
+        limits=checked.limits,
+        permits=checked.permits,
+        constraints=checked.constraints,
+        inspections=checked.inspections,
+        events=checked.events,
+        sweeps=checked.sweeps,
     )
 
 

@@ -20,9 +20,9 @@ from lingjing.dsl.tables import Tables, load_tables
 from lingjing.dsl.tokens import INNER, NAMES_IN_MESSAGES, STATEMENTS, Token
 
 
-def parse(report: Reporter) -> s.File:
-    """The syntax tree of the reporter's source. Faulty statements are `Faulty` nodes, already reported."""
-    tokens = lex(report.source.text, report)
+def parse(report: Reporter, start: int = 0) -> s.File:
+    """The syntax tree of the reporter's source from `start` on. Faulty statements are `Faulty` nodes, and reported."""
+    tokens = lex(report.source.text, report, start)
     if tokens is None:
         return s.File(0, 0, (s.Faulty(0, 0, (), None),))
     return Parser(report).run(tokens)

@@ -22,16 +22,19 @@ def suffix_of(dimension: Dimension | None) -> str:
 
 
 def lowered(
-    entry: Entry, *, prefix: str = "", inherited: bool = False, hidden: bool = False
+    entry: Entry, *, prefix: str = "", inherited: bool = False, hidden: bool = False, state: bool = False
 ) -> tuple[model.Property, ...]:
     """The graph's properties for one read entry."""
     name, kind = prefix + entry.node.name.text, entry.key.type
     hides = hidden or entry.node.hidden
+    changes = state or entry.node.state
     relation = entry.relation
 
     def made(suffix: str, value: ex.Expr) -> model.Property:
         drawn: Literal["=", "~", "<="] = "~" if isinstance(value, ex.Draw) else "<=" if relation == "<=" else "="
-        return model.Property(name=name + suffix, value=value, relation=drawn, hidden=hides, inherited=inherited)
+        return model.Property(
+            name=name + suffix, value=value, relation=drawn, hidden=hides, inherited=inherited, state=changes
+        )
 
     if kind.kind == "directed":
         return (made("_mps", entry.parts[0].ir), made(f"_{kind.of}_deg", entry.parts[1].ir))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lingjing.dsl.source import Source
+from lingjing.dsl.source import JoinedSource, Source
 from lingjing.mission.diagnostics import Diagnostic, Edit, Fix, Related, Severity, Span
 
 MOST = 1000
@@ -38,7 +38,10 @@ class Reporter:
             code, message, hint = "LJ0008", f"there are more than {MOST} errors", "the rest is not shown"
             related, replace = (), None
         span = self.source.span(start, end)
-        fix = None if replace is None else Fix(f"write `{replace}`", (Edit(span, replace),), safe)
+        inner = self.source.inner(start, end) if isinstance(self.source, JoinedSource) else None
+        if inner is not None:
+            related, replace = (Related(inner, "this is where it shows"), *related), None
+        fix = None if replace is None else Fix(_title(span, replace), (Edit(span, replace),), safe)
         self.diagnostics.append(Diagnostic(code, span, message, hint, severity, related, fix))
 
     def span(self, start: int, end: int) -> Span:

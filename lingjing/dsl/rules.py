@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from lingjing.dsl import syntax as s
-from lingjing.dsl.blocks import BlockReader
+from lingjing.dsl.blocks import BlockReader, Key
 from lingjing.dsl.calls import children
 from lingjing.dsl.scope import RULE, UNKNOWN, Environment, RuleInfo, Scope
 from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.diagnostics import Related
-from lingjing.mission.functions import FLAG, FUNCTIONS
+from lingjing.mission.functions import AGGREGATES, FLAG, FUNCTIONS, NUMBER
+
+STAGE_KEYS = {
+    key.name: key
+    for key in (Key("ticks", NUMBER, ("<=",), low=1), Key("weight", NUMBER, above=0))
+}
 
 
 class RuleChecker:
@@ -35,7 +42,7 @@ class RuleChecker:
                 related=(Related(known.span, "first declared here"),),
             )
             return
-        if name.text in FUNCTIONS:
+        if name.text in FUNCTIONS or name.text in AGGREGATES:
             self.report("LJ0104", name.start, name.end, f"`{name.text}` is a built-in function", "choose another name")
             return
         self.scope.rules[name.text] = RuleInfo(name.text, node.parameters, self.report.span(name.start, name.end))
@@ -59,7 +66,7 @@ class RuleChecker:
     def rule(self, node: s.RuleBlock) -> model.Rule | None:
         """`adjudicate name(…) { when … }`."""
         parameters, environment = self._parameters(node.parameters)
-        condition = self._only_condition(node.block, "when", f"the rule `{node.name.text}`", node.name)
+        condition = self.only_condition(node.block, "when", f"the rule `{node.name.text}`", node.name)
         if condition is None:
             return None
         value = self.of.expect(condition, environment, FLAG, "`when`")
@@ -81,16 +88,16 @@ class RuleChecker:
             return None
         return model.Unlock(interaction=name.text, parameters=parameters, condition=value.ir)
 
-    def stage(self, node: s.StageBlock) -> model.Stage | None:
-        """`stage name per v in group { done when … }`."""
-        environment = RULE
-        if node.variable is not None and node.domain is not None:
-            kind = self.of.calls.domain_type(node.domain)
-            if kind is None:
-                return None
-            environment = RULE.binding(node.variable.text, kind)
-        condition = self._only_condition(node.block, "done", f"the stage `{node.name.text}`", node.name)
-        if condition is None:
+    def stage(
+        self, node: s.StageBlock, limit: Callable[[s.LimitLine], model.Limit | None]
+    ) -> model.Stage | None:
+        """`stage name per v in group { done when …, ticks <= 40, weight = 2 }`; `limit` checks those inside."""
+        environment = self.per(node.variable, node.domain)
+        what = f"the stage `{node.name.text}`"
+        entries = self.blocks.read(node.block, STAGE_KEYS, what, others=(s.Condition, s.LimitLine), owner=node.name)
+        condition = self.only_condition(node.block, "done", what, node.name, others=(s.Property, s.LimitLine))
+        limits = [limit(item) for item in node.block.items if isinstance(item, s.LimitLine)]
+        if condition is None or environment is None:
             return None
         value = self.of.expect(condition, environment, FLAG, "`done when`")
         return model.Stage(
@@ -98,7 +105,17 @@ class RuleChecker:
             condition=value.ir,
             variable=node.variable.text if node.variable else None,
             domain=node.domain.text if node.domain else None,
+            ticks=entries["ticks"].value.ir if "ticks" in entries else None,
+            weight=entries["weight"].value.ir if "weight" in entries else None,
+            limits=tuple(item for item in limits if item is not None),
         )
+
+    def per(self, variable: s.Name | None, domain: s.Name | None) -> Environment | None:
+        """The environment inside of `per v in group`; None if there is no such group."""
+        if variable is None or domain is None:
+            return RULE
+        kind = self.of.calls.domain_type(domain)
+        return None if kind is None else RULE.binding(variable.text, kind)
 
     def outcome(self, node: s.Outcome) -> ex.Expr:
         """`success when …`, `failure when …`."""
@@ -133,30 +150,13 @@ class RuleChecker:
                     related=related,
                 )
 
-    # -- private
-
-    def _parameters(self, nodes: tuple[s.Typed, ...]) -> tuple[tuple[model.RuleParameter, ...] | None, Environment]:
-        environment, parameters, good = RULE, [], True
-        names: set[str] = set()
-        for node in nodes:
-            kind = self.of.calls.domain_type(node.type)
-            if node.name.text in names:
-                self.report("LJ0103", node.name.start, node.name.end, f"`{node.name.text}` is given twice")
-            names.add(node.name.text)
-            if node.optional or node.bounds is not None:
-                self.report("LJ0110", node.start, node.end, "a rule's parameter has a name and a group or message kind")
-            if kind is None:
-                good = False
-                environment = environment.binding(node.name.text, UNKNOWN.type)
-                continue
-            environment = environment.binding(node.name.text, kind)
-            parameters.append(model.RuleParameter(name=node.name.text, domain=node.type.text))
-        return tuple(parameters) if good else None, environment
-
-    def _only_condition(self, block: s.Block, keyword: str, what: str, owner: s.Name) -> s.Expression | None:
+    def only_condition(
+        self, block: s.Block, keyword: str, what: str, owner: s.Name, others: tuple[type, ...] = ()
+    ) -> s.Expression | None:
+        """The one condition of a block, `when …`, `done when …` or `always …`; `others` are read elsewhere."""
         found: s.Condition | None = None
         faulty = False
-        spelled = "when" if keyword == "when" else "done when"
+        spelled = {"when": "when", "done": "done when", "always": "always"}[keyword]
         for item in block.items:
             if isinstance(item, s.Condition) and item.keyword == keyword:
                 if found is not None:
@@ -179,11 +179,31 @@ class RuleChecker:
                     f"write `{spelled}`",
                 )
                 faulty = True
-            else:
+            elif not isinstance(item, others):
                 self.blocks.misplaced(item, what, (spelled,))
         if found is None and not faulty:
             self.report("LJ0106", owner.start, owner.end, f"{what} lacks its condition", f"add `{spelled} …`")
         return found.condition if found else None
+
+    # -- private
+
+    def _parameters(self, nodes: tuple[s.Typed, ...]) -> tuple[tuple[model.RuleParameter, ...] | None, Environment]:
+        environment, parameters, good = RULE, [], True
+        names: set[str] = set()
+        for node in nodes:
+            kind = self.of.calls.domain_type(node.type)
+            if node.name.text in names:
+                self.report("LJ0103", node.name.start, node.name.end, f"`{node.name.text}` is given twice")
+            names.add(node.name.text)
+            if node.optional or node.bounds is not None:
+                self.report("LJ0110", node.start, node.end, "a rule's parameter has a name and a group or message kind")
+            if kind is None:
+                good = False
+                environment = environment.binding(node.name.text, UNKNOWN.type)
+                continue
+            environment = environment.binding(node.name.text, kind)
+            parameters.append(model.RuleParameter(name=node.name.text, domain=node.type.text))
+        return tuple(parameters) if good else None, environment
 
 
 def _calls(node: s.Expression, function: str) -> bool:

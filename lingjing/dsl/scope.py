@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import msgspec
 
@@ -11,6 +11,9 @@ from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.diagnostics import Span
 from lingjing.mission.functions import ANY, Type
+
+if TYPE_CHECKING:
+    from lingjing.dsl.blocks import Entry
 
 
 class Step(msgspec.Struct, frozen=True):
@@ -37,10 +40,11 @@ UNKNOWN = Value(ex.Symbol("?"), ANY)
 
 
 class Attribute(msgspec.Struct, frozen=True):
-    """One property of a type or a group: its type, and the path by which it is hidden."""
+    """One property of a type or a group: its type, the path by which it is hidden, whether it changes in a run."""
 
     type: Type
     taint: Taint = ()
+    state: bool = False
 
 
 class TypeDecl(msgspec.Struct, frozen=True):
@@ -65,12 +69,49 @@ class RecordDecl(msgspec.Struct, frozen=True):
     span: Span
 
 
+class CameraDecl(msgspec.Struct, frozen=True):
+    """A camera preset: what it says, by key."""
+
+    name: str
+    entries: dict[str, Entry]
+    span: Span
+
+
+class WeatherDecl(msgspec.Struct, frozen=True):
+    """A weather preset: what it says, by key."""
+
+    name: str
+    entries: dict[str, Entry]
+    span: Span
+
+
+class MissionDecl(msgspec.Struct, frozen=True):
+    """A mission that another file may extend: the file it stands in."""
+
+    name: str
+    path: str
+    span: Span
+
+
+Declaration = TypeDecl | RecordDecl | CameraDecl | WeatherDecl | MissionDecl
+"""What a file declares at its top and another may `use`."""
+
+
 class Library(msgspec.Struct, frozen=True):
-    """What one library file declares."""
+    """What one file declares, by name."""
 
     path: str
-    types: dict[str, TypeDecl]
-    records: dict[str, RecordDecl]
+    declared: dict[str, Declaration]
+
+    @property
+    def types(self) -> dict[str, TypeDecl]:
+        """Its asset and target types."""
+        return {name: decl for name, decl in self.declared.items() if isinstance(decl, TypeDecl)}
+
+    @property
+    def records(self) -> dict[str, RecordDecl]:
+        """Its message records."""
+        return {name: decl for name, decl in self.declared.items() if isinstance(decl, RecordDecl)}
 
 
 class Symbol(msgspec.Struct, frozen=True):
@@ -106,6 +147,9 @@ class Scope:
     def __init__(self) -> None:
         self.types: dict[str, TypeDecl] = {}
         self.records: dict[str, RecordDecl] = {}
+        self.cameras: dict[str, CameraDecl] = {}
+        self.weathers: dict[str, WeatherDecl] = {}
+        self.missions: dict[str, MissionDecl] = {}
         self.symbols: dict[str, Symbol] = {}
         self.groups: dict[str, GroupInfo] = {}
         self.agents: dict[str, Span] = {}
@@ -113,6 +157,10 @@ class Scope:
         self.messages: dict[str, tuple[RecordDecl | None, Span]] = {}
         self.rules: dict[str, RuleInfo] = {}
         self.stages: dict[str, tuple[str | None, Span]] = {}
+        self.inspections: dict[str, Span] = {}
+        self.limits: dict[str, Span] = {}
+        self.mounted: dict[str, list[str]] = {}
+        """Group → the names of its cameras."""
         self.modes: tuple[str, ...] = ()
         self.constants: dict[str, float] = {}
         self.poisoned: set[str] = set()
@@ -121,6 +169,25 @@ class Scope:
         """What a library declares and the file did not ask for → the library."""
         self.incomplete = False
         """A library or a type is missing: what only it could declare is not reported as missing."""
+
+    def enter(self, decl: Declaration) -> None:
+        """Make what a file declares known by its name."""
+        self._table(decl)[decl.name] = decl
+
+    def declared(self, name: str) -> Declaration | None:
+        """What a `use` or this file's top has declared under that name."""
+        tables: tuple[dict[str, Any], ...] = (self.types, self.records, self.cameras, self.weathers, self.missions)
+        return next((table[name] for table in tables if name in table), None)
+
+    def _table(self, decl: Declaration) -> dict[str, Any]:
+        tables: dict[type, dict[str, Any]] = {
+            TypeDecl: self.types,
+            RecordDecl: self.records,
+            CameraDecl: self.cameras,
+            WeatherDecl: self.weathers,
+            MissionDecl: self.missions,
+        }
+        return tables[type(decl)]
 
     def interactions(self) -> dict[str, list[str]]:
         """Interaction name → the target types that offer it."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from lingjing.dsl import syntax as s
 from lingjing.dsl.blocks import BlockReader, Entry, Key
 from lingjing.dsl.properties import lowered
@@ -10,11 +12,12 @@ from lingjing.dsl.suggest import did_you_mean, nearest
 from lingjing.dsl.typenames import with_article
 from lingjing.mission import expression as ex
 from lingjing.mission import model
-from lingjing.mission.functions import DEGREES, FLAG, METRES, NUMBER, REGION, TEXT, Type
-from lingjing.mission.units import DATA, TICKS, TIME
+from lingjing.mission.functions import DEGREES, FLAG, METRES, NUMBER, POSITIONS, REGION, TEXT, Type
+from lingjing.mission.units import DATA, LENGTH, MONEY, TICKS, TIME, TOKENS
 
 SECONDS = Type("quantity", TIME)
-MODES = ("star", "broadcast")
+MODES = ("star", "broadcast", "single")
+RECEIPTS = ("own", "all", "none")
 
 
 def _keys(*keys: Key) -> dict[str, Key]:
@@ -27,14 +30,28 @@ SCENE_KEYS = _keys(
     Key("origin", Type("position", of="degrees")),
     Key("map", TEXT),
     Key("extent", METRES, above=0),
+    Key("blocks", Type("size")),
+    Key("height", Type("range", LENGTH)),
+    Key("traffic", NUMBER, _DRAWN, low=0),
+    Key("shore", POSITIONS),
+    Key("bridge", POSITIONS),
+    Key("pipeline", POSITIONS),
+    Key("inside", REGION),
 )
+"""`map` is an OpenStreetMap file beside the mission; the rest shapes a city made up: its extent, blocks of houses,
+their heights, moving cars, the shore (water on its right), the lines of a bridge and of a pipeline, and the region
+that a wall or a fence surrounds."""
 CLOCK_KEYS = _keys(Key("tick", SECONDS, above=0, required=True), Key("sync", SECONDS, above=0, required=True))
 BUDGET_KEYS = _keys(
     Key("ticks", NUMBER, ("<=",), low=1, required=True),
     Key("policy", SECONDS, ("<=",), above=0),
     Key("engine", SECONDS, ("<=",), above=0),
     Key("capture", SECONDS, ("<=",), above=0),
+    Key("tokens", Type("quantity", TOKENS), ("<=",), above=0),
+    Key("money", Type("quantity", MONEY), ("<=",), above=0),
+    Key("messages", NUMBER, ("<=",), low=0),
 )
+ALLOWANCES = ("tokens", "money", "messages")
 WEATHER_KEYS = _keys(
     Key("wind", Type("directed", of="from"), _DRAWN, low=0),
     Key("current", Type("directed", of="to"), _DRAWN, low=0),
@@ -51,6 +68,9 @@ COMMS_KEYS = _keys(
     Key("hub", Type("name"), guarded=True),
     Key("delay", Type("quantity", TICKS), low=1),
     Key("payload", Type("quantity", DATA), ("<=",), above=0),
+    Key("range", METRES, ("<=",), above=0),
+    Key("loss", NUMBER, low=0, high=1),
+    Key("receipts", Type("name"), choices=RECEIPTS),
 )
 _DEADLINES = {"policy": 90.0, "engine": 30.0, "capture": 10.0}
 """Seconds; the paper's limits, for a budget that names ticks only."""
@@ -85,6 +105,7 @@ class SettingsChecker:
     def scene(self, node: s.SceneBlock) -> model.Scene:
         """`scene kind { … }`."""
         entries = self.blocks.read(node.block, SCENE_KEYS, "`scene`")
+        self._map_beside(entries.get("map"))
         return model.Scene(kind=node.kind.text, options=_lowered(entries))
 
     def clock(self, node: s.Section) -> model.Clock | None:
@@ -111,11 +132,19 @@ class SettingsChecker:
             name: entries[name].value.ir if name in entries else ex.Number(default, "s")
             for name, default in _DEADLINES.items()
         }
-        return model.Budget(ticks=entries["ticks"].value.ir, **limits)
+        spent = {name: entries[name].value.ir for name in ALLOWANCES if name in entries}
+        return model.Budget(ticks=entries["ticks"].value.ir, **limits, **spent)
+
+    def allowance(self, node: s.Section) -> model.Allowance:
+        """`budget { tokens <= …, money <= …, messages <= … }` of one agent."""
+        keys = {name: BUDGET_KEYS[name] for name in ALLOWANCES}
+        entries = self.blocks.read(node.block, keys, "an agent's `budget`", owner=node)
+        return model.Allowance(**{name: entry.value.ir for name, entry in entries.items()})
 
     def weather(self, node: s.Section) -> tuple[model.Property, ...]:
-        """`weather { … }`."""
-        return _lowered(self.blocks.read(node.block, WEATHER_KEYS, "`weather`"))
+        """`weather { … }`, or `weather storm { … }`: the preset and what differs from it."""
+        entries = self.blocks.read(node.block, WEATHER_KEYS, "`weather`")
+        return _lowered({**self._preset(node.preset), **entries})
 
     def mode(self, node: s.ModeLine) -> model.Modes | None:
         """`mode default in { … }`."""
@@ -143,6 +172,15 @@ class SettingsChecker:
                 f"the mode `{default.text}` is not among those allowed",
                 did_you_mean(default.text, names),
                 replace=nearest(default.text, names),
+            )
+            return None
+        if "single" in names and len(names) > 1:
+            self.report(
+                "LJ0504",
+                node.allowed.start,
+                node.allowed.end,
+                "`single` stands alone: a mission with one agent has no way to speak",
+                "write `mode single`",
             )
             return None
         return model.Modes(default=node.default.text, allowed=tuple(dict.fromkeys(names)))
@@ -208,6 +246,9 @@ class SettingsChecker:
             hub=name,
             delay=entries["delay"].value.ir if "delay" in entries else None,
             payload=entries["payload"].value.ir if "payload" in entries else None,
+            range=entries["range"].value.ir if "range" in entries else None,
+            loss=entries["loss"].value.ir if "loss" in entries else None,
+            receipts=_receipts(entries.get("receipts")),
         )
 
     def guard(self, node: s.Expression | None) -> model.Guard | None:
@@ -219,6 +260,25 @@ class SettingsChecker:
         return model.Guard(condition=value.ir)
 
     # -- private
+
+    def _preset(self, name: s.Name | None) -> dict[str, Entry]:
+        if name is None:
+            return {}
+        decl = self.scope.weathers.get(name.text)
+        if decl is None:
+            self.of.unknown_name(name, list(self.scope.weathers), "no weather")
+            return {}
+        return decl.entries
+
+    def _map_beside(self, entry: Entry | None) -> None:
+        """A map is a file of the project: its path goes down, never up or out."""
+        if entry is None or not isinstance(entry.value.ir, ex.Text):
+            return
+        words = entry.value.ir.value.replace("\\", "/").split("/")
+        if ".." in words or not words[0] or ":" in words[0]:
+            place = entry.node.value
+            hint = "put the map beside the mission and name it from there"
+            self.report("LJ0122", place.start, place.end, "the path leads out of the project", hint)
 
     def _bounds(self, node: s.Param, bounds: s.Expression, default: Value) -> Value:
         if isinstance(bounds, s.List):
@@ -293,6 +353,11 @@ class SettingsChecker:
             self.of.unknown_name(node, list(self.scope.agents), "no agent")
             return None
         return node.text
+
+
+def _receipts(entry: Entry | None) -> Literal["own", "all", "none"]:
+    word = entry.value.ir.name if entry is not None and isinstance(entry.value.ir, ex.Symbol) else "own"
+    return "all" if word == "all" else "none" if word == "none" else "own"
 
 
 def _lowered(entries: dict[str, Entry]) -> tuple[model.Property, ...]:

@@ -58,6 +58,40 @@ class Source:
         return self._line_starts
 
 
+class JoinedSource(Source):
+    """A mission's text with those of the missions it extends behind it: offsets count through all of them.
+
+    A place in the mission itself is given as it is; a place in a base is given as the words that name it, because that
+    is what the author can change; `inner` says where it really is.
+    """
+
+    __slots__ = ("_parts", "_place", "own")
+
+    def __init__(self, own: Source, start: int, end: int) -> None:
+        super().__init__(own.text, own.path)
+        self.own = own
+        self._place = own.span(start, end)
+        self._parts: list[tuple[int, Source]] = []
+
+    def append(self, part: Source) -> int:
+        """Add a base's text; the offset at which it begins."""
+        start = len(self.text) + 1
+        self.text = f"{self.text}\n{part.text}"
+        self._parts.append((start, part))
+        return start
+
+    def span(self, start: int, end: int) -> Span:
+        """As `Source.span` within the mission's own text, else the place where the base is named."""
+        return self.own.span(start, end) if self.inner(start, end) is None else self._place
+
+    def inner(self, start: int, end: int) -> Span | None:
+        """The place in a base's file, None if the offsets are the mission's own."""
+        for begin, part in reversed(self._parts):
+            if start >= begin:
+                return part.span(start - begin, max(start, end) - begin)
+        return None
+
+
 def _line_starts(text: str) -> list[int]:
     starts = [0]
     find = text.find

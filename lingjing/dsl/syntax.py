@@ -48,11 +48,19 @@ class Flag(Node, frozen=True, gc=False):
     value: bool
 
 
+class Binding(Node, frozen=True, gc=False):
+    """`for o in order` after the argument of an aggregate."""
+
+    variable: Name
+    domain: Name
+
+
 class Argument(Node, frozen=True, gc=False):
-    """An argument of a call; `name` is None if it goes by its place."""
+    """An argument of a call; `name` is None if it goes by its place; `over` is what an aggregate ranges over."""
 
     name: Name | None
     value: Expression
+    over: Binding | None = None
 
 
 class Composite(Node, frozen=True, gc=False):
@@ -162,18 +170,26 @@ class Version(Statement, frozen=True, gc=False):
 
 
 class Use(Statement, frozen=True, gc=False):
-    """`use std.air { quadrotor }`; no names means all of the file's."""
+    """`use std.air { quadrotor }`; no names means all of the file's. `use .boats` is a file beside this one."""
 
     path: tuple[Name, ...]
     names: Block | None
+    relative: bool = False
 
 
 class MissionBlock(Statement, frozen=True, gc=False):
-    """`mission name "title" { … }`."""
+    """`mission name extends base "title" { … }`."""
 
     name: Name
     title: Text | None
     block: Block
+    base: Name | None = None
+
+
+class Override(Statement, frozen=True, gc=False):
+    """`override …`: a declaration that takes the place of one of the base mission's."""
+
+    item: Statement
 
 
 class TextLine(Statement, frozen=True, gc=False):
@@ -191,10 +207,12 @@ class SceneBlock(Statement, frozen=True, gc=False):
 
 
 class Section(Statement, frozen=True, gc=False):
-    """`clock { … }` and the other unnamed blocks: budget, weather, comms, actions."""
+    """`clock { … }` and the other unnamed blocks: budget, weather, comms, actions. A weather may have a name: that
+    of the preset it begins with or, at the top of a file, its own."""
 
     keyword: str
     block: Block
+    preset: Name | None = None
 
 
 class Param(Statement, frozen=True, gc=False):
@@ -205,7 +223,7 @@ class Param(Statement, frozen=True, gc=False):
 
 
 class ModeLine(Statement, frozen=True, gc=False):
-    """`mode default in { … }`."""
+    """`mode default in { … }`; `mode single` allows that one alone."""
 
     default: Name
     allowed: NameSet
@@ -238,10 +256,11 @@ class EntityBlock(Statement, frozen=True, gc=False):
 
 
 class CameraBlock(Statement, frozen=True, gc=False):
-    """`camera name { … }`."""
+    """`camera name : preset { … }`; at the top of a file without a type, the preset itself."""
 
     name: Name
-    block: Block
+    block: Block | None
+    type: Name | None = None
 
 
 class AgentBlock(Statement, frozen=True, gc=False):
@@ -256,9 +275,9 @@ class AgentBlock(Statement, frozen=True, gc=False):
 
 
 class AuthorityLine(Statement, frozen=True, gc=False):
-    """`authority role may command resource when …`."""
+    """`authority role, role may command resource when …`."""
 
-    role: Name
+    roles: tuple[Name, ...]
     resource: Expression
     guard: Expression | None
 
@@ -333,7 +352,7 @@ class Outcome(Statement, frozen=True, gc=False):
 
 
 class Condition(Statement, frozen=True, gc=False):
-    """`done when …` (keyword `done`) or `when …`."""
+    """`done when …` (keyword `done`), `when …` or `always …`."""
 
     keyword: str
     condition: Expression
@@ -350,6 +369,75 @@ class Observes(Statement, frozen=True, gc=False):
     """`observes a.*, b, c.position`."""
 
     channels: tuple[Channel, ...]
+
+
+class LimitLine(Statement, frozen=True, gc=False):
+    """`limit name <= most counts dog.forward, guide when …`."""
+
+    name: Name
+    most: Expression
+    counts: tuple[Channel, ...]
+    guard: Expression | None
+
+
+class PermitLine(Statement, frozen=True, gc=False):
+    """`permit van.setDestination when …`."""
+
+    resource: Channel
+    condition: Expression
+
+
+class ConstraintBlock(Statement, frozen=True, gc=False):
+    """`constraint hard name per v in group { always … }`."""
+
+    kind: Name
+    name: Name
+    variable: Name | None
+    domain: Name | None
+    guard: Expression | None
+    block: Block
+
+
+class InspectionBlock(Statement, frozen=True, gc=False):
+    """`inspection name of asset by inspectors { … }`."""
+
+    name: Name
+    asset: Expression
+    by: tuple[Expression, ...]
+    guard: Expression | None
+    block: Block
+
+
+class EventBlock(Statement, frozen=True, gc=False):
+    """`event name at 12 tick { … }`; `drawn` if the time follows a `~`."""
+
+    name: Name
+    at: Expression
+    drawn: bool
+    guard: Expression | None
+    block: Block
+
+
+class ChangeLine(Statement, frozen=True, gc=False):
+    """`appear jam[2]`, `vanish jam[1]`."""
+
+    keyword: str
+    entity: Expression
+
+
+class Axis(Node, frozen=True, gc=False):
+    """`uavs in [1, 2, 3]` of a sweep."""
+
+    name: Name
+    values: Expression
+
+
+class SweepLine(Statement, frozen=True, gc=False):
+    """`sweep name over uavs in [1, 2, 3] when …`."""
+
+    name: Name
+    axes: tuple[Axis, ...]
+    guard: Expression | None
 
 
 class VerbLine(Statement, frozen=True, gc=False):
@@ -383,13 +471,14 @@ class RevealLine(Statement, frozen=True, gc=False):
 
 
 class Property(Statement, frozen=True, gc=False):
-    """`name = value`, `name ~ draw`, `name <= bound`, perhaps `hidden`, perhaps guarded."""
+    """`name = value`, `name ~ draw`, `name <= bound`, `name in low..high`; perhaps `hidden`, `state` or guarded."""
 
     name: Name
     relation: str
     value: Expression
     hidden: bool
     guard: Expression | None
+    state: bool = False
 
 
 class FieldLine(Statement, frozen=True, gc=False):

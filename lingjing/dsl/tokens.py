@@ -58,6 +58,17 @@ STATEMENTS: dict[str, str] = {
         "reveal",
         "prompt",
         "hidden",
+        "state",
+        "override",
+        "sweep",
+        "limit",
+        "permit",
+        "constraint",
+        "always",
+        "event",
+        "appear",
+        "vanish",
+        "inspection",
     )
 }
 """Words that begin a statement, with their token types."""
@@ -84,6 +95,10 @@ INNER: dict[str, str] = {
         "not",
         "exists",
         "forall",
+        "extends",
+        "counts",
+        "of",
+        "for",
         "true",
         "false",
     )
@@ -160,6 +175,9 @@ OPERATORS_THAT_CONTINUE = frozenset(
         "OVER",
         "AS",
         "WHEN",
+        "FOR",
+        "COUNTS",
+        "EXTENDS",
     )
 )
 """After these a line end does not end the statement."""

@@ -3,8 +3,8 @@
 Lowered by the language, evaluated by `lingjing.mission.evaluate` (parameters, positions, draws) and by the kernel's
 adjudicator (rules). Quantities are held in SI base units with the author's unit beside them, angles in degrees.
 
-Invariants: every tree is finite and immutable; `Draw` appears only at the root of a property; a `Quantified` binds
-exactly one name.
+Invariants: every tree is finite and immutable; `Draw` appears only at the root of a property; a `Quantified` and an
+`Aggregate` bind exactly one name.
 """
 
 from __future__ import annotations
@@ -116,6 +116,19 @@ class Quantified(Node, frozen=True):
     body: Expr
 
 
+class Aggregate(Node, frozen=True):
+    """`sum(o.demand for o in order)`: one number over a group or a message kind.
+
+    `count` counts the bindings for which the body, a condition, is true; of nothing `sum` and `count` are 0, `min` and
+    `max` are undefined.
+    """
+
+    function: Literal["count", "sum", "min", "max"]
+    variable: str
+    domain: str
+    body: Expr
+
+
 class Draw(Node, frozen=True):
     """A seeded draw: `~ uniform(a, b)`, `~ sites(region, apart >= 80 m)`; `named` holds `apart` and the like."""
 
@@ -139,5 +152,6 @@ Expr = (
     | Unary
     | Binary
     | Quantified
+    | Aggregate
     | Draw
 )

@@ -38,6 +38,8 @@ Kind = Literal[
     "events",
     "peers",
     "velocity",
+    "inspection",
+    "limit",
     "any",
 ]
 
@@ -103,6 +105,7 @@ BOX = Type("box")
 FRAME = Type("frame")
 LIST = Type("list")
 POSITIONS = Type("list", item="position")
+INSPECTION = Type("inspection")
 PLACE = Type("position", of="entity")
 """A position, or an entity or report that has one."""
 
@@ -146,17 +149,33 @@ _SIGNATURES = (
     Signature("box", (_p("corner", PLACE), _p("corner", PLACE)), REGION, where="static", doc="an upright rectangle"),
     Signature(
         "at",
-        (_p("index", NUMBER), _p("points", POSITIONS)),
-        POSITION,
-        (Option("spread", METRES),),
+        (_p("index", NUMBER), _p("items", LIST)),
+        ANY,
+        (Option("spread", METRES), Option("rest", ANY)),
         where="static",
-        doc="the index-th of the points; further members stand `spread` apart around them",
+        doc="the index-th item; of points, further members stand `spread` apart around them, else they are `rest`",
+    ),
+    Signature(
+        "buffer",
+        (_p("shape", ANY), _p("distance", METRES)),
+        REGION,
+        where="static",
+        doc="what lies within the distance of a region or of the line through a list of positions",
+    ),
+    Signature("union", (_p("region", REGION),), REGION, variadic=True, least=2, where="static", doc="regions that meet"),
+    Signature("road", (_p("name", TEXT),), REGION, where="static", doc="the carriageway of the map's roads of that name"),
+    Signature(
+        "along",
+        (_p("road", REGION), _p("width", METRES)),
+        REGION,
+        where="static",
+        doc="what lies within the width of a road",
     ),
     Signature("distance", (_p("a", PLACE), _p("b", PLACE)), METRES, where="static"),
     Signature("distance_xy", (_p("a", PLACE), _p("b", PLACE)), METRES, doc="horizontal distance"),
-    Signature("min", (_SAME,), QUANTITY, variadic=True, least=2, same=True, where="static"),
-    Signature("max", (_SAME,), QUANTITY, variadic=True, least=2, same=True, where="static"),
-    Signature("abs", (_SAME,), QUANTITY, same=True, where="static"),
+    Signature("min", (_SAME,), QUANTITY, variadic=True, least=2, same=True),
+    Signature("max", (_SAME,), QUANTITY, variadic=True, least=2, same=True),
+    Signature("abs", (_SAME,), QUANTITY, same=True),
     Signature("sqrt", (_p("value", NUMBER),), NUMBER, where="static"),
     Signature("floor", (_p("value", NUMBER),), NUMBER, where="static"),
     Signature("ceil", (_p("value", NUMBER),), NUMBER, where="static"),
@@ -172,6 +191,14 @@ _SIGNATURES = (
         doc="mean and standard deviation, cut off at `low` and `high`",
     ),
     Signature("choice", (_p("items", LIST),), ANY, where="draw", doc="one of the list's items"),
+    Signature(
+        "subset",
+        (_p("items", LIST),),
+        ANY,
+        (Option("apart", METRES, ">="),),
+        where="draw",
+        doc="one of the list's items, another one for each member of the group",
+    ),
     Signature(
         "sites",
         (_p("region", REGION),),
@@ -196,7 +223,29 @@ _SIGNATURES = (
         where="rule",
         doc="an assignment of the asset to the target was delivered, or a command for it admitted",
     ),
+    Signature(
+        "inspected",
+        (_p("inspection", INSPECTION),),
+        FLAG,
+        where="rule",
+        doc="every waypoint of the route as it is now has been inspected",
+    ),
+    Signature(
+        "clear",
+        (_p("inspection", INSPECTION),),
+        FLAG,
+        where="rule",
+        doc="nothing blocks the route as it is now: no target that is there stands within reach of its waypoints",
+    ),
+    Signature("replans", (_p("inspection", INSPECTION),), NUMBER, where="rule", doc="how often the route was replanned"),
+    Signature("used", (_p("limit", Type("limit")),), NUMBER, where="rule", doc="what a counted budget has counted"),
 )
+
+AGGREGATES: dict[str, Type] = {"count": FLAG, "sum": QUANTITY, "min": QUANTITY, "max": QUANTITY}
+"""Functions over a group: `sum(o.demand for o in order)`, and what their body is. They stand in rules only."""
+
+NOT_PLAYED = frozenset(("inspected", "clear", "replans", "used"))
+"""Functions that the language knows and the kernel's rules do not evaluate yet."""
 
 FUNCTIONS: dict[str, Signature] = {s.name: s for s in _SIGNATURES if s.where != "draw"}
 """What may be called in expressions, by name."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import Literal
 
 from lingjing.mission.expression import Expr
-from lingjing.mission.model import Field, Record, Relation, Rule, Stage, Unlock
+from lingjing.mission.model import Constraint, Field, Record, Relation, Rule, Stage, Unlock
 
 Vector = tuple[float, float, float]
 Scalar = bool | int | float | str
@@ -26,12 +26,24 @@ class Clock(Record, frozen=True, kw_only=True):
 
 
 class Budget(Record, frozen=True, kw_only=True):
-    """Ticks, and wall-clock seconds for the policy, engine and capture barriers."""
+    """Ticks, wall-clock seconds for the policy, engine and capture barriers, and what all policies may spend (None: no
+    limit)."""
 
     ticks: int
     policy_s: float
     engine_s: float
     capture_s: float
+    tokens: int | None = None
+    money_usd: float | None = None
+    messages: int | None = None
+
+
+class Allowance(Record, frozen=True, kw_only=True):
+    """What one agent may spend in an episode; None: no limit of its own."""
+
+    tokens: int | None = None
+    money_usd: float | None = None
+    messages: int | None = None
 
 
 class Weather(Record, frozen=True, kw_only=True):
@@ -51,10 +63,15 @@ class Weather(Record, frozen=True, kw_only=True):
 
 
 class Region(Record, frozen=True, kw_only=True):
-    """A polygon in metres, anticlockwise, without the closing repeat."""
+    """A polygon in metres, anticlockwise, without the closing repeat.
+
+    Only the city knows where a road lies: a region made of roads has `on_map`, its shape, and no polygon until the
+    scene is built.
+    """
 
     name: str
     polygon: tuple[tuple[float, float], ...]
+    on_map: Expr | None = None
 
 
 class Cell(Record, frozen=True, kw_only=True):
@@ -104,7 +121,8 @@ class Entity(Record, frozen=True, kw_only=True):
 
     `id` is `uav[1]` for the member of a group, else the bare name. `properties` holds what the declaration and its
     type say beyond the named fields, in SI units (`drift_mps`, `speed_mps`, …: see `lingjing.mission.instantiate`).
-    `hidden` names the properties (and `position`) that must never reach a policy.
+    `hidden` names the properties (and `position`) that must never reach a policy, `state` those that the engine
+    changes while the mission runs. A `dormant` entity is not there until an event lets it appear.
     """
 
     id: str
@@ -120,6 +138,8 @@ class Entity(Record, frozen=True, kw_only=True):
     hidden: tuple[str, ...] = ()
     cameras: tuple[CameraSpec, ...] = ()
     verbs: tuple[VerbSpec, ...] = ()
+    state: tuple[str, ...] = ()
+    dormant: bool = False
 
 
 class ChannelSpec(Record, frozen=True, kw_only=True):
@@ -144,6 +164,7 @@ class AgentSpec(Record, frozen=True, kw_only=True):
     commands: tuple[str, ...]
     observes: tuple[ChannelSpec, ...]
     prompt: str = ""
+    budget: Allowance | None = None
 
 
 class MessageSpec(Record, frozen=True, kw_only=True):
@@ -158,12 +179,18 @@ class MessageSpec(Record, frozen=True, kw_only=True):
 
 
 class CommsSpec(Record, frozen=True, kw_only=True):
-    """Bus settings of this instance: `hub` is an agent id in star mode, None in broadcast."""
+    """Bus settings of this instance: `hub` is an agent id in star mode, None in broadcast and with a single agent.
 
-    mode: Literal["star", "broadcast"]
+    `range_m` None means that everyone hears everyone.
+    """
+
+    mode: Literal["star", "broadcast", "single"]
     hub: str | None
     delay_ticks: int = 1
     payload_bytes: int = 4000
+    range_m: float | None = None
+    loss: float = 0.0
+    receipts: Literal["own", "all", "none"] = "own"
 
 
 class SceneSpec(Record, frozen=True, kw_only=True):
@@ -175,6 +202,61 @@ class SceneSpec(Record, frozen=True, kw_only=True):
     origin: tuple[float, float] = (31.0, 121.5)
     options: dict[str, Datum] = {}
     seed: int = 0
+
+
+class CountedSpec(Record, frozen=True, kw_only=True):
+    """What a counted budget counts: commands to the entity `resource` (`name` the verb, "" any), or messages of the
+    kind `name`."""
+
+    kind: Literal["command", "message"]
+    resource: str = ""
+    name: str = ""
+
+
+class LimitSpec(Record, frozen=True, kw_only=True):
+    """A counted budget; `stage` names the stage within which it counts, "" the whole episode."""
+
+    name: str
+    most: int
+    counts: tuple[CountedSpec, ...]
+    stage: str = ""
+
+
+class PermitSpec(Record, frozen=True, kw_only=True):
+    """Commands that are rejected until the condition holds; `verb` "" means every verb of the resource."""
+
+    resource: str
+    condition: Expr
+    verb: str = ""
+
+
+class InspectionSpec(Record, frozen=True, kw_only=True):
+    """An inspection of the route of `asset`: see `lingjing.mission.model.Inspection`."""
+
+    name: str
+    asset: str
+    by: tuple[str, ...]
+    within_m: float
+    order: Literal["strict", "any"] = "strict"
+    replan: str = ""
+
+
+class EventSpec(Record, frozen=True, kw_only=True):
+    """What happens at boundary `tick`: the weather from then on (None: as before), who appears, who vanishes."""
+
+    name: str
+    tick: int
+    weather: Weather | None = None
+    appear: tuple[str, ...] = ()
+    vanish: tuple[str, ...] = ()
+
+
+class RevealSpec(Record, frozen=True, kw_only=True):
+    """The reference pictures a role is shown."""
+
+    what: Literal["image"]
+    entities: tuple[str, ...]
+    role: str
 
 
 class Instance(Record, frozen=True, kw_only=True):
@@ -202,10 +284,16 @@ class Instance(Record, frozen=True, kw_only=True):
     relations: tuple[Relation, ...]
     success: Expr
     failure: Expr | None = None
+    limits: tuple[LimitSpec, ...] = ()
+    permits: tuple[PermitSpec, ...] = ()
+    constraints: tuple[Constraint, ...] = ()
+    inspections: tuple[InspectionSpec, ...] = ()
+    events: tuple[EventSpec, ...] = ()
+    reveals: tuple[RevealSpec, ...] = ()
 
     @property
     def mode(self) -> str:
-        """`star` or `broadcast`."""
+        """`star`, `broadcast` or `single`."""
         return self.comms.mode
 
 

@@ -29,13 +29,15 @@ class Guard(Record, frozen=True, kw_only=True):
 
 
 class Property(Record, frozen=True, kw_only=True):
-    """One `name = value`, `name ~ draw` or `name <= bound` of a block."""
+    """One `name = value`, `name ~ draw` or `name <= bound` of a block. `state` marks a number that its engine changes
+    while the mission runs (`load`, `demand`): the value is what it starts with."""
 
     name: str
     value: Expr
     relation: Literal["=", "~", "<="] = "="
     hidden: bool = False
     inherited: bool = False
+    state: bool = False
 
 
 class Scene(Record, frozen=True, kw_only=True):
@@ -53,12 +55,26 @@ class Clock(Record, frozen=True, kw_only=True):
 
 
 class Budget(Record, frozen=True, kw_only=True):
-    """Limits K: committed ticks, and wall-clock deadlines in seconds for the policy, engine and capture barriers."""
+    """Limits K: committed ticks, and wall-clock deadlines in seconds for the policy, engine and capture barriers.
+
+    `tokens`, `money` (US dollars) and `messages` bound what all policies together may spend in an episode.
+    """
 
     ticks: Expr
     policy: Expr
     engine: Expr
     capture: Expr
+    tokens: Expr | None = None
+    money: Expr | None = None
+    messages: Expr | None = None
+
+
+class Allowance(Record, frozen=True, kw_only=True):
+    """What one agent may spend in an episode: model tokens, US dollars, messages."""
+
+    tokens: Expr | None = None
+    money: Expr | None = None
+    messages: Expr | None = None
 
 
 class Parameter(Record, frozen=True, kw_only=True):
@@ -71,14 +87,15 @@ class Parameter(Record, frozen=True, kw_only=True):
 
 
 class Modes(Record, frozen=True, kw_only=True):
-    """The communication modes the mission can be played in and the default one."""
+    """The communication modes the mission can be played in and the default one: star, broadcast, or single alone."""
 
     default: str
     allowed: tuple[str, ...]
 
 
 class Region(Record, frozen=True, kw_only=True):
-    """A named area; `shape` is a `polygon(…)`, `circle(…)` or `box(…)` call."""
+    """A named area; `shape` is a `polygon(…)`, `circle(…)`, `box(…)`, `buffer(…)`, `union(…)`, `road("…")` or
+    `along(…)` call, or the name of another region."""
 
     name: str
     shape: Expr
@@ -167,6 +184,7 @@ class Agent(Record, frozen=True, kw_only=True):
     observes: tuple[Channel, ...] = ()
     prompt: str = ""
     when: Guard | None = None
+    budget: Allowance | None = None
 
 
 class Authority(Record, frozen=True, kw_only=True):
@@ -178,13 +196,17 @@ class Authority(Record, frozen=True, kw_only=True):
 
 
 class Field(Record, frozen=True, kw_only=True):
-    """One field of a message record. `type` is one of name, text, number, flag, position, box, frame, names."""
+    """One field of a message record. `type` is one of name, text, number, flag, position, box, frame, names.
+
+    A number may have a `unit`: the SI unit it is sent in (`kg` for a field of type `mass`).
+    """
 
     name: str
     type: Literal["name", "text", "number", "flag", "position", "box", "frame", "names"]
     optional: bool = False
     minimum: float | None = None
     maximum: float | None = None
+    unit: str = ""
 
 
 class MessageKind(Record, frozen=True, kw_only=True):
@@ -200,11 +222,16 @@ class MessageKind(Record, frozen=True, kw_only=True):
 
 
 class Comms(Record, frozen=True, kw_only=True):
-    """Bus settings; `hub` names the agent that star mode routes through. Delay in ticks, payload in bytes."""
+    """Bus settings; `hub` names the agent that star mode routes through. Delay in ticks, payload in bytes, `range` in
+    metres between sender and receiver, `loss` the share of messages that never arrive, `receipts` whose receipts an
+    agent sees: its `own`, `all` of them or `none`."""
 
     hub: str | None = None
     delay: Expr | None = None
     payload: Expr | None = None
+    range: Expr | None = None
+    loss: Expr | None = None
+    receipts: Literal["own", "all", "none"] = "own"
 
 
 class RuleParameter(Record, frozen=True, kw_only=True):
@@ -234,13 +261,111 @@ class Unlock(Record, frozen=True, kw_only=True):
     condition: Expr
 
 
+class Counted(Record, frozen=True, kw_only=True):
+    """What a counted budget counts: commands to a resource (`verb` empty: all of them), or messages of a kind."""
+
+    kind: Literal["command", "message"]
+    resource: Expr | None = None
+    name: str = ""
+
+
+class Limit(Record, frozen=True, kw_only=True):
+    """`limit moves <= 50 counts dog.forward, dog.left`: beyond the bound such a command or message is rejected."""
+
+    name: str
+    most: Expr
+    counts: tuple[Counted, ...]
+    when: Guard | None = None
+
+
 class Stage(Record, frozen=True, kw_only=True):
-    """`stage detect per v in victim { done when … }`."""
+    """`stage detect per v in victim { done when …, ticks <= 40, weight = 2 }`.
+
+    `ticks` bounds the ticks from the stage's beginning (the end of the stages it depends on, else the start) to its
+    end; `weight` is its share in the subtask score (1 if not given); `limits` count within the stage.
+    """
 
     name: str
     condition: Expr
     variable: str | None = None
     domain: str | None = None
+    ticks: Expr | None = None
+    weight: Expr | None = None
+    limits: tuple[Limit, ...] = ()
+
+
+class Permit(Record, frozen=True, kw_only=True):
+    """`permit van.setDestination when …`: until then the kernel rejects the command; no verb means all of them."""
+
+    resource: Expr
+    condition: Expr
+    verb: str = ""
+
+
+class Constraint(Record, frozen=True, kw_only=True):
+    """`constraint hard fence per u in uav { always u in area }`, checked at every macro-step.
+
+    An episode in which a hard one was broken is no success; a soft one takes `penalty` off the score for each binding
+    that broke it.
+    """
+
+    name: str
+    kind: Literal["hard", "soft"]
+    condition: Expr
+    variable: str | None = None
+    domain: str | None = None
+    penalty: Expr | None = None
+    when: Guard | None = None
+
+
+class Inspection(Record, frozen=True, kw_only=True):
+    """`inspection checked of van by uav { within = 25 m, replan = trafficJam }`.
+
+    The waypoints of the asset's route must each come within reach of one of the inspectors, in their order if `order`
+    is `strict`. A message of the kind `replan` asks the asset's engine for another route; the inspection then starts
+    again at its first waypoint.
+    """
+
+    name: str
+    asset: Expr
+    by: tuple[Expr, ...]
+    within: Expr
+    order: Literal["strict", "any"] = "strict"
+    replan: str = ""
+    when: Guard | None = None
+
+
+class Change(Record, frozen=True, kw_only=True):
+    """One effect of an event: a new weather, or an entity that appears or vanishes."""
+
+    kind: Literal["weather", "appear", "vanish"]
+    weather: tuple[Property, ...] = ()
+    entity: Expr | None = None
+
+
+class Event(Record, frozen=True, kw_only=True):
+    """`event squall at 12 tick { weather { … }, appear jam[2] }`: what happens by itself at a time of the mission.
+
+    `at` counts ticks or, with a unit of time, seconds; it may be a draw. What some event lets appear is not there
+    before.
+    """
+
+    name: str
+    at: Expr
+    changes: tuple[Change, ...]
+    when: Guard | None = None
+
+
+class Sweep(Record, frozen=True, kw_only=True):
+    """`sweep altitude over altitude in [60 m, 100 m, 140 m] when mode == star`: a matched study.
+
+    One run for every combination of the values of `parameters`, each with the same seeds; `when` picks the modes.
+    """
+
+    name: str
+    parameters: tuple[str, ...]
+    values: tuple[tuple[Expr, ...], ...]
+    when: Guard | None = None
 
 
 class Relation(Record, frozen=True, kw_only=True):
@@ -301,3 +426,10 @@ class Mission(Record, frozen=True, kw_only=True):
     success: Expr
     failure: Expr | None = None
     origin: Origin = Origin()
+    base: str = ""
+    limits: tuple[Limit, ...] = ()
+    permits: tuple[Permit, ...] = ()
+    constraints: tuple[Constraint, ...] = ()
+    inspections: tuple[Inspection, ...] = ()
+    events: tuple[Event, ...] = ()
+    sweeps: tuple[Sweep, ...] = ()

@@ -1,0 +1,80 @@
+"""Fill the holes of goals and prompts: `Fly at {altitude}.` becomes `Fly at 100 m.`
+
+What a hole may name is checked by `lingjing.dsl.wording`. Numbers are shown in the author's unit, positions as
+`(east, north)` in metres, a group as the ids of its members, a region as its corners, a grid as its cells' names.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+
+from lingjing.mission.instance import Datum, Entity
+
+HOLE = re.compile(r"\{\{|\}\}|\{([^{}\n]*)\}")
+"""A doubled brace, or a hole with its inside as group 1."""
+PATH = re.compile(r"\s*(?P<name>[^\W\d]\w*)(?:\[\s*(?P<index>\w+)\s*\])?(?:\.(?P<field>[^\W\d]\w*))?\s*")
+_UNITS = (
+    ("mps2", "m/s^2"), ("mps", "m/s"), ("degps", "deg/s"), ("deg", "deg"), ("bytes", "B"), ("ticks", "tick"),
+    ("usd", "USD"), ("tokens", "token"), ("kg", "kg"), ("m2", "m^2"), ("hz", "Hz"), ("m", "m"), ("s", "s"),
+    ("j", "J"), ("w", "W"), ("n", "N"),
+)  # fmt: skip
+
+
+def fill(text: str, look_up: Callable[[str, str | None, str | None], str | None]) -> str:
+    """The text with its holes filled. `look_up(name, index, field)` gives what stands there; None leaves the hole."""
+    if "{" not in text and "}" not in text:
+        return text
+
+    def put(hole: re.Match[str]) -> str:
+        if hole[1] is None:
+            return hole[0][0]
+        path = PATH.fullmatch(hole[1])
+        found = look_up(path["name"], path["index"], path["field"]) if path else None
+        return hole[0] if found is None else found
+
+    return HOLE.sub(put, text)
+
+
+def shown_number(value: float, unit: str = "", factor: float = 1.0) -> str:
+    """`100 m`: a number in SI in the unit it is shown in, of which one is `factor` SI units."""
+    amount = value / factor
+    text = f"{round(amount, 6):g}" if math.isfinite(amount) else str(amount)
+    return f"{text} {unit}" if unit else text
+
+
+def shown_point(place: tuple[float, ...]) -> str:
+    """`(12.4, -1351.8)`: east and north in metres."""
+    return f"({place[0]:g}, {place[1]:g})"
+
+
+def shown_field(entity: Entity, field: str) -> str | None:
+    """What a public field of an entity says; None if it has none of that name."""
+    if field == "position":
+        return shown_point(entity.position)
+    if field == "heading":
+        return shown_number(entity.heading_deg, "deg")
+    if field in entity.properties:
+        return shown_datum(entity.properties[field])
+    for suffix, unit in _UNITS:
+        if (value := entity.properties.get(f"{field}_{suffix}")) is not None:
+            return shown_datum(value, unit)
+    low, high = (next((v for k, v in entity.properties.items() if k.startswith(f"{field}_{end}")), None)
+                 for end in ("low", "high"))  # fmt: skip
+    if low is None or high is None:
+        return None
+    unit = next((u for s, u in _UNITS if f"{field}_low_{s}" in entity.properties), "")
+    return f"{shown_datum(low)} to {shown_datum(high, unit)}"
+
+
+def shown_datum(value: Datum, unit: str = "") -> str:
+    """A property's value in words."""
+    match value:
+        case bool():
+            return "true" if value else "false"
+        case int() | float():
+            return shown_number(float(value), unit)
+        case tuple():
+            return ", ".join(shown_datum(item, unit) for item in value)
+    return str(value)
