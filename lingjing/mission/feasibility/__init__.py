@@ -29,7 +29,7 @@ from lingjing.mission.feasibility.needs import needs, some_member
 from lingjing.mission.feasibility.order import refute_order
 from lingjing.mission.feasibility.outline import Outline, of_instance, of_mission, too_large
 from lingjing.mission.feasibility.placing import refute_places
-from lingjing.mission.feasibility.proof import Proof
+from lingjing.mission.feasibility.proof import Proof, gathered
 from lingjing.mission.feasibility.refutation import refute, refute_each
 from lingjing.mission.instance import Instance
 
@@ -61,14 +61,13 @@ def prove_instance(instance: Instance) -> tuple[Proof, ...]:
 
 
 def prove_outline(outline: Outline) -> tuple[Proof, ...]:
-    """All checks over one outline, each proof once."""
+    """All checks over one outline; what is proved of several members of a group is said once."""
     places = refute_places(outline)
     if places:
         return tuple(places)
     success = needs(outline.instance.success, outline, "success")
     proofs = [*refute_order(outline), *refute(success, episode(outline), outline, "success"), *_stages(outline)]
-    kept = list(dict.fromkeys(proofs))
-    return tuple(kept)
+    return gathered(proofs)
 
 
 def _stages(outline: Outline) -> list[Proof]:
@@ -94,7 +93,7 @@ def _own(stage: model.Stage, outline: Outline) -> Limit:
 
 
 def _in_modes(proof: Proof, where: list[str], modes: tuple[str, ...]) -> Proof:
-    """The proof with the mode it holds in, if it does not say so and the mission has others."""
-    if len(where) == len(modes) or f"in {where[0]} mode" in proof.message:
+    """The proof with the modes it holds in, if the mission has others."""
+    if len(where) == len(modes):
         return proof
     return msgspec.structs.replace(proof, message=f"in {' and '.join(where)} mode, {proof.message}")

@@ -56,6 +56,7 @@ def _unsplit(supply: Supply, carriers: list[tuple[Body, float]]) -> Proof | None
         f"the largest vehicle `{body.id}` carries {spelled(most)} kg",
         "let the order be split, or use a larger vehicle",
         ((body.path, "the vehicle"), (supply.at, "what needs it")),
+        supply.target.id,
     )
 
 

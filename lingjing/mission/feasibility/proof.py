@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import msgspec
+
+OTHERS_SHOWN = 3
+"""Further members of a group that a message names."""
 
 SLACK = 1e-9
 """Relative and absolute slack of every comparison: what is needed exactly is feasible."""
@@ -13,7 +18,7 @@ class Proof(msgspec.Struct, frozen=True):
 
     `at` is the path of the declaration at fault: `success`, `rule/rescued`, `stage/detect`, `asset/boat`,
     `target/victim`, `budget/ticks`, `relation/2` (counted from 0), `unlock/rescue`, `limit/moves`. `related` holds
-    further paths, each with what it has to do with it.
+    further paths, each with what it has to do with it. `subject` is the entity or message it is about.
     """
 
     code: str
@@ -21,6 +26,26 @@ class Proof(msgspec.Struct, frozen=True):
     message: str
     hint: str = ""
     related: tuple[tuple[str, str], ...] = ()
+    subject: str = ""
+
+
+def gathered(proofs: Iterable[Proof]) -> tuple[Proof, ...]:
+    """One proof for all members of a group of which the same is proved; the first one speaks for them."""
+    found: dict[tuple[str, str], list[Proof]] = {}
+    for proof in proofs:
+        key = (proof.code, proof.subject.partition("[")[0] or f"{proof.at} {proof.message}")
+        found.setdefault(key, []).append(proof)
+    return tuple(_for_all(alike) for alike in found.values())
+
+
+def _for_all(alike: list[Proof]) -> Proof:
+    first = alike[0]
+    others = [name for name in dict.fromkeys(proof.subject for proof in alike) if name != first.subject]
+    if not others:
+        return first
+    shown = ", ".join(f"`{name}`" for name in others[:OTHERS_SHOWN])
+    more = f" and {len(others) - OTHERS_SHOWN} more" if len(others) > OTHERS_SHOWN else ""
+    return msgspec.structs.replace(first, message=f"{first.message}; the like holds for {shown}{more}")
 
 
 def exceeds(needed: float, available: float) -> bool:

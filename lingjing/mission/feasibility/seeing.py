@@ -85,6 +85,7 @@ def _too_small(picture: Picture, usable: list[tuple[Body, CameraSpec]]) -> Proof
         f"{needed} px are needed",
         "lower the band, or give the camera more pixels or a narrower field of view",
         ((body.path, "the camera's carrier"), (picture.target.path, "what must be seen")),
+        picture.target.id,
     )
 
 
@@ -114,4 +115,5 @@ def _no_camera(picture: Picture, why: str, hint: str, related: tuple[tuple[str, 
         f"no picture can show `{picture.target.id}`: {why}",
         hint,
         (*related, (picture.target.path, "what must be seen")),
+        picture.target.id,
     )

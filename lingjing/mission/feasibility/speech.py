@@ -15,14 +15,13 @@ def refute_report(report: Report, outline: Outline) -> Proof | None:
     spec = next((message for message in outline.instance.messages if message.kind == report.kind), None)
     if spec is not None and _senders(spec, outline):
         return None
-    roles = ", ".join(f"`{role}`" for role in dict.fromkeys(agent.role for agent in outline.instance.agents)) or "none"
     return Proof(
         "LJ0605",
         report.at,
-        f"nobody can send a `{report.kind}` in {outline.instance.mode} mode: no agent has a role that may send it to "
-        f"one that may receive it (roles played: {roles})",
+        f"nobody can send a `{report.kind}`: no agent has a role that may send it to one that may receive it",
         f"let a role that is played send `{report.kind}`, or open it in this mode",
         ((f"message/{report.kind}", "the message that is needed"),),
+        report.kind,
     )
 
 
@@ -34,14 +33,14 @@ def refute_handover(handover: Handover, outline: Outline) -> Proof | None:
     )
     if commanded or any(_assigns(message, outline) for message in outline.instance.messages):
         return None
-    mode = outline.instance.mode
     return Proof(
         "LJ0607",
         handover.at,
-        f"nobody can assign `{asset.id}` to `{handover.target.id}` in {mode} mode: no agent may command it to a place, "
+        f"nobody can assign `{asset.id}` to `{handover.target.id}`: no agent may command it to a place, "
         "and no assignment with a position can be sent",
         f"give a role authority over `{asset.entity.group}`, or a message of the category assignment",
         ((asset.path, "what must be assigned"),),
+        handover.target.id,
     )
 
 

@@ -125,8 +125,8 @@ def _no_schedule(tour: Tour, speed: float, limit: Limit) -> Proof:
         "LJ0602",
         tour.visits[0].at,
         f"no schedule fits: to come within {_radii(tour)} of {_stops(tour)}, {movers_of(tour.movers)} must cover at "
-        f"least {spelled(round(tour.metres, 3))} m{together}, which at {spelled(round(speed, 3))} m/s at most takes "
-        f"{needed} s, {limit.words}",
+        f"least {spelled(round(tour.metres, 3))} m{together}, which at {spelled(round(speed, 3))} m/s at most, "
+        f"margins included, takes {needed} s, {limit.words}",
         "raise the budget, lower the number of goals, or add vehicles",
         ((limit.at, "the budget"), (tour.movers[0].path, "the vehicle"), *_goals(tour)),
     )

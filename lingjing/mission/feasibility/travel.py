@@ -58,7 +58,10 @@ def refute_visit(visit: Visit, limit: Limit, outline: Outline) -> Proof | None:
 
 def name_of(goal: Body | Where) -> str:
     """The goal in words."""
-    return f"`{goal.id}`" if isinstance(goal, Body) else "its goal"
+    if isinstance(goal, Body):
+        return f"`{goal.id}`"
+    first = goal.outlines[0]
+    return f"({spelled(first[0][0])}, {spelled(first[0][1])}) m" if len(first) == 1 else "the region"
 
 
 def movers_of(movers: tuple[Body, ...]) -> str:
@@ -94,6 +97,7 @@ def _nobody(visit: Visit, metres: float, mover: Body) -> Proof:
         f"`{mover.id}` is {spelled(round(metres, 3))} m too far away at the least, and {why}",
         f"let an agent control `{mover.entity.group}`, give it a verb that moves it, or place it nearer",
         ((mover.path, "what would have to move"), *_goal(visit)),
+        _subject(visit),
     )
 
 
@@ -104,10 +108,11 @@ def _too_late(visit: Visit, goal: Meeting, limit: Limit, mover: Body, metres: fl
         "LJ0601",
         visit.at,
         f"{movers_of(visit.movers)} cannot come within {spelled(visit.radius_m)} m of {name_of(visit.goal)} in time: "
-        f"{spelled(round(metres, 3))} m at {spelled(round(speed, 3))} m/s at most{closing} "
-        f"need at least {needed} s, {limit.words}",
+        f"{spelled(round(metres, 3))} m at {spelled(round(speed, 3))} m/s at most{closing}, margins included, "
+        f"take at least {needed} s, {limit.words}",
         "raise the budget, start nearer, or choose a faster vehicle",
         ((limit.at, "the budget"), (mover.path, "the vehicle"), *_goal(visit)),
+        _subject(visit),
     )
 
 
@@ -129,9 +134,14 @@ def _too_far(visit: Visit, goal: Meeting, limit: Limit, away: dict[str, float], 
             f"flight, `{mover.id}` can fly for {lasts} s at most",
             "raise `endurance`, start nearer, or choose another vehicle",
             ((mover.path, "the vehicle"), *_goal(visit)),
+            _subject(visit),
         )
     return worst
 
 
 def _goal(visit: Visit) -> tuple[tuple[str, str], ...]:
     return ((visit.goal.path, "where it must go"),) if isinstance(visit.goal, Body) else ()
+
+
+def _subject(visit: Visit) -> str:
+    return visit.goal.id if isinstance(visit.goal, Body) else visit.movers[0].id
