@@ -1,5 +1,6 @@
 """The sea rescue as a mission graph built by hand: the tests of this package need no compiler."""
 
+import contextlib
 from typing import Literal
 
 import pytest
@@ -183,3 +184,8 @@ def ssr_mission() -> m.Mission:
 @pytest.fixture(scope="session")
 def ssr() -> m.Mission:
     return ssr_mission()
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    with contextlib.suppress(ValueError):
+        parser.addoption("--update", action="store_true", help="rewrite the golden files")

@@ -34,8 +34,8 @@ class Row:
     detail: str
     tag: str
     inner: bool
-    left: list[Link] = field(default_factory=list)
-    right: list[Link] = field(default_factory=list)
+    left: list[Link] = field(default_factory=list, repr=False)
+    right: list[Link] = field(default_factory=list, repr=False)
     top: float = 0.0
     height: float = 0.0
 
@@ -143,16 +143,22 @@ def _places(graph: MissionGraph, lane: int) -> Callable[[Card], int]:
 
 def _row(node: Node) -> Row:
     inner = node.within is not None
-    room = WIDEST - 2 * PAD - (2 * INSET if inner else 0)
-    tag = f"{node.kind} · {guard_words(node.when)}" if node.when else node.kind
-    title_room = room - width(tag, TAG) - PAD
+    room = WIDEST - 2 * PAD - _indent(node)
+    tag = fitted(f"{node.kind} · {guard_words(node.when)}" if node.when else node.kind, TAG, room / 2)
     return Row(
         node=node,
-        title=fitted(node.title, TITLE, max(title_room, room / 2), bold=True),
+        title=fitted(node.title, TITLE, room - width(tag, TAG) - PAD, bold=True),
         detail=fitted(node.detail, DETAIL, room),
-        tag=fitted(tag, TAG, room / 2),
+        tag=tag,
         inner=inner,
     )
+
+
+def _indent(node: Node) -> float:
+    """How much narrower than its card a row is."""
+    if node.within is None:
+        return 0.0
+    return 2 * INSET + (STACK if node.count is not None else 0.0)
 
 
 def _link(edge: Edge, rows: dict[str, Row], cards: dict[str, Card]) -> Link:
@@ -191,4 +197,4 @@ def _lane_width(lane: Iterable[Card]) -> float:
 
 def _row_width(row: Row) -> float:
     top = width(row.title, TITLE, bold=True) + PAD + width(row.tag, TAG)
-    return max(top, width(row.detail, DETAIL)) + 2 * PAD + (2 * INSET if row.inner else 0.0)
+    return max(top, width(row.detail, DETAIL)) + 2 * PAD + _indent(row.node)

@@ -38,6 +38,7 @@ EDGES: dict[EdgeKind, EdgeStyle] = {
     "adjudicates": EdgeStyle("adjudicates", "judges against ground truth", "#ea580c", "#fb923c"),
     "unlocks": EdgeStyle("unlocks", "lets an engine perform it", "#a16207", "#eab308", 2.2),
     "requires": EdgeStyle("requires", "needs what the arrow points at", "#64748b", "#93a1b5", 1.3),
+    "changes": EdgeStyle("changes", "an event lets it appear or vanish", "#0e7490", "#22d3ee", 1.8),
     "information_handoff": EdgeStyle("information handoff", "passes evidence on", "#be185d", "#f472b6", 2.4, True),
     "cooperation": EdgeStyle("cooperation", "does complementary work", "#15803d", "#4ade80", 2.4, True),
     "competition": EdgeStyle("competition", "contends for a resource", "#b91c1c", "#f87171", 2.4, True),
@@ -57,6 +58,8 @@ NODES: dict[NodeKind, NodeStyle] = {
     "fact": NodeStyle(("#ffe4e6", "#be123c"), ("#521a28", "#fb7185")),
     "rule": NodeStyle(("#fff7ed", "#fb923c"), ("#38210f", "#cf7428")),
     "event": NodeStyle(("#fefce8", "#d4a50c"), ("#352c0b", "#b8900f")),
+    "inspection": NodeStyle(("#fff7ed", "#d97706"), ("#33240c", "#c27c16")),
+    "constraint": NodeStyle(("#fef2f2", "#ef4444"), ("#3a1414", "#d14545")),
     "stage": NodeStyle(("#f7fee7", "#84cc16"), ("#212e0c", "#6ba314")),
     "outcome": NodeStyle(("#dcfce7", "#16a34a"), ("#0f331d", "#22a352")),
 }
@@ -65,7 +68,7 @@ LANES: tuple[tuple[str, tuple[NodeKind, ...]], ...] = (
     ("Roles and agents", ("role", "agent")),
     ("Resources and channels", ("asset", "resource", "channel")),
     ("World", ("region", "grid", "target", "fact")),
-    ("Rules and events", ("rule", "event")),
+    ("Rules and events", ("rule", "event", "inspection", "constraint")),
     ("Stages", ("stage",)),
     ("Outcome", ("outcome",)),
 )

@@ -5,7 +5,7 @@ Every box and line carries a `<title>`, which browsers show to the pointer and r
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from lingjing.mission.draw.cards import DETAIL, PAD, STACK, TAG, TITLE
 from lingjing.mission.draw.drawing import LABEL, LINE, MARGIN, Band, Box, Curve, Drawing, Label, draw, label_lines
@@ -16,6 +16,8 @@ from lingjing.mission.graph.types import EdgeKind, MissionGraph
 
 _HEAD, _LEGEND_LINE, _SAMPLE = 62.0, 22.0, 34.0
 _DASHES = "6 4"
+_PLAIN: EdgeKind = "requires"
+"""The kind whose line stands for any in the legend."""
 _ESCAPES = {"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;", "'": "&#39;"}
 
 _LIGHT = {
@@ -38,7 +40,7 @@ def svg(graph: MissionGraph) -> str:
     """The document's text; the same graph gives the same text."""
     shown = readable(graph)
     drawing = draw(shown)
-    kinds = _kinds(shown)
+    kinds = _kinds(drawing)
     page = max(drawing.width, 720.0)
     legend = list(_legend(kinds, shown, page))
     height = _HEAD + drawing.height + len(legend) * _LEGEND_LINE + 2 * MARGIN
@@ -48,7 +50,7 @@ def svg(graph: MissionGraph) -> str:
         f'<desc id="desc">{escape(_description(shown))}</desc>',
         f"<style>{_style()}</style>",
         "<defs>",
-        *_markers(kinds),
+        *_markers(dict.fromkeys((*kinds, _PLAIN))),
         "</defs>",
         f'<rect class="page" width="{_n(page)}" height="{_n(height)}"/>',
         *_heading(shown, page),
@@ -89,10 +91,10 @@ def _from_cards(curve: Curve) -> bool:
     return not (curve.link.near.inner or curve.link.far.inner)
 
 
-def _kinds(graph: MissionGraph) -> tuple[EdgeKind, ...]:
+def _kinds(drawing: Drawing) -> tuple[EdgeKind, ...]:
     """The kinds of edges that are drawn as lines, in the order of the legend."""
-    found = {edge.kind for edge in graph.edges}
-    return tuple(kind for kind in EDGES if kind in found and kind not in ("plays", "hides"))
+    found = {curve.link.edge.kind for curve in drawing.curves}
+    return tuple(kind for kind in EDGES if kind in found)
 
 
 def _style() -> str:
@@ -117,7 +119,7 @@ def _rules(looks: dict[str, str]) -> Iterator[str]:
     return (f"{selector}{{{look}}}" for selector, look in looks.items())
 
 
-def _markers(kinds: tuple[EdgeKind, ...]) -> Iterator[str]:
+def _markers(kinds: Iterable[EdgeKind]) -> Iterator[str]:
     for kind in kinds:
         yield (
             f'<marker id="to-{kind}" viewBox="0 0 10 10" refX="9.5" refY="5" markerUnits="userSpaceOnUse"'
@@ -211,7 +213,7 @@ def _sample(x: float, y: float, sign: str) -> Iterator[str]:
         for step in (4, 2, 0):
             yield f'<rect class="n-asset" x="{_n(x + step)}" y="{_n(y - 8 + step)}" width="28" height="11" rx="3"/>'
     else:
-        guarded, kind = (" guarded", "requires") if sign == "guarded" else ("", sign)
+        guarded, kind = (" guarded", _PLAIN) if sign == "guarded" else ("", sign)
         yield (
             f'<g class="edge{guarded}"><path class="e-{kind}" d="M{_n(x)} {_n(y)}H{_n(x + _SAMPLE)}"'
             f' marker-end="url(#to-{kind})"/></g>'

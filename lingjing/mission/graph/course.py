@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.graph.draft import Draft
+from lingjing.mission.graph.needs import needs
 from lingjing.mission.graph.spelling import parts, spell
-from lingjing.mission.graph.things import groups_in
 from lingjing.mission.graph.types import NodeKind
 
 SUCCESS, FAILURE = "success", "failure"
@@ -27,21 +27,24 @@ def add_rules(mission: model.Mission, draft: Draft) -> None:
 
 def add_events(mission: model.Mission, draft: Draft) -> None:
     """Interactions of the groups' types: the owning engine performs them and says so."""
+    performers: dict[str, list[str]] = {}
+    for group in mission.groups:
+        if group.role == "asset" and draft.has(f"asset:{group.name}"):
+            performers.setdefault(group.engine, []).append(f"asset:{group.name}")
     for group in mission.groups:
         target = draft.find(group.name, "asset", "target")
         for interaction, by in _interactions(group) if target else ():
             event = draft.find(interaction, "event") or draft.node("event", interaction, detail=f"performed by {by}")
             draft.edge("requires", event, str(target))
-            for performer in mission.groups:
-                if performer.role == "asset" and performer.engine == by and draft.has(f"asset:{performer.name}"):
-                    draft.edge("requires", event, f"asset:{performer.name}")
+            for performer in performers.get(by, ()):
+                draft.edge("requires", event, performer)
 
 
 def add_unlocks(mission: model.Mission, draft: Draft) -> None:
     """What must be true before an engine may perform an interaction."""
     for unlock in mission.unlocks:
         event = draft.find(unlock.interaction, "event") or draft.node("event", unlock.interaction)
-        for node in _needs(unlock.condition, mission, draft):
+        for node in needs(unlock.condition, mission, draft):
             if node.startswith(("rule:", "event:")):
                 draft.edge("unlocks", node, event)
             else:
@@ -59,40 +62,47 @@ def add_judgements(mission: model.Mission, draft: Draft) -> None:
                 draft.edge("adjudicates", node, entity)
             elif report:
                 draft.edge("requires", node, report)
-        for needed in _needs(rule.condition, mission, draft):
+        for needed in needs(rule.condition, mission, draft):
             draft.edge("requires", node, needed)
 
 
 def add_stages(mission: model.Mission, draft: Draft) -> None:
-    """Stages, once per member of their group, and what completes them."""
+    """Stages, once per member of their group."""
     for stage in mission.stages:
+        said = [f"per {stage.domain}"] if stage.domain else []
+        said += [f"≤ {spell(stage.ticks)}"] if stage.ticks else []
+        said += [f"weight {spell(stage.weight)}"] if stage.weight else []
         per = draft.find(stage.domain, "target", "asset") if stage.domain else None
-        detail = f"per {stage.domain}" if stage.domain else ""
-        node = draft.node("stage", stage.name, detail=detail, text=spell(stage.condition), per=per)
-        for needed in _needs(stage.condition, mission, draft):
-            draft.edge("requires", node, needed)
+        draft.node("stage", stage.name, detail=", ".join(said), text=spell(stage.condition), per=per)
 
 
-def add_outcome(mission: model.Mission, draft: Draft) -> None:
+def add_outcomes(mission: model.Mission, draft: Draft) -> None:
     """Success, failure, and the ticks that all of it may take."""
-    for name, condition in ((SUCCESS, mission.success), (FAILURE, mission.failure)):
-        if condition is None:
-            continue
+    for name, condition in _outcomes(mission):
         per = next((node for domain in _domains(condition) if (node := draft.find(domain, "target", "asset"))), None)
         said = "for every " + per.partition(":")[2] if per else ""
-        node = draft.node("outcome", name, detail=said, text=spell(condition), per=per)
-        for needed in _needs(condition, mission, draft):
-            draft.edge("requires", node, needed)
+        draft.node("outcome", name, detail=said, text=spell(condition), per=per)
     budget = mission.budget
     barriers = (("policy", budget.policy), ("engine", budget.engine), ("capture", budget.capture))
     ticks = draft.node(
         "resource",
-        "ticks",
+        "budget.ticks",
+        title="ticks",
         detail=f"≤ {spell(budget.ticks)} of {spell(mission.clock.tick)}",
         text=", ".join(f"{name} ≤ {spell(limit)}" for name, limit in barriers),
         within=f"outcome:{SUCCESS}",
     )
     draft.edge("requires", f"outcome:{SUCCESS}", ticks)
+
+
+def add_completions(mission: model.Mission, draft: Draft) -> None:
+    """What completes every stage, and what decides the outcome."""
+    for stage in mission.stages:
+        for needed in needs(stage.condition, mission, draft):
+            draft.edge("requires", f"stage:{stage.name}", needed)
+    for name, condition in _outcomes(mission):
+        for needed in needs(condition, mission, draft):
+            draft.edge("requires", f"outcome:{name}", needed)
 
 
 def add_relations(mission: model.Mission, draft: Draft) -> None:
@@ -119,35 +129,9 @@ def add_relations(mission: model.Mission, draft: Draft) -> None:
 # -- private
 
 
-def _needs(condition: ex.Expr, mission: model.Mission, draft: Draft) -> tuple[str, ...]:
-    """The nodes whose state a condition reads, once each, in the order it reads them."""
-    return tuple(dict.fromkeys(_read(condition, mission, draft)))
-
-
-def _read(condition: ex.Expr, mission: model.Mission, draft: Draft) -> Iterator[str]:
-    for part in parts(condition):
-        found: str | None = None
-        match part:
-            case ex.Call(function=function, rule=True):
-                found = draft.find(function, "rule")
-            case ex.Call(function="emitted", arguments=(ex.Symbol(name=name), *_)):
-                found = draft.find(name, "event")
-            case ex.Call(function="assigned"):
-                kinds = (kind.name for kind in mission.messages if kind.category == "assignment")
-                yield from (node for name in kinds if (node := draft.find(name, "channel")))
-            case ex.Ref(kind="group" | "entity"):
-                found = next(iter(groups_in(part, draft)), None)
-            case ex.Ref(name=name, kind="region" | "grid"):
-                found = draft.find(name, "region", "grid")
-            case ex.Quantified(domain=domain, body=body) if not _calls_a_rule(body):
-                found = draft.find(domain, "channel", "target", "asset")
-        if found:
-            yield found
-
-
-def _calls_a_rule(body: ex.Expr) -> bool:
-    """Whether a rule is called: then the rule, not the quantifier around it, says what is read."""
-    return any(isinstance(part, ex.Call) and part.rule for part in parts(body))
+def _outcomes(mission: model.Mission) -> tuple[tuple[str, ex.Expr], ...]:
+    failure = ((FAILURE, mission.failure),) if mission.failure else ()
+    return ((SUCCESS, mission.success), *failure)
 
 
 def _domains(condition: ex.Expr) -> Iterator[str]:

@@ -62,6 +62,8 @@ def _spell(expr: ex.Expr) -> tuple[str, int]:  # noqa: C901 - one case for each 
         case ex.Quantified(quantifier=quantifier, variable=variable, domain=domain, body=body):
             span = f" in {domain}" if quantifier == "forall" else ""
             return f"{quantifier} {variable}{span}: {spell(body)}", 0
+        case ex.Aggregate(function=function, variable=variable, domain=domain, body=body):
+            return f"{function}({spell(body)} for {variable} in {domain})", _ATOM
         case _:
             assert_never(expr)
 
@@ -104,7 +106,7 @@ def _children(expr: ex.Expr) -> tuple[ex.Expr, ...]:
             return (operand,)
         case ex.Binary(left=left, right=right):
             return (left, right)
-        case ex.Quantified(body=body):
+        case ex.Quantified(body=body) | ex.Aggregate(body=body):
             return (body,)
         case _:
             return ()

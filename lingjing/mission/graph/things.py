@@ -86,6 +86,8 @@ def add_messages(mission: model.Mission, draft: Draft) -> None:
         return
     limits = [f"delay {spell(mission.comms.delay)}"] if mission.comms.delay else []
     limits += [f"payload ≤ {spell(mission.comms.payload)}"] if mission.comms.payload else []
+    limits += [f"range {spell(mission.comms.range)}"] if mission.comms.range else []
+    limits += [f"loss {spell(mission.comms.loss)}"] if mission.comms.loss else []
     bus = draft.node("channel", BUS, title="bus", detail=", ".join(limits))
     hub = mission.comms.hub and draft.find(mission.comms.hub, "agent")
     if hub and "star" in draft.modes:
@@ -189,7 +191,13 @@ def _observed(source: ex.Expr, agent: str, draft: Draft) -> tuple[str, ...]:
 def _abilities(group: model.Group) -> str:
     cameras = ", ".join(f"{camera.name} ({'+'.join(camera.channels)})" for camera in group.cameras)
     verbs = ", ".join(verb.name for verb in group.verbs)
-    said = (f"engine: {group.engine}", cameras and f"cameras: {cameras}", verbs and f"verbs: {verbs}")
+    state = ", ".join(item.name for item in group.properties if item.state and not item.hidden)
+    said = (
+        f"engine: {group.engine}",
+        state and f"state: {state}",
+        cameras and f"cameras: {cameras}",
+        verbs and f"verbs: {verbs}",
+    )
     return "\n".join(line for line in said if line)
 
 

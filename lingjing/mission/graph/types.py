@@ -23,13 +23,16 @@ NodeKind = Literal[
     "channel",
     "rule",
     "event",
+    "inspection",
+    "constraint",
     "stage",
     "outcome",
 ]
 """What a node stands for.
 
 `fact` is a hidden value of an entity; `resource` is what is spent (ticks, energy); `channel` is a message kind, the
-bus, or a built-in observation source; a `rule` is adjudicated by the kernel, an `event` performed by an engine.
+bus, or a built-in observation source; a `rule` is adjudicated by the kernel, an `event` is performed by an engine or
+happens at its time.
 """
 
 EdgeKind = Literal[
@@ -43,6 +46,7 @@ EdgeKind = Literal[
     "adjudicates",
     "unlocks",
     "requires",
+    "changes",
     "information_handoff",
     "cooperation",
     "competition",

@@ -1,0 +1,83 @@
+"""`lingjing graph`: draw the mission graph, or write it as JSON."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import PurePath
+from typing import TYPE_CHECKING
+
+from lingjing.errors import ExitCode, UsageError
+
+if TYPE_CHECKING:
+    from lingjing.mission.graph import MissionGraph
+
+FORMATS = ("svg", "mermaid", "dot", "json")
+_SUFFIXES = {".svg": "svg", ".mmd": "mermaid", ".mermaid": "mermaid", ".dot": "dot", ".gv": "dot", ".json": "json"}
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Declare the verb and its options."""
+    parser = subparsers.add_parser("graph", help="draw the mission graph", description=__doc__)
+    parser.add_argument("file", metavar="MISSION", help="a .ljs or .json file, or a shipped mission; - reads input")
+    parser.add_argument("-o", "--output", metavar="OUT", help="where to write (default: standard output)")
+    parser.add_argument("--format", choices=FORMATS, help="what to write (default: by OUT's suffix, else mermaid)")
+    parser.add_argument("--mode", metavar="MODE", help="as it is in one mode, star or broadcast (default: all)")
+    parser.set_defaults(handler=handler)
+
+
+def handler(args: argparse.Namespace) -> int:
+    """Draw and write; the output appears whole or not at all."""
+    from lingjing.cli.missions import find_mission
+    from lingjing.dsl.load import load_noted
+    from lingjing.mission.graph import graph
+
+    chosen = args.format or format_of(args.output)
+    mission, notes = load_noted(str(find_mission(args.file)))
+    for note in notes:
+        print(f"note: {note}", file=sys.stderr)
+    text = render(graph(mission, args.mode), chosen)
+    if args.output in (None, "-"):
+        sys.stdout.write(text)
+    else:
+        from lingjing.cli.compile import write_whole
+
+        write_whole(args.output, text)
+    return ExitCode.OK
+
+
+def format_of(output: str | None) -> str:
+    """The format that a file's name asks for; Mermaid for standard output and where there is no suffix.
+
+    `UsageError` for a suffix that no format has.
+    """
+    if output in (None, "-"):
+        return "mermaid"
+    suffix = PurePath(str(output)).suffix.lower()
+    if not suffix:
+        return "mermaid"
+    if suffix not in _SUFFIXES:
+        raise UsageError(
+            f"no format is written to `*{suffix}`",
+            hint=f"end the name in {', '.join(_SUFFIXES)}, or add --format",
+        )
+    return _SUFFIXES[suffix]
+
+
+def render(shown: MissionGraph, chosen: str) -> str:
+    """The graph in one of `FORMATS`, ending in a newline."""
+    if chosen == "svg":
+        from lingjing.mission.draw.svg import svg
+
+        return svg(shown)
+    if chosen == "dot":
+        from lingjing.mission.draw.dot import dot
+
+        return dot(shown)
+    if chosen == "json":
+        import msgspec
+
+        return msgspec.json.format(msgspec.json.encode(shown), indent=1).decode() + "\n"
+    from lingjing.mission.draw.mermaid import mermaid
+
+    return mermaid(shown)

@@ -1,0 +1,56 @@
+"""What a condition needs to know: the nodes whose state it reads."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from lingjing.mission import expression as ex
+from lingjing.mission import model
+from lingjing.mission.graph.draft import Draft
+from lingjing.mission.graph.spelling import parts
+from lingjing.mission.graph.things import groups_in
+from lingjing.mission.graph.types import NodeKind
+
+_OF_ONE: dict[str, tuple[NodeKind, ...]] = {
+    "emitted": ("event",),
+    "inspected": ("inspection",),
+    "clear": ("inspection",),
+    "replans": ("inspection",),
+    "used": ("resource",),
+}
+"""Functions that ask about the declaration their first argument names."""
+
+
+def needs(condition: ex.Expr, mission: model.Mission, draft: Draft) -> tuple[str, ...]:
+    """The nodes whose state a condition reads, once each, in the order it reads them."""
+    return tuple(dict.fromkeys(_read(condition, mission, draft)))
+
+
+def _read(condition: ex.Expr, mission: model.Mission, draft: Draft) -> Iterator[str]:
+    for part in parts(condition):
+        found: str | None = None
+        match part:
+            case ex.Call(function=function, rule=True):
+                found = draft.find(function, "rule")
+            case ex.Call(function="assigned"):
+                kinds = (kind.name for kind in mission.messages if kind.category == "assignment")
+                yield from (node for name in kinds if (node := draft.find(name, "channel")))
+            case ex.Ref(kind="group" | "entity"):
+                found = next(iter(groups_in(part, draft)), None)
+            case ex.Ref(name=name, kind="region" | "grid"):
+                found = draft.find(name, "region", "grid")
+            case ex.Call(function=function, arguments=(ex.Ref(name=name) | ex.Symbol(name=name), *_)) if (
+                function in _OF_ONE
+            ):
+                found = draft.find(name, *_OF_ONE[function])
+            case ex.Quantified(domain=domain, body=body) | ex.Aggregate(domain=domain, body=body) if not _calls_a_rule(
+                body
+            ):
+                found = draft.find(domain, "channel", "target", "asset")
+        if found:
+            yield found
+
+
+def _calls_a_rule(body: ex.Expr) -> bool:
+    """Whether a rule is called: then the rule, not the quantifier around it, says what is read."""
+    return any(isinstance(part, ex.Call) and part.rule for part in parts(body))

@@ -1,0 +1,136 @@
+"""Passes over the terms of a mission: what may be spent, what is allowed when, what must hold, what happens anyway."""
+
+from __future__ import annotations
+
+from lingjing.mission import model
+from lingjing.mission.graph.course import SUCCESS
+from lingjing.mission.graph.draft import Draft
+from lingjing.mission.graph.needs import needs
+from lingjing.mission.graph.spelling import spell
+from lingjing.mission.graph.things import groups_in
+
+
+def add_allowances(mission: model.Mission, draft: Draft) -> None:
+    """Tokens, money and messages: those of everybody are needed for success, those of an agent by the agent."""
+    _add_allowance(mission.budget, "", f"outcome:{SUCCESS}", draft)
+    for agent in mission.agents:
+        owner = draft.find(agent.name, "agent")
+        if owner and agent.budget:
+            _add_allowance(agent.budget, agent.name, owner, draft)
+
+
+def add_limits(mission: model.Mission, draft: Draft) -> None:
+    """Counted budgets, of the mission and of its stages: what is counted needs what is left."""
+    for limit in mission.limits:
+        _add_limit(limit, "", None, draft)
+    for stage in mission.stages:
+        for limit in stage.limits:
+            _add_limit(limit, f"{stage.name}.", f"stage:{stage.name}", draft)
+
+
+def add_inspections(mission: model.Mission, draft: Draft) -> None:
+    """Routes whose waypoints must be looked at, and by whom."""
+    for inspection in mission.inspections:
+        at = draft.presence(inspection.when)
+        if at is None:
+            continue
+        order = "in order" if inspection.order == "strict" else "in any order"
+        node = draft.node("inspection", inspection.name, detail=f"within {spell(inspection.within)}, {order}", at=at)
+        for asset in groups_in(inspection.asset, draft):
+            draft.edge("adjudicates", node, asset, label="route")
+        for expr in inspection.by:
+            for inspector in groups_in(expr, draft):
+                draft.edge("requires", node, inspector, label="by")
+        channel = draft.find(inspection.replan, "channel")
+        if channel:
+            draft.edge("requires", node, channel, label="replan")
+
+
+def add_constraints(mission: model.Mission, draft: Draft) -> None:
+    """What must hold all along: success needs the hard ones, the soft ones cost points."""
+    for constraint in mission.constraints:
+        at = draft.presence(constraint.when)
+        if at is None:
+            continue
+        cost = f", penalty {spell(constraint.penalty)}" if constraint.penalty else ""
+        per = draft.find(constraint.domain, "asset", "target") if constraint.domain else None
+        node = draft.node(
+            "constraint",
+            constraint.name,
+            detail=constraint.kind + cost,
+            text=f"always {spell(constraint.condition)}",
+            per=per,
+            at=at,
+        )
+        if per:
+            draft.edge("adjudicates", node, per)
+        for needed in needs(constraint.condition, mission, draft):
+            draft.edge("requires", node, needed)
+        if constraint.kind == "hard":
+            draft.edge("requires", f"outcome:{SUCCESS}", node)
+
+
+def add_permits(mission: model.Mission, draft: Draft) -> None:
+    """Commands that wait for a condition: what it reads unlocks them."""
+    for permit in mission.permits:
+        for asset in groups_in(permit.resource, draft):
+            for needed in needs(permit.condition, mission, draft):
+                if needed != asset:
+                    draft.edge("unlocks", needed, asset, label=permit.verb)
+
+
+def add_happenings(mission: model.Mission, draft: Draft) -> None:
+    """What happens by itself at its time: an entity appears or vanishes, the weather turns."""
+    for event in mission.events:
+        at = draft.presence(event.when)
+        if at is None:
+            continue
+        name = f"{event.name}@" if draft.has(f"event:{event.name}") else event.name
+        weather = (f"{item.name} {item.relation} {spell(item.value)}" for one in event.changes for item in one.weather)
+        node = draft.node(
+            "event", name, title=event.name, detail=f"at {spell(event.at)}", text=", ".join(weather), at=at
+        )
+        for change in event.changes:
+            for entity in groups_in(change.entity, draft) if change.entity else ():
+                draft.edge("changes", node, entity, label=change.kind)
+
+
+# -- private
+
+
+def _add_allowance(given: model.Budget | model.Allowance, whose: str, owner: str, draft: Draft) -> None:
+    units = (("tokens", given.tokens), ("money", given.money), ("messages", given.messages))
+    for name, most in units:
+        if most is not None:
+            full = f"{whose}.budget.{name}" if whose else f"budget.{name}"
+            node = draft.node(
+                "resource", full, title=f"{whose} {name}".strip(), detail=f"≤ {spell(most)}", within=owner
+            )
+            draft.edge("requires", owner, node)
+
+
+def _add_limit(limit: model.Limit, prefix: str, owner: str | None, draft: Draft) -> None:
+    at = draft.presence(limit.when)
+    if at is None:
+        return
+    counted = ", ".join(_counted(one) for one in limit.counts)
+    node = draft.node(
+        "resource",
+        f"{prefix}{limit.name}",
+        title=limit.name,
+        detail=f"≤ {draft.value(limit.most)} {counted}",
+        within=owner,
+        at=at,
+    )
+    if owner:
+        draft.edge("requires", owner, node)
+    for one in limit.counts:
+        spenders = groups_in(one.resource, draft) if one.resource else ()
+        channel = draft.find(one.name, "channel") if one.kind == "message" else None
+        for spender in (*spenders, *((channel,) if channel else ())):
+            draft.edge("requires", spender, node, label=one.name if one.kind == "command" else "")
+
+
+def _counted(one: model.Counted) -> str:
+    whose = spell(one.resource) if one.resource else ""
+    return ".".join(part for part in (whose, one.name) if part)

@@ -1,0 +1,120 @@
+"""`lingjing graph`: formats by name, modes, messages, and what it does not import."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import msgspec
+import pytest
+
+from lingjing.cli.main import main
+from lingjing.errors import ExitCode
+from lingjing.mission.graph import MissionGraph
+
+SSR = str(Path(__file__).parents[2] / "scenarios" / "ssr.ljs")
+STARTS = {"svg": "<svg ", "mermaid": "---\ntitle:", "dot": "digraph ", "json": "{"}
+
+
+def test_mermaid_goes_to_standard_output(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["graph", SSR]) == ExitCode.OK
+    said = capsys.readouterr()
+    assert "flowchart LR" in said.out
+    assert said.out.endswith("\n")
+    assert said.err == ""
+
+
+@pytest.mark.parametrize(
+    ("name", "chosen"),
+    [
+        ("a.svg", "svg"), ("a.SVG", "svg"), ("a.mmd", "mermaid"), ("a.dot", "dot"), ("a.gv", "dot"),
+        ("a.json", "json"), ("a", "mermaid"),
+    ],
+)  # fmt: skip
+def test_the_name_chooses_the_format(tmp_path: Path, name: str, chosen: str) -> None:
+    assert main(["graph", SSR, "-o", str(tmp_path / name)]) == ExitCode.OK
+    assert (tmp_path / name).read_text(encoding="utf-8").startswith(STARTS[chosen])
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+
+
+def test_the_option_wins_over_the_name(tmp_path: Path) -> None:
+    out = tmp_path / "a.svg"
+    assert main(["graph", SSR, "--format", "dot", "-o", str(out)]) == ExitCode.OK
+    assert out.read_text(encoding="utf-8").startswith(STARTS["dot"])
+
+
+@pytest.mark.parametrize("chosen", STARTS)
+def test_each_format_goes_to_standard_output(chosen: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["graph", SSR, "--format", chosen, "-o", "-"]) == ExitCode.OK
+    assert capsys.readouterr().out.startswith(STARTS[chosen])
+
+
+def test_a_mode_shows_only_what_is_there_in_it(capsys: pytest.CaptureFixture[str]) -> None:
+    found = {}
+    for mode in ("star", "broadcast"):
+        assert main(["graph", SSR, "--mode", mode, "--format", "json"]) == ExitCode.OK
+        found[mode] = msgspec.json.decode(capsys.readouterr().out, type=MissionGraph)
+        assert found[mode].modes == (mode,)
+    assert "agent:commander" in {node.id for node in found["star"].nodes}
+    assert "agent:commander" not in {node.id for node in found["broadcast"].nodes}
+
+
+def test_a_compiled_mission_draws_the_same_graph(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["compile", SSR, "-o", str(tmp_path / "ssr.json")]) == ExitCode.OK
+    assert main(["graph", str(tmp_path / "ssr.json"), "--format", "svg"]) == ExitCode.OK
+    from_json = capsys.readouterr().out
+    assert main(["graph", SSR, "--format", "svg"]) == ExitCode.OK
+    assert capsys.readouterr().out == from_json
+    assert ET.fromstring(from_json).tag.endswith("svg")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--mode", "mesh"], "no mode `mesh`"),
+        (["-o", "graph.png"], "no format is written to `*.png`"),
+        (["-o", "nowhere/at/all/graph.svg"], "cannot write `nowhere/at/all/graph.svg`"),
+    ],
+)
+def test_a_mistake_is_one_message_with_a_way_out(
+    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["graph", SSR, *arguments]) == ExitCode.USAGE
+    said = capsys.readouterr()
+    assert message in said.err
+    assert "hint: " in said.err
+    assert "Traceback" not in said.err
+    assert said.out == ""
+
+
+def test_a_faulty_mission_leaves_no_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    bad = tmp_path / "bad.ljs"
+    bad.write_text("ljs 1\nmission bad { goal 3 }\n", encoding="utf-8")
+    assert main(["graph", str(bad), "-o", str(tmp_path / "bad.svg")]) == ExitCode.MISSION
+    assert "error" in capsys.readouterr().err
+    assert not (tmp_path / "bad.svg").exists()
+
+
+def test_nothing_heavy_is_imported(tmp_path: Path) -> None:
+    heavy = (
+        "mujoco",
+        "libsumo",
+        "jsbsim",
+        "litellm",
+        "mcap",
+        "pydantic",
+        "pluggy",
+        "rich",
+        "numpy",
+        "cv2",
+        "matplotlib",
+    )
+    code = (
+        "import sys\nfrom lingjing.cli.main import main\n"
+        f"code = main(['graph', {SSR!r}, '-o', {str(tmp_path / 'a.svg')!r}])\n"
+        f"print(code, [name for name in {heavy!r} if name in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)
+    assert done.stdout.strip() == "0 []"
