@@ -38,6 +38,7 @@ VERBS = (
     Verb("validate", "lingjing.cli.validate", "report every error of mission files"),
     Verb("explain", "lingjing.cli.explain", "say what an error code means"),
     Verb("compile", "lingjing.cli.compile", "write the typed mission graph as JSON"),
+    Verb("graph", "lingjing.cli.graph", "draw the mission graph"),
     Verb("fmt", "lingjing.cli.fmt", "lay mission files out the one way"),
     Verb("plugins", "lingjing.cli.plugins", "list engines, policies and scenes and where they come from"),
     Verb("new", "lingjing.cli.new", "write a file to start from"),
