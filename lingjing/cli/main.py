@@ -40,6 +40,7 @@ VERBS = (
     Verb("compile", "lingjing.cli.compile", "write the typed mission graph as JSON"),
     Verb("graph", "lingjing.cli.graph", "draw the mission graph"),
     Verb("fmt", "lingjing.cli.fmt", "lay mission files out the one way"),
+    Verb("lsp", "lingjing.cli.lsp", "serve an editor: errors, completion, renaming as you type"),
     Verb("plugins", "lingjing.cli.plugins", "list engines, policies and scenes and where they come from"),
     Verb("new", "lingjing.cli.new", "write a file to start from"),
     Verb("doctor", "lingjing.cli.doctor", "check that this machine can play missions"),

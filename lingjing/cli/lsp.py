@@ -1,0 +1,30 @@
+"""`lingjing lsp`: the language server, over standard input and output."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from importlib.util import find_spec
+
+from lingjing.errors import ExitCode, UsageError
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Declare the verb and its options."""
+    parser = subparsers.add_parser("lsp", help="serve an editor over standard input and output", description=__doc__)
+    parser.add_argument("--stdio", action="store_true", help="what editors say; it is always so")
+    parser.set_defaults(handler=handler)
+
+
+def handler(_args: argparse.Namespace) -> int:
+    """Serve until the client leaves. `UsageError` if the packages are missing or a person is at the other end."""
+    if find_spec("pygls") is None or find_spec("lsprotocol") is None:
+        raise UsageError("the language server needs pygls", hint="install it: pip install 'lingjing[lsp]'")
+    if sys.stdin.isatty():
+        raise UsageError(
+            "the language server speaks to an editor", hint="editors/vscode has an extension; see its README"
+        )
+    from lingjing.lsp.server import serve
+
+    serve()
+    return ExitCode.OK

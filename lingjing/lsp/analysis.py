@@ -1,0 +1,118 @@
+"""One version of one text, analysed: each part is worked out when it is first asked for."""
+
+from __future__ import annotations
+
+from functools import cached_property, lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lingjing.dsl import Source, compile_source
+from lingjing.dsl import syntax as s
+from lingjing.dsl.parser import parse
+from lingjing.dsl.reporter import Reporter
+from lingjing.dsl.source import read_source
+from lingjing.errors import LingjingError
+from lingjing.lsp.names import Names, Occurrence, find_names
+
+if TYPE_CHECKING:
+    from lingjing.dsl.scope import Scope
+    from lingjing.mission.diagnostics import Diagnostic, Span
+
+
+class Analysis:
+    """A text at `path` (a file's path, or `<…>` for one that is none)."""
+
+    def __init__(self, text: str, path: str) -> None:
+        self.source = Source(text, path)
+
+    @cached_property
+    def diagnostics(self) -> tuple[Diagnostic, ...]:
+        """What `lingjing validate` says of it."""
+        return compile_source(self.source).diagnostics
+
+    @cached_property
+    def tree(self) -> s.File:
+        """The syntax tree; what could not be read is `Faulty`."""
+        return parse(Reporter(self.source))
+
+    @cached_property
+    def names(self) -> Names:
+        """Declarations and uses."""
+        return find_names(self.tree, self.source.text)
+
+    @cached_property
+    def scope(self) -> Scope:
+        """The compiler's symbol tables, as far as the text could be read."""
+        from lingjing.dsl import checker
+        from lingjing.dsl.toplevel import FileChecker
+
+        report = Reporter(self.source)
+        file = FileChecker(report)
+        file.declarations(self.tree)
+        checker._mission(file, self.tree)
+        return file.scope
+
+    def declaration(self, one: Occurrence) -> tuple[str, int, int] | None:
+        """Path and offsets of what declares a name: in this text, else in the library it comes from."""
+        own = self.names.declared.get(one.key)
+        if own is not None:
+            return self.source.path, own.start, own.end
+        span = self._imported(one.key[1])
+        return (span.path, span.start, span.end) if span is not None else self._part_of_type(one)
+
+    def doc(self, declared: Occurrence) -> str:
+        """The comment lines right above a declaration."""
+        return comment_above(self.source, declared.start)
+
+    # -- private
+
+    def _imported(self, name: str) -> Span | None:
+        scope = self.scope
+        for table in (scope.types, scope.records, getattr(scope, "cameras", {}), getattr(scope, "weathers", {})):
+            if name in table:
+                span: Span = table[name].span
+                return span
+        return None
+
+    def _part_of_type(self, one: Occurrence) -> tuple[str, int, int] | None:
+        """A verb or an interaction that a type of a library declares."""
+        space, name, _ = one.key
+        if space not in ("verb", "interaction", ""):
+            return None
+        for decl in self.scope.types.values():
+            if name in decl.verbs or name in decl.interactions:
+                found = declared_in(decl.span.path, "verb" if name in decl.verbs else "interaction", name)
+                if found is not None:
+                    return found
+        return None
+
+
+def declared_in(path: str, space: str, name: str) -> tuple[str, int, int] | None:
+    """Path and offsets of a declaration in a library file; None if the file cannot be read any more."""
+    other = library_file(path)
+    one = other.names.declared.get((space, name, None)) if other else None
+    return (path, one.start, one.end) if one else None
+
+
+def library_file(path: str) -> Analysis | None:
+    """A library's file as it is now."""
+    try:
+        stat = Path(path).stat()
+        return _library_file(path, stat.st_mtime_ns, stat.st_size)
+    except (OSError, LingjingError):
+        return None
+
+
+@lru_cache(maxsize=32)
+def _library_file(path: str, _modified: int, _size: int) -> Analysis:
+    return Analysis(read_source(path).text, path)
+
+
+def comment_above(source: Source, offset: int) -> str:
+    """The block of comment lines that ends right above an offset's line, without `#`."""
+    line = source.line_of(offset) - 1
+    found: list[str] = []
+    while line >= 1 and source.line_text(line).lstrip().startswith("#"):
+        found.append(source.line_text(line).lstrip().lstrip("#").strip())
+        line -= 1
+    return "\n".join(reversed(found))

@@ -1,0 +1,482 @@
+"""What could stand at a cursor: keywords, names, properties, fields, units, each where it fits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from importlib import import_module
+
+from lingjing.dsl import library
+from lingjing.dsl.blocks import Key
+from lingjing.dsl.scope import Scope, TypeDecl
+from lingjing.dsl.tokens import Token
+from lingjing.dsl.typenames import word as type_word
+from lingjing.lsp.analysis import Analysis
+from lingjing.lsp.context import Context, context_at
+from lingjing.mission import functions as f
+from lingjing.mission.units import ANGLE, BY_NAME, NONE, SPEED, UNITS, Dimension, dimension_name, unit_of
+
+
+@dataclass(frozen=True, slots=True)
+class Item:
+    """One proposal. `kind`: keyword, name, property, field, unit, function, verb, type, value, module."""
+
+    label: str
+    kind: str
+    detail: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Completion:
+    """The proposals and the stretch of text they replace."""
+
+    items: tuple[Item, ...]
+    start: int
+    end: int
+
+
+STATEMENTS_IN: dict[str, tuple[str, ...]] = {
+    "": ("ljs", "use", "mission", "asset", "target", "record", "camera", "weather"),
+    "MISSION": (
+        "goal", "scene", "clock", "budget", "weather", "comms", "param", "mode", "region", "grid", "target", "asset",
+        "agent", "authority", "message", "adjudicate", "unlock", "stage", "relation", "reveal", "success", "failure",
+        "limit", "permit", "constraint", "inspection", "event", "sweep", "override",
+    ),
+    "ASSET": ("camera", "actions", "hidden", "state"),
+    "TARGET": ("hidden", "state"),
+    "type": ("engine", "verb", "interaction", "hidden", "state"),
+    "AGENT": ("observes", "prompt", "budget"),
+    "ADJUDICATE": ("when",),
+    "STAGE": ("done", "limit"),
+    "CONSTRAINT": ("always",),
+    "EVENT": ("weather", "appear", "vanish"),
+}  # fmt: skip
+"""The statements of a block, by the token that opens it."""
+
+_KEY_TABLES = ("settings", "types", "entities", "equipment", "rules", "conduct")
+_COMPOUND = ("m/s", "km/h", "m/s^2", "deg/s", "m^2", "m^3", "kB/s", "B/s", "kg*m^2")
+_AFTER_OPERAND = ("in", "and", "or", "when", "at", "by", "from", "to")
+_OPERANDS = frozenset(("NAME", "NUMBER", "QUANTITY", "STRING", "RPAR", "RSQB", "RSET", "TRUE", "FALSE"))
+
+
+def complete(analysis: Analysis, offset: int) -> Completion:
+    """The proposals at an offset."""
+    context = context_at(analysis.source.text, offset)
+    found = () if context.silent else tuple(dict.fromkeys(_Completer(analysis, context, offset).items()))
+    return Completion(found, context.word_start, offset)
+
+
+class _Completer:
+    def __init__(self, analysis: Analysis, context: Context, offset: int) -> None:
+        self.analysis = analysis
+        self.at = context
+        self.offset = offset
+        self.scope: Scope = analysis.scope
+
+    def items(self) -> Iterator[Item]:
+        at = self.at
+        if at.in_text:
+            yield from self._names(("symbol",))
+        elif at.number:
+            yield from self._units()
+        elif at.before() == "DOT":
+            yield from self._fields()
+        elif at.kind() == "USE":
+            yield from self._of_library(at.blocks[-1])
+        elif at.kind() == "ACTIONS" and at.before() in ("", "SEP"):
+            yield from self._verbs()
+        elif not at.statement or (at.before() == "HIDDEN" and len(at.statement) == 1):
+            yield from self._beginnings()
+        else:
+            yield from self._inner()
+
+    # -- beginnings of statements
+
+    def _beginnings(self) -> Iterator[Item]:
+        kind = self.at.kind()
+        if kind in ("ASSET", "TARGET") and not self.at.inside("MISSION"):
+            kind = "type"
+        if not self.at.statement:
+            yield from (Item(word, "keyword") for word in STATEMENTS_IN.get(kind, ()))
+        for name, detail in self._keys():
+            yield Item(name, "property", detail)
+
+    def _keys(self) -> Iterator[tuple[str, str]]:
+        kind = self.at.kind()
+        if kind in ("ASSET", "TARGET"):
+            for key in _keys_of("COMMON").values():
+                yield key.name, type_word(key.type)
+            decl = self._type()
+            for name, attribute in (decl.attributes if decl else {}).items():
+                yield name, type_word(attribute.type)
+        else:
+            for key in _keys_of(kind).values():
+                yield key.name, type_word(key.type)
+
+    def _type(self) -> TypeDecl | None:
+        head = next((head for head in reversed(self.at.blocks) if head and head[0].type in ("ASSET", "TARGET")), None)
+        if head is None:
+            return None
+        colon = next((i for i, token in enumerate(head) if token.type == "COLON"), None)
+        name = head[colon + 1].text if colon is not None and colon + 1 < len(head) else ""
+        return self.scope.types.get(name)
+
+    def _verbs(self) -> Iterator[Item]:
+        decl = self._type()
+        for name, verb in (decl.verbs if decl else {}).items():
+            yield Item(name, "verb", ", ".join(argument.name for argument in verb.arguments))
+
+    # -- inside a statement
+
+    def _inner(self) -> Iterator[Item]:
+        at = self.at
+        special = _SPECIAL.get(at.head())
+        if special is not None:
+            found = list(special(self))
+            if found:
+                yield from found
+                return
+        if at.before() == "COLON" and not self._in_quantifier():
+            yield from self._types_due()
+        elif at.before() == "TILDE":
+            yield from (Item(name, "function", one.doc) for name, one in f.DISTRIBUTIONS.items())
+        elif at.before() == "AS":
+            yield from self._names(("role",))
+        elif at.before() in ("CONTROLS", "COMMAND"):
+            yield from self._groups("asset")
+        elif at.head() in ("EQUAL", "NAME") and (key := self._key()) is not None and key.choices:
+            yield from (Item(choice, "value") for choice in key.choices)
+        elif at.before() in _OPERANDS:
+            yield from (Item(word, "keyword") for word in (*_AFTER_OPERAND, *self._clauses()))
+        else:
+            yield from self._expression()
+
+    def _clauses(self) -> tuple[str, ...]:
+        return {
+            "AGENT": ("as", "controls"),
+            "RELATION": ("carries", "over", "by", "per"),
+            "STAGE": ("per",),
+            "GRID": ("over",),
+            "AUTHORITY": ("may",),
+            "LIMIT": ("counts",),
+            "SWEEP": ("over",),
+        }.get(self.at.head(), ())
+
+    def _in_quantifier(self) -> bool:
+        return any(token.type in ("EXISTS", "FORALL") for token in self.at.statement)
+
+    def _types_due(self) -> Iterator[Item]:
+        head = self.at.head()
+        if head in ("ASSET", "TARGET"):
+            for name, decl in self.scope.types.items():
+                if decl.role == head.lower():
+                    yield Item(name, "type", f"{decl.role} moved by {decl.engine}")
+        elif head == "MESSAGE":
+            yield from (Item(name, "type", record.category) for name, record in self.scope.records.items())
+        elif head == "CAMERA":
+            yield from (Item(name, "type", "camera preset") for name in getattr(self.scope, "cameras", ()))
+        elif head in ("ADJUDICATE", "UNLOCK"):
+            yield from self._domains()
+        elif head == "VERB":
+            yield from (Item(name, "type", unit.unit) for name, unit in BY_NAME.items())
+            yield Item("name", "type")
+        elif self.at.kind() == "RECORD":
+            yield from (Item(name, "type") for name in f.FIELD_TYPES)
+        elif head == "RECORD":
+            yield from (Item(name, "value") for name in ("report", "assignment", "target_status", "other"))
+
+    def _domains(self) -> Iterator[Item]:
+        yield from (Item(name, "name", info.role) for name, info in self.scope.groups.items())
+        yield from (Item(name, "name", "message") for name in self.scope.messages)
+
+    def _expression(self) -> Iterator[Item]:
+        for local in self.analysis.names.locals_at(self.offset):
+            yield Item(local.key[1], "name", "bound here")
+        for name in self._bound_in_statement():
+            yield Item(name, "name", "bound here")
+        yield from self._names(("symbol", "type", "message", "agent", "role"))
+        rule = any(self.at.inside(kind) for kind in ("ADJUDICATE", "STAGE", "CONSTRAINT")) or self.at.head() in (
+            "UNLOCK", "SUCCESS", "FAILURE", "DONE", "WHEN", "PERMIT", "ALWAYS",
+        )  # fmt: skip
+        for name, one in f.FUNCTIONS.items():
+            if one.where == "anywhere" or (one.where == "rule") == rule:
+                yield Item(name, "function", one.doc)
+        if rule:
+            yield from (Item(name, "function", "rule") for name in self.scope.rules)
+            yield from (Item(word, "keyword") for word in ("exists", "forall", "not", "true", "false"))
+        if self.at.head() == "OBSERVES":
+            yield from (Item(word, "name") for word in ("peers", "events"))
+
+    def _bound_in_statement(self) -> Iterator[str]:
+        """`r` after `exists r`, `v` in a rule's parameters, `i` in a group's block: seen in the tokens alone."""
+        for tokens in (*self.at.blocks, self.at.statement):
+            for before, token, after in zip(tokens, tokens[1:], tokens[2:], strict=False):
+                if token.type == "NAME" and (
+                    before.type in ("EXISTS", "FORALL", "PER")
+                    or (after.type in ("COLON", "IN") and before.type in ("LPAR", "COMMA", "LSQB"))
+                ):
+                    yield token.text
+        if any(head and head[0].type in ("ASSET", "TARGET", "AGENT") for head in self.at.blocks):
+            yield "i"
+
+    def _names(self, spaces: tuple[str, ...]) -> Iterator[Item]:
+        for space in spaces:
+            for (declared, name, _), one in self.analysis.names.declared.items():
+                if declared == space:
+                    yield Item(name, "name", type(one.node).__name__ if space != "symbol" else self._kind_of(name))
+            if space == "type":
+                yield from (Item(name, "type", decl.role) for name, decl in self.scope.types.items())
+
+    def _kind_of(self, name: str) -> str:
+        symbol = self.scope.symbols.get(name)
+        return type_word(symbol.type) if symbol else ""
+
+    def _groups(self, role: str) -> Iterator[Item]:
+        yield from (Item(name, "name", role) for name, info in self.scope.groups.items() if info.role == role)
+
+    # -- statements with words of their own
+
+    def relation(self) -> Iterable[Item]:
+        """`relation kind a -> b carries …`."""
+        from lingjing.dsl.agents import RELATIONS
+
+        at = self.at
+        if len(at.statement) == 1:
+            return [Item(kind, "value") for kind in RELATIONS]
+        if len(at.statement) == 2 or at.before() in ("ARROW", "BOTH"):
+            return self._names(("stage",) if at.statement[1].text == "dependency" else ("role",))
+        if at.before() in ("CARRIES", "BY"):
+            return self._names(("message",))
+        return self._names(("symbol",)) if at.before() == "OVER" else ()
+
+    def message(self) -> Iterable[Item]:
+        """`message kind : record from roles to roles`."""
+        seen = [token.type for token in self.at.statement]
+        if self.at.before() in ("FROM", "TO") or (self.at.before() == "SEP" and "FROM" in seen):
+            everyone = [Item("all", "value", "every other agent")] if "TO" in seen else []
+            return [*self._names(("role",)), *everyone]
+        if self.at.before() == "NAME" and "COLON" in seen:
+            return [Item(word, "keyword") for word in ("from", "to", "when")]
+        return ()
+
+    def authority(self) -> Iterable[Item]:
+        """`authority role may command asset`."""
+        if self.at.before() == "MAY":
+            return [Item("command", "keyword")]
+        return self._names(("role",)) if self.at.before() in ("AUTHORITY", "SEP") else ()
+
+    def mode(self) -> Iterable[Item]:
+        """`mode default in { … }`."""
+        if self.at.before() == "NAME":
+            return [Item("in", "keyword")]
+        return [Item(word, "value") for word in ("star", "broadcast", "single")]
+
+    def grid(self) -> Iterable[Item]:
+        """`grid name over region`."""
+        if self.at.before() != "OVER":
+            return ()
+        return [Item(n, "name", "region") for n, symbol in self.scope.symbols.items() if symbol.kind == "region"]
+
+    def use(self) -> Iterable[Item]:
+        """`use std.air`."""
+        return [Item(path, "module") for path in library.known_paths("std")]
+
+    def unlock(self) -> Iterable[Item]:
+        """`unlock interaction(…)`."""
+        if len(self.at.statement) == 1:
+            return [Item(name, "value", "interaction") for name in self.scope.interactions()]
+        return ()
+
+    def domains(self) -> Iterable[Item]:
+        """`stage name per v in group`, `constraint …`."""
+        if self.at.before() == "IN" and self.at.before(3) == "PER":
+            return self._domains()
+        return [Item("per", "keyword")] if self.at.before() == "NAME" and len(self.at.statement) == 2 else ()
+
+    # -- libraries, fields, units
+
+    def _of_library(self, head: list[Token]) -> Iterator[Item]:
+        path = tuple(token.text for token in head if token.type == "NAME")
+        file = library.find_file(path) if path else None
+        if file is None:
+            return
+        found, _ = library.load_library(file)
+        yield from (Item(name, "type", decl.role) for name, decl in found.types.items())
+        yield from (Item(name, "type", "record") for name in found.records)
+
+    def _fields(self) -> Iterator[Item]:
+        chain = _chain(self.at.statement)
+        if self.at.head() == "USE":
+            for path in library.known_paths("std"):
+                if path.startswith(".".join(token.text for token in self.at.statement[1:-1]) + "."):
+                    yield Item(path.rsplit(".", 1)[1], "module", path)
+            return
+        for name, kind in _members(self, chain):
+            yield Item(name, "field", kind)
+
+    def _units(self) -> Iterator[Item]:
+        due = self._dimension_due()
+        spellings = [name for name in (*UNITS, *_COMPOUND) if name not in ("ticks", "tokens", "°")]
+        for name in spellings:
+            unit = unit_of(name)
+            if unit is not None and (due is None or unit.dimension == due):
+                yield Item(name, "unit", dimension_name(unit.dimension))
+        if not self.at.word:
+            yield from (Item(word, "keyword") for word in _AFTER_OPERAND)
+
+    def _dimension_due(self) -> Dimension | None:
+        """The dimension that the number before the cursor should have, if the place says so."""
+        statement = self.at.statement
+        for option in self._option_before():
+            return option
+        key = self._key()
+        if key is not None and key.type.kind in ("directed", "level"):
+            turned = any(token.type in ("FROM", "TO") for token in statement)
+            return (ANGLE if turned else SPEED) if key.type.kind == "directed" else BY_NAME["length"].dimension
+        if key is not None and key.type.dimension is not None:
+            return key.type.dimension
+        if self.at.kind() == "ACTIONS":
+            return self._bound_of_verb()
+        return next((unit.dimension for token in reversed(statement) if token.unit and (unit := unit_of(token.unit))
+                     and unit.dimension != NONE), None)  # fmt: skip
+
+    def _option_before(self) -> Iterator[Dimension | None]:
+        """`apart >= 80 |`, `spread 8 |`, `distance_xy(a, b) <= 50 |`."""
+        tokens = self.at.statement[:-1] if self.at.before() in ("NUMBER", "QUANTITY") else self.at.statement
+        if tokens and tokens[-1].type in ("LE", "OP", "EQUAL"):
+            tokens = tokens[:-1]
+            if tokens and tokens[-1].type == "RPAR" and (called := _called(tokens)) in f.FUNCTIONS:
+                yield f.FUNCTIONS[called].result.dimension
+        if tokens and tokens[-1].type == "NAME" and len(tokens) > 1:
+            for signature in (*f.FUNCTIONS.values(), *f.DISTRIBUTIONS.values()):
+                for option in signature.options:
+                    if option.name == tokens[-1].text and option.type.dimension is not None:
+                        yield option.type.dimension
+
+    def _key(self) -> Key | None:
+        """The property whose value is being written."""
+        name = next((token.text for token in self.at.statement if token.type == "NAME"), "")
+        if self.at.kind() not in ("ASSET", "TARGET"):
+            return _keys_of(self.at.kind()).get(name)
+        decl = self._type()
+        attribute = decl.attributes.get(name) if decl else None
+        return Key(name, attribute.type) if attribute else _keys_of("COMMON").get(name)
+
+    def _bound_of_verb(self) -> Dimension | None:
+        name = self.at.statement[-3].text if len(self.at.statement) >= 3 else self.at.statement[0].text
+        decl = self._type()
+        verb = decl.verbs.get(name) if decl else None
+        unit = unit_of(verb.arguments[0].dimension) if verb and verb.arguments else None
+        return unit.dimension if unit else None
+
+
+_SPECIAL: dict[str, Callable[[_Completer], Iterable[Item]]] = {
+    "RELATION": _Completer.relation,
+    "MESSAGE": _Completer.message,
+    "AUTHORITY": _Completer.authority,
+    "MODE": _Completer.mode,
+    "GRID": _Completer.grid,
+    "USE": _Completer.use,
+    "UNLOCK": _Completer.unlock,
+    "STAGE": _Completer.domains,
+    "CONSTRAINT": _Completer.domains,
+}
+"""Statements whose words are not expressions, by their first token."""
+
+
+def _keys_of(kind: str) -> dict[str, Key]:
+    """The properties a block knows: the compiler's own table, found by the block's name."""
+    for module in _KEY_TABLES:
+        try:
+            table = getattr(import_module(f"lingjing.dsl.{module}"), f"{kind}_KEYS", None)
+        except ImportError:
+            continue
+        if isinstance(table, dict):
+            return table
+    return {}
+
+
+def _chain(statement: list[Token]) -> list[Token]:
+    """The tokens of the operand before the last dot: `uav[i]` of `uav[i].`, `truth(v, r.frame)` of `truth(…).`."""
+    depth, at = 0, len(statement) - 2
+    while at >= 0:
+        kind = statement[at].type
+        depth += (kind in ("RPAR", "RSQB")) - (kind in ("LPAR", "LSQB"))
+        joined = statement[at + 1].type in ("DOT", "LPAR", "LSQB")
+        if depth < 0 or (depth == 0 and kind not in ("NAME", "DOT", "LPAR", "LSQB") and not joined):
+            break
+        if depth == 0 and kind == "NAME" and (at == 0 or statement[at - 1].type != "DOT"):
+            return statement[at:-1]
+        at -= 1
+    return []
+
+
+def _called(tokens: list[Token]) -> str:
+    """The function whose call the tokens end with."""
+    depth = 0
+    for at in range(len(tokens) - 1, 0, -1):
+        depth += (tokens[at].type == "RPAR") - (tokens[at].type == "LPAR")
+        if depth == 0:
+            return tokens[at - 1].text
+    return ""
+
+
+def _members(completer: _Completer, chain: list[Token]) -> Iterator[tuple[str, str]]:
+    """The fields of an operand, with their types in words."""
+    if not chain:
+        return
+    scope, first = completer.scope, chain[0].text
+    if len(chain) > 2 and chain[-2].type == "DOT":
+        if chain[-1].text == "position":
+            yield from ((name, "length") for name in ("x", "y", "z"))
+        return
+    if len(chain) > 1 and chain[1].type == "LPAR":
+        signature = f.FUNCTIONS.get(first)
+        if signature is not None and signature.result.kind == "truth":
+            yield from ((name, type_word(kind)) for name, kind in f.TRUTH_FIELDS.items())
+        return
+    domain = _domain(completer, first)
+    if domain in scope.groups:
+        for name, (_, kind) in f.STATE_FIELDS.items():
+            yield name, type_word(kind)
+        for name, attribute in scope.groups[domain].attributes.items():
+            yield name, type_word(attribute.type)
+    elif domain in scope.messages:
+        record = scope.messages[domain][0]
+        yield from ((field.name, field.type) for field in (record.fields if record else ()))
+    elif first == "peers":
+        yield from ((name, "") for name in f.OBSERVED_FIELDS)
+    elif (symbol := scope.symbols.get(first)) is not None and symbol.type.kind == "region":
+        yield from (("centre", "position"), ("area", "area"))
+
+
+def _domain(completer: _Completer, name: str) -> str:
+    """The group or message kind that a name stands for or ranges over."""
+    for tokens in (completer.at.statement, *reversed(completer.at.blocks)):
+        for one, colon, domain in zip(tokens, tokens[1:], tokens[2:], strict=False):
+            known = domain.text in completer.scope.groups or domain.text in completer.scope.messages
+            if one.text == name and colon.type in ("COLON", "IN") and known:
+                return domain.text
+    for local in completer.analysis.names.locals_at(completer.offset):
+        if local.key[1] == name and local.node is not None:
+            domain_name = getattr(local.node, "domain", None) or getattr(local.node, "type", None)
+            if domain_name is not None:
+                return str(domain_name.text)
+    if name in completer.scope.symbols:
+        return name
+    return _inferred(completer, name)
+
+
+def _inferred(completer: _Completer, name: str) -> str:
+    """What a quantified name must range over, by the rules it is given to."""
+    tokens = completer.at.statement
+    for at, token in enumerate(tokens):
+        rule = completer.scope.rules.get(token.text)
+        if rule is None or at + 1 >= len(tokens) or tokens[at + 1].type != "LPAR":
+            continue
+        arguments = [one.text for one in tokens[at + 2 :] if one.type == "NAME"]
+        for parameter, argument in zip(rule.parameters, arguments, strict=False):
+            if argument == name:
+                return parameter.type.text
+    kinds = list(completer.scope.messages)
+    return kinds[0] if len(kinds) == 1 else ""

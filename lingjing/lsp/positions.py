@@ -1,0 +1,58 @@
+"""Offsets of characters ↔ the protocol's lines and columns, which count code units of the negotiated encoding."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from dataclasses import dataclass
+
+from lingjing.dsl.source import Source
+
+ENCODINGS = ("utf-16", "utf-8", "utf-32")
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A position as the protocol counts: line and code unit from 0."""
+
+    line: int
+    character: int
+
+
+class Positions:
+    """Converts for one text."""
+
+    def __init__(self, source: Source, encoding: str = "utf-16") -> None:
+        self.text = source.text
+        self.starts = source.line_starts()
+        self.encoding = encoding if encoding in ENCODINGS else "utf-16"
+
+    def place(self, offset: int) -> Place:
+        """Where a character stands."""
+        offset = max(0, min(offset, len(self.text)))
+        line = bisect_right(self.starts, offset) - 1
+        return Place(line, self._units(self.text[self.starts[line] : offset]))
+
+    def offset(self, place: Place) -> int:
+        """The offset of a position; one beyond the line's end means its end, within a character its beginning."""
+        if place.line < 0:
+            return 0
+        if place.line >= len(self.starts):
+            return len(self.text)
+        start = self.starts[place.line]
+        end = self.starts[place.line + 1] if place.line + 1 < len(self.starts) else len(self.text)
+        line = self.text[start:end].rstrip("\r\n")
+        if line.isascii() or self.encoding == "utf-32":
+            return start + max(0, min(place.character, len(line)))
+        units = 0
+        for index, character in enumerate(line):
+            units += self._units(character)
+            if units > place.character:
+                return start + index
+        return start + len(line)
+
+    def _units(self, text: str) -> int:
+        if text.isascii() or self.encoding == "utf-32":
+            return len(text)
+        if self.encoding == "utf-8":
+            return len(text.encode("utf-8", "surrogatepass"))
+        return len(text) + sum(character > "\uffff" for character in text)

@@ -1,0 +1,410 @@
+"""The protocol: pygls over standard input and output. The one module that imports pygls and lsprotocol."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import os
+import sys
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import TypeVar
+from urllib.parse import unquote, urlsplit
+
+from lsprotocol import types as lsp
+from pygls import uris
+from pygls.exceptions import JsonRpcInvalidParams
+from pygls.lsp.server import LanguageServer
+
+from lingjing import __version__
+from lingjing.dsl.format import format_source
+from lingjing.dsl.source import Source
+from lingjing.errors import LingjingError
+from lingjing.lsp import complete as completing
+from lingjing.lsp import explain as explaining
+from lingjing.lsp import outline as outlining
+from lingjing.lsp import rename as renaming
+from lingjing.lsp.analysis import Analysis, library_file
+from lingjing.lsp.positions import Place, Positions
+from lingjing.mission.diagnostics import Diagnostic, Edit, Fix, Span
+
+DELAY_S = 0.2
+"""Seconds of quiet after a keystroke before the text is checked."""
+
+T = TypeVar("T")
+_SEVERITY = {
+    "error": lsp.DiagnosticSeverity.Error,
+    "warning": lsp.DiagnosticSeverity.Warning,
+    "note": lsp.DiagnosticSeverity.Information,
+}
+_ITEM_KINDS = {
+    "keyword": lsp.CompletionItemKind.Keyword,
+    "name": lsp.CompletionItemKind.Variable,
+    "property": lsp.CompletionItemKind.Property,
+    "field": lsp.CompletionItemKind.Field,
+    "unit": lsp.CompletionItemKind.Unit,
+    "function": lsp.CompletionItemKind.Function,
+    "verb": lsp.CompletionItemKind.Method,
+    "type": lsp.CompletionItemKind.Class,
+    "value": lsp.CompletionItemKind.EnumMember,
+    "module": lsp.CompletionItemKind.Module,
+}
+_SYMBOL_KINDS = {
+    "mission": lsp.SymbolKind.Module,
+    "param": lsp.SymbolKind.Constant,
+    "region": lsp.SymbolKind.Namespace,
+    "grid": lsp.SymbolKind.Array,
+    "asset": lsp.SymbolKind.Object,
+    "target": lsp.SymbolKind.Object,
+    "agent": lsp.SymbolKind.Class,
+    "message": lsp.SymbolKind.Struct,
+    "record": lsp.SymbolKind.Struct,
+    "adjudicate": lsp.SymbolKind.Function,
+    "unlock": lsp.SymbolKind.Function,
+    "verb": lsp.SymbolKind.Method,
+    "event": lsp.SymbolKind.Event,
+}
+
+
+class Server(LanguageServer):
+    """The server and what it knows of the open texts: their newest analysis, and checks that are due."""
+
+    def __init__(self) -> None:
+        super().__init__("lingjing", __version__, text_document_sync_kind=lsp.TextDocumentSyncKind.Incremental)
+        self.analyses: dict[str, tuple[int, Analysis]] = {}
+        self.checks: dict[str, asyncio.Task[None]] = {}
+        self.busy = asyncio.Lock()
+
+    def analysis(self, uri: str) -> Analysis:
+        """The analysis of the text as it is now; its parts are worked out when they are asked for."""
+        document = self.workspace.get_text_document(uri)
+        version = document.version if document.version is not None else -1
+        known = self.analyses.get(uri)
+        if known is None or known[0] != version:
+            known = self.analyses[uri] = (version, Analysis(document.source, _path(uri)))
+        return known[1]
+
+    def positions(self, source: Source) -> Positions:
+        """Positions of a text in the encoding agreed with the client."""
+        return Positions(source, str(getattr(self.workspace.position_encoding, "value", "utf-16")))
+
+    async def off_loop(self, work: Callable[[], T]) -> T:
+        """Run work in a thread, one at a time, so that the protocol goes on meanwhile."""
+        async with self.busy:
+            return await asyncio.to_thread(work)
+
+    # -- checks
+
+    def check_soon(self, uri: str, delay: float = DELAY_S) -> None:
+        """Check the text after a while, instead of any check that was due."""
+        self.forget_check(uri)
+        self.checks[uri] = asyncio.get_running_loop().create_task(self._check(uri, delay))
+
+    def forget_check(self, uri: str) -> None:
+        """Drop the check that is due."""
+        task = self.checks.pop(uri, None)
+        if task is not None:
+            task.cancel()
+
+    async def _check(self, uri: str, delay: float) -> None:
+        await asyncio.sleep(delay)
+        analysis = self.analysis(uri)
+        version = self.analyses[uri][0]
+        diagnostics = await self.off_loop(lambda: self._diagnostics(analysis))
+        if self.analyses.get(uri, (None, None))[1] is analysis:
+            shown = lsp.PublishDiagnosticsParams(uri, diagnostics, version if version >= 0 else None)
+            self.text_document_publish_diagnostics(shown)
+
+    def _diagnostics(self, analysis: Analysis) -> list[lsp.Diagnostic]:
+        positions = self.positions(analysis.source)
+        try:
+            found = analysis.diagnostics
+        except LingjingError as error:  # a library that cannot be read, two plug-ins of one name
+            nothing = lsp.Range(lsp.Position(0, 0), lsp.Position(0, 0))
+            message = f"{error}\n{error.hint}" if error.hint else str(error)
+            return [lsp.Diagnostic(nothing, message, lsp.DiagnosticSeverity.Error, source="lingjing")]
+        return [self.diagnostic(one, positions, analysis.source.path) for one in found]
+
+    def diagnostic(self, one: Diagnostic, positions: Positions, path: str) -> lsp.Diagnostic:
+        """One of the compiler's diagnostics as the protocol has it."""
+        related = [
+            lsp.DiagnosticRelatedInformation(self.location(item.span, positions, path), item.message)
+            for item in one.related
+        ]
+        return lsp.Diagnostic(
+            range=_range(positions, one.span.start, one.span.end),
+            message=f"{one.message}\n{one.hint}" if one.hint else one.message,
+            severity=_SEVERITY[one.severity],
+            code=one.code,
+            source="lingjing",
+            related_information=related or None,
+        )
+
+    def location(self, span: Span, positions: Positions, path: str) -> lsp.Location:
+        """A span of this text or of a library."""
+        if span.path == path:
+            return lsp.Location(_uri(path), _range(positions, span.start, span.end))
+        begin = lsp.Position(span.line - 1, span.column - 1)
+        return lsp.Location(_uri(span.path), lsp.Range(begin, lsp.Position(span.end_line - 1, span.end_column - 1)))
+
+
+def create() -> Server:
+    """A server with all features, not yet connected."""
+    server = Server()
+    for feature, handler, options in _FEATURES:
+        server.feature(feature, options)(handler)
+    return server
+
+
+def serve() -> None:
+    """Serve standard input and output until the client says `exit` or goes away."""
+    logging.getLogger("pygls").setLevel(logging.CRITICAL)
+    sys.stdout.flush()
+    incoming, outgoing = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # what anybody prints must not get into the protocol
+    with contextlib.suppress(KeyboardInterrupt):
+        create().start_io(incoming, outgoing)
+
+
+# -- documents
+
+
+async def opened(server: Server, params: lsp.DidOpenTextDocumentParams) -> None:
+    """Check a text as soon as it is opened."""
+    server.check_soon(params.text_document.uri, 0.0)
+
+
+async def changed(server: Server, params: lsp.DidChangeTextDocumentParams) -> None:
+    """Check a changed text when the author pauses."""
+    server.check_soon(params.text_document.uri)
+
+
+async def closed(server: Server, params: lsp.DidCloseTextDocumentParams) -> None:
+    """Forget a text; what was said of it goes."""
+    uri = params.text_document.uri
+    server.forget_check(uri)
+    server.analyses.pop(uri, None)
+    server.text_document_publish_diagnostics(lsp.PublishDiagnosticsParams(uri, []))
+
+
+async def saved(server: Server, _params: lsp.DidSaveTextDocumentParams) -> None:
+    """A saved file may be another's library: check all that are open."""
+    for uri in list(server.workspace.text_documents):
+        server.analyses.pop(uri, None)
+        server.check_soon(uri, 0.0)
+
+
+async def ended(server: Server, *_: object) -> None:
+    """Nothing is checked after the client has said goodbye."""
+    for uri in list(server.checks):
+        server.forget_check(uri)
+
+
+# -- questions
+
+
+async def complete(server: Server, params: lsp.CompletionParams) -> lsp.CompletionList:
+    """What could stand at the cursor."""
+    analysis = server.analysis(params.text_document.uri)
+    positions = server.positions(analysis.source)
+    offset = _offset(positions, params.position)
+    found = await server.off_loop(lambda: completing.complete(analysis, offset))
+    place = _range(positions, found.start, found.end)
+    items = [
+        lsp.CompletionItem(
+            label=item.label,
+            kind=_ITEM_KINDS[item.kind],
+            detail=item.detail or None,
+            sort_text=f"{number:04d}",
+            text_edit=lsp.TextEdit(place, item.label),
+        )
+        for number, item in enumerate(found.items)
+    ]
+    return lsp.CompletionList(is_incomplete=False, items=items)
+
+
+async def hover(server: Server, params: lsp.HoverParams) -> lsp.Hover | None:
+    """What stands under the cursor."""
+    analysis = server.analysis(params.text_document.uri)
+    positions = server.positions(analysis.source)
+    offset = _offset(positions, params.position)
+    said = await server.off_loop(lambda: explaining.explain(analysis, offset))
+    if said is None:
+        return None
+    text, start, end = said
+    return lsp.Hover(lsp.MarkupContent(lsp.MarkupKind.Markdown, text), _range(positions, start, end))
+
+
+async def definition(server: Server, params: lsp.DefinitionParams) -> lsp.Location | None:
+    """Where the name under the cursor is declared, in this file or in a library."""
+    analysis = server.analysis(params.text_document.uri)
+    positions = server.positions(analysis.source)
+    offset = _offset(positions, params.position)
+
+    def find() -> lsp.Location | None:
+        one = analysis.names.at(offset)
+        found = analysis.declaration(one) if one is not None else None
+        if found is None:
+            return None
+        path, start, end = found
+        if path == analysis.source.path:
+            return lsp.Location(params.text_document.uri, _range(positions, start, end))
+        other = library_file(path)
+        return lsp.Location(_uri(path), _range(server.positions(other.source), start, end)) if other else None
+
+    return await server.off_loop(find)
+
+
+async def references(server: Server, params: lsp.ReferenceParams) -> list[lsp.Location]:
+    """Every place in the file that means the same as the name under the cursor."""
+    analysis = server.analysis(params.text_document.uri)
+    positions = server.positions(analysis.source)
+    one = await server.off_loop(lambda: analysis.names.at(_offset(positions, params.position)))
+    found = analysis.names.of(one.key) if one is not None else []
+    wanted = [place for place in found if params.context.include_declaration or not place.declares]
+    return [lsp.Location(params.text_document.uri, _range(positions, p.start, p.end)) for p in wanted]
+
+
+async def highlight(server: Server, params: lsp.DocumentHighlightParams) -> list[lsp.DocumentHighlight]:
+    """The same places, lit up."""
+    analysis = server.analysis(params.text_document.uri)
+    positions = server.positions(analysis.source)
+    one = await server.off_loop(lambda: analysis.names.at(_offset(positions, params.position)))
+    found = analysis.names.of(one.key) if one is not None else []
+    return [lsp.DocumentHighlight(_range(positions, place.start, place.end)) for place in found]
+
+
+async def prepare_rename(server: Server, params: lsp.PrepareRenameParams) -> lsp.Range:
+    """The name that would be changed; an error that says why there is none."""
+    analysis = server.analysis(params.text_document.uri)
+    positions = server.positions(analysis.source)
+    offset = _offset(positions, params.position)
+    one = await server.off_loop(lambda: _refusable(lambda: renaming.renamable(analysis, offset)))
+    return _range(positions, one.start, one.end)
+
+
+async def rename(server: Server, params: lsp.RenameParams) -> lsp.WorkspaceEdit:
+    """The edits of a renaming; an error that says why it cannot be."""
+    analysis = server.analysis(params.text_document.uri)
+    positions = server.positions(analysis.source)
+    offset = _offset(positions, params.position)
+    places = await server.off_loop(lambda: _refusable(lambda: renaming.rename(analysis, offset, params.new_name)))
+    edits = [lsp.TextEdit(_range(positions, place.start, place.end), params.new_name) for place in places]
+    return lsp.WorkspaceEdit(changes={params.text_document.uri: edits})
+
+
+async def symbols(server: Server, params: lsp.DocumentSymbolParams) -> list[lsp.DocumentSymbol]:
+    """The declarations of the file."""
+    analysis = server.analysis(params.text_document.uri)
+    positions = server.positions(analysis.source)
+    return await server.off_loop(lambda: _symbols(outlining.outline(analysis.tree), positions))
+
+
+async def formatting(server: Server, params: lsp.DocumentFormattingParams) -> list[lsp.TextEdit] | None:
+    """The whole text laid out anew; nothing if it has syntax errors or is laid out already."""
+    analysis = server.analysis(params.text_document.uri)
+    source = analysis.source
+    formatted = await server.off_loop(lambda: format_source(source))
+    if formatted.text is None or formatted.text == source.text:
+        return None
+    positions = server.positions(source)
+    return [lsp.TextEdit(_range(positions, 0, len(source.text)), formatted.text)]
+
+
+async def actions(server: Server, params: lsp.CodeActionParams) -> list[lsp.CodeAction]:
+    """The fixes of the diagnostics that touch the selection."""
+    analysis = server.analysis(params.text_document.uri)
+    positions = server.positions(analysis.source)
+    begin, end = _offset(positions, params.range.start), _offset(positions, params.range.end)
+    diagnostics = await server.off_loop(lambda: analysis.diagnostics)
+    found = []
+    for one in diagnostics:
+        if one.fix is not None and one.span.start <= end and begin <= one.span.end:
+            shown = server.diagnostic(one, positions, analysis.source.path)
+            edits = {params.text_document.uri: [_edit(edit, positions) for edit in one.fix.edits]}
+            found.append(_action(one.fix, shown, lsp.WorkspaceEdit(changes=edits)))
+    return found
+
+
+_FEATURES: tuple[tuple[str, Callable[..., object], object], ...] = (
+    (lsp.TEXT_DOCUMENT_DID_OPEN, opened, None),
+    (lsp.TEXT_DOCUMENT_DID_CHANGE, changed, None),
+    (lsp.TEXT_DOCUMENT_DID_CLOSE, closed, None),
+    (lsp.TEXT_DOCUMENT_DID_SAVE, saved, None),
+    (lsp.SHUTDOWN, ended, None),
+    (lsp.TEXT_DOCUMENT_COMPLETION, complete, lsp.CompletionOptions(trigger_characters=[".", ":", "~", " "])),
+    (lsp.TEXT_DOCUMENT_HOVER, hover, None),
+    (lsp.TEXT_DOCUMENT_DEFINITION, definition, None),
+    (lsp.TEXT_DOCUMENT_REFERENCES, references, None),
+    (lsp.TEXT_DOCUMENT_DOCUMENT_HIGHLIGHT, highlight, None),
+    (lsp.TEXT_DOCUMENT_PREPARE_RENAME, prepare_rename, None),
+    (lsp.TEXT_DOCUMENT_RENAME, rename, lsp.RenameOptions(prepare_provider=True)),
+    (lsp.TEXT_DOCUMENT_DOCUMENT_SYMBOL, symbols, None),
+    (lsp.TEXT_DOCUMENT_FORMATTING, formatting, None),
+    (
+        lsp.TEXT_DOCUMENT_CODE_ACTION,
+        actions,
+        lsp.CodeActionOptions(code_action_kinds=[lsp.CodeActionKind.QuickFix]),
+    ),
+)
+"""Every feature with its handler and its options."""
+
+
+# -- conversions
+
+
+def _range(positions: Positions, start: int, end: int) -> lsp.Range:
+    first, last = positions.place(start), positions.place(end)
+    return lsp.Range(lsp.Position(first.line, first.character), lsp.Position(last.line, last.character))
+
+
+def _offset(positions: Positions, place: lsp.Position) -> int:
+    return positions.offset(Place(place.line, place.character))
+
+
+def _edit(edit: Edit, positions: Positions) -> lsp.TextEdit:
+    return lsp.TextEdit(_range(positions, edit.span.start, edit.span.end), edit.text)
+
+
+def _action(fix: Fix, diagnostic: lsp.Diagnostic, edit: lsp.WorkspaceEdit) -> lsp.CodeAction:
+    return lsp.CodeAction(
+        title=fix.title,
+        kind=lsp.CodeActionKind.QuickFix,
+        diagnostics=[diagnostic],
+        is_preferred=fix.safe,
+        edit=edit,
+    )
+
+
+def _symbols(entries: Iterable[outlining.Entry], positions: Positions) -> list[lsp.DocumentSymbol]:
+    return [
+        lsp.DocumentSymbol(
+            name=entry.name,
+            kind=_SYMBOL_KINDS.get(entry.keyword, lsp.SymbolKind.Field),
+            range=_range(positions, entry.start, entry.end),
+            selection_range=_range(positions, entry.name_start, entry.name_end),
+            detail=f"{entry.keyword} {entry.detail}".strip(),
+            children=_symbols(entry.children, positions),
+        )
+        for entry in entries
+    ]
+
+
+def _refusable(work: Callable[[], T]) -> T:
+    try:
+        return work()
+    except LingjingError as error:
+        raise JsonRpcInvalidParams(str(error)) from None
+
+
+def _path(uri: str) -> str:
+    """The file's path, or a name in angle brackets for what is no file (an unsaved text)."""
+    parts = urlsplit(uri)
+    if parts.scheme != "file":
+        return f"<{Path(unquote(parts.path)).name or 'untitled'}>"
+    return uris.to_fs_path(uri) or f"<{uri}>"
+
+
+def _uri(path: str) -> str:
+    return uris.from_fs_path(path) or path

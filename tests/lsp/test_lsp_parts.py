@@ -1,0 +1,248 @@
+"""The language server's answers, asked for directly: a bar `|` in a text is the cursor."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lingjing.data import data_path
+from lingjing.dsl import compile_text
+from lingjing.dsl.source import Source
+from lingjing.dsl.tokens import STATEMENTS
+from lingjing.errors import UsageError
+from lingjing.lsp.analysis import Analysis
+from lingjing.lsp.complete import STATEMENTS_IN, complete
+from lingjing.lsp.explain import KEYWORDS, explain
+from lingjing.lsp.outline import outline
+from lingjing.lsp.positions import Place, Positions
+from lingjing.lsp.rename import applied, rename
+
+SSR = data_path("scenarios", "ssr.ljs").read_text(encoding="utf-8")
+
+
+def labels(text: str) -> list[str]:
+    offset = text.index("|")
+    return [item.label for item in complete(Analysis(text.replace("|", ""), "<test>"), offset).items]
+
+
+def within(line: str, *, at: str = "  success") -> str:
+    """The shipped mission with a line put before another."""
+    return SSR.replace(at, f"  {line}\n{at}", 1)
+
+
+@pytest.mark.parametrize(
+    ("line", "offered", "not_offered"),
+    [
+        ("|", {"region", "stage", "success", "param"}, {"record", "engine", "rgb"}),
+        ("clock { tick = 3 | }", {"s", "ms", "min", "h"}, {"m", "kg", "deg"}),
+        ("clock { | }", {"tick", "sync"}, {"region", "wind"}),
+        ("weather { wind = 4 | }", {"m/s", "km/h", "kn"}, {"s", "m"}),
+        ("weather { wind = 4 m/s from 20 | }", {"deg", "rad"}, {"m/s", "m"}),
+        ("weather { visibility = 8 k| }", {"km", "m"}, {"kg"}),
+        ("param height = 3 m in 1 m..9 |", {"m", "km"}, {"s"}),
+        ("asset x : |", {"quadrotor", "lifeboat"}, {"person_in_water", "report"}),
+        ("target x : |", {"person_in_water"}, {"lifeboat"}),
+        ("asset x : quadrotor { | }", {"band", "cruise", "camera", "actions", "position"}, {"region", "drift"}),
+        ("asset x : quadrotor { actions { | } }", {"forward", "takePhoto"}, {"moveTo", "camera"}),
+        ("asset x : quadrotor { actions { takeoff, | } }", {"forward"}, {"band"}),
+        ("asset x : quadrotor { actions { forward <= 5 | } }", {"m"}, {"s"}),
+        ("target x : person_in_water { position ~ | }", {"sites", "uniform"}, {"distance", "position"}),
+        ("target x : person_in_water { position ~ sites(search, apart >= 8 |) }", {"m"}, {"s"}),
+        ("target x : person_in_water { position ~ sites(|) }", {"search"}, {"iou"}),
+        ("camera", set(), {"region"}),
+        ("message x : |", {"report", "status"}, {"quadrotor"}),
+        ("message x : report from |", {"searcher", "rescuer"}, {"boat", "all"}),
+        ("message x : report from searcher to |", {"searcher", "all"}, {"boat"}),
+        ("authority searcher may command |", {"boat", "uav"}, {"victim", "searcher"}),
+        ("agent x as |", {"searcher"}, {"boat"}),
+        ("agent x as y controls |", {"boat"}, {"victim"}),
+        ("agent x as y { observes uav[1].| }", {"position", "band"}, {"x"}),
+        ("agent x as y { observes peers.| }", {"position", "busy"}, {"band"}),
+        ("relation |", {"guidance", "dependency"}, {"searcher"}),
+        ("relation dependency |", {"locate", "detect"}, {"searcher"}),
+        ("relation guidance searcher -> |", {"rescuer"}, {"locate"}),
+        ("relation guidance searcher -> rescuer by |", {"detection"}, {"boat"}),
+        ("grid g over |", {"search"}, {"boat"}),
+        ("unlock |", {"rescue"}, {"matched"}),
+        ("stage s per v in |", {"victim", "uav"}, {"search"}),
+        ("stage s per v in victim { | }", {"done"}, {"region"}),
+        ("adjudicate x(v: |) { when true }", {"victim", "detection"}, {"search"}),
+        ("adjudicate x(v: victim, r: detection) { when | }", {"v", "r", "matched", "iou", "exists"}, {"polygon"}),
+        ("adjudicate x(v: victim, r: detection) { when r.| }", {"class", "confidence"}, {"drift"}),
+        ("adjudicate x(v: victim, r: detection) { when v.| }", {"drift", "position"}, {"class"}),
+        ("adjudicate x(v: victim, r: detection) { when truth(v, r.frame).| }", {"box"}, {"class"}),
+        ("adjudicate x(v: victim) { when exists q: matched(v, q) and q.| }", {"class"}, {"drift"}),
+        ("adjudicate x(v: victim) { when boat.position.| }", {"x", "y"}, {"heading"}),
+        ("adjudicate x(v: victim) { when distance_xy(boat, v) <= 5 | }", {"m", "km"}, {"s"}),
+        ("mode |", {"star", "broadcast"}, {"boat"}),
+        ("# a comment |", set(), {"region"}),
+        ('goal "find |"', set(), {"uavs"}),
+        ('goal "find {|}"', {"uavs", "victims"}, {"region"}),
+    ],
+)  # fmt: skip
+def test_completion(line: str, offered: set[str], not_offered: set[str]) -> None:
+    if "|" not in line:
+        return
+    found = set(labels(within(line)))
+    assert offered <= found, sorted(found)
+    assert not (not_offered & found)
+
+
+def test_completion_of_libraries() -> None:
+    assert {"std.air", "std.sea"} <= set(labels("ljs 1\nuse |"))
+    assert {"air", "sea"} <= set(labels("ljs 1\nuse std.|"))
+    assert set(labels("ljs 1\nuse std.sea { | }")) >= {"lifeboat", "person_in_water"}
+
+
+def test_completion_at_every_place_of_every_prefix_answers() -> None:
+    for end in range(0, len(SSR), 37):
+        complete(Analysis(SSR[:end], "<test>"), end)
+        complete(Analysis(SSR, "<test>"), end)
+
+
+def hovered(word: str, *, nth: int = 0, text: str = SSR) -> str:
+    offset = -1
+    for _ in range(nth + 1):
+        offset = text.index(word, offset + 1)
+    said = explain(Analysis(text, "<test>"), offset)
+    assert said is not None, word
+    return said[0]
+
+
+@pytest.mark.parametrize(
+    ("word", "due"),
+    [
+        ("altitude", "param, a length in `m`"),
+        ("search =", "region"),
+        ("quadrotor", "asset type, engine `multirotor`"),
+        ("report", "message record (report)"),
+        ("detection", "message kind"),
+        ("100 m", "length: `100 m`"),
+        ("8 km", "length: `8000 m`"),
+        ("20 %", "number: `0.2`"),
+        ("iou", "intersection over union"),
+        ("sites", "a place in the region"),
+        ("adjudicate", "an event, once it is true"),
+        ("searcher", "role"),
+        ("takeoff", "verb"),
+        ("band", "range of lengths"),
+    ],
+)
+def test_hover(word: str, due: str) -> None:
+    assert due in hovered(word)
+
+
+def test_hover_shows_the_comment_above() -> None:
+    text = SSR.replace("  param altitude", "  # How high they search.\n  # Above the sea.\n  param altitude")
+    assert "How high they search.\nAbove the sea." in hovered("altitude", text=text)
+    assert "Vessels" not in hovered("lifeboat")
+
+
+def test_definitions_in_the_file_and_in_the_library() -> None:
+    analysis = Analysis(SSR, "<test>")
+
+    def declared(word: str, nth: int = 0) -> tuple[str, int, int]:
+        offset = -1
+        for _ in range(nth + 1):
+            offset = SSR.index(word, offset + 1)
+        one = analysis.names.at(offset)
+        assert one is not None
+        found = analysis.declaration(one)
+        assert found is not None
+        return found
+
+    path, start, end = declared("lifeboat {")
+    assert path.endswith("sea.ljs") or path == "<test>"
+    path, start, end = declared(": lifeboat {".removeprefix(": "))
+    library = data_path("std", "sea.ljs").read_text(encoding="utf-8")
+    assert library[start:end] == "lifeboat"
+    path, start, _ = declared("cells, peers")
+    assert (path, SSR[:start].count("\n")) == ("<test>", SSR[: SSR.index("cells over")].count("\n"))
+    path, start, end = declared("takePhoto")
+    assert path.endswith("air.ljs")
+    path, start, _ = declared("rescue(v")
+    assert path.endswith("sea.ljs")
+
+
+def test_references_tell_locals_apart() -> None:
+    analysis = Analysis(SSR, "<test>")
+    one = analysis.names.at(SSR.index("v: victim, r: detection) { when matched"))
+    assert one is not None
+    places = [SSR[place.start : place.end] for place in analysis.names.of(one.key)]
+    assert places == ["v", "v"]
+
+
+@pytest.mark.parametrize(
+    ("word", "new"), [("uavs", "n"), ("victim[", "person"), ("searcher", "finder"), ("boat :", "ship"),
+                      ("detection", "sighting"), ("matched", "hit"), ("locate ", "pin"), ("search =", "area")]
+)  # fmt: skip
+def test_renaming_changes_nothing_else(word: str, new: str) -> None:
+    analysis = Analysis(SSR, "<test>")
+    offset = SSR.index(word)
+    old = word.strip(" [:=")
+    text = applied(SSR, rename(analysis, offset, new), new)
+    mission = compile_text(text)
+    assert mission.diagnostics == ()
+    again = Analysis(text, "<test>")
+    back = applied(text, rename(again, text.index(new, offset), old), old)
+    assert back == SSR
+
+
+@pytest.mark.parametrize(
+    ("word", "new", "why"),
+    [
+        ("uavs", "victims", "already declared in line"),
+        ("uavs", "2nd", "is no name"),
+        ("uavs", "two words", "is no name"),
+        ("uavs", "region", "a word of the language"),
+        ("uavs", "iou", "built in"),
+        ("quadrotor", "drone", "not declared in this file"),
+        ("takeoff", "lift", "not declared in this file"),
+        ("matched", "cells", "already declared"),
+        ("v: victim, r: detection)", "r", "already declared"),
+        ("victim[", "v", "already declared"),
+        ("goal", "aim", "no name here"),
+    ],
+)
+def test_renaming_is_refused_with_a_reason(word: str, new: str, why: str) -> None:
+    with pytest.raises(UsageError, match=why):
+        rename(Analysis(SSR, "<test>"), SSR.index(word), new)
+
+
+def test_renaming_reaches_holes_in_texts() -> None:
+    text = SSR.replace("Find every person", "Find all {victims} people")
+    places = rename(Analysis(text, "<test>"), text.index("victims} people"), "lost")
+    assert "Find all {lost} people" in applied(text, places, "lost")
+
+
+def test_outline_is_nested() -> None:
+    (mission,) = [entry for entry in outline(Analysis(SSR, "<test>").tree) if entry.keyword == "mission"]
+    assert (mission.name, mission.detail) == ("ssr", "Sea search and rescue")
+    uav = next(entry for entry in mission.children if entry.name == "uav")
+    assert [child.name for child in uav.children] == ["nadir", "front"]
+
+
+@given(st.text(max_size=60), st.sampled_from(["utf-16", "utf-8", "utf-32"]))
+def test_positions_go_there_and_back(text: str, encoding: str) -> None:
+    source = Source(text)
+    positions = Positions(source, encoding)
+    for offset in range(len(source.text) + 1):
+        before = source.text[offset - 1 : offset]
+        if before == "\r" and source.text[offset : offset + 1] == "\n":
+            continue
+        assert positions.offset(positions.place(offset)) == offset
+
+
+def test_columns_count_code_units() -> None:
+    positions = Positions(Source("a😀灵b\nc"))
+    assert positions.place(3) == Place(0, 4)
+    assert positions.offset(Place(0, 2)) == 1
+    assert positions.offset(Place(0, 99)) == 4
+    assert positions.offset(Place(9, 0)) == 6
+
+
+def test_every_keyword_is_explained_and_offered_somewhere() -> None:
+    assert set(STATEMENTS) <= set(KEYWORDS)
+    offered = {word for words in STATEMENTS_IN.values() for word in words}
+    assert offered <= {*STATEMENTS, "engine"}

@@ -1,0 +1,281 @@
+"""`lingjing lsp` in a process of its own, spoken to by a real client over standard input and output."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import sys
+import time
+from collections.abc import AsyncIterator
+from pathlib import Path
+
+import pytest
+import pytest_asyncio
+
+pytest.importorskip("pygls", reason="the extra `lsp` is not installed")
+
+from lsprotocol import types as lsp
+from pygls.exceptions import JsonRpcException
+from pygls.lsp.client import LanguageClient
+
+from lingjing.data import data_path
+
+SSR = data_path("scenarios", "ssr.ljs").read_text(encoding="utf-8")
+URI = "file:///nowhere/ssr.ljs"
+
+
+class Editor(LanguageClient):
+    """A client that remembers what the server published."""
+
+    def __init__(self) -> None:
+        super().__init__("test-editor", "1")
+        self.published: dict[str, list[lsp.PublishDiagnosticsParams]] = {}
+        self.told = asyncio.Event()
+        self.text = ""
+        self.version = 0
+
+    async def diagnostics(self, *, beyond: int = 0, uri: str = URI) -> list[lsp.Diagnostic]:
+        """The diagnostics after the first `beyond` publications."""
+        while len(self.published.get(uri, [])) <= beyond:
+            self.told.clear()
+            await asyncio.wait_for(self.told.wait(), 60)
+        return list(self.published[uri][-1].diagnostics)
+
+    def open(self, text: str, uri: str = URI) -> None:
+        self.text, self.version = text, 1
+        item = lsp.TextDocumentItem(uri, "ljs", 1, text)
+        self.text_document_did_open(lsp.DidOpenTextDocumentParams(item))
+
+    def type(self, line: int, column: int, text: str, *, end: tuple[int, int] | None = None) -> None:
+        """Put a text at a place (code units), or in place of a range."""
+        begin = lsp.Position(line, column)
+        stop = lsp.Position(*end) if end else begin
+        change = lsp.TextDocumentContentChangePartial(range=lsp.Range(begin, stop), text=text)
+        self.version += 1
+        document = lsp.VersionedTextDocumentIdentifier(self.version, URI)
+        self.text_document_did_change(lsp.DidChangeTextDocumentParams(document, [change]))
+
+
+def place(text: str, word: str) -> lsp.Position:
+    """Where a word begins, in UTF-16 code units."""
+    before = text[: text.index(word)]
+    line = before.count("\n")
+    return lsp.Position(line, len(before.rsplit("\n", 1)[-1].encode("utf-16-le")) // 2)
+
+
+DOCUMENT = lsp.TextDocumentIdentifier(URI)
+
+
+@pytest_asyncio.fixture
+async def editor() -> AsyncIterator[Editor]:
+    client = Editor()
+
+    @client.feature(lsp.TEXT_DOCUMENT_PUBLISH_DIAGNOSTICS)
+    def published(params: lsp.PublishDiagnosticsParams) -> None:
+        client.published.setdefault(params.uri, []).append(params)
+        client.told.set()
+
+    await client.start_io(sys.executable, "-m", "lingjing.cli.main", "lsp", "--stdio")
+    await client.initialize_async(
+        lsp.InitializeParams(capabilities=lsp.ClientCapabilities(), process_id=os.getpid(), root_uri=None)
+    )
+    client.initialized(lsp.InitializedParams())
+    yield client
+    if client._server is not None and client._server.returncode is None:
+        await asyncio.wait_for(client.shutdown_async(None), 30)
+        client.exit(None)
+        assert await asyncio.wait_for(client._server.wait(), 30) == 0
+    await client.stop()
+
+
+async def test_errors_come_and_go_as_the_author_types(editor: Editor) -> None:
+    editor.open(SSR)
+    assert await editor.diagnostics() == []
+    where = place(SSR, "10 s, sync")
+    editor.type(where.line, where.character + 3, "kg", end=(where.line, where.character + 4))
+    (fault,) = await editor.diagnostics(beyond=1)
+    assert (fault.code, fault.source, fault.severity) == ("LJ0203", "lingjing", lsp.DiagnosticSeverity.Error)
+    assert fault.range.start == where
+    editor.type(where.line, where.character + 3, "s", end=(where.line, where.character + 5))
+    assert await editor.diagnostics(beyond=2) == []
+
+
+async def test_quick_typing_is_checked_once(editor: Editor) -> None:
+    editor.open(SSR)
+    await editor.diagnostics()
+    for number in range(20):
+        editor.type(0, 5 + number, "1")
+    found = await editor.diagnostics(beyond=1)
+    assert [fault.code for fault in found] == ["LJ0106"] or found
+    await asyncio.sleep(0.6)
+    assert len(editor.published[URI]) == 2
+    assert editor.published[URI][-1].version == 21
+
+
+async def test_a_broken_file_still_answers(editor: Editor) -> None:
+    broken = SSR.replace("clock   {", "clock   {{{ =").replace("} }\n", "\n") + "\nmission {"
+    editor.open(broken)
+    assert len(await editor.diagnostics()) >= 2
+    symbols = await editor.text_document_document_symbol_async(lsp.DocumentSymbolParams(DOCUMENT))
+    assert symbols
+    assert await editor.text_document_formatting_async(_formatting()) is None
+    for word in ("search =", "quadrotor", "victim["):
+        await editor.text_document_hover_async(lsp.HoverParams(DOCUMENT, place(broken, word)))
+        await editor.text_document_completion_async(lsp.CompletionParams(DOCUMENT, place(broken, word)))
+        await editor.text_document_definition_async(lsp.DefinitionParams(DOCUMENT, place(broken, word)))
+
+
+async def test_columns_are_utf16(editor: Editor) -> None:
+    text = SSR.replace('"Sea search and rescue"', '"海上搜救 😀😀"').replace(
+        "  mode  broadcast", "  region 水域 = circle((0 m, 0 m), 3 kg)  # 😀\n  mode  broadcast"
+    )
+    editor.open(text)
+    (fault,) = await editor.diagnostics()
+    assert fault.range.start == place(text, "3 kg")
+    line = place(text, "mission ssr").line
+    title = text.splitlines()[line]
+    editor.type(line, len(title[: title.index('"', 13)].encode("utf-16-le")) // 2, "😀 x")
+    assert (await editor.diagnostics(beyond=1))[0].range.start == place(text, "3 kg")
+    edit = await editor.text_document_rename_async(lsp.RenameParams(DOCUMENT, place(text, "水域"), "水"))
+    assert edit is not None and edit.changes is not None
+    (change,) = edit.changes[URI]
+    start = place(text, "水域")
+    assert change.range == lsp.Range(start, lsp.Position(start.line, start.character + 2))
+    place_of_grid = place(text, "search {")
+    found = await editor.text_document_definition_async(lsp.DefinitionParams(DOCUMENT, place_of_grid))
+    assert isinstance(found, lsp.Location) and found.range.start == place(text, "search =")
+
+
+async def test_completion_hover_definition_references(editor: Editor) -> None:
+    text = SSR.replace("  success", "  stage x { done when boat. }\n  success")
+    editor.open(text)
+    where = place(text, "boat. }")
+    cursor = lsp.Position(where.line, where.character + 5)
+    found = await editor.text_document_completion_async(lsp.CompletionParams(DOCUMENT, cursor))
+    assert isinstance(found, lsp.CompletionList)
+    assert {"position", "heading", "speed"} <= {item.label for item in found.items}
+    hover = await editor.text_document_hover_async(lsp.HoverParams(DOCUMENT, place(text, "altitude")))
+    assert hover is not None and isinstance(hover.contents, lsp.MarkupContent)
+    assert "a length in `m`" in hover.contents.value
+    into = await editor.text_document_definition_async(lsp.DefinitionParams(DOCUMENT, place(text, "quadrotor")))
+    assert isinstance(into, lsp.Location) and into.uri.endswith("/std/air.ljs")
+    places = await editor.text_document_references_async(
+        lsp.ReferenceParams(lsp.ReferenceContext(include_declaration=True), DOCUMENT, place(text, "uavs "))
+    )
+    assert places is not None and len(places) == SSR.count("uavs")
+
+
+async def test_rename_and_its_refusals(editor: Editor) -> None:
+    editor.open(SSR)
+    edit = await editor.text_document_rename_async(lsp.RenameParams(DOCUMENT, place(SSR, "uavs "), "n"))
+    assert edit is not None and edit.changes is not None
+    assert len(edit.changes[URI]) == SSR.count("uavs")
+    for name, why in (("victims", "already declared"), ("1x", "no name"), ("region", "word of the language")):
+        with pytest.raises(JsonRpcException, match=why):
+            await editor.text_document_rename_async(lsp.RenameParams(DOCUMENT, place(SSR, "uavs "), name))
+
+
+def _formatting() -> lsp.DocumentFormattingParams:
+    return lsp.DocumentFormattingParams(DOCUMENT, lsp.FormattingOptions(tab_size=4, insert_spaces=False))
+
+
+async def test_formatting_and_code_actions(editor: Editor) -> None:
+    text = SSR.replace("  scene   bay", "scene bay").replace("takeoff,", "takeof,")
+    editor.open(text)
+    (fault,) = await editor.diagnostics()
+    (edit,) = await editor.text_document_formatting_async(_formatting()) or []
+    assert edit.new_text == SSR.replace("takeoff,", "takeof,")
+    context = lsp.CodeActionContext([fault])
+    actions = await editor.text_document_code_action_async(lsp.CodeActionParams(DOCUMENT, fault.range, context))
+    action = (actions or [])[0]
+    assert isinstance(action, lsp.CodeAction) and action.edit is not None and action.edit.changes is not None
+    assert [change.new_text for change in action.edit.changes[URI]] == ["takeoff"]
+    elsewhere = lsp.Range(lsp.Position(0, 0), lsp.Position(0, 0))
+    assert not await editor.text_document_code_action_async(lsp.CodeActionParams(DOCUMENT, elsewhere, context))
+
+
+async def test_closing_takes_the_diagnostics_away(editor: Editor) -> None:
+    editor.open("ljs 1\nmission")
+    assert await editor.diagnostics()
+    editor.text_document_did_close(lsp.DidCloseTextDocumentParams(DOCUMENT))
+    assert await editor.diagnostics(beyond=1) == []
+
+
+async def test_a_library_that_changes_is_seen(editor: Editor, tmp_path: Path) -> None:
+    file = tmp_path / "lib.ljs"
+    file.write_text("ljs 1\nasset tug { engine = vessel }\n")
+    uri = file.as_uri()
+    editor.open(file.read_text(), uri)
+    assert await editor.diagnostics(uri=uri) == []
+
+
+def long_mission(lines: int) -> str:
+    """A mission of about that many lines."""
+    entities = "\n".join(
+        f"  target t{n} : person_in_water {{ position = ({n}.5 m, -{n}.25 m), drift = 0.{n % 9 + 1} m/s }}"
+        for n in range(lines)
+    )
+    return SSR.replace("  asset boat", f"{entities}\n  asset boat")
+
+
+@pytest.mark.slow
+async def test_ten_thousand_lines(editor: Editor, record_property: pytest.RecordProperty) -> None:  # type: ignore[name-defined]
+    text = long_mission(10_000)
+    started = time.monotonic()
+    editor.open(text)
+    assert await editor.diagnostics() == []
+    opened = time.monotonic() - started
+    where = place(text, "10 s, sync")
+    started = time.monotonic()
+    editor.type(where.line, where.character + 3, "kg", end=(where.line, where.character + 4))
+    assert [fault.code for fault in await editor.diagnostics(beyond=1)] == ["LJ0203"]
+    typed = time.monotonic() - started
+    timings = {"open": opened, "edit": typed}
+    for name, ask in (
+        ("hover", editor.text_document_hover_async(lsp.HoverParams(DOCUMENT, place(text, "altitude")))),
+        ("again", editor.text_document_hover_async(lsp.HoverParams(DOCUMENT, place(text, "quadrotor")))),
+        ("complete", editor.text_document_completion_async(lsp.CompletionParams(DOCUMENT, place(text, "success")))),
+        ("format", editor.text_document_formatting_async(_formatting())),
+    ):
+        started = time.monotonic()
+        await ask
+        timings[name] = time.monotonic() - started
+    for name, seconds in timings.items():
+        record_property(name, round(seconds, 3))
+    print(timings)
+    assert max(timings.values()) < 60
+
+
+async def test_a_cancelled_question_leaves_the_server_well(editor: Editor) -> None:
+    editor.open(long_mission(2000))
+    asked = [
+        asyncio.ensure_future(editor.text_document_hover_async(lsp.HoverParams(DOCUMENT, lsp.Position(30 + n, 8))))
+        for n in range(5)
+    ]
+    await asyncio.sleep(0.05)
+    for number in list(editor.protocol._request_futures):
+        editor.protocol.notify("$/cancelRequest", lsp.CancelParams(id=number))
+    done = await asyncio.gather(*asked, return_exceptions=True)
+    assert len(done) == 5
+    assert await editor.text_document_document_symbol_async(lsp.DocumentSymbolParams(DOCUMENT))
+
+
+async def test_shutdown_during_a_check_leaves_nothing(editor: Editor) -> None:
+    editor.open(long_mission(3000))
+    await asyncio.sleep(0.1)
+    await asyncio.wait_for(editor.shutdown_async(None), 60)
+    editor.exit(None)
+    server = editor._server
+    assert server is not None
+    assert await asyncio.wait_for(server.wait(), 60) == 0
+    assert not Path(f"/proc/{server.pid}").exists()
+
+
+async def test_a_client_that_goes_away_ends_the_server(editor: Editor) -> None:
+    server = editor._server
+    assert server is not None and server.stdin is not None
+    editor.open(SSR)
+    await editor.diagnostics()
+    server.stdin.close()
+    await asyncio.wait_for(server.wait(), 60)
+    assert not Path(f"/proc/{server.pid}").exists()
