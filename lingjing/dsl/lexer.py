@@ -68,6 +68,7 @@ class Lexer:
         self.start = start
         self.report = report
         self.tokens: list[Token] = []
+        self.words: dict[str, str] = {}
         self.open: list[tuple[str, int]] = []
         self.previous = "NL"
         self.guide = Indentation(text) if guided else None
@@ -101,7 +102,10 @@ class Lexer:
         return self._finish()
 
     def _add(self, kind: str, start: int, end: int, *, text: str | None = None) -> None:
-        self.tokens.append(Token(kind, self.text[start:end] if text is None else text, start, end))
+        if text is None:
+            text = self.text[start:end]
+            text = self.words.setdefault(text, text)
+        self.tokens.append(Token(kind, text, start, end))
         self.previous = kind
 
     def _refuse_bidi(self) -> None:

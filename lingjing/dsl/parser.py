@@ -7,6 +7,7 @@ place. Braces balance in the token stream, so a fault in a statement never moves
 
 from __future__ import annotations
 
+from bisect import bisect_left, bisect_right
 from collections.abc import Callable
 from functools import cache
 from typing import Any
@@ -52,7 +53,12 @@ class Parser:
         """Parse; always ends with a tree."""
         at, last_fault = 0, -1
         while True:
-            fault = self._drive(tokens, at)
+            stop = min(at + _SLAB, len(tokens))
+            fault = self._drive(tokens, at, stop)
+            if fault == _MORE:
+                self._release(tokens)
+                at = stop
+                continue
             if fault < 0:
                 return self.values[-1]  # type: ignore[no-any-return]
             if fault == last_fault == len(tokens) - 1:
@@ -60,13 +66,25 @@ class Parser:
             at = self._recover(tokens, fault, silent=fault == last_fault)
             last_fault = max(fault, at)
 
-    def _drive(self, tokens: list[Token], at: int) -> int:
-        """Feed tokens from `at` on; -1 at the end, else the index of the token that does not fit."""
+    def _release(self, tokens: list[Token]) -> None:
+        """Let go of the tokens of a mission's finished statements: of a huge mission they would fill the memory.
+
+        Braces stay balanced, because whole statements go; looking back for a statement's beginning still works.
+        """
+        opening = next((i for i, value in enumerate(self.values) if getattr(value, "type", "") == "LBRACE"), None)
+        if opening is None or opening + 2 >= len(self.values) or type(self.values[opening + 2]) is not Token:
+            return
+        first = bisect_right(tokens, self.values[opening].start, key=_start)
+        last = bisect_left(tokens, self.values[opening + 2].start, key=_start)
+        tokens[first:last] = [_GONE] * max(0, last - first)
+
+    def _drive(self, tokens: list[Token], at: int, stop: int) -> int:
+        """Feed tokens from `at` to before `stop`; -1 at the end, else the index of the token that does not fit."""
         table, rules = self.tables.states, self.rules
         states, values = self.states, self.values
         final = self.tables.end
         row = table[states[-1]]
-        for position in range(at, len(tokens)):
+        for position in range(at, stop):
             token = tokens[position]
             kind = token.type
             while True:
@@ -93,7 +111,7 @@ class Parser:
                 row = table[state]
                 if state == final and kind == "$END":
                     return -1
-        return -1
+        return _MORE if stop < len(tokens) else -1
 
     # -- recovery
 
@@ -286,6 +304,10 @@ def _salvage(tokens: list[Token], stop: str) -> list[Token]:
     return []
 
 
+def _start(token: Token) -> int:
+    return token.start
+
+
 def _bracket(tokens: list[Token]) -> tuple[int, int] | None:
     """Where a square bracket opens, if one does."""
     return next(((token.start, token.end) for token in tokens if token.type == "LSQB"), None)
@@ -330,6 +352,10 @@ def _shown(token: Token) -> str:
     return f"`{text}`" if len(text) <= 30 else NAMES_IN_MESSAGES.get(token.type, "this")
 
 
+_SLAB = 200_000
+"""Tokens after which finished statements are let go."""
+_MORE = -2
+_GONE = Token("NL", "", 0, 0)
 _LOOKAHEAD = 24
 """Tokens that a repair is tried on."""
 _BOUNDARIES = frozenset(("NL", "LBRACE", "RBRACE", "$END"))
