@@ -215,7 +215,7 @@ class SettingsChecker:
         if shape is UNKNOWN:
             return None
         self._outline(node.shape, shape.ir)
-        return model.Region(name=node.name.text, shape=shape.ir)
+        return model.Region(name=node.name.text, shape=shape.ir, hidden=bool(taint))
 
     def grid(self, node: s.GridBlock) -> model.Grid | None:
         """`grid name over region { … }`."""

@@ -8,7 +8,7 @@ Places are rounded to a millimetre, so that every spelling of a mission can hold
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from lingjing.errors import MissionError
 from lingjing.mission import expression as ex
@@ -131,15 +131,38 @@ def _choice(expr: ex.Draw, scope: Scope, seed: int, path: str, count: int) -> tu
 
 
 def _subset(expr: ex.Draw, scope: Scope, seed: int, path: str, count: int) -> tuple[Value, ...]:
-    _named(expr, scope, ())
+    apart = _named(expr, scope, ("apart",)).get("apart", 0.0)
     values = list(_list(expr, scope))
     if count > len(values):
         raise MissionError(
             f"{count} different items are drawn from a list of {len(values)}",
             hint="lengthen the list, ask for fewer members, or draw with choice(…), which may repeat",
         )
-    stream = Stream(seed, path)
-    return tuple(values.pop(stream.below(len(values))) for _ in range(count))
+    if apart <= 0:
+        stream = Stream(seed, path)
+        return tuple(values.pop(stream.below(len(values))) for _ in range(count))
+    for attempt in range(SITE_ATTEMPTS):
+        stream = Stream(seed, path if attempt == 0 else f"{path}#{attempt}")
+        picked = _picked(values, apart, stream, count)
+        if len(picked) == count:
+            return picked
+    raise MissionError(
+        f"{count} of the {len(values)} places cannot be at least {apart:g} m apart ({SITE_ATTEMPTS} attempts)",
+        hint="lower 'apart', ask for fewer members or lengthen the list",
+    )
+
+
+def _picked(values: Sequence[Value], apart: float, stream: Stream, count: int) -> tuple[Value, ...]:
+    """Items of the list one after the other, each far enough from those before; fewer if it gets stuck."""
+    left = list(values)
+    picked: list[Place] = []
+    while left and len(picked) < count:
+        item = left.pop(stream.below(len(left)))
+        if not isinstance(item, Place):
+            raise MissionError(f"'apart' is for places, this is {describe(item)}")
+        if all(math.hypot(item.east - p.east, item.north - p.north) >= apart for p in picked):
+            picked.append(item)
+    return tuple(picked)
 
 
 def _one(expr: ex.Draw) -> ex.Expr:

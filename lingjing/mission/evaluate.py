@@ -56,7 +56,8 @@ Value = bool | float | str | Place | Interval | Area | Members | tuple["Value", 
 class Scope:
     """What a static expression may refer to.
 
-    `members` maps a group (or a single entity) to its entity ids; `names` binds index variables.
+    `members` maps a group (or a single entity) to its entity ids; `names` binds index variables; `places` says where
+    entities stand, once that is known.
     """
 
     parameters: Mapping[str, float] = field(default_factory=dict)
@@ -65,6 +66,7 @@ class Scope:
     members: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     names: Mapping[str, float] = field(default_factory=dict)
     tick_s: float = 1.0
+    places: Mapping[str, Place] = field(default_factory=dict)
 
     def binding(self, name: str, value: float) -> Scope:
         """The same scope with one more index variable."""
@@ -100,6 +102,8 @@ def evaluate(expr: ex.Expr, scope: Scope) -> Value:  # noqa: C901 - one case for
             return -number(operand, scope) if operator == "-" else not flag_of(operand, scope)
         case ex.Binary():
             return _binary(expr, scope)
+        case ex.Aggregate(function=function):
+            raise MissionError(f"'{function}(…)' over a group needs a running mission")
         case ex.Quantified(quantifier=quantifier):
             raise MissionError(f"'{quantifier}' needs a running mission and cannot stand in a declaration")
         case ex.Draw(distribution=distribution):
@@ -311,6 +315,11 @@ def _places(sign: float, left: Place, right: Place) -> Place:
 
 
 def _call(call: ex.Call, scope: Scope) -> Value:
+    if call.function in ("road", "along"):
+        raise MissionError(
+            f"where '{call.function}(…)' lies is known only once the city is built",
+            hint="draw from a polygon; what stands `on = road` is moved to the nearest one",
+        )
     if call.rule or call.function not in _FUNCTIONS:
         raise MissionError(f"'{call.function}(…)' needs a running mission and cannot stand in a declaration")
     return _FUNCTIONS[call.function](call, scope)
@@ -335,17 +344,41 @@ def _polygon(call: ex.Call, scope: Scope) -> Value:
 
 
 def _circle(call: ex.Call, scope: Scope) -> Value:
-    match _arguments(call, scope, 2):
+    centre, reach = _arguments(call, scope, 2)
+    match located(centre, scope), reach:
         case (Place(east=east, north=north), float() as radius) if radius > 0:
             return _checked(geometry2d.circle((east, north), radius))
     raise MissionError("circle(centre, radius) takes a point and a length above 0")
 
 
 def _box(call: ex.Call, scope: Scope) -> Value:
-    match _arguments(call, scope, 2):
+    match tuple(located(corner, scope) for corner in _arguments(call, scope, 2)):
         case (Place() as one, Place() as other):
             return _checked(geometry2d.rectangle((one.east, one.north), (other.east, other.north)))
     raise MissionError("box(corner, corner) takes two points")
+
+
+def located(value: Value, scope: Scope) -> Value:
+    """An entity as the place where it stands; anything else as it is."""
+    if isinstance(value, Members) and len(value.ids) == 1 and value.ids[0] in scope.places:
+        return scope.places[value.ids[0]]
+    return value
+
+
+def _buffer(call: ex.Call, scope: Scope) -> Value:
+    shape, reach = _arguments(call, scope, 2)
+    if not isinstance(reach, float):
+        raise MissionError("buffer(shape, distance) takes a length")
+    if isinstance(shape, Area):
+        return _checked(geometry2d.buffered(shape.polygon, reach, closed=True))
+    points = tuple(point for point in shape if isinstance(point, Place)) if isinstance(shape, tuple) else ()
+    if len(points) < 2 or reach <= 0:
+        raise MissionError("buffer(line, distance) takes two and more points and a length above 0")
+    return _checked(geometry2d.buffered(tuple((p.east, p.north) for p in points), reach, closed=False))
+
+
+def _union(call: ex.Call, scope: Scope) -> Value:
+    return _checked(geometry2d.united(tuple(area(argument, scope).polygon for argument in call.arguments)))
 
 
 def _checked(outline: geometry2d.Polygon) -> Area:
@@ -356,7 +389,7 @@ def _checked(outline: geometry2d.Polygon) -> Area:
 
 
 def _at(call: ex.Call, scope: Scope) -> Value:
-    """`at(i, [values], spread d)`: the i-th value; beyond the list, points spread and other values repeat."""
+    """`at(i, [values], spread d)`: the i-th value; beyond the list they are `rest`, points spread, others repeat."""
     if len(call.arguments) != 2:
         raise MissionError(f"at(…) takes an index and a list, {len(call.arguments)} arguments are given")
     position, listed = whole(call.arguments[0], scope), call.arguments[1]
@@ -369,6 +402,9 @@ def _at(call: ex.Call, scope: Scope) -> Value:
         raise MissionError("at(index, [values]) needs a list with something in it")
     if position <= len(values):
         return values[position - 1]
+    rest = dict(call.named).get("rest")
+    if rest is not None:
+        return evaluate(rest, scope)
     places = tuple(value for value in values if isinstance(value, Place))
     if len(places) < len(values):
         return values[(position - 1) % len(values)]
@@ -435,6 +471,8 @@ _FUNCTIONS: dict[str, Callable[[ex.Call, Scope], Value]] = {
     "polygon": _polygon,
     "circle": _circle,
     "box": _box,
+    "buffer": _buffer,
+    "union": _union,
     "distance": _distance,
     "distance_xy": _distance,
     "min": _numeric(min, 2, 64),

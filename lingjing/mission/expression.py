@@ -155,3 +155,40 @@ Expr = (
     | Aggregate
     | Draw
 )
+
+
+def children(expr: Expr) -> tuple[Expr, ...]:
+    """The direct sub-expressions."""
+    match expr:
+        case Index(base=base, index=index):
+            return base, index
+        case Attr(base=base):
+            return (base,)
+        case Point(items=items) | Sequence(items=items):
+            return items
+        case Range(low=low, high=high):
+            return low, high
+        case Call(arguments=arguments, named=named) | Draw(arguments=arguments, named=named):
+            return (*arguments, *(value for _, value in named))
+        case Unary(operand=operand):
+            return (operand,)
+        case Binary(left=left, right=right):
+            return left, right
+        case Quantified(body=body) | Aggregate(body=body):
+            return (body,)
+    return ()
+
+
+def parts(expr: Expr) -> tuple[Expr, ...]:
+    """The expression and everything below it."""
+    found, waiting = [], [expr]
+    while waiting:
+        part = waiting.pop()
+        found.append(part)
+        waiting.extend(children(part))
+    return tuple(found)
+
+
+def leaves(expr: Expr) -> tuple[Expr, ...]:
+    """What of it has no sub-expressions."""
+    return tuple(part for part in parts(expr) if not children(part))

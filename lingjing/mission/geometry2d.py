@@ -8,6 +8,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from typing import Any
+
+from lingjing.errors import MissionError
 
 Point = tuple[float, float]
 Polygon = tuple[Point, ...]
@@ -118,6 +121,33 @@ def rectangle(one: Point, other: Point) -> Polygon:
     """The rectangle between two opposite corners, anticlockwise from its south-west."""
     west, south, east, north = bounds((one, other))
     return (west, south), (east, south), (east, north), (west, north)
+
+
+def buffered(points: Sequence[Point], distance: float, *, closed: bool) -> Polygon:
+    """The outline of what lies within `distance` metres of a line, or of a polygon if `closed` (negative: shrunk).
+
+    Round corners have 8 segments a quarter; millimetre steps. Raises `MissionError` if nothing or several pieces are
+    left. shapely is imported here and not before: few missions need it.
+    """
+    import shapely
+
+    shape = shapely.Polygon(points) if closed else shapely.LineString(points)
+    return _outline(shape.buffer(distance, quad_segs=8, cap_style="flat" if not closed else "round"), "buffer")
+
+
+def united(polygons: Sequence[Sequence[Point]]) -> Polygon:
+    """The outline around polygons that meet; raises `MissionError` if they do not, or leave a hole between them."""
+    import shapely
+
+    return _outline(shapely.union_all([shapely.Polygon(polygon) for polygon in polygons]), "union")
+
+
+def _outline(shape: Any, what: str) -> Polygon:
+    if shape.geom_type != "Polygon" or shape.is_empty:
+        raise MissionError(f"the {what} is not one area", hint="a region is one outline: join parts that meet")
+    if shape.interiors:
+        raise MissionError(f"the {what} has a hole", hint="a region has one outline and no holes")
+    return normalised([(round(x, 3), round(y, 3)) for x, y in shape.exterior.coords])
 
 
 def bearing_deg(start: Point, end: Point) -> float:

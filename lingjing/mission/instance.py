@@ -66,12 +66,13 @@ class Region(Record, frozen=True, kw_only=True):
     """A polygon in metres, anticlockwise, without the closing repeat.
 
     Only the city knows where a road lies: a region made of roads has `on_map`, its shape, and no polygon until the
-    scene is built.
+    scene is built. A `hidden` one lies around something hidden and must never reach a policy.
     """
 
     name: str
     polygon: tuple[tuple[float, float], ...]
     on_map: Expr | None = None
+    hidden: bool = False
 
 
 class Cell(Record, frozen=True, kw_only=True):

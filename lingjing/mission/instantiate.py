@@ -1,7 +1,7 @@
 """`instantiate`: a mission, a seed, a mode and settings become one `Instance`, the reset specification.
 
-Order of evaluation: settings, mode, clock and budget, scene, regions, grids, groups (first all counts, then places and
-properties), agents, messages, bus. A draw's stream is named `<mission>/<node>/<property>`, so what is drawn depends on
+Order of evaluation: settings, mode, clock and budget, the counts of all groups, regions, scene, the entities' places
+and properties, regions around entities, grids, agents, messages, bus, events and what binds, texts. A draw's stream is named `<mission>/<node>/<property>`, so what is drawn depends on
 the seed and that name alone. Rules, unlocks, stages and the success condition stay expressions.
 """
 
@@ -11,14 +11,17 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
+import msgspec
+
 from lingjing.errors import MissionError, UsageError
 from lingjing.mission import expression as ex
 from lingjing.mission import grid as grids
-from lingjing.mission import model, roster
+from lingjing.mission import course, model, roster
 from lingjing.mission.evaluate import Area, Interval, Place, Scope, Value, area, describe, evaluate, number, whole
-from lingjing.mission.instance import Budget, Cell, Clock, Entity, Instance, Region, SceneSpec, Weather
+from lingjing.mission.instance import Budget, Cell, Clock, Datum, Entity, Instance, Region, SceneSpec, Weather
 from lingjing.mission.placing import at_path, datum, entities, holds, member_ids, single
 from lingjing.mission.seeding import integer
+from lingjing.mission.speaker import Speaker
 
 CELLS_MOST = 10_000
 
@@ -40,33 +43,42 @@ def instantiate(
     scope = Scope(parameters=values, mode=chosen)
     clock = _clock(mission, scope)
     scope = replace(scope, tick_s=clock.tick_s)
-    scene = scene_spec(mission, scope, seed)
+    scene = scene_spec(mission, replace(scope, areas=_areas(mission, scope)), seed)
+    scope = replace(scope, members=_members(mission, scope))
     areas = _areas(mission, scope)
     scope = replace(scope, areas=areas)
-    scope = replace(scope, members=_members(mission, scope))
+    members = _entities(mission, scope, seed, scene.datum_m)
+    scope = replace(scope, areas=_areas(mission, scope, members))
     crew = roster.agents(mission, scope)
+    say = Speaker(mission, scope, members)
     return Instance(
         mission=mission.name,
         title=mission.title,
-        goal=mission.goal,
+        goal=say(mission.goal),
         seed=seed,
         settings=values,
         scene=scene,
         clock=clock,
         budget=_budget(mission, scope),
         weather=_weather(mission, scope, seed),
-        regions=tuple(Region(name=name, polygon=value.polygon) for name, value in areas.items()),
+        regions=tuple(_region(region, scope) for region in mission.regions),
         cells=_cells(mission, scope),
-        entities=_entities(mission, scope, seed, scene.datum_m),
-        agents=crew,
+        entities=members,
+        agents=tuple(say.agent(spec) for spec in crew),
         messages=roster.messages(mission, scope, crew),
         comms=roster.comms(mission, scope, crew),
         rules=mission.rules,
         unlocks=mission.unlocks,
-        stages=mission.stages,
+        stages=course.stages(mission, scope),
         relations=tuple(relation for relation in mission.relations if holds(relation.when, scope)),
         success=mission.success,
         failure=mission.failure,
+        limits=course.limits(mission, scope),
+        permits=course.permits(mission, scope),
+        constraints=course.constraints(mission, scope),
+        inspections=course.inspections(mission, scope),
+        events=course.events(mission, scope, seed, lambda given: _weather(mission, scope, seed, given)),
+        reveals=course.reveals(mission, scope),
     )
 
 
@@ -108,9 +120,17 @@ def scene_spec(mission: model.Mission, scope: Scope, seed: int) -> SceneSpec:
             kind=made.kind,
             datum_m=level,
             origin=origin,
-            options={name: datum(value, level) for name, value in options.items()},
+            options={name: _option(value, level) for name, value in options.items()},
             seed=made.seed,
         )
+
+
+def _option(value: Value, level: float) -> Datum:
+    """A scene's option as plain data: a line or an outline becomes its coordinates one after another."""
+    points = value.polygon if isinstance(value, Area) else None
+    if isinstance(value, tuple) and value and all(isinstance(item, Place) for item in value):
+        points = tuple((item.east, item.north) for item in value if isinstance(item, Place))
+    return datum(value, level) if points is None else tuple(part for point in points for part in point)
 
 
 def _default(mission: model.Mission, parameter: model.Parameter, scope: Scope) -> float:
@@ -189,16 +209,21 @@ def _budget(mission: model.Mission, scope: Scope) -> Budget:
             policy_s=number(limits.policy, scope),
             engine_s=number(limits.engine, scope),
             capture_s=number(limits.capture, scope),
+            tokens=None if limits.tokens is None else whole(limits.tokens, scope),
+            money_usd=None if limits.money is None else number(limits.money, scope),
+            messages=None if limits.messages is None else whole(limits.messages, scope),
         )
         if made.ticks < 1 or min(made.policy_s, made.engine_s, made.capture_s) <= 0:
             raise MissionError("every limit must be above 0", hint="budget { ticks <= 60, policy <= 90 s, … }")
         return made
 
 
-def _weather(mission: model.Mission, scope: Scope, seed: int) -> Weather:
+def _weather(
+    mission: model.Mission, scope: Scope, seed: int, given: tuple[model.Property, ...] | None = None
+) -> Weather:
     path = f"{mission.name}/weather"
     values: dict[str, float] = {}
-    for prop in mission.weather:
+    for prop in mission.weather if given is None else given:
         if prop.name not in Weather.__struct_fields__:
             with at_path(path):
                 raise MissionError(f"there is no '{prop.name}'", hint=_suggestion(prop.name, Weather.__struct_fields__))
@@ -208,12 +233,33 @@ def _weather(mission: model.Mission, scope: Scope, seed: int) -> Weather:
     return Weather(**values)
 
 
-def _areas(mission: model.Mission, scope: Scope) -> dict[str, Area]:
+def _areas(mission: model.Mission, scope: Scope, placed: tuple[Entity, ...] = ()) -> dict[str, Area]:
+    """The regions in order. Those around entities are left out until the entities are `placed`, those made of roads
+    for good: only the city knows them."""
     areas: dict[str, Area] = {}
+    later: set[str] = set()
+    spots = {entity.id: Place(*entity.position) for entity in placed}
     for region in mission.regions:
+        leaves = ex.leaves(region.shape)
+        waits = any(isinstance(leaf, ex.Ref) and leaf.kind in ("group", "entity") for leaf in leaves) and not placed
+        if waits or region_on_map(region.shape) or any(isinstance(x, ex.Ref) and x.name in later for x in leaves):
+            later.add(region.name)
+            continue
         with at_path(f"{mission.name}/{region.name}"):
-            areas[region.name] = area(region.shape, replace(scope, areas=areas))
+            areas[region.name] = area(region.shape, replace(scope, areas=areas, places=spots))
     return areas
+
+
+def _region(region: model.Region, scope: Scope) -> Region:
+    known = scope.areas.get(region.name)
+    if known is not None:
+        return Region(name=region.name, polygon=known.polygon, hidden=region.hidden)
+    return Region(name=region.name, polygon=(), on_map=region.shape, hidden=region.hidden)
+
+
+def region_on_map(shape: ex.Expr) -> bool:
+    """Whether a region is made of the map's roads."""
+    return any(isinstance(part, ex.Call) and part.function in ("road", "along") for part in ex.parts(shape))
 
 
 def _cells(mission: model.Mission, scope: Scope) -> tuple[Cell, ...]:
@@ -240,12 +286,14 @@ def _members(mission: model.Mission, scope: Scope) -> dict[str, tuple[str, ...]]
 
 
 def _entities(mission: model.Mission, scope: Scope, seed: int, datum_m: float) -> tuple[Entity, ...]:
-    return tuple(
+    asleep = course.dormant(mission, scope) if mission.events else frozenset()
+    made = (
         entity
         for group in mission.groups
         if group.name in scope.members
         for entity in entities(group, scope, mission=mission.name, seed=seed, datum_m=datum_m)
     )
+    return tuple(msgspec.structs.replace(e, dormant=True) if e.id in asleep else e for e in made)
 
 
 def _number(value: Value, name: str) -> float:

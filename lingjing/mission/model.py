@@ -95,10 +95,11 @@ class Modes(Record, frozen=True, kw_only=True):
 
 class Region(Record, frozen=True, kw_only=True):
     """A named area; `shape` is a `polygon(…)`, `circle(…)`, `box(…)`, `buffer(…)`, `union(…)`, `road("…")` or
-    `along(…)` call, or the name of another region."""
+    `along(…)` call, or the name of another region. One around a hidden place is itself `hidden`."""
 
     name: str
     shape: Expr
+    hidden: bool = False
 
 
 class Grid(Record, frozen=True, kw_only=True):

@@ -71,6 +71,7 @@ def entities(group: model.Group, scope: Scope, *, mission: str, seed: int, datum
     cameras = tuple(_camera(camera, scope, f"{mission}/{group.name}/{camera.name}") for camera in group.cameras)
     verbs = tuple(_verb(verb, scope, f"{mission}/{group.name}/{verb.name}") for verb in group.verbs)
     hidden = tuple(sorted({prop.name for prop in group.properties if prop.hidden}))
+    state = tuple(prop.name for prop in group.properties if prop.state)
     made = []
     for k, entity_id in enumerate(ids):
         path = f"{mission}/{entity_id}"
@@ -91,6 +92,7 @@ def entities(group: model.Group, scope: Scope, *, mission: str, seed: int, datum
                     hidden=hidden,
                     cameras=cameras,
                     verbs=verbs,
+                    state=state,
                 )
             )
     return tuple(made)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from lingjing.errors import MissionError
+from lingjing.mission import course, model
 from lingjing.mission import expression as ex
-from lingjing.mission import model
 from lingjing.mission.evaluate import Members, Scope, evaluate, members, number
 from lingjing.mission.instance import AgentSpec, ChannelSpec, CommsSpec, MessageSpec
 from lingjing.mission.placing import at_path, holds, member_ids
@@ -50,11 +50,21 @@ def comms(mission: model.Mission, scope: Scope, crew: tuple[AgentSpec, ...]) -> 
             raise MissionError(f"a delay of {delay} ticks", hint="a message is read a tick later at the earliest")
         if payload < 1:
             raise MissionError(f"a payload of {payload} bytes carries nothing")
-        if scope.mode == "star":
-            return CommsSpec(mode="star", hub=_hub(mission, crew), delay_ticks=delay, payload_bytes=payload)
-        if scope.mode == "broadcast":
-            return CommsSpec(mode="broadcast", hub=None, delay_ticks=delay, payload_bytes=payload)
-        raise MissionError(f"mode '{scope.mode}' is not known", hint="a mode is star or broadcast")
+        reach = None if mission.comms.range is None else number(mission.comms.range, scope)
+        loss = 0.0 if mission.comms.loss is None else number(mission.comms.loss, scope)
+        if not 0 <= loss <= 1:
+            raise MissionError(f"a loss of {loss:.0%}", hint="a share of the messages, 0 % to 100 %")
+        if scope.mode in ("star", "broadcast", "single"):
+            return CommsSpec(
+                mode=scope.mode,  # type: ignore[arg-type]
+                hub=_hub(mission, crew) if scope.mode == "star" else None,
+                delay_ticks=delay,
+                payload_bytes=payload,
+                range_m=reach,
+                loss=loss,
+                receipts=mission.comms.receipts,
+            )
+        raise MissionError(f"mode '{scope.mode}' is not known", hint="a mode is star, broadcast or single")
 
 
 def _hub(mission: model.Mission, crew: tuple[AgentSpec, ...]) -> str:
@@ -94,6 +104,7 @@ def _agents(
                     commands=tuple(dict.fromkeys(controls + granted)),
                     observes=tuple(spec for channel in agent.observes for spec in _channel(mission, channel, local)),
                     prompt=agent.prompt,
+                    budget=course.allowance(agent.budget, local),
                 )
             )
     return tuple(made)
