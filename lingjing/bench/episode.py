@@ -28,7 +28,7 @@ from lingjing.mission.instance import AgentSpec, Instance
 from lingjing.mission.instantiate import instantiate
 from lingjing.mission.model import Mission
 from lingjing.plugins.host import PluginHost
-from lingjing.plugins.loading import build_policy, load_policy
+from lingjing.plugins.loading import build_policy, load_policy, share_arguments
 from lingjing.plugins.policy import Policy, PolicyPlugin
 from lingjing.scene.city import City
 from lingjing.trace.reader import Trace, read_trace
@@ -215,7 +215,9 @@ def _cast(
             loaded[spec] = load_policy(spec, host)
         return loaded[spec]
 
-    return {agent.id: (plugin_for(agent), dict(arguments)) for agent in instance.agents}
+    plugins = {agent.id: plugin_for(agent) for agent in instance.agents}
+    shares = share_arguments(plugins.values(), arguments)
+    return {agent: (plugin, shares[plugin.name]) for agent, plugin in plugins.items()}
 
 
 def _plugin(factory: Callable[..., Policy]) -> PolicyPlugin:

@@ -147,6 +147,7 @@ def _failure(error: Exception, started: float) -> Answer:
         text = f"{type(error).__name__}: {error}".splitlines()[0]
     except Exception:  # noqa: BLE001 - a message that cannot be made is the policy's failure too
         text = type(error).__name__
+    text = text.encode("utf-8", "backslashreplace").decode()  # a lone surrogate cannot be stored
     return Answer(reason="policy_error", detail=_ADDRESS.sub("0x…", text)[:300], wall_s=time.monotonic() - started)
 
 

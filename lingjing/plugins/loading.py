@@ -10,6 +10,7 @@ import hashlib
 import inspect
 import sys
 import traceback
+from collections.abc import Iterable, Mapping
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import ModuleType
@@ -35,6 +36,32 @@ def load_policy(spec: str, host: PluginHost) -> PolicyPlugin:
     privileged = bool(vars(cls).get("privileged", False))
     summary = (inspect.getdoc(cls) or "").partition("\n")[0]
     return PolicyPlugin(name=f"{Path(path).name}:{cls.__name__}", factory=cls, privileged=privileged, summary=summary)
+
+
+def share_arguments(plugins: Iterable[PolicyPlugin], arguments: Mapping[str, str]) -> dict[str, dict[str, str]]:
+    """Which of the `--policy-arg` pairs each policy (by name) gets: those its factory takes.
+
+    With one policy there is nothing to choose and it gets them all, so that `build_policy` can name what it does not
+    take. An argument that none of several policies takes is a `UsageError`.
+    """
+    each = {plugin.name: plugin for plugin in plugins}
+    if len(each) == 1:
+        return {name: dict(arguments) for name in each}
+    taken = {name: _taken(plugin, arguments) for name, plugin in each.items()}
+    for argument in arguments:
+        if not any(argument in mine for mine in taken.values()):
+            raise UsageError(
+                f"none of the policies {', '.join(f'`{name}`' for name in each)} takes `{argument}`",
+                hint="check the --policy-arg names; `lingjing plugins` lists the policies",
+            )
+    return taken
+
+
+def _taken(plugin: PolicyPlugin, arguments: Mapping[str, str]) -> dict[str, str]:
+    parameters = inspect.signature(plugin.factory).parameters
+    if any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters.values()):
+        return dict(arguments)
+    return {name: value for name, value in arguments.items() if name in parameters}
 
 
 def build_policy(plugin: PolicyPlugin, arguments: dict[str, str]) -> Policy:

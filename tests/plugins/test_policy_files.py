@@ -9,7 +9,7 @@ import pytest
 from lingjing.errors import UsageError
 from lingjing.plugins.hookspecs import hookimpl
 from lingjing.plugins.host import PluginHost
-from lingjing.plugins.loading import build_policy, load_policy
+from lingjing.plugins.loading import build_policy, load_policy, share_arguments
 from lingjing.plugins.policy import PolicyPlugin
 
 GOOD = '''
@@ -130,3 +130,22 @@ def test_arguments_that_the_policy_does_not_take_are_named(host, write) -> None:
     assert "height" in caught.value.hint
     with pytest.raises(UsageError, match="could not convert"):
         build_policy(plugin, {"height": "tall"})
+
+
+def test_arguments_go_to_the_policies_that_take_them():
+    def one(alpha="1"):
+        raise NotImplementedError
+
+    def two(beta="2", **others):
+        raise NotImplementedError
+
+    def three(gamma="3"):
+        raise NotImplementedError
+
+    first, second, third = (PolicyPlugin(name=f.__name__, factory=f) for f in (one, two, three))
+    given = {"alpha": "a", "gamma": "c"}
+    assert share_arguments((first, third, first), given) == {"one": {"alpha": "a"}, "three": {"gamma": "c"}}
+    assert share_arguments((first, second), given) == {"one": {"alpha": "a"}, "two": given}
+    assert share_arguments((first,), {"delta": "d"}) == {"one": {"delta": "d"}}  # build_policy says what is wrong
+    with pytest.raises(UsageError, match="none of the policies `one`, `three` takes `delta`"):
+        share_arguments((first, third), {"delta": "d"})
