@@ -59,8 +59,9 @@ CASES = [
     ("LJ0501", "sync = 500 ms", "sync = 3 s", 9, 31, "no whole multiple"),
     ("LJ0502", "hub = commander when mode == star, ", "", 15, 3, "star mode has no hub"),
 ]  # fmt: skip
-ELSEWHERE = {"LJ0007", "LJ0008", "LJ0009", "LJ0119"}
-"""Codes whose examples are files of their own; tested below and in `test_inputs` and `test_library`."""
+ELSEWHERE = {"LJ0007", "LJ0008", "LJ0009", "LJ0119"} | {code for code in CODES if code.startswith("LJ06")}
+"""Codes whose examples are files of their own; tested below, in `test_infeasible`, `test_inputs` and
+`test_library`."""
 
 
 def test_the_small_mission_is_good(small: str) -> None:

@@ -1,0 +1,96 @@
+"""Every code of what cannot be won has an example that pins its line, its column and the numbers in its message."""
+
+from __future__ import annotations
+
+import pytest
+
+from lingjing.dsl import compile_text
+from lingjing.dsl.codes import CODES
+
+# code, what is replaced in the small mission, by what, line, column, a part of the message
+CASES = [
+    ("LJ0601", "-51.8 m", "-5051.8 m", 34, 14, "5,001.8 m at 3.5 m/s at most, margins included, take at least 1,429 s"),
+    ("LJ0601", "ticks <= 60", "ticks <= 2", 34, 14, "the budget is 2 ticks of 10 s = 20 s"),
+    ("LJ0602", "ticks <= 60", "ticks <= 1", 38, 3, "takes at least 2 ticks, the budget is 1 tick"),
+    ("LJ0605", "report from searcher", "report from coordinator", 33, 10, "in broadcast mode, nobody can send"),
+    ("LJ0606", "per v\n  success", "per v\n  relation dependency execute -> detect\n  success", 37, 23, "`detect` ->"),
+    ("LJ0607", "{ done when rescued(v) }", "{ done when assigned(uav[1], v) }", 36, 9, "nobody can assign `uav[1]`"),
+    ("LJ0608", "    camera", "    band = 2 km..3 km\n    camera", 33, 14, "1.007 px at most, 2 px are needed"),
+    ("LJ0609", ", takePhoto }", " }", 32, 14, "`takePhoto` is not among its actions"),
+    ("LJ0610", "  unlock", "  limit talk <= 2 counts detection\n  unlock", 33, 9, "(3 `detection`), `talk` allows 2"),
+    ("LJ0611", "apart >= 10 m", "apart >= 200 m", 18, 10, "3 places at least 200 m apart cannot fit into 1 ha"),
+    ("LJ0612", "forall v in victim: rescued(v)", "count(rescued(v) for v in victim) >= 4", 38, 3, "there are 3"),
+]  # fmt: skip
+FAR = """\
+ljs 1
+use std.air { quadrotor }
+mission far "A far place" {
+  goal "Fly over the rock."
+  scene bay { datum = sea level at -3.5 m }
+  clock { tick = 10 s, sync = 500 ms }
+  budget { ticks <= 60 }
+  asset uav : quadrotor { position = (0 m, 0 m, 1 m), endurance = 2 min, actions { takeoff, setDestination } }
+  agent pilot as pilot controls uav { observes uav.* }
+  success when distance_xy(uav, (5 km, 0 m)) <= 25 m
+}
+"""
+CARGO = """\
+ljs 1
+asset truck {
+  engine = road, speed = 10 m/s, capacity = 200 kg
+  verb setDestination(x: length, y: length)
+}
+target order { engine = city, state demand = 100 kg, split = true }
+mission cargo "One heavy order" {
+  goal "Bring it."
+  scene bay { datum = sea level at -3.5 m }
+  clock { tick = 10 s, sync = 500 ms }
+  budget { ticks <= 60 }
+  target heavy : order { position = (500 m, 0 m), demand = 250 kg, split = false }
+  asset van : truck { position = (0 m, 0 m), actions { setDestination } }
+  agent driver as driver controls van { observes van.* }
+  success when heavy.demand <= 0 kg
+}
+"""
+
+
+@pytest.mark.parametrize(("code", "old", "new", "line", "column", "part"), CASES, ids=lambda value: str(value)[:24])
+def test_code(small: str, code: str, old: str, new: str, line: int, column: int, part: str) -> None:
+    moved = small.replace("-51.8 m", "-151.8 m") if "= 20 s" in part else small
+    assert moved.count(old) >= 1
+    compilation = compile_text(moved.replace(old, new, 1))
+    (found,) = compilation.diagnostics
+    assert (found.code, found.span.line, found.span.column) == (code, line, column)
+    assert part in found.message
+    assert compilation.mission is None
+
+
+@pytest.mark.parametrize(
+    ("text", "code", "line", "part"),
+    [(FAR, "LJ0603", 10, "360 s of flight, `uav` can fly for 240 s"), (CARGO, "LJ0604", 12, "250 kg, not to be split")],
+)
+def test_codes_of_missions_of_their_own(text: str, code: str, line: int, part: str) -> None:
+    (found,) = compile_text(text).diagnostics
+    assert (found.code, found.span.line) == (code, line)
+    assert part in found.message
+
+
+def test_the_same_missions_are_good_once_mended() -> None:
+    assert compile_text(FAR.replace("2 min", "10 min")).diagnostics == ()
+    assert compile_text(CARGO.replace(", split = false", "")).diagnostics == ()
+
+
+def test_every_code_is_here() -> None:
+    assert {case[0] for case in CASES} | {"LJ0603", "LJ0604"} == {code for code in CODES if code.startswith("LJ06")}
+
+
+def test_related_places_are_the_budget_the_vehicle_and_the_goal(small: str) -> None:
+    (found,) = compile_text(small.replace("-51.8 m", "-5051.8 m")).diagnostics
+    assert [(item.span.line, item.message) for item in found.related] == [
+        (10, "the budget"), (26, "the vehicle"), (18, "where it must go")
+    ]  # fmt: skip
+
+
+def test_nothing_is_proved_of_a_mission_with_other_errors(small: str) -> None:
+    broken = small.replace("-51.8 m", "-5051.8 m").replace("hfov = 84 deg", "hfov = 84 m")
+    assert [item.code for item in compile_text(broken).diagnostics] == ["LJ0203"]

@@ -1,0 +1,129 @@
+"""No false alarm: nothing is proved of what can be won, more of everything never makes an error."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from pathlib import Path
+
+import msgspec
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from lingjing.dsl import compile_file
+from lingjing.mission import model as m
+from lingjing.mission.evaluate import Interval, Scope, evaluate
+from lingjing.mission.feasibility import prove, prove_instance
+from lingjing.mission.feasibility.limits import episode
+from lingjing.mission.feasibility.needs import mandatory, needs
+from lingjing.mission.feasibility.outline import of_instance, of_mission
+from lingjing.mission.feasibility.tour import tours
+from lingjing.mission.instance import Instance
+from lingjing.mission.instantiate import instantiate
+
+SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
+BOAT_MPS = 3.0
+RADIUS_M = 50.0
+SPOT = st.tuples(st.floats(-3000, 3000), st.floats(-3000, 3000))
+
+
+@pytest.fixture(scope="module")
+def ssr() -> m.Mission:
+    mission = compile_file(str(SCENARIOS / "ssr.ljs")).mission
+    assert mission is not None
+    return mission
+
+
+@pytest.mark.parametrize("file", sorted(SCENARIOS.glob("*.ljs")), ids=lambda file: file.stem)
+def test_nothing_is_proved_of_the_missions_of_the_paper_and_they_are_looked_at(file: Path) -> None:
+    mission = compile_file(str(file)).mission
+    assert mission is not None
+    for mode in mission.modes.allowed:
+        outline = of_mission(mission, mode)
+        assert needs(outline.instance.success, outline, "success")
+    assert prove(mission) == ()
+
+
+@pytest.mark.parametrize("mode", ["star", "broadcast"])
+def test_no_seed_of_the_sea_rescue_is_called_infeasible(ssr: m.Mission, mode: str) -> None:
+    assert [s for s in range(100) if prove_instance(instantiate(ssr, seed=s, mode=mode))] == []
+
+
+def test_no_setting_of_the_sea_rescue_is_called_infeasible(ssr: m.Mission) -> None:
+    for parameter in ssr.parameters:
+        bounds = evaluate(parameter.bounds, Scope()) if parameter.bounds else None
+        assert isinstance(bounds, Interval)
+        step = 20.0 if bounds.high > 50 else 1.0
+        for k in range(int((bounds.high - bounds.low) / step) + 1):
+            value = bounds.low + k * step
+            for seed, mode in itertools.product(range(3), ssr.modes.allowed):
+                instance = instantiate(ssr, seed=seed, mode=mode, settings={parameter.name: value})
+                assert prove_instance(instance) == (), (parameter.name, value, seed, mode)
+
+
+def test_the_rescue_needs_all_that_it_says(ssr: m.Mission) -> None:
+    outline = of_instance(instantiate(ssr, seed=7))
+    leaves = mandatory(needs(outline.instance.success, outline, "success"))
+    kinds = {type(leaf).__name__ for leaf in leaves}
+    assert kinds == {"Visit", "Report", "Picture"}
+    (tour,) = tours(leaves, episode(outline), outline)
+    assert len(tour.visits) == 3 and tour.metres > 0
+
+
+def placed(instance: Instance, spots: list[tuple[float, float]], ticks: int, drift: float = 0.0) -> Instance:
+    """The instance with its victims at the spots and another budget."""
+    where = iter(spots)
+    entities = tuple(
+        msgspec.structs.replace(
+            entity, position=(*next(where), 0.0), properties={**entity.properties, "drift_mps": drift}
+        )
+        if entity.group == "victim"
+        else entity
+        for entity in instance.entities
+    )
+    budget = msgspec.structs.replace(instance.budget, ticks=ticks)
+    return msgspec.structs.replace(instance, entities=entities, budget=budget)
+
+
+@settings(max_examples=60, deadline=None)
+@given(spots=st.lists(SPOT, min_size=6, max_size=6), ticks=st.integers(1, 300), more=st.integers(0, 300))
+def test_more_time_never_makes_an_error(spots: list[tuple[float, float]], ticks: int, more: int) -> None:
+    mission = compile_file(str(SCENARIOS / "ssr.ljs")).mission
+    assert mission is not None
+    instance = instantiate(mission, settings={"victims": 6})
+    fewer = {proof.code for proof in prove_instance(placed(instance, spots, ticks))}
+    longer = {proof.code for proof in prove_instance(placed(instance, spots, ticks + more))}
+    assert bool(longer) <= bool(fewer)
+
+
+@settings(max_examples=60, deadline=None)
+@given(spots=st.lists(SPOT, min_size=4, max_size=4), drift=st.floats(0, 0.3))
+def test_a_schedule_that_can_be_sailed_is_never_called_impossible(
+    spots: list[tuple[float, float]], drift: float
+) -> None:
+    """The witness: straight to each victim in the best order at the declared speed, with ticks for the pictures."""
+    mission = compile_file(str(SCENARIOS / "ssr.ljs")).mission
+    assert mission is not None
+    instance = instantiate(mission, settings={"victims": 4})
+    boat = next(entity for entity in instance.entities if entity.id == "boat").position[:2]
+    metres = min(sailed(boat, order) for order in itertools.permutations(spots))
+    ticks = max(5, math.ceil(metres / BOAT_MPS / instance.clock.tick_s))
+    assert prove_instance(placed(instance, spots, ticks, drift)) == ()
+
+
+def sailed(start: tuple[float, ...], order: tuple[tuple[float, float], ...]) -> float:
+    """Metres from stop to stop, each left out of as much as the radius spares."""
+    here, total = (start[0], start[1]), 0.0
+    for spot in order:
+        way = math.dist(here, spot)
+        total += max(0.0, way - RADIUS_M)
+        if way > RADIUS_M:
+            share = (way - RADIUS_M) / way
+            here = here[0] + share * (spot[0] - here[0]), here[1] + share * (spot[1] - here[1])
+    return total
+
+
+def test_a_large_mission_is_not_looked_at(ssr: m.Mission) -> None:
+    crowd = tuple(msgspec.structs.replace(ssr.groups[1], name=f"uav{k}", when=None) for k in range(2001))
+    assert prove(msgspec.structs.replace(ssr, groups=ssr.groups + crowd)) == ()
