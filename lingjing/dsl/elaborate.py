@@ -143,6 +143,11 @@ class Elaborator:
             return Value(ex.Ref(name, symbol.kind), symbol.type, self._through(symbol.taint, node))
         if name == "mode":
             return Value(ex.Ref("mode", "mode"), Type("name", of="mode"))
+        if name == "now":
+            if not environment.rule:
+                self.report("LJ0304", node.start, node.end, "`now` is known only while the mission runs")
+                return UNKNOWN
+            return Value(ex.Ref("now", "clock"), Type("quantity", TIME))
         if name == "tick":
             return Value(ex.Ref("tick", "clock"), Type("quantity", TIME))
         if name in self.scope.types:
