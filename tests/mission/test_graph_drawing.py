@@ -283,6 +283,20 @@ def test_stages_and_rules_read_from_top_to_bottom(ssr_graph: MissionGraph) -> No
     assert rules == sorted(rules)
 
 
+def test_what_is_joined_to_nothing_stands_close_to_the_rest() -> None:
+    """The tied nodes come last, then in the middle: neither may leave the others far behind."""
+    loose = [Node(id=f"rule:r{n}", kind="rule", name=f"r{n}", title=f"r{n}") for n in range(5)]
+    stage = Node(id="stage:s", kind="stage", name="s", title="s")
+    for tied in (0, 2, 4):
+        edge = Edge(id="e", kind="requires", source="stage:s", target=f"rule:r{tied}")
+        shown = MissionGraph(
+            mission="x", title="", goal="", modes=(), default="", nodes=(*loose, stage), edges=(edge,)
+        )  # fmt: skip
+        tops = [box.y for box in draw(shown).boxes if box.row.node.kind == "rule"]
+        assert all(0 < below - above < 80 for above, below in itertools.pairwise(tops))
+        assert draw(shown).height < 500
+
+
 def test_a_message_to_all_is_said_on_the_node(ssr_graph: MissionGraph) -> None:
     shown = readable(ssr_graph)
     assert shown.node("channel:detection").detail == "report, to all"

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from lingjing.mission.draw.reading import edge_sentence, edge_words, node_sentence, readable
+from lingjing.mission.draw.reading import edge_sentence, edge_words, node_sentence, printable, readable
 from lingjing.mission.draw.styles import EDGES, LANES, NODES, guard_words, lane_of
 from lingjing.mission.graph.types import Edge, MissionGraph, Node
 
@@ -39,8 +39,8 @@ def dot(graph: MissionGraph) -> str:
 
 def quote(text: str) -> str:
     """A double-quoted string in which nothing is special: backslashes, quotes and newlines are escaped."""
-    plain = text.replace("\\", "\\\\").replace('"', '\\"')
-    return '"' + plain.replace("\r", "").replace("\n", "\\n") + '"'
+    plain = printable(text).replace("\\", "\\\\").replace('"', '\\"')
+    return '"' + plain.replace("\n", "\\n") + '"'
 
 
 def _node(node: Node) -> str:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from lingjing.mission.draw.reading import edge_words, readable
+from lingjing.mission.draw.reading import edge_words, printable, readable
 from lingjing.mission.draw.styles import EDGES, LANES, NODES, guard_words, lane_of
 from lingjing.mission.graph.types import Edge, MissionGraph, Node
 
 _SHAPES = {"role": ("([", "])"), "fact": ("{{", "}}"), "rule": ("[/", "/]"), "outcome": ("([", "])")}
-_ENTITIES = {"#": "#35;", '"': "#quot;", "<": "#lt;", ">": "#gt;", "`": "#96;", "&": "#amp;", "\n": " ", "\r": " "}
+_ENTITIES = {"#": "#35;", '"': "#quot;", "<": "#lt;", ">": "#gt;", "`": "#96;", "&": "#amp;", "\n": " "}
 
 
 def mermaid(graph: MissionGraph) -> str:
@@ -30,7 +30,7 @@ def mermaid(graph: MissionGraph) -> str:
 
 def escape(text: str) -> str:
     """Text for between quotes: Mermaid reads entities with `#` and nothing else as special there."""
-    return "".join(_ENTITIES.get(letter, letter) for letter in text)
+    return "".join(_ENTITIES.get(letter, letter) for letter in printable(text))
 
 
 def _node(node: Node, names: Mapping[str, str]) -> str:
@@ -74,5 +74,5 @@ def _names(nodes: tuple[Node, ...]) -> dict[str, str]:
 
 def _yaml(text: str) -> str:
     """A double-quoted YAML string."""
-    plain = " ".join(text.split()).replace("\\", "\\\\").replace('"', '\\"')
+    plain = " ".join(printable(text).split()).replace("\\", "\\\\").replace('"', '\\"')
     return f'"{plain}"'

@@ -11,7 +11,8 @@ from __future__ import annotations
 from bisect import bisect, insort
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
+from itertools import pairwise, takewhile
+from typing import NamedTuple
 
 from lingjing.mission.draw.cards import ORDERED, PORT, STACK, Card, Link, Picture, Row
 
@@ -42,12 +43,26 @@ class _Tie:
     right_at: float
 
 
+class _Wish(NamedTuple):
+    """The top an item would have if it were alone, how much that matters, and where that ranks it in its lane."""
+
+    top: float
+    weight: float
+    rank: float
+
+
+_FAR, _FAINT = 1e6, 1e-10
+"""A top above or a rank below all others; the weight of a wish that yields to any other."""
+
+
 @dataclass(slots=True)
 class Columns:
-    """The items of each lane from top to bottom, and the passes of each link from left to right."""
+    """The items of each lane from top to bottom, the passes of each link from left to right, and for each card the one
+    of its own lane that it was first joined to."""
 
     items: list[list[Item]]
     passes: dict[int, list[Pass]] = field(default_factory=dict)
+    partners: dict[int, Item] = field(default_factory=dict)
 
     def passes_of(self, link: Link) -> list[Pass]:
         """Where a link passes lanes."""
@@ -102,12 +117,16 @@ def _columns(picture: Picture) -> tuple[Columns, list[_Tie]]:
     for link in picture.links:
         passes = [Pass(link, lane) for lane in range(link.start + 1, link.end) if picture.lanes[lane]]
         columns.passes[id(link)] = passes
-        for one in passes:
-            columns.items[one.lane].append(one)
-        if not link.within_lane:
+        for passing in passes:
+            columns.items[passing.lane].append(passing)
+        if link.within_lane:
+            near, far = owner[id(link.near)], owner[id(link.far)]
+            for one, other in ((near, far), (far, near)) if near is not far else ():
+                columns.partners.setdefault(id(one), other)
+        else:
             ties.extend(_ties(link, owner, passes))
     for lane in columns.items:
-        _stack(lane, [0.0] * len(lane))
+        _stack(lane, [_Wish(0.0, 1.0, 0.0)] * len(lane))
     return columns, ties
 
 
@@ -128,16 +147,16 @@ def _settle(columns: Columns, ties: list[_Tie], *, reorder: bool, forward: bool)
     order = range(len(columns.items)) if forward else range(len(columns.items) - 1, -1, -1)
     for lane in order:
         items = columns.items[lane]
-        wishes = {id(item): _wish(item, pulls) for item in items}
+        wishes = {id(item): _wish(item, pulls, columns.partners) for item in items}
         if reorder:
             _order(items, wishes, fixed=lane in ORDERED)
         _stack(items, [wishes[id(item)] for item in items])
 
 
-def _order(items: list[Item], wishes: dict[int, float], *, fixed: bool) -> None:
+def _order(items: list[Item], wishes: dict[int, _Wish], *, fixed: bool) -> None:
     """Sort a lane by its wishes; where its order is `fixed`, the cards keep theirs and only passes move."""
     cards = iter([item for item in items if isinstance(item, Card)])
-    items.sort(key=lambda item: wishes[id(item)] + item.height / 2)
+    items.sort(key=lambda item: wishes[id(item)].rank)
     if fixed:
         items[:] = [next(cards) if isinstance(item, Card) else item for item in items]
 
@@ -151,18 +170,28 @@ def _pulls(ties: list[_Tie]) -> dict[int, list[Callable[[], float]]]:
     return found
 
 
-def _wish(item: Item, pulls: dict[int, list[Callable[[], float]]]) -> float:
+def _wish(item: Item, pulls: dict[int, list[Callable[[], float]]], partners: dict[int, Item]) -> _Wish:
+    """Level with its ties; without any, right below a card of its lane that it is joined to, else below all."""
     wanted = [pull() for pull in pulls.get(id(item), ())]
-    return sum(wanted) / len(wanted) if wanted else item.top
+    if wanted:
+        top = sum(wanted) / len(wanted)
+        return _Wish(top, 3.0 if isinstance(item, Pass) else 1.0, top + item.height / 2)
+    partner = partners.get(id(item))
+    return _Wish(-_FAR, _FAINT, _FAR if partner is None else partner.top + partner.height)
 
 
-def _stack(items: list[Item], wishes: list[float]) -> None:
-    """Put the items in their order as near to their wishes as their heights allow."""
+def _stack(items: list[Item], wishes: list[_Wish]) -> None:
+    """Put the items in their order as near to their wishes as their heights allow; what has none closes up."""
     offsets = [0.0]
     for above, below in pairwise(items):
         offsets.append(offsets[-1] + above.height + separation(above, below))
-    weights = [3.0 if isinstance(item, Pass) else 1.0 for item in items]
-    levels = spread([wish - offset for wish, offset in zip(wishes, offsets, strict=False)], weights)
+    settled = next((wish.top for wish in wishes if wish.weight > _FAINT), 0.0)
+    leading = len(list(takewhile(lambda wish: wish.weight <= _FAINT, wishes)))
+    tops = [
+        (settled if place < leading else wish.top) - offset
+        for place, (wish, offset) in enumerate(zip(wishes, offsets, strict=False))
+    ]
+    levels = spread(tops, [wish.weight for wish in wishes])
     for item, level, offset in zip(items, levels, offsets, strict=False):
         item.top = level + offset
 

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from unicodedata import category
+
 import msgspec
 
 from lingjing.mission.draw.styles import EDGES, guard_words
 from lingjing.mission.graph.types import Edge, MissionGraph, Node
+
+_UNHELD = frozenset(("Cc", "Cs", "Cn"))
+"""Unicode categories: control characters, surrogates, and code points that are no characters."""
 
 
 def readable(graph: MissionGraph) -> MissionGraph:
@@ -48,6 +53,11 @@ def node_sentence(node: Node) -> str:
     """Everything about a node, a line each."""
     lines = [f"{node.kind} {node.title}", node.detail, node.text, f"when {node.when}" if node.when else ""]
     return "\n".join(line for line in lines if line)
+
+
+def printable(text: str) -> str:
+    """The text with a space for whatever no format can hold: control characters but newlines, lone surrogates."""
+    return "".join(letter if letter == "\n" or category(letter) not in _UNHELD else " " for letter in text)
 
 
 def _read_by_all(node: Node, graph: MissionGraph) -> bool:

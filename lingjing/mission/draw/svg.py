@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator
 from lingjing.mission.draw.cards import DETAIL, PAD, STACK, TAG, TITLE
 from lingjing.mission.draw.drawing import LABEL, LINE, MARGIN, Band, Box, Curve, Drawing, Label, draw, label_lines
 from lingjing.mission.draw.lettering import fitted, width
-from lingjing.mission.draw.reading import edge_sentence, node_sentence, readable
+from lingjing.mission.draw.reading import edge_sentence, node_sentence, printable, readable
 from lingjing.mission.draw.styles import EDGES, NODES
 from lingjing.mission.graph.types import EdgeKind, MissionGraph
 
@@ -71,12 +71,8 @@ def svg(graph: MissionGraph) -> str:
 
 
 def escape(text: str) -> str:
-    """Text for between tags or quotes; control characters, which XML has none of, become spaces."""
-    plain = "".join(letter if letter >= " " or letter == "\n" else " " for letter in text)
-    plain = "".join(
-        letter for letter in plain if not 0xD800 <= ord(letter) <= 0xDFFF and ord(letter) not in (65534, 65535)
-    )
-    return "".join(_ESCAPES.get(letter, letter) for letter in plain)
+    """Text for between tags or quotes."""
+    return "".join(_ESCAPES.get(letter, letter) for letter in printable(text))
 
 
 # -- private

@@ -103,9 +103,8 @@ def _add_allowance(given: model.Budget | model.Allowance, whose: str, owner: str
     for name, most in units:
         if most is not None:
             full = f"{whose}.budget.{name}" if whose else f"budget.{name}"
-            node = draft.node(
-                "resource", full, title=f"{whose} {name}".strip(), detail=f"≤ {spell(most)}", within=owner
-            )
+            said = f"≤ {spell(most)}" + (f" for {whose}" if whose else "")
+            node = draft.node("resource", full, title=name, detail=said, within=owner)
             draft.edge("requires", owner, node)
 
 
