@@ -157,7 +157,7 @@ def test_energy_of_a_tour() -> None:
     assert weak.code == "LJ0603" and "3,315 m, the batteries last for 3,312 m" in weak.message
 
 
-def cargo(demand: str, orders: int = 1, way: float = 1875, store: str = "warehouse") -> str:
+def cargo(demand: str, orders: int = 1, way: float = 2400, store: str = "warehouse") -> str:
     return f"""
   target depot : {store} {{ position = (0 m, 0 m) }}
   target o[1..{orders}] : order {{ position = ({way + 100} m, 0 m), demand = {demand} }}
@@ -175,13 +175,20 @@ def test_payload_that_must_be_split_is_an_error_only_if_it_cannot_be() -> None:
 
 
 def test_trips() -> None:
-    # 600 s at 1.25 times 10 m/s are 7,500 m: two ways there and back of 1,875 m each way, so three loads.
+    # 600 s at 1.6 times 10 m/s are 9,600 m: two ways there and back of 2,400 m each way, so three loads.
     assert codes(cargo("200 kg", orders=3)) == []
-    (many,) = found(cargo("200 kg", orders=3, way=1876))
+    (many,) = found(cargo("200 kg", orders=3, way=2401))
     assert many.code == "LJ0604"
     assert "3 orders ask for 600 kg, but 1 vehicles bring 400 kg at most: 2 loads" in many.message
     assert codes(cargo("201 kg", orders=3)) == ["LJ0604"]
     assert codes(cargo("200 kg", orders=9, store="buoy")) == []
+
+
+def test_the_scene_may_move_what_stands_on_a_road() -> None:
+    far = sail("(2031 m, 0 m)").replace("position = (2031 m, 0 m)", "position = (2031 m, 0 m), on = road")
+    assert codes(far) == []
+    assert codes(far.replace("2031", "3031")) == ["LJ0601"]
+    assert codes(far.replace("2031", "3030")) == []
 
 
 def test_stock() -> None:

@@ -38,7 +38,7 @@ _MOVERS = {
     "plane": _Engine(1.15, wind=1.0),
     "vessel": _Engine(1.10, wind=0.05, current=1.0),
     "quadruped": _Engine(1.25),
-    "road": _Engine(1.25),
+    "road": _Engine(1.6),
 }
 _STAYS_UNCOMMANDED = frozenset(("multirotor", "vessel", "quadruped"))
 _CITY = "city"

@@ -12,21 +12,23 @@ import msgspec
 
 from lingjing.mission import expression as ex
 from lingjing.mission import model
-from lingjing.mission.evaluate import Area, Scope, members, number
+from lingjing.mission.evaluate import Area, Scope, number
 from lingjing.mission.feasibility.motion import Air, bounds, ceiling, drives, flight_s
 from lingjing.mission.feasibility.spread import Bounds, Where, numbers, places, point
-from lingjing.mission.instance import CountedSpec, Entity, Instance, LimitSpec
+from lingjing.mission.instance import Entity, Instance
 from lingjing.mission.instantiate import instantiate
-from lingjing.mission.placing import holds
 
 DECLARATIONS_MOST = 2_000
 """A mission with more declared groups and agents is not looked at: compiling it must stay fast."""
+
+MOVED_M = {"ground": 100.0} | dict.fromkeys(("road", "water", "roof", "facade", "bridge", "pipe"), 1000.0)
+"""How far at most the scene moves what is declared `on` a surface: only the built city knows where that is."""
 
 
 class Body(msgspec.Struct, frozen=True):
     """An entity with what it can do at most: places, speed over ground (m/s), seconds of flight on one battery.
 
-    `state` names the properties that change while the mission runs, `drawn` bounds those that are drawn.
+    `drawn` bounds the properties that are drawn.
     `aboard` names the entities that may carry it away, from no farther than `aboard_m`.
     """
 
@@ -36,7 +38,6 @@ class Body(msgspec.Struct, frozen=True):
     speed_mps: float
     flight_s: float
     driven: bool
-    state: frozenset[str] = frozenset()
     aboard: frozenset[str] = frozenset()
     aboard_m: float = 0.0
 
@@ -94,7 +95,6 @@ def of_mission(mission: model.Mission, mode: str) -> Outline:
     """The outline of a mission at its default settings, for every seed. `MissionError` if it cannot be evaluated."""
     instance = instantiate(_without_draws(mission), mode=mode)
     scope = _scope(instance)
-    instance = _budgeted(mission, instance, scope)
     opened = {group.name: _opened(group, scope) for group in mission.groups if _is_there(group.name, instance)}
     return _outline(instance, _air(mission, scope), opened, frozenset(kind.name for kind in mission.messages))
 
@@ -113,8 +113,8 @@ def interactions(entity: Entity) -> Iterator[tuple[str, str, float]]:
             yield name, engine, float(within)
 
 
-_Opened = tuple[Where | None, dict[str, Bounds], frozenset[str]]
-"""Of a group: where its members are drawn, the bounds of its drawn numbers, and its state that changes."""
+_Opened = tuple[Where | None, dict[str, Bounds]]
+"""Of a group: where its members are drawn, and the bounds of its drawn numbers."""
 
 
 def _outline(instance: Instance, air: Air, opened: dict[str, _Opened], kinds: frozenset[str]) -> Outline:
@@ -127,24 +127,24 @@ def _outline(instance: Instance, air: Air, opened: dict[str, _Opened], kinds: fr
     for body in bodies.values():
         groups.setdefault(body.entity.group, []).append(body)
     whole = {name: tuple(found) for name, found in groups.items()}
-    sites = tuple((name, len(whole.get(name, ())), where) for name, (where, _, _) in opened.items() if where)
+    sites = tuple((name, len(whole.get(name, ())), where) for name, (where, _) in opened.items() if where)
     return Outline(instance, _scope(instance), bodies, whole, kinds, sites)
 
 
 def _body(
     entity: Entity, air: Air, opened: dict[str, _Opened], driven: set[str], engines: dict[str, list[str]]
 ) -> Body:
-    where, drawn, state = opened.get(entity.group, (None, {}, frozenset()))
+    where, drawn = opened.get(entity.group, (None, {}))
+    place = point(entity.position[0], entity.position[1]) if where is None else where
     moves = entity.id in driven and drives(entity)
     aboard, reach = _carriers(entity, engines)
     return Body(
         entity=entity,
-        where=point(entity.position[0], entity.position[1]) if where is None else where,
+        where=msgspec.structs.replace(place, loose_m=MOVED_M.get(str(entity.properties.get("on")), 0.0)),
         drawn=drawn,
         speed_mps=ceiling(entity, drawn, air, driven=moves),
         flight_s=flight_s(entity, drawn),
         driven=moves,
-        state=state | frozenset(entity.state),
         aboard=aboard,
         aboard_m=reach,
     )
@@ -188,7 +188,7 @@ def _opened(group: model.Group, scope: Scope) -> _Opened:
             where = places(prop.value, scope, group.name)
         else:
             drawn[prop.name] = numbers(prop.value, scope)
-    return where, drawn, frozenset(prop.name for prop in group.properties if prop.state)
+    return where, drawn
 
 
 def _air(mission: model.Mission, scope: Scope) -> Air:
@@ -208,25 +208,6 @@ def _most(prop: model.Property, scope: Scope) -> float:
 
 _ORIGIN = ex.Point((ex.Number(0.0, "m"), ex.Number(0.0, "m")))
 _ZERO = ex.Number(0.0)
-
-
-def _budgeted(mission: model.Mission, instance: Instance, scope: Scope) -> Instance:
-    """The instance with the mission's counted budgets, if it has them not yet."""
-    most = mission.budget.messages
-    limits = tuple(_limit(limit, scope) for limit in mission.limits if holds(limit.when, scope))
-    return msgspec.structs.replace(
-        instance,
-        limits=instance.limits or limits,
-        budget=msgspec.structs.replace(instance.budget, messages=None if most is None else int(number(most, scope))),
-    )
-
-
-def _limit(limit: model.Limit, scope: Scope) -> LimitSpec:
-    counts: list[CountedSpec] = []
-    for item in limit.counts:
-        ids = ("",) if item.resource is None else members(item.resource, scope)
-        counts.extend(CountedSpec(kind=item.kind, resource=name, name=item.name) for name in ids)
-    return LimitSpec(name=limit.name, most=int(number(limit.most, scope)), counts=tuple(counts))
 
 
 def _without_draws(mission: model.Mission) -> model.Mission:

@@ -1,6 +1,7 @@
 """Payload: what must be brought fits neither into one load nor into all the trips that there is time for.
 
-A vehicle carries at most `capacity_kg`; a target lacks its state `demand_kg`; warehouses hold `stock_kg`. An order of
+A vehicle carries at most `capacity_kg` or `payload_kg`; a target lacks its state `demand_kg`; warehouses have an
+interaction that `gives`, and may hold no more than their `stock_kg`. An order of
 250 kg does not fit into a vehicle of 200 kg and must be split, which is infeasible only if the order says
 `split = false`, or if all vehicles together cannot make the trips.
 """
@@ -20,6 +21,7 @@ CAPACITIES = ("capacity_kg", "payload_kg")
 STOCK = "stock_kg"
 LOAD = "load_kg"
 _MASS = "_kg"
+_GIVES = "_gives"
 _WHOLE = "split"
 _TRIPS_MOST = 1e6
 
@@ -107,13 +109,18 @@ def _loads(body: Body, way: float, limit: Limit) -> float:
 
 def _shortest_way(supplies: list[Supply], outline: Outline) -> float:
     """Metres between being able to load and being able to unload, at least; 0 if it is not known where that is."""
-    stores = [body for body in outline.bodies.values() if STOCK in body.entity.properties]
+    stores = [body for body in outline.bodies.values() if _gives(body)]
     stops = [supply.target for supply in supplies]
     if not stores or not all(_reach(body) < math.inf for body in (*stores, *stops)):
         return 0.0
     if any(body.speed_mps > 0 for body in (*stores, *stops)):
         return 0.0
     return min(max(0.0, gap(a.where, b.where) - _reach(a) - _reach(b)) for a in stores for b in stops)
+
+
+def _gives(body: Body) -> bool:
+    """Whether a vehicle may be loaded there: it has a stock, or an interaction that `gives`."""
+    return any(name == STOCK or name.endswith(_GIVES) for name in body.entity.properties)
 
 
 def _reach(body: Body) -> float:

@@ -15,11 +15,14 @@ RESOLVED_PX = 2.0
 """A target whose longest extent covers fewer pixels at the lowest allowed altitude, at the place of the picture where
 it appears largest, cannot be told from noise."""
 
-EXTENTS = ("size_m", "length_m", "width_m", "height_m", "diameter_m")
+EXTENTS = ("size_m", "length_m", "diameter_m")
 """Properties of a target that say how large it is; the largest counts."""
 
 LARGEST_M = {"person_in_water": 2.5}
 """Extents of known target types that do not say how large they are, generous."""
+
+_RAISED_M = {"ground": 100.0, "road": 100.0, "water": 0.0, "None": 0.0}
+"""By how much the scene may raise what stands on a surface; on others it may be anywhere."""
 
 _FLYING = frozenset(("multirotor", "plane"))
 
@@ -92,9 +95,10 @@ def _too_small(picture: Picture, usable: list[tuple[Body, CameraSpec]]) -> Proof
 def _lowest_m(body: Body, target: Body) -> float:
     """Metres between camera and target at the lowest allowed altitude; 0 if the asset is not kept up by a band."""
     lowest = body.bounds("band_low_m")[0]
+    raised = _RAISED_M.get(str(target.entity.properties.get("on")), math.inf)
     if body.entity.engine not in _FLYING or not math.isfinite(lowest):
         return 0.0
-    top = target.entity.position[2] + extent_m(target)
+    top = target.entity.position[2] + extent_m(target) + raised
     return max(0.0, lowest - top)
 
 

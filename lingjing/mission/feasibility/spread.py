@@ -23,12 +23,14 @@ ANYTHING: Bounds = (-math.inf, math.inf)
 class Where(msgspec.Struct, frozen=True):
     """The possible places: outlines in metres, of one corner for a point. Empty: anywhere.
 
-    Members of the group `drawn` (if not empty) are at least `apart` metres from each other.
+    Members of the group `drawn` (if not empty) are at least `apart` metres from each other. The scene may move what
+    stands there by up to `loose_m`.
     """
 
     outlines: tuple[geometry2d.Polygon, ...] = ()
     apart: float = 0.0
     drawn: str = ""
+    loose_m: float = 0.0
 
 
 ANYWHERE = Where()
@@ -45,8 +47,8 @@ def gap(one: Where, other: Where) -> float:
         return 0.0
     nearest = min(_between(a, b) for a in one.outlines for b in other.outlines)
     if one.drawn and one.drawn == other.drawn:
-        return max(nearest, one.apart)
-    return nearest
+        nearest = max(nearest, one.apart)
+    return max(0.0, nearest - one.loose_m - other.loose_m)
 
 
 def places(draw: ex.Draw, scope: Scope, group: str) -> Where:
