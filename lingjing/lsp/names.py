@@ -74,7 +74,7 @@ SPACES = (
     "event", "record", "preset", "verb", "constraint",
 )  # fmt: skip
 GLOBAL = tuple(space for space in SPACES if space not in ("local", "verb"))
-_HOLE = re.compile(r"\{\s*([^\W\d]\w*)")
+_HOLE = re.compile(r"\{\{|\{\s*([^\W\d]\w*)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,6 +191,8 @@ class _Finder:
     def _holes(self, node: s.TextLine) -> None:
         raw = self.text[node.text.start : node.text.end]
         for hole in _HOLE.finditer(raw):
+            if hole[1] is None:
+                continue  # a doubled brace stands for itself
             start = node.text.start + hole.start(1)
             self.uses.append(_Use(hole[1], start, start + len(hole[1]), ("symbol",)))
 
