@@ -9,17 +9,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import assert_never
+
+import msgspec
 
 from lingjing.errors import MissionError
 from lingjing.mission import expression as ex
 from lingjing.mission import geometry2d
 
 
-@dataclass(frozen=True, slots=True)
-class Place:
+class Place(msgspec.Struct, frozen=True):
     """A point in metres; `elevation` is None where the author gave two components."""
 
     east: float
@@ -27,23 +27,20 @@ class Place:
     elevation: float | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Interval:
+class Interval(msgspec.Struct, frozen=True):
     """An inclusive range of numbers."""
 
     low: float
     high: float
 
 
-@dataclass(frozen=True, slots=True)
-class Area:
+class Area(msgspec.Struct, frozen=True):
     """A region's outline, as given."""
 
     polygon: geometry2d.Polygon
 
 
-@dataclass(frozen=True, slots=True)
-class Members:
+class Members(msgspec.Struct, frozen=True):
     """Ids of the entities an expression names, in order of their index."""
 
     ids: tuple[str, ...]
@@ -52,25 +49,24 @@ class Members:
 Value = bool | float | str | Place | Interval | Area | Members | tuple["Value", ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Scope:
+class Scope(msgspec.Struct, frozen=True):
     """What a static expression may refer to.
 
     `members` maps a group (or a single entity) to its entity ids; `names` binds index variables; `places` says where
     entities stand, once that is known.
     """
 
-    parameters: Mapping[str, float] = field(default_factory=dict)
+    parameters: Mapping[str, float] = {}
     mode: str = ""
-    areas: Mapping[str, Area] = field(default_factory=dict)
-    members: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    names: Mapping[str, float] = field(default_factory=dict)
+    areas: Mapping[str, Area] = {}
+    members: Mapping[str, tuple[str, ...]] = {}
+    names: Mapping[str, float] = {}
     tick_s: float = 1.0
-    places: Mapping[str, Place] = field(default_factory=dict)
+    places: Mapping[str, Place] = {}
 
     def binding(self, name: str, value: float) -> Scope:
         """The same scope with one more index variable."""
-        return replace(self, names={**self.names, name: value})
+        return msgspec.structs.replace(self, names={**self.names, name: value})
 
 
 def evaluate(expr: ex.Expr, scope: Scope) -> Value:  # noqa: C901 - one case for each node class

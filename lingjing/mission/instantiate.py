@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import replace
 
 import msgspec
 
@@ -42,13 +41,13 @@ def instantiate(
     values = parameters(mission, chosen, settings or {})
     scope = Scope(parameters=values, mode=chosen)
     clock = _clock(mission, scope)
-    scope = replace(scope, tick_s=clock.tick_s)
-    scene = scene_spec(mission, replace(scope, areas=_areas(mission, scope)), seed)
-    scope = replace(scope, members=_members(mission, scope))
+    scope = msgspec.structs.replace(scope, tick_s=clock.tick_s)
+    scene = scene_spec(mission, msgspec.structs.replace(scope, areas=_areas(mission, scope)), seed)
+    scope = msgspec.structs.replace(scope, members=_members(mission, scope))
     areas = _areas(mission, scope)
-    scope = replace(scope, areas=areas)
+    scope = msgspec.structs.replace(scope, areas=areas)
     members = _entities(mission, scope, seed, scene.datum_m)
-    scope = replace(scope, areas=_areas(mission, scope, members))
+    scope = msgspec.structs.replace(scope, areas=_areas(mission, scope, members))
     crew = roster.agents(mission, scope)
     say = Speaker(mission, scope, members)
     return Instance(
@@ -246,7 +245,7 @@ def _areas(mission: model.Mission, scope: Scope, placed: tuple[Entity, ...] = ()
             later.add(region.name)
             continue
         with at_path(f"{mission.name}/{region.name}"):
-            areas[region.name] = area(region.shape, replace(scope, areas=areas, places=spots))
+            areas[region.name] = area(region.shape, msgspec.structs.replace(scope, areas=areas, places=spots))
     return areas
 
 

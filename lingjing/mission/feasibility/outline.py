@@ -88,15 +88,15 @@ def of_instance(instance: Instance) -> Outline:
     """The outline of one instance, exact."""
     weathers = (instance.weather, *(event.weather for event in instance.events if event.weather is not None))
     air = Air(max(w.wind_mps for w in weathers), max(w.current_mps for w in weathers))
-    return _outline(instance, air, {}, frozenset(message.kind for message in instance.messages))
+    return _outline(instance, _scope(instance), air, {}, frozenset(message.kind for message in instance.messages))
 
 
 def of_mission(mission: model.Mission, mode: str) -> Outline:
     """The outline of a mission at its default settings, for every seed. `MissionError` if it cannot be evaluated."""
     instance = instantiate(_without_draws(mission), mode=mode)
-    scope = _scope(instance)
+    scope = _scope(instance, _open_regions(mission))
     opened = {group.name: _opened(group, scope) for group in mission.groups if _is_there(group.name, instance)}
-    return _outline(instance, _air(mission, scope), opened, frozenset(kind.name for kind in mission.messages))
+    return _outline(instance, scope, _air(mission, scope), opened, frozenset(kind.name for kind in mission.messages))
 
 
 def too_large(mission: model.Mission) -> bool:
@@ -117,7 +117,7 @@ _Opened = tuple[Where | None, dict[str, Bounds]]
 """Of a group: where its members are drawn, and the bounds of its drawn numbers."""
 
 
-def _outline(instance: Instance, air: Air, opened: dict[str, _Opened], kinds: frozenset[str]) -> Outline:
+def _outline(instance: Instance, scope: Scope, air: Air, opened: dict[str, _Opened], kinds: frozenset[str]) -> Outline:
     driven = {name for agent in instance.agents for name in agent.commands}
     engines: dict[str, list[str]] = {}
     for entity in instance.entities:
@@ -128,7 +128,7 @@ def _outline(instance: Instance, air: Air, opened: dict[str, _Opened], kinds: fr
         groups.setdefault(body.entity.group, []).append(body)
     whole = {name: tuple(found) for name, found in groups.items()}
     sites = tuple((name, len(whole.get(name, ())), where) for name, (where, _) in opened.items() if where)
-    return Outline(instance, _scope(instance), bodies, whole, kinds, sites)
+    return Outline(instance, scope, bodies, whole, kinds, sites)
 
 
 def _body(
@@ -161,17 +161,32 @@ def _carriers(entity: Entity, engines: dict[str, list[str]]) -> tuple[frozenset[
     return frozenset(carriers), reach
 
 
-def _scope(instance: Instance) -> Scope:
+def _scope(instance: Instance, unknown: frozenset[str] = frozenset()) -> Scope:
+    """What static expressions may refer to; regions that are not known yet are left out."""
     ids: dict[str, list[str]] = {}
     for entity in instance.entities:
         ids.setdefault(entity.group, []).append(entity.id)
     return Scope(
         parameters=instance.settings,
         mode=instance.mode,
-        areas={region.name: Area(region.polygon) for region in instance.regions},
+        areas={r.name: Area(r.polygon) for r in instance.regions if r.polygon and r.name not in unknown},
         members={name: tuple(found) for name, found in ids.items()},
         tick_s=instance.clock.tick_s,
     )
+
+
+def _open_regions(mission: model.Mission) -> frozenset[str]:
+    """Regions around entities whose places are drawn or found by the scene, directly or through other regions."""
+    loose = {
+        group.name
+        for group in mission.groups
+        if any(p.name == "on" or (p.name == "position" and isinstance(p.value, ex.Draw)) for p in group.properties)
+    }
+    found: set[str] = set()
+    for region in mission.regions:
+        if any(isinstance(leaf, ex.Ref) and leaf.name in loose | found for leaf in ex.leaves(region.shape)):
+            found.add(region.name)
+    return frozenset(found)
 
 
 def _is_there(group: str, instance: Instance) -> bool:
