@@ -99,13 +99,17 @@ class BlockReader:
         """Report a statement that does not belong into this block."""
         text = self.report.source.text[item.start : item.end]
         first = text.split(None, 1)[0].rstrip(":({,") if text.split() else ""
+        declared = getattr(item, "name", None)
+        was_poisoned = isinstance(declared, s.Name) and declared.text in self.of.scope.poisoned
+        if isinstance(item, s.Property | s.UnknownBlock) and isinstance(declared, s.Name):
+            self.of.scope.poisoned.add(declared.text)  # it may have been meant as the declaration it looks like
         name: s.Node = item
         if isinstance(item, s.Bare | s.UnknownBlock):
             name, first = item.name, item.name.text
         end = name.end if name is not item else item.start + len(first)
         code = "LJ0108" if isinstance(item, s.Bare | s.UnknownBlock | s.FieldLine) else "LJ0107"
         hint = did_you_mean(first, list(keys)) if code == "LJ0108" else ""
-        if code == "LJ0108" and first in self.of.scope.poisoned:
+        if code == "LJ0108" and was_poisoned:
             return
         if isinstance(item, s.FieldLine):
             hint = f"write `{first} = …`"

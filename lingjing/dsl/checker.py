@@ -259,8 +259,10 @@ class MissionChecker:
         faulty = names_in_faults(node.block.items)
         text = self.report.source.text
         broken = [text[i.start : i.end].split(None, 1)[0] for i in node.block.items if isinstance(i, s.Faulty)]
-        for keyword, hint in _REQUIRED:
-            if keyword not in given and keyword not in broken and not (faulty and keyword in faulty):
+        missing = [(word, hint) for word, hint in _REQUIRED if word not in given and word not in {*broken, *faulty}]
+        strays = sum(isinstance(item, s.UnknownBlock) for item in node.block.items) + broken.count("{")
+        if len(missing) > strays:  # else each block without a keyword of its own may be what is missing
+            for keyword, hint in missing:
                 self.report("LJ0106", node.name.start, node.name.end, f"the mission lacks `{keyword}`", hint)
 
     def _whole(self, node: s.MissionBlock, checked: Checked) -> None:
@@ -286,7 +288,6 @@ class MissionChecker:
                 "star mode has no hub",
                 "add `comms { hub = … when mode == star }`",
             )
-
 
     def _alone(self, node: s.MissionBlock, checked: Checked) -> None:
         """`single` is for one agent."""

@@ -10,6 +10,7 @@ and dropped.
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 
 from lingjing.dsl.reporter import Reporter
 from lingjing.dsl.suggest import is_certain, nearest
@@ -78,28 +79,38 @@ class Lexer:
     def run(self) -> list[Token] | None:
         """All tokens, ending in `$END`; None if the nesting is beyond all reason, which ends the compilation."""
         self._refuse_bidi()
-        handlers = {
+        handlers: dict[str, Callable[[re.Match[str]], int]] = {
             "WORD": self._word,
             "NUMBER": self._number,
             "LINE": self._line,
             "COMMA": self._comma,
             "SYMBOL": self._symbol,
-            "LONGSTRING": self._string,
+            "LONGSTRING": self._long_string,
             "STRING": self._string,
             "OPENSTRING": self._open_string,
             "BADNUMBER": self._bad_number,
             "BAD": self._bad,
         }
-        skip = 0
-        for match in MASTER.finditer(self.text, self.start):
-            kind = match.lastgroup
-            if kind == "SPACE" or match.start() < skip:
+        at: int | None = self.start
+        while at is not None:
+            at = self._scan(handlers, at)
+            if len(self.open) > DEEPEST:
+                return None
+        return self._finish()
+
+    def _scan(self, handlers: dict[str, Callable[[re.Match[str]], int]], begin: int) -> int | None:
+        """Read from `begin` to the end (None), or to where a handler says to go on."""
+        for match in MASTER.finditer(self.text, begin):
+            kind = match.lastgroup or ""
+            if kind == "SPACE":
                 continue
-            skip = handlers[kind](match) or 0  # type: ignore[index]
+            skip = handlers[kind](match)
             if len(self.open) > DEEPEST:
                 self.report("LJ0005", match.start(), match.end(), f"brackets are nested deeper than {DEEPEST}")
                 return None
-        return self._finish()
+            if skip:
+                return skip
+        return None
 
     def _add(self, kind: str, start: int, end: int, *, text: str | None = None) -> None:
         if text is None:
@@ -121,6 +132,8 @@ class Lexer:
     def _word(self, match: re.Match[str]) -> int:
         word, start, end = match[0], match.start(), match.end()
         previous = self.previous
+        if word in ("goal", "prompt") and (skip := self._unopened_long(word, start, end)):
+            return skip
         if previous in _BEFORE_STATEMENTS and word in STATEMENTS and self._begins(end, previous):
             self._add(STATEMENTS[word], start, end)
         elif previous in ("NL", "LBRACE") and (meant := self._misspelt_block(word, end)):
@@ -351,8 +364,72 @@ class Lexer:
     # -- texts and faults
 
     def _string(self, match: re.Match[str]) -> int:
+        start, end = match.start(), match.end()
+        if match[0] != '""':
+            self._add("STRING", start, end)
+            return 0
+        if self.text.startswith('"', end):
+            return self._unclosed_long(start)
+        line = _LONG_REST.match(self.text, end) if self.previous in ("GOAL", "PROMPT") else None
+        if line is None:
+            self._add("STRING", start, end)
+            return 0
+        self.report(
+            "LJ0002", start, end, "a text of several lines begins with three quotes", 'write `"""`', replace='"""'
+        )
+        self._add("STRING", start, line.end())
+        return line.end()
+
+    def _unclosed_long(self, start: int) -> int:
+        """Three quotes without their like: the text ends at a line of fewer quotes, or where its indentation does."""
+        rest = _LONG_REST.match(self.text, start + 3)
+        if rest is not None:
+            place = rest.start("quotes")
+            message = "a text of several lines ends with three quotes"
+            self.report("LJ0002", place, rest.end(), message, 'write `"""`', replace='"""')
+            self._add("STRING", start, rest.end())
+            return rest.end()
+        self.unbalanced = True
+        return self._until_dedent(start, len(self.text))
+
+    def _long_string(self, match: re.Match[str]) -> int:
+        """A text of several lines. On the second pass one that leaves its indentation was never closed: what closes it
+        is the beginning of another."""
+        if self.guide is not None:
+            return self._until_dedent(match.start(), match.end())
+        begin = self.text.rfind("\n", 0, match.end()) + 1
+        if self.text[begin : match.end() - 3].strip() in ("goal", "prompt"):
+            self.unbalanced = True
         self._add("STRING", match.start(), match.end())
         return 0
+
+    def _until_dedent(self, start: int, close: int) -> int:
+        """End a text at its last line that is indented deeper than the line it begins on, if that is before `close`."""
+        depth = Indentation(self.text).depth_of_line(start)
+        end = start + 3
+        for line in _LINES.finditer(self.text, end, close):
+            end = line.end("line")
+            if len(line["depth"]) <= depth and not self.text.startswith('"""', line.end()):
+                break
+        else:
+            self._add("STRING", start, close)
+            return close
+        related = (Related(self.report.span(start, start + 3), "it begins here"),)
+        self.report("LJ0002", end, end, "the text is never closed", 'add `"""` after its last line', related=related)
+        self._add("STRING", start, end)
+        return end
+
+    def _unopened_long(self, word: str, start: int, end: int) -> int:
+        """`goal` or `prompt` alone on its line, and further down the end of a text: its beginning is missing."""
+        rest = _LONG_REST.match(self.text, end) if word in ("goal", "prompt") else None
+        if rest is None or self.previous not in ("NL", "LBRACE"):
+            return 0
+        self.report(
+            "LJ0002", end, end, "a text of several lines begins with three quotes", 'add ` """`', replace=' """'
+        )
+        self._add(STATEMENTS[word], start, end)
+        self._add("STRING", end, rest.end())
+        return rest.end()
 
     def _open_string(self, match: re.Match[str]) -> int:
         self.report("LJ0002", match.start(), match.end(), "the text is never closed", 'add `"` before the line ends')
@@ -430,6 +507,8 @@ class Indentation:
         return opened > 0 and deeper >= 0.9 * opened
 
 
+_LONG_REST = re.compile(r'[ \t]*\r?\n[^"]*?\n[ \t]*(?P<quotes>"{1,3})[ \t]*(?=[\r\n])')
+_LINES = re.compile(r"(?P<line>[^\r\n]*)(?:\r\n|\n|\r)(?:[ \t]*(?:\r\n|\n|\r))*(?P<depth>[ \t]*)(?=\S)")
 _BLANK = re.compile(r"[ \t]*")
 _NEXT_CODE = re.compile(r"(?:[ \t]*(?:\#[^\r\n]*)?[\r\n])*(?P<depth>[ \t]*)(?=[^\s\#])")
 _NEXT_LINE = re.compile(r"[}\s]*?(?:\#[^\r\n]*)?(?P<lines>[\r\n]+)")

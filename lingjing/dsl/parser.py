@@ -207,6 +207,11 @@ class Parser:
                 tokens[begin] = Token(STATEMENTS[close], close, first.start, first.end)
                 self._drop_statement()
                 return begin
+        if [t.type for t in tokens[begin : begin + 3]] == ["NAME", "STRING", "LBRACE"] and fault == begin + 1:
+            self.report("LJ0010", first.start, first.start, "`mission` is due here", replace="mission ")
+            tokens.insert(begin, Token("MISSION", "mission", first.start, first.start))
+            self._drop_statement()
+            return begin
         if first.type == "NAME" and fault == begin + 1 and _is_value(tokens, fault):
             message = f"`=` is due after `{first.text}`"
             text = self.report.source.text[token.start : token.end]

@@ -35,7 +35,7 @@ APART = 2
 """Least distance in lines between two faults of one file."""
 
 TOKEN = re.compile(
-    r"""(?P<comment>\#[^\n]*)|(?P<string>"(?:[^"\\\n]|\\.)*")|(?P<number>\d+(?:\.\d+)?(?:[eE][+-]?\d+)?)
+    r"""(?P<comment>\#[^\n]*)|(?P<string>""\"(?s:.*?)""\"|"(?:[^"\\\n]|\\.)*")|(?P<number>\d+(?:\.\d+)?(?:[eE][+-]?\d+)?)
     |(?P<word>[^\W\d]\w*)|(?P<symbol><->|->|<=|>=|==|!=|\.\.|\.\*|[^\s\w])""",
     re.VERBOSE,
 )
@@ -242,7 +242,8 @@ def missing_unit(mission: Mission, chance: random.Random) -> Fault | None:
 
 def unclosed_string(mission: Mission, chance: random.Random) -> Fault | None:
     token = chance.choice([token for token in mission.tokens if token.kind == "string"])
-    return Fault("unclosed string", token.end - 1, token.end, "")
+    quotes = 3 if token.text.startswith('"""') else 1
+    return Fault("unclosed string", token.end - quotes, token.end, "")
 
 
 def undefined_reference(mission: Mission, chance: random.Random) -> Fault | None:

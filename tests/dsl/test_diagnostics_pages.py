@@ -14,8 +14,10 @@ from lingjing.errors import ExitCode
 
 PAGES = Path(__file__).parents[2] / "docs" / "errors"
 BLOCK = re.compile(r"^```ljs(?P<file> file)?(?P<error> error)?\n(?P<text>.*?)\n?^```$", re.MULTILINE | re.DOTALL)
-WITHOUT_EXAMPLE = {"LJ0008", "LJ0009", "LJ0119"}
-"""A thousand errors, a JSON document, a second file: what no short text shows."""
+WITHOUT_EXAMPLE = {"LJ0008", "LJ0009", "LJ0119", "LJ0120", "LJ0124"}
+"""A thousand errors, a JSON document, a second file: what no short text shows.
+
+`test_codes`, `test_inputs` and `test_library` have examples of these."""
 
 
 def test_the_example_mission_is_good() -> None:
