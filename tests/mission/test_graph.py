@@ -8,6 +8,7 @@ from typing import get_args
 import msgspec
 import pytest
 
+from lingjing.dsl.load import load_mission
 from lingjing.errors import MissionError, UsageError
 from lingjing.mission import expression as ex
 from lingjing.mission import model as m
@@ -15,7 +16,7 @@ from lingjing.mission.graph import EdgeKind, MissionGraph, NodeKind, graph
 from lingjing.mission.graph.guards import presence
 from lingjing.mission.graph.spelling import spell
 
-GOLDEN_MISSION = Path(__file__).parents[1] / "dsl" / "golden" / "ssr.mission.json"
+SSR = Path(__file__).parents[2] / "scenarios" / "ssr.ljs"
 V, R = ex.Ref("v", "local"), ex.Ref("r", "local")
 STAR = m.Guard(condition=ex.Binary("==", ex.Ref("mode", "mode"), ex.Symbol("star")))
 
@@ -99,7 +100,7 @@ ONLY_BROADCAST = ["may_command role:searcher asset:boat", "competition role:sear
 @pytest.fixture(scope="module")
 def whole() -> m.Mission:
     """`scenarios/ssr.ljs`, compiled."""
-    return msgspec.json.decode(GOLDEN_MISSION.read_bytes(), type=m.Mission)
+    return load_mission(SSR)
 
 
 def ids(shown: MissionGraph) -> tuple[set[str], set[str]]:
@@ -278,7 +279,7 @@ def test_each_declaration_adds_its_edge(everything: m.Mission, edge: str) -> Non
 
 def test_what_the_drawing_says_about_terms(everything: m.Mission) -> None:
     shown = graph(everything)
-    assert shown.node("stage:detect").detail == "per victim, ≤ 40 tick, weight 2"
+    assert shown.node("stage:detect").detail == "per victim, ≤ 40 ticks, weight 2"
     assert shown.node("resource:photos").detail == "≤ 30 uav.takePhoto"
     assert shown.node("resource:talk").modes == ("star",)
     assert shown.node("constraint:thrift").detail == "soft, penalty 0.1"

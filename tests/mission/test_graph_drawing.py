@@ -9,6 +9,7 @@ import itertools
 import random
 import re
 from collections.abc import Iterator
+from functools import lru_cache
 from pathlib import Path
 from typing import get_args
 from xml.etree import ElementTree as ET
@@ -16,7 +17,7 @@ from xml.etree import ElementTree as ET
 import msgspec
 import pytest
 
-from lingjing.mission import model as m
+from lingjing.dsl.load import load_mission
 from lingjing.mission.draw.cards import DETAIL, PAD, TAG, TITLE
 from lingjing.mission.draw.dot import dot, quote
 from lingjing.mission.draw.drawing import LINE, Box, Curve, draw, label_lines
@@ -35,8 +36,7 @@ NASTY = 'a "quoted" <b>&amp; \\ back `tick` #35; {brace} [x] |pipe|\n第二行 \
 
 @pytest.fixture(scope="module")
 def ssr_graph() -> MissionGraph:
-    text = (HERE.parent / "dsl" / "golden" / "ssr.mission.json").read_bytes()
-    return graph(msgspec.json.decode(text, type=m.Mission))
+    return shipped_graph("ssr")
 
 
 def random_graph(seed: int) -> MissionGraph:
@@ -80,12 +80,20 @@ def random_graph(seed: int) -> MissionGraph:
     )
 
 
-GRAPHS = [pytest.param(None, id="ssr"), *(pytest.param(seed, id=f"random-{seed}") for seed in range(25))]
+@lru_cache
+def shipped_graph(name: str) -> MissionGraph:
+    return graph(load_mission(HERE.parents[1] / "scenarios" / f"{name}.ljs"))
+
+
+MISSIONS = ("vdn", "bi", "idf", "upr", "ufr", "ssr", "cr", "ld", "cd")
+GRAPHS = [*MISSIONS, *(pytest.param(seed, id=f"random-{seed}") for seed in range(25))]
 
 
 @pytest.fixture(params=GRAPHS)
-def shown(request: pytest.FixtureRequest, ssr_graph: MissionGraph) -> MissionGraph:
-    return readable(ssr_graph if request.param is None else random_graph(request.param))
+def shown(request: pytest.FixtureRequest) -> MissionGraph:
+    """Each of the paper's missions as it is shipped, and graphs that no author would write."""
+    made = request.param
+    return readable(random_graph(made) if isinstance(made, int) else shipped_graph(made))
 
 
 # -- text

@@ -113,8 +113,9 @@ def picture(graph: MissionGraph) -> Picture:
     )
     for link in links:
         _attach(link)
-    for card in cards.values():
-        _size(card)
+    for cards_of_lane in lanes:
+        for card in cards_of_lane:
+            _size(card)
     return Picture(tuple(map(tuple, lanes)), tuple(_lane_width(lane) for lane in lanes), links)
 
 

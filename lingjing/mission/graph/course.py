@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.graph.draft import Draft
-from lingjing.mission.graph.needs import needs
+from lingjing.mission.graph.needs import DECIDED, needs
 from lingjing.mission.graph.spelling import parts, spell
 from lingjing.mission.graph.types import NodeKind
 
@@ -45,7 +45,7 @@ def add_unlocks(mission: model.Mission, draft: Draft) -> None:
     for unlock in mission.unlocks:
         event = draft.find(unlock.interaction, "event") or draft.node("event", unlock.interaction)
         for node in needs(unlock.condition, mission, draft):
-            if node.startswith(("rule:", "event:")):
+            if node.startswith(DECIDED):
                 draft.edge("unlocks", node, event)
             else:
                 draft.edge("requires", event, node)
@@ -70,7 +70,7 @@ def add_stages(mission: model.Mission, draft: Draft) -> None:
     """Stages, once per member of their group."""
     for stage in mission.stages:
         said = [f"per {stage.domain}"] if stage.domain else []
-        said += [f"≤ {spell(stage.ticks)}"] if stage.ticks else []
+        said += [f"≤ {draft.value(stage.ticks)} ticks"] if stage.ticks else []
         said += [f"weight {spell(stage.weight)}"] if stage.weight else []
         per = draft.find(stage.domain, "target", "asset") if stage.domain else None
         draft.node("stage", stage.name, detail=", ".join(said), text=spell(stage.condition), per=per)

@@ -11,6 +11,9 @@ from lingjing.mission.graph.spelling import parts
 from lingjing.mission.graph.things import groups_in
 from lingjing.mission.graph.types import NodeKind
 
+DECIDED = ("rule:", "event:", "inspection:", "stage:")
+"""Ids of nodes that become true: these unlock what waits for them, others are merely needed."""
+
 _OF_ONE: dict[str, tuple[NodeKind, ...]] = {
     "emitted": ("event",),
     "inspected": ("inspection",),
@@ -27,9 +30,12 @@ def needs(condition: ex.Expr, mission: model.Mission, draft: Draft) -> tuple[str
 
 
 def _read(condition: ex.Expr, mission: model.Mission, draft: Draft) -> Iterator[str]:
+    handed = _handed_on(condition)
     for part in parts(condition):
         found: str | None = None
         match part:
+            case ex.Ref() if id(part) in handed:
+                continue
             case ex.Call(function=function, rule=True):
                 found = draft.find(function, "rule")
             case ex.Call(function="assigned"):
@@ -49,6 +55,12 @@ def _read(condition: ex.Expr, mission: model.Mission, draft: Draft) -> Iterator[
                 found = draft.find(domain, "channel", "target", "asset")
         if found:
             yield found
+
+
+def _handed_on(condition: ex.Expr) -> set[int]:
+    """Identities of the arguments of rules and interactions: what is judged there is not read here."""
+    calls = (part for part in parts(condition) if isinstance(part, ex.Call))
+    return {id(argument) for call in calls if call.rule or call.function == "emitted" for argument in call.arguments}
 
 
 def _calls_a_rule(body: ex.Expr) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from lingjing.mission import model
 from lingjing.mission.graph.course import SUCCESS
 from lingjing.mission.graph.draft import Draft
-from lingjing.mission.graph.needs import needs
+from lingjing.mission.graph.needs import DECIDED, needs
 from lingjing.mission.graph.spelling import spell
 from lingjing.mission.graph.things import groups_in
 
@@ -75,8 +75,10 @@ def add_permits(mission: model.Mission, draft: Draft) -> None:
     for permit in mission.permits:
         for asset in groups_in(permit.resource, draft):
             for needed in needs(permit.condition, mission, draft):
-                if needed != asset:
+                if needed.startswith(DECIDED):
                     draft.edge("unlocks", needed, asset, label=permit.verb)
+                elif needed != asset:
+                    draft.edge("requires", asset, needed, label=permit.verb)
 
 
 def add_happenings(mission: model.Mission, draft: Draft) -> None:

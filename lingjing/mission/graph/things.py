@@ -48,9 +48,14 @@ def add_agents(mission: model.Mission, draft: Draft) -> None:
 
 
 def add_regions(mission: model.Mission, draft: Draft) -> None:
-    """Named areas."""
+    """Named areas, and those they are made from."""
     for region in mission.regions:
         draft.node("region", region.name, detail=_shape(region.shape), text=spell(region.shape))
+    for region in mission.regions:
+        for part in parts(region.shape):
+            if isinstance(part, ex.Ref) and part.kind == "region":
+                source = draft.need(part.name, f"the region `{region.name}`", "region")
+                draft.edge("requires", f"region:{region.name}", source, label="from")
 
 
 def add_grids(mission: model.Mission, draft: Draft) -> None:
@@ -114,10 +119,13 @@ def add_observations(mission: model.Mission, draft: Draft) -> None:
     """What every agent sees: entities, grids, and the built-in channels."""
     for agent in mission.agents:
         source = draft.find(agent.name, "agent")
+        seen: dict[str, list[str]] = {}
         for channel in agent.observes if source else ():
-            fields = "" if channel.fields == ("*",) else ", ".join(channel.fields)
             for target in _observed(channel.source, agent.name, draft):
-                draft.edge("observes", str(source), target, label=fields)
+                seen.setdefault(target, []).extend(channel.fields)
+        for target, fields in seen.items():
+            label = "" if "*" in fields else ", ".join(dict.fromkeys(fields))
+            draft.edge("observes", str(source), target, label=label)
 
 
 def add_reveals(mission: model.Mission, draft: Draft) -> None:
@@ -139,10 +147,17 @@ def groups_in(expr: ex.Expr, draft: Draft) -> tuple[str, ...]:
 
 def _add_property(group: model.Group, item: model.Property, draft: Draft) -> None:
     owner = f"{group.role}:{group.name}"
-    said = f"{item.relation} {spell(item.value)}"
+    said = spell(item.value) if item.relation == "=" else f"{item.relation} {spell(item.value)}"
     source = owner
     if item.hidden:
-        source = draft.node("fact", f"{group.name}.{item.name}", title=item.name, detail=said, within=owner)
+        source = draft.node(
+            "fact",
+            f"{group.name}.{item.name}",
+            title=item.name,
+            detail=_gist(item.value) or said,
+            text=f"{item.name} {item.relation} {spell(item.value)}",
+            within=owner,
+        )
         draft.edge("hides", owner, source)
     elif group.role == "asset" and item.name.startswith(_STORES):
         store = draft.node("resource", f"{group.name}.{item.name}", title=_bare(item.name), detail=said, within=owner)
@@ -153,6 +168,15 @@ def _add_property(group: model.Group, item: model.Property, draft: Draft) -> Non
             place = draft.find(part.name, *kinds)
             if place and place != owner:
                 draft.edge("requires", source, place, label="" if item.hidden else item.name)
+
+
+def _gist(value: ex.Expr) -> str:
+    """A draw from a list in few words: the list itself is too long to stand in a line."""
+    if isinstance(value, ex.Draw):
+        for argument in value.arguments:
+            if isinstance(argument, ex.Sequence):
+                return f"~ {value.distribution} of {len(argument.items)}"
+    return ""
 
 
 def _add_message(kind: model.MessageKind, bus: str, draft: Draft) -> None:
