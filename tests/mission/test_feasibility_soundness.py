@@ -12,12 +12,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lingjing.dsl import compile_file
+from lingjing.mission import expression as ex
 from lingjing.mission import model as m
 from lingjing.mission.evaluate import Interval, Scope, evaluate
 from lingjing.mission.feasibility import prove, prove_instance
 from lingjing.mission.feasibility.limits import episode
 from lingjing.mission.feasibility.needs import mandatory, needs
-from lingjing.mission.feasibility.outline import of_instance, of_mission
+from lingjing.mission.feasibility.outline import of_instance, of_mission, too_large
 from lingjing.mission.feasibility.tour import tours
 from lingjing.mission.instance import Instance
 from lingjing.mission.instantiate import instantiate
@@ -127,3 +128,12 @@ def sailed(start: tuple[float, ...], order: tuple[tuple[float, float], ...]) -> 
 def test_a_large_mission_is_not_looked_at(ssr: m.Mission) -> None:
     crowd = tuple(msgspec.structs.replace(ssr.groups[1], name=f"uav{k}", when=None) for k in range(2001))
     assert prove(msgspec.structs.replace(ssr, groups=ssr.groups + crowd)) == ()
+
+
+def test_a_crowd_is_counted_before_it_is_made(ssr: m.Mission) -> None:
+    crowd = tuple(
+        msgspec.structs.replace(group, count=ex.Number(100_000.0)) if group.name == "victim" else group
+        for group in ssr.groups
+    )
+    assert too_large(msgspec.structs.replace(ssr, groups=crowd), "star")
+    assert not too_large(ssr, "star")

@@ -27,7 +27,7 @@ from lingjing.mission.evaluate import number
 from lingjing.mission.feasibility.limits import Limit, episode, of_stage
 from lingjing.mission.feasibility.needs import needs, some_member
 from lingjing.mission.feasibility.order import refute_order
-from lingjing.mission.feasibility.outline import Outline, of_instance, of_mission, too_large
+from lingjing.mission.feasibility.outline import ENTITIES_MOST, Outline, of_instance, of_mission, too_large
 from lingjing.mission.feasibility.placing import refute_places
 from lingjing.mission.feasibility.proof import Proof, gathered
 from lingjing.mission.feasibility.refutation import refute, refute_each
@@ -41,12 +41,12 @@ def prove(mission: model.Mission) -> tuple[Proof, ...]:
 
     Nothing if that is not proved: also for a mission that cannot be evaluated, or is too large to be looked at.
     """
-    if too_large(mission):
-        return ()
     modes = mission.modes.allowed
     found: dict[Proof, list[str]] = {}
     for mode in modes:
         try:
+            if too_large(mission, mode):
+                return ()
             outline = of_mission(mission, mode)
         except LingjingError:
             continue
@@ -57,7 +57,7 @@ def prove(mission: model.Mission) -> tuple[Proof, ...]:
 
 def prove_instance(instance: Instance) -> tuple[Proof, ...]:
     """Why this instance (seed, mode and settings) cannot be won; nothing if that is not proved."""
-    return prove_outline(of_instance(instance))
+    return () if len(instance.entities) > ENTITIES_MOST else prove_outline(of_instance(instance))
 
 
 def prove_outline(outline: Outline) -> tuple[Proof, ...]:

@@ -16,10 +16,11 @@ from lingjing.mission.evaluate import Area, Scope, number
 from lingjing.mission.feasibility.motion import Air, bounds, ceiling, drives, flight_s
 from lingjing.mission.feasibility.spread import Bounds, Where, numbers, places, point
 from lingjing.mission.instance import Entity, Instance
-from lingjing.mission.instantiate import instantiate
+from lingjing.mission.instantiate import instantiate, parameters
+from lingjing.mission.placing import count_of
 
-DECLARATIONS_MOST = 2_000
-"""A mission with more declared groups and agents is not looked at: compiling it must stay fast."""
+ENTITIES_MOST = 150
+"""A mission with more entities, or agents, is not looked at: compiling it must stay fast."""
 
 MOVED_M = {"ground": 100.0} | dict.fromkeys(("road", "water", "roof", "facade", "bridge", "pipe"), 1000.0)
 """How far at most the scene moves what is declared `on` a surface: only the built city knows where that is."""
@@ -99,9 +100,14 @@ def of_mission(mission: model.Mission, mode: str) -> Outline:
     return _outline(instance, scope, _air(mission, scope), opened, frozenset(kind.name for kind in mission.messages))
 
 
-def too_large(mission: model.Mission) -> bool:
-    """Whether the mission has more declarations than are looked at."""
-    return len(mission.groups) + len(mission.agents) > DECLARATIONS_MOST
+def too_large(mission: model.Mission, mode: str) -> bool:
+    """Whether the mission has more entities or agents than are looked at. `MissionError` if they cannot be counted."""
+    if max(len(mission.groups), len(mission.agents)) > ENTITIES_MOST:
+        return True
+    scope = Scope(parameters=parameters(mission, mode, {}), mode=mode)
+    return any(
+        sum(count_of(part.count, scope) for part in parts) > ENTITIES_MOST for parts in (mission.groups, mission.agents)
+    )
 
 
 def interactions(entity: Entity) -> Iterator[tuple[str, str, float]]:

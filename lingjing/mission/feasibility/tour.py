@@ -17,7 +17,7 @@ from lingjing.mission.feasibility.travel import meeting, movers_of
 EXACT_MOST = 8
 """Up to so many stops of one vehicle the shortest order is found exactly; beyond, a spanning tree bounds it."""
 
-STOPS_MOST = 300
+STOPS_MOST = 100
 """More stops than these are not looked at: the bound takes time with their square."""
 
 
