@@ -10,6 +10,7 @@ Modules in the order a mission passes them:
 - `geometry2d`, `grid`: polygons, and search cells cut from them.
 - `evaluate`: the value of an expression that is known before the first tick.
 - `placing`, `roster`, `instantiate`: (mission, seed, mode, settings) to `instance.Instance`, the reset specification.
+- `graph`, `draw`: the mission as typed nodes and edges, and pictures of that in SVG, Mermaid and DOT.
 
 In: a file's text or a compiled `Mission`. Out: an `Instance`, in which everything but the rules is a plain value.
 Invariants: all values are frozen; SI units and degrees; the same arguments give an equal `Instance` in every process;
