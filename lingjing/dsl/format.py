@@ -23,7 +23,7 @@ from lingjing.dsl.lexer import lex
 from lingjing.dsl.parser import parse
 from lingjing.dsl.reporter import Reporter
 from lingjing.dsl.source import Source
-from lingjing.dsl.spacing import Spelling, spell
+from lingjing.dsl.spacing import Spelling, spell, text_of
 from lingjing.dsl.tokens import STATEMENTS, Token
 from lingjing.mission.diagnostics import Diagnostic, in_source_order
 
@@ -244,7 +244,7 @@ def _assert_same(source: Source, tokens: list[Token], tree: s.File, text: str) -
 
 
 def _essence(tokens: list[Token]) -> list[tuple[str, str, str]]:
-    return [(t.type, t.text, t.unit) for t in tokens if t.type not in _LINE_END]
+    return [(t.type, text_of(t), t.unit) for t in tokens if t.type not in _LINE_END]
 
 
 def _comments(text: str, tokens: list[Token]) -> list[str]:

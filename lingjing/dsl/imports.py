@@ -6,12 +6,14 @@ one that gives exactly the inherited properties, the engine and the verbs is use
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import msgspec
 
 from lingjing.dsl import library
 from lingjing.dsl.scope import Library, RecordDecl, TypeDecl
+from lingjing.dsl.types import INTERACTION_KEYS
 from lingjing.mission import expression as ex
 from lingjing.mission import model
 
@@ -96,10 +98,17 @@ def _is_verb_of(verb: model.Verb, of: model.Verb | None) -> bool:
 
 
 def _bounded_as(verb: model.Verb, other: model.Verb) -> model.Verb:
-    """The verb with the other's bound of the first argument: all that `actions` can change."""
+    """The verb with the other's bounds and default of the first argument: all that `actions` can change."""
     if not verb.arguments or not other.arguments:
         return verb
-    first = msgspec.structs.replace(verb.arguments[0], maximum=other.arguments[0].maximum)
+    own, given = verb.arguments[0], other.arguments[0]
+    first = msgspec.structs.replace(
+        own,
+        minimum=given.minimum,
+        maximum=given.maximum,
+        default=given.default,
+        optional=own.optional or given.default is not None,
+    )
     return msgspec.structs.replace(verb, arguments=(first, *verb.arguments[1:]))
 
 
@@ -108,26 +117,44 @@ def _put_together(name: str, groups: list[model.Group], mission: model.Mission) 
     properties = {prop.name: prop for group in groups for prop in group.properties if prop.inherited}
     verbs: dict[str, model.Verb] = {}
     for group in groups:
-        for verb in group.verbs:
+        for verb in map(_without_default, group.verbs):
             known = verbs.get(verb.name)
             verbs[verb.name] = verb if known is None else _wider(known, verb)
     unlocked = tuple(dict.fromkeys(unlock.interaction for unlock in mission.unlocks))
-    own = tuple(name for name in unlocked if any(_is_part(prop, name) for prop in properties.values()))
+    own = tuple(name for name in unlocked if any(is_part(prop, name) for prop in properties.values()))
     return LocalType(name, first.role, first.engine, tuple(properties.values()), tuple(verbs.values()), own)
 
 
-def _is_part(prop: model.Property, interaction: str) -> bool:
-    return prop.name in {f"{interaction}_{key}" for key in ("by", "within_m", "lasting_s")}
+def is_part(prop: model.Property, interaction: str) -> bool:
+    """Whether the property is one of an interaction's: its name, a key, and the unit behind it."""
+    key = prop.name.removeprefix(f"{interaction}_")
+    return key != prop.name and any(key == name or key.startswith(f"{name}_") for name in INTERACTION_KEYS)
 
 
 def _wider(a: model.Verb, b: model.Verb) -> model.Verb:
-    """The one whose first argument is bounded less."""
+    """One verb that can be bounded to either."""
+    if not a.arguments or not b.arguments:
+        return a
+    first, other = a.arguments[0], b.arguments[0]
+    low = _outer(first.minimum, other.minimum, min)
+    high = _outer(first.maximum, other.maximum, max)
+    return msgspec.structs.replace(
+        a, arguments=(msgspec.structs.replace(first, minimum=low, maximum=high), *a.arguments[1:])
+    )
 
-    def most(verb: model.Verb) -> float:
-        maximum = verb.arguments[0].maximum if verb.arguments else None
-        return maximum.value if isinstance(maximum, ex.Number) else float("inf")
 
-    return a if most(a) >= most(b) else b
+def _outer(a: ex.Expr | None, b: ex.Expr | None, pick: Callable[..., float]) -> ex.Expr | None:
+    if not isinstance(a, ex.Number) or not isinstance(b, ex.Number):
+        return a if a == b else None
+    return a if pick(a.value, b.value) == a.value else b
+
+
+def _without_default(verb: model.Verb) -> model.Verb:
+    """As a type declares it: a default is given by `actions`, and makes the argument optional."""
+    if not verb.arguments or verb.arguments[0].default is None:
+        return verb
+    first = msgspec.structs.replace(verb.arguments[0], default=None, optional=False)
+    return msgspec.structs.replace(verb, arguments=(first, *verb.arguments[1:]))
 
 
 def _import_record(kind: model.MessageKind, libraries: dict[str, Library], imports: Imports) -> None:

@@ -56,6 +56,18 @@ def quoted(text: str) -> str:
     return f'"{escaped}"'
 
 
+def long_text(text: str, indent: int) -> str:
+    """A text in quotes: over several lines, indented, if it has several and every one survives that; else quoted."""
+    lines = text.split("\n")
+    plain = all(line == line.rstrip() and "\r" not in line and "\t" not in line for line in lines)
+    flush = any(line and not line[0].isspace() for line in lines[1:] or lines)
+    if len(lines) < 2 or not plain or not flush or not lines[0] or not lines[-1] or '"""' in text or text[-1] == '"':
+        return quoted(text)
+    margin = " " * indent
+    body = "\n".join(f"{margin}{line}".rstrip() for line in text.replace("\\", "\\\\").split("\n"))
+    return f'"""\n{body}\n{margin}"""'
+
+
 def _digits(value: float) -> str:
     return str(int(value)) if value == int(value) and abs(value) < 1e15 else repr(value)
 
@@ -110,9 +122,15 @@ class Phrases:
         """The author's name of a property: without the unit that lowering put behind it."""
         return self._bare(prop.name, self.dimension(prop.value))
 
-    def field(self, lowered: str) -> str:
-        """The author's name of a lowered field of an entity's state."""
-        return _FIELDS.get(lowered, lowered)
+    def field(self, source: ex.Expr, lowered: str, names: Locals | None = None) -> str:
+        """The author's name of a lowered field of an entity (or of what is none: then the name itself)."""
+        group = self.groups.get(self._entity(source, names or {}))
+        if group is None and not isinstance(source, ex.Symbol):
+            return lowered
+        if lowered in _FIELDS:
+            return _FIELDS[lowered]
+        given = next((prop for prop in group.properties if prop.name == lowered), None) if group else None
+        return self.property_name(given) if given is not None else lowered
 
     # -- writers
 
@@ -123,16 +141,7 @@ class Phrases:
         return f"{self.text(node.base, OPERAND, names)}[{self.text(node.index, 0, names)}]"
 
     def _attribute(self, node: ex.Attr, _rank: int, names: Locals) -> str:
-        return f"{self.text(node.base, OPERAND, names)}.{self._field_of(node, names)}"
-
-    def _field_of(self, node: ex.Attr, names: Locals) -> str:
-        group = self.groups.get(self._entity(node.base, names))
-        if group is None:
-            return node.name
-        if node.name in _FIELDS:
-            return _FIELDS[node.name]
-        given = next((prop for prop in group.properties if prop.name == node.name), None)
-        return self.property_name(given) if given is not None else node.name
+        return f"{self.text(node.base, OPERAND, names)}.{self.field(node.base, node.name, names)}"
 
     def _entity(self, node: ex.Expr, names: Locals) -> str:
         """The group an expression picks a member of, or the empty string."""

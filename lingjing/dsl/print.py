@@ -13,8 +13,8 @@ from typing import Any
 import msgspec
 
 from lingjing.dsl.format import format_text
-from lingjing.dsl.imports import Imports, LocalType, find_imports
-from lingjing.dsl.phrases import RANGE, SUM, Locals, Phrases, quoted
+from lingjing.dsl.imports import Imports, LocalType, find_imports, is_part
+from lingjing.dsl.phrases import RANGE, SUM, Locals, Phrases, long_text, quoted
 from lingjing.errors import MissionError
 from lingjing.mission import expression as ex
 from lingjing.mission import model
@@ -26,7 +26,7 @@ _DIRECTED = re.compile(r"(.+)_mps")
 
 def to_ljs(mission: model.Mission) -> str:
     """The mission's text. `MissionError` if something in it has no spelling (a name that is no word, say)."""
-    text = _Printer(mission).file()
+    text = Printer(mission).file()
     outcome = format_text(text)
     if outcome.text is None:
         first = outcome.diagnostics[0]
@@ -74,7 +74,7 @@ def lost(mission: model.Mission, text: str) -> tuple[str, ...]:
     return tuple(dict.fromkeys((*unprinted(mission), *found)))
 
 
-class _Printer:
+class Printer:
     """Writes one mission. Every method gives the lines of one statement or of one family of them."""
 
     def __init__(self, mission: model.Mission) -> None:
@@ -96,12 +96,12 @@ class _Printer:
 
     def _type(self, local: LocalType) -> str:
         lines = [f"engine = {local.engine}"]
-        parts = {f"{name}_" for name in local.interactions}
-        plain = [prop for prop in local.properties if not any(prop.name.startswith(part) for part in parts)]
+        parts = {name: [p for p in local.properties if is_part(p, name)] for name in local.interactions}
+        taken = {prop.name for own in parts.values() for prop in own}
+        plain = [prop for prop in local.properties if prop.name not in taken]
         lines.extend(self.properties(plain))
         lines.extend(self._verb(verb) for verb in local.verbs)
-        for name in local.interactions:
-            own = [prop for prop in local.properties if prop.name.startswith(f"{name}_")]
+        for name, own in parts.items():
             short = [msgspec.structs.replace(prop, name=prop.name.removeprefix(f"{name}_")) for prop in own]
             lines.append(_block(f"interaction {name}", self.properties(short)))
         return _block(f"{local.role} {local.name}", lines, spread=True)
@@ -133,7 +133,7 @@ class _Printer:
     def settings(self) -> Iterable[str]:
         """Goal, scene, clock, budget, weather."""
         mission = self.mission
-        yield f"goal {quoted(mission.goal)}\n"
+        yield f"goal {long_text(mission.goal, 4)}\n"
         options = self.properties(mission.scene.options)
         yield _block(f"scene {mission.scene.kind}", options) if options else f"scene {mission.scene.kind}"
         yield _block("clock", self._fields(mission.clock, "="))
@@ -194,12 +194,22 @@ class _Printer:
 
     def _actions(self, group: model.Group) -> str:
         due = {verb.name: verb for verb in self.imports.verbs[group.type]}
-        lines = []
-        for verb in group.verbs:
-            maximum = verb.arguments[0].maximum if verb.arguments else None
-            bounded = maximum is not None and verb != due.get(verb.name)
-            lines.append(f"{verb.name} <= {self.text(maximum)}" if bounded and maximum is not None else verb.name)
+        lines = [f"{verb.name}{self._bound(verb, due.get(verb.name))}" for verb in group.verbs]
         return f"actions {{ {', '.join(lines)} }}" if lines else "actions {}"
+
+    def _bound(self, verb: model.Verb, due: model.Verb | None) -> str:
+        """` <= 50 m`, ` in 5 m..25 m`, ` = 10 m in 5 m..25 m`: how the first argument differs from the type's."""
+        if verb == due or not verb.arguments:
+            return ""
+        first, of = verb.arguments[0], due.arguments[0] if due and due.arguments else None
+        low, high = first.minimum, first.maximum
+        same = of is not None and (low, high) == (of.minimum, of.maximum)
+        if first.default is None and high is not None and (low is None or (of is not None and low == of.minimum)):
+            return f" <= {self.text(high)}"
+        bounds = "" if low is None or high is None else f" in {self.text(low, SUM)}..{self.text(high, SUM)}"
+        if first.default is None:
+            return bounds
+        return f" = {self.text(first.default, RANGE)}{'' if same else bounds}"
 
     def agents(self) -> Iterable[str]:
         """Agents and authority."""
@@ -208,7 +218,7 @@ class _Printer:
             head = f"agent {agent.name}{self._count(agent)} as {agent.role}{controls}{self._when(agent.when)}"
             lines = [f"observes {', '.join(map(self._channel, agent.observes))}"] if agent.observes else []
             if agent.prompt:
-                lines.append(f"prompt {quoted(agent.prompt)}")
+                lines.append(f"prompt {long_text(agent.prompt, 6)}")
             allowance = getattr(agent, "budget", None)
             if allowance is not None:
                 lines.append(_block("budget", self._fields(allowance, "<=")))
@@ -219,7 +229,7 @@ class _Printer:
     def _channel(self, channel: model.Channel) -> str:
         source = self.text(channel.source)
         if channel.fields != ("*",):
-            return ", ".join(f"{source}.{self.phrases.field(name)}" for name in channel.fields)
+            return ", ".join(f"{source}.{self.phrases.field(channel.source, name)}" for name in channel.fields)
         return source if isinstance(channel.source, ex.Symbol) else f"{source}.*"
 
     def messages(self) -> Iterable[str]:
@@ -353,6 +363,10 @@ class _Printer:
         high = known.get(f"{low[1]}_high{low[2] or ''}") if low else None
         if low and high is not None:
             return low[1], f"{self.text(prop.value, SUM)}..{self.text(high.value, SUM)}", high
+        rows = prop.name.removesuffix("_rows")
+        columns = known.get(f"{rows}_columns") if rows != prop.name else None
+        if columns is not None:
+            return rows, f"{self.text(prop.value, SUM)} by {self.text(columns.value, SUM)}", columns
         if prop.name == "datum_m":
             return "datum", f"sea level at {self.text(prop.value, SUM)}", None
         return self.phrases.property_name(prop), self.text(prop.value), None
@@ -370,19 +384,19 @@ class _Printer:
         return found
 
 
-_PARTS: tuple[Callable[[_Printer], Iterable[str]], ...] = (
-    _Printer.settings,
-    _Printer.parameters,
-    _Printer.places,
-    _Printer.groups,
-    _Printer.agents,
-    _Printer.messages,
-    _Printer.rules,
-    _Printer.limits,
-    _Printer.stages,
-    _Printer.relations,
-    _Printer.events,
-    _Printer.outcomes,
+_PARTS: tuple[Callable[[Printer], Iterable[str]], ...] = (
+    Printer.settings,
+    Printer.parameters,
+    Printer.places,
+    Printer.groups,
+    Printer.agents,
+    Printer.messages,
+    Printer.rules,
+    Printer.limits,
+    Printer.stages,
+    Printer.relations,
+    Printer.events,
+    Printer.outcomes,
 )
 """The paragraphs of a mission, in order."""
 

@@ -40,7 +40,7 @@ def spell(tokens: list[Token]) -> Spelling:
         spaced = position > 0 and _is_spaced(tokens, position, colon_is_spaced and depth == 0)
         if token.type in _QUANTIFIERS:
             colon_is_spaced = False
-        word = f"{token.text} {token.unit}" if token.unit else token.text
+        word = f"{token.text} {token.unit}" if token.unit else text_of(token)
         if spaced:
             parts.append(" ")
             at += 1
@@ -52,6 +52,11 @@ def spell(tokens: list[Token]) -> Spelling:
         if token.type in _OPENERS:
             depth += 1
     return Spelling("".join(parts), begins, ends, depths)
+
+
+def text_of(token: Token) -> str:
+    """A token's text; the line ends in a long text are of one kind, as they are everywhere."""
+    return token.text.replace("\r\n", "\n").replace("\r", "\n") if token.type == "STRING" else token.text
 
 
 def _is_spaced(tokens: list[Token], at: int, colon_is_spaced: bool) -> bool:

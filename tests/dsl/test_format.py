@@ -120,6 +120,12 @@ def test_only_comments_and_nothing() -> None:
     assert formatted("") == ""
 
 
+def test_long_texts_keep_their_lines() -> None:
+    text = 'mission m {\n  goal """\n    One.\n      Two.  # no comment\n    """\n  param a = 1\n}\n'
+    assert formatted(text) == text
+    assert formatted(text.replace("\n", "\r\n")) == text
+
+
 def test_line_ends_become_one_kind_and_a_mark_goes() -> None:
     assert formatted("\ufeffljs 1\r\nuse std.air\r\r\nuse std.sea") == "ljs 1\nuse std.air\n\nuse std.sea\n"
 

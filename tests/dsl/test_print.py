@@ -50,14 +50,15 @@ def test_types_come_back_from_the_libraries(small: str) -> None:
 
 def test_types_and_records_of_the_file_itself_are_written_out(small: str) -> None:
     types = (
-        "asset glider {\n  engine = multirotor\n  band = 1 m..9 m\n  hidden fuel ~ uniform(1 kg, 2 kg)\n"
+        "asset glider {\n  engine = multirotor\n  band = 1 m..9 m\n"
+        "  hidden fuel ~ uniform(1 kg, 2 kg)\n  state load = 0 kg\n"
         "  verb go(x: length in 0 m..9 m, how: name optional)\n  verb stop()\n}\n"
-        "target fire { engine = city, heat = 3 kW, interaction douse { by = vessel, lasting = 3 s } }\n"
+        "target fire { engine = city, heat = 3 kW, interaction douse { by = vessel, lasting = 3 s, status = out } }\n"
         "record sighting : report { class: name, sure: number in 0..1 optional }\n"
     )
     changed = small.replace("mission small", types + "mission small").replace(
         "  agent skipper",
-        "  asset kite[1..2] : glider { position = at(i, [(1 m, 2 m)], spread 3 m), actions { go <= 4 m } }\n"
+        "  asset kite[1..2] : glider { position = at(i, [(1 m, 2 m)], spread 3 m), actions { go = 2 m in 1 m..4 m } }\n"
         "  asset hawk : glider { position = (1 m, 2 m) }\n"
         "  target blaze : fire { position = (3 m, 4 m) }\n"
         "  unlock douse(b: blaze) when distance_xy(boat, b) <= 9 m\n"
@@ -67,7 +68,7 @@ def test_types_and_records_of_the_file_itself_are_written_out(small: str) -> Non
     mission = compiled(changed)
     text = to_ljs(mission)
     assert canonical(compiled(text)) == canonical(mission)
-    assert "interaction douse { by = vessel, lasting = 3 s }" in text
+    assert "interaction douse { by = vessel, lasting = 3 s, status = out }" in text
     assert lost(mission, text) == ()
 
 
@@ -166,6 +167,14 @@ def test_texts_keep_every_character() -> None:
     mission = msgspec.structs.replace(compiled(SMALLEST), title='"quoted" \\ 灵境\n\ttab', goal="# no comment")
     assert compiled(to_ljs(mission)).title == mission.title
     assert compiled(to_ljs(mission)).goal == mission.goal
+
+
+def test_long_texts_come_back_over_lines(small: str) -> None:
+    lines = ["Look \\ down.", "", '  Twice "there".', "Speak."]
+    mission = msgspec.structs.replace(PLAIN, goal="\n".join(lines))
+    assert 'goal """\n' in to_ljs(mission)
+    for text in ("\n".join(lines), "a\n b", " a\nb", "a\nb\n", "a\nb ", 'a\n"b"', 'a\n""" b', "\n\n", "  a\n  b"):
+        assert compiled(to_ljs(msgspec.structs.replace(PLAIN, goal=text))).goal == text, repr(text)
 
 
 def test_what_has_no_place_is_named() -> None:
