@@ -385,9 +385,7 @@ class Builder:
     ) -> s.Property:
         done = self._done(value)
         start, end = (hidden or state or name).start, (guard or done).end
-        return s.Property(
-            start, end, _word(name), relation.text, done, hidden is not None, guard, state is not None
-        )
+        return s.Property(start, end, _word(name), relation.text, done, hidden is not None, guard, state is not None)
 
     def bounded(self, name: Token, relation: Token, value: Flat) -> s.Property:
         done = self._done(value)

@@ -116,9 +116,7 @@ class ConductChecker:
 
     def inspection(self, node: s.InspectionBlock) -> model.Inspection | None:
         """`inspection name of asset by inspectors { within = …, replan = … }`."""
-        entries = self.blocks.read(
-            node.block, _INSPECTION_KEYS, f"the inspection `{node.name.text}`", owner=node.name
-        )
+        entries = self.blocks.read(node.block, _INSPECTION_KEYS, f"the inspection `{node.name.text}`", owner=node.name)
         asset = self._asset(node.asset, "`of`")
         if asset is not None and asset.type.kind == "group":
             self.report("LJ0201", node.asset.start, node.asset.end, "one asset's route is inspected, this is a group")

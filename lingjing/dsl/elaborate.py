@@ -106,7 +106,7 @@ class Elaborator:
                 f"give it a unit: `{text} {unit}`" if bare else "",
                 replace=f"{text} {unit}" if bare else None,
             )
-        elif due.kind == "quantity" and value.type.kind == "quantity":
+        elif due.kind == value.type.kind and due.kind in ("quantity", "range"):
             self.report("LJ0203", node.start, node.end, message, _unit_hint(due))
         else:
             self.report("LJ0201", node.start, node.end, message)

@@ -44,7 +44,9 @@ class EntityChecker:
                 attributes[item.name.text] = Attribute(known.type if known else Type("any"), (step,), state)
             elif isinstance(item, s.Property) and item.state and item.name.text in attributes:
                 attributes[item.name.text] = Attribute(attributes[item.name.text].type, (), state=True)
-        cameras = [item.name.text for item in (node.block.items if node.block else ()) if isinstance(item, s.CameraBlock)]
+        cameras = [
+            item.name.text for item in (node.block.items if node.block else ()) if isinstance(item, s.CameraBlock)
+        ]
         self.scope.mounted[node.name.text] = cameras
         single = node.index is None
         kind: Literal["group", "entity"] = "entity" if single else "group"

@@ -44,9 +44,7 @@ def inherited(file: FileChecker, node: s.MissionBlock, chain: tuple[str, ...] = 
 # -- private
 
 
-def _base(
-    file: FileChecker, name: s.Name, chain: tuple[str, ...]
-) -> tuple[MissionDecl, s.MissionBlock] | None:
+def _base(file: FileChecker, name: s.Name, chain: tuple[str, ...]) -> tuple[MissionDecl, s.MissionBlock] | None:
     decl = file.scope.missions.get(name.text)
     if decl is None:
         file.of.unknown_name(name, list(file.scope.missions), "no mission that this file uses")
@@ -92,7 +90,9 @@ def _nothing_to_override(report: Reporter, node: s.MissionBlock) -> None:
         if isinstance(item, s.Override):
             message = f"`{node.name.text}` extends no mission: there is nothing to override"
             end = item.start + len("override")
-            report("LJ0123", item.start, end, message, f"write `mission {node.name.text} extends … {{`, or drop the word")
+            report(
+                "LJ0123", item.start, end, message, f"write `mission {node.name.text} extends … {{`, or drop the word"
+            )
 
 
 def _merged(report: Reporter, base: Items, node: s.MissionBlock) -> Items:
@@ -119,7 +119,7 @@ def _merged(report: Reporter, base: Items, node: s.MissionBlock) -> Items:
                 f"`{node.base.text}` has `{word}` already",
                 "write `override` before it",
                 related=(Related(report.span(first.start, min(first.end, first.start + 40)), "declared here"),),
-                replace=f"override {report.source.text[item.start:end]}",
+                replace=f"override {report.source.text[item.start : end]}",
             )
             continue
         items.append(item)
@@ -130,7 +130,9 @@ def _no_such(report: Reporter, item: s.Override, known: list[tuple[str, str]], b
     key = _key(item.item)
     start, end = item.start, item.start + len("override")
     if key is None:
-        report("LJ0123", start, end, "this cannot be overridden", "only what has a name or stands once in a mission can")
+        report(
+            "LJ0123", start, end, "this cannot be overridden", "only what has a name or stands once in a mission can"
+        )
         return
     names = [name for word, name in known if word == key[0] and name]
     hint = did_you_mean(key[1], names)

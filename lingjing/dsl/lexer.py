@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from unicodedata import normalize
 
 from lingjing.dsl.reporter import Reporter
 from lingjing.dsl.suggest import is_certain, nearest
@@ -26,9 +27,11 @@ _UNIT = rf"[ \t]*{_NOT_A_UNIT}(?P<UNIT>{_FACTOR}(?:[/*]{_FACTOR})*)(?!\w)"
 _DIGITS = r"\d+(?!\d)"
 """All digits there are. No possessive quantifiers here: Python 3.11.2, which Debian 12 has, matches a possessive
 group wrongly (it takes the dot of `1..3`)."""
+_MARKS = "\u0300-\u036f\u1ab0-\u1aff\u1dc0-\u1dff\u20d0-\u20ff\u3099\u309a\ufe20-\ufe2f"
+"""Combining marks: letters written apart from their accents (NFD) are the same letters, and names are kept in NFC."""
 MASTER = re.compile(
     rf"""
-    (?P<WORD>[^\W\d]\w*)
+    (?P<WORD>[^\W\d][\w{_MARKS}]*)
   | (?P<NUMBER>{_DIGITS}(?:\.{_DIGITS}|(?!\.\d))(?:[eE][+-]?{_DIGITS}|(?![eE][+-]?\d))(?!\w*\d)(?:{_UNIT})?)
   | (?P<SPACE>[ \t]+|\#[^\r\n]*)
   | (?P<LINE>(?:\r\n|\n|\r)(?:[ \t]*(?:\#[^\r\n]*)?(?:\r\n|\n|\r))*)
@@ -55,6 +58,7 @@ _STARTS = re.compile(r"[ \t]*(?:(?P<word>[^\W\d]\w*)|\})")
 _SEA_LEVEL = re.compile(r"[ \t]+level\b")
 _BLOCK_FOLLOWS = re.compile(r"[ \t]*\{")
 _BLOCK_KEYWORDS = ("clock", "budget", "weather", "comms", "actions")
+_DRAWN = re.compile(r"[ \t]*~")
 _BEFORE_STATEMENTS = frozenset(("NL", "LBRACE", "HIDDEN", "OVERRIDE", "SEP"))
 _BIDI = re.compile("[\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069]")
 _OPERANDS = frozenset(("NAME", "NUMBER", "QUANTITY", "STRING", "RPAR", "RSQB", "RSET", "TRUE", "FALSE"))
@@ -115,7 +119,10 @@ class Lexer:
     def _add(self, kind: str, start: int, end: int, *, text: str | None = None) -> None:
         if text is None:
             text = self.text[start:end]
-            text = self.words.setdefault(text, text)
+            known = self.words.get(text)
+            if known is None:
+                known = self.words[text] = text if text.isascii() or kind == "STRING" else normalize("NFC", text)
+            text = known
         self.tokens.append(Token(kind, text, start, end))
         self.previous = kind
 
@@ -168,6 +175,8 @@ class Lexer:
         if word == "at" and self.text.startswith("(", end):
             return False
         at_start = self.previous in ("NL", "LBRACE", "HIDDEN", "STATE")
+        if word == "at" and not at_start and _DRAWN.match(self.text, end):
+            return True
         return not (at_start and _NAME_FOLLOWS.match(self.text, end)) and not _INNER_IS_NAME.match(self.text, end)
 
     def _number(self, match: re.Match[str]) -> int:

@@ -38,9 +38,9 @@ class Reporter:
             code, message, hint = "LJ0008", f"there are more than {MOST} errors", "the rest is not shown"
             related, replace = (), None
         span = self.source.span(start, end)
-        inner = self.source.inner(start, end) if isinstance(self.source, JoinedSource) else None
-        if inner is not None:
-            related, replace = (Related(inner, "this is where it shows"), *related), None
+        if isinstance(self.source, JoinedSource) and self.source.inner(start, end) is not None:
+            related, replace = (Related(span, "this is where it shows"), *related), None
+            span = self.source.place
         fix = None if replace is None else Fix(_title(span, replace), (Edit(span, replace),), safe)
         self.diagnostics.append(Diagnostic(code, span, message, hint, severity, related, fix))
 

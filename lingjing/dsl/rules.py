@@ -13,10 +13,7 @@ from lingjing.mission import model
 from lingjing.mission.diagnostics import Related
 from lingjing.mission.functions import AGGREGATES, FLAG, FUNCTIONS, NUMBER
 
-STAGE_KEYS = {
-    key.name: key
-    for key in (Key("ticks", NUMBER, ("<=",), low=1), Key("weight", NUMBER, above=0))
-}
+STAGE_KEYS = {key.name: key for key in (Key("ticks", NUMBER, ("<=",), low=1), Key("weight", NUMBER, above=0))}
 
 
 class RuleChecker:
@@ -88,9 +85,7 @@ class RuleChecker:
             return None
         return model.Unlock(interaction=name.text, parameters=parameters, condition=value.ir)
 
-    def stage(
-        self, node: s.StageBlock, limit: Callable[[s.LimitLine], model.Limit | None]
-    ) -> model.Stage | None:
+    def stage(self, node: s.StageBlock, limit: Callable[[s.LimitLine], model.Limit | None]) -> model.Stage | None:
         """`stage name per v in group { done when …, ticks <= 40, weight = 2 }`; `limit` checks those inside."""
         environment = self.per(node.variable, node.domain)
         what = f"the stage `{node.name.text}`"

@@ -61,16 +61,16 @@ class Source:
 class JoinedSource(Source):
     """A mission's text with those of the missions it extends behind it: offsets count through all of them.
 
-    A place in the mission itself is given as it is; a place in a base is given as the words that name it, because that
-    is what the author can change; `inner` says where it really is.
+    Spans say where a thing really is. `place` is where the mission names its base: there errors inside the base are
+    reported, because that is what the author can change.
     """
 
-    __slots__ = ("_parts", "_place", "own")
+    __slots__ = ("_parts", "own", "place")
 
     def __init__(self, own: Source, start: int, end: int) -> None:
         super().__init__(own.text, own.path)
         self.own = own
-        self._place = own.span(start, end)
+        self.place = own.span(start, end)
         self._parts: list[tuple[int, Source]] = []
 
     def append(self, part: Source) -> int:
@@ -81,8 +81,8 @@ class JoinedSource(Source):
         return start
 
     def span(self, start: int, end: int) -> Span:
-        """As `Source.span` within the mission's own text, else the place where the base is named."""
-        return self.own.span(start, end) if self.inner(start, end) is None else self._place
+        """The span in the file where the text comes from."""
+        return self.inner(start, end) or self.own.span(start, end)
 
     def inner(self, start: int, end: int) -> Span | None:
         """The place in a base's file, None if the offsets are the mission's own."""

@@ -30,7 +30,7 @@ from lingjing.dsl.suggest import did_you_mean, nearest
 from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.functions import DEGREES, FIELD_TYPES, FLAG, NUMBER, POSITION, TEXT, Type
-from lingjing.mission.units import BY_NAME, LENGTH, NONE, TIME, dimension_unit
+from lingjing.mission.units import BY_NAME, LENGTH, TIME, dimension_unit
 
 CATEGORIES = ("report", "assignment", "target_status", "other")
 SURFACES = ("ground", "road", "roof", "facade", "water", "bridge", "pipe")
@@ -210,9 +210,7 @@ class TypeChecker:
         )
         return ""
 
-    def _type_property(
-        self, item: s.Property, seen: dict[str, s.Property], base: TypeDecl | None
-    ) -> Entry | None:
+    def _type_property(self, item: s.Property, seen: dict[str, s.Property], base: TypeDecl | None) -> Entry | None:
         name = item.name
         if name.text in seen:
             self.blocks.duplicate(name, seen[name.text].name, f"`{name.text}` is given twice")

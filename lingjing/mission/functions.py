@@ -162,8 +162,12 @@ _SIGNATURES = (
         where="static",
         doc="what lies within the distance of a region or of the line through a list of positions",
     ),
-    Signature("union", (_p("region", REGION),), REGION, variadic=True, least=2, where="static", doc="regions that meet"),
-    Signature("road", (_p("name", TEXT),), REGION, where="static", doc="the carriageway of the map's roads of that name"),
+    Signature(
+        "union", (_p("region", REGION),), REGION, variadic=True, least=2, where="static", doc="regions that meet"
+    ),
+    Signature(
+        "road", (_p("name", TEXT),), REGION, where="static", doc="the carriageway of the map's roads of that name"
+    ),
     Signature(
         "along",
         (_p("road", REGION), _p("width", METRES)),
@@ -237,7 +241,9 @@ _SIGNATURES = (
         where="rule",
         doc="nothing blocks the route as it is now: no target that is there stands within reach of its waypoints",
     ),
-    Signature("replans", (_p("inspection", INSPECTION),), NUMBER, where="rule", doc="how often the route was replanned"),
+    Signature(
+        "replans", (_p("inspection", INSPECTION),), NUMBER, where="rule", doc="how often the route was replanned"
+    ),
     Signature("used", (_p("limit", Type("limit")),), NUMBER, where="rule", doc="what a counted budget has counted"),
 )
 

@@ -296,5 +296,3 @@ class Instance(Record, frozen=True, kw_only=True):
     def mode(self) -> str:
         """`star`, `broadcast` or `single`."""
         return self.comms.mode
-
-

@@ -1,8 +1,9 @@
 """`instantiate`: a mission, a seed, a mode and settings become one `Instance`, the reset specification.
 
 Order of evaluation: settings, mode, clock and budget, the counts of all groups, regions, scene, the entities' places
-and properties, regions around entities, grids, agents, messages, bus, events and what binds, texts. A draw's stream is named `<mission>/<node>/<property>`, so what is drawn depends on
-the seed and that name alone. Rules, unlocks, stages and the success condition stay expressions.
+and properties, regions around entities, grids, agents, messages, bus, events and what binds, texts. A draw's stream is
+named `<mission>/<node>/<property>`, so what is drawn depends on the seed and that name alone. Rules, unlocks, stages
+and the success condition stay expressions.
 """
 
 from __future__ import annotations
@@ -13,9 +14,9 @@ from collections.abc import Iterable, Mapping
 import msgspec
 
 from lingjing.errors import MissionError, UsageError
+from lingjing.mission import course, model, roster
 from lingjing.mission import expression as ex
 from lingjing.mission import grid as grids
-from lingjing.mission import course, model, roster
 from lingjing.mission.evaluate import Area, Interval, Place, Scope, Value, area, describe, evaluate, number, whole
 from lingjing.mission.instance import Budget, Cell, Clock, Datum, Entity, Instance, Region, SceneSpec, Weather
 from lingjing.mission.placing import at_path, datum, entities, holds, member_ids, single

@@ -39,6 +39,9 @@ CASES = [
     ("LJ0116", "observes cells }", "observes search }", 29, 63, "cannot be observed"),
     ("LJ0117", "ljs 1", "ljs 9", 1, 5, "version 9"),
     ("LJ0118", "use std.sea", "use std.see", 3, 5, "no library `std.see`"),
+    ("LJ0121", "Find everybody.", "Find {uav[}.", 7, 14, "is no name"),
+    ("LJ0122", "{ datum = sea", '{ map = "../a.osm", datum = sea', 8, 21, "leads out of the project"),
+    ("LJ0123", "  param altitude", "  override param altitude", 14, 3, "nothing to override"),
     ("LJ0201", "heading = 30 deg", "heading = boat", 26, 67, "an angle is due"),
     ("LJ0202", "tick = 10 s", "tick = 10", 9, 18, "a duration is due"),
     ("LJ0203", "tick = 10 s", "tick = 10 m", 9, 18, "this is a length"),
@@ -57,11 +60,13 @@ CASES = [
     ("LJ0401", "observes cells }", "observes victim[1].position }", 29, 63, "a hidden value reaches"),
     ("LJ0402", "tick = 10 s", "hidden tick = 10 s", 9, 11, "cannot be hidden"),
     ("LJ0501", "sync = 500 ms", "sync = 3 s", 9, 31, "no whole multiple"),
+    ("LJ0503", "  success", "  sweep s over uavs in 1..10000000\n  success", 38, 24, "10,000,000 values"),
+    ("LJ0504", "mode broadcast in { star, broadcast }", "mode single in { single, star }", 15, 18, "stands alone"),
     ("LJ0502", "hub = commander when mode == star, ", "", 15, 3, "star mode has no hub"),
 ]  # fmt: skip
-ELSEWHERE = {"LJ0007", "LJ0008", "LJ0009", "LJ0119"} | {code for code in CODES if code.startswith("LJ06")}
-"""Codes whose examples are files of their own; tested below, in `test_infeasible`, `test_inputs` and
-`test_library`."""
+ELSEWHERE = {"LJ0007", "LJ0008", "LJ0009", "LJ0119", "LJ0120", "LJ0124"} | {code for code in CODES if code.startswith("LJ06")}
+"""Codes whose examples are files of their own; tested below, in `test_infeasible`, `test_inputs`,
+`test_library` and `test_inherit`."""
 
 
 def test_the_small_mission_is_good(small: str) -> None:

@@ -53,7 +53,7 @@ def test_units_are_lowered_to_si(ssr: Mission) -> None:
     assert weather["visibility_m"] == ex.Number(8000.0, "km")
     assert ssr.clock.sync == ex.Number(0.5, "ms")
     assert ssr.comms.payload == ex.Number(4000.0, "kB")
-    assert ssr.grids[0].overlap == ex.Number(0.2, "%")
+    assert {p.name: p.default for p in ssr.parameters}["overlap"] == ex.Number(0.2, "%")
 
 
 def test_actions_pick_verbs_and_bound_their_first_argument(ssr: Mission) -> None:

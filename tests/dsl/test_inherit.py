@@ -1,0 +1,136 @@
+"""Missions that extend others, and files that use their neighbours."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from lingjing.dsl import Compilation, compile_file
+from lingjing.mission import expression as ex
+from lingjing.mission.instantiate import instantiate
+
+
+@pytest.fixture
+def project(tmp_path: Path, small: str) -> Path:
+    """A project's folder with the small mission in it."""
+    (tmp_path / "base.ljs").write_text(small)
+    return tmp_path
+
+
+def compiled(project: Path, inside: str, head: str = "use .base { small }", name: str = "night") -> Compilation:
+    """The mission `night extends small` with these statements."""
+    file = project / f"{name}.ljs"
+    file.write_text(f'ljs 1\n{head}\nmission {name} extends small "At night" {{\n{inside}\n}}\n')
+    return compile_file(str(file))
+
+
+def codes(compilation: Compilation) -> list[tuple[str, int]]:
+    return [(item.code, item.span.line) for item in compilation.diagnostics]
+
+
+def test_a_mission_has_what_its_base_has(project: Path) -> None:
+    found = compiled(project, "")
+    assert found.diagnostics == ()
+    base = compile_file(str(project / "base.ljs")).mission
+    assert found.mission is not None and base is not None
+    assert (found.mission.name, found.mission.title, found.mission.base) == ("night", "At night", "small")
+    assert found.mission.groups == base.groups
+    assert found.mission.rules == base.rules
+    assert found.mission.success == base.success
+
+
+def test_overrides_stand_where_the_overridden_stood_and_new_ones_at_the_end(project: Path) -> None:
+    found = compiled(project, "  override param uavs = 4 in 1..10\n  param extra = 1")
+    assert found.diagnostics == ()
+    assert found.mission is not None
+    assert [(p.name, p.default) for p in found.mission.parameters] == [
+        ("uavs", ex.Number(4.0)),
+        ("altitude", ex.Number(100.0, "m")),
+        ("extra", ex.Number(1.0)),
+    ]
+    assert len(instantiate(found.mission, mode="broadcast").agents) == 5
+
+
+def test_settings_and_entities_keep_the_lines_that_are_not_named(project: Path) -> None:
+    found = compiled(project, "  override weather { visibility = 2 km }\n  override asset boat { speed <= 5 m/s }")
+    assert found.diagnostics == ()
+    assert found.mission is not None
+    assert {prop.name: prop.value for prop in found.mission.weather} == {
+        "wind_mps": ex.Number(4.0, "m/s"),
+        "wind_from_deg": ex.Number(220.0, "deg"),
+        "visibility_m": ex.Number(2000.0, "km"),
+    }
+    boat = next(group for group in found.mission.groups if group.name == "boat")
+    values = {prop.name: prop.value for prop in boat.properties}
+    assert values["speed_mps"] == ex.Number(5.0, "m/s")
+    assert values["heading_deg"] == ex.Number(30.0, "deg")
+    assert boat.type == "lifeboat"
+
+
+def test_a_base_may_have_a_base(project: Path) -> None:
+    compiled(project, "  override param uavs = 4 in 1..10", name="night")
+    head = "use .night { night }"
+    (project / "later.ljs").write_text(f"ljs 1\n{head}\nmission later extends night {{ param more = 2 }}\n")
+    found = compile_file(str(project / "later.ljs"))
+    assert found.diagnostics == ()
+    assert found.mission is not None
+    assert [p.default for p in found.mission.parameters][:1] == [ex.Number(4.0)]
+    assert found.mission.parameters[-1].name == "more"
+
+
+def test_what_the_base_has_needs_the_word(project: Path) -> None:
+    found = compiled(project, "  param uavs = 4 in 1..10")
+    assert codes(found) == [("LJ0124", 4)]
+    fix = found.diagnostics[0].fix
+    assert fix is not None and fix.edits[0].text == "override param"
+    assert found.diagnostics[0].related[0].span.path.endswith("base.ljs")
+
+
+def test_what_the_base_has_not_cannot_be_overridden(project: Path) -> None:
+    found = compiled(project, "  override param uafs = 4 in 1..10")
+    assert codes(found) == [("LJ0123", 4)]
+    assert found.diagnostics[0].hint == "did you mean `uavs`?"
+
+
+def test_an_override_that_breaks_the_base_is_reported_where_it_is_extended(project: Path) -> None:
+    found = compiled(project, "  override target victim[1..1] : person_in_water { position = (1 m, 2 m) }")
+    assert found.diagnostics == ()
+    found = compiled(
+        project, "  override param altitude = 3 s\n  override asset uav : lifeboat { position = (1 m, 2 m) }"
+    )
+    assert {(item.code, item.span.line) for item in found.diagnostics} == {("LJ0201", 3)}
+    assert found.diagnostics[0].related[0].span.path.endswith("base.ljs")
+    assert found.diagnostics[0].related[0].span.line == 27
+
+
+def test_a_faulty_base_is_named_once(project: Path, small: str) -> None:
+    (project / "base.ljs").write_text(small.replace("tick = 10 s", "tick = 10 m"))
+    found = compiled(project, "  param extra = 1")
+    assert codes(found) == [("LJ0119", 3)]
+
+
+def test_an_unknown_base(project: Path) -> None:
+    assert codes(compiled(project, "", head="use std.air")) == [("LJ0101", 3)]
+
+
+def test_a_circle_of_files_ends_in_a_diagnostic(project: Path) -> None:
+    (project / "one.ljs").write_text("ljs 1\nuse .two\nrecord a : other { }\n")
+    (project / "two.ljs").write_text("ljs 1\nuse .one\nrecord b : other { }\n")
+    found = compile_file(str(project / "one.ljs"))
+    assert [item.code for item in found.diagnostics] == ["LJ0119"]
+    assert "one.ljs → two.ljs → one.ljs" in found.diagnostics[0].related[0].message
+    (project / "me.ljs").write_text("ljs 1\nuse .me\nrecord a : other { }\n")
+    assert [item.code for item in compile_file(str(project / "me.ljs")).diagnostics] == ["LJ0120"]
+
+
+def test_neighbours_are_found_and_nothing_else(project: Path) -> None:
+    (project / "boats").mkdir()
+    (project / "boats" / "tug.ljs").write_text("ljs 1\nasset tug { engine = vessel }\n")
+    (project / "main.ljs").write_text("ljs 1\nuse .boats.tug { tug }\nrecord a : other { }\n")
+    assert compile_file(str(project / "main.ljs")).diagnostics == ()
+    outside = project.parent / "outside.ljs"
+    outside.write_text("ljs 1\nrecord b : other { }\n")
+    (project / "link.ljs").symlink_to(outside)
+    (project / "main.ljs").write_text("ljs 1\nuse .link\nrecord a : other { }\n")
+    assert [item.code for item in compile_file(str(project / "main.ljs")).diagnostics] == ["LJ0118"]
