@@ -39,6 +39,7 @@ VERBS = (
     Verb("explain", "lingjing.cli.explain", "say what an error code means"),
     Verb("compile", "lingjing.cli.compile", "write the typed mission graph as JSON"),
     Verb("graph", "lingjing.cli.graph", "draw the mission graph"),
+    Verb("docs", "lingjing.cli.docs", "write a page that says what a mission is"),
     Verb("fmt", "lingjing.cli.fmt", "lay mission files out the one way"),
     Verb("lsp", "lingjing.cli.lsp", "serve an editor: errors, completion, renaming as you type"),
     Verb("plugins", "lingjing.cli.plugins", "list engines, policies and scenes and where they come from"),

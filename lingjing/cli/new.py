@@ -1,4 +1,4 @@
-"""`lingjing new agent NAME`: write a policy in one file that runs at once and is easy to change."""
+"""`lingjing new agent NAME`, `lingjing new mission NAME`: write a file that runs at once and is easy to change."""
 
 from __future__ import annotations
 
@@ -8,18 +8,24 @@ from pathlib import Path
 
 from lingjing.errors import ExitCode, UsageError
 
-_TEMPLATE = Path(__file__).parent / "templates" / "agent.py.txt"
+_TEMPLATES = Path(__file__).parent / "templates"
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Declare the verb and its options."""
     parser = subparsers.add_parser("new", help="write a file to start from", description=__doc__)
-    parser.add_argument("kind", choices=("agent",), metavar="agent", help="what to write")
-    parser.add_argument("name", metavar="NAME", help="a Python name, such as scout; the class is then Scout")
+    parser.add_argument("kind", choices=("agent", "mission"), metavar="agent|mission", help="what to write")
+    parser.add_argument("name", metavar="NAME", help="a name such as scout: scout.py with class Scout, or scout.ljs")
+    parser.set_defaults(handler=handler)
 
 
 def handler(args: argparse.Namespace) -> int:
     """Write the file and say how to run it."""
+    if args.kind == "mission":
+        path = write_mission(args.name, Path())
+        print(f"wrote {path}")
+        print(f"play it: lingjing run {path}")
+        return ExitCode.OK
     path, class_name = write_agent(args.name, Path())
     print(f"wrote {path}")
     print(f"play it: lingjing run ssr --policy ./{path}:{class_name}")
@@ -34,8 +40,23 @@ def write_agent(name: str, folder: Path) -> tuple[Path, str]:
             f"`{name}` is not a name for a Python file", hint="use letters, digits and _, such as my_scout"
         )
     class_name = "".join(part[:1].upper() + part[1:] for part in module.split("_") if part) or "Agent"
-    path = folder / f"{module}.py"
-    text = _TEMPLATE.read_text(encoding="utf-8").replace("Agent0", class_name)
+    text = (_TEMPLATES / "agent.py.txt").read_text(encoding="utf-8").replace("Agent0", class_name)
+    return _write_new(folder / f"{module}.py", text), class_name
+
+
+def write_mission(name: str, folder: Path) -> Path:
+    """Write `<folder>/<name>.ljs` and return it. Never overwrites: `UsageError` instead."""
+    from lingjing.dsl.tokens import INNER, STATEMENTS
+
+    word = name.removesuffix(".ljs").replace("-", "_")
+    if not word.isidentifier() or word in STATEMENTS or word in INNER:
+        raise UsageError(f"`{name}` is not a name for a mission", hint="use letters, digits and _, such as bay_search")
+    title = word.replace("_", " ").strip().capitalize() or word
+    text = (_TEMPLATES / "mission.ljs.txt").read_text(encoding="utf-8")
+    return _write_new(folder / f"{word}.ljs", text.replace("mission0", word).replace("Title0", title))
+
+
+def _write_new(path: Path, text: str) -> Path:
     try:
         with path.open("x", encoding="utf-8") as file:
             file.write(text)
@@ -43,4 +64,4 @@ def write_agent(name: str, folder: Path) -> tuple[Path, str]:
         raise UsageError(f"`{path}` is already there", hint="nothing is overwritten: choose another name") from None
     except OSError as error:
         raise UsageError(f"cannot write `{path}`: {error.strerror}", hint="change to a folder you may write") from error
-    return path, class_name
+    return path

@@ -100,13 +100,14 @@ class Printer:
         taken = {prop.name for own in parts.values() for prop in own}
         plain = [prop for prop in local.properties if prop.name not in taken]
         lines.extend(self.properties(plain))
-        lines.extend(self._verb(verb) for verb in local.verbs)
+        lines.extend(self.verb(verb) for verb in local.verbs)
         for name, own in parts.items():
             short = [msgspec.structs.replace(prop, name=prop.name.removeprefix(f"{name}_")) for prop in own]
             lines.append(_block(f"interaction {name}", self.properties(short)))
         return _block(f"{local.role} {local.name}", lines, spread=True)
 
-    def _verb(self, verb: model.Verb) -> str:
+    def verb(self, verb: model.Verb) -> str:
+        """`verb name(…)` of a type."""
         return f"verb {verb.name}({', '.join(map(self._argument, verb.arguments))})"
 
     def _argument(self, argument: model.Argument) -> str:
@@ -171,7 +172,7 @@ class Printer:
             if group.labels:
                 labels = ", ".join(map(quoted, group.labels))
                 own.append(f"label = {labels}" if group.count is None else f"labels = [{labels}]")
-            equipment = [self._camera(camera) for camera in group.cameras]
+            equipment = [self.camera(camera) for camera in group.cameras]
             if group.verbs != self.imports.verbs[group.type]:
                 equipment.append(self._actions(group))
             head = f"{group.role} {group.name}{self._count(group)} : {group.type}{self._when(group.when)}"
@@ -183,7 +184,8 @@ class Printer:
         index = "" if one.index == "i" and isinstance(one, model.Group) else f"{one.index} in "
         return f"[{index}1..{self.text(one.count, SUM)}]"
 
-    def _camera(self, camera: model.Camera) -> str:
+    def camera(self, camera: model.Camera) -> str:
+        """`camera name { … }`."""
         lines = [] if camera.view == camera.name else [f"view = {camera.view}"]
         lines.append(f"size = {self.text(camera.width, SUM)} by {self.text(camera.height, SUM)}")
         lines.append(f"hfov = {self.text(camera.hfov)}")
@@ -216,7 +218,7 @@ class Printer:
         for agent in self.mission.agents:
             controls = f" controls {', '.join(map(self.text, agent.controls))}" if agent.controls else ""
             head = f"agent {agent.name}{self._count(agent)} as {agent.role}{controls}{self._when(agent.when)}"
-            lines = [f"observes {', '.join(map(self._channel, agent.observes))}"] if agent.observes else []
+            lines = [f"observes {', '.join(map(self.channel, agent.observes))}"] if agent.observes else []
             if agent.prompt:
                 lines.append(f"prompt {long_text(agent.prompt, 6)}")
             allowance = getattr(agent, "budget", None)
@@ -226,17 +228,22 @@ class Printer:
         for authority in self.mission.authorities:
             yield f"authority {authority.role} may command {self.text(authority.resource)}{self._when(authority.when)}"
 
-    def _channel(self, channel: model.Channel) -> str:
+    def channel(self, channel: model.Channel) -> str:
+        """One observed channel, as `observes` lists it."""
         source = self.text(channel.source)
         if channel.fields != ("*",):
             return ", ".join(f"{source}.{self.phrases.field(channel.source, name)}" for name in channel.fields)
         return source if isinstance(channel.source, ex.Symbol) else f"{source}.*"
 
     def messages(self) -> Iterable[str]:
-        """Message kinds and the bus."""
+        """Message kinds, then the bus."""
         for kind in self.mission.messages:
             senders, recipients = ", ".join(kind.senders), ", ".join(kind.recipients)
             yield f"message {kind.name} : {kind.type} from {senders} to {recipients}{self._when(kind.when)}"
+        yield from self.bus()
+
+    def bus(self) -> Iterable[str]:
+        """The settings of the message bus."""
         comms = self.mission.comms
         star = "star" in self.mission.modes.allowed
         lines = [f"hub = {comms.hub}{' when mode == star' if star else ''}"] if comms.hub else []
@@ -309,11 +316,14 @@ class Printer:
             yield f"reveal {reveal.what}({self.text(reveal.entity)}) to {reveal.role}"
 
     def events(self) -> Iterable[str]:
-        """What happens by itself, and the matched studies."""
+        """What happens by itself."""
         for event in self._all("events"):
             at = f"{'~ ' if isinstance(event.at, ex.Draw) else ''}{self.text(event.at, RANGE)}"
             lines = [line for change in event.changes for line in self._change(change)]
             yield _block(f"event {event.name} at {at}{self._when(event.when)}", lines, spread=len(lines) > 1)
+
+    def sweeps(self) -> Iterable[str]:
+        """The matched studies."""
         for sweep in self._all("sweeps"):
             axes = ", ".join(
                 f"{name} in [{', '.join(map(self.text, values))}]"
@@ -334,6 +344,11 @@ class Printer:
             yield f"failure when {self.text(self.mission.failure)}"
 
     # -- shared
+
+    def tidy(self, lines: Iterable[str]) -> str:
+        """Statements of a mission laid out by the formatter, without a newline at the end."""
+        inside = format_text("mission m {\n" + "\n".join(lines) + "\n}").text or ""
+        return "\n".join(line.removeprefix("  ") for line in inside.splitlines()[1:-1])
 
     def text(self, node: ex.Expr, rank: int = 0, names: Locals | None = None) -> str:
         """An expression."""
@@ -396,6 +411,7 @@ _PARTS: tuple[Callable[[Printer], Iterable[str]], ...] = (
     Printer.stages,
     Printer.relations,
     Printer.events,
+    Printer.sweeps,
     Printer.outcomes,
 )
 """The paragraphs of a mission, in order."""

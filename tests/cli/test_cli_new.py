@@ -1,0 +1,65 @@
+"""`lingjing new mission` and `lingjing docs`."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from lingjing.cli.new import write_mission
+from lingjing.dsl import compile_file
+from lingjing.dsl.format import format_text
+from lingjing.errors import UsageError
+
+
+def lingjing(*arguments: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "lingjing.cli.main", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=280, check=False, cwd=cwd)
+
+
+def test_a_new_mission_compiles_and_is_formatted(tmp_path: Path) -> None:
+    done = lingjing("new", "mission", "bay-watch", cwd=tmp_path)
+    assert done.stdout == "wrote bay_watch.ljs\nplay it: lingjing run bay_watch.ljs\n"
+    path = tmp_path / "bay_watch.ljs"
+    compilation = compile_file(str(path))
+    assert compilation.diagnostics == () and compilation.mission is not None
+    assert (compilation.mission.name, compilation.mission.title) == ("bay_watch", "Bay watch")
+    assert format_text(path.read_text()).text == path.read_text()
+    assert "mission0" not in path.read_text() and "Title0" not in path.read_text()
+
+
+@pytest.mark.slow
+def test_a_new_mission_runs_at_once(tmp_path: Path) -> None:
+    write_mission("first", tmp_path)
+    done = lingjing("run", "first.ljs", "--seed", "3", "--json", "-o", "out", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)
+    assert (tmp_path / "out" / "trace.mcap").is_file()
+
+
+def test_nothing_is_overwritten_and_names_are_checked(tmp_path: Path) -> None:
+    assert write_mission("水", tmp_path).name == "水.ljs"
+    with pytest.raises(UsageError, match="already there"):
+        write_mission("水", tmp_path)
+    for name in ("two words", "mission", "1st", "", "../up"):
+        with pytest.raises(UsageError, match="is not a name"):
+            write_mission(name, tmp_path)
+
+
+def test_docs_go_to_a_file_or_to_the_screen(tmp_path: Path) -> None:
+    shown = lingjing("docs", "ssr", cwd=tmp_path)
+    assert (shown.returncode, shown.stderr) == (0, "")
+    written = lingjing("docs", "ssr", "-o", "ssr.md", cwd=tmp_path)
+    assert (written.returncode, written.stdout) == (0, "")
+    assert (tmp_path / "ssr.md").read_text() == shown.stdout
+    assert shown.stdout.startswith("# Sea search and rescue\n")
+
+
+def test_docs_of_a_broken_mission_are_its_errors(tmp_path: Path) -> None:
+    (tmp_path / "bad.ljs").write_text("ljs 1\nmission m {}\n")
+    done = lingjing("docs", "bad.ljs", cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (1, "")
+    assert "LJ0106" in done.stderr

@@ -1,0 +1,66 @@
+"""The page of a mission says everything a reader must know, and says it of every shipped mission."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from lingjing.dsl.load import load_mission
+from lingjing.dsl.page import page
+from lingjing.mission import expression as ex
+from lingjing.mission import model
+
+ROOT = Path(__file__).parents[2]
+MISSIONS = sorted((ROOT / "scenarios").glob("*.ljs"))
+
+
+@pytest.mark.parametrize("file", MISSIONS, ids=lambda file: file.stem)
+def test_every_declared_name_is_on_the_page(file: Path) -> None:
+    mission = load_mission(file)
+    text = page(mission)
+    assert text.startswith(f"# {mission.title}\n")
+    parts = (
+        *mission.parameters, *mission.regions, *mission.grids, *mission.groups, *mission.agents, *mission.messages,
+        *mission.rules, *mission.stages, *mission.limits, *mission.constraints, *mission.inspections, *mission.events,
+        *mission.sweeps,
+    )  # fmt: skip
+    for part in parts:
+        assert re.search(rf"\b{re.escape(part.name)}\b", text), part.name
+    for sentence in mission.goal.splitlines():
+        assert f"> {sentence}".rstrip() in text
+    assert "```mermaid\n" in text
+    assert text.count("```") % 2 == 0
+    assert page(mission) == text
+
+
+@pytest.mark.parametrize("file", MISSIONS, ids=lambda file: file.stem)
+def test_hidden_values_and_reveals_are_listed(file: Path) -> None:
+    mission = load_mission(file)
+    text = page(mission)
+    section = text.partition("## What is hidden\n")[2].partition("\n## ")[0]
+    for group in mission.groups:
+        if any(prop.hidden for prop in group.properties):
+            assert f"- `{group.name}`: `" in section
+    assert section.count("is shown to") == len(mission.reveals)
+    assert bool(mission.reveals) != ("Nothing of this is revealed" in section) or not section
+
+
+def test_rules_are_said_in_words() -> None:
+    text = page(load_mission(ROOT / "scenarios" / "ssr.ljs"))
+    said = "the overlap of `r.box` with the true box of `v` in `r.frame` is at least `0.5`"
+    assert said in text
+    assert "an engine has performed `rescue` on `v` and the horizontal distance from `boat` to `v` is at most" in text
+    assert "Won when for every victim `v`, *rescued* holds for `v`." in text
+
+
+def test_a_mission_with_little_has_few_sections() -> None:
+    mission = load_mission(ROOT / "scenarios" / "ssr.ljs")
+    bare = msgspec.structs.replace(
+        mission, relations=(), stages=(), parameters=(), messages=(), comms=model.Comms(), rules=(),
+        unlocks=(), success=ex.Flag(True), title="A | B",
+    )  # fmt: skip
+    text = page(bare)
+    assert "## Stages" not in text and "## Who may say what" not in text and "## How it is judged" not in text
