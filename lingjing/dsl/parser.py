@@ -8,13 +8,13 @@ place. Braces balance in the token stream, so a fault in a statement never moves
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import cache
 from typing import Any
 
 from lingjing.dsl import syntax as s
 from lingjing.dsl.builder import Builder
-from lingjing.dsl.lexer import lex
+from lingjing.dsl.lexer import SLAB, lex_in_slabs
 from lingjing.dsl.reporter import Reporter
 from lingjing.dsl.suggest import is_certain, nearest
 from lingjing.dsl.tables import Tables, load_tables
@@ -23,10 +23,10 @@ from lingjing.dsl.tokens import INNER, NAMES_IN_MESSAGES, STATEMENTS, Token
 
 def parse(report: Reporter, start: int = 0) -> s.File:
     """The syntax tree of the reporter's source from `start` on. Faulty statements are `Faulty` nodes, and reported."""
-    tokens = lex(report.source.text, report, start)
-    if tokens is None:
+    slabs = lex_in_slabs(report.source.text, report, start)
+    if slabs is None:
         return s.File(0, 0, (s.Faulty(0, 0, (), None),))
-    return Parser(report).run(tokens)
+    return Parser(report).run(slabs)
 
 
 @cache
@@ -49,11 +49,15 @@ class Parser:
         self.repaired: set[int] = set()
         self.salvaged: set[int] = set()
 
-    def run(self, tokens: list[Token]) -> s.File:
+    def run(self, slabs: Iterator[list[Token]]) -> s.File:
         """Parse; always ends with a tree."""
+        tokens = next(slabs)
         at, last_fault = 0, -1
         while True:
-            stop = min(at + _SLAB, len(tokens))
+            more = next(slabs, None) if len(tokens) - at <= SLAB else None
+            if more is not None:
+                tokens += more
+            stop = len(tokens) if tokens[-1].type == "$END" else len(tokens) - SLAB // 2
             fault = self._drive(tokens, at, stop)
             if fault == _MORE:
                 self._release(tokens)
@@ -357,8 +361,6 @@ def _shown(token: Token) -> str:
     return f"`{text}`" if len(text) <= 30 else NAMES_IN_MESSAGES.get(token.type, "this")
 
 
-_SLAB = 200_000
-"""Tokens after which finished statements are let go."""
 _MORE = -2
 _GONE = Token("NL", "", 0, 0)
 _LOOKAHEAD = 24
