@@ -420,3 +420,19 @@ def test_leaks(small: str, line: str, way: str) -> None:
 def test_the_instance_marks_what_is_revealed(small: str) -> None:
     (reveal,) = made(small, "reveal image(victim[2]) to searcher").reveals
     assert (reveal.entities, reveal.role) == (("victim[2]",), "searcher")
+
+
+def test_assets_of_all_six_kinds(small: str) -> None:
+    use = "use std.air { fixed_wing }\nuse std.ground { car, robot_dog }\nuse std.orbit { satellite }"
+    instance = made(
+        small,
+        "asset wing : fixed_wing { position = (0 m, 0 m, 300 m) }",
+        "asset dog  : robot_dog  { position = (0 m, 0 m) }",
+        "asset cab  : car        { position = (9 m, 0 m) }",
+        'asset eye  : satellite  { tle1 = "1 25544U", tle2 = "2 25544" }',
+        use=use,
+    )
+    engines = {entity.engine for entity in instance.entities if entity.role == "asset"}
+    assert engines == {"multirotor", "plane", "quadruped", "road", "vessel", "satellite"}
+    eye = next(entity for entity in instance.entities if entity.id == "eye")
+    assert eye.properties["tle1"] == "1 25544U" and eye.position[2] == 550_000.0
