@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
-SCRIPTS = ("kernel.py", "render.py", "validate.py", "episode.py")
+SCRIPTS = ("kernel.py", "render.py", "validate.py", "language.py", "episode.py")
 
 
 def main() -> int:

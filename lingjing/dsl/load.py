@@ -7,7 +7,8 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from lingjing.dsl import Compilation, compile_file, compile_source
+from lingjing.dsl import Compilation, compile_file
+from lingjing.dsl.cache import compile_cached
 from lingjing.dsl.render import render_text, summary
 from lingjing.dsl.source import Source, decode_source, read_source
 from lingjing.errors import MissionError, UsageError
@@ -28,7 +29,7 @@ def load_noted(path: str) -> tuple[Mission, tuple[str, ...]]:
     source = source_of(path)
     if is_document(source):
         return read_document(source)
-    return mission_of(compile_source(source)), ()
+    return mission_of(compile_cached(source)), ()
 
 
 def source_of(path: str) -> Source:
