@@ -60,7 +60,7 @@ class Projector:
                 if peer.id != agent.id
             ),
             messages=instance.messages,
-            regions=instance.regions,
+            regions=tuple(region for region in instance.regions if not region.hidden),
             cells=instance.cells,
             classes=tuple(classes),
             weather=instance.weather,

@@ -59,7 +59,8 @@ class PluginHost:
         found: dict[str, NamedT] = {}
         for implementation in getattr(self._manager.hook, hook).get_hookimpls():
             source = implementation.plugin_name
-            for item in self._call(hook, implementation.function, source):
+            offered: Iterable[NamedT] = self._call(hook, implementation.function, source)
+            for item in offered:
                 other = self.sources.setdefault((hook, item.name), source)
                 if item.name in found:
                     raise PluginError(f"`{item.name}` is offered twice by {hook}: in `{other}` and in `{source}`")

@@ -23,7 +23,12 @@ def short(tmp_path_factory):
 def played(mission, folder, hash_seed, *options):
     command = [sys.executable, "-m", "lingjing.cli.main", "run", str(mission), "--seed", "7", "--json", *options]
     done = subprocess.run(
-        command, cwd=folder, env={**os.environ, "PYTHONHASHSEED": hash_seed}, capture_output=True, text=True, timeout=240
+        command,
+        cwd=folder,
+        env={**os.environ, "PYTHONHASHSEED": hash_seed},
+        capture_output=True,
+        text=True,
+        timeout=240,
     )
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)

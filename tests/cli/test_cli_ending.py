@@ -72,8 +72,8 @@ def test_what_policies_print_stays_out_of_the_result(short: Path, tmp_path: Path
     done = lingjing("run", short, "--policy", policy, "--json", "-o", "out", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["ticks"] == 2
-    assert {"built", "acted"} <= set(done.stderr.split())
-    assert "raw" in done.stderr
+    for word in ("built", "raw", "acted"):  # four agents print at once, so lines may run into each other
+        assert word in done.stderr
 
 
 def test_replaced_answers_are_told_with_the_first_failure(short: Path, tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ import pytest
 from lingjing.dsl import compile_text
 
 sys.path.insert(0, str(Path(__file__).parent))
-import corpus  # noqa: E402 - a script of this folder
+import corpus
 
 HELD_OUT = 1001
 

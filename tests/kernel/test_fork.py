@@ -48,9 +48,8 @@ def deciding(tick):
 
 
 def played(kernel, start, stop, change=()):
-    records = []
-    for tick in range(start, stop):
-        records.append(kernel.step(change if change and tick == start else deciding(tick)).record)
+    made = [change if change and tick == start else deciding(tick) for tick in range(start, stop)]
+    records = [kernel.step(decisions).record for decisions in made]
     return [(record.digest, kernel.state.frames_digest) for record in records]
 
 

@@ -74,9 +74,8 @@ class Stopping(kit.Glider):
     def admit(self, command):
         held = self.jobs.get(command.resource)
         receipt = super().admit(command)
-        if command.verb == "stop":
-            if held is not None:
-                self.outbox.append(self.receipt(held, "rejected", reason="preempted"))
+        if command.verb == "stop" and held is not None:
+            self.outbox.append(self.receipt(held, "rejected", reason="preempted"))
         if command.verb in ("stop", "hop"):
             self.outbox.append(self.receipt(command, "completed"))
         return receipt
