@@ -1,4 +1,4 @@
-"""Missions for heterogeneous unmanned systems: write one, play it, score it, replay it.
+"""Missions for heterogeneous unmanned systems: write one, play it, score it, see why.
 
 The tree is the pipeline: `dsl` (text → mission) → `mission` (the typed graph) → `scene` (the city) → `plugins`
 (engines and policies) → `kernel` (the episode) → `trace` (what happened) → `analysis` (what it means); `cli` is the
