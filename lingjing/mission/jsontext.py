@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections import Counter
 from collections.abc import Iterator
 
 from lingjing.errors import MissionError, UsageError
@@ -28,6 +29,23 @@ def load(text: str, path: str) -> object:
     for where, fault in _faults(value):
         raise MissionError(f"{path}: {where} {fault}", hint="write finite numbers and valid Unicode")
     return value
+
+
+def repeated(text: str) -> Iterator[str]:
+    """JSON paths of keys that stand more than once in their object, of a text that `load` accepts: the last counts."""
+    root = json.loads(text.removeprefix("\ufeff"), object_pairs_hook=_Pairs)
+    stack: list[tuple[str, object]] = [("$", root)]
+    while stack:
+        where, value = stack.pop()
+        if isinstance(value, _Pairs):
+            yield from (f"{where}.{key}" for key, times in Counter(key for key, _ in value).items() if times > 1)
+            stack.extend((f"{where}.{key}", item) for key, item in reversed(value))
+        elif isinstance(value, list):
+            stack.extend((f"{where}[{k}]", value[k]) for k in reversed(range(len(value))))
+
+
+class _Pairs(list[tuple[str, object]]):
+    """An object as it is written: a list of keys and values."""
 
 
 def _way_out(text: str, message: str) -> str:

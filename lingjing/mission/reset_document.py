@@ -1,13 +1,15 @@
 """The shape of a `resetScenario` document: what is read of it. Whatever else it holds is allowed and kept as text.
 
 Two spellings occur: an envelope (`commandType`, `taskId`, `scenario`) and the scenario alone. Coordinates are Unreal
-centimetres (`X`, `Y`, `Z`) or WGS84 (`lon`, `lat`, `alt`); see `lingjing.mission.frames`.
+centimetres (`X`, `Y`, `Z`) or WGS84 (`lon`, `lat`, `alt`); see `lingjing.mission.frames`. A field that is null counts
+as absent, of equal keys the last one; the latter is noted, and so are fields that nothing here reads.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Annotated, Literal, NamedTuple, TypeVar
 
 import msgspec
 
@@ -16,6 +18,31 @@ from lingjing.mission import jsontext
 
 PLACED = msgspec.Meta(extra_json_schema={"anyOf": [{"required": ["X", "Y"]}, {"required": ["lon", "lat"]}]})
 """What the schema says beyond the types: a place has a pair of coordinates (checked where it is used)."""
+
+PLACED_DEEPER = msgspec.Meta(
+    extra_json_schema={"anyOf": [{"required": keys} for keys in (["X", "Y"], ["lon", "lat"], ["data"], ["position"])]}
+)
+"""The same for an entry that may hold its place in an object of its own."""
+
+P = TypeVar("P")
+
+
+class EntityList(NamedTuple):
+    """One of the six lists: its key, the attribute of `EquipmentList`, and the engine that drives what is in it."""
+
+    name: str
+    attribute: str
+    engine: str
+
+
+LISTS: tuple[EntityList, ...] = (
+    EntityList("droneEntityList", "drone_entity_list", "multirotor"),
+    EntityList("unmannedDogEntityList", "unmanned_dog_entity_list", "quadruped"),
+    EntityList("autoVehicleEntityList", "auto_vehicle_entity_list", "road"),
+    EntityList("satelliteEntityList", "satellite_entity_list", "satellite"),
+    EntityList("shipEntityList", "ship_entity_list", "vessel"),
+    EntityList("planeEntityList", "plane_entity_list", "plane"),
+)
 
 
 class Part(msgspec.Struct, frozen=True, kw_only=True, rename="camel"):
@@ -33,10 +60,32 @@ class Coordinates(Part, frozen=True, kw_only=True):
     alt: float | None = None
 
 
-class Person(Coordinates, frozen=True, kw_only=True):
-    """A person to be found: a hidden place."""
+class Target(Coordinates, frozen=True, kw_only=True):
+    """A hidden place: a person, a fire, a leak, a delivery point. `weight` or `demand` is what it wants, in kg."""
 
     person_id: str = ""
+    target_id: str = ""
+    fire_id: str = ""
+    point_id: str = ""
+    id: str | int = ""
+    name: str = ""
+    weight: Annotated[float, msgspec.Meta(ge=0)] | None = None
+    demand: Annotated[float, msgspec.Meta(ge=0)] | None = None
+    data: Coordinates | None = None
+    position: Coordinates | None = None
+
+    @property
+    def place(self) -> Coordinates:
+        """Where it lies."""
+        return self.data or self.position or self
+
+    @property
+    def code(self) -> str:
+        """The document's own name for it."""
+        return self.person_id or self.target_id or self.fire_id or self.point_id or str(self.id) or self.name
+
+
+Places = tuple[Annotated[Target, PLACED_DEEPER], ...] | Annotated[Target, PLACED_DEEPER]
 
 
 class Corner(Coordinates, frozen=True, kw_only=True):
@@ -59,9 +108,20 @@ class Equipment(Part, frozen=True, kw_only=True):
 
 
 class Satellite(Equipment, frozen=True, kw_only=True):
-    """An entity in orbit: its two-line elements place it, coordinates may be missing."""
+    """An entity in orbit: its two-line elements place it, coordinates may be missing. The lines stand under `tle1` and
+    `tle2`, or both in `tle`, as a list or as one text."""
 
     data: Coordinates = Coordinates()
+    tle1: str = ""
+    tle2: str = ""
+    tle: str | tuple[str, ...] = ""
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """The element lines; a name line before them is left out. Empty if there are none."""
+        given = self.tle.splitlines() if isinstance(self.tle, str) else self.tle
+        both = (self.tle1, self.tle2) if self.tle1 or self.tle2 else tuple(given)
+        return tuple(line.strip() for line in both if line.strip())[-2:]
 
 
 class EquipmentList(Part, frozen=True, kw_only=True):
@@ -76,13 +136,22 @@ class EquipmentList(Part, frozen=True, kw_only=True):
 
 
 class InitialState(Part, frozen=True, kw_only=True):
-    """What the task begins with; the hidden places are here."""
+    """What the task begins with; the hidden places are here. They are read by `lingjing.mission.reset_fields`, which
+    knows their other spellings too."""
 
     weather: str = ""
     uav_count: int | None = msgspec.field(default=None, name="uav_count")
-    rescue_person_position: tuple[Annotated[Person, PLACED], ...] = ()
     rescue_range: tuple[Annotated[Corner, PLACED], ...] = ()
-    goal_fire_position: tuple[Coordinates, ...] = ()
+    rescue_person_position: Places = ()
+    goal_fire_position: Places = ()
+    leak_position: Places = ()
+    fracture_position: Places = ()
+    congestion_position: Places = ()
+    warehouse_position: Places = ()
+    delivery_points: Places = ()
+    destination_position: Places = ()
+    goal_position: Places = ()
+    task_points: Places = ()
 
 
 class Task(Part, frozen=True, kw_only=True):
@@ -97,12 +166,14 @@ class Task(Part, frozen=True, kw_only=True):
 
 
 class Lingjing(Part, frozen=True, kw_only=True):
-    """What this project adds to a document so that the way back is exact: the template and how it was set."""
+    """What this project adds to a document so that the way back is exact: the template, how it was set, and
+    the places of target groups that no field of the document stands for."""
 
     mission: str
-    mode: Literal["star", "broadcast"] | None = None
+    mode: Literal["star", "broadcast", "single"] | None = None
     settings: dict[str, float] = {}
     seed: int | None = None
+    targets: dict[str, tuple[Annotated[Target, PLACED_DEEPER], ...]] = {}
 
 
 class Scenario(Part, frozen=True, kw_only=True):
@@ -129,11 +200,13 @@ class Envelope(Part, frozen=True, kw_only=True):
 
 @dataclass(frozen=True, slots=True)
 class Parsed:
-    """A document that was read: the scenario, and the JSON path of the scenario and of its first task."""
+    """A document that was read: the scenario, the JSON path of the scenario, and its plain values without nulls."""
 
     scenario: Scenario
     path: str
     file: str
+    raw: Mapping[str, object]
+    envelope: Mapping[str, object] = field(default_factory=dict)
 
     @property
     def task(self) -> Task:
@@ -141,18 +214,34 @@ class Parsed:
         return self.scenario.task_matrix[0]
 
     @property
+    def task_path(self) -> str:
+        """JSON path of that row."""
+        return f"{self.path}.taskMatrix[0]"
+
+    @property
     def state_path(self) -> str:
         """JSON path of the initial state."""
-        return f"{self.path}.taskMatrix[0].initial_state"
+        return f"{self.task_path}.initial_state"
+
+    def holders(self) -> tuple[tuple[Mapping[str, object], str], ...]:
+        """The objects that may hold hidden places, and their JSON paths: initial state, task, scenario."""
+        task = _first(self.raw.get("taskMatrix"))
+        state = task.get("initial_state")
+        inner: Mapping[str, object] = state if isinstance(state, dict) else {}
+        return (inner, self.state_path), (task, self.task_path), (self.raw, self.path)
 
     def fault(self, where: str, message: str, hint: str) -> MissionError:
         """An error at a JSON path of this document."""
         return MissionError(f"{self.file}: {where}: {message}", hint=hint)
 
 
+def _first(rows: object) -> Mapping[str, object]:
+    return rows[0] if isinstance(rows, list) and rows and isinstance(rows[0], dict) else {}
+
+
 def parse(text: str, path: str) -> Parsed:
     """Read a document; `UsageError` if it is not JSON, `MissionError` with a JSON path if it is not a scenario."""
-    raw = jsontext.load(text, path)
+    raw = _without_nulls(jsontext.load(text, path))
     if not isinstance(raw, dict) or not ({"scenario", "equipmentList"} & raw.keys()):
         raise MissionError(
             f"{path}: $ is not a resetScenario: it holds neither 'scenario' nor 'equipmentList'",
@@ -160,10 +249,33 @@ def parse(text: str, path: str) -> Parsed:
         )
     try:
         if "scenario" in raw:
-            return Parsed(msgspec.convert(raw, Envelope).scenario, "$.scenario", path)
-        return Parsed(msgspec.convert(raw, Scenario), "$", path)
+            return Parsed(msgspec.convert(raw, Envelope).scenario, "$.scenario", path, raw["scenario"], raw)
+        return Parsed(msgspec.convert(raw, Scenario), "$", path, raw)
     except msgspec.ValidationError as error:
         raise MissionError(f"{path}: {_readable(str(error))}", hint=_way_out(str(error))) from None
+
+
+def converted(value: object, type_: type[P], where: str, parsed: Parsed) -> P:
+    """A part of the document as `type_`; `MissionError` with its JSON path if it is none."""
+    try:
+        return msgspec.convert(value, type_)
+    except msgspec.ValidationError as error:
+        message = f"{parsed.file}: {where}{_readable(str(error)).removeprefix('$')}"
+        raise MissionError(message, hint=_way_out(str(error))) from None
+
+
+def _without_nulls(root: object) -> object:
+    """The same values, with every field that is null taken out (in place; a loop, for documents nest deeply)."""
+    stack = [root]
+    while stack:
+        value = stack.pop()
+        if isinstance(value, dict):
+            for key in [key for key, item in value.items() if item is None]:
+                del value[key]
+            stack.extend(value.values())
+        elif isinstance(value, list):
+            stack.extend(value)
+    return root
 
 
 def _readable(message: str) -> str:

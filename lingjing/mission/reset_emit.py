@@ -17,8 +17,17 @@ from lingjing.errors import MissionError
 from lingjing.mission import frames, model
 from lingjing.mission.instance import Entity, Instance, Region
 from lingjing.mission.instantiate import instantiate
-from lingjing.mission.reset import LISTS, PERSONS, search_region
+from lingjing.mission.reset import search_region
+from lingjing.mission.reset_document import LISTS
+from lingjing.mission.reset_fields import FIELDS
+from lingjing.mission.reset_groups import WEIGHT
+from lingjing.mission.reset_targets import PERSONS
 from lingjing.mission.sky import word_for
+
+PERSON_FIELD, FIRE_FIELD = "rescuePersonPosition", "goalFirePosition"
+
+OWN_FIELDS = {"fire_source": FIRE_FIELD, "delivery_door": "goalPosition"}
+"""The fields of target types that are not the first of any field."""
 
 Json = bool | int | float | str | list["Json"] | dict[str, "Json"] | None
 
@@ -95,9 +104,12 @@ def _scenario(mission: model.Mission, instance: Instance, settings: dict[str, fl
     added: dict[str, Json] = {"mission": mission.name, "mode": instance.mode, "seed": instance.seed}
     if settings:
         added["settings"] = dict(settings)
+    fields, others = _targets(mission, instance)
+    if others:
+        added["targets"] = others
     lists: dict[str, Json] = {
-        name: [_equipment(entity) for entity in instance.entities if entity.role == "asset" and entity.engine == engine]
-        for name, engine in LISTS
+        one.name: [_equipment(e) for e in instance.entities if e.role == "asset" and e.engine == one.engine]
+        for one in LISTS
     }
     return {
         "commandType": "resetScenario",
@@ -111,23 +123,53 @@ def _scenario(mission: model.Mission, instance: Instance, settings: dict[str, fl
                 "taskLevel": "System",
                 "task_id": f"{mission.name.upper()}_{instance.seed}",
                 "goal": instance.goal,
-                "initial_state": _initial_state(mission, instance, lists),
+                "initial_state": _initial_state(mission, instance, lists, fields),
             }
         ],
     }
 
 
-def _initial_state(mission: model.Mission, instance: Instance, lists: Mapping[str, Json]) -> dict[str, Json]:
+def _initial_state(
+    mission: model.Mission, instance: Instance, lists: Mapping[str, Json], fields: dict[str, Json]
+) -> dict[str, Json]:
     drones = lists["droneEntityList"]
-    name = search_region(mission)
-    persons = [entity for entity in instance.entities if entity.type == PERSONS]
-    return {
+    state: dict[str, Json] = {
         "weather": word_for(instance.weather.visibility_m, instance.weather.cloud),
         "uav_count": len(drones) if isinstance(drones, list) else 0,
-        "rescuePersonPosition": [{"personId": e.label or e.id, **_coordinates(e.position)} for e in persons],
-        "rescueRange": _corners([region for region in instance.regions if region.name == name], instance),
-        "goalFirePosition": [],
     }
+    persons = any(group.type == PERSONS for group in mission.groups)
+    name = search_region(mission) if persons else ""
+    outline = _corners([region for region in instance.regions if region.name == name], instance)
+    # The paper's own keys are always there, with the hidden places of other missions after them.
+    return {**state, PERSON_FIELD: [], "rescueRange": outline, FIRE_FIELD: [], **fields}
+
+
+def _targets(mission: model.Mission, instance: Instance) -> tuple[dict[str, Json], dict[str, Json]]:
+    """The places of the target groups: under the document's own fields, and by group where there is none for them.
+
+    A field stands for the first group of its types; the reader gives it to the same one.
+    """
+    fields: dict[str, Json] = {}
+    others: dict[str, Json] = {}
+    types: set[str] = set()
+    for group in (group for group in mission.groups if group.role == "target"):
+        members = [entity for entity in instance.entities if entity.group == group.name]
+        if not members and group.when is not None:
+            continue  # a group of another mode
+        field = next((field.name for field in FIELDS if field.types[0] == group.type), OWN_FIELDS.get(group.type))
+        places: Json = [_target(entity, field == PERSON_FIELD) for entity in members]
+        if field is None or field in fields or group.type in types:
+            others[group.name] = places
+        else:
+            fields[field] = places
+        types.add(group.type)
+    return fields, others
+
+
+def _target(entity: Entity, person: bool) -> Json:
+    weight = entity.properties.get(WEIGHT)
+    added: dict[str, Json] = {"weight": weight} if isinstance(weight, float) else {}
+    return {"personId" if person else "targetId": entity.label or entity.id, **_coordinates(entity.position), **added}
 
 
 def _corners(regions: Sequence[Region], instance: Instance) -> list[Json]:

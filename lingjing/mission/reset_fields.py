@@ -1,0 +1,112 @@
+"""The places a `resetScenario` hides: under which fields they stand, what may lie there, and what each entry says.
+
+Documents spell these fields in many ways (`goalFirePosition`, `fire_spots`, `leak`, `task_points`, …) and put them into
+the initial state, the task or the scenario, as a list or as a single object. Spellings are compared by their letters
+and digits alone. What is no list of objects is not taken for places; it is kept and noted.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from lingjing.mission.reset_document import Parsed, Target, converted
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """One kind of hidden field: the name it is written under, the target types it may hold (the likeliest first), and
+    its other spellings, folded. A `general` one says nothing of what lies there."""
+
+    name: str
+    types: tuple[str, ...]
+    spellings: frozenset[str]
+    general: bool = False
+
+
+def folded(word: str) -> str:
+    """Letters and digits of a spelling, lower case."""
+    return re.sub(r"[\W_]+", "", word).casefold()
+
+
+def _field(name: str, types: str, spellings: str, *, general: bool = False) -> Field:
+    stems = (folded(name), *spellings.split())
+    plural = (stem + "s" for stem in stems if not stem.endswith("s"))
+    return Field(name, tuple(types.split()), frozenset((*stems, *plural)), general)
+
+
+FIELDS: tuple[Field, ...] = (
+    _field("rescuePersonPosition", "person_in_water", "personposition victimposition 落水人员位置"),
+    _field("goalFirePosition", "building_fire fire_source", "fireposition firespot firepoint 火点 火源位置"),
+    _field("leakPosition", "pipeline_leak", "leak leakpoint leakspot pipelineleak pipelineleakposition 泄漏点"),
+    _field(
+        "fracturePosition", "bridge_fracture", "fracture fracturepoint bridgefracture bridgefractureposition 断裂点"
+    ),
+    _field(
+        "congestionPosition",
+        "congestion",
+        "congestion congestionpoint congestionspot trafficjam trafficjamposition 拥堵点",
+    ),
+    _field("warehousePosition", "warehouse", "warehouse warehousepoint depot depotposition 仓库"),
+    _field("deliveryPoints", "delivery_point delivery_door", "deliveryposition delivery deliverylocation 配送点"),
+    _field("destinationPosition", "destination", "destination destinationpoint endposition endpoint 目的地 终点"),
+    _field(
+        "goalPosition",
+        "reference_building delivery_door destination bridge_fracture pipeline_leak",
+        "goalpoint targetposition 目标位置",
+        general=True,
+    ),
+    _field(
+        "taskPoints",
+        "delivery_point bridge_fracture pipeline_leak delivery_door reference_building",
+        "taskposition 任务点",
+        general=True,
+    ),
+)
+"""In the order in which they claim target groups: what says most comes first."""
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """A hidden field of a document: what it is, the key and JSON path it stands at, and its entries."""
+
+    field: Field
+    key: str
+    path: str
+    targets: tuple[Target, ...]
+    single: bool
+
+    def at(self, index: int) -> str:
+        """JSON path of one entry."""
+        return self.path if self.single else f"{self.path}[{index}]"
+
+
+def field_of(key: str) -> Field | None:
+    """The kind of hidden field a key spells, or None."""
+    word = folded(key)
+    return next((field for field in FIELDS if word in field.spellings), None)
+
+
+def hidden_fields(parsed: Parsed, notes: list[str]) -> tuple[Found, ...]:
+    """Every hidden field of the document, empty ones too, in the order of `FIELDS`.
+
+    `MissionError` for an entry that is no place by its types.
+    """
+    found = [one for holder, path in parsed.holders() for one in _found(holder, path, parsed, notes)]
+    return tuple(sorted(found, key=lambda one: FIELDS.index(one.field)))
+
+
+def _found(holder: Mapping[str, object], path: str, parsed: Parsed, notes: list[str]) -> Iterator[Found]:
+    for key, value in holder.items():
+        field = field_of(key)
+        if field is None:
+            continue
+        where = f"{path}.{key}"
+        items = [value] if isinstance(value, dict) else value
+        if not isinstance(items, list) or not all(isinstance(item, dict) for item in items):
+            notes.append(f"{where}: is no list of places; not understood and kept")
+            continue
+        one = isinstance(value, dict)
+        targets = (converted(item, Target, where if one else f"{where}[{k}]", parsed) for k, item in enumerate(items))
+        yield Found(field, key, where, tuple(targets), one)

@@ -1,0 +1,288 @@
+"""Put what a `resetScenario` places into a group of its template: count, places, headings, labels and weights."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import msgspec
+
+from lingjing.mission import expression as ex
+from lingjing.mission import frames, model
+from lingjing.mission.evaluate import Scope
+from lingjing.mission.instantiate import parameters, scene_spec
+from lingjing.mission.placing import holds
+from lingjing.mission.reset_document import Coordinates, Parsed
+
+WEIGHT = "demand_kg"
+"""The property of a group that a document's weights set."""
+
+AGREE_M = 1.0
+"""Two spellings of one place may differ by this without a note: documents round degrees."""
+
+
+@dataclass(frozen=True, slots=True)
+class Spot:
+    """One thing the document places: its coordinates, their JSON path, its code, compass heading and weight (kg).
+
+    What orbits has its two `lines` of elements; it alone may lack coordinates (`data` without any).
+    """
+
+    data: Coordinates
+    path: str
+    code: str
+    heading_deg: float | None = None
+    weight_kg: float | None = None
+    lines: tuple[str, ...] = ()
+
+    @property
+    def placed(self) -> bool:
+        """Whether there are coordinates, or nothing else that could place it."""
+        return self.data != Coordinates() or not self.lines
+
+
+def world(spot: Spot, origin: tuple[float, float], parsed: Parsed) -> tuple[float, ...]:
+    """East, north and, if given, elevation in metres; centimetres win over degrees if both are there."""
+    data = spot.data
+    if data.x is not None and data.y is not None:
+        east, north, elevation = frames.from_unreal(data.x, data.y, data.z or 0.0)
+        return (east, north) if data.z is None else (east, north, elevation)
+    if data.lon is not None and data.lat is not None:
+        east, north = frames.from_geodetic(data.lat, data.lon, origin)
+        east, north = round(east, 4), round(north, 4)
+        return (east, north) if data.alt is None else (east, north, data.alt)
+    raise parsed.fault(spot.path, "has no place", "give X and Y in centimetres, or lon and lat in degrees")
+
+
+def contradiction(spot: Spot, origin: tuple[float, float]) -> str:
+    """What to note if the two spellings of a place name different ones, or ""."""
+    data = spot.data
+    if None in (data.x, data.y, data.lon, data.lat):
+        return ""
+    east, north, _ = frames.from_unreal(data.x or 0.0, data.y or 0.0, 0.0)
+    other = frames.from_geodetic(data.lat or 0.0, data.lon or 0.0, origin)
+    apart = max(abs(east - other[0]), abs(north - other[1]))
+    return f"{spot.path}: lon and lat lie {apart:.0f} m off X and Y: X and Y count" if apart > AGREE_M else ""
+
+
+def origin_of(mission: model.Mission) -> tuple[float, float]:
+    """Latitude and longitude of the scene's origin in degrees."""
+    # The other options may need regions, which may need entities: none of them is known yet.
+    options = tuple(option for option in mission.scene.options if option.name == "origin")
+    bare = msgspec.structs.replace(mission, scene=msgspec.structs.replace(mission.scene, options=options))
+    return scene_spec(bare, _scope(mission), 0).origin
+
+
+def plays(mission: model.Mission, group: model.Group) -> bool:
+    """Whether the group exists in the mission's default mode."""
+    return holds(group.when, _scope(mission))
+
+
+def _scope(mission: model.Mission) -> Scope:
+    mode = mission.modes.default
+    return Scope(parameters=parameters(mission, mode, {}), mode=mode)
+
+
+def filled(
+    mission: model.Mission, group: model.Group, spots: Sequence[Spot], parsed: Parsed, where: str, notes: list[str]
+) -> model.Mission:
+    """The mission with one group's count, places, headings, labels and weights taken from the document."""
+    if group.count is None:
+        if not spots:
+            raise parsed.fault(where, f"is missing or empty, mission '{mission.name}' needs a {group.name}", "add one")
+        if len(spots) > 1:
+            notes.append(f"{where}: the first of {len(spots)} is the {group.name}; the others are kept, not played")
+            spots = spots[:1]
+    else:
+        mission = _counted(mission, group, len(spots), parsed, where, notes)
+        group = next(g for g in mission.groups if g.name == group.name)
+    if not spots:
+        return mission
+    properties = _positioned(mission, group, spots, parsed, where, notes)
+    if any(spot.heading_deg is not None for spot in spots):
+        headings = tuple(ex.Number(spot.heading_deg or 0.0, "deg") for spot in spots)
+        properties = _set(properties, "heading_deg", _indexed(group, headings, "heading_deg"))
+    properties = _weighed(group, _orbiting(group, properties, spots, where, notes), spots, parsed, where, notes)
+    labels = tuple("" if spot.code == member_id(group, k) else spot.code for k, spot in enumerate(spots, start=1))
+    changed = msgspec.structs.replace(group, properties=properties, labels=labels if any(labels) else ())
+    groups = tuple(changed if g.name == group.name else g for g in mission.groups)
+    return msgspec.structs.replace(mission, groups=groups)
+
+
+def allows_none(mission: model.Mission, group: model.Group) -> bool:
+    """Whether the group may have no members."""
+    parameter = next((p for p in mission.parameters if p.name == _count_parameter(group)), None)
+    low = parameter.bounds.low if parameter and isinstance(parameter.bounds, ex.Range) else None
+    return isinstance(low, ex.Number) and low.value <= 0
+
+
+def _positioned(
+    mission: model.Mission, group: model.Group, spots: Sequence[Spot], parsed: Parsed, where: str, notes: list[str]
+) -> tuple[model.Property, ...]:
+    if not any(spot.placed for spot in spots):
+        notes.append(f"{where}: gives elements and no coordinates; the places of '{group.name}' are the template's")
+        return group.properties
+    origin = origin_of(mission)
+    notes.extend(note for note in (contradiction(spot, origin) for spot in spots) if note)
+    points = tuple(point(world(spot, origin, parsed)) for spot in spots)
+    return _set(group.properties, "position", _indexed(group, points, "position"))
+
+
+def _orbiting(
+    group: model.Group, properties: tuple[model.Property, ...], spots: Sequence[Spot], where: str, notes: list[str]
+) -> tuple[model.Property, ...]:
+    """The properties with the two-line elements; lines that are no elements are kept and noted."""
+    if not any(spot.lines for spot in spots):
+        return properties
+    faults = [f"{spot.path.removesuffix('.data')}: {elements_fault(spot.lines)}" for spot in spots if spot.lines]
+    faults = [fault for fault in faults if not fault.endswith(": ")]
+    if faults or not all(spot.lines for spot in spots) or _property(properties, "tle1") is None:
+        told = faults or [f"{where}: not all have two-line elements, or '{group.name}' takes none"]
+        notes.extend(f"{fault}; kept, and the template's elements stand" for fault in told)
+        return properties
+    for k, name in enumerate(("tle1", "tle2")):
+        properties = _set(properties, name, _indexed(group, tuple(ex.Text(spot.lines[k]) for spot in spots), name))
+    return properties
+
+
+def elements_fault(lines: Sequence[str]) -> str:
+    """What is wrong with a pair of element lines (69 characters, numbered, a checksum modulo 10), or ""."""
+    if len(lines) != 2:
+        return f"has {len(lines)} line of elements, not two"
+    for number, line in enumerate(lines, start=1):
+        if len(line) != 69 or not line.startswith(f"{number} ") or not line[-1].isascii() or not line[-1].isdigit():
+            return f"line {number} of its elements is not 69 characters that begin with '{number} ' and end in a digit"
+        total = sum(int(c) if c.isascii() and c.isdigit() else c == "-" for c in line[:-1]) % 10
+        if total != int(line[-1]):
+            return f"the checksum of line {number} of its elements is {line[-1]}, its digits give {total}"
+    return ""
+
+
+def _weighed(
+    group: model.Group,
+    properties: tuple[model.Property, ...],
+    spots: Sequence[Spot],
+    parsed: Parsed,
+    where: str,
+    notes: list[str],
+) -> tuple[model.Property, ...]:
+    """The properties with the document's weights, if it gives any and the group has a demand."""
+    weights = tuple(spot.weight_kg for spot in spots)
+    if all(weight is None for weight in weights):
+        return properties
+    if _property(properties, WEIGHT) is None:
+        notes.append(f"{where}: '{group.name}' has no demand; its weights are kept, not played")
+        return properties
+    for spot in spots:
+        if spot.weight_kg is None:
+            raise parsed.fault(spot.path, "has no weight while others have one", "give all a weight in kg, or none")
+    values = tuple(ex.Number(weight or 0.0, "kg") for weight in weights)
+    return _set(properties, WEIGHT, _indexed(group, values, WEIGHT))
+
+
+def _counted(
+    mission: model.Mission, group: model.Group, count: int, parsed: Parsed, where: str, notes: list[str]
+) -> model.Mission:
+    """The mission with the group's count: the default of its parameter, or the count itself.
+
+    Where the template cannot place further members (no `spread`), the parameter may not exceed what the document has.
+    """
+    name = _count_parameter(group)
+    parameter = next((p for p in mission.parameters if p.name == name), None)
+    if parameter is None:
+        changed = msgspec.structs.replace(group, count=ex.Number(float(count)))
+        groups = tuple(changed if g.name == group.name else g for g in mission.groups)
+        return msgspec.structs.replace(mission, groups=groups)
+    bounds = parameter.bounds
+    if isinstance(bounds, ex.Range) and isinstance(bounds.low, ex.Number) and isinstance(bounds.high, ex.Number):
+        if not bounds.low.value <= count <= bounds.high.value:
+            raise parsed.fault(
+                where,
+                f"holds {count}, mission '{mission.name}' takes {bounds.low.value:g}..{bounds.high.value:g}",
+                f"list as many or widen the parameter '{name}' of the template",
+            )
+        if count and not _spread(group):
+            bounds = msgspec.structs.replace(bounds, high=number_like(bounds.high, float(count)))
+            mission = _narrowed(mission, name, count, where, notes)
+    default = number_like(parameter.default, float(count))
+    replaced = msgspec.structs.replace(parameter, default=default, bounds=bounds)
+    return msgspec.structs.replace(
+        mission, parameters=tuple(replaced if p.name == name else p for p in mission.parameters)
+    )
+
+
+def _narrowed(mission: model.Mission, name: str, most: int, where: str, notes: list[str]) -> model.Mission:
+    """The mission with the sweeps over a parameter kept to what the document places."""
+    sweeps: list[model.Sweep] = []
+    for sweep in mission.sweeps:
+        values = tuple(
+            tuple(v for v in column if parameter != name or not (isinstance(v, ex.Number) and v.value > most))
+            for parameter, column in zip(sweep.parameters, sweep.values, strict=True)
+        )
+        if values != sweep.values:
+            notes.append(f"{where}: places {most}; what sweep '{sweep.name}' has beyond is left out")
+        if all(values):
+            sweeps.append(msgspec.structs.replace(sweep, values=values))
+    return msgspec.structs.replace(mission, sweeps=tuple(sweeps))
+
+
+# -- small parts of the graph ---------------------------------------------------------------------------------------
+
+
+def _count_parameter(group: model.Group) -> str:
+    count = group.count.high if isinstance(group.count, ex.Range) else group.count
+    return count.name if isinstance(count, ex.Ref) and count.kind == "param" else ""
+
+
+def _spread(group: model.Group) -> tuple[tuple[str, ex.Expr], ...]:
+    position = _property(group.properties, "position")
+    named = position.value.named if position and isinstance(position.value, ex.Call) else ()
+    return tuple(pair for pair in named if pair[0] == "spread")
+
+
+def _indexed(group: model.Group, values: Sequence[ex.Expr], name: str) -> ex.Expr:
+    """One value for a single entity or if all are equal, else the member's own out of a list."""
+    if group.count is None or (name != "position" and len(set(values)) == 1):
+        return values[0]
+    named = _spread(group) if name == "position" else ()
+    return ex.Call("at", (ex.Ref(group.index, "local"), ex.Sequence(tuple(values))), named)
+
+
+def _set(properties: Iterable[model.Property], name: str, value: ex.Expr) -> tuple[model.Property, ...]:
+    """The properties with one fixed to a value; it stays hidden, or a state, if it was."""
+    kept = tuple(properties)
+    old = _property(kept, name)
+    if old is None:
+        return (*kept, model.Property(name=name, value=value))
+    new = msgspec.structs.replace(old, value=value, relation="=", inherited=False)
+    return tuple(new if p is old else p for p in kept)
+
+
+def _property(properties: Iterable[model.Property], name: str) -> model.Property | None:
+    return next((p for p in properties if p.name == name), None)
+
+
+def draw_of(group: model.Group) -> ex.Draw | None:
+    """The draw that places the group's members, if one does."""
+    position = _property(group.properties, "position")
+    return position.value if position and isinstance(position.value, ex.Draw) else None
+
+
+def is_hidden(group: model.Group) -> bool:
+    """Whether the group's places are hidden."""
+    return any(p.name == "position" and p.hidden for p in group.properties)
+
+
+def point(items: Iterable[float]) -> ex.Point:
+    """A point in metres."""
+    return ex.Point(tuple(ex.Number(item, "m") for item in items))
+
+
+def number_like(expr: ex.Expr, value: float) -> ex.Number:
+    """A number in the unit of another one."""
+    return ex.Number(value, expr.unit if isinstance(expr, ex.Number) else "")
+
+
+def member_id(group: model.Group, index: int) -> str:
+    """`uav[1]`, or the bare name of a single entity."""
+    return group.name if group.count is None else f"{group.name}[{index}]"

@@ -1,0 +1,85 @@
+"""Hidden places of a `resetScenario` go to the target groups of its template; there they stay hidden."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from lingjing.mission import geometry2d, model
+from lingjing.mission.reset_document import Parsed, Target
+from lingjing.mission.reset_fields import Found
+from lingjing.mission.reset_groups import Spot, allows_none, filled, is_hidden, origin_of, plays, world
+
+PERSONS = "person_in_water"
+
+
+def targeted(
+    mission: model.Mission,
+    parsed: Parsed,
+    found: Sequence[Found],
+    outline: geometry2d.Polygon | None,
+    notes: list[str],
+) -> model.Mission:
+    """The mission with its targets where the document says; a group the document is silent about stays as it was."""
+    claimed: dict[str, str] = {}
+    for name, targets in (parsed.scenario.lingjing.targets if parsed.scenario.lingjing else {}).items():
+        where = f"{parsed.path}.lingjing.targets.{name}"
+        group = next((g for g in mission.groups if g.role == "target" and g.name == name), None)
+        if group is None:
+            raise parsed.fault(where, f"mission '{mission.name}' has no target group '{name}'", "name one it has")
+        paths = [f"{where}[{k}]" for k in range(len(targets))]
+        mission = filled(mission, group, _spots(targets, paths), parsed, where, notes)
+        claimed[name] = where
+    # Fields with something in them claim first: an empty one says little beside a full one of the same kind.
+    for one in sorted(found, key=lambda one: not one.targets):
+        mission = _claimed(mission, parsed, one, claimed, outline, notes)
+    hidden = (g for g in mission.groups if g.role == "target" and is_hidden(g) and plays(mission, g))
+    silent = [group.name for group in hidden if group.name not in claimed]
+    notes.extend(f"{parsed.state_path}: says nothing of '{name}'; the template places it" for name in silent)
+    return mission
+
+
+def _claimed(
+    mission: model.Mission,
+    parsed: Parsed,
+    one: Found,
+    claimed: dict[str, str],
+    outline: geometry2d.Polygon | None,
+    notes: list[str],
+) -> model.Mission:
+    groups = [g for type_ in one.field.types for g in mission.groups if g.role == "target" and g.type == type_]
+    groups = [g for g in groups if plays(mission, g)]
+    group = next((g for g in groups if g.name not in claimed), None)
+    if group is None and not groups and one.field.general and one.targets:
+        group = _only_hidden(mission, claimed)
+        if group is not None:
+            notes.append(f"{one.path}: taken for '{group.name}', the only hidden target of mission '{mission.name}'")
+    if group is None:
+        if one.targets:
+            why = f"'{groups[0].name}' is given by {claimed[groups[0].name]}" if groups else _nothing(mission, one)
+            notes.append(f"{one.path}: {why}; {len(one.targets)} kept, not played")
+        return mission
+    if not one.targets and not (group.count is not None and allows_none(mission, group)):
+        return mission
+    claimed[group.name] = one.path
+    spots = _spots(one.targets, [one.at(k) for k in range(len(one.targets))])
+    if group.type == PERSONS and outline is not None:
+        origin = origin_of(mission)
+        outside = (spot for spot in spots if not geometry2d.contains(outline, *world(spot, origin, parsed)[:2]))
+        notes.extend(f"{spot.path}: lies outside of rescueRange, where no report of it counts" for spot in outside)
+    return filled(mission, group, spots, parsed, one.path, notes)
+
+
+def _nothing(mission: model.Mission, one: Found) -> str:
+    return f"mission '{mission.name}' has no {' or '.join(one.field.types)}"
+
+
+def _only_hidden(mission: model.Mission, claimed: dict[str, str]) -> model.Group | None:
+    hidden = [g for g in mission.groups if g.role == "target" and is_hidden(g) and plays(mission, g)]
+    return hidden[0] if len(hidden) == 1 and hidden[0].name not in claimed else None
+
+
+def _spots(targets: Sequence[Target], paths: Sequence[str]) -> tuple[Spot, ...]:
+    return tuple(
+        Spot(target.place, path, target.code, weight_kg=target.demand if target.weight is None else target.weight)
+        for target, path in zip(targets, paths, strict=True)
+    )
