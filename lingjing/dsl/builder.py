@@ -449,7 +449,10 @@ class Builder:
     def paren(self, opening: Token, arguments: Arguments, closing: Token) -> s.Expression:
         items = self._unnamed(arguments)
         if len(items) == 1:
-            return items[0]
+            item = items[0]
+            if type(item) is s.Unary and item.operator == "not":  # a `not` in brackets is closed: see `_Ranker`
+                return s.Unary(opening.start, closing.end, item.depth, "not", item.operand)
+            return item
         return self._bounded(s.Tuple(opening.start, closing.end, _below(items), items))
 
     def empty_list(self, opening: Token, closing: Token) -> s.List:
@@ -562,13 +565,17 @@ class _Ranker:
 
     def _operand(self) -> s.Expression:
         value: s.Expression = self.flat[self.at]
-        if type(value) is s.Unary and value.operator == "not":
+        if type(value) is s.Unary and value.operator == "not" and not self._closed(value):
             self.flat[self.at] = value.operand
             operand = self._climb(_NOT_RANK + 1)
             depth = _below((operand,))
             return self.builder._bounded(s.Unary(value.start, operand.end, depth, "not", operand))
         self.at += 1
         return value
+
+    def _closed(self, value: s.Unary) -> bool:
+        """Whether the `not` stands in brackets of its own, and so takes nothing to its right."""
+        return self.builder.report.source.text.startswith("(", value.start)
 
 
 _NOT_ACTIONS = frozenset({"actions", "report"})

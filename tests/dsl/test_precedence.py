@@ -1,0 +1,30 @@
+"""How far `not` reaches: over a comparison to its right, never out of its own brackets."""
+
+from pathlib import Path
+
+import pytest
+
+from lingjing.dsl import compile_text
+from lingjing.mission.expression import Binary, Unary
+
+SSR = (Path(__file__).parents[2] / "scenarios" / "ssr.ljs").read_text("utf-8")
+WON = "success when forall v in victim: rescued(v)"
+
+
+@pytest.mark.parametrize(
+    ("condition", "outer", "inner"),
+    [
+        ("not rescued(v) == true", Unary, Binary),
+        ("(not rescued(v)) == true", Binary, Unary),
+        ("((not rescued(v))) == true", Binary, Unary),
+        ("not (rescued(v) == true)", Unary, Binary),
+        ("(not rescued(v) == true)", Unary, Binary),
+    ],
+)
+def test_not_in_brackets_is_closed(condition, outer, inner):
+    assert WON in SSR
+    compiled = compile_text(SSR.replace(WON, f"success when forall v in victim: {condition}"))
+    assert compiled.diagnostics == ()
+    body = compiled.mission.success.body
+    assert type(body) is outer
+    assert type(body.left if outer is Binary else body.operand) is inner
