@@ -15,6 +15,7 @@ In the order control flows:
 - `evaluation` scores and ends the episode (Evaluate, TerminationReason);
 - `relations` names the occurrences of the five coordination relations;
 - `recording` derives records from what was published;
+- `playable` refuses what a mission may say and the kernel does not play yet;
 - `step` is W.Step, `episode` the loop around it.
 
 In: an `Instance`, a `City`, a `World`, policies. Out: boundary records and an `Outcome`. Invariants: nothing that

@@ -16,8 +16,8 @@ from dataclasses import dataclass, replace
 from lingjing.kernel.instant import Instant
 from lingjing.kernel.predicates import planar
 from lingjing.kernel.registry import Binding, Registry, Report
-from lingjing.kernel.rules import bindings, children, holds, identity, rule_moves, settles_at_once
-from lingjing.mission.expression import Call, Expr
+from lingjing.kernel.rules import bindings, holds, identity, rule_moves, settles_at_once
+from lingjing.mission.expression import Call, Expr, children
 from lingjing.mission.instance import Datum, Entity, Instance
 from lingjing.mission.model import Rule
 from lingjing.trace.records import BodyState, Event, Snapshot, StageChange

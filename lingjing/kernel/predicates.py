@@ -102,11 +102,35 @@ def _assigned(arguments: Sequence[Value], at: Instant) -> Value:
     )
 
 
+def _numbers(arguments: Sequence[Value]) -> list[float] | None:
+    """The arguments as numbers; None if one of them is none."""
+    numbers = [float(value) for value in arguments if isinstance(value, int | float) and not isinstance(value, bool)]
+    return numbers if numbers and len(numbers) == len(arguments) else None
+
+
+def _min(arguments: Sequence[Value], at: Instant) -> Value:
+    numbers = _numbers(arguments)
+    return min(numbers) if numbers else None
+
+
+def _max(arguments: Sequence[Value], at: Instant) -> Value:
+    numbers = _numbers(arguments)
+    return max(numbers) if numbers else None
+
+
+def _abs(arguments: Sequence[Value], at: Instant) -> Value:
+    numbers = _numbers(arguments)
+    return abs(numbers[0]) if numbers else None
+
+
 FUNCTIONS: Mapping[str, Callable[[Sequence[Value], Instant], Value]] = {
     "distance_xy": _distance_xy,
     "iou": _iou,
     "truth": _truth,
     "emitted": _emitted,
     "assigned": _assigned,
+    "min": _min,
+    "max": _max,
+    "abs": _abs,
 }
 """Every function of a rule by its name in the language."""

@@ -8,6 +8,7 @@ radii; boxes are normalised image boxes. Evaluation collects the numbers it used
 from __future__ import annotations
 
 import itertools
+import math
 import operator
 from collections.abc import Callable, Iterator, Mapping
 
@@ -16,6 +17,7 @@ from lingjing.kernel.instant import Instant, Locals, RegionValue, Value
 from lingjing.kernel.predicates import FUNCTIONS, planar
 from lingjing.kernel.registry import Binding, Report
 from lingjing.mission.expression import (
+    Aggregate,
     Attr,
     Binary,
     Call,
@@ -31,6 +33,7 @@ from lingjing.mission.expression import (
     Symbol,
     Text,
     Unary,
+    children,
 )
 from lingjing.mission.geometry2d import contains
 from lingjing.mission.instance import Entity
@@ -115,7 +118,30 @@ def _attr(expr: Attr, scope: Locals, at: Instant) -> Value:
         return base.box if expr.name == "box" else None
     if isinstance(base, Entity):
         return _entity_field(base, expr.name, at)
+    if isinstance(base, tuple):
+        return _coordinate(base, expr.name)
     return None
+
+
+_AXES = {"east": 0, "x": 0, "north": 1, "y": 1, "elevation": 2, "z": 2}
+
+
+def _coordinate(place: tuple[object, ...], name: str) -> Value:
+    axis = _AXES.get(name)
+    value = place[axis] if axis is not None and axis < len(place) else None
+    return float(value) if isinstance(value, int | float) else None
+
+
+def _aggregate(expr: Aggregate, scope: Locals, at: Instant) -> Value:
+    """Of nothing, `count` and `sum` are 0, `min` and `max` are None; a member without a value counts for nothing."""
+    values = [evaluate(expr.body, {**scope, expr.variable: member}, at) for member in at.domain(expr.domain)]
+    if expr.function == "count":
+        return float(sum(value is True for value in values))
+    numbers = [float(value) for value in values if isinstance(value, int | float) and not isinstance(value, bool)]
+    if expr.function == "sum":
+        return math.fsum(numbers)
+    chosen = {"min": min, "max": max}[expr.function]
+    return chosen(numbers) if numbers else None
 
 
 def _entity_field(entity: Entity, name: str, at: Instant) -> Value:
@@ -224,6 +250,7 @@ def _achieved(expr: Call, scope: Locals, at: Instant) -> bool:
 
 
 _HANDLERS: Mapping[type, Callable[..., Value]] = {
+    Aggregate: _aggregate,
     Number: _literal,
     Text: _literal,
     Flag: _literal,
@@ -256,7 +283,7 @@ def moving(expr: Expr, rules: Mapping[str, Rule], entities: frozenset[str], kind
         return any(moving(item, rules, entities, kinds) for item in expr.arguments if not isinstance(item, Ref))
     if isinstance(expr, Ref):
         return expr.kind in ("group", "entity", "clock") or expr.name in entities
-    if isinstance(expr, Quantified) and expr.domain not in kinds:
+    if isinstance(expr, Quantified | Aggregate) and expr.domain not in kinds:
         entities = entities | {expr.variable}
     return any(moving(child, rules, entities, kinds) for child in children(expr))
 
@@ -287,24 +314,3 @@ def _fixed(expr: Expr, report: str, rules: Mapping[str, Rule], kinds: frozenset[
     if isinstance(expr, Call) and expr.function in ("assigned", "emitted"):
         return False
     return all(_fixed(child, report, rules, kinds) for child in children(expr))
-
-
-def children(expr: Expr) -> tuple[Expr, ...]:
-    """The direct sub-expressions."""
-    if isinstance(expr, Unary):
-        return (expr.operand,)
-    if isinstance(expr, Binary):
-        return (expr.left, expr.right)
-    if isinstance(expr, Quantified):
-        return (expr.body,)
-    if isinstance(expr, Call):
-        return expr.arguments + tuple(value for _, value in expr.named)
-    if isinstance(expr, Attr):
-        return (expr.base,)
-    if isinstance(expr, Index):
-        return (expr.base, expr.index)
-    if isinstance(expr, Range):
-        return (expr.low, expr.high)
-    if isinstance(expr, Point | Sequence):
-        return expr.items
-    return ()

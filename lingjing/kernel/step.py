@@ -22,6 +22,7 @@ from lingjing.kernel.bus import Bus, Router
 from lingjing.kernel.candidates import received
 from lingjing.kernel.commands import PHOTO, Gate, Resolution
 from lingjing.kernel.evaluation import Evaluation, Evaluator, MissionEvaluator, combine
+from lingjing.kernel.playable import check_playable
 from lingjing.kernel.recording import inbox_record, observation_record, substitutions
 from lingjing.kernel.registry import UNLOCK, Registry, Report, initial
 from lingjing.kernel.relations import RelationTracker
@@ -100,6 +101,7 @@ class Kernel:
         record: Record | None = None,
         blank_pictures: bool = False,
     ) -> None:
+        check_playable(instance)
         self.instance = instance
         self.world = world
         self._city = city

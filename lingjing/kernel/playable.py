@@ -1,0 +1,65 @@
+"""What a mission may say and the kernel does not play yet: refused by name, never passed over in silence.
+
+The language is ahead of the kernel. An episode that left out a declared limit, event or allowance would be another
+mission with the same name, so it does not start.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from lingjing.errors import UsageError
+from lingjing.kernel.predicates import FUNCTIONS
+from lingjing.mission.expression import Call, Expr, children
+from lingjing.mission.instance import Allowance, Budget, Instance
+
+
+def check_playable(instance: Instance) -> None:
+    """`UsageError` that lists every declared part of the instance that would not be played."""
+    parts = tuple(dict.fromkeys(unplayed(instance)))
+    if parts:
+        raise UsageError(
+            f"`{instance.mission}` cannot be played yet: the kernel does not know {', '.join(parts)}",
+            hint="`lingjing validate`, `graph` and `docs` work for it; playing takes a mission without them",
+        )
+
+
+def unplayed(instance: Instance) -> Iterator[str]:
+    """Names of what the kernel would pass over, in the order of the specification."""
+    if instance.mode == "single":
+        yield "single mode"
+    if _allows(instance.budget) or any(agent.budget is not None for agent in instance.agents):
+        yield "budgets of tokens, money or messages"
+    comms = instance.comms
+    if comms.range_m is not None or comms.loss > 0 or comms.receipts != "own":
+        yield "range, loss or shared receipts of messages"
+    if any(stage.ticks is not None or stage.weight is not None for stage in instance.stages):
+        yield "ticks and weights of stages"
+    if any(region.on_map is not None for region in instance.regions):
+        yield "regions along roads"
+    if any(entity.dormant for entity in instance.entities):
+        yield "things that appear later"
+    for name in ("limits", "permits", "constraints", "inspections", "events", "reveals"):
+        if getattr(instance, name):
+            yield name
+    for condition in _conditions(instance):
+        yield from (f"`{name}(…)` in rules" for name in _unknown_calls(condition))
+
+
+def _allows(budget: Budget | Allowance) -> bool:
+    return any(limit is not None for limit in (budget.tokens, budget.money_usd, budget.messages))
+
+
+def _conditions(instance: Instance) -> Iterator[Expr]:
+    yield instance.success
+    if instance.failure is not None:
+        yield instance.failure
+    for one in (*instance.rules, *instance.unlocks, *instance.stages):
+        yield one.condition
+
+
+def _unknown_calls(condition: Expr) -> Iterator[str]:
+    if isinstance(condition, Call) and not condition.rule and condition.function not in FUNCTIONS:
+        yield condition.function
+    for child in children(condition):
+        yield from _unknown_calls(child)

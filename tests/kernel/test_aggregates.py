@@ -1,0 +1,60 @@
+"""Numbers over groups in rules, and what the kernel refuses to play."""
+
+import sys
+from pathlib import Path
+
+import msgspec
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+import kernel_kit as kit
+
+from lingjing.errors import UsageError
+from lingjing.kernel.adjudication import Adjudicator
+from lingjing.kernel.registry import initial
+from lingjing.kernel.rules import evaluate
+from lingjing.mission.expression import Aggregate, Attr, Binary, Call, Number, Ref
+from lingjing.mission.instance import EventSpec
+
+EAST = Attr(base=Attr(base=kit.local("v"), name="position"), name="east")
+
+
+def value(expression, victims=((100.0, 0.0), (-40.0, 0.0), (7.0, 0.0))):
+    instance = kit.make_instance(victims=victims)
+    registry = initial(instance)
+    return evaluate(expression, {}, Adjudicator(instance).instant(registry, registry.states, 0.0))
+
+
+def over(function, body):
+    return Aggregate(function=function, variable="v", domain="victim", body=body)
+
+
+@pytest.mark.parametrize(("function", "expected"), [("sum", 67.0), ("min", -40.0), ("max", 100.0)])
+def test_a_number_over_a_group(function, expected):
+    assert value(over(function, EAST)) == expected
+
+
+def test_count_counts_where_the_condition_holds():
+    assert value(over("count", Binary(operator=">", left=EAST, right=Number(value=5.0)))) == 2.0
+
+
+@pytest.mark.parametrize(("function", "expected"), [("sum", 0.0), ("count", 0.0), ("min", None), ("max", None)])
+def test_over_nothing(function, expected):
+    assert value(over(function, EAST), victims=()) == expected
+
+
+@pytest.mark.parametrize(("name", "expected"), [("min", -2.0), ("max", 3.0)])
+def test_functions_of_numbers(name, expected):
+    assert value(Call(function=name, arguments=(Number(value=3.0), Number(value=-2.0)))) == expected
+    assert value(Call(function="abs", arguments=(Number(value=-2.0),))) == 2.0
+    assert value(Call(function=name, arguments=(Number(value=3.0), Ref(name="boat", kind="entity")))) is None
+
+
+def test_a_mission_that_says_more_than_the_kernel_plays_does_not_start():
+    instance = msgspec.structs.replace(kit.make_instance(), events=(EventSpec(name="storm", tick=3),))
+    with pytest.raises(UsageError, match="`kit` cannot be played yet: the kernel does not know events"):
+        kit.make_kernel(instance)
+    inspected = kit.make_instance(success=Call(function="inspected", arguments=()))
+    with pytest.raises(UsageError, match=r"`inspected\(…\)` in rules"):
+        kit.make_kernel(inspected)
