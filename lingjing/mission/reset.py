@@ -150,10 +150,12 @@ def _equipped(mission: model.Mission, parsed: Parsed, one: EntityList, notes: li
             notes.append(f"{where}: mission '{mission.name}' has no {one.engine}; {len(listed)} kept, not played")
         return mission
     spots = tuple(_spot(item, f"{where}[{k}]", notes) for k, item in enumerate(listed))
-    shares = [[k for k, item in enumerate(listed) if item.name.partition("[")[0] == g.name] for g in driven]
-    unnamed = [k for k in range(len(listed)) if not any(k in share for share in shares)]
-    # With several groups of one engine the name tells whose an entity is; without a name it goes to the first.
-    shares[0] = sorted(shares[0] + unnamed)
+    # With several groups of one engine the name tells whose an entity is; without such a name it goes to the first.
+    own = {group.name for group in driven}
+    stems = [item.name.partition("[")[0] for item in listed]
+    unnamed = [k for k, stem in enumerate(stems) if stem not in own]
+    owners = [stem if stem in own else driven[0].name for stem in stems]
+    shares = [[k for k, owner in enumerate(owners) if owner == group.name] for group in driven]
     if len(driven) > 1 and unnamed:
         names = ", ".join(group.name for group in driven)
         notes.append(f"{where}: {len(unnamed)} are named like none of {names}; they go to '{driven[0].name}'")
@@ -170,7 +172,7 @@ def _spot(item: Equipment, where: str, notes: list[str]) -> Spot:
         notes.append(f"{where}: {', '.join(headings)} disagree; {next(iter(headings))} counts")
     compass = next(iter(headings.values()), None)
     lines = item.lines if isinstance(item, Satellite) else ()
-    return Spot(item.data, f"{where}.data", item.equipment_code, compass, lines=lines)
+    return Spot(item.data, f"{where}.data", str(item.equipment_code), compass, lines=lines)
 
 
 # -- the region -----------------------------------------------------------------------------------------------------
@@ -188,7 +190,7 @@ def _outline(mission: model.Mission, parsed: Parsed, notes: list[str]) -> geomet
         notes.append(f"{where}: mission '{mission.name}' has no region to search; kept")
         return None
     origin = origin_of(mission)
-    spots = tuple(Spot(corner, f"{where}[{k}]", corner.range_id) for k, corner in enumerate(corners))
+    spots = tuple(Spot(corner, f"{where}[{k}]", str(corner.range_id)) for k, corner in enumerate(corners))
     places = tuple(world(spot, origin, parsed) for spot in spots)
     outline = tuple((place[0], place[1]) for place in places)
     fault = geometry2d.fault(outline)

@@ -14,7 +14,7 @@ from typing import Annotated, Literal, NamedTuple, TypeVar
 import msgspec
 
 from lingjing.errors import MissionError
-from lingjing.mission import jsontext
+from lingjing.mission import jsontext, reset_elements
 
 PLACED = msgspec.Meta(extra_json_schema={"anyOf": [{"required": ["X", "Y"]}, {"required": ["lon", "lat"]}]})
 """What the schema says beyond the types: a place has a pair of coordinates (checked where it is used)."""
@@ -63,10 +63,10 @@ class Coordinates(Part, frozen=True, kw_only=True):
 class Target(Coordinates, frozen=True, kw_only=True):
     """A hidden place: a person, a fire, a leak, a delivery point. `weight` or `demand` is what it wants, in kg."""
 
-    person_id: str = ""
-    target_id: str = ""
-    fire_id: str = ""
-    point_id: str = ""
+    person_id: str | int = ""
+    target_id: str | int = ""
+    fire_id: str | int = ""
+    point_id: str | int = ""
     id: str | int = ""
     name: str = ""
     weight: Annotated[float, msgspec.Meta(ge=0)] | None = None
@@ -82,7 +82,8 @@ class Target(Coordinates, frozen=True, kw_only=True):
     @property
     def code(self) -> str:
         """The document's own name for it."""
-        return self.person_id or self.target_id or self.fire_id or self.point_id or str(self.id) or self.name
+        given = (self.person_id, self.target_id, self.fire_id, self.point_id, self.id, self.name)
+        return next((str(code) for code in given if code != ""), "")
 
 
 Places = tuple[Annotated[Target, PLACED_DEEPER], ...] | Annotated[Target, PLACED_DEEPER]
@@ -91,13 +92,13 @@ Places = tuple[Annotated[Target, PLACED_DEEPER], ...] | Annotated[Target, PLACED
 class Corner(Coordinates, frozen=True, kw_only=True):
     """One corner of the search area; the corners go around it in order."""
 
-    range_id: str = ""
+    range_id: str | int = ""
 
 
 class Equipment(Part, frozen=True, kw_only=True):
     """One entity. `heading` and `raw` are compass degrees, `yaw` is Unreal's."""
 
-    equipment_code: str = ""
+    equipment_code: str | int = ""
     name: str = ""
     side: str = ""
     data: Annotated[Coordinates, PLACED]
@@ -241,7 +242,7 @@ def _first(rows: object) -> Mapping[str, object]:
 
 def parse(text: str, path: str) -> Parsed:
     """Read a document; `UsageError` if it is not JSON, `MissionError` with a JSON path if it is not a scenario."""
-    raw = _without_nulls(jsontext.load(text, path))
+    raw = reset_elements.unify(_without_nulls(jsontext.load(text, path)))
     if not isinstance(raw, dict) or not ({"scenario", "equipmentList"} & raw.keys()):
         raise MissionError(
             f"{path}: $ is not a resetScenario: it holds neither 'scenario' nor 'equipmentList'",

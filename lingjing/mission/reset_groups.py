@@ -13,6 +13,7 @@ from lingjing.mission.evaluate import Scope
 from lingjing.mission.instantiate import parameters, scene_spec
 from lingjing.mission.placing import holds
 from lingjing.mission.reset_document import Coordinates, Parsed
+from lingjing.mission.reset_elements import elements_fault
 
 WEIGHT = "demand_kg"
 """The property of a group that a document's weights set."""
@@ -143,19 +144,6 @@ def _orbiting(
     for k, name in enumerate(("tle1", "tle2")):
         properties = _set(properties, name, _indexed(group, tuple(ex.Text(spot.lines[k]) for spot in spots), name))
     return properties
-
-
-def elements_fault(lines: Sequence[str]) -> str:
-    """What is wrong with a pair of element lines (69 characters, numbered, a checksum modulo 10), or ""."""
-    if len(lines) != 2:
-        return f"has {len(lines)} line of elements, not two"
-    for number, line in enumerate(lines, start=1):
-        if len(line) != 69 or not line.startswith(f"{number} ") or not line[-1].isascii() or not line[-1].isdigit():
-            return f"line {number} of its elements is not 69 characters that begin with '{number} ' and end in a digit"
-        total = sum(int(c) if c.isascii() and c.isdigit() else c == "-" for c in line[:-1]) % 10
-        if total != int(line[-1]):
-            return f"the checksum of line {number} of its elements is {line[-1]}, its digits give {total}"
-    return ""
 
 
 def _weighed(
