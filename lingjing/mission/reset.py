@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import msgspec
 
@@ -118,12 +119,15 @@ def _worded(mission: model.Mission, parsed: Parsed, notes: list[str]) -> model.M
     )
 
 
-def _weather(given: tuple[model.Property, ...], word: str, where: str, notes: list[str]) -> tuple[model.Property, ...]:
+def _weather(
+    given: tuple[model.Property, ...], word: str | dict[str, Any], where: str, notes: list[str]
+) -> tuple[model.Property, ...]:
     if not word:
         return given
-    sky = sky_of(word)
+    sky = sky_of(word) if isinstance(word, str) else None
     if sky is None:
-        notes.append(f"{where}: '{word}' is not understood and kept; the template's weather stands")
+        said = f"'{word}'" if isinstance(word, str) else "an object"
+        notes.append(f"{where}: {said} is not understood and kept; the template's weather stands")
         return given
     known = {p.name: p.value.value for p in given if isinstance(p.value, ex.Number)}
     calm = Weather()
@@ -144,7 +148,7 @@ def _equipped(mission: model.Mission, parsed: Parsed, one: EntityList, notes: li
     driven = [g for g in mission.groups if g.role == "asset" and g.engine == one.engine and plays(mission, g)]
     said = parsed.task.initial_state.uav_count
     if one.engine == "multirotor" and said is not None and said != len(listed):
-        notes.append(f"{parsed.state_path}.uav_count says {said}, the list has {len(listed)}: the list counts")
+        notes.append(f"{parsed.state_path}.uav_count says {said:g}, the list has {len(listed)}: the list counts")
     if not driven:
         if listed:
             notes.append(f"{where}: mission '{mission.name}' has no {one.engine}; {len(listed)} kept, not played")

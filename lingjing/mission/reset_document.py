@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, Literal, NamedTuple, TypeVar
+from typing import Annotated, Any, Literal, NamedTuple, TypeVar
 
 import msgspec
 
@@ -23,6 +23,9 @@ PLACED_DEEPER = msgspec.Meta(
     extra_json_schema={"anyOf": [{"required": keys} for keys in (["X", "Y"], ["lon", "lat"], ["data"], ["position"])]}
 )
 """The same for an entry that may hold its place in an object of its own."""
+
+Free = Annotated[Any, msgspec.Meta(description="kept as it is, nothing reads it")]
+"""The type of a field that documents have and a mission does not need: whatever stands there is no fault."""
 
 P = TypeVar("P")
 
@@ -100,12 +103,12 @@ class Equipment(Part, frozen=True, kw_only=True):
 
     equipment_code: str | int = ""
     name: str = ""
-    side: str = ""
+    side: Free = ""
     data: Annotated[Coordinates, PLACED]
     heading: float | None = None
     raw: float | None = None
     yaw: float | None = None
-    sensor_type: str = ""
+    sensor_type: Free = ""
 
 
 class Satellite(Equipment, frozen=True, kw_only=True):
@@ -140,8 +143,8 @@ class InitialState(Part, frozen=True, kw_only=True):
     """What the task begins with; the hidden places are here. They are read by `lingjing.mission.reset_fields`, which
     knows their other spellings too."""
 
-    weather: str = ""
-    uav_count: int | None = msgspec.field(default=None, name="uav_count")
+    weather: str | dict[str, Any] = ""
+    uav_count: float | None = msgspec.field(default=None, name="uav_count")
     rescue_range: tuple[Annotated[Corner, PLACED], ...] = ()
     rescue_person_position: Places = ()
     goal_fire_position: Places = ()
@@ -158,8 +161,8 @@ class InitialState(Part, frozen=True, kw_only=True):
 class Task(Part, frozen=True, kw_only=True):
     """One row of the task matrix."""
 
-    task_level: str = ""
-    task_id: str = msgspec.field(default="", name="task_id")
+    task_level: Free = ""
+    task_id: Free = msgspec.field(default="", name="task_id")
     task_type: str = ""
     task_type_snake: str = msgspec.field(default="", name="task_type")
     goal: str = ""
@@ -183,7 +186,7 @@ class Scenario(Part, frozen=True, kw_only=True):
     command_type: Literal["resetScenario"] = "resetScenario"
     scene_name: str = ""
     collaboration_type: str = ""
-    scene_region: str = ""
+    scene_region: Free = ""
     task_type: str = ""
     task_type_snake: str = msgspec.field(default="", name="task_type")
     lingjing: Lingjing | None = None
@@ -195,7 +198,7 @@ class Envelope(Part, frozen=True, kw_only=True):
     """The command that carries a scenario."""
 
     command_type: Literal["resetScenario"] = "resetScenario"
-    task_id: str = ""
+    task_id: Free = ""
     scenario: Scenario
 
 

@@ -300,6 +300,8 @@ def test_geodetic_targets_and_two_spellings_that_disagree(nine: Nine) -> None:
         ("ufr", lambda s: s["equipmentList"]["autoVehicleEntityList"][0].update(equipmentCode="uav[1]"),
          "an equipmentCode stands more than once: 'uav[1]'"),
         ("ufr", lambda s: state(s)["goalFirePosition"].pop(), "places 2; what sweep 'workload' has beyond is left"),
+        ("bi", lambda s: state(s).update(weather={"类型": "晴"}), "weather: an object is not understood and kept"),
+        ("bi", lambda s: state(s).update(uav_count=2.0), "uav_count says 2, the list has 1"),
         ("bi", lambda s: s["equipmentList"].update(tankEntityList=[]), "'tankEntityList' not understood"),
     ],
 )  # fmt: skip
@@ -382,6 +384,19 @@ def test_bad_elements_are_kept_and_noted(nine: Nine) -> None:
     mission, notes = read({**nine, "ufr": watched(nine["ufr"])}, text)
     assert any("satelliteEntityList[0]: line 1 of its elements is not 69 characters" in note for note in notes), notes
     assert instantiate(mission).entities[-1].properties["tle1"] == ""
+
+
+def test_fields_that_nothing_reads_may_hold_anything(nine: Nine) -> None:
+    def fill(scenario: Scenario) -> None:
+        scenario["sceneRegion"] = ["园区", 3]
+        scenario["taskMatrix"][0].update(task_id=17, taskLevel={"level": 2})
+        scenario["equipmentList"]["unmannedDogEntityList"][0].update(sensorType=["RGB", "深度"], side=1)
+
+    text = foreign(nine, "vdn", fill)
+    mission, notes = read(nine, text)
+    assert len(notes) == 1 and mission.origin.document == text
+    schema = msgspec.json.decode(document.schemas()["reset-scenario.schema.json"])
+    assert jsonschema.Draft202012Validator(schema).is_valid(json.loads(text))
 
 
 def test_codes_may_be_numbers(nine: Nine) -> None:
