@@ -54,8 +54,9 @@ def _conditions(instance: Instance) -> Iterator[Expr]:
     yield instance.success
     if instance.failure is not None:
         yield instance.failure
-    for one in (*instance.rules, *instance.unlocks, *instance.stages):
-        yield one.condition
+    yield from (rule.condition for rule in instance.rules)
+    yield from (unlock.condition for unlock in instance.unlocks)
+    yield from (stage.condition for stage in instance.stages)
 
 
 def _unknown_calls(condition: Expr) -> Iterator[str]:
