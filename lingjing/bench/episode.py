@@ -9,7 +9,7 @@ from __future__ import annotations
 import datetime as dt
 import hashlib
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -237,9 +237,8 @@ def _check_seed(seed: object) -> None:
         raise UsageError(f"{seed!r} is not a seed", hint="a seed is a whole number from 0 to 2**63 - 1")
 
 
-def _stored(frames: object) -> list[Picture]:
-    assert isinstance(frames, tuple)
-    return [(frame.info, frame.jpeg, frame.depth, frame.semantic) for frame in frames if isinstance(frame, StoredFrame)]
+def _stored(frames: Sequence[StoredFrame]) -> list[Picture]:
+    return [(frame.info, frame.jpeg, frame.depth, frame.semantic) for frame in frames]
 
 
 def _writer(
