@@ -123,7 +123,8 @@ class Entity(Record, frozen=True, kw_only=True):
     `id` is `uav[1]` for the member of a group, else the bare name. `properties` holds what the declaration and its
     type say beyond the named fields, in SI units (`drift_mps`, `speed_mps`, …: see `lingjing.mission.instantiate`).
     `hidden` names the properties (and `position`) that must never reach a policy, `state` those that the engine
-    changes while the mission runs. A `dormant` entity is not there until an event lets it appear.
+    changes while the mission runs. A `dormant` entity is not there until an event lets it appear. `bases` are the
+    types that its type extends, nearest first.
     """
 
     id: str
@@ -141,6 +142,7 @@ class Entity(Record, frozen=True, kw_only=True):
     verbs: tuple[VerbSpec, ...] = ()
     state: tuple[str, ...] = ()
     dormant: bool = False
+    bases: tuple[str, ...] = ()
 
 
 class ChannelSpec(Record, frozen=True, kw_only=True):

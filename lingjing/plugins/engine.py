@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from lingjing.mission.instance import Entity, Instance
 from lingjing.scene.city import City
-from lingjing.trace.records import BodyState, CameraPose, Command, FrameInfo, Receipt, TaskEvent
+from lingjing.trace.records import BodyState, CameraPose, Command, FrameInfo, Receipt, Route, TaskEvent
 
 
 class EngineSpec(msgspec.Struct, frozen=True, kw_only=True):
@@ -34,13 +34,21 @@ class EngineSpec(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Boundary(msgspec.Struct, frozen=True, kw_only=True):
-    """What an engine reports when it has reached `time_s`: its owned entities, receipts and task events since."""
+    """What an engine reports when it has reached `time_s`: its owned entities, receipts and task events since.
+
+    `ambient` are movers that are nobody's entity (background traffic); other engines and cameras receive them as
+    mirrors after the entities. `routes` are those planned since the last boundary. `unheard` lists the pairs of
+    entities, each pair in the instance's order, between which radio does not reach now (the city engine's to say).
+    """
 
     engine: str
     time_s: float
     states: tuple[BodyState, ...] = ()
     receipts: tuple[Receipt, ...] = ()
     events: tuple[TaskEvent, ...] = ()
+    routes: tuple[Route, ...] = ()
+    ambient: tuple[BodyState, ...] = ()
+    unheard: tuple[tuple[str, str], ...] = ()
 
 
 class CaptureRequest(msgspec.Struct, frozen=True, kw_only=True):
@@ -124,5 +132,6 @@ __all__ = [
     "Frame",
     "FrameInfo",
     "Receipt",
+    "Route",
     "TaskEvent",
 ]

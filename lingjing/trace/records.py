@@ -25,6 +25,8 @@ class BodyState(Value, frozen=True, kw_only=True):
 
     Velocity is in the world frame (m/s). `resources` holds stocks such as `battery_wh` or `battery` (0..1);
     `status` is a short state word (`grounded`, `hovering`, `moving`, `idle`, `adrift`, `rescued`, `dead`, …).
+    `kind` says what a body is that is nobody's entity (`car`, `bus`, `truck`, `person`); `joints` are the angles of a
+    legged body's joints (radians, order of its model), for drawing.
     """
 
     id: str
@@ -35,6 +37,8 @@ class BodyState(Value, frozen=True, kw_only=True):
     roll_deg: float = 0.0
     status: str = ""
     resources: dict[str, float] = {}
+    kind: str = ""
+    joints: tuple[float, ...] = ()
 
 
 class Action(Value, frozen=True, kw_only=True):
@@ -116,11 +120,29 @@ class TaskEvent(Value, frozen=True, kw_only=True):
     values: dict[str, float] = {}
 
 
+class Route(Value, frozen=True, kw_only=True):
+    """The way that a road engine planned for an entity: what an inspection inspects.
+
+    `waypoints` are points on its lanes from where it stands to its destination, some 200 m apart and at turns, the
+    last one the destination; `number` counts the entity's routes from 1, so a replan has a new one. `request` is the
+    command that asked for it, or "".
+    """
+
+    entity: str
+    number: int
+    waypoints: tuple[Vector, ...]
+    length_m: float
+    duration_s: float
+    time_s: float
+    request: str = ""
+
+
 class Snapshot(Value, frozen=True, kw_only=True):
-    """All entities of all engines at one macro-step."""
+    """All entities of all engines at one macro-step; `ambient` (background traffic) at decision boundaries only."""
 
     time_s: float
     states: tuple[BodyState, ...]
+    ambient: tuple[BodyState, ...] = ()
 
 
 class Box(Value, frozen=True, kw_only=True):
@@ -323,6 +345,8 @@ class BoundaryRecord(Value, frozen=True, kw_only=True):
     done: bool
     digest: str = ""
     wall_s: float = 0.0
+    routes: tuple[Route, ...] = ()
+    unheard: tuple[tuple[str, str], ...] = ()
 
 
 class AgentBinding(Value, frozen=True, kw_only=True):
