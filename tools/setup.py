@@ -61,14 +61,17 @@ class Environment:
 
 
 CONSTRAINTS = ROOT / "constraints.txt"
+WITHOUT_DEPENDENCIES = (ROOT / "requirements-nodeps.txt", ROOT / "requirements-nodeps-dev.txt")
+"""Packages of which only the files are wanted: what they ask for would be gigabytes."""
 BENCH = ROOT / "benchmarks" / "requirements.txt"
 BENCH_CONSTRAINTS = ROOT / "benchmarks" / "constraints.txt"
 MAIN_ENVIRONMENT = Environment(
     folder=ROOT / ".venv",
-    inputs=(ROOT / "pyproject.toml", ROOT / "agents" / "pyproject.toml", CONSTRAINTS, Path(__file__)),
+    inputs=(ROOT / "pyproject.toml", ROOT / "agents" / "pyproject.toml", CONSTRAINTS, *WITHOUT_DEPENDENCIES, Path(__file__)),
     steps=(
         ("-c", str(CONSTRAINTS), "hatchling", "editables"),
         ("-c", str(CONSTRAINTS), "--no-build-isolation", "-e", f"{ROOT}[dev]", "-e", f"{ROOT / 'agents'}[litellm]"),
+        ("--no-deps", *(part for path in WITHOUT_DEPENDENCIES for part in ("-r", str(path)))),
     ),
     sources=(ROOT / "lingjing", ROOT / "agents" / "lingjing_agents"),
 )

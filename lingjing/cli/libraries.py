@@ -22,6 +22,11 @@ class SystemLibrary:
 SYSTEM_LIBRARIES = (
     SystemLibrary("libEGL.so.1", "libegl1", "off-screen rendering"),
     SystemLibrary("libGL.so.1", "libgl1", "off-screen rendering"),
+    SystemLibrary("libX11.so.6", "libx11-6", "road traffic"),
+    SystemLibrary("libXext.so.6", "libxext6", "road traffic"),
+    SystemLibrary("libXrender.so.1", "libxrender1", "road traffic"),
+    SystemLibrary("libatomic.so.1", "libatomic1", "road traffic"),
+    SystemLibrary("libexpat.so.1", "libexpat1", "road traffic"),
 )
 
 
