@@ -1,0 +1,172 @@
+"""Long pieces cut at the squares of the grid, so that a tile holds what is in it and little more.
+
+Areas are cut at every square they enter (so that the order in which they are painted is that within a tile), roads and
+bridges along their lines. A road that is
+cut keeps its id in every section: a reader that wants the whole of it asks the traffic network. Buildings, solids and
+junctions are never cut: there the tiles' extents say what sticks out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from itertools import pairwise
+from math import ceil, floor, hypot, inf
+from typing import Any
+
+import msgspec
+
+from lingjing.mission.instance import Vector
+from lingjing.scene.city import Area, Bridge, Lane, Pieces, Polygon, Road
+
+STICKS_OUT_M = 100.0
+"""A road or bridge longer than a square by no more than this is left as it is."""
+
+SLIVER_M2 = 0.05
+"""What is left of an area in a square and smaller than this is dropped."""
+
+
+def cut(pieces: Pieces, tile_m: float) -> Pieces:
+    """The pieces with long areas, roads and bridges divided."""
+    return msgspec.structs.replace(
+        pieces,
+        areas=tuple(part for area in pieces.areas for part in _areas(area, tile_m)),
+        roads=tuple(part for road in pieces.roads for part in _roads(road, tile_m)),
+        bridges=tuple(part for bridge in pieces.bridges for part in _bridges(bridge, tile_m)),
+    )
+
+
+# -- areas
+
+
+def _areas(area: Area, side: float) -> Iterator[Area]:
+    if _fits(area.polygon, side):
+        yield area
+        return
+    import shapely
+
+    whole = shapely.make_valid(shapely.Polygon(area.polygon, area.holes))
+    west, south, east, north = whole.bounds
+    for column in range(floor(west / side), ceil(east / side)):
+        for row in range(floor(south / side), ceil(north / side)):
+            box = shapely.box(column * side, row * side, (column + 1) * side, (row + 1) * side)
+            for part in polygons(shapely.intersection(whole, box)):
+                for outline, *holes in filter(None, (rings(part),)):
+                    first = _from_within(outline, column, row, side)
+                    yield msgspec.structs.replace(area, polygon=first, holes=(*holes,))
+
+
+def _fits(polygon: Polygon, side: float) -> bool:
+    """Whether a polygon stays in the square of its first point."""
+    if not polygon:
+        return True
+    west, south = (floor(value / side) * side for value in polygon[0])
+    return all(west <= x <= west + side and south <= y <= south + side for x, y in polygon)
+
+
+def polygons(shape: Any) -> Iterator[Any]:
+    """The polygons of any shapely geometry, slivers left out."""
+    import shapely
+
+    for part in shapely.get_parts(shape):
+        if part.geom_type == "Polygon":
+            if part.area > SLIVER_M2:
+                yield part
+        elif part.geom_type in ("MultiPolygon", "GeometryCollection"):
+            yield from polygons(part)
+
+
+def rings(polygon: Any) -> tuple[Polygon, ...]:
+    """The outline of a shapely polygon and then its holes, as cities hold them: anticlockwise, without the closing
+    repeat, to the millimetre. Empty if nothing is left at that resolution."""
+    outline, *holes = (_ring(ring.coords) for ring in (polygon.exterior, *polygon.interiors))
+    return (outline, *(hole for hole in holes if hole)) if outline else ()
+
+
+def _ring(coordinates: Iterable[tuple[float, ...]]) -> Polygon:
+    points = [(round(point[0], 3), round(point[1], 3)) for point in coordinates]
+    kept = tuple(point for before, point in pairwise(points) if point != before)
+    if len(kept) < 3:
+        return ()
+    twice = sum(ax * by - bx * ay for (ax, ay), (bx, by) in zip(kept, (*kept[1:], kept[0]), strict=True))
+    return kept if twice > 0.0 else kept[::-1]
+
+
+def _from_within(outline: Polygon, column: int, row: int, side: float) -> Polygon:
+    """The outline beginning at a point that counts as this square's: its east and north edges are the neighbours'."""
+    for k, (x, y) in enumerate(outline):
+        if floor(x / side) == column and floor(y / side) == row:
+            return outline[k:] + outline[:k]
+    return outline
+
+
+# -- lines
+
+
+def _roads(road: Road, side: float) -> Iterator[Road]:
+    shape = road.lanes[0].shape if road.lanes else ()
+    shares = _shares(shape, side)
+    if len(shares) <= 2:
+        yield road
+        return
+    for start, end in pairwise(shares):
+        lanes = tuple(_section(lane, start, end) for lane in road.lanes)
+        yield msgspec.structs.replace(road, lanes=lanes)
+
+
+def _section(lane: Lane, start: float, end: float) -> Lane:
+    return msgspec.structs.replace(lane, shape=_between(lane.shape, start, end))
+
+
+def _bridges(bridge: Bridge, side: float) -> Iterator[Bridge]:
+    """Sections of a long bridge, cut at piers so that their spacing goes on."""
+    length = _lengths(bridge.path)[-1] if len(bridge.path) > 1 else 0.0
+    if length <= side + STICKS_OUT_M:
+        yield bridge
+        return
+    step = bridge.pier_spacing_m or side
+    span = max(1, floor(side / step)) * step
+    cuts = [0.0]
+    while length - cuts[-1] > 1.5 * span:
+        cuts.append(cuts[-1] + span)
+    cuts.append(length)
+    for number, (start, end) in enumerate(pairwise(cuts)):
+        path = _between(bridge.path, start / length, end / length)
+        yield msgspec.structs.replace(bridge, id=f"{bridge.id}~{number}" if number else bridge.id, path=path)
+
+
+def _shares(shape: tuple[Vector, ...], side: float) -> list[float]:
+    """Where to cut a line, in shares of its length from 0 to 1: sections of about a tile's side, one if it is short."""
+    length = _lengths(shape)[-1] if len(shape) > 1 else 0.0
+    count = 1 if length <= side + STICKS_OUT_M else ceil(length / side)
+    return [k / count for k in range(count + 1)]
+
+
+def _lengths(path: tuple[Vector, ...]) -> list[float]:
+    """The length in plan from the start to each point."""
+    found = [0.0]
+    for (ax, ay, _), (bx, by, _) in pairwise(path):
+        found.append(found[-1] + hypot(bx - ax, by - ay))
+    return found
+
+
+def _between(path: tuple[Vector, ...], start: float, end: float) -> tuple[Vector, ...]:
+    """The part of a path between two shares of its length; both ends are points of it."""
+    if len(path) < 2:
+        return path
+    lengths = _lengths(path)
+    first, last = start * lengths[-1], end * lengths[-1]
+    inner = [point for point, at in zip(path, lengths, strict=True) if first + 0.01 < at < last - 0.01]
+    return (_at(path, lengths, first), *inner, _at(path, lengths, last))
+
+
+def _at(path: tuple[Vector, ...], lengths: list[float], wanted: float) -> Vector:
+    """The point at a length; the ends exactly."""
+    if wanted <= 0.0:
+        return path[0]
+    lengths = [*lengths, inf]
+    k = next(k for k, at in enumerate(lengths) if at >= wanted - 1e-6)
+    if k >= len(path) - 1 and wanted >= lengths[len(path) - 1] - 1e-6:
+        return path[-1]
+    (ax, ay, az), (bx, by, bz) = path[k - 1], path[k]
+    share = (wanted - lengths[k - 1]) / ((lengths[k] - lengths[k - 1]) or 1.0)
+    return ax + share * (bx - ax), ay + share * (by - ay), az + share * (bz - az)

@@ -1,0 +1,209 @@
+"""`Tiles`: the pieces of a city near a place, whether the city holds its pieces itself or keeps them in a folder.
+
+A square of the grid is `(column, row)`, counted from the world's origin in steps of `City.tile_m`. A piece belongs to
+the one square that holds its first point and may stick out of it; `near` asks with what the tiles really cover, so that
+a reader misses nothing and needs no margin. `City.waters` and `City.lands` are everywhere: they stay with the city and
+are in no tile of an inline one.
+
+Tiles of a folder (`lingjing.scene.store`) are read when asked for, and the latest `keep` of them are held.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Iterable, Iterator, Mapping
+from math import floor, hypot
+from pathlib import Path
+from typing import Protocol, TypeVar
+
+import msgspec
+
+from lingjing.errors import UsageError
+from lingjing.scene.city import (
+    Area,
+    Bridge,
+    Building,
+    City,
+    Junction,
+    Pieces,
+    Pipe,
+    Prop,
+    Road,
+    Slope,
+    Solid,
+    Tile,
+)
+
+Key = tuple[int, int]
+Bounds = tuple[float, float, float, float]
+"""West, south, east, north in metres."""
+
+Piece = Area | Solid | Slope | Building | Road | Junction | Bridge | Pipe | Prop
+
+KEPT_TILES = 64
+"""Tiles held at a time by default: four square kilometres of 250 m squares."""
+
+TILED = ("areas", "solids", "slopes", "buildings", "roads", "junctions", "bridges", "pipes", "props")
+"""The fields of `Pieces` that tiles divide; waters and lands stay with the city."""
+
+
+_Read = TypeVar("_Read")
+
+
+class Index(msgspec.Struct, frozen=True, array_like=True):
+    """What each tile of a store covers, in key order: its square grown to the bounds of its pieces."""
+
+    keys: tuple[Key, ...]
+    extents: tuple[Bounds, ...]
+
+
+class Tiles:
+    """The tiles of a city. `keep` bounds how many tiles read from a folder are held.
+
+    Raises `UsageError` if the city's folder is gone or damaged.
+    """
+
+    def __init__(self, city: City, keep: int = KEPT_TILES) -> None:
+        self._tile_m = city.tile_m
+        self._source: _Source = _Folder(city.store, max(1, keep)) if city.store else _Memory(city)
+        extents = self._source.extents
+        self.keys: tuple[Key, ...] = tuple(sorted(extents))
+        self._overhang_m = max((_overhang(key, extents[key], city.tile_m) for key in self.keys), default=0.0)
+
+    def load(self, key: Key) -> Tile:
+        """The tile of a square in `keys`; `KeyError` for another."""
+        return self._source.load(key)
+
+    def near(self, x: float, y: float, radius_m: float) -> tuple[Tile, ...]:
+        """Every tile that holds something within `radius_m` of a point, or whose square is, in key order."""
+        return tuple(self._source.load(key) for key in self.keys_near(x, y, radius_m))
+
+    def keys_near(self, x: float, y: float, radius_m: float) -> tuple[Key, ...]:
+        """The keys of `near`, without reading a tile."""
+        side, reach, extents = self._tile_m, radius_m + self._overhang_m, self._source.extents
+        columns = range(floor((x - reach) / side), floor((x + reach) / side) + 1)
+        rows = range(floor((y - reach) / side), floor((y + reach) / side) + 1)
+        if len(columns) * len(rows) > len(self.keys):
+            asked: Iterable[Key] = self.keys
+        else:
+            asked = ((column, row) for column in columns for row in rows if (column, row) in extents)
+        return tuple(key for key in asked if _distance(extents[key], x, y) <= radius_m)
+
+    def __iter__(self) -> Iterator[Tile]:
+        """Every tile in key order, one at a time."""
+        return (self._source.load(key) for key in self.keys)
+
+
+def partition(pieces: Pieces, tile_m: float) -> dict[Key, Tile]:
+    """The pieces by the square of their first point, in key order. Waters and lands are left out."""
+    found: dict[Key, dict[str, list[Piece]]] = {}
+    for field in TILED:
+        for piece in getattr(pieces, field):
+            found.setdefault(key_of(piece, tile_m), {}).setdefault(field, []).append(piece)
+    fields = {key: {field: tuple(items) for field, items in found[key].items()} for key in sorted(found)}
+    return {key: msgspec.convert({"key": key, **filled}, Tile) for key, filled in fields.items()}
+
+
+def key_of(piece: Piece, tile_m: float) -> Key:
+    """The square that holds a piece's first point; the one at the origin for a piece without any."""
+    point = next(points_of(piece), (0.0, 0.0))
+    return floor(point[0] / tile_m), floor(point[1] / tile_m)
+
+
+def points_of(piece: Piece) -> Iterator[tuple[float, ...]]:
+    """The points that outline a piece, east and north first, beginning with the one that decides its tile."""
+    if isinstance(piece, Prop):
+        yield piece.position
+    elif isinstance(piece, Road):
+        for lane in piece.lanes:
+            yield from lane.shape
+    elif isinstance(piece, Slope):
+        yield from piece.top
+    elif isinstance(piece, Bridge | Pipe):
+        yield from piece.path
+    else:
+        yield from piece.polygon
+
+
+def extent(tile: Tile, tile_m: float) -> Bounds:
+    """The bounds of a tile's square and of all its pieces' points."""
+    column, row = tile.key
+    xs, ys = [column * tile_m, (column + 1) * tile_m], [row * tile_m, (row + 1) * tile_m]
+    for field in TILED:
+        for piece in getattr(tile, field):
+            for point in points_of(piece):
+                xs.append(point[0])
+                ys.append(point[1])
+    return min(xs), min(ys), max(xs), max(ys)
+
+
+def tile_file(key: Key) -> str:
+    """The name of a tile's file in a store's folder."""
+    return f"tiles/{key[0]}_{key[1]}.msgpack"
+
+
+INDEX_FILE = "tiles/index.msgpack"
+
+
+# -- private
+
+
+class _Source(Protocol):
+    extents: Mapping[Key, Bounds]
+
+    def load(self, key: Key) -> Tile: ...
+
+
+class _Memory:
+    """The pieces that a city holds itself, divided once."""
+
+    def __init__(self, city: City) -> None:
+        self._tiles = partition(city, city.tile_m)
+        self.extents: Mapping[Key, Bounds] = {key: extent(tile, city.tile_m) for key, tile in self._tiles.items()}
+
+    def load(self, key: Key) -> Tile:
+        return self._tiles[key]
+
+
+class _Folder:
+    """The tiles of a folder, the most recently asked ones held."""
+
+    def __init__(self, folder: str, keep: int) -> None:
+        self._folder, self._keep = folder, keep
+        index = _decode(folder, INDEX_FILE, Index)
+        self.extents: Mapping[Key, Bounds] = dict(zip(index.keys, index.extents, strict=True))
+        self._held: OrderedDict[Key, Tile] = OrderedDict()
+
+    def load(self, key: Key) -> Tile:
+        if key in self._held:
+            self._held.move_to_end(key)
+            return self._held[key]
+        if key not in self.extents:
+            raise KeyError(key)
+        tile = self._held[key] = _decode(self._folder, tile_file(key), Tile)
+        while len(self._held) > self._keep:
+            self._held.popitem(last=False)
+        return tile
+
+
+def _decode(folder: str, name: str, kind: type[_Read]) -> _Read:
+    """A file of a store; `UsageError` where it is gone or no such thing."""
+    path = Path(folder, name)
+    hint = "build the city again: lingjing scene build"
+    try:
+        return msgspec.msgpack.decode(path.read_bytes(), type=kind)
+    except OSError as error:
+        raise UsageError(f"the city in `{folder}` has lost `{name}`: {error.strerror}", hint=hint) from None
+    except (msgspec.DecodeError, msgspec.ValidationError) as error:
+        raise UsageError(f"the city in `{folder}` is damaged: `{name}`: {error}", hint=hint) from None
+
+
+def _overhang(key: Key, bounds: Bounds, side: float) -> float:
+    column, row = key
+    west, south, east, north = bounds
+    return max(column * side - west, row * side - south, east - (column + 1) * side, north - (row + 1) * side, 0.0)
+
+
+def _distance(bounds: Bounds, x: float, y: float) -> float:
+    west, south, east, north = bounds
+    return hypot(max(west - x, x - east, 0.0), max(south - y, y - north, 0.0))
