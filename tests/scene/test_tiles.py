@@ -1,4 +1,5 @@
 import os
+from itertools import pairwise
 from math import hypot
 from pathlib import Path
 
@@ -94,7 +95,7 @@ def test_long_pieces_are_cut_and_nothing_is_lost() -> None:
     assert joined[0] == lane.shape[0]
     assert joined[-1] == lane.shape[-1]
     ends = [road.lanes[0].shape for road in got.roads]
-    assert all(before[-1] == pytest.approx(after[0]) for before, after in zip(ends, ends[1:], strict=False))
+    assert all(before[-1] == pytest.approx(after[0]) for before, after in pairwise(ends))
     assert sum(length(road.lanes[0].shape) for road in got.roads) == pytest.approx(length(lane.shape))
     assert max(length(road.lanes[0].shape) for road in got.roads) < 260.0
     assert sum(area(part.polygon) - sum(map(area, part.holes)) for part in got.areas) == pytest.approx(700**2 - 400**2)
@@ -109,7 +110,7 @@ def test_long_pieces_are_cut_and_nothing_is_lost() -> None:
 
 
 def length(path: tuple[tuple[float, ...], ...]) -> float:
-    return sum(hypot(b[0] - a[0], b[1] - a[1]) for a, b in zip(path, path[1:], strict=False))
+    return sum(hypot(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(path))
 
 
 def area(ring: tuple[tuple[float, float], ...]) -> float:
