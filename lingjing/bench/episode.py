@@ -10,7 +10,7 @@ import datetime as dt
 import hashlib
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Literal, Self
@@ -24,6 +24,7 @@ from lingjing.kernel.fingerprint import fingerprint
 from lingjing.kernel.step import Kernel
 from lingjing.kernel.world import open_world
 from lingjing.kernel.world.contract import StoredFrame, World
+from lingjing.mission.feasibility import prove_instance
 from lingjing.mission.instance import AgentSpec, Instance
 from lingjing.mission.instantiate import instantiate
 from lingjing.mission.model import Mission
@@ -125,7 +126,8 @@ class Session:
             self.close()
             raise EpisodeInterrupted(_result(writer.part, folder, overview=False)) from None
         partial = outcome.reason == "infrastructure-abort"
-        return _result(writer.part if partial else writer.path, folder, overview=overview)
+        result = _result(writer.part if partial else writer.path, folder, overview=overview)
+        return replace(result, warnings=(*_hopeless(instance), *result.warnings))
 
     def close(self) -> None:
         """End the workers; the next episode starts new ones."""
@@ -230,6 +232,11 @@ def _plugin(factory: Callable[..., Policy]) -> PolicyPlugin:
     name = getattr(factory, "__qualname__", type(factory).__name__)
     declared = getattr(factory, "__dict__", {}).get("privileged", False)
     return PolicyPlugin(name=name, factory=factory, privileged=bool(declared))
+
+
+def _hopeless(instance: Instance) -> tuple[str, ...]:
+    """Proofs that this instance could not be won. It is played all the same: a study may mean to show just that."""
+    return tuple(f"this could not be won ({proof.code}): {proof.message}" for proof in prove_instance(instance))
 
 
 def _check_seed(seed: object) -> None:

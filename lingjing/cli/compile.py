@@ -10,6 +10,7 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from lingjing.cli.pairs import MODES
 from lingjing.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
@@ -22,15 +23,22 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("file", metavar="FILE", help="a .ljs or .json file; - reads standard input")
     parser.add_argument("-o", "--output", metavar="OUT", help="where to write (default: standard output)")
     parser.add_argument("--emit", choices=("mission", "reset-scenario", "ljs"), default="mission", help="what to write")
+    drawn = parser.add_argument_group("what a resetScenario document is drawn with (it holds places and no draws)")
+    drawn.add_argument("--seed", metavar="N", help="the episode's seed (default 0)")
+    drawn.add_argument("--mode", choices=MODES, help="communication mode (default: the mission's)")
+    drawn.add_argument("--set", metavar="NAME=VALUE", action="append", default=[], help="set a mission parameter")
     parser.set_defaults(handler=handler)
 
 
 def handler(args: argparse.Namespace) -> int:
     """Compile and write; the output appears whole or not at all."""
-    from lingjing.cli.missions import find_mission
+    if args.emit != "reset-scenario" and (args.seed or args.mode or args.set):
+        raise UsageError(
+            f"--emit {args.emit} holds every seed, mode and setting", hint="leave out --seed, --mode and --set"
+        )
     from lingjing.dsl.load import load_noted
 
-    mission, notes = load_noted(str(find_mission(args.file)))
+    mission, notes = load_noted(args.file)
     for note in notes:
         print(f"note: {note}", file=sys.stderr)
     if args.emit == "mission":
@@ -40,14 +48,25 @@ def handler(args: argparse.Namespace) -> int:
     elif args.emit == "ljs":
         text = _ljs(mission)
     else:
-        from lingjing.mission.reset_emit import emit
-
-        text = emit(mission)
+        text = _reset_scenario(mission, args)
     if args.output in (None, "-"):
         sys.stdout.write(text)
     else:
         write_whole(args.output, text)
     return ExitCode.OK
+
+
+def _reset_scenario(mission: Mission, args: argparse.Namespace) -> str:
+    from lingjing.cli.pairs import parse_pairs, parse_seed, parse_settings
+    from lingjing.mission.reset_emit import emit
+
+    if mission.origin.document and (args.seed or args.mode or args.set):
+        raise UsageError(
+            "a resetScenario document is given back as it is: nothing is left to draw",
+            hint=f"compile the mission itself: lingjing compile {mission.name} --emit reset-scenario --seed …",
+        )
+    settings = parse_settings(parse_pairs("--set", args.set), mission)
+    return emit(mission, seed=parse_seed(args.seed or "0"), mode=args.mode, settings=settings)
 
 
 def _ljs(mission: Mission) -> str:

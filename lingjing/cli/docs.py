@@ -18,11 +18,10 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def handler(args: argparse.Namespace) -> int:
     """Write the page; it appears whole or not at all."""
-    from lingjing.cli.missions import find_mission
     from lingjing.dsl.load import load_noted
     from lingjing.dsl.page import page
 
-    mission, notes = load_noted(str(find_mission(args.file)))
+    mission, notes = load_noted(args.file)
     for note in notes:
         print(f"note: {note}", file=sys.stderr)
     text = page(mission)

@@ -28,12 +28,11 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def handler(args: argparse.Namespace) -> int:
     """Draw and write; the output appears whole or not at all."""
-    from lingjing.cli.missions import find_mission
     from lingjing.dsl.load import load_noted
     from lingjing.mission.graph import graph
 
     chosen = args.format or format_of(args.output)
-    mission, notes = load_noted(str(find_mission(args.file)))
+    mission, notes = load_noted(args.file)
     for note in notes:
         print(f"note: {note}", file=sys.stderr)
     text = render(graph(mission, args.mode), chosen)

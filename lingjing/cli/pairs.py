@@ -13,6 +13,9 @@ from lingjing.mission.units import Unit, dimension_name, unit_of
 
 _QUANTITY = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S*)", re.ASCII)
 
+MODES = ("star", "broadcast", "single")
+"""What `--mode` takes; whether the mission has it is said by the mission."""
+
 MOST_SEEDS = 100_000
 """A range beyond this is a slip of the finger."""
 

@@ -9,11 +9,11 @@ from pathlib import Path
 from lingjing.bench.fleet import RunOptions, Task, play_apart, play_here
 from lingjing.bench.folders import RUNS, claim_folder, claim_run_folder, release_if_empty
 from lingjing.bench.report import EpisodeReport, summarise
-from lingjing.cli.missions import find_mission
-from lingjing.cli.pairs import parse_pairs, parse_seed, parse_seeds, parse_settings
+from lingjing.cli.pairs import MODES, parse_pairs, parse_seed, parse_seeds, parse_settings
 from lingjing.cli.process import end_with, results_alone
 from lingjing.cli.progress import LiveProgress
 from lingjing.cli.scoreboard import exit_code, explain, print_episode, print_json, print_suite
+from lingjing.dsl.shipped import find_mission
 from lingjing.errors import ExitCode, UsageError
 from lingjing.mission.model import Mission
 
@@ -25,7 +25,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     which = parser.add_mutually_exclusive_group()
     which.add_argument("--seed", metavar="N", default="0", help="the episode's seed (default 0)")
     which.add_argument("--seeds", metavar="A-B", help="several seeds, both ends included")
-    parser.add_argument("--mode", choices=("star", "broadcast"), help="communication mode (default: the mission's)")
+    parser.add_argument("--mode", choices=MODES, help="communication mode (default: the mission's)")
     parser.add_argument("--set", metavar="NAME=VALUE", action="append", default=[], help="set a mission parameter")
     parser.add_argument(
         "--policy", metavar="NAME|FILE.py:CLASS", default="heuristic", help="who plays (default heuristic)"

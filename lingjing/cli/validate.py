@@ -82,15 +82,18 @@ def _conclude(args: argparse.Namespace, found: list[Diagnostic], *, unreadable: 
 
 
 def _check(path: str, args: argparse.Namespace) -> Checked:
-    from lingjing.dsl.load import is_document, read_document, source_of
+    from lingjing.dsl.load import is_document, source_of
+    from lingjing.dsl.shipped import find_mission
 
-    source = source_of(path)
+    found = str(find_mission(path))
+    if _mends(args) and found != path and not args.diff:
+        raise UsageError(f"`{path}` is a shipped mission, which is not mended", hint="copy it and name the copy")
+    source = source_of(found)
     as_text = args.output_format == "text"
     if is_document(source):
-        _, notes = read_document(source)
-        return Checked((), "".join(f"{source.path}: note: {note}\n" for note in notes) if as_text else "")
+        return _check_document(source, as_text=as_text)
     if _mends(args) or args.diff:
-        return _fix(path, source, args)
+        return _fix(found, source, args)
     if not args.no_cache:
         from lingjing.dsl.cache import known_good
 
@@ -105,14 +108,32 @@ def _check(path: str, args: argparse.Namespace) -> Checked:
     return Checked(compilation.diagnostics, _text(compilation.diagnostics, source) if as_text else "")
 
 
+def _check_document(source: Source, *, as_text: bool) -> Checked:
+    """A JSON document: its notes, and errors for what cannot be won or is not installed, at its first line."""
+    from lingjing.cli.installed import offers
+    from lingjing.dsl.absent import missing
+    from lingjing.dsl.load import read_document
+    from lingjing.mission.diagnostics import Diagnostic
+    from lingjing.mission.feasibility import prove
+
+    mission, notes = read_document(source)
+    start = source.span(0, 0)
+    found = [Diagnostic(proof.code, start, proof.message, proof.hint) for proof in prove(mission)]
+    for kind, name, _ in missing(mission, offers):
+        found.append(Diagnostic("LJ0505", start, f"no {kind} called `{name}` is installed", severity="warning"))
+    shown = "".join(f"{source.path}: note: {note}\n" for note in notes)
+    return Checked(tuple(found), shown + _text(tuple(found), source) if as_text else "")
+
+
 def _mends(args: argparse.Namespace) -> bool:
     return bool(args.fix or args.unsafe_fixes)
 
 
 def _compile(source: Source) -> Compilation:
+    from lingjing.cli.installed import offers
     from lingjing.dsl import compile_source
 
-    return compile_source(source)
+    return compile_source(source, offers=offers)
 
 
 def _fix(path: str, source: Source, args: argparse.Namespace) -> Checked:

@@ -9,6 +9,7 @@ Phases, each a plain function, in the order a text passes them:
 - `elaborate`, `calls`, `typenames`: expressions, typed, with the way hidden values take.
 - `blocks`, `settings`, `entities`, `agents`, `rules`, `checker`: declarations → `Checked`.
 - `properties`, `lower`: `Checked` → `lingjing.mission.model.Mission`. `infeasible`: why it cannot be won, if proved.
+  `absent`: what it names and nobody here offers.
 - `render`, `codes`, `suggest`: diagnostics for people and programs. `load`: any mission file → `Mission`.
 - `layout`, `spacing`, `columns`, `format`: text → the same text laid out the one way.
 - `phrases`, `imports`, `print`: `Mission` → text that compiles to it. `words`, `page`: `Mission` → a page for readers.
@@ -26,6 +27,7 @@ import msgspec
 from lingjing.dsl.source import Source
 
 if TYPE_CHECKING:
+    from lingjing.dsl.absent import Offers
     from lingjing.mission.diagnostics import Diagnostic
     from lingjing.mission.model import Mission
 
@@ -52,8 +54,10 @@ def compile_file(path: str) -> Compilation:
     return compile_source(read_source(path))
 
 
-def compile_source(source: Source) -> Compilation:
+def compile_source(source: Source, *, offers: Offers | None = None) -> Compilation:
     """Compile a source: parse, check, lower if there was no error, and look whether the mission can be won.
+
+    With `offers` (the names that plug-ins offer) a scene or an engine that is not installed is a warning.
 
     The garbage collector rests meanwhile: trees have no cycles, and looking for some costs a fifth of the time.
     """
@@ -62,13 +66,13 @@ def compile_source(source: Source) -> Compilation:
     collects = gc.isenabled()
     gc.disable()
     try:
-        return _compile(source)
+        return _compile(source, offers)
     finally:
         if collects:
             gc.enable()
 
 
-def _compile(source: Source) -> Compilation:
+def _compile(source: Source, offers: Offers | None) -> Compilation:
     from lingjing.dsl.checker import check
     from lingjing.dsl.infeasible import infeasible
     from lingjing.dsl.lower import lower
@@ -87,5 +91,9 @@ def _compile(source: Source) -> Compilation:
         return Compilation(None, diagnostics, source)
     mission = lower(checked, report.source)
     infeasible(mission, tree, report)
+    if offers is not None:
+        from lingjing.dsl.absent import absent
+
+        absent(mission, tree, report, offers)
     diagnostics = in_source_order(tuple(report.diagnostics))
     return Compilation(None if has_errors(diagnostics) else mission, diagnostics, source)

@@ -25,6 +25,7 @@ from lingjing.mission.diagnostics import Diagnostic
 
 if TYPE_CHECKING:
     from lingjing.dsl import Compilation
+    from lingjing.mission.model import Mission
 
 FORMAT = b"1"
 MOST_ENTRIES = 200
@@ -74,9 +75,14 @@ def compile_cached(source: Source) -> Compilation:
 
 
 def keep(compilation: Compilation) -> None:
-    """Keep a compilation if it has no error. Never fails: what cannot be kept is made again."""
+    """Keep a compilation if it has no error. Never fails: what cannot be kept is made again.
+
+    One that needs a plug-in is not kept either: by the next time that may be installed, or gone.
+    """
     source = compilation.source
     if _is_off() or any(item.severity == "error" for item in compilation.diagnostics):
+        return
+    if compilation.mission is not None and _needs_plugins(compilation.mission):
         return
     mission = b"" if compilation.mission is None else msgspec.msgpack.encode(compilation.mission)
     if len(mission) > LARGEST_ENTRY:
@@ -90,6 +96,12 @@ def keep(compilation: Compilation) -> None:
 
 
 # -- private
+
+
+def _needs_plugins(mission: Mission) -> bool:
+    from lingjing.dsl.absent import missing
+
+    return next(missing(mission, lambda kind: ()), None) is not None
 
 
 def _is_off() -> bool:

@@ -10,6 +10,7 @@ from pathlib import Path
 from lingjing.dsl import Compilation, compile_file
 from lingjing.dsl.cache import compile_cached
 from lingjing.dsl.render import render_text, summary
+from lingjing.dsl.shipped import find_mission
 from lingjing.dsl.source import Source, decode_source, read_source
 from lingjing.errors import MissionError, UsageError
 from lingjing.mission.model import Mission
@@ -18,15 +19,15 @@ STDIN = "-"
 
 
 def load_mission(path: str | os.PathLike[str]) -> Mission:
-    """The mission of a file. `UsageError` if it cannot be read or holds no mission, `MissionError` with the rendered
-    diagnostics if it has errors."""
+    """The mission of a file, or a shipped one by name (`ssr`). `UsageError` if it cannot be read or holds no mission,
+    `MissionError` with the rendered diagnostics if it has errors."""
     mission, _ = load_noted(os.fspath(path))
     return mission
 
 
 def load_noted(path: str) -> tuple[Mission, tuple[str, ...]]:
-    """The mission of a file and, for a document, notes on how it was understood."""
-    source = source_of(path)
+    """The mission of a file or of a shipped name and, for a document, notes on how it was understood."""
+    source = source_of(str(find_mission(path)))
     if is_document(source):
         return read_document(source)
     return mission_of(compile_cached(source)), ()

@@ -16,9 +16,9 @@ import pytest
 from lingjing.bench.report import ABORTED, INTERRUPTED, EpisodeReport, summarise
 from lingjing.cli.compile import write_whole
 from lingjing.cli.main import main
-from lingjing.cli.missions import find_mission
 from lingjing.cli.scorecard import scorecard
 from lingjing.data import data_path
+from lingjing.dsl.shipped import find_mission
 from lingjing.errors import UsageError
 from lingjing.trace.reader import read_trace
 

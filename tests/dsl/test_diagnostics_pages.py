@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from lingjing.cli.main import main
-from lingjing.dsl import compile_text
+from lingjing.dsl import Source, compile_source, compile_text
 from lingjing.dsl.codes import CODES
 from lingjing.errors import ExitCode
 
@@ -46,7 +46,8 @@ def test_an_example_has_exactly_this_error_and_the_mended_one_has_not(code: str)
         return
     example = (PAGES / "example.ljs").read_text()
     assert mended is not None and example.count(mended["text"]) == 1
-    found = compile_text(example.replace(mended["text"], broken["text"])).diagnostics
+    text = example.replace(mended["text"], broken["text"])
+    found = compile_source(Source(text, "example.ljs"), offers=lambda kind: ()).diagnostics
     assert [item.code for item in found] == [code]
 
 

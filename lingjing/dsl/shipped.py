@@ -1,4 +1,4 @@
-"""Which mission file a word on the command line means."""
+"""Which mission file a word means, on the command line and in `lingjing.compile`."""
 
 from __future__ import annotations
 

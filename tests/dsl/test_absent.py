@@ -1,0 +1,51 @@
+"""A scene or an engine that nobody here offers is a warning where it is named; the built-in names are known."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from lingjing.cli.main import main
+from lingjing.dsl import Source, compile_source
+from lingjing.dsl.absent import BUILTIN
+from lingjing.errors import ExitCode
+from lingjing.plugins.host import PluginHost
+
+
+def warned(text: str, *offered: str) -> list[tuple[str, int, int, str, str]]:
+    found = compile_source(Source(text, "m.ljs"), offers=lambda kind: offered)
+    assert found.mission is not None
+    return [(item.severity, item.span.line, item.span.column, item.message, item.hint) for item in found.diagnostics]
+
+
+def test_an_unknown_scene(small: str) -> None:
+    line = small[: small.index("scene bay")].count("\n") + 1
+    (one,) = warned(small.replace("scene bay", "scene baay"), "bay", "moon")
+    assert one == ("warning", line, 9, "no scene called `baay` is installed", "did you mean `bay`?")
+
+
+def test_one_that_a_plug_in_brings_is_silent(small: str) -> None:
+    assert warned(small.replace("scene bay", "scene moon"), "moon") == []
+
+
+def test_an_unknown_engine_is_said_once(small: str) -> None:
+    type_ = "asset hovercraft {\n  engine = airboat\n  verb moveTo(x: length, y: length)\n}\n"
+    text = small.replace("mission ", type_ + "mission ", 1).replace(": lifeboat {", ": hovercraft {")
+    assert [item[3] for item in warned(text)] == ["no engine called `airboat` is installed"]
+
+
+def test_the_built_in_names_are_those_that_are_installed() -> None:
+    host = PluginHost()
+    assert {"scene": frozenset(host.scenes), "engine": frozenset(host.engines)} == BUILTIN
+
+
+def test_validate_says_it_again_the_second_time(
+    small: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    file = tmp_path / "m.ljs"
+    file.write_text(small.replace("scene bay", "scene baay"))
+    for _ in range(2):
+        assert main(["validate", str(file)]) == ExitCode.OK
+        assert "warning[LJ0505]" in capsys.readouterr().out
