@@ -130,6 +130,7 @@ class EntityChecker:
             verbs=verbs,
             labels=labels,
             when=guard,
+            bases=decl.bases,
         )
 
     def count(self, index: s.Expression | None) -> tuple[ex.Expr | None, str]:

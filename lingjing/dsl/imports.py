@@ -28,6 +28,7 @@ class LocalType:
     properties: tuple[model.Property, ...]
     verbs: tuple[model.Verb, ...]
     interactions: tuple[str, ...] = ()
+    base: str = ""
 
 
 @dataclass(slots=True)
@@ -45,7 +46,8 @@ def find_imports(mission: model.Mission) -> Imports:
     libraries = _libraries()
     imports = Imports()
     for name in dict.fromkeys(group.type for group in mission.groups):
-        _import_type(name, mission, libraries, imports)
+        if name not in imports.verbs:
+            _import_type(name, mission, libraries, imports)
     for kind in {message.type: message for message in mission.messages}.values():
         _import_record(kind, libraries, imports)
     return imports
@@ -73,14 +75,40 @@ def _import_type(name: str, mission: model.Mission, libraries: dict[str, Library
             imports.uses.setdefault(path, []).append(name)
             imports.verbs[name] = tuple(decl.verbs.values())
             return
-    local = _put_together(name, groups, mission)
+    _import_bases(groups[0], mission, libraries, imports)
+    local = _put_together(name, groups, mission, imports)
     imports.types.append(local)
     imports.verbs[name] = local.verbs
 
 
+def _import_bases(group: model.Group, mission: model.Mission, libraries: dict[str, Library], imports: Imports) -> None:
+    """The types that a local type extends, the farthest first: from groups of them, from a library, or bare."""
+    given = {prop.name for prop in group.properties}
+    for at, name in reversed(tuple(enumerate(group.bases))):
+        above = group.bases[at + 1 :]
+        if name in imports.verbs:
+            continue
+        if any(other.type == name for other in mission.groups):
+            _import_type(name, mission, libraries, imports)
+            continue
+        for path, one in libraries.items():
+            decl = one.types.get(name)
+            if decl is not None and _extends(decl, group, above) and {p.name for p in decl.properties} <= given:
+                imports.uses.setdefault(path, []).append(name)
+                imports.verbs[name] = tuple(decl.verbs.values())
+                break
+        else:
+            imports.types.append(LocalType(name, group.role, group.engine, (), (), base=above[0] if above else ""))
+            imports.verbs[name] = imports.verbs[above[0]] if above else ()
+
+
+def _extends(decl: TypeDecl, group: model.Group, above: tuple[str, ...]) -> bool:
+    return (decl.role, decl.engine, decl.bases) == (group.role, group.engine, above)
+
+
 def _gives(decl: TypeDecl, group: model.Group) -> bool:
     """Whether the group can have been declared with this type."""
-    if (decl.role, decl.engine) != (group.role, group.engine):
+    if not _extends(decl, group, group.bases):
         return False
     own = {prop.name for prop in group.properties if not prop.inherited}
     due = [_shown(prop) for prop in decl.properties if prop.name not in own]
@@ -112,17 +140,18 @@ def _bounded_as(verb: model.Verb, other: model.Verb) -> model.Verb:
     return msgspec.structs.replace(verb, arguments=(first, *verb.arguments[1:]))
 
 
-def _put_together(name: str, groups: list[model.Group], mission: model.Mission) -> LocalType:
+def _put_together(name: str, groups: list[model.Group], mission: model.Mission, imports: Imports) -> LocalType:
     first = groups[0]
+    base = first.bases[0] if first.bases else ""
     properties = {prop.name: prop for group in groups for prop in group.properties if prop.inherited}
-    verbs: dict[str, model.Verb] = {}
+    verbs = {verb.name: verb for verb in imports.verbs.get(base, ())}
     for group in groups:
         for verb in map(_without_default, group.verbs):
             known = verbs.get(verb.name)
             verbs[verb.name] = verb if known is None else _wider(known, verb)
     unlocked = tuple(dict.fromkeys(unlock.interaction for unlock in mission.unlocks))
     own = tuple(name for name in unlocked if any(is_part(prop, name) for prop in properties.values()))
-    return LocalType(name, first.role, first.engine, tuple(properties.values()), tuple(verbs.values()), own)
+    return LocalType(name, first.role, first.engine, tuple(properties.values()), tuple(verbs.values()), own, base)
 
 
 def is_part(prop: model.Property, interaction: str) -> bool:

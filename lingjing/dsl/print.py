@@ -104,7 +104,8 @@ class Printer:
         for name, own in parts.items():
             short = [msgspec.structs.replace(prop, name=prop.name.removeprefix(f"{name}_")) for prop in own]
             lines.append(_block(f"interaction {name}", self.properties(short)))
-        return _block(f"{local.role} {local.name}", lines, spread=True)
+        head = f"{local.role} {local.name} : {local.base}" if local.base else f"{local.role} {local.name}"
+        return _block(head, lines, spread=True)
 
     def verb(self, verb: model.Verb) -> str:
         """`verb name(…)` of a type."""

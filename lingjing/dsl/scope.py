@@ -48,7 +48,8 @@ class Attribute(msgspec.Struct, frozen=True):
 
 
 class TypeDecl(msgspec.Struct, frozen=True):
-    """An asset or target type. `properties` are already lowered and marked as inherited."""
+    """An asset or target type. `properties` are already lowered and marked as inherited; `bases` are the types it
+    extends, nearest first."""
 
     name: str
     role: str
@@ -58,6 +59,7 @@ class TypeDecl(msgspec.Struct, frozen=True):
     verbs: dict[str, model.Verb]
     interactions: tuple[str, ...]
     span: Span
+    bases: tuple[str, ...] = ()
 
 
 class RecordDecl(msgspec.Struct, frozen=True):

@@ -133,6 +133,7 @@ class TypeChecker:
             verbs,
             tuple(interactions),
             self.report.span(node.name.start, node.name.end),
+            (base.name, *base.bases) if base else (),
         )
 
     def camera(self, node: s.CameraBlock) -> CameraDecl | None:

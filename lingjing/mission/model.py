@@ -147,7 +147,8 @@ class Group(Record, frozen=True, kw_only=True):
     """A declared entity or an indexed group of them: `asset uav[1..uavs] : quadrotor` or `target victim[…] : …`.
 
     `count` is None for a single entity. `index` is the name the index has inside the block (`i`).
-    `labels`, if given, are the source's own names (equipment codes of a `resetScenario`).
+    `labels`, if given, are the source's own names (equipment codes of a `resetScenario`). `bases` are the types that
+    `type` extends, nearest first: what draws or sizes a type it does not know falls back on them.
     """
 
     name: str
@@ -161,6 +162,7 @@ class Group(Record, frozen=True, kw_only=True):
     verbs: tuple[Verb, ...] = ()
     labels: tuple[str, ...] = ()
     when: Guard | None = None
+    bases: tuple[str, ...] = ()
 
 
 class Channel(Record, frozen=True, kw_only=True):

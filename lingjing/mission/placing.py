@@ -93,6 +93,7 @@ def entities(group: model.Group, scope: Scope, *, mission: str, seed: int, datum
                     cameras=cameras,
                     verbs=verbs,
                     state=state,
+                    bases=group.bases,
                 )
             )
     return tuple(made)
