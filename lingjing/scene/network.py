@@ -1,0 +1,388 @@
+"""Road networks: SUMO nets made by netconvert from plain streets or from OpenStreetMap, and read back as roads.
+
+In: nodes and edges in world metres, or an `.osm` file. Out: a `Network` (a `.net.xml` in the project's cache folder,
+named by the content of what it was made from) whose XY are the world frame's, and `read_roads`, which turns any such
+file into `Road`s and `Junction`s with lanes in world metres.
+
+netconvert comes with the package `eclipse-sumo`; it is run as a program, so nothing of SUMO is loaded here. What it
+writes is made independent of the day and the folder (its header is dropped), put beside and renamed: builders that
+make one net at the same time leave one whole file.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import cache
+from importlib.util import find_spec
+from pathlib import Path
+from xml.etree.ElementTree import Element, ParseError, iterparse
+from xml.sax.saxutils import quoteattr
+
+import msgspec
+
+from lingjing.errors import InfrastructureError, UsageError
+from lingjing.mission.instance import Vector
+from lingjing.scene.city import Junction, Lane, Road
+
+FORMAT = "3"
+"""Changes whenever the same streets would give another net."""
+
+LANE_WIDTH_M = 3.3
+SUMO_LANE_WIDTH_M = 3.2
+"""What SUMO takes for a lane that names no width."""
+
+LAYER_M = 6.0
+"""Height of one OSM layer (a bridge over a road)."""
+
+SECONDS_MOST = 600.0
+_Arguments = Callable[[Path], list[str]]
+_HINT = "install it with: pip install eclipse-sumo"
+_STREET_OPTIONS = (
+    "--junctions.corner-detail",
+    "5",
+    "--no-turnarounds.except-deadend",
+    "--default.junctions.radius",
+    "5",
+)
+_OSM_OPTIONS = (
+    "--geometry.remove", "--ramps.guess", "--junctions.join", "--tls.guess-signals", "--tls.discard-simple",
+    "--tls.join", "--no-turnarounds.except-deadend", "--junctions.corner-detail", "5",
+    "--keep-edges.by-vclass", "passenger,bus,delivery", "--osm.layer-elevation", f"{LAYER_M:g}",
+    "--output.street-names", "--osm.all-attributes", "--osm.extra-attributes", "bridge,tunnel,layer",
+)  # fmt: skip
+
+
+_HAS_EDGE = re.compile(rb'<edge id="[^:]')
+
+
+class StreetNode(msgspec.Struct, frozen=True, kw_only=True):
+    """A crossing or an end of streets. `control`: `priority`, `traffic_light`, `right_before_left`, `dead_end`."""
+
+    id: str
+    east: float
+    north: float
+    elevation: float = 0.0
+    control: str = "priority"
+
+
+class StreetEdge(msgspec.Struct, frozen=True, kw_only=True):
+    """One direction of a street from node to node; its lanes lie to the right of the line between them.
+
+    `shape` are points between the two nodes. `kind` is the road's (`primary`, `residential`, …), `priority` decides
+    who waits. `sidewalk_m` above 0 adds a lane for pedestrians on the right.
+    """
+
+    id: str
+    start: str
+    end: str
+    lanes: int = 1
+    speed_mps: float = 13.9
+    width_m: float = LANE_WIDTH_M
+    kind: str = "residential"
+    name: str = ""
+    priority: int = 1
+    shape: tuple[Vector, ...] = ()
+    sidewalk_m: float = 0.0
+    bridge: bool = False
+    tunnel: bool = False
+
+
+class Network(msgspec.Struct, frozen=True, kw_only=True):
+    """A finished net: the path of its `.net.xml` and the SHA-256 of what is in it."""
+
+    path: str
+    sha256: str
+
+
+def build_network(
+    nodes: Sequence[StreetNode], edges: Sequence[StreetEdge], *, origin: tuple[float, float] = (31.0, 121.5),
+    crossings: bool = False,
+) -> Network:  # fmt: skip
+    """The net of these streets, from the cache where it is known.
+
+    `crossings` lets netconvert add pedestrian crossings where sidewalks meet. Raises `UsageError` for streets that
+    make no net, `InfrastructureError` where netconvert is not installed or dies.
+    """
+    if not edges:
+        raise UsageError("a road network without streets", hint="give at least one edge")
+    node_file, edge_file = _node_xml(nodes), _edge_xml(edges)
+    options = [*_STREET_OPTIONS, *(("--crossings.guess",) if crossings else ())]
+    key = _digest("streets", repr(origin), node_file, edge_file, *options)
+
+    def arguments(folder: Path) -> list[str]:
+        (folder / "n.nod.xml").write_text(node_file, encoding="utf-8")
+        (folder / "e.edg.xml").write_text(edge_file, encoding="utf-8")
+        return ["--node-files", str(folder / "n.nod.xml"), "--edge-files", str(folder / "e.edg.xml"), *options]
+
+    return _cached(key, origin, arguments, "the streets")
+
+
+def network_from_osm(
+    path: str | Path, origin: tuple[float, float], bbox: tuple[float, float, float, float] | None = None
+) -> Network:
+    """The net of the roads in an `.osm` or `.osm.gz` file, in metres about `origin` (latitude, longitude).
+
+    `bbox` (west, south, east, north, degrees) keeps what lies in it. Raises `UsageError` for a file without roads or
+    one that netconvert cannot read.
+    """
+    source = Path(path)
+    if not source.name.endswith((".osm", ".osm.gz", ".osm.xml")):
+        raise UsageError(f"{source}: roads are read from .osm or .osm.gz", hint="convert other formats first")
+    options = list(_OSM_OPTIONS)
+    if bbox is not None:
+        options += ["--keep-edges.in-geo-boundary", ",".join(f"{value:.7f}" for value in bbox)]
+    key = _digest("osm", repr(origin), file_sha256(source), *options)
+
+    def arguments(folder: Path) -> list[str]:
+        typemap = _home() / "data" / "typemap" / "osmNetconvert.typ.xml"
+        given = ["--osm-files", str(source), "--proj", projection(origin), *options]
+        return [*given, *(("--type-files", str(typemap)) if typemap.is_file() else ())]
+
+    return _cached(key, origin, arguments, str(source))
+
+
+def read_roads(path: str | Path) -> tuple[tuple[Road, ...], tuple[Junction, ...]]:
+    """The streets and junctions of a net, without what lies inside junctions; in the order of the file.
+
+    Raises `UsageError` for a file that is no net.
+    """
+    roads: list[Road] = []
+    junctions: list[Junction] = []
+    try:
+        for element in _elements(Path(path)):
+            if element.tag == "edge" and element.get("function", "normal") == "normal":
+                roads.append(_road(element))
+            elif element.tag == "junction" and element.get("type") != "internal":
+                junctions.extend(_junction(element))
+    except (OSError, ParseError, ValueError) as error:
+        raise UsageError(f"{path} is no road network: {error}", hint="give a .net.xml that netconvert wrote") from error
+    return tuple(roads), tuple(junctions)
+
+
+def projection(origin: tuple[float, float]) -> str:
+    """The PROJ string of the world frame: transverse Mercator at the origin, on the ellipsoid of WGS84."""
+    return f"+proj=tmerc +lat_0={origin[0]:.9g} +lon_0={origin[1]:.9g} +k=1 +ellps=WGS84"
+
+
+def network_folder() -> Path:
+    """Where nets are kept: `networks` in the project's cache folder (`$XDG_CACHE_HOME/lingjing`)."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "lingjing" / "networks"
+
+
+def file_sha256(path: Path) -> str:
+    """SHA-256 of a file's bytes; raises `UsageError` if it cannot be read."""
+    digest = hashlib.sha256()
+    try:
+        with path.open("rb") as file:
+            while block := file.read(1 << 20):
+                digest.update(block)
+    except OSError as error:
+        raise UsageError(f"cannot read {path}: {error.strerror}") from error
+    return digest.hexdigest()
+
+
+@cache
+def netconvert() -> Path:
+    """The program; raises `InfrastructureError` with the command that installs it where it is missing."""
+    for folder in (_home() / "bin", Path(sys.executable).parent):
+        for name in ("netconvert", "netconvert.exe"):
+            if (folder / name).is_file():
+                return folder / name
+    raise InfrastructureError("netconvert, which makes road networks, is not installed", hint=_HINT)
+
+
+# -- private
+
+
+def _home() -> Path:
+    """The folder of the package `sumo`, found without importing it."""
+    found = find_spec("sumo")
+    places = list(found.submodule_search_locations or ()) if found is not None else []
+    if places:
+        return Path(places[0])
+    return Path(os.environ.get("SUMO_HOME", "/nonexistent"))
+
+
+@cache
+def _version() -> str:
+    run = subprocess.run([str(netconvert()), "--version"], capture_output=True, text=True, check=False)
+    return (run.stdout.splitlines() or [""])[0]
+
+
+def _digest(*parts: str) -> str:
+    digest = hashlib.sha256()
+    for part in (FORMAT, _version(), *parts):
+        data = part.encode()
+        digest.update(b"%d\0" % len(data) + data)
+    return digest.hexdigest()
+
+
+def _cached(key: str, origin: tuple[float, float], arguments: _Arguments, what: str) -> Network:
+    target = network_folder() / f"{key[:40]}.net.xml"
+    known = target.with_suffix(".sha256")
+    if target.is_file() and known.is_file():
+        return Network(path=str(target), sha256=known.read_text(encoding="ascii"))
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=target.parent, prefix=".new-") as name:
+            folder = Path(name)
+            made = folder / "made.net.xml"
+            _run([*arguments(folder), "--offset.disable-normalization", "-o", str(made)], what)
+            data = _plain(made.read_bytes(), origin)
+            if not _HAS_EDGE.search(data):
+                raise UsageError(f"{what}: there is no road for vehicles in it", hint="choose a part with streets")
+            sha256 = hashlib.sha256(data).hexdigest()
+            made.write_bytes(data)
+            (folder / "sha256").write_text(sha256, encoding="ascii")
+            made.replace(target)
+            (folder / "sha256").replace(known)
+    except OSError as error:
+        raise InfrastructureError(
+            f"cannot keep the road network in {target.parent}: {error.strerror or error}",
+            hint="set XDG_CACHE_HOME to a folder that can be written",
+        ) from error
+    return Network(path=str(target), sha256=sha256)
+
+
+def _run(arguments: list[str], what: str) -> None:
+    """Run netconvert; its own words go into the error."""
+    command = [str(netconvert()), *arguments, "--no-warnings", "--xml-validation", "never"]
+    environment = {**os.environ, "SUMO_HOME": str(_home()), "OMP_NUM_THREADS": "1"}
+    proj = _home() / "data" / "proj"
+    if proj.is_dir():
+        environment |= {"PROJ_LIB": str(proj), "PROJ_DATA": str(proj)}
+    try:
+        run = subprocess.run(
+            command, capture_output=True, text=True, check=False, timeout=SECONDS_MOST, env=environment,
+            stdin=subprocess.DEVNULL,
+        )  # fmt: skip
+    except subprocess.TimeoutExpired as error:
+        raise InfrastructureError(f"netconvert took longer than {SECONDS_MOST:g} s over {what}") from error
+    except OSError as error:
+        raise InfrastructureError(f"netconvert cannot be run: {error}", hint=_HINT) from error
+    if run.returncode == 0:
+        return
+    said = [line.removeprefix("Error: ") for line in run.stderr.splitlines() if line.strip()]
+    said = [line for line in said if line != "Quitting (on error)."] or [f"exit code {run.returncode}"]
+    if run.returncode < 0:
+        raise InfrastructureError(f"netconvert died of signal {-run.returncode} over {what}")
+    raise UsageError(f"netconvert made no road network of {what}: {' '.join(said)}")
+
+
+def _plain(data: bytes, origin: tuple[float, float]) -> bytes:
+    """The net without its dated header, with the projection that its coordinates are in."""
+    data = re.sub(rb"<!--.*?-->\s*", b"", data, count=1, flags=re.DOTALL)
+    return data.replace(b'projParameter="!"', f'projParameter="{projection(origin)}"'.encode(), 1)
+
+
+def _node_xml(nodes: Iterable[StreetNode]) -> str:
+    lines = [
+        f"<node id={quoteattr(node.id)} x=\"{node.east:.3f}\" y=\"{node.north:.3f}\" z=\"{node.elevation:.3f}\" "
+        f"type={quoteattr(node.control)}/>"
+        for node in nodes
+    ]  # fmt: skip
+    return "\n".join(("<nodes>", *lines, "</nodes>\n"))
+
+
+def _edge_xml(edges: Iterable[StreetEdge]) -> str:
+    return "\n".join(("<edges>", *(line for edge in edges for line in _edge_lines(edge)), "</edges>\n"))
+
+
+def _edge_lines(edge: StreetEdge) -> Iterator[str]:
+    extra = f' sidewalkWidth="{edge.sidewalk_m:.2f}"' if edge.sidewalk_m > 0 else ""
+    if edge.shape:
+        extra += ' shape="' + " ".join(",".join(f"{value:.3f}" for value in point) for point in edge.shape) + '"'
+    if edge.name:
+        extra += f" name={quoteattr(edge.name)}"
+    yield (
+        f"<edge id={quoteattr(edge.id)} from={quoteattr(edge.start)} to={quoteattr(edge.end)} "
+        f'numLanes="{edge.lanes}" speed="{edge.speed_mps:.2f}" width="{edge.width_m:.2f}" '
+        f'type={quoteattr(edge.kind)} priority="{edge.priority}"{extra}>'
+    )
+    for name, holds in (("bridge", edge.bridge), ("tunnel", edge.tunnel)):
+        if holds:
+            yield f'<param key="{name}" value="yes"/>'
+    yield "</edge>"
+
+
+def _elements(path: Path) -> Iterator[Element]:
+    """Edges and junctions one by one; what has been read is dropped, so that a large net needs no memory."""
+    with path.open("rb") as file:
+        events = iterparse(file, events=("start", "end"))  # noqa: S314 - written by netconvert
+        _, root = next(events)
+        if root.tag != "net":
+            raise ValueError(f"it begins with <{root.tag}>")
+        for event, element in events:
+            if event == "end" and element.tag in ("edge", "junction"):
+                yield element
+                root.clear()
+
+
+def _road(element: Element) -> Road:
+    lanes = element.findall("lane")
+    parameters = {item.get("key", ""): item.get("value", "") for item in element.findall("param")}
+    return Road(
+        id=element.get("id", ""),
+        lanes=tuple(_lane(lane) for lane in lanes),
+        name=element.get("name", ""),
+        kind=element.get("type", "residential").removeprefix("highway.").split("|")[0],
+        speed_mps=max(float(lane.get("speed", "13.9")) for lane in lanes),
+        bridge=parameters.get("bridge", "no") not in ("no", ""),
+        tunnel=parameters.get("tunnel", "no") not in ("no", ""),
+    )
+
+
+def _lane(element: Element) -> Lane:
+    return Lane(
+        id=element.get("id", ""),
+        shape=_points(element.get("shape", "")),
+        width_m=float(element.get("width", SUMO_LANE_WIDTH_M)),
+        kind=_lane_kind(element.get("allow"), element.get("disallow", "")),
+    )
+
+
+def _lane_kind(allow: str | None, disallow: str) -> str:
+    if allow is None:
+        return "foot" if disallow == "all" else "car"
+    allowed = set(allow.split())
+    if allowed & {"passenger", "private", "all", "delivery", "truck"}:
+        return "car"
+    for kind in ("bus", "bicycle"):
+        if kind in allowed:
+            return kind
+    return "foot"
+
+
+def _junction(element: Element) -> Iterator[Junction]:
+    shape = _points(element.get("shape", ""))
+    outline = tuple((x, y) for x, y, _ in shape)
+    if len(outline) > 1 and outline[0] == outline[-1]:
+        outline = outline[:-1]
+    if len(outline) >= 3:
+        yield Junction(
+            id=element.get("id", ""),
+            polygon=_anticlockwise(outline),
+            elevation_m=float(element.get("z", "0")),
+            lights=element.get("type", "").startswith("traffic_light"),
+        )
+
+
+def _anticlockwise(outline: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+    twice = sum(ax * by - bx * ay for (ax, ay), (bx, by) in zip(outline, (*outline[1:], outline[0]), strict=True))
+    return outline if twice >= 0 else outline[::-1]
+
+
+def _points(text: str) -> tuple[Vector, ...]:
+    points: list[Vector] = []
+    for item in text.split():
+        parts = item.split(",")
+        point = float(parts[0]), float(parts[1]), float(parts[2]) if len(parts) > 2 else 0.0
+        if not points or points[-1] != point:
+            points.append(point)
+    return tuple(points)
