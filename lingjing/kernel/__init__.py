@@ -9,6 +9,7 @@ In the order control flows:
 - `assignments` reads destinations out of commands and messages;
 - `registry` is G, the shared state: an immutable value that `Update` replaces;
 - `pictures` turns captures into what is stored and what policies receive;
+- `stocks` finds a declared state among an engine's resources (`p.demand`);
 - `visibility` projects what an agent may see (ProjectVisible) and may know (the brief);
 - `instant` is one moment, `predicates` the functions of rules, `rules` the evaluation of expressions,
   `adjudication` latches them as events (Adjudicate);

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 from lingjing.kernel.ledger import Ledger
 from lingjing.mission.geometry2d import contains
 from lingjing.mission.instance import Cell, Datum, Entity, Instance
-from lingjing.trace.records import BodyState, Command, FrameInfo, Receipt, TaskEvent
+from lingjing.trace.records import BodyState, Command, FrameInfo, Receipt, Route, TaskEvent
 
 Binding = tuple[str, ...]
 
@@ -64,7 +64,8 @@ class Registry:
     place) to a value that made it true there, which is what `exists` asks for; `sightings` are the latest reported
     positions by matched entity; `claimed` holds (frame, entity) pairs that a report has been matched with; `emitted`
     maps (kind, entities) to the first time an engine said so; `assignments` are the destinations given to a resource
-    at the latest boundary where it was given any; `unlocked` the (interaction, entity) pairs the kernel has allowed.
+    at the latest boundary where it was given any; `unlocked` the (interaction, entity) pairs the kernel has allowed;
+    `routes` the latest route of each entity that one was planned for.
     """
 
     tick: int = 0
@@ -83,6 +84,7 @@ class Registry:
     claimed: Ledger[tuple[str, str], str] = field(default_factory=Ledger)
     unlocked: Mapping[tuple[str, str], int] = field(default_factory=dict)
     stages: Mapping[tuple[str, str], int] = field(default_factory=dict)
+    routes: Mapping[str, Route] = field(default_factory=dict)
 
     def with_boundary(self, tick: int, time_s: float, states: Iterable[BodyState]) -> Registry:
         """The registry at the next boundary's telemetry."""
@@ -102,6 +104,11 @@ class Registry:
             if key not in self.emitted:
                 fresh[key] = min(event.time_s, fresh.get(key, event.time_s))
         return replace(self, emitted={**self.emitted, **fresh}) if fresh else self
+
+    def with_routes(self, routes: Iterable[Route]) -> Registry:
+        """Routes planned since the boundary before; an entity's latest counts."""
+        fresh = {route.entity: route for route in routes}
+        return replace(self, routes={**self.routes, **fresh}) if fresh else self
 
     def with_receipts(self, commands: Iterable[Command], receipts: Iterable[Receipt]) -> Registry:
         """Pending requests opened by `accepted`, closed by `completed` and `rejected`.

@@ -16,6 +16,7 @@ from lingjing.errors import LingjingError
 from lingjing.kernel.instant import Instant, Locals, RegionValue, Value
 from lingjing.kernel.predicates import FUNCTIONS, planar
 from lingjing.kernel.registry import Binding, Report
+from lingjing.kernel.stocks import current
 from lingjing.mission.expression import (
     Aggregate,
     Attr,
@@ -150,9 +151,7 @@ def _entity_field(entity: Entity, name: str, at: Instant) -> Value:
         return None
     if name in ("position", "velocity", "heading_deg", "status"):
         return getattr(state, name)  # type: ignore[no-any-return]
-    if name in state.resources:
-        return state.resources[name]
-    return entity.properties.get(name)
+    return current(entity, state, name)
 
 
 def _items(expr: Point | Sequence, scope: Locals, at: Instant) -> Value:

@@ -197,7 +197,8 @@ class Kernel:
         wanted = pictures.requests(self.instance, commands, boundary.tick, boundary.time_s)
         if not wanted:
             return ()
-        return self.world.capture(boundary.tick, wanted, boundary.snapshots[-1].states)
+        now = boundary.snapshots[-1]
+        return self.world.capture(boundary.tick, wanted, now.states + now.ambient)
 
     def _engine_receipts(
         self, boundary: WorldBoundary, inputs: _Inputs, answers: Sequence[StoredFrame | Absent]
@@ -254,6 +255,7 @@ class Kernel:
             .with_receipts(inputs.resolved.commands, receipts)
             .with_lost_unlocks(inputs.unlocks, boundary.missing)
             .with_events(boundary.events)
+            .with_routes(boundary.routes)
             .with_frames([frame.info for frame in frames], self.instance)
             .with_reports(inputs.reports)
             .with_assignments(
@@ -321,6 +323,8 @@ class Kernel:
             relations=self._relations.occurrences(before, after, inputs.envelopes, receipts, verdict.stages),
             reward=evaluation.reward,
             done=evaluation.done,
+            routes=boundary.routes,
+            unheard=boundary.unheard,
         )
 
     def briefs(self) -> dict[str, Brief]:

@@ -13,6 +13,7 @@ from collections.abc import Iterable, Sequence
 import msgspec
 
 from lingjing.kernel.registry import Registry
+from lingjing.kernel.stocks import plain_name, public, stocks
 from lingjing.mission.instance import AgentSpec, ChannelSpec, Entity, Instance
 from lingjing.mission.seeding import integer
 from lingjing.plugins.policy import Brief, Observation, Peer, Picture, Privileged, Resource
@@ -27,8 +28,11 @@ from lingjing.trace.records import (
     TaskEvent,
 )
 
-STATE_FIELDS = ("position", "velocity", "heading_deg", "status", "resources")
-"""Fields of an entity that a channel may name; `busy` comes with an agent's own resources."""
+STATE_FIELDS = ("position", "velocity", "heading_deg", "status")
+"""Fields of an entity's state that a channel may name as they are. `resources` and the names of declared states show
+what it has in stock, `route` where it is planned to go; `busy` comes with an agent's own resources."""
+
+RESOURCES, ROUTE, BUSY, ALL = "resources", "route", "busy", "*"
 
 
 class Projector:
@@ -107,9 +111,7 @@ class Projector:
         """The truth, for a policy that was declared privileged."""
         return Privileged(
             instance=self._instance,
-            states=tuple(
-                msgspec.structs.replace(state, resources=dict(state.resources)) for state in registry.states.values()
-            ),
+            states=tuple(msgspec.structs.replace(state, resources=public(state)) for state in registry.states.values()),
             frames=tuple(frames),
             achieved=tuple(registry.achieved),
         )
@@ -132,8 +134,12 @@ class Projector:
         for name in names:
             entity, state = self._entities.get(name), registry.states.get(name)
             if entity is not None and state is not None and name in self._public:
-                own = name in agent.commands
-                into[name] = _merge(into.get(name), entity, state, channel.fields, name in registry.pending, own)
+                shown = _shown(entity, state, channel.fields)
+                if ROUTE in channel.fields or ALL in channel.fields:
+                    shown[ROUTE] = route.waypoints if (route := registry.routes.get(name)) is not None else None
+                if BUSY in channel.fields or name in agent.commands:
+                    shown[BUSY] = name in registry.pending
+                into[name] = _merged(into.get(name), entity, shown)
 
     def _peer_resources(self, agent: AgentSpec) -> tuple[str, ...]:
         return tuple(name for peer in self._instance.agents if peer.id != agent.id for name in peer.controls)
@@ -165,14 +171,24 @@ class Projector:
         return tuple(name for name in names if name in self._public)
 
 
-def _merge(
-    seen: EntityView | None, entity: Entity, state: BodyState, fields: Sequence[str], pending: bool, own: bool
-) -> EntityView:
-    """A view with the channel's fields added to what other channels already show."""
-    wanted = STATE_FIELDS if "*" in fields else tuple(name for name in STATE_FIELDS if name in fields)
+def _shown(entity: Entity, state: BodyState, fields: Sequence[str]) -> dict[str, object]:
+    """What a channel with these fields shows of an entity's state, by the names of `EntityView`."""
+    whole = ALL in fields
+    wanted = STATE_FIELDS if whole else tuple(name for name in STATE_FIELDS if name in fields)
     shown: dict[str, object] = {name: getattr(state, name) for name in wanted if name not in entity.hidden}
-    if "resources" in shown:
-        shown["resources"] = dict(state.resources)  # the engine's own: a policy may do what it likes to its copy
-    base = {} if seen is None else {name: getattr(seen, name) for name in (*STATE_FIELDS, "busy")}
-    busy = pending if own or "busy" in fields else base.get("busy")
-    return EntityView(id=entity.id, type=entity.type, **{**base, **shown, "busy": busy})
+    named = {plain_name(name) for name in fields if name in entity.state}
+    if RESOURCES not in entity.hidden and (whole or RESOURCES in fields or named):
+        # A new mapping each time: the engine's own is not a policy's to change.
+        stock = stocks(entity, state)
+        everything = whole or RESOURCES in fields
+        shown[RESOURCES] = {name: value for name, value in stock.items() if everything or name in named}
+    return shown
+
+
+def _merged(seen: EntityView | None, entity: Entity, shown: dict[str, object]) -> EntityView:
+    """A view with a channel's fields added to what other channels already show."""
+    base = {} if seen is None else {name: getattr(seen, name) for name in (*STATE_FIELDS, RESOURCES, ROUTE, BUSY)}
+    before = base.get(RESOURCES)
+    if before is not None:
+        shown[RESOURCES] = {**before, **shown.get(RESOURCES, {})}  # type: ignore[dict-item]
+    return EntityView(id=entity.id, type=entity.type, **{**base, **shown})

@@ -120,7 +120,7 @@ STATE_FIELDS: dict[str, tuple[str, Type]] = {
 }
 """What every entity has while a mission runs: the author's name → its name in the graph, and its type."""
 
-OBSERVED_FIELDS = ("position", "velocity", "heading", "status", "resources", "busy")
+OBSERVED_FIELDS = ("position", "velocity", "heading", "status", "resources", "busy", "route")
 """What an observation channel of an entity or of `peers` may name; the author's spelling."""
 
 FIELD_TYPES: dict[str, Type] = {

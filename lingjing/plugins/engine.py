@@ -108,7 +108,8 @@ class EnginePlugin:
     `name` is what a type names after `engine =`; `place` says which process hosts it: `world` (local motion, can be
     forked), `camera` (owns a GL context, cannot), `remote` (a bridge to something outside, runs in the caller).
     `sensor` engines answer `capture` and are advanced once a tick, after the motion barrier. `factory` does the
-    heavy imports. `native_dt_s` is documentation and a bound on `sync`.
+    heavy imports. `native_dt_s` is documentation and a bound on `sync`. A motion engine takes part in an episode if it
+    owns an entity or if `wanted` says so of the instance: traffic and radio matter without an entity of their own.
     """
 
     name: str
@@ -117,6 +118,7 @@ class EnginePlugin:
     sensor: bool = False
     native_dt_s: float = 0.01
     summary: str = ""
+    wanted: Callable[[Instance], bool] | None = None
 
 
 __all__ = [

@@ -234,7 +234,10 @@ class StageChange(Value, frozen=True, kw_only=True):
 
 
 class EntityView(Value, frozen=True, kw_only=True):
-    """What an observation channel shows of one entity; a field that is not observed is None."""
+    """What an observation channel shows of one entity; a field that is not observed is None.
+
+    `route` are the waypoints of the latest route planned for it.
+    """
 
     id: str
     type: str
@@ -244,6 +247,7 @@ class EntityView(Value, frozen=True, kw_only=True):
     status: str | None = None
     resources: dict[str, float] | None = None
     busy: bool | None = None
+    route: tuple[Vector, ...] | None = None
 
 
 class CellView(Value, frozen=True, kw_only=True):

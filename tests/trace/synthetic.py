@@ -53,6 +53,7 @@ from lingjing.trace.records import (
     ObservationRecord,
     Outcome,
     Receipt,
+    Route,
     Snapshot,
     StageChange,
     TaskEvent,
@@ -219,6 +220,13 @@ def render(pose: CameraPose, people: dict[str, tuple[float, float]], seed: int) 
         box = (x0 / pose.width, y0 / pose.height, x1 / pose.width, y1 / pose.height)
         boxes.append(Box(entity=name, cls="person_in_water", box=box, pixels=(x1 - x0) * (y1 - y0)))
     return rgb, tuple(boxes)
+
+
+def _boat_route(number: int, time_s: float) -> Route:
+    """A way for the boat, as an engine that plans would publish it."""
+    way = ((12.4, -1351.8, DATUM), (*VICTIMS[0], DATUM))
+    length = math.dist(*way)
+    return Route(entity="boat", number=number, waypoints=way, length_m=length, duration_s=length / 3.0, time_s=time_s)
 
 
 Step = tuple[BoundaryRecord, tuple[tuple[FrameInfo, bytes, np.ndarray | None, np.ndarray | None], ...]]
@@ -442,6 +450,8 @@ def episode(  # noqa: C901  one loop reads like the episode it makes
             reward=float(sum(event.kind == "rescued" for event in events)),
             done=len(rescued) == 3,
             wall_s=0.1 * tick,
+            routes=(_boat_route(tick, time_s),),
+            unheard=(("uav[1]", "boat"),),
         )
         delivered = messages
         digest = next_digest(digest, record)

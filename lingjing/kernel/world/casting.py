@@ -22,8 +22,16 @@ class Cast:
 
 
 def cast(instance: Instance, host: PluginHost) -> Cast:
-    """The cast of `instance`; `UsageError` names an engine that is not installed or cannot own entities."""
+    """The cast of `instance`; `UsageError` names an engine that is not installed or cannot own entities.
+
+    An engine takes part if it owns an entity or wants to all the same (`EnginePlugin.wanted`).
+    """
     places = {entity.engine: _place(host, entity.engine, entity.id) for entity in instance.entities}
+    places |= {
+        name: plugin.place
+        for name, plugin in host.engines.items()
+        if plugin.wanted is not None and not plugin.sensor and plugin.wanted(instance)
+    }
     return Cast(
         local=tuple(sorted(name for name, place in places.items() if place == "world")),
         remote=tuple(sorted(name for name, place in places.items() if place == "remote")),

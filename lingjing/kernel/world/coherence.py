@@ -1,4 +1,5 @@
-"""What makes a boundary coherent: the right time, exactly the owned entities, finite numbers, plain values.
+"""What makes a boundary coherent: the right time, exactly the owned entities, finite numbers, plain values, and
+background movers that nobody could take for somebody else.
 
 Engines may hand over numpy scalars, lists or integers; they are made plain here (`float`, `tuple`) so that the world
 in the caller and the world behind a socket report the same bytes.
@@ -7,7 +8,8 @@ in the caller and the world behind a socket report the same bytes.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Container, Mapping, Sequence
+from itertools import chain
 from typing import Any
 
 import msgspec
@@ -15,7 +17,7 @@ import numpy as np
 
 from lingjing.kernel.world.calling import broken
 from lingjing.plugins.engine import Boundary
-from lingjing.trace.records import BodyState, Command, Receipt, TaskEvent
+from lingjing.trace.records import BodyState, Command, Receipt, Route, TaskEvent
 
 TIME_TOLERANCE_S = 1e-6
 
@@ -30,18 +32,45 @@ _ENCODER = msgspec.msgpack.Encoder(enc_hook=_plain_hook)
 _STATE = msgspec.msgpack.Decoder(BodyState)
 _RECEIPTS = msgspec.msgpack.Decoder(tuple[Receipt, ...])
 _EVENTS = msgspec.msgpack.Decoder(tuple[TaskEvent, ...])
+_ROUTES = msgspec.msgpack.Decoder(tuple[Route, ...])
+_PAIRS = msgspec.msgpack.Decoder(tuple[tuple[str, str], ...])
 _PLAIN_NUMBERS = {float}
 
 
-def checked_boundary(engine: str, call: str, report: Boundary, until: float, owns: Sequence[str]) -> Boundary:
-    """`report` made plain, or `InfrastructureError` if it is not the coherent boundary of `engine` at `until`."""
+def checked_boundary(
+    engine: str,
+    call: str,
+    report: Boundary,
+    until: float,
+    owns: Sequence[str],
+    entities: Container[str] = frozenset(),
+) -> Boundary:
+    """`report` made plain, or `InfrastructureError` if it is not the coherent boundary of `engine` at `until`.
+
+    `entities` are the ids of all entities: no background mover may have one, routes and silence are theirs.
+    """
     try:
-        return _checked(engine, call, report, until, owns)
+        return _checked(engine, call, report, until, owns, entities)
     except (TypeError, AttributeError) as error:
         raise broken(engine, call, f"its boundary is malformed: {error}") from error
 
 
-def _checked(engine: str, call: str, report: Boundary, until: float, owns: Sequence[str]) -> Boundary:
+def check_apart(ambient: Mapping[str, Sequence[BodyState]]) -> None:
+    """Raise `InfrastructureError` if two engines (by name in `ambient`) have a background mover of the same id."""
+    crowds = {name: movers for name, movers in ambient.items() if movers}
+    if len(crowds) < 2:
+        return
+    owner: dict[str, str] = {}
+    for name, movers in sorted(crowds.items()):
+        for mover in movers:
+            other = owner.setdefault(mover.id, name)
+            if other != name:
+                raise broken(name, "advance", f"its background mover `{mover.id}` is already one of `{other}`")
+
+
+def _checked(
+    engine: str, call: str, report: Boundary, until: float, owns: Sequence[str], entities: Container[str]
+) -> Boundary:
     if not isinstance(report, Boundary):
         raise broken(engine, call, f"it answered {type(report).__name__}, not a Boundary")
     if report.engine != engine:
@@ -56,6 +85,9 @@ def _checked(engine: str, call: str, report: Boundary, until: float, owns: Seque
         states=tuple(_checked_state(engine, call, states[name]) for name in owns),
         receipts=_plain(engine, call, _RECEIPTS, report.receipts) if report.receipts else (),
         events=_plain(engine, call, _EVENTS, report.events) if report.events else (),
+        routes=_checked_routes(engine, call, report.routes, owns) if report.routes else (),
+        ambient=_checked_movers(engine, call, report.ambient, entities) if report.ambient else (),
+        unheard=_checked_pairs(engine, call, report.unheard, entities) if report.unheard else (),
     )
 
 
@@ -105,14 +137,75 @@ def _checked_state(engine: str, call: str, state: BodyState) -> BodyState:
     return state
 
 
+def _checked_movers(
+    engine: str, call: str, movers: Sequence[BodyState], entities: Container[str]
+) -> tuple[BodyState, ...]:
+    """Background movers, all at once: there may be a thousand at each macro-step."""
+    ids = [mover.id for mover in movers]
+    if len(set(ids)) != len(ids):
+        doubled = next(name for name in ids if ids.count(name) > 1)
+        raise broken(engine, call, f"its background mover `{doubled}` is there twice")
+    for name in ids:
+        if name in entities:
+            raise broken(engine, call, f"its background mover `{name}` has the id of an entity")
+    if _are_plain(movers):
+        return tuple(movers)
+    return tuple([_checked_state(engine, call, mover) for mover in movers])
+
+
+def _are_plain(movers: Sequence[BodyState]) -> bool:
+    """Whether all are shaped as they should be, of Python's own floats, and finite: one sum over all of them."""
+    try:
+        vectors = [vector for mover in movers for vector in (mover.position, mover.velocity)]
+        numbers = [*chain.from_iterable(vectors), *chain.from_iterable([mover.joints for mover in movers])]
+        numbers += [angle for mover in movers for angle in (mover.heading_deg, mover.pitch_deg, mover.roll_deg)]
+        numbers += chain.from_iterable([mover.resources.values() for mover in movers])
+        words = [word for mover in movers for word in (mover.id, mover.status, mover.kind)]
+    except (TypeError, AttributeError):
+        return False
+    return (
+        set(map(type, vectors)) == {tuple}
+        and set(map(len, vectors)) == {3}
+        and set(map(type, words)) == {str}
+        and set(map(type, numbers)) == _PLAIN_NUMBERS
+        and math.isfinite(sum(numbers))
+    )
+
+
+def _checked_routes(engine: str, call: str, given: Sequence[Route], owns: Sequence[str]) -> tuple[Route, ...]:
+    routes: tuple[Route, ...] = _plain(engine, call, _ROUTES, tuple(given))
+    for route in routes:
+        if route.entity not in owns:
+            raise broken(engine, call, f"it planned a route for `{route.entity}`, which it does not own")
+        numbers = (*chain.from_iterable(route.waypoints), route.length_m, route.duration_s, route.time_s)
+        if not route.waypoints or not math.isfinite(sum(numbers)):
+            raise broken(engine, call, f"its route {route.number} of `{route.entity}` is empty or not finite")
+    return routes
+
+
+def _checked_pairs(
+    engine: str, call: str, given: Sequence[tuple[str, str]], entities: Container[str]
+) -> tuple[tuple[str, str], ...]:
+    pairs: tuple[tuple[str, str], ...] = _plain(engine, call, _PAIRS, tuple(given))
+    for name in chain.from_iterable(pairs):
+        if name not in entities:
+            raise broken(engine, call, f"it says that `{name}` is out of reach, which is no entity")
+    return pairs
+
+
 def _numbers(state: BodyState) -> tuple[float, ...]:
     angles = (state.heading_deg, state.pitch_deg, state.roll_deg)
-    return (*state.position, *state.velocity, *angles, *state.resources.values())
+    return (*state.position, *state.velocity, *angles, *state.joints, *state.resources.values())
 
 
 def _is_shaped(state: BodyState) -> bool:
     vectors = (state.position, state.velocity)
-    return all(type(v) is tuple and len(v) == 3 for v in vectors) and type(state.status) is str
+    words = (state.status, state.kind)
+    return (
+        all(type(v) is tuple and len(v) == 3 for v in vectors)
+        and type(state.joints) is tuple
+        and all(type(word) is str for word in words)
+    )
 
 
 def _plain(engine: str, call: str, decoder: msgspec.msgpack.Decoder[Any], value: object) -> Any:

@@ -11,11 +11,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
+import msgspec
+
 from lingjing.errors import UsageError
+from lingjing.kernel.world.coherence import check_apart
 from lingjing.kernel.world.contract import WorldBoundary
 from lingjing.kernel.world.ensemble import Report
 from lingjing.mission.instance import Clock, Instance
-from lingjing.trace.records import BodyState, Command, EngineStatus, Receipt, Snapshot, TaskEvent
+from lingjing.trace.records import BodyState, Command, EngineStatus, Receipt, Route, Snapshot, TaskEvent
 
 
 class Part(Protocol):
@@ -34,7 +37,9 @@ class Part(Protocol):
         """Admission receipts by command id."""
         ...
 
-    def advance(self, until: float, foreign: Sequence[BodyState] = ()) -> tuple[Report, ...]:
+    def advance(
+        self, until: float, foreign: Sequence[BodyState] = (), ambient: Sequence[BodyState] = ()
+    ) -> tuple[Report, ...]:
         """One macro-step to `until` (s)."""
         ...
 
@@ -69,6 +74,8 @@ class Conductor:
         self._order = tuple(entity.id for entity in instance.entities)
         self._seats = tuple(_seat(instance, part) for part in parts)
         self._states: dict[str, BodyState] = {}
+        self._ambient: dict[str, tuple[BodyState, ...]] = {}
+        self._unheard: dict[str, tuple[tuple[str, str], ...]] = {}
         self._frames: dict[str, int] = {}
         self._macro_steps = macro_steps(instance.clock)
         self.tick = 0
@@ -80,10 +87,12 @@ class Conductor:
         return WorldBoundary(
             tick=0,
             time_s=0.0,
-            snapshots=(snapshot,),
+            snapshots=(self._crowded(snapshot),),
             receipts=_receipts(reports),
             events=_events(reports),
             engines=self._status(reports, 0.0),
+            routes=_routes(reports),
+            unheard=self._silence(),
         )
 
     def step(self, tick: int, commands: Sequence[Command]) -> WorldBoundary:
@@ -99,6 +108,7 @@ class Conductor:
             snapshots.append(self._commit(latest, until))
             reports.extend(latest)
         self.tick = tick
+        snapshots[-1] = self._crowded(snapshots[-1])
         return WorldBoundary(
             tick=tick,
             time_s=snapshots[-1].time_s,
@@ -108,6 +118,8 @@ class Conductor:
             receipts=_receipts(reports),
             events=_events(reports),
             engines=self._status(reports, snapshots[-1].time_s),
+            routes=_routes(reports),
+            unheard=self._silence(),
         )
 
     def _submit(self, commands: Sequence[Command]) -> dict[str, Receipt]:
@@ -127,7 +139,7 @@ class Conductor:
             [
                 report
                 for seat in self._seats
-                for report in seat.part.advance(until, [states[name] for name in seat.foreign])
+                for report in seat.part.advance(until, [states[name] for name in seat.foreign], self._around(seat))
             ]
         )
 
@@ -136,7 +148,33 @@ class Conductor:
             boundary = report.boundary
             self._frames[boundary.engine] = self._frames.get(boundary.engine, -1) + 1
             self._states.update((state.id, state) for state in boundary.states)
+            self._ambient[boundary.engine] = boundary.ambient
+            self._unheard[boundary.engine] = boundary.unheard
+        if len(self._seats) > 1:
+            check_apart(self._ambient)
         return Snapshot(time_s=time_s, states=tuple([self._states[name] for name in self._order]))
+
+    def _around(self, seat: _Seat) -> tuple[BodyState, ...]:
+        """The background movers of the other parts' engines."""
+        if len(self._seats) == 1:
+            return ()
+        return tuple(
+            [
+                mover
+                for name, movers in sorted(self._ambient.items())
+                if name not in seat.part.engines
+                for mover in movers
+            ]
+        )
+
+    def _crowded(self, snapshot: Snapshot) -> Snapshot:
+        """The snapshot of a decision boundary, which holds the background movers too."""
+        movers = tuple([mover for _, movers in sorted(self._ambient.items()) for mover in movers])
+        return msgspec.structs.replace(snapshot, ambient=movers) if movers else snapshot
+
+    def _silence(self) -> tuple[tuple[str, str], ...]:
+        """The pairs that any engine says do not hear each other now."""
+        return tuple(dict.fromkeys(pair for _, pairs in sorted(self._unheard.items()) for pair in pairs))
 
     def _status(self, reports: Sequence[Report], time_s: float) -> tuple[EngineStatus, ...]:
         waits: dict[str, float] = {}
@@ -164,3 +202,7 @@ def _receipts(reports: Sequence[Report]) -> tuple[Receipt, ...]:
 
 def _events(reports: Sequence[Report]) -> tuple[TaskEvent, ...]:
     return tuple(event for report in reports for event in report.boundary.events)
+
+
+def _routes(reports: Sequence[Report]) -> tuple[Route, ...]:
+    return tuple(route for report in reports for route in report.boundary.routes)

@@ -25,6 +25,7 @@ from lingjing.trace.records import (
     EngineStatus,
     FrameInfo,
     Receipt,
+    Route,
     Snapshot,
     TaskEvent,
 )
@@ -33,7 +34,9 @@ from lingjing.trace.records import (
 @dataclass(frozen=True, slots=True)
 class WorldBoundary:
     """All engines at one decision boundary. `admissions` answer the submitted commands in order; `missing` are the
-    ids of commands without an admission receipt; `receipts` are the later ones of long requests."""
+    ids of commands without an admission receipt; `receipts` are the later ones of long requests.
+    Background movers are in the last snapshot; `routes` were planned since the boundary before, `unheard` are the pairs
+    of entities between which radio does not reach now."""
 
     tick: int
     time_s: float
@@ -43,6 +46,8 @@ class WorldBoundary:
     receipts: tuple[Receipt, ...] = ()
     events: tuple[TaskEvent, ...] = ()
     engines: tuple[EngineStatus, ...] = ()
+    routes: tuple[Route, ...] = ()
+    unheard: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +77,8 @@ class World(Protocol):
     def capture(
         self, tick: int, requests: Sequence[CaptureRequest], states: Sequence[BodyState]
     ) -> tuple[StoredFrame | Absent, ...]:
-        """Draw the pictures of boundary `tick` with all entities at `states`; one answer per request, in order.
+        """Draw the pictures of boundary `tick` with all entities, then all background movers, at `states`; one answer
+        per request, in order.
 
         A picture later than `budget.capture_s` is `Absent`; a dead camera raises `InfrastructureError`."""
         ...

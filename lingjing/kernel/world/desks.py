@@ -99,7 +99,7 @@ class WorldDesk:
             case Submit() if self._ensemble is not None:
                 return Admitted(receipts=self._ensemble.submit(request.commands))
             case Advance() if self._ensemble is not None:
-                return Reported(reports=self._ensemble.advance(request.until, request.foreign))
+                return Reported(reports=self._ensemble.advance(request.until, request.foreign, request.ambient))
         raise RuntimeError(f"{type(request).__name__} came out of turn to the world process")
 
     def _reset(self, request: Reset) -> Message:

@@ -1,7 +1,8 @@
 """The engines that one place hosts: created by name, reset, commanded and advanced side by side.
 
 Order is by engine name. Within one `advance` every engine sees the others as they were at the interval's start
-(fixed-step Jacobi, DESIGN section 4), so the order decides nothing but the sequence of receipts and events.
+(fixed-step Jacobi, DESIGN section 4), so the order decides nothing but the sequence of receipts and events. Mirrors
+are the entities of the others in the instance's order, then their background movers by engine.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import msgspec
 
 from lingjing.errors import InfrastructureError
 from lingjing.kernel.world.calling import Enter, engine_seed, guarded, ignore
-from lingjing.kernel.world.coherence import checked_admissions, checked_boundary
+from lingjing.kernel.world.coherence import check_apart, checked_admissions, checked_boundary
 from lingjing.mission.instance import Instance
 from lingjing.plugins.engine import Boundary, Engine, EngineSpec
 from lingjing.plugins.host import PluginHost
@@ -56,14 +57,17 @@ class _Member:
 
 
 class Ensemble:
-    """The motion engines of one place, coupled among themselves and to `foreign` states from other places."""
+    """The motion engines of one place, coupled among themselves and to states from other places: `foreign` entities
+    and `ambient` background movers."""
 
     def __init__(self, instance: Instance, city: City, engines: Mapping[str, Engine], enter: Enter = ignore) -> None:
         self._instance = instance
         self._city = city
         self._enter = enter
         self._members = tuple(_member(instance, name, engines[name]) for name in sorted(engines))
+        self._entities = frozenset(entity.id for entity in instance.entities)
         self._states: dict[str, BodyState] = {}
+        self._ambient: dict[str, tuple[BodyState, ...]] = {}
         self.engines = tuple(member.name for member in self._members)
 
     def reset(self) -> tuple[Report, ...]:
@@ -79,31 +83,44 @@ class Ensemble:
                 admitted.update(self._submit(member, mine))
         return admitted
 
-    def advance(self, until: float, foreign: Sequence[BodyState] = ()) -> tuple[Report, ...]:
+    def advance(
+        self, until: float, foreign: Sequence[BodyState] = (), ambient: Sequence[BodyState] = ()
+    ) -> tuple[Report, ...]:
         """One macro-step of all engines to `until` (s), each with the others' states at the interval's start."""
         known = self._states
         known.update((state.id, state) for state in foreign)
-        return self._commit([self._advance(member, until, known) for member in self._members])
+        around = tuple(ambient)
+        return self._commit([self._advance(member, until, known, around) for member in self._members])
 
     def _reset(self, member: _Member) -> Report:
         spec = EngineSpec(engine=member.name, instance=self._instance, owns=member.owns)
         seed = engine_seed(self._instance.seed, member.name)
         report, wall_s = guarded(self._enter, member.name, "reset", lambda: member.engine.reset(spec, self._city, seed))
-        return Report(checked_boundary(member.name, "reset", report, 0.0, member.owns), wall_s)
+        return Report(checked_boundary(member.name, "reset", report, 0.0, member.owns, self._entities), wall_s)
 
     def _submit(self, member: _Member, commands: tuple[Command, ...]) -> dict[str, Receipt]:
         answer, _ = guarded(self._enter, member.name, "submit", lambda: tuple(member.engine.submit(commands)))
         return checked_admissions(member.name, commands, answer)
 
-    def _advance(self, member: _Member, until: float, known: Mapping[str, BodyState]) -> Report:
+    def _advance(
+        self, member: _Member, until: float, known: Mapping[str, BodyState], around: tuple[BodyState, ...]
+    ) -> Report:
         mirrors = tuple([known[name] for name in member.others])
+        for other in self._members:
+            if other is not member:
+                mirrors += self._ambient.get(other.name, ())
+        mirrors += around
         report, wall_s = guarded(self._enter, member.name, "advance", lambda: member.engine.advance(until, mirrors))
-        return Report(checked_boundary(member.name, "advance", report, until, member.owns), wall_s)
+        checked = checked_boundary(member.name, "advance", report, until, member.owns, self._entities)
+        return Report(checked, wall_s)
 
     def _commit(self, reports: Sequence[Report]) -> tuple[Report, ...]:
         # Only after the last engine: nobody may see a state of the interval's end.
         for report in reports:
-            self._states.update((state.id, state) for state in report.boundary.states)
+            boundary = report.boundary
+            self._states.update((state.id, state) for state in boundary.states)
+            self._ambient[boundary.engine] = boundary.ambient
+        check_apart(self._ambient)
         return tuple(reports)
 
 

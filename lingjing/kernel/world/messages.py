@@ -46,10 +46,12 @@ class Submit(Message, frozen=True, kw_only=True):
 
 
 class Advance(Message, frozen=True, kw_only=True):
-    """One macro-step, when the caller drives; `foreign` are the states of its own engines."""
+    """One macro-step, when the caller drives; `foreign` are the states of its own engines' entities, `ambient` those
+    of their background movers."""
 
     until: float
     foreign: tuple[BodyState, ...]
+    ambient: tuple[BodyState, ...] = ()
 
 
 class Capture(Message, frozen=True, kw_only=True):

@@ -63,8 +63,10 @@ class _FarPart:
         message = Submit(commands=tuple(commands))
         return self._worker.ask(message, Admitted, self.deadline, self._allowed_s).receipts
 
-    def advance(self, until: float, foreign: Sequence[BodyState] = ()) -> tuple[Report, ...]:
-        message = Advance(until=until, foreign=tuple(foreign))
+    def advance(
+        self, until: float, foreign: Sequence[BodyState] = (), ambient: Sequence[BodyState] = ()
+    ) -> tuple[Report, ...]:
+        message = Advance(until=until, foreign=tuple(foreign), ambient=tuple(ambient))
         return self._worker.ask(message, Reported, self.deadline, self._allowed_s).reports
 
 
