@@ -316,4 +316,4 @@ def test_gusts_depend_on_the_seed(fly):
 def test_jsbsim_is_imported_from_one_module():
     root = HERE.parents[2] / "lingjing" / "plugins"
     users = [path.name for path in root.rglob("*.py") if "import jsbsim" in path.read_text()]
-    assert users == ["airframe.py"]
+    assert users == ["flight.py"]

@@ -7,7 +7,7 @@ import math
 from lingjing.mission.instance import Entity, Vector, Weather
 from lingjing.mission.seeding import Stream
 from lingjing.plugins.engines import sea
-from lingjing.plugins.engines.plane import Terrain
+from lingjing.plugins.engines.terrain import Terrain
 
 STEP_S = 0.1
 """Step of the drift."""

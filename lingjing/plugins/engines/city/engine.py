@@ -10,8 +10,8 @@ from lingjing.plugins.engine import Boundary, CaptureRequest, EngineSpec, Frame
 from lingjing.plugins.engines.city.afloat import STEP_S, Afloat
 from lingjing.plugins.engines.city.interaction import UNLOCK, Interaction, actor_in_reach, interactions, moved_on
 from lingjing.plugins.engines.clock import Clock
-from lingjing.plugins.engines.plane import Terrain
 from lingjing.plugins.engines.requests import Refusal, Requests
+from lingjing.plugins.engines.terrain import Terrain
 from lingjing.scene.city import City
 from lingjing.trace.records import BodyState, Command, Receipt, TaskEvent
 

@@ -1,8 +1,8 @@
 """Multirotors: JSBSim flies the airframe, a cascaded controller flies JSBSim.
 
 `engine` (the contract) → `verbs` (command to destinations) → `drone` (one vehicle: phases, position, collisions) →
-`control` (position to attitude and thrust, 50 Hz) → `airframe` (the one place that imports jsbsim, 250 Hz), with
-`gust` (wind at the vehicle) and `power` (what flying costs the battery). `aircraft/` holds the airframe's model.
+`control` (position to attitude and thrust, 50 Hz) → `airframe` (JSBSim, 250 Hz), with `power` (what flying costs the
+battery). `aircraft/` holds the airframe's model.
 
 The world is flat: JSBSim's local north, east and down are taken as the world's axes at every place, and positions are
 the trapezoidal integral of its velocity. Nothing else in the project reads JSBSim's latitude and longitude.

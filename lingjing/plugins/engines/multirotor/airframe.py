@@ -1,30 +1,22 @@
-"""One airframe in JSBSim: SI in, SI out. The only module that imports `jsbsim`.
-
-JSBSim has no threads and no files open after loading, so a process that holds airframes can be forked.
-"""
+"""The airframe of a multirotor: a 450-class quadrotor with attitude and rate loops, flown by JSBSim at 250 Hz."""
 
 from __future__ import annotations
 
-import math
-import os
 from dataclasses import dataclass
 from pathlib import Path
 
-os.environ.setdefault("JSBSIM_DEBUG", "0")  # read when the library is loaded; silences its banner
-
-import jsbsim
-
-from lingjing.errors import InfrastructureError
+from lingjing.plugins.engines.flight import FOOT_M, POUND_KG, POUND_N, Flight
 
 STEP_S = 1.0 / 250.0
 """Integration step of the flight dynamics."""
 
 MASS_KG = 1.6
-"""Mass of `aircraft/quad450`; the controller needs it to turn acceleration into thrust."""
+"""Mass of `aircraft/quad450` without a load; the controller needs it to turn acceleration into thrust."""
+
+LIFT_N = 32.0
+"""What four rotors can pull."""
 
 _MODEL = "quad450"
-_FOOT = 0.3048
-_POUND = 4.4482216152605
 _MOTORS = tuple(f"fcs/motor-{number}-thrust-lbs" for number in (1, 2, 3, 4))
 
 
@@ -43,69 +35,55 @@ class Sample:
 
 
 class Airframe:
-    """A quadrotor with attitude and rate loops, standing still and held until `release`."""
+    """A quadrotor, standing still and held until `release`."""
 
     def __init__(self, latitude_deg: float, longitude_deg: float, elevation_m: float, heading_deg: float) -> None:
-        executive = jsbsim.FGFDMExec(None)
-        executive.set_debug_level(0)
-        folder = str(Path(__file__).parent / "aircraft")
-        executive.set_aircraft_path(folder)
-        executive.set_engine_path(folder)
-        executive.set_systems_path(folder)
-        if not executive.load_model(_MODEL):
-            raise InfrastructureError(f"jsbsim cannot load the airframe `{_MODEL}` from {folder}")
-        executive.set_dt(STEP_S)
-        executive["ic/lat-geod-deg"] = latitude_deg
-        executive["ic/long-gc-deg"] = longitude_deg
-        executive["ic/h-sl-ft"] = elevation_m / _FOOT
-        executive["ic/psi-true-deg"] = heading_deg
-        if not executive.run_ic():
-            raise InfrastructureError("jsbsim cannot initialise the airframe at its start position")
-        executive["forces/hold-down"] = 1.0
-        self._executive = executive
+        initial = {
+            "lat-geod-deg": latitude_deg,
+            "long-gc-deg": longitude_deg,
+            "h-sl-ft": elevation_m / FOOT_M,
+            "psi-true-deg": heading_deg,
+        }
+        self._flight = Flight(_MODEL, Path(__file__).parent / "aircraft", STEP_S, initial)
+        self._flight["forces/hold-down"] = 1.0
 
     def release(self) -> None:
         """Let go: from now on the airframe flies."""
-        self._executive["forces/hold-down"] = 0.0
+        self._flight["forces/hold-down"] = 0.0
+
+    def carry(self, load_kg: float) -> None:
+        """Hang a load under the centre of mass."""
+        self._flight["inertia/pointmass-weight-lbs[0]"] = load_kg / POUND_KG
 
     def blow(self, east: float, north: float, up: float) -> None:
         """Set the air's velocity, m/s."""
-        self._executive["atmosphere/wind-east-fps"] = east / _FOOT
-        self._executive["atmosphere/wind-north-fps"] = north / _FOOT
-        self._executive["atmosphere/wind-down-fps"] = -up / _FOOT
+        self._flight.blow(east, north, up)
 
     def command(self, roll: float, pitch: float, yaw_rate: float, thrust_n: float) -> None:
         """Set the demands of the attitude loops: radians, radians per second, newtons."""
-        self._executive["fcs/roll-cmd-rad"] = roll
-        self._executive["fcs/pitch-cmd-rad"] = pitch
-        self._executive["fcs/yaw-rate-cmd-rad_sec"] = yaw_rate
-        self._executive["fcs/thrust-cmd-lbs"] = thrust_n / _POUND
+        self._flight["fcs/roll-cmd-rad"] = roll
+        self._flight["fcs/pitch-cmd-rad"] = pitch
+        self._flight["fcs/yaw-rate-cmd-rad_sec"] = yaw_rate
+        self._flight["fcs/thrust-cmd-lbs"] = thrust_n / POUND_N
 
     def step(self, count: int) -> None:
         """Integrate `count` steps of `STEP_S`."""
-        for _ in range(count):
-            self._executive.run()
+        self._flight.step(count)
 
     def sample(self) -> Sample:
-        """Read the state; a state that is no number is an engine failure."""
-        read = self._executive
-        velocity = (
-            read["velocities/v-east-fps"] * _FOOT,
-            read["velocities/v-north-fps"] * _FOOT,
-            -read["velocities/v-down-fps"] * _FOOT,
-        )
-        if not math.isfinite(sum(velocity)):
-            raise InfrastructureError("jsbsim diverged: an airframe's velocity is not a number")
+        """Read the state."""
+        read = self._flight
+        roll, pitch, heading = read.attitude()
         return Sample(
-            velocity=velocity,
-            roll=read["attitude/phi-rad"],
-            pitch=read["attitude/theta-rad"],
-            heading=read["attitude/psi-rad"],
+            velocity=read.velocity(),
+            roll=roll,
+            pitch=pitch,
+            heading=heading,
             air_velocity=(
-                read["velocities/u-aero-fps"] * _FOOT,
-                read["velocities/v-aero-fps"] * _FOOT,
-                read["velocities/w-aero-fps"] * _FOOT,
+                read["velocities/u-aero-fps"] * FOOT_M,
+                read["velocities/v-aero-fps"] * FOOT_M,
+                read["velocities/w-aero-fps"] * FOOT_M,
             ),
-            thrust_n=sum(read[motor] for motor in _MOTORS) * _POUND,
+            thrust_n=sum(read[motor] for motor in _MOTORS) * POUND_N,
             density=read["atmosphere/rho-slugs_ft3"] * 515.3788184,
         )

@@ -31,7 +31,7 @@ _MAX_TILT = math.radians(40.0)
 _MAX_LIFT_MPS2 = 4.0
 _YAW_GAIN = 1.5
 _MAX_YAW_RATE = 1.2
-_DRAG_PER_MASS = 0.5 * 1.225 * 0.05 / MASS_KG
+_DRAG = 0.5 * 1.225 * 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,9 +76,11 @@ def tilt(east: float, north: float, up: float, heading: float) -> tuple[float, f
 
 
 class Autopilot:
-    """Controller state of one vehicle: the limited velocity demand and the wind it has learnt to lean against."""
+    """Controller state of one vehicle: the limited velocity demand and the wind it has learnt to lean against.
+    `mass_kg` is what flies, the load included."""
 
     def __init__(self) -> None:
+        self.mass_kg = MASS_KG
         self._demand: Vector = (0.0, 0.0, 0.0)
         self._trim: Vector = (0.0, 0.0, 0.0)
 
@@ -95,7 +97,7 @@ class Autopilot:
             _VELOCITY_GAIN * error[axis]
             + self._trim[axis]
             + feed[axis]
-            + (_DRAG_PER_MASS * speed * self._demand[axis] if axis < 2 else 0.0)
+            + (_DRAG / self.mass_kg * speed * self._demand[axis] if axis < 2 else 0.0)
             for axis in range(3)
         )
         up = min(max(up, -_MAX_LIFT_MPS2), _MAX_LIFT_MPS2)
@@ -106,7 +108,7 @@ class Autopilot:
         else:
             self._learn((error[0], error[1], error[2]))
         roll, pitch = tilt(east, north, up, attitude[2])
-        thrust = MASS_KG * (GRAVITY + up) / max(math.cos(attitude[0]) * math.cos(attitude[1]), 0.5)
+        thrust = self.mass_kg * (GRAVITY + up) / max(math.cos(attitude[0]) * math.cos(attitude[1]), 0.5)
         turn = (face - attitude[2] + math.pi) % (2.0 * math.pi) - math.pi
         return Demand(roll, pitch, min(max(_YAW_GAIN * turn, -_MAX_YAW_RATE), _MAX_YAW_RATE), thrust)
 

@@ -2,7 +2,8 @@
 
 The ground is a support and not a contact model: a grounded vehicle is held where it stands until its rotors carry it.
 Touching a solid, the ground or the water in flight ends the flight: the vehicle falls to what is below and is dead.
-An empty battery (the reserve that the flight controller keeps) makes it land where it is and ends it there.
+An empty battery (the reserve that the flight controller keeps) makes it land where it is and ends it there, be that
+on a roof. A load makes it heavier: it takes more thrust, so more energy, and cruises slower.
 """
 
 from __future__ import annotations
@@ -12,13 +13,16 @@ from dataclasses import dataclass
 from enum import Enum
 
 from lingjing.mission.instance import Entity, Vector, Weather
-from lingjing.plugins.engines.multirotor.airframe import MASS_KG, STEP_S, Airframe, Sample
+from lingjing.plugins.engines.gust import Gust
+from lingjing.plugins.engines.multirotor.airframe import LIFT_N, MASS_KG, STEP_S, Airframe, Sample
 from lingjing.plugins.engines.multirotor.control import BRAKE_MPS2, PERIOD_S, Autopilot, Demand
-from lingjing.plugins.engines.multirotor.gust import Gust
 from lingjing.plugins.engines.multirotor.power import Battery
 from lingjing.plugins.engines.multirotor.verbs import Situation, Task, path_length
-from lingjing.plugins.engines.plane import Terrain, compass
+from lingjing.plugins.engines.neighbours import Neighbour
+from lingjing.plugins.engines.outlines import compass
 from lingjing.plugins.engines.sea import GRAVITY
+from lingjing.plugins.engines.stock import Stock
+from lingjing.plugins.engines.terrain import Terrain
 from lingjing.trace.records import BodyState
 
 CRUISE_MPS = 12.0
@@ -36,6 +40,10 @@ _PASSED_M = 1.5
 _ARRIVED_M = 1.0
 _SLOW_MPS = 0.5
 _TERMINAL_MPS = 20.0
+_RESERVE = 1.25
+"""Thrust in hand over the weight that it takes to fly."""
+_TOUCH_M = 0.5
+_SPURT_MPS = 5.0
 
 
 class Phase(Enum):
@@ -69,7 +77,9 @@ class Drone:
         self.velocity: Vector = (0.0, 0.0, 0.0)
         self.task: Task | None = None
         self.battery = Battery.lasting(_property(entity, "endurance_s", ENDURANCE_S))
-        self._cruise = _property(entity, "cruise_mps", CRUISE_MPS)
+        self.stock = Stock(entity)
+        self.around: tuple[Neighbour, ...] = ()
+        self._full_cruise = self._cruise = _property(entity, "cruise_mps", CRUISE_MPS)
         self._terrain = terrain
         self._gust = Gust(weather, seed, f"multirotor/{entity.id}/gust", PERIOD_S)
         self._airframe = Airframe(*origin, entity.position[2], entity.heading_deg)
@@ -81,7 +91,9 @@ class Drone:
         self._legs: tuple[Vector, ...] = ()
         self._length = 0.0
         self._spun = 0
+        self._load_kg = 0.0
         self.phase = Phase.GROUNDED
+        self.carry()
         if entity.position[2] > terrain.support(*entity.position) + _AIRBORNE_M:
             self._start_airborne()
 
@@ -100,6 +112,16 @@ class Drone:
     def flying(self) -> bool:
         """Whether the vehicle is in the air and in control."""
         return self.phase in (Phase.FLYING, Phase.LANDING)
+
+    @property
+    def reach_mps(self) -> float:
+        """A speed that it will not exceed in the next seconds."""
+        return max(self._cruise, math.hypot(*self.velocity)) + _SPURT_MPS
+
+    @property
+    def overloaded(self) -> bool:
+        """Whether the load is more than the rotors can fly with."""
+        return (MASS_KG + self._load_kg) * GRAVITY * _RESERVE > LIFT_N
 
     @property
     def progress(self) -> float:
@@ -131,6 +153,14 @@ class Drone:
         self.task = Task(legs=(self._goal,), arrives=False)
         self._legs, self._length = self.task.legs, path_length(self.position, self.task.legs)
 
+    def carry(self) -> None:
+        """Feel the load on board: the same thrust margin leaves less speed for a greater weight."""
+        if self.stock.load_kg != self._load_kg:
+            self._load_kg = self.stock.load_kg
+            self._autopilot.mass_kg = MASS_KG + self._load_kg
+            self._cruise = self._full_cruise * math.sqrt(MASS_KG / self._autopilot.mass_kg)
+            self._airframe.carry(self._load_kg)
+
     def strike(self, what: str) -> Notice:
         """Hit something: the flight is over and the fall begins."""
         notice = Notice("collided", what, math.hypot(*self.velocity))
@@ -142,8 +172,8 @@ class Drone:
         self.task = Task(legs=(self.position,), arrives=False)
         self._legs, self._length, self._goal = self.task.legs, 0.0, self.position
 
-    def step(self) -> Notice | None:
-        """Move by one control period and say what happened."""
+    def step(self, weather: Weather, now_s: float) -> Notice | None:
+        """Move by one control period, which ends at `now_s`, and say what happened."""
         if self.phase is Phase.FALLING:
             self._fall()
             return None
@@ -154,8 +184,8 @@ class Drone:
         if self.phase is Phase.SPINUP:
             self._spin_up()
             return None
-        self._fly()
-        return self._contact() or self._exhausted() or self._reached()
+        self._fly(weather)
+        return self._contact(now_s) or self._exhausted() or self._reached()
 
     def state(self, remainder_s: float) -> BodyState:
         """The vehicle `remainder_s` after its last step."""
@@ -168,7 +198,7 @@ class Drone:
             pitch_deg=math.degrees(self._attitude[1]),
             roll_deg=math.degrees(self._attitude[0]),
             status=self.status,
-            resources={"battery": self.battery.share, "battery_wh": self.battery.left_wh},
+            resources={"battery": self.battery.share, "battery_wh": self.battery.left_wh, **self.stock.amounts},
         )
 
     @property
@@ -185,16 +215,16 @@ class Drone:
             self._spin_up()
 
     def _spin_up(self) -> None:
-        self._airframe.command(0.0, 0.0, 0.0, MASS_KG * GRAVITY)
+        self._airframe.command(0.0, 0.0, 0.0, self._autopilot.mass_kg * GRAVITY)
         self._airframe.step(_STEPS)
         self._spun += 1
         if self._spun >= _SPINUP_PERIODS:
             self._airframe.release()
             self.phase = Phase.FLYING
 
-    def _fly(self) -> None:
+    def _fly(self, weather: Weather) -> None:
         demand = self._autopilot.fly(self.position, self.velocity, self._attitude, self._goal, self._cruise, self._face)
-        self._airframe.blow(*self._gust.next())
+        self._airframe.blow(*self._gust.next(weather))
         self._apply(demand)
         sample = self._airframe.sample()
         self._move(sample)
@@ -212,17 +242,24 @@ class Drone:
         self.position, self.velocity = (x, y, z), sample.velocity
         self._attitude = (sample.roll, sample.pitch, sample.heading)
 
-    def _contact(self) -> Notice | None:
-        x, y, z = self.position
-        if z - _HALF_HEIGHT_M > self._terrain.highest_m or self._at_launch():
+    def _contact(self, now_s: float) -> Notice | None:
+        if self._at_launch():
             return None
-        solids = self._terrain.solids_at(x, y, z - _HALF_HEIGHT_M, z + _HALF_HEIGHT_M, RADIUS_M)
+        for other in self.around:
+            if other.touches(self.position, RADIUS_M, _HALF_HEIGHT_M, now_s):
+                return self.strike(other.id)
+        x, y, z = self.position
+        low = z - _HALF_HEIGHT_M
+        if low > self._terrain.ceiling_m(x, y):
+            return None
+        solids = self._terrain.solids_at(x, y, low, z + _HALF_HEIGHT_M, RADIUS_M)
+        if self.phase is Phase.LANDING and all(solid.top_at(x, y) < low + _TOUCH_M for solid in solids):
+            if low <= self._terrain.support(x, y, low + _TOUCH_M):
+                self._rest()
+            return None
         if solids:
             return self.strike(solids[0].id)
-        if z - _HALF_HEIGHT_M > self._terrain.surface(x, y):
-            return None
-        if self.phase is Phase.LANDING:
-            self._rest()
+        if low > self._terrain.surface(x, y):
             return None
         return self.strike("ground" if self._terrain.water_level(x, y) is None else "water")
 
@@ -236,7 +273,7 @@ class Drone:
             return None
         x, y, _ = self._point_ahead(math.hypot(*self.velocity) / (2.0 * BRAKE_MPS2))
         self.phase = Phase.LANDING
-        self._goal = (x, y, self._terrain.surface(x, y) - 2.0)
+        self._goal = (x, y, self._terrain.support(x, y, self.position[2]) - 2.0)
         return Notice("battery_empty")
 
     def _reached(self) -> Notice | None:

@@ -4,73 +4,80 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
-from lingjing.plugins.engine import Boundary, CaptureRequest, EngineSpec, Frame
-from lingjing.plugins.engines.clock import Clock
+from lingjing.plugins.engine import EngineSpec
+from lingjing.plugins.engines.fleet import FleetEngine
 from lingjing.plugins.engines.multirotor.control import PERIOD_S
 from lingjing.plugins.engines.multirotor.drone import RADIUS_M, Drone, Notice
 from lingjing.plugins.engines.multirotor.verbs import plan
-from lingjing.plugins.engines.plane import Terrain
-from lingjing.plugins.engines.requests import STOP, Refusal, Requests
+from lingjing.plugins.engines.neighbours import Neighbours
+from lingjing.plugins.engines.requests import STOP, Refusal
+from lingjing.plugins.engines.schedule import Schedule
+from lingjing.plugins.engines.terrain import Terrain
 from lingjing.scene.city import City
-from lingjing.trace.records import BodyState, Command, Receipt, TaskEvent
+from lingjing.trace.records import BodyState, Command
 
 
-class MultirotorEngine:
+class MultirotorEngine(FleetEngine):
     """Steps every vehicle at 50 Hz (250 Hz inside JSBSim); vehicles that touch each other both crash."""
 
-    def reset(self, spec: EngineSpec, city: City, seed: int) -> Boundary:
+    step_s = PERIOD_S
+
+    def build(self, spec: EngineSpec, city: City, seed: int) -> None:
         """Load one airframe a vehicle and stand them at their start."""
-        self._name = spec.engine
-        self._tick_s = spec.instance.clock.tick_s
         self._terrain = Terrain(city)
-        self._clock = Clock(PERIOD_S)
-        self._requests = Requests(spec.engine)
-        self._events: list[TaskEvent] = []
-        self._drones = {
-            entity.id: Drone(entity, self._terrain, spec.instance.weather, city.origin, seed) for entity in spec.owned()
-        }
-        return self._boundary()
+        self._schedule = Schedule(spec.instance)
+        self._neighbours = Neighbours(spec.instance)
+        weather = self._schedule.weather(0.0)
+        self._drones = {entity.id: Drone(entity, self._terrain, weather, city.origin, seed) for entity in spec.owned()}
 
-    def submit(self, commands: Sequence[Command]) -> tuple[Receipt, ...]:
-        """Admit or reject each command; admitted ones start at once."""
-        return tuple(self._requests.admit(command, self._clock.time_s, self._start) for command in commands)
-
-    def advance(self, until: float, mirrors: Sequence[BodyState]) -> Boundary:
-        """Fly to `until`; progress of what goes on is reported at decision boundaries."""
-        for _ in range(self._clock.steps_until(until)):
-            self._clock.done += 1
-            for drone in self._drones.values():
-                notice = drone.step()
-                if notice is not None:
-                    self._report(drone, notice)
-            self._collide()
-        if self._clock.is_boundary(self._tick_s):
-            for drone in self._drones.values():
-                self._requests.run(drone.id, until, drone.progress)
-        return self._boundary()
-
-    def capture(self, requests: Sequence[CaptureRequest]) -> tuple[Frame, ...]:
-        """No sensors here."""
-        return ()
-
-    def close(self) -> None:
-        """Let go of the airframes."""
-        self._drones = {}
-
-    def _start(self, command: Command) -> None:
+    def start(self, command: Command) -> None:
+        """Begin a task, or `Refusal`: `unknown_resource`, `battery`, `dead`, `overloaded` and those of `plan`."""
         drone = self._drones.get(command.resource)
         if drone is None:
-            raise Refusal("unknown_resource", f"`{command.resource}` is no vehicle of `{self._name}`")
+            raise Refusal("unknown_resource", f"`{command.resource}` is no vehicle of `{self.name}`")
         if not drone.alive:
             if drone.battery.empty:
                 raise Refusal("battery", f"the battery of `{drone.id}` is empty")
             raise Refusal("dead", f"`{drone.id}` has crashed")
         if command.verb == STOP:
             drone.brake()
-        else:
-            drone.begin(plan(command, drone.situation, self._terrain))
+            return
+        task = plan(command, drone.situation, self._terrain)
+        if drone.overloaded:
+            raise Refusal("overloaded", f"`{drone.id}` cannot lift {drone.stock.load_kg:g} kg")
+        drone.begin(task)
+
+    def look(self, mirrors: Sequence[BodyState]) -> None:
+        """Who is near each vehicle, and what the book says is on board."""
+        self._neighbours.look(mirrors, self.clock.time_s)
+        for drone in self._drones.values():
+            drone.stock.read(mirrors)
+            drone.carry()
+            drone.around = self._neighbours.near(drone.position, drone.reach_mps) if drone.flying else ()
+
+    def step(self) -> None:
+        """One control period of every vehicle."""
+        now = self.clock.now_s
+        weather = self._schedule.weather(now - self.step_s)
+        for drone in self._drones.values():
+            notice = drone.step(weather, now)
+            if notice is not None:
+                self._report(drone, notice)
+        self._collide()
+
+    def states(self) -> Iterable[BodyState]:
+        """Every vehicle."""
+        return (drone.state(self.clock.remainder_s) for drone in self._drones.values())
+
+    def progress(self) -> Mapping[str, float]:
+        """How much of each task's way is behind."""
+        return {drone.id: drone.progress for drone in self._drones.values()}
+
+    def close(self) -> None:
+        """Let go of the airframes."""
+        self._drones = {}
 
     def _collide(self) -> None:
         flying = [drone for drone in self._drones.values() if drone.flying]
@@ -80,26 +87,15 @@ class MultirotorEngine:
                 self._report(other, other.strike(one.id))
 
     def _report(self, drone: Drone, notice: Notice) -> None:
-        now, task = self._clock.now_s, drone.task
+        now, task = self.clock.now_s, drone.task
         drone.task = None
         if notice.kind == "done":
-            self._requests.complete(drone.id, now)
+            self.requests.complete(drone.id, now)
             if task is not None and task.arrives:
-                self._events.append(TaskEvent(kind="arrived", entities=(drone.id,), time_s=now))
+                self.emit("arrived", drone.id)
         elif notice.kind == "collided":
-            self._requests.fail(drone.id, now, "collided", f"`{drone.id}` hit `{notice.what}`")
-            hit = {"speed_mps": notice.speed_mps}
-            self._events.append(TaskEvent(kind="collided", entities=(drone.id, notice.what), time_s=now, values=hit))
+            self.requests.fail(drone.id, now, "collided", f"`{drone.id}` hit `{notice.what}`")
+            self.emit("collided", drone.id, notice.what, speed_mps=notice.speed_mps)
         else:
-            self._requests.fail(drone.id, now, "battery", f"the battery of `{drone.id}` is empty")
-            self._events.append(TaskEvent(kind=notice.kind, entities=(drone.id,), time_s=now))
-
-    def _boundary(self) -> Boundary:
-        events, self._events = tuple(self._events), []
-        return Boundary(
-            engine=self._name,
-            time_s=self._clock.time_s,
-            states=tuple(drone.state(self._clock.remainder_s) for drone in self._drones.values()),
-            receipts=self._requests.drain(),
-            events=events,
-        )
+            self.requests.fail(drone.id, now, "battery", f"the battery of `{drone.id}` is empty")
+            self.emit(notice.kind, drone.id)

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 from lingjing.mission.instance import Vector
 from lingjing.plugins.engines.multirotor.power import hover_power
-from lingjing.plugins.engines.plane import Terrain
 from lingjing.plugins.engines.requests import Refusal, number, optional_number
+from lingjing.plugins.engines.terrain import Terrain
 from lingjing.trace.records import Command
 
 TAKEOFF_M = 10.0

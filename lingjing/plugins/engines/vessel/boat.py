@@ -6,8 +6,10 @@ import math
 
 from lingjing.mission.instance import Entity, Weather
 from lingjing.plugins.engines import sea
-from lingjing.plugins.engines.plane import Terrain, compass
+from lingjing.plugins.engines.outlines import compass
 from lingjing.plugins.engines.requests import Refusal
+from lingjing.plugins.engines.stock import Stock
+from lingjing.plugins.engines.terrain import Terrain
 from lingjing.plugins.engines.vessel import hull
 from lingjing.plugins.engines.vessel.pilot import ARRIVED_M, Pilot, Point
 from lingjing.trace.records import BodyState
@@ -21,6 +23,10 @@ _KEEL_M = 0.5
 _SUPERSTRUCTURE_M = 1.5
 _STOPPED_MPS = 0.5
 _RESPONSE = 0.8
+_LIGHT_KG = 1600.0
+"""Displacement without a load."""
+_ADMIRALTY = 2.0 / 9.0
+"""At the same power `v^3 * displacement^(2/3)` stays the same (the Admiralty coefficient)."""
 _COMPASS_POINTS = ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
 
 
@@ -34,9 +40,14 @@ class Boat:
         self.goal: Point | None = None
         self.stopping = False
         self._terrain = terrain
+        self.stock = Stock(entity)
+        self._load_kg = 0.0
+        self._weather = weather
         self._around = hull.Surroundings.of(weather)
         self._waves = sea.waves(weather)
-        self._pilot = Pilot(float(speed) if isinstance(speed, int | float) else SPEED_MPS, self._around)
+        self._light_speed = float(speed) if isinstance(speed, int | float) else SPEED_MPS
+        self._pilot = Pilot(self._light_speed, self._around)
+        self.carry()
         self._state: hull.State = (x, y, math.radians(entity.heading_deg), 0.0, 0.0, 0.0)
         self._start: Point = (x, y)
         self._station: Point = (x, y)
@@ -56,6 +67,21 @@ class Boat:
         whole = math.dist(self._start, self.goal) - ARRIVED_M
         left = math.dist(self.position, self.goal) - ARRIVED_M
         return 1.0 if whole <= 0.0 else min(max(1.0 - left / whole, 0.0), 1.0)
+
+    def feel(self, weather: Weather) -> None:
+        """Be in this weather from now on."""
+        if weather is not self._weather:
+            self._weather = weather
+            self._around = hull.Surroundings.of(weather)
+            self._waves = sea.waves(weather)
+            self._pilot.around = self._around
+
+    def carry(self) -> None:
+        """Feel the load on board: the deeper hull is slower at the same power."""
+        if self.stock.load_kg != self._load_kg:
+            self._load_kg = self.stock.load_kg
+            deeper = (_LIGHT_KG + self._load_kg) / _LIGHT_KG
+            self._pilot.drive(self._light_speed * deeper**-_ADMIRALTY)
 
     def head_for(self, goal: Point) -> None:
         """Make for a point, or `Refusal` if the hull would not float there."""
@@ -128,6 +154,7 @@ class Boat:
             pitch_deg=math.degrees(math.atan(_RESPONSE * ahead)),
             roll_deg=-math.degrees(math.atan(_RESPONSE * abeam)),
             status=self.status,
+            resources=dict(self.stock.amounts),
         )
 
     @property

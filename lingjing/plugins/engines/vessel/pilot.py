@@ -36,10 +36,14 @@ class Pilot:
     """Steers one hull of top speed `speed_mps` (through the water) and remembers the drift it has measured."""
 
     def __init__(self, speed_mps: float, around: Surroundings) -> None:
-        self._speed = speed_mps
-        self._around = around
-        self._most = _THRUST_MARGIN * surge_drag(speed_mps)
+        self.around = around
         self._drift: Point = around.current
+        self.drive(speed_mps)
+
+    def drive(self, speed_mps: float) -> None:
+        """Set the top speed, and the power that goes with it."""
+        self._speed = speed_mps
+        self._most = _THRUST_MARGIN * surge_drag(speed_mps)
 
     def follow(self, state: State, start: Point, goal: Point) -> tuple[float, float]:
         """Thrust (N) and moment (N m) on the way along the line from `start` to `goal`."""
@@ -78,7 +82,7 @@ class Pilot:
         return min(max(moment, -_MAX_MOMENT), _MAX_MOMENT)
 
     def _measure(self, state: State) -> None:
-        east, north = ground_velocity(state, self._around)
+        east, north = ground_velocity(state, self.around)
         share = STEP_S / _DRIFT_TIME_S
         self._drift = (
             self._drift[0] + share * (east - state[3] * math.sin(state[2]) - self._drift[0]),

@@ -1,0 +1,83 @@
+"""JSBSim, SI in and SI out: what every aircraft of the project asks of it. The only module that imports `jsbsim`.
+
+JSBSim has no threads and no files open after loading, so a process that holds aircraft can be forked. The world is
+flat: its local north, east and down are taken as the world's axes at every place; its latitude and longitude are read
+by nobody, and its own ground lies far below (the engines' terrain says what is hit).
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+os.environ.setdefault("JSBSIM_DEBUG", "0")  # read when the library is loaded; silences its banner
+
+import jsbsim
+
+from lingjing.errors import InfrastructureError
+from lingjing.mission.instance import Vector
+
+FOOT_M = 0.3048
+POUND_N = 4.4482216152605
+POUND_KG = 0.45359237
+
+
+class Flight:
+    """One aircraft in JSBSim at its initial conditions.
+
+    `folder` holds `<model>/<model>.xml`; None means the aircraft that come with the library. `initial` are properties
+    under `ic/`, in JSBSim's own units.
+    """
+
+    def __init__(self, model: str, folder: Path | None, step_s: float, initial: Mapping[str, float]) -> None:
+        executive = jsbsim.FGFDMExec(None)
+        executive.set_debug_level(0)
+        if folder is not None:
+            executive.set_aircraft_path(str(folder))
+            executive.set_engine_path(str(folder))
+            executive.set_systems_path(str(folder))
+        if not executive.load_model(model):
+            raise InfrastructureError(f"jsbsim cannot load the airframe `{model}` from {folder or 'its own folder'}")
+        executive.set_dt(step_s)
+        for name, value in initial.items():
+            executive[f"ic/{name}"] = value
+        if not executive.run_ic():
+            raise InfrastructureError(f"jsbsim cannot initialise the airframe `{model}` at its start position")
+        self._executive = executive
+
+    def __getitem__(self, name: str) -> float:
+        """A property, in JSBSim's unit."""
+        return self._executive[name]
+
+    def __setitem__(self, name: str, value: float) -> None:
+        self._executive[name] = value
+
+    def blow(self, east: float, north: float, up: float) -> None:
+        """Set the air's velocity, m/s."""
+        self._executive["atmosphere/wind-east-fps"] = east / FOOT_M
+        self._executive["atmosphere/wind-north-fps"] = north / FOOT_M
+        self._executive["atmosphere/wind-down-fps"] = -up / FOOT_M
+
+    def step(self, count: int) -> None:
+        """Integrate `count` steps."""
+        for _ in range(count):
+            self._executive.run()
+
+    def velocity(self) -> Vector:
+        """Velocity over ground (east, north, up), m/s; one that is no number is an engine failure."""
+        read = self._executive
+        velocity = (
+            read["velocities/v-east-fps"] * FOOT_M,
+            read["velocities/v-north-fps"] * FOOT_M,
+            -read["velocities/v-down-fps"] * FOOT_M,
+        )
+        if not math.isfinite(sum(velocity)):
+            raise InfrastructureError("jsbsim diverged: an aircraft's velocity is not a number")
+        return velocity
+
+    def attitude(self) -> Vector:
+        """(roll, pitch, heading) in radians, heading from north clockwise."""
+        read = self._executive
+        return read["attitude/phi-rad"], read["attitude/theta-rad"], read["attitude/psi-rad"]

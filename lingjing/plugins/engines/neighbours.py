@@ -1,0 +1,105 @@
+"""The others as obstacles: which mirrors are solid bodies, how large they are, and whether one is touched.
+
+Only kinds and types whose size is known (`bodies.SIZES`) are solid: a fire, a leak or a place where goods are wanted is
+nothing to bump into. Mirrors are states at an interval's start and move on along their velocity.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from lingjing.mission.instance import Instance, Vector
+from lingjing.plugins.engines.bodies import UNKNOWN, Size, size_of
+from lingjing.trace.records import BodyState
+
+ABSENT = frozenset({"dormant", "rescued"})
+"""Status words of what is not there to be touched."""
+
+_HOVERING = frozenset({"quadrotor", "fixed_wing"})
+"""Bodies whose position is their middle; that of the others is where they stand."""
+
+_LONGEST_S = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Neighbour:
+    """A solid body of another engine at `time_s`."""
+
+    id: str
+    position: Vector
+    velocity: Vector
+    along: tuple[float, float]
+    half_length_m: float
+    half_width_m: float
+    low_m: float
+    high_m: float
+    time_s: float
+
+    def touches(self, position: Vector, radius_m: float, half_height_m: float, now_s: float) -> bool:
+        """Whether a body of that size at `position` is in touch with it at `now_s`."""
+        passed = now_s - self.time_s
+        up = position[2] - self.position[2] - passed * self.velocity[2]
+        if not (self.low_m - half_height_m < up < self.high_m + half_height_m):
+            return False
+        east = position[0] - self.position[0] - passed * self.velocity[0]
+        north = position[1] - self.position[1] - passed * self.velocity[1]
+        ahead = east * self.along[0] + north * self.along[1]
+        abeam = east * self.along[1] - north * self.along[0]
+        return abs(ahead) < self.half_length_m + radius_m and abs(abeam) < self.half_width_m + radius_m
+
+
+class Neighbours:
+    """All mirrors of an interval; `near` picks those that one body could meet within it."""
+
+    def __init__(self, instance: Instance) -> None:
+        sizes = {entity.id: (entity.type, size_of(entity.type, entity.bases)) for entity in instance.entities}
+        self._sizes = {name: found for name, found in sizes.items() if found[1] is not UNKNOWN}
+        self._horizon_s = max(instance.clock.sync_s, _LONGEST_S)
+        self._states: tuple[BodyState, ...] = ()
+        self._time_s = 0.0
+
+    def look(self, mirrors: Iterable[BodyState], time_s: float) -> None:
+        """Take over the mirrors of the interval that starts at `time_s`."""
+        self._states = tuple(mirrors)
+        self._time_s = time_s
+
+    def near(self, position: Vector, speed_mps: float) -> tuple[Neighbour, ...]:
+        """The solid bodies that something at `position` could reach at `speed_mps` before the next look."""
+        x, y, z = position
+        reach = speed_mps * self._horizon_s + 10.0
+        found = []
+        for state in self._states:
+            east, north, up = state.velocity
+            far = reach + self._horizon_s * (abs(east) + abs(north) + abs(up))
+            here = state.position
+            if abs(here[2] - z) < far and abs(here[0] - x) < far and abs(here[1] - y) < far:
+                neighbour = self._neighbour(state)
+                if neighbour is not None:
+                    found.append(neighbour)
+        return tuple(found)
+
+    def _neighbour(self, state: BodyState) -> Neighbour | None:
+        kind, size = self._size(state)
+        if size is None or state.status in ABSENT:
+            return None
+        heading = math.radians(state.heading_deg)
+        sunk = size.height_m / 2.0 if kind in _HOVERING else 0.0
+        return Neighbour(
+            id=state.id,
+            position=state.position,
+            velocity=state.velocity,
+            along=(math.sin(heading), math.cos(heading)),
+            half_length_m=size.length_m / 2.0,
+            half_width_m=size.width_m / 2.0,
+            low_m=-sunk,
+            high_m=size.height_m - sunk,
+            time_s=self._time_s,
+        )
+
+    def _size(self, state: BodyState) -> tuple[str, Size | None]:
+        if state.kind:
+            size = size_of(state.kind)
+            return state.kind, None if size is UNKNOWN else size
+        return self._sizes.get(state.id, ("", None))

@@ -1,0 +1,74 @@
+"""Plane geometry of engines: bearings, and whether a point lies in a polygon or near its outline.
+
+Points are (east, north) metres, bearings compass degrees in [0, 360). Polygons are without the closing repeat.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from lingjing.scene.city import Polygon
+
+Point = tuple[float, float]
+
+
+def compass(angle_deg: float) -> float:
+    """An angle as a bearing in [0, 360); taken twice, because a tiny negative angle rounds up to 360 the first time."""
+    return angle_deg % 360.0 % 360.0
+
+
+def inside(polygon: Sequence[Point], x: float, y: float) -> bool:
+    """Whether a point lies in a polygon (even-odd rule; points on the edge may fall on either side)."""
+    found = False
+    before_x, before_y = polygon[-1]
+    for here_x, here_y in polygon:
+        if (here_y > y) != (before_y > y) and x < (before_x - here_x) * (y - here_y) / (before_y - here_y) + here_x:
+            found = not found
+        before_x, before_y = here_x, here_y
+    return found
+
+
+def edge_distance(polygon: Sequence[Point], x: float, y: float) -> float:
+    """Distance from a point to the polygon's outline, metres."""
+    nearest = math.inf
+    before_x, before_y = polygon[-1]
+    for here_x, here_y in polygon:
+        along_x, along_y = here_x - before_x, here_y - before_y
+        length = along_x * along_x + along_y * along_y
+        share = 0.0 if length == 0.0 else ((x - before_x) * along_x + (y - before_y) * along_y) / length
+        share = min(max(share, 0.0), 1.0)
+        nearest = min(nearest, math.hypot(x - before_x - share * along_x, y - before_y - share * along_y))
+        before_x, before_y = here_x, here_y
+    return nearest
+
+
+def within(polygon: Sequence[Point], x: float, y: float, margin_m: float) -> bool:
+    """Whether a point lies in the polygon or within `margin_m` of it."""
+    return inside(polygon, x, y) or edge_distance(polygon, x, y) <= margin_m
+
+
+@dataclass(frozen=True, slots=True)
+class Area:
+    """A polygon with its bounding box, so that most points are ruled out by four comparisons."""
+
+    polygon: Polygon
+    west: float
+    south: float
+    east: float
+    north: float
+
+    @classmethod
+    def of(cls, polygon: Polygon) -> Area:
+        """The area of a polygon."""
+        xs, ys = [point[0] for point in polygon], [point[1] for point in polygon]
+        return cls(polygon, min(xs), min(ys), max(xs), max(ys))
+
+    def holds(self, x: float, y: float, margin_m: float = 0.0) -> bool:
+        """Whether the point lies in the area or within `margin_m` of it."""
+        if not (self.west - margin_m <= x <= self.east + margin_m):
+            return False
+        if not (self.south - margin_m <= y <= self.north + margin_m):
+            return False
+        return inside(self.polygon, x, y) if margin_m <= 0.0 else within(self.polygon, x, y, margin_m)

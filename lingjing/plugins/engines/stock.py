@@ -1,0 +1,52 @@
+"""Goods on board: what a mission declares as `state`, and what the city's book says was given and taken since.
+
+The city engine performs the handing over and keeps one account a stock, asset and counterpart: the counterpart's
+mirror carries `"<stock>@<asset>"` in its resources, the net amount given to that asset so far (negative: taken). The
+asset's own engine adds them up. Accounts are running totals, so nothing is counted twice and nothing is lost.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+from lingjing.mission.instance import Entity
+from lingjing.mission.units import NAMED
+from lingjing.trace.records import BodyState
+
+_SUFFIXES = tuple(sorted((entry.suffix for entry in NAMED if entry.suffix), key=len, reverse=True))
+
+
+class Stock:
+    """The changing stocks of one asset, by the name of their property (`load_kg`)."""
+
+    def __init__(self, entity: Entity) -> None:
+        self._first = {name: float(value) for name in entity.state if (value := _number(entity, name)) is not None}
+        self._accounts = {name: {f"{name}@{entity.id}", f"{plain(name)}@{entity.id}"} for name in self._first}
+        self.amounts: Mapping[str, float] = dict(self._first)
+
+    def read(self, mirrors: Iterable[BodyState]) -> None:
+        """Bring the amounts up to date."""
+        if not self._first:
+            return
+        amounts = dict(self._first)
+        for state in mirrors:
+            for account, amount in state.resources.items():
+                for name, accounts in self._accounts.items():
+                    if account in accounts:
+                        amounts[name] += amount
+        self.amounts = amounts
+
+    @property
+    def load_kg(self) -> float:
+        """What is on board of a stock `load`, kilograms; 0 without one."""
+        return max(0.0, self.amounts.get("load_kg", 0.0))
+
+
+def plain(name: str) -> str:
+    """A property's name without its unit: `load` of `load_kg`."""
+    return next((name.removesuffix(suffix) for suffix in _SUFFIXES if name.endswith(suffix)), name)
+
+
+def _number(entity: Entity, name: str) -> float | None:
+    value = entity.properties.get(name)
+    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
