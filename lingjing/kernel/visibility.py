@@ -13,9 +13,10 @@ from collections.abc import Iterable, Sequence
 import msgspec
 
 from lingjing.kernel.registry import Registry
-from lingjing.kernel.stocks import plain_name, public, stocks
+from lingjing.kernel.stocks import public, stocks
 from lingjing.mission.instance import AgentSpec, ChannelSpec, Entity, Instance
 from lingjing.mission.seeding import integer
+from lingjing.mission.units import without_unit
 from lingjing.plugins.policy import Brief, Observation, Peer, Picture, Privileged, Resource
 from lingjing.trace.records import (
     Absent,
@@ -27,6 +28,9 @@ from lingjing.trace.records import (
     FrameInfo,
     TaskEvent,
 )
+
+DORMANT = "dormant"
+"""The status of an entity that an event has not let appear yet, or has taken away: nobody sees it."""
 
 STATE_FIELDS = ("position", "velocity", "heading_deg", "status")
 """Fields of an entity's state that a channel may name as they are. `resources` and the names of declared states show
@@ -133,7 +137,7 @@ class Projector:
         names = (channel.name,) if channel.source == "entity" else self._peer_resources(agent)
         for name in names:
             entity, state = self._entities.get(name), registry.states.get(name)
-            if entity is not None and state is not None and name in self._public:
+            if entity is not None and state is not None and name in self._public and state.status != DORMANT:
                 shown = _shown(entity, state, channel.fields)
                 if ROUTE in channel.fields or ALL in channel.fields:
                     shown[ROUTE] = route.waypoints if (route := registry.routes.get(name)) is not None else None
@@ -176,7 +180,7 @@ def _shown(entity: Entity, state: BodyState, fields: Sequence[str]) -> dict[str,
     whole = ALL in fields
     wanted = STATE_FIELDS if whole else tuple(name for name in STATE_FIELDS if name in fields)
     shown: dict[str, object] = {name: getattr(state, name) for name in wanted if name not in entity.hidden}
-    named = {plain_name(name) for name in fields if name in entity.state}
+    named = {without_unit(name) for name in fields if name in entity.state}
     if RESOURCES not in entity.hidden and (whole or RESOURCES in fields or named):
         # A new mapping each time: the engine's own is not a policy's to change.
         stock = stocks(entity, state)

@@ -70,6 +70,7 @@ NAMED = (
 
 BY_DIMENSION = {entry.dimension: entry for entry in NAMED}
 BY_NAME = {entry.name: entry for entry in NAMED}
+_SUFFIXES = tuple(sorted((entry.suffix for entry in NAMED if entry.suffix), key=len, reverse=True))
 
 _SYMBOLS = ("m", "s", "kg", "deg", "B", "tick", "USD", "token")
 
@@ -192,3 +193,8 @@ def si_value(number: float, unit: str) -> float:
     if found.factor < 1.0 and inverse == round(inverse):
         return number / round(inverse)
     return number * found.factor
+
+
+def without_unit(name: str) -> str:
+    """A property's name without the unit that ends it: `demand` for `demand_kg`."""
+    return next((name.removesuffix(end) for end in _SUFFIXES if name.endswith(end) and len(name) > len(end)), name)

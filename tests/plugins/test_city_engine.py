@@ -156,5 +156,5 @@ def test_interactions_are_read_from_properties(victim):
     found = interactions(both)
     assert set(found) == {"rescue", "extinguish"}
     assert (found["rescue"].status, found["rescue"].takes_aboard) == ("safe", True)
-    assert (found["extinguish"].status, found["extinguish"].takes_aboard) == ("extinguished", False)
+    assert (found["extinguish"].done_word, found["extinguish"].takes_aboard) == ("extinguished", False)
     assert (found["extinguish"].by_engine, found["extinguish"].within_m) == ("road", 12.0)

@@ -1,8 +1,10 @@
-"""A body adrift: carried by current and wind, wandering a little, riding the waves, never washed ashore."""
+"""Where a target is: fixed where it was put, or adrift: carried by current and wind, wandering a little, riding the
+waves, never washed ashore."""
 
 from __future__ import annotations
 
 import math
+from typing import Protocol
 
 from lingjing.mission.instance import Entity, Vector, Weather
 from lingjing.mission.seeding import Stream
@@ -19,28 +21,72 @@ _WANDER = 0.25
 _WANDER_TIME_S = 30.0
 
 
+class Body(Protocol):
+    """A target's whereabouts."""
+
+    def blow(self, weather: Weather) -> None:
+        """The weather from now on."""
+        ...
+
+    def step(self) -> None:
+        """Move by `STEP_S`."""
+        ...
+
+    def pose(self, time_s: float, remainder_s: float) -> tuple[Vector, Vector]:
+        """Position and velocity at `time_s`, `remainder_s` after the last step."""
+        ...
+
+
+def body_of(entity: Entity, terrain: Terrain, weather: Weather, seed: int) -> Body:
+    """A body adrift for what drifts or stands on water, else one that stays where it is (on a bridge, say)."""
+    x, y, _ = entity.position
+    floating = "drift_mps" in entity.properties or entity.properties.get("on") == "water"
+    level = terrain.water_level(x, y) if floating else None
+    return Fixed(entity.position) if level is None else Afloat(entity, terrain, level, weather, seed)
+
+
+class Fixed:
+    """A target that does not move by itself."""
+
+    def __init__(self, position: Vector) -> None:
+        self._position = position
+
+    def blow(self, weather: Weather) -> None:
+        """Nothing moves it."""
+
+    def step(self) -> None:
+        """It stays."""
+
+    def pose(self, time_s: float, remainder_s: float) -> tuple[Vector, Vector]:
+        """Where it was put."""
+        return self._position, (0.0, 0.0, 0.0)
+
+
 class Afloat:
     """A drifting target. Its mean speed is the declared drift, its course that of the current plus leeway."""
 
-    def __init__(self, entity: Entity, terrain: Terrain, weather: Weather, seed: int) -> None:
+    def __init__(self, entity: Entity, terrain: Terrain, level_m: float, weather: Weather, seed: int) -> None:
         drift = entity.properties.get("drift_mps", 0.0)
-        speed = float(drift) if isinstance(drift, int | float) else 0.0
-        x, y, z = entity.position
-        level = terrain.water_level(x, y)
+        self._speed = float(drift) if isinstance(drift, int | float) else 0.0
         self._terrain = terrain
-        self._waves = sea.waves(weather) if level is not None else ()
-        self._level = z if level is None else level
-        self._mean = _course(weather, speed) if level is not None else (0.0, 0.0)
+        self._level = level_m
         self._keep = math.exp(-STEP_S / _WANDER_TIME_S)
-        self._kick = _WANDER * speed * math.sqrt(1.0 - self._keep**2)
+        self._kick = _WANDER * self._speed * math.sqrt(1.0 - self._keep**2)
         self._stream = Stream(seed, f"city/{entity.id}/drift")
         self._wander = (0.0, 0.0)
-        self._position = (x, y)
+        self._position = entity.position[:2]
         self._velocity = (0.0, 0.0)
+        self.blow(weather)
+
+    def blow(self, weather: Weather) -> None:
+        """The waves it rides and the course it takes from now on."""
+        self._waves = sea.waves(weather)
+        self._mean = _course(weather, self._speed)
 
     def step(self) -> None:
         """Drift by `STEP_S`; against the shore only along the free axis, or not at all."""
         if self._mean == (0.0, 0.0):
+            self._velocity = (0.0, 0.0)
             return
         east, north = (self._keep * part + self._kick * self._stream.normal(0.0, 1.0) for part in self._wander)
         self._wander = (east, north)

@@ -1,76 +1,71 @@
-"""The city engine: all targets of an episode behind the five-method contract."""
+"""The city engine: all targets of an episode, the goods, and who hears whom, behind the five-method contract."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 
 from lingjing.mission.instance import Vector
 from lingjing.plugins.engine import Boundary, CaptureRequest, EngineSpec, Frame
-from lingjing.plugins.engines.city.afloat import STEP_S, Afloat
-from lingjing.plugins.engines.city.interaction import UNLOCK, Interaction, actor_in_reach, interactions, moved_on
+from lingjing.plugins.engines.city.afloat import STEP_S, body_of
+from lingjing.plugins.engines.city.book import Book, check_bounded
+from lingjing.plugins.engines.city.interaction import UNLOCK, Interaction, actors_in_reach, moved_on
+from lingjing.plugins.engines.city.nature import DORMANT
+from lingjing.plugins.engines.city.radio import Coverage
+from lingjing.plugins.engines.city.target import Target, target_of
 from lingjing.plugins.engines.clock import Clock
 from lingjing.plugins.engines.requests import Refusal, Requests
+from lingjing.plugins.engines.schedule import Schedule
 from lingjing.plugins.engines.terrain import Terrain
 from lingjing.scene.city import City
 from lingjing.trace.records import BodyState, Command, Receipt, TaskEvent
 
-ADRIFT = "adrift"
-"""Status of a target that nothing has been done to yet."""
-
-
-@dataclass(slots=True)
-class Target:
-    """A target, what may be done to it, what has been unlocked and who has taken it aboard."""
-
-    id: str
-    body: Afloat
-    heading_deg: float
-    possible: dict[str, Interaction]
-    unlocked: list[str] = field(default_factory=list)
-    done: list[str] = field(default_factory=list)
-    status: str = ADRIFT
-    carrier: str | None = None
-
 
 class CityEngine:
-    """Drifts targets at 10 Hz; performs unlocked interactions at each macro-step."""
+    """Lets targets burn, leak, drift and wait, at 10 Hz; performs unlocked interactions at the end of each macro-step;
+    says at each decision boundary which assets do not hear each other."""
 
     def reset(self, spec: EngineSpec, city: City, seed: int) -> Boundary:
-        """Put the targets where the instance says and learn which engine owns whom."""
+        """Put the targets where the instance says, open the book and learn which engine owns whom."""
+        instance = spec.instance
         self._name = spec.engine
+        self._tick_s = instance.clock.tick_s
         self._clock = Clock(STEP_S)
         self._requests = Requests(spec.engine)
         self._events: list[TaskEvent] = []
-        self._owners = {entity.id: entity.engine for entity in spec.instance.entities}
-        terrain, weather = Terrain(city), spec.instance.weather
+        self._owners = {entity.id: entity.engine for entity in instance.entities}
+        self._schedule = Schedule(instance)
+        self._weather = self._schedule.weather(0.0)
+        self._book = Book(instance)
+        terrain = Terrain(city)
         self._targets = {
-            entity.id: Target(
-                id=entity.id,
-                body=Afloat(entity, terrain, weather, seed),
-                heading_deg=entity.heading_deg,
-                possible=interactions(entity),
-            )
-            for entity in spec.owned()
+            entity.id: target_of(entity, body_of(entity, terrain, self._weather, seed), seed) for entity in spec.owned()
         }
-        return self._boundary({})
+        for target in self._targets.values():
+            for interaction in target.possible.values():
+                check_bounded(target.entity, interaction, instance.entities)
+        self._bodies: dict[str, tuple[Vector, BodyState]] = {}
+        self._show()
+        self._coverage = Coverage(instance, terrain)
+        self._unheard = self._coverage.unheard({e.id: e.position for e in instance.entities}, self._weather)
+        return self._boundary()
 
     def submit(self, commands: Sequence[Command]) -> tuple[Receipt, ...]:
         """Take the kernel's unlocks; they last for the episode and are complete with their admission."""
         return tuple(self._admit(command) for command in commands)
 
     def advance(self, until: float, mirrors: Sequence[BodyState]) -> Boundary:
-        """Drift to `until`, then look who has come into reach by then."""
+        """Live on to `until`, then look who has come into reach by then."""
         elapsed = until - self._clock.time_s
-        for _ in range(self._clock.steps_until(until)):
-            self._clock.done += 1
-            for target in self._targets.values():
-                target.body.step()
-        bodies = {body.id: body for body in mirrors}
-        places = {name: moved_on(body, elapsed) for name, body in bodies.items()}
+        self._blow()
+        self._step(until)
+        self._show()
+        self._bodies = {body.id: (moved_on(body, elapsed), body) for body in mirrors if body.id in self._owners}
         for target in self._targets.values():
-            self._interact(target, places)
-        return self._boundary({name: (places[name], body) for name, body in bodies.items()})
+            self._interact(target, elapsed)
+        if self._clock.is_boundary(self._tick_s):
+            places = {name: place for name, (place, _) in self._bodies.items()}
+            self._unheard = self._coverage.unheard(places, self._schedule.weather(until))
+        return self._boundary()
 
     def capture(self, requests: Sequence[CaptureRequest]) -> tuple[Frame, ...]:
         """No sensors here."""
@@ -101,48 +96,134 @@ class CityEngine:
         if name not in target.unlocked:
             target.unlocked.append(name)
 
-    def _interact(self, target: Target, places: dict[str, Vector]) -> None:
-        for name in target.unlocked:
-            if name in target.done:
-                continue
-            interaction = target.possible[name]
-            here, _ = self._pose(target)
-            actors = [(who, place) for who, place in places.items() if self._owners.get(who) == interaction.by_engine]
-            reached = actor_in_reach(interaction, here, actors)
-            if reached is not None:
-                self._perform(target, interaction, *reached)
+    def _blow(self) -> None:
+        """Follow the weather, which changes at decision boundaries."""
+        weather = self._schedule.weather(self._clock.time_s)
+        if weather != self._weather:
+            self._weather = weather
+            for target in self._targets.values():
+                target.body.blow(weather)
 
-    def _perform(self, target: Target, interaction: Interaction, actor: str, distance_m: float) -> None:
-        target.done.append(interaction.name)
-        target.status = interaction.status
-        if interaction.takes_aboard:
-            target.carrier = actor
+    def _step(self, until: float) -> None:
+        moving = [target for target in self._targets.values() if target.present and target.carrier is None]
+        for _ in range(self._clock.steps_until(until)):
+            self._clock.done += 1
+            for target in moving:
+                target.body.step()
+        for target in self._targets.values():
+            if target.crowd is not None:
+                target.crowd.advance(until)
+
+    def _show(self) -> None:
+        for target in self._targets.values():
+            target.show(self._schedule.present(target.id, self._clock.time_s))
+
+    def _interact(self, target: Target, elapsed_s: float) -> None:
+        if not target.present:
+            target.attended.clear()
+            return
+        for interaction in target.possible.values():
+            open_now = interaction.name in target.unlocked and interaction.name not in target.done
+            reached = self._in_reach(target, interaction) if open_now else []
+            if target.level is not None and interaction.name == target.level.interaction:
+                self._work_off(target, interaction, reached, elapsed_s)
+            elif open_now:
+                self._attend(target, interaction, reached, elapsed_s)
+
+    def _in_reach(self, target: Target, interaction: Interaction) -> list[tuple[str, float]]:
+        here, _ = self._pose(target)
+        actors = [
+            (name, place)
+            for name, (place, body) in self._bodies.items()
+            if self._owners[name] == interaction.by_engine and body.status != DORMANT
+        ]
+        return actors_in_reach(interaction, here, actors)
+
+    def _work_off(
+        self, target: Target, interaction: Interaction, reached: list[tuple[str, float]], elapsed_s: float
+    ) -> None:
+        if target.level is None or interaction.name in target.done:
+            return
+        if target.level.pass_time(elapsed_s, manned=bool(reached)) and reached:
+            actor, distance_m = reached[0]
+            target.finish(interaction, actor, target.nature.over)
+            self._emit(target, interaction, actor, distance_m)
+
+    def _attend(
+        self, target: Target, interaction: Interaction, reached: list[tuple[str, float]], elapsed_s: float
+    ) -> None:
+        times = target.attend(interaction.name, [actor for actor, _ in reached], elapsed_s)
+        lasting_s = interaction.lasting_s or 0.0
+        ready = [(actor, far) for actor, far in reached if times[actor] >= lasting_s - 1e-9]
+        if interaction.moves_goods:
+            for actor, distance_m in ready:
+                self._trade(target, interaction, actor, distance_m)
+        elif ready:
+            actor, distance_m = ready[0]
+            target.finish(interaction, actor)
+            self._emit(target, interaction, actor, distance_m)
+
+    def _trade(self, target: Target, interaction: Interaction, actor: str, distance_m: float) -> None:
+        moved = self._book.transfer(target.id, actor, interaction)
+        if not moved:
+            return
+        target.attended[interaction.name, actor] = 0.0
+        self._emit(target, interaction, actor, distance_m, moved)
+        own = interaction.takes or interaction.source
+        if own and self._book.amount(target.id, own) <= 0.0:
+            target.finish(interaction, actor)
+
+    def _emit(
+        self,
+        target: Target,
+        interaction: Interaction,
+        actor: str,
+        distance_m: float,
+        values: dict[str, float] | None = None,
+    ) -> None:
         self._events.append(
             TaskEvent(
                 kind=interaction.name,
                 entities=(target.id, actor),
                 time_s=self._clock.time_s,
-                values={"distance_m": distance_m},
+                values={"distance_m": distance_m, **(values or {})},
             )
         )
 
     def _pose(self, target: Target) -> tuple[Vector, Vector]:
+        """Position and velocity: its own, or those of the actor that has taken it along."""
+        if target.carrier is not None and target.carrier in self._bodies:
+            place, carrier = self._bodies[target.carrier]
+            return place, carrier.velocity
         return target.body.pose(self._clock.time_s, self._clock.remainder_s)
 
-    def _state(self, target: Target, carriers: dict[str, tuple[Vector, BodyState]]) -> BodyState:
+    def _state(self, target: Target) -> BodyState:
         position, velocity = self._pose(target)
-        heading = target.heading_deg
-        if target.carrier is not None and target.carrier in carriers:
-            position, carrier = carriers[target.carrier]
-            velocity, heading = carrier.velocity, carrier.heading_deg
-        return BodyState(id=target.id, position=position, velocity=velocity, heading_deg=heading, status=target.status)
+        carrier = self._bodies.get(target.carrier) if target.carrier is not None else None
+        return BodyState(
+            id=target.id,
+            position=position,
+            velocity=velocity,
+            heading_deg=target.entity.heading_deg if carrier is None else carrier[1].heading_deg,
+            status=target.status,
+            resources=self._resources(target),
+        )
 
-    def _boundary(self, carriers: dict[str, tuple[Vector, BodyState]]) -> Boundary:
+    def _resources(self, target: Target) -> dict[str, float]:
+        stocks = dict(self._book.stocks(target.id))
+        if target.level is not None:
+            stocks[target.level.name] = target.level.value
+        if target.crowd is not None:
+            stocks["people"] = target.crowd.count
+        return stocks | self._book.accounts(target.id)
+
+    def _boundary(self) -> Boundary:
         events, self._events = tuple(self._events), []
         return Boundary(
             engine=self._name,
             time_s=self._clock.time_s,
-            states=tuple(self._state(target, carriers) for target in self._targets.values()),
+            states=tuple(self._state(target) for target in self._targets.values()),
             receipts=self._requests.drain(),
             events=events,
+            unheard=self._unheard,
         )

@@ -1,9 +1,13 @@
-"""Interactions of a target: who may do what to it from how far.
+"""Interactions of a target: who may do what to it from how far, for how long, and what changes hands.
 
 A target's type declares them (`interaction rescue { by = vessel, within = 50 m }`), which reaches the engine as the
-properties `rescue_by` (the name of an engine: anything that it owns may do it) and `rescue_within_m`. Two optional
-ones say what follows: `<name>_status` is the target's status word afterwards (default: the name's past participle) and
-`<name>_aboard` whether the actor takes the target along (default: yes if the target drifts).
+properties `rescue_by` (the name of an engine: anything that it owns may do it) and `rescue_within_m`. Optional ones:
+`<name>_lasting_s` (how long an actor must stay within reach), `<name>_status` (the target's word afterwards; by default
+the name's past participle) and `<name>_aboard` (whether the actor takes the target along; by default if it drifts).
+`<name>_takes = demand, <name>_from = load` lowers the target's `demand` by what the actor has in its `load`; `_takes`
+alone works a level off (`heat`) while the actor is there;
+`<name>_gives = load` fills the actor's `load`, `_up_to = payload` as far as that and `_from = content` out of the
+target's own `content`.
 """
 
 from __future__ import annotations
@@ -20,16 +24,34 @@ UNLOCK = "unlock."
 
 _BY = "_by"
 
+Actor = tuple[str, Vector]
+"""Somebody who may act: its id and where it is."""
+
 
 @dataclass(frozen=True, slots=True)
 class Interaction:
-    """One interaction of one target."""
+    """One interaction of one target. `status` is "" where the type names none; stocks are names without units."""
 
     name: str
     by_engine: str
     within_m: float
-    status: str
-    takes_aboard: bool
+    status: str = ""
+    takes_aboard: bool = False
+    lasting_s: float | None = None
+    takes: str = ""
+    gives: str = ""
+    source: str = ""
+    up_to: str = ""
+
+    @property
+    def moves_goods(self) -> bool:
+        """Whether something changes hands; then it may happen again and again."""
+        return bool(self.gives or (self.takes and self.source))
+
+    @property
+    def done_word(self) -> str:
+        """The target's status afterwards."""
+        return self.status or self.name + ("d" if self.name.endswith("e") else "ed")
 
 
 def interactions(entity: Entity) -> dict[str, Interaction]:
@@ -37,18 +59,30 @@ def interactions(entity: Entity) -> dict[str, Interaction]:
     found = {}
     for key, value in entity.properties.items():
         within = entity.properties.get(f"{key.removesuffix(_BY)}_within_m")
-        if not key.endswith(_BY) or not isinstance(value, str) or not isinstance(within, int | float):
-            continue
-        name = key.removesuffix(_BY)
-        status = entity.properties.get(f"{name}_status")
-        found[name] = Interaction(
-            name=name,
-            by_engine=value,
-            within_m=float(within),
-            status=status if isinstance(status, str) else name + ("d" if name.endswith("e") else "ed"),
-            takes_aboard=bool(entity.properties.get(f"{name}_aboard", "drift_mps" in entity.properties)),
-        )
+        if key.endswith(_BY) and isinstance(value, str) and isinstance(within, int | float):
+            name = key.removesuffix(_BY)
+            found[name] = _interaction(entity, name, value, float(within))
     return found
+
+
+def _interaction(entity: Entity, name: str, by_engine: str, within_m: float) -> Interaction:
+    def word(key: str) -> str:
+        value = entity.properties.get(f"{name}_{key}")
+        return value if isinstance(value, str) else ""
+
+    lasting = entity.properties.get(f"{name}_lasting_s")
+    return Interaction(
+        name=name,
+        by_engine=by_engine,
+        within_m=within_m,
+        status=word("status"),
+        takes_aboard=bool(entity.properties.get(f"{name}_aboard", "drift_mps" in entity.properties)),
+        lasting_s=float(lasting) if isinstance(lasting, int | float) else None,
+        takes=word("takes"),
+        gives=word("gives"),
+        source=word("from"),
+        up_to=word("up_to"),
+    )
 
 
 def moved_on(body: BodyState, seconds: float) -> Vector:
@@ -57,12 +91,8 @@ def moved_on(body: BodyState, seconds: float) -> Vector:
     return x, y, z
 
 
-def actor_in_reach(
-    interaction: Interaction, target: Vector, actors: Sequence[tuple[str, Vector]]
-) -> tuple[str, float] | None:
-    """The nearest of the possible actors within reach (inclusive, in the plane), with its distance in metres."""
-    distances = [(math.dist(position[:2], target[:2]), order) for order, (_, position) in enumerate(actors)]
-    if not distances or min(distances)[0] > interaction.within_m:
-        return None
-    distance, order = min(distances)
-    return actors[order][0], distance
+def actors_in_reach(interaction: Interaction, target: Vector, actors: Sequence[Actor]) -> list[tuple[str, float]]:
+    """The actors within reach (inclusive, in the plane) with their distances in metres: nearest first, of equally near
+    ones in the order given."""
+    distances = [(math.dist(place[:2], target[:2]), order) for order, (_, place) in enumerate(actors)]
+    return [(actors[order][0], far) for far, order in sorted(distances) if far <= interaction.within_m]
