@@ -16,6 +16,12 @@ def _multirotor() -> Engine:
     return MultirotorEngine()
 
 
+def _plane() -> Engine:
+    from lingjing.plugins.engines.fixed_wing.engine import PlaneEngine
+
+    return PlaneEngine()
+
+
 def _vessel() -> Engine:
     from lingjing.plugins.engines.vessel.engine import VesselEngine
 
@@ -51,6 +57,12 @@ def lingjing_engines() -> Iterable[EnginePlugin]:
             summary="Multirotors: JSBSim at 250 Hz under a 50 Hz position controller, with wind and battery.",
         ),
         EnginePlugin(
+            name="plane",
+            factory=_plane,
+            native_dt_s=0.02,
+            summary="Fixed-wing aircraft: JSBSim at 100 Hz under an autopilot; straight there, then in a circle.",
+        ),
+        EnginePlugin(
             name="vessel",
             factory=_vessel,
             native_dt_s=0.1,
@@ -60,7 +72,8 @@ def lingjing_engines() -> Iterable[EnginePlugin]:
             name="city",
             factory=_city,
             native_dt_s=0.1,
-            summary="Targets and what may be done to them: drifting people and unlocked interactions.",
+            wanted=lambda instance: instance.comms.range_m is not None,
+            summary="Targets, what may be done to them, goods and queues; the reach of radio.",
         ),
         EnginePlugin(
             name="camera",

@@ -1,0 +1,84 @@
+"""The airframe of a fixed-wing aircraft: JSBSim's Cessna 172, as it comes with the library, at 100 Hz."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from lingjing.mission.instance import Vector
+from lingjing.plugins.engines.flight import FOOT_M, POUND_KG, Flight
+
+STEP_S = 1.0 / 100.0
+"""Integration step of the flight dynamics."""
+
+_MODEL = "c172x"
+_FAR_BELOW_FT = -10_000.0
+_PITCH_DEG = 3.0
+_MIXTURE = 0.87
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """What the aircraft does now: velocity over ground (east, north, up) m/s; (roll, pitch, heading) and body rates
+    (p, q, r) in radians; true airspeed m/s; fuel flow kg/s."""
+
+    velocity: Vector
+    attitude: Vector
+    rates: Vector
+    airspeed: float
+    fuel_flow: float
+
+
+class Airframe:
+    """An aircraft in level flight at `airspeed` in a steady wind (east, north)."""
+
+    def __init__(
+        self, origin: tuple[float, float], elevation_m: float, heading_deg: float, airspeed: float, wind: Vector
+    ) -> None:
+        heading = math.radians(heading_deg)
+        ahead = wind[0] * math.sin(heading) + wind[1] * math.cos(heading)
+        abeam = wind[0] * math.cos(heading) - wind[1] * math.sin(heading)
+        initial = {
+            "lat-geod-deg": origin[0],
+            "long-gc-deg": origin[1],
+            "terrain-elevation-ft": _FAR_BELOW_FT,
+            "h-sl-ft": elevation_m / FOOT_M,
+            "psi-true-deg": heading_deg,
+            "theta-deg": _PITCH_DEG,
+            "u-fps": (airspeed + ahead) / FOOT_M,
+            "v-fps": abeam / FOOT_M,
+        }
+        self._flight = Flight(_MODEL, None, STEP_S, initial)
+        self._flight["propulsion/set-running"] = -1
+        self._flight["propulsion/fuel_freeze"] = 1  # the engine here counts the fuel; the weight stays as it is
+        self._flight["fcs/mixture-cmd-norm"] = _MIXTURE
+        self.blow(*wind)
+
+    def blow(self, east: float, north: float, up: float) -> None:
+        """Set the air's velocity, m/s."""
+        self._flight.blow(east, north, up)
+
+    def command(self, aileron: float, elevator: float, throttle: float) -> None:
+        """Set stick (-1..1: right wing down, nose down) and throttle (0..1)."""
+        self._flight["fcs/aileron-cmd-norm"] = aileron
+        self._flight["fcs/elevator-cmd-norm"] = elevator
+        self._flight["fcs/throttle-cmd-norm"] = throttle
+
+    def cut(self) -> None:
+        """The engine stops."""
+        self._flight["propulsion/engine[0]/set-running"] = 0
+
+    def step(self, count: int) -> None:
+        """Integrate `count` steps of `STEP_S`."""
+        self._flight.step(count)
+
+    def sample(self) -> Sample:
+        """Read the state."""
+        read = self._flight
+        return Sample(
+            velocity=read.velocity(),
+            attitude=read.attitude(),
+            rates=(read["velocities/p-rad_sec"], read["velocities/q-rad_sec"], read["velocities/r-rad_sec"]),
+            airspeed=read["velocities/vt-fps"] * FOOT_M,
+            fuel_flow=read["propulsion/engine[0]/fuel-flow-rate-pps"] * POUND_KG,
+        )
