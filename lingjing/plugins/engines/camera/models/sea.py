@@ -1,15 +1,10 @@
-"""The catalogue: model name → mesh. Floating models have their waterline at z = 0.
-
-`entity_model` picks the mesh of a mission entity by type, index (its looks) and time (its pose); `prop_model` that of
-a prop. A type nobody drew is a grey metre cube, so that a new plug-in's entity is seen before it has a look.
-"""
+"""The sea's models, waterline at z = 0: a person in the water, the lifeboat, boats, buoys and flotsam."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from itertools import pairwise
-from math import cos, pi, radians, sin
+from math import cos, pi, sin
 
 import numpy as np
 
@@ -26,19 +21,20 @@ from lingjing.plugins.engines.camera.meshes import (
     torus,
     two_sided,
 )
+from lingjing.plugins.engines.camera.models.palette import (
+    BLACK,
+    GREY,
+    HAIRS,
+    HULL_BLUE,
+    HULL_GREEN,
+    ORANGE,
+    RED,
+    SKINS,
+    WHITE,
+    WOOD,
+    YELLOW,
+)
 
-ORANGE: Colour = (0.85, 0.16, 0.02)
-RED: Colour = (0.62, 0.03, 0.03)
-YELLOW: Colour = (0.85, 0.56, 0.03)
-WHITE: Colour = (0.80, 0.80, 0.78)
-BLACK: Colour = (0.02, 0.02, 0.025)
-GREY: Colour = (0.22, 0.22, 0.23)
-WOOD: Colour = (0.24, 0.14, 0.07)
-HULL_BLUE: Colour = (0.05, 0.14, 0.35)
-HULL_GREEN: Colour = (0.04, 0.20, 0.14)
-
-SKINS: tuple[Colour, ...] = ((0.72, 0.44, 0.30), (0.48, 0.26, 0.15), (0.80, 0.54, 0.40), (0.30, 0.16, 0.09))
-HAIRS: tuple[Colour, ...] = (BLACK, (0.10, 0.05, 0.02), (0.35, 0.22, 0.08), (0.05, 0.04, 0.04))
 CLOTHES: tuple[tuple[Colour, bool], ...] = (
     (ORANGE, True),
     ((0.90, 0.30, 0.03), True),
@@ -51,33 +47,6 @@ CLOTHES: tuple[tuple[Colour, bool], ...] = (
 
 POSES = 4
 WAVE_PERIOD_S = 2.0
-
-
-def entity_model(kind: str, index: int, time_s: float) -> tuple[str, Array]:
-    """(cache key, mesh) of the `index`-th entity of a type at a time."""
-    if kind == "person_in_water":
-        look = (index - 1) % len(CLOTHES)
-        pose = int((time_s / WAVE_PERIOD_S + 0.37 * index) * POSES) % POSES
-        return f"person-{look}-{pose}", person(look, pose)
-    if kind in ("lifeboat", "quadrotor"):
-        return kind, {"lifeboat": lifeboat, "quadrotor": quadrotor}[kind]()
-    return "unknown", unknown()
-
-
-def prop_model(model: str, variant: int) -> tuple[str, Array]:
-    """(cache key, mesh) of a prop's model."""
-    if model in VARIED:
-        build, count = VARIED[model]
-        return f"{model}-{variant % count}", build(variant % count)
-    if model in SINGLE:
-        return model, SINGLE[model]()
-    return "unknown", unknown()
-
-
-@cache
-def unknown() -> Array:
-    """What has no model: a grey metre cube standing on its position."""
-    return box((0.0, 0.0, 0.5), (1.0, 1.0, 1.0), (0.4, 0.4, 0.4))
 
 
 @cache
@@ -157,32 +126,6 @@ def lifeboat() -> Array:
         box((0.0, -3.9, 0.5), (0.9, 0.5, 1.2), BLACK, 0.3),
         torus((0.0, 1.4, 0.9), 0.36, 0.09, (ORANGE, WHITE, ORANGE, WHITE)),
     )
-
-
-@cache
-def quadrotor() -> Array:
-    """A 1 m quadrotor; the origin is the body's, its legs end 0.2 m under it."""
-    parts = [
-        ellipsoid((0.0, 0.0, 0.03), (0.13, 0.19, 0.07), WHITE, 0.4),
-        box((0.0, 0.0, 0.09), (0.12, 0.22, 0.05), GREY, 0.3),
-        ellipsoid((0.0, 0.16, -0.05), (0.05, 0.05, 0.05), BLACK, 0.8),
-    ]
-    for k in range(4):
-        angle = radians(45.0 + 90.0 * k)
-        x, y = 0.34 * cos(angle), 0.34 * sin(angle)
-        parts += [
-            cylinder((0.08 * cos(angle), 0.08 * sin(angle), 0.03), (x, y, 0.03), (0.022, 0.018), BLACK, 0.2, sides=6),
-            cylinder((x, y, 0.01), (x, y, 0.08), (0.03, 0.03), ORANGE if y > 0 else GREY, 0.2, sides=8),
-            two_sided(flat([((x, y, 0.09), (x + 0.17 * cos(a), y + 0.17 * sin(a), 0.09),
-                             (x + 0.17 * cos(a + 0.5), y + 0.17 * sin(a + 0.5), 0.09))
-                            for a in (0.3 + k, 0.3 + k + pi)], BLACK)),
-        ]  # fmt: skip
-    for side in (-1.0, 1.0):
-        parts += [
-            cylinder((side * 0.10, 0.0, 0.0), (side * 0.17, 0.0, -0.19), (0.014, 0.012), BLACK, sides=5),
-            cylinder((side * 0.17, -0.16, -0.19), (side * 0.17, 0.16, -0.19), (0.012, 0.012), BLACK, sides=5),
-        ]
-    return merge(*parts)
 
 
 def _buoy(colour: Colour) -> Callable[[], Array]:
@@ -302,47 +245,6 @@ def _sailboat() -> Array:
     )
 
 
-def _rock(variant: int) -> Array:
-    mesh = ellipsoid((0.0, 0.0, 0.1), (1.3, 1.0, 0.75), (0.20, 0.18, 0.16), 0.1, rows=7, sides=11)
-    p = mesh[:, :3].astype(np.float64)
-    bump = np.sin(p @ np.array([3.1, 1.7, 2.3]) + variant) + np.sin(p @ np.array([-2.2, 4.1, 1.1]) + 2.0 * variant)
-    corners = (p * (1.0 + 0.16 * bump[:, None])).reshape(-1, 3, 3)
-    shade = 1.0 + 0.15 * sin(2.0 * variant)
-    return flat(corners, (0.20 * shade, 0.185 * shade, 0.165 * shade), 0.1)
-
-
-def _tree(variant: int) -> Array:
-    green: Colour = ((0.06, 0.13, 0.03), (0.09, 0.16, 0.04), (0.05, 0.11, 0.04))[variant]
-    crowns = [
-        (0.0, 0.0, 5.2, 2.3), (1.2, 0.5, 4.4, 1.6), (-1.0, 0.9, 4.6, 1.7), (-0.2, -1.3, 4.2, 1.6), (0.3, 0.2, 6.5, 1.5),
-    ]  # fmt: skip
-    leaves = [
-        ellipsoid((x, y, z), (r, r, 0.8 * r), tuple(c * (0.85 + 0.08 * k) for c in green), rows=5, sides=8)  # type: ignore[arg-type]
-        for k, (x, y, z, r) in enumerate(crowns)
-    ]
-    return merge(cylinder((0.0, 0.0, 0.0), (0.0, 0.0, 4.5), (0.28, 0.16), WOOD, sides=6), *leaves)
-
-
-def _pine(variant: int) -> Array:
-    green: Colour = ((0.025, 0.075, 0.03), (0.035, 0.09, 0.03))[variant]
-    tiers = [
-        cylinder((0.0, 0.0, 1.2 + 1.7 * k), (0.0, 0.0, 4.4 + 1.7 * k), (2.0 - 0.45 * k, 0.05), green, sides=8)
-        for k in range(4)
-    ]
-    return merge(cylinder((0.0, 0.0, 0.0), (0.0, 0.0, 2.0), (0.22, 0.18), WOOD, sides=6), *tiers)
-
-
-def _helipad() -> Array:
-    mark: Colour = (0.75, 0.72, 0.66)
-    angle = np.linspace(0.0, 2.0 * pi, 33)
-    ring = []
-    for a, b in pairwise(angle):
-        quad = [(r * cos(t), r * sin(t), 0.02) for r, t in ((2.6, a), (3.0, a), (3.0, b), (2.6, b))]
-        ring += [(quad[0], quad[1], quad[2]), (quad[0], quad[2], quad[3])]
-    bars = [box((x, 0.0, 0.0), (0.4, 2.6, 0.04), mark) for x in (-0.8, 0.8)]
-    return merge(flat(ring, YELLOW), *bars, box((0.0, 0.0, 0.0), (1.6, 0.4, 0.04), mark))
-
-
 def _life_ring() -> Array:
     return torus((0.0, 0.0, 0.04), 0.31, 0.085, (ORANGE, WHITE) * 4)
 
@@ -355,9 +257,6 @@ VARIED: dict[str, tuple[Callable[[int], Array], int]] = {
     "rowing_boat": (cache(_rowing_boat), 3),
     "dinghy": (cache(_dinghy), 3),
     "fishing_boat": (cache(_fishing_boat), 3),
-    "rock": (cache(_rock), 5),
-    "tree": (cache(_tree), 3),
-    "pine": (cache(_pine), 2),
 }
 SINGLE: dict[str, Callable[[], Array]] = {
     "buoy_orange": cache(_buoy(ORANGE)),
@@ -367,7 +266,4 @@ SINGLE: dict[str, Callable[[], Array]] = {
     "crate": cache(_crate),
     "jerrycan": cache(_jerrycan),
     "sailboat": cache(_sailboat),
-    "helipad": cache(_helipad),
 }
-
-__all__ = ["CLOTHES", "entity_model", "prop_model"]

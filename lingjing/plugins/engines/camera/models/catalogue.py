@@ -1,0 +1,192 @@
+"""Names → models: what an entity, a body of the background traffic or a prop looks like.
+
+An entity's model is looked up by its type, else by the nearest type that its own extends, else it is a grey metre cube,
+so that a new plug-in's entity is seen before it has a look. Chance (colours, clothes) comes from the entity's index or
+a hash of a body's id. Some targets have no model: `congestion` is its vehicles, a fire or spray is an effect, and a
+reference building is the building.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cache
+from math import hypot
+
+from lingjing.mission.instance import Datum, Entity
+from lingjing.plugins.engines.camera.meshes import Array, box, merge
+from lingjing.plugins.engines.camera.models import air, dog, nature, people, places, sea, street, vehicles
+from lingjing.plugins.engines.camera.models.shapes import Part, at, turned
+from lingjing.trace.records import BodyState
+
+MOST_IN_LINE = 40
+SPACING_M = 0.8
+PIPE_RADIUS_M = 0.4
+
+
+@dataclass(frozen=True, slots=True)
+class Subject:
+    """Who is drawn: `number` feeds its looks, `properties` are its entity's."""
+
+    number: int
+    state: BodyState
+    time_s: float
+    properties: Mapping[str, Datum]
+
+    @property
+    def speed_mps(self) -> float:
+        """Over the ground."""
+        return hypot(self.state.velocity[0], self.state.velocity[1])
+
+
+Parts = tuple[Part, ...]
+
+
+def entity_parts(entity: Entity, state: BodyState, time_s: float) -> Parts:
+    """The meshes of an entity in its body's frame (x right, y ahead, z up); () for what shows itself otherwise."""
+    build = next((ENTITIES[kind] for kind in (entity.type, *entity.bases) if kind in ENTITIES), _unknown)
+    return build(Subject(entity.index - 1, state, time_s, entity.properties))
+
+
+def ambient_parts(state: BodyState, time_s: float) -> Parts:
+    """The meshes of a body of the background traffic, by its `kind`."""
+    build = ENTITIES.get(state.kind, _unknown)
+    return build(Subject(zlib.crc32(state.id.encode()), state, time_s, {}))
+
+
+def entity_model(kind: str, index: int, time_s: float) -> tuple[str, Array]:
+    """(key, mesh) of the `index`-th entity of a type at a time, standing still."""
+    build = ENTITIES.get(kind, _unknown)
+    parts = build(Subject(index - 1, BodyState(id=kind, position=(0.0, 0.0, 0.0)), time_s, {}))
+    if len(parts) == 1:
+        return parts[0].key, parts[0].mesh
+    return f"{kind}-{index}", merge(*(turned(part.mesh, part.rows) for part in parts))
+
+
+def prop_model(model: str, variant: int) -> tuple[str, Array]:
+    """(key, mesh) of a prop's model."""
+    if model in VARIED:
+        build, count = VARIED[model]
+        return f"{model}-{variant % count}", build(variant % count)
+    if model in SINGLE:
+        return model, SINGLE[model]()
+    return "unknown", unknown()
+
+
+@cache
+def unknown() -> Array:
+    """What has no model: a grey metre cube standing on its position."""
+    return box((0.0, 0.0, 0.5), (1.0, 1.0, 1.0), (0.4, 0.4, 0.4))
+
+
+def _unknown(who: Subject) -> Parts:
+    return (Part("unknown", unknown()),)
+
+
+def _nothing(who: Subject) -> Parts:
+    return ()
+
+
+def _one(key: str, build: Callable[[], Array]) -> Callable[[Subject], Parts]:
+    return lambda who: (Part(key, build()),)
+
+
+def _painted(key: str, build: Callable[[int], Array], count: int) -> Callable[[Subject], Parts]:
+    def look(who: Subject) -> Parts:
+        paint = who.number % count
+        return (Part(f"{key}-{paint}", build(paint)),)
+
+    return look
+
+
+def _car(who: Subject) -> Parts:
+    shape = vehicles.SHAPES[who.number // 7 % len(vehicles.SHAPES)]
+    paint = who.number % len(vehicles.PAINTS)
+    return (Part(f"car-{shape}-{paint}", vehicles.motorcar(shape, paint)),)
+
+
+def _person(who: Subject) -> Parts:
+    look = who.number % len(people.OUTFITS)
+    pose = people.pose_of(who.speed_mps, who.time_s, 0.37 * who.number)
+    return (Part(f"pedestrian-{look}-{pose}", people.pedestrian(look, pose)),)
+
+
+def _swimmer(who: Subject) -> Parts:
+    look = who.number % len(sea.CLOTHES)
+    pose = int((who.time_s / sea.WAVE_PERIOD_S + 0.37 * (who.number + 1)) * sea.POSES) % sea.POSES
+    return (Part(f"person-{look}-{pose}", sea.person(look, pose)),)
+
+
+def _queue(who: Subject) -> Parts:
+    """People in a line behind the position, who sway a little."""
+    given = who.state.resources.get("people", who.properties.get("people", 4))
+    count = int(given) if isinstance(given, int | float) else 4
+    line = []
+    for k in range(max(0, min(count, MOST_IN_LINE))):
+        look = (3 * k + who.number) % len(people.OUTFITS)
+        aside = 0.12 * ((5 * k + 3 * who.number) % 7 - 3) / 3.0
+        turn = 11.0 * ((3 * k + who.number) % 5 - 2)
+        mesh = people.pedestrian(look, people.STAND)
+        line.append(Part(f"pedestrian-{look}-{people.STAND}", mesh, at((aside, -SPACING_M * (k + 1), 0.0), turn)))
+    return (Part("barrier", places.crowd_barrier()), *line)
+
+
+def _leak(who: Subject) -> Parts:
+    given = who.properties.get("radius_m", PIPE_RADIUS_M)
+    radius = round(float(given), 2) if isinstance(given, int | float) else PIPE_RADIUS_M
+    if who.state.status == "sealed":
+        return (Part(f"clamp-{radius}", places.clamp(radius)),)
+    return (Part(f"cracked-{radius}", places.cracked_pipe(radius)),)
+
+
+def _served(key: str, build: Callable[[bool], Array]) -> Callable[[Subject], Parts]:
+    def look(who: Subject) -> Parts:
+        served = who.state.status == "served"
+        return (Part(f"{key}-{int(served)}", build(served)),)
+
+    return look
+
+
+ENTITIES: dict[str, Callable[[Subject], Parts]] = {
+    "quadrotor": _one("quadrotor", air.quadrotor),
+    "fixed_wing": _one("fixed_wing", air.fixed_wing),
+    "satellite": _one("satellite", air.satellite),
+    "robot_dog": lambda who: dog.dog_parts(who.state.joints),
+    "car": _car,
+    "taxi": _one("taxi", vehicles.taxi),
+    "delivery_van": _painted("van", vehicles.van, len(vehicles.VAN_PAINTS)),
+    "truck": _painted("truck", vehicles.truck, 4),
+    "bus": _painted("bus", vehicles.bus, len(vehicles.BUS_PAINTS)),
+    "fire_truck": _one("fire_truck", vehicles.fire_truck),
+    "motorcycle": _painted("motorcycle", vehicles.motorcycle, 3),
+    "bicycle": _painted("bicycle", vehicles.bicycle, 4),
+    "person": _person,
+    "lifeboat": _one("lifeboat", sea.lifeboat),
+    "person_in_water": _swimmer,
+    "building_fire": _nothing,
+    "fire_source": _one("embers", places.embers),
+    "pipeline_leak": _leak,
+    "bridge_fracture": _nothing,
+    "congestion": _nothing,
+    "destination": _one("parking_sign", places.parking_sign),
+    "delivery_point": _served("parcel_station", places.parcel_station),
+    "delivery_door": _served("doorstep", places.doorstep),
+    "warehouse": _one("dock", places.dock),
+    "reference_building": _nothing,
+    "queue_of_people": _queue,
+}
+"""Type or kind → its meshes."""
+
+_PARKED: dict[str, tuple[Callable[[int], Array], int]] = {
+    "car": (lambda v: vehicles.motorcar(vehicles.SHAPES[v % 3], v // 3), 3 * len(vehicles.PAINTS)),
+    "delivery_van": (vehicles.van, len(vehicles.VAN_PAINTS)),
+    "truck": (vehicles.truck, 4),
+    "bus": (vehicles.bus, len(vehicles.BUS_PAINTS)),
+    "motorcycle": (vehicles.motorcycle, 3),
+    "person": (lambda v: people.pedestrian(v, people.STAND), len(people.OUTFITS)),
+}
+VARIED = sea.VARIED | nature.VARIED | street.VARIED | _PARKED
+"""Prop models that come in several looks, picked by the prop's option `variant`."""
+SINGLE = sea.SINGLE | nature.SINGLE | street.SINGLE | {"taxi": vehicles.taxi}
+"""Prop models of one look."""
