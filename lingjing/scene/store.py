@@ -57,6 +57,19 @@ def write_store(folder: Path, city: City, pieces: Pieces, extra: Mapping[str, by
     return read_store(folder)
 
 
+def copy_store(source: Path, folder: Path) -> City:
+    """A copy of a city's folder at another place, whole or not at all; errors as in `write_store`."""
+    _refuse_foreign(folder)
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        with _beside(folder) as temporary:
+            shutil.copytree(source, temporary, dirs_exist_ok=True)
+            _replace(temporary, folder)
+    except OSError as error:
+        raise UsageError(f"cannot write `{folder}`: {error.strerror}", hint="choose another place with -o") from None
+    return read_store(folder)
+
+
 def read_store(folder: Path) -> City:
     """The city of a folder. `UsageError` if the folder holds none, or one that is damaged."""
     file = folder / CITY_FILE

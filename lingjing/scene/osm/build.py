@@ -1,0 +1,231 @@
+"""A map file → a city in a folder, built once and known again by its content.
+
+The key of a build covers the file's bytes, the options, this project's own modules and the versions of the libraries
+that decide the outcome. Without a folder of the caller's a city is kept in `cities` of the project's cache folder.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import tempfile
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from importlib import metadata
+from itertools import chain
+from pathlib import Path
+
+import msgspec
+
+from lingjing.errors import UsageError
+from lingjing.scene.city import City, Junction, Pieces, Road, Solid
+from lingjing.scene.osm import buildings, ground, read, structures, trees, water
+from lingjing.scene.osm.features import Features, collect
+from lingjing.scene.osm.frame import Frame, choose
+from lingjing.scene.osm.read import Box, MapData
+from lingjing.scene.osm.summary import ATTRIBUTION, SUMMARY_FILE, Source, Summary, counts, encode, read_summary
+from lingjing.scene.store import copy_store, read_store, write_store
+
+TILE_M = 250.0
+VEHICLES = {
+    f"{kind}{link}"
+    for kind in ("motorway", "trunk", "primary", "secondary", "tertiary", "residential", "unclassified", "service")
+    for link in ("", "_link")
+} | {"living_street"}
+"""Values of `highway` that make a road network worth a try."""
+
+OFF = "LINGJING_NO_CACHE"
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """What of the map is built (`box`, degrees; None: all), the seed of what it leaves open, the waters' elevation."""
+
+    box: Box | None = None
+    seed: int = 0
+    water_m: float = water.LEVEL_M
+
+
+@dataclass(frozen=True, slots=True)
+class Built:
+    """A city in its folder, its summary, and whether it had been built before."""
+
+    city: City
+    folder: Path
+    summary: Summary
+    cached: bool
+
+
+def build(path: Path, options: Options, folder: Path | None = None, say: Say = lambda phase: None) -> Built:
+    """The city of a map file, in `folder` or in the cache. `say` hears of each phase.
+
+    `UsageError` for a file that is no map or gives no city, and for a folder that cannot be written;
+    `InfrastructureError` where netconvert is missing or dies. What fails leaves no folder.
+    """
+    if not -100.0 <= options.water_m <= -0.3:
+        raise UsageError(
+            f"waters at {options.water_m:g} m: the ground is at 0", hint="give a level from -100 to -0.3 m"
+        )
+    read.check(path)
+    say("looking at the map")
+    source = Source(name=path.name, sha256=read.digest(path), bytes=path.stat().st_size)
+    versions = _versions()
+    key = _key(source, options, versions)
+    known = None if _is_off() else cities_folder() / key[:40]
+    target = folder or known
+    if target is None:
+        raise UsageError(
+            f"the cache is off ({OFF}), so the city needs a folder", hint="build it with: lingjing scene build -o DIR"
+        )
+    for kept in (target, known):
+        found = None if kept is None or _is_off() else _kept(kept, key)
+        if found is not None and kept is not None:
+            city, summary = found
+            return Built(city if kept == target else copy_store(kept, target), target, summary, cached=True)
+    say("reading the map")
+    data = read.read(path)
+    frame = choose(data, options.box)
+    pieces, light, skipped, notes = _assemble(path, data, frame, options, say)
+    summary = Summary(
+        key=key,
+        city=light.id,
+        attribution=ATTRIBUTION,
+        source=source,
+        box=frame.box,
+        box_is=frame.because,
+        origin=frame.origin,
+        bounds_m=frame.bounds,
+        options={"bbox": _text(options.box), "seed": options.seed, "water_level_m": options.water_m},
+        counts=counts(pieces, frame),
+        skipped=skipped,
+        notes=tuple(notes),
+        versions=versions,
+    )
+    say("writing the city")
+    city = write_store(target, light, pieces, {SUMMARY_FILE: encode(summary)})
+    return Built(city, target, summary, cached=False)
+
+
+def cities_folder() -> Path:
+    """Where built cities are kept: `cities` in the project's cache folder (`$XDG_CACHE_HOME/lingjing`)."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "lingjing" / "cities"
+
+
+# -- what the map gives
+
+
+def _assemble(
+    path: Path, data: MapData, frame: Frame, options: Options, say: Say
+) -> tuple[Pieces, City, dict[str, int], list[str]]:
+    say("finding shapes")
+    features = collect(data, frame)
+    say("raising buildings")
+    built = buildings.buildings(features, options.seed)
+    say("making the road network")
+    network, roads, junctions, notes = _network(path, data, frame)
+    say("laying out ground and water")
+    wet = water.wet(features)
+    areas = ground.areas(features, wet)
+    say("planting trees")
+    planted = tuple(trees.trees(features, areas, trees.taken(wet, built, roads), options.seed))
+    pieces = Pieces(
+        waters=water.waters(wet, options.water_m),
+        areas=areas,
+        solids=tuple(_solids(features, roads, options.water_m)),
+        buildings=built,
+        roads=roads,
+        junctions=junctions,
+        bridges=tuple(chain(structures.decks(roads), structures.footbridges(features, roads))),
+        props=planted,
+    )
+    if not built:
+        notes.append("no buildings in this part of the map")
+    if not any(getattr(pieces, name) for name in Pieces.__struct_fields__):
+        raise UsageError(f"`{path}` holds nothing to build a city from", hint="choose a part with streets or buildings")
+    light = City(
+        id=f"map-{path.name.split('.')[0]}",
+        origin=frame.origin,
+        bounds=frame.bounds,
+        datum_m=0.0,
+        attribution=ATTRIBUTION,
+        network=network,
+        tile_m=TILE_M,
+    )
+    return pieces, light, dict(sorted((+features.skipped).items())), notes
+
+
+def _solids(features: Features, roads: Iterable[Road], level_m: float) -> Iterable[Solid]:
+    import shapely
+
+    lanes = trees.pavement(roads)
+    shapely.prepare(lanes)
+    return chain(structures.piers(features, level_m), structures.walls(features, lanes))
+
+
+def _network(path: Path, data: MapData, frame: Frame) -> tuple[str, tuple[Road, ...], tuple[Junction, ...], list[str]]:
+    """The network's file, and what is seen of it; no file and a note where there are no roads."""
+    from lingjing.scene.network import network_from_osm, read_roads
+
+    west, south, east, north = frame.box
+    inside = {ref for ref, (lat, lon) in data.nodes.items() if west <= lon <= east and south <= lat <= north}
+    if not any(way.tags.get("highway") in VEHICLES and not inside.isdisjoint(way.nodes) for way in data.ways):
+        return "", (), (), ["no roads in this part of the map: a city without traffic"]
+    with tempfile.TemporaryDirectory(prefix="lingjing-map-") as folder:
+        plain = path
+        if not path.name.endswith((".osm", ".osm.gz")):
+            plain = Path(folder, "map.osm")
+            read.write_xml(path, plain)
+        try:
+            made = network_from_osm(plain.resolve(), frame.origin, frame.box)
+        except UsageError as error:
+            return "", (), (), [f"no road network, a city without traffic: {error}"]
+    roads, junctions = read_roads(made.path)
+    seen = tuple(road for road in roads if structures.is_visible(road))
+    return made.path, seen, tuple(filter(structures.is_open, junctions)), []
+
+
+# -- knowing a build again
+
+
+def _key(source: Source, options: Options, versions: dict[str, str]) -> str:
+    digest = hashlib.sha256(msgspec.json.encode([source.name, source.sha256, repr(options), versions]))
+    here = Path(__file__).parent
+    for file in sorted((*here.glob("*.py"), *here.parent.glob("*.py"))):
+        digest.update(file.name.encode() + b"\0" + hashlib.sha256(file.read_bytes()).digest())
+    return digest.hexdigest()
+
+
+def _versions() -> dict[str, str]:
+    import shapely
+
+    try:
+        sumo = metadata.version("eclipse-sumo")
+    except metadata.PackageNotFoundError:
+        sumo = "none"
+    return {
+        "lingjing": metadata.version("lingjing"),
+        **read.versions(),
+        "shapely": shapely.__version__,
+        "geos": shapely.geos_version_string,
+        "eclipse-sumo": sumo,
+    }
+
+
+def _kept(folder: Path, key: str) -> tuple[City, Summary] | None:
+    """The city of a folder if it is whole and has that key."""
+    summary = read_summary(folder)
+    if summary is None or summary.key != key:
+        return None
+    try:
+        return read_store(folder), summary
+    except UsageError:
+        return None
+
+
+def _is_off() -> bool:
+    return os.environ.get(OFF, "0") not in ("", "0")
+
+
+def _text(box: Box | None) -> str | None:
+    return None if box is None else ",".join(f"{value:.7g}" for value in box)

@@ -1,0 +1,185 @@
+"""What a map holds as shapes in metres: closed ways and multipolygons as polygons, other ways as lines.
+
+Shapes are shapely's. Only what touches the frame is kept; what has tags of interest and no usable geometry (missing
+nodes, multipolygons whose rings do not close) is left out and counted in `Features.skipped`.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+from lingjing.mission.frames import from_geodetic
+from lingjing.scene.osm.frame import Frame
+from lingjing.scene.osm.read import MapData, Relation, Way
+
+AREA_KEYS = (
+    "building", "building:part", "landuse", "natural", "leisure", "amenity", "waterway", "man_made", "place",
+    "aeroway", "tourism",
+)  # fmt: skip
+"""A closed way with one of these is an area; one with `highway` is only with `area=yes`."""
+
+LINE_KEYS = ("highway", "waterway", "barrier", "natural", "man_made", "railway")
+LINEAR = {"tree_row", "coastline", "cliff", "embankment", "pipeline"}
+"""Values of `natural` and `man_made` that stay lines even where they close."""
+
+
+@dataclass(frozen=True, slots=True)
+class Feature:
+    """One object of the map. `ref` is `w` or `r` or `n` and its id; `shape` a shapely geometry in metres."""
+
+    ref: str
+    tags: dict[str, str]
+    shape: Any
+
+
+@dataclass(frozen=True, slots=True)
+class Features:
+    """The objects of a map in its frame, each kind in the order of ids (ways before relations)."""
+
+    frame: Frame
+    areas: tuple[Feature, ...]
+    lines: tuple[Feature, ...]
+    spots: tuple[Feature, ...]
+    entrances: dict[tuple[float, float], str]
+    skipped: Counter[str] = field(default_factory=Counter)
+
+    @property
+    def box(self) -> Any:
+        """The frame's rectangle as a shapely polygon."""
+        import shapely
+
+        return shapely.box(*self.frame.bounds)
+
+
+def collect(data: MapData, frame: Frame) -> Features:
+    """The features of a map."""
+    import shapely
+
+    shaper = _Shaper(data, frame)
+    areas = [*shaper.closed(), *shaper.multipolygons()]
+    lines = list(shaper.open())
+    west, south, east, north = frame.bounds
+    spots, entrances = [], {}
+    for spot in data.spots:
+        x, y = shaper.point(spot.id)
+        if west <= x <= east and south <= y <= north:
+            spots.append(Feature(f"n{spot.id}", spot.tags, shapely.Point(x, y)))
+            if spot.tags.get("entrance", "no") != "no":
+                entrances[x, y] = spot.tags["entrance"]
+    return Features(frame, tuple(areas), tuple(lines), tuple(spots), entrances, shaper.skipped)
+
+
+def is_area(way: Way) -> bool:
+    """Whether a way's tags say that it encloses something."""
+    tags = way.tags
+    if len(way.nodes) < 4 or way.nodes[0] != way.nodes[-1] or tags.get("area") == "no":
+        return False
+    if tags.get("area") == "yes":
+        return True
+    if "barrier" in tags and "landuse" not in tags and "building" not in tags:
+        return False
+    return any(key in tags and tags[key] not in LINEAR for key in AREA_KEYS if key != "waterway") or tags.get(
+        "waterway"
+    ) in ("riverbank", "dock", "basin")
+
+
+# -- private
+
+
+class _Shaper:
+    """Turns ways and relations into shapes; knows each node's place once it has been asked for."""
+
+    def __init__(self, data: MapData, frame: Frame) -> None:
+        import shapely
+
+        self._data, self._origin = data, frame.origin
+        self._ways = {way.id: way for way in data.ways}
+        self._points: dict[int, tuple[float, float]] = {}
+        self._box = shapely.box(*frame.bounds)
+        self.skipped: Counter[str] = Counter()
+
+    def point(self, ref: int) -> tuple[float, float]:
+        """A node's place in metres; `KeyError` if the map lacks it."""
+        if ref not in self._points:
+            x, y = from_geodetic(*self._data.nodes[ref], self._origin)
+            self._points[ref] = (round(x, 3), round(y, 3))
+        return self._points[ref]
+
+    def closed(self) -> Iterator[Feature]:
+        for way in self._data.ways:
+            if is_area(way):
+                yield from self._kept(f"w{way.id}", way.tags, self._polygon(way))
+            elif _claims_area(way):
+                self.skipped["areas that do not close"] += 1
+
+    def open(self) -> Iterator[Feature]:
+        for way in self._data.ways:
+            if not is_area(way) and any(key in way.tags for key in LINE_KEYS):
+                yield from self._kept(f"w{way.id}", way.tags, self._line(way))
+
+    def multipolygons(self) -> Iterator[Feature]:
+        for relation in self._data.relations:
+            if any(key in relation.tags for key in (*AREA_KEYS, "highway")):
+                shape = self._assembled(relation)
+                if shape is None:
+                    self.skipped["multipolygons that do not close"] += 1
+                else:
+                    yield from self._kept(f"r{relation.id}", relation.tags, shape)
+
+    def _kept(self, ref: str, tags: dict[str, str], shape: Any) -> Iterator[Feature]:
+        if shape is None or shape.is_empty:
+            self.skipped["ways without enough nodes"] += 1
+        elif shape.intersects(self._box):
+            yield Feature(ref, tags, shape)
+
+    def _line(self, way: Way) -> Any:
+        import shapely
+
+        points = [self.point(ref) for ref in way.nodes if ref in self._data.nodes]
+        kept = [point for k, point in enumerate(points) if k == 0 or point != points[k - 1]]
+        return shapely.LineString(kept) if len(kept) > 1 else None
+
+    def _polygon(self, way: Way) -> Any:
+        import shapely
+
+        line = self._line(way)
+        if line is None or len(line.coords) < 3:
+            return None
+        return sound(shapely.Polygon(line.coords))
+
+    def _assembled(self, relation: Relation) -> Any:
+        """Rings of the outer ways less rings of the inner ones; None if the outer ways leave no ring."""
+        import shapely
+
+        outer = self._rings(relation, inner=False)
+        if outer is None or outer.is_empty:
+            return None
+        inner = self._rings(relation, inner=True)
+        return sound(outer if inner is None else shapely.difference(outer, inner))
+
+    def _rings(self, relation: Relation, *, inner: bool) -> Any:
+        import shapely
+
+        refs = [ref for ref, role in relation.members if (role == "inner") is inner]
+        lines = [self._line(self._ways[ref]) for ref in refs if ref in self._ways]
+        found = [line for line in lines if line is not None]
+        if not found or (not inner and len(found) < len(refs) and not all(line.is_ring for line in found)):
+            return None
+        rings, *rest = shapely.polygonize_full(found)
+        if not inner and any(not part.is_empty for part in rest[:2]):  # dangling ends: the ring lacks a member
+            self.skipped["multipolygons with loose ends"] += not rings.is_empty
+        return shapely.union_all([sound(ring) for ring in shapely.get_parts(rings)])
+
+
+def _claims_area(way: Way) -> bool:
+    return "building" in way.tags or "building:part" in way.tags or "landuse" in way.tags
+
+
+def sound(shape: Any) -> Any:
+    """The polygons of a shape, repaired where it crosses itself."""
+    import shapely
+
+    return shape if shape.is_valid else shapely.make_valid(shape, method="structure", keep_collapsed=False)

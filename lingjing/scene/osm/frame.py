@@ -1,0 +1,111 @@
+"""Which part of a map becomes the city, and its local frame: metres east and north of the middle of that part."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from lingjing.errors import UsageError
+from lingjing.mission.frames import from_geodetic
+from lingjing.scene.osm.read import Box, MapData
+
+LARGEST_M = 60_000.0
+"""A side beyond that is no city, and the projection about one point no longer fits it."""
+
+MARGIN_DEG = 0.0006
+"""Ground kept around the outermost buildings where nobody says what the map covers: about 60 m."""
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """`box` in degrees, why it is that one, the origin (latitude, longitude) and the bounds in metres about it."""
+
+    box: Box
+    because: str
+    origin: tuple[float, float]
+    bounds: tuple[float, float, float, float]
+
+
+def parse_box(text: str) -> Box:
+    """`W,S,E,N` in degrees. `UsageError` if it is malformed or crosses the antimeridian."""
+    hint = "give west,south,east,north in degrees: --bbox=121.49,31.22,121.52,31.25"
+    try:
+        west, south, east, north = (float(part) for part in text.split(","))
+    except ValueError:
+        raise UsageError(f"`{text}` is not a bounding box", hint=hint) from None
+    if not (-180.0 <= west <= 180.0 and -180.0 <= east <= 180.0 and -90.0 <= south <= 90.0 and -90.0 <= north <= 90.0):
+        raise UsageError(f"the bounding box `{text}` is not on Earth", hint=hint)
+    if south >= north:
+        raise UsageError(f"the bounding box `{text}` is empty: its south is not below its north", hint=hint)
+    if west >= east:
+        why = "it is empty" if west == east else "its west is east of its east, so it would cross the antimeridian"
+        raise UsageError(f"the bounding box `{text}` cannot be used: {why}", hint=hint)
+    return west, south, east, north
+
+
+def choose(data: MapData, box: Box | None) -> Frame:
+    """The frame of a map: the box asked for, else the one the file states, else around its buildings or roads.
+
+    `UsageError` where that crosses the antimeridian, is too large, or has no data in it.
+    """
+    if box is not None:
+        frame = frame_of(box, "asked for")
+    elif data.box is not None:
+        frame = frame_of(data.box, "stated in the file")
+    else:
+        frame = _around(data)
+    west, south, east, north = frame.box
+    if not any(west <= lon <= east and south <= lat <= north for lat, lon in data.nodes.values()):
+        covers = ",".join(f"{value:.4f}" for value in _bounds(data.nodes.values()))
+        raise UsageError(
+            f"the bounding box {_text(frame.box)} lies outside the map", hint=f"the map covers {covers} (W,S,E,N)"
+        )
+    return frame
+
+
+def frame_of(box: Box, because: str) -> Frame:
+    """The frame about a box's middle. `UsageError` if it is too large for one city."""
+    west, south, east, north = box
+    if east <= west or east - west > 180.0:
+        raise UsageError(
+            "the map lies on both sides of the antimeridian (180 degrees), where one frame does not fit",
+            hint="choose one side with --bbox=W,S,E,N",
+        )
+    origin = (south + north) / 2.0, (west + east) / 2.0
+    rim = [from_geodetic(lat, lon, origin) for lat in (south, origin[0], north) for lon in (west, origin[1], east)]
+    xs, ys = [x for x, _ in rim], [y for _, y in rim]
+    bounds = (min(xs), min(ys), max(xs), max(ys))
+    wide, high = bounds[2] - bounds[0], bounds[3] - bounds[1]
+    if max(wide, high) > LARGEST_M:
+        raise UsageError(
+            f"the map is {wide / 1000:.0f} by {high / 1000:.0f} km, more than a city of {LARGEST_M / 1000:.0f} km",
+            hint="choose a part of it with --bbox=W,S,E,N",
+        )
+    west_m, south_m, east_m, north_m = (round(value, 3) for value in bounds)
+    return Frame(box, because, origin, (west_m, south_m, east_m, north_m))
+
+
+# -- private
+
+
+def _around(data: MapData) -> Frame:
+    """Extracts keep whole ways, so their outermost nodes say little: a river may lead 50 km away."""
+    for key in ("building", "highway"):
+        refs = {ref for way in data.ways if key in way.tags for ref in way.nodes}
+        places = [data.nodes[ref] for ref in sorted(refs) if ref in data.nodes]
+        if len(places) > 2:
+            west, south, east, north = _bounds(places)
+            grown = (west - MARGIN_DEG, south - MARGIN_DEG, east + MARGIN_DEG, north + MARGIN_DEG)
+            return frame_of(grown, f"around its {key}s".replace("highway", "road"))
+    west, south, east, north = _bounds(data.nodes.values())
+    grown = (west - MARGIN_DEG, south - MARGIN_DEG, east + MARGIN_DEG, north + MARGIN_DEG)
+    return frame_of(grown, "around all its data")
+
+
+def _bounds(places: Iterable[tuple[float, float]]) -> Box:
+    latitudes, longitudes = zip(*places, strict=True)
+    return min(longitudes), min(latitudes), max(longitudes), max(latitudes)
+
+
+def _text(box: Box) -> str:
+    return ",".join(f"{value:g}" for value in box)

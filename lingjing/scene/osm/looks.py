@@ -1,0 +1,157 @@
+"""What a building is for, how high it is where nobody says, and what it looks like: from tags, else by use and chance.
+
+Storey heights and the spread of storeys are round numbers for cities of our day, chosen so that untagged blocks look
+like their neighbours; they are no statistics. Colours are linear RGB.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from random import Random
+
+from lingjing.scene.osm.tags import Colour, colour, linear, metres, number
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """A use: a storey's height, (fewest, usual, most) storeys where untagged, facades and wall colours to draw from."""
+
+    storey_m: float
+    storeys: tuple[int, int, int]
+    facades: tuple[str, ...]
+    walls: tuple[Colour, ...]
+
+
+_PLASTER = (linear(214, 203, 184), linear(201, 186, 163), linear(222, 216, 205), linear(190, 170, 150))
+_BRICK = (linear(150, 90, 72), linear(168, 108, 84), linear(184, 146, 120))
+_STONE = (linear(198, 192, 180), linear(176, 170, 160), linear(160, 152, 142))
+_GLASS = (linear(112, 138, 156), linear(92, 116, 136), linear(140, 156, 164), linear(78, 98, 112))
+_SHEET = (linear(176, 180, 184), linear(140, 152, 164), linear(196, 190, 178))
+
+KINDS: dict[str, Kind] = {
+    "residential": Kind(3.0, (4, 6, 14), ("punched",), (*_PLASTER, *_BRICK, _STONE[0])),
+    "house": Kind(2.9, (1, 2, 3), ("punched",), (*_PLASTER, *_BRICK)),
+    "commercial": Kind(4.0, (2, 4, 8), ("ribbon", "curtain", "punched"), (*_STONE, *_PLASTER[:2])),
+    "office": Kind(3.8, (6, 14, 30), ("curtain", "ribbon", "curtain"), (*_GLASS, *_STONE[:2])),
+    "industrial": Kind(5.0, (1, 2, 3), ("industrial",), _SHEET),
+    "warehouse": Kind(8.0, (1, 1, 1), ("industrial",), _SHEET),
+    "school": Kind(3.7, (3, 4, 5), ("ribbon", "punched"), (*_PLASTER, _BRICK[1])),
+    "public": Kind(4.2, (2, 3, 5), ("punched", "ribbon"), (*_STONE, _PLASTER[2])),
+}
+
+_USES = {
+    "house": "house detached semidetached_house terrace bungalow cabin farm hut villa static_caravan allotment_house",
+    "residential": "residential apartments dormitory block tower_block",
+    "commercial": "commercial retail shop supermarket kiosk mall store hotel restaurant pavilion market",
+    "office": "office skyscraper tower bank government",
+    "industrial": "industrial factory manufacture works power substation transformer_tower service boiler_house",
+    "warehouse": "warehouse hangar storage_tank silo barn farm_auxiliary shed garage garages carport depot",
+    "school": "school university college kindergarten",
+    "public": (
+        "public civic hospital museum church cathedral chapel mosque temple shrine synagogue train_station station "
+        "transportation stadium sports_hall sports_centre library theatre townhall fire_station grandstand monastery"
+    ),
+}
+_USE_OF = {word: use for use, words in _USES.items() for word in words.split()}
+_AMENITIES = {
+    "school": ("school", "university", "college", "kindergarten"),
+    "public": ("hospital", "library", "theatre", "townhall", "place_of_worship", "police", "arts_centre", "museum",
+               "conference_centre", "fire_station", "courthouse", "community_centre"),
+    "commercial": ("restaurant", "cafe", "fast_food", "bar", "marketplace", "cinema", "fuel", "pub"),
+    "office": ("bank",),
+}  # fmt: skip
+_LOW = {"garage", "garages", "carport", "shed", "kiosk", "hut", "service", "roof", "tent", "toilets", "pavilion"}
+"""Values of `building` that are one low storey."""
+
+_MATERIALS: dict[str, Colour] = {
+    "glass": _GLASS[0], "mirror": _GLASS[3], "brick": _BRICK[0], "concrete": linear(170, 167, 160),
+    "stone": _STONE[0], "sandstone": linear(205, 184, 150), "wood": linear(150, 112, 78), "metal": _SHEET[0],
+    "steel": _SHEET[1], "plaster": _PLASTER[0], "gold": linear(207, 171, 80), "copper": linear(120, 160, 140),
+    "marble": linear(225, 222, 216), "tiles": linear(160, 84, 62), "roof_tiles": linear(150, 76, 58),
+    "slate": linear(84, 88, 94), "tar_paper": linear(70, 70, 70), "grass": linear(96, 128, 72),
+    "timber_framing": _PLASTER[2], "cement_block": linear(160, 158, 150),
+}  # fmt: skip
+_TILES = (linear(158, 84, 62), linear(136, 70, 54), linear(110, 84, 74), linear(92, 92, 96))
+_FLAT = (linear(150, 148, 144), linear(124, 122, 120), linear(168, 164, 156), linear(104, 106, 108))
+
+_ROOFS = {
+    "flat": "flat", "gabled": "gabled", "half-hipped": "hipped", "hipped": "hipped", "gambrel": "gabled",
+    "mansard": "hipped", "pyramidal": "pyramidal", "dome": "dome", "onion": "dome", "round": "gabled",
+    "cone": "pyramidal", "conical": "pyramidal", "saltbox": "gabled", "skillion": "flat", "spherical": "dome",
+    "side_hipped": "hipped", "hipped-and-gabled": "hipped",
+}  # fmt: skip
+
+
+def stream(seed: int, name: str) -> Random:
+    """The chance of one thing, whatever else the map holds."""
+    return Random(int.from_bytes(hashlib.sha256(f"{seed}/{name}".encode()).digest()[:16], "big"))
+
+
+def use_of(tags: Mapping[str, str], around: str) -> str:
+    """What a building is used for: its own tags, else the land use `around` it, else by its height."""
+    said = tags.get("building", tags.get("building:part", ""))
+    if said in _USE_OF:
+        return _USE_OF[said]
+    amenity = tags.get("amenity", "")
+    for use, values in _AMENITIES.items():
+        if amenity in values:
+            return use
+    if "office" in tags or "skyscraper" in tags:
+        return "office"
+    if "shop" in tags or tags.get("tourism") in ("hotel", "hostel"):
+        return "commercial"
+    if "tourism" in tags or "historic" in tags:
+        return "public"
+    height = metres(tags, "height", "building:height") or 3.5 * (number(tags, "building:levels") or 0.0)
+    if height >= 60.0 and around != "residential":
+        return "office"
+    return around or "residential"
+
+
+def storeys_of(tags: Mapping[str, str], use: str, area_m2: float, chance: Random) -> int:
+    """Storeys of a building that does not say: by its use, fewer where the footprint is small."""
+    if tags.get("building") in _LOW or area_m2 < 25.0:
+        return 1
+    fewest, usual, most = KINDS[use].storeys
+    drawn = round(chance.triangular(fewest, most, usual))
+    return min(drawn, 1 + int(area_m2 / 40.0)) if area_m2 < 160.0 else drawn
+
+
+def facade_of(tags: Mapping[str, str], use: str, height_m: float, chance: Random) -> str:
+    """The pattern of windows."""
+    material = tags.get("building:material", tags.get("building:facade:material", ""))
+    pick = chance.choice(KINDS[use].facades)
+    if material in ("glass", "mirror"):
+        return "curtain"
+    if tags.get("building") in _LOW or tags.get("man_made") or height_m < 2.5:
+        return "blank"
+    if use == "office" and height_m < 30.0 and pick == "curtain":
+        return "ribbon"
+    return pick
+
+
+def wall_colour(tags: Mapping[str, str], use: str, facade: str, chance: Random) -> Colour:
+    """The walls' colour: said, or the material's, or one that suits the use."""
+    pick = chance.choice(_GLASS if facade == "curtain" else KINDS[use].walls)
+    said = colour(tags, "building:colour", "building:color", "building:facade:colour", "colour")
+    return said or _MATERIALS.get(tags.get("building:material", ""), pick)
+
+
+def roof_colour(tags: Mapping[str, str], roof: str, chance: Random) -> Colour:
+    """The roof's colour: said, or the material's, or one that suits its shape."""
+    pick = chance.choice(_FLAT if roof == "flat" else _TILES)
+    said = colour(tags, "roof:colour", "roof:color", "building:roof:colour")
+    return said or _MATERIALS.get(tags.get("roof:material", ""), pick)
+
+
+def roof_of(tags: Mapping[str, str], use: str, chance: Random) -> str:
+    """The roof's shape; houses without one are often gabled."""
+    drawn = chance.random()
+    said = _ROOFS.get(tags.get("roof:shape", tags.get("building:roof:shape", "")))
+    if said is not None:
+        return said
+    if tags.get("building") in ("church", "cathedral", "chapel", "barn"):
+        return "gabled"
+    return "gabled" if use == "house" and "building:part" not in tags and drawn < 0.7 else "flat"

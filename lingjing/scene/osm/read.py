@@ -1,0 +1,154 @@
+"""Read OpenStreetMap files: `.osm`, `.osm.gz`, `.osm.bz2` and `.osm.pbf`; the only module that imports osmium.
+
+Everything is kept as it stands in the file, in the order of ids, so that the order of a file (nodes may come last) and
+its format make no difference.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from lingjing.errors import UsageError
+
+SUFFIXES = (".osm", ".osm.gz", ".osm.bz2", ".osm.pbf", ".pbf", ".osm.xml")
+Box = tuple[float, float, float, float]
+"""West, south, east, north in degrees."""
+
+
+@dataclass(frozen=True, slots=True)
+class Spot:
+    """A node that has tags; degrees."""
+
+    id: int
+    tags: dict[str, str]
+    latitude: float
+    longitude: float
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """A line through nodes, closed if its first node is its last."""
+
+    id: int
+    tags: dict[str, str]
+    nodes: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Relation:
+    """A multipolygon: its member ways with their roles (`outer`, `inner`, ``)."""
+
+    id: int
+    tags: dict[str, str]
+    members: tuple[tuple[int, str], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class MapData:
+    """What a file holds. `nodes` are (latitude, longitude) by id; `box` is what the file says it covers, if it does."""
+
+    nodes: dict[int, tuple[float, float]]
+    spots: tuple[Spot, ...]
+    ways: tuple[Way, ...]
+    relations: tuple[Relation, ...]
+    box: Box | None
+
+
+def read(path: Path) -> MapData:
+    """The contents of a file. `UsageError` if it is missing, empty, or no OpenStreetMap data."""
+    check(path)
+    nodes: dict[int, tuple[float, float]] = {}
+    spots, ways, relations = [], [], []
+    try:
+        import osmium
+
+        with osmium.io.Reader(str(path)) as reader:
+            box = reader.header().box()
+        for item in osmium.FileProcessor(str(path)):
+            if item.deleted:
+                continue
+            if item.is_node():
+                if not item.location.valid():
+                    continue
+                nodes[item.id] = (item.location.lat, item.location.lon)
+                if len(item.tags):
+                    spots.append(Spot(item.id, _tags(item), item.location.lat, item.location.lon))
+            elif item.is_way():
+                ways.append(Way(item.id, _tags(item), tuple(node.ref for node in item.nodes)))
+            elif item.is_relation() and item.tags.get("type") == "multipolygon":
+                members = tuple((member.ref, member.role) for member in item.members if member.type == "w")
+                relations.append(Relation(item.id, _tags(item), members))
+    except ImportError:
+        raise _missing() from None
+    except RuntimeError as error:
+        raise UsageError(f"`{path}` is not OpenStreetMap data: {error}", hint=_HINT) from None
+    if not nodes:
+        raise UsageError(f"`{path}` holds no map: not one node with a position", hint=_HINT)
+    said = (box.bottom_left.lon, box.bottom_left.lat, box.top_right.lon, box.top_right.lat) if box.valid() else None
+    return MapData(nodes, _by_id(spots), _by_id(ways), _by_id(relations), said)
+
+
+def check(path: Path) -> None:
+    """`UsageError` unless there is a file that is not empty and whose name says that it is map data."""
+    if path.is_dir():
+        raise UsageError(f"`{path}` is a folder, not a map", hint="name an .osm or .osm.pbf file")
+    if not path.is_file():
+        raise UsageError(
+            f"no map at `{path}`: the file does not exist", hint="paths are relative to the working folder"
+        )
+    if not path.name.lower().endswith(SUFFIXES):
+        raise UsageError(f"`{path}` is not named like a map", hint=f"known are {', '.join(SUFFIXES)}")
+    try:
+        if path.stat().st_size == 0:
+            raise UsageError(f"`{path}` is empty: 0 bytes", hint="download the map again")
+        with path.open("rb") as file:
+            file.read(1)
+    except OSError as error:
+        raise UsageError(f"cannot read `{path}`: {error.strerror}") from None
+
+
+def digest(path: Path) -> str:
+    """SHA-256 of a file's bytes."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def write_xml(path: Path, target: Path) -> None:
+    """The file as plain `.osm`, for readers that know no other format."""
+    import osmium
+
+    try:
+        with osmium.SimpleWriter(str(target)) as writer:
+            for item in osmium.FileProcessor(str(path)):
+                writer.add(item)
+    except RuntimeError as error:
+        raise UsageError(f"`{path}` is not OpenStreetMap data: {error}", hint=_HINT) from None
+
+
+def versions() -> dict[str, str]:
+    """Versions of what decides how a file is read."""
+    try:
+        import osmium.version
+    except ImportError:
+        raise _missing() from None
+    return {"osmium": osmium.version.pyosmium_release, "libosmium": osmium.version.libosmium_version}
+
+
+# -- private
+
+_HINT = "give the map as it was downloaded (.osm, .osm.gz, .osm.bz2 or .osm.pbf)"
+
+
+def _missing() -> UsageError:
+    return UsageError("reading maps needs the package `osmium`", hint="pip install osmium")
+
+
+def _tags(item: Any) -> dict[str, str]:
+    return {tag.k: tag.v for tag in item.tags}
+
+
+def _by_id(items: list[Any]) -> tuple[Any, ...]:
+    return tuple(sorted(items, key=lambda item: item.id))

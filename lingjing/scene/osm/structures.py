@@ -1,0 +1,183 @@
+"""What stands in the open and is no building: piers, walls and hedges, and the decks under raised roads and paths.
+
+A deck follows its lanes, so it goes on under a ramp that the map does not call a bridge, down to where it meets the
+ground.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from itertools import pairwise
+from math import ceil, hypot
+from typing import Any
+
+from lingjing.mission.instance import Vector
+from lingjing.scene.city import Bridge, Junction, Polygon, Road, Solid
+from lingjing.scene.cutting import polygons, rings
+from lingjing.scene.network import LAYER_M
+from lingjing.scene.osm.features import Feature, Features
+from lingjing.scene.osm.tags import is_below, is_set, layer, metres
+
+DECK_M = 0.9
+"""A raised way lower than this above the ground is drawn on it; higher, it gets a deck."""
+
+BURIED_M = -1.0
+"""What runs lower than this is out of sight."""
+
+PIER_TOP_M = 0.3
+PILES_M = 12.0
+WALLS = {"wall": (0.3, 2.2), "city_wall": (1.5, 6.0), "retaining_wall": (0.4, 1.0), "hedge": (0.9, 1.2)}
+"""`barrier` → usual thickness and height in metres."""
+
+FOOTBRIDGES = {"footway": 3.5, "path": 2.5, "cycleway": 3.5, "pedestrian": 6.0}
+
+
+def is_visible(road: Road) -> bool:
+    """Whether a road is seen: no tunnel, and not wholly under the ground."""
+    return not road.tunnel and any(point[2] > BURIED_M for lane in road.lanes for point in lane.shape)
+
+
+def is_open(junction: Junction) -> bool:
+    """Whether a junction is not under the ground."""
+    return junction.elevation_m > BURIED_M
+
+
+def decks(roads: Iterable[Road]) -> Iterator[Bridge]:
+    """The structures under roads, where they are above the ground."""
+    for road in roads:
+        if road.lanes:
+            path, width = middle(road)
+            for number, stretch in enumerate(raised(path)):
+                name = f"deck-{road.id}" + (f"-{number}" if number else "")
+                yield Bridge(id=name, path=stretch, width_m=round(width + 1.0, 2), name=road.name)
+
+
+def middle(road: Road) -> tuple[tuple[Vector, ...], float]:
+    """The centre line of all lanes of a road and their width together."""
+    width = sum(lane.width_m for lane in road.lanes)
+    first, last = road.lanes[0], road.lanes[-1]
+    if len(first.shape) == len(last.shape):
+        # Outer edges, not lane centres: lanes may differ in width, and sidewalks do.
+        share = (width - first.width_m / 2.0 - last.width_m / 2.0) or 1.0
+        across = (width / 2.0 - first.width_m / 2.0) / share
+        path = tuple(_mix(a, b, across) for a, b in zip(first.shape, last.shape, strict=True))
+        return path, width
+    return road.lanes[len(road.lanes) // 2].shape, width
+
+
+def raised(path: tuple[Vector, ...], above_m: float = DECK_M) -> list[tuple[Vector, ...]]:
+    """The stretches of a path that are higher than `above_m`, cut where it passes that height."""
+    found: list[list[Vector]] = []
+    for a, b in pairwise(path):
+        low, high = sorted((a[2], b[2]))
+        if high <= above_m:
+            continue
+        start, end = a, b
+        if low < above_m:
+            crossing = _mix(a, b, (above_m - a[2]) / (b[2] - a[2]))
+            start, end = (crossing, b) if a[2] < above_m else (a, crossing)
+        if found and found[-1][-1] == start:
+            found[-1].append(end)
+        else:
+            found.append([start, end])
+    return [tuple(stretch) for stretch in found]
+
+
+def footbridges(features: Features, roads: Iterable[Road]) -> Iterator[Bridge]:
+    """Bridges for walking that the road network does not hold, level at the height of their layer."""
+    known = {road.id.lstrip("-").split("#")[0] for road in roads}
+    for line in features.lines:
+        width = FOOTBRIDGES.get(line.tags.get("highway", ""))
+        if width is None or not is_set(line.tags, "bridge") or line.ref[1:] in known or is_below(line.tags):
+            continue
+        height = LAYER_M * max(1, layer(line.tags))
+        for number, part in enumerate(_cut(line, features)):
+            path = tuple((x, y, height) for x, y in part.coords)
+            name = f"foot-{line.ref}" + (f"-{number}" if number else "")
+            said = metres(line.tags, "width") or width
+            yield Bridge(id=name, path=path, width_m=min(max(said, 1.0), 30.0), thickness_m=0.8, pier_spacing_m=24.0,
+                         name=line.tags.get("name:en", line.tags.get("name", "")))  # fmt: skip
+
+
+def piers(features: Features, level_m: float) -> Iterator[Solid]:
+    """Decks of piers and jetties on piles, over water at `level_m`."""
+    for feature in (*features.areas, *features.lines):
+        if feature.tags.get("man_made") not in ("pier", "breakwater", "groyne") or is_set(feature.tags, "building"):
+            continue
+        shape = feature.shape
+        if shape.geom_type == "LineString":
+            shape = shape.buffer((metres(feature.tags, "width") or 3.0) / 2.0, cap_style="flat", quad_segs=1)
+        solid = feature.tags["man_made"] != "pier"
+        base = level_m - 2.0 if solid else PIER_TOP_M - 0.4
+        for number, part in enumerate(polygons(shape.intersection(features.box).simplify(0.1))):
+            outline = (rings(part) or ((),))[0]
+            name = f"pier-{feature.ref}-{number}"
+            if outline:
+                yield Solid(id=name, polygon=outline, base_m=base, top_m=PIER_TOP_M, material="concrete")
+                yield from () if solid else _piles(name, outline, level_m)
+
+
+def walls(features: Features, free: Any) -> Iterator[Solid]:
+    """Walls and hedges, a solid for each straight piece; none across a road (`free` is a prepared geometry of them)."""
+    for line in features.lines:
+        kind = line.tags.get("barrier", "")
+        if kind not in WALLS or is_below(line.tags) or layer(line.tags) != 0:
+            continue
+        thick, usual = WALLS[kind]
+        height = metres(line.tags, "height") or usual
+        material = "hedge" if kind == "hedge" else "concrete"
+        for part in _cut(line, features):
+            for number, (a, b) in enumerate(pairwise(part.simplify(0.2).coords)):
+                outline = _strip(a, b, thick)
+                if outline and not _crosses(outline, free):
+                    yield Solid(id=f"{kind}-{line.ref}-{number}", polygon=outline, base_m=0.0,
+                                top_m=round(min(max(height, 0.3), 12.0), 2), material=material)  # fmt: skip
+
+
+# -- private
+
+
+def _mix(a: Vector, b: Vector, share: float) -> Vector:
+    x, y, z = (round(p + share * (q - p), 3) for p, q in zip(a, b, strict=True))
+    return x, y, z
+
+
+def _cut(line: Feature, features: Features) -> Iterator[Any]:
+    """The pieces of a line inside the frame."""
+    import shapely
+
+    for part in shapely.get_parts(shapely.intersection(line.shape, features.box)):
+        if part.geom_type == "LineString" and part.length > 0.5:
+            yield part
+
+
+def _piles(name: str, outline: Polygon, level_m: float) -> Iterator[Solid]:
+    number = 0
+    for (ax, ay), (bx, by) in zip(outline, (*outline[1:], outline[0]), strict=True):
+        length = hypot(bx - ax, by - ay)
+        for k in range(ceil(length / PILES_M) if length > 2.0 else 0):
+            share = (k + 0.5) / ceil(length / PILES_M)
+            # a little inside of the edge, which an anticlockwise outline has on its left
+            x = ax + share * (bx - ax) - 0.5 * (by - ay) / length
+            y = ay + share * (by - ay) + 0.5 * (bx - ax) / length
+            pile = ((x - 0.25, y - 0.25), (x + 0.25, y - 0.25), (x + 0.25, y + 0.25), (x - 0.25, y + 0.25))
+            yield Solid(id=f"{name}-pile-{number}", base_m=level_m - 3.0, top_m=PIER_TOP_M - 0.4,
+                        polygon=tuple((round(px, 2), round(py, 2)) for px, py in pile))  # fmt: skip
+            number += 1
+
+
+def _strip(a: tuple[float, ...], b: tuple[float, ...], thick: float) -> Polygon:
+    """The rectangle around a straight piece, anticlockwise; empty for none."""
+    length = hypot(b[0] - a[0], b[1] - a[1])
+    if length < 0.2:
+        return ()
+    east, north = (b[1] - a[1]) / length * thick / 2.0, -(b[0] - a[0]) / length * thick / 2.0
+    corners = ((a[0] + east, a[1] + north), (b[0] + east, b[1] + north),
+               (b[0] - east, b[1] - north), (a[0] - east, a[1] - north))  # fmt: skip
+    return tuple((round(x, 3), round(y, 3)) for x, y in corners)
+
+
+def _crosses(outline: Polygon, free: Any) -> bool:
+    import shapely
+
+    return bool(shapely.intersects(free, shapely.Polygon(outline)))

@@ -1,0 +1,121 @@
+"""Trees: those on the map, along mapped rows, and sown in parks and woods by the seed.
+
+No tree stands in water, in a building, on a road or on a pitch.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from math import ceil, floor
+from random import Random
+from typing import Any
+
+from lingjing.scene.city import Area, Building, Prop, Road
+from lingjing.scene.osm.features import Features
+from lingjing.scene.osm.looks import stream
+from lingjing.scene.osm.tags import metres
+
+ROW_M = 8.0
+"""Between the trees of a row."""
+
+SOWN_M = {"park": (14.0, 0.6), "forest": (7.0, 0.85), "grass": (26.0, 0.35)}
+"""Surface → side of the square that one tree may stand in, and the chance that one does."""
+
+FIELDS = ("pitch", "plaza", "parking", "asphalt", "sidewalk", "sand", "concrete")
+"""Surfaces on which no tree is sown."""
+
+USUAL_M = 8.0
+"""Height of a tree of scale 1, for those whose height is mapped."""
+
+MOST_PER_AREA = 4000
+
+
+def trees(features: Features, areas: tuple[Area, ...], built: Any, seed: int) -> Iterator[Prop]:
+    """The trees of the frame; `built` is where none can stand (see `taken`)."""
+    box = features.box
+    for spot in features.spots:
+        if spot.tags.get("natural") == "tree":
+            yield _tree(spot.ref, spot.shape.x, spot.shape.y, spot.tags, stream(seed, f"tree/{spot.ref}"))
+    for line in features.lines:
+        if line.tags.get("natural") == "tree_row":
+            yield from _row(line.ref, line.shape, line.tags, box, stream(seed, f"row/{line.ref}"))
+    yield from _sown(areas, built, seed)
+
+
+def taken(wet: Any, buildings: Iterable[Building], roads: Iterable[Road]) -> Any:
+    """Water, buildings and roads with a little room around them, prepared for questions."""
+    import shapely
+
+    houses = [shapely.Polygon(building.polygon).buffer(1.5, quad_segs=1) for building in buildings]
+    whole = shapely.union_all([wet, *houses, pavement(roads)])
+    shapely.prepare(whole)
+    return whole
+
+
+def pavement(roads: Iterable[Road]) -> Any:
+    """What lanes cover, with a margin of half a metre."""
+    import shapely
+
+    lanes = [
+        shapely.LineString([point[:2] for point in lane.shape]).buffer(lane.width_m / 2.0 + 0.5, quad_segs=1)
+        for road in roads
+        for lane in road.lanes
+        if len(lane.shape) > 1
+    ]
+    return shapely.union_all(lanes)
+
+
+# -- private
+
+
+def _row(ref: str, line: Any, tags: dict[str, str], box: Any, chance: Random) -> Iterator[Prop]:
+    count = max(1, round(line.length / ROW_M))
+    for k in range(count + 1):
+        spot = line.interpolate(k / count, normalized=True)
+        tree = _tree(f"{ref}-{k}", spot.x, spot.y, tags, chance)
+        if box.contains(spot):
+            yield tree
+
+
+def _sown(areas: tuple[Area, ...], built: Any, seed: int) -> Iterator[Prop]:
+    """Trees of green areas: at most one in each square of a grid, so that none crowd; where areas overlap the one
+    painted last decides."""
+    import shapely
+
+    shapes = [shapely.Polygon(area.polygon, area.holes) for area in areas]
+    index = shapely.STRtree(shapes)
+    for number, (area, shape) in enumerate(zip(areas, shapes, strict=True)):
+        if area.surface not in SOWN_M:
+            continue
+        west, south, *_ = shape.bounds
+        chance = stream(seed, f"sown/{area.surface}/{west:.1f}/{south:.1f}")
+        spots = list(_spots(shape.bounds, *SOWN_M[area.surface], chance))[:MOST_PER_AREA]
+        if not spots:
+            continue
+        xs, ys = [x for x, _ in spots], [y for _, y in spots]
+        inside = shapely.contains_xy(shape, xs, ys) & ~shapely.contains_xy(built, xs, ys)
+        over = [k for k in index.query(shape) if k > number and areas[k].surface in (*SOWN_M, *FIELDS)]
+        for k in over:
+            inside &= ~shapely.contains_xy(shapes[k], xs, ys)
+        for k, ((x, y), stands) in enumerate(zip(spots, inside.tolist(), strict=True)):
+            tree = _tree(f"{area.surface}-{number}-{k}", x, y, {}, chance)
+            if stands:
+                yield tree
+
+
+def _spots(bounds: tuple[float, ...], side: float, share: float, chance: Random) -> Iterator[tuple[float, float]]:
+    west, south, east, north = bounds
+    for column in range(floor(west / side), ceil(east / side)):
+        for row in range(floor(south / side), ceil(north / side)):
+            x, y = (column + chance.uniform(0.1, 0.9)) * side, (row + chance.uniform(0.1, 0.9)) * side
+            if chance.random() < share:
+                yield round(x, 2), round(y, 2)
+
+
+def _tree(ref: str, x: float, y: float, tags: dict[str, str], chance: Random) -> Prop:
+    size, heading, variant = chance.uniform(0.75, 1.35), chance.uniform(0.0, 360.0), chance.randrange(1000)
+    height = metres(tags, "height")
+    scale = min(max(height / USUAL_M, 0.3), 4.0) if height else size
+    pine = tags.get("leaf_type") == "needleleaved"
+    return Prop(id=f"tree-{ref}", cls="tree", model="pine" if pine else "tree", position=(x, y, 0.0),
+                scale=round(scale, 3), heading_deg=round(heading, 1), options={"variant": variant})  # fmt: skip
