@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Literal
 
 from lingjing.dsl import syntax as s
-from lingjing.dsl.blocks import BlockReader, Key
+from lingjing.dsl.blocks import BlockReader, Entry, Key
 from lingjing.dsl.rules import RuleChecker
 from lingjing.dsl.scope import RULE, STATIC, UNKNOWN, Scope, Value
 from lingjing.dsl.settings import SettingsChecker
@@ -14,7 +14,7 @@ from lingjing.dsl.typenames import with_article
 from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.diagnostics import Related
-from lingjing.mission.functions import FLAG, METRES, NUMBER, Type
+from lingjing.mission.functions import ENTITY, FLAG, METRES, NUMBER, Type
 
 KINDS = ("hard", "soft")
 ORDERS = ("strict", "any")
@@ -22,6 +22,7 @@ _INSPECTION_KEYS = {
     key.name: key
     for key in (
         Key("within", METRES, above=0, required=True),
+        Key("destination", ENTITY),
         Key("order", Type("name"), choices=ORDERS),
         Key("replan", Type("name")),
     )
@@ -131,6 +132,7 @@ class ConductChecker:
         if asset is None or None in by or "within" not in entries:
             return None
         order = _word(entries["order"].value) if "order" in entries else "strict"
+        destination = self._destination(entries.get("destination"))
         return model.Inspection(
             name=node.name.text,
             asset=asset.ir,
@@ -138,10 +140,20 @@ class ConductChecker:
             within=entries["within"].value.ir,
             order="any" if order == "any" else "strict",
             replan=_word(replan.value) if replan is not None else "",
+            destination=destination,
             when=guard,
         )
 
     # -- private
+
+    def _destination(self, entry: Entry | None) -> ex.Expr | None:
+        """Where the inspected route leads: an entity whose place is no secret, for every agent may see its route."""
+        if entry is None:
+            return None
+        place = self.scope.groups[entry.value.type.of].attributes.get("position")
+        if place is not None:
+            self.blocks.leak(place.taint, entry.node.value, "the route")
+        return entry.value.ir
 
     def _counted(self, channel: s.Channel) -> model.Counted | None:
         node = channel.source

@@ -285,6 +285,7 @@ class Printer:
             lines = [f"within = {self.text(one.within)}"]
             lines.extend([f"order = {one.order}"] if one.order != "strict" else [])
             lines.extend([f"replan = {one.replan}"] if one.replan else [])
+            lines.extend([] if one.destination is None else [f"destination = {self.text(one.destination)}"])
             head = f"inspection {one.name} of {self.text(one.asset)} by {', '.join(map(self.text, one.by))}"
             yield _block(f"{head}{self._when(one.when)}", lines)
 

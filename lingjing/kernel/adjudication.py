@@ -13,10 +13,12 @@ import math
 from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from lingjing.kernel.constraints import Watch
 from lingjing.kernel.instant import Instant
 from lingjing.kernel.predicates import planar
 from lingjing.kernel.registry import Binding, Registry, Report
 from lingjing.kernel.rules import bindings, holds, identity, rule_moves, settles_at_once
+from lingjing.kernel.stages import StageBook
 from lingjing.mission.expression import Call, Expr, children
 from lingjing.mission.instance import Datum, Entity, Instance
 from lingjing.mission.model import Rule
@@ -40,6 +42,8 @@ class Adjudicator:
         self._instance = instance
         self.kinds = frozenset(message.kind for message in instance.messages)
         self._groups = _groups(instance.entities)
+        self._watch = Watch(instance)
+        self._book = StageBook(instance)
         self._rules = {rule.name: rule for rule in instance.rules}
         ordered = _sorted_rules(instance.rules)
         self._moving = tuple(rule for rule in ordered if rule_moves(rule, self._rules, self.kinds))
@@ -61,7 +65,10 @@ class Adjudicator:
         last = Snapshot(time_s=registry.time_s, states=tuple(registry.states.values()))
         registry = self._apply(self._settled, registry, last, events)
         registry = self._apply(self._moving, registry, last, events)
+        registry, broken = self._watch.look(registry, snapshots, self.instant, len(events) + 1)
+        events.extend(broken)
         registry, stages = self._stages(registry)
+        registry = self._book.begin(registry)
         registry, unlocks = self._unlocks(registry)
         return Verdict(registry, tuple(events), stages, unlocks)
 

@@ -18,6 +18,7 @@ from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from lingjing.kernel.budgets import ALLOWANCE
 from lingjing.plugins.policy import Brief, Inbox, Observation, Policy
 from lingjing.trace.records import Decision, DecisionRecord
 
@@ -101,9 +102,18 @@ class PolicyBarrier:
         """Give every policy its brief; failures come back as answers with a reason."""
         return self._collect({name: _reset_call(policy, briefs[name]) for name, policy in self._policies.items()})
 
-    def act(self, inputs: Mapping[str, tuple[Observation, Inbox]]) -> tuple[DecisionRecord, ...]:
-        """Decisions in declaration order; a failed one is a no-op with the reason beside it."""
-        answers = self._collect({name: _act_call(self._policies[name], *inputs[name]) for name in self._policies})
+    def act(
+        self, inputs: Mapping[str, tuple[Observation, Inbox]], exhausted: Mapping[str, str] | None = None
+    ) -> tuple[DecisionRecord, ...]:
+        """Decisions in declaration order; a failed one is a no-op with the reason beside it.
+
+        `exhausted` are agents that are not asked, with the sentence that says why.
+        """
+        silent = exhausted or {}
+        asked = {name: policy for name, policy in self._policies.items() if name not in silent}
+        given = self._collect({name: _act_call(policy, *inputs[name]) for name, policy in asked.items()})
+        refused = {name: Answer(reason=ALLOWANCE, detail=detail) for name, detail in silent.items()}
+        answers = {name: {**given, **refused}[name] for name in self._policies}
         return tuple(_decision_record(name, _check(answer)) for name, answer in answers.items())
 
     def close(self) -> None:

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 
 import msgspec
 
+from lingjing.kernel.budgets import Tally
 from lingjing.kernel.candidates import REACH_M, is_number
 from lingjing.mission.instance import AgentSpec, Datum, Instance, MessageSpec
 from lingjing.mission.model import Field
@@ -54,10 +55,14 @@ class Router:
         self._kinds: Mapping[str, MessageSpec] = {message.kind: message for message in instance.messages}
 
     def expand(
-        self, candidates: Iterable[tuple[str, Sequence[Outgoing]]], tick: int, frames: Container[str]
+        self,
+        candidates: Iterable[tuple[str, Sequence[Outgoing]]],
+        tick: int,
+        frames: Container[str],
+        tally: Tally | None = None,
     ) -> tuple[tuple[Envelope, ...], tuple[Receipt, ...]]:
         """Admitted edges [M̂] and bus receipts [C^M] of the candidates, in policy order. `frames` are the ids of the
-        pictures taken so far: a report may only speak of one of them."""
+        pictures taken so far: a report may only speak of one of them. `tally` counts what is admitted."""
         edges: list[Envelope] = []
         receipts: list[Receipt] = []
         number = 0
@@ -65,10 +70,30 @@ class Router:
             for place, message in enumerate(messages):
                 number += 1
                 name = f"m{tick}-{number}"
-                new, receipt = self._one(name, sender, message, place, tick, frames)
+                new, receipt = self._counted(name, sender, message, place, tick, frames, tally)
                 edges.extend(new)
                 receipts.append(receipt)
         return tuple(edges), tuple(receipts)
+
+    def _counted(
+        self,
+        name: str,
+        sender: str,
+        message: Outgoing,
+        place: int,
+        tick: int,
+        frames: Container[str],
+        tally: Tally | None,
+    ) -> tuple[tuple[Envelope, ...], Receipt]:
+        """As `_one`, within the counted budgets and allowances."""
+        edges, receipt = self._one(name, sender, message, place, tick, frames)
+        if tally is None or receipt.status != "accepted":
+            return edges, receipt
+        reason, detail = tally.message(sender, message.kind)
+        if reason:
+            return (), self._receipt(name, sender, message, tick, "rejected", reason, detail)
+        tally.take_message(sender, message.kind)
+        return edges, receipt
 
     def _one(
         self, name: str, sender: str, message: Outgoing, place: int, tick: int, frames: Container[str]

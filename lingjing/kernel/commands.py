@@ -1,9 +1,10 @@
 """ValidateAndResolve: candidate commands become at most one admitted command per resource, the rest receipts.
 
 In the order of the collected policy outputs: unknown agent, stale tick, authority, action space, argument schema,
-busy resource, conflict. Arguments beyond their bounds are clipped, and the admission receipt says so. `stop` pre-empts
-what a resource is doing; everything else waits until the pending request has completed. Engines refuse what a dead
-entity is told; pictures are no engine's business, so a dead entity's are refused here.
+busy resource, conflict, permit, counted budget. Arguments beyond their bounds are clipped, and the admission receipt
+says so. `stop` pre-empts what a resource is doing and needs no permit; everything else waits until the pending request
+has completed. Engines refuse what a dead entity is told; pictures are no engine's business, so a dead entity's are
+refused here.
 """
 
 from __future__ import annotations
@@ -12,8 +13,11 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
+from lingjing.kernel.budgets import LIMIT, Tally
 from lingjing.kernel.candidates import REACH_M, is_number
+from lingjing.kernel.instant import Instant
 from lingjing.kernel.registry import Registry
+from lingjing.kernel.rules import holds
 from lingjing.mission.instance import AgentSpec, ArgumentSpec, Datum, Entity, Instance, VerbSpec
 from lingjing.trace.records import Action, Command, Receipt
 
@@ -52,8 +56,19 @@ class Gate:
         self._agents = {agent.id: agent for agent in instance.agents}
         self._entities = {entity.id: entity for entity in instance.entities}
 
-    def resolve(self, candidates: Iterable[tuple[str, Action | None]], registry: Registry, tick: int) -> Resolution:
-        """At most one command per resource; everything in policy order."""
+    def resolve(
+        self,
+        candidates: Iterable[tuple[str, Action | None]],
+        registry: Registry,
+        tick: int,
+        *,
+        tally: Tally | None = None,
+        at: Instant | None = None,
+    ) -> Resolution:
+        """At most one command per resource; everything in policy order.
+
+        `tally` counts what is admitted against the counted budgets, `at` is the instant that permits are judged at.
+        """
         admitted: dict[str, Command] = {}
         receipts: list[Receipt] = []
         clipped: dict[str, str] = {}
@@ -65,9 +80,12 @@ class Gate:
             name = f"c{tick}-{number}"
             resource = self._resource(sender, action)
             fault = self._fault(sender, action, resource, registry, tick, admitted)
+            fault = fault or self._conduct_fault(action, resource, tally, at)
             if fault is not None:
                 receipts.append(self._refusal(name, sender, resource, tick, fault))
                 continue
+            if tally is not None:
+                tally.take_command(resource, action.verb)
             admitted[resource], note = self._command(name, sender, action, resource, registry, tick)
             if note:
                 clipped[name] = note
@@ -106,6 +124,15 @@ class Gate:
             or self._schema_fault(action, resource)
             or _resource_fault(action, resource, registry, admitted)
         )
+
+    def _conduct_fault(self, action: Action, resource: str, tally: Tally | None, at: Instant | None) -> Fault | None:
+        """What the mission itself forbids for now, or for good."""
+        for permit in self._instance.permits if at is not None else ():
+            concerned = permit.resource == resource and permit.verb in ("", action.verb)
+            if concerned and action.verb != PREEMPTING and at is not None and not holds(permit.condition, {}, at):
+                return Fault("not_permitted", f"the mission does not permit `{action.verb}` of `{resource}` yet")
+        forbidden = tally.command(resource, action.verb) if tally is not None else ""
+        return Fault(LIMIT, forbidden) if forbidden else None
 
     def _authority_fault(self, agent: AgentSpec | None, resource: str) -> Fault | None:
         assert agent is not None

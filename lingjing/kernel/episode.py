@@ -99,7 +99,7 @@ def _loop(kernel: Kernel, barrier: PolicyBarrier, progress: Callable[[Progress],
         if published.record.tick >= kernel.instance.budget.ticks:
             return "budget"
         inputs = {name: (published.observations[name], published.inboxes[name]) for name in published.observations}
-        published = kernel.step(barrier.act(inputs))
+        published = kernel.step(barrier.act(inputs, kernel.exhausted()))
 
 
 def _last_event(published: Published, before: str) -> str:

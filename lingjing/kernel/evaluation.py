@@ -2,7 +2,9 @@
 
 The built-in evaluator reads the mission's own success and failure conditions. Its score is the subtask completion
 rate: the share of the success condition's parts that hold, where `forall v in victim: rescued(v)` has one part for
-each victim and a conjunction adds up the parts of its sides.
+each victim and a conjunction adds up the parts of its sides; or, where stages have weights, the weighted share of the
+stages that are done. Broken soft constraints take their penalties off it. A broken hard constraint fails the episode;
+a stage that is late has used up the budget.
 """
 
 from __future__ import annotations
@@ -12,9 +14,11 @@ from dataclasses import dataclass
 from typing import Literal, Protocol
 
 from lingjing.kernel.adjudication import Adjudicator
+from lingjing.kernel.constraints import Watch
 from lingjing.kernel.instant import Instant, Locals
 from lingjing.kernel.registry import Registry
 from lingjing.kernel.rules import holds
+from lingjing.kernel.stages import StageBook
 from lingjing.mission.expression import Binary, Expr, Quantified
 from lingjing.mission.instance import Instance
 from lingjing.trace.records import Event
@@ -45,17 +49,29 @@ class MissionEvaluator:
     def __init__(self, instance: Instance, adjudicator: Adjudicator) -> None:
         self._instance = instance
         self._adjudicator = adjudicator
+        self._watch = Watch(instance)
+        self._book = StageBook(instance)
 
     def evaluate(self, registry: Registry, events: Sequence[Event]) -> Evaluation:
         """Success before failure: a mission won at the boundary where it would be lost is won."""
         at = self._adjudicator.instant(registry, registry.states, registry.time_s)
-        parts = list(parts_of(self._instance.success, {}, at))
-        score = sum(parts) / len(parts) if parts else 0.0
+        score = self._score(registry, at)
+        if self._watch.broke_a_hard_one(registry):
+            return Evaluation(score, True, "failure")
         if holds(self._instance.success, {}, at):
             return Evaluation(score, True, "success")
         if self._instance.failure is not None and holds(self._instance.failure, {}, at):
             return Evaluation(score, True, "failure")
+        if next(self._book.late(registry), None) is not None:
+            return Evaluation(score, True, "budget")
         return Evaluation(score, False)
+
+    def _score(self, registry: Registry, at: Instant) -> float:
+        score = self._book.score(registry)
+        if score is None:
+            parts = list(parts_of(self._instance.success, {}, at))
+            score = sum(parts) / len(parts) if parts else 0.0
+        return max(0.0, score - self._watch.penalty(registry))
 
 
 def parts_of(condition: Expr, scope: Locals, at: Instant) -> Iterator[bool]:

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from lingjing.errors import UsageError
 from lingjing.kernel.predicates import FUNCTIONS
 from lingjing.mission.expression import Call, Expr, children
-from lingjing.mission.instance import Allowance, Budget, Instance
+from lingjing.mission.instance import Instance
 
 
 def check_playable(instance: Instance) -> None:
@@ -26,28 +26,13 @@ def check_playable(instance: Instance) -> None:
 
 def unplayed(instance: Instance) -> Iterator[str]:
     """Names of what the kernel would pass over, in the order of the specification."""
-    if instance.mode == "single":
-        yield "single mode"
-    if _allows(instance.budget) or any(agent.budget is not None for agent in instance.agents):
-        yield "budgets of tokens, money or messages"
     comms = instance.comms
     if comms.range_m is not None or comms.loss > 0 or comms.receipts != "own":
         yield "range, loss or shared receipts of messages"
-    if any(stage.ticks is not None or stage.weight is not None for stage in instance.stages):
-        yield "ticks and weights of stages"
     if any(region.on_map is not None for region in instance.regions):
         yield "regions along roads"
-    if any(entity.dormant for entity in instance.entities):
-        yield "things that appear later"
-    for name in ("limits", "permits", "constraints", "inspections", "events", "reveals"):
-        if getattr(instance, name):
-            yield name
     for condition in _conditions(instance):
         yield from (f"`{name}(…)` in rules" for name in _unknown_calls(condition))
-
-
-def _allows(budget: Budget | Allowance) -> bool:
-    return any(limit is not None for limit in (budget.tokens, budget.money_usd, budget.messages))
 
 
 def _conditions(instance: Instance) -> Iterator[Expr]:
@@ -56,6 +41,8 @@ def _conditions(instance: Instance) -> Iterator[Expr]:
         yield instance.failure
     yield from (rule.condition for rule in instance.rules)
     yield from (unlock.condition for unlock in instance.unlocks)
+    yield from (permit.condition for permit in instance.permits)
+    yield from (constraint.condition for constraint in instance.constraints)
     yield from (stage.condition for stage in instance.stages)
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 
+from lingjing.kernel.budgets import limit_key
 from lingjing.kernel.instant import Instant, Value
 from lingjing.mission.instance import Entity
 
@@ -123,6 +124,44 @@ def _abs(arguments: Sequence[Value], at: Instant) -> Value:
     return abs(numbers[0]) if numbers else None
 
 
+def _inspected(arguments: Sequence[Value], at: Instant) -> Value:
+    """Every waypoint of the route as it is now has been inspected by this instant."""
+    known = at.registry.course.inspected.get(str(arguments[0]))
+    return known is not None and known.complete_s is not None and known.complete_s <= at.time_s
+
+
+def _clear(arguments: Sequence[Value], at: Instant) -> Value:
+    """No target that blocks, and is there, stands within its radius of the route as it is now."""
+    inspection = next((one for one in at.instance.inspections if one.name == arguments[0]), None)
+    route = at.registry.routes.get(inspection.asset) if inspection is not None else None
+    if route is None:
+        return None
+    return not any(_blocks(entity, route.waypoints, at) for entity in at.instance.entities)
+
+
+def _blocks(entity: Entity, waypoints: Sequence[tuple[float, ...]], at: Instant) -> bool:
+    radius, here = entity.properties.get("radius_m"), planar(entity, at)
+    if entity.properties.get("blocks") is not True or here is None or not isinstance(radius, int | float):
+        return False
+    if at.states[entity.id].status in ("dormant", "cleared"):
+        return False
+    return any(math.dist(here, waypoint[:2]) <= radius for waypoint in waypoints)
+
+
+def _replans(arguments: Sequence[Value], at: Instant) -> Value:
+    """How often the route was planned anew: routes are numbered from 1."""
+    inspection = next((one for one in at.instance.inspections if one.name == arguments[0]), None)
+    route = at.registry.routes.get(inspection.asset) if inspection is not None else None
+    return None if inspection is None else float(max(0, route.number - 1) if route is not None else 0)
+
+
+def _used(arguments: Sequence[Value], at: Instant) -> Value:
+    """What a counted budget has counted; one inside a stage is found by its own name."""
+    used = at.registry.course.used
+    keys = [limit_key(limit) for limit in at.instance.limits if limit.name == arguments[0]]
+    return float(sum(used.get(key, 0) for key in keys)) if keys else None
+
+
 FUNCTIONS: Mapping[str, Callable[[Sequence[Value], Instant], Value]] = {
     "distance_xy": _distance_xy,
     "iou": _iou,
@@ -132,5 +171,9 @@ FUNCTIONS: Mapping[str, Callable[[Sequence[Value], Instant], Value]] = {
     "min": _min,
     "max": _max,
     "abs": _abs,
+    "inspected": _inspected,
+    "clear": _clear,
+    "replans": _replans,
+    "used": _used,
 }
 """Every function of a rule by its name in the language."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
+from lingjing.kernel.course import Course
 from lingjing.kernel.ledger import Ledger
 from lingjing.mission.geometry2d import contains
 from lingjing.mission.instance import Cell, Datum, Entity, Instance
@@ -65,7 +66,8 @@ class Registry:
     positions by matched entity; `claimed` holds (frame, entity) pairs that a report has been matched with; `emitted`
     maps (kind, entities) to the first time an engine said so; `assignments` are the destinations given to a resource
     at the latest boundary where it was given any; `unlocked` the (interaction, entity) pairs the kernel has allowed;
-    `routes` the latest route of each entity that one was planned for.
+    `routes` the latest route of each entity that one was planned for; `course` what budgets, inspections, stages and
+    constraints keep.
     """
 
     tick: int = 0
@@ -85,6 +87,7 @@ class Registry:
     unlocked: Mapping[tuple[str, str], int] = field(default_factory=dict)
     stages: Mapping[tuple[str, str], int] = field(default_factory=dict)
     routes: Mapping[str, Route] = field(default_factory=dict)
+    course: Course = field(default_factory=Course)
 
     def with_boundary(self, tick: int, time_s: float, states: Iterable[BodyState]) -> Registry:
         """The registry at the next boundary's telemetry."""

@@ -277,7 +277,7 @@ def moving(expr: Expr, rules: Mapping[str, Rule], entities: frozenset[str], kind
         if expr.rule:
             rule = rules.get(expr.function)
             return rule is not None and rule_moves(rule, rules, kinds)
-        if expr.function in ("distance_xy", "emitted"):
+        if expr.function in ("distance_xy", "emitted", "inspected", "clear"):
             return True
         return any(moving(item, rules, entities, kinds) for item in expr.arguments if not isinstance(item, Ref))
     if isinstance(expr, Ref):
@@ -310,6 +310,6 @@ def _fixed(expr: Expr, report: str, rules: Mapping[str, Rule], kinds: frozenset[
         about = any(isinstance(argument, Ref) and argument.name == report for argument in expr.arguments)
         rule = rules.get(expr.function)
         return about and rule is not None and settles_at_once(rule, rules, kinds)
-    if isinstance(expr, Call) and expr.function in ("assigned", "emitted"):
+    if isinstance(expr, Call) and expr.function in ("assigned", "emitted", "inspected", "clear", "replans", "used"):
         return False
     return all(_fixed(child, report, rules, kinds) for child in children(expr))

@@ -18,12 +18,16 @@ import msgspec
 
 from lingjing.kernel import assignments, pictures
 from lingjing.kernel.adjudication import Adjudicator, Verdict
+from lingjing.kernel.budgets import Budgets
 from lingjing.kernel.bus import Bus, Router
 from lingjing.kernel.candidates import received
 from lingjing.kernel.commands import PHOTO, Gate, Resolution
+from lingjing.kernel.course import Course
 from lingjing.kernel.evaluation import Evaluation, Evaluator, MissionEvaluator, combine
+from lingjing.kernel.inspections import Inspections, commands_of
 from lingjing.kernel.playable import check_playable
 from lingjing.kernel.recording import inbox_record, observation_record, substitutions
+from lingjing.kernel.references import References, is_reference
 from lingjing.kernel.registry import UNLOCK, Registry, Report, initial
 from lingjing.kernel.relations import RelationTracker
 from lingjing.kernel.visibility import Projector
@@ -80,10 +84,11 @@ class _Inputs:
 
     decisions: tuple[DecisionRecord, ...] = ()
     resolved: Resolution = field(default_factory=Resolution)
-    unlocks: tuple[Command, ...] = ()
+    own: tuple[Command, ...] = ()
     envelopes: tuple[Envelope, ...] = ()
     reports: tuple[Report, ...] = ()
     receipts: tuple[Receipt, ...] = ()
+    course: Course = field(default_factory=Course)
     started: float = field(default_factory=time.perf_counter)
 
 
@@ -113,6 +118,9 @@ class Kernel:
         self._adjudicator = Adjudicator(instance)
         self._projector = Projector(instance)
         self._relations = RelationTracker(instance)
+        self._budgets = Budgets(instance)
+        self._inspections = Inspections(instance)
+        self._references = References(instance)
         self._evaluators = tuple(evaluators) or (MissionEvaluator(instance, self._adjudicator),)
         self.state = KernelState(registry=initial(instance))
 
@@ -130,19 +138,25 @@ class Kernel:
         started = time.perf_counter()
         decisions = tuple(received(made) for made in decisions)
         registry, tick = self.state.registry, self.state.registry.tick + 1
+        tally = self._budgets.tally(registry)
         envelopes, about_messages = self._router.expand(  # line 29: ValidateAndExpand
-            [(made.agent, made.decision.messages) for made in decisions], tick, registry.frames
+            [(made.agent, made.decision.messages) for made in decisions], tick, registry.frames, tally
         )
         resolved = self._gate.resolve(  # line 30: ValidateAndResolve
-            [(made.agent, made.decision.command) for made in decisions], registry, tick
+            [(made.agent, made.decision.command) for made in decisions],
+            registry,
+            tick,
+            tally=tally,
+            at=self._adjudicator.instant(registry, registry.states, registry.time_s),
         )
+        course = self._budgets.spend(tally.onto(registry.course), decisions)
         self.state = replace(self.state, bus=self.state.bus.stage(envelopes))  # line 31
         motion = tuple(command for command in resolved.commands if command.verb != PHOTO)
-        unlocks = self._unlocking(tick)
-        boundary = self.world.step(tick, unlocks + motion)  # lines 32 to 42
-        receipts = about_messages + resolved.receipts + substitutions(decisions, tick, registry.time_s)
         reports = _reports(decisions, about_messages)
-        return self._commit(boundary, _Inputs(decisions, resolved, unlocks, envelopes, reports, receipts, started))
+        own = self._own_commands(tick, reports)
+        boundary = self.world.step(tick, own + motion)  # lines 32 to 42
+        receipts = about_messages + resolved.receipts + substitutions(decisions, tick, registry.time_s)
+        return self._commit(boundary, _Inputs(decisions, resolved, own, envelopes, reports, receipts, course, started))
 
     def fork(self, record: Record | None = None) -> Kernel:
         """A kernel that goes on alone from this boundary: engines forked, state copied, its own recorder."""
@@ -152,9 +166,13 @@ class Kernel:
         other._record = record
         return other
 
-    def _unlocking(self, tick: int) -> tuple[Command, ...]:
-        """Kernel-origin commands for the interactions that the last boundary allowed."""
-        return tuple(
+    def exhausted(self) -> dict[str, str]:
+        """The agents that may not be asked any more, with the reason: their allowances are spent."""
+        return self._budgets.exhausted(self.state.registry.course, [agent.id for agent in self.instance.agents])
+
+    def _own_commands(self, tick: int, reports: Sequence[Report]) -> tuple[Command, ...]:
+        """Kernel-origin commands: the interactions that the last boundary allowed, the routes that are asked for."""
+        unlocks = tuple(
             Command(
                 id=f"{_UNLOCK_ID}{tick}-{number}",
                 tick=tick,
@@ -165,6 +183,7 @@ class Kernel:
             )
             for number, (interaction, entity) in enumerate(self.state.unlocks, 1)
         )
+        return unlocks + commands_of(self._inspections.wanted(tick, reports), tick, KERNEL, len(unlocks) + 1)
 
     def _commit(self, boundary: WorldBoundary, inputs: _Inputs) -> Published:
         before = self.state.registry
@@ -195,6 +214,7 @@ class Kernel:
 
     def _capture(self, boundary: WorldBoundary, commands: Sequence[Command]) -> tuple[StoredFrame | Absent, ...]:
         wanted = pictures.requests(self.instance, commands, boundary.tick, boundary.time_s)
+        wanted += self._references.requests(boundary.tick, boundary.time_s)
         if not wanted:
             return ()
         now = boundary.snapshots[-1]
@@ -205,7 +225,7 @@ class Kernel:
     ) -> tuple[Receipt, ...]:
         """C^E: admissions (a missing one is timed out, lines 35 to 38), later receipts of long requests, pictures."""
         commands = inputs.resolved.commands
-        sent = {command.id: command for command in inputs.unlocks + commands}
+        sent = {command.id: command for command in inputs.own + commands}
         missing = tuple(
             Receipt(
                 request=name,
@@ -250,13 +270,14 @@ class Kernel:
         receipts: Sequence[Receipt],
         frames: Sequence[StoredFrame],
     ) -> Registry:
-        return (
-            registry.with_boundary(boundary.tick, boundary.time_s, boundary.snapshots[-1].states)
+        updated = (
+            replace(registry, course=inputs.course)
+            .with_boundary(boundary.tick, boundary.time_s, boundary.snapshots[-1].states)
             .with_receipts(inputs.resolved.commands, receipts)
-            .with_lost_unlocks(inputs.unlocks, boundary.missing)
+            .with_lost_unlocks(inputs.own, boundary.missing)
             .with_events(boundary.events)
             .with_routes(boundary.routes)
-            .with_frames([frame.info for frame in frames], self.instance)
+            .with_frames([frame.info for frame in frames if not is_reference(frame)], self.instance)
             .with_reports(inputs.reports)
             .with_assignments(
                 (
@@ -265,6 +286,7 @@ class Kernel:
                 )
             )
         )
+        return self._inspections.follow(registry, updated, boundary.snapshots)
 
     def _observe(
         self, registry: Registry, boundary: WorldBoundary, answers: Sequence[StoredFrame | Absent]
@@ -282,6 +304,9 @@ class Kernel:
                 task_events=boundary.events,
                 adjudicated=self.state.adjudicated,
             )
+            revealed = self._references.shown_to(agent, shown)
+            if revealed:
+                observation = replace(observation, pictures=observation.pictures + revealed)
             if agent.id in self._privileged:
                 mine = {picture.frame for picture in observation.pictures}
                 truth = self._projector.privileged(registry, [frame.info for frame in frames if frame.info.id in mine])
@@ -315,7 +340,7 @@ class Kernel:
             ),
             inboxes=tuple(inbox_record(agent.id, inboxes[agent.id]) for agent in self.instance.agents),
             decisions=inputs.decisions,
-            commands=inputs.unlocks + inputs.resolved.commands,
+            commands=inputs.own + inputs.resolved.commands,
             messages=inputs.envelopes,
             receipts=tuple(receipts),
             events=verdict.events,

@@ -96,9 +96,16 @@ def inspections(mission: model.Mission, scope: Scope) -> tuple[InspectionSpec, .
                 (asset,) = members(item.asset, scope)
                 by = tuple(dict.fromkeys(one for expr in item.by for one in members(expr, scope)))
                 within = number(item.within, scope)
+                destination = "" if item.destination is None else members(item.destination, scope)[0]
             made.append(
                 InspectionSpec(
-                    name=item.name, asset=asset, by=by, within_m=within, order=item.order, replan=item.replan
+                    name=item.name,
+                    asset=asset,
+                    by=by,
+                    within_m=within,
+                    order=item.order,
+                    replan=item.replan,
+                    destination=destination,
                 )
             )
     return tuple(made)

@@ -250,9 +250,6 @@ _SIGNATURES = (
 AGGREGATES: dict[str, Type] = {"count": FLAG, "sum": QUANTITY, "min": QUANTITY, "max": QUANTITY}
 """Functions over a group: `sum(o.demand for o in order)`, and what their body is. They stand in rules only."""
 
-NOT_PLAYED = frozenset(("inspected", "clear", "replans", "used"))
-"""Functions that the language knows and the kernel's rules do not evaluate yet."""
-
 FUNCTIONS: dict[str, Signature] = {s.name: s for s in _SIGNATURES if s.where != "draw"}
 """What may be called in expressions, by name."""
 

@@ -47,7 +47,8 @@ class Allowance(Record, frozen=True, kw_only=True):
 
 
 class Weather(Record, frozen=True, kw_only=True):
-    """Boundary conditions of the air and the sea. Directions are compass degrees, wind *from*, current *towards*."""
+    """Boundary conditions of the air and the sea. Directions are compass degrees, wind *from*, current *towards*.
+    `cloud` and `rain` run from 0 to 1: the covered share of the sky, and dry to a downpour."""
 
     wind_mps: float = 0.0
     wind_from_deg: float = 0.0
@@ -58,6 +59,7 @@ class Weather(Record, frozen=True, kw_only=True):
     current_mps: float = 0.0
     current_to_deg: float = 0.0
     cloud: float = 0.2
+    rain: float = 0.0
     sun_azimuth_deg: float = 150.0
     sun_elevation_deg: float = 45.0
 
@@ -234,7 +236,7 @@ class PermitSpec(Record, frozen=True, kw_only=True):
 
 
 class InspectionSpec(Record, frozen=True, kw_only=True):
-    """An inspection of the route of `asset`: see `lingjing.mission.model.Inspection`."""
+    """An inspection of the route of `asset`: see `lingjing.mission.model.Inspection`; `destination` is an entity."""
 
     name: str
     asset: str
@@ -242,6 +244,7 @@ class InspectionSpec(Record, frozen=True, kw_only=True):
     within_m: float
     order: Literal["strict", "any"] = "strict"
     replan: str = ""
+    destination: str = ""
 
 
 class EventSpec(Record, frozen=True, kw_only=True):

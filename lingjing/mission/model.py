@@ -326,7 +326,8 @@ class Inspection(Record, frozen=True, kw_only=True):
 
     The waypoints of the asset's route must each come within reach of one of the inspectors, in their order if `order`
     is `strict`. A message of the kind `replan` asks the asset's engine for another route; the inspection then starts
-    again at its first waypoint.
+    again at its first waypoint. With a `destination` (a target) the engine is asked for the way there at the start;
+    without one the route is that of the asset's own command.
     """
 
     name: str
@@ -336,6 +337,7 @@ class Inspection(Record, frozen=True, kw_only=True):
     order: Literal["strict", "any"] = "strict"
     replan: str = ""
     when: Guard | None = None
+    destination: Expr | None = None
 
 
 class Change(Record, frozen=True, kw_only=True):

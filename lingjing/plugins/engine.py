@@ -52,13 +52,17 @@ class Boundary(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class CaptureRequest(msgspec.Struct, frozen=True, kw_only=True):
-    """Take one picture now: `frame` is the id it will have, `entity` and `camera` name the mount."""
+    """Take one picture now: `frame` is the id it will have, `entity` and `camera` name the mount.
+
+    With a `pose` the picture is taken from there, of the entity; its channel is rgb alone.
+    """
 
     frame: str
     entity: str
     camera: str
     tick: int
     time_s: float
+    pose: CameraPose | None = None
 
 
 @dataclass(frozen=True, slots=True)

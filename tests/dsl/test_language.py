@@ -24,6 +24,7 @@ use std.ground { car }
 use std.sea { lifeboat, person_in_water }
 use std.messages { report, assignment, trafficJam }
 use std.sensors { nadir_hd }
+use std.traffic { destination }
 """
 # A statement's beginning → what stands in the mission if an example does not say it itself.
 REST = {

@@ -15,7 +15,7 @@ from lingjing.kernel.adjudication import Adjudicator
 from lingjing.kernel.registry import initial
 from lingjing.kernel.rules import evaluate
 from lingjing.mission.expression import Aggregate, Attr, Binary, Call, Number, Ref
-from lingjing.mission.instance import EventSpec
+from lingjing.mission.instance import Region
 
 EAST = Attr(base=Attr(base=kit.local("v"), name="position"), name="east")
 
@@ -52,9 +52,11 @@ def test_functions_of_numbers(name, expected):
 
 
 def test_a_mission_that_says_more_than_the_kernel_plays_does_not_start():
-    instance = msgspec.structs.replace(kit.make_instance(), events=(EventSpec(name="storm", tick=3),))
-    with pytest.raises(UsageError, match="`kit` cannot be played yet: the kernel does not know events"):
+    instance = msgspec.structs.replace(
+        kit.make_instance(), regions=(Region(name="street", polygon=(), on_map=Number(value=1.0)),)
+    )
+    with pytest.raises(UsageError, match="`kit` cannot be played yet: the kernel does not know regions along roads"):
         kit.make_kernel(instance)
-    inspected = kit.make_instance(success=Call(function="inspected", arguments=()))
-    with pytest.raises(UsageError, match=r"`inspected\(…\)` in rules"):
+    inspected = kit.make_instance(success=Call(function="levitates", arguments=()))
+    with pytest.raises(UsageError, match=r"`levitates\(…\)` in rules"):
         kit.make_kernel(inspected)

@@ -38,6 +38,9 @@ def add_inspections(mission: model.Mission, draft: Draft) -> None:
         node = draft.node("inspection", inspection.name, detail=f"within {spell(inspection.within)}, {order}", at=at)
         for asset in groups_in(inspection.asset, draft):
             draft.edge("adjudicates", node, asset, label="route")
+        if inspection.destination is not None:
+            for place in groups_in(inspection.destination, draft):
+                draft.edge("adjudicates", node, place, label="leads to")
         for expr in inspection.by:
             for inspector in groups_in(expr, draft):
                 draft.edge("requires", node, inspector, label="by")

@@ -1,0 +1,69 @@
+"""Constraints: what must hold all along, looked at in every macro-step, broken at most once for each subject."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+from lingjing.kernel.instant import Instant
+from lingjing.kernel.registry import Registry
+from lingjing.kernel.rules import bindings, holds, identity
+from lingjing.mission.expression import Number
+from lingjing.mission.instance import Instance
+from lingjing.mission.model import Constraint
+from lingjing.trace.records import BodyState, Event, Snapshot
+
+At = Callable[[Registry, Mapping[str, BodyState], float], Instant]
+
+
+class Watch:
+    """The constraints of one instance; holds no run-time state."""
+
+    def __init__(self, instance: Instance) -> None:
+        self._constraints = instance.constraints
+
+    def look(
+        self, registry: Registry, snapshots: Sequence[Snapshot], instant: At, first: int
+    ) -> tuple[Registry, tuple[Event, ...]]:
+        """The registry that knows what was broken, and an event for each; their ids go on from `first`."""
+        events: list[Event] = []
+        broken = dict(registry.course.broken)
+        for snapshot in snapshots if self._constraints else ():
+            at = instant(registry, {state.id: state for state in snapshot.states}, snapshot.time_s)
+            for constraint in self._constraints:
+                for subject in _offenders(constraint, at):
+                    if (constraint.name, subject) not in broken:
+                        broken[constraint.name, subject] = snapshot.time_s
+                        events.append(_event(constraint, subject, at, first + len(events)))
+        if not events:
+            return registry, ()
+        return replace(registry, course=replace(registry.course, broken=broken)), tuple(events)
+
+    def broke_a_hard_one(self, registry: Registry) -> bool:
+        """Whether the episode can be no success any more."""
+        hard = {constraint.name for constraint in self._constraints if constraint.kind == "hard"}
+        return any(name in hard for name, _ in registry.course.broken)
+
+    def penalty(self, registry: Registry) -> float:
+        """What the broken soft constraints take off the score."""
+        cost = {one.name: one.penalty.value for one in self._constraints if isinstance(one.penalty, Number)}
+        return sum(cost.get(name, 0.0) for name, _ in registry.course.broken)
+
+
+def _offenders(constraint: Constraint, at: Instant) -> list[str]:
+    domain = ((constraint.variable, constraint.domain),) if constraint.variable and constraint.domain else ()
+    return [
+        "".join(identity(value) for value in scope.values())
+        for scope in bindings(domain, at)
+        if not holds(constraint.condition, scope, at)
+    ]
+
+
+def _event(constraint: Constraint, subject: str, at: Instant, number: int) -> Event:
+    return Event(
+        id=f"e{at.registry.tick}-{number}",
+        kind=constraint.name,
+        tick=at.registry.tick,
+        time_s=at.time_s,
+        bindings=(subject,) if subject else (),
+    )

@@ -1,0 +1,88 @@
+"""Stages over time: when one begins for a subject, when it is late, what it is worth.
+
+A stage begins when the stages it depends on are done, for the same subject where both have subjects; one that depends
+on nothing begins with the episode. A stage with `ticks` that is not done that many ticks after its beginning is late,
+and the episode has run out of its budget. Where any stage has a weight, the score is the weighted share of the stages
+that are done, each by the share of its subjects; otherwise it is that of the success condition.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+from lingjing.kernel.registry import Registry
+from lingjing.mission.expression import Number
+from lingjing.mission.instance import Instance
+from lingjing.mission.model import Stage
+
+EVERYONE = ""
+"""The subject of a stage that has none."""
+
+
+class StageBook:
+    """The stages of one instance; holds no run-time state."""
+
+    def __init__(self, instance: Instance) -> None:
+        self._stages = instance.stages
+        self._subjects = {stage.name: _subjects(stage, instance) for stage in instance.stages}
+        self._needs: dict[str, tuple[str, ...]] = {stage.name: () for stage in instance.stages}
+        for relation in instance.relations:
+            if relation.kind == "dependency" and relation.target in self._needs:
+                self._needs[relation.target] = (*self._needs[relation.target], relation.source)
+        self._weights = {stage.name: _number(stage.weight, 1.0) for stage in instance.stages}
+        self._weighted = any(stage.weight is not None for stage in instance.stages)
+
+    def begin(self, registry: Registry) -> Registry:
+        """The registry that knows which stages have begun by its boundary."""
+        fresh = {
+            (stage.name, subject): registry.tick
+            for stage in self._stages
+            for subject in self._subjects[stage.name]
+            if (stage.name, subject) not in registry.course.began and self._may_begin(stage, subject, registry)
+        }
+        if not fresh:
+            return registry
+        return replace(registry, course=replace(registry.course, began={**registry.course.began, **fresh}))
+
+    def late(self, registry: Registry) -> Iterator[tuple[str, str]]:
+        """Stage and subject of what has passed its own bound of ticks without being done."""
+        for stage in self._stages:
+            if stage.ticks is None:
+                continue
+            for subject in self._subjects[stage.name]:
+                began = registry.course.began.get((stage.name, subject))
+                over = began is not None and registry.tick - began >= _number(stage.ticks, 0.0)
+                if over and (stage.name, subject) not in registry.stages:
+                    yield stage.name, subject
+
+    def score(self, registry: Registry) -> float | None:
+        """The weighted share of what is done, 0..1; None if no stage has a weight."""
+        whole = sum(self._weights.values())
+        if not self._weighted or whole <= 0:
+            return None
+        done = 0.0
+        for name, subjects in self._subjects.items():
+            share = sum((name, subject) in registry.stages for subject in subjects) / max(1, len(subjects))
+            done += self._weights[name] * share
+        return done / whole
+
+    def _may_begin(self, stage: Stage, subject: str, registry: Registry) -> bool:
+        return all(
+            (source, one) in registry.stages for source in self._needs[stage.name] for one in self._of(source, subject)
+        )
+
+    def _of(self, source: str, subject: str) -> tuple[str, ...]:
+        """The subjects for which the source must be done: the same one if it has it, else all of its own."""
+        subjects = self._subjects.get(source, ())
+        return (subject,) if subject in subjects else subjects
+
+
+def _subjects(stage: Stage, instance: Instance) -> tuple[str, ...]:
+    if not stage.variable or not stage.domain:
+        return (EVERYONE,)
+    return tuple(entity.id for entity in instance.entities if entity.group == stage.domain)
+
+
+def _number(value: object, default: float) -> float:
+    return value.value if isinstance(value, Number) else default

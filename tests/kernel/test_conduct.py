@@ -1,0 +1,306 @@
+"""What binds agents while a mission runs: permits, counted budgets, allowances, constraints, inspections, stages."""
+
+import sys
+from pathlib import Path
+
+import msgspec
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+import kernel_kit as kit
+from kernel_kit import decisions, does, make_instance, make_kernel, says
+
+from lingjing.kernel.barrier import PolicyBarrier
+from lingjing.kernel.rules import evaluate
+from lingjing.mission.expression import Binary, Call, Number, Ref, Symbol
+from lingjing.mission.instance import (
+    Allowance,
+    CommsSpec,
+    CountedSpec,
+    InspectionSpec,
+    LimitSpec,
+    PermitSpec,
+    RevealSpec,
+)
+from lingjing.mission.model import Constraint, Relation, Stage
+from lingjing.trace.records import Decision, Route, Usage
+
+BOAT = Ref(name="boat", kind="entity")
+NOW = Ref(name="now", kind="clock")
+ALWAYS_FALSE = Binary(operator="<", left=NOW, right=Number(value=-1.0))
+
+
+def after(seconds):
+    return Binary(operator=">=", left=NOW, right=Number(value=seconds))
+
+
+def refused(published, agent):
+    return [(r.status, r.reason) for r in published.inboxes[agent].receipts if r.status == "rejected"]
+
+
+def started(**changes):
+    kernel = make_kernel(make_instance(**changes))
+    kernel.reset()
+    return kernel
+
+
+# -- permits
+
+
+def test_a_command_waits_for_its_permit_and_stop_does_not():
+    kernel = started(permits=(PermitSpec(resource="boat", verb="go", condition=after(20.0)),))
+    answers = [refused(kernel.step(decisions(skipper=does("go", x=10, y=0))), "skipper") for _ in range(3)]
+    assert answers == [[("rejected", "not_permitted")], [("rejected", "not_permitted")], []]
+    all_of_them = started(permits=(PermitSpec(resource="boat", condition=ALWAYS_FALSE),))
+    assert refused(all_of_them.step(decisions(skipper=does("stop"))), "skipper") == []
+
+
+def test_a_permit_without_a_verb_is_for_all_of_them_and_for_that_resource_only():
+    kernel = started(permits=(PermitSpec(resource="boat", condition=ALWAYS_FALSE),))
+    out = kernel.step(decisions(scout_1=does("go", x=1, y=1), skipper=does("hop", distance=1)))
+    assert refused(out, "skipper") == [("rejected", "not_permitted")]
+    assert refused(out, "scout[1]") == []
+
+
+# -- counted budgets
+
+
+def test_a_limit_counts_admitted_commands_and_refuses_the_next():
+    limit = LimitSpec(name="moves", most=2, counts=(CountedSpec(kind="command", resource="boat"),))
+    kernel = started(limits=(limit,))
+    for _ in range(2):
+        assert refused(kernel.step(decisions(skipper=does("stop"))), "skipper") == []
+    assert refused(kernel.step(decisions(skipper=does("stop"))), "skipper") == [("rejected", "limit")]
+    assert kernel.state.registry.course.used == {"moves": 2}
+
+
+def test_what_is_refused_uses_nothing_up():
+    limit = LimitSpec(name="moves", most=1, counts=(CountedSpec(kind="command", resource="boat", name="go"),))
+    kernel = started(limits=(limit,))
+    kernel.step(decisions(skipper=does("go", x="far", y=0)))
+    kernel.step(decisions(skipper=does("stop")))
+    assert kernel.state.registry.course.used == {}
+
+
+def test_messages_of_a_kind_are_counted_in_policy_order():
+    limit = LimitSpec(name="words", most=1, counts=(CountedSpec(kind="message", name="order"),))
+    kernel = started(limits=(limit,))
+    out = kernel.step(decisions(scout_1=says("order", assignee="skipper"), scout_2=says("order", assignee="skipper")))
+    assert refused(out, "scout[1]") == []
+    assert refused(out, "scout[2]") == [("rejected", "limit")]
+    assert [message.sender for message in out.record.messages] == ["scout[1]", "scout[1]"]
+
+
+def test_a_limit_inside_a_stage_counts_while_the_stage_runs():
+    stages = (Stage(name="first", condition=after(20.0)), Stage(name="second", condition=after(1000.0)))
+    limit = LimitSpec(name="moves", most=1, counts=(CountedSpec(kind="command", resource="boat"),), stage="second")
+    kernel = started(
+        stages=stages, limits=(limit,), relations=(Relation(kind="dependency", source="first", target="second"),)
+    )
+    answers = [refused(kernel.step(decisions(skipper=does("stop"))), "skipper") for _ in range(5)]
+    assert answers == [[], [], [], [("rejected", "limit")], [("rejected", "limit")]]
+
+
+# -- allowances
+
+
+def test_an_agent_without_tokens_is_not_asked_any_more():
+    base = make_instance()
+    agents = tuple(
+        msgspec.structs.replace(one, budget=Allowance(tokens=100)) if one.id == "skipper" else one
+        for one in base.agents
+    )
+    kernel = started(agents=agents)
+    thinking = Decision(usage=Usage(calls=1, prompt_tokens=60, completion_tokens=20))
+    kernel.step(decisions(skipper=thinking))
+    assert kernel.exhausted() == {}
+    kernel.step(decisions(skipper=thinking))
+    assert list(kernel.exhausted()) == ["skipper"]
+    asked = []
+
+    class Asked:
+        async def reset(self, brief):
+            pass
+
+        async def act(self, observation, inbox):
+            asked.append(observation)
+            return Decision()
+
+    barrier = PolicyBarrier({"skipper": Asked(), "scout[1]": Asked()}, 5.0)
+    try:
+        made = barrier.act({"skipper": (1, 2), "scout[1]": (3, 4)}, kernel.exhausted())
+    finally:
+        barrier.close()
+    assert asked == [3]
+    assert [(one.agent, one.substituted) for one in made] == [("skipper", "allowance"), ("scout[1]", "")]
+
+
+def test_a_shared_allowance_of_money_ends_for_all():
+    base = make_instance()
+    kernel = started(budget=msgspec.structs.replace(base.budget, money_usd=0.10))
+    kernel.step(decisions(scout_1=Decision(usage=Usage(cost_usd=0.06)), scout_2=Decision(usage=Usage(cost_usd=0.06))))
+    assert list(kernel.exhausted()) == ["scout[1]", "scout[2]", "skipper"]
+
+
+def test_messages_beyond_the_allowance_are_refused():
+    base = make_instance()
+    kernel = started(budget=msgspec.structs.replace(base.budget, messages=1))
+    out = kernel.step(decisions(scout_1=says("order", assignee="skipper"), scout_2=says("order", assignee="skipper")))
+    assert refused(out, "scout[2]") == [("rejected", "allowance")]
+
+
+# -- constraints
+
+
+def test_a_broken_hard_constraint_fails_the_episode_at_the_macro_step_it_was_broken_in():
+    near = Binary(
+        operator="<=",
+        left=Call(function="distance_xy", arguments=(BOAT, Ref(name="uav", kind="group"))),
+        right=Number(value=150.0),
+    )
+    kernel = started(constraints=(Constraint(name="leash", kind="hard", condition=near),))
+    out = kernel.step(decisions(skipper=does("go", x=0, y=-200)))
+    (broken,) = [event for event in out.record.events if event.kind == "leash"]
+    assert broken.time_s == pytest.approx(1.5)  # 148.7 m apart after 1 s, 152.4 m after 1.5 s
+    assert (out.evaluation.done, out.evaluation.reason) == (True, "failure")
+
+
+def test_a_soft_constraint_costs_its_penalty_once_for_each_that_broke_it():
+    constraint = Constraint(
+        name="early", kind="soft", condition=Binary(operator="<", left=NOW, right=Number(value=15.0)),
+        variable="u", domain="uav", penalty=Number(value=0.2),
+    )  # fmt: skip
+    stages = (Stage(name="begin", condition=after(0.0), weight=Number(value=1.0)),)
+    kernel = started(constraints=(constraint,), stages=stages, relations=())
+    assert kernel.step(()).evaluation.reward == 1.0
+    for _ in range(2):
+        out = kernel.step(())
+        assert out.evaluation.reward == pytest.approx(0.6)
+        assert not out.evaluation.done
+
+
+# -- stages
+
+
+def test_a_late_stage_has_used_up_the_budget():
+    stage = Stage(name="soon", condition=ALWAYS_FALSE, ticks=Number(value=3.0))
+    kernel = started(stages=(stage,), relations=())
+    assert [kernel.step(()).evaluation.reason for _ in range(3)] == ["", "", "budget"]
+
+
+def test_a_stage_counts_its_ticks_from_the_end_of_what_it_depends_on():
+    stages = (
+        Stage(name="first", condition=after(20.0)),
+        Stage(name="second", condition=ALWAYS_FALSE, ticks=Number(value=2.0)),
+    )
+    kernel = started(stages=stages, relations=(Relation(kind="dependency", source="first", target="second"),))
+    assert [kernel.step(()).evaluation.reason for _ in range(4)] == ["", "", "", "budget"]
+
+
+def test_weights_make_the_score():
+    stages = (
+        Stage(name="one", condition=after(10.0), weight=Number(value=3.0)),
+        Stage(name="two", condition=after(20.0)),
+    )
+    kernel = started(stages=stages, relations=())
+    assert [kernel.step(()).evaluation.reward for _ in range(2)] == [0.75, 1.0]
+
+
+# -- inspections
+
+
+class Planner(kit.Glider):
+    """A glider that plans routes: straight on, or by the north if a place is to be avoided."""
+
+    def reset(self, spec, city, seed):
+        self.routes = []
+        return super().reset(spec, city, seed)
+
+    def admit(self, command):
+        if command.verb in ("route", "replan"):
+            assert command.origin == "kernel"
+            north = 60.0 if command.verb == "replan" else 0.0
+            number = len(self.routes) + 1
+            points = tuple((x, north, 0.0) for x in (100.0, 130.0, 160.0))
+            self.routes.append(
+                Route(entity=command.resource, number=number, waypoints=points, length_m=100.0, duration_s=10.0,
+                      time_s=self.time_s, request=command.id)
+            )  # fmt: skip
+            self.fresh = self.routes[-1:]
+        return super().admit(command)
+
+    def advance(self, until, mirrors):
+        fresh, self.fresh = tuple(getattr(self, "fresh", ())), []
+        return msgspec.structs.replace(super().advance(until, mirrors), routes=fresh)
+
+
+INSPECTION = InspectionSpec(
+    name="check", asset="boat", by=("uav[1]",), within_m=5.0, replan="order", destination="uav[2]"
+)
+INSPECTED = Call(function="inspected", arguments=(Symbol(name="check"),))
+
+
+def inspecting(**changes):
+    instance = make_instance(inspections=(msgspec.structs.replace(INSPECTION, **changes),))
+    permits = (PermitSpec(resource="boat", verb="go", condition=INSPECTED),)
+    kernel = make_kernel(msgspec.structs.replace(instance, permits=permits), kit.KitPlugin(glider=Planner))
+    kernel.reset()
+    return kernel
+
+
+def test_the_route_is_asked_for_and_inspected_waypoint_by_waypoint():
+    kernel = inspecting()
+    out = kernel.step(decisions(scout_1=does("go", x=130, y=0)))
+    assert next((command.verb, command.origin) for command in out.record.commands) == ("route", "kernel")
+    assert [route.number for route in out.record.routes] == [1]
+    assert sorted(kernel.state.registry.course.inspected["check"].seen) == [0, 1]
+    out = kernel.step(decisions(scout_1=does("go", x=160, y=0), skipper=does("go", x=0, y=0)))
+    assert refused(out, "skipper") == [("rejected", "not_permitted")]
+    assert kernel.state.registry.course.inspected["check"].complete_s == pytest.approx(12.5)
+    assert refused(kernel.step(decisions(skipper=does("go", x=0, y=0))), "skipper") == []
+
+
+@pytest.mark.parametrize(("order", "seen"), [("strict", []), ("any", [1, 2])])
+def test_out_of_order_counts_only_where_any_order_is_declared(order, seen):
+    kernel = inspecting(order=order, within_m=3.0)  # it has left the first waypoint before the first macro-step ends
+    kernel.step(decisions(scout_1=does("go", x=160, y=0)))
+    assert sorted(kernel.state.registry.course.inspected["check"].seen) == seen
+
+
+def test_a_replan_begins_the_inspection_again():
+    kernel = inspecting()
+    kernel.step(decisions(scout_1=does("go", x=160, y=0)))
+    assert kernel.state.registry.course.inspected["check"].complete_s is not None
+    out = kernel.step(decisions(scout_2=says("order", assignee="boat", position=(130.0, 0.0))))
+    assert ("replan", {"x": 130.0, "y": 0.0}) in [(one.verb, one.arguments) for one in out.record.commands]
+    known = kernel.state.registry.course.inspected["check"]
+    assert (known.route, known.complete_s, known.seen) == (2, None, frozenset())
+    at = kernel._adjudicator.instant(kernel.state.registry, kernel.state.registry.states, out.record.time_s)
+    replans = Call(function="replans", arguments=(Symbol(name="check"),))
+    assert evaluate(replans, {}, at) == 1.0
+
+
+# -- single mode, reference pictures, what appears later
+
+
+def test_in_single_mode_a_report_reaches_the_adjudicator_and_nobody_else():
+    base = make_instance()
+    kernel = started(
+        agents=base.agents[:1], comms=CommsSpec(mode="single", hub=None), relations=(), victims=((100.0, 0.0),)
+    )
+    frame = kernel.step(decisions(scout_1=does("takePhoto"))).observations["scout[1]"].pictures[0].frame
+    out = kernel.step(decisions(scout_1=kit.report(frame)))
+    assert out.record.messages == ()
+    assert {"matched", "reported"} <= {event.kind for event in out.record.events}
+
+
+def test_a_reference_picture_is_shown_once_to_its_role_without_the_place_and_nothing_may_be_reported_from_it():
+    kernel = make_kernel(make_instance(reveals=(RevealSpec(what="image", entities=("victim[1]",), role="searcher"),)))
+    out = kernel.reset()
+    (picture,) = out.observations["scout[1]"].pictures
+    assert (picture.frame, picture.camera, picture.pose.position) == ("r0-victim[1]", "reference", (0.0, 0.0, 0.0))
+    assert out.observations["skipper"].pictures == ()
+    later = kernel.step(decisions(scout_1=kit.report(picture.frame)))
+    assert refused(later, "scout[1]") == [("rejected", "bad_field")]
+    assert later.observations["scout[1]"].pictures == ()
