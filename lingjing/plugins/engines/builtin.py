@@ -28,6 +28,12 @@ def _vessel() -> Engine:
     return VesselEngine()
 
 
+def _road() -> Engine:
+    from lingjing.plugins.engines.road.engine import RoadEngine
+
+    return RoadEngine()
+
+
 def _city() -> Engine:
     from lingjing.plugins.engines.city.engine import CityEngine
 
@@ -67,6 +73,12 @@ def lingjing_engines() -> Iterable[EnginePlugin]:
             factory=_vessel,
             native_dt_s=0.1,
             summary="Surface vessels: 3-DOF surge, sway and yaw at 10 Hz in waves, current and wind.",
+        ),
+        EnginePlugin(
+            name="road",
+            factory=_road,
+            native_dt_s=0.1,
+            summary="Road vehicles, background traffic and queues: SUMO at 10 Hz, braking for whoever crosses.",
         ),
         EnginePlugin(
             name="city",

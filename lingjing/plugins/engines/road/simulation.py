@@ -1,0 +1,118 @@
+"""The one door to libsumo: a simulation that is started once, stepped by 0.1 s and closed.
+
+libsumo keeps its simulation in process-wide state: a second `start` silently replaces the first. So a second one here
+raises. The domains (`vehicle`, `lane`, …) are libsumo's own, unwrapped: at a microsecond a call a wrapper would double
+the price of reading a thousand vehicles.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+_PROJ = ("PROJ_LIB", "PROJ_DATA")
+_BEFORE = {name: os.environ.get(name) for name in _PROJ}
+
+import libsumo  # type: ignore[import-untyped,unused-ignore]  # noqa: E402 - the import changes the environment
+
+_OWN = {name: os.environ.get(name) for name in _PROJ}
+
+from lingjing.errors import InfrastructureError  # noqa: E402
+
+STEP_S = 0.1
+"""The step of the simulation: what cars need to react to dogs and people in time."""
+
+FOREVER_S = 1e7
+"""A stop that only a command ends."""
+
+SumoError = libsumo.TraCIException
+"""What a call raises that SUMO refuses."""
+
+_MOST_SEED = 2**31 - 1
+
+_running: list[Simulation] = []
+
+
+class Simulation:
+    """A running simulation of one network; `vehicle`, `person`, `lane`, `edge`, … are libsumo's domains."""
+
+    def __init__(self, network: str, seed: int) -> None:
+        """Start it. Raises `InfrastructureError` where one is running in this process or the network is no network."""
+        if _running:
+            raise InfrastructureError(
+                "a second traffic simulation in one process: SUMO can hold only one",
+                hint="close the first episode, or run each in a world process of its own (`--world process`)",
+            )
+        if not Path(network).is_file():
+            raise InfrastructureError(
+                f"the road network {network} is not there", hint="build the scene again: its cached files were removed"
+            )
+        try:
+            with _environment(_OWN):
+                libsumo.start(_arguments(network, seed))
+        except (SumoError, libsumo.FatalTraCIError) as fault:
+            raise InfrastructureError(f"SUMO cannot load the road network {network}: {fault}") from fault
+        _running.append(self)
+        self.vehicle: Any = libsumo.vehicle
+        self.vehicletype: Any = libsumo.vehicletype
+        self.person: Any = libsumo.person
+        self.route: Any = libsumo.route
+        self.lane: Any = libsumo.lane
+        self.edge: Any = libsumo.edge
+        self.simulation: Any = libsumo.simulation
+        self.step: Any = libsumo.simulationStep
+
+    @property
+    def running(self) -> bool:
+        """Whether it has not been closed."""
+        return self in _running
+
+    def close(self) -> None:
+        """End it; twice does no harm."""
+        if self in _running:
+            _running.remove(self)
+            libsumo.close()
+
+
+def _set(values: Mapping[str, str | None]) -> None:
+    for name, value in values.items():
+        if value is None:
+            os.environ.pop(name, None)
+        else:
+            os.environ[name] = value
+
+
+@contextmanager
+def _environment(values: Mapping[str, str | None]) -> Iterator[None]:
+    """PROJ's variables as libsumo wants them, and afterwards as they were: another PROJ here has its own database."""
+    before = {name: os.environ.get(name) for name in values}
+    _set(values)
+    try:
+        yield
+    finally:
+        _set(before)
+
+
+_set(_BEFORE)
+
+
+def _arguments(network: str, seed: int) -> list[str]:
+    options = {
+        "--net-file": network,
+        "--step-length": str(STEP_S),
+        "--seed": str(seed % _MOST_SEED),
+        "--no-step-log": "true",
+        "--no-warnings": "true",
+        "--time-to-teleport": "-1",  # nothing jumps: who is stuck is seen to be stuck
+        "--collision.action": "warn",
+        "--collision.check-junctions": "true",
+        "--collision.mingap-factor": "0",  # touching, not coming close
+        "--insertion-checks": "none",  # a vehicle stands where the mission puts it
+        "--default.speeddev": "0",
+        "--xml-validation": "never",
+        "--xml-validation.net": "never",
+    }
+    return ["sumo", *(word for pair in options.items() for word in pair)]

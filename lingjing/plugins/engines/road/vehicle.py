@@ -1,0 +1,283 @@
+"""One vehicle of the mission: where it is, what it is doing, what it carries.
+
+SUMO's position is the middle of the front bumper; here and in every state it is the middle of the vehicle. A vehicle
+that is to stay somewhere has a stop of SUMO's that never ends; one that is held anywhere else has its speed set to 0.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+from lingjing.mission.instance import Entity
+from lingjing.plugins.engines.bodies import SIZES
+from lingjing.plugins.engines.road.graph import Graph, Place
+from lingjing.plugins.engines.road.kinds import SPEED_MPS, declare, kind_of, top_speed
+from lingjing.plugins.engines.road.routing import Avoided, Way
+from lingjing.plugins.engines.road.simulation import FOREVER_S, STEP_S, Simulation, SumoError
+from lingjing.trace.records import BodyState
+
+BRAKING_MPS2 = 2.0
+"""Comfortable braking of `stop`, `forward` and turns."""
+
+STANDING_MPS = 0.05
+_SAME_LOAD_KG = 0.5
+
+LOAD = "load_kg"
+
+Status = Literal["parked", "driving", "waiting", "arrived"]
+Outcome = Literal["", "done", "arrived"]
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """A way to a destination that was asked for: the point named, the lane point nearest to it, the edges."""
+
+    x: float
+    y: float
+    goal: Place
+    way: Way
+
+
+@dataclass(slots=True)
+class Task:
+    """What is being done: `drive` to a goal, cover a `distance` by the odometer, or `halt`."""
+
+    kind: Literal["drive", "distance", "halt"]
+    total: float
+    start_m: float = 0.0
+    plan: Plan | None = None
+    onto: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Footing:
+    """Where a vehicle's route may change: edges that it must still follow first, then an edge and metres along it."""
+
+    before: tuple[str, ...]
+    edge: str
+    at_m: float
+
+
+class Vehicle:
+    """A vehicle of the mission in the simulation."""
+
+    def __init__(self, entity: Entity, sim: Simulation, graph: Graph) -> None:
+        """Declare its type; `place` puts it on the road."""
+        self.id = entity.id
+        self.entity = entity
+        self.kind = kind_of(entity)
+        self.size = SIZES[self.kind.name]
+        self.task: Task | None = None
+        self.plan: Plan | None = None
+        self.avoided: tuple[Avoided, ...] = ()
+        self.routes = 0
+        self._sim = sim
+        self._graph = graph
+        self._speed_mps = _number(entity, "speed_mps", SPEED_MPS)
+        self._payload_kg = _number(entity, "payload_kg", 0.0)
+        self.first_load_kg = self.load_kg = _number(entity, LOAD, 0.0)
+        self._arrived = False
+        declare(
+            sim, f"type/{self.id}", self.kind, self._speed_mps, blue_light=bool(entity.properties.get("blue_light"))
+        )
+
+    def place(self, place: Place) -> None:
+        """Stand on a lane from the next step on."""
+        lane = place.lane
+        front = min(max(place.at_m + self.size.length_m / 2.0, 0.1), lane.length_m)
+        name = f"route/{self.id}"
+        self._sim.route.add(name, [lane.edge])
+        self._sim.vehicle.add(
+            self.id, name, f"type/{self.id}", departLane=str(lane.index), departPos=str(front), departSpeed="0"
+        )
+        self._sim.vehicle.setStop(self.id, lane.edge, front, lane.index, FOREVER_S)
+        self._carry()
+
+    @property
+    def speed_mps(self) -> float:
+        """Speed along the road."""
+        return float(self._sim.vehicle.getSpeed(self.id))
+
+    @property
+    def road(self) -> str:
+        """The edge it is on; an internal one (`:…`) within a junction."""
+        return str(self._sim.vehicle.getRoadID(self.id))
+
+    @property
+    def odometer_m(self) -> float:
+        """Metres driven since the episode began."""
+        return max(0.0, float(self._sim.vehicle.getDistance(self.id)))
+
+    @property
+    def status(self) -> Status:
+        """`driving` and `waiting` (standing on the way) while something is being done."""
+        if self.task is not None:
+            return "waiting" if self.task.kind != "halt" and self.speed_mps < STANDING_MPS else "driving"
+        return "arrived" if self._arrived else "parked"
+
+    def footing(self) -> Footing:
+        """From where a new route may start. Within a junction that is the edge being entered."""
+        vehicles = self._sim.vehicle
+        road, at_m = vehicles.getRoadID(self.id), vehicles.getLanePosition(self.id)
+        if not road.startswith(":"):
+            return Footing((), road, at_m)
+        route, index = vehicles.getRoute(self.id), vehicles.getRouteIndex(self.id)
+        return Footing((route[index],), route[index + 1], 0.0)
+
+    def braking_m(self) -> float:
+        """The distance that a comfortable halt takes now."""
+        return self.speed_mps**2 / (2.0 * BRAKING_MPS2)
+
+    def drive(self, plan: Plan) -> None:
+        """Drive along a plan that begins at the footing, and stay at its goal."""
+        footing, goal = self.footing(), plan.goal
+        self._release()
+        self._sim.vehicle.setRoute(self.id, [*footing.before, *plan.way.edges])
+        front = min(goal.at_m + self.size.length_m / 2.0, goal.lane.length_m - 0.2)
+        front = max(front, min(self.size.length_m, goal.lane.length_m - 0.2))
+        self._begin(Task("drive", max(plan.way.length_m, 1.0), self.odometer_m, plan))
+        try:
+            self._sim.vehicle.setStop(self.id, goal.lane.edge, front, goal.lane.index, FOREVER_S)
+        except SumoError:  # it is there, or so close that braking ends beyond it
+            self._brake(0.0)
+
+    def cover(self, edges: tuple[str, ...], distance_m: float, onto: str = "") -> None:
+        """Drive a distance along edges that begin at the footing's, and halt there; `onto`: not before that edge."""
+        footing = self.footing()
+        self._release()
+        self._sim.vehicle.setRoute(self.id, [*footing.before, *edges])
+        self._begin(Task("distance", distance_m, self.odometer_m, None, onto))
+
+    def halt(self) -> None:
+        """Brake comfortably to a standstill."""
+        speed = self.speed_mps
+        if not self._sim.vehicle.isStopped(self.id):
+            self._release()
+        self._begin(Task("halt", max(speed, STANDING_MPS)))
+        self._arrived = False
+
+    def step(self) -> Outcome:
+        """Look after the task, before or after a step of the simulation; says when it is done."""
+        task = self.task
+        if task is None:
+            return ""
+        if task.kind == "drive":
+            outcome = self._driven(task)
+        elif task.kind == "distance":
+            outcome = self._covered(task)
+        else:
+            outcome = self._halted()
+        if outcome:
+            self.task = None
+            self._arrived = outcome == "arrived"
+        return outcome
+
+    def progress(self) -> float | None:
+        """The share of the task that is done; None: there is no task."""
+        task = self.task
+        if task is None:
+            return None
+        if task.kind == "halt":
+            return 1.0 - self.speed_mps / task.total
+        if task.plan is None:
+            return (self.odometer_m - task.start_m) / max(task.total, 0.1)
+        goal = task.plan.goal
+        left = float(self._sim.vehicle.getDrivingDistance(self.id, goal.lane.edge, goal.at_m, goal.lane.index))
+        return 1.0 - min(max(left, 0.0) / task.total, 1.0)
+
+    def take_load(self, load_kg: float) -> None:
+        """Carry this much from now on."""
+        if abs(load_kg - self.load_kg) > _SAME_LOAD_KG:
+            self.load_kg = load_kg
+            self._carry()
+
+    def state(self, ahead_s: float) -> BodyState:
+        """The state `ahead_s` after the last step, moved on along its velocity."""
+        vehicles = self._sim.vehicle
+        speed = self.speed_mps
+        body = body_state(self._sim, self.id, self.id, self.size.length_m, ahead_s)
+        return BodyState(
+            id=self.id,
+            position=body.position,
+            velocity=body.velocity,
+            heading_deg=body.heading_deg,
+            pitch_deg=float(vehicles.getSlope(self.id)),
+            status=self.status,
+            resources={LOAD: self.load_kg, "speed_mps": speed, "odometer_m": self.odometer_m},
+        )
+
+    def _begin(self, task: Task) -> None:
+        self.task = task
+        self._arrived = False
+
+    def _driven(self, task: Task) -> Outcome:
+        vehicles, plan = self._sim.vehicle, task.plan
+        stops = vehicles.getStops(self.id, 1)
+        if not stops and self.speed_mps < STANDING_MPS and plan is not None:
+            return "arrived"
+        return "arrived" if stops and vehicles.isStopped(self.id) else ""
+
+    def _covered(self, task: Task) -> Outcome:
+        left = task.total - (self.odometer_m - task.start_m)
+        there = task.onto == "" or self._sim.vehicle.getRoadID(self.id) == task.onto
+        speed = self.speed_mps
+        if left <= 0.3 and speed < STANDING_MPS and there:
+            self._brake(0.0)
+            return "done"
+        if left <= speed * speed / (2.0 * BRAKING_MPS2) + speed * STEP_S + 0.5:
+            reachable = math.sqrt(2.0 * BRAKING_MPS2 * max(left - speed * STEP_S, 0.0))
+            self._brake(reachable if left > 0.3 and there else (0.0 if there else 2.0))
+        return ""
+
+    def _halted(self) -> Outcome:
+        speed = self.speed_mps
+        if speed < STANDING_MPS:
+            self._brake(0.0)
+            return "done"
+        self._brake(max(0.0, speed - BRAKING_MPS2 * STEP_S))
+        return ""
+
+    def _brake(self, speed_mps: float) -> None:
+        self._sim.vehicle.setSpeed(self.id, speed_mps)
+
+    def _release(self) -> None:
+        """Leave every stop and take the speed back."""
+        vehicles = self._sim.vehicle
+        if vehicles.isStopped(self.id):
+            vehicles.resume(self.id)
+        for _ in vehicles.getStops(self.id):
+            vehicles.replaceStop(self.id, 0, "")
+        vehicles.setSpeed(self.id, -1)
+
+    def _carry(self) -> None:
+        vehicles = self._sim.vehicle
+        vehicles.setAccel(self.id, self.kind.acceleration(self.load_kg))
+        vehicles.setMaxSpeed(self.id, top_speed(self._speed_mps, self.load_kg, self._payload_kg))
+
+
+def body_state(sim: Simulation, vehicle: str, name: str, length_m: float, ahead_s: float, kind: str = "") -> BodyState:
+    """Any vehicle of the simulation as a body: its middle, `ahead_s` after the last step."""
+    vehicles = sim.vehicle
+    x, y, z = vehicles.getPosition3D(vehicle)
+    heading = vehicles.getAngle(vehicle) % 360.0 % 360.0
+    speed = vehicles.getSpeed(vehicle)
+    slope = math.radians(vehicles.getSlope(vehicle))
+    level, up = math.cos(slope), math.sin(slope)
+    east, north = math.sin(math.radians(heading)) * level, math.cos(math.radians(heading)) * level
+    on = speed * ahead_s - length_m / 2.0
+    return BodyState(
+        id=name,
+        position=(x + east * on, y + north * on, z + up * on),
+        velocity=(east * speed, north * speed, up * speed),
+        heading_deg=heading,
+        pitch_deg=math.degrees(slope),
+        status="driving" if speed > STANDING_MPS else "waiting",
+        kind=kind,
+    )
+
+
+def _number(entity: Entity, name: str, default: float) -> float:
+    value = entity.properties.get(name)
+    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else default
