@@ -32,6 +32,7 @@ SCENE_KEYS = _keys(
     Key("extent", METRES, above=0),
     Key("blocks", Type("size")),
     Key("height", Type("range", LENGTH)),
+    Key("layout", NUMBER, low=0),
     Key("traffic", NUMBER, _DRAWN, low=0),
     Key("shore", POSITIONS),
     Key("bridge", POSITIONS),
@@ -39,8 +40,8 @@ SCENE_KEYS = _keys(
     Key("inside", REGION),
 )
 """`map` is an OpenStreetMap file beside the mission; the rest shapes a city made up: its extent, blocks of houses,
-their heights, moving cars, the shore (water on its right), the lines of a bridge and of a pipeline, and the region
-that a wall or a fence surrounds."""
+their heights, a number that picks another layout of the same kind, moving cars, the shore (water on its right), the
+lines of a bridge and of a pipeline, and the region that a wall or a fence surrounds."""
 CLOCK_KEYS = _keys(Key("tick", SECONDS, above=0, required=True), Key("sync", SECONDS, above=0, required=True))
 BUDGET_KEYS = _keys(
     Key("ticks", NUMBER, ("<=",), low=1, required=True),

@@ -200,13 +200,18 @@ class CommsSpec(Record, frozen=True, kw_only=True):
 
 class SceneSpec(Record, frozen=True, kw_only=True):
     """Which provider builds the city and with what: `origin` is (latitude, longitude) in degrees, `datum_m` the
-    elevation of the water surface, `options` the provider's own, `seed` the scene's stream."""
+    elevation of the water surface, `options` the provider's own.
+
+    `layout` is the stream of what stays from episode to episode (streets, buildings): it depends on the mission's name
+    and its scene option `layout` alone. `seed` is the stream of what an episode's seed may change.
+    """
 
     kind: str
     datum_m: float = 0.0
     origin: tuple[float, float] = (31.0, 121.5)
     options: dict[str, Datum] = {}
     seed: int = 0
+    layout: int = 0
 
 
 class CountedSpec(Record, frozen=True, kw_only=True):

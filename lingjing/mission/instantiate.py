@@ -116,12 +116,14 @@ def scene_spec(mission: model.Mission, scope: Scope, seed: int) -> SceneSpec:
         level = _number(options.pop("datum_m", 0.0), "datum_m")
         made = SceneSpec(kind=mission.scene.kind, datum_m=level, seed=integer(seed, path))
         origin = _origin(options.pop("origin")) if "origin" in options else made.origin
+        layout = integer(round(_number(options.pop("layout", 0.0), "layout")), f"{path}/layout")
         return SceneSpec(
             kind=made.kind,
             datum_m=level,
             origin=origin,
             options={name: _option(value, level) for name, value in options.items()},
             seed=made.seed,
+            layout=layout,
         )
 
 
