@@ -3,7 +3,7 @@
 In the order control flows:
 
 - `barrier` calls every policy in a thread of its own and collects by name within K_model;
-- `bus` validates and expands messages (ValidateAndExpand, Stage, Commit, DeliveredTo);
+- `bus` validates and expands messages (ValidateAndExpand, Stage, Commit, DeliveredTo), as far as the `air` carries;
 - `commands` validates and resolves physical commands (ValidateAndResolve);
 - `world` hosts and couples the engines (`contract` is all the kernel knows of it);
 - `assignments` reads destinations out of commands and messages;

@@ -4,7 +4,8 @@ Star: an agent's message goes to the hub; the hub's goes to the recipients it na
 declares. Broadcast: to all other active agents. Nothing is relayed by itself. With a delay of one tick, what is
 produced on boundary t is staged for t+1 and readable there. An edge is fixed at validation and delivered only after
 the engine barrier has committed the boundary. What nobody could read any more is refused as `expired`. A report is
-for the adjudicator first: it is accepted also when nobody else can read it.
+for the adjudicator first: it is accepted also when nobody else can read it. What the air cuts (out of range, lost) is
+no edge; the sender's receipt says so, and a message of which nothing gets through is refused.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from dataclasses import dataclass, replace
 
 import msgspec
 
+from lingjing.kernel.air import Air
 from lingjing.kernel.budgets import Tally
 from lingjing.kernel.candidates import REACH_M, is_number
 from lingjing.mission.instance import AgentSpec, Datum, Instance, MessageSpec
@@ -53,6 +55,7 @@ class Router:
         self._comms = instance.comms
         self._agents = {agent.id: agent for agent in instance.agents}
         self._kinds: Mapping[str, MessageSpec] = {message.kind: message for message in instance.messages}
+        self._air = Air(instance)
 
     def expand(
         self,
@@ -60,9 +63,11 @@ class Router:
         tick: int,
         frames: Container[str],
         tally: Tally | None = None,
+        unheard: Sequence[tuple[str, str]] = (),
     ) -> tuple[tuple[Envelope, ...], tuple[Receipt, ...]]:
         """Admitted edges [M̂] and bus receipts [C^M] of the candidates, in policy order. `frames` are the ids of the
-        pictures taken so far: a report may only speak of one of them. `tally` counts what is admitted."""
+        pictures taken so far: a report may only speak of one of them. `tally` counts what is admitted.
+        `unheard` are the pairs of entities that radio does not reach between."""
         edges: list[Envelope] = []
         receipts: list[Receipt] = []
         number = 0
@@ -70,7 +75,7 @@ class Router:
             for place, message in enumerate(messages):
                 number += 1
                 name = f"m{tick}-{number}"
-                new, receipt = self._counted(name, sender, message, place, tick, frames, tally)
+                new, receipt = self._counted(name, sender, message, place, tick, frames, unheard, tally)
                 edges.extend(new)
                 receipts.append(receipt)
         return tuple(edges), tuple(receipts)
@@ -83,10 +88,11 @@ class Router:
         place: int,
         tick: int,
         frames: Container[str],
+        unheard: Sequence[tuple[str, str]],
         tally: Tally | None,
     ) -> tuple[tuple[Envelope, ...], Receipt]:
         """As `_one`, within the counted budgets and allowances."""
-        edges, receipt = self._one(name, sender, message, place, tick, frames)
+        edges, receipt = self._one(name, sender, message, place, tick, frames, unheard)
         if tally is None or receipt.status != "accepted":
             return edges, receipt
         reason, detail = tally.message(sender, message.kind)
@@ -96,7 +102,14 @@ class Router:
         return edges, receipt
 
     def _one(
-        self, name: str, sender: str, message: Outgoing, place: int, tick: int, frames: Container[str]
+        self,
+        name: str,
+        sender: str,
+        message: Outgoing,
+        place: int,
+        tick: int,
+        frames: Container[str],
+        unheard: Sequence[tuple[str, str]],
     ) -> tuple[tuple[Envelope, ...], Receipt]:
         reason, detail = self._fault(sender, message, place, frames)
         if reason:
@@ -106,6 +119,11 @@ class Router:
         recipients, reason, detail = self._recipients(self._agents[sender], message)
         if not reason and tick <= self._instance.budget.ticks < deliver_at:
             recipients, reason, detail = (), "expired", "the episode ends before it could be read"
+        heard, cuts = self._through_the_air(name, sender, recipients, unheard)
+        if recipients and not heard:
+            reason, detail = cuts
+        if reason in ("out_of_range", "lost") and spec.category == "report":
+            return (), self._receipt(name, sender, message, tick, "accepted", reason, f"adjudicated; {detail}")
         if reason in ("no_recipient", "expired") and spec.category == "report":
             return (), self._receipt(name, sender, message, tick, "accepted", "", f"adjudicated; {detail}")
         if reason:
@@ -123,9 +141,24 @@ class Router:
                 bytes=size,
                 deliver_at=deliver_at,
             )
-            for recipient in recipients
+            for recipient in heard
         )
-        return edges, self._receipt(name, sender, message, tick, "accepted", "", ", ".join(recipients))
+        detail = "; ".join(part for part in (", ".join(heard), cuts[1]) if part)
+        return edges, self._receipt(name, sender, message, tick, "accepted", cuts[0], detail)
+
+    def _through_the_air(
+        self, name: str, sender: str, recipients: Sequence[str], unheard: Sequence[tuple[str, str]]
+    ) -> tuple[tuple[str, ...], tuple[str, str]]:
+        """Who hears the message, and the reason code and detail for those who do not, or two empty strings."""
+        fates = {recipient: self._air.cut(name, sender, recipient, unheard) for recipient in recipients}
+        heard = tuple(recipient for recipient in recipients if not fates[recipient])
+        parts = [
+            (reason, ", ".join(recipient for recipient in recipients if fates[recipient] == reason))
+            for reason in ("out_of_range", "lost")
+            if reason in fates.values()
+        ]
+        words = {"out_of_range": "out of range", "lost": "lost on the way to"}
+        return heard, (parts[0][0] if parts else "", "; ".join(f"{words[reason]}: {who}" for reason, who in parts))
 
     def _fault(self, sender: str, message: Outgoing, place: int, frames: Container[str]) -> tuple[str, str]:
         """The reason code and detail of an envelope that must be refused, or two empty strings."""

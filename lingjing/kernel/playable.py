@@ -26,9 +26,6 @@ def check_playable(instance: Instance) -> None:
 
 def unplayed(instance: Instance) -> Iterator[str]:
     """Names of what the kernel would pass over, in the order of the specification."""
-    comms = instance.comms
-    if comms.range_m is not None or comms.loss > 0 or comms.receipts != "own":
-        yield "range, loss or shared receipts of messages"
     if any(region.on_map is not None for region in instance.regions):
         yield "regions along roads"
     for condition in _conditions(instance):

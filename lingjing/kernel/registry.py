@@ -67,7 +67,7 @@ class Registry:
     maps (kind, entities) to the first time an engine said so; `assignments` are the destinations given to a resource
     at the latest boundary where it was given any; `unlocked` the (interaction, entity) pairs the kernel has allowed;
     `routes` the latest route of each entity that one was planned for; `course` what budgets, inspections, stages and
-    constraints keep.
+    constraints keep; `unheard` the pairs of entities that radio does not reach between.
     """
 
     tick: int = 0
@@ -88,6 +88,7 @@ class Registry:
     stages: Mapping[tuple[str, str], int] = field(default_factory=dict)
     routes: Mapping[str, Route] = field(default_factory=dict)
     course: Course = field(default_factory=Course)
+    unheard: tuple[tuple[str, str], ...] = ()
 
     def with_boundary(self, tick: int, time_s: float, states: Iterable[BodyState]) -> Registry:
         """The registry at the next boundary's telemetry."""

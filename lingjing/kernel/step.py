@@ -140,7 +140,11 @@ class Kernel:
         registry, tick = self.state.registry, self.state.registry.tick + 1
         tally = self._budgets.tally(registry)
         envelopes, about_messages = self._router.expand(  # line 29: ValidateAndExpand
-            [(made.agent, made.decision.messages) for made in decisions], tick, registry.frames, tally
+            [(made.agent, made.decision.messages) for made in decisions],
+            tick,
+            registry.frames,
+            tally,
+            registry.unheard,
         )
         resolved = self._gate.resolve(  # line 30: ValidateAndResolve
             [(made.agent, made.decision.command) for made in decisions],
@@ -245,11 +249,13 @@ class Kernel:
         return admissions + boundary.receipts + photos
 
     def _inboxes(self, delivered: Sequence[Envelope], receipts: Sequence[Receipt]) -> dict[str, Inbox]:
-        """DeliveredTo and VisibleReceiptsFor: an agent sees what is addressed to it and answers to its own requests.
+        """DeliveredTo and VisibleReceiptsFor: an agent sees what is addressed to it and answers to its own requests, or
+        to everybody's or to none, as the mission's `comms` say.
 
         Every recipient gets a body of its own: what it does to it reaches neither its peers nor the adjudicator.
         """
-        answers = [receipt for receipt in receipts if not receipt.request.startswith(_UNLOCK_ID)]
+        shown = self.instance.comms.receipts
+        answers = [receipt for receipt in receipts if shown != "none" and not receipt.request.startswith(_UNLOCK_ID)]
         return {
             agent.id: Inbox(
                 messages=tuple(
@@ -257,7 +263,7 @@ class Kernel:
                     for edge in delivered
                     if edge.recipient == agent.id
                 ),
-                receipts=tuple(receipt for receipt in answers if receipt.sender == agent.id),
+                receipts=tuple(receipt for receipt in answers if shown == "all" or receipt.sender == agent.id),
             )
             for agent in self.instance.agents
         }
@@ -271,7 +277,7 @@ class Kernel:
         frames: Sequence[StoredFrame],
     ) -> Registry:
         updated = (
-            replace(registry, course=inputs.course)
+            replace(registry, course=inputs.course, unheard=boundary.unheard)
             .with_boundary(boundary.tick, boundary.time_s, boundary.snapshots[-1].states)
             .with_receipts(inputs.resolved.commands, receipts)
             .with_lost_unlocks(inputs.own, boundary.missing)

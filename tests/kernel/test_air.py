@@ -1,0 +1,144 @@
+"""What gets through between agents: radio out of range, lost edges, and whose receipts are seen."""
+
+import sys
+from pathlib import Path
+
+import msgspec
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+import kernel_kit as kit
+
+from lingjing.kernel.bus import Router
+
+FAR = (("uav[1]", "uav[2]"), ("boat", "uav[1]"))
+"""Neither the other scout nor the skipper hears the first scout."""
+
+
+class Mute(kit.Shore):
+    """Says from boundary `since` on who is out of reach."""
+
+    pairs = FAR
+
+    def reset(self, spec, city, seed):
+        return msgspec.structs.replace(super().reset(spec, city, seed), unheard=self.pairs)
+
+    def advance(self, until, mirrors):
+        return msgspec.structs.replace(super().advance(until, mirrors), unheard=self.pairs)
+
+
+class HalfMute(Mute):
+    pairs = FAR[:1]
+
+
+def kernel_of(shore=Mute, mode="broadcast", **comms):
+    instance = kit.make_instance(mode)
+    instance = msgspec.structs.replace(instance, comms=msgspec.structs.replace(instance.comms, **comms))
+    kernel = kit.make_kernel(instance, kit.KitPlugin(shore=shore))
+    return kernel, kernel.reset()
+
+
+def read(published):
+    return {name: [edge.id for edge in inbox.messages] for name, inbox in published.inboxes.items() if inbox.messages}
+
+
+def bus_receipts(published):
+    return [(r.status, r.reason, r.detail) for r in published.record.receipts if r.by == "bus"]
+
+
+def test_who_is_out_of_range_does_not_read_it_and_the_sender_is_told():
+    kernel, _ = kernel_of(HalfMute)
+    published = kernel.step(kit.decisions(scout_1=kit.says("order", assignee="boat")))
+    assert read(published) == {"skipper": ["m1-1"]}
+    assert bus_receipts(published) == [("accepted", "out_of_range", "skipper; out of range: scout[2]")]
+    assert published.record.unheard == FAR[:1]
+
+
+def test_a_message_that_nobody_hears_is_refused():
+    kernel, _ = kernel_of()
+    published = kernel.step(kit.decisions(scout_1=kit.says("order", assignee="boat")))
+    assert read(published) == {}
+    assert bus_receipts(published) == [("rejected", "out_of_range", "out of range: scout[2], skipper")]
+    assert published.record.messages == ()
+
+
+def test_a_report_that_nobody_hears_is_adjudicated_all_the_same():
+    kernel, _ = kernel_of()
+    kernel.step(kit.decisions(scout_1=kit.does("takePhoto")))
+    published = kernel.step(kit.decisions(scout_1=kit.report("f1-uav[1]-nadir")))
+    assert bus_receipts(published)[0][:2] == ("accepted", "out_of_range")
+    assert read(published) == {}
+    assert [event.kind for event in published.record.events] == ["matched", "reported"]
+
+
+def test_under_star_a_coordinator_without_a_body_hears_everybody():
+    kernel, _ = kernel_of(mode="star")
+    published = kernel.step(kit.decisions(scout_1=kit.says("order", assignee="boat")))
+    assert read(published) == {"commander": ["m1-1"]}
+
+
+def test_what_counts_is_the_reach_at_the_boundary_where_it_was_said():
+    """The state of the air that the agents decided in, not the one that their tick leads to."""
+
+    class Fading(kit.Shore):
+        def advance(self, until, mirrors):
+            return msgspec.structs.replace(super().advance(until, mirrors), unheard=FAR)
+
+    kernel, _ = kernel_of(Fading)
+    first = kernel.step(kit.decisions(scout_1=kit.says("order", assignee="boat")))
+    second = kernel.step(kit.decisions(scout_1=kit.says("order", assignee="boat")))
+    assert (sorted(read(first)), read(second)) == (["scout[2]", "skipper"], {})
+
+
+def expanded(loss, seed=3, count=400):
+    instance = kit.make_instance()
+    comms = msgspec.structs.replace(instance.comms, loss=loss)
+    router = Router(msgspec.structs.replace(instance, comms=comms, seed=seed))
+    said = [("scout[1]", kit.says("order", assignee="boat").messages)]
+    return [router.expand(said, tick, ()) for tick in range(1, count // 2 + 1)]
+
+
+@pytest.mark.parametrize("loss", [0.0, 0.1, 0.5])
+def test_the_declared_share_of_edges_is_lost(loss):
+    arrived = sum(len(edges) for edges, _ in expanded(loss))
+    assert arrived == pytest.approx(400 * (1.0 - loss), abs=4 * (400 * loss * (1 - loss)) ** 0.5)
+
+
+def test_a_lost_edge_is_named_in_the_receipt():
+    for edges, (receipt,) in expanded(0.5):
+        names = [edge.recipient for edge in edges]
+        lost = [name for name in ("scout[2]", "skipper") if name not in names]
+        assert receipt.status == ("accepted" if names else "rejected")
+        assert receipt.reason == ("lost" if lost else "")
+        assert (f"lost on the way to: {', '.join(lost)}" in receipt.detail) == bool(lost)
+
+
+def test_losses_depend_on_the_seed_and_on_nothing_else():
+    assert expanded(0.3) == expanded(0.3)
+    assert expanded(0.3) != expanded(0.3, seed=4)
+    more = [(scout, kit.says("order", assignee="boat").messages) for scout in ("scout[1]", "scout[2]")]
+    instance = kit.make_instance()
+    router = Router(msgspec.structs.replace(instance, comms=msgspec.structs.replace(instance.comms, loss=0.3)))
+    both = [router.expand(more, tick, ()) for tick in range(1, 201)]
+    assert [[e for e in edges if e.sender == "scout[1]"] for edges, _ in both] == [list(e) for e, _ in expanded(0.3)]
+
+
+@pytest.mark.parametrize(
+    ("shown", "scout", "skipper"), [("own", ["c1-1"], []), ("all", ["c1-1"], ["c1-1"]), ("none", [], [])]
+)
+def test_whose_receipts_an_agent_sees(shown, scout, skipper):
+    kernel, _ = kernel_of(kit.Shore, receipts=shown)
+    published = kernel.step(kit.decisions(scout_1=kit.does("go", x=0.0, y=0.0)))
+    seen = {name: sorted({r.request for r in inbox.receipts}) for name, inbox in published.inboxes.items()}
+    assert (seen["scout[1]"], seen["skipper"]) == (scout, skipper)
+    assert {r.request for r in published.record.receipts} == {"c1-1"}
+
+
+def test_unlocks_are_nobodys_to_see_even_when_all_receipts_are_shared():
+    kernel, _ = kernel_of(kit.Shore, receipts="all")
+    kernel.step(kit.decisions(scout_1=kit.does("takePhoto")))
+    kernel.step(kit.decisions(scout_1=kit.report("f1-uav[1]-nadir")))
+    published = kernel.step(kit.decisions())
+    assert any(receipt.request.startswith("k") for receipt in published.record.receipts)
+    assert not any(r.request.startswith("k") for inbox in published.inboxes.values() for r in inbox.receipts)
