@@ -35,6 +35,8 @@ VEHICLES = {
 """Values of `highway` that make a road network worth a try."""
 
 OFF = "LINGJING_NO_CACHE"
+_DECIDING = ("city", "cutting", "network", "store", "tiles")
+"""Modules beside this package whose change may give another city."""
 Say = Callable[[str], None]
 
 
@@ -191,7 +193,7 @@ def _network(path: Path, data: MapData, frame: Frame) -> tuple[str, tuple[Road, 
 def _key(source: Source, options: Options, versions: dict[str, str]) -> str:
     digest = hashlib.sha256(msgspec.json.encode([source.name, source.sha256, repr(options), versions]))
     here = Path(__file__).parent
-    for file in sorted((*here.glob("*.py"), *here.parent.glob("*.py"))):
+    for file in (*sorted(here.glob("*.py")), *(here.parent / f"{name}.py" for name in _DECIDING)):
         digest.update(file.name.encode() + b"\0" + hashlib.sha256(file.read_bytes()).digest())
     return digest.hexdigest()
 

@@ -7,8 +7,9 @@ nodes, multipolygons whose rings do not close) is left out and counted in `Featu
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
+from itertools import groupby
 from typing import Any
 
 from lingjing.mission.frames import from_geodetic
@@ -118,7 +119,7 @@ class _Shaper:
     def open(self) -> Iterator[Feature]:
         for way in self._data.ways:
             if not is_area(way) and any(key in way.tags for key in LINE_KEYS):
-                yield from self._kept(f"w{way.id}", way.tags, self._line(way))
+                yield from self._kept(f"w{way.id}", way.tags, self._lines(way))
 
     def multipolygons(self) -> Iterator[Feature]:
         for relation in self._data.relations:
@@ -136,11 +137,23 @@ class _Shaper:
             yield Feature(ref, tags, shape)
 
     def _line(self, way: Way) -> Any:
+        """The way through the nodes that the map has, across gaps; None with fewer than two."""
         import shapely
 
-        points = [self.point(ref) for ref in way.nodes if ref in self._data.nodes]
-        kept = [point for k, point in enumerate(points) if k == 0 or point != points[k - 1]]
+        kept = self._points_of(ref for ref in way.nodes if ref in self._data.nodes)
         return shapely.LineString(kept) if len(kept) > 1 else None
+
+    def _lines(self, way: Way) -> Any:
+        """The way in pieces, apart where the map lacks nodes (extracts cut at a box leave such ends)."""
+        import shapely
+
+        runs = [self._points_of(run) for known, run in groupby(way.nodes, self._data.nodes.__contains__) if known]
+        pieces = [shapely.LineString(run) for run in runs if len(run) > 1]
+        return pieces[0] if len(pieces) == 1 else shapely.MultiLineString(pieces)
+
+    def _points_of(self, refs: Iterable[int]) -> list[tuple[float, float]]:
+        points = [self.point(ref) for ref in refs]
+        return [point for k, point in enumerate(points) if k == 0 or point != points[k - 1]]
 
     def _polygon(self, way: Way) -> Any:
         import shapely

@@ -84,13 +84,19 @@ def raised(path: tuple[Vector, ...], above_m: float = DECK_M) -> list[tuple[Vect
 
 
 def footbridges(features: Features, roads: Iterable[Road]) -> Iterator[Bridge]:
-    """Bridges for walking that the road network does not hold, level at the height of their layer."""
+    """Bridges for walking that the road network does not hold, level, above whatever bridges they cross."""
+    import shapely
+
     known = {road.id.lstrip("-").split("#")[0] for road in roads}
-    for line in features.lines:
-        width = FOOTBRIDGES.get(line.tags.get("highway", ""))
-        if width is None or not is_set(line.tags, "bridge") or line.ref[1:] in known or is_below(line.tags):
+    bridges = [f for f in features.lines if "highway" in f.tags and is_set(f.tags, "bridge")]
+    tree = shapely.STRtree([f.shape for f in bridges])
+    for line in bridges:
+        width = FOOTBRIDGES.get(line.tags["highway"])
+        if width is None or line.ref[1:] in known or is_below(line.tags):
             continue
-        height = LAYER_M * max(1, layer(line.tags))
+        crossed = {layer(bridges[int(k)].tags) for k in tree.query(line.shape, predicate="crosses")}
+        under = {number for number in crossed if 0 < number < layer(line.tags)}
+        height = LAYER_M * (1 + len(under))  # layers say what is above what, not how high
         for number, part in enumerate(_cut(line, features)):
             path = tuple((x, y, height) for x, y in part.coords)
             name = f"foot-{line.ref}" + (f"-{number}" if number else "")
@@ -105,7 +111,7 @@ def piers(features: Features, level_m: float) -> Iterator[Solid]:
         if feature.tags.get("man_made") not in ("pier", "breakwater", "groyne") or is_set(feature.tags, "building"):
             continue
         shape = feature.shape
-        if shape.geom_type == "LineString":
+        if shape.geom_type.endswith("LineString"):
             shape = shape.buffer((metres(feature.tags, "width") or 3.0) / 2.0, cap_style="flat", quad_segs=1)
         solid = feature.tags["man_made"] != "pier"
         base = level_m - 2.0 if solid else PIER_TOP_M - 0.4

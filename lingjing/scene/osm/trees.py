@@ -69,12 +69,15 @@ def pavement(roads: Iterable[Road]) -> Any:
 
 
 def _row(ref: str, line: Any, tags: dict[str, str], box: Any, chance: Random) -> Iterator[Prop]:
-    count = max(1, round(line.length / ROW_M))
-    for k in range(count + 1):
-        spot = line.interpolate(k / count, normalized=True)
-        tree = _tree(f"{ref}-{k}", spot.x, spot.y, tags, chance)
-        if box.contains(spot):
-            yield tree
+    import shapely
+
+    for number, part in enumerate(shapely.get_parts(line)):
+        count = max(1, round(part.length / ROW_M))
+        for k in range(count + 1):
+            spot = part.interpolate(k / count, normalized=True)
+            tree = _tree(f"{ref}-{number}-{k}", spot.x, spot.y, tags, chance)
+            if box.contains(spot):
+                yield tree
 
 
 def _sown(areas: tuple[Area, ...], built: Any, seed: int) -> Iterator[Prop]:

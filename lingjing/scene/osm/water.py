@@ -7,8 +7,9 @@ around it say.
 
 from __future__ import annotations
 
+from collections import Counter
 from itertools import pairwise
-from math import hypot
+from math import dist, hypot
 from typing import Any
 
 from lingjing.scene.city import Water
@@ -89,18 +90,61 @@ def _sea(features: Features) -> list[Any]:
         if part.geom_type == "LineString" and part.length > 0.0
     ]
     coast += [
-        f.shape.exterior
-        for f in features.areas
-        if f.tags.get("natural") == "coastline" and f.shape.geom_type == "Polygon"
+        part.exterior for f in features.areas if f.tags.get("natural") == "coastline" for part in polygons(f.shape)
     ]
     if not coast:
         return []
-    noded = shapely.union_all([features.box.exterior, *coast])
+    mended = _mended(coast, features)
+    noded = shapely.union_all([features.box.exterior, *coast, *mended])
     faces = list(shapely.get_parts(shapely.polygonize(shapely.get_parts(noded))))
     balance = _votes(coast, faces)
-    if sum(vote != 0.0 for vote in balance) == 0:
-        features.skipped["coastlines that divide nothing"] += 1
-    return [face for face, vote in zip(faces, balance, strict=True) if vote > 0.0]
+    return [face for face, vote in zip(faces, balance, strict=True) if vote > 0.0 and not _drowns(face, features)]
+
+
+def _mended(coast: list[Any], features: Features) -> list[Any]:
+    """Straight lines that close a coast with loose ends inside the frame, as extracts leave them: between an end and
+    a beginning that are nearer to each other than to the edge, else on to the edge."""
+    import shapely
+
+    rim = features.box.exterior
+    starts, ends = Counter(line.coords[0] for line in coast), Counter(line.coords[-1] for line in coast)
+    inner = {point: shapely.Point(point).distance(rim) for point in sorted(starts + ends)}
+    begins = [point for point in sorted(starts - ends) if inner[point] > 0.01]
+    stops = [point for point in sorted(ends - starts) if inner[point] > 0.01]
+    pairs = sorted((dist(stop, begin), stop, begin) for stop in stops for begin in begins)
+    found: list[Any] = []
+    done: set[tuple[float, ...]] = set()
+    for length, stop, begin in pairs:
+        if length < min(inner[stop], inner[begin]) and done.isdisjoint((stop, begin)):
+            found.append(shapely.LineString([stop, begin]))
+            done |= {stop, begin}
+    found += [_led_on(point, inner[point], rim) for point in (*begins, *stops) if point not in done]
+    if found:
+        features.skipped["gaps of the coastline, closed with straight lines"] += len(found)
+    return found
+
+
+def _led_on(point: tuple[float, ...], distance: float, rim: Any) -> Any:
+    """The line from a point to the nearest on the edge and a metre on, so that rounding cannot leave it short."""
+    import shapely
+
+    nearest = rim.interpolate(rim.project(shapely.Point(point)))
+    beyond = 1.0 + 1.0 / distance
+    there = (point[0] + beyond * (nearest.x - point[0]), point[1] + beyond * (nearest.y - point[1]))
+    return shapely.LineString([point, there])
+
+
+def _drowns(face: Any, features: Features) -> bool:
+    """Whether most of the city would be in the sea: then the coastline cannot be read, and its face stays land."""
+    import shapely
+
+    houses = [f.shape.representative_point() for f in features.areas if is_set(f.tags, "building")]
+    shapely.prepare(face)
+    wet_ones = int(shapely.contains(face, houses).sum()) if houses else 0
+    if wet_ones <= max(10, len(houses) // 2):
+        return False
+    features.skipped["coastlines that would drown the city"] += 1
+    return True
 
 
 def _votes(coast: list[Any], faces: list[Any]) -> list[float]:

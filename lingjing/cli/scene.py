@@ -1,0 +1,124 @@
+"""`lingjing scene`: turn a map into a city, say what a city holds, draw it from above."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lingjing.errors import ExitCode, UsageError
+
+if TYPE_CHECKING:
+    from lingjing.scene.city import City
+    from lingjing.scene.osm.summary import Summary
+
+_PICTURES = (".png", ".svg", ".pdf")
+_KINDS = (
+    ("buildings", "buildings"), ("roads", "roads"), ("junctions", "junctions"), ("bridges", "decks of bridges"),
+    ("waters", "waters"), ("areas", "surfaces"), ("solids", "walls and piers"), ("trees", "trees"),
+)  # fmt: skip
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Declare the verb and what it can do."""
+    parser = subparsers.add_parser("scene", help="build a city from a map; look at one", description=__doc__)
+    actions = parser.add_subparsers(dest="action", metavar="ACTION", title="actions", required=True)
+    build = actions.add_parser("build", help="turn OpenStreetMap data into a city", description=_build.__doc__)
+    build.add_argument("map", metavar="MAP", help="an .osm, .osm.gz, .osm.bz2 or .osm.pbf file")
+    build.add_argument("--bbox", metavar="W,S,E,N", help="the part to build, degrees (default: all)")
+    build.add_argument(
+        "--seed", type=int, default=0, metavar="N", help="what untagged buildings and trees are drawn by"
+    )
+    build.add_argument("--water-level", type=float, metavar="M", help="elevation of the waters (default: -1.5 m)")
+    build.add_argument("-o", "--output", metavar="DIR", help="the city's folder (default: kept in the cache)")
+    build._negative_number_matcher = re.compile(r"^-[\d.]")  # `--bbox -0.13,51.5,…` is a value, not an option
+    build.set_defaults(handler=_build)
+    info = actions.add_parser("info", help="say what a city holds", description=_info.__doc__)
+    info.add_argument("folder", metavar="DIR", help="a folder that `scene build` wrote")
+    info.set_defaults(handler=_info)
+    draw = actions.add_parser("draw", help="draw a city from above", description=_draw.__doc__)
+    draw.add_argument("folder", metavar="DIR", help="a folder that `scene build` wrote")
+    draw.add_argument("-o", "--output", metavar="OUT", required=True, help=f"ends in {', '.join(_PICTURES)}")
+    draw.set_defaults(handler=_draw)
+    parser.set_defaults(handler=handler)
+
+
+def handler(args: argparse.Namespace) -> int:
+    """Run the action (each has a handler of its own)."""
+    return int(args.handler(args))
+
+
+def _build(args: argparse.Namespace) -> int:
+    """Turn OpenStreetMap data into a city: a folder that a mission names with `scene map { folder = "DIR" }`."""
+    from lingjing.scene.osm.build import Options, build
+    from lingjing.scene.osm.frame import parse_box
+
+    given = {} if args.water_level is None else {"water_m": args.water_level}
+    options = Options(box=None if args.bbox is None else parse_box(args.bbox), seed=args.seed, **given)
+    folder = None if args.output is None else Path(args.output)
+    with _phases(f"building {Path(args.map).name}") as say:
+        built = build(Path(args.map), options, folder, say)
+    print(f"{'cached' if built.cached else 'built'}: {built.folder}")
+    _tell(built.city, built.summary)
+    return ExitCode.OK
+
+
+def _info(args: argparse.Namespace) -> int:
+    """Say where a city is, what it holds, and whom to name for the map."""
+    from lingjing.scene.osm.summary import read_summary
+    from lingjing.scene.store import read_store
+
+    folder = Path(args.folder)
+    _tell(read_store(folder), read_summary(folder))
+    return ExitCode.OK
+
+
+def _draw(args: argparse.Namespace) -> int:
+    """Draw a city from above: waters, surfaces, roads, buildings (darker is higher), trees."""
+    from lingjing.scene.plan import draw
+    from lingjing.scene.store import read_store
+
+    target = Path(args.output)
+    if target.suffix.lower() not in _PICTURES:
+        raise UsageError(f"no picture is written to `{target.name}`", hint=f"end the name in {', '.join(_PICTURES)}")
+    if not target.parent.is_dir():
+        raise UsageError(f"cannot write `{target}`: its folder does not exist", hint="choose another place with -o")
+    draw(read_store(Path(args.folder)), target)
+    print(target)
+    return ExitCode.OK
+
+
+@contextmanager
+def _phases(title: str) -> Iterator[Callable[[str], None]]:
+    """A line on a terminal that says what is going on; silent elsewhere."""
+    if not sys.stderr.isatty():
+        yield lambda phase: None
+        return
+    from rich.console import Console
+
+    with Console(stderr=True).status(title) as status:
+        yield lambda phase: status.update(f"{title}: {phase}")
+
+
+def _tell(city: City, summary: Summary | None) -> None:
+    """The city in a few lines."""
+    west, south, east, north = city.bounds
+    print(f"city      {city.id}, {(east - west) / 1000:.2f} × {(north - south) / 1000:.2f} km", end="")
+    print(f" around {city.origin[0]:.5f}, {city.origin[1]:.5f} (latitude, longitude)")
+    if summary is not None:
+        held = ", ".join(f"{summary.counts[key]} {word}" for key, word in _KINDS if summary.counts.get(key))
+        print(f"holds     {held or 'nothing'}")
+        print(f"tallest   {summary.counts.get('tallest_m', 0)} m")
+        print(f"part      {','.join(f'{value:.5f}' for value in summary.box)} ({summary.box_is})")
+        for reason, count in summary.skipped.items():
+            print(f"left out  {count} {reason}")
+        for note in summary.notes:
+            print(f"note      {note}")
+        print(f"map       {summary.source.name}, sha256 {summary.source.sha256[:16]}…")
+    print(f"tiles     {len(city.tiles)} of {city.tile_m:g} m, content {city.sha256[:16]}…")
+    print(f"network   {Path(city.network).name if city.network else 'none: no traffic'}")
+    print(f"credit    {city.attribution}")
