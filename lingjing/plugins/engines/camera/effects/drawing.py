@@ -50,8 +50,9 @@ class EffectPass:
 
     def release(self) -> None:
         """Free the GL objects."""
-        for thing in (*self.programs, self._corners):
-            thing.release()
+        for program in self.programs:
+            program.release()
+        self._corners.release()
 
     def _blended(self, program: moderngl.Program, rows: Rows, layout: tuple[str, ...]) -> None:
         self._context.enable(moderngl.BLEND)

@@ -9,7 +9,7 @@ from lingjing.plugins.engines.camera.meshes import Array, Colour, box, cylinder,
 from lingjing.plugins.engines.camera.models.palette import BLACK, GREY, ORANGE, WHITE
 from lingjing.plugins.engines.camera.models.shapes import limb, mirrored, pane, quad, shell
 
-DARK_GLASS: Colour = (0.015, 0.02, 0.026)
+GLASS: Colour = (0.015, 0.02, 0.026)
 
 
 @cache
@@ -49,13 +49,12 @@ def fixed_wing() -> Array:
 
     hull = [ring(-5.4, 0.10, 0.10, 0.35), ring(-2.0, 0.42, -0.35, 0.62), ring(-0.6, 0.55, -0.55, 0.95),
             ring(0.7, 0.55, -0.55, 0.95), ring(1.3, 0.52, -0.52, 0.40), ring(2.4, 0.36, -0.38, 0.25)]  # fmt: skip
-    wing = [(-0.75, [(-5.5, 0.97), (5.5, 0.97)]), (-0.2, [(-5.5, 1.08), (5.5, 1.08)]), (0.55, [(-5.5, 1.12), (5.5, 1.12)]),
-            (0.75, [(-5.5, 1.02), (5.5, 1.02)])]  # fmt: skip
+    wing = [(-0.75, [(-5.5, 0.97), (5.5, 0.97)]), (-0.2, [(-5.5, 1.08), (5.5, 1.08)]),
+            (0.55, [(-5.5, 1.12), (5.5, 1.12)]), (0.75, [(-5.5, 1.02), (5.5, 1.02)])]  # fmt: skip
     under = [(-0.75, [(-5.5, 0.96), (5.5, 0.96)]), (0.75, [(-5.5, 0.99), (5.5, 0.99)])]
     fin = [(0.0, -5.55, 0.2), (0.0, -4.5, 0.3), (0.0, -5.1, 1.55), (0.0, -5.7, 1.55)]
     blades = (0.5, 0.5 + pi)
-    disc = [((0.0, 2.55, -0.05), (0.95 * cos(a), 2.55, 0.95 * sin(a) - 0.05), (0.95 * cos(b), 2.55, 0.95 * sin(b) - 0.05))
-            for a in blades for b in (a + 0.16,)]  # fmt: skip
+    disc = [((0.0, 2.55, -0.05), *((0.95 * cos(b), 2.55, 0.95 * sin(b) - 0.05) for b in (a, a + 0.16))) for a in blades]
     return merge(
         shell(hull, WHITE, 0.5),
         loft(wing, WHITE, 0.4),
@@ -63,8 +62,8 @@ def fixed_wing() -> Array:
         mirrored(box((5.3, 0.0, 1.05), (0.4, 1.3, 0.13), red)),
         box((0.0, -4.95, 0.33), (3.4, 0.85, 0.06), WHITE, 0.4),
         two_sided(quad(fin[0], fin[1], fin[2], fin[3], red)),
-        mirrored(pane([(0.56, -0.5, 0.30), (0.56, 0.65, 0.30), (0.40, 0.65, 0.85), (0.40, -0.5, 0.85)], DARK_GLASS, 0.9)),
-        pane([(-0.5, 1.28, 0.42), (0.5, 1.28, 0.42), (0.33, 0.74, 0.92), (-0.33, 0.74, 0.92)], DARK_GLASS, 0.9, 0.95, 0.02),
+        mirrored(pane([(0.56, -0.5, 0.30), (0.56, 0.65, 0.30), (0.40, 0.65, 0.85), (0.40, -0.5, 0.85)], GLASS, 0.9)),
+        pane([(-0.5, 1.28, 0.42), (0.5, 1.28, 0.42), (0.33, 0.74, 0.92), (-0.33, 0.74, 0.92)], GLASS, 0.9, 0.95, 0.02),
         mirrored(box((0.545, -1.6, 0.1), (0.02, 3.2, 0.12), red)),
         mirrored(limb((0.5, 0.2, -0.4), (2.6, 0.2, 0.98), (0.05, 0.05), WHITE, 5)),
         mirrored(limb((0.4, -0.3, -0.45), (1.15, -0.3, -1.05), (0.06, 0.05), WHITE, 5)),

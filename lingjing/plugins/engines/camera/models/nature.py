@@ -132,8 +132,7 @@ def _hedge() -> Array:
 def _flowerbed(variant: int) -> Array:
     bloom: Colour = ((0.60, 0.08, 0.06), (0.70, 0.50, 0.06), (0.45, 0.12, 0.40))[variant]
     heads = [
-        blob((0.75 * cos(2.4 * k) * (k / 9) ** 0.5, 0.75 * sin(2.4 * k) * (k / 9) ** 0.5, 0.34), (0.15, 0.15, 0.11), bloom, k,
-             rows=3, sides=5)
+        blob((0.25 * k**0.5 * cos(2.4 * k), 0.25 * k**0.5 * sin(2.4 * k), 0.34), (0.15, 0.15, 0.11), bloom, k, 3, 5)
         for k in range(9)
     ]  # fmt: skip
     return merge(cylinder((0.0, 0.0, 0.0), (0.0, 0.0, 0.28), (0.95, 0.85), (0.10, 0.13, 0.05), sides=9), *heads)

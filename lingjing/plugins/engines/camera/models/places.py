@@ -66,7 +66,7 @@ def parcel_station(served: bool) -> Array:
 
 @cache
 def doorstep(served: bool) -> Array:
-    """A door mat, a green planter on each side and a delivery box with a flag; once served, a parcel lies on the mat."""
+    """A door mat, a delivery box and a plant beside it; once served, parcels lie on the mat."""
     parts = [
         box((0.0, 0.0, 0.012), (1.3, 0.8, 0.024), (0.30, 0.07, 0.04)),
         box((0.0, 0.0, 0.027), (1.0, 0.5, 0.006), (0.46, 0.34, 0.20)),
@@ -85,7 +85,7 @@ def doorstep(served: bool) -> Array:
 def dock() -> Array:
     """A warehouse's loading bay at the kerb: an orange totem with a white box on it, pallets, a hand truck's load."""
     parcels = [
-        _parcel(KERB_M + 1.2 + 0.9 * (k % 3), 1.6 - 1.1 * (k // 3), 0.14, (0.75, 0.75, 0.6 + 0.15 * (k % 2)), 0.9 + 0.1 * k)
+        _parcel(KERB_M + 1.2 + 0.9 * (k % 3), 1.6 - 1.1 * (k // 3), 0.14, (0.75, 0.75, 0.7), 0.9 + k / 10)
         for k in range(6)
     ]  # fmt: skip
     pallets = [box((KERB_M + 2.1, 1.6 - 1.1 * k, 0.07), (2.9, 0.95, 0.14), WOOD) for k in range(2)]
@@ -93,7 +93,8 @@ def dock() -> Array:
         box((KERB_M, -1.6, 2.2), (0.35, 1.5, 4.4), ORANGE, 0.2),
         *(box((KERB_M + s * 0.19, -1.6, 3.5), (0.02, 1.0, 0.9), WHITE) for s in (-1.0, 1.0)),
         *(box((KERB_M + s * 0.205, -1.6, 3.5), (0.02, 0.14, 0.9), CARD) for s in (-1.0, 1.0)),
-        *(box((KERB_M + s * 0.19, -1.6, 2.0 - 0.4 * k), (0.02, 1.1 - 0.2 * k, 0.16), WHITE) for s in (-1.0, 1.0) for k in range(3)),
+        *(box((KERB_M + s * 0.19, -1.6, 2.0 - 0.4 * k), (0.02, 1.1 - 0.2 * k, 0.16), WHITE)
+          for s in (-1.0, 1.0) for k in range(3)),
         *pallets,
         *parcels,
     )  # fmt: skip

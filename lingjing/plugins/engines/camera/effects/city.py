@@ -1,0 +1,212 @@
+"""What targets do to the static city: a gap in a bridge, a building in the colour that its mission names.
+
+All are pure functions of a tile's pieces and the mission's entities. `site_of` says what an effect must know of its
+surroundings; `dressed` gives the pieces that the meshes of a tile are built from; `faced` names the building whose
+pixels are an entity's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from math import atan2, degrees, hypot, inf
+from typing import TypeVar
+
+import msgspec
+
+from lingjing.mission.instance import Entity, Vector
+from lingjing.scene.city import Bridge, Building, Lane, Pieces, Polygon, Road
+
+NEAR_M = 40.0
+"""A target belongs to the bridge or building within this distance of it, the nearest one."""
+GAP_M = 8.0
+COLOURS: dict[str, tuple[float, float, float]] = {
+    "white": (0.78, 0.77, 0.74),
+    "red": (0.46, 0.07, 0.05),
+    "orange": (0.62, 0.24, 0.05),
+    "yellow": (0.66, 0.50, 0.10),
+    "green": (0.14, 0.30, 0.14),
+    "blue": (0.11, 0.22, 0.44),
+    "pink": (0.62, 0.34, 0.34),
+    "brown": (0.24, 0.14, 0.08),
+    "grey": (0.34, 0.34, 0.34),
+    "black": (0.06, 0.06, 0.07),
+}
+"""Walls by name, linear RGB."""
+
+Path = tuple[Vector, ...]
+P = TypeVar("P", bound=Pieces)
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class Site:
+    """Surroundings of a target: the ground's elevation under it; for one on a bridge the deck's axis, width, thickness
+    and top; for one on a pipe the pipe's axis and radius."""
+
+    ground_m: float = 0.0
+    heading_deg: float | None = None
+    width_m: float = 12.0
+    thickness_m: float = 1.2
+    deck_m: float | None = None
+    radius_m: float = 0.4
+
+
+def is_a(entity: Entity, kind: str) -> bool:
+    """Whether an entity is of a type or of one that extends it."""
+    return entity.type == kind or kind in entity.bases
+
+
+def site_of(entity: Entity, near: Iterable[Pieces], ground_m: float) -> Site:
+    """The surroundings of an entity among the pieces near it; `ground_m` is the elevation that things fall to."""
+    x, y, _ = entity.position
+    if is_a(entity, "bridge_fracture"):
+        found = _nearest([(bridge, bridge.path) for piece in near for bridge in piece.bridges], x, y)
+        if found is not None:
+            bridge, foot, heading = found
+            return Site(ground_m, heading, bridge.width_m, bridge.thickness_m, foot[2])
+    if is_a(entity, "pipeline_leak"):
+        pipe = _nearest([(pipe, pipe.path) for piece in near for pipe in piece.pipes], x, y)
+        if pipe is not None:
+            return Site(ground_m, pipe[2], radius_m=pipe[0].radius_m)
+    return Site(ground_m)
+
+
+def dressed(pieces: P, entities: Sequence[Entity]) -> P:
+    """The pieces with broken bridges and painted buildings; the very same object if no entity changes any."""
+    broken = [e for e in entities if is_a(e, "bridge_fracture") and not e.dormant]
+    named = {building: entity for building, entity in faced(pieces, entities).items() if _paint(entity) is not None}
+    if not broken and not named:
+        return pieces
+    bridges: tuple[Bridge, ...] = pieces.bridges
+    roads: tuple[Road, ...] = pieces.roads
+    for entity in broken:
+        gap = gap_of(entity)
+        bridges = tuple(part for bridge in bridges for part in _cut_bridge(bridge, entity, gap))
+        roads = tuple(part for road in roads for part in (_cut_road(road, entity, gap) if road.bridge else (road,)))
+    buildings = tuple(_painted(building, named.get(building.id)) for building in pieces.buildings)
+    return msgspec.structs.replace(pieces, bridges=bridges, roads=roads, buildings=buildings)
+
+
+def faced(pieces: Pieces, entities: Sequence[Entity]) -> dict[str, Entity]:
+    """Building id → the reference building's entity, for the nearest building of each such entity in these pieces."""
+    found = {}
+    for entity in entities:
+        if is_a(entity, "reference_building") and pieces.buildings:
+            x, y, _ = entity.position
+            away, building = min(
+                ((_outline_distance(b.polygon, x, y), b.id) for b in pieces.buildings), default=(inf, "")
+            )
+            if away <= NEAR_M:
+                found[building] = entity
+    return found
+
+
+def gap_of(entity: Entity) -> float:
+    """Length of the gap of a fracture along its bridge, m."""
+    given = entity.properties.get("width_m", GAP_M)
+    return max(2.0, float(given)) if isinstance(given, int | float) else GAP_M
+
+
+def split(path: Path, x: float, y: float, gap_m: float) -> tuple[Path, ...]:
+    """The path without the `gap_m` of it about the point nearest to (x, y): up to two pieces."""
+    _, at, _, _ = _project(path, x, y)
+    return tuple(part for part in (_until(path, at - 0.5 * gap_m), _from(path, at + 0.5 * gap_m)) if len(part) > 1)
+
+
+def _cut_bridge(bridge: Bridge, entity: Entity, gap: float) -> tuple[Bridge, ...]:
+    x, y, _ = entity.position
+    if _project(bridge.path, x, y)[0] > NEAR_M:
+        return (bridge,)
+    return tuple(msgspec.structs.replace(bridge, path=path) for path in split(bridge.path, x, y, gap))
+
+
+def _cut_road(road: Road, entity: Entity, gap: float) -> tuple[Road, ...]:
+    x, y, _ = entity.position
+    if not road.lanes or _project(road.lanes[0].shape, x, y)[0] > NEAR_M:
+        return (road,)
+    halves: tuple[list[Lane], list[Lane]] = ([], [])
+    for lane in road.lanes:
+        _, at, _, _ = _project(lane.shape, x, y)
+        for half, shape in zip(
+            halves, (_until(lane.shape, at - 0.5 * gap), _from(lane.shape, at + 0.5 * gap)), strict=True
+        ):
+            if len(shape) > 1:
+                half.append(msgspec.structs.replace(lane, shape=shape))
+    return tuple(msgspec.structs.replace(road, lanes=tuple(half)) for half in halves if half)
+
+
+def _painted(building: Building, entity: Entity | None) -> Building:
+    paint = None if entity is None else _paint(entity)
+    return building if paint is None else msgspec.structs.replace(building, colour=paint)
+
+
+def _paint(entity: Entity) -> tuple[float, float, float] | None:
+    given = entity.properties.get("colour")
+    return COLOURS.get(given) if isinstance(given, str) else None
+
+
+def _nearest(things: list[tuple[T, Path]], x: float, y: float) -> tuple[T, Vector, float] | None:
+    """The thing whose path comes nearest, the point on it and the path's bearing there."""
+    best: tuple[float, T, Vector, float] | None = None
+    for thing, path in things:
+        if len(path) > 1:
+            away, _, foot, heading = _project(path, x, y)
+            if away <= NEAR_M and (best is None or away < best[0]):
+                best = away, thing, foot, heading
+    return None if best is None else best[1:]
+
+
+def _project(path: Path, x: float, y: float) -> tuple[float, float, Vector, float]:
+    """(distance, length along the path, the point on it, its bearing there) of the nearest point of a path."""
+    best, run = (inf, 0.0, path[0], 0.0), 0.0
+    for a, b in pairwise(path):
+        east, north = b[0] - a[0], b[1] - a[1]
+        long = hypot(east, north)
+        if long < 1e-9:
+            continue
+        t = min(1.0, max(0.0, ((x - a[0]) * east + (y - a[1]) * north) / long**2))
+        foot = a[0] + t * east, a[1] + t * north, a[2] + t * (b[2] - a[2])
+        away = hypot(foot[0] - x, foot[1] - y)
+        if away < best[0]:
+            best = away, run + t * long, foot, degrees(atan2(east, north)) % 360.0
+        run += long
+    return best
+
+
+def _until(path: Path, length: float) -> Path:
+    """The first `length` metres of a path."""
+    out, run = [path[0]], 0.0
+    for a, b in pairwise(path):
+        long = hypot(b[0] - a[0], b[1] - a[1])
+        if run + long >= length:
+            if length - run > 1e-6:
+                out.append(_between(a, b, (length - run) / long))
+            break
+        out.append(b)
+        run += long
+    return tuple(out) if length > 1e-6 else ()
+
+
+def _from(path: Path, length: float) -> Path:
+    """A path without its first `length` metres."""
+    total = sum(hypot(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(path))
+    return tuple(reversed(_until(tuple(reversed(path)), total - length)))
+
+
+def _between(a: Vector, b: Vector, t: float) -> Vector:
+    return a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1]), a[2] + t * (b[2] - a[2])
+
+
+def _outline_distance(polygon: Polygon, x: float, y: float) -> float:
+    """From a point to a building's outline; 0 inside."""
+    ring = tuple((east, north, 0.0) for east, north in (*polygon, polygon[0]))
+    crossings = sum(
+        1 for (ax, ay, _), (bx, by, _) in pairwise(ring)
+        if (ay > y) != (by > y) and x < ax + (y - ay) * (bx - ax) / (by - ay)
+    )  # fmt: skip
+    return 0.0 if crossings % 2 else _project(ring, x, y)[0]
+
+
+__all__ = ["COLOURS", "Site", "dressed", "faced", "gap_of", "is_a", "site_of", "split"]

@@ -1,0 +1,133 @@
+"""Fire: flames that are its body, a glow, smoke that the wind carries off, scorched ground.
+
+`heat` (0..1) scales all of it; a fire that is `out` leaves its scorch and a thin white steam.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lingjing.mission.instance import Weather
+from lingjing.plugins.engines.camera.effects.particles import (
+    BLOT,
+    FLAME,
+    Effects,
+    Floats,
+    Rows,
+    billboards,
+    chance,
+    decal,
+    hashed,
+    ramp,
+    stream,
+    wind_of,
+)
+
+FLAME_HEART = (0.80, 0.50, 0.10)
+GLOW = (0.75, 0.24, 0.03)
+SOOT = ((0.020, 0.018, 0.016), (0.040, 0.038, 0.036), (0.085, 0.083, 0.080))
+STEAM = (0.60, 0.61, 0.62)
+
+
+@dataclass(frozen=True, slots=True)
+class Blaze:
+    """How large a fire is: radius of its bed and height of its flames (m), numbers of flames and puffs, how long a
+    puff lives (s) and how wide it grows (m)."""
+
+    radius_m: float
+    height_m: float
+    flames: int
+    puffs: int
+    life_s: float
+    puff_m: float
+
+
+BUILDING = Blaze(radius_m=3.6, height_m=3.2, flames=56, puffs=110, life_s=15.0, puff_m=6.5)
+"""Seen from 110 m above: some 70 pixels of flames and a plume ten times as long."""
+GROUND = Blaze(radius_m=0.65, height_m=1.25, flames=26, puffs=44, life_s=7.0, puff_m=1.5)
+"""Seen by a dog from 2 to 20 m."""
+
+
+def fire(seed: int, place: Floats, blaze: Blaze, heat: float, time_s: float, weather: Weather) -> Effects:
+    """A fire on a place; `heat` 0 is out."""
+    size = max(heat, 0.0) ** 0.5
+    scorch = decal(
+        (float(place[0]), float(place[1]), float(place[2])),
+        (1.45 * blaze.radius_m, 1.3 * blaze.radius_m), float(seed % 360), (0.012, 0.011, 0.010), 0.85, BLOT, seed % 97,
+    )  # fmt: skip
+    if size < 0.05:
+        return Effects(_wisps(seed, place, blaze, time_s, weather), scorch)
+    rows = [
+        _flames(seed, place, blaze, size, time_s),
+        _glow(seed, place, blaze, size, time_s),
+        _smoke(seed, place, blaze, size, time_s, weather),
+    ]
+    return Effects(np.concatenate(rows), scorch)
+
+
+def _flames(seed: int, place: Floats, blaze: Blaze, size: float, time_s: float) -> Rows:
+    count = max(6, round(blaze.flames * size))
+    age, number = stream(seed, time_s, count, 0.85)
+    bearing, out = 6.2832 * hashed(number * np.uint64(3)), np.sqrt(hashed(number * np.uint64(3) + np.uint64(1)))
+    vigour = 0.55 + 0.45 * hashed(number * np.uint64(3) + np.uint64(2))
+    reach = blaze.radius_m * size
+    tall = blaze.height_m * size * vigour * (1.15 - 0.55 * out)
+    long = 0.5 * tall * (0.35 + 0.65 * np.sin(np.pi * np.clip(age * 1.1, 0.0, 1.0)))
+    width = reach * (0.27 - 0.10 * out) * (1.05 - 0.6 * age)
+    lean = 0.25 * tall * age
+    points = np.stack(
+        [
+            place[0] + reach * out * np.cos(bearing) * (1.0 - 0.45 * age),
+            place[1] + reach * out * np.sin(bearing) * (1.0 - 0.45 * age),
+            place[2] + long + 0.55 * tall * age,
+        ],
+        axis=1,
+    )
+    axis = np.stack([0.2 * lean * np.cos(bearing), 0.2 * lean * np.sin(bearing), long], axis=1)
+    warm = 1.0 - 0.42 * age - 0.12 * out
+    colour = np.array(FLAME_HEART) * np.stack([np.minimum(warm + 0.25, 1.0), warm, warm], axis=1)
+    return billboards(points, width, colour, 1.0, axis=axis, glow=1.0, shape=FLAME, seed=number % 89, body=True)
+
+
+def _glow(seed: int, place: Floats, blaze: Blaze, size: float, time_s: float) -> Rows:
+    flicker = 0.85 + 0.15 * np.sin(9.0 * time_s + np.arange(3) * 2.1 + seed % 7)
+    height = np.array([0.25, 0.55, 0.9]) * blaze.height_m * size
+    points = np.tile(place, (3, 1)) + np.stack([0 * height, 0 * height, height], axis=1)
+    wide = blaze.radius_m * size * np.array([1.9, 1.5, 1.1])
+    return billboards(points, wide, GLOW, 0.20 * flicker, soft=1.0, glow=1.0, seed=seed % 31)
+
+
+def _smoke(seed: int, place: Floats, blaze: Blaze, size: float, time_s: float, weather: Weather) -> Rows:
+    """Puffs from the lee side of the bed, so that the flames stay in sight from above."""
+    count = max(8, round(blaze.puffs * size))
+    age, number = stream(seed + 7, time_s, count, blaze.life_s)
+    away = _drift(seed, weather)
+    lee = away / np.linalg.norm(away)
+    seconds = age * blaze.life_s
+    spread = 6.2832 * hashed(number * np.uint64(5))
+    stray = (0.35 + 0.65 * hashed(number * np.uint64(5) + np.uint64(1))) * blaze.radius_m * size * (0.45 + 1.1 * age)
+    rise = blaze.height_m * (0.55 + 3.4 * age**0.8)
+    points = place + lee * (0.55 * blaze.radius_m * size) + np.outer(seconds, away)
+    points += np.stack([stray * np.cos(spread), stray * np.sin(spread), rise], axis=1)
+    wide = blaze.puff_m * size * (0.20 + 0.80 * age**0.75) * (0.8 + 0.4 * hashed(number * np.uint64(5) + np.uint64(2)))
+    shade = ramp(SOOT, age) * (0.8 + 0.5 * hashed(number * np.uint64(5) + np.uint64(3)))[:, None]
+    alpha = 0.62 * np.minimum(age / 0.06, 1.0) * (1.0 - age) ** 0.9
+    return billboards(points, wide, shade, alpha, soft=0.75, seed=number % 89)
+
+
+def _wisps(seed: int, place: Floats, blaze: Blaze, time_s: float, weather: Weather) -> Rows:
+    count = blaze.puffs // 6
+    age, number = stream(seed + 11, time_s, count, 6.0)
+    at = 6.2832 * chance(seed, 3, count)
+    out = 0.7 * blaze.radius_m * np.sqrt(chance(seed, 4, count))
+    points = place + np.outer(age * 4.0, _drift(seed, weather))
+    points += np.stack([out * np.cos(at), out * np.sin(at), 0.3 + blaze.height_m * 1.2 * age], axis=1)
+    return billboards(points, blaze.puff_m * (0.12 + 0.3 * age), STEAM, 0.22 * (1.0 - age), soft=1.0, seed=number % 89)
+
+
+def _drift(seed: int, weather: Weather) -> Floats:
+    """How the smoke moves (m/s): with the wind, never quite still."""
+    lazy = wind_of(0.7, 360.0 * float(chance(seed, 9, 1)[0]))
+    return 0.8 * wind_of(weather.wind_mps, weather.wind_from_deg) + lazy
