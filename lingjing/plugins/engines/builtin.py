@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from lingjing.mission.instance import SceneSpec
+from lingjing.mission.instance import Instance, SceneSpec
 from lingjing.plugins.engine import Engine, EnginePlugin
 from lingjing.plugins.hookspecs import ScenePlugin, hookimpl
 from lingjing.scene.city import City
@@ -22,6 +22,12 @@ def _plane() -> Engine:
     return PlaneEngine()
 
 
+def _satellite() -> Engine:
+    from lingjing.plugins.engines.satellite.engine import SatelliteEngine
+
+    return SatelliteEngine()
+
+
 def _vessel() -> Engine:
     from lingjing.plugins.engines.vessel.engine import VesselEngine
 
@@ -32,6 +38,12 @@ def _road() -> Engine:
     from lingjing.plugins.engines.road.engine import RoadEngine
 
     return RoadEngine()
+
+
+def _quadruped() -> Engine:
+    from lingjing.plugins.engines.quadruped.engine import QuadrupedEngine
+
+    return QuadrupedEngine()
 
 
 def _city() -> Engine:
@@ -52,6 +64,23 @@ def _bay(spec: SceneSpec) -> City:
     return build(spec)
 
 
+def _district(spec: SceneSpec) -> City:
+    from lingjing.scene.districts import build
+
+    return build(spec)
+
+
+def _has_traffic(instance: Instance) -> bool:
+    """Whether the scene asks for traffic: it is there also when no car is anybody's."""
+    traffic = instance.scene.options.get("traffic", 0.0)
+    return isinstance(traffic, int | float) and traffic > 0
+
+
+def _has_radio(instance: Instance) -> bool:
+    """Whether messages have a range, which is the city's to work out."""
+    return instance.comms.range_m is not None
+
+
 @hookimpl
 def lingjing_engines() -> Iterable[EnginePlugin]:
     """The engines that come with the project."""
@@ -69,6 +98,12 @@ def lingjing_engines() -> Iterable[EnginePlugin]:
             summary="Fixed-wing aircraft: JSBSim at 100 Hz under an autopilot; straight there, then in a circle.",
         ),
         EnginePlugin(
+            name="satellite",
+            factory=_satellite,
+            native_dt_s=1.0,
+            summary="Satellites: SGP4 from two-line elements, passes over the region, what is in view.",
+        ),
+        EnginePlugin(
             name="vessel",
             factory=_vessel,
             native_dt_s=0.1,
@@ -78,13 +113,20 @@ def lingjing_engines() -> Iterable[EnginePlugin]:
             name="road",
             factory=_road,
             native_dt_s=0.1,
+            wanted=_has_traffic,
             summary="Road vehicles, background traffic and queues: SUMO at 10 Hz, braking for whoever crosses.",
+        ),
+        EnginePlugin(
+            name="quadruped",
+            factory=_quadruped,
+            native_dt_s=0.02,
+            summary="Robot dogs: Unitree Go2 on its legs in MuJoCo at 200 Hz under a 50 Hz walking policy.",
         ),
         EnginePlugin(
             name="city",
             factory=_city,
             native_dt_s=0.1,
-            wanted=lambda instance: instance.comms.range_m is not None,
+            wanted=_has_radio,
             summary="Targets, what may be done to them, goods and queues; the reach of radio.",
         ),
         EnginePlugin(
