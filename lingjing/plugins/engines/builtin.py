@@ -81,6 +81,18 @@ def _has_radio(instance: Instance) -> bool:
     return instance.comms.range_m is not None
 
 
+DISTRICTS = {
+    "residential": "Dwellings on a street grid: slabs, houses, towers, and a walled compound (`inside`).",
+    "industrial": "Halls, tanks and yards, a walled factory (`inside`) or a pipeline area (`pipeline`).",
+    "commercial": "Office towers on podiums with shops, plazas and parks between avenues.",
+    "campus": "Lecture halls around lawns, dormitories, sports grounds.",
+    "logistics": "Warehouses with docks, container yards and shops around a central depot.",
+    "coastal": "A town by the sea (`shore`) with promenade, harbour and a long bridge (`bridge`).",
+    "city": "All districts together as a city of wide blocks by the sea, up to 12 km, streamed from tiles.",
+}
+"""The procedural scenes by name."""
+
+
 @hookimpl
 def lingjing_engines() -> Iterable[EnginePlugin]:
     """The engines that come with the project."""
@@ -142,4 +154,7 @@ def lingjing_engines() -> Iterable[EnginePlugin]:
 @hookimpl
 def lingjing_scenes() -> Iterable[ScenePlugin]:
     """The scenes that come with the project."""
-    return (ScenePlugin(name="bay", build=_bay, summary="A bay with a pier: open water, shore, buoys and debris."),)
+    return (
+        ScenePlugin(name="bay", build=_bay, summary="A bay with a pier: open water, shore, buoys and debris."),
+        *(ScenePlugin(name=name, build=_district, summary=summary) for name, summary in DISTRICTS.items()),
+    )

@@ -1,0 +1,89 @@
+"""`Box`: an axis-parallel rectangle in metres, what blocks, lots and most buildings are made from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from lingjing.scene.city import Polygon
+
+
+class Box(NamedTuple):
+    """West, south, east, north in metres."""
+
+    west: float
+    south: float
+    east: float
+    north: float
+
+    @property
+    def width(self) -> float:
+        """Metres from west to east."""
+        return self.east - self.west
+
+    @property
+    def depth(self) -> float:
+        """Metres from south to north."""
+        return self.north - self.south
+
+    @property
+    def centre(self) -> tuple[float, float]:
+        """The middle."""
+        return (self.west + self.east) / 2.0, (self.south + self.north) / 2.0
+
+    @property
+    def polygon(self) -> Polygon:
+        """The corners, anticlockwise from the south-west, to the millimetre."""
+        w, s, e, n = (round(value, 3) for value in self)
+        return (w, s), (e, s), (e, n), (w, n)
+
+    def inset(self, margin: float) -> Box:
+        """Smaller by `margin` on every side (negative: larger)."""
+        return Box(self.west + margin, self.south + margin, self.east - margin, self.north - margin)
+
+    def chamfered(self, corner: float) -> Polygon:
+        """The outline with its corners cut off by `corner` metres along both sides."""
+        w, s, e, n, c = (*(round(value, 3) for value in self), corner)
+        return (w + c, s), (e - c, s), (e, s + c), (e, n - c), (e - c, n), (w + c, n), (w, n - c), (w, s + c)
+
+    def cells(self, columns: int, rows: int, gap: float) -> Iterator[Box]:
+        """Equal parts with a gap between them, row by row from the south-west."""
+        width = (self.width - gap * (columns - 1)) / columns
+        depth = (self.depth - gap * (rows - 1)) / rows
+        for row in range(rows):
+            for column in range(columns):
+                west, south = self.west + column * (width + gap), self.south + row * (depth + gap)
+                yield Box(west, south, west + width, south + depth)
+
+    def meets(self, other: Box, margin: float = 0.0) -> bool:
+        """Whether the two come nearer than `margin` metres along both axes."""
+        apart = self.west - other.east >= margin or other.west - self.east >= margin
+        return not (apart or self.south - other.north >= margin or other.south - self.north >= margin)
+
+    def holds(self, x: float, y: float) -> bool:
+        """Whether the point lies in the box or on its edge."""
+        return self.west <= x <= self.east and self.south <= y <= self.north
+
+    def without(self, other: Box, least: float) -> tuple[Box, ...]:
+        """What is left outside of `other`, in up to four boxes of which no side is below `least`."""
+        if not self.meets(other):
+            return (self,)
+        low, high = max(self.south, other.south), min(self.north, other.north)
+        parts = (
+            Box(self.west, self.south, self.east, low),
+            Box(self.west, high, self.east, self.north),
+            Box(self.west, low, max(self.west, other.west), high),
+            Box(min(self.east, other.east), low, self.east, high),
+        )
+        return tuple(part for part in parts if part.width >= least and part.depth >= least)
+
+
+def around(x: float, y: float, width: float, depth: float) -> Box:
+    """The box of that size about a centre."""
+    return Box(x - width / 2.0, y - depth / 2.0, x + width / 2.0, y + depth / 2.0)
+
+
+def bounds(points: Polygon) -> Box:
+    """The bounding box."""
+    xs, ys = [x for x, _ in points], [y for _, y in points]
+    return Box(min(xs), min(ys), max(xs), max(ys))

@@ -1,0 +1,178 @@
+"""One district from its plan: ground, streets, blocks, and the site or the seaside that it has."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from math import hypot
+
+import msgspec
+
+from lingjing.errors import UsageError
+from lingjing.scene.city import City, Land, Pieces
+from lingjing.scene.districts import coast, sites
+from lingjing.scene.districts.boxes import Box, around, bounds
+from lingjing.scene.districts.draft import Draft, stream
+from lingjing.scene.districts.furnish import block_slab
+from lingjing.scene.districts.options import Plan
+from lingjing.scene.districts.streets import APRON_M, Block, Grid, blocks, grid, network
+from lingjing.scene.districts.zones import fill, heights, surface
+from lingjing.scene.network import Network, StreetEdge, StreetNode, build_network, read_roads
+
+OUTSKIRTS_M = 60.0
+"""Trees stand this far around the built-up square."""
+
+GROUND_M = 3000.0
+"""The ground goes on this far beyond, so that the horizon is land."""
+
+
+def build_district(plan: Plan) -> City:
+    """The district, its pieces held by the city itself."""
+    pieces, net = lay_out(plan, grid(plan.half_m, plan.spacing), lambda block: plan.kind)
+    digest = hashlib.sha256(msgspec.msgpack.encode(pieces) + net.sha256.encode()).hexdigest()
+    light = frame(plan, net)
+    return msgspec.structs.replace(
+        light, sha256=digest, **{name: getattr(pieces, name) for name in pieces.__struct_fields__}
+    )
+
+
+def lay_out(
+    plan: Plan, made: Grid, kind_of: Callable[[Block], str], tree_gap_m: float = 16.0
+) -> tuple[Pieces, Network]:
+    """Everything of a plan on a grid, each block filled as a part of the district that `kind_of` names."""
+    draft = Draft()
+    _ground(draft, plan)
+    gates = _site(draft, plan)
+    for block in blocks(made, _keep_out(plan)):
+        if _dry(plan, block.box):
+            _block(draft, plan, block, kind_of(block), tree_gap_m)
+    net = _network(plan, made, gates)
+    roads, junctions = read_roads(net.path)
+    _outskirts(draft, plan)
+    return msgspec.structs.replace(draft.pieces(), roads=roads, junctions=junctions), net
+
+
+def frame(plan: Plan, net: Network) -> City:
+    """The city of a plan without its pieces."""
+    reach = plan.half_m + OUTSKIRTS_M
+    boxes = [Box(-reach, -reach, reach, reach)]
+    if plan.site:
+        boxes.append(plan.site.inset(-40.0))
+    if plan.bridge:
+        boxes.append(bounds(plan.bridge).inset(-200.0))
+    return City(
+        id=f"{plan.kind}-{plan.seed}",
+        origin=plan.origin,
+        bounds=(
+            min(box.west for box in boxes),
+            min(box.south for box in boxes),
+            max(box.east for box in boxes),
+            max(box.north for box in boxes),
+        ),
+        datum_m=plan.datum_m,
+        attribution="procedural",
+        network=net.path,
+    )
+
+
+# -- private
+
+
+def _ground(draft: Draft, plan: Plan) -> None:
+    if plan.shore:
+        coast.seaside(draft, plan, stream(plan.seed, "coast"))
+    else:
+        reach = 2.0 * (plan.half_m + GROUND_M)
+        draft.lands.append(Land(polygon=around(0.0, 0.0, reach, reach).polygon, top_m=0.0, surface="grass"))
+
+
+def _site(draft: Draft, plan: Plan) -> sites.Gates:
+    """Build the plan's site, if it has one; its gates."""
+    if plan.site is None:
+        return {}
+    chance = stream(plan.seed, "site")
+    if plan.pipeline and not plan.inside:
+        sites.pipeline(draft, plan.site, plan.pipeline, chance)
+        return {}
+    gates = sites.gates(plan.site, every=plan.kind in ("industrial", "logistics"))
+    build = sites.factory if plan.kind in ("industrial", "logistics") else sites.compound
+    build(draft, plan.site, plan.height_m, chance, gates)
+    return gates
+
+
+def _keep_out(plan: Plan) -> list[Box]:
+    """What no block may cover: the site, the bridge's ramp."""
+    found = [] if plan.site is None else [plan.site.inset(-APRON_M)]
+    if plan.bridge:
+        found.append(bounds((coast.bridge_foot(plan), plan.bridge[0])).inset(-coast.DECK_M / 2.0 - 1.0))
+    return found
+
+
+def _dry(plan: Plan, box: Box) -> bool:
+    """Whether a block lies wholly on land."""
+    if not plan.shore:
+        return True
+    land = coast.coast_land(plan.shore, plan.half_m + coast.SEA_M)
+    corners = box.polygon
+    return all(coast.inside(land, x, y) and coast.distance_to(plan.shore, x, y) > coast.STRAND_M for x, y in corners)
+
+
+def _block(draft: Draft, plan: Plan, block: Block, kind: str, tree_gap_m: float) -> None:
+    chance = stream(plan.seed, f"block/{block.column}/{block.row}/{block.box.south:.0f}/{block.box.west:.0f}")
+    inner = block_slab(draft, block.box, surface(kind), chance, tree_gap_m)
+    first = "warehouse" if kind == "logistics" and hypot(block.box.west, block.box.south) < 25.0 else ""
+    fill(draft, kind, inner, heights(kind, plan.height_m) if plan.kind == "city" else plan.height_m, chance, first)
+
+
+def _network(plan: Plan, made: Grid, gates: sites.Gates) -> Network:
+    blocked = None
+    if plan.shore:
+        land = coast.coast_land(plan.shore, plan.half_m + coast.SEA_M)
+
+        def wet(start: tuple[float, float], end: tuple[float, float]) -> bool:
+            ends = (start, end)
+            dry = all(coast.inside(land, *p) and coast.distance_to(plan.shore, *p) > coast.STRAND_M for p in ends)
+            return not dry or coast.under_ramp(plan, start, end)
+
+        blocked = wet
+    nodes, edges = network(made, plan.site, tuple(gates.values()), blocked)
+    if plan.bridge:
+        nodes, edges = _with_bridge(plan, nodes, edges)
+    if not edges:
+        raise UsageError(
+            f"scene `{plan.kind}`: no street fits between its blocks and its site", hint="widen `extent` or add blocks"
+        )
+    return build_network(nodes, edges, origin=plan.origin)
+
+
+def _with_bridge(
+    plan: Plan, nodes: list[StreetNode], edges: list[StreetEdge]
+) -> tuple[list[StreetNode], list[StreetEdge]]:
+    """The net with the bridge joined to the crossing nearest to its foot."""
+    foot = coast.bridge_foot(plan)
+    joint = min(nodes, key=lambda node: (hypot(node.east - foot[0], node.north - foot[1]), node.id))
+    at_crossing = hypot(joint.east - foot[0], joint.north - foot[1]) < 1.0
+    start = joint if at_crossing else StreetNode(id="bridge-foot", east=foot[0], north=foot[1])
+    far, spans = coast.bridge_streets(plan, start.id)
+    if at_crossing:
+        return [*nodes, *far], [*edges, *spans]
+    links = [
+        StreetEdge(id=f"{a}_to_{b}", start=a, end=b, lanes=2, kind="secondary", priority=2, name="Bridge Road")
+        for a, b in ((joint.id, start.id), (start.id, joint.id))
+    ]
+    return [*nodes, start, *far], [*edges, *links, *spans]
+
+
+def _outskirts(draft: Draft, plan: Plan) -> None:
+    """Trees around the square, so that it does not end like a cut."""
+    if plan.shore:
+        return
+    from lingjing.scene.districts.furnish import tree
+
+    chance = stream(plan.seed, "outskirts")
+    outer = plan.half_m + OUTSKIRTS_M
+    site = plan.site.inset(-20.0) if plan.site else None
+    for _ in range(int(plan.extent_m / 3.0)):
+        x, y = chance.uniform(-outer, outer), chance.uniform(-outer, outer)
+        if max(abs(x), abs(y)) > plan.half_m + 6.0 and not (site and site.holds(x, y)):
+            tree(draft, x, y, chance, 0.0)

@@ -1,0 +1,197 @@
+"""The street grid of a district: lines through the origin, the nodes and edges of its net, the blocks between.
+
+Streets run along every multiple of the spacing. Every second one is a main street (two lanes each way, lights where
+two of them cross); the others have one lane each way. A site (`Plan.site`) has no public streets: they end in front
+of its gates, or at the crossing before. Water and what `blocked` names have none either.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+from lingjing.scene.districts.boxes import Box
+from lingjing.scene.network import LANE_WIDTH_M, StreetEdge, StreetNode
+
+APRON_M = 12.0
+"""Streets keep this far from a site's edge."""
+
+BLOCK_LEAST_M = 25.0
+
+Point = tuple[float, float]
+Blocked = Callable[[Point, Point], bool]
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """A street along the whole grid: where it lies on its axis, lanes in each direction, and its name."""
+
+    at_m: float
+    lanes: int
+    name: str
+
+    @property
+    def half_m(self) -> float:
+        """From the axis to the kerb."""
+        return self.lanes * LANE_WIDTH_M + 0.2
+
+    @property
+    def main(self) -> bool:
+        """Whether it is a main street."""
+        return self.lanes >= 2
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """Ground between kerbs. `column` and `row` are those of its cell of the grid, counted from the south-west."""
+
+    column: int
+    row: int
+    box: Box
+
+
+@dataclass(frozen=True, slots=True)
+class Grid:
+    """Avenues run north (`avenues[k].at_m` is their east), streets east."""
+
+    avenues: tuple[Line, ...]
+    streets: tuple[Line, ...]
+    half_m: float
+
+
+def grid(half_m: float, spacing: tuple[float, float], lanes: tuple[int, int] = (2, 1), main_every: int = 2) -> Grid:
+    """The lines of a square that reaches `half_m` from the origin; `lanes` each way of main and other streets."""
+    return Grid(
+        avenues=_lines(half_m, spacing[0], lanes, main_every, ("Avenue", "E", "W")),
+        streets=_lines(half_m, spacing[1], lanes, main_every, ("Street", "N", "S")),
+        half_m=half_m,
+    )
+
+
+def _lines(
+    half_m: float, spacing: float, lanes: tuple[int, int], every: int, words: tuple[str, str, str]
+) -> tuple[Line, ...]:
+    many = int(half_m / spacing + 1e-6)
+    word, plus, minus = words
+    return tuple(
+        Line(
+            at_m=k * spacing,
+            lanes=lanes[0] if k % every == 0 else lanes[1],
+            name=f"{word} {plus if k > 0 else minus}{abs(k)}" if k else f"Central {word}",
+        )
+        for k in range(-many, many + 1)
+    )
+
+
+def blocks(made: Grid, keep_out: Sequence[Box] = ()) -> Iterator[Block]:
+    """The blocks row by row from the south-west, those at the rim of the square included, without `keep_out`."""
+    columns, rows = _gaps(made.avenues, made.half_m), _gaps(made.streets, made.half_m)
+    for row, (south, north) in enumerate(rows):
+        for column, (west, east) in enumerate(columns):
+            parts: tuple[Box, ...] = (Box(west, south, east, north),)
+            for box in keep_out:
+                parts = tuple(left for part in parts for left in part.without(box, BLOCK_LEAST_M))
+            for part in parts:
+                if part.width >= BLOCK_LEAST_M and part.depth >= BLOCK_LEAST_M:
+                    yield Block(column, row, part)
+
+
+def _gaps(lines: tuple[Line, ...], half_m: float) -> tuple[tuple[float, float], ...]:
+    inner = [(low.at_m + low.half_m, high.at_m - high.half_m) for low, high in pairwise(lines)]
+    first, last = lines[0], lines[-1]
+    return ((-half_m, first.at_m - first.half_m), *inner, (last.at_m + last.half_m, half_m))
+
+
+def network(
+    made: Grid, site: Box | None = None, gates: Sequence[Point] = (), blocked: Blocked | None = None
+) -> tuple[list[StreetNode], list[StreetEdge]]:
+    """Nodes and edges of the grid's net."""
+    closed = None if site is None else site.inset(-APRON_M)
+    sections = [
+        (start, end, line)
+        for start, end, line in _sections(made)
+        if blocked is None or not blocked(start[1], end[1])
+    ]  # fmt: skip
+    kept = [item for item in sections if closed is None or not _enters(item[0][1], item[1][1], closed)]
+    stubs = [] if closed is None else list(_stubs(sections, closed, gates))
+    edges = [edge for section in (*kept, *stubs) for edge in _edges(*section)]
+    degree: dict[str, int] = {}
+    for edge in edges:
+        degree[edge.start] = degree.get(edge.start, 0) + 1
+    places = {name: point for start, end, _ in (*kept, *stubs) for name, point in (start, end)}
+    mains = _crossings_of_mains(made)
+    return [_node(name, places[name], mains, degree[name]) for name in sorted(places)], edges
+
+
+# -- private
+
+_End = tuple[str, Point]
+_Section = tuple[_End, _End, Line]
+
+
+def _node_id(column: int, row: int) -> str:
+    return f"n{column}_{row}"
+
+
+def _sections(made: Grid) -> Iterator[_Section]:
+    for i, avenue in enumerate(made.avenues):
+        for j, (south, north) in enumerate(pairwise(made.streets)):
+            start, end = (avenue.at_m, south.at_m), (avenue.at_m, north.at_m)
+            yield (_node_id(i, j), start), (_node_id(i, j + 1), end), avenue
+    for j, street in enumerate(made.streets):
+        for i, (west, east) in enumerate(pairwise(made.avenues)):
+            start, end = (west.at_m, street.at_m), (east.at_m, street.at_m)
+            yield (_node_id(i, j), start), (_node_id(i + 1, j), end), street
+
+
+def _enters(start: Point, end: Point, box: Box) -> bool:
+    """Whether an axis-parallel section meets the inner of the box."""
+    west, east = sorted((start[0], end[0]))
+    south, north = sorted((start[1], end[1]))
+    return west < box.east and east > box.west and south < box.north and north > box.south
+
+
+def _stubs(sections: Sequence[_Section], closed: Box, gates: Sequence[Point]) -> Iterator[_Section]:
+    """What is left of sections that run straight at a gate, ending in front of it."""
+    for start, end, line in sections:
+        for outer, inner, forward in ((start, end, True), (end, start, False)):
+            if not _enters(outer[1], inner[1], closed) or closed.holds(*outer[1]):
+                continue
+            (x, y), (to_x, to_y) = outer[1], inner[1]
+            if y == to_y:
+                stop = (closed.west if to_x > x else closed.east, y)
+            else:
+                stop = (x, closed.south if to_y > y else closed.north)
+            near = any(abs(stop[0] - gx) + abs(stop[1] - gy) <= 3.0 * APRON_M for gx, gy in gates)
+            if near and abs(stop[0] - x) + abs(stop[1] - y) >= 25.0:
+                last = (f"{outer[0]}-gate-{'in' if forward else 'out'}-{'x' if y == to_y else 'y'}", stop)
+                yield (outer, last, line) if forward else (last, outer, line)
+
+
+def _edges(start: _End, end: _End, line: Line) -> Iterator[StreetEdge]:
+    for one, other in ((start, end), (end, start)):
+        yield StreetEdge(
+            id=f"{one[0]}_to_{other[0]}",
+            start=one[0],
+            end=other[0],
+            lanes=line.lanes,
+            speed_mps=13.9 if line.main else 11.1,
+            kind="primary" if line.lanes > 2 else "secondary" if line.main else "residential",
+            priority=3 if line.lanes > 2 else 2 if line.main else 1,
+            name=line.name,
+        )
+
+
+def _crossings_of_mains(made: Grid) -> frozenset[str]:
+    return frozenset(
+        _node_id(i, j)
+        for i, avenue in enumerate(made.avenues)
+        for j, street in enumerate(made.streets)
+        if avenue.main and street.main
+    )
+
+
+def _node(name: str, place: Point, mains: frozenset[str], degree: int) -> StreetNode:
+    control = "traffic_light" if name in mains and degree >= 3 else "priority"
+    return StreetNode(id=name, east=place[0], north=place[1], control=control)

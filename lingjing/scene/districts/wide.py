@@ -1,0 +1,47 @@
+"""A whole city of wide blocks: boulevards every 500 m, all six districts, in a store of tiles in the cache folder.
+
+Modelled on the new towns of the steppe: superblocks of 500 m between boulevards of three lanes each way, halved by
+streets of one lane, everything else reached by ways inside the blocks. `blocks` of the mission counts halves.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+from lingjing.scene.city import City
+from lingjing.scene.districts.district import frame, lay_out
+from lingjing.scene.districts.options import Plan
+from lingjing.scene.districts.streets import Block, grid
+from lingjing.scene.districts.zones import zone
+from lingjing.scene.network import network_folder
+from lingjing.scene.store import CITY_FILE, read_store, write_store
+
+TREE_GAP_M = 30.0
+"""Street trees stand wider apart than in a single district: there are a hundred times as many."""
+
+
+def build_wide(plan: Plan) -> City:
+    """The city of a plan, read from the cache where it is known."""
+    folder = network_folder().parent / "cities" / _key(plan)
+    if (folder / CITY_FILE).is_file():
+        return read_store(folder)
+
+    def kind_of(block: Block) -> str:
+        return zone(*block.box.centre, plan.half_m)
+
+    made = grid(plan.half_m, plan.spacing, lanes=(3, 1))
+    pieces, net = lay_out(plan, made, kind_of, TREE_GAP_M)
+    return write_store(folder, frame(plan, net), pieces)
+
+
+# -- private
+
+
+def _key(plan: Plan) -> str:
+    """A name for what this plan becomes under this code."""
+    digest = hashlib.sha256(repr(plan).encode())
+    here = Path(__file__).parent
+    for file in sorted((*here.glob("*.py"), here.parent / "store.py", here.parent / "network.py")):
+        digest.update(file.read_bytes())
+    return digest.hexdigest()[:40]

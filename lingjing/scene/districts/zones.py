@@ -1,0 +1,118 @@
+"""Which filling a block gets: drawn by the district's weights, fixed where the district has a centre."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from random import Random
+
+from lingjing.scene.districts import dwellings, offices, works
+from lingjing.scene.districts.boxes import Box
+from lingjing.scene.districts.draft import KERB_M, Draft
+from lingjing.scene.districts.dwellings import Heights
+
+Filling = Callable[[Draft, Box, Heights, Random], None]
+
+
+def _park(draft: Draft, lot: Box, heights: Heights, chance: Random) -> None:
+    offices.park(draft, lot, chance)
+
+
+def _shops(draft: Draft, lot: Box, heights: Heights, chance: Random) -> None:
+    dwellings.ring(draft, lot, heights, chance, "commercial")
+
+
+_FILLINGS: dict[str, tuple[Filling, str]] = {
+    "slabs": (dwellings.slabs, "grass"),
+    "houses": (dwellings.houses, "grass"),
+    "home_towers": (dwellings.towers, "grass"),
+    "ring": (dwellings.ring, "residential"),
+    "shops": (_shops, "commercial"),
+    "towers": (offices.towers, "commercial"),
+    "park": (_park, "park"),
+    "campus": (offices.campus, "grass"),
+    "dormitories": (offices.dormitories, "grass"),
+    "sports": (offices.sports, "grass"),
+    "halls": (works.halls, "industrial"),
+    "warehouse": (works.warehouse, "asphalt"),
+    "yard": (works.yard, "asphalt"),
+}
+
+WEIGHTS: dict[str, tuple[tuple[str, int], ...]] = {
+    "residential": (("slabs", 9), ("houses", 6), ("home_towers", 3), ("ring", 3), ("park", 2)),
+    "commercial": (("towers", 13), ("shops", 4), ("park", 2)),
+    "industrial": (("halls", 6), ("warehouse", 2), ("yard", 1)),
+    "campus": (("campus", 7), ("dormitories", 4), ("sports", 2), ("park", 2)),
+    "logistics": (("warehouse", 7), ("yard", 3), ("shops", 5), ("slabs", 4), ("halls", 3), ("park", 1)),
+    "coastal": (("ring", 5), ("slabs", 4), ("towers", 3), ("houses", 4), ("park", 2)),
+}
+
+_SHARES = {
+    "residential": (0.0, 0.35), "industrial": (0.0, 0.1), "commercial": (0.15, 1.0), "campus": (0.0, 0.25),
+    "logistics": (0.0, 0.12), "coastal": (0.0, 0.5),
+}  # fmt: skip
+"""Which part of a whole city's range of heights a district takes."""
+
+LOT_MOST_M = 215.0
+"""A larger block is divided into lots by ways of its own."""
+
+LOT_GAP_M = 9.0
+
+
+def fill(draft: Draft, kind: str, lot: Box, heights: Heights, chance: Random, first: str = "") -> None:
+    """Fill the inner of a block, divided where it is large; `first` names the filling of the first lot."""
+    columns, rows = -(-int(lot.width) // int(LOT_MOST_M)), -(-int(lot.depth) // int(LOT_MOST_M))
+    for part in lot.cells(max(1, columns), max(1, rows), LOT_GAP_M):
+        name = first or _drawn(kind, part, chance)
+        first = ""
+        filling, surface = _FILLINGS[name]
+        draft.area(part, surface, KERB_M + 0.011)
+        filling(draft, part, heights, chance)
+
+
+def surface(kind: str) -> str:
+    """What the ground between a block's lots is."""
+    return "asphalt" if kind in ("industrial", "logistics") else "plaza"
+
+
+def heights(kind: str, of_city: Heights) -> Heights:
+    """The heights of a district that is part of a city."""
+    low, high = _SHARES[kind]
+    span = of_city[1] - of_city[0]
+    return of_city[0] + low * span, of_city[0] + high * span
+
+
+def zone(x: float, y: float, half_m: float) -> str:
+    """The district of a place in a city that reaches `half_m` from its origin: offices in the middle, the sea in the
+    east, works in the west, dwellings in between."""
+    east, north = x / half_m, y / half_m
+    if east > 0.5:
+        return "coastal"
+    if max(abs(east), abs(north)) < 0.34:
+        return "commercial"
+    if east < -0.5:
+        return "industrial" if north > -0.1 else "logistics"
+    if north > 0.45 and east > -0.15:
+        return "campus"
+    return "residential"
+
+
+# -- private
+
+
+def _drawn(kind: str, lot: Box, chance: Random) -> str:
+    """A filling by weight; a strip that is too narrow for most becomes a park or houses."""
+    if min(lot.width, lot.depth) < 34.0:
+        return (
+            "park"
+            if kind in ("campus", "commercial") or chance.random() < 0.4
+            else "slabs"
+            if lot.width > 40
+            else "park"
+        )
+    options = WEIGHTS[kind]
+    at = chance.randrange(sum(weight for _, weight in options))
+    for name, weight in options:
+        at -= weight
+        if at < 0:
+            return name
+    raise AssertionError("weights are positive")
