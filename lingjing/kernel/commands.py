@@ -30,6 +30,9 @@ PHOTO = "takePhoto"
 DEAD = "dead"
 """The status word of an entity that does nothing any more."""
 
+BLIND = ("out_of_view", "below_horizon")
+"""The status words of a satellite that does not see its region."""
+
 
 @dataclass(frozen=True, slots=True)
 class Fault:
@@ -187,8 +190,16 @@ def _resource_fault(action: Action, resource: str, registry: Registry, admitted:
     held = registry.pending.get(resource)
     if held is not None and action.verb != PREEMPTING:
         return Fault("busy", f"`{resource}` is still doing `{held.verb}` ({held.id}); `stop` pre-empts it")
-    if action.verb == PHOTO and registry.states[resource].status == DEAD:
+    if action.verb == PHOTO:
+        return _sight_fault(resource, registry.states[resource].status)
+    return None
+
+
+def _sight_fault(resource: str, status: str) -> Fault | None:
+    if status == DEAD:
         return Fault("dead", f"`{resource}` is dead and takes no pictures")
+    if status in BLIND:
+        return Fault("not_in_view", f"`{resource}` does not see the region now: {status}")
     return None
 
 

@@ -15,8 +15,10 @@ from lingjing.mission.instance import Vector
 from lingjing.plugins.engines.outlines import Area, inside
 from lingjing.scene.city import Bridge, Building, Pieces, Polygon, Slope, Solid
 
-PIER_M = 2.0
-"""Side of a bridge's square piers."""
+PIER_M = 1.8
+"""Side of a leg of a bridge's pier."""
+_TWO_LEGS_M, _CAP_SHARE, _LEG_SHARE = 11.0, 0.62, 0.55
+"""How legs stand under a deck, as the camera draws them."""
 
 Plane = tuple[float, float, float]
 """Rise per metre east, rise per metre north, elevation at the frame's origin."""
@@ -116,16 +118,25 @@ def _piers(bridge: Bridge) -> Iterator[Block]:
 
 
 def pier_places(bridge: Bridge) -> Iterator[Vector]:
-    """Where a bridge's piers carry its deck: every `pier_spacing_m` along its path, none at its ends."""
-    if bridge.pier_spacing_m <= 0.0:
-        return
-    done, due = 0.0, bridge.pier_spacing_m
+    """Where a bridge's piers stand, with the deck's elevation there: bents of one leg, two under a wide deck, in the
+    middles of equal fields that are at most `pier_spacing_m` long."""
     whole = sum(math.dist(a[:2], b[:2]) for a, b in itertools.pairwise(bridge.path))
-    for start, end in itertools.pairwise(bridge.path):
+    if bridge.pier_spacing_m <= 0.0 or whole < 1.0:
+        return
+    fields = int(whole // bridge.pier_spacing_m) + 1
+    apart = _LEG_SHARE * min(_CAP_SHARE * bridge.width_m, bridge.width_m - 0.6) / 2.0
+    legs = (0.0,) if bridge.width_m < _TWO_LEGS_M else (-apart, apart)
+    for number in range(fields):
+        (x, y, z), (east, north) = _along(bridge.path, (number + 0.5) * whole / fields)
+        yield from ((x - leg * north, y + leg * east, z) for leg in legs)
+
+
+def _along(path: tuple[Vector, ...], distance: float) -> tuple[Vector, tuple[float, float]]:
+    """The point of a path at a distance from its start, and the direction there."""
+    for start, end in itertools.pairwise(path):
         length = math.dist(start[:2], end[:2])
-        while length > 0.0 and due <= done + length and due < whole - PIER_M:
-            share = (due - done) / length
-            x, y, z = (a + share * (b - a) for a, b in zip(start, end, strict=True))
-            yield x, y, z
-            due += bridge.pier_spacing_m
-        done += length
+        if length > 0.0 and distance <= length:
+            x, y, z = (a + distance / length * (b - a) for a, b in zip(start, end, strict=True))
+            return (x, y, z), ((end[0] - start[0]) / length, (end[1] - start[1]) / length)
+        distance -= length
+    return path[-1], (1.0, 0.0)

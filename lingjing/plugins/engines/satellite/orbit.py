@@ -1,0 +1,100 @@
+"""Orbits by SGP4: elements in, positions in the equatorial frame of date (TEME) out. The one place that imports sgp4.
+
+Hoots and Roehrich, Spacetrack Report No. 3, in the revision of Vallado et al. (2006) that the library implements.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+from sgp4.api import SGP4_ERRORS, WGS72, Satrec
+from sgp4.io import compute_checksum
+
+from lingjing.errors import InfrastructureError, UsageError
+from lingjing.mission.instance import Vector
+
+DAY_S = 86_400.0
+_LINE_LENGTH = 69
+_J1949_JD = 2_433_281.5
+_UNIX_JD = 2_440_587.5
+_EARTH_KM, _EARTH_MU = 6378.135, 398_600.8
+"""WGS-72, which SGP4 is made with."""
+
+
+@dataclass(frozen=True, slots=True)
+class Instant:
+    """A UTC date as a Julian day that ends in .5 and the fraction of the day since."""
+
+    day: float
+    fraction: float
+
+    def later(self, seconds: float) -> Instant:
+        """The instant some seconds later."""
+        return Instant(self.day, self.fraction + seconds / DAY_S)
+
+    def since(self, other: Instant) -> float:
+        """Seconds since another instant."""
+        return ((self.day - other.day) + (self.fraction - other.fraction)) * DAY_S
+
+
+def instant(text: str) -> Instant:
+    """An instant from ISO 8601 (UTC where it names no zone); `UsageError` for anything else."""
+    try:
+        moment = datetime.fromisoformat(text)
+    except ValueError:
+        hint = "write a UTC date and time such as 2026-03-20T12:00:00Z"
+        raise UsageError(f"`{text}` is no epoch of a satellite", hint=hint) from None
+    moment = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
+    seconds = (moment - datetime(1970, 1, 1, tzinfo=UTC)).total_seconds()
+    whole = math.floor(seconds / DAY_S)
+    return Instant(_UNIX_JD + whole, (seconds - whole * DAY_S) / DAY_S)
+
+
+class Orbit:
+    """One satellite's orbit. `epoch` is when its elements were taken."""
+
+    def __init__(self, name: str, record: Satrec) -> None:
+        self._name = name
+        self._record = record
+        self.epoch = Instant(record.jdsatepoch, record.jdsatepochF)
+
+    def at(self, when: Instant) -> tuple[Vector, Vector]:
+        """Position (km) and velocity (km/s) in TEME; an orbit that has decayed is an `InfrastructureError`."""
+        error, position, velocity = self._record.sgp4(when.day, when.fraction)
+        if error:
+            raise InfrastructureError(f"the elements of `{self._name}` give no orbit here: {SGP4_ERRORS[error]}")
+        return position, velocity
+
+
+def from_lines(name: str, line1: str, line2: str) -> Orbit:
+    """The orbit of two-line elements; `UsageError` if they are none."""
+    for number, line in enumerate((line1.strip(), line2.strip()), start=1):
+        if len(line) != _LINE_LENGTH or not line.startswith(f"{number} "):
+            raise UsageError(
+                f"line {number} of the elements of `{name}` is not {_LINE_LENGTH} characters from `{number} ` on",
+                hint=f"copy the whole line into `tle{number}`, or leave `tle1` and `tle2` empty",
+            )
+        if not line[-1].isdigit() or compute_checksum(line) != int(line[-1]):
+            raise UsageError(
+                f"the checksum of line {number} of the elements of `{name}` is wrong", hint="copy the line again"
+            )
+    try:
+        return Orbit(name, Satrec.twoline2rv(line1.strip(), line2.strip()))
+    except ValueError as error:
+        raise UsageError(f"the elements of `{name}` cannot be read: {error}", hint="copy both lines again") from error
+
+
+def circular(name: str, epoch: Instant, height_km: float, inclination: float, node: float, anomaly: float) -> Orbit:
+    """A circular orbit; angles in radians at `epoch`."""
+    record = Satrec()
+    motion = 60.0 * circular_rate(height_km)
+    days = epoch.day - _J1949_JD + epoch.fraction
+    record.sgp4init(WGS72, "i", 0, days, 0.0, 0.0, 0.0, 0.0, 0.0, inclination, anomaly, motion, node)
+    return Orbit(name, record)
+
+
+def circular_rate(height_km: float) -> float:
+    """Mean motion of a circular orbit, rad/s."""
+    return math.sqrt(_EARTH_MU / (_EARTH_KM + height_km) ** 3)
