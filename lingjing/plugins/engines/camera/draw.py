@@ -1,37 +1,46 @@
 """`Renderer`: one picture from a pose, a sea and the instances, in one pass over the scene.
 
-Order: ground, solids, water, sky (each pixel shaded about once), then shadows and marks blended into the colour
-alone, then objects. Shadows are planar: a mesh pressed along the sun's rays onto its plane, drawn twice so that
-overlaps darken once (first its alpha is marked, then colour is multiplied by the mark and the mark removed).
+Order: what stands (a city's buildings and props), ground, solids, water, sky (each pixel shaded about once), then
+shadows, blots and marks blended into the colour alone, then objects, flames and spray, at last smoke and rain. What
+moves has planar shadows: a mesh pressed along the sun's rays onto its plane, drawn twice so that overlaps darken once
+(first its alpha is marked, then colour is multiplied by the mark and the mark removed). A city and what stands in it
+have a shadow map (`cityscape`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from math import cos, e, log2, radians, sin
+from dataclasses import dataclass, field
 
 import moderngl
 import numpy as np
 import numpy.typing as npt
 
 from lingjing.mission.instance import Weather
-from lingjing.plugins.engines.camera import shaders
+from lingjing.plugins.engines.camera import city_shaders, shaders, uniforms
+from lingjing.plugins.engines.camera.cityscape import Cityscape, Dressing, View
 from lingjing.plugins.engines.camera.classes import CLASSES
 from lingjing.plugins.engines.camera.context import open_context, renderer_name
+from lingjing.plugins.engines.camera.effects.drawing import EffectPass
+from lingjing.plugins.engines.camera.effects.particles import BILLBOARD, DECAL
 from lingjing.plugins.engines.camera.ground import SHORE_REACH_M, Ground
 from lingjing.plugins.engines.camera.ground import Surface as Land
 from lingjing.plugins.engines.camera.instances import Batch, Rows, afloat, in_sight, visible
+from lingjing.plugins.engines.camera.light import Light, light_of
 from lingjing.plugins.engines.camera.meshes import indexed
 from lingjing.plugins.engines.camera.noise import lace_texture, noise_texture
 from lingjing.plugins.engines.camera.ocean import RIPPLE_M, Surface
 from lingjing.plugins.engines.camera.ocean import SIZE as SEA_SIZE
+from lingjing.plugins.engines.camera.standins import FULL_PX, standin
 from lingjing.plugins.engines.camera.targets import MAX_TARGETS, Buffers, Target
-from lingjing.plugins.engines.camera.upload import Model, upload, upload_still
-from lingjing.plugins.geometry import camera_axes, focal_px
+from lingjing.plugins.engines.camera.tilemesh import Under
+from lingjing.plugins.engines.camera.upload import Model, rows_array, upload, upload_still
+from lingjing.plugins.geometry import focal_px
+from lingjing.scene.city import City
 from lingjing.trace.records import CameraPose
 
-FAR_M = 40_000.0
+SHADE_UNIT, MAP_UNIT = 5, 6
+LEAST_PROP_PX = 0.7
 MIPMAPPED = moderngl.LINEAR_MIPMAP_LINEAR
 GROUND_CLASSES = tuple(CLASSES[name] for name in ("sand", "grass", "rock", "concrete"))
 
@@ -45,6 +54,8 @@ class Scenery:
     sea: tuple[Surface, Surface]
     batches: Sequence[Batch]
     marks: npt.NDArray[np.void]
+    billboards: npt.NDArray[np.void] = field(default_factory=lambda: np.zeros(0, BILLBOARD))
+    decals: npt.NDArray[np.void] = field(default_factory=lambda: np.zeros(0, DECAL))
 
 
 class Renderer:
@@ -53,17 +64,23 @@ class Renderer:
     def __init__(self) -> None:
         self.context = open_context()
         self.name = renderer_name(self.context)
+        self._objects = self._pair(shaders.OBJECT_VERTEX, shaders.OBJECT_FRAGMENT)
+        self._grounds = {cls: self._pair(shaders.OBJECT_VERTEX, shaders.ground_fragment(cls)) for cls in GROUND_CLASSES}
         program = self.context.program
-        self._object = program(vertex_shader=shaders.OBJECT_VERTEX, fragment_shader=shaders.OBJECT_FRAGMENT)
-        self._ground = {
-            cls: program(vertex_shader=shaders.OBJECT_VERTEX, fragment_shader=shaders.ground_fragment(cls))
-            for cls in GROUND_CLASSES
-        }
         self._water = program(vertex_shader=shaders.WATER_VERTEX, fragment_shader=shaders.WATER_FRAGMENT)
+        self._lake = program(vertex_shader=shaders.LAKE_VERTEX, fragment_shader=shaders.WATER_FRAGMENT)
         self._sky = program(vertex_shader=shaders.SKY_VERTEX, fragment_shader=shaders.SKY_FRAGMENT)
         self._shadow = program(vertex_shader=shaders.SHADOW_VERTEX, fragment_shader=shaders.SHADOW_FRAGMENT)
         self._mark = program(vertex_shader=shaders.MARK_VERTEX, fragment_shader=shaders.MARK_FRAGMENT)
-        self._programs = (self._object, *self._ground.values(), self._water, self._sky, self._shadow, self._mark)
+        self._rain = program(vertex_shader=shaders.SKY_VERTEX, fragment_shader=city_shaders.RAIN_FRAGMENT)
+        self._tree_shade = program(
+            vertex_shader=city_shaders.CASTER_INSTANCED, fragment_shader=city_shaders.CASTER_FRAGMENT
+        )
+        self._effects = EffectPass(self.context)
+        self._programs = (
+            *self._objects, *(p for pair in self._grounds.values() for p in pair), self._water, self._lake, self._sky,
+            self._shadow, self._mark, self._rain, self._tree_shade,
+        )  # fmt: skip
         self._corners = self.context.buffer(np.array([-1, -1, 1, -1, 1, 1, -1, -1, 1, 1, -1, 1], "f4").tobytes())
         noise = noise_texture()
         self._noise, self._lace = self.texture(noise), lace_texture()
@@ -73,6 +90,10 @@ class Renderer:
         self._shore = self.context.texture((1, 1), 2, b"\xff\x80")
         self._water_vao = self.context.vertex_array(self._water, [(self._corners, "2f", "in_corner")])
         self._sky_vao = self.context.vertex_array(self._sky, [(self._corners, "2f", "in_corner")])
+        self._rain_vao = self.context.vertex_array(self._rain, [(self._corners, "2f", "in_corner")])
+        self._town: Cityscape | None = None
+        self._lakes: list[tuple[float, moderngl.VertexArray, tuple[moderngl.Buffer, ...]]] = []
+        self._casting: dict[str, tuple[Model, moderngl.VertexArray]] = {}
         self._surfaces: list[tuple[Land, Model]] = []
         self._solids: list[Model] = []
         self._models: dict[str, Model] = {}
@@ -87,22 +108,20 @@ class Renderer:
         texture.build_mipmaps()
         return texture
 
-    def load(self, ground: Ground) -> None:
-        """Replace the static geometry."""
+    def load(self, ground: Ground, town: tuple[City, Under, Dressing] | None = None) -> None:
+        """Replace the static geometry; `town` is a city with streets and buildings."""
         with self.context:
+            self._unload()
             self._load(ground)
+            if town is not None:
+                self._load_town(*town)
 
     def _load(self, ground: Ground) -> None:
-        for _, model in self._surfaces:
-            model.release()
-        for model in self._solids:
-            model.release()
         self._surfaces = [(land, self._land(land, ground.level_m)) for land in ground.surfaces]
         self._solids = [
-            upload_still(self.context, (self._object, self._shadow), indexed(mesh), plane, CLASSES["structure"])
+            upload_still(self.context, (self._objects[0], self._shadow), indexed(mesh), plane, CLASSES["structure"])
             for plane, mesh in ground.solids
         ]
-        self._shore.release()
         rows, columns, parts = ground.shore.shape
         self._shore = self.context.texture((columns, rows), parts, ground.shore.tobytes())
         self._shore.repeat_x = self._shore.repeat_y = False
@@ -110,31 +129,132 @@ class Renderer:
         west, south, east, north = ground.bounds
         self._bounds = west, south, 1.0 / (east - west), 1.0 / (north - south)
 
+    def _load_town(self, city: City, under: Under, dressing: Dressing) -> None:
+        self._town = Cityscape(self.context, city, under, dressing)
+        self._surfaces = [(land, self._shaded_land(model, land)) for land, model in self._surfaces]
+        for level, part in self._town.plate.waters:
+            vertices = self.context.buffer(np.ascontiguousarray(part.vertices["position"]).tobytes())
+            index = self.context.buffer(part.index.tobytes())
+            array = self.context.vertex_array(self._lake, [(vertices, "3f", "in_position")], index, 4)
+            self._lakes.append((level, array, (vertices, index)))
+
+    def _shaded_land(self, old: Model, land: Land) -> Model:
+        old.release()
+        return self._land(land, self._level, shaded=True)
+
+    def _unload(self) -> None:
+        for model in [*(m for _, m in self._surfaces), *self._solids, *self._models.values()]:
+            model.release()
+        for model, array in self._casting.values():
+            array.release()
+            model.release()
+        for _, array, buffers in self._lakes:
+            array.release()
+            for buffer in buffers:
+                buffer.release()
+        if self._town is not None:
+            self._town.release()
+        self._shore.release()
+        self._surfaces, self._solids, self._models, self._casting, self._lakes = [], [], {}, {}, []
+        self._town = None
+
     def render(self, pose: CameraPose, scenery: Scenery, depth: bool) -> Buffers:
         """Draw one picture and read it back."""
         with self.context:
             return self._render(pose, scenery, depth)
 
     def _render(self, pose: CameraPose, scenery: Scenery, depth: bool) -> Buffers:
+        light = light_of(scenery.weather, pose.position[2] - self._level)
+        view = self._town.view(pose, scenery.weather.visibility_m, light) if self._town is not None else None
+        if view is not None:
+            self._shade(view, light)
         target = self._target((pose.width, pose.height), depth)
-        self._prepare(pose, scenery)
+        self._prepare(pose, scenery, light, view)
         target.frame.use()
         target.write(colour=True, alpha=True, rest=True)
         target.frame.clear(0.0, 0.0, 0.0, 1.0)
         self.context.enable_only(moderngl.DEPTH_TEST)
         self.context.depth_func = "<="
+        weather = light.rain > 0.0, light.lamps
+        if self._town is not None and view is not None:
+            self._town.structures(view, *weather)
+            self._stand(pose, view)
         for land, model in self._surfaces:
             _draw_land(land, model, pose)
         for model in self._solids:
             model.lit.render(instances=1)
-        self._water_vao.render()
+        if self._town is not None and view is not None:
+            self._town.floors(view, *weather)
+        self._waters()
         self._sky_vao.render()
-        drawn = self._fill(pose, scenery)
-        self._blend(target, drawn, scenery)
+        drawn = self._fill(pose, scenery, light)
+        self._blend(target, drawn, scenery, light)
         for model, _, count in drawn:
             if count:
                 model.lit.render(instances=count)
+        self._effects.bodies(scenery.billboards)
+        self._air(target, pose, scenery, light)
+        if self._town is not None:
+            self._town.trim()
         return target.read()
+
+    def _waters(self) -> None:
+        if self._town is None or self._town.plate.sea is not None:
+            self._water_vao.render()
+        for level, array, _ in self._lakes:
+            self._lake["u_level"] = level
+            array.render()
+
+    def _air(self, target: Target, pose: CameraPose, scenery: Scenery, light: Light) -> None:
+        """What the air carries: smoke, mist, glow, rain. It hides nothing from ids and depth."""
+        target.write(colour=True, alpha=False, rest=False)
+        self._effects.clouds(scenery.billboards, pose.position)
+        if light.rain > 0.0:
+            self.context.enable_only(moderngl.BLEND)
+            self.context.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
+            self._rain_vao.render()
+        self.context.enable_only(moderngl.DEPTH_TEST)
+        target.write(colour=True, alpha=True, rest=True)
+
+    def _shade(self, view: View, light: Light) -> None:
+        """Bring the shadow map up to date, plants and other props included."""
+        assert self._town is not None
+        if not self._town.shade(view):
+            return
+        self._tree_shade["u_light"] = self._town.light_uniform
+        for batch in _merged([self._town.resident(key).props for key in view.casters]):
+            mesh = standin(batch)
+            key = f"shade/{batch.key}"
+            model, array = self._caster(key, batch.mesh if mesh is None else mesh, len(batch.rows))
+            model.place(batch.rows)
+            array.render(instances=len(batch.rows))
+
+    def _caster(self, key: str, mesh: npt.NDArray[np.float32], needed: int) -> tuple[Model, moderngl.VertexArray]:
+        found = self._casting.get(key)
+        if found is None or found[0].capacity < needed:
+            if found is not None:
+                found[1].release()
+                found[0].release()
+            model = upload(self.context, (self._objects[1], self._shadow), indexed(mesh), max(needed, 64))
+            found = self._casting[key] = model, rows_array(self.context, self._tree_shade, model)
+        return found
+
+    def _stand(self, pose: CameraPose, view: View) -> None:
+        """Trees, lamps and other props of the tiles in sight, small plants as stand-ins."""
+        assert self._town is not None
+        focal = focal_px(pose)
+        for batch in _merged([self._town.resident(key).props for key in view.full]):
+            at = batch.rows["rows"][:, :, 3].astype(np.float64)
+            size = batch.radius * focal / np.maximum(np.linalg.norm(at - np.array(pose.position), axis=1), 0.1)
+            seen = in_sight(at, batch.radius, pose) & (size > LEAST_PROP_PX)
+            mesh = standin(batch)
+            near = seen & (size >= FULL_PX) if mesh is not None else seen
+            for suffix, look, which in (("", batch.mesh, near), ("/small", mesh, seen & ~near)):
+                if look is not None and which.any():
+                    rows: Rows = batch.rows[which]
+                    model = self._loaded(batch.key + suffix, look, len(rows))
+                    model.place(rows)
+                    model.lit.render(instances=len(rows))
 
     def close(self) -> None:
         """Release every GL object, then the context."""
@@ -143,12 +263,12 @@ class Renderer:
         self.context.release()
 
     def _release(self) -> None:
+        self._unload()
         for target in self._targets.values():
             target.release()
-        for model in [*(m for _, m in self._surfaces), *self._solids, *self._models.values()]:
-            model.release()
-        self._targets, self._surfaces, self._solids, self._models = {}, [], [], {}
-        for thing in (self._water_vao, self._sky_vao, self._corners, self._noise, *self._sea, self._shore):
+        self._targets = {}
+        self._effects.release()
+        for thing in (self._water_vao, self._sky_vao, self._rain_vao, self._corners, self._noise, *self._sea):
             thing.release()
         for program in self._programs:
             program.release()
@@ -161,15 +281,23 @@ class Renderer:
             self._targets[key] = Target(self.context, size, depth)
         return self._targets[key]
 
-    def _land(self, land: Land, level: float) -> Model:
-        program = self._ground.get(land.cls, self._ground[CLASSES["concrete"]])
+    def _pair(self, vertex: str, fragment: str) -> tuple[moderngl.Program, moderngl.Program]:
+        """A program without and with shadows from the shadow map."""
+        program = self.context.program
+        return (
+            program(vertex_shader=vertex, fragment_shader=fragment),
+            program(vertex_shader=shaders.shaded(vertex), fragment_shader=shaders.shaded(fragment)),
+        )
+
+    def _land(self, land: Land, level: float, shaded: bool = False) -> Model:
+        program = self._grounds.get(land.cls, self._grounds[CLASSES["concrete"]])[shaded]
         index = np.concatenate([patch.triangles.ravel() for patch in land.patches])
         return upload_still(self.context, (program, self._shadow), (land.vertices, index), level, land.cls)
 
     def _sea_texture(self) -> moderngl.Texture:
         return self.texture(np.zeros((SEA_SIZE, SEA_SIZE, 4), np.uint8))
 
-    def _prepare(self, pose: CameraPose, scenery: Scenery) -> None:
+    def _prepare(self, pose: CameraPose, scenery: Scenery, light: Light, view: View | None) -> None:
         if self._sea_now is not scenery.sea:
             packed = [scenery.sea[0].packed(), scenery.sea[1].packed(self._lace)]
             for texture, (pixels, _) in zip(self._sea, packed, strict=True):
@@ -181,8 +309,17 @@ class Renderer:
             texture.use(unit)
         for texture in self._sea:
             texture.filter = (moderngl.LINEAR if _close(pose, self._level) else MIPMAPPED), moderngl.LINEAR
-        values = {**_view(pose), **_air(scenery), **self._sea_values(scenery), "u_level": self._level}
-        for program in self._programs:
+        values: dict[str, object] = {**uniforms.air(light, scenery.time_s, scenery.weather.wind_mps)}
+        values |= {**self._sea_values(scenery), "u_level": self._level, "u_rain": light.rain}
+        programs: tuple[moderngl.Program, ...] = (*self._programs, *self._effects.programs)
+        near = uniforms.bay_near(pose)
+        if self._town is not None and view is not None:
+            self._town.bind(SHADE_UNIT, MAP_UNIT)
+            near = self._town.near_plane(view, pose, _closest(scenery, pose))
+            values |= {**self._town.values(view), "u_shadow": SHADE_UNIT, "u_map": MAP_UNIT}
+            programs = (*programs, *self._town.programs(light.rain > 0.0, light.lamps))
+        values |= uniforms.view(pose, near)
+        for program in programs:
             for name in program:
                 if name in values:
                     program[name] = values[name]
@@ -200,10 +337,10 @@ class Renderer:
             "u_reach": SHORE_REACH_M,
         }
 
-    def _fill(self, pose: CameraPose, scenery: Scenery) -> list[tuple[Model, int, int]]:
+    def _fill(self, pose: CameraPose, scenery: Scenery, light: Light) -> list[tuple[Model, int, int]]:
         """Per mesh: (model, instances whose shadow may show, of these the first so many are themselves visible)."""
         drawn = []
-        slack = 1.0 + 2.0 / max(_sun(scenery.weather)[2], 0.2)
+        slack = 1.0 + 2.0 / max(light.sun[2], 0.2)
         for batch in scenery.batches:
             near = visible(batch.rows, batch.radius, pose, slack) | _casts_far(batch)
             if not near.any():
@@ -211,34 +348,38 @@ class Renderer:
             rows = afloat(batch, scenery.sea[0])
             seen = visible(rows, batch.radius, pose) & near
             ordered: Rows = np.concatenate([rows[seen], rows[near & ~seen]])
-            model = self._loaded(batch, len(batch.rows))
+            model = self._loaded(batch.key, batch.mesh, len(batch.rows))
             model.place(ordered)
             drawn.append((model, len(ordered), int(seen.sum())))
         return drawn
 
-    def _loaded(self, batch: Batch, needed: int) -> Model:
-        model = self._models.get(batch.key)
+    def _loaded(self, key: str, mesh: npt.NDArray[np.float32], needed: int) -> Model:
+        model = self._models.get(key)
         if model is None or model.capacity < needed:
             if model is not None:
                 model.release()
-            model = self._models[batch.key] = upload(
-                self.context, (self._object, self._shadow), indexed(batch.mesh), needed
-            )
+            lit = self._objects[self._town is not None]
+            room = needed if self._town is None else max(64, 2 * needed)
+            model = self._models[key] = upload(self.context, (lit, self._shadow), indexed(mesh), room)
         return model
 
-    def _blend(self, target: Target, drawn: list[tuple[Model, int, int]], scenery: Scenery) -> None:
+    def _blend(self, target: Target, drawn: list[tuple[Model, int, int]], scenery: Scenery, light: Light) -> None:
         self.context.enable(moderngl.BLEND)
         self._marks(target, scenery)
+        if len(scenery.decals):
+            target.write(colour=True, alpha=False, rest=False)
+            self._effects.decals(scenery.decals)
+            self.context.enable(moderngl.BLEND)
         casters = [(model, count) for model, count, _ in drawn] + [(model, 1) for model in self._solids]
         target.write(colour=False, alpha=True, rest=False)
-        self._cast(casters, _shade(scenery.weather), (moderngl.ONE, moderngl.ZERO))
+        self._cast(casters, _shade(light), (moderngl.ONE, moderngl.ZERO))
         target.write(colour=True, alpha=True, rest=False)
         self._cast(casters, 1.0, (moderngl.ZERO, moderngl.DST_ALPHA, moderngl.ONE, moderngl.ZERO))
         target.write(colour=True, alpha=True, rest=True)
         self.context.disable(moderngl.BLEND)
 
     def _cast(self, casters: list[tuple[Model, int]], alpha: float, blend: tuple[int, ...]) -> None:
-        self._shadow["u_dark"] = alpha
+        self._shadow["u_shade_left"] = alpha
         self.context.blend_func = blend  # type: ignore[assignment] # two or four factors
         for model, count in casters:
             model.shadow.render(instances=count)
@@ -286,53 +427,30 @@ def _casts_far(batch: Batch) -> npt.NDArray[np.bool_]:
     return np.asarray(high > 2.0 * batch.radius)
 
 
-def _sun(weather: Weather) -> tuple[float, float, float]:
-    azimuth, elevation = radians(weather.sun_azimuth_deg), radians(max(weather.sun_elevation_deg, 3.0))
-    return sin(azimuth) * cos(elevation), cos(azimuth) * cos(elevation), sin(elevation)
-
-
-def _shade(weather: Weather) -> float:
+def _shade(light: Light) -> float:
     """What a shadow leaves of the developed colour."""
-    return 0.60 + 0.32 * min(max(weather.cloud, 0.0), 1.0)
+    return 0.60 + 0.32 * light.cloud + (0.40 - 0.32 * light.cloud) * light.dark
 
 
-def _view(pose: CameraPose) -> dict[str, object]:
-    right, down, axis = camera_axes(pose)
-    focal = focal_px(pose)
-    near = 0.05 if pose.position[2] < 10.0 else 0.4
-    a, b = (FAR_M + near) / (FAR_M - near), -2.0 * FAR_M * near / (FAR_M - near)
-    sx, sy = 2.0 * focal / pose.width, 2.0 * focal / pose.height
-    clip = np.zeros((4, 4))
-    clip[:, :3] = np.array([right, down, axis, axis]) * np.array([[sx], [sy], [a], [1.0]])
-    clip[2, 3] = b
-    return {
-        "u_clip": tuple(clip.T.ravel().tolist()),
-        "u_eye": pose.position,
-        "u_right": right,
-        "u_down": down,
-        "u_axis": axis,
-        "u_lens": (pose.width / 2.0, pose.height / 2.0, focal),
-    }
+def _closest(scenery: Scenery, pose: CameraPose) -> float:
+    """Distance of the nearest thing of the scenery that is in sight, metres."""
+    eye, nearest = np.array(pose.position), np.inf
+    for batch in scenery.batches:
+        at = batch.rows["rows"][:, :, 3].astype(np.float64)
+        seen = in_sight(at, batch.radius, pose)
+        away = np.linalg.norm(at - eye, axis=1)[seen] - batch.radius[seen]
+        nearest = min(nearest, float(away.min(initial=np.inf)))
+    return max(nearest, 0.0)
 
 
-def _haze(cloud: float) -> tuple[float, float, float]:
-    """Radiance of the air towards the horizon, `sky_of` there."""
-    clear, grey = (0.407, 0.517, 0.614), (0.459, 0.489, 0.519)
-    return tuple(c * (1.0 - cloud) + g * cloud for c, g in zip(clear, grey, strict=True))  # type: ignore[return-value]
-
-
-def _air(scenery: Scenery) -> dict[str, object]:
-    weather = scenery.weather
-    cloud = min(max(weather.cloud, 0.0), 1.0)
-    sun = _sun(weather)
-    strength = (1.0 - 0.8 * cloud) * min(1.0, 0.25 + 1.1 * sun[2])
-    return {
-        "u_sun": sun,
-        "u_sunlight": (1.30 * strength, 1.22 * strength, 1.08 * strength),
-        "u_skylight": (0.34 + 0.14 * cloud, 0.40 + 0.12 * cloud, 0.48 + 0.08 * cloud),
-        "u_haze": _haze(cloud),
-        "u_fog": 3.912 * log2(e) / max(weather.visibility_m, 1.0),
-        "u_time": scenery.time_s % 3600.0,
-        "u_cloud": cloud,
-        "u_wind": weather.wind_mps,
-    }
+def _merged(groups: Sequence[Sequence[Batch]]) -> list[Batch]:
+    """Batches of several tiles, one a mesh, in key order."""
+    found: dict[str, list[Batch]] = {}
+    for group in groups:
+        for batch in group:
+            found.setdefault(batch.key, []).append(batch)
+    return [
+        Batch(key, some[0].mesh, np.concatenate([b.rows for b in some]), np.concatenate([b.radius for b in some]),
+              np.concatenate([b.floating for b in some]))
+        for key, some in sorted(found.items())
+    ]  # fmt: skip

@@ -13,24 +13,26 @@ from collections.abc import Sequence
 import msgspec
 
 from lingjing.errors import InfrastructureError
-from lingjing.mission.instance import CameraSpec, Entity
+from lingjing.mission.instance import CameraSpec, Entity, Weather
 from lingjing.plugins.engine import Boundary, CaptureRequest, EngineSpec, Frame
 from lingjing.plugins.engines.camera.boxes import entity_boxes
-from lingjing.plugins.engines.camera.classes import FIRST_ENTITY, MAX_ENTITIES, semantic_table
+from lingjing.plugins.engines.camera.classes import MAX_ENTITIES, semantic_table
+from lingjing.plugins.engines.camera.cityscape import Dressing
 from lingjing.plugins.engines.camera.draw import Renderer, Scenery
 from lingjing.plugins.engines.camera.ground import build_ground, height_under, water_level
-from lingjing.plugins.engines.camera.instances import Batch, entity_batches, marks, prop_batches
-from lingjing.plugins.engines.camera.models import entity_model
+from lingjing.plugins.engines.camera.instances import Batch, prop_batches
 from lingjing.plugins.engines.camera.noise import noise_texture
 from lingjing.plugins.engines.camera.ocean import Ocean
-from lingjing.plugins.geometry import body_camera_pose
+from lingjing.plugins.engines.camera.staging import stage
+from lingjing.plugins.engines.schedule import Schedule
+from lingjing.plugins.engines.terrain import Terrain
+from lingjing.plugins.geometry import mounted_camera_pose
 from lingjing.scene.city import City
 from lingjing.trace.records import BodyState, Command, FrameInfo, Receipt
 
-HIDDEN_STATUSES = frozenset({"rescued"})
-AFLOAT = frozenset({"person_in_water", "lifeboat"})
-"""Types that are drawn on the water's plane: the drawn sea is flat (waves live in its shading), so a body that an
-engine heaves with its waves would sink out of sight or hover."""
+HIDDEN_STATUSES = frozenset({"rescued", "dormant"})
+TOWN = ("buildings", "roads", "junctions", "areas", "bridges", "pipes", "slopes")
+"""Pieces that only a city with streets and buildings has; one without any is drawn as open country and sea."""
 
 
 class CameraEngine:
@@ -41,8 +43,12 @@ class CameraEngine:
         self._city: City | None = None
         self._props: tuple[Batch, ...] = ()
         self._spec: EngineSpec | None = None
-        self._ocean: Ocean | None = None
+        self._oceans: dict[Weather, Ocean] = {}
+        self._schedule: Schedule | None = None
+        self._terrain: Terrain | None = None
+        self._seed = 0
         self._states: dict[str, BodyState] = {}
+        self._ambient: tuple[BodyState, ...] = ()
         self._time_s = 0.0
         self._level = 0.0
 
@@ -54,11 +60,11 @@ class CameraEngine:
         if self._renderer is None:
             self._renderer = Renderer()
         if city != self._city:
-            self._renderer.load(build_ground(city, noise_texture()[::4, ::4, 0]))
-            self._props, self._city, self._level = prop_batches(city), city, water_level(city)
-        self._spec, self._time_s = spec, 0.0
-        self._ocean = Ocean(spec.instance.weather, seed)
+            self._build(self._renderer, city)
+        self._spec, self._time_s, self._seed = spec, 0.0, seed
+        self._oceans, self._schedule = {}, Schedule(spec.instance)
         self._states = {e.id: BodyState(id=e.id, position=e.position, heading_deg=e.heading_deg) for e in entities}
+        self._ambient = ()
         return Boundary(engine=spec.engine, time_s=0.0)
 
     def submit(self, commands: Sequence[Command]) -> tuple[Receipt, ...]:
@@ -72,7 +78,8 @@ class CameraEngine:
     def advance(self, until: float, mirrors: Sequence[BodyState]) -> Boundary:
         """Take over all states at `until`."""
         spec = self._playing()
-        self._states.update((state.id, state) for state in mirrors)
+        self._states.update((state.id, state) for state in mirrors if state.id in self._states)
+        self._ambient = tuple(state for state in mirrors if state.id not in self._states)
         self._time_s = until
         return Boundary(engine=spec.engine, time_s=until)
 
@@ -87,7 +94,8 @@ class CameraEngine:
     def close(self) -> None:
         """Free everything; the engine may be reset again."""
         renderer, self._renderer = self._renderer, None
-        self._city, self._props, self._spec, self._ocean, self._states = None, (), None, None, {}
+        self._city, self._props, self._spec, self._oceans, self._states = None, (), None, {}, {}
+        self._terrain, self._schedule, self._ambient = None, None, ()
         if renderer is not None:
             renderer.close()
 
@@ -106,7 +114,7 @@ class CameraEngine:
     def _picture(self, request: CaptureRequest) -> Frame:
         entity, camera = self._mount(request)
         assert self._renderer is not None
-        pose = body_camera_pose(self._states[entity.id], camera)
+        pose = mounted_camera_pose(self._states[entity.id], camera, entity.type, entity.bases)
         buffers = self._renderer.render(pose, self._scenery(entity), "depth" in camera.channels)
         entities = self._playing().instance.entities
         info = FrameInfo(
@@ -123,23 +131,45 @@ class CameraEngine:
         semantic = semantic_table(entities)[buffers.ids] if "semantic" in camera.channels else None
         return Frame(info=info, rgb=buffers.rgb, depth=buffers.depth, semantic=semantic)
 
+    def _build(self, renderer: Renderer, city: City) -> None:
+        """The static world: open country is drawn whole, a town by tiles with its solids and props in them."""
+        self._city, self._level, self._terrain = None, water_level(city), None
+        noise = noise_texture()[::4, ::4, 0]
+        if city.store or any(getattr(city, kind) for kind in TOWN):
+            terrain = self._terrain = Terrain(city)
+            renderer.load(build_ground(msgspec.structs.replace(city, solids=()), noise),
+                          (city, terrain.surface, Dressing()))  # fmt: skip
+            self._props = ()
+        else:
+            renderer.load(build_ground(city, noise))
+            self._props = prop_batches(city)
+        self._city = city
+
+    def _under(self, east: float, north: float, up: float) -> float:
+        """Elevation of the plane that the shadow of something at a point falls on."""
+        assert self._city is not None
+        if self._terrain is None:
+            return height_under(self._city, east, north)
+        return self._terrain.support(east, north, up + 0.5)
+
     def _scenery(self, viewer: Entity) -> Scenery:
         """Everything but the viewer's own body; its shadow goes with it."""
-        assert self._ocean is not None and self._city is not None
-        instance = self._playing().instance
-        drawn, wet = [], []
-        for number, entity in enumerate(instance.entities):
+        assert self._schedule is not None
+        weather = self._schedule.weather(self._time_s)
+        shown = []
+        for number, entity in enumerate(self._playing().instance.entities):
             state = self._states[entity.id]
-            if entity.id != viewer.id and state.status not in HIDDEN_STATUSES:
-                key, mesh = entity_model(entity.type, entity.index, self._time_s)
-                plane = height_under(self._city, state.position[0], state.position[1])
-                if entity.type in AFLOAT and plane == self._level:
-                    state = msgspec.structs.replace(state, position=(*state.position[:2], plane))
-                    wet.append((state, entity.type))
-                drawn.append((state, f"entity/{key}", mesh, FIRST_ENTITY + number, plane))
-        batches = (*self._props, *entity_batches(drawn))
-        sea = self._ocean.surfaces(self._time_s)
-        return Scenery(self._time_s, instance.weather, sea, batches, marks(wet))
+            here = state.status not in HIDDEN_STATUSES and self._schedule.present(entity.id, self._time_s)
+            if entity.id != viewer.id and here:
+                shown.append((number, entity, state))
+        cast = stage(shown, self._ambient, self._time_s, self._under, self._level)
+        sea = self._ocean(weather).surfaces(self._time_s)
+        return Scenery(self._time_s, weather, sea, (*self._props, *cast.batches), cast.marks)
+
+    def _ocean(self, weather: Weather) -> Ocean:
+        if weather not in self._oceans:
+            self._oceans[weather] = Ocean(weather, self._seed)
+        return self._oceans[weather]
 
 
 __all__ = ["CameraEngine"]

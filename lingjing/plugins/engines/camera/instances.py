@@ -14,7 +14,7 @@ from lingjing.plugins.engines.camera.meshes import Array
 from lingjing.plugins.engines.camera.models import prop_model
 from lingjing.plugins.engines.camera.ocean import Surface
 from lingjing.plugins.geometry import camera_axes, focal_px
-from lingjing.scene.city import City
+from lingjing.scene.city import Pieces
 from lingjing.trace.records import BodyState, CameraPose
 
 ROW = np.dtype([("rows", "f4", (3, 4)), ("plane", "f4"), ("id", "u4")])
@@ -57,8 +57,8 @@ def mesh_radius(mesh: Array) -> float:
     return float(np.linalg.norm(mesh[:, :3], axis=1).max()) if len(mesh) else 0.0
 
 
-def prop_batches(city: City) -> tuple[Batch, ...]:
-    """All props of a city, one batch a mesh."""
+def prop_batches(city: Pieces) -> tuple[Batch, ...]:
+    """All props of a city or a tile, one batch a mesh."""
     found: dict[str, tuple[Array, list[tuple[Rows, float, bool]]]] = {}
     for prop in city.props:
         variant = prop.options.get("variant", 0)
@@ -73,11 +73,10 @@ def prop_batches(city: City) -> tuple[Batch, ...]:
     )  # fmt: skip
 
 
-def entity_batches(drawn: Iterable[tuple[BodyState, str, Array, int, float]]) -> tuple[Batch, ...]:
-    """Entities as batches: (state, mesh key, mesh, id, shadow plane)."""
+def entity_batches(drawn: Iterable[tuple[npt.NDArray[np.float64], str, Array, int, float]]) -> tuple[Batch, ...]:
+    """What moves as batches: (model-to-world (3, 4), mesh key, mesh, id, shadow plane)."""
     found: dict[str, tuple[Array, list[Rows]]] = {}
-    for state, key, mesh, number, plane in drawn:
-        place = matrix(state.position, state.heading_deg, state.pitch_deg, state.roll_deg)
+    for place, key, mesh, number, plane in drawn:
         found.setdefault(key, (mesh, []))[1].append(row(place, plane, number))
     return tuple(
         Batch(key, mesh, np.concatenate(rows), np.full(len(rows), mesh_radius(mesh)), np.zeros(len(rows), bool))

@@ -15,6 +15,8 @@ uniform vec3 u_eye, u_right, u_down, u_axis;
 uniform vec3 u_lens;          // half width, half height, focal length (pixels)
 uniform vec3 u_sun, u_sunlight, u_skylight, u_haze;
 uniform float u_fog, u_level, u_time, u_cloud, u_wind;
+uniform float u_dark;         // 0 day … 1 night
+uniform vec3 u_dusk;          // glow over the horizon, low sun
 
 vec3 ray_of(vec2 pixel) {
   return u_axis + ((pixel.x - u_lens.x) * u_right + (pixel.y - u_lens.y) * u_down) / u_lens.z;
@@ -23,11 +25,24 @@ vec3 sky_of(vec3 d) {
   float h = clamp(d.z, 0.0, 1.0);
   vec3 clear = mix(vec3(0.42, 0.53, 0.62), vec3(0.075, 0.20, 0.47), 1.0 - (1.0 - h) * (1.0 - h));
   vec3 grey = mix(vec3(0.46, 0.49, 0.52), vec3(0.40, 0.44, 0.49), h);
-  return mix(clear, grey, u_cloud);
+  vec3 glow = u_dusk * (1.0 - h) * (1.0 - h) * (0.7 + 0.5 * dot(d.xy, u_sun.xy));
+  return mix(mix(clear, grey, u_cloud), vec3(0.011, 0.015, 0.026), u_dark) + glow;
 }
 vec3 fogged(vec3 c, float range, float dive) {   // dive: 0 level line of sight, 1 straight down (less airlight)
   return mix(u_haze * (1.0 - 0.6 * dive), c, exp2(-u_fog * range));
 }
+#ifdef SHADED
+uniform mat4 u_shade;         // world → shadow map (0..1, depth along the sun's rays)
+uniform sampler2DShadow u_shadow;
+uniform float u_shade_step;   // metres that a surface is lifted before it is looked up: else it shades itself
+float sunlit(vec3 w, vec3 n) {
+  vec3 s = (u_shade * vec4(w + n * u_shade_step, 1.0)).xyz;
+  vec2 edge = abs(s.xy - 0.5);
+  return max(texture(u_shadow, s), step(0.498, max(edge.x, edge.y)));
+}
+#else
+float sunlit(vec3 w, vec3 n) { return 1.0; }
+#endif
 vec4 developed(vec3 c) {
   vec3 v = sqrt(1.0 - exp(-1.9 * max(c, 0.0)));
   return vec4(mix(v, v * v * (3.0 - 2.0 * v), 0.55), 1.0);
@@ -76,9 +91,10 @@ void main() {
   vec3 n = normalize(v_normal);
   n = dot(n, v) < 0.0 ? -n : n;
   vec3 h = normalize(v + u_sun);
-  vec3 light = u_sunlight * max(dot(n, u_sun), 0.0) + u_skylight * (0.62 + 0.38 * n.z);
+  vec3 sun = u_sunlight * sunlit(v_world, n);
+  vec3 light = sun * max(dot(n, u_sun), 0.0) + u_skylight * (0.62 + 0.38 * n.z);
   float shine = pow(max(dot(n, h), 0.0), 40.0) * v_colour.a;
-  vec3 c = v_colour.rgb * light + u_sunlight * shine * 0.6 + sky_of(reflect(-v, n)) * v_colour.a * 0.08;
+  vec3 c = v_colour.rgb * light + sun * shine * 0.6 + sky_of(reflect(-v, n)) * v_colour.a * 0.08;
   o_colour = developed(fogged(c, range, max(v.z, 0.0)));
   o_id = v_id;
   o_depth = -dot(to_eye, u_axis);
@@ -122,13 +138,18 @@ void main() {
     c *= (1.0 - 0.35 * seam) * (0.9 + 0.2 * fine.b);
     c = mix(vec3(0.045, 0.055, 0.035), c, smoothstep(0.2, 1.2, over + (wide.g - 0.5)));
   }
-  vec3 light = u_sunlight * max(dot(n, u_sun), 0.0) + u_skylight * (0.62 + 0.38 * n.z);
+  vec3 light = u_sunlight * sunlit(v_world, n) * max(dot(n, u_sun), 0.0) + u_skylight * (0.62 + 0.38 * n.z);
   o_colour = developed(fogged(c * light, range, max(to_eye.z / range, 0.0)));
   o_id = v_id;
   o_depth = -dot(to_eye, u_axis);
 }
 """
 )
+
+
+def shaded(source: str) -> str:
+    """A program's source with shadows from the shadow map (`u_shade`, `u_shadow`)."""
+    return source.replace("#version 330", "#version 330\n#define SHADED", 1)
 
 
 def ground_fragment(cls: int) -> str:
@@ -143,6 +164,14 @@ in vec2 in_corner;
 void main() {
   gl_Position = u_clip * vec4(in_corner * 30000.0, u_level - u_eye.z, 1.0);
 }
+"""
+)
+
+LAKE_VERTEX = (
+    COMMON
+    + """
+in vec3 in_position;
+void main() { gl_Position = u_clip * vec4(in_position - u_eye, 1.0); }
 """
 )
 
@@ -231,7 +260,7 @@ void main() {
     vec2 at = d.xy / (d.z + 0.06) * 0.16 + u_time * vec2(2e-5, 1e-5) * u_wind;
     float puff = 0.7 * texture(u_noise, at).r + 0.45 * texture(u_noise, at * 3.1).g;
     float veil = smoothstep(0.95 - 0.65 * u_cloud, 1.15 - 0.45 * u_cloud, puff + 0.12) * smoothstep(0.0, 0.12, d.z);
-    c = mix(c, vec3(0.86, 0.87, 0.88) * (0.75 + 0.3 * glow), veil * 0.8);
+    c = mix(c, vec3(0.86, 0.87, 0.88) * (0.75 + 0.3 * glow) * (1.0 - 0.97 * u_dark) + u_dusk * 0.5, veil * 0.8);
   }
   c = mix(c, u_haze, exp(-max(d.z, 0.0) * 26.0));
   o_colour = developed(c);
@@ -259,9 +288,9 @@ void main() {
 
 SHADOW_FRAGMENT = """
 #version 330
-uniform float u_dark;
+uniform float u_shade_left;
 layout(location = 0) out vec4 o_colour;
-void main() { o_colour = vec4(0.0, 0.0, 0.0, u_dark); }
+void main() { o_colour = vec4(0.0, 0.0, 0.0, u_shade_left); }
 """
 
 MARK_VERTEX = (

@@ -74,6 +74,17 @@ def upload_still(
     return model
 
 
+def rows_array(context: moderngl.Context, program: moderngl.Program, model: Model) -> moderngl.VertexArray:
+    """A vertex array of a model's instances for another program."""
+    vertices, indices = model.buffers
+    return context.vertex_array(
+        program,
+        [(vertices, *_layout(program, VERTEX, "")), (model.instances, *_layout(program, INSTANCE, "/i"))],
+        index_buffer=indices,
+        index_element_size=4,
+    )
+
+
 def _layout(program: moderngl.Program, parts: Sequence[tuple[str, str]], rate: str) -> tuple[str, ...]:
     """Buffer format and names, with padding for attributes the program does not read."""
     sizes = [size if name in program else f"{4 * int(size[0])}x" for size, name in parts]

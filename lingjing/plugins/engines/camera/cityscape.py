@@ -1,0 +1,332 @@
+"""`Cityscape`: the static city on the GPU. Tiles come and go; pictures do not notice.
+
+Per picture: `view` picks tiles by pose (`sight`), `shade` draws their shadow map unless the last one will do, then
+`structures` and `floors` draw materials near to far, top to bottom. What a tile needs is kept for the latest
+`KEPT_TILES` tiles; it is made again, the same, when it is needed again.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import moderngl
+import msgspec
+import numpy as np
+import numpy.typing as npt
+
+from lingjing.plugins.engines.camera import city_shaders as shaders
+from lingjing.plugins.engines.camera.instances import Batch, prop_batches
+from lingjing.plugins.engines.camera.light import Light
+from lingjing.plugins.engines.camera.mesh_rows import LAYOUT, Part
+from lingjing.plugins.engines.camera.plate import build_plate
+from lingjing.plugins.engines.camera.sight import (
+    Window,
+    boxes_in_sight,
+    casters,
+    distances,
+    full_reach,
+    light_matrix,
+    near_plane,
+    shade_window,
+)
+from lingjing.plugins.engines.camera.skyline import Skyline, build_skyline
+from lingjing.plugins.engines.camera.tilemesh import CASTERS, TileMesh, Under, crossings_of, mesh_tile
+from lingjing.scene.city import City, Pieces, Tile
+from lingjing.scene.tiles import Key, Tiles
+from lingjing.trace.records import CameraPose
+
+KEPT_TILES = 48
+SHADE_PX = 2048
+FAR_REACH_M = 14_000.0
+CROSSINGS_REACH_M = 60.0
+LAYER = 2.0e-6
+"""Clip-space step (of w) between coplanar layers; the near plane is chosen so that it stays under a decimetre."""
+
+LAYERED = ("road", "paving")
+SOURCES = {
+    "wall": shaders.WALL,
+    "plain": shaders.PLAIN,
+    "road": shaders.ROAD,
+    "paving": shaders.PAVING,
+    "ground": shaders.GROUND,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Sheet:
+    """A part on the GPU: the arrays that draw it by (wet, night), and one for the shadow map."""
+
+    buffers: tuple[moderngl.Buffer, ...]
+    lit: dict[tuple[bool, bool], moderngl.VertexArray]
+    cast: moderngl.VertexArray | None
+    count: int
+
+    def release(self) -> None:
+        """Free the GL objects."""
+        for array in self.lit.values():
+            array.release()
+        if self.cast is not None:
+            self.cast.release()
+        for buffer in self.buffers:
+            buffer.release()
+
+
+@dataclass(frozen=True, slots=True)
+class Resident:
+    """A tile that is ready to draw."""
+
+    mesh: TileMesh
+    sheets: Mapping[str, Sheet]
+    props: tuple[Batch, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """What one picture shows: full tiles near to far, ranges of far blocks, tiles that may throw shadows into it."""
+
+    full: tuple[Key, ...]
+    far: tuple[tuple[int, int], ...]
+    casters: tuple[Key, ...]
+    window: Window
+    reach_m: float
+    closest_m: float
+
+
+class Dressing(msgspec.Struct, frozen=True):
+    """What a mission changes about the pieces of tiles: the whole of a changed tile, and ids of buildings that are an
+    entity's."""
+
+    tiles: dict[Key, Pieces] = {}
+    faced: dict[str, int] = {}
+
+
+class Cityscape:
+    """Owns the GL objects of one city; `release` frees them."""
+
+    def __init__(self, context: moderngl.Context, city: City, under: Under, dressing: Dressing) -> None:
+        self._context, self._city, self._under, self._dressing = context, city, under, dressing
+        self._programs: dict[tuple[str, bool, bool], moderngl.Program] = {}
+        self._caster = context.program(vertex_shader=shaders.CASTER_VERTEX, fragment_shader=shaders.CASTER_FRAGMENT)
+        self.tiles = Tiles(city)
+        self._skyline: Skyline = build_skyline(city, self.tiles)
+        self._number = {key: k for k, key in enumerate(self._skyline.keys)}
+        self._residents: OrderedDict[Key, Resident] = OrderedDict()
+        self.plate = build_plate(city)
+        self._blocks = self._upload("wall", self._skyline.blocks, casts=False)
+        self._ground = self._upload("ground", self.plate.ground, casts=False)
+        self._quays = self._upload("plain", self.plate.quays, casts=False)
+        self._map = context.texture(self._skyline.map.shape[1::-1], 3, self._skyline.map.tobytes())
+        self._map.repeat_x = self._map.repeat_y = False
+        self._map.build_mipmaps()
+        self._map.filter = moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR
+        self._shade = context.depth_texture((SHADE_PX, SHADE_PX))
+        self._shade.compare_func = "<="
+        self._shade.filter = moderngl.LINEAR, moderngl.LINEAR
+        self._shade.repeat_x = self._shade.repeat_y = False
+        self._shade_frame = context.framebuffer(depth_attachment=self._shade)
+        self._shade_is: tuple[Window, tuple[Key, ...]] | None = None
+        self.shade_matrix = np.eye(4)
+        self.light_uniform: tuple[float, ...] = ()
+
+    # -- choosing
+
+    def view(self, pose: CameraPose, visibility_m: float, light: Light) -> View:
+        """What a picture needs."""
+        sky, eye = self._skyline, pose.position
+        away = distances(sky.boxes, eye)
+        seen = boxes_in_sight(sky.boxes, pose)
+        reach = full_reach(pose, visibility_m)
+        near = seen & (away <= reach)
+        order = [k for k in np.argsort(away, kind="stable").tolist() if near[k]]
+        window = shade_window(pose, light.sun)
+        cast = casters(sky.boxes, window) & (away <= 3.0 * reach) if light.dark < 0.95 else np.zeros(len(away), bool)
+        high = eye[2] > AIR_TOP_M
+        far = seen & ~near & (high | (away < min(1.3 * visibility_m, FAR_REACH_M)))
+        ranges = [sky.ranges[k] for k in np.argsort(away, kind="stable").tolist() if far[k] and sky.ranges[k][1]]
+        full = tuple(sky.keys[k] for k in order)
+        closest = self._closest(full, pose)
+        return View(full, _runs(ranges), tuple(sky.keys[k] for k in np.flatnonzero(cast).tolist()), window, reach,
+                    closest)  # fmt: skip
+
+    def _closest(self, full: tuple[Key, ...], pose: CameraPose) -> float:
+        """A lower bound of the distance to anything that stands still and is in sight."""
+        found = [max(pose.position[2] - 0.3, 0.1)]
+        sky = self._skyline
+        if len(sky.boxes):
+            found.append(float(distances(sky.boxes[:, :], pose.position).min()) if not full else np.inf)
+        for key in full:
+            boxes = self.resident(key).mesh.boxes
+            if len(boxes):
+                shown = boxes[boxes_in_sight(boxes, pose)]
+                found.append(float(distances(shown, pose.position).min(initial=np.inf)))
+        return min(found)
+
+    def near_plane(self, view: View, pose: CameraPose, others_m: float) -> float:
+        """The near plane of a picture, `others_m` being the distance of the closest thing that moves."""
+        return near_plane(pose, min(view.closest_m, others_m))
+
+    def resident(self, key: Key) -> Resident:
+        """A tile, made ready if it is not."""
+        found = self._residents.get(key)
+        if found is None:
+            found = self._residents[key] = self._ready(key)
+        self._residents.move_to_end(key)
+        return found
+
+    def trim(self) -> None:
+        """Let go of the tiles that were not used for longest; between pictures."""
+        while len(self._residents) > KEPT_TILES:
+            _, old = self._residents.popitem(last=False)
+            for sheet in old.sheets.values():
+                sheet.release()
+
+    def _ready(self, key: Key) -> Resident:
+        pieces: Pieces = self._dressing.tiles.get(key) or self.tiles.load(key)
+        crossings = crossings_of(self._junctions_near(key))
+        mesh = mesh_tile(pieces, crossings, self._dressing.faced, self._under)
+        sheets = {name: self._upload(name, part, casts=name in CASTERS) for name, part in mesh.parts.items()
+                  if len(part.index)}  # fmt: skip
+        bare = TileMesh({}, mesh.boxes, mesh.low, mesh.high)
+        return Resident(bare, sheets, prop_batches(pieces))
+
+    def _junctions_near(self, key: Key) -> tuple[object, ...]:
+        west, south, _, east, north, _ = self._skyline.boxes[self._number[key]].tolist()
+        radius = float(np.hypot(east - west, north - south)) / 2.0 + CROSSINGS_REACH_M
+        near: tuple[Tile, ...] = self.tiles.near((west + east) / 2.0, (south + north) / 2.0, radius)
+        return tuple(junction for tile in near for junction in tile.junctions)
+
+    # -- drawing
+
+    def shade(self, view: View) -> bool:
+        """Begin the shadow map of a view with all that is not a prop; False if the last one will do.
+
+        What is drawn next with the matrix `light_uniform` becomes part of it."""
+        wanted = view.window, view.casters
+        if self._shade_is == wanted:
+            return False
+        sky = self._skyline
+        boxes = sky.boxes[[self._number[key] for key in view.casters]]
+        matrix = light_matrix(view.window, boxes)
+        self._shade_frame.use()
+        self._shade_frame.clear(depth=1.0)
+        self._context.enable_only(moderngl.DEPTH_TEST)
+        self._context.depth_func = "<"
+        self.light_uniform = tuple(matrix.T.ravel().tolist())
+        self._caster["u_light"] = self.light_uniform
+        for key in view.casters:
+            for name in CASTERS:
+                sheet = self.resident(key).sheets.get(name)
+                if sheet is not None and sheet.cast is not None:
+                    sheet.cast.render(moderngl.TRIANGLES)
+        half = np.array([[0.5, 0, 0, 0.5], [0, 0.5, 0, 0.5], [0, 0, 0.5, 0.5], [0, 0, 0, 1.0]])
+        self.shade_matrix = half @ matrix
+        self._shade_is = wanted
+        return True
+
+    def values(self, view: View) -> dict[str, object]:
+        """Uniforms of the city's programs, and of any program with shadows."""
+        texel = view.window.side_m / SHADE_PX
+        matrix = self.shade_matrix
+        west, south, east, north = self._city.bounds
+        return {
+            "u_shade": tuple(matrix.T.ravel().tolist()),
+            "u_shade_step": 1.8 * texel + 0.02,
+            "u_layer": LAYER,
+            "u_map_bounds": (west, south, 1.0 / (east - west), 1.0 / (north - south)),
+            "u_map_range": (0.55 * view.reach_m, view.reach_m),
+        }
+
+    def bind(self, shade_unit: int, map_unit: int) -> None:
+        """Bind the textures."""
+        self._shade.use(shade_unit)
+        self._map.use(map_unit)
+
+    def programs(self, wet: bool, night: bool) -> tuple[moderngl.Program, ...]:
+        """The programs of one kind of weather."""
+        return tuple(self._program(name, wet, night) for name in SOURCES)
+
+    def structures(self, view: View, wet: bool, night: bool) -> None:
+        """Walls and everything else that stands up."""
+        for key in view.full:
+            self._draw(self.resident(key).sheets, ("wall", "plain"), wet, night)
+        array = self._blocks.lit[wet, night] if self._blocks.count else None
+        for first, count in view.far:
+            assert array is not None
+            array.render(moderngl.TRIANGLES, vertices=count, first=first)
+
+    def floors(self, view: View, wet: bool, night: bool) -> None:
+        """Roads, pavings and the ground, top to bottom."""
+        for name in ("road", "paving"):
+            for key in view.full:
+                self._draw(self.resident(key).sheets, (name,), wet, night)
+        for sheet in (self._quays, self._ground):
+            if sheet.count:
+                sheet.lit[wet, night].render(moderngl.TRIANGLES)
+
+    def _draw(self, sheets: Mapping[str, Sheet], names: tuple[str, ...], wet: bool, night: bool) -> None:
+        for name in names:
+            if name in sheets:
+                sheets[name].lit[wet, night].render(moderngl.TRIANGLES)
+
+    # -- GL objects
+
+    def release(self) -> None:
+        """Free everything."""
+        sheets = [sheet for resident in self._residents.values() for sheet in resident.sheets.values()]
+        for thing in (*sheets, self._blocks, self._ground, self._quays, self._map, self._shade_frame, self._shade,
+                      self._caster, *self._programs.values()):  # fmt: skip
+            thing.release()
+        self._residents.clear()
+
+    def _program(self, name: str, wet: bool, night: bool) -> moderngl.Program:
+        if (name, wet, night) not in self._programs:
+            switches = {"shaded": True, "layered": name in LAYERED, "wet": wet, "night": night}
+            self._programs[name, wet, night] = self._context.program(
+                vertex_shader=shaders.variant(shaders.VERTEX, **switches),
+                fragment_shader=shaders.variant(SOURCES[name], **switches),
+            )
+        return self._programs[name, wet, night]
+
+    def _upload(self, name: str, part: Part, casts: bool) -> Sheet:
+        if not len(part.index):
+            return Sheet((), {}, None, 0)
+        vertices, index = self._context.buffer(part.vertices.tobytes()), self._context.buffer(part.index.tobytes())
+        cast = None
+        if casts:
+            layout = _layout(self._caster)
+            cast = self._context.vertex_array(self._caster, [(vertices, *layout)], index, 4)
+        return Sheet((vertices, index), _Lit(self, name, vertices, index), cast, len(part.index))
+
+    def array_of(self, name: str, vertices: moderngl.Buffer, index: moderngl.Buffer, wet: bool,
+                 night: bool) -> moderngl.VertexArray:  # fmt: skip
+        """A vertex array of a material in one kind of weather."""
+        program = self._program(name, wet, night)
+        return self._context.vertex_array(program, [(vertices, *_layout(program))], index, 4)
+
+
+class _Lit(dict[tuple[bool, bool], moderngl.VertexArray]):
+    """Vertex arrays by (wet, night), made when first asked for."""
+
+    def __init__(self, owner: Cityscape, name: str, vertices: moderngl.Buffer, index: moderngl.Buffer) -> None:
+        super().__init__()
+        self._make = owner, name, vertices, index
+
+    def __missing__(self, key: tuple[bool, bool]) -> moderngl.VertexArray:
+        owner, name, vertices, index = self._make
+        self[key] = owner.array_of(name, vertices, index, *key)
+        return self[key]
+
+
+AIR_TOP_M = 3000.0
+"""An eye above this looks down through the air: how far it sees does not depend on the visibility at the ground."""
+
+
+def _layout(program: moderngl.Program) -> tuple[str, ...]:
+    sizes = [size if name in program else f"{4 * int(size[0])}x" for size, name in LAYOUT]
+    return (" ".join(sizes), *(name for _, name in LAYOUT if name in program))
+
+
+def _runs(ranges: list[npt.NDArray[np.int64]]) -> tuple[tuple[int, int], ...]:
+    return tuple((int(first), int(count)) for first, count in ranges)

@@ -1,0 +1,208 @@
+"""Roads, junctions, pavements and painted areas → flat strips and sheets in layers.
+
+A lane's strip says where on it a point is (`at`: metres left of its middle, metres from its start) and what is painted
+on it (`style`: half its width, its length, code of its edge lines, code of its ends), so that its markings are drawn
+by a shader. Areas of one height that overlap get layers of their own, later ones over earlier ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+import shapely
+
+from lingjing.plugins.engines.camera.classes import CLASSES
+from lingjing.plugins.engines.camera.mesh_rows import Floats, Part, Style, joined, quads, rows, sheet
+from lingjing.plugins.engines.camera.meshes import Colour
+from lingjing.scene.city import Area, Junction, Lane, Polygon, Road
+
+SURFACES: dict[str, tuple[Colour, Style]] = {
+    "ground": ((0.205, 0.195, 0.160), (9.0, 0.0, 0.55, 0.45)),
+    "park": ((0.100, 0.150, 0.042), (9.0, 0.0, 0.60, 0.45)),
+    "grass": ((0.095, 0.145, 0.038), (9.0, 0.0, 0.60, 0.35)),
+    "forest": ((0.045, 0.075, 0.024), (9.0, 0.0, 0.80, 0.30)),
+    "plaza": ((0.360, 0.335, 0.300), (1.5, 0.30, 0.22, 0.0)),
+    "sidewalk": ((0.330, 0.320, 0.300), (0.75, 0.22, 0.20, 0.0)),
+    "parking": ((0.105, 0.107, 0.112), (9.0, 0.0, 0.40, 0.0)),
+    "asphalt": ((0.085, 0.087, 0.092), (9.0, 0.0, 0.40, 0.0)),
+    "industrial": ((0.235, 0.225, 0.210), (6.0, 0.30, 0.45, 0.12)),
+    "residential": ((0.215, 0.205, 0.155), (9.0, 0.0, 0.45, 0.60)),
+    "commercial": ((0.285, 0.272, 0.252), (2.4, 0.20, 0.28, 0.0)),
+    "sand": ((0.420, 0.330, 0.210), (9.0, 0.0, 0.30, 0.0)),
+    "concrete": ((0.300, 0.300, 0.290), (6.0, 0.35, 0.30, 0.0)),
+    "pitch": ((0.075, 0.170, 0.050), (9.0, 0.0, 0.25, 0.0)),
+}
+"""Surface → (colour, (spacing of joints in metres, their strength, contrast of its grain, share of bare patches))."""
+
+IDS = {
+    "park": "grass",
+    "forest": "grass",
+    "pitch": "grass",
+    "ground": "ground",
+    "asphalt": "road",
+    "parking": "road",
+    "plaza": "sidewalk",
+}
+"""Surface → semantic class where that is not the surface's own or `concrete`."""
+
+CYCLE_RED: Colour = (0.20, 0.075, 0.055)
+KERB_M = 0.12
+TOP_AREA = 6.0
+JUNCTION_LAYER, LANE_LAYER = 7.0, 8.0
+NONE, EDGE, DASHES, CENTRE = 0, 1, 2, 3
+ZEBRA_START, ZEBRA_END, STOP_END = 1, 2, 4
+QUIET = ("service", "footway", "path", "living_street", "track", "cycleway", "steps", "pedestrian")
+"""Kinds of roads without painted lines."""
+
+
+def surface_id(surface: str) -> int:
+    """The id that a surface is drawn with."""
+    for name in (surface, IDS.get(surface, "concrete"), "concrete"):
+        if name in CLASSES:
+            return CLASSES[name]
+    return 0
+
+
+def areas(given: Sequence[Area]) -> Part:
+    """Painted areas, the topmost first (it is drawn first and hides what is under it)."""
+    boxes = [shapely.Polygon(area.polygon).bounds if len(area.polygon) > 2 else None for area in given]
+    layers: list[float] = []
+    for k, box in enumerate(boxes):
+        under = [layers[j] for j in range(k) if box and boxes[j] and _touch(box, boxes[j])]
+        layers.append(min(max(under, default=0.0) + 1.0, TOP_AREA))
+    order = sorted(range(len(given)), key=lambda k: (-layers[k], -k))
+    return joined(_area(given[k], layers[k]) for k in order if boxes[k] is not None)
+
+
+def _touch(a: tuple[float, ...], b: tuple[float, ...] | None) -> bool:
+    return b is not None and a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3]
+
+
+def _area(area: Area, layer: float) -> Part:
+    colour, style = SURFACES.get(area.surface, SURFACES["concrete"])
+    part = sheet([area.polygon, *area.holes], area.top_m, colour, surface_id(area.surface), style=style, layer=layer)
+    return part
+
+
+def junctions(given: Iterable[Junction]) -> Part:
+    """The asphalt of junctions, without markings."""
+    style = (0.0, 0.0, 0.0, 0.0)
+    parts = []
+    for junction in given:
+        if len(junction.polygon) < 3:
+            continue
+        ring = junction.polygon
+        parts.append(sheet([ring], junction.elevation_m, SURFACES["asphalt"][0], surface_id("asphalt"), style=style,
+                           layer=JUNCTION_LAYER))  # fmt: skip
+    return joined(parts)
+
+
+def lanes(given: Iterable[Road], crossings: Sequence[Polygon]) -> Part:
+    """The driving lanes of roads; `crossings` are the outlines of junctions that pedestrians cross at."""
+    near = [shapely.Polygon(ring).buffer(1.5) for ring in crossings if len(ring) > 2]
+    tree = shapely.STRtree(near)
+    parts = []
+    for road in given:
+        if road.tunnel:
+            continue
+        driven = [lane for lane in road.lanes if lane.kind != "foot"]
+        for place, lane in enumerate(driven):
+            parts.append(_lane(road, lane, place, driven, tree))
+    return joined(parts)
+
+
+def pavements(given: Iterable[Road]) -> Part:
+    """The raised walkways along roads with their kerbs."""
+    colour, style = SURFACES["sidewalk"]
+    number = surface_id("sidewalk")
+    parts = []
+    for road in given:
+        for lane in road.lanes:
+            if lane.kind == "foot" and not road.tunnel and len(lane.shape) > 1:
+                left, right, _ = _edges(lane)
+                parts.append(_ribbon(left, right, colour, style, number))
+                for side, turn in ((left, 1.0), (right, -1.0)):
+                    parts.append(_kerb(side, turn, number))
+    return joined(parts)
+
+
+def _lane(road: Road, lane: Lane, place: int, driven: Sequence[Lane], crossings: shapely.STRtree) -> Part:
+    if len(lane.shape) < 2:
+        return joined(())
+    left, right, along = _edges(lane)
+    count = len(along)
+    half, length = lane.width_m / 2.0, float(along[-1])
+    colour = CYCLE_RED if lane.kind == "bicycle" else SURFACES["asphalt"][0]
+    style = (half, length, _lines(road, place, driven), _ends(road, lane, crossings))
+    position = np.stack([left, right], axis=1).reshape(-1, 3)
+    across = np.tile([half, -half], count)
+    at = np.column_stack([across, np.repeat(along, 2)])
+    number = surface_id("asphalt")
+    vertices = rows(position, (0.0, 0.0, 1.0), colour, number, at=at, style=style, layer=LANE_LAYER)
+    base = 2 * np.arange(count - 1, dtype=np.uint32)[:, None]
+    return Part(vertices, (base + np.array([0, 1, 3, 0, 3, 2], np.uint32)).ravel())
+
+
+def _lines(road: Road, place: int, driven: Sequence[Lane]) -> float:
+    """Code of the lines at a lane's left and right edge: left + 4 right."""
+    if road.kind in QUIET:
+        return float(NONE)
+    if place < len(driven) - 1:
+        left = DASHES if driven[place + 1].kind == driven[place].kind else EDGE
+    else:
+        left = CENTRE
+    if place > 0:
+        right = DASHES if driven[place - 1].kind == driven[place].kind else EDGE
+    else:
+        right = EDGE
+    return float(left + 4 * right)
+
+
+def _ends(road: Road, lane: Lane, crossings: shapely.STRtree) -> float:
+    if road.kind in QUIET or road.bridge or lane.kind == "bicycle":
+        return 0.0
+    start, end = (shapely.Point(lane.shape[k][:2]) for k in (0, -1))
+    at_start, at_end = (len(crossings.query(point, predicate="intersects")) > 0 for point in (start, end))
+    if shapely.length(shapely.LineString([p[:2] for p in lane.shape])) < 14.0:
+        return 0.0
+    return float(at_start * ZEBRA_START + at_end * (ZEBRA_END + STOP_END))
+
+
+def _edges(lane: Lane) -> tuple[Floats, Floats, Floats]:
+    """(left edge, right edge, metres along) of a lane at the points of its centre line."""
+    path = np.asarray(lane.shape, np.float64)
+    step = np.diff(path[:, :2], axis=0)
+    length = np.linalg.norm(step, axis=1)
+    keep = np.concatenate([[True], length > 1e-3])
+    path = path[keep]
+    if len(path) < 2:
+        path = np.stack([path[0], path[0] + (0.01, 0.0, 0.0)])
+    step = np.diff(path[:, :2], axis=0)
+    length = np.linalg.norm(step, axis=1)
+    side = np.column_stack([-step[:, 1], step[:, 0]]) / length[:, None]
+    mitre = np.concatenate([side[:1], side[:-1] + side[1:], side[-1:]])
+    norm = np.linalg.norm(mitre, axis=1, keepdims=True)
+    mitre = mitre / np.maximum(norm, 1e-6)
+    cosine = np.einsum("ij,ij->i", mitre, np.concatenate([side[:1], side]))
+    mitre /= np.maximum(cosine, 0.5)[:, None]
+    offset = np.column_stack([mitre, np.zeros(len(path))]) * lane.width_m / 2.0
+    return path + offset, path - offset, np.concatenate([[0.0], np.cumsum(length)])
+
+
+def _ribbon(left: Floats, right: Floats, colour: Colour, style: Style, number: int) -> Part:
+    up = np.array([0.0, 0.0, KERB_M])
+    position = np.stack([left[:-1], right[:-1], right[1:], left[1:]], axis=1).reshape(-1, 3) + up
+    vertices = rows(position, (0.0, 0.0, 1.0), colour, number, at=position[:, :2], style=style)
+    return Part(vertices, quads(len(left) - 1))
+
+
+def _kerb(line: Floats, turn: float, number: int) -> Part:
+    """The kerb under one edge of a walkway; `turn` 1 faces left of the line, -1 right."""
+    up = np.array([0.0, 0.0, KERB_M])
+    step = np.diff(line[:, :2], axis=0)
+    side = turn * np.column_stack([-step[:, 1], step[:, 0]]) / np.maximum(np.linalg.norm(step, axis=1), 1e-6)[:, None]
+    normal = np.repeat(np.column_stack([side, np.zeros(len(side))]), 4, axis=0)
+    position = np.stack([line[:-1], line[1:], line[1:] + up, line[:-1] + up], axis=1).reshape(-1, 3)
+    vertices = rows(position, normal, (0.26, 0.26, 0.25), number, style=(9.0, 0.0, 0.2, 0.0))
+    return Part(vertices, quads(len(line) - 1))

@@ -1,0 +1,83 @@
+"""The ground under a city: one sheet around its waters, the waters' own sheets, the quay walls between them.
+
+Ground lies at elevation 0. Where water reaches the city's bounds it goes on to the horizon, and so does the ground. A
+city that is water all over (its land is `City.lands`) has no sheet: its sea is a plane without an end.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+
+from lingjing.plugins.engines.camera.classes import CLASSES
+from lingjing.plugins.engines.camera.mesh_rows import Part, joined, polygons, sheet, walls
+from lingjing.plugins.engines.camera.paving import SURFACES, surface_id
+from lingjing.scene.city import City, Water
+
+REACH_M = 30_000.0
+BED_M = 2.0
+QUAY = (0.27, 0.265, 0.25)
+
+
+@dataclass(frozen=True, slots=True)
+class Plate:
+    """`ground` (flat), `quays` (walls), `waters` by level; `sea`: the level of a water that is everywhere, or None."""
+
+    ground: Part
+    quays: Part
+    waters: tuple[tuple[float, Part], ...]
+    sea: float | None
+
+
+def build_plate(city: City) -> Plate:
+    """The ground and the waters of a city."""
+    bounds = shapely.box(*city.bounds)
+    shapes = [_shape(water) for water in city.waters]
+    for water, shape in zip(city.waters, shapes, strict=True):
+        if bounds.difference(shape).area < 1.0:
+            return Plate(joined(()), joined(()), (), water.level_m)
+    wet = shapely.union_all(shapes).intersection(bounds)
+    ground = bounds.difference(wet)
+    colour, style = SURFACES["ground"]
+    number = surface_id("ground")
+    sheets = [sheet(rings, 0.0, colour, number, style=style) for rings in polygons(ground)]
+    beyond = [_outwards(city, shape) for shape in shapes]
+    level = city.waters[0].level_m if city.waters else 0.0
+    around = shapely.box(-REACH_M, -REACH_M, REACH_M, REACH_M).difference(bounds)
+    outside = around.difference(shapely.union_all(beyond)) if shapes else around
+    sheets += [sheet(rings, 0.0, colour, number, style=style) for rings in polygons(outside)]
+    quays = [walls(ring, level - BED_M, 0.0, QUAY, CLASSES["concrete"], inwards=k > 0)
+             for rings in polygons(ground) for k, ring in enumerate(rings)] if shapes else []  # fmt: skip
+    return Plate(joined(sheets), joined(quays), _waters(city, shapes, beyond), None)
+
+
+def _shape(water: Water) -> shapely.Geometry:
+    return shapely.make_valid(shapely.Polygon(water.polygon, water.holes))
+
+
+def _outwards(city: City, water: shapely.Geometry) -> shapely.Geometry:
+    """What lies beyond the bounds behind the stretches of them that a water covers."""
+    west, south, east, north = city.bounds
+    centre = np.array([(west + east) / 2.0, (south + north) / 2.0])
+    border = shapely.box(*city.bounds).exterior.intersection(water.buffer(0.5))
+    stretches = []
+    for line in shapely.get_parts(shapely.line_merge(border) if border.geom_type == "MultiLineString" else border):
+        if line.geom_type != "LineString" or line.length < 5.0:
+            continue
+        points = np.asarray(line.coords)
+        far = centre + (points - centre) * (4.0 * REACH_M / max(east - west, north - south))
+        stretches.append(shapely.make_valid(shapely.Polygon(np.concatenate([points, far[::-1]]))))
+    return shapely.union_all(stretches) if stretches else shapely.Polygon()
+
+
+def _waters(
+    city: City, shapes: list[shapely.Geometry], beyond: list[shapely.Geometry]
+) -> tuple[tuple[float, Part], ...]:
+    levels: dict[float, list[Part]] = {}
+    for water, shape, far in zip(city.waters, shapes, beyond, strict=True):
+        parts = levels.setdefault(water.level_m, [])
+        for one in (shape, far):
+            parts += [sheet(rings, water.level_m, (0.0, 0.0, 0.0), CLASSES["water"]) for rings in polygons(one)]
+    return tuple((level, joined(parts)) for level, parts in sorted(levels.items()))

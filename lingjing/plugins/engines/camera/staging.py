@@ -1,0 +1,70 @@
+"""Who is on stage: the states at a boundary → batches of meshes, marks on the water, rows of effects."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import msgspec
+import numpy as np
+import numpy.typing as npt
+
+from lingjing.mission.instance import Entity
+from lingjing.plugins.engines.camera.classes import CLASSES, FIRST_ENTITY
+from lingjing.plugins.engines.camera.instances import Batch, entity_batches, marks, matrix
+from lingjing.plugins.engines.camera.meshes import Array
+from lingjing.plugins.engines.camera.models import Part, ambient_parts, entity_parts
+from lingjing.trace.records import BodyState
+
+AFLOAT = frozenset({"person_in_water", "lifeboat"})
+"""Types that are drawn on the water's plane: the drawn sea is flat (waves live in its shading), so a body that an
+engine heaves with its waves would sink out of sight or hover."""
+
+Support = Callable[[float, float, float], float]
+"""Elevation of what lies under a point (east, north, elevation)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cast:
+    """Everything that moves in a picture."""
+
+    batches: tuple[Batch, ...]
+    marks: npt.NDArray[np.void]
+
+
+def stage(
+    entities: Iterable[tuple[int, Entity, BodyState]],
+    ambient: Sequence[BodyState],
+    time_s: float,
+    under: Support,
+    level_m: float,
+) -> Cast:
+    """The cast of the entities (with their numbers in the instance) and of background traffic."""
+    drawn: list[tuple[npt.NDArray[np.float64], str, Array, int, float]] = []
+    wet = []
+    for number, entity, state in entities:
+        plane = under(*state.position)
+        if entity.type in AFLOAT and plane == level_m:
+            state = msgspec.structs.replace(state, position=(*state.position[:2], plane))
+            wet.append((state, entity.type))
+        parts = entity_parts(entity, state, time_s)
+        drawn += _placed(state, parts, "entity", FIRST_ENTITY + number, plane)
+    for state in ambient:
+        number = CLASSES.get(state.kind, CLASSES["entity"])
+        drawn += _placed(state, ambient_parts(state, time_s), "entity", number, state.position[2])
+    return Cast(entity_batches(drawn), marks(wet))
+
+
+def _placed(
+    state: BodyState, parts: Iterable[Part], group: str, number: int, plane: float
+) -> list[tuple[npt.NDArray[np.float64], str, Array, int, float]]:
+    body = matrix(state.position, state.heading_deg, state.pitch_deg, state.roll_deg)
+    whole = np.vstack([np.eye(4)[:3], [0.0, 0.0, 0.0, 1.0]])
+    found = []
+    for part in parts:
+        whole[:3] = part.rows
+        found.append((body @ whole, f"{group}/{part.key}", part.mesh, number, plane))
+    return found
+
+
+__all__ = ["Cast", "stage"]
