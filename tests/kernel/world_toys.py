@@ -10,7 +10,9 @@ import signal
 import sys
 import threading
 import time
+from typing import ClassVar
 
+import msgspec
 import numpy as np
 
 from lingjing.mission.expression import Flag
@@ -27,7 +29,7 @@ from lingjing.mission.instance import (
 from lingjing.plugins.engine import Boundary, CaptureRequest, EnginePlugin, Frame
 from lingjing.plugins.hookspecs import hookimpl
 from lingjing.scene.city import City, Prop
-from lingjing.trace.records import BodyState, Box, CameraPose, Command, FrameInfo, Receipt, TaskEvent
+from lingjing.trace.records import BodyState, Box, CameraPose, Command, FrameInfo, Receipt, Route, TaskEvent
 
 CITY = City(id="toy", origin=(31.0, 121.5), bounds=(-100.0, -100.0, 100.0, 100.0))
 
@@ -170,6 +172,67 @@ class Toy:
             raise RuntimeError("it does not close")
 
 
+class Crowd(Toy):
+    """A toy with background movers, routes and silence; takes part without an entity when `settings["crowd"]` says so.
+
+    Property or setting `crowd` is the number of movers; `crowd_fault` of an entity spoils the last of them from
+    `fault_at` on. It notes the ids of its mirrors in `seen`, as does each toy that is one.
+    """
+
+    seen: ClassVar[dict[str, list[str]]] = {}
+
+    def boundary(self, until, receipts=(), events=()):
+        settings = self.spec.instance.settings
+        prefix = {"toy_crowd": "traffic", "toy_crowd_too": "other", "far_crowd": "distant"}[self.spec.engine]
+        movers = [self.mover(f"{prefix}/{n}", float(n), until) for n in range(int(settings.get("crowd", 0)))]
+        mine = super().boundary(until, receipts, events)
+        owned = [state.id for state in mine.states]
+        return msgspec.structs.replace(
+            mine,
+            ambient=tuple(self.spoilt(movers, until)),
+            routes=tuple(self.route(name, until) for name in owned),
+            unheard=(("cat", "ant"),) if settings.get("silence") else (),
+        )
+
+    def mover(self, name, x, until):
+        place = (x + until, 1.0, 0.0)
+        return BodyState(id=name, position=place, velocity=(1.0, 0.0, 0.0), heading_deg=90.0, kind="car")
+
+    def route(self, name, until):
+        if self.faults.due("foreign_route", until):
+            name = "ant"
+        far = float("inf") if self.faults.due("inf_route", until) else 5.0
+        way = ((0.0, 0.0, 0.0), (far, 0.0, 0.0))
+        return Route(
+            entity=name, number=1 + round(until * 10), waypoints=way, length_m=5.0, duration_s=1.0, time_s=until
+        )
+
+    def spoilt(self, movers, until):
+        due = self.faults.due
+        replace = msgspec.structs.replace
+        if due("ambient_nan", until):
+            return [*movers[:-1], replace(movers[-1], velocity=(0.0, float("nan"), 0.0))]
+        if due("ambient_twice", until):
+            return [*movers, movers[0]]
+        if due("ambient_entity", until):
+            return [*movers, replace(movers[0], id="ant")]
+        if due("ambient_clash", until):
+            return [replace(mover, id=f"traffic/{n}") for n, mover in enumerate(movers)]
+        if due("ambient_text", until):
+            return [*movers[:-1], replace(movers[-1], position=("a", "b", "c"))]
+        if due("ambient_numpy", until):
+            return [replace(mover, position=np.asarray(mover.position), heading_deg=90) for mover in movers]
+        return movers
+
+    def advance(self, until, mirrors):
+        self.seen[self.spec.engine] = [mirror.id for mirror in mirrors]
+        return super().advance(until, mirrors)
+
+
+def wants_a_crowd(instance):
+    return instance.settings.get("crowd", 0.0) > 0
+
+
 class Painter:
     """A sensor that paints the sum of all positions and can be slow, empty, wrong or deadly."""
 
@@ -222,13 +285,15 @@ class Painter:
 
 
 class ToyPlugin:
-    """Engines `toy_a`, `toy_b`, `toy_c` move, `toy_remote` moves in the caller, `camera` draws."""
+    """Engines `toy_a`, `toy_b`, `toy_c` move, `toy_remote` moves in the caller, three bring background movers."""
 
     @hookimpl
     def lingjing_engines(self):
         toys = [EnginePlugin(name=f"toy_{letter}", factory=Toy) for letter in "abc"]
         remote = EnginePlugin(name="toy_remote", factory=Toy, place="remote")
-        return [*toys, remote]
+        crowd = EnginePlugin(name="toy_crowd", factory=Crowd, wanted=wants_a_crowd)
+        crowds = [crowd, EnginePlugin(name="toy_crowd_too", factory=Crowd)]
+        return [*toys, remote, *crowds, EnginePlugin(name="far_crowd", factory=Crowd, place="remote")]
 
 
 class PainterPlugin:
@@ -263,13 +328,13 @@ def entity(name, engine, x=0.0, cameras=(), **properties):
     )
 
 
-def instance(*entities, seed=7, tick_s=1.0, sync_s=0.1, engine_s=20.0, capture_s=20.0):
+def instance(*entities, seed=7, tick_s=1.0, sync_s=0.1, engine_s=20.0, capture_s=20.0, **settings):
     return Instance(
         mission="toy",
         title="Toy",
         goal="",
         seed=seed,
-        settings={},
+        settings=settings,
         scene=SceneSpec(kind="toy"),
         clock=Clock(tick_s=tick_s, sync_s=sync_s),
         budget=Budget(ticks=10, policy_s=1.0, engine_s=engine_s, capture_s=capture_s),

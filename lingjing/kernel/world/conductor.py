@@ -16,7 +16,7 @@ import msgspec
 from lingjing.errors import UsageError
 from lingjing.kernel.world.coherence import check_apart
 from lingjing.kernel.world.contract import WorldBoundary
-from lingjing.kernel.world.ensemble import Report
+from lingjing.kernel.world.ensemble import NO_MOVERS, Movers, Report
 from lingjing.mission.instance import Clock, Instance
 from lingjing.trace.records import BodyState, Command, EngineStatus, Receipt, Route, Snapshot, TaskEvent
 
@@ -38,7 +38,7 @@ class Part(Protocol):
         ...
 
     def advance(
-        self, until: float, foreign: Sequence[BodyState] = (), ambient: Sequence[BodyState] = ()
+        self, until: float, foreign: Sequence[BodyState] = (), ambient: Movers = NO_MOVERS
     ) -> tuple[Report, ...]:
         """One macro-step to `until` (s)."""
         ...
@@ -154,18 +154,11 @@ class Conductor:
             check_apart(self._ambient)
         return Snapshot(time_s=time_s, states=tuple([self._states[name] for name in self._order]))
 
-    def _around(self, seat: _Seat) -> tuple[BodyState, ...]:
+    def _around(self, seat: _Seat) -> Movers:
         """The background movers of the other parts' engines."""
         if len(self._seats) == 1:
-            return ()
-        return tuple(
-            [
-                mover
-                for name, movers in sorted(self._ambient.items())
-                if name not in seat.part.engines
-                for mover in movers
-            ]
-        )
+            return NO_MOVERS
+        return {name: movers for name, movers in self._ambient.items() if movers and name not in seat.part.engines}
 
     def _crowded(self, snapshot: Snapshot) -> Snapshot:
         """The snapshot of a decision boundary, which holds the background movers too."""

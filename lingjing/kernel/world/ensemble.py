@@ -21,6 +21,11 @@ from lingjing.plugins.host import PluginHost
 from lingjing.scene.city import City
 from lingjing.trace.records import BodyState, Command, Receipt
 
+Movers = Mapping[str, tuple[BodyState, ...]]
+"""Background movers by the engine that brings them."""
+
+NO_MOVERS: Movers = {}
+
 
 class Report(msgspec.Struct, frozen=True):
     """A checked boundary of one engine and the wall-clock seconds its call took."""
@@ -84,13 +89,13 @@ class Ensemble:
         return admitted
 
     def advance(
-        self, until: float, foreign: Sequence[BodyState] = (), ambient: Sequence[BodyState] = ()
+        self, until: float, foreign: Sequence[BodyState] = (), ambient: Movers = NO_MOVERS
     ) -> tuple[Report, ...]:
         """One macro-step of all engines to `until` (s), each with the others' states at the interval's start."""
         known = self._states
         known.update((state.id, state) for state in foreign)
-        around = tuple(ambient)
-        return self._commit([self._advance(member, until, known, around) for member in self._members])
+        crowds = sorted((name, movers) for name, movers in {**self._ambient, **ambient}.items() if movers)
+        return self._commit([self._advance(member, until, known, crowds) for member in self._members])
 
     def _reset(self, member: _Member) -> Report:
         spec = EngineSpec(engine=member.name, instance=self._instance, owns=member.owns)
@@ -103,13 +108,16 @@ class Ensemble:
         return checked_admissions(member.name, commands, answer)
 
     def _advance(
-        self, member: _Member, until: float, known: Mapping[str, BodyState], around: tuple[BodyState, ...]
+        self,
+        member: _Member,
+        until: float,
+        known: Mapping[str, BodyState],
+        crowds: Sequence[tuple[str, tuple[BodyState, ...]]],
     ) -> Report:
         mirrors = tuple([known[name] for name in member.others])
-        for other in self._members:
-            if other is not member:
-                mirrors += self._ambient.get(other.name, ())
-        mirrors += around
+        for name, movers in crowds:
+            if name != member.name:
+                mirrors += movers
         report, wall_s = guarded(self._enter, member.name, "advance", lambda: member.engine.advance(until, mirrors))
         checked = checked_boundary(member.name, "advance", report, until, member.owns, self._entities)
         return Report(checked, wall_s)

@@ -47,11 +47,11 @@ class Submit(Message, frozen=True, kw_only=True):
 
 class Advance(Message, frozen=True, kw_only=True):
     """One macro-step, when the caller drives; `foreign` are the states of its own engines' entities, `ambient` those
-    of their background movers."""
+    of their background movers by engine."""
 
     until: float
     foreign: tuple[BodyState, ...]
-    ambient: tuple[BodyState, ...] = ()
+    ambient: dict[str, tuple[BodyState, ...]] = {}
 
 
 class Capture(Message, frozen=True, kw_only=True):

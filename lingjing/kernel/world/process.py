@@ -19,7 +19,7 @@ from lingjing.kernel.world.camera import Camera
 from lingjing.kernel.world.casting import Cast, cast
 from lingjing.kernel.world.conductor import Conductor, Part, macro_steps
 from lingjing.kernel.world.contract import StoredFrame, WorldBoundary
-from lingjing.kernel.world.ensemble import Ensemble, Report, close_engines, start_engines
+from lingjing.kernel.world.ensemble import NO_MOVERS, Ensemble, Movers, Report, close_engines, start_engines
 from lingjing.kernel.world.extras import host_with
 from lingjing.kernel.world.handle import Worker
 from lingjing.kernel.world.launch import Place, Recipe
@@ -64,9 +64,9 @@ class _FarPart:
         return self._worker.ask(message, Admitted, self.deadline, self._allowed_s).receipts
 
     def advance(
-        self, until: float, foreign: Sequence[BodyState] = (), ambient: Sequence[BodyState] = ()
+        self, until: float, foreign: Sequence[BodyState] = (), ambient: Movers = NO_MOVERS
     ) -> tuple[Report, ...]:
-        message = Advance(until=until, foreign=tuple(foreign), ambient=tuple(ambient))
+        message = Advance(until=until, foreign=tuple(foreign), ambient=dict(ambient))
         return self._worker.ask(message, Reported, self.deadline, self._allowed_s).reports
 
 

@@ -1,0 +1,168 @@
+"""Background movers, routes and radio silence on their way from an engine to the others, the camera and the kernel."""
+
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))  # the toys are shared by these tests and by the workers
+
+import world_toys as toys
+
+from lingjing.errors import InfrastructureError
+from lingjing.kernel.world import open_world
+from lingjing.kernel.world.casting import cast
+from lingjing.kernel.world.coherence import checked_boundary
+from lingjing.plugins.engine import Boundary
+from lingjing.plugins.host import PluginHost
+
+TOYS = ("world_toys:plugin", "world_toys:painter")
+
+
+@pytest.fixture
+def world():
+    world = open_world("inline", plugins=TOYS, installed=False)
+    yield world
+    world.close()
+
+
+def crowded(*more, **changes):
+    """A cat of the crowd's own engine, an ant with a camera, and a crowd of three."""
+    return toys.instance(
+        toys.entity("cat", "toy_crowd", 5.0),
+        toys.entity("ant", "toy_a", 1.0, cameras=(toys.camera(),)),
+        *more,
+        **{"crowd": 3.0, **changes},
+    )
+
+
+def far_crowd(**changes):
+    return crowded(toys.entity("owl", "far_crowd", 2.0), **changes)
+
+
+def without_waits(boundary):
+    return replace(boundary, engines=tuple((e.engine, e.time_s, e.frame) for e in boundary.engines))
+
+
+def test_movers_are_in_the_snapshot_of_the_decision_boundary_alone(world):
+    ready = world.reset(crowded(), toys.CITY)
+    assert [mover.id for mover in ready.snapshots[0].ambient] == ["traffic/0", "traffic/1", "traffic/2"]
+    boundary = world.step(1, ())
+    assert [len(snapshot.ambient) for snapshot in boundary.snapshots] == [0] * 9 + [3]
+    assert boundary.snapshots[-1].ambient[2].position == (3.0, 1.0, 0.0)
+
+
+def test_every_other_engine_sees_the_entities_and_then_the_movers(world):
+    world.reset(crowded(toys.entity("fox", "toy_crowd_too", 2.0)), toys.CITY)
+    world.step(1, ())
+    theirs = ["other/0", "other/1", "other/2"]
+    assert toys.Crowd.seen["toy_crowd"] == ["ant", "fox", *theirs]
+    assert toys.Crowd.seen["toy_crowd_too"] == ["cat", "ant", "traffic/0", "traffic/1", "traffic/2"]
+
+
+def test_a_crowd_moves_who_follows_its_mirrors(world):
+    def end(crowd):
+        world.reset(crowded(crowd=crowd), toys.CITY)
+        return world.step(1, ()).snapshots[-1].states[1]
+
+    assert end(3.0) != end(4.0)
+
+
+def test_routes_of_every_macro_step_and_the_latest_silence_are_reported(world):
+    ready = world.reset(crowded(silence=1.0), toys.CITY)
+    assert [(route.entity, route.number) for route in ready.routes] == [("cat", 1)]
+    assert ready.unheard == (("cat", "ant"),)
+    boundary = world.step(1, ())
+    assert [route.number for route in boundary.routes] == list(range(2, 12))
+    assert boundary.unheard == (("cat", "ant"),)
+    world.reset(crowded(), toys.CITY)
+    assert world.step(1, ()).unheard == ()
+
+
+@pytest.mark.parametrize("instance", [crowded(silence=1.0), far_crowd(silence=1.0)], ids=["local", "remote"])
+def test_both_worlds_carry_the_same(world, instance):
+    def played(one):
+        boundaries = [one.reset(instance, toys.CITY), *[one.step(tick, ()) for tick in (1, 2)]]
+        now = boundaries[-1].snapshots[-1]
+        (frame,) = one.capture(2, [toys.request(2)], now.states + now.ambient)
+        return [without_waits(boundary) for boundary in boundaries], frame.jpeg
+
+    process = open_world("process", plugins=TOYS, installed=False)
+    try:
+        ours, theirs = played(world), played(process)
+    finally:
+        process.close()
+    crowds = ["distant"] * 3 * (len(instance.entities) - 2) + ["traffic"] * 3  # by the names of their engines
+    assert [mover.id.partition("/")[0] for mover in ours[0][-1].snapshots[-1].ambient] == crowds
+    assert ours == theirs
+
+
+@pytest.mark.parametrize(
+    ("fault", "message"),
+    [
+        ("ambient_nan", "engine `toy_crowd` failed in advance: entity `traffic/2` has a number that is not finite"),
+        ("ambient_twice", "its background mover `traffic/0` is there twice"),
+        ("ambient_entity", "its background mover `ant` has the id of an entity"),
+        ("ambient_text", "its answer is malformed"),
+        ("foreign_route", "it planned a route for `ant`, which it does not own"),
+        ("inf_route", r"its route \d+ of `cat` is empty or not finite"),
+    ],
+)
+def test_incoherent_movers_and_routes_are_an_abort(world, fault, message):
+    cat = toys.entity("cat", "toy_crowd", 5.0, fault=fault, fault_at=0.55)
+    world.reset(toys.instance(cat, toys.entity("ant", "toy_a"), crowd=3.0), toys.CITY)
+    with pytest.raises(InfrastructureError, match=message):
+        world.step(1, ())
+
+
+def test_two_engines_may_not_have_movers_of_one_id(world):
+    fox = toys.entity("fox", "toy_crowd_too", 5.0, fault="ambient_clash", fault_at=0.55)
+    world.reset(crowded(fox), toys.CITY)
+    with pytest.raises(InfrastructureError, match="`traffic/0` is already one of `toy_crowd`"):
+        world.step(1, ())
+
+
+def test_silence_about_nobody_is_an_abort(world):
+    instance = toys.instance(toys.entity("dog", "toy_crowd"), crowd=1.0, silence=1.0)
+    with pytest.raises(InfrastructureError, match="it says that `cat` is out of reach, which is no entity"):
+        world.reset(instance, toys.CITY)
+
+
+def test_numbers_of_movers_become_plain(world):
+    cat = toys.entity("cat", "toy_crowd", 5.0, fault="ambient_numpy", fault_at=0.0)
+    world.reset(toys.instance(cat, toys.entity("ant", "toy_a"), crowd=2.0), toys.CITY)
+    mover = world.step(1, ()).snapshots[-1].ambient[1]
+    assert (mover.position, type(mover.position), type(mover.heading_deg)) == ((2.0, 1.0, 0.0), tuple, float)
+
+
+def test_an_engine_takes_part_for_an_entity_or_because_it_wants_to():
+    host = PluginHost(entry_points=False, extra=(toys.plugin, toys.painter))
+    ant = toys.entity("ant", "toy_a")
+    assert cast(toys.instance(ant), host).local == ("toy_a",)
+    assert cast(toys.instance(ant, crowd=1.0), host).local == ("toy_a", "toy_crowd")
+    assert cast(toys.instance(toys.entity("cat", "toy_crowd")), host).local == ("toy_crowd",)
+
+
+def test_an_engine_without_entities_plays_along(world):
+    world.reset(toys.instance(toys.entity("ant", "toy_a"), crowd=2.0), toys.CITY)
+    boundary = world.step(1, ())
+    assert [status.engine for status in boundary.engines] == ["toy_a", "toy_crowd"]
+    assert len(boundary.snapshots[-1].ambient) == 2
+
+
+def test_a_thousand_movers_cost_little_to_check():
+    """Less than a tenth of what a traffic simulator takes to move them (16 microseconds each, ten steps a second)."""
+    crowd = toys.Crowd()
+    movers = tuple(crowd.mover(f"traffic/{n}", float(n), 0.5) for n in range(1000))
+    report = Boundary(engine="road", time_s=0.5, ambient=movers)
+    entities = frozenset(("ant", "bee"))
+    best = min(_cpu_s(lambda: checked_boundary("road", "advance", report, 0.5, (), entities)) for _ in range(10))
+    assert best < 0.1 * 1000 * 5 * 16e-6
+
+
+def _cpu_s(action):
+    started = time.process_time()
+    action()
+    return time.process_time() - started
