@@ -1,6 +1,7 @@
 """The road engine on a small grid of streets: what the mission's vehicles do, and whom they meet."""
 
 import hashlib
+import itertools
 import math
 import os
 import subprocess
@@ -251,7 +252,7 @@ def test_a_vehicle_off_the_road_is_put_on_the_lane_that_leads_its_way(play: Star
 def test_two_vehicles_do_not_stand_in_one_place(play: Start, city: City) -> None:
     played = play([vehicle("a"), vehicle("b"), vehicle("c")], city)
     places = sorted(where(state)[0] for state in played.boundary.states)
-    assert all(after - before >= 4.5 for before, after in zip(places, places[1:], strict=False))
+    assert all(after - before >= 4.5 for before, after in itertools.pairwise(places))
     played.run(5.0)
     assert not played.events
 
@@ -389,7 +390,7 @@ def test_a_route_is_published_with_its_waypoints_and_followed(play: Start, city:
     assert 4 <= len(route.waypoints) <= 5, route.waypoints
     assert math.dist(route.waypoints[-1][:2], (600.0, 400.0)) < 10.0
     points = [(100.0, -1.65, 0.0), *route.waypoints]
-    for before, after in zip(points, points[1:], strict=False):
+    for before, after in itertools.pairwise(points):
         assert math.dist(before, after) <= 221.0
     for x, y, z in route.waypoints:  # on a street of the grid
         assert min(abs(x % 200.0), 200.0 - x % 200.0, abs(y % 200.0), 200.0 - y % 200.0) < 8.0
@@ -449,7 +450,7 @@ def test_congestion_blocks_appears_and_clears(play: Start, city: City) -> None:
     assert 8 <= len(queue) <= 20, len(queue)
     assert all(math.hypot(*body.velocity) < 0.1 and body.kind in ("car", "delivery_van", "truck") for body in queue)
     gaps = sorted(where(body)[0] for body in queue if where(body)[1] < 0.0)
-    assert all(after - before > 4.5 for before, after in zip(gaps, gaps[1:], strict=False))
+    assert all(after - before > 4.5 for before, after in itertools.pairwise(gaps))
     drive = played.command("setDestination", x=700.0, y=0.0)
     played.run(60.0)
     assert played.state.status == "waiting"

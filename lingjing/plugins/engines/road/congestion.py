@@ -89,10 +89,14 @@ class Congestion:
         """The edges on which a queue stands."""
         return frozenset(lane.edge for jam in self.jams if jam.blocking for lane in jam.lanes)
 
-    def radius_at(self, x: float, y: float) -> float | None:
-        """The radius of a jam whose queue stands at a place, if one does."""
+    def at(self, x: float, y: float) -> Jam | None:
+        """The jam whose queue stands at a place, if one does."""
         standing = (jam for jam in self.jams if jam.blocking)
-        return next((jam.radius_m for jam in standing if math.dist((x, y), (jam.x, jam.y)) <= 2.0 * jam.radius_m), None)
+        return next((jam for jam in standing if math.dist((x, y), (jam.x, jam.y)) <= 2.0 * jam.radius_m), None)
+
+    def is_over(self, name: str) -> bool:
+        """Whether a jam of that name has stood and stands no more."""
+        return any(jam.id == name and not jam.blocking for jam in self.jams)
 
     def states(self, ahead_s: float) -> Iterator[BodyState]:
         """The vehicles of all queues, also of those that are driving off."""

@@ -61,7 +61,7 @@ class RoadEngine(FleetEngine):
         self._contacts = Contacts(sim, self._collided)
         blockers = (entity for entity in instance.entities if entity.properties.get("blocks") is True)
         self._congestion = Congestion(sim, graph, tuple(jam_of(entity, seed) for entity in blockers))
-        self._planner = Planner(sim, graph, self.publish, self._congestion.radius_at)
+        self._planner = Planner(sim, graph, self._congestion, self.publish)
         self._graph = graph
         self._cleared: set[str] = set()
         self._looked_s = 0.0

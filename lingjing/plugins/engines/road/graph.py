@@ -9,7 +9,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from lingjing.plugins.engines.road.simulation import Simulation
@@ -24,7 +24,7 @@ _BESIDE_M = 12.0
 
 @dataclass(frozen=True, slots=True)
 class Link:
-    """A way from the end of one edge onto another: SUMO's direction (`s`, `l`, `r`, `L`, `R`, `t`), metres in between."""
+    """A way from the end of an edge onto another: SUMO's direction (`s`, `l`, `r`, `L`, `R`, `t`), metres between."""
 
     edge: str
     direction: str
@@ -132,10 +132,12 @@ def read_graph(sim: Simulation) -> Graph:
             if not to.startswith(":") and _drivable(sim, to):
                 target = sim.lane.getEdgeID(to)
                 following.setdefault(target, Link(target, direction, _through(sim, via)))
-    edges = {
-        name: Edge(name, tuple(own), tuple(links[name].values()), own[0].length_m, speeds[name])
-        for name, own in lanes.items()
-    }
+    edges = _without_traps(
+        {
+            name: Edge(name, tuple(own), tuple(links[name].values()), own[0].length_m, speeds[name])
+            for name, own in lanes.items()
+        }
+    )
     return Graph(edges, _indexed(lane for edge in edges.values() for lane in edge.lanes))
 
 
@@ -229,6 +231,25 @@ def _components(edges: Mapping[str, Edge]) -> Iterator[tuple[str, ...]]:
     for root in reversed(order):
         if root in left:
             yield _flood(root, before, left)
+
+
+def _without_traps(edges: Mapping[str, Edge]) -> dict[str, Edge]:
+    """Without the edges from which there is no way back, such as one-way streets that leave the map."""
+    core = max(_components(edges), key=len, default=())
+    before: dict[str, list[str]] = {name: [] for name in edges}
+    for name, edge in edges.items():
+        for link in edge.links:
+            before[link.edge].append(name)
+    left = dict.fromkeys(name for name in edges if name not in core)
+    kept = {
+        *core,
+        *(name for root in core for other in before[root] if other in left for name in _flood(other, before, left)),
+    }
+    return {
+        name: replace(edge, links=tuple(link for link in edge.links if link.edge in kept))
+        for name, edge in edges.items()
+        if name in kept
+    }
 
 
 def _flood(root: str, before: Mapping[str, Sequence[str]], left: dict[str, None]) -> tuple[str, ...]:

@@ -57,8 +57,13 @@ def top_speed(speed_mps: float, load_kg: float, payload_kg: float) -> float:
     return speed_mps * (1.0 - FULL_LOAD_SLOWDOWN * share)
 
 
-def declare(sim: Simulation, name: str, kind: Kind, top_mps: float, *, blue_light: bool = False) -> None:
-    """Make a vehicle type of the simulation. Blue lights drive through red and make others give way."""
+def declare(
+    sim: Simulation, name: str, kind: Kind, top_mps: float, *, blue_light: bool = False, reaction_s: float = 0.0
+) -> None:
+    """Make a vehicle type of the simulation. Blue lights drive through red and make others give way.
+
+    `reaction_s` is how long a driver goes on before deciding anew; 0: decides in each step.
+    """
     types, size = sim.vehicletype, SIZES[kind.name]
     types.copy("DEFAULT_VEHTYPE", name)
     types.setLength(name, size.length_m)
@@ -69,6 +74,8 @@ def declare(sim: Simulation, name: str, kind: Kind, top_mps: float, *, blue_ligh
     types.setDecel(name, kind.decel_mps2)
     types.setEmergencyDecel(name, 8.0)
     types.setMaxSpeed(name, top_mps)
+    if reaction_s > 0.0:
+        types.setActionStepLength(name, reaction_s)
     if blue_light:
         types.setVehicleClass(name, "emergency")
         types.setParameter(name, "has.bluelight.device", "true")

@@ -8,7 +8,7 @@ from __future__ import annotations
 import heapq
 import itertools
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 from lingjing.plugins.engines.road.graph import Graph, Link, Place
@@ -30,11 +30,12 @@ class Way:
 
 @dataclass(frozen=True, slots=True)
 class Avoided:
-    """A place to keep away from."""
+    """A place to keep away from, as long as the jam `because` blocks it (always, where none is known)."""
 
     x: float
     y: float
     radius_m: float
+    because: str = ""
 
 
 def find_way(
@@ -62,6 +63,19 @@ def straight_on(graph: Graph, edge: str) -> Link | None:
     links = [link for link in graph.edges[edge].links if link.direction != "t"]
     slight = [link for direction in "sRL" for link in links if link.direction == direction]
     return slight[0] if slight else links[0] if len(links) == 1 else None
+
+
+def onward(graph: Graph, edges: Sequence[str], reserve_m: float) -> tuple[str, ...]:
+    """The edges and those by which one could go on for `reserve_m` behind the last: back where the road ends."""
+    found, ahead = list(edges), 0.0
+    while ahead < reserve_m:
+        links = graph.edges[found[-1]].links
+        link = straight_on(graph, found[-1]) or next(iter(links), None)
+        if link is None:
+            break
+        found.append(link.edge)
+        ahead += graph.edges[link.edge].length_m
+    return tuple(found)
 
 
 def edges_at(graph: Graph, place: Avoided, goal: Place | None = None) -> frozenset[str]:

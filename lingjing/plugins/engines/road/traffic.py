@@ -24,6 +24,9 @@ MIX = (("car", 70), ("delivery_van", 10), ("truck", 8), ("motorcycle", 7), ("bus
 PATIENCE_S = 150.0
 """Standing this long, a background vehicle is taken out of the jam."""
 
+REACTION_S = 0.3
+"""How often a background driver decides: like a person, and at half the price of deciding in each step."""
+
 BLOCKED_S = 100_000.0
 _GAP_M = 3.0
 _ROUND = 10
@@ -71,7 +74,7 @@ class Traffic:
         self._blocked: frozenset[str] = frozenset()
         self._turn = self._entries = 0
         for name, _ in MIX:
-            declare(sim, f"traffic/{name}", KINDS[name], KINDS[name].top_mps)
+            declare(sim, f"traffic/{name}", KINDS[name], KINDS[name].top_mps, reaction_s=REACTION_S)
 
     def populate(self, count: int, occupied: Occupied) -> None:
         """Put vehicles at random places; fewer where the streets are full."""

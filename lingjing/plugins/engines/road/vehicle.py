@@ -7,6 +7,7 @@ that is to stay somewhere has a stop of SUMO's that never ends; one that is held
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -14,14 +15,18 @@ from lingjing.mission.instance import Entity
 from lingjing.plugins.engines.bodies import SIZES
 from lingjing.plugins.engines.road.graph import Graph, Place
 from lingjing.plugins.engines.road.kinds import SPEED_MPS, declare, kind_of, top_speed
-from lingjing.plugins.engines.road.routing import Avoided, Way
+from lingjing.plugins.engines.road.routing import Avoided, Way, onward
 from lingjing.plugins.engines.road.simulation import FOREVER_S, STEP_S, Simulation, SumoError
 from lingjing.trace.records import BodyState
 
 BRAKING_MPS2 = 2.0
 """Comfortable braking of `stop`, `forward` and turns."""
 
+RESERVE_M = 300.0
+"""How far a route leads beyond where its vehicle is to stop."""
+
 STANDING_MPS = 0.05
+_STILL_MPS = 1e-3
 _SAME_LOAD_KG = 0.5
 
 LOAD = "load_kg"
@@ -134,7 +139,7 @@ class Vehicle:
         """Drive along a plan that begins at the footing, and stay at its goal."""
         footing, goal = self.footing(), plan.goal
         self._release()
-        self._sim.vehicle.setRoute(self.id, [*footing.before, *plan.way.edges])
+        self._follow(footing, plan.way.edges)
         front = min(goal.at_m + self.size.length_m / 2.0, goal.lane.length_m - 0.2)
         front = max(front, min(self.size.length_m, goal.lane.length_m - 0.2))
         self._begin(Task("drive", max(plan.way.length_m, 1.0), self.odometer_m, plan))
@@ -147,14 +152,17 @@ class Vehicle:
         """Drive a distance along edges that begin at the footing's, and halt there; `onto`: not before that edge."""
         footing = self.footing()
         self._release()
-        self._sim.vehicle.setRoute(self.id, [*footing.before, *edges])
+        self._follow(footing, edges)
         self._begin(Task("distance", distance_m, self.odometer_m, None, onto))
 
     def halt(self) -> None:
         """Brake comfortably to a standstill."""
         speed = self.speed_mps
         if not self._sim.vehicle.isStopped(self.id):
+            footing = self.footing()
+            route = self._sim.vehicle.getRoute(self.id)[self._sim.vehicle.getRouteIndex(self.id) :]
             self._release()
+            self._follow(footing, route[len(footing.before) :])
         self._begin(Task("halt", max(speed, STANDING_MPS)))
         self._arrived = False
 
@@ -223,7 +231,7 @@ class Vehicle:
         left = task.total - (self.odometer_m - task.start_m)
         there = task.onto == "" or self._sim.vehicle.getRoadID(self.id) == task.onto
         speed = self.speed_mps
-        if left <= 0.3 and speed < STANDING_MPS and there:
+        if left <= 0.3 and speed < _STILL_MPS and there:
             self._brake(0.0)
             return "done"
         if left <= speed * speed / (2.0 * BRAKING_MPS2) + speed * STEP_S + 0.5:
@@ -233,14 +241,17 @@ class Vehicle:
 
     def _halted(self) -> Outcome:
         speed = self.speed_mps
-        if speed < STANDING_MPS:
-            self._brake(0.0)
+        if speed < _STILL_MPS:
             return "done"
         self._brake(max(0.0, speed - BRAKING_MPS2 * STEP_S))
         return ""
 
     def _brake(self, speed_mps: float) -> None:
         self._sim.vehicle.setSpeed(self.id, speed_mps)
+
+    def _follow(self, footing: Footing, edges: Sequence[str]) -> None:
+        """Take a route. It goes on behind its end, for at the very end of one SUMO removes a vehicle."""
+        self._sim.vehicle.setRoute(self.id, [*footing.before, *onward(self._graph, edges, RESERVE_M)])
 
     def _release(self) -> None:
         """Leave every stop and take the speed back."""

@@ -12,6 +12,7 @@ from collections.abc import Callable
 
 from lingjing.mission.instance import Vector
 from lingjing.plugins.engines.requests import STOP, Refusal, number
+from lingjing.plugins.engines.road.congestion import Congestion
 from lingjing.plugins.engines.road.graph import Graph, Link
 from lingjing.plugins.engines.road.routing import Avoided, edges_at, find_way, measure, straight_on
 from lingjing.plugins.engines.road.simulation import Simulation
@@ -33,26 +34,25 @@ AVOID_M = 25.0
 
 _OTHER_SIDE_M = 20.0
 _BEHIND_TURN_M = 8.0
-_RESERVE_M = 60.0
 _MOST_EDGES = 50
 _TURNS = {"left": "lL", "right": "rR"}
 _NAMES = {"l": "left", "L": "left", "r": "right", "R": "right", "s": "straight on", "t": "back"}
 
 
 class Planner:
-    """Plans for vehicles on one network; `publish` is told of each route, `radius_at` knows what blocks a place."""
+    """Plans for vehicles on one network; `publish` is told of each route."""
 
     def __init__(
         self,
         sim: Simulation,
         graph: Graph,
+        congestion: Congestion,
         publish: Callable[[Route], None],
-        radius_at: Callable[[float, float], float | None],
     ) -> None:
         self._sim = sim
         self._graph = graph
         self._publish = publish
-        self._radius_at = radius_at
+        self._congestion = congestion
 
     def start(self, vehicle: Vehicle, command: Command, time_s: float) -> None:
         """Begin a command. Raises `Refusal`."""
@@ -98,8 +98,9 @@ class Planner:
         if planned is None:
             raise Refusal("no_route", f"`{vehicle.id}` has no route yet that could be replaced")
         before = vehicle.avoided
-        radius = self._radius_at(x, y)
-        vehicle.avoided = (*before, Avoided(x, y, AVOID_M if radius is None else max(radius, AVOID_M)))
+        jam = self._congestion.at(x, y)
+        named = Avoided(x, y, AVOID_M) if jam is None else Avoided(x, y, max(jam.radius_m, AVOID_M), jam.id)
+        vehicle.avoided = (*before, named)
         try:
             return self._plan(vehicle, planned.x, planned.y)
         except Refusal:
@@ -111,9 +112,12 @@ class Planner:
         if near is None:
             raise Refusal("unreachable", f"there is no road within {FARTHEST_M:g} m of ({x:.1f}, {y:.1f})")
         footing = vehicle.footing()
+        start = (footing.edge, _middle(vehicle, footing))
+        vehicle.avoided = tuple(place for place in vehicle.avoided if not self._congestion.is_over(place.because))
         for goal in self._graph.places(x, y, near.off_m + _OTHER_SIDE_M):
             avoid = {name for place in vehicle.avoided for name in edges_at(self._graph, place, goal)}
-            start = (footing.edge, _middle(vehicle, footing))
+            if footing.edge in avoid:  # it stands there: by one of these edges it must leave
+                avoid -= {link.edge for link in self._graph.edges[footing.edge].links}
             way = find_way(self._graph, start, (goal.lane.edge, goal.at_m), avoid, vehicle.braking_m())
             if way is not None:
                 return Plan(x, y, goal, way)
@@ -156,7 +160,7 @@ class Planner:
             raise Refusal("bad_argument", f"`distance` of `forward` must be positive, not {distance:g}")
         footing = vehicle.footing()
         edges, ahead = [footing.edge], self._graph.edges[footing.edge].length_m - footing.at_m
-        while ahead < distance + _RESERVE_M:
+        while ahead < distance:
             link = straight_on(self._graph, edges[-1])
             if link is None:
                 break
@@ -179,9 +183,7 @@ class Planner:
             raise Refusal("no_turn", f"no way leads {verb} at the next junction; it leads {_possible(links)}")
         turn = min(turns, key=lambda link: _TURNS[verb].index(link.direction))
         behind = min(vehicle.size.length_m + _BEHIND_TURN_M, self._graph.edges[turn.edge].length_m - 0.5)
-        further = straight_on(self._graph, turn.edge)
-        onward = () if further is None else (further.edge,)
-        vehicle.cover((*edges, turn.edge, *onward), ahead + turn.length_m + behind, onto=turn.edge)
+        vehicle.cover((*edges, turn.edge), ahead + turn.length_m + behind, onto=turn.edge)
 
     def _forward_links(self, edge: str) -> list[Link]:
         return [link for link in self._graph.edges[edge].links if link.direction != "t"]
