@@ -29,6 +29,9 @@ SCENE_KEYS = _keys(
     Key("datum", Type("level")),
     Key("origin", Type("position", of="degrees")),
     Key("map", TEXT),
+    Key("folder", TEXT),
+    Key("file", TEXT),
+    Key("bbox", TEXT),
     Key("extent", METRES, above=0),
     Key("blocks", Type("size")),
     Key("height", Type("range", LENGTH)),
@@ -39,9 +42,10 @@ SCENE_KEYS = _keys(
     Key("pipeline", POSITIONS),
     Key("inside", REGION),
 )
-"""`map` is an OpenStreetMap file beside the mission; the rest shapes a city made up: its extent, blocks of houses,
-their heights, a number that picks another layout of the same kind, moving cars, the shore (water on its right), the
-lines of a bridge and of a pipeline, and the region that a wall or a fence surrounds."""
+"""`map` is an OpenStreetMap file beside the mission; `folder` is a city that `lingjing scene build` wrote and `file` a
+map to build one from, both from the working folder, `bbox` the part of a map; the rest shapes a city made up: its
+extent, blocks of houses, their heights, a number that picks another layout of the same kind, moving cars, the shore
+(water on its right), the lines of a bridge and of a pipeline, and the region that a wall or a fence surrounds."""
 CLOCK_KEYS = _keys(Key("tick", SECONDS, above=0, required=True), Key("sync", SECONDS, above=0, required=True))
 BUDGET_KEYS = _keys(
     Key("ticks", NUMBER, ("<=",), low=1, required=True),

@@ -93,6 +93,12 @@ DISTRICTS = {
 """The procedural scenes by name."""
 
 
+def _map(spec: SceneSpec) -> City:
+    from lingjing.scene.osm.provider import city_of
+
+    return city_of(spec)
+
+
 @hookimpl
 def lingjing_engines() -> Iterable[EnginePlugin]:
     """The engines that come with the project."""
@@ -157,4 +163,5 @@ def lingjing_scenes() -> Iterable[ScenePlugin]:
     return (
         ScenePlugin(name="bay", build=_bay, summary="A bay with a pier: open water, shore, buoys and debris."),
         *(ScenePlugin(name=name, build=_district, summary=summary) for name, summary in DISTRICTS.items()),
+        ScenePlugin(name="map", build=_map, summary="A real city from OpenStreetMap data: a built folder or a file."),
     )

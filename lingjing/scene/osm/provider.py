@@ -1,0 +1,93 @@
+"""The `map` scene: a city that `lingjing scene build` wrote, or one built from a map file and kept in the cache.
+
+Options: `folder`, a city's folder; or `file` (also `map`), an OpenStreetMap file, with `bbox` (`"W,S,E,N"`, degrees)
+for a part of it. Paths are relative to the working folder. A mission's `datum` gives the elevation of the waters.
+What the map leaves open is drawn as by `lingjing scene build` with its default seed, whatever the mission's.
+"""
+
+from __future__ import annotations
+
+from math import dist
+from pathlib import Path
+
+import msgspec
+
+from lingjing.errors import UsageError
+from lingjing.mission.frames import from_geodetic
+from lingjing.mission.instance import SceneSpec
+from lingjing.scene.city import City
+from lingjing.scene.osm.build import Options, build
+from lingjing.scene.osm.frame import parse_box
+from lingjing.scene.store import read_store
+
+KNOWN = ("bbox", "datum", "file", "folder", "map", "origin", "traffic")
+_HINT = 'write: scene map { folder = "DIR" } with a folder that `lingjing scene build MAP.osm -o DIR` wrote'
+
+
+def city_of(spec: SceneSpec) -> City:
+    """The city of a spec. `UsageError` for options it does not know, or that name no city."""
+    unknown = sorted(set(spec.options) - set(KNOWN))
+    if unknown:
+        raise UsageError(f"scene `map` has no option `{unknown[0]}`", hint=f"known: {', '.join(KNOWN)}")
+    named = {name: _text(spec, name) for name in ("folder", "file", "map") if name in spec.options}
+    if len(named) != 1:
+        said = "names no map" if not named else f"names its map {len(named)} times ({', '.join(named)})"
+        raise UsageError(f"scene `map` {said}", hint=_HINT)
+    ((name, path),) = named.items()
+    stored = name == "folder" or Path(path).is_dir()
+    if stored and "bbox" in spec.options:
+        raise UsageError("scene `map`: a folder is a finished city, `bbox` cannot cut it", hint="name the map's `file`")
+    city = _stored(Path(path)) if stored else _built(spec, Path(path))
+    _check_origin(spec, city)
+    return _at_level(city, spec.datum_m)
+
+
+# -- private
+
+
+def _text(spec: SceneSpec, name: str) -> str:
+    value = spec.options[name]
+    if not isinstance(value, str) or not value:
+        raise UsageError(f"scene `map`: `{name}` is {value!r}, not a path in quotes", hint=_HINT)
+    return value
+
+
+def _stored(folder: Path) -> City:
+    try:
+        return read_store(folder.absolute())
+    except UsageError as error:
+        where = "" if folder.is_absolute() else f" (from the working folder `{Path.cwd()}`)"
+        raise UsageError(f"scene `map`: {error}{where}", hint=error.hint) from None
+
+
+def _built(spec: SceneSpec, path: Path) -> City:
+    box = parse_box(_text(spec, "bbox")) if "bbox" in spec.options else None
+    try:
+        return build(path.absolute(), Options(box=box)).city
+    except UsageError as error:
+        raise UsageError(f"scene `map`: {error}", hint=error.hint) from None
+
+
+def _check_origin(spec: SceneSpec, city: City) -> None:
+    """A mission's own origin must be the city's: places in degrees were already turned into metres about it."""
+    if spec.origin == SceneSpec(kind="").origin:
+        return
+    apart = dist((0.0, 0.0), from_geodetic(*spec.origin, city.origin))
+    if apart > 0.5:
+        raise UsageError(
+            f"scene `map`: the mission's origin is {apart:.0f} m from the city's",
+            hint=f"write: origin = ({city.origin[0]:.7f} deg, {city.origin[1]:.7f} deg)",
+        )
+
+
+def _at_level(city: City, datum_m: float) -> City:
+    """The city with its waters at the mission's datum; 0 is the ground's and means that the mission says nothing."""
+    if datum_m == 0.0 or all(body.level_m == datum_m for body in city.waters):
+        return city
+    if datum_m > -0.3:
+        raise UsageError(
+            f"scene `map`: waters at {datum_m:g} m would flood the ground, which is at 0 m",
+            hint="write: datum = sea level at -1.5 m",
+        )
+    waters = tuple(msgspec.structs.replace(body, level_m=datum_m) for body in city.waters)
+    return msgspec.structs.replace(city, waters=waters, sha256=f"{city.sha256}@{datum_m:g}")
