@@ -11,9 +11,11 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from lingjing.mission.instance import Weather
+from lingjing.mission.instance import EventSpec, Weather
 from lingjing.plugins.engines.multirotor.engine import MultirotorEngine
 from lingjing.plugins.engines.multirotor.power import hover_power
+from lingjing.scene.city import Building
+from lingjing.trace.records import BodyState
 
 HERE = Path(__file__)
 
@@ -317,3 +319,119 @@ def test_jsbsim_is_imported_from_one_module():
     root = HERE.parents[2] / "lingjing" / "plugins"
     users = [path.name for path in root.rglob("*.py") if "import jsbsim" in path.read_text()]
     assert users == ["flight.py"]
+
+
+def tower(**more):
+    outline = ((90.0, -10.0), (110.0, -10.0), (110.0, 10.0), (90.0, 10.0))
+    return Building(**{"id": "way/4711", "polygon": outline, "base_m": 0.0, "top_m": 60.0, **more})
+
+
+@pytest.fixture
+def street(quay):
+    return msgspec.structs.replace(quay, solids=(), buildings=(tower(),))
+
+
+def test_flying_into_a_building_names_both(fly, street):
+    play = fly(city=street, position=(60.0, 0.0, 30.0))
+    ended = play.until_ended(play.command("uav[1]", "setDestination", x=160.0, y=0.0, z=30.0).request)
+    assert (ended.status, ended.reason) == ("rejected", "collided")
+    (hit,) = play.events
+    assert (hit.kind, hit.entities) == ("collided", ("uav[1]", "way/4711"))
+    assert hit.values["speed_mps"] > 5.0
+    assert play.command("uav[1]", "setDestination", x=100.0, y=0.0, z=30.0).reason == "dead"
+
+
+def test_a_courtyard_is_free_to_fly_in(fly, street):
+    yard = ((93.0, -7.0), (107.0, -7.0), (107.0, 7.0), (93.0, 7.0))
+    open_city = msgspec.structs.replace(street, buildings=(tower(holes=(yard,)),))
+    play = fly(city=open_city, position=(100.0, 0.0, 90.0))
+    receipt = play.command("uav[1]", "setDestination", x=100.0, y=0.0, z=20.0)
+    assert play.until_ended(receipt.request).status == "completed"
+
+
+def test_it_starts_from_a_roof_and_comes_down_on_one_softly(fly, street):
+    play = fly(city=street, position=(100.0, 0.0, 60.1))
+    assert play.state.status == "grounded"
+    assert play.until_ended(play.command("uav[1]", "takeoff").request).status == "completed"
+    low = fly(city=street, position=(100.0, 0.0, 75.0), endurance_s=5.0)
+    low.run(40.0)
+    assert [event.kind for event in low.events] == ["battery_empty"]  # no crash
+    assert low.state.status == "dead"
+    assert low.state.position[2] == pytest.approx(60.0, abs=0.3)
+
+
+def truck(position, **more):
+    return BodyState(id="traffic/17", kind="truck", position=position, heading_deg=90.0, **more)
+
+
+def test_a_truck_in_its_way_is_hit_where_it_will_be(fly, quay):
+    play = fly(city=quay, position=(0.0, 0.0, 3.0))
+    play.command("uav[1]", "takeoff", altitude=1.0)
+    play.until_ended("c0-1")
+    play.command("uav[1]", "setDestination", x=30.0, y=0.0, z=3.0)
+    for step in range(20):  # it comes from the east at 5 m/s
+        play.step([truck((40.0 - 2.5 * step, 0.0, 0.9), velocity=(-5.0, 0.0, 0.0))])
+    assert [(event.kind, event.entities) for event in play.events][-1] == ("collided", ("uav[1]", "traffic/17"))
+
+
+@pytest.mark.parametrize(
+    "body", [truck((20.0, 0.0, -3.5)), truck((20.0, 5.0, 0.9)), truck((20.0, 0.0, 0.9), status="dormant")]
+)
+def test_a_truck_below_beside_or_not_there_is_not(fly, quay, body):
+    play = fly(city=quay, position=(0.0, 0.0, 3.0))
+    play.command("uav[1]", "setDestination", x=30.0, y=0.0, z=3.5)
+    play.run(30.0, [body])
+    assert [event.kind for event in play.events] == ["arrived"]
+
+
+def energy(player, instance_of, uav, city, weather, events=(), **more):
+    instance = instance_of([uav(position=(0.0, 0.0, 100.0), **more)], weather)
+    play = player(MultirotorEngine(), msgspec.structs.replace(instance, events=events), city, "multirotor", 5)
+    full = play.state.resources["battery_wh"]
+    play.command("uav[1]", "setDestination", x=200.0, y=100.0, z=100.0)
+    play.run(60.0)
+    return full - play.state.resources["battery_wh"], play
+
+
+def test_gusts_cost_energy(player, instance_of, uav, open_sea):
+    steady, _ = energy(player, instance_of, uav, open_sea, wind(8.0))
+    gusty, _ = energy(player, instance_of, uav, open_sea, wind(8.0, 0.4))
+    assert gusty > 1.005 * steady
+
+
+def test_the_wind_changes_when_the_mission_says_and_not_before(player, instance_of, uav, open_sea):
+    front = EventSpec(name="front", tick=3, weather=wind(14.0, 0.2))
+    calm, quiet = energy(player, instance_of, uav, open_sea, wind(0.0))
+    stormy, storm = energy(player, instance_of, uav, open_sea, wind(0.0), (front,))
+    before, after = 60, 61  # macro-steps of half a second: 30 s is boundary 3
+    assert quiet.history[before].states == storm.history[before].states
+    assert quiet.history[after].states != storm.history[after].states
+    assert stormy > 1.05 * calm
+
+
+def test_a_load_makes_it_slower_and_hungrier(player, instance_of, uav, open_sea):
+    def flight(load_kg):
+        entity = msgspec.structs.replace(uav(position=(0.0, 0.0, 100.0), load_kg=load_kg), state=("load_kg",))
+        play = player(MultirotorEngine(), instance_of([entity]), open_sea, "multirotor")
+        assert play.state.resources["load_kg"] == load_kg
+        full = play.state.resources["battery_wh"]
+        ended = play.until_ended(play.command("uav[1]", "setDestination", x=300.0, y=0.0, z=100.0).request)
+        return ended.time_s, full - play.state.resources["battery_wh"]
+
+    light, heavy = flight(0.0), flight(0.8)
+    assert heavy[0] > 1.1 * light[0]
+    assert heavy[1] > 1.3 * light[1]
+
+
+def test_what_the_book_says_is_on_board_and_too_much_is_refused(player, instance_of, uav, open_sea):
+    entity = msgspec.structs.replace(uav(load_kg=0.2), state=("load_kg",))
+    play = player(MultirotorEngine(), instance_of([entity]), open_sea, "multirotor")
+    depot = BodyState(id="depot", position=(0.0, 0.0, 0.0), resources={"load@uav[1]": 0.5, "load@uav[2]": 9.0})
+    play.run(0.5, [depot])
+    assert play.state.resources["load_kg"] == pytest.approx(0.7)
+    assert play.command("uav[1]", "takeoff").status == "accepted"
+    play.until_ended("c0-1")
+    play.run(0.5, [msgspec.structs.replace(depot, resources={"load@uav[1]": 5.0})])
+    assert play.command("uav[1]", "forward", distance=5.0).reason == "overloaded"
+    play.run(0.5, [msgspec.structs.replace(depot, resources={"load@uav[1]": -0.2})])
+    assert play.state.resources["load_kg"] == 0.0

@@ -6,10 +6,10 @@ import msgspec
 import pytest
 from pytest import approx
 
-from lingjing.mission.instance import Weather
+from lingjing.mission.instance import EventSpec, Weather
 from lingjing.plugins.engines import sea
 from lingjing.plugins.engines.vessel.engine import VesselEngine
-from lingjing.scene.city import Land
+from lingjing.scene.city import Bridge, Building, Land
 
 ROUGH = Weather(
     wind_mps=10.0, wind_from_deg=300.0, wave_height_m=0.8, wave_period_s=5.0, current_mps=0.5, current_to_deg=60.0
@@ -195,3 +195,48 @@ def test_the_seas_derivatives_are_those_of_its_height():
     rise = (sea.elevation(waves, x, y, t + step) - sea.elevation(waves, x, y, t - step)) / (2 * step)
     assert sea.rise(waves, x, y, t) == approx(rise, rel=1e-5)
     assert math.hypot(*sea.orbital_velocity(waves, x, y, t)) < 2.0
+
+
+def test_sails_under_a_bridge_and_stops_before_its_pier(sail, open_sea):
+    path = ((-100.0, 100.0, 8.0), (100.0, 100.0, 8.0))
+    bridged = msgspec.structs.replace(open_sea, bridges=(Bridge(id="span", path=path, width_m=9.0),))
+    between = sail(city=bridged, position=(0.0, 0.0, -3.5))
+    assert between.until_ended(between.command("boat", "moveTo", x=0.0, y=200.0).request).status == "completed"
+    against = sail(city=bridged, position=(16.7, 0.0, -3.5))
+    ended = against.until_ended(against.command("boat", "moveTo", x=16.7, y=200.0).request)
+    assert (ended.status, ended.reason) == ("rejected", "unreachable")
+    against.run(30.0)
+    assert against.state.position[1] < 95.0
+    assert against.state.status == "idle"
+
+
+def test_a_building_in_the_water_is_in_the_way(sail, open_sea):
+    house = Building(id="h", polygon=((-5.0, 80.0), (5.0, 80.0), (5.0, 90.0), (-5.0, 90.0)), base_m=-4.0, top_m=9.0)
+    play = sail(city=msgspec.structs.replace(open_sea, buildings=(house,)))
+    assert play.command("boat", "moveTo", x=0.0, y=85.0).reason == "unreachable"
+
+
+def test_the_sea_and_the_current_change_when_the_mission_says(player, instance_of, boat, open_sea):
+    events = (EventSpec(name="front", tick=2, weather=ROUGH),)
+    instance = msgspec.structs.replace(instance_of([boat()], Weather()), events=events)
+    play = player(VesselEngine(), instance, open_sea, "vessel")
+    play.run(19.5)
+    assert play.state.position == (0.0, 0.0, -3.5)
+    play.run(20.0)
+    assert abs(play.state.position[2] + 3.5) > 0.01
+    assert math.dist(plane(play.state), (0.0, 0.0)) > 0.3
+
+
+def test_a_load_makes_it_slower(player, instance_of, boat, open_sea):
+    speeds = []
+    for load_kg in (0.0, 1600.0):
+        entity = boat()
+        entity = msgspec.structs.replace(
+            entity, properties={**entity.properties, "load_kg": load_kg}, state=("load_kg",)
+        )
+        play = player(VesselEngine(), instance_of([entity]), open_sea, "vessel")
+        play.command("boat", "moveTo", x=0.0, y=500.0)
+        play.run(40.0)
+        assert play.state.resources["load_kg"] == load_kg
+        speeds.append(play.state.velocity[1])
+    assert speeds[1] == approx(speeds[0] * 2.0 ** (-2.0 / 9.0), rel=0.02)
