@@ -27,7 +27,7 @@ from lingjing.plugins.engines.camera.effects.particles import (
 
 FLAME_HEART = (0.80, 0.50, 0.10)
 GLOW = (0.75, 0.24, 0.03)
-SOOT = ((0.020, 0.018, 0.016), (0.040, 0.038, 0.036), (0.085, 0.083, 0.080))
+SOOT = ((0.030, 0.026, 0.022), (0.075, 0.070, 0.065), (0.16, 0.155, 0.15))
 STEAM = (0.60, 0.61, 0.62)
 
 
@@ -44,9 +44,9 @@ class Blaze:
     puff_m: float
 
 
-BUILDING = Blaze(radius_m=3.6, height_m=3.2, flames=56, puffs=110, life_s=15.0, puff_m=6.5)
+BUILDING = Blaze(radius_m=3.6, height_m=3.2, flames=110, puffs=130, life_s=15.0, puff_m=7.5)
 """Seen from 110 m above: some 70 pixels of flames and a plume ten times as long."""
-GROUND = Blaze(radius_m=0.65, height_m=1.25, flames=26, puffs=44, life_s=7.0, puff_m=1.5)
+GROUND = Blaze(radius_m=0.65, height_m=1.35, flames=60, puffs=60, life_s=7.0, puff_m=1.7)
 """Seen by a dog from 2 to 20 m."""
 
 
@@ -55,7 +55,7 @@ def fire(seed: int, place: Floats, blaze: Blaze, heat: float, time_s: float, wea
     size = max(heat, 0.0) ** 0.5
     scorch = decal(
         (float(place[0]), float(place[1]), float(place[2])),
-        (1.45 * blaze.radius_m, 1.3 * blaze.radius_m), float(seed % 360), (0.012, 0.011, 0.010), 0.85, BLOT, seed % 97,
+        (2.3 * blaze.radius_m, 2.1 * blaze.radius_m), float(seed % 360), (0.012, 0.011, 0.010), 0.85, BLOT, seed % 97,
     )  # fmt: skip
     if size < 0.05:
         return Effects(_wisps(seed, place, blaze, time_s, weather), scorch)
@@ -75,19 +75,19 @@ def _flames(seed: int, place: Floats, blaze: Blaze, size: float, time_s: float) 
     reach = blaze.radius_m * size
     tall = blaze.height_m * size * vigour * (1.15 - 0.55 * out)
     long = 0.5 * tall * (0.35 + 0.65 * np.sin(np.pi * np.clip(age * 1.1, 0.0, 1.0)))
-    width = reach * (0.27 - 0.10 * out) * (1.05 - 0.6 * age)
+    width = reach * (0.14 + 0.17 * hashed(number * np.uint64(13))) * (1.1 - 0.6 * age) * (1.15 - 0.4 * out)
     lean = 0.25 * tall * age
     points = np.stack(
         [
             place[0] + reach * out * np.cos(bearing) * (1.0 - 0.45 * age),
             place[1] + reach * out * np.sin(bearing) * (1.0 - 0.45 * age),
-            place[2] + long + 0.55 * tall * age,
+            place[2] + long + 0.6 * width + 0.55 * tall * age,
         ],
         axis=1,
     )
     axis = np.stack([0.2 * lean * np.cos(bearing), 0.2 * lean * np.sin(bearing), long], axis=1)
-    warm = 1.0 - 0.42 * age - 0.12 * out
-    colour = np.array(FLAME_HEART) * np.stack([np.minimum(warm + 0.25, 1.0), warm, warm], axis=1)
+    warm = np.clip(1.08 - 0.40 * age - 0.22 * out - 0.30 * hashed(number * np.uint64(11)), 0.25, 1.0)
+    colour = np.array(FLAME_HEART) * np.stack([np.minimum(warm + 0.30, 1.0), warm, warm**1.5], axis=1)
     return billboards(points, width, colour, 1.0, axis=axis, glow=1.0, shape=FLAME, seed=number % 89, body=True)
 
 
@@ -107,13 +107,13 @@ def _smoke(seed: int, place: Floats, blaze: Blaze, size: float, time_s: float, w
     lee = away / np.linalg.norm(away)
     seconds = age * blaze.life_s
     spread = 6.2832 * hashed(number * np.uint64(5))
-    stray = (0.35 + 0.65 * hashed(number * np.uint64(5) + np.uint64(1))) * blaze.radius_m * size * (0.45 + 1.1 * age)
+    stray = (0.35 + 0.65 * hashed(number * np.uint64(5) + np.uint64(1))) * blaze.radius_m * size * (0.45 + 1.9 * age)
     rise = blaze.height_m * (0.55 + 3.4 * age**0.8)
     points = place + lee * (0.55 * blaze.radius_m * size) + np.outer(seconds, away)
     points += np.stack([stray * np.cos(spread), stray * np.sin(spread), rise], axis=1)
-    wide = blaze.puff_m * size * (0.20 + 0.80 * age**0.75) * (0.8 + 0.4 * hashed(number * np.uint64(5) + np.uint64(2)))
-    shade = ramp(SOOT, age) * (0.8 + 0.5 * hashed(number * np.uint64(5) + np.uint64(3)))[:, None]
-    alpha = 0.62 * np.minimum(age / 0.06, 1.0) * (1.0 - age) ** 0.9
+    wide = blaze.puff_m * size * (0.18 + 0.82 * age**0.75) * (0.65 + 0.7 * hashed(number * np.uint64(5) + np.uint64(2)))
+    shade = ramp(SOOT, age) * (0.6 + 0.9 * hashed(number * np.uint64(5) + np.uint64(3)))[:, None]
+    alpha = 0.70 * np.minimum(age / 0.06, 1.0) * (1.0 - age) ** 0.9
     return billboards(points, wide, shade, alpha, soft=0.75, seed=number % 89)
 
 

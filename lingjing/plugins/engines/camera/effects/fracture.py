@@ -8,7 +8,7 @@ import numpy as np
 
 from lingjing.plugins.engines.camera.effects.particles import BLOT, Effects, Floats, Solid, ahead, chance, decal
 from lingjing.plugins.engines.camera.instances import matrix
-from lingjing.plugins.engines.camera.meshes import Array, Colour, box, merge
+from lingjing.plugins.engines.camera.meshes import Array, Colour, box, merge, prism
 from lingjing.plugins.engines.camera.models.shapes import at, limb, turned
 
 BROKEN: Colour = (0.46, 0.43, 0.39)
@@ -31,7 +31,7 @@ def fracture(
     for s in (-1.0, 1.0):
         middle = place + along * s * (0.5 * gap_m + 1.3)
         spot = (float(middle[0]), float(middle[1]), float(middle[2]) + 0.03)
-        cracks.append(decal(spot, (0.56 * width_m, 1.7), heading_deg, (0.02, 0.02, 0.02), 0.8, BLOT, seed % 50 + s))
+        cracks.append(decal(spot, (0.60 * width_m, 2.6), heading_deg, (0.02, 0.02, 0.02), 0.7, BLOT, seed % 50 + s))
     return Effects(decals=np.concatenate(cracks), solids=(Solid(key, rubble(*shape), rows, float(place[2])),))
 
 
@@ -54,10 +54,13 @@ def _edge(variant: int, side: float, gap: float, width: float, thick: float) -> 
         y = side * (0.5 * gap - 0.5 * long + 0.2)
         sag = -0.10 * (k % 3)
         tilt = side * (3.0 + 4.0 * (k % 2))
-        tooth = merge(
-            box((0.0, 0.0, -0.5 * thick), (step, long + 0.4, thick * 0.96), BROKEN),
-            box((0.0, 0.0, -0.02), (step, long + 0.4, 0.06), ASPHALT),
-        )
+        half, rough = 0.5 * (long + 0.4), chance(variant, 40 + 2 * k + int(side), 4)
+        tip = [(0.5 * step, 0.1 * half), (0.3 * step * float(rough[0]), half * (0.7 + 0.5 * float(rough[1]))),
+               (-0.5 * step, half * (0.9 * float(rough[2]) - 0.2))]  # fmt: skip
+        ring = [(-0.5 * step, -half), (0.5 * step, -half), *tip]
+        if side > 0.0:
+            ring = [(-x, -y) for x, y in ring]
+        tooth = merge(prism(ring, -0.96 * thick, -0.05, BROKEN), prism(ring, -0.05, 0.02, ASPHALT))
         pieces.append(turned(tooth, at((x, y, sag), 0.0, tilt)))
         end = side * (0.5 * gap - long - 0.75 - 0.3 * (k % 2))
         pieces.append(

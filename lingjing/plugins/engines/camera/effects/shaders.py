@@ -43,25 +43,26 @@ in vec2 v_at;
 flat in float v_long;
 flat in vec4 v_paint, v_style;
 flat in uint v_id;
-float within() {                        // 0 at the edge, 1 in the middle, less where the noise bites
-  vec4 n = texture(u_noise, v_at * 0.11 + vec2(v_style.w * 0.371, v_style.w * 0.713));
+vec4 grain() { return texture(u_noise, v_at * 0.13 + vec2(v_style.w * 0.371, v_style.w * 0.713)); }
+float within(vec4 n) {                  // 0 at the edge, 1 in the middle, less where the noise bites
   float rise = 0.5 + 0.5 * v_at.y / (1.0 + v_long);
   float narrow = mix(1.0, sqrt(max(1.0 - rise, 0.0)) * (0.55 + 0.45 * smoothstep(0.0, 0.3, rise)), min(v_long, 1.0));
   bool flame = v_style.z > 0.5 && v_style.z < 1.5;
   float d = flame ? length(vec2(v_at.x / max(narrow, 0.05), max(abs(v_at.y) - v_long, 0.0)))
                   : length(vec2(v_at.x, max(abs(v_at.y) - v_long, 0.0)));
-  float bite = v_style.z > 1.5 ? 0.25 : 0.8;
-  return 1.0 - d + bite * (n.r * 0.6 + n.g * 0.4 - 0.58);
+  float bite = v_style.z > 1.5 ? 0.15 : (flame ? 0.9 : 1.1);
+  return 1.0 - d * (1.0 + bite * (n.r * 0.6 + n.g * 0.4 - 0.25));
 }
-vec3 painted(float inside) {
+vec3 painted(float inside, vec4 n) {
   vec3 light = v_style.y > 0.5 ? vec3(1.0) : 0.42 * u_sunlight + 0.85 * u_skylight;
   float rise = 0.5 + 0.5 * v_at.y / (1.0 + v_long);
   vec3 c = v_paint.rgb;
   if (v_style.z > 0.5 && v_style.z < 1.5) {
-    float heat = clamp(inside * 1.5 + 0.35 - 0.55 * rise * min(v_long, 1.0), 0.0, 1.0);
-    c *= mix(vec3(0.95, 0.30, 0.15), vec3(1.0), heat);
-  } else {
-    c *= mix(0.78, 1.12, rise);
+    float heat = clamp(inside * 1.35 + 0.25 * n.g - 0.55 * rise * min(v_long, 1.0), 0.0, 1.0);
+    c *= mix(vec3(0.92, 0.22, 0.08), vec3(1.0), heat);
+  } else if (v_style.y < 0.5) {         // lit from the sun's side, curdled
+    vec2 sun = vec2(dot(u_sun, u_right), -dot(u_sun, u_down));
+    c *= (0.80 + 0.45 * dot(v_at, sun) / (1.0 + v_long)) * (0.55 + 0.9 * n.g);
   }
   return c * light;
 }
@@ -73,11 +74,12 @@ BODY_FRAGMENT = (
     + BILLBOARD_SHAPE
     + """
 void main() {
-  float inside = within();
+  vec4 n = grain();
+  float inside = within(n);
   if (inside < 0.12) discard;
   vec3 to_eye = u_eye - v_world;
   float range = length(to_eye);
-  o_colour = developed(fogged(painted(inside), range, max(to_eye.z / range, 0.0)));
+  o_colour = developed(fogged(painted(inside, n), range, max(to_eye.z / range, 0.0)));
   o_id = v_id;
   o_depth = -dot(to_eye, u_axis);
 }
@@ -90,13 +92,14 @@ CLOUD_FRAGMENT = (
     + """
 layout(location = 0) out vec4 o_colour;
 void main() {
-  float inside = within();
+  vec4 n = grain();
+  float inside = within(n);
   float alpha = v_paint.a * smoothstep(0.0, max(v_style.x, 0.02), inside);
   if (alpha < 0.004) discard;
   vec3 to_eye = u_eye - v_world;
   float range = length(to_eye);
   alpha *= smoothstep(0.3, 1.5, range);
-  o_colour = vec4(developed(fogged(painted(inside), range, max(to_eye.z / range, 0.0))).rgb, alpha);
+  o_colour = vec4(developed(fogged(painted(inside, n), range, max(to_eye.z / range, 0.0))).rgb, alpha);
 }
 """
 )
@@ -137,7 +140,7 @@ flat in vec2 v_style, v_half;
 layout(location = 0) out vec4 o_colour;
 void main() {
   vec4 n = texture(u_noise, v_at * v_half * 0.03 + v_style.y * vec2(0.37, 0.71));
-  float inside = v_style.x > 1.5 ? 1.0 : 1.0 - length(v_at) + 0.9 * (n.r * 0.65 + n.g * 0.35 - 0.5);
+  float inside = v_style.x > 1.5 ? 1.0 : 1.0 - length(v_at) * (1.0 + 1.3 * (n.r * 0.65 + n.g * 0.35));
   float alpha = v_paint.a * smoothstep(0.0, 0.18, inside);
   if (alpha < 0.004) discard;
   vec3 to_eye = u_eye - v_world;

@@ -50,22 +50,22 @@ def leak(
 
 
 def _jet(seed: int, start: Floats, out: Floats, speed: float, flight: float, flow: float, time_s: float) -> Rows:
-    count = 90
+    count = 320
     age, number = stream(seed, time_s, count, flight)
     scatter = np.stack([hashed(number * np.uint64(7) + np.uint64(k)) - 0.5 for k in range(3)], axis=1)
-    velocity = (out + 0.17 * scatter) * speed * (0.92 + 0.16 * hashed(number * np.uint64(7) + np.uint64(5)))[:, None]
+    velocity = (out + 0.24 * scatter) * speed * (0.92 + 0.16 * hashed(number * np.uint64(7) + np.uint64(5)))[:, None]
     seconds = age * flight * 0.96
     fall = np.array([0.0, 0.0, GRAVITY])
     points = start + velocity * seconds[:, None] - 0.5 * np.outer(seconds**2, fall)
     now = velocity - np.outer(seconds, fall)
-    axis = 0.055 * now
-    wide = (0.055 + 0.10 * age) * (0.7 + 0.6 * flow)
+    axis = 0.035 * now
+    wide = (0.022 + 0.030 * age) * (0.7 + 0.6 * flow)
     shade = np.array(SPRAY) * (0.85 + 0.15 * hashed(number * np.uint64(7) + np.uint64(6)))[:, None]
     return billboards(points, wide, shade, 1.0, axis=axis, shape=DROP, seed=number % 89, body=True)
 
 
 def _splash(seed: int, landing: Floats, ground_m: float, flow: float, time_s: float) -> Rows:
-    count = 26
+    count = 60
     age, number = stream(seed + 3, time_s, count, 0.55)
     bearing = 6.2832 * hashed(number * np.uint64(3))
     out = (0.25 + 1.1 * hashed(number * np.uint64(3) + np.uint64(1))) * age * flow
@@ -73,7 +73,7 @@ def _splash(seed: int, landing: Floats, ground_m: float, flow: float, time_s: fl
     points = np.stack(
         [landing[0] + out * np.cos(bearing), landing[1] + out * np.sin(bearing), ground_m + 0.06 + hop], axis=1
     )
-    return billboards(points, 0.10 - 0.04 * age, SPRAY, 1.0, shape=DROP, seed=number % 89, body=True)
+    return billboards(points, 0.055 - 0.02 * age, SPRAY, 1.0, shape=DROP, seed=number % 89, body=True)
 
 
 def _mist(
@@ -88,7 +88,7 @@ def _mist(
         2.6 * age, 0.4 * wind_of(weather.wind_mps, weather.wind_from_deg)
     )
     points[:, 2] = np.maximum(points[:, 2], start[2] - 0.5)
-    alpha = 0.30 * flow * np.minimum(age / 0.1, 1.0) * (1.0 - age)
+    alpha = 0.48 * flow * np.minimum(age / 0.1, 1.0) * (1.0 - age)
     return billboards(points, 0.45 + 1.0 * age, MIST, alpha, soft=1.0, seed=number % 89)
 
 
@@ -96,8 +96,8 @@ def _wet(seed: int, place: Floats, landing: Floats, heading_deg: float, ground_m
     middle = 0.45 * place + 0.55 * landing
     lift = ground_m + 0.02
     spots = [
-        ((float(middle[0]), float(middle[1]), lift), (4.3, 3.6), 0.72),
-        ((float(landing[0]), float(landing[1]), lift + 0.01), (2.6, 2.3), 0.80),
+        ((float(middle[0]), float(middle[1]), lift), (6.2, 5.2), 0.72),
+        ((float(landing[0]), float(landing[1]), lift + 0.01), (3.9, 3.4), 0.80),
     ]
     return np.concatenate(
         [

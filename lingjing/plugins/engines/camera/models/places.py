@@ -36,7 +36,7 @@ def parking_sign() -> Array:
         (-0.12, 0.0, 0.09, 0.62), (0.02, 0.265, 0.28, 0.09), (0.02, 0.0, 0.28, 0.09), (0.14, 0.13, 0.09, 0.30),
     ]  # fmt: skip
     face = [
-        box((KERB_M + (x if s > 0 else -x), s * 0.035, 2.35 + z), (w, 0.02, h), WHITE)
+        box((KERB_M + (x if s < 0 else -x), s * 0.035, 2.35 + z), (w, 0.02, h), WHITE)
         for s in (-1.0, 1.0) for x, z, w, h in letter
     ]  # fmt: skip
     return merge(
@@ -136,14 +136,14 @@ def embers() -> Array:
     """A charred heap of boards and drums, what burns on the ground."""
     char: Colour = (0.025, 0.020, 0.018)
     boards = [
-        turned(box((0.0, 0.0, 0.0), (0.16, 1.5, 0.07), char if k % 2 else (0.06, 0.035, 0.02)),
-               at((0.12 * cos(2.1 * k), 0.12 * sin(2.1 * k), 0.12 + 0.07 * k), 57.0 * k, 14.0 * (k % 3 - 1)))
+        turned(box((0.0, 0.0, 0.0), (0.13, 1.2, 0.06), char if k % 2 else (0.06, 0.035, 0.02)),
+               at((0.15 * cos(2.1 * k), 0.15 * sin(2.1 * k), 0.06 + 0.03 * k), 57.0 * k, 9.0 * (k % 3 - 1)))
         for k in range(7)
     ]  # fmt: skip
     return merge(
         *boards,
-        cylinder((0.55, 0.25, 0.0), (0.55, 0.25, 0.8), (0.27, 0.27), (0.07, 0.03, 0.02), sides=9),
-        box((-0.5, -0.2, 0.25), (0.6, 0.5, 0.5), (0.04, 0.03, 0.025)),
+        cylinder((0.35, 0.55, 0.14), (-0.25, 0.62, 0.14), (0.14, 0.14), (0.07, 0.03, 0.02), sides=8),
+        box((-0.35, 0.1, 0.12), (0.4, 0.4, 0.24), (0.04, 0.03, 0.025)),
     )
 
 
