@@ -1,10 +1,10 @@
 """ValidateAndResolve: candidate commands become at most one admitted command per resource, the rest receipts.
 
-In the order of the collected policy outputs: unknown agent, stale tick, authority, action space, argument schema,
-busy resource, conflict, permit, counted budget. Arguments beyond their bounds are clipped, and the admission receipt
-says so. `stop` pre-empts what a resource is doing and needs no permit; everything else waits until the pending request
-has completed. Engines refuse what a dead entity is told; pictures are no engine's business, so a dead entity's are
-refused here.
+In the order of the collected policy outputs: unknown agent, stale tick, authority, action space, argument schema, a
+place outside the world, busy resource, conflict, permit, counted budget. Arguments beyond their bounds are clipped,
+and the admission receipt says so. `stop` pre-empts what a resource is doing and needs no permit; everything else waits
+until the pending request has completed. Engines refuse what a dead entity is told; pictures are no engine's business,
+so a dead entity's are refused here.
 """
 
 from __future__ import annotations
@@ -30,6 +30,9 @@ PHOTO = "takePhoto"
 DEAD = "dead"
 """The status word of an entity that does nothing any more."""
 
+MARGIN_M = 1_000.0
+"""How far outside the city's bounds a command may still send somebody."""
+
 BLIND = ("out_of_view", "below_horizon")
 """The status words of a satellite that does not see its region."""
 
@@ -52,10 +55,11 @@ class Resolution:
 
 
 class Gate:
-    """ValidateAndResolve for one instance."""
+    """ValidateAndResolve for one instance. `bounds` are the city's: west, south, east, north in metres."""
 
-    def __init__(self, instance: Instance) -> None:
+    def __init__(self, instance: Instance, bounds: tuple[float, float, float, float] | None = None) -> None:
         self._instance = instance
+        self._bounds = bounds
         self._agents = {agent.id: agent for agent in instance.agents}
         self._entities = {entity.id: entity for entity in instance.entities}
 
@@ -125,6 +129,7 @@ class Gate:
             _identity_fault(sender, agent, action, tick)
             or self._authority_fault(agent, resource)
             or self._schema_fault(action, resource)
+            or self._place_fault(action)
             or _resource_fault(action, resource, registry, admitted)
         )
 
@@ -155,6 +160,21 @@ class Gate:
             return Fault("unknown_verb", f"`{action.verb}` is not in the action space of `{resource}`: {known}")
         detail = _argument_fault(verb, action.arguments) or _camera_fault(entity, action)
         return Fault("bad_argument", detail) if detail else None
+
+    def _place_fault(self, action: Action) -> Fault | None:
+        """A place far from the city is one in another frame: centimetres, another grid, degrees made metres."""
+        x, y = action.arguments.get("x"), action.arguments.get("y")
+        if self._bounds is None or not isinstance(x, int | float) or not isinstance(y, int | float):
+            return None
+        west, south, east, north = self._bounds
+        beyond_m = max(west - x, x - east, south - y, y - north)
+        if beyond_m <= MARGIN_M:
+            return None
+        return Fault(
+            "outside_world",
+            f"({x:g}, {y:g}) lies {beyond_m:.0f} m outside the city: places are metres east and north of its origin, "
+            f"within ({west:g}, {south:g}) and ({east:g}, {north:g})",
+        )
 
     def _refusal(self, name: str, sender: str, resource: str, tick: int, fault: Fault) -> Receipt:
         return Receipt(

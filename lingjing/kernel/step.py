@@ -114,7 +114,7 @@ class Kernel:
         self._record = record
         self._blank = blank_pictures
         self._router = Router(instance)
-        self._gate = Gate(instance)
+        self._gate = Gate(instance, city.bounds)
         self._adjudicator = Adjudicator(instance)
         self._projector = Projector(instance)
         self._relations = RelationTracker(instance)

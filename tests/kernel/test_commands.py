@@ -189,3 +189,30 @@ def test_a_photo_needs_an_idle_resource_and_completes_in_its_boundary():
     flying = kernel.step(kit.decisions(scout_2=kit.does("takePhoto"))).record
     assert refusals(flying) == [("scout[2]", "busy")]
     assert flying.frames == ()
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "reason"),
+    [
+        (12_150.0, -3_120.0, "outside_world"),  # centimetres
+        (349_000.0, 3_449_000.0, "outside_world"),  # a UTM grid
+        (0.0, -1_500.1, "outside_world"),
+        (0.0, -1_500.0, "unreachable"),  # the city ends at 500 m; a kilometre more is the engine's to judge
+        (100.0, 100.0, ""),
+    ],
+)
+def test_a_place_in_another_frame_is_refused_with_the_frame_that_holds(x, y, reason):
+    class Narrow(kit.Glider):
+        def admit(self, command):
+            if abs(command.arguments.get("y", 0.0)) > 400:
+                return self.receipt(command, "rejected", reason="unreachable")
+            return super().admit(command)
+
+    kernel = kit.make_kernel(plugin=kit.KitPlugin(glider=Narrow))
+    kernel.reset()
+    published = kernel.step(kit.decisions(scout_1=kit.does("go", x=x, y=y)))
+    told = [r for r in published.inboxes["scout[1]"].receipts if r.request == "c1-1"]
+    assert told[0].reason == reason
+    if reason == "outside_world":
+        assert "metres east and north" in told[0].detail and "(-500, -500) and (500, 500)" in told[0].detail
+        assert kernel.step(kit.decisions(scout_1=kit.does("go", x=100.0, y=100.0))).record.receipts[0].reason == ""

@@ -37,6 +37,8 @@ _ONE_THREAD = (
     "BLIS_NUM_THREADS",
     "VECLIB_MAXIMUM_THREADS",
 )
+_QUIET = {"MUJOCO_GL": "disable", "JSBSIM_DEBUG": "0"}
+"""MuJoCo would load a windowing library, which a process that is to be forked must not hold; JSBSim is loud."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,8 +154,8 @@ def _command(descriptors: tuple[int, int]) -> list[str]:
 
 def _environment(paths: Sequence[str]) -> dict[str, str]:
     search = [*paths, *(path or os.getcwd() for path in sys.path)]  # noqa: PTH109 - an entry of PYTHONPATH
-    threads = dict.fromkeys(_ONE_THREAD, "1")
-    return {**os.environ, **threads, "PYTHONPATH": os.pathsep.join(dict.fromkeys(search)), "PYTHONUNBUFFERED": "1"}
+    fixed = {**dict.fromkeys(_ONE_THREAD, "1"), **_QUIET}
+    return {**os.environ, **fixed, "PYTHONPATH": os.pathsep.join(dict.fromkeys(search)), "PYTHONUNBUFFERED": "1"}
 
 
 def _started(
