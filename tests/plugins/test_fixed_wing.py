@@ -215,3 +215,9 @@ def test_the_same_flight_twice_and_cut_otherwise_is_the_same(fly):
         play.command("wing[1]", "setDestination", x=500.0, y=200.0, z=340.0)
         ends.append(play.run(20.0).states)
     assert ends[0] == ends[1] == ends[2]
+
+
+def test_nothing_is_written_into_the_working_folder(fly, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    fly().run(2.0)
+    assert list(tmp_path.iterdir()) == []

@@ -40,6 +40,8 @@ class Flight:
             executive.set_systems_path(str(folder))
         if not executive.load_model(model):
             raise InfrastructureError(f"jsbsim cannot load the airframe `{model}` from {folder or 'its own folder'}")
+        if executive.set_output_filename(0, os.devnull):  # some aircraft write a table into the working folder
+            executive.disable_output()
         executive.set_dt(step_s)
         for name, value in initial.items():
             executive[f"ic/{name}"] = value
