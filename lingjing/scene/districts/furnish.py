@@ -40,11 +40,11 @@ def block_slab(draft: Draft, box: Box, surface: str, chance: Random, tree_gap_m:
 def erect(
     draft: Draft, chance: Random, shape: Box | Polygon, *, use: str, top_m: float, base_m: float = 0.0,
     roof: str = "flat", roof_m: float = 0.0, facade: str = "", colour: Colour | None = None, side: str = "",
-    name: str = "",
+    name: str = "", door: tuple[float, float, float] | None = None,
 ) -> Building:  # fmt: skip
-    """Put up a building; `side` names the side of its box that has the entrance."""
+    """Put up a building; `side` names the side of its box that has the entrance, `door` is one given as it is."""
     outline = shape.polygon if isinstance(shape, Box) else shape
-    entrance = _entrance(shape, side) if isinstance(shape, Box) and side else None
+    entrance = _entrance(shape, side) if isinstance(shape, Box) and side else door
     building = Building(
         id=draft.name("building"),
         polygon=outline,

@@ -130,12 +130,12 @@ def _tower(draft: Draft, lot: Box, heights: Heights, chance: Random, colour: tup
 
 
 def _corner_house(draft: Draft, lot: Box, heights: Heights, chance: Random, colour: tuple[float, float, float]) -> None:
-    """A house with two wings of different height that meet in a corner."""
-    long = Box(lot.west, lot.north - 13.0, lot.east - chance.uniform(2.0, 12.0), lot.north)
-    top = max(2 * STOREY_M, storeys(heights, chance, 0.2, 1.0))
-    erect(draft, chance, long, use="residential", top_m=top, colour=colour, side="south")
-    wing = Box(lot.west, lot.south + chance.uniform(0.0, 10.0), lot.west + 13.0, lot.north - 13.0)
-    erect(draft, chance, wing, use="residential", top_m=max(STOREY_M, top - STOREY_M), colour=colour, side="west")
+    """A house with two wings that meet in a corner, its door in the yard between them."""
+    w, s, e, n = lot.west, lot.south + chance.uniform(0, 10), lot.east - chance.uniform(2, 12), lot.north
+    outline = ((w, s), (w + 13.0, s), (w + 13.0, n - 13.0), (e, n - 13.0), (e, n), (w, n))
+    erect(draft, chance, tuple((round(x, 3), round(y, 3)) for x, y in outline), use="residential", colour=colour,
+          top_m=max(2 * STOREY_M, storeys(heights, chance, 0.2, 1.0)),
+          door=(round((w + 13.0 + e) / 2.0, 3), round(n - 13.0, 3), 180.0))  # fmt: skip
 
 
 def _quarter(draft: Draft, quarter: Box, heights: Heights, chance: Random) -> None:

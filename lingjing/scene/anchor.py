@@ -1,0 +1,362 @@
+"""`anchor`: put what a mission declares `on = road`, `roof`, `facade`, `ground`, `bridge` or `pipe` onto the city.
+
+A mission says where things are in metres and knows no city; here each entity with a property `on` moves to the nearest
+suitable place, its elevation becomes that of what it stands on, and its heading follows the road, the deck or the wall
+(of two directions of a road the one nearer to the declared heading). No two share a roof or a facade, vehicles keep a
+length apart. Where an interaction names who performs it and from how far, the place is one such a body can reach: a
+fire on a roof lies near enough to a road for the truck. What has no `on` and would begin inside a building is moved
+out of it. Regions made of roads get their outlines.
+
+A pure function of its arguments; the order is that of declaration.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from math import cos, hypot, radians, sin
+from typing import TypeVar
+
+import msgspec
+
+from lingjing.errors import MissionError
+from lingjing.mission.geometry2d import contains, edge_distance
+from lingjing.mission.instance import Entity, Instance, Vector
+from lingjing.scene.city import Building, City, Tile
+from lingjing.scene.footing import Footing, rings
+from lingjing.scene.lines import length, nearest, point_at
+from lingjing.scene.tiles import Tiles
+
+REACH_M = 400.0
+"""How far an entity may be moved; beyond that the mission and the scene do not fit."""
+
+VEHICLES_APART_M = 9.0
+WALKERS_APART_M = 1.0
+LANE_END_M = 6.0
+"""Vehicles and what stands on roads keep this far from the ends of a lane, out of the crossings."""
+
+OTHER_LANE_M = 7.0
+"""A lane that is farther than the nearest by no more than this may be taken for its direction."""
+
+ROOF_EDGE_M = 2.0
+SLACK_M = 5.0
+"""An interaction's distance is not used up to the last metre: a road's far lane still reaches."""
+
+BODY_CLEAR_M = 0.6
+TARGET_CLEAR_M = 1.5
+
+_RADII_M = (40.0, 120.0, REACH_M)
+
+
+def anchor(instance: Instance, city: City) -> Instance:
+    """The instance with its entities and regions on the city.
+
+    Raises `MissionError` where nothing suitable lies within `REACH_M` of a declared place, or where no road has the
+    name that a region asks for.
+    """
+    from lingjing.scene.regions import resolved
+
+    anchoring = _Anchoring(city)
+    entities = tuple(anchoring.placed(entity) for entity in instance.entities)
+    regions = tuple(
+        region if region.on_map is None else resolved(region, instance, city) for region in instance.regions
+    )
+    return msgspec.structs.replace(instance, entities=entities, regions=regions)
+
+
+def dressed(instance: Instance, city: City) -> City:
+    """The city with the walls of buildings painted that targets on a facade name a colour for (`colour = white`).
+
+    To be called with an anchored instance. Pieces of a stored city stay as they are.
+    """
+    from lingjing.scene.districts.palette import NAMED
+
+    wanted = {
+        str(entity.properties["building"]): NAMED[str(entity.properties["colour"])]
+        for entity in instance.entities
+        if "building" in entity.properties and entity.properties.get("colour") in NAMED
+    }
+    if not wanted or city.store:
+        return city
+    buildings = tuple(
+        msgspec.structs.replace(building, colour=wanted[building.id]) if building.id in wanted else building
+        for building in city.buildings
+    )
+    painted = "+".join(f"{name}:{wanted[name]}" for name in sorted(wanted))
+    sha256 = f"{city.sha256}+{painted}" if city.sha256 else ""
+    return msgspec.structs.replace(city, buildings=buildings, sha256=sha256)
+
+
+# -- private
+
+_Found = TypeVar("_Found")
+
+
+class _Anchoring:
+    """One pass over an instance's entities; remembers what is taken."""
+
+    def __init__(self, city: City) -> None:
+        self._city = city
+        self._tiles = Tiles(city)
+        self._footing = Footing(city, self._tiles)
+        self._roofs: set[str] = set()
+        self._facades: set[str] = set()
+        self._vehicles: list[tuple[float, float]] = []
+        self._walkers: list[tuple[float, float]] = []
+        self._rules: dict[str, Callable[[Entity], Entity]] = {
+            "road": self._on_road,
+            "roof": self._on_roof,
+            "facade": self._on_facade,
+            "ground": self._on_ground,
+            "bridge": self._on_bridge,
+            "pipe": self._on_pipe,
+        }
+
+    def placed(self, entity: Entity) -> Entity:
+        on = entity.properties.get("on")
+        if on is None:
+            return self._out_of_buildings(entity)
+        rule = self._rules.get(str(on))
+        if rule is None:
+            known = ", ".join(self._rules)
+            raise MissionError(f"`{entity.id}` is on '{on}', which no scene has", hint=f"known: {known}")
+        return rule(entity)
+
+    # -- roads
+
+    def _on_road(self, entity: Entity) -> Entity:
+        x, y, _ = entity.position
+        vehicle = entity.role == "asset"
+        ways = sorted(self._lanes(entity), key=lambda way: way[:2])
+        if not ways:
+            raise self._nothing(entity, "road")
+        near = [way for way in ways if way[0] <= ways[0][0] + OTHER_LANE_M]
+        if vehicle:
+            near.sort(key=lambda way: (round(_turn(way[3], entity.heading_deg) / 60.0), way[0], way[1]))
+        for _, _, line, _ in (*near, *ways):
+            found = self._free_on(line, x, y) if vehicle else _kept_inside(line, nearest(line, x, y)[1])
+            if found is not None:
+                place, heading = point_at(line, found)
+                if vehicle:
+                    self._vehicles.append(place[:2])
+                return _moved(entity, place, heading)
+        raise self._nothing(entity, "free road")
+
+    def _lanes(self, entity: Entity) -> Iterator[tuple[float, str, tuple[Vector, ...], float]]:
+        """Distance, id, line and heading of every lane for cars around an entity."""
+        x, y, _ = entity.position
+
+        def lanes(tile: Tile) -> Iterator[tuple[float, str, tuple[Vector, ...], float]]:
+            for road in tile.roads:
+                for lane in road.lanes if not road.tunnel else ():
+                    if lane.kind == "car" and length(lane.shape) > 2.0:
+                        at = _kept_inside(lane.shape, nearest(lane.shape, x, y)[1])
+                        (px, py, _), heading = point_at(lane.shape, at)
+                        yield hypot(px - x, py - y), lane.id, lane.shape, heading
+
+        yield from self._around(entity, lanes, lambda way: way[0])
+
+    def _free_on(self, line: tuple[Vector, ...], x: float, y: float) -> float | None:
+        """The place on a lane nearest to (x, y) that keeps its distance from the vehicles already placed."""
+        wanted = _kept_inside(line, nearest(line, x, y)[1])
+        for step in range(int(length(line) / 3.0) + 1):
+            for at in (wanted + 3.0 * step, wanted - 3.0 * step) if step else (wanted,):
+                if at != _kept_inside(line, at):
+                    continue
+                (px, py, _), _ = point_at(line, at)
+                if all(hypot(px - vx, py - vy) >= _apart(vx - px, vy - py, line, at) for vx, vy in self._vehicles):
+                    return at
+        return None
+
+    # -- buildings
+
+    def _on_roof(self, entity: Entity) -> Entity:
+        x, y, _ = entity.position
+        within = _reach_of(entity, "road")
+
+        def roofs(tile: Tile) -> Iterator[tuple[float, str, Building]]:
+            for building in tile.buildings:
+                if building.id not in self._roofs and building.roof_m == 0.0:
+                    yield _distance(building, x, y), building.id, building
+
+        for _, _, building in sorted(self._around(entity, roofs, lambda item: item[0]), key=lambda item: item[:2]):
+            spot = self._roof_spot(building, x, y, within)
+            if spot is not None:
+                self._roofs.add(building.id)
+                return _with_building(_moved(entity, (*spot, building.top_m)), building)
+        raise self._nothing(entity, "flat roof" if within is None else f"flat roof within {within:g} m of a road")
+
+    def _roof_spot(self, building: Building, x: float, y: float, within: float | None) -> tuple[float, float] | None:
+        """The place on a roof nearest to (x, y): away from its edge, under no other building, in reach of a road."""
+        west, south = (min(axis) for axis in zip(*building.polygon, strict=True))
+        east, north = (max(axis) for axis in zip(*building.polygon, strict=True))
+        columns, rows = max(1, int((east - west) / 2.0)), max(1, int((north - south) / 2.0))
+        spots = [(west + (c + 0.5) * (east - west) / columns, south + (r + 0.5) * (north - south) / rows)
+                 for c in range(columns) for r in range(rows)]  # fmt: skip
+        spots = [(round(min(max(x, west), east), 3), round(min(max(y, south), north), 3)), *spots]
+        lanes = self._lane_lines(building, within)
+        for px, py in sorted(spots, key=lambda spot: (hypot(spot[0] - x, spot[1] - y), spot)):
+            if not contains(building.polygon, px, py) or edge_distance(building.polygon, px, py) < ROOF_EDGE_M:
+                continue
+            if self._footing.roof_over(px, py) != building.top_m:
+                continue
+            if within is None or any(nearest(line, px, py)[0] <= within - SLACK_M for line in lanes):
+                return round(px, 3), round(py, 3)
+        return None
+
+    def _lane_lines(self, building: Building, within: float | None) -> list[tuple[Vector, ...]]:
+        if within is None:
+            return []
+        x, y = building.polygon[0]
+        size = max(hypot(px - x, py - y) for px, py in building.polygon)
+        return [
+            lane.shape
+            for tile in self._tiles.near(x, y, size + within)
+            for road in tile.roads
+            if not road.tunnel and not road.bridge
+            for lane in road.lanes
+            if lane.kind == "car" and nearest(lane.shape, x, y)[0] < size + within
+        ]
+
+    def _on_facade(self, entity: Entity) -> Entity:
+        x, y, _ = entity.position
+
+        def facades(tile: Tile) -> Iterator[tuple[float, str, Building]]:
+            for building in tile.buildings:
+                if building.entrance is not None and building.base_m < 1.0 and building.id not in self._facades:
+                    yield _distance(building, x, y), building.id, building
+
+        found = sorted(self._around(entity, facades, lambda item: item[0]), key=lambda item: item[:2])
+        for _, _, building in found:
+            if building.entrance is None:
+                continue
+            ex, ey, bearing = building.entrance
+            out = round(ex + 0.3 * sin(radians(bearing)), 3), round(ey + 0.3 * cos(radians(bearing)), 3)
+            before = ex + 3.0 * sin(radians(bearing)), ey + 3.0 * cos(radians(bearing))
+            if self._footing.is_clear(*before, BODY_CLEAR_M):
+                self._facades.add(building.id)
+                height = self._footing.height(*before)
+                return _with_building(_moved(entity, (*out, height), bearing), building)
+        raise self._nothing(entity, "building with an entrance")
+
+    # -- the ground
+
+    def _on_ground(self, entity: Entity) -> Entity:
+        body = entity.role == "asset"
+        x, y, _ = entity.position
+        spot = self._footing.nearest_clear(
+            x, y, BODY_CLEAR_M if body else TARGET_CLEAR_M, REACH_M / 2.0, off_road=not body,
+            apart=self._walkers, apart_m=WALKERS_APART_M,
+        )  # fmt: skip
+        if spot is None:
+            raise self._nothing(entity, "free ground")
+        self._walkers.append(spot)
+        return _moved(entity, (*spot, self._footing.height(*spot)))
+
+    def _out_of_buildings(self, entity: Entity) -> Entity:
+        """An entity that would begin inside a building stands on the nearest free ground instead."""
+        x, y, z = entity.position
+        roof = self._footing.roof_over(x, y)
+        if roof is None or z >= roof - 0.01:
+            return entity
+        for px, py in rings(x, y, REACH_M / 2.0):
+            if self._footing.is_clear(px, py, 2.0):
+                return _moved(entity, (px, py, z))
+        raise self._nothing(entity, "free ground")
+
+    # -- bridges and pipes
+
+    def _on_bridge(self, entity: Entity) -> Entity:
+        return self._on_line(entity, "bridge", lambda tile: ((bridge.id, bridge.path) for bridge in tile.bridges))
+
+    def _on_pipe(self, entity: Entity) -> Entity:
+        return self._on_line(entity, "pipe", lambda tile: ((pipe.id, pipe.path) for pipe in tile.pipes))
+
+    def _on_line(
+        self, entity: Entity, what: str, lines: Callable[[Tile], Iterator[tuple[str, tuple[Vector, ...]]]]
+    ) -> Entity:
+        x, y, _ = entity.position
+
+        def ways(tile: Tile) -> Iterator[tuple[float, str, tuple[Vector, ...]]]:
+            for name, line in lines(tile):
+                if len(line) > 1:
+                    yield nearest(line, x, y)[0], name, line
+
+        found = sorted(self._around(entity, ways, lambda item: item[0]), key=lambda item: item[:2])
+        if not found:
+            raise self._nothing(entity, what)
+        line = found[0][2]
+        place, heading = point_at(line, nearest(line, x, y)[1])
+        return _moved(entity, place, heading)
+
+    # -- all of them
+
+    def _around(
+        self, entity: Entity, items: Callable[[Tile], Iterator[_Found]], distance: Callable[[_Found], float]
+    ) -> list[_Found]:
+        """What the tiles around an entity hold within reach, from as small a circle as holds anything."""
+        x, y, _ = entity.position
+        found: list[_Found] = []
+        for radius in _RADII_M:
+            tiles = self._tiles.near(x, y, radius)
+            found = [item for tile in tiles for item in items(tile) if distance(item) <= radius]
+            if len(found) >= _ENOUGH:
+                break
+        return found
+
+    def _nothing(self, entity: Entity, what: str) -> MissionError:
+        x, y, _ = entity.position
+        where = "its place" if "position" in entity.hidden else f"({x:g} m, {y:g} m)"
+        return MissionError(
+            f"there is no {what} for `{entity.id}` within {REACH_M:g} m of {where} in the scene `{self._city.id}`",
+            hint="move its position, change what it is `on`, or choose a scene that has one",
+        )
+
+
+_ENOUGH = 12
+"""A circle with fewer candidates than this is widened: those in it may not suit."""
+
+
+def _moved(entity: Entity, place: Vector, heading: float | None = None) -> Entity:
+    x, y, z = (round(value, 3) for value in place)
+    turned = entity.heading_deg if heading is None else round(heading, 3) % 360.0
+    return msgspec.structs.replace(entity, position=(x, y, z), heading_deg=turned)
+
+
+def _with_building(entity: Entity, building: Building) -> Entity:
+    hidden = (*entity.hidden, "building") if "position" in entity.hidden else entity.hidden
+    properties = {**entity.properties, "building": building.id}
+    return msgspec.structs.replace(entity, properties=properties, hidden=tuple(sorted(hidden)))
+
+
+def _kept_inside(line: tuple[Vector, ...], at: float) -> float:
+    total = length(line)
+    margin = min(LANE_END_M, total / 2.0)
+    return min(total - margin, max(margin, at))
+
+
+def _apart(dx: float, dy: float, line: tuple[Vector, ...], at: float) -> float:
+    """How far another vehicle has to be: a length along the lane, half a lane's width across it."""
+    heading = radians(point_at(line, at)[1])
+    across = abs(dx * cos(heading) - dy * sin(heading))
+    return 0.0 if across > 2.4 else VEHICLES_APART_M
+
+
+def _turn(one: float, other: float) -> float:
+    """Degrees between two headings, 0 to 180."""
+    return abs((one - other + 180.0) % 360.0 - 180.0)
+
+
+def _distance(building: Building, x: float, y: float) -> float:
+    return 0.0 if contains(building.polygon, x, y) else edge_distance(building.polygon, x, y)
+
+
+def _reach_of(entity: Entity, engine: str) -> float | None:
+    """The smallest distance from which bodies of an engine interact with an entity, if any do."""
+    found = [
+        float(within)
+        for name, value in entity.properties.items()
+        if name.endswith("_by") and value == engine
+        for within in (entity.properties.get(f"{name.removesuffix('_by')}_within_m"),)
+        if isinstance(within, int | float)
+    ]
+    return min(found, default=None)
