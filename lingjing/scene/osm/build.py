@@ -183,8 +183,10 @@ def _network(path: Path, data: MapData, frame: Frame) -> tuple[str, tuple[Road, 
         except UsageError as error:
             return "", (), (), [f"no road network, a city without traffic: {error}"]
     roads, junctions = read_roads(made.path)
-    seen = tuple(road for road in roads if structures.is_visible(road))
-    return made.path, seen, tuple(filter(structures.is_open, junctions)), []
+    near = (structures.cut_off(road, frame.bounds) for road in roads if structures.is_visible(road))
+    seen = tuple(road for road in near if road is not None)
+    crossings = (junction for junction in junctions if structures.is_open(junction))
+    return made.path, seen, tuple(item for item in crossings if structures.is_inside(item, frame.bounds)), []
 
 
 # -- knowing a build again

@@ -49,18 +49,16 @@ def choose(data: MapData, box: Box | None) -> Frame:
     `UsageError` where that crosses the antimeridian, is too large, or has no data in it.
     """
     if box is not None:
-        frame = frame_of(box, "asked for")
-    elif data.box is not None:
-        frame = frame_of(data.box, "stated in the file")
-    else:
-        frame = _around(data)
-    west, south, east, north = frame.box
+        _check_data(data, box)
+        return frame_of(box, "asked for")
+    return _around(data) if data.box is None else frame_of(data.box, "stated in the file")
+
+
+def _check_data(data: MapData, box: Box) -> None:
+    west, south, east, north = box
     if not any(west <= lon <= east and south <= lat <= north for lat, lon in data.nodes.values()):
         covers = ",".join(f"{value:.4f}" for value in _bounds(data.nodes.values()))
-        raise UsageError(
-            f"the bounding box {_text(frame.box)} lies outside the map", hint=f"the map covers {covers} (W,S,E,N)"
-        )
-    return frame
+        raise UsageError(f"the bounding box {_text(box)} lies outside the map", hint=f"it covers {covers} (W,S,E,N)")
 
 
 def frame_of(box: Box, because: str) -> Frame:
@@ -78,7 +76,7 @@ def frame_of(box: Box, because: str) -> Frame:
     wide, high = bounds[2] - bounds[0], bounds[3] - bounds[1]
     if max(wide, high) > LARGEST_M:
         raise UsageError(
-            f"the map is {wide / 1000:.0f} by {high / 1000:.0f} km, more than a city of {LARGEST_M / 1000:.0f} km",
+            f"{wide / 1000:.0f} by {high / 1000:.0f} km ({because}) is more than a city of {LARGEST_M / 1000:.0f} km",
             hint="choose a part of it with --bbox=W,S,E,N",
         )
     west_m, south_m, east_m, north_m = (round(value, 3) for value in bounds)

@@ -11,12 +11,15 @@ from itertools import pairwise
 from math import ceil, hypot
 from typing import Any
 
+import msgspec
+
 from lingjing.mission.instance import Vector
 from lingjing.scene.city import Bridge, Junction, Polygon, Road, Solid
 from lingjing.scene.cutting import polygons, rings
 from lingjing.scene.network import LAYER_M
 from lingjing.scene.osm.features import Feature, Features
 from lingjing.scene.osm.tags import is_below, is_set, layer, metres
+from lingjing.scene.tiles import Bounds
 
 DECK_M = 0.9
 """A raised way lower than this above the ground is drawn on it; higher, it gets a deck."""
@@ -37,9 +40,26 @@ def is_visible(road: Road) -> bool:
     return not road.tunnel and any(point[2] > BURIED_M for lane in road.lanes for point in lane.shape)
 
 
+def cut_off(road: Road, bounds: Bounds) -> Road | None:
+    """The part of a road that is in the frame: of each lane its longest stretch there. None if there is none.
+
+    A net keeps whole edges that touch the frame, and one of a bridge or an expressway may lead a kilometre out of it.
+    """
+    if all(_holds(bounds, point) for lane in road.lanes for point in lane.shape):
+        return road
+    lanes = [msgspec.structs.replace(lane, shape=_longest_within(lane.shape, bounds)) for lane in road.lanes]
+    lanes = [lane for lane in lanes if len(lane.shape) > 1]
+    return msgspec.structs.replace(road, lanes=tuple(lanes)) if lanes else None
+
+
 def is_open(junction: Junction) -> bool:
     """Whether a junction is not under the ground."""
     return junction.elevation_m > BURIED_M
+
+
+def is_inside(junction: Junction, bounds: Bounds) -> bool:
+    """Whether a junction touches the frame."""
+    return any(_holds(bounds, (x, y, 0.0)) for x, y in junction.polygon)
 
 
 def decks(roads: Iterable[Road]) -> Iterator[Bridge]:
@@ -141,6 +161,46 @@ def walls(features: Features, free: Any) -> Iterator[Solid]:
 
 
 # -- private
+
+
+def _holds(bounds: Bounds, point: Vector) -> bool:
+    west, south, east, north = bounds
+    return west <= point[0] <= east and south <= point[1] <= north
+
+
+def _longest_within(path: tuple[Vector, ...], bounds: Bounds) -> tuple[Vector, ...]:
+    runs: list[list[Vector]] = []
+    for a, b in pairwise(path):
+        shares = _within(a, b, bounds)
+        if shares is None:
+            continue
+        start, end = (
+            (a if shares[0] == 0.0 else _mix(a, b, shares[0])),
+            (b if shares[1] == 1.0 else _mix(a, b, shares[1])),
+        )
+        if runs and runs[-1][-1] == start:
+            runs[-1].append(end)
+        else:
+            runs.append([start, end])
+    return tuple(max(runs, key=_length)) if runs else ()
+
+
+def _within(a: Vector, b: Vector, bounds: Bounds) -> tuple[float, float] | None:
+    """The shares of a segment between which it is inside a box (Liang and Barsky), None if it is outside."""
+    west, south, east, north = bounds
+    first, last = 0.0, 1.0
+    for start, step, low, high in ((a[0], b[0] - a[0], west, east), (a[1], b[1] - a[1], south, north)):
+        if step == 0.0:
+            if not low <= start <= high:
+                return None
+            continue
+        near, far = sorted(((low - start) / step, (high - start) / step))
+        first, last = max(first, near), min(last, far)
+    return (first, last) if first < last else None
+
+
+def _length(path: list[Vector]) -> float:
+    return sum(hypot(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(path))
 
 
 def _mix(a: Vector, b: Vector, share: float) -> Vector:
