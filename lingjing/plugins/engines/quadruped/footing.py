@@ -1,0 +1,60 @@
+"""Where a dog can set its feet: what lies ahead of it, over the shapes that it can touch and the waters of the city."""
+
+from __future__ import annotations
+
+import math
+
+from lingjing.mission.instance import Vector
+from lingjing.plugins.engines.quadruped.pack import Pack, Sense
+from lingjing.plugins.engines.quadruped.physics import Floor
+from lingjing.plugins.engines.terrain import Terrain
+
+NOSE_M = 0.45
+"""From the trunk's centre to where the next step lands."""
+
+_BRAKE_MPS2 = 1.2
+_REACTION_S = 0.1
+_EDGE_M, _DROP_M = 0.3, 0.5
+_ABOVE_M = 0.5
+_FILM_M = 0.02
+_STANDING_M = 0.5
+
+
+class Footing:
+    """Looks at the ground of one pack's surroundings."""
+
+    def __init__(self, terrain: Terrain, pack: Pack) -> None:
+        self._terrain = terrain
+        self._pack = pack
+
+    def hazard_ahead(self, here: Sense, yaw: float, remaining_m: float) -> str:
+        """`water` or `drop` if going on along `yaw` leads into one before the dog could stop; else nothing."""
+        speed = max(here.ahead_mps, 0.0)
+        ahead = NOSE_M + min(speed * speed / (2.0 * _BRAKE_MPS2) + _REACTION_S * speed, max(remaining_m, 0.0))
+        x, y, z = here.position
+        east, north = math.cos(yaw), math.sin(yaw)
+        point = x + ahead * east, y + ahead * north
+        floor = self._pack.floor(*point, z + _ABOVE_M)
+        if floor.z == math.inf:  # inside of something that stands there: a wall, not a hole
+            return ""
+        if self._wet(*point, floor):
+            return "water"
+        before = self._pack.floor(point[0] - _EDGE_M * east, point[1] - _EDGE_M * north, z + _ABOVE_M)
+        return "drop" if math.isfinite(before.z) and before.z - floor.z > _DROP_M else ""
+
+    def height(self, at: Vector) -> float:
+        """How high a trunk is over what is below it."""
+        return at[2] - self._pack.floor(*at).z
+
+    def drowns(self, at: Vector) -> bool:
+        """Whether a dog at a place is in the water."""
+        x, y, z = at
+        if self._terrain.water_level(x, y) is None:
+            return False
+        floor = self._pack.floor(x, y, z)
+        return z < floor.z + _STANDING_M and self._wet(x, y, floor)
+
+    def _wet(self, x: float, y: float, floor: Floor) -> bool:
+        # Where the map has water it has no ground, although the model's plane goes on below.
+        level = self._terrain.water_level(x, y)
+        return level is not None and (floor.bare or floor.z < level + _FILM_M)
