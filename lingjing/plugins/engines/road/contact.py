@@ -1,7 +1,7 @@
 """Who is hit: a vehicle of the mission that touches another vehicle or a foreign body, reported once a contact.
 
-Vehicles among themselves are SUMO's to say. A foreign body is compared with the vehicle's own rectangle, because a
-person that is set freely on the road takes no part in SUMO's checks.
+Vehicles among themselves are SUMO's to say. Who walks is compared with the vehicle's own rectangle, because SUMO also
+reports those stand-ins that only herald where somebody is going to be.
 """
 
 from __future__ import annotations
@@ -31,12 +31,14 @@ class Contacts:
 
     def step(self, vehicles: Mapping[str, Vehicle], bodies: Iterable[Body], ahead_s: float, time_s: float) -> None:
         """After a step: `ahead_s` since the bodies' states were taken, simulation time `time_s`."""
+        near = list(bodies)
         for collision in self._sim.simulation.getCollisions():
+            if collision.victim in self._sim.person.getIDList():
+                continue
             pair = (entity_of(collision.collider), entity_of(collision.victim))
             speed = abs(collision.colliderSpeed - collision.victimSpeed)
             if speed > _MOVING_MPS and (pair[0] in vehicles or pair[1] in vehicles):
                 self._touch(pair, speed, time_s)
-        near = list(bodies)
         for vehicle in vehicles.values() if near else ():
             self._against(vehicle, near, ahead_s, time_s)
 
@@ -47,6 +49,8 @@ class Contacts:
         state = vehicle.state(0.0)
         angle = math.radians(state.heading_deg)
         for body in bodies:
+            if body.drives:
+                continue
             x, y = body.at(ahead_s)
             east, north = x - state.position[0], y - state.position[1]
             if abs(east) > _LONGEST_M or abs(north) > _LONGEST_M:

@@ -2,6 +2,9 @@
 
 What walks is a person of SUMO's, placed freely; what is as large as a car is a vehicle. Whoever drives there brakes
 for them. Only bodies beside a road and near its height count, so aircraft, boats and far people cost one look-up.
+
+SUMO sees a person once it is in a car's own lane, which is too late to stop for one who walks on without looking. So
+who is about to step onto a lane has heralds: stand-ins where it will be in one, two and three seconds.
 """
 
 from __future__ import annotations
@@ -21,6 +24,10 @@ ABSENT = frozenset({"dormant", "rescued", "served", "cleared"})
 
 _AFLOAT = frozenset({"lifeboat", "person_in_water"})
 _HEIGHT_M = 2.5
+_ROAD_M = 60.0
+_LANE_REACH_M = 4.0
+_WALKING_MPS = 0.2
+_LEADS_S = (1.0, 2.0, 3.0)
 _VEHICLE_LENGTH_M = 1.6
 _PERSON_HEADROOM_M = 0.5
 _FREELY = 6
@@ -29,11 +36,12 @@ _FREELY_BY_CAR = 2
 
 @dataclass(frozen=True, slots=True)
 class Body:
-    """A foreign body near a road: its state at the interval's start and its size."""
+    """A foreign body near a road: its state at the interval's start, its size, how many seconds ahead it is shown."""
 
     state: BodyState
     size: Size
     drives: bool
+    leads_s: tuple[float, ...] = (0.0,)
 
     def at(self, ahead_s: float) -> tuple[float, float]:
         """Its place later on."""
@@ -58,22 +66,27 @@ class Foreign:
         """Take the mirrors of time `time_s`."""
         self._time_s = time_s
         self.bodies = {body.state.id: body for body in self._near(mirrors)}
-        for name in [name for name in self._present if name not in self.bodies]:
+        wanted = {_stand_in(body.state.id, lead) for body in self.bodies.values() for lead in body.leads_s}
+        for name in [name for name in self._present if name not in wanted]:
             self._remove(name)
 
     def step(self, time_s: float) -> None:
         """Set every stand-in to where its body will be at `time_s`, the end of the coming step."""
-        for name, body in self.bodies.items():
-            if name not in self._present:
-                self._enter(body)
-            x, y = body.at(time_s - self._time_s)
-            heading = body.state.heading_deg
-            if body.drives:
-                half, angle = body.size.length_m / 2.0, math.radians(heading)
-                front = (x + half * math.sin(angle), y + half * math.cos(angle))
-                self._sim.vehicle.moveToXY(_stand_in(name), "", -1, *front, heading, _FREELY_BY_CAR)
-            else:
-                self._sim.person.moveToXY(_stand_in(name), "", x, y, heading, _FREELY)
+        for body in self.bodies.values():
+            for lead in body.leads_s:
+                self._set(_stand_in(body.state.id, lead), body, time_s - self._time_s + lead)
+
+    def _set(self, name: str, body: Body, ahead_s: float) -> None:
+        x, y = body.at(ahead_s)
+        if name not in self._present:
+            self._enter(name, body, x, y)
+        heading = body.state.heading_deg
+        if body.drives:
+            half, angle = body.size.length_m / 2.0, math.radians(heading)
+            front = (x + half * math.sin(angle), y + half * math.cos(angle))
+            self._sim.vehicle.moveToXY(name, "", -1, *front, heading, _FREELY_BY_CAR)
+        else:
+            self._sim.person.moveToXY(name, "", x, y, heading, _FREELY)
 
     def _near(self, mirrors: Sequence[BodyState]) -> Iterator[Body]:
         for state in mirrors:
@@ -83,25 +96,33 @@ class Foreign:
             kind = next((name for name in self._kinds(state) if name in SIZES), None)
             if kind is None or kind in _AFLOAT or abs(z - self._road_height(x, y)) > _HEIGHT_M:
                 continue
-            yield Body(state, SIZES[kind], SIZES[kind].length_m >= _VEHICLE_LENGTH_M and kind != "bicycle")
+            drives = SIZES[kind].length_m >= _VEHICLE_LENGTH_M and kind != "bicycle"
+            yield Body(state, SIZES[kind], drives, (0.0,) if drives else (0.0, *self._heralds(state)))
+
+    def _heralds(self, state: BodyState) -> tuple[float, ...]:
+        """The leads at which a walking body will be on a lane."""
+        (x, y, _), (east, north, _) = state.position, state.velocity
+        if math.hypot(east, north) < _WALKING_MPS:
+            return ()
+        return tuple(lead for lead in _LEADS_S if self._on_lane(x + east * lead, y + north * lead))
+
+    def _on_lane(self, x: float, y: float) -> bool:
+        return any(place.off_m <= place.lane.width_m / 2.0 for place in self._graph.places(x, y, _LANE_REACH_M))
 
     def _kinds(self, state: BodyState) -> tuple[str, ...]:
         return (state.kind,) if state.kind else self._names.get(state.id, ())
 
     def _road_height(self, x: float, y: float) -> float:
-        near = self._graph.nearest(x, y, most_m=60.0)
+        near = self._graph.nearest(x, y, most_m=_ROAD_M)
         if near is None:
             return -math.inf
         return float(self._sim.simulation.convert3D(near.lane.edge, near.at_m, near.lane.index)[2])
 
-    def _enter(self, body: Body) -> None:
-        x, y, _ = body.state.position
-        near = self._graph.nearest(x, y, most_m=60.0)
-        if near is None:
-            return
-        name = _stand_in(body.state.id)
+    def _enter(self, name: str, body: Body, x: float, y: float) -> None:
+        near = self._graph.nearest(x, y, most_m=_ROAD_M)
+        assert near is not None  # bodies are near a road, their heralds on one
         kind = self._declared(body)
-        self._present[body.state.id] = body.drives
+        self._present[name] = body.drives
         if body.drives:
             self._enter_vehicle(name, kind, near)
         else:
@@ -130,15 +151,15 @@ class Foreign:
         drives = self._present.pop(name)
         try:
             if drives:
-                self._sim.vehicle.remove(_stand_in(name))
+                self._sim.vehicle.remove(name)
             else:
-                self._sim.person.remove(_stand_in(name))
+                self._sim.person.remove(name)
         except SumoError:  # it never got in
             return
 
 
-def _stand_in(name: str) -> str:
-    return f"foreign/{name}"
+def _stand_in(body: str, lead_s: float) -> str:
+    return f"foreign/{body}" if lead_s == 0.0 else f"foreign/{body}/in {lead_s:g} s"
 
 
 def entity_of(vehicle: str) -> str:

@@ -20,6 +20,7 @@ CAR = "passenger"
 _CELL_M = 50.0
 _NEAR_CELL_M = 4.0
 _BESIDE_M = 12.0
+_ALONG_DEG = 75.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,7 +165,7 @@ def bearing(east: float, north: float) -> float:
 
 
 def _agrees(lane_deg: float, heading_deg: float) -> bool:
-    return abs((lane_deg - heading_deg + 180.0) % 360.0 - 180.0) <= 90.0
+    return abs((lane_deg - heading_deg + 180.0) % 360.0 - 180.0) < _ALONG_DEG
 
 
 def _drivable(sim: Simulation, lane: str) -> bool:
