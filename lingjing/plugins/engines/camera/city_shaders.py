@@ -205,10 +205,10 @@ void main() {
 )
 
 _PAVE = """
-  vec4 wide = texture(u_noise, v_world.xy / 71.0);
-  vec4 fine = texture(u_noise, v_world.yx / 9.7);
-  vec3 c = v_colour.rgb * (1.0 + v_style.z * (0.75 * (wide.r - 0.5) + 0.75 * (fine.r - 0.5) + 0.35 * (fine.b - 0.5)));
-  c = mix(c, PATCH, smoothstep(0.48, 0.70, wide.g) * v_style.w);
+  vec4 wide = texture(u_noise, mat2(0.92, 0.39, -0.39, 0.92) * v_world.xy / 83.0);
+  vec4 fine = texture(u_noise, mat2(0.80, -0.60, 0.60, 0.80) * v_world.xy / 7.3);
+  vec3 c = v_colour.rgb * (1.0 + v_style.z * (0.6 * (wide.r - 0.5) + 0.45 * (fine.r - 0.5) + 0.7 * (fine.b - 0.5)));
+  c = mix(c, PATCH, smoothstep(0.40, 0.78, wide.g * 0.8 + fine.g * 0.2) * v_style.w);
   vec2 joint = abs(fract(v_world.xy / v_style.x) - 0.5);
   vec2 w = (abs(dFdx(v_world.xy)) + abs(dFdy(v_world.xy))) / v_style.x;
   vec2 seam = clamp((joint - 0.485) / w + 0.5, 0.0, 1.0) * clamp(0.5 - w, 0.0, 1.0) * 2.0;
@@ -218,7 +218,7 @@ _PAVE = """
 PAVING = (
     _HEAD
     + """
-#define PATCH vec3(0.20, 0.18, 0.085)
+#define PATCH vec3(0.125, 0.135, 0.060)
 void main() {
 """
     + _PAVE
@@ -233,7 +233,7 @@ void main() {
 GROUND = (
     _HEAD
     + """
-#define PATCH vec3(0.105, 0.135, 0.05)
+#define PATCH vec3(0.110, 0.130, 0.058)
 uniform sampler2D u_map;
 uniform vec4 u_map_bounds;      // west, south, 1 / width, 1 / height
 uniform vec2 u_map_range;       // from here on the map takes over, until there

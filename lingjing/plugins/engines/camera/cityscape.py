@@ -12,11 +12,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import moderngl
-import msgspec
 import numpy as np
 import numpy.typing as npt
 
 from lingjing.plugins.engines.camera import city_shaders as shaders
+from lingjing.plugins.engines.camera.classes import FIRST_ENTITY
+from lingjing.plugins.engines.camera.effects import Dress
+from lingjing.plugins.engines.camera.effects.targets import SHOWING
 from lingjing.plugins.engines.camera.instances import Batch, prop_batches
 from lingjing.plugins.engines.camera.light import Light
 from lingjing.plugins.engines.camera.mesh_rows import LAYOUT, Part
@@ -33,7 +35,7 @@ from lingjing.plugins.engines.camera.sight import (
 )
 from lingjing.plugins.engines.camera.skyline import Skyline, build_skyline
 from lingjing.plugins.engines.camera.tilemesh import CASTERS, TileMesh, Under, crossings_of, mesh_tile
-from lingjing.scene.city import City, Pieces, Tile
+from lingjing.scene.city import City, Junction, Pieces, Prop, Tile
 from lingjing.scene.tiles import Key, Tiles
 from lingjing.trace.records import CameraPose
 
@@ -80,6 +82,7 @@ class Resident:
     mesh: TileMesh
     sheets: Mapping[str, Sheet]
     props: tuple[Batch, ...]
+    lively: tuple[Prop, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,19 +97,11 @@ class View:
     closest_m: float
 
 
-class Dressing(msgspec.Struct, frozen=True):
-    """What a mission changes about the pieces of tiles: the whole of a changed tile, and ids of buildings that are an
-    entity's."""
-
-    tiles: dict[Key, Pieces] = {}
-    faced: dict[str, int] = {}
-
-
 class Cityscape:
     """Owns the GL objects of one city; `release` frees them."""
 
-    def __init__(self, context: moderngl.Context, city: City, under: Under, dressing: Dressing) -> None:
-        self._context, self._city, self._under, self._dressing = context, city, under, dressing
+    def __init__(self, context: moderngl.Context, city: City, under: Under) -> None:
+        self._context, self._city, self._under, self._dress = context, city, under, Dress()
         self._programs: dict[tuple[str, bool, bool], moderngl.Program] = {}
         self._caster = context.program(vertex_shader=shaders.CASTER_VERTEX, fragment_shader=shaders.CASTER_FRAGMENT)
         self.tiles = Tiles(city)
@@ -129,6 +124,17 @@ class Cityscape:
         self._shade_is: tuple[Window, tuple[Key, ...]] | None = None
         self.shade_matrix = np.eye(4)
         self.light_uniform: tuple[float, ...] = ()
+
+    def dress(self, dress: Dress) -> None:
+        """Take over what a mission changes; tiles that may have changed are made anew."""
+        old, self._dress = self._dress, dress
+        if (old.tiles, old.faced) == (dress.tiles, dress.faced):
+            return
+        anew = set(self._residents) if old.faced != dress.faced else {*old.tiles, *dress.tiles} & set(self._residents)
+        for key in anew:
+            for sheet in self._residents.pop(key).sheets.values():
+                sheet.release()
+        self._shade_is = None
 
     # -- choosing
 
@@ -183,15 +189,16 @@ class Cityscape:
                 sheet.release()
 
     def _ready(self, key: Key) -> Resident:
-        pieces: Pieces = self._dressing.tiles.get(key) or self.tiles.load(key)
+        pieces: Pieces = self._dress.tiles.get(key) or self.tiles.load(key)
+        faced = {building: FIRST_ENTITY + number for building, number in self._dress.faced.items()}
         crossings = crossings_of(self._junctions_near(key))
-        mesh = mesh_tile(pieces, crossings, self._dressing.faced, self._under)
+        mesh = mesh_tile(pieces, crossings, faced, self._under)
         sheets = {name: self._upload(name, part, casts=name in CASTERS) for name, part in mesh.parts.items()
                   if len(part.index)}  # fmt: skip
         bare = TileMesh({}, mesh.boxes, mesh.low, mesh.high)
-        return Resident(bare, sheets, prop_batches(pieces))
+        return Resident(bare, sheets, prop_batches(pieces), tuple(p for p in pieces.props if p.model in SHOWING))
 
-    def _junctions_near(self, key: Key) -> tuple[object, ...]:
+    def _junctions_near(self, key: Key) -> tuple[Junction, ...]:
         west, south, _, east, north, _ = self._skyline.boxes[self._number[key]].tolist()
         radius = float(np.hypot(east - west, north - south)) / 2.0 + CROSSINGS_REACH_M
         near: tuple[Tile, ...] = self.tiles.near((west + east) / 2.0, (south + north) / 2.0, radius)

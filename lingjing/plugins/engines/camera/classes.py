@@ -25,11 +25,47 @@ CLASSES: dict[str, int] = {
     "debris": 8,
     "moored_boat": 9,
     "tree": 10,
+    "building": 11,
+    "road": 12,
+    "bridge": 13,
+    "pipe": 14,
     "prop": 15,
     "person_in_water": 16,
     "lifeboat": 17,
     "quadrotor": 18,
+    "fixed_wing": 19,
+    "robot_dog": 20,
+    "car": 21,
+    "delivery_van": 22,
+    "truck": 23,
+    "bus": 24,
+    "fire_truck": 25,
+    "motorcycle": 26,
+    "bicycle": 27,
+    "person": 28,
+    "taxi": 29,
+    "satellite": 30,
     "entity": 31,
+    "building_fire": 32,
+    "fire_source": 33,
+    "pipeline_leak": 34,
+    "bridge_fracture": 35,
+    "congestion": 36,
+    "destination": 37,
+    "delivery_point": 38,
+    "delivery_door": 39,
+    "warehouse": 40,
+    "reference_building": 41,
+    "queue_of_people": 42,
+    "sidewalk": 48,
+    "plaza": 49,
+    "container": 50,
+    "lamp": 51,
+    "bench": 52,
+    "crates": 53,
+    "parked_car": 54,
+    "parked_truck": 55,
+    "steam_vent": 56,
 }
 """Class name → value in a `semantic` picture. `prop` and `entity` stand for what has no class of its own."""
 
@@ -42,7 +78,12 @@ def prop_class(cls: str) -> int:
     return CLASSES.get(cls, CLASSES["prop"])
 
 
+def entity_class(entity: Entity) -> int:
+    """Class id of an entity: its type's, else that of the nearest type that has one among those it extends."""
+    return next((CLASSES[kind] for kind in (entity.type, *entity.bases) if kind in CLASSES), CLASSES["entity"])
+
+
 def semantic_table(entities: Sequence[Entity]) -> npt.NDArray[np.uint8]:
     """Table from drawn id to class id, for ids below `FIRST_ENTITY + len(entities)`."""
-    kinds = [CLASSES.get(entity.type, CLASSES["entity"]) for entity in entities]
+    kinds = [entity_class(entity) for entity in entities]
     return np.array([*range(FIRST_ENTITY), *kinds], dtype=np.uint8)

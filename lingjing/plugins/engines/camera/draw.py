@@ -10,7 +10,7 @@ have a shadow map (`cityscape`).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import moderngl
 import numpy as np
@@ -18,9 +18,10 @@ import numpy.typing as npt
 
 from lingjing.mission.instance import Weather
 from lingjing.plugins.engines.camera import city_shaders, shaders, uniforms
-from lingjing.plugins.engines.camera.cityscape import Cityscape, Dressing, View
+from lingjing.plugins.engines.camera.cityscape import Cityscape, View
 from lingjing.plugins.engines.camera.classes import CLASSES
 from lingjing.plugins.engines.camera.context import open_context, renderer_name
+from lingjing.plugins.engines.camera.effects import Dress, prop_effects
 from lingjing.plugins.engines.camera.effects.drawing import EffectPass
 from lingjing.plugins.engines.camera.effects.particles import BILLBOARD, DECAL
 from lingjing.plugins.engines.camera.ground import SHORE_REACH_M, Ground
@@ -108,7 +109,7 @@ class Renderer:
         texture.build_mipmaps()
         return texture
 
-    def load(self, ground: Ground, town: tuple[City, Under, Dressing] | None = None) -> None:
+    def load(self, ground: Ground, town: tuple[City, Under] | None = None) -> None:
         """Replace the static geometry; `town` is a city with streets and buildings."""
         with self.context:
             self._unload()
@@ -129,8 +130,14 @@ class Renderer:
         west, south, east, north = ground.bounds
         self._bounds = west, south, 1.0 / (east - west), 1.0 / (north - south)
 
-    def _load_town(self, city: City, under: Under, dressing: Dressing) -> None:
-        self._town = Cityscape(self.context, city, under, dressing)
+    def dress(self, dress: Dress) -> None:
+        """Take over what a mission changes about a town."""
+        if self._town is not None:
+            with self.context:
+                self._town.dress(dress)
+
+    def _load_town(self, city: City, under: Under) -> None:
+        self._town = Cityscape(self.context, city, under)
         self._surfaces = [(land, self._shaded_land(model, land)) for land, model in self._surfaces]
         for level, part in self._town.plate.waters:
             vertices = self.context.buffer(np.ascontiguousarray(part.vertices["position"]).tobytes())
@@ -167,7 +174,7 @@ class Renderer:
         light = light_of(scenery.weather, pose.position[2] - self._level)
         view = self._town.view(pose, scenery.weather.visibility_m, light) if self._town is not None else None
         if view is not None:
-            self._shade(view, light)
+            self._shade(view)
         target = self._target((pose.width, pose.height), depth)
         self._prepare(pose, scenery, light, view)
         target.frame.use()
@@ -187,6 +194,7 @@ class Renderer:
             self._town.floors(view, *weather)
         self._waters()
         self._sky_vao.render()
+        scenery = self._enlivened(scenery, view)
         drawn = self._fill(pose, scenery, light)
         self._blend(target, drawn, scenery, light)
         for model, _, count in drawn:
@@ -216,7 +224,19 @@ class Renderer:
         self.context.enable_only(moderngl.DEPTH_TEST)
         target.write(colour=True, alpha=True, rest=True)
 
-    def _shade(self, view: View, light: Light) -> None:
+    def _enlivened(self, scenery: Scenery, view: View | None) -> Scenery:
+        """The scenery with the effects of the tiles' props."""
+        if self._town is None or view is None:
+            return scenery
+        props = [prop for key in view.full for prop in self._town.resident(key).lively]
+        found = [prop_effects(prop, scenery.time_s, scenery.weather) for prop in props]
+        return replace(
+            scenery,
+            billboards=np.concatenate([scenery.billboards, *(_soft(effects.billboards) for effects in found)]),
+            decals=np.concatenate([scenery.decals, *(effects.decals for effects in found)]),
+        )
+
+    def _shade(self, view: View) -> None:
         """Bring the shadow map up to date, plants and other props included."""
         assert self._town is not None
         if not self._town.shade(view):
@@ -310,7 +330,8 @@ class Renderer:
         for texture in self._sea:
             texture.filter = (moderngl.LINEAR if _close(pose, self._level) else MIPMAPPED), moderngl.LINEAR
         values: dict[str, object] = {**uniforms.air(light, scenery.time_s, scenery.weather.wind_mps)}
-        values |= {**self._sea_values(scenery), "u_level": self._level, "u_rain": light.rain}
+        values |= {**self._sea_values(scenery), "u_level": self._level, "u_rain": light.rain,
+                   "u_silt": float(self._town is not None and self._town.plate.sea is None)}
         programs: tuple[moderngl.Program, ...] = (*self._programs, *self._effects.programs)
         near = uniforms.bay_near(pose)
         if self._town is not None and view is not None:
@@ -441,6 +462,13 @@ def _closest(scenery: Scenery, pose: CameraPose) -> float:
         away = np.linalg.norm(at - eye, axis=1)[seen] - batch.radius[seen]
         nearest = min(nearest, float(away.min(initial=np.inf)))
     return max(nearest, 0.0)
+
+
+def _soft(rows: npt.NDArray[np.void]) -> npt.NDArray[np.void]:
+    """Billboards of a prop: what is a body there has the id of props."""
+    rows = rows.copy()
+    rows["id"] *= CLASSES["prop"]
+    return rows
 
 
 def _merged(groups: Sequence[Sequence[Batch]]) -> list[Batch]:

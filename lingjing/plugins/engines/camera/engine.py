@@ -17,8 +17,8 @@ from lingjing.mission.instance import CameraSpec, Entity, Weather
 from lingjing.plugins.engine import Boundary, CaptureRequest, EngineSpec, Frame
 from lingjing.plugins.engines.camera.boxes import entity_boxes
 from lingjing.plugins.engines.camera.classes import MAX_ENTITIES, semantic_table
-from lingjing.plugins.engines.camera.cityscape import Dressing
 from lingjing.plugins.engines.camera.draw import Renderer, Scenery
+from lingjing.plugins.engines.camera.effects import Site, dress
 from lingjing.plugins.engines.camera.ground import build_ground, height_under, water_level
 from lingjing.plugins.engines.camera.instances import Batch, prop_batches
 from lingjing.plugins.engines.camera.noise import noise_texture
@@ -28,6 +28,7 @@ from lingjing.plugins.engines.schedule import Schedule
 from lingjing.plugins.engines.terrain import Terrain
 from lingjing.plugins.geometry import mounted_camera_pose
 from lingjing.scene.city import City
+from lingjing.scene.tiles import Tiles
 from lingjing.trace.records import BodyState, Command, FrameInfo, Receipt
 
 HIDDEN_STATUSES = frozenset({"rescued", "dormant"})
@@ -46,6 +47,7 @@ class CameraEngine:
         self._oceans: dict[Weather, Ocean] = {}
         self._schedule: Schedule | None = None
         self._terrain: Terrain | None = None
+        self._sites: dict[str, Site] = {}
         self._seed = 0
         self._states: dict[str, BodyState] = {}
         self._ambient: tuple[BodyState, ...] = ()
@@ -63,6 +65,11 @@ class CameraEngine:
             self._build(self._renderer, city)
         self._spec, self._time_s, self._seed = spec, 0.0, seed
         self._oceans, self._schedule = {}, Schedule(spec.instance)
+        self._sites = {}
+        if self._terrain is not None:
+            changed = dress(Tiles(city).near, self._terrain.surface, entities)
+            self._renderer.dress(changed)
+            self._sites = changed.sites
         self._states = {e.id: BodyState(id=e.id, position=e.position, heading_deg=e.heading_deg) for e in entities}
         self._ambient = ()
         return Boundary(engine=spec.engine, time_s=0.0)
@@ -138,7 +145,7 @@ class CameraEngine:
         if city.store or any(getattr(city, kind) for kind in TOWN):
             terrain = self._terrain = Terrain(city)
             renderer.load(build_ground(msgspec.structs.replace(city, solids=()), noise),
-                          (city, terrain.surface, Dressing()))  # fmt: skip
+                          (city, terrain.surface))  # fmt: skip
             self._props = ()
         else:
             renderer.load(build_ground(city, noise))
@@ -162,9 +169,10 @@ class CameraEngine:
             here = state.status not in HIDDEN_STATUSES and self._schedule.present(entity.id, self._time_s)
             if entity.id != viewer.id and here:
                 shown.append((number, entity, state))
-        cast = stage(shown, self._ambient, self._time_s, self._under, self._level)
+        cast = stage(shown, self._ambient, self._sites, self._time_s, weather, self._under, self._level)
         sea = self._ocean(weather).surfaces(self._time_s)
-        return Scenery(self._time_s, weather, sea, (*self._props, *cast.batches), cast.marks)
+        return Scenery(self._time_s, weather, sea, (*self._props, *cast.batches), cast.marks,
+                       cast.billboards, cast.decals)  # fmt: skip
 
     def _ocean(self, weather: Weather) -> Ocean:
         if weather not in self._oceans:

@@ -172,6 +172,7 @@ def _profile(into: Grid, rise: float, slope: float, xs: Grid, ys: Grid, number: 
     x, y = np.meshgrid(xs, ys)
     relief = np.sin(x / 17.0 + number) * np.sin(y / 13.0 + 2.0 * number) + 0.6 * np.sin(x / 7.3 - y / 9.1 + number)
     ramp = -0.15 + slope * (into + 0.6 * relief)
+    rise = max(rise, 1e-3)
     hills = 0.5 * np.sin(x / 210.0 + 0.7) * np.sin(y / 170.0 + np.sin(x / 330.0)) if rise > 15.0 else 0.0
     top = rise * (1.0 + 0.05 * relief + hills)
     smooth = np.minimum(ramp, top)
@@ -212,13 +213,24 @@ def _solids(city: City, level: float) -> tuple[tuple[float, Array], ...]:
     return tuple((plane, merge(*meshes)) for plane, meshes in sorted(parts.items()))
 
 
+def _wet(city: City, xs: Grid, ys: Grid) -> npt.NDArray[np.bool_]:
+    """Where waters lie; a city without any is drawn in the sea."""
+    wet = np.zeros((len(ys), len(xs)), bool)
+    for water in city.waters:
+        here = fill(water.polygon, xs, ys)
+        for hole in water.holes:
+            here &= ~fill(hole, xs, ys)
+        wet |= here
+    return wet if city.waters else ~wet
+
+
 def _shore_map(city: City, noise: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
     """(SHORE_SIZE, SHORE_SIZE, 2) bytes: square root of the distance to land over `SHORE_REACH_M`, slow patches."""
     west, south, east, north = city.bounds
     cell = (east - west) / SHORE_SIZE
     xs = west + cell * (np.arange(SHORE_SIZE) + 0.5)
     ys = south + (north - south) / SHORE_SIZE * (np.arange(SHORE_SIZE) + 0.5)
-    land = np.zeros((SHORE_SIZE, SHORE_SIZE), bool)
+    land = ~_wet(city, xs, ys)
     for part in city.lands:
         land |= fill(part.polygon, xs, ys)
     reach = np.full(land.shape, SHORE_REACH_M)

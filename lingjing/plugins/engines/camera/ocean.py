@@ -99,6 +99,8 @@ class Ocean:
         if self._cover < 2e-5:
             return np.zeros((SIZE, SIZE))
         sharpness = _field(np.hypot(waves.kx, waves.ky) * spectrum)
+        if not sharpness.any():
+            return np.zeros((SIZE, SIZE))
         limit = float(np.quantile(sharpness, 1.0 - self._cover))
         spread = max(float(sharpness.std()) * 0.5, 1e-9)
         return np.clip((sharpness - limit) / spread + 0.5, 0.0, 1.0)

@@ -18,20 +18,20 @@ from lingjing.plugins.engines.camera.meshes import Colour
 from lingjing.scene.city import Area, Junction, Lane, Polygon, Road
 
 SURFACES: dict[str, tuple[Colour, Style]] = {
-    "ground": ((0.205, 0.195, 0.160), (9.0, 0.0, 0.55, 0.45)),
-    "park": ((0.100, 0.150, 0.042), (9.0, 0.0, 0.60, 0.45)),
-    "grass": ((0.095, 0.145, 0.038), (9.0, 0.0, 0.60, 0.35)),
+    "ground": ((0.205, 0.200, 0.182), (9.0, 0.0, 0.45, 0.50)),
+    "park": ((0.085, 0.125, 0.040), (9.0, 0.0, 0.60, 0.35)),
+    "grass": ((0.090, 0.130, 0.038), (9.0, 0.0, 0.60, 0.25)),
     "forest": ((0.045, 0.075, 0.024), (9.0, 0.0, 0.80, 0.30)),
     "plaza": ((0.360, 0.335, 0.300), (1.5, 0.30, 0.22, 0.0)),
     "sidewalk": ((0.330, 0.320, 0.300), (0.75, 0.22, 0.20, 0.0)),
     "parking": ((0.105, 0.107, 0.112), (9.0, 0.0, 0.40, 0.0)),
     "asphalt": ((0.085, 0.087, 0.092), (9.0, 0.0, 0.40, 0.0)),
     "industrial": ((0.235, 0.225, 0.210), (6.0, 0.30, 0.45, 0.12)),
-    "residential": ((0.215, 0.205, 0.155), (9.0, 0.0, 0.45, 0.60)),
+    "residential": ((0.225, 0.220, 0.200), (9.0, 0.0, 0.45, 0.60)),
     "commercial": ((0.285, 0.272, 0.252), (2.4, 0.20, 0.28, 0.0)),
     "sand": ((0.420, 0.330, 0.210), (9.0, 0.0, 0.30, 0.0)),
     "concrete": ((0.300, 0.300, 0.290), (6.0, 0.35, 0.30, 0.0)),
-    "pitch": ((0.075, 0.170, 0.050), (9.0, 0.0, 0.25, 0.0)),
+    "pitch": ((0.070, 0.145, 0.050), (9.0, 0.0, 0.25, 0.0)),
 }
 """Surface → (colour, (spacing of joints in metres, their strength, contrast of its grain, share of bare patches))."""
 
@@ -47,9 +47,9 @@ IDS = {
 """Surface → semantic class where that is not the surface's own or `concrete`."""
 
 CYCLE_RED: Colour = (0.20, 0.075, 0.055)
-KERB_M = 0.12
+KERB_M = 0.2
 TOP_AREA = 6.0
-JUNCTION_LAYER, LANE_LAYER = 7.0, 8.0
+JUNCTION_LAYER, LANE_LAYER, WALK_LAYER, KERB_LAYER = 7.0, 8.0, 9.0, 10.0
 NONE, EDGE, DASHES, CENTRE = 0, 1, 2, 3
 ZEBRA_START, ZEBRA_END, STOP_END = 1, 2, 4
 QUIET = ("service", "footway", "path", "living_street", "track", "cycleway", "steps", "pedestrian")
@@ -103,17 +103,19 @@ def lanes(given: Iterable[Road], crossings: Sequence[Polygon]) -> Part:
     near = [shapely.Polygon(ring).buffer(1.5) for ring in crossings if len(ring) > 2]
     tree = shapely.STRtree(near)
     parts = []
-    for road in given:
+    for number, road in enumerate(given):
         if road.tunnel:
             continue
         driven = [lane for lane in road.lanes if lane.kind != "foot"]
         for place, lane in enumerate(driven):
-            parts.append(_lane(road, lane, place, driven, tree))
+            part = _lane(road, lane, place, driven, tree)
+            part.vertices["layer"] += number % 4 * 0.25  # roads that lie on one another do not flicker
+            parts.append(part)
     return joined(parts)
 
 
 def pavements(given: Iterable[Road]) -> Part:
-    """The raised walkways along roads with their kerbs."""
+    """The walkways along roads with their kerb stones."""
     colour, style = SURFACES["sidewalk"]
     number = surface_id("sidewalk")
     parts = []
@@ -122,7 +124,7 @@ def pavements(given: Iterable[Road]) -> Part:
             if lane.kind == "foot" and not road.tunnel and len(lane.shape) > 1:
                 left, right, _ = _edges(lane)
                 parts.append(_ribbon(left, right, colour, style, number))
-                for side, turn in ((left, 1.0), (right, -1.0)):
+                for side, turn in ((left, -1.0), (right, 1.0)):
                     parts.append(_kerb(side, turn, number))
     return joined(parts)
 
@@ -191,18 +193,17 @@ def _edges(lane: Lane) -> tuple[Floats, Floats, Floats]:
 
 
 def _ribbon(left: Floats, right: Floats, colour: Colour, style: Style, number: int) -> Part:
-    up = np.array([0.0, 0.0, KERB_M])
-    position = np.stack([left[:-1], right[:-1], right[1:], left[1:]], axis=1).reshape(-1, 3) + up
-    vertices = rows(position, (0.0, 0.0, 1.0), colour, number, at=position[:, :2], style=style)
+    position = np.stack([left[:-1], right[:-1], right[1:], left[1:]], axis=1).reshape(-1, 3)
+    vertices = rows(position, (0.0, 0.0, 1.0), colour, number, at=position[:, :2], style=style, layer=WALK_LAYER)
     return Part(vertices, quads(len(left) - 1))
 
 
 def _kerb(line: Floats, turn: float, number: int) -> Part:
-    """The kerb under one edge of a walkway; `turn` 1 faces left of the line, -1 right."""
-    up = np.array([0.0, 0.0, KERB_M])
+    """The kerb stones along one edge of a walkway, which lies to the left (`turn` 1) or right (-1) of the line."""
     step = np.diff(line[:, :2], axis=0)
     side = turn * np.column_stack([-step[:, 1], step[:, 0]]) / np.maximum(np.linalg.norm(step, axis=1), 1e-6)[:, None]
-    normal = np.repeat(np.column_stack([side, np.zeros(len(side))]), 4, axis=0)
-    position = np.stack([line[:-1], line[1:], line[1:] + up, line[:-1] + up], axis=1).reshape(-1, 3)
-    vertices = rows(position, normal, (0.26, 0.26, 0.25), number, style=(9.0, 0.0, 0.2, 0.0))
+    inwards = np.column_stack([side, np.zeros(len(side))]) * KERB_M
+    position = np.stack([line[:-1], line[1:], line[1:] + inwards, line[:-1] + inwards], axis=1).reshape(-1, 3)
+    vertices = rows(position, (0.0, 0.0, 1.0), (0.40, 0.40, 0.385), number, style=(9.0, 0.0, 0.2, 0.0),
+                    layer=KERB_LAYER)  # fmt: skip
     return Part(vertices, quads(len(line) - 1))

@@ -184,6 +184,7 @@ uniform vec2 u_swell_scale, u_ripple_scale;   // metres and slope of a full defl
 uniform vec2 u_lengths;                       // patch lengths
 uniform vec4 u_bounds;                        // west, south, 1 / width, 1 / height
 uniform float u_reach;
+uniform float u_silt;                         // 0 the sea … 1 a slow river
 void main() {
   vec3 ray = ray_of(gl_FragCoord.xy);
   float depth = (u_level - u_eye.z) / ray.z;
@@ -215,6 +216,7 @@ void main() {
   vec3 body = mix(vec3(0.008, 0.052, 0.072), vec3(0.016, 0.074, 0.086), shore.g);
   body = mix(body, vec3(0.055, 0.215, 0.20), shoal * (0.55 + 0.45 * near));
   body = mix(body, vec3(0.27, 0.29, 0.20), shoal * shoal * shoal);
+  body = mix(body, vec3(0.088, 0.105, 0.078) * (0.8 + 0.4 * shore.g), 0.85 * u_silt);
   float lit = 0.55 + 0.45 * max(dot(n, u_sun), 0.0) / max(u_sun.z, 0.2);
   body *= lit * (1.0 + 0.35 * clamp(height, -1.0, 1.6) + 1.6 * dot(slope, -u_sun.xy));
   vec3 colour = body * (0.35 * u_sunlight + u_skylight) + sky_of(r) * fresnel * 1.15;
@@ -228,7 +230,7 @@ void main() {
   float foam = a.w * smoothstep(0.78 - 0.28 * a.w, 1.06 - 0.28 * a.w, lace);
   float swash = land - 1.6 + 0.8 * sin(u_time * 0.7 + c.a * 9.0) + 4.0 * (shore.g + c.a - 1.0) + 1.2 * height;
   float surf = smoothstep(0.50, 0.80, lace + 0.16 * smoothstep(1.5, -1.0, swash));
-  foam = max(foam, 0.85 * smoothstep(2.6, -0.4, swash) * surf);
+  foam = max(foam, 0.85 * smoothstep(2.6, -0.4, swash) * surf * (1.0 - u_silt));
   colour = mix(colour, vec3(0.62, 0.66, 0.67) * (0.55 * u_sunlight + u_skylight), foam);
 
   o_colour = developed(fogged(colour, range, v.z));

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import msgspec
 import numpy as np
 import numpy.typing as npt
 
-from lingjing.mission.instance import Entity
+from lingjing.mission.instance import Entity, Weather
 from lingjing.plugins.engines.camera.classes import CLASSES, FIRST_ENTITY
+from lingjing.plugins.engines.camera.effects import BILLBOARD, DECAL, Site, effects_of
 from lingjing.plugins.engines.camera.instances import Batch, entity_batches, marks, matrix
 from lingjing.plugins.engines.camera.meshes import Array
 from lingjing.plugins.engines.camera.models import Part, ambient_parts, entity_parts
@@ -30,18 +31,24 @@ class Cast:
 
     batches: tuple[Batch, ...]
     marks: npt.NDArray[np.void]
+    billboards: npt.NDArray[np.void]
+    decals: npt.NDArray[np.void]
 
 
 def stage(
     entities: Iterable[tuple[int, Entity, BodyState]],
     ambient: Sequence[BodyState],
+    sites: Mapping[str, Site],
     time_s: float,
+    weather: Weather,
     under: Support,
     level_m: float,
 ) -> Cast:
-    """The cast of the entities (with their numbers in the instance) and of background traffic."""
+    """The cast of the entities (with their numbers in the instance) and of background traffic; `sites` says by entity
+    what lies about it, where that matters."""
     drawn: list[tuple[npt.NDArray[np.float64], str, Array, int, float]] = []
     wet = []
+    billboards, decals = [np.zeros(0, BILLBOARD)], [np.zeros(0, DECAL)]
     for number, entity, state in entities:
         plane = under(*state.position)
         if entity.type in AFLOAT and plane == level_m:
@@ -49,10 +56,16 @@ def stage(
             wet.append((state, entity.type))
         parts = entity_parts(entity, state, time_s)
         drawn += _placed(state, parts, "entity", FIRST_ENTITY + number, plane)
+        effects = effects_of(entity, state, time_s, weather, sites.get(entity.id, Site(plane)))
+        drawn += [(s.rows, f"effect/{s.key}", s.mesh, FIRST_ENTITY + number, s.plane) for s in effects.solids]
+        rows = effects.billboards.copy()
+        rows["id"] *= FIRST_ENTITY + number
+        billboards.append(rows)
+        decals.append(effects.decals)
     for state in ambient:
         number = CLASSES.get(state.kind, CLASSES["entity"])
         drawn += _placed(state, ambient_parts(state, time_s), "entity", number, state.position[2])
-    return Cast(entity_batches(drawn), marks(wet))
+    return Cast(entity_batches(drawn), marks(wet), np.concatenate(billboards), np.concatenate(decals))
 
 
 def _placed(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import hypot
+
 import numpy as np
 
 from lingjing.plugins.engines.camera.light import Light
@@ -20,7 +22,7 @@ def view(pose: CameraPose, near: float) -> dict[str, object]:
     """The camera. From orbit the far plane lies beyond the ground."""
     right, down, axis = camera_axes(pose)
     focal = focal_px(pose)
-    far = max(FAR_M, 2.0 * pose.position[2])
+    far = max(FAR_M, 1.5 * hypot(*pose.position))
     a, b = (far + near) / (far - near), -2.0 * far * near / (far - near)
     sx, sy = 2.0 * focal / pose.width, 2.0 * focal / pose.height
     clip = np.zeros((4, 4))

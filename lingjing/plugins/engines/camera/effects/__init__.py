@@ -28,11 +28,12 @@ from __future__ import annotations
 
 from lingjing.plugins.engines.camera.effects.city import Site, dressed, faced, site_of
 from lingjing.plugins.engines.camera.effects.particles import BILLBOARD, DECAL, Effects, Solid, joined
-from lingjing.plugins.engines.camera.effects.targets import effects_of, prop_effects
+from lingjing.plugins.engines.camera.effects.targets import SHOWING, effects_of, prop_effects
 
 __all__ = [
     "BILLBOARD",
     "DECAL",
+    "SHOWING",
     "Effects",
     "Site",
     "Solid",

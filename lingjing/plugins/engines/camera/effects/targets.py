@@ -24,10 +24,14 @@ def effects_of(entity: Entity, state: BodyState, time_s: float, weather: Weather
     return NOTHING if build is None else build(entity, state, time_s, weather, site)
 
 
+SHOWING = frozenset({"steam", "steam_vent", "fountain"})
+"""Prop models that have an effect."""
+
+
 def prop_effects(prop: Prop, time_s: float, weather: Weather) -> Effects:
     """What a prop shows beside its model."""
     place = np.array(prop.position, float)
-    if prop.model == "steam":
+    if prop.model in ("steam", "steam_vent"):
         return water.steam(seed_of(prop.id), place, 1.4 * prop.scale, time_s, weather)
     if prop.model == "fountain":
         return water.fountain(seed_of(prop.id), place, time_s)

@@ -14,7 +14,8 @@ sailboat, driftwood*, barrel*, seaweed*, tarpaulin*, rowing_boat*, dinghy*, fish
 and yards: lamp, park_lamp, bench, bin*, bollard, cone, hydrant, traffic_light, bus_stop, fence (3 m along x),
 container*, container_long*, pallets*, crates*, drums*, tank*, silo, chimney, steam (steams), fountain (sprays),
 water_tank, rooftop_unit*, parasol*, stall*, billboard*, gantry. Standing: car*, taxi, delivery_van*, truck*, bus*,
-motorcycle*, person*.
+motorcycle*, person*; parked_car*, parked_truck*, parked_van* and steam_vent are other names of car, truck,
+delivery_van and steam.
 """
 
 from __future__ import annotations

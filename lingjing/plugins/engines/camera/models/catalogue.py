@@ -186,7 +186,8 @@ _PARKED: dict[str, tuple[Callable[[int], Array], int]] = {
     "motorcycle": (vehicles.motorcycle, 3),
     "person": (lambda v: people.pedestrian(v, people.STAND), len(people.OUTFITS)),
 }
+_PARKED |= {"parked_car": _PARKED["car"], "parked_truck": _PARKED["truck"], "parked_van": _PARKED["delivery_van"]}
 VARIED = sea.VARIED | nature.VARIED | street.VARIED | _PARKED
 """Prop models that come in several looks, picked by the prop's option `variant`."""
-SINGLE = sea.SINGLE | nature.SINGLE | street.SINGLE | {"taxi": vehicles.taxi}
+SINGLE = sea.SINGLE | nature.SINGLE | street.SINGLE | {"taxi": vehicles.taxi, "steam_vent": street.SINGLE["steam"]}
 """Prop models of one look."""
