@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import msgspec
@@ -31,7 +31,8 @@ WARM_UP_STEPS = 100
 
 FARTHEST_ROAD_M = 2000.0
 _CLEARED = "cleared"
-_PARKED_STEPS = 50
+_ROOM_STEPS = 10
+_ROOM_ROUNDS = 3
 
 
 class RoadEngine(FleetEngine):
@@ -64,6 +65,7 @@ class RoadEngine(FleetEngine):
         self._planner = Planner(sim, graph, self._congestion, self.publish)
         self._graph = graph
         self._cleared: set[str] = set()
+        self._waited_for: dict[str, int] = {}
         self._looked_s = 0.0
         occupied = Occupied()
         for entity in owned:
@@ -74,7 +76,7 @@ class RoadEngine(FleetEngine):
             if self._schedule.present(jam.id, 0.0):
                 self._congestion.appear(jam, occupied)
         self._traffic.populate(count, occupied)
-        self._traffic.keep_off(self._congestion.blocked | self._parked_in())
+        self._traffic.keep_off(self._congestion.blocked)
         for _ in range(WARM_UP_STEPS if count else 3):
             sim.step()
             self._traffic.step()
@@ -112,11 +114,12 @@ class RoadEngine(FleetEngine):
         self._foreign.step(now)
         self._sim.step()
         self._traffic.step()
-        if self.clock.done % _PARKED_STEPS == 0:
-            self._traffic.keep_off(self._congestion.blocked | self._parked_in())
         self._contacts.step(self._vehicles, self._foreign.bodies.values(), now - self._looked_s, now)
+        standing = {vehicle.id for vehicle in self._vehicles.values() if vehicle.task is None}
         for vehicle in self._vehicles.values():
-            self._report(vehicle, now)
+            self._report(vehicle, standing, now)
+        if self.clock.done % _ROOM_STEPS == 0:
+            self._make_room()
 
     def states(self) -> Iterable[BodyState]:
         """Every vehicle of the mission."""
@@ -146,8 +149,8 @@ class RoadEngine(FleetEngine):
         boundary = super()._boundary()
         return msgspec.structs.replace(boundary, receipts=(*plans, *boundary.receipts)) if plans else boundary
 
-    def _report(self, vehicle: Vehicle, now_s: float) -> None:
-        outcome = vehicle.step()
+    def _report(self, vehicle: Vehicle, standing: Container[str], now_s: float) -> None:
+        outcome = vehicle.step(standing)
         if outcome == "":
             return
         self.requests.complete(vehicle.id, now_s)
@@ -185,16 +188,24 @@ class RoadEngine(FleetEngine):
             wanted = jam.id not in self._cleared and self._schedule.present(jam.id, time_s)
             if wanted != jam.blocking:
                 (self._congestion.appear if wanted else self._congestion.clear)(jam)
-                self._traffic.keep_off(self._congestion.blocked | self._parked_in())
+                self._traffic.keep_off(self._congestion.blocked)
 
-    def _parked_in(self) -> frozenset[str]:
-        """Edges with one lane only on which a vehicle of the mission stands without a task."""
-        edges = set()
+    def _make_room(self) -> None:
+        """Let vehicles without a task move aside that somebody waited for each time in the last seconds."""
         for vehicle in self._vehicles.values():
-            edge = self._graph.edges.get(vehicle.road) if vehicle.task is None else None
-            if edge is not None and len(edge.lanes) == 1:
-                edges.add(edge.id)
-        return frozenset(edges)
+            waiting = vehicle.task is None and not vehicle.is_aside and vehicle.is_waited_for() != ""
+            self._waited_for[vehicle.id] = self._waited_for.get(vehicle.id, 0) + 1 if waiting else 0
+            if self._waited_for[vehicle.id] >= _ROOM_ROUNDS and self._has_room(vehicle):
+                vehicle.make_room()
+
+    def _has_room(self, vehicle: Vehicle) -> bool:
+        """Whether no other vehicle of the mission stands aside next to it."""
+        here = vehicle.state(0.0).position
+        aside = (other for other in self._vehicles.values() if other.is_aside and other is not vehicle)
+        return all(
+            math.dist(here, other.state(0.0).position) > (vehicle.size.length_m + other.size.length_m) / 2.0 + 2.5
+            for other in aside
+        )
 
     def _collided(self, mover: str, other: str, speed_mps: float) -> None:
         self.emit("collided", mover, other, speed_mps=speed_mps)

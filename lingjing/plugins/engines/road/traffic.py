@@ -1,8 +1,8 @@
 """Background traffic: a number of vehicles that are kept driving from one random edge to the next.
 
 A vehicle that comes near the end of its trip is given a new destination, so none appears or vanishes while it is
-looked at; one that stood for minutes in a jam that does not dissolve is taken out and starts elsewhere. Edges that are
-blocked (a queue, a vehicle of the mission standing on a single lane) are driven around where a way around exists.
+looked at; one that stood for minutes in a jam that does not dissolve is taken out and starts elsewhere. Edges on which
+a queue stands are driven around where a way around exists.
 """
 
 from __future__ import annotations

@@ -2,16 +2,20 @@
 
 SUMO's position is the middle of the front bumper; here and in every state it is the middle of the vehicle. A vehicle
 that is to stay somewhere has a stop of SUMO's that never ends; one that is held anywhere else has its speed set to 0.
+
+A vehicle without a task stands on its lane. When somebody has to wait behind it, it makes room: it moves aside to the
+kerb and the lane is free. A vehicle that finds others of the mission standing where it wants to stop has arrived behind
+them.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from lingjing.mission.instance import Entity
+from lingjing.mission.instance import Entity, Vector
 from lingjing.plugins.engines.bodies import SIZES
 from lingjing.plugins.engines.road.graph import Graph, Place
 from lingjing.plugins.engines.road.kinds import SPEED_MPS, declare, kind_of, top_speed
@@ -30,6 +34,17 @@ _STILL_MPS = 1e-3
 _SAME_LOAD_KG = 0.5
 
 LOAD = "load_kg"
+
+ASIDE_M = 2.2
+"""How far to the right of its lane's middle a vehicle stands that has made room."""
+
+ASIDE_MPS = 1.1
+QUEUE_M = 40.0
+"""Within this distance of its goal a vehicle that stands behind others of the mission has arrived."""
+
+_SUMO_ASIDE_M = 3.2
+_WAIT_STEPS = 30
+_PARKING = 1
 
 Status = Literal["parked", "driving", "waiting", "arrived"]
 Outcome = Literal["", "done", "arrived"]
@@ -84,6 +99,9 @@ class Vehicle:
         self._payload_kg = _number(entity, "payload_kg", 0.0)
         self.first_load_kg = self.load_kg = _number(entity, LOAD, 0.0)
         self._arrived = False
+        self._waited = 0
+        self._makes_room = False
+        self._aside_m = 0.0
         declare(
             sim, f"type/{self.id}", self.kind, self._speed_mps, blue_light=bool(entity.properties.get("blue_light"))
         )
@@ -166,13 +184,36 @@ class Vehicle:
         self._begin(Task("halt", max(speed, STANDING_MPS)))
         self._arrived = False
 
-    def step(self) -> Outcome:
-        """Look after the task, before or after a step of the simulation; says when it is done."""
+    @property
+    def is_aside(self) -> bool:
+        """Whether it has made room."""
+        return self._makes_room
+
+    def make_room(self) -> None:
+        """Move aside to the kerb; ended by the next task. Within a junction there is none: it stays."""
+        vehicles = self._sim.vehicle
+        lane, at_m = vehicles.getLaneIndex(self.id), vehicles.getLanePosition(self.id)
+        stops = vehicles.getStops(self.id, 1)
+        try:
+            vehicles.setStop(self.id, self.road, stops[0].endPos if stops else at_m, lane, FOREVER_S, _PARKING)
+        except SumoError:
+            return
+        self._makes_room = True
+
+    def is_waited_for(self) -> str:
+        """Who stands right behind it, or ""."""
+        follower, gap = self._sim.vehicle.getFollower(self.id, 5.0)
+        standing = follower and 0.0 <= gap < 5.0 and self._sim.vehicle.getSpeed(follower) < STANDING_MPS
+        return str(follower) if standing else ""
+
+    def step(self, standing: Container[str]) -> Outcome:
+        """Look after the task behind a step of the simulation; says when it is done. `standing`: who has no task."""
+        self._shift()
         task = self.task
         if task is None:
             return ""
         if task.kind == "drive":
-            outcome = self._driven(task)
+            outcome = self._driven(task, standing)
         elif task.kind == "distance":
             outcome = self._covered(task)
         else:
@@ -191,9 +232,7 @@ class Vehicle:
             return 1.0 - self.speed_mps / task.total
         if task.plan is None:
             return (self.odometer_m - task.start_m) / max(task.total, 0.1)
-        goal = task.plan.goal
-        left = float(self._sim.vehicle.getDrivingDistance(self.id, goal.lane.edge, goal.at_m, goal.lane.index))
-        return 1.0 - min(max(left, 0.0) / task.total, 1.0)
+        return 1.0 - min(max(self._left_m(task), 0.0) / task.total, 1.0)
 
     def take_load(self, load_kg: float) -> None:
         """Carry this much from now on."""
@@ -208,7 +247,7 @@ class Vehicle:
         body = body_state(self._sim, self.id, self.id, self.size.length_m, ahead_s)
         return BodyState(
             id=self.id,
-            position=body.position,
+            position=self._beside(body),
             velocity=body.velocity,
             heading_deg=body.heading_deg,
             pitch_deg=float(vehicles.getSlope(self.id)),
@@ -216,16 +255,47 @@ class Vehicle:
             resources={LOAD: self.load_kg, "speed_mps": speed, "odometer_m": self.odometer_m},
         )
 
+    def _beside(self, body: BodyState) -> Vector:
+        """Where it stands across the lane: SUMO shows a parked vehicle a whole lane to the right at once."""
+        x, y, z = body.position
+        right = self._aside_m
+        if (right > 0.0 or self._makes_room) and self._sim.vehicle.isStoppedParking(self.id):
+            right -= _SUMO_ASIDE_M
+        angle = math.radians(body.heading_deg)
+        return (x + right * math.cos(angle), y - right * math.sin(angle), z)
+
     def _begin(self, task: Task) -> None:
         self.task = task
+        self._waited = 0
         self._arrived = False
 
-    def _driven(self, task: Task) -> Outcome:
-        vehicles, plan = self._sim.vehicle, task.plan
-        stops = vehicles.getStops(self.id, 1)
-        if not stops and self.speed_mps < STANDING_MPS and plan is not None:
+    def _driven(self, task: Task, standing: Container[str]) -> Outcome:
+        vehicles = self._sim.vehicle
+        self._waited = self._waited + 1 if self.speed_mps < STANDING_MPS else 0
+        if vehicles.isStopped(self.id) or (self._waited > 0 and not vehicles.getStops(self.id, 1)):
             return "arrived"
-        return "arrived" if stops and vehicles.isStopped(self.id) else ""
+        if self._waited >= _WAIT_STEPS and self._left_m(task) <= QUEUE_M:
+            ahead = vehicles.getLeader(self.id, 10.0)
+            if ahead and ahead[0] in standing:
+                self._release()
+                self._brake(0.0)
+                return "arrived"
+        return ""
+
+    def _left_m(self, task: Task) -> float:
+        """Metres to the goal; infinite where there is none on the way."""
+        if task.plan is None:
+            return math.inf
+        goal = task.plan.goal
+        left = float(self._sim.vehicle.getDrivingDistance(self.id, goal.lane.edge, goal.at_m, goal.lane.index))
+        return math.inf if left < -1e6 else left
+
+    def _shift(self) -> None:
+        """Move aside, or back into the lane once it drives."""
+        if self._makes_room or self._aside_m > 0.0:
+            goal = ASIDE_M if self._sim.vehicle.isStoppedParking(self.id) else 0.0
+            most = ASIDE_MPS * STEP_S
+            self._aside_m += min(max(goal - self._aside_m, -most), most)
 
     def _covered(self, task: Task) -> Outcome:
         left = task.total - (self.odometer_m - task.start_m)
@@ -261,6 +331,7 @@ class Vehicle:
         for _ in vehicles.getStops(self.id):
             vehicles.replaceStop(self.id, 0, "")
         vehicles.setSpeed(self.id, -1)
+        self._makes_room = False
 
     def _carry(self) -> None:
         vehicles = self._sim.vehicle
