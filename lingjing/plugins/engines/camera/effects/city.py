@@ -1,14 +1,13 @@
 """What targets do to the static city: a gap in a bridge, a building in the colour that its mission names.
 
-All are pure functions of a tile's pieces and the mission's entities. `site_of` says what an effect must know of its
-surroundings; `dressed` gives the pieces that the meshes of a tile are built from; `faced` names the building whose
-pixels are an entity's.
+All are pure functions of tiles and the mission's entities: `dress` looks at the tiles near each of them and gives the
+changed tiles, the buildings whose pixels are an entity's, and what each effect must know of its surroundings.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from itertools import pairwise
 from math import atan2, degrees, hypot, inf
 from typing import TypeVar
@@ -16,8 +15,10 @@ from typing import TypeVar
 import msgspec
 
 from lingjing.mission.instance import Entity, Vector
-from lingjing.scene.city import Bridge, Building, Lane, Pieces, Polygon, Road
+from lingjing.scene.city import Bridge, Building, Lane, Pieces, Polygon, Road, Tile
 
+AWARE = ("bridge_fracture", "pipeline_leak", "reference_building", "building_fire", "fire_source")
+"""Types whose looks depend on what they stand on."""
 NEAR_M = 40.0
 """A target belongs to the bridge or building within this distance of it, the nearest one."""
 GAP_M = 8.0
@@ -53,6 +54,42 @@ class Site:
     radius_m: float = 0.4
 
 
+@dataclass(frozen=True, slots=True)
+class Dress:
+    """What a mission changes: whole tiles by their key, building id → number of the entity that it is, entity id → its
+    surroundings."""
+
+    tiles: dict[tuple[int, int], Pieces] = field(default_factory=dict)
+    faced: dict[str, int] = field(default_factory=dict)
+    sites: dict[str, Site] = field(default_factory=dict)
+
+
+def dress(
+    near: Callable[[float, float, float], tuple[Tile, ...]],
+    ground: Callable[[float, float], float],
+    entities: Sequence[Entity],
+) -> Dress:
+    """The dress of a city for the entities of a mission. `near` gives the tiles about a point (`Tiles.near`), `ground`
+    the elevation of ground or water at one."""
+    made = Dress()
+    for number, entity in enumerate(entities):
+        if not any(is_a(entity, kind) for kind in AWARE):
+            continue
+        x, y, _ = entity.position
+        tiles = near(x, y, NEAR_M)
+        made.sites[entity.id] = site_of(entity, tiles, ground(x, y))
+        building = reference(tiles, entity) if is_a(entity, "reference_building") else None
+        if building is not None:
+            made.faced[building] = number
+        painted = {} if building is None else {building: entity}
+        for tile in tiles:
+            before = made.tiles.get(tile.key, tile)
+            after = dressed(before, (entity,), painted)
+            if after is not before:
+                made.tiles[tile.key] = after
+    return made
+
+
 def is_a(entity: Entity, kind: str) -> bool:
     """Whether an entity is of a type or of one that extends it."""
     return entity.type == kind or kind in entity.bases
@@ -73,11 +110,12 @@ def site_of(entity: Entity, near: Iterable[Pieces], ground_m: float) -> Site:
     return Site(ground_m)
 
 
-def dressed(pieces: P, entities: Sequence[Entity]) -> P:
-    """The pieces with broken bridges and painted buildings; the very same object if no entity changes any."""
+def dressed(pieces: P, entities: Sequence[Entity], painted: Mapping[str, Entity]) -> P:
+    """The pieces with broken bridges and painted buildings (id → entity); the very same object if none changes."""
     broken = [e for e in entities if is_a(e, "bridge_fracture") and not e.dormant]
-    named = {building: entity for building, entity in faced(pieces, entities).items() if _paint(entity) is not None}
-    if not broken and not named:
+    here = {building.id for building in pieces.buildings}
+    named = {name: entity for name, entity in painted.items() if name in here and _paint(entity) is not None}
+    if not named and not any(_touches(pieces, entity) for entity in broken):
         return pieces
     bridges: tuple[Bridge, ...] = pieces.bridges
     roads: tuple[Road, ...] = pieces.roads
@@ -89,18 +127,12 @@ def dressed(pieces: P, entities: Sequence[Entity]) -> P:
     return msgspec.structs.replace(pieces, bridges=bridges, roads=roads, buildings=buildings)
 
 
-def faced(pieces: Pieces, entities: Sequence[Entity]) -> dict[str, Entity]:
-    """Building id → the reference building's entity, for the nearest building of each such entity in these pieces."""
-    found = {}
-    for entity in entities:
-        if is_a(entity, "reference_building") and pieces.buildings:
-            x, y, _ = entity.position
-            away, building = min(
-                ((_outline_distance(b.polygon, x, y), b.id) for b in pieces.buildings), default=(inf, "")
-            )
-            if away <= NEAR_M:
-                found[building] = entity
-    return found
+def reference(near: Iterable[Pieces], entity: Entity) -> str | None:
+    """The id of the building that a reference building is: the nearest one."""
+    x, y, _ = entity.position
+    found = [(_outline_distance(b.polygon, x, y), b.id) for pieces in near for b in pieces.buildings]
+    away, building = min(found, default=(inf, ""))
+    return building if away <= NEAR_M else None
 
 
 def gap_of(entity: Entity) -> float:
@@ -113,6 +145,12 @@ def split(path: Path, x: float, y: float, gap_m: float) -> tuple[Path, ...]:
     """The path without the `gap_m` of it about the point nearest to (x, y): up to two pieces."""
     _, at, _, _ = _project(path, x, y)
     return tuple(part for part in (_until(path, at - 0.5 * gap_m), _from(path, at + 0.5 * gap_m)) if len(part) > 1)
+
+
+def _touches(pieces: Pieces, entity: Entity) -> bool:
+    x, y, _ = entity.position
+    paths = [b.path for b in pieces.bridges] + [r.lanes[0].shape for r in pieces.roads if r.bridge and r.lanes]
+    return any(len(path) > 1 and _project(path, x, y)[0] <= NEAR_M for path in paths)
 
 
 def _cut_bridge(bridge: Bridge, entity: Entity, gap: float) -> tuple[Bridge, ...]:
@@ -209,4 +247,4 @@ def _outline_distance(polygon: Polygon, x: float, y: float) -> float:
     return 0.0 if crossings % 2 else _project(ring, x, y)[0]
 
 
-__all__ = ["COLOURS", "Site", "dressed", "faced", "gap_of", "is_a", "site_of", "split"]
+__all__ = ["COLOURS", "Dress", "Site", "dress", "dressed", "gap_of", "is_a", "reference", "site_of", "split"]
