@@ -1,8 +1,8 @@
 """State values and resources: what the author calls `p.demand`, the graph `demand_kg` and an engine `demand`.
 
 A declared state (`state demand = 100 kg`) is a property with a unit in its name. The engine that changes it reports
-its current value among the resources under the author's name, which carries no unit; until it does, the declared
-value holds. Resources with an `@` are the engines' own book-keeping and nobody's to see.
+its current value among the resources under the author's name, which carries no unit (or under the graph's); until it
+does, the declared value holds. Resources with an `@` are the engines' own book-keeping and nobody's to see.
 """
 
 from __future__ import annotations
@@ -26,7 +26,8 @@ def current(entity: Entity, state: BodyState, name: str) -> Datum:
 def stocks(entity: Entity, state: BodyState) -> dict[str, float]:
     """All that an entity has in stock and that is not hidden: its engine's resources, then states as declared."""
     hidden = {without_unit(name) for name in entity.hidden} | set(entity.hidden)
-    shown = {name: value for name, value in state.resources.items() if _INTERNAL not in name and name not in hidden}
+    unseen = {*hidden, *entity.state}
+    shown = {name: value for name, value in public(state).items() if name not in unseen}
     for name in entity.state:
         value = current(entity, state, name)
         if name not in hidden and isinstance(value, int | float):

@@ -6,7 +6,7 @@ from pytest import approx
 
 from lingjing.mission.instance import AgentSpec, CommsSpec, Entity, EventSpec, Weather
 from lingjing.plugins.engines.city.engine import CityEngine
-from lingjing.plugins.engines.city.radio import Coverage, clearness, edge_loss_db
+from lingjing.plugins.engines.city.radio import Coverage, around_m, clearness, edge_loss_db
 from lingjing.plugins.engines.terrain import Terrain
 from lingjing.scene.city import Bridge, Building, City
 from lingjing.trace.records import BodyState
@@ -120,3 +120,13 @@ def test_weather_that_turns_cuts_the_radio(player, instance_of):
     here = [BodyState(id=e.id, position=e.position) for e in instance.entities]
     assert played.run(9.5, here).unheard == ()
     assert played.step(here).unheard == (("dog[1]", "dog[2]"),)
+
+
+def test_a_way_around_a_corner_costs_less_than_one_over_the_roof(silent):
+    """A high tower that the way just clips costs what its near side costs."""
+    outline = ((190.0, -1.0), (210.0, -1.0), (210.0, 300.0), (190.0, 300.0))
+    assert around_m(outline, (0.0, 0.0, 0.0), (400.0, 0.0, 0.0)) == approx(1.0)
+    clipped = Building(id="clipped", polygon=outline, base_m=0.0, top_m=200.0)
+    wide = Building(id="wide", polygon=tuple((x, -300.0 if y < 0 else y) for x, y in outline), base_m=0.0, top_m=200.0)
+    assert not silent(400.0, msgspec.structs.replace(DRY, buildings=(clipped,)), range_m=1300.0)
+    assert silent(400.0, msgspec.structs.replace(DRY, buildings=(wide,)), range_m=1300.0)

@@ -1,9 +1,9 @@
 """Radio coverage: which assets do not hear each other, by distance, by what stands between them, by the weather.
 
 A stand-in for a 2.4 GHz data link with a declared range in clear air and a clear line of sight. What stands in the way
-costs signal as a knife edge does (Recommendation ITU-R P.526), of which the worst edge counts, and every 20 dB lost
-shortens the range to a tenth. Thick weather shortens it by up to a third. Who has no body (a coordinator at a desk) is
-heard everywhere.
+costs signal as a knife edge does (Recommendation ITU-R P.526), over its top or around its nearer side; the worst edge
+counts, and every 20 dB lost shortens the range to a tenth. Thick weather shortens it by up to a third. Who has no body
+(a coordinator at a desk) is heard everywhere.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from collections.abc import Mapping
 from lingjing.mission.instance import Entity, Instance, Vector, Weather
 from lingjing.plugins.engines.bodies import entity_size
 from lingjing.plugins.engines.terrain import Terrain
+from lingjing.scene.city import Polygon
 
 WAVELENGTH_M = 0.125
 """2.4 GHz."""
@@ -73,11 +74,10 @@ class Coverage:
             if z - _CLEARANCE_M > self._terrain.ceiling_m(x, y):
                 continue
             for block in self._terrain.solids_at(x, y, z - _CLEARANCE_M, math.inf):
-                over = block.top_at(x, y) - z
-                if (
-                    block.base_at(x, y) <= z
-                    and edge_loss_db(over, share * distance, (1 - share) * distance) > bearable_db
-                ):
+                if block.base_at(x, y) > z:
+                    continue  # it is overhead: a bridge, a roof on stilts
+                over = min(block.top_at(x, y) - z, around_m(block.area.polygon, first, second))
+                if edge_loss_db(over, share * distance, (1 - share) * distance) > bearable_db:
                     return True
         return False
 
@@ -85,6 +85,17 @@ class Coverage:
 def clearness(weather: Weather) -> float:
     """The share of the range that the weather leaves, 2/3..1: all of it from 5 km of visibility on."""
     return 1.0 - _MOST_LOST * (1.0 - min(1.0, weather.visibility_m / _CLEAR_M))
+
+
+def around_m(outline: Polygon, first: Vector, second: Vector) -> float:
+    """How far aside of the way from one end to the other the nearer side of an outline in plan reaches: the detour
+    around it, as its height over the line of sight is the detour above it."""
+    east, north = second[0] - first[0], second[1] - first[1]
+    length = math.hypot(east, north)
+    if length == 0.0:  # straight up: there is no side
+        return math.inf
+    aside = [(east * (y - first[1]) - north * (x - first[0])) / length for x, y in outline]
+    return min(max(aside), -min(aside))
 
 
 def edge_loss_db(over_m: float, from_m: float, to_m: float) -> float:

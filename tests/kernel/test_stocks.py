@@ -1,0 +1,135 @@
+"""State values in rules and observations: demand and load as the engines have them, routes, nothing internal."""
+
+import sys
+from pathlib import Path
+
+import msgspec
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+import kernel_kit as kit
+
+from lingjing.kernel.stocks import current, stocks
+from lingjing.mission.expression import Aggregate, Attr, Binary, Number
+from lingjing.mission.instance import ChannelSpec
+from lingjing.mission.units import without_unit
+from lingjing.trace.records import BodyState, Route
+
+VAN = kit.entity("van", 0.0, 0.0, properties={"load_kg": 200.0, "payload_kg": 200.0, "heat": 1.0}, state=("load_kg",))
+WAY = ((0.0, 0.0, 0.0), (50.0, 0.0, 0.0))
+
+
+def state(**resources):
+    return BodyState(id="van", position=(0.0, 0.0, 0.0), resources=resources)
+
+
+@pytest.mark.parametrize(
+    ("name", "plain"),
+    [("load_kg", "load"), ("speed_mps", "speed"), ("a_mps2", "a"), ("heat", "heat"), ("_kg", "_kg"), ("by_m", "by")],
+)
+def test_a_unit_ends_a_name(name, plain):
+    assert without_unit(name) == plain
+
+
+@pytest.mark.parametrize(
+    ("resources", "load"), [({}, 200.0), ({"load": 50.0}, 50.0), ({"load_kg": 0.0}, 0.0), ({"battery": 1.0}, 200.0)]
+)
+def test_the_engines_value_goes_before_the_declared_one(resources, load):
+    assert current(VAN, state(**resources), "load_kg") == load
+    assert stocks(VAN, state(**resources))["load"] == load
+    assert current(VAN, state(**resources), "payload_kg") == 200.0
+    assert current(VAN, state(), "colour") is None
+
+
+def test_a_property_that_is_no_state_is_not_taken_for_a_resource():
+    assert current(VAN, state(payload=1.0), "payload_kg") == 200.0
+
+
+def test_what_is_hidden_or_internal_is_not_in_stock():
+    closed = msgspec.structs.replace(VAN, hidden=("load_kg",))
+    assert stocks(VAN, state(**{"load": 1.0, "water@truck": 5.0, "battery": 0.5})) == {"load": 1.0, "battery": 0.5}
+    assert stocks(closed, state(load=1.0, battery=0.5)) == {"battery": 0.5}
+
+
+class Porter(kit.Glider):
+    """Unloads 10 kg a tick, keeps a private account and publishes a route on its way."""
+
+    def advance(self, until, mirrors):
+        boundary = super().advance(until, mirrors)
+        load = {"load": 200.0 - until, "grain@silo": -3.0, "battery": 0.5}
+        boundary = msgspec.structs.replace(
+            boundary,
+            states=tuple(msgspec.structs.replace(one, resources=load) for one in boundary.states),
+        )
+        if until != 10.0:
+            return boundary
+        route = Route(entity="boat", number=1, waypoints=WAY, length_m=50.0, duration_s=5.0, time_s=until)
+        return msgspec.structs.replace(boundary, routes=(route,))
+
+
+def seen(*fields, source="entity", name="boat"):
+    """What the first scout sees of the boat at boundary 1 through channels of these fields."""
+    channels = tuple(ChannelSpec(source=source, name=name, fields=(field,)) for field in fields)
+    base = kit.make_instance()
+    crew = tuple(
+        msgspec.structs.replace(agent, observes=channels, commands=("uav[1]",)) if agent.id == "scout[1]" else agent
+        for agent in base.agents
+    )
+    about = {"properties": {"load_kg": 200.0}, "state": ("load_kg",)}
+    fleet = tuple(msgspec.structs.replace(e, **about) if e.id == "boat" else e for e in base.entities)
+    instance = msgspec.structs.replace(base, agents=crew, entities=fleet)
+    kernel = kit.make_kernel(instance, kit.KitPlugin(glider=Porter))
+    first = kernel.reset().observations["scout[1]"].entities
+    return first, kernel.step(()).observations["scout[1]"].entities
+
+
+def test_a_state_is_shown_by_its_name_and_nothing_else_with_it():
+    (before,), (view,) = seen("load_kg")
+    assert (before.resources, view.resources) == ({"load": 200.0}, {"load": 190.0})
+    assert (view.position, view.status, view.route, view.busy) == (None, None, None, None)
+
+
+def test_several_channels_add_up():
+    _, (view,) = seen("position", "load_kg", "busy")
+    assert view.resources == {"load": 190.0}
+    assert view.position is not None
+    assert view.busy is False
+
+
+def test_everything_is_shown_but_what_is_internal():
+    _, (view,) = seen("*")
+    assert view.resources == {"load": 190.0, "battery": 0.5}
+    assert view.route == WAY
+    _, (stock,) = seen("resources")
+    assert (stock.resources, stock.route) == ({"load": 190.0, "battery": 0.5}, None)
+
+
+def test_a_route_is_shown_from_when_there_is_one():
+    (before,), (view,) = seen("route")
+    assert (before.route, view.route, view.resources) == (None, WAY, None)
+
+
+def test_peers_show_what_their_channel_names():
+    _, views = seen("position", source="peers", name="")
+    assert {view.id: view.resources for view in views} == {"uav[2]": None, "boat": None}
+
+
+def test_a_privileged_policy_does_not_see_the_books_either():
+    kernel = kit.make_kernel(plugin=kit.KitPlugin(glider=Porter), privileged=frozenset({"scout[1]"}))
+    kernel.reset()
+    truth = kernel.step(()).observations["scout[1]"].privileged
+    assert {name for one in truth.states for name in one.resources} == {"load", "battery"}
+
+
+def test_rules_sum_and_compare_current_states():
+    total = Aggregate(function="sum", variable="v", domain="uav", body=Attr(base=kit.local("v"), name="load_kg"))
+    empty = Binary(operator="<=", left=total, right=Number(value=380.0, unit="kg"))
+    base = kit.make_instance()
+    about = {"properties": {"load_kg": 200.0}, "state": ("load_kg",)}
+    fleet = tuple(msgspec.structs.replace(e, **about) if e.group == "uav" else e for e in base.entities)
+    instance = msgspec.structs.replace(base, entities=fleet, rules=(kit.rule("light", empty),), success=empty)
+    instance = msgspec.structs.replace(instance, unlocks=(), stages=())
+    kernel = kit.make_kernel(instance, kit.KitPlugin(glider=Porter))
+    assert not kernel.reset().evaluation.done  # 400 kg as declared
+    assert kernel.step(()).evaluation.reason == "success"  # 190 and 190

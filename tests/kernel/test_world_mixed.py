@@ -1,0 +1,114 @@
+"""All motion engines in one world process: one thread, one answer in every process, forks to the last bit."""
+
+import os
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import msgspec
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+import world_mixed as mixed
+
+from lingjing.kernel.stocks import current
+from lingjing.kernel.world import open_world
+from lingjing.kernel.world.messages import Stepped, encoded
+
+TICKS = 3
+
+
+@pytest.fixture(scope="module")
+def city():
+    return mixed.city()
+
+
+@pytest.fixture
+def world():
+    world = open_world("process")
+    yield world
+    world.close()
+
+
+def played(world, instance, ticks):
+    boundaries = [world.step(tick, mixed.orders(tick, instance)) for tick in ticks]
+    return [replace(b, engines=tuple((s.engine, s.time_s, s.frame) for s in b.engines)) for b in boundaries]
+
+
+def test_one_thread_and_a_fork_that_goes_on_to_the_last_bit(world, city):
+    """SUMO, MuJoCo and JSBSim in one process, as an episode uses them."""
+    instance = mixed.instance()
+    ready = world.reset(instance, city)
+    assert [status.engine for status in ready.engines] == ["city", "multirotor", "quadruped", "road", "vessel"]
+    played(world, instance, (1, 2))
+    twin = world.fork()
+    pids = [one._staff.world.pid for one in (world, twin)]
+    later = range(3, 3 + TICKS)
+    ours = played(world, instance, later)
+    assert played(twin, instance, later) == ours
+    assert [len(os.listdir(f"/proc/{pid}/task")) for pid in pids] == [1, 1]
+    assert len(ours[-1].snapshots[-1].ambient) == 20
+    twin.close()
+
+
+def test_another_process_and_a_warm_one_play_the_same(world, city):
+    instance = mixed.instance()
+    runs = []
+    for one in (world, world, open_world("process")):
+        one.reset(instance, city)
+        runs.append(played(one, instance, range(1, TICKS + 1)))
+    one.close()
+    assert runs[0] == runs[1] == runs[2]
+
+
+def test_a_van_brings_goods_and_its_engine_reads_the_citys_book(world, city):
+    instance = mixed.instance(dogs=0, traffic=0)
+    world.reset(instance, city)
+    driven = played(world, instance, range(1, 8))
+    events = [(event.kind, event.entities) for boundary in driven for event in boundary.events]
+    assert ("deliver", ("point", "van[1]")) in events
+    van = next(entity for entity in instance.entities if entity.id == "van[1]")
+    loads = [current(van, _states(boundary)["van[1]"], "load_kg") for boundary in driven]
+    assert (loads[0], loads[-1]) == (200.0, 0.0)
+    assert _states(driven[-1])["point"].resources["demand"] == 50.0
+
+
+def _states(boundary):
+    return {state.id: state for state in boundary.snapshots[-1].states}
+
+
+@pytest.mark.slow
+def test_the_host_costs_less_than_a_tenth_of_its_engines(world, city):
+    """Encoding, checking and mirrors against the engines' own time, in one run at ten macro-steps a second."""
+    instance = mixed.instance(uavs=3, dogs=2, traffic=100)
+    world.reset(instance, city)
+    shares = []
+    for tick in range(1, 6):
+        engines_s, host_s = _spent(world, instance, tick)
+        shares.append(host_s / engines_s)
+    assert sorted(shares)[len(shares) // 2] < 0.1, shares
+
+
+def _spent(world, instance, tick):
+    """Seconds of a tick in its engines and beyond them; both are of the same moments, so their ratio stands load."""
+    started = time.perf_counter()
+    boundary = world.step(tick, mixed.orders(tick, instance))
+    whole = time.perf_counter() - started
+    engines_s = sum(status.wait_wall_s for status in boundary.engines)
+    return engines_s, whole - engines_s
+
+
+def test_a_thousand_background_movers_travel_once_a_tick(world, city):
+    """What crosses the process border: movers of the boundary, not of the fifty macro-steps before it."""
+    instance = mixed.instance(uavs=0, dogs=0, traffic=40)
+    world.reset(instance, city)
+    boundary = world.step(1, ())
+    with_movers = sum(len(snapshot.ambient) for snapshot in boundary.snapshots)
+    assert with_movers == 40
+    bare = msgspec.structs.replace(boundary.snapshots[-1], ambient=())
+    movers = len(encoded(Stepped(boundary=boundary))) - len(
+        encoded(Stepped(boundary=replace(boundary, snapshots=(*boundary.snapshots[:-1], bare))))
+    )
+    assert movers < 40 * 400
