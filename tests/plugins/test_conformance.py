@@ -1,6 +1,7 @@
 """The conformance kit: the built-in engines pass it, and each check catches an engine broken on purpose."""
 
 import asyncio
+import math
 import os
 
 import msgspec
@@ -22,6 +23,7 @@ from lingjing.trace.records import (
     FrameInfo,
     Outgoing,
     Receipt,
+    Route,
     TaskEvent,
 )
 
@@ -60,6 +62,22 @@ def test_the_built_in_motion_engines_conform(case, name, check):
     check(case(name))
 
 
+def test_the_plane_engine_conforms(instance_of, uav, open_sea):
+    wings = [
+        msgspec.structs.replace(uav(index, (300.0 * index, 0.0, 250.0)), id=f"wing[{index}]", engine="plane")
+        for index in (1, 2)
+    ]
+    commands = (order(1, "wing[1]", "setDestination", x=3000.0, y=9.0, z=300.0), order(2, "wing[2]", "stop"))
+    instance = instance_of([*wings, uav(3)], WEATHER)
+    kit.check_engine(BUILT_IN["plane"], instance, open_sea, commands)
+
+
+def test_the_satellite_engine_conforms(instance_of, uav, open_sea):
+    eye = msgspec.structs.replace(uav(1), id="eye", engine="satellite", properties={}, verbs=())
+    early = order(1, "eye", "takePhoto")
+    kit.check_engine(BUILT_IN["satellite"], instance_of([eye, uav(2)]), open_sea, (early,), placed=False)
+
+
 def test_check_engine_runs_everything_at_once(case):
     whole = case("vessel")
     kit.check_engine(whole.plugin, whole.instance, whole.city, whole.commands, seconds=10.0)
@@ -82,9 +100,19 @@ class Sound:
     def admit(self, command):
         if command.verb not in self.verbs or command.resource not in {entity.id for entity in self.owned}:
             return self.receipt(command, "rejected", "unknown_verb")
+        if not all(self.is_number(value) for value in command.arguments.values()):
+            return self.receipt(command, "rejected", "bad_argument")
+        if command.resource in self.pending and command.verb != "stop":
+            return self.busy(command)
         self.preempt(command)
         self.pending[command.resource] = (command, self.now)
         return self.receipt(command, "accepted")
+
+    def is_number(self, value):
+        return isinstance(value, float) and math.isfinite(value)
+
+    def busy(self, command):
+        return self.receipt(command, "rejected", "busy")
 
     def preempt(self, command):
         if command.resource in self.pending:
@@ -112,10 +140,28 @@ class Sound:
     def events(self):
         return ()
 
+    def ambient(self):
+        return ()
+
+    def routes(self):
+        return ()
+
+    def unheard(self):
+        return ()
+
     def boundary(self):
         receipts, self.outbox = tuple(self.outbox), []
         states = tuple(self.state(entity) for entity in self.owned)
-        return Boundary(engine=self.name, time_s=self.now, states=states, receipts=receipts, events=self.events())
+        return Boundary(
+            engine=self.name,
+            time_s=self.now,
+            states=states,
+            receipts=receipts,
+            events=self.events(),
+            ambient=self.ambient(),
+            routes=self.routes(),
+            unheard=self.unheard(),
+        )
 
     def receipt(self, command, status, reason="", progress=None):
         return Receipt(
@@ -195,6 +241,142 @@ class Prophetic(Sound):
         return (TaskEvent(kind="arrived", entities=("boat",), time_s=self.now + 60.0),) if self.now else ()
 
 
+class Boundless(Sound):
+    def events(self):
+        values = {"speed_mps": math.inf}
+        return (TaskEvent(kind="hit", entities=("boat",), time_s=self.now, values=values),) if self.now else ()
+
+
+class Crowded(Sound):
+    shown = BodyState(id="traffic/1", kind="car", position=(0.0, 0.0, 0.0))
+
+    def ambient(self):
+        return (self.shown,)
+
+
+class Clashing(Crowded):
+    shown = BodyState(id="uav[1]", kind="car", position=(0.0, 0.0, 0.0))
+
+
+class Nameless(Crowded):
+    shown = BodyState(id="traffic/1", position=(0.0, 0.0, 0.0))
+
+
+class Doubled(Crowded):
+    def ambient(self):
+        return (self.shown, self.shown)
+
+
+class Boiling(Crowded):
+    shown = BodyState(id="traffic/1", kind="car", position=(0.0, 0.0, math.nan))
+
+
+class Routed(Sound):
+    route = Route(entity="boat", number=1, waypoints=((1.0, 2.0, 0.0),), length_m=5.0, duration_s=2.0, time_s=0.0)
+
+    def routes(self):
+        return (self.route,) if self.now == 1.0 else ()
+
+
+class Miscounting(Routed):
+    route = msgspec.structs.replace(Routed.route, number=2)
+
+
+class Pointless(Routed):
+    route = msgspec.structs.replace(Routed.route, waypoints=())
+
+
+class Poaching(Routed):
+    route = msgspec.structs.replace(Routed.route, entity="uav[1]")
+
+
+class Foreseeing(Routed):
+    route = msgspec.structs.replace(Routed.route, time_s=9.0)
+
+
+class Deaf(Sound):
+    pair = ("uav[1]", "boat")
+
+    def unheard(self):
+        return (self.pair,)
+
+
+class Reversed(Deaf):
+    pair = ("boat", "uav[1]")
+
+
+class Unacquainted(Deaf):
+    pair = ("uav[1]", "moon")
+
+
+class Gullible(Sound):
+    def is_number(self, value):
+        return isinstance(value, float)
+
+
+class Literal(Sound):
+    def is_number(self, value):
+        return isinstance(value, str) or math.isfinite(value)
+
+
+class Grasping(Sound):
+    def admit(self, command):
+        self.owned = (
+            self.owned if command.resource == "boat" else (msgspec.structs.replace(self.owned[0], id="uav[1]"),)
+        )
+        return super().admit(command)
+
+
+class Interrupting(Sound):
+    def busy(self, command):
+        self.preempt(command)
+        self.pending[command.resource] = (command, self.now)
+        return self.receipt(command, "accepted")
+
+
+class Distracted(Sound):
+    def busy(self, command):
+        pending, _ = self.pending[command.resource]
+        self.pending[command.resource] = (pending, self.now)
+        return super().busy(command)
+
+
+class Slipping(Sound):
+    def receipt(self, command, status, reason="", progress=None):
+        return super().receipt(command, status, reason, None if progress is None else 1.0 - progress)
+
+
+class Echoing(Sound):
+    def advance(self, until, mirrors):
+        self.seen = tuple(state for state in mirrors if state.kind)
+        return super().advance(until, mirrors)
+
+    def ambient(self):
+        return getattr(self, "seen", ())
+
+
+class Fragile(Sound):
+    def advance(self, until, mirrors):
+        if any(state.kind == "conformance.noSuchKind" for state in mirrors):
+            raise kit.ConformanceError("what is that?")
+        return super().advance(until, mirrors)
+
+
+class Counting(Sound):
+    calls = 0
+
+    def advance(self, until, mirrors):
+        self.calls += 1
+        return super().advance(until, mirrors)
+
+    def reset(self, spec, city, seed):
+        self.calls = 0
+        return super().reset(spec, city, seed)
+
+    def state(self, entity):
+        return BodyState(id=entity.id, position=(*entity.position[:2], float(self.calls)))
+
+
 class Chatty(Sound):
     def advance(self, until, mirrors):
         self.outbox += [self.receipt(command, "running", progress=0.1) for command, _ in self.pending.values()]
@@ -256,6 +438,13 @@ class Snapping(Sound):
         return (None,)
 
 
+class Brittle(Sound):
+    def close(self):
+        if getattr(self, "gone", False):
+            raise kit.ConformanceError("closed twice")
+        self.gone = hasattr(self, "name")
+
+
 class Clinging(Sound):
     def close(self):
         if not hasattr(self, "name"):
@@ -276,6 +465,26 @@ BROKEN = [
     (Infinite, kit.check_advance),
     (Overturned, kit.check_advance),
     (Prophetic, kit.check_advance),
+    (Boundless, kit.check_advance),
+    (Clashing, kit.check_advance),
+    (Nameless, kit.check_advance),
+    (Doubled, kit.check_advance),
+    (Boiling, kit.check_advance),
+    (Miscounting, kit.check_advance),
+    (Pointless, kit.check_advance),
+    (Poaching, kit.check_advance),
+    (Foreseeing, kit.check_advance),
+    (Reversed, kit.check_advance),
+    (Unacquainted, kit.check_advance),
+    (Gullible, kit.check_arguments),
+    (Literal, kit.check_arguments),
+    (Grasping, kit.check_refusals),
+    (Interrupting, kit.check_busy),
+    (Distracted, kit.check_busy),
+    (Slipping, kit.check_receipts),
+    (Echoing, kit.check_strangers),
+    (Fragile, kit.check_strangers),
+    (Counting, kit.check_cuts),
     (Chatty, kit.check_receipts),
     (Undead, kit.check_receipts),
     (Boastful, kit.check_receipts),
@@ -286,6 +495,7 @@ BROKEN = [
     (Rooted, kit.check_fork),
     (Snapping, kit.check_capture),
     (Clinging, kit.check_close),
+    (Brittle, kit.check_close),
 ]
 
 
@@ -296,6 +506,11 @@ def declared(engine, name="vessel", **more):
 @pytest.mark.parametrize("check", kit.ENGINE_CHECKS, ids=kit.check_name)
 def test_a_sound_engine_passes(case, check):
     check(case("vessel", declared(Sound)))
+
+
+@pytest.mark.parametrize("engine", [Crowded, Routed, Deaf])
+def test_background_routes_and_silence_are_fine_as_such(case, engine):
+    kit.check_advance(case("vessel", declared(engine)))
 
 
 @pytest.mark.parametrize(("broken", "check"), BROKEN, ids=[engine.__name__ for engine, _ in BROKEN])
@@ -484,7 +699,8 @@ def test_a_policy_over_a_model_need_not_repeat_itself(brief):
 
 def test_the_host_finds_the_built_in_plug_ins_through_the_door_of_all():
     host = PluginHost(entry_points=False, extra=(builtin,))
-    assert set(host.engines) == {"multirotor", "vessel", "city", "camera"}
+    named = {"multirotor", "plane", "quadruped", "road", "vessel", "satellite", "city", "camera"}
+    assert set(host.engines) == named
     assert [name for name, plugin in host.engines.items() if plugin.sensor] == ["camera"]
     assert host.engine("camera").place == "camera"
     assert host.scene("bay").build(SceneSpec(kind="bay", datum_m=-3.5)).waters
@@ -495,6 +711,7 @@ def test_nothing_heavy_is_loaded_to_declare_the_built_in_plug_ins():
     import sys
 
     code = "import sys, lingjing.plugins.engines.builtin as b; b.lingjing_engines(); b.lingjing_scenes(); "
-    code += "print([m for m in ('jsbsim', 'cv2', 'moderngl', 'scipy', 'shapely') if m in sys.modules])"
+    code += "heavy = ('jsbsim', 'sgp4', 'mujoco', 'libsumo', 'cv2', 'moderngl', 'scipy', 'shapely'); "
+    code += "print([m for m in heavy if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"

@@ -1,0 +1,79 @@
+"""The conformance kit: what every engine and every policy promises, as checks that anybody can run on theirs.
+
+In a test of your own plug-in:
+
+    case = EngineCase(plugin, instance, city, commands=(…))
+
+    @pytest.mark.parametrize("check", ENGINE_CHECKS, ids=check_name)
+    def test_engine(check): check(case)
+
+or `check_engine(plugin, instance, city, …)` for all at once. Each check makes engines of its own from the plug-in's
+factory, raises `ConformanceError` with one sentence, and needs nothing but the contract of `lingjing.plugins.engine`.
+The commands of a case should be admissible ones that take a while; they are submitted at time 0.
+
+`case` (what is tried, how it is played) → `boundaries` (what every boundary must be) → `engines` and `requests` (the
+checks of an engine) and `policies` (those of a policy).
+"""
+
+from lingjing.plugins.conformance.case import ConformanceError, EngineCase, Run, check_name
+from lingjing.plugins.conformance.engines import (
+    ENGINE_CHECKS,
+    check_advance,
+    check_capture,
+    check_close,
+    check_cuts,
+    check_engine,
+    check_fork,
+    check_ready,
+    check_repeatable,
+    check_strangers,
+    check_values,
+)
+from lingjing.plugins.conformance.policies import (
+    POLICY_CHECKS,
+    PolicyCase,
+    check_decisions,
+    check_policy,
+    check_same_decisions,
+)
+from lingjing.plugins.conformance.requests import (
+    UNKNOWN_RESOURCE,
+    UNKNOWN_VERB,
+    check_admission,
+    check_arguments,
+    check_busy,
+    check_preemption,
+    check_receipts,
+    check_refusals,
+)
+
+__all__ = [
+    "ENGINE_CHECKS",
+    "POLICY_CHECKS",
+    "UNKNOWN_RESOURCE",
+    "UNKNOWN_VERB",
+    "ConformanceError",
+    "EngineCase",
+    "PolicyCase",
+    "Run",
+    "check_admission",
+    "check_advance",
+    "check_arguments",
+    "check_busy",
+    "check_capture",
+    "check_close",
+    "check_cuts",
+    "check_decisions",
+    "check_engine",
+    "check_fork",
+    "check_name",
+    "check_policy",
+    "check_preemption",
+    "check_ready",
+    "check_receipts",
+    "check_refusals",
+    "check_repeatable",
+    "check_same_decisions",
+    "check_strangers",
+    "check_values",
+]

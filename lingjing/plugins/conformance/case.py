@@ -1,0 +1,136 @@
+"""What an engine is tried on, and how it is played from one boundary to the next."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import TypeVar
+
+import msgspec
+
+from lingjing.errors import PluginError
+from lingjing.mission.instance import Entity, Instance
+from lingjing.plugins.engine import Boundary, Engine, EnginePlugin, EngineSpec
+from lingjing.scene.city import City
+from lingjing.trace.records import BodyState, Command, Receipt
+
+CaseT = TypeVar("CaseT")
+
+
+class ConformanceError(PluginError):
+    """A plug-in breaks its contract; the message says where and how."""
+
+
+@dataclass(frozen=True, slots=True)
+class EngineCase:
+    """What an engine is tried on: an instance with entities of its own, a city, commands it should admit, bodies of
+    other engines as mirrors at time 0 (they move on along their velocities), and for how many seconds.
+
+    `placed` says that entities start where the instance puts them; a satellite starts where its elements say.
+    """
+
+    plugin: EnginePlugin
+    instance: Instance
+    city: City
+    commands: tuple[Command, ...] = ()
+    mirrors: tuple[BodyState, ...] = ()
+    seed: int = 1
+    seconds: float = 20.0
+    placed: bool = True
+
+    @property
+    def owned(self) -> tuple[Entity, ...]:
+        """The entities that the engine owns in this case."""
+        return tuple(entity for entity in self.instance.entities if entity.engine == self.plugin.name)
+
+    @property
+    def spec(self) -> EngineSpec:
+        """What the engine is reset with."""
+        return EngineSpec(
+            engine=self.plugin.name, instance=self.instance, owns=tuple(entity.id for entity in self.owned)
+        )
+
+    @property
+    def step_s(self) -> float:
+        """The interval of one `advance`: a macro-step; sensors go by whole ticks."""
+        return self.instance.clock.tick_s if self.plugin.sensor else self.instance.clock.sync_s
+
+    def times(self) -> tuple[float, ...]:
+        """The boundaries to advance to."""
+        return tuple(self.step_s * number for number in range(1, round(self.seconds / self.step_s) + 1))
+
+    def mirrors_at(self, time_s: float) -> tuple[BodyState, ...]:
+        """The others at an interval's start."""
+        return tuple(_moved(state, time_s) for state in self.mirrors)
+
+
+@dataclass(slots=True)
+class Run:
+    """All that an engine answered in one run of a case."""
+
+    ready: Boundary
+    admissions: tuple[Receipt, ...] = ()
+    boundaries: list[Boundary] = field(default_factory=list)
+
+
+@contextmanager
+def engine_of(case: EngineCase) -> Iterator[Engine]:
+    """A fresh engine, closed at the end whatever happens."""
+    engine = case.plugin.factory()
+    try:
+        yield engine
+    finally:
+        engine.close()
+
+
+def play(case: EngineCase, times: Sequence[float] | None = None) -> Run:
+    """One run of a case in a fresh engine."""
+    with engine_of(case) as engine:
+        return drive(engine, case, times)
+
+
+def drive(engine: Engine, case: EngineCase, times: Sequence[float] | None = None) -> Run:
+    """Reset, submit the case's commands, advance to every time."""
+    run = Run(ready=engine.reset(case.spec, case.city, case.seed), admissions=tuple(engine.submit(case.commands)))
+    run.boundaries += advance(engine, case, 0.0, case.times() if times is None else times)
+    return run
+
+
+def advance(engine: Engine, case: EngineCase, start: float, times: Sequence[float]) -> list[Boundary]:
+    """Advance from `start` to every time in turn."""
+    boundaries = []
+    for until in times:
+        boundaries.append(engine.advance(until, case.mirrors_at(start)))
+        start = until
+    return boundaries
+
+
+def require(condition: bool, message: str) -> None:
+    """Raise `ConformanceError` unless the condition holds."""
+    if not condition:
+        raise ConformanceError(message)
+
+
+def run_all(who: str, checks: Iterable[Callable[[CaseT], None]], case: CaseT) -> None:
+    """Every check; one error tells all that failed."""
+    faults = []
+    for check in checks:
+        try:
+            check(case)
+        except ConformanceError as fault:
+            faults.append(f"{check_name(check)}: {fault}")
+    if faults:
+        raise ConformanceError(
+            f"{who} breaks its contract: {'; '.join(faults)}", hint="see lingjing.plugins.conformance"
+        )
+
+
+def check_name(check: Callable[..., None]) -> str:
+    """A check's short name, for test ids."""
+    return check.__name__.removeprefix("check_")
+
+
+def _moved(state: BodyState, seconds: float) -> BodyState:
+    x, y, z = (here + seconds * rate for here, rate in zip(state.position, state.velocity, strict=True))
+    return msgspec.structs.replace(state, position=(x, y, z))

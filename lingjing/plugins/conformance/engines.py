@@ -1,0 +1,239 @@
+"""The checks of an engine as a whole: its boundaries, its independence of how it is run, its pictures, its end."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import os
+from collections.abc import Callable, Sequence
+
+import msgspec
+
+from lingjing.mission.instance import CameraSpec, Instance
+from lingjing.plugins.conformance.boundaries import check_boundary, check_events, check_route_numbers
+from lingjing.plugins.conformance.case import EngineCase, Run, advance, drive, engine_of, play, require, run_all
+from lingjing.plugins.conformance.requests import (
+    check_admission,
+    check_arguments,
+    check_busy,
+    check_preemption,
+    check_receipts,
+    check_refusals,
+)
+from lingjing.plugins.engine import Boundary, CaptureRequest, Engine, EnginePlugin, Frame
+from lingjing.scene.city import City
+from lingjing.trace.records import BodyState, Command
+
+_TOLERANCE = 1e-6
+
+
+def check_engine(
+    plugin: EnginePlugin,
+    instance: Instance,
+    city: City,
+    commands: Sequence[Command] = (),
+    *,
+    mirrors: Sequence[BodyState] = (),
+    seed: int = 1,
+    seconds: float = 20.0,
+    placed: bool = True,
+) -> None:
+    """Run every check; one `ConformanceError` tells all that failed."""
+    case = EngineCase(plugin, instance, city, tuple(commands), tuple(mirrors), seed, seconds, placed)
+    run_all(f"engine `{plugin.name}`", ENGINE_CHECKS, case)
+
+
+def check_ready(case: EngineCase) -> None:
+    """`reset` answers with every owned entity at time 0, where the instance puts it, and nothing has happened yet."""
+    with engine_of(case) as engine:
+        ready = engine.reset(case.spec, case.city, case.seed)
+    check_boundary(case, ready, 0.0)
+    require(not ready.receipts and not ready.events, "reset: receipts or events before anything happened")
+    for entity, state in zip(case.owned, ready.states, strict=True):
+        away = math.dist(entity.position[:2], state.position[:2])
+        at_home = away < 0.01 or not case.placed
+        require(at_home, f"reset: `{entity.id}` stands {away:.2f} m away from where the instance puts it")
+
+
+def check_advance(case: EngineCase) -> None:
+    """`advance` reaches the time asked for, with every owned entity, and events of that interval only."""
+    run, start = play(case), 0.0
+    for until, boundary in zip(case.times(), run.boundaries, strict=True):
+        check_boundary(case, boundary, until)
+        check_events(boundary, start, until)
+        start = until
+    check_route_numbers(route for boundary in (run.ready, *run.boundaries) for route in boundary.routes)
+
+
+def check_strangers(case: EngineCase) -> None:
+    """Mirrors of everybody else, dormant ones, background traffic and ids never heard of are all taken in, and none of
+    them is handed out again."""
+    crowd = [
+        BodyState(id=entity.id, position=entity.position, status="dormant" if entity.dormant else "idle")
+        for entity in case.instance.entities
+        if entity.engine != case.plugin.name
+    ]
+    crowd += [
+        BodyState(id="conformance/1", kind="truck", position=(4000.0, 4000.0, 0.0), velocity=(10.0, 0.0, 0.0)),
+        BodyState(id="conformance/2", kind="conformance.noSuchKind", position=(4000.0, 4010.0, 0.0)),
+    ]
+    with engine_of(case) as engine:
+        engine.reset(case.spec, case.city, case.seed)
+        engine.submit(case.commands)
+        for until in case.times()[:4]:
+            boundary = engine.advance(until, crowd)
+            check_boundary(case, boundary, until)
+            echoed = {state.id for state in crowd} & {state.id for state in boundary.ambient}
+            require(not echoed, f"advance: mirrors come back as ambient bodies: {', '.join(sorted(echoed))}")
+
+
+def check_repeatable(case: EngineCase) -> None:
+    """Same inputs, same answers: in a second engine, and in the first one after another reset."""
+    with engine_of(case) as engine:
+        first = _digest(drive(engine, case))
+        again = _digest(drive(engine, case))
+    require(first == again, "an engine that is reset a second time answers differently")
+    require(first == _digest(play(case)), "two engines with the same inputs answer differently")
+
+
+def check_cuts(case: EngineCase) -> None:
+    """How time is cut changes nothing: one interval is two halves, where both end on the engine's own steps
+    (`native_dt_s`). Tried without others, whose mirrors would be older in the longer interval."""
+    half = case.step_s / 2.0
+    steps = half / case.plugin.native_dt_s
+    if case.plugin.sensor or case.plugin.place == "remote" or abs(steps - round(steps)) > _TOLERANCE:
+        return
+    alone = EngineCase(case.plugin, case.instance, case.city, case.commands, (), case.seed, case.seconds, case.placed)
+    times = alone.times()
+    whole = play(alone).boundaries
+    halves = play(alone, [time for until in times for time in (until - half, until)]).boundaries
+    for boundary, first, second in zip(whole, halves[::2], halves[1::2], strict=True):
+        where = f"at {boundary.time_s} s, when the interval before is cut in two"
+        for one, other in zip(boundary.states, second.states, strict=True):
+            require(_close(one, other), f"`{one.id}` is somewhere else {where}: {one} and {other}")
+        ends = [(receipt.request, receipt.status) for receipt in boundary.receipts if receipt.status != "running"]
+        cut = (*first.receipts, *second.receipts)
+        require(
+            ends == [(receipt.request, receipt.status) for receipt in cut if receipt.status != "running"],
+            f"requests end otherwise {where}",
+        )
+        events = [(event.kind, event.entities) for event in (*first.events, *second.events)]
+        require([(e.kind, e.entities) for e in boundary.events] == events, f"other events happen {where}")
+
+
+def check_values(case: EngineCase) -> None:
+    """Boundaries survive the way between processes (msgpack) unchanged."""
+    run = play(case)
+    for boundary in (run.ready, *run.boundaries):
+        packed = msgspec.msgpack.encode(boundary)
+        require(msgspec.msgpack.decode(packed, type=Boundary) == boundary, "a boundary changes when it is packed")
+
+
+def check_fork(case: EngineCase) -> None:
+    """An engine of a world process goes on identically, bit by bit, in a fork of its process."""
+    if case.plugin.place != "world" or not hasattr(os, "fork"):
+        return
+    times = case.times()
+    half = len(times) // 2
+    with engine_of(case) as engine:
+        engine.reset(case.spec, case.city, case.seed)
+        engine.submit(case.commands)
+        advance(engine, case, 0.0, times[:half])
+        start = times[half - 1] if half else 0.0
+        forked = _in_fork(lambda: _rest(engine, case, start, times[half:]))
+        own = _rest(engine, case, start, times[half:])
+    require(forked == own, "a forked engine answers differently from its parent")
+
+
+def check_capture(case: EngineCase) -> None:
+    """`capture` returns one picture a request, in order, as declared; an engine without sensors returns ()."""
+    mounts = [(entity, camera) for entity in case.instance.entities for camera in entity.cameras]
+    with engine_of(case) as engine:
+        engine.reset(case.spec, case.city, case.seed)
+        until = case.times()[0]
+        engine.advance(until, case.mirrors)
+        requests = tuple(
+            CaptureRequest(
+                frame=f"f1-{entity.id}-{camera.name}", entity=entity.id, camera=camera.name, tick=1, time_s=until
+            )
+            for entity, camera in mounts
+        )
+        frames = engine.capture(requests) if case.plugin.sensor else engine.capture(())
+    require(len(frames) == (len(requests) if case.plugin.sensor else 0), f"capture: {len(frames)} pictures")
+    for request, frame, (_, camera) in zip(requests, frames, mounts, strict=False):
+        _frame(request, frame, camera)
+
+
+def check_close(case: EngineCase) -> None:
+    """`close` works after a run, a second time, and on an engine that never came to life."""
+    with engine_of(case):
+        pass
+    with engine_of(case) as engine:
+        engine.reset(case.spec, case.city, case.seed)
+        engine.close()
+
+
+ENGINE_CHECKS: tuple[Callable[[EngineCase], None], ...] = (
+    check_ready,
+    check_admission,
+    check_refusals,
+    check_arguments,
+    check_busy,
+    check_advance,
+    check_receipts,
+    check_preemption,
+    check_strangers,
+    check_repeatable,
+    check_cuts,
+    check_values,
+    check_fork,
+    check_capture,
+    check_close,
+)
+"""Every check of an engine, in the order of the contract."""
+
+
+def _rest(engine: Engine, case: EngineCase, start: float, times: Sequence[float]) -> bytes:
+    return hashlib.sha256(msgspec.msgpack.encode(advance(engine, case, start, times))).digest()
+
+
+def _digest(run: Run) -> bytes:
+    return hashlib.sha256(msgspec.msgpack.encode((run.ready, run.admissions, run.boundaries))).digest()
+
+
+def _close(one: BodyState, other: BodyState) -> bool:
+    numbers = ((*state.position, *state.velocity, state.pitch_deg, state.roll_deg) for state in (one, other))
+    return one.status == other.status and all(
+        abs(a - b) <= _TOLERANCE * max(1.0, abs(a)) for a, b in zip(*numbers, strict=True)
+    )
+
+
+def _in_fork(work: Callable[[], bytes]) -> bytes:
+    read, write = os.pipe()
+    child = os.fork()
+    if child == 0:  # the child says its piece and is gone, whatever happens
+        try:
+            os.write(write, work())
+        finally:
+            os._exit(0)
+    os.close(write)
+    with os.fdopen(read, "rb") as pipe:
+        answer = pipe.read()
+    os.waitpid(child, 0)
+    return answer
+
+
+def _frame(request: CaptureRequest, frame: Frame, camera: CameraSpec) -> None:
+    what, info = f"capture: picture {request.frame}", frame.info
+    got = (info.id, info.entity, info.camera, info.tick)
+    require(got == (request.frame, request.entity, request.camera, request.tick), f"{what} answers {got}")
+    size = (camera.height, camera.width)
+    require(frame.rgb.shape == (*size, 3) and frame.rgb.dtype == "uint8", f"{what}: rgb is no uint8 {size} picture")
+    require((frame.depth is not None) == ("depth" in camera.channels), f"{what}: depth is not as declared")
+    require((frame.semantic is not None) == ("semantic" in camera.channels), f"{what}: semantic is not as declared")
+    require(frame.depth is None or frame.depth.shape == size, f"{what}: depth has another size")
+    require(frame.semantic is None or frame.semantic.shape == size, f"{what}: semantic has another size")
+    for box in info.boxes:
+        left, top, right, bottom = box.box
+        ordered = 0.0 <= left < right <= 1.0 and 0.0 <= top < bottom <= 1.0
+        require(ordered and box.pixels > 0, f"{what}: the box of `{box.entity}` is {box.box} with {box.pixels} pixels")

@@ -1,0 +1,87 @@
+"""The checks of a policy: it commands and says what its brief allows, and the same inputs give the same answers."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+from lingjing.plugins.conformance.case import require, run_all
+from lingjing.plugins.policy import Brief, Decision, Inbox, Observation, PolicyPlugin
+
+
+@dataclass(frozen=True, slots=True)
+class PolicyCase:
+    """What a policy is tried on. `deterministic` is for policies that promise the same answers for the same inputs
+    (a chat model does not); `arguments` are its `--policy-arg` pairs."""
+
+    plugin: PolicyPlugin
+    brief: Brief
+    observations: tuple[Observation, ...]
+    deterministic: bool = True
+    arguments: tuple[tuple[str, str], ...] = ()
+
+
+def check_policy(
+    plugin: PolicyPlugin,
+    brief: Brief,
+    observations: Sequence[Observation] = (),
+    *,
+    deterministic: bool = True,
+    arguments: dict[str, str] | None = None,
+) -> None:
+    """Run every check of a policy; without observations it is shown three empty ones."""
+    shown = tuple(observations) or tuple(
+        Observation(agent=brief.agent, tick=tick, time_s=tick * brief.tick_s) for tick in range(3)
+    )
+    pairs = tuple(sorted((arguments or {}).items()))
+    run_all(f"policy `{plugin.name}`", POLICY_CHECKS, PolicyCase(plugin, brief, shown, deterministic, pairs))
+
+
+def check_decisions(case: PolicyCase) -> None:
+    """`act` answers with a `Decision` that commands and says only what the brief allows."""
+    for decision in _decide(case):
+        require(isinstance(decision, Decision), f"act: a {type(decision).__name__} instead of a Decision")
+        _command(case.brief, decision)
+        kinds = {message.kind: message for message in case.brief.messages}
+        for message in decision.messages:
+            require(message.kind in kinds, f"act: a message `{message.kind}`, allowed are {', '.join(kinds) or 'none'}")
+            needed = {part.name for part in kinds[message.kind].fields if not part.optional}
+            missing = sorted(needed - set(message.body))
+            require(not missing, f"act: a `{message.kind}` without {', '.join(missing)}")
+            require(set(message.to) <= {peer.id for peer in case.brief.peers}, "act: a message to an unknown agent")
+
+
+def check_same_decisions(case: PolicyCase) -> None:
+    """Two objects with one brief and the same observations decide the same."""
+    if case.deterministic:
+        require(_decide(case) == _decide(case), "two policies with the same brief and observations decide differently")
+
+
+POLICY_CHECKS: tuple[Callable[[PolicyCase], None], ...] = (check_decisions, check_same_decisions)
+"""Every check of a policy."""
+
+
+def _command(brief: Brief, decision: Decision) -> None:
+    command = decision.command
+    if command is None:
+        return
+    resources = {resource.id: resource for resource in brief.resources}
+    name = command.resource or next((resource.id for resource in brief.resources if resource.embodied), "")
+    require(name in resources, f"act: a command to `{name}`, which the agent may not command")
+    verbs = {verb.name: verb for verb in resources[name].verbs}
+    require(command.verb in verbs, f"act: `{name}` has no verb `{command.verb}`; it has {', '.join(verbs)}")
+    known = {argument.name for argument in verbs[command.verb].arguments}
+    strange = sorted(set(command.arguments) - known)
+    require(not strange, f"act: `{command.verb}` takes no {', '.join(strange)}")
+
+
+def _decide(case: PolicyCase) -> list[Decision]:
+    async def play() -> list[Decision]:
+        policy = case.plugin.factory(**dict(case.arguments))
+        await policy.reset(case.brief)
+        return [await policy.act(observation, Inbox()) for observation in case.observations]
+
+    with ThreadPoolExecutor(max_workers=1) as worker:  # as in an episode: a thread and a loop of its own
+        return worker.submit(lambda: asyncio.run(play())).result()

@@ -1,0 +1,166 @@
+"""The checks of what an engine does with commands: admission, refusal, progress, its one end."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import msgspec
+
+from lingjing.plugins.conformance.case import EngineCase, advance, engine_of, play, require
+from lingjing.trace.records import Command, Receipt
+
+UNKNOWN_VERB = "conformance.noSuchVerb"
+UNKNOWN_RESOURCE = "conformance.no_such_resource"
+
+STOP = "stop"
+SENDER = "conformance"
+
+
+def check_admission(case: EngineCase) -> None:
+    """`submit` answers each command once, in order, with `accepted` or `rejected`."""
+    with engine_of(case) as engine:
+        engine.reset(case.spec, case.city, case.seed)
+        receipts = tuple(engine.submit(case.commands))
+        require(engine.submit(()) == (), "submit: receipts for no commands")
+    require(len(receipts) == len(case.commands), f"submit: {len(receipts)} receipts, {len(case.commands)} commands")
+    for command, receipt in zip(case.commands, receipts, strict=True):
+        _echo("submit", case, command, receipt)
+        require(receipt.status in ("accepted", "rejected"), f"submit: {command.id} is `{receipt.status}`")
+        require(receipt.status == "accepted" or receipt.reason != "", f"submit: {command.id} rejected with no reason")
+
+
+def check_refusals(case: EngineCase) -> None:
+    """A verb that nobody has, and a resource that the engine does not own or that nobody knows, are rejected with a
+    reason."""
+    resources = [owned.id for owned in case.owned[:1]]
+    resources += [entity.id for entity in case.instance.entities if entity.engine != case.plugin.name][:1]
+    strange = [
+        Command(id=f"c0-90{number}", tick=0, sender=SENDER, resource=resource, verb=UNKNOWN_VERB)
+        for number, resource in enumerate((*resources, UNKNOWN_RESOURCE))
+    ]
+    # What one's own entities obey, told to somebody else's.
+    foreign = resources[1:] if case.owned else []
+    strange += [
+        msgspec.structs.replace(command, id=f"c0-91{number}", resource=name)
+        for number, command in enumerate(case.commands[:1])
+        for name in foreign
+    ]
+    _refused(case, strange)
+
+
+def check_arguments(case: EngineCase) -> None:
+    """Arguments that are no finite numbers are rejected with a reason, whatever else the command says."""
+    _refused(case, [spoilt for command in case.commands for spoilt in _spoilt(command)])
+
+
+def check_busy(case: EngineCase) -> None:
+    """While a request is pending its resource takes no other but `stop`: it is rejected as `busy`, and the pending one
+    goes on as if nothing had been said."""
+    first, *rest = case.times()
+    with engine_of(case) as engine:
+        engine.reset(case.spec, case.city, case.seed)
+        engine.submit(case.commands)
+        alone = advance(engine, case, 0.0, (first, *rest))
+    with engine_of(case) as engine:
+        engine.reset(case.spec, case.city, case.seed)
+        admitted = {r.request for r in engine.submit(case.commands) if r.status == "accepted"}
+        boundaries = advance(engine, case, 0.0, (first,))
+        ended = {r.request for r in boundaries[0].receipts if r.status != "running"}
+        again = [
+            msgspec.structs.replace(command, id=f"c0-92{number}")
+            for number, command in enumerate(case.commands)
+            if command.id in admitted - ended and command.verb != STOP and command.origin == "agent"
+        ]
+        for command, receipt in zip(again, engine.submit(again), strict=True):
+            what = f"submit: `{command.verb}` for `{command.resource}`, which is busy"
+            got = (receipt.status, receipt.reason)
+            require(got == ("rejected", "busy"), f"{what}, is {got} instead of rejected: busy")
+        boundaries += advance(engine, case, first, rest)
+    for before, after in zip(alone, boundaries, strict=True):
+        same = before.states == after.states and before.receipts == after.receipts
+        require(same, f"a command that was refused changed what goes on at {after.time_s} s")
+
+
+def check_receipts(case: EngineCase) -> None:
+    """Receipts after admission belong to accepted requests, end once, say `running` once a call at most, and their
+    progress never falls."""
+    run = play(case)
+    commands = {command.id: command for command in case.commands}
+    live = {receipt.request for receipt in run.admissions if receipt.status == "accepted"}
+    reached: dict[str, float] = {}
+    start = 0.0
+    for until, boundary in zip(case.times(), run.boundaries, strict=True):
+        seen: set[str] = set()
+        for receipt in boundary.receipts:
+            what = f"advance: receipt `{receipt.status}` of {receipt.request}"
+            require(receipt.request in live, f"{what}: the request is unknown, was not accepted or has ended")
+            _echo("advance", case, commands[receipt.request], receipt)
+            require(receipt.status in ("running", "completed", "rejected"), f"{what} may not come from here")
+            require(start - 1e-9 <= receipt.time_s <= until + 1e-9, f"{what} at {receipt.time_s} s, not in this call")
+            require(receipt.status != "rejected" or receipt.reason != "", f"{what} has no reason")
+            if receipt.progress is not None:
+                require(0.0 <= receipt.progress <= 1.0, f"{what}: progress is not in 0..1")
+                fell = receipt.progress < reached.get(receipt.request, 0.0)
+                require(not fell, f"{what}: progress fell to {receipt.progress}")
+                reached[receipt.request] = receipt.progress
+            if receipt.status == "running":
+                require(receipt.request not in seen, f"{what} twice in one call")
+                seen.add(receipt.request)
+            else:
+                live.discard(receipt.request)
+        start = until
+
+
+def check_preemption(case: EngineCase) -> None:
+    """`stop` ends a pending request as `rejected: preempted`; tried on entities that have the verb."""
+    stoppable = {entity.id for entity in case.owned if any(verb.name == STOP for verb in entity.verbs)}
+    for command in case.commands:
+        if command.resource in stoppable and command.verb != STOP:
+            _preempt(case, command)
+
+
+def _refused(case: EngineCase, commands: list[Command]) -> None:
+    with engine_of(case) as engine:
+        engine.reset(case.spec, case.city, case.seed)
+        receipts = tuple(engine.submit(commands))
+    require(len(receipts) == len(commands), f"submit: {len(receipts)} receipts, {len(commands)} commands")
+    for command, receipt in zip(commands, receipts, strict=True):
+        what = f"`{command.verb}` {command.arguments or ''} for `{command.resource}`"
+        require(receipt.status == "rejected", f"submit: {what} is `{receipt.status}` instead of rejected")
+        require(receipt.reason != "", f"submit: {what} is rejected with no reason")
+
+
+def _spoilt(command: Command) -> Iterator[Command]:
+    """The command with each number replaced by something that is none."""
+    number = 0
+    for name, value in command.arguments.items():
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            continue
+        for wrong in (math.nan, math.inf, "far"):
+            number += 1
+            arguments = {**command.arguments, name: wrong}
+            yield msgspec.structs.replace(command, id=f"{command.id}-{number}", arguments=arguments)
+
+
+def _echo(where: str, case: EngineCase, command: Command, receipt: Receipt) -> None:
+    got = (receipt.request, receipt.tick, receipt.sender, receipt.resource, receipt.by)
+    wanted = (command.id, command.tick, command.sender, command.resource, case.plugin.name)
+    require(got == wanted, f"{where}: a receipt says (request, tick, sender, resource, by) = {got}, not {wanted}")
+
+
+def _preempt(case: EngineCase, command: Command) -> None:
+    stop = Command(id="c0-903", tick=0, sender=command.sender, resource=command.resource, verb=STOP)
+    first, second = case.times()[:2]
+    with engine_of(case) as engine:
+        engine.reset(case.spec, case.city, case.seed)
+        accepted = engine.submit((command,))[0].status == "accepted"
+        (boundary,) = advance(engine, case, 0.0, (first,))
+        ended = {r.request for r in boundary.receipts if r.status != "running"}
+        if not accepted or command.id in ended:
+            return  # nothing was pending that could be pre-empted
+        require(engine.submit((stop,))[0].status == "accepted", f"submit: `stop` of {command.id} is not accepted")
+        (boundary,) = advance(engine, case, first, (second,))
+        later = [r for r in boundary.receipts if r.request == command.id]
+    ends = [(receipt.status, receipt.reason) for receipt in later if receipt.status != "running"]
+    require(ends == [("rejected", "preempted")], f"after `stop`, {command.id} ends as {ends}, not rejected: preempted")
