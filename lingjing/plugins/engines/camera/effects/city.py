@@ -16,26 +16,13 @@ import msgspec
 
 from lingjing.mission.instance import Entity, Vector
 from lingjing.scene.city import Bridge, Building, Lane, Pieces, Polygon, Road, Tile
+from lingjing.scene.districts.palette import NAMED
 
 AWARE = ("bridge_fracture", "pipeline_leak", "reference_building", "building_fire", "fire_source")
 """Types whose looks depend on what they stand on."""
 NEAR_M = 40.0
 """A target belongs to the bridge or building within this distance of it, the nearest one."""
 GAP_M = 8.0
-COLOURS: dict[str, tuple[float, float, float]] = {
-    "white": (0.78, 0.77, 0.74),
-    "red": (0.46, 0.07, 0.05),
-    "orange": (0.62, 0.24, 0.05),
-    "yellow": (0.66, 0.50, 0.10),
-    "green": (0.14, 0.30, 0.14),
-    "blue": (0.11, 0.22, 0.44),
-    "pink": (0.62, 0.34, 0.34),
-    "brown": (0.24, 0.14, 0.08),
-    "grey": (0.34, 0.34, 0.34),
-    "black": (0.06, 0.06, 0.07),
-}
-"""Walls by name, linear RGB."""
-
 Path = tuple[Vector, ...]
 P = TypeVar("P", bound=Pieces)
 T = TypeVar("T")
@@ -128,7 +115,10 @@ def dressed(pieces: P, entities: Sequence[Entity], painted: Mapping[str, Entity]
 
 
 def reference(near: Iterable[Pieces], entity: Entity) -> str | None:
-    """The id of the building that a reference building is: the nearest one."""
+    """The id of the building that a reference building is: the one it was anchored to, else the nearest."""
+    anchored = entity.properties.get("building")
+    if isinstance(anchored, str):
+        return anchored
     x, y, _ = entity.position
     found = [(_outline_distance(b.polygon, x, y), b.id) for pieces in near for b in pieces.buildings]
     away, building = min(found, default=(inf, ""))
@@ -182,7 +172,7 @@ def _painted(building: Building, entity: Entity | None) -> Building:
 
 def _paint(entity: Entity) -> tuple[float, float, float] | None:
     given = entity.properties.get("colour")
-    return COLOURS.get(given) if isinstance(given, str) else None
+    return NAMED.get(given) if isinstance(given, str) else None
 
 
 def _nearest(things: list[tuple[T, Path]], x: float, y: float) -> tuple[T, Vector, float] | None:
@@ -247,4 +237,4 @@ def _outline_distance(polygon: Polygon, x: float, y: float) -> float:
     return 0.0 if crossings % 2 else _project(ring, x, y)[0]
 
 
-__all__ = ["COLOURS", "Dress", "Site", "dress", "dressed", "gap_of", "is_a", "reference", "site_of", "split"]
+__all__ = ["Dress", "Site", "dress", "dressed", "gap_of", "is_a", "reference", "site_of", "split"]
