@@ -16,8 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 from lingjing.plugins.engines.camera import city_shaders as shaders
-from lingjing.plugins.engines.camera.costume import Dress
-from lingjing.plugins.engines.camera.effects import SHOWING
+from lingjing.plugins.engines.camera.classes import FIRST_ENTITY
+from lingjing.plugins.engines.camera.effects import SHOWING, Dress
 from lingjing.plugins.engines.camera.instances import Batch, prop_batches
 from lingjing.plugins.engines.camera.light import Light
 from lingjing.plugins.engines.camera.mesh_rows import LAYOUT, Part
@@ -190,7 +190,8 @@ class Cityscape:
     def _ready(self, key: Key) -> Resident:
         pieces: Pieces = self._dress.tiles.get(key) or self.tiles.load(key)
         crossings = crossings_of(self._junctions_near(key))
-        mesh = mesh_tile(pieces, crossings, self._dress.faced, self._under)
+        faced = {building: FIRST_ENTITY + number for building, number in self._dress.faced.items()}
+        mesh = mesh_tile(pieces, crossings, faced, self._under)
         sheets = {name: self._upload(name, part, casts=name in CASTERS) for name, part in mesh.parts.items()
                   if len(part.index)}  # fmt: skip
         bare = TileMesh({}, mesh.boxes, mesh.low, mesh.high)

@@ -21,8 +21,7 @@ from lingjing.plugins.engines.camera import city_shaders, shaders, uniforms
 from lingjing.plugins.engines.camera.cityscape import Cityscape, View
 from lingjing.plugins.engines.camera.classes import CLASSES
 from lingjing.plugins.engines.camera.context import open_context, renderer_name
-from lingjing.plugins.engines.camera.costume import Dress
-from lingjing.plugins.engines.camera.effects import prop_effects
+from lingjing.plugins.engines.camera.effects import Dress, prop_effects
 from lingjing.plugins.engines.camera.effects.drawing import EffectPass
 from lingjing.plugins.engines.camera.effects.particles import BILLBOARD, DECAL
 from lingjing.plugins.engines.camera.ground import SHORE_REACH_M, Ground

@@ -17,9 +17,8 @@ from lingjing.mission.instance import CameraSpec, Entity, Weather
 from lingjing.plugins.engine import Boundary, CaptureRequest, EngineSpec, Frame
 from lingjing.plugins.engines.camera.boxes import entity_boxes
 from lingjing.plugins.engines.camera.classes import MAX_ENTITIES, semantic_table
-from lingjing.plugins.engines.camera.costume import dress_of
 from lingjing.plugins.engines.camera.draw import Renderer, Scenery
-from lingjing.plugins.engines.camera.effects import Site
+from lingjing.plugins.engines.camera.effects import Site, dress
 from lingjing.plugins.engines.camera.ground import build_ground, height_under, water_level
 from lingjing.plugins.engines.camera.instances import Batch, prop_batches
 from lingjing.plugins.engines.camera.noise import noise_texture
@@ -68,7 +67,7 @@ class CameraEngine:
         self._oceans, self._schedule = {}, Schedule(spec.instance)
         self._sites = {}
         if self._terrain is not None:
-            changed = dress_of(entities, Tiles(city), self._terrain)
+            changed = dress(Tiles(city).near, self._terrain.surface, entities)
             self._renderer.dress(changed)
             self._sites = changed.sites
         self._states = {e.id: BodyState(id=e.id, position=e.position, heading_deg=e.heading_deg) for e in entities}

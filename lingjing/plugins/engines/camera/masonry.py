@@ -8,6 +8,7 @@ is its gloss; the seed of a building rides in `layer`, which walls do not need.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from math import atan2, cos, radians, sin
 
 import numpy as np
@@ -117,7 +118,7 @@ def _plant(given: Building, eaves: float, number: int) -> list[Part]:
     if inner.is_empty or inner.area < 30.0 or given.use in ("house",):
         return []
     west, south, east, north = inner.bounds
-    centre, turn = _frame(given)
+    _, turn = _frame(given)
     found: list[Part] = []
     chance = np.random.default_rng(given.seed & 0xFFFFFFFF)
     wanted = int(min(2 + inner.area / 350.0, 9))
@@ -160,7 +161,7 @@ def _ridged(given: Building, eaves: float, rise: float, number: int) -> Part:
     corners = np.asarray(box.exterior.coords)[:4]
     centre, turn = _frame(given)
     local = _turned(corners - centre, (0.0, 0.0), -turn)
-    half_long, half_wide = np.abs(local).max(axis=0) + (0.45, 0.45)
+    half_long, half_wide = np.abs(local).max(axis=0) + 0.45
     ridge = half_long - (half_wide if given.roof == "hipped" else 0.0)
     ridge = max(ridge, 0.2)
     low, top = eaves - 0.15, eaves + rise
@@ -191,7 +192,7 @@ def _dome(given: Building, eaves: float, rise: float, number: int) -> Part:
     rings = [np.column_stack([middle + (ring - middle) * cos(t), np.full(len(ring), eaves + rise * sin(t))])
              for t in steps]  # fmt: skip
     parts = []
-    for low, high in zip(rings[:-1], rings[1:], strict=True):
+    for low, high in pairwise(rings):
         low2, high2 = np.roll(low, -1, axis=0), np.roll(high, -1, axis=0)
         parts.append(np.concatenate([np.stack([low, low2, high2], 1), np.stack([low, high2, high], 1)]))
     return faces(np.concatenate(parts), given.roof_colour, number, gloss=0.3)

@@ -81,8 +81,7 @@ def _touch(a: tuple[float, ...], b: tuple[float, ...] | None) -> bool:
 
 def _area(area: Area, layer: float) -> Part:
     colour, style = SURFACES.get(area.surface, SURFACES["concrete"])
-    part = sheet([area.polygon, *area.holes], area.top_m, colour, surface_id(area.surface), style=style, layer=layer)
-    return part
+    return sheet([area.polygon, *area.holes], area.top_m, colour, surface_id(area.surface), style=style, layer=layer)
 
 
 def junctions(given: Iterable[Junction]) -> Part:
