@@ -19,10 +19,11 @@ from lingjing.plugins.engines.road.traffic import Occupied
 from lingjing.plugins.engines.road.vehicle import body_state
 from lingjing.trace.records import BodyState
 
-QUEUE_M = 32.0
+QUEUE_M = 45.0
 """How far a queue reaches back beyond the target's radius."""
 
 MOST = 20
+MOST_A_LANE = 9
 LEAST_RADIUS_M = 15.0
 _GAPS_M = (1.2, 2.4)
 _BRAKING_MPS2 = 4.0
@@ -66,8 +67,8 @@ class Congestion:
         near = self._graph.places(jam.x, jam.y, jam.radius_m)
         jam.blocking, jam.lanes = True, tuple(place.lane for place in near)
         jam.rounds += 1
-        each = max(2, MOST // max(len(near), 1))
         for place in near:
+            each = min(MOST_A_LANE, MOST - len(jam.queue))
             reach = math.sqrt(max(jam.radius_m**2 - place.off_m**2, 0.0))
             front = min(place.at_m + reach * 0.5, place.lane.length_m - 1.0)
             self._line_up(jam, place.lane, front, place.at_m - reach - QUEUE_M, each, occupied)

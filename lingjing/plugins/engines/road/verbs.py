@@ -99,7 +99,7 @@ class Planner:
             raise Refusal("no_route", f"`{vehicle.id}` has no route yet that could be replaced")
         before = vehicle.avoided
         jam = self._congestion.at(x, y)
-        named = Avoided(x, y, AVOID_M) if jam is None else Avoided(x, y, max(jam.radius_m, AVOID_M), jam.id)
+        named = Avoided(x, y, AVOID_M) if jam is None else Avoided(jam.x, jam.y, jam.radius_m, jam.id)
         vehicle.avoided = (*before, named)
         try:
             return self._plan(vehicle, planned.x, planned.y)
