@@ -39,13 +39,16 @@ SCENE_KEYS = _keys(
     Key("traffic", NUMBER, _DRAWN, low=0),
     Key("shore", POSITIONS),
     Key("bridge", POSITIONS),
+    Key("deck", METRES, above=0),
     Key("pipeline", POSITIONS),
     Key("inside", REGION),
+    Key("homes", REGION),
 )
 """`map` is an OpenStreetMap file beside the mission; `folder` is a city that `lingjing scene build` wrote and `file` a
 map to build one from, both from the working folder, `bbox` the part of a map; the rest shapes a city made up: its
 extent, blocks of houses, their heights, a number that picks another layout of the same kind, moving cars, the shore
-(water on its right), the lines of a bridge and of a pipeline, and the region that a wall or a fence surrounds."""
+(water on its right), the lines of a bridge (`deck` is its elevation) and of a pipeline, the region that a wall or a
+fence surrounds, and one whose blocks hold dwellings."""
 CLOCK_KEYS = _keys(Key("tick", SECONDS, above=0, required=True), Key("sync", SECONDS, above=0, required=True))
 BUDGET_KEYS = _keys(
     Key("ticks", NUMBER, ("<=",), low=1, required=True),

@@ -13,7 +13,7 @@ from random import Random
 
 from lingjing.scene.city import Bridge, Land, Polygon, Water
 from lingjing.scene.districts.boxes import Box, around
-from lingjing.scene.districts.draft import Draft
+from lingjing.scene.districts.draft import Draft, stream
 from lingjing.scene.districts.furnish import disc, erect
 from lingjing.scene.districts.options import Plan
 from lingjing.scene.districts.streets import Point
@@ -48,7 +48,7 @@ def seaside(draft: Draft, plan: Plan, chance: Random) -> None:
     draft.lands.append(Land(polygon=coast_land(plan.shore, reach), top_m=0.0, surface="grass"))
     _promenade(draft, plan, chance)
     _harbour(draft, plan, chance)
-    _afloat(draft, plan, chance)
+    _afloat(draft, plan, stream(plan.seed, "afloat"))
     if plan.bridge:
         _island(draft, plan)
         _bridge(draft, plan)

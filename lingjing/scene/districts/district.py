@@ -15,6 +15,7 @@ from lingjing.scene.districts.boxes import Box, around, bounds
 from lingjing.scene.districts.draft import Draft, stream
 from lingjing.scene.districts.furnish import block_slab
 from lingjing.scene.districts.options import Plan
+from lingjing.scene.districts.palette import HOMES
 from lingjing.scene.districts.streets import APRON_M, Block, Grid, blocks, grid, network
 from lingjing.scene.districts.zones import fill, heights, surface
 from lingjing.scene.network import Network, StreetEdge, StreetNode, build_network, read_roads
@@ -61,7 +62,7 @@ def frame(plan: Plan, net: Network) -> City:
     if plan.bridge:
         boxes.append(bounds(plan.bridge).inset(-200.0))
     return City(
-        id=f"{plan.kind}-{plan.seed}",
+        id=f"{plan.kind}-{plan.layout}",
         origin=plan.origin,
         bounds=(
             min(box.west for box in boxes),
@@ -80,7 +81,7 @@ def frame(plan: Plan, net: Network) -> City:
 
 def _ground(draft: Draft, plan: Plan) -> None:
     if plan.shore:
-        coast.seaside(draft, plan, stream(plan.seed, "coast"))
+        coast.seaside(draft, plan, stream(plan.layout, "coast"))
     else:
         reach = 2.0 * (plan.half_m + GROUND_M)
         draft.lands.append(Land(polygon=around(0.0, 0.0, reach, reach).polygon, top_m=0.0, surface="grass"))
@@ -90,7 +91,7 @@ def _site(draft: Draft, plan: Plan) -> sites.Gates:
     """Build the plan's site, if it has one; its gates."""
     if plan.site is None:
         return {}
-    chance = stream(plan.seed, "site")
+    chance = stream(plan.layout, "site")
     if plan.pipeline and not plan.inside:
         sites.pipeline(draft, plan.site, plan.pipeline, chance)
         return {}
@@ -118,10 +119,16 @@ def _dry(plan: Plan, box: Box) -> bool:
 
 
 def _block(draft: Draft, plan: Plan, block: Block, kind: str, tree_gap_m: float) -> None:
-    chance = stream(plan.seed, f"block/{block.column}/{block.row}/{block.box.south:.0f}/{block.box.west:.0f}")
+    chance = stream(plan.layout, f"block/{block.column}/{block.row}/{block.box.south:.0f}/{block.box.west:.0f}")
     inner = block_slab(draft, block.box, surface(kind), chance, tree_gap_m)
     first = "warehouse" if kind == "logistics" and hypot(block.box.west, block.box.south) < 25.0 else ""
-    fill(draft, kind, inner, heights(kind, plan.height_m) if plan.kind == "city" else plan.height_m, chance, first)
+    tall = heights(kind, plan.height_m) if plan.kind == "city" else plan.height_m
+    if plan.homes and block.box.meets(bounds(plan.homes)):
+        begun = len(draft.buildings)
+        fill(draft, "residential", inner, tall, chance, "slabs")
+        draft.repaint(begun, chance.sample(HOMES, len(HOMES)))
+    else:
+        fill(draft, kind, inner, tall, chance, first)
 
 
 def _network(plan: Plan, made: Grid, gates: sites.Gates) -> Network:
@@ -169,7 +176,7 @@ def _outskirts(draft: Draft, plan: Plan) -> None:
         return
     from lingjing.scene.districts.furnish import tree
 
-    chance = stream(plan.seed, "outskirts")
+    chance = stream(plan.layout, "outskirts")
     outer = plan.half_m + OUTSKIRTS_M
     site = plan.site.inset(-20.0) if plan.site else None
     for _ in range(int(plan.extent_m / 3.0)):

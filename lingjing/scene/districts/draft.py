@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from random import Random
+
+import msgspec
 
 from lingjing.mission.instance import Datum
 from lingjing.scene.city import Area, Bridge, Building, Land, Pieces, Pipe, Polygon, Prop, Slope, Solid, Water
@@ -61,6 +64,11 @@ class Draft:
         """Put up a building."""
         self.buildings.append(building)
         self.take(bounds(building.polygon))
+
+    def repaint(self, first: int, colours: Sequence[tuple[float, float, float]]) -> None:
+        """Give the buildings from number `first` on wall colours in turn."""
+        for k, building in enumerate(self.buildings[first:]):
+            self.buildings[first + k] = msgspec.structs.replace(building, colour=colours[k % len(colours)])
 
     def prop(
         self, cls: str, x: float, y: float, z: float = KERB_M, heading: float = 0.0, scale: float = 1.0,

@@ -19,6 +19,7 @@ _KNOWN = {
     "height_low_m": "height",
     "height_high_m": "height",
     "inside": "inside",
+    "homes": "homes",
     "pipeline": "pipeline",
     "shore": "shore",
     "bridge": "bridge",
@@ -48,11 +49,15 @@ DRY_M = 1.0
 class Plan:
     """A district to build: square of `extent_m` about the origin, streets every `spacing` metres east and north.
 
-    `inside` is an area without public streets (a compound, a factory), `pipeline`, `shore` and `bridge` are lines;
-    empty where the mission names none. `height_m` is the range of building heights.
+    `layout` feeds the streams of what stays from episode to episode, `seed` those of what an episode's seed may change:
+    what floats on the water (nothing in a whole city, which is built once). `inside` is an area without public streets
+    (a compound, a factory), `homes` one whose blocks hold dwellings of different colours whatever the rest of the
+    district is, `pipeline`, `shore` and `bridge` are lines; empty where the mission names none. `height_m` is the range
+    of building heights, `deck_m` the elevation of the bridge's deck.
     """
 
     kind: str
+    layout: int
     seed: int
     origin: tuple[float, float]
     datum_m: float
@@ -60,6 +65,7 @@ class Plan:
     spacing: tuple[float, float]
     height_m: tuple[float, float]
     inside: Polygon = ()
+    homes: Polygon = ()
     pipeline: Polygon = ()
     shore: Polygon = ()
     bridge: Polygon = ()
@@ -92,13 +98,15 @@ def plan(spec: SceneSpec) -> Plan:
     low = _number(spec, "height_low_m", low, 2.5, 400.0)
     made = Plan(
         kind=spec.kind,
-        seed=spec.seed,
+        layout=spec.layout,
+        seed=0 if spec.kind == "city" else spec.seed,
         origin=spec.origin,
         datum_m=spec.datum_m,
         extent_m=extent,
         spacing=(extent / round(columns), extent / round(rows)),
         height_m=(low, _number(spec, "height_high_m", max(low, high), low, 400.0)),
         inside=_line(spec, "inside", 3),
+        homes=_line(spec, "homes", 3),
         pipeline=_line(spec, "pipeline", 2),
         shore=_line(spec, "shore", 2) or _default_shore(spec.kind, extent),
         bridge=_line(spec, "bridge", 2),
