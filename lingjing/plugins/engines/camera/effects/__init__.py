@@ -14,10 +14,10 @@ the same for a prop (`steam`, `fountain`). Both give an `Effects`:
 noise texture: `decals` after the ground and before objects, `bodies` with the objects, `clouds` last of all, after the
 projected shadows. Nothing here casts a shadow.
 
-What targets do to the static city is in `city`: `dressed(pieces, entities)` gives a tile's pieces with the gap of a
-fractured bridge cut out of decks and lanes and the reference building painted; `faced(pieces, entities)` names the
-building whose pixels are an entity's; `site_of` finds what an effect must know of its surroundings (the deck of the
-bridge, the pipe, the ground under it). All are asked once an episode (`camera.costume`).
+What targets do to the static city is in `city`: `dress(near, ground, entities)`, asked once an episode, gives the tiles
+with the gap of a fractured bridge cut out of decks and lanes and the reference building painted, the buildings whose
+pixels are an entity's, and for each entity what its effect must know of its surroundings (`Site`: the deck of the
+bridge, the pipe, the ground under it), which is handed to `effects_of`.
 
 Chance comes from hashes of the id and the particle's number, time from `time_s` alone: the same state at the same time
 is the same picture, whatever was drawn before.
@@ -25,7 +25,7 @@ is the same picture, whatever was drawn before.
 
 from __future__ import annotations
 
-from lingjing.plugins.engines.camera.effects.city import Site, dressed, faced, site_of
+from lingjing.plugins.engines.camera.effects.city import Dress, Site, dress
 from lingjing.plugins.engines.camera.effects.particles import BILLBOARD, DECAL, Effects, Solid, joined
 from lingjing.plugins.engines.camera.effects.targets import SHOWING, effects_of, prop_effects
 
@@ -33,13 +33,12 @@ __all__ = [
     "BILLBOARD",
     "DECAL",
     "SHOWING",
+    "Dress",
     "Effects",
     "Site",
     "Solid",
-    "dressed",
+    "dress",
     "effects_of",
-    "faced",
     "joined",
     "prop_effects",
-    "site_of",
 ]

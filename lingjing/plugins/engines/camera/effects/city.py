@@ -1,14 +1,13 @@
 """What targets do to the static city: a gap in a bridge, a building in the colour that its mission names.
 
-All are pure functions of a tile's pieces and the mission's entities. `site_of` says what an effect must know of its
-surroundings; `dressed` gives the pieces that the meshes of a tile are built from; `faced` names the building whose
-pixels are an entity's.
+All are pure functions of tiles and the mission's entities: `dress` looks at the tiles near each of them and gives the
+changed tiles, the buildings whose pixels are an entity's, and what each effect must know of its surroundings.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from itertools import pairwise
 from math import atan2, degrees, hypot, inf
 from typing import TypeVar
@@ -16,11 +15,15 @@ from typing import TypeVar
 import msgspec
 
 from lingjing.mission.instance import Entity, Vector
-from lingjing.scene.city import Bridge, Building, Lane, Pieces, Polygon, Road
+from lingjing.scene.city import Bridge, Building, Lane, Pieces, Polygon, Road, Tile
 from lingjing.scene.districts.palette import NAMED
 
+AWARE = ("bridge_fracture", "pipeline_leak", "reference_building")
+"""Types whose looks depend on what they stand on."""
 NEAR_M = 40.0
 """A target belongs to the bridge or building within this distance of it, the nearest one."""
+TILES_M = 80.0
+"""How far around a target tiles are looked at: an anchored building's first corner may be as far."""
 GAP_M = 8.0
 Path = tuple[Vector, ...]
 P = TypeVar("P", bound=Pieces)
@@ -38,6 +41,40 @@ class Site:
     thickness_m: float = 1.2
     deck_m: float | None = None
     radius_m: float = 0.4
+
+
+@dataclass(frozen=True, slots=True)
+class Dress:
+    """What a mission changes: whole tiles by their key, building id → number of the entity that it is, entity id → its
+    surroundings."""
+
+    tiles: dict[tuple[int, int], Pieces] = field(default_factory=dict)
+    faced: dict[str, int] = field(default_factory=dict)
+    sites: dict[str, Site] = field(default_factory=dict)
+
+
+def dress(
+    near: Callable[[float, float, float], tuple[Tile, ...]],
+    ground: Callable[[float, float], float],
+    entities: Sequence[Entity],
+) -> Dress:
+    """The dress of a city for the entities of a mission. `near` gives the tiles about a point (`Tiles.near`), `ground`
+    the elevation of ground or water at one."""
+    made = Dress()
+    for number, entity in enumerate(entities):
+        if not any(is_a(entity, kind) for kind in AWARE):
+            continue
+        x, y, _ = entity.position
+        tiles = near(x, y, TILES_M)
+        made.sites[entity.id] = site_of(entity, tiles, ground(x, y))
+        chosen = faced(Pieces(buildings=tuple(b for tile in tiles for b in tile.buildings)), (entity,))
+        made.faced.update((building, number) for building in chosen)
+        for tile in tiles:
+            before = made.tiles.get(tile.key, tile)
+            after = dressed(before, (entity,), chosen)
+            if after is not before:
+                made.tiles[tile.key] = after
+    return made
 
 
 def is_a(entity: Entity, kind: str) -> bool:
@@ -60,10 +97,11 @@ def site_of(entity: Entity, near: Iterable[Pieces], ground_m: float) -> Site:
     return Site(ground_m)
 
 
-def dressed(pieces: P, entities: Sequence[Entity]) -> P:
-    """The pieces with broken bridges and painted buildings; the very same object if no entity changes any."""
+def dressed(pieces: P, entities: Sequence[Entity], painted: Mapping[str, Entity]) -> P:
+    """The pieces with broken bridges and painted buildings (id → entity); the very same object if none changes."""
     broken = [e for e in entities if is_a(e, "bridge_fracture") and not e.dormant]
-    named = {building: entity for building, entity in faced(pieces, entities).items() if _paint(entity) is not None}
+    here = {building.id for building in pieces.buildings}
+    named = {name: entity for name, entity in painted.items() if name in here and _paint(entity) is not None}
     if not named and not any(_touches(pieces, entity) for entity in broken):
         return pieces
     bridges: tuple[Bridge, ...] = pieces.bridges
@@ -205,4 +243,4 @@ def _outline_distance(polygon: Polygon, x: float, y: float) -> float:
     return 0.0 if crossings % 2 else _project(ring, x, y)[0]
 
 
-__all__ = ["Site", "dressed", "faced", "gap_of", "is_a", "site_of", "split"]
+__all__ = ["Dress", "Site", "dress", "dressed", "faced", "gap_of", "is_a", "site_of", "split"]
