@@ -97,11 +97,13 @@ def site_of(entity: Entity, near: Iterable[Pieces], ground_m: float) -> Site:
     return Site(ground_m)
 
 
-def dressed(pieces: P, entities: Sequence[Entity], painted: Mapping[str, Entity]) -> P:
-    """The pieces with broken bridges and painted buildings (id → entity); the very same object if none changes."""
+def dressed(pieces: P, entities: Sequence[Entity], painted: Mapping[str, Entity] | None = None) -> P:
+    """The pieces with broken bridges and painted buildings (id → entity); the very same object if none changes.
+    Without `painted` these are the pieces' own nearest ones."""
     broken = [e for e in entities if is_a(e, "bridge_fracture") and not e.dormant]
+    chosen = faced(pieces, entities) if painted is None else painted
     here = {building.id for building in pieces.buildings}
-    named = {name: entity for name, entity in painted.items() if name in here and _paint(entity) is not None}
+    named = {name: entity for name, entity in chosen.items() if name in here and _paint(entity) is not None}
     if not named and not any(_touches(pieces, entity) for entity in broken):
         return pieces
     bridges: tuple[Bridge, ...] = pieces.bridges
