@@ -161,8 +161,11 @@ class Toy:
         if due("none", until):
             return None
         wrong = 1e-3 if due("late_clock", until) else 0.0
+        if due("stale", until):
+            return self.last
         signed = "somebody" if due("signature", until) else self.spec.engine
-        return Boundary(engine=signed, time_s=until + wrong, states=states, receipts=receipts, events=events)
+        self.last = Boundary(engine=signed, time_s=until + wrong, states=states, receipts=receipts, events=events)
+        return self.last
 
     def capture(self, requests):
         return ()

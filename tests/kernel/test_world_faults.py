@@ -1,0 +1,198 @@
+"""What goes wrong in a worker and what is left of the episode: an abort, its partial trace, a clean next one."""
+
+import os
+import signal
+import sys
+import threading
+import time
+from pathlib import Path
+
+import msgspec
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))  # the toys are shared by these tests and by the workers
+
+import world_toys as toys
+
+from lingjing.kernel.episode import play, seat
+from lingjing.kernel.step import Kernel
+from lingjing.kernel.world import open_world
+from lingjing.mission.instance import AgentSpec, ChannelSpec, Entity, VerbSpec
+from lingjing.trace.digest import verify
+from lingjing.trace.reader import read_trace
+from lingjing.trace.records import Action, Decision, Header
+from lingjing.trace.writer import TraceWriter
+
+TICKS = 4
+HERE = str(Path(__file__).parent)
+
+
+class Goer:
+    """A policy that sends its entity on at every boundary and takes a picture now and then."""
+
+    async def reset(self, brief):
+        self.resource = brief.resources[0].id
+
+    async def act(self, observation, inbox):
+        verb = "takePhoto" if observation.tick % 2 else "go"
+        return Decision(command=Action(verb=verb))
+
+
+def episode(fault="nothing", at=2.05, fault_in="toy_b", engine_s=20.0, capture_s=20.0):
+    """Two movers, one with a camera and a mind; `fault` in one of the engines from `at` on."""
+    verbs = (VerbSpec(name="go"), VerbSpec(name="takePhoto"))
+    ant = toys.entity("ant", "toy_a", 1.0, cameras=(toys.camera(),), fault=fault, fault_at=at, fault_in=fault_in)
+    instance = toys.instance(
+        msgspec.structs.replace(ant, verbs=verbs),
+        toys.entity("bee", "toy_b", 2.0),
+        engine_s=engine_s,
+        capture_s=capture_s,
+    )
+    mind = AgentSpec(
+        id="mind",
+        name="mind",
+        index=0,
+        role="r",
+        controls=("ant",),
+        commands=("ant",),
+        observes=(ChannelSpec(source="entity", name="ant"),),
+    )
+    budget = msgspec.structs.replace(instance.budget, ticks=TICKS, policy_s=20.0)
+    return msgspec.structs.replace(instance, agents=(mind,), budget=budget, success=toys.Flag(value=False))
+
+
+@pytest.fixture
+def world():
+    world = open_world("process", plugins=("world_toys:plugin", "world_toys:painter"), paths=(HERE,), installed=False)
+    yield world
+    world.close()
+
+
+def played(world, instance, folder, progress=None):
+    """The outcome and the trace that was left of one episode."""
+    folder.mkdir()
+    writer = TraceWriter(folder / "trace.mcap", Header(instance=instance, bindings=(), fingerprint={}))
+
+    def record(boundary, frames):
+        writer.boundary(boundary, [(frame.info, frame.jpeg, frame.depth, frame.semantic) for frame in frames])
+
+    kernel = Kernel(instance, toys.CITY, world, record=record)
+    outcome = play(kernel, seat(kernel, {"mind": Goer()}), writer, progress)
+    whole = writer.path.exists()
+    return outcome, read_trace(writer.path if whole else writer.part), whole
+
+
+def workers(world):
+    staff = world._staff
+    return [worker.pid for worker in (staff.world, staff.camera.worker if staff.camera else None) if worker]
+
+
+def children():
+    """Processes of this one that still run."""
+    mine, found = str(os.getpid()), []
+    for entry in Path("/proc").iterdir():
+        try:
+            state, parent = (entry / "stat").read_text().rpartition(")")[2].split()[:2]
+        except (OSError, ValueError):
+            continue
+        if parent == mine and state not in "ZX":
+            found.append(int(entry.name))
+    return set(found)
+
+
+FAULTS = [
+    ("raise", "toy_b", "engine `toy_b` failed in advance: ValueError: the toy is broken"),
+    ("kill", "toy_b", "the world process died (SIGKILL) while engine `toy_b` was in advance"),
+    ("nan", "toy_a", "engine `toy_a` failed in advance: entity `ant` has a number that is not finite"),
+    ("stale", "toy_b", "engine `toy_b` failed in advance: it stands at 2.0 s instead of 2.1"),
+    ("hang", "toy_b", "engine `toy_b` (advance) did not answer within 1 s; the world process was killed"),
+    ("kill", "camera", "the camera process died (SIGKILL) while engine `camera` was in advance"),
+]
+
+
+@pytest.mark.parametrize(("fault", "where", "message"), FAULTS, ids=[f"{f}-{w}" for f, w, _ in FAULTS])
+def test_an_abort_leaves_its_trace_no_orphan_and_a_clean_next_episode(world, tmp_path, fault, where, message):
+    before = children()
+    good, _, whole = played(world, episode(), tmp_path / "good")
+    assert (good.reason, good.ticks, whole) == ("budget", TICKS, True)
+    used = set(workers(world))
+    limit_s = 1.0 if fault == "hang" else 20.0
+    outcome, trace, whole = played(world, episode(fault, fault_in=where, engine_s=limit_s), tmp_path / "bad")
+    assert outcome.reason == "infrastructure-abort"
+    assert message in outcome.detail
+    assert not whole
+    # The partial trace has every boundary that was committed, in a chain that holds, and says how it ended.
+    assert [record.tick for record in trace.boundaries] == list(range(outcome.ticks + 1))
+    assert verify(trace, pixels=True) is None
+    assert trace.outcome == outcome
+    assert outcome.digest == trace.boundaries[-1].digest
+    # Nothing of the abort is left: no process of it, and the episode after it is the one before it.
+    deadline = time.monotonic() + 2.0
+    while (left := (children() - before) - set(workers(world))) and time.monotonic() < deadline:
+        time.sleep(0.02)
+    assert not left
+    again, trace, _ = played(world, episode(), tmp_path / "again")
+    assert (again.reason, again.digest, again.frames_digest) == (good.reason, good.digest, good.frames_digest)
+    assert used != set(workers(world))  # the broken one was replaced
+
+
+def test_a_late_picture_is_absent_and_the_episode_ends_as_it_should(world, tmp_path):
+    outcome, trace, whole = played(world, episode("slow_once", 1.0, "camera", capture_s=0.5), tmp_path / "late")
+    assert (outcome.reason, whole) == ("budget", True)
+    absent = [item for record in trace.boundaries for seen in record.observations for item in seen.absent]
+    assert [(item.entity, item.reason) for item in absent][:1] == [("ant", "late")]
+    assert verify(trace, pixels=True) is None
+
+
+def test_a_world_killed_from_outside_in_mid_tick_is_an_abort(world, tmp_path):
+    """`kill -9` at no moment in particular, while an engine is at work."""
+    instance = episode("hang", at=2.05, engine_s=60.0)
+
+    def kill(progress):
+        if progress.tick == 2:
+            pid = workers(world)[0]
+            threading.Timer(0.3, os.kill, (pid, signal.SIGKILL)).start()
+
+    outcome, trace, _ = played(world, instance, tmp_path / "shot", kill)
+    assert outcome.reason == "infrastructure-abort"
+    assert "died (SIGKILL)" in outcome.detail
+    assert len(trace.boundaries) == 3
+    assert played(world, episode(), tmp_path / "next")[0].reason == "budget"
+
+
+def fire(number):
+    return Entity(
+        id=f"fire[{number}]",
+        group="fire",
+        index=number,
+        role="target",
+        type="building_fire",
+        engine="city",
+        position=(10.0 * number, 0.0, 0.0),
+        properties={"heat": 1.0, "extinguish_by": "toy_a", "extinguish_within_m": 5.0},
+        state=("heat",),
+    )
+
+
+def test_five_hundred_resets_leave_memory_flat():
+    """Fresh engines each time in warm workers; what is left over after warming up must not grow."""
+    world = open_world("process", plugins=("world_toys:plugin",), paths=(HERE,))
+    crowd = {"crowd": 20.0}
+    bare = toys.instance(toys.entity("ant", "toy_a"), *(fire(n) for n in range(1, 9)), tick_s=0.2, **crowd)
+    instance = msgspec.structs.replace(bare, comms=msgspec.structs.replace(bare.comms, range_m=100.0))
+    try:
+        samples = []
+        for number in range(501):
+            world.reset(instance, toys.CITY)
+            world.step(1, ())
+            if number % 100 == 0:
+                samples.append(_memory_kb(workers(world)[0]))
+        assert len(set(workers(world))) == 1
+    finally:
+        world.close()
+    assert samples[-1] - samples[1] < 1_000, samples
+
+
+def _memory_kb(pid):
+    status = Path(f"/proc/{pid}/status").read_text()
+    return int(next(line.split()[1] for line in status.splitlines() if line.startswith("VmRSS")))
