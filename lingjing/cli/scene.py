@@ -18,8 +18,9 @@ if TYPE_CHECKING:
 
 _PICTURES = (".png", ".svg", ".pdf")
 _KINDS = (
-    ("buildings", "buildings"), ("roads", "roads"), ("junctions", "junctions"), ("bridges", "decks of bridges"),
-    ("waters", "waters"), ("areas", "surfaces"), ("solids", "walls and piers"), ("trees", "trees"),
+    ("buildings", "building", "buildings"), ("roads", "road", "roads"), ("junctions", "junction", "junctions"),
+    ("bridges", "bridge deck", "bridge decks"), ("waters", "water", "waters"), ("areas", "surface", "surfaces"),
+    ("solids", "wall or pile", "walls and piles"), ("trees", "tree", "trees"),
 )  # fmt: skip
 
 
@@ -110,7 +111,8 @@ def _tell(city: City, summary: Summary | None) -> None:
     print(f"city      {city.id}, {(east - west) / 1000:.2f} × {(north - south) / 1000:.2f} km", end="")
     print(f" around {city.origin[0]:.5f}, {city.origin[1]:.5f} (latitude, longitude)")
     if summary is not None:
-        held = ", ".join(f"{summary.counts[key]} {word}" for key, word in _KINDS if summary.counts.get(key))
+        counts = ((summary.counts.get(key, 0), one, many) for key, one, many in _KINDS)
+        held = ", ".join(f"{count} {one if count == 1 else many}" for count, one, many in counts if count)
         print(f"holds     {held or 'nothing'}")
         print(f"tallest   {summary.counts.get('tallest_m', 0)} m")
         print(f"part      {','.join(f'{value:.5f}' for value in summary.box)} ({summary.box_is})")

@@ -23,17 +23,11 @@ from lingjing.scene.osm import buildings, ground, read, structures, trees, water
 from lingjing.scene.osm.features import Features, collect
 from lingjing.scene.osm.frame import Frame, choose
 from lingjing.scene.osm.read import Box, MapData
+from lingjing.scene.osm.streets import streets_xml
 from lingjing.scene.osm.summary import ATTRIBUTION, SUMMARY_FILE, Source, Summary, counts, encode, read_summary
 from lingjing.scene.store import copy_store, read_store, write_store
 
 TILE_M = 250.0
-VEHICLES = {
-    f"{kind}{link}"
-    for kind in ("motorway", "trunk", "primary", "secondary", "tertiary", "residential", "unclassified", "service")
-    for link in ("", "_link")
-} | {"living_street"}
-"""Values of `highway` that make a road network worth a try."""
-
 OFF = "LINGJING_NO_CACHE"
 _DECIDING = ("city", "cutting", "network", "store", "tiles")
 """Modules beside this package whose change may give another city."""
@@ -125,7 +119,7 @@ def _assemble(
     say("raising buildings")
     built = buildings.buildings(features, options.seed)
     say("making the road network")
-    network, roads, junctions, notes = _network(path, data, frame)
+    network, roads, junctions, notes = _network(data, frame)
     say("laying out ground and water")
     wet = water.wet(features)
     areas = ground.areas(features, wet)
@@ -165,23 +159,21 @@ def _solids(features: Features, roads: Iterable[Road], level_m: float) -> Iterab
     return chain(structures.piers(features, level_m), structures.walls(features, lanes))
 
 
-def _network(path: Path, data: MapData, frame: Frame) -> tuple[str, tuple[Road, ...], tuple[Junction, ...], list[str]]:
+def _network(data: MapData, frame: Frame) -> tuple[str, tuple[Road, ...], tuple[Junction, ...], list[str]]:
     """The network's file, and what is seen of it; no file and a note where there are no roads."""
     from lingjing.scene.network import network_from_osm, read_roads
 
-    west, south, east, north = frame.box
-    inside = {ref for ref, (lat, lon) in data.nodes.items() if west <= lon <= east and south <= lat <= north}
-    if not any(way.tags.get("highway") in VEHICLES and not inside.isdisjoint(way.nodes) for way in data.ways):
+    text = streets_xml(data, frame)
+    if not text:
         return "", (), (), ["no roads in this part of the map: a city without traffic"]
     with tempfile.TemporaryDirectory(prefix="lingjing-map-") as folder:
-        plain = path
-        if not path.name.endswith((".osm", ".osm.gz")):
-            plain = Path(folder, "map.osm")
-            read.write_xml(path, plain)
+        plain = Path(folder, "streets.osm")
+        plain.write_text(text, encoding="utf-8")
         try:
-            made = network_from_osm(plain.resolve(), frame.origin, frame.box)
+            made = network_from_osm(plain, frame.origin, frame.box)
         except UsageError as error:
-            return "", (), (), [f"no road network, a city without traffic: {error}"]
+            said = str(error).replace(str(plain), "the map")
+            return "", (), (), [f"no road network, a city without traffic: {said}"]
     roads, junctions = read_roads(made.path)
     near = (structures.cut_off(road, frame.bounds) for road in roads if structures.is_visible(road))
     seen = tuple(road for road in near if road is not None)

@@ -123,7 +123,7 @@ class _Shaper:
 
     def multipolygons(self) -> Iterator[Feature]:
         for relation in self._data.relations:
-            if any(key in relation.tags for key in (*AREA_KEYS, "highway")):
+            if relation.tags["type"] == "multipolygon" and any(key in relation.tags for key in (*AREA_KEYS, "highway")):
                 shape = self._assembled(relation)
                 if shape is None:
                     self.skipped["multipolygons that do not close"] += 1
@@ -176,14 +176,16 @@ class _Shaper:
     def _rings(self, relation: Relation, *, inner: bool) -> Any:
         import shapely
 
-        refs = [ref for ref, role in relation.members if (role == "inner") is inner]
+        refs = [ref for kind, ref, role in relation.members if kind == "w" and (role == "inner") is inner]
         lines = [self._line(self._ways[ref]) for ref in refs if ref in self._ways]
         found = [line for line in lines if line is not None]
         if not found or (not inner and len(found) < len(refs) and not all(line.is_ring for line in found)):
             return None
+        if len(found) < len(refs):
+            self.skipped["multipolygons with members missing"] += 1
         rings, *rest = shapely.polygonize_full(found)
-        if not inner and any(not part.is_empty for part in rest[:2]):  # dangling ends: the ring lacks a member
-            self.skipped["multipolygons with loose ends"] += not rings.is_empty
+        if not inner and not rings.is_empty and any(not part.is_empty for part in rest[:2]):
+            self.skipped["multipolygons with loose ends"] += 1
         return shapely.union_all([sound(ring) for ring in shapely.get_parts(rings)])
 
 

@@ -82,12 +82,14 @@ def _check_origin(spec: SceneSpec, city: City) -> None:
 
 def _at_level(city: City, datum_m: float) -> City:
     """The city with its waters at the mission's datum; 0 is the ground's and means that the mission says nothing."""
-    if datum_m == 0.0 or all(body.level_m == datum_m for body in city.waters):
+    if datum_m == 0.0:
         return city
     if datum_m > -0.3:
         raise UsageError(
             f"scene `map`: waters at {datum_m:g} m would flood the ground, which is at 0 m",
             hint="write: datum = sea level at -1.5 m",
         )
+    if all(body.level_m == datum_m for body in city.waters):
+        return city
     waters = tuple(msgspec.structs.replace(body, level_m=datum_m) for body in city.waters)
     return msgspec.structs.replace(city, waters=waters, sha256=f"{city.sha256}@{datum_m:g}")

@@ -39,11 +39,11 @@ class Way:
 
 @dataclass(frozen=True, slots=True)
 class Relation:
-    """A multipolygon: its member ways with their roles (`outer`, `inner`, ``)."""
+    """A multipolygon or a turn restriction: its members as (`n`, `w` or `r`, id, role)."""
 
     id: int
     tags: dict[str, str]
-    members: tuple[tuple[int, str], ...]
+    members: tuple[tuple[str, int, str], ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,8 +78,8 @@ def read(path: Path) -> MapData:
                     spots.append(Spot(item.id, _tags(item), item.location.lat, item.location.lon))
             elif item.is_way():
                 ways.append(Way(item.id, _tags(item), tuple(node.ref for node in item.nodes)))
-            elif item.is_relation() and item.tags.get("type") == "multipolygon":
-                members = tuple((member.ref, member.role) for member in item.members if member.type == "w")
+            elif item.is_relation() and item.tags.get("type") in ("multipolygon", "restriction"):
+                members = tuple((member.type, member.ref, member.role) for member in item.members)
                 relations.append(Relation(item.id, _tags(item), members))
     except ImportError:
         raise _missing() from None
@@ -114,18 +114,6 @@ def digest(path: Path) -> str:
     """SHA-256 of a file's bytes."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
-
-
-def write_xml(path: Path, target: Path) -> None:
-    """The file as plain `.osm`, for readers that know no other format."""
-    import osmium
-
-    try:
-        with osmium.SimpleWriter(str(target)) as writer:
-            for item in osmium.FileProcessor(str(path)):
-                writer.add(item)
-    except RuntimeError as error:
-        raise UsageError(f"`{path}` is not OpenStreetMap data: {error}", hint=_HINT) from None
 
 
 def versions() -> dict[str, str]:

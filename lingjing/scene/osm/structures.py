@@ -199,7 +199,7 @@ def _within(a: Vector, b: Vector, bounds: Bounds) -> tuple[float, float] | None:
     return (first, last) if first < last else None
 
 
-def _length(path: list[Vector]) -> float:
+def _length(path: Iterable[Vector]) -> float:
     return sum(hypot(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(path))
 
 

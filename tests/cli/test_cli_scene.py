@@ -1,0 +1,143 @@
+"""`lingjing scene`: build, info, draw; messages, exit codes, what is left after a kill."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+from lingjing.cli.main import main
+from lingjing.errors import ExitCode
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "scene"))
+from osm_maps import Map, square, town
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.delenv("LINGJING_NO_CACHE", raising=False)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_a_map_becomes_a_city_and_a_second_time_it_is_known(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    town().write(folder / "town.osm")
+    assert main(["scene", "build", "town.osm", "-o", "city"]) == ExitCode.OK
+    said = capsys.readouterr()
+    assert said.err == ""  # no terminal: no progress
+    assert said.out.startswith("built: city\n")
+    assert "4 buildings" in said.out
+    assert "© OpenStreetMap contributors, ODbL 1.0" in said.out
+    assert sorted(item.name for item in (folder / "city").iterdir()) == [
+        "city.msgpack", "road.net.xml", "scene.json", "tiles"
+    ]  # fmt: skip
+    assert main(["scene", "build", "town.osm", "-o", "city"]) == ExitCode.OK
+    assert capsys.readouterr().out.startswith("cached: city\n")
+    assert main(["scene", "info", "city"]) == ExitCode.OK
+    assert "road.net.xml" in capsys.readouterr().out
+
+
+def test_without_a_folder_it_is_kept_in_the_cache(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    town().write(folder / "town.osm")
+    assert main(["scene", "build", "town.osm", "--seed", "3"]) == ExitCode.OK
+    where = capsys.readouterr().out.splitlines()[0].removeprefix("built: ")
+    assert Path(where).is_relative_to(folder / "cache" / "lingjing" / "cities")
+    assert main(["scene", "build", "town.osm", "--seed", "3"]) == ExitCode.OK
+    assert capsys.readouterr().out.startswith(f"cached: {where}\n")
+
+
+def test_options_reach_the_city(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    town().write(folder / "town.osm")
+    assert main(["scene", "build", "town.osm", "--bbox", "121.495,31.1955,121.4999,31.1999", "-o", "a"]) == ExitCode.OK
+    assert "1 building," in capsys.readouterr().out
+    assert main(["scene", "build", "town.osm", "--water-level", "-4", "-o", "b"]) == ExitCode.OK
+    assert main(["scene", "build", "town.osm", "--water-level", "1", "-o", "c"]) == ExitCode.USAGE
+    assert "the ground is at 0" in capsys.readouterr().err
+    # a box in the west begins with a minus sign and is still a value
+    assert main(["scene", "build", "town.osm", "--bbox", "-0.13,51.5,-0.12,51.51"]) == ExitCode.USAGE
+    assert "error: the bounding box -0.13,51.5,-0.12,51.51 lies outside the map" in capsys.readouterr().err
+
+
+def test_a_city_without_roads_says_so(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    made = Map()
+    made.way(square(0, 0, 30), {"building": "yes"})
+    made.write(folder / "houses.osm")
+    assert main(["scene", "build", "houses.osm", "-o", "city"]) == ExitCode.OK
+    said = capsys.readouterr().out
+    assert "note      no roads in this part of the map" in said
+    assert "network   none: no traffic" in said
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["build", "no.osm"], "error: no map at `no.osm`"),
+        (["build", "zero.osm"], "error: `zero.osm` is empty: 0 bytes"),
+        (["build", "text.osm"], "error: `text.osm` is not OpenStreetMap data"),
+        (["build", "town.osm", "--bbox", "1,2,3"], "error: `1,2,3` is not a bounding box"),
+        (["build", "town.osm", "-o", "text.osm"], "error: cannot write `text.osm`: it is a file"),
+        (["build", "town.osm", "-o", "full"], "error: cannot write `full`: it holds something that is no city"),
+        (["info", "full"], "error: no city in `full`"),
+        (["draw", "full", "-o", "a.png"], "error: no city in `full`"),
+        (["draw", "full", "-o", "a.doc"], "error: no picture is written to `a.doc`"),
+        (["draw", "full", "-o", "nowhere/a.png"], "its folder does not exist"),
+    ],
+)
+def test_mistakes_give_one_message(
+    folder: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], message: str
+) -> None:
+    town().write(folder / "town.osm")
+    (folder / "zero.osm").touch()
+    (folder / "text.osm").write_text("hello")
+    (folder / "full").mkdir()
+    (folder / "full" / "mine.txt").write_text("mine")
+    before = sorted(folder.rglob("*"))
+    assert main(["scene", *arguments]) == ExitCode.USAGE
+    said = capsys.readouterr().err
+    assert message in said
+    assert len(said.splitlines()) == 2
+    after = [path for path in sorted(folder.rglob("*")) if not path.is_relative_to(folder / "cache")]
+    assert after == before
+
+
+def test_a_city_is_drawn(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    town().write(folder / "town.osm")
+    assert main(["scene", "build", "town.osm", "-o", "city"]) == ExitCode.OK
+    assert main(["scene", "draw", "city", "-o", "plan.png"]) == ExitCode.OK
+    with Image.open(folder / "plan.png") as picture:
+        wide, high = picture.size
+        pixels = picture.convert("RGB")
+        side = wide / 1000.0  # pixels a metre; the plan begins at the top left
+        river = pixels.getpixel((round(200 * side), round((500 - 240) * side)))
+        house = pixels.getpixel((round(555 * side), round((500 - 55) * side)))
+        park = pixels.getpixel((round(610 * side), round((500 + 290) * side)))
+    assert river == (169, 207, 224)
+    assert max(house) < 190
+    assert park[1] > park[0] > park[2]
+    assert high > wide
+    assert main(["scene", "draw", "city", "-o", "plan.svg"]) == ExitCode.OK
+    assert "OpenStreetMap" in (folder / "plan.svg").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
+def test_a_killed_build_leaves_no_half_city(folder: Path, number: int) -> None:
+    town().write(folder / "town.osm")
+    command = [sys.executable, "-m", "lingjing.cli.main", "scene", "build", "town.osm", "-o", "city"]
+    for delay in (0.25, 0.5, 0.75):
+        build = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=dict(os.environ))
+        time.sleep(delay)
+        build.send_signal(number)
+        code = build.wait(timeout=30)
+        if (folder / "city").exists():
+            assert main(["scene", "info", "city"]) == ExitCode.OK  # it had been finished
+            break
+        assert code in (ExitCode.INTERRUPTED, -number)
+    assert main(["scene", "build", "town.osm", "-o", "city"]) == ExitCode.OK
+    assert sorted(item.name for item in folder.iterdir()) == ["cache", "city", "town.osm"]

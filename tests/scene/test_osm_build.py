@@ -1,0 +1,286 @@
+import gzip
+import os
+import sys
+from pathlib import Path
+
+import msgspec
+import osmium
+import pytest
+
+from lingjing.errors import UsageError
+from lingjing.mission.instance import SceneSpec
+from lingjing.scene import store
+from lingjing.scene.osm import read as reading
+from lingjing.scene.osm.build import Options, build, cities_folder
+from lingjing.scene.osm.frame import choose, parse_box
+from lingjing.scene.osm.provider import city_of
+from lingjing.scene.osm.summary import read_summary
+from lingjing.scene.tiles import Tiles
+
+sys.path.insert(0, str(Path(__file__).parent))
+from osm_maps import Map, square, town
+
+
+@pytest.fixture(autouse=True)
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.delenv("LINGJING_NO_CACHE", raising=False)
+    return tmp_path / "cache"
+
+
+def test_a_town_is_built_whole(tmp_path: Path) -> None:
+    phases: list[str] = []
+    built = build(town().write(tmp_path / "town.osm"), Options(seed=2), tmp_path / "town", phases.append)
+    city, pieces = built.city, list(Tiles(built.city))
+    assert not built.cached
+    assert phases[0] == "looking at the map"
+    assert phases[-1] == "writing the city"
+    assert sorted(house.levels for tile in pieces for house in tile.buildings) == [3, 4, 5, 6]
+    assert {road.name for tile in pieces for road in tile.roads} >= {"East Road"}
+    assert any(road.bridge for tile in pieces for road in tile.roads)
+    assert max(point[2] for tile in pieces for deck in tile.bridges for point in deck.path) == 6.0
+    assert [body.level_m for body in city.waters] == [-1.5, -1.5]
+    assert any(solid.id.startswith("pier") for tile in pieces for solid in tile.solids)
+    assert any(solid.id.startswith("wall") and solid.top_m == 2.5 for tile in pieces for solid in tile.solids)
+    assert any(area.surface == "park" for tile in pieces for area in tile.areas)
+    assert city.datum_m == 0.0
+    assert city.attribution == "© OpenStreetMap contributors, ODbL 1.0"
+    assert Path(city.network).read_text(encoding="utf-8").startswith("<?xml")
+    summary = read_summary(tmp_path / "town")
+    assert summary is not None
+    assert summary.counts["buildings"] == 4
+    assert summary.attribution == city.attribution
+    assert summary.box_is == "stated in the file"
+    names = [item.id for tile in pieces for kind in (tile.buildings, tile.solids, tile.props) for item in kind]
+    assert len(names) == len(set(names))
+
+
+def test_formats_orders_and_places_give_one_city(tmp_path: Path) -> None:
+    plain = town().write(tmp_path / "town.osm")
+    (tmp_path / "b").mkdir()
+    (tmp_path / "c").mkdir()
+    turned = town().write(tmp_path / "b" / "town.osm", ways_first=True)
+    packed = tmp_path / "c" / "town.osm.gz"
+    packed.write_bytes(gzip.compress(plain.read_bytes()))
+    binary = tmp_path / "c" / "town.osm.pbf"
+    convert(plain, binary)
+    bzipped = tmp_path / "c" / "town.osm.bz2"
+    convert(plain, bzipped)
+    cities = [build(path, Options(), tmp_path / f"out-{path.name}{k}").city
+              for k, path in enumerate((plain, turned, packed, binary, bzipped))]  # fmt: skip
+    assert len({city.sha256 for city in cities}) == 1
+    assert build(plain, Options(seed=1), tmp_path / "other").city.sha256 != cities[0].sha256
+
+
+def convert(path: Path, target: Path) -> None:
+    header = osmium.io.Reader(str(path)).header()  # it says what the map covers
+    with osmium.SimpleWriter(str(target), header=header) as writer:
+        for item in osmium.FileProcessor(str(path)):
+            writer.add(item)
+
+
+def test_a_second_build_is_known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = town().write(tmp_path / "town.osm")
+    first = build(path, Options())
+    assert first.folder.parent == cities_folder()
+    monkeypatch.setattr(reading, "read", None)  # nothing is read again
+    assert build(path, Options()).cached
+    copied = build(path, Options(), tmp_path / "copy")
+    assert copied.cached
+    assert copied.city.sha256 == first.city.sha256
+    assert copied.city.store == str(tmp_path / "copy")
+    monkeypatch.undo()
+    monkeypatch.setenv("XDG_CACHE_HOME", str(first.folder.parents[2]))
+    assert not build(path, Options(seed=7)).cached
+    tile = next((first.folder / "tiles").glob("0_0.msgpack"))
+    (first.folder / "city.msgpack").write_bytes(b"")
+    tile.unlink()
+    mended = build(path, Options())
+    assert not mended.cached
+    assert mended.city.sha256 == first.city.sha256
+
+
+def test_without_a_cache_a_city_needs_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = town().write(tmp_path / "town.osm")
+    monkeypatch.setenv("LINGJING_NO_CACHE", "1")
+    with pytest.raises(UsageError, match="needs a folder") as caught:
+        build(path, Options())
+    assert "-o DIR" in caught.value.hint
+    assert not build(path, Options(), tmp_path / "out").cached
+    assert not build(path, Options(), tmp_path / "out").cached
+
+
+def test_a_map_without_roads_or_buildings_is_a_city_that_says_so(tmp_path: Path) -> None:
+    made = Map()
+    made.way(square(0, 0, 30), {"building": "yes"})
+    houses = build(made.write(tmp_path / "houses.osm"), Options(), tmp_path / "houses")
+    assert houses.city.network == ""
+    assert houses.summary.notes == ("no roads in this part of the map: a city without traffic",)
+    made = Map()
+    made.way([(-300, 0), (300, 0)], {"highway": "primary"})
+    streets = build(made.write(tmp_path / "streets.osm"), Options(), tmp_path / "streets")
+    assert streets.summary.notes == ("no buildings in this part of the map",)
+    assert streets.summary.counts["roads"] == 2
+    made = Map()
+    made.way([(-300, 0), (300, 0)], {"highway": "construction"})
+    with pytest.raises(UsageError, match="nothing to build a city from"):
+        build(made.write(tmp_path / "none.osm"), Options(), tmp_path / "none")
+    assert not (tmp_path / "none").exists()
+
+
+def test_dangling_references_are_left_out_and_counted(tmp_path: Path) -> None:
+    made = town()
+    made.way([(300, 300)], {"highway": "residential"}, missing=3)
+    made.way([], {"building": "yes"}, missing=4)
+    half, ring = made.way([(300, -300), (340, -300)]), made.way(square(300, -250, 40))
+    made.relation([(half, "outer"), (4711, "outer")], {"natural": "water"})
+    made.relation([(ring, "outer"), (4711, "outer")], {"natural": "water"})
+    built = build(made.write(tmp_path / "dangling.osm"), Options(), tmp_path / "out")
+    assert built.summary.skipped == {
+        "areas that do not close": 1,
+        "multipolygons that do not close": 1,
+        "multipolygons with members missing": 1,
+        "ways without enough nodes": 1,
+    }
+    assert built.summary.counts["buildings"] == 4
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("zero.osm", b"", "is empty: 0 bytes"),
+        ("text.osm", b"hello", "is not OpenStreetMap data: XML parsing error at line 1"),
+        ("cut.osm", b'<osm version="0.6"><node id="1" lat="1" lon="2"/><way', "is not OpenStreetMap data"),
+        ("page.osm", b"<html></html>", "is not OpenStreetMap data"),
+        ("cut.osm.pbf", b"\x00\x00\x00\x0e\x0a", "is not OpenStreetMap data: PBF error"),
+        ("bad.osm.gz", b"no gzip", "is not OpenStreetMap data"),
+        ("none.osm", b'<osm version="0.6"></osm>', "not one node"),
+        ("map.kml", b"<kml/>", "is not named like a map"),
+    ],
+)
+def test_what_is_no_map_is_refused_in_one_line(tmp_path: Path, name: str, content: bytes, message: str) -> None:
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(UsageError, match=message) as caught:
+        build(tmp_path / name, Options(), tmp_path / "out")
+    assert caught.value.hint
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_missing_map_and_a_folder(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="does not exist"):
+        build(tmp_path / "no.osm", Options())
+    with pytest.raises(UsageError, match="is a folder"):
+        build(tmp_path, Options())
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("1,2,3", "is not a bounding box"),
+        ("a,b,c,d", "is not a bounding box"),
+        ("10,60,5,70", "antimeridian"),
+        ("179,-17,-179,-16", "antimeridian"),
+        ("10,60,10,70", "it is empty"),
+        ("10,70,20,60", "its south is not below its north"),
+        ("10,60,20,95", "not on Earth"),
+        ("nan,1,2,3", "not on Earth"),
+    ],
+)
+def test_malformed_boxes(text: str, message: str) -> None:
+    with pytest.raises(UsageError, match=message):
+        parse_box(text)
+
+
+def test_boxes_outside_too_large_and_across_the_antimeridian(tmp_path: Path) -> None:
+    data = reading.read(town().write(tmp_path / "town.osm"))
+    with pytest.raises(UsageError, match="lies outside the map") as caught:
+        choose(data, (10.0, 50.0, 10.1, 50.1))
+    assert "it covers 121.49" in caught.value.hint
+    with pytest.raises(UsageError, match="more than a city"):
+        choose(data, (120.0, 30.0, 123.0, 33.0))
+    pacific = tmp_path / "pacific.osm"
+    nodes = "".join(f'<node id="{k}" lat="-16.8" lon="{lon}"/>' for k, lon in ((1, 179.99), (2, -179.99), (3, 179.98)))
+    refs = "".join(f'<nd ref="{k}"/>' for k in (1, 2, 3))
+    pacific.write_text(f'<osm version="0.6">{nodes}<way id="1">{refs}<tag k="highway" v="primary"/></way></osm>')
+    with pytest.raises(UsageError, match="antimeridian") as caught:
+        build(pacific, Options(), tmp_path / "out")
+    assert "--bbox" in caught.value.hint
+
+
+def test_a_part_of_a_map_is_cut_to_it(tmp_path: Path) -> None:
+    path = town().write(tmp_path / "town.osm")
+    whole = choose(reading.read(path), None)
+    west, south, east, north = whole.box
+    part = (west, south, (west + east) / 2, (south + north) / 2)
+    built = build(path, Options(box=part), tmp_path / "part")
+    low_x, low_y, high_x, high_y = built.city.bounds
+    assert built.summary.counts["buildings"] == 1
+    assert high_x - low_x == pytest.approx(500.0, abs=0.5)
+    for tile in Tiles(built.city):
+        for road in tile.roads:
+            assert all(low_x <= x <= high_x and low_y <= y <= high_y for lane in road.lanes for x, y, _ in lane.shape)
+        for area in tile.areas:
+            assert all(low_x <= x <= high_x and low_y <= y <= high_y for x, y in area.polygon)
+
+
+def test_an_interrupted_build_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = town().write(tmp_path / "town.osm")
+    written = store._write_files
+
+    def torn(*args: object, **kwargs: object) -> None:
+        written(*args, **kwargs)  # type: ignore[arg-type]
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(store, "_write_files", torn)
+    with pytest.raises(KeyboardInterrupt):
+        build(path, Options(), tmp_path / "out")
+    assert sorted(item.name for item in tmp_path.iterdir()) == ["cache", "town.osm"]
+
+
+def test_a_mission_names_a_folder_or_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = town().write(tmp_path / "town.osm")
+    built = build(path, Options(), tmp_path / "city")
+    monkeypatch.chdir(tmp_path)
+    stored = city_of(SceneSpec(kind="map", options={"folder": "city"}, seed=5))
+    assert stored == msgspec.structs.replace(built.city, store=str(tmp_path / "city"))
+    made = city_of(SceneSpec(kind="map", options={"file": "town.osm"}, seed=6))
+    assert made.sha256 == built.city.sha256
+    assert Path(made.store).parent == cities_folder()
+    assert city_of(SceneSpec(kind="map", options={"map": "town.osm"})) == made
+    high = city_of(SceneSpec(kind="map", options={"folder": "city"}, datum_m=-3.5))
+    assert {body.level_m for body in high.waters} == {-3.5}
+    assert high.sha256 != stored.sha256
+    assert city_of(SceneSpec(kind="map", options={"folder": "city"}, origin=built.city.origin)) == stored
+
+
+@pytest.mark.parametrize(
+    ("options", "datum", "origin", "message"),
+    [
+        ({}, 0.0, None, "names no map"),
+        ({"folder": "a", "file": "b"}, 0.0, None, r"2 times \(folder, file\)"),
+        ({"folder": "a", "trees": 3}, 0.0, None, "no option `trees`"),
+        ({"folder": 3}, 0.0, None, "not a path in quotes"),
+        ({"folder": "nowhere"}, 0.0, None, "`.*nowhere`.*working folder"),
+        ({"file": "no.osm"}, 0.0, None, "scene `map`: no map at"),
+        ({"folder": "city", "bbox": "1,2,3,4"}, 0.0, None, "`bbox` cannot cut it"),
+        ({"file": "town.osm", "bbox": "1,2"}, 0.0, None, "not a bounding box"),
+        ({"folder": "city"}, 2.0, None, "would flood the ground"),
+        ({"folder": "city"}, 0.0, (30.0, 121.5), "origin is 1.* m from the city's"),
+    ],
+)
+def test_what_a_mission_says_wrongly_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, options: dict[str, str], datum: float,
+    origin: tuple[float, float] | None, message: str,
+) -> None:  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    bare = Map()
+    bare.way(square(0, 0, 30), {"building": "yes"})  # no roads: built in a moment
+    build(bare.write(tmp_path / "town.osm"), Options(), tmp_path / "city")
+    place = {} if origin is None else {"origin": origin}
+    with pytest.raises(UsageError, match=message) as caught:
+        city_of(SceneSpec(kind="map", options=options, datum_m=datum, **place))  # type: ignore[arg-type]
+    assert caught.value.hint
+
+
+def test_the_cache_folder_follows_the_environment(cache: Path) -> None:
+    assert os.fspath(cities_folder()) == os.fspath(cache / "lingjing" / "cities")

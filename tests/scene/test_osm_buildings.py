@@ -1,0 +1,158 @@
+import sys
+from pathlib import Path
+
+import pytest
+
+from lingjing.scene.city import Building
+from lingjing.scene.osm.buildings import buildings, heights
+from lingjing.scene.osm.tags import colour, layer, metres
+
+sys.path.insert(0, str(Path(__file__).parent))
+from osm_maps import Map, square
+
+
+def built(made: Map, folder: Path, seed: int = 0) -> dict[str, Building]:
+    return {building.id: building for building in buildings(made.features(folder), seed)}
+
+
+@pytest.mark.parametrize(
+    ("text", "wanted"),
+    [("12", 12.0), ("12.5 m", 12.5), ("12,5m", 12.5), ("40 ft", 12.192), ("6'2\"", 1.8796), ("~9", 9.0), ("5;6", 5.0),
+     ("high", None), ("", None), ("1e3", None)],
+)  # fmt: skip
+def test_lengths_are_read_with_their_units(text: str, wanted: float | None) -> None:
+    assert metres({"height": text}, "height") == (wanted if wanted is None else pytest.approx(wanted))
+
+
+def test_colours_and_layers_are_read_or_not_said() -> None:
+    assert colour({"c": "#ff0000"}, "c") == (1.0, 0.0, 0.0)
+    assert colour({"c": "#FFF"}, "c") == colour({"c": "white"}, "c") == (1.0, 1.0, 1.0)
+    assert colour({"c": "light_grey"}, "c") == colour({"c": "lightgray"}, "c") is not None
+    assert colour({"c": "of the sea"}, "c") is None
+    assert [layer(tags) for tags in ({}, {"bridge": "yes"}, {"tunnel": "yes"}, {"layer": "2"}, {"layer": "x"})] == [
+        0, 1, -1, 2, 0
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("tags", "wanted"),
+    [
+        ({"height": "30"}, (0.0, 30.0, 0.0)),
+        ({"height": "30", "min_height": "10"}, (10.0, 30.0, 0.0)),
+        ({"building:levels": "5"}, (0.0, 15.0, 0.0)),
+        ({"building:levels": "5", "building:min_level": "2"}, (6.0, 15.0, 0.0)),
+        ({"building:levels": "5", "roof:shape": "gabled", "roof:height": "4"}, (0.0, 19.0, 4.0)),
+        ({"height": "9", "roof:shape": "gabled", "roof:height": "40"}, (0.0, 9.0, 9.0)),
+        ({"height": "9", "min_height": "12"}, (0.0, 9.0, 0.0)),
+        ({"height": "-3"}, (0.0, 18.0, 0.0)),
+        ({"height": "99999"}, (0.0, 18.0, 0.0)),
+        ({"building": "roof", "height": "5"}, (4.5, 5.0, 0.0)),
+        ({}, (0.0, 18.0, 0.0)),
+    ],
+)
+def test_heights_follow_the_tags_and_nonsense_is_not_said(tags: dict[str, str], wanted: tuple[float, ...]) -> None:
+    roof = tags.get("roof:shape", "flat")
+    assert heights(tags, "residential", roof, storeys=6, narrow_m=10.0)[:3] == wanted
+
+
+def test_a_house_stands_where_the_map_says_in_metres(tmp_path: Path) -> None:
+    made = Map()
+    made.way(square(10.0, 20.0, 30.0, 12.0), {"building": "apartments", "height": "21", "name": "Long House"})
+    (house,) = built(made, tmp_path).values()
+    assert sorted(house.polygon) == [pytest.approx(p, abs=0.05) for p in ((10, 20), (10, 32), (40, 20), (40, 32))]
+    assert (house.base_m, house.top_m, house.use, house.facade, house.name) == (
+        0.0, 21.0, "residential", "punched", "Long House"
+    )  # fmt: skip
+    assert house.levels == 7
+
+
+def test_parts_stand_in_place_of_their_outline(tmp_path: Path) -> None:
+    made = Map()
+    made.way(square(0, 0, 40), {"building": "office", "height": "100", "name": "Tower", "building:colour": "#ff0000"})
+    made.way(square(0, 0, 30), {"building:part": "yes", "height": "60"})
+    made.way(square(5, 5, 20), {"building:part": "yes", "height": "100", "min_height": "60"})
+    made.way(square(100, 0, 40), {"building": "yes", "height": "30"})
+    made.way(square(100, 0, 10), {"building:part": "yes", "height": "50"})
+    found = built(made, tmp_path)
+    assert set(found) == {"w2", "w3", "w4", "w5"}
+    assert found["w3"].base_m == 60.0
+    assert {found[key].name for key in ("w2", "w3")} == {"Tower"}
+    assert found["w2"].colour == (1.0, 0.0, 0.0)
+    # a part that covers little of its outline stands beside what it leaves
+    assert len(found["w4"].polygon) == 6
+    assert found["w5"].top_m == 50.0
+
+
+def test_courtyards_and_several_outlines_of_one_relation(tmp_path: Path) -> None:
+    made = Map()
+    outer, inner = made.way(square(0, 0, 60)), made.way(square(20, 20, 20))
+    second = made.way(square(100, 0, 20))
+    made.relation([(outer, "outer"), (inner, "inner"), (second, "outer")], {"building": "yes", "height": "12"})
+    found = built(made, tmp_path)
+    assert sorted(found) == ["r1", "r1-1"]
+    assert sorted(len(building.holes) for building in found.values()) == [0, 1]
+
+
+def test_an_outline_of_several_ways_and_one_that_does_not_close(tmp_path: Path) -> None:
+    made = Map()
+    first = made.way([(0, 0), (50, 0), (50, 50)])
+    second = made.way([(0, 0), (0, 50), (50, 50)])
+    made.relation([(first, "outer"), (second, "outer")], {"building": "yes", "height": "12"})
+    made.relation([(first, "outer")], {"building": "yes"})
+    made.relation([(777, "outer"), (first, "outer")], {"building": "yes"})
+    made.way([(200, 0), (230, 0), (230, 30)], {"building": "yes"})
+    features = made.features(tmp_path)
+    assert [building.id for building in buildings(features, 0)] == ["r1"]
+    assert features.skipped == {"multipolygons that do not close": 2, "areas that do not close": 1}
+
+
+def test_what_cannot_be_seen_or_lies_outside_is_left_out(tmp_path: Path) -> None:
+    made = Map(half_m=100.0)
+    made.way(square(0, 0, 20), {"building": "yes", "location": "underground"})
+    made.way(square(30, 0, 20), {"building": "yes", "layer": "-1"})
+    made.way(square(60, 0, 20), {"building": "no"})
+    made.way(square(90, 0, 60), {"building": "yes"})
+    made.way(square(85, 60, 20), {"building": "yes"})
+    assert set(built(made, tmp_path)) == {"w5"}
+
+
+def test_the_seed_decides_what_nobody_says_and_nothing_else(tmp_path: Path) -> None:
+    made = Map()
+    for k in range(20):
+        made.way(square(-400 + 40 * k, 0, 30), {"building": "yes"})
+    made.way(square(0, 100, 30), {"building": "yes", "height": "33", "building:colour": "silver"})
+    first, again, other = built(made, tmp_path), built(made, tmp_path), built(made, tmp_path, seed=1)
+    assert first == again
+    assert [b.top_m for b in first.values()] != [b.top_m for b in other.values()]
+    assert len({b.top_m for b in first.values()}) > 3
+    assert other["w21"].top_m == 33.0
+    assert other["w21"].colour == first["w21"].colour
+    made.way(square(0, 200, 30), {"building": "yes"})
+    more = built(made, tmp_path)
+    assert {key: more[key] for key in first} == first  # one more house changes no other
+
+
+def test_entrances_look_away_from_their_wall(tmp_path: Path) -> None:
+    made = Map()
+    made.way([(0, 0), (10, 0), (20, 0), (20, 20), (0, 20), (0, 0)], {"building": "yes", "height": "9"})
+    made.node(10, 0, entrance="main")
+    made.node(20, 20, entrance="yes")
+    (house,) = built(made, tmp_path).values()
+    assert house.entrance == (
+        pytest.approx(10.0, abs=0.05),
+        pytest.approx(0.0, abs=0.05),
+        pytest.approx(180.0, abs=0.3),
+    )
+
+
+def test_use_comes_from_tags_and_from_the_land_around(tmp_path: Path) -> None:
+    made = Map()
+    made.way(square(-300, -300, 200), {"landuse": "industrial"})
+    made.way(square(-250, -250, 30), {"building": "yes"})
+    made.way(square(0, 0, 30), {"building": "yes", "height": "120"})
+    made.way(square(50, 0, 30), {"building": "school"})
+    made.way(square(100, 0, 30), {"building": "yes", "building:material": "glass"})
+    found = built(made, tmp_path)
+    assert [found[key].use for key in ("w2", "w3", "w4")] == ["industrial", "office", "school"]
+    assert found["w2"].facade == "industrial"
+    assert found["w5"].facade == "curtain"

