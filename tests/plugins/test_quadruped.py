@@ -251,6 +251,29 @@ def test_the_battery_pays_for_walking_and_ends_it(play):
     assert session.state.position[2] < 0.2
 
 
+def test_a_load_slows_it_and_costs_more(play):
+    def walk(load: float):
+        carrier = dog(properties={"load_kg": 0.0, "payload_kg": 8.0}, state=("load_kg",))
+        session = play(city_of(), carrier)
+        shop = BodyState(id="shop", position=(0.0, 30.0, 0.0), resources={"load@dog[1]": load})
+        receipt = session.command("dog[1]", "forward", distance=15.0)
+        end = ended(session, receipt.request, [shop])
+        assert end.status == "completed"
+        assert session.state.resources["load_kg"] == load
+        used = session.history[0].states[0].resources["battery_wh"] - session.state.resources["battery_wh"]
+        return end.time_s, used / end.time_s
+
+    (free_s, free_w), (loaded_s, _) = walk(0.0), walk(8.0)
+    assert 1.25 * free_s < loaded_s < 1.9 * free_s
+    slow = dog(properties={"speed_mps": 0.9})
+    session = play(city_of(), slow)
+    end = ended(session, session.command("dog[1]", "forward", distance=15.0).request)
+    assert end.time_s == pytest.approx(loaded_s, rel=0.1)
+    used = session.history[0].states[0].resources["battery_wh"] - session.state.resources["battery_wh"]
+    assert walk(8.0)[1] > 1.15 * used / end.time_s
+    assert free_w > used / end.time_s
+
+
 def test_wrong_commands_are_refused(play):
     session = play(city_of())
     assert session.command("dog[1]", "forward").reason == "bad_argument"

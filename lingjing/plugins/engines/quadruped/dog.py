@@ -20,6 +20,7 @@ from lingjing.plugins.engines.quadruped.pack import Pack, Sense
 from lingjing.plugins.engines.quadruped.physics import Touch
 from lingjing.plugins.engines.quadruped.power import Battery
 from lingjing.plugins.engines.requests import Refusal, number
+from lingjing.plugins.engines.stock import Stock
 from lingjing.trace.records import BodyState, Command
 
 SPEED_MPS = 1.5
@@ -31,6 +32,10 @@ DOWN_S = 3.0
 HARD_MPS = 0.5
 """A touch of the trunk at this closing speed or more is a collision."""
 
+PAYLOAD_KG = 8.0
+"""What a Go2 carries by its data sheet; at most that much slows it by `_SLOWED`."""
+
+_SLOWED = 0.4
 _FALLEN = 0.4
 _FALLEN_S = 0.2
 _SHOVED_MPS, _LEANING = 0.35, 0.9
@@ -70,7 +75,9 @@ class Dog:
         self.phase = Phase.STANDING
         self.task: Task | None = None
         self.battery = Battery.lasting(_property(entity, "endurance_s", ENDURANCE_S))
-        self._cruise = min(_property(entity, "speed_mps", SPEED_MPS), TOP_MPS)
+        self.stock = Stock(entity)
+        self._payload_kg = _property(entity, "payload_kg", PAYLOAD_KG)
+        self._speed_mps = min(_property(entity, "speed_mps", SPEED_MPS), TOP_MPS)
         self._ending: Halt | None = None
         self._before: Vector = (0.0, 0.0, 0.0)
         self._tilted_s = 0.0
@@ -79,6 +86,17 @@ class Dog:
         self._hit = ("", -math.inf)
         self._time_s = 0.0
         self._period = 0
+
+    @property
+    def resources(self) -> dict[str, float]:
+        """Battery (0..1 and watt-hours) and what is on board."""
+        return {"battery": self.battery.share, "battery_wh": self.battery.left_wh, **self.stock.amounts}
+
+    @property
+    def cruise_mps(self) -> float:
+        """How fast it walks with what it carries."""
+        share = min(self.stock.load_kg / self._payload_kg, 1.0) if self._payload_kg > 0.0 else 0.0
+        return self._speed_mps * (1.0 - _SLOWED * share)
 
     @property
     def idle(self) -> bool:
@@ -166,7 +184,7 @@ class Dog:
             pitch_deg=math.degrees(here.pitch),
             roll_deg=math.degrees(here.roll),
             status=self.status,
-            resources={"battery": self.battery.share, "battery_wh": self.battery.left_wh},
+            resources=self.resources,
             joints=joints,
         )
 
@@ -176,11 +194,13 @@ class Dog:
         hazard = footing.hazard_ahead(here, here.yaw, distance) if distance > 0.0 else ""
         if hazard:
             raise Refusal("unreachable", f"`{self.id}` does not go on: {_HAZARDS[hazard]}")
-        return Walk(here.position[0], here.position[1], here.yaw, distance, self._cruise)
+        return Walk(here.position[0], here.position[1], here.yaw, distance, self.cruise_mps)
 
     def _go(self, here: Sense, pack: Pack, footing: Footing) -> Notice | None:
         task = self._ending or self.task
         assert task is not None
+        if isinstance(task, Walk):
+            task.cruise = self.cruise_mps
         wanted: Velocity = task.wanted(here)
         if task.done and isinstance(task, Halt):
             return self._end(pack, Notice("done"))

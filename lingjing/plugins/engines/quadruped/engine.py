@@ -62,7 +62,10 @@ class QuadrupedEngine(FleetEngine):
     def look(self, mirrors: Sequence[BodyState]) -> None:
         """See what moves nearby, and who of the dogs is there."""
         self._gather(self.clock.time_s)
+        for dog in self._dogs.values():
+            dog.stock.read(mirrors)
         if self._pack is not None:
+            self._burden(self._pack)
             self._movers = self._lookout.nearest(mirrors, [here.position for here in self._senses])
             self._pack.drive(self._movers)
 
@@ -93,7 +96,7 @@ class QuadrupedEngine(FleetEngine):
                     position=entity.position,
                     heading_deg=entity.heading_deg % 360.0 % 360.0,
                     status="dormant",
-                    resources={"battery": dog.battery.share, "battery_wh": dog.battery.left_wh},
+                    resources=dog.resources,
                 )
             else:
                 yield dog.state(self._senses[dog.row], self._pack.joints(dog.row), self.clock.remainder_s)
@@ -164,6 +167,11 @@ class QuadrupedEngine(FleetEngine):
         self._senses = self._pack.senses()
         for row, (name, _) in enumerate(members):
             self._dogs[name].row = row
+        self._burden(self._pack)
+
+    def _burden(self, pack: Pack) -> None:
+        for row, name in enumerate(pack.ids):
+            pack.burden(row, self._dogs[name].stock.load_kg)
 
     def _spot(self, name: str) -> Spot:
         entity = self._entities[name]

@@ -1,7 +1,7 @@
 """What moves near the dogs and is another engine's: boxes from mirrors, the nearest ones first.
 
-Vehicles, people and other assets are solid; targets only where their size is known (a fire or a leak is nothing to
-bump into). Between two mirrors everything goes on along its velocity.
+Solid is what has a known size (`bodies.SIZES`), be it background traffic, an asset or a target: a fire or a leak
+is nothing to bump into. Between two mirrors everything goes on along its velocity.
 """
 
 from __future__ import annotations
@@ -10,7 +10,8 @@ import math
 from collections.abc import Iterable, Sequence
 
 from lingjing.mission.instance import Instance, Vector
-from lingjing.plugins.engines.bodies import SIZES, Size, entity_size, size_of
+from lingjing.plugins.engines.bodies import SIZES, Size
+from lingjing.plugins.engines.neighbours import ABSENT
 from lingjing.plugins.engines.quadruped.physics import Mover
 from lingjing.trace.records import BodyState
 
@@ -18,8 +19,10 @@ POOL = 16
 """Boxes in a model: the movers nearest to any dog."""
 
 RANGE_M = 40.0
-_ABSENT = frozenset(("dormant", "rescued"))
 _SOON_S = 0.5
+_FAR_M = RANGE_M + 30.0
+_HOVERING = frozenset({"quadrotor", "fixed_wing"})
+"""Bodies whose position is their middle and not where they stand."""
 
 
 class Lookout:
@@ -27,36 +30,35 @@ class Lookout:
 
     def __init__(self, instance: Instance, owns: Iterable[str]) -> None:
         mine = set(owns)
-        self._known = {entity.id for entity in instance.entities}
-        self._sizes: dict[str, Size] = {
-            entity.id: entity_size(entity)
-            for entity in instance.entities
-            if entity.id not in mine and (entity.role == "asset" or _listed((entity.type, *entity.bases)))
-        }
+        self._known = {entity.id: entity for entity in instance.entities if entity.id not in mine}
 
     def nearest(self, mirrors: Sequence[BodyState], dogs: Sequence[Vector]) -> tuple[Mover, ...]:
         """The solid ones that come near, nearest first; ties go by name."""
+        if not dogs:
+            return ()
+        (west, east), (south, north) = ((min(part), max(part)) for part in list(zip(*dogs, strict=True))[:2])
         found = []
         for state in mirrors:
-            size = self._size(state)
-            if size is None or state.status in _ABSENT:
+            x, y, _ = state.position
+            if not (west - _FAR_M < x < east + _FAR_M and south - _FAR_M < y < north + _FAR_M):
+                continue
+            names = self._names(state)
+            size = next((SIZES[name] for name in names if name in SIZES), None)
+            if size is None or state.status in ABSENT:
                 continue
             reach = 0.5 * math.hypot(size.length_m, size.width_m) + _SOON_S * math.hypot(*state.velocity)
-            away = min((math.dist(state.position, dog) for dog in dogs), default=math.inf) - reach
+            away = min(math.dist(state.position, dog) for dog in dogs) - reach
             if away < RANGE_M:
-                found.append((away, state.id, _mover(state, size)))
+                found.append((away, state.id, _mover(state, size, hovers=not _HOVERING.isdisjoint(names))))
         return tuple(mover for _, _, mover in sorted(found, key=lambda one: one[:2])[:POOL])
 
-    def _size(self, state: BodyState) -> Size | None:
-        if state.id in self._known:
-            return self._sizes.get(state.id)
-        return size_of(state.kind)
+    def _names(self, state: BodyState) -> tuple[str, ...]:
+        entity = self._known.get(state.id)
+        return (state.kind,) if entity is None else (entity.type, *entity.bases)
 
 
-def _mover(state: BodyState, size: Size) -> Mover:
+def _mover(state: BodyState, size: Size, *, hovers: bool) -> Mover:
     half = 0.5 * size.length_m, 0.5 * size.width_m, 0.5 * size.height_m
-    return Mover(state.id, state.position, half, math.radians(90.0 - state.heading_deg), state.velocity)
-
-
-def _listed(names: Iterable[str]) -> bool:
-    return any(name in SIZES for name in names)
+    x, y, z = state.position
+    base = (x, y, z - half[2]) if hovers else (x, y, z)
+    return Mover(state.id, base, half, math.radians(90.0 - state.heading_deg), state.velocity)

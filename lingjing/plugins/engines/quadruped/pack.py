@@ -122,6 +122,10 @@ class Pack:
         """See `Herd.knock`."""
         self._herd.knock(dog, change)
 
+    def burden(self, dog: int, load_kg: float) -> None:
+        """See `Herd.burden`."""
+        self._herd.burden(dog, load_kg)
+
     def lock(self, dog: int) -> None:
         """Let a dog stand as it stands."""
         self._herd.lock(dog)

@@ -124,6 +124,10 @@ class Herd:
         """Change a dog's velocity at once."""
         self._data.qvel[self._free_dof[dog, :3]] += change
 
+    def burden(self, dog: int, load_kg: float) -> None:
+        """Let a load weigh on the middle of a dog's back."""
+        self._data.xfrc_applied[self._trunks[dog], 2] = load_kg * self._model.opt.gravity[2]
+
     def settle(self) -> None:
         """Bring what is derived from positions up to date. Rays and standing need it, `step` does it itself."""
         mujoco.mj_kinematics(self._model, self._data)
@@ -288,6 +292,7 @@ class Herd:
             -1, 12
         )
         free = model.body_jntadr[trunks]
+        self._trunks = trunks
         motor_of = {int(joint): motor for motor, joint in enumerate(model.actuator_trnid[:, 0])}
         self._free_qpos = model.jnt_qposadr[free][:, None] + np.arange(7)
         self._free_dof = model.jnt_dofadr[free][:, None] + np.arange(6)

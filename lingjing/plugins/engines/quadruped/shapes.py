@@ -13,14 +13,15 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from lingjing.mission.instance import Vector
-from lingjing.plugins.engines.bodies import SIZES
+from lingjing.plugins.engines.blocks import PIER_M, pier_places
+from lingjing.plugins.engines.quadruped.props import BOXES, RODS
 from lingjing.scene.city import Bridge, Building, Pieces, Pipe, Polygon, Prop, Slope, Solid
 
 Point = tuple[float, float]
 
 _TINY_M = 1e-4
-_TRUNK_M, _TREE_M = 0.18, 4.0
-_ROCK_M = 0.5
+_THICK_M, _ROUND = 0.5, math.sqrt(math.pi) / 2.0
+_FOOT_M = 30.0  # how far below the datum the legs of piers go
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,12 +83,18 @@ def slope_shape(slope: Slope) -> Hull:
     return Hull(slope.id, slope.top + below)
 
 
-def bridge_shapes(bridge: Bridge) -> Iterator[Hull]:
-    """The deck, one slab for each stretch of its centre line, joined at the bends."""
+def bridge_shapes(bridge: Bridge) -> Iterator[Shape]:
+    """The deck, one slab for each stretch of its centre line, joined at the bends; and the piers' legs."""
     edges = [_crossing(bridge, number) for number in range(len(bridge.path))]
     for (left, right), (next_left, next_right) in pairwise(edges):
-        top = (left, right, next_right, next_left)
-        yield Hull(bridge.id, top + tuple((x, y, z - bridge.thickness_m) for x, y, z in top))
+        deck = (left, right, next_right, next_left)
+        yield Hull(bridge.id, deck + tuple((x, y, z - bridge.thickness_m) for x, y, z in deck))
+    half = 0.5 * PIER_M
+    for x, y, z in pier_places(bridge):
+        top = z - bridge.thickness_m
+        height = 0.5 * (top + _FOOT_M)
+        if height > 0.0:
+            yield Box(bridge.id, (x, y, top - height), (half, half, height))
 
 
 def pipe_shapes(pipe: Pipe) -> Iterator[Capsule]:
@@ -98,21 +105,20 @@ def pipe_shapes(pipe: Pipe) -> Iterator[Capsule]:
 
 
 def prop_shapes(prop: Prop) -> Iterator[Shape]:
-    """Trunks of trees, rocks, and whatever has a listed size and stands on the ground; the rest is decoration."""
+    """What a prop is to bump into; nothing where it is decoration."""
     x, y, z = prop.position
     if prop.floating:
         return
-    if prop.cls == "tree":
-        yield Capsule(prop.id, prop.position, (x, y, z + _TREE_M * prop.scale), _TRUNK_M * prop.scale)
-    elif prop.cls == "rock":
-        half = 0.5 * _ROCK_M * prop.scale
-        yield Box(prop.id, (x, y, z + half), (half, half, half), math.radians(90.0 - prop.heading_deg))
-    else:
-        size = SIZES.get(prop.model) or SIZES.get(prop.cls)
-        if size is not None:
-            half_sizes = tuple(0.5 * prop.scale * part for part in (size.length_m, size.width_m, size.height_m))
-            length, width, height = half_sizes
-            yield Box(prop.id, (x, y, z + height), (length, width, height), math.radians(90.0 - prop.heading_deg))
+    if prop.model in RODS:
+        radius, height = (prop.scale * part for part in RODS[prop.model])
+        if radius > 0.5 * height or radius > _THICK_M:
+            yield Box(prop.id, (x, y, z + 0.5 * height), (_ROUND * radius, _ROUND * radius, 0.5 * height))
+        else:  # from a little below, so that the round end is in the ground
+            yield Capsule(prop.id, (x, y, z), (x, y, z + height - radius), radius)
+    elif prop.model in BOXES:
+        size = BOXES[prop.model]
+        length, width, height = (0.5 * prop.scale * part for part in (size.length_m, size.width_m, size.height_m))
+        yield Box(prop.id, (x, y, z + height), (length, width, height), math.radians(90.0 - prop.heading_deg))
 
 
 def prisms(thing: str, outline: Polygon, holes: Sequence[Polygon], base_m: float, top_m: float) -> Iterator[Shape]:
