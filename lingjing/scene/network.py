@@ -17,7 +17,7 @@ import re
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
@@ -111,7 +111,7 @@ def build_network(
     """
     if not edges:
         raise UsageError("a road network without streets", hint="give at least one edge")
-    node_file, edge_file = _node_xml(nodes), _edge_xml(edges)
+    node_file, edge_file = _node_xml(nodes), _edge_xml(nodes, edges)
     options = [*_STREET_OPTIONS, *(("--crossings.guess",) if crossings else ())]
     key = _digest("streets", repr(origin), node_file, edge_file, *options)
 
@@ -290,14 +290,16 @@ def _node_xml(nodes: Iterable[StreetNode]) -> str:
     return "\n".join(("<nodes>", *lines, "</nodes>\n"))
 
 
-def _edge_xml(edges: Iterable[StreetEdge]) -> str:
-    return "\n".join(("<edges>", *(line for edge in edges for line in _edge_lines(edge)), "</edges>\n"))
+def _edge_xml(nodes: Iterable[StreetNode], edges: Iterable[StreetEdge]) -> str:
+    places = {node.id: (node.east, node.north, node.elevation) for node in nodes}
+    return "\n".join(("<edges>", *(line for edge in edges for line in _edge_lines(edge, places)), "</edges>\n"))
 
 
-def _edge_lines(edge: StreetEdge) -> Iterator[str]:
+def _edge_lines(edge: StreetEdge, places: Mapping[str, Vector]) -> Iterator[str]:
     extra = f' sidewalkWidth="{edge.sidewalk_m:.2f}"' if edge.sidewalk_m > 0 else ""
-    if edge.shape:
-        extra += ' shape="' + " ".join(",".join(f"{value:.3f}" for value in point) for point in edge.shape) + '"'
+    if edge.shape and edge.start in places and edge.end in places:
+        line = (places[edge.start], *edge.shape, places[edge.end])
+        extra += ' shape="' + " ".join(",".join(f"{value:.3f}" for value in point) for point in line) + '"'
     if edge.name:
         extra += f" name={quoteattr(edge.name)}"
     yield (

@@ -51,6 +51,17 @@ def test_lanes_lie_in_world_metres_to_the_right_of_the_street():
     assert min(x for x, _ in centre.polygon) < 0 < max(x for x, _ in centre.polygon)
 
 
+def test_a_bent_street_goes_through_its_points_from_node_to_node():
+    nodes = [StreetNode(id="a", east=0, north=0), StreetNode(id="b", east=300, north=0, elevation=6.0)]
+    bend = ((100.0, 50.0, 0.0), (200.0, 50.0, 6.0))
+    there = StreetEdge(id="ab", start="a", end="b", shape=bend)
+    back = StreetEdge(id="ba", start="b", end="a", shape=bend[::-1])
+    roads, _ = read_roads(build_network(nodes, [there, back]).path)
+    line = next(road for road in roads if road.id == "ab").lanes[0].shape
+    assert line[0][0] < 15.0 and line[-1][0] > 285.0
+    assert any(abs(x - 200.0) < 3.0 and abs(y - 48.5) < 3.0 and z == 6.0 for x, y, z in line)
+
+
 def test_a_net_is_kept_by_content_and_the_same_everywhere(tmp_path, monkeypatch):
     first = build_network(*cross())
     stamp = os.stat(first.path).st_mtime_ns
