@@ -323,7 +323,7 @@ def _moved(entity: Entity, place: Vector, heading: float | None = None) -> Entit
 
 
 def _with_building(entity: Entity, building: Building) -> Entity:
-    hidden = (*entity.hidden, "building") if "position" in entity.hidden else entity.hidden
+    hidden = {*entity.hidden, "building"} if "position" in entity.hidden else entity.hidden
     properties = {**entity.properties, "building": building.id}
     return msgspec.structs.replace(entity, properties=properties, hidden=tuple(sorted(hidden)))
 

@@ -1,0 +1,245 @@
+"""Entities of the nine missions stand on what they are declared to stand on, deterministically and within reach."""
+
+import os
+import subprocess
+import sys
+from functools import cache
+from itertools import combinations
+from math import hypot
+from pathlib import Path
+
+import msgspec
+import pytest
+import shapely
+
+from lingjing.dsl import compile_source
+from lingjing.dsl.source import Source, read_source
+from lingjing.errors import MissionError
+from lingjing.mission.instance import Entity, Instance
+from lingjing.mission.instantiate import instantiate
+from lingjing.plugins.engines import builtin
+from lingjing.scene.anchor import anchor, dressed
+from lingjing.scene.city import City
+from lingjing.scene.districts.palette import WHITE
+from lingjing.scene.footing import Footing
+from lingjing.scene.lines import nearest, point_at
+from lingjing.scene.store import write_store
+
+SCENARIOS = Path(__file__).parents[2] / "scenarios"
+NINE = ("vdn", "bi", "ld", "idf", "upr", "ufr", "cr", "ssr", "cd")
+SEEDS = range(5)
+
+
+@pytest.fixture(autouse=True, scope="module")
+def cache_folder(tmp_path_factory):
+    before = os.environ.get("XDG_CACHE_HOME")
+    os.environ["XDG_CACHE_HOME"] = str(tmp_path_factory.mktemp("cache"))
+    yield
+    city_of.cache_clear()
+    if before is None:
+        del os.environ["XDG_CACHE_HOME"]
+    else:
+        os.environ["XDG_CACHE_HOME"] = before
+
+
+@cache
+def mission(name: str):
+    found = compile_source(read_source(str(SCENARIOS / f"{name}.ljs"))).mission
+    assert found is not None
+    return found
+
+
+@cache
+def city_of(name: str, seed: int) -> City:
+    scenes = {scene.name: scene for scene in builtin.lingjing_scenes()}
+    spec = instantiate(mission(name), seed=seed).scene
+    return scenes[spec.kind].build(spec)
+
+
+def anchored(name: str, seed: int, **settings: float) -> tuple[Instance, City]:
+    city = city_of(name, seed)
+    return anchor(instantiate(mission(name), seed=seed, settings=settings), city), city
+
+
+def on(instance: Instance, what: str) -> list[Entity]:
+    return [entity for entity in instance.entities if entity.properties.get("on") == what]
+
+
+@pytest.mark.parametrize("name", NINE)
+def test_everything_stands_where_it_is_declared_to(name: str) -> None:
+    for seed in SEEDS:
+        instance, city = anchored(name, seed)
+        footing = Footing(city)
+        buildings = {building.id: building for building in city.buildings}
+        lanes = [lane for road in city.roads for lane in road.lanes if lane.kind == "car"]
+        for entity in on(instance, "road"):
+            x, y, z = entity.position
+            assert min(nearest(lane.shape, x, y)[0] for lane in lanes) < 0.01, entity.id
+            assert z == pytest.approx(0.0)
+        for entity in on(instance, "roof"):
+            x, y, z = entity.position
+            building = buildings[str(entity.properties["building"])]
+            assert shapely.Polygon(building.polygon).buffer(-1.9).contains(shapely.Point(x, y))
+            assert z == building.top_m == footing.roof_over(x, y)
+            assert "building" in entity.hidden, "which building burns is as hidden as where"
+        for entity in on(instance, "facade"):
+            x, y, _ = entity.position
+            building = buildings[str(entity.properties["building"])]
+            assert shapely.Polygon(building.polygon).distance(shapely.Point(x, y)) == pytest.approx(0.3, abs=0.01)
+            assert entity.heading_deg == building.entrance[2]
+        for entity in on(instance, "ground"):
+            x, y, z = entity.position
+            assert footing.is_clear(x, y, 0.5), entity.id
+            assert z == footing.height(x, y)
+        for entity in on(instance, "bridge"):
+            assert min(nearest(bridge.path, *entity.position[:2])[0] for bridge in city.bridges) < 0.01
+            assert entity.position[2] == 12.0
+        for entity in on(instance, "pipe"):
+            assert min(nearest(pipe.path, *entity.position[:2])[0] for pipe in city.pipes) < 0.01
+            assert 1.0 < entity.position[2] < 2.0
+        for entity in instance.entities:
+            if "on" not in entity.properties:
+                roof = footing.roof_over(*entity.position[:2])
+                assert roof is None or entity.position[2] >= roof, f"{entity.id} begins inside a building"
+
+
+@pytest.mark.parametrize("name", NINE)
+def test_anchoring_is_a_function_and_leaves_the_rest_alone(name: str) -> None:
+    instance, city = anchored(name, 3)
+    before = instantiate(mission(name), seed=3)
+    assert anchor(before, city) == instance
+    same = [msgspec.structs.replace(a, position=b.position, heading_deg=b.heading_deg, properties=b.properties,
+                                    hidden=b.hidden)
+            for a, b in zip(instance.entities, before.entities, strict=True)]  # fmt: skip
+    assert msgspec.structs.replace(instance, entities=tuple(same)) == before
+    assert anchor(instance, city) == instance, "what is anchored stays"
+
+
+def test_fires_burn_where_the_truck_reaches_them_each_on_a_roof_of_its_own() -> None:
+    for seed in SEEDS:
+        instance, city = anchored("ufr", seed, fires=6)
+        fires = on(instance, "roof")
+        assert len({fire.properties["building"] for fire in fires}) == len(fires) == 6
+        for fire in fires:
+            x, y, _ = fire.position
+            lane = min(nearest(lane.shape, x, y)[0] for road in city.roads for lane in road.lanes)
+            assert lane <= 25.0, fire.id
+
+
+def test_vehicles_start_a_length_apart_and_along_their_lane() -> None:
+    for seed in SEEDS:
+        instance, city = anchored("cd", seed, vans=8)
+        vans = [entity for entity in instance.entities if entity.group == "van"]
+        lanes = [lane for road in city.roads for lane in road.lanes]
+        for one, other in combinations(vans, 2):
+            assert hypot(one.position[0] - other.position[0], one.position[1] - other.position[1]) > 2.9
+        for van in vans:
+            distance, at, shape = min((*nearest(lane.shape, *van.position[:2]), lane.shape) for lane in lanes)
+            assert distance < 0.01
+            assert point_at(shape, at)[1] == pytest.approx(van.heading_deg, abs=0.01)
+            assert hypot(*van.position[:2]) < 60.0, "they start at the depot"
+
+
+def test_of_two_directions_a_vehicle_takes_that_of_its_heading() -> None:
+    city = city_of("cr", 0)
+    base = instantiate(mission("cr"), seed=0)
+    for heading in (0.0, 90.0, 180.0, 270.0):
+        place = (-300.0, -200.0, 0.0) if heading in (90.0, 270.0) else (-200.0, -300.0, 0.0)
+        entities = tuple(
+            msgspec.structs.replace(e, position=place, heading_deg=heading) if e.id == "van" else e
+            for e in base.entities
+        )  # fmt: skip
+        van = next(e for e in anchor(msgspec.structs.replace(base, entities=entities), city).entities if e.id == "van")
+        assert van.heading_deg == heading
+
+
+@pytest.mark.parametrize(
+    ("name", "start", "ends"),
+    [
+        ("cr", "van", ("goal_place",)),
+        ("ld", "van", ("stop_node",)),
+        ("ufr", "truck", ("fire",)),
+        ("cd", "van", ("point", "depot")),
+    ],
+)
+def test_traffic_gets_from_the_start_to_every_end(name: str, start: str, ends: tuple[str, ...]) -> None:
+    for seed in (0, 1):
+        instance, city = anchored(name, seed)
+        edges = {lane.id: road.id for road in city.roads for lane in road.lanes}
+        lanes = [lane for road in city.roads for lane in road.lanes]
+
+        def edge(entity: Entity, lanes: list = lanes, edges: dict = edges) -> str:
+            return edges[min((nearest(lane.shape, *entity.position[:2])[0], lane.id) for lane in lanes)[1]]
+
+        pairs = [(edge(a), edge(b)) for a in instance.entities if a.group == start
+                 for b in instance.entities if b.group in ends]  # fmt: skip
+        pairs += [(b, a) for a, b in pairs]
+        program = (
+            "import sumolib, sys; net = sumolib.net.readNet(sys.argv[1]);"
+            "print([p for p in sys.argv[2:] if net.getShortestPath(*map(net.getEdge, p.split('|')))[0] is None])"
+        )
+        arguments = [sys.executable, "-c", program, city.network, *sorted({"|".join(pair) for pair in pairs})]
+        run = subprocess.run(arguments, capture_output=True, text=True, check=True)
+        assert run.stdout.strip() == "[]"
+
+
+def test_the_building_one_looks_for_is_painted_and_no_other_looks_like_it() -> None:
+    instance, city = anchored("vdn", 1)
+    home = next(entity for entity in instance.entities if entity.id == "home")
+    painted = dressed(instance, city)
+    white = [building.id for building in painted.buildings if building.colour == WHITE]
+    assert white == [home.properties["building"]]
+    assert painted.sha256 != city.sha256
+    near = [b for b in painted.buildings if b.id != white[0]]
+    assert all(max(abs(a - b) for a, b in zip(b.colour, WHITE, strict=True)) > 0.1 for b in near)
+    plain, other = anchored("cr", 0)
+    assert dressed(plain, other) is other
+
+
+def test_a_scene_without_what_is_needed_is_named() -> None:
+    base = instantiate(mission("cr"), seed=0)
+    bay = city_of("ssr", 0)
+    with pytest.raises(MissionError, match=r"no road for `goal_place` .* in the scene `bay-") as caught:
+        anchor(base, bay)
+    assert "choose a scene" in caught.value.hint
+    hidden = instantiate(mission("bi"), seed=0)
+    with pytest.raises(MissionError, match="no bridge for `fracture`") as caught:
+        anchor(hidden, city_of("cr", 0))
+    assert "of its place in" in str(caught.value), "a hidden place stays hidden"
+    odd = msgspec.structs.replace(base.entities[0], properties={"on": "cloud"})
+    with pytest.raises(MissionError, match="on 'cloud'"):
+        anchor(msgspec.structs.replace(base, entities=(odd,)), city_of("cr", 0))
+
+
+def test_a_stored_city_anchors_as_the_same_city_held_inline(tmp_path) -> None:
+    instance, city = anchored("ufr", 2, fires=4)
+    pieces = ("areas", "solids", "slopes", "buildings", "roads", "junctions", "bridges", "pipes", "props")
+    light = msgspec.structs.replace(city, **dict.fromkeys((*pieces, "waters", "lands"), ()))
+    stored = write_store(tmp_path / "city", light, city)
+    again = anchor(instantiate(mission("ufr"), seed=2, settings={"fires": 4}), stored)
+    assert [e.position for e in again.entities if e.group == "fire"] == [
+        e.position for e in instance.entities if e.group == "fire"
+    ]
+
+
+ON_MAP = 'region main = road("Central Avenue")\n  region strip = along(main, 20 m)\n  region district'
+
+
+def test_regions_made_of_roads_get_outlines() -> None:
+    text = (SCENARIOS / "cr.ljs").read_text(encoding="utf-8").replace("region district", ON_MAP)
+    found = compile_source(Source(text, "m.ljs")).mission
+    assert found is not None
+    base = instantiate(found, seed=0)
+    assert [region.name for region in base.regions if region.on_map is not None] == ["main", "strip"]
+    instance = anchor(base, city_of("cr", 0))
+    regions = {region.name: shapely.Polygon(region.polygon) for region in instance.regions}
+    assert all(region.on_map is None for region in instance.regions)
+    main = regions["main"]
+    assert main.is_valid and main.contains(shapely.Point(0, 100)) and main.contains(shapely.Point(0, 0))
+    assert not main.contains(shapely.Point(15, 100)) and main.bounds[3] > 350.0
+    assert regions["strip"].contains(shapely.Point(15, 100)) and not regions["strip"].contains(shapely.Point(40, 100))
+    wrong = compile_source(Source(text.replace("Central Avenue", "Nowhere Lane"), "m.ljs")).mission
+    assert wrong is not None
+    with pytest.raises(MissionError, match="no road named 'Nowhere Lane'") as caught:
+        anchor(instantiate(wrong, seed=0), city_of("cr", 0))
+    assert "Avenue" in caught.value.hint
