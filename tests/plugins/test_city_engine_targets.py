@@ -263,9 +263,10 @@ def test_what_has_not_appeared_is_dormant_and_left_alone(play):
     assert (played.state.status, [event.time_s for event in played.events]) == ("served", [10.0])
 
 
-def test_an_actor_that_is_not_there_does_nothing(play):
+@pytest.mark.parametrize("status", ["dormant", "dead"])
+def test_an_actor_that_is_not_there_or_a_wreck_does_nothing(play, status):
     played = play(leak(), DOG)
-    played.run(20.0, (at("dog", 0.0, status="dormant"),))
+    played.run(20.0, (at("dog", 0.0, status=status),))
     assert played.events == []
 
 

@@ -19,6 +19,9 @@ from lingjing.plugins.engines.terrain import Terrain
 from lingjing.scene.city import City
 from lingjing.trace.records import BodyState, Command, Receipt, TaskEvent
 
+_IDLE = (DORMANT, "dead")
+"""Who is not there, or is there as a wreck, does nothing."""
+
 
 class CityEngine:
     """Lets targets burn, leak, drift and wait, at 10 Hz; performs unlocked interactions at the end of each macro-step;
@@ -135,7 +138,7 @@ class CityEngine:
         actors = [
             (name, place)
             for name, (place, body) in self._bodies.items()
-            if self._owners[name] == interaction.by_engine and body.status != DORMANT
+            if self._owners[name] == interaction.by_engine and body.status not in _IDLE
         ]
         return actors_in_reach(interaction, here, actors)
 

@@ -17,6 +17,8 @@ DORMANT = "dormant"
 
 WAITING = "waiting"
 
+_GIVES = "_gives"
+
 
 @dataclass(frozen=True, slots=True)
 class Nature:
@@ -67,6 +69,7 @@ def _nature(entity: Entity) -> Nature:
         return QUEUE
     if properties.get("on") == "bridge" and "width_m" in properties:
         return BREAK
-    if any(name.endswith("_gives") for name in properties):
-        return STORE
+    giving = [name.removesuffix(_GIVES) for name in properties if name.endswith(_GIVES)]
+    if any(f"{name}_from" not in properties for name in giving):
+        return STORE  # inexhaustible: what it gives comes out of nothing that is counted
     return Nature()

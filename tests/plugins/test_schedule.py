@@ -1,0 +1,56 @@
+"""What a mission announces: the weather at a time, who is there at a time; and which engines that calls up."""
+
+import msgspec
+import pytest
+
+from lingjing.kernel.world.casting import cast
+from lingjing.mission.instance import CommsSpec, EventSpec, SceneSpec, Weather
+from lingjing.plugins.engines import builtin
+from lingjing.plugins.engines.schedule import Schedule
+from lingjing.plugins.host import PluginHost
+
+FOG, STORM = Weather(visibility_m=100.0), Weather(wind_mps=14.0)
+
+
+@pytest.fixture
+def schedule(instance_of, victim):
+    """Ticks of 10 s; declared out of order: a storm at 3, fog at 1; one comes at 2 and goes at 4."""
+    late = msgspec.structs.replace(victim(2), dormant=True)
+    events = (
+        EventSpec(name="storm", tick=3, weather=STORM, vanish=("victim[1]",)),
+        EventSpec(name="fog", tick=1, weather=FOG),
+        EventSpec(name="come", tick=2, appear=("victim[2]",)),
+        EventSpec(name="go", tick=4, vanish=("victim[2]",)),
+    )
+    return Schedule(msgspec.structs.replace(instance_of([victim(1), late]), events=events))
+
+
+@pytest.mark.parametrize(
+    ("time_s", "weather"),
+    [(0.0, Weather()), (9.99, Weather()), (10.0, FOG), (29.9, FOG), (30.0, STORM), (900.0, STORM)],
+)
+def test_the_weather_holds_from_its_boundary_on(schedule, time_s, weather):
+    assert schedule.weather(time_s) == weather
+
+
+@pytest.mark.parametrize(
+    ("time_s", "first", "second"), [(0.0, 1, 0), (19.9, 1, 0), (20.0, 1, 1), (30.0, 0, 1), (40.0, 0, 0)]
+)
+def test_who_is_there(schedule, time_s, first, second):
+    assert [schedule.present(f"victim[{n}]", time_s) for n in (1, 2)] == [bool(first), bool(second)]
+
+
+def test_a_time_that_arithmetic_made_a_hair_too_early_counts(schedule):
+    assert schedule.weather(0.1 * 300 - 1e-9) == STORM
+
+
+def test_traffic_and_radio_are_there_without_an_entity_of_their_own(instance_of, boat):
+    host = PluginHost(entry_points=False, extra=(builtin,))
+    bare = instance_of([boat()])
+    busy = SceneSpec(kind="bay", options={"traffic": 40.0})
+    heard = CommsSpec(mode="broadcast", hub=None, range_m=500.0)
+    assert cast(bare, host).local == ("vessel",)
+    assert cast(msgspec.structs.replace(bare, scene=busy), host).local == ("road", "vessel")
+    assert cast(msgspec.structs.replace(bare, comms=heard), host).local == ("city", "vessel")
+    quiet = SceneSpec(kind="bay", options={"traffic": 0.0})
+    assert cast(msgspec.structs.replace(bare, scene=quiet), host).local == ("vessel",)
