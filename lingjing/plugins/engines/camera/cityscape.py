@@ -111,6 +111,7 @@ class Cityscape:
         self._blocks = self._upload("wall", self._skyline.blocks, casts=False)
         self._ground = self._upload("ground", self.plate.ground, casts=False)
         self._quays = self._upload("plain", self.plate.quays, casts=False)
+        self._lands = self._upload("paving", self.plate.lands, casts=False)
         self._map = context.texture(self._skyline.map.shape[1::-1], 3, self._skyline.map.tobytes())
         self._map.repeat_x = self._map.repeat_y = False
         self._map.build_mipmaps()
@@ -267,7 +268,7 @@ class Cityscape:
         for name in ("road", "paving"):
             for key in view.full:
                 self._draw(self.resident(key).sheets, (name,), wet, night)
-        for sheet in (self._quays, self._ground):
+        for sheet in (self._quays, self._lands, self._ground):
             if sheet.count:
                 sheet.lit[wet, night].render(moderngl.TRIANGLES)
 
@@ -281,7 +282,7 @@ class Cityscape:
     def release(self) -> None:
         """Free everything."""
         sheets = [sheet for resident in self._residents.values() for sheet in resident.sheets.values()]
-        for thing in (*sheets, self._blocks, self._ground, self._quays, self._map, self._shade_frame, self._shade,
+        for thing in (*sheets, self._blocks, self._ground, self._lands, self._quays, self._map, self._shade_frame, self._shade,
                       self._caster, *self._programs.values()):  # fmt: skip
             thing.release()
         self._residents.clear()

@@ -144,8 +144,7 @@ class CameraEngine:
         noise = noise_texture()[::4, ::4, 0]
         if city.store or any(getattr(city, kind) for kind in TOWN):
             terrain = self._terrain = Terrain(city)
-            renderer.load(build_ground(msgspec.structs.replace(city, solids=()), noise),
-                          (city, terrain.surface))  # fmt: skip
+            renderer.load(build_ground(city, noise, town=True), (city, terrain.surface))
             self._props = ()
         else:
             renderer.load(build_ground(city, noise))

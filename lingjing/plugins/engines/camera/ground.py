@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 import numpy.typing as npt
 import shapely
@@ -42,6 +43,7 @@ SHORE_SIZE = 1024
 PATCH_CELLS = 24
 BURIED_M = 3.0
 SHORE_REACH_M = 160.0
+FLAT_M = 0.3
 
 Grid = npt.NDArray[np.floating]
 
@@ -80,10 +82,18 @@ def water_level(city: City) -> float:
     return city.waters[0].level_m if city.waters else city.datum_m
 
 
-def build_ground(city: City, noise: npt.NDArray[np.uint8]) -> Ground:
-    """All static geometry of a city."""
+def build_ground(city: City, noise: npt.NDArray[np.uint8], town: bool = False) -> Ground:
+    """All static geometry of a city; of a town only the lands that rise over its plate (`plate`), and no solids."""
     level = water_level(city)
-    return Ground(level, _surfaces(city, level), _solids(city, level), _shore_map(city, noise), city.bounds)
+    shown = msgspec.structs.replace(city, lands=tuple(land for land in city.lands if not is_flat(land)))
+    surfaces = _surfaces(shown if town else city, level)
+    solids = () if town else _solids(city, level)
+    return Ground(level, surfaces, solids, _shore_map(city, noise), city.bounds)
+
+
+def is_flat(land: Land) -> bool:
+    """Whether a land of a town is part of its even ground."""
+    return abs(land.top_m) <= FLAT_M
 
 
 def height_under(city: City, east: float, north: float) -> float:

@@ -1,6 +1,7 @@
 """The ground under a city: one sheet around its waters, the waters' own sheets, the quay walls between them.
 
-Ground lies at elevation 0. Where water reaches the city's bounds it goes on to the horizon, and so does the ground. A
+Ground lies at elevation 0; lands of about that height are painted on it, and where a water is all over they are the
+ground. Where water reaches the city's bounds it goes on to the horizon, and so does the ground. A
 city that is water all over (its land is `City.lands`) has no sheet: its sea is a plane without an end.
 """
 
@@ -12,6 +13,7 @@ import numpy as np
 import shapely
 
 from lingjing.plugins.engines.camera.classes import CLASSES
+from lingjing.plugins.engines.camera.ground import is_flat
 from lingjing.plugins.engines.camera.mesh_rows import Part, joined, polygons, sheet, walls
 from lingjing.plugins.engines.camera.paving import SURFACES, surface_id
 from lingjing.scene.city import City, Water
@@ -23,9 +25,11 @@ QUAY = (0.27, 0.265, 0.25)
 
 @dataclass(frozen=True, slots=True)
 class Plate:
-    """`ground` (flat), `quays` (walls), `waters` by level; `sea`: the level of a water that is everywhere, or None."""
+    """`ground` (flat), `lands` (painted on it), `quays` (walls), `waters` by level; `sea`: the level of a water that is
+    everywhere, or None."""
 
     ground: Part
+    lands: Part
     quays: Part
     waters: tuple[tuple[float, Part], ...]
     sea: float | None
@@ -37,7 +41,7 @@ def build_plate(city: City) -> Plate:
     shapes = [_shape(water) for water in city.waters]
     for water, shape in zip(city.waters, shapes, strict=True):
         if bounds.difference(shape).area < 1.0:
-            return Plate(joined(()), joined(()), (), water.level_m)
+            return Plate(joined(()), _lands(city), _edges(city, water.level_m), (), water.level_m)
     wet = shapely.union_all(shapes).intersection(bounds)
     ground = bounds.difference(wet)
     colour, style = SURFACES["ground"]
@@ -50,7 +54,24 @@ def build_plate(city: City) -> Plate:
     sheets += [sheet(rings, 0.0, colour, number, style=style) for rings in polygons(outside)]
     quays = [walls(ring, level - BED_M, 0.0, QUAY, CLASSES["concrete"], inwards=k > 0)
              for rings in polygons(ground) for k, ring in enumerate(rings)] if shapes else []  # fmt: skip
-    return Plate(joined(sheets), joined(quays), _waters(city, shapes, beyond), None)
+    return Plate(joined(sheets), _lands(city), joined(quays), _waters(city, shapes, beyond), None)
+
+
+def _lands(city: City) -> Part:
+    """Even lands, the last one on top."""
+    parts = []
+    for number, land in enumerate(reversed([land for land in city.lands if is_flat(land)])):
+        colour, style = SURFACES.get(land.surface, SURFACES["concrete"])
+        parts.append(sheet([land.polygon], land.top_m, colour, surface_id(land.surface), style=style,
+                           layer=max(0.9 - 0.1 * number, 0.1)))  # fmt: skip
+    return joined(parts)
+
+
+def _edges(city: City, level: float) -> Part:
+    """The walls of even lands down into a sea that is all around them."""
+    return joined(
+        walls(land.polygon, level - BED_M, land.top_m, QUAY, CLASSES["concrete"]) for land in city.lands if is_flat(land)
+    )
 
 
 def _shape(water: Water) -> shapely.Geometry:
