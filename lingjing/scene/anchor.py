@@ -63,29 +63,6 @@ def anchor(instance: Instance, city: City) -> Instance:
     return msgspec.structs.replace(instance, entities=entities, regions=regions)
 
 
-def dressed(instance: Instance, city: City) -> City:
-    """The city with the walls of buildings painted that targets on a facade name a colour for (`colour = white`).
-
-    To be called with an anchored instance. Pieces of a stored city stay as they are.
-    """
-    from lingjing.scene.districts.palette import NAMED
-
-    wanted = {
-        str(entity.properties["building"]): NAMED[str(entity.properties["colour"])]
-        for entity in instance.entities
-        if "building" in entity.properties and entity.properties.get("colour") in NAMED
-    }
-    if not wanted or city.store:
-        return city
-    buildings = tuple(
-        msgspec.structs.replace(building, colour=wanted[building.id]) if building.id in wanted else building
-        for building in city.buildings
-    )
-    painted = "+".join(f"{name}:{wanted[name]}" for name in sorted(wanted))
-    sha256 = f"{city.sha256}+{painted}" if city.sha256 else ""
-    return msgspec.structs.replace(city, buildings=buildings, sha256=sha256)
-
-
 # -- private
 
 _Found = TypeVar("_Found")

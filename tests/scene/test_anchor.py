@@ -18,7 +18,7 @@ from lingjing.errors import MissionError
 from lingjing.mission.instance import Entity, Instance
 from lingjing.mission.instantiate import instantiate
 from lingjing.plugins.engines import builtin
-from lingjing.scene.anchor import anchor, dressed
+from lingjing.scene.anchor import anchor
 from lingjing.scene.city import City
 from lingjing.scene.districts.palette import WHITE
 from lingjing.scene.footing import Footing
@@ -183,17 +183,12 @@ def test_traffic_gets_from_the_start_to_every_end(name: str, start: str, ends: t
         assert run.stdout.strip() == "[]"
 
 
-def test_the_building_one_looks_for_is_painted_and_no_other_looks_like_it() -> None:
+def test_no_house_is_as_white_as_the_one_that_is_looked_for() -> None:
+    """The camera paints the building that a target on a facade names: its colour is no other's."""
     instance, city = anchored("vdn", 1)
     home = next(entity for entity in instance.entities if entity.id == "home")
-    painted = dressed(instance, city)
-    white = [building.id for building in painted.buildings if building.colour == WHITE]
-    assert white == [home.properties["building"]]
-    assert painted.sha256 != city.sha256
-    near = [b for b in painted.buildings if b.id != white[0]]
-    assert all(max(abs(a - b) for a, b in zip(b.colour, WHITE, strict=True)) > 0.1 for b in near)
-    plain, other = anchored("cr", 0)
-    assert dressed(plain, other) is other
+    assert home.properties["building"] in {building.id for building in city.buildings}
+    assert all(max(abs(a - b) for a, b in zip(b.colour, WHITE, strict=True)) > 0.1 for b in city.buildings)
 
 
 def test_a_scene_without_what_is_needed_is_named() -> None:
