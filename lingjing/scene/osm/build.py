@@ -193,6 +193,7 @@ def _key(source: Source, options: Options, versions: dict[str, str]) -> str:
 
 
 def _versions() -> dict[str, str]:
+    import numpy as np  # before shapely, whose own import of it makes an ImportError of an interrupt
     import shapely
 
     try:
@@ -202,6 +203,7 @@ def _versions() -> dict[str, str]:
     return {
         "lingjing": metadata.version("lingjing"),
         **read.versions(),
+        "numpy": np.__version__,
         "shapely": shapely.__version__,
         "geos": shapely.geos_version_string,
         "eclipse-sumo": sumo,
