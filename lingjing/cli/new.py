@@ -1,4 +1,4 @@
-"""`lingjing new agent NAME`, `lingjing new mission NAME`: write a file that runs at once and is easy to change."""
+"""`lingjing new agent|mission|engine NAME`: write a file, or a package, that works at once and is easy to change."""
 
 from __future__ import annotations
 
@@ -13,22 +13,43 @@ _TEMPLATES = Path(__file__).parent / "templates"
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Declare the verb and its options."""
-    parser = subparsers.add_parser("new", help="write a file to start from", description=__doc__)
-    parser.add_argument("kind", choices=("agent", "mission"), metavar="agent|mission", help="what to write")
-    parser.add_argument("name", metavar="NAME", help="a name such as scout: scout.py with class Scout, or scout.ljs")
+    parser = subparsers.add_parser("new", help="write a file or a package to start from", description=__doc__)
+    kinds = ("agent", "mission", "engine")
+    parser.add_argument("kind", choices=kinds, metavar="agent|mission|engine", help="what to write")
+    parser.add_argument(
+        "name", metavar="NAME", help="a name such as scout: scout.py with class Scout, scout.ljs, or the folder scout"
+    )
+    parser.add_argument(
+        "-o", "--output", metavar="DIR", help="the folder to write into; an engine's own (default: a new one, NAME)"
+    )
     parser.set_defaults(handler=handler)
 
 
 def handler(args: argparse.Namespace) -> int:
     """Write the file and say how to run it."""
+    if args.kind == "engine":
+        return _new_engine(args.name, args.output)
+    folder = Path(args.output or "")
     if args.kind == "mission":
-        path = write_mission(args.name, Path())
+        path = write_mission(args.name, folder)
         print(f"wrote {path}")
         print(f"play it: lingjing run {path}")
         return ExitCode.OK
-    path, class_name = write_agent(args.name, Path())
+    path, class_name = write_agent(args.name, folder)
     print(f"wrote {path}")
-    print(f"play it: lingjing run ssr --policy ./{path}:{class_name}")
+    shown = path if path.is_absolute() else f"./{path}"
+    print(f"play it: lingjing run ssr --policy {shown}:{class_name}")
+    return ExitCode.OK
+
+
+def _new_engine(name: str, output: str | None) -> int:
+    from lingjing.cli.newengine import plugin_name, write_engine
+
+    folder = write_engine(name, Path(output) if output else None)
+    print(f"wrote {folder}")
+    print(f"install it: pip install -e {folder}")
+    print(f"play it: lingjing run {folder / 'missions' / 'tour.ljs'} --policy {plugin_name(name)}")
+    print(f"test it: pytest {folder}")
     return ExitCode.OK
 
 

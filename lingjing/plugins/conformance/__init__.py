@@ -7,7 +7,8 @@ In a test of your own plug-in:
     @pytest.mark.parametrize("check", ENGINE_CHECKS, ids=check_name)
     def test_engine(check): check(case)
 
-or `check_engine(plugin, instance, city, …)` for all at once. Each check makes engines of its own from the plug-in's
+or `check_engine(plugin, instance, city, …)` for all at once; `case_of(plugin, mission, {resource: (verb, arguments)})`
+makes a case of a mission. Each check makes engines of its own from the plug-in's
 factory, raises `ConformanceError` with one sentence, and needs nothing but the contract of `lingjing.plugins.engine`.
 The commands of a case should be admissible ones that take a while; they are submitted at time 0.
 
@@ -15,7 +16,7 @@ The commands of a case should be admissible ones that take a while; they are sub
 checks of an engine) and `policies` (those of a policy).
 """
 
-from lingjing.plugins.conformance.case import ConformanceError, EngineCase, Run, check_name
+from lingjing.plugins.conformance.case import ConformanceError, EngineCase, Run, case_of, check_name
 from lingjing.plugins.conformance.engines import (
     ENGINE_CHECKS,
     check_advance,
@@ -56,6 +57,7 @@ __all__ = [
     "EngineCase",
     "PolicyCase",
     "Run",
+    "case_of",
     "check_admission",
     "check_advance",
     "check_arguments",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TypeVar
@@ -10,8 +10,12 @@ from typing import TypeVar
 import msgspec
 
 from lingjing.errors import PluginError
-from lingjing.mission.instance import Entity, Instance
+from lingjing.mission.instance import Datum, Entity, Instance
+from lingjing.mission.instantiate import instantiate
+from lingjing.mission.model import Mission
 from lingjing.plugins.engine import Boundary, Engine, EnginePlugin, EngineSpec
+from lingjing.plugins.host import PluginHost
+from lingjing.scene.anchor import anchor
 from lingjing.scene.city import City
 from lingjing.trace.records import BodyState, Command, Receipt
 
@@ -63,6 +67,25 @@ class EngineCase:
     def mirrors_at(self, time_s: float) -> tuple[BodyState, ...]:
         """The others at an interval's start."""
         return tuple(_moved(state, time_s) for state in self.mirrors)
+
+
+def case_of(
+    plugin: EnginePlugin,
+    mission: Mission,
+    commands: Mapping[str, tuple[str, Mapping[str, Datum]]],
+    *,
+    seed: int = 1,
+    mirrors: Sequence[BodyState] = (),
+    seconds: float = 20.0,
+) -> EngineCase:
+    """A case on a mission's own instance and city: `commands` are a verb and its arguments by resource."""
+    instance = instantiate(mission, seed=seed)
+    city = PluginHost().scene(instance.scene.kind).build(instance.scene)
+    given = tuple(
+        Command(id=f"c0-{number}", tick=0, sender="conformance", resource=name, verb=verb, arguments=dict(arguments))
+        for number, (name, (verb, arguments)) in enumerate(commands.items(), start=1)
+    )
+    return EngineCase(plugin, anchor(instance, city), city, given, tuple(mirrors), seed, seconds)
 
 
 @dataclass(slots=True)

@@ -1,0 +1,116 @@
+"""`lingjing new engine`: the package installs, is found, plays its mission, and its own tests pass."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from lingjing.cli.newengine import plugin_name, write_engine
+from lingjing.dsl.format import format_text
+from lingjing.errors import UsageError
+
+
+def call(*command: object, cwd: Path, site: Path | None = None, code: int = 0) -> str:
+    env = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    if site is not None:
+        env["PYTHONPATH"] = str(site)
+    done = subprocess.run(
+        [sys.executable, *map(str, command)], cwd=cwd, env=env, capture_output=True, text=True, timeout=280, check=False
+    )
+    assert done.returncode == code, f"{command}\n{done.stdout}\n{done.stderr}"
+    return done.stdout + done.stderr
+
+
+@pytest.fixture(scope="module")
+def package(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    where = tmp_path_factory.mktemp("new")
+    said = call("-m", "lingjing.cli.main", "new", "engine", "hover-craft", cwd=where)
+    assert "wrote hover_craft" in said
+    assert "play it: lingjing run hover_craft/missions/tour.ljs --policy hover_craft" in said
+    return where / "hover_craft"
+
+
+@pytest.fixture(scope="module")
+def site(package: Path) -> Path:
+    """A folder that the package is installed into, with its entry points."""
+    target = package.parent / "site"
+    pip = ("-m", "pip", "--disable-pip-version-check", "install", "-q", "--no-deps", "--no-build-isolation")
+    call(*pip, "--target", target, package, cwd=package.parent)
+    return target
+
+
+def test_nothing_of_the_template_is_left_and_all_is_formatted(package: Path) -> None:
+    files = [path for path in package.rglob("*") if path.is_file() and "__pycache__" not in path.parts]
+    assert {path.suffix for path in files} <= {".py", ".ljs", ".toml", ".md"}
+    for path in files:
+        text = path.read_text(encoding="utf-8")
+        assert "NAME0" not in text and "Name0" not in text and "Title0" not in text
+        if path.suffix == ".ljs":
+            assert format_text(text).text == text
+    assert "class HoverCraftEngine(FleetEngine)" in (package / "lingjing_hover_craft" / "engine.py").read_text()
+
+
+def test_its_code_is_clean(package: Path) -> None:
+    call("-m", "ruff", "check", "--isolated", "--line-length", "120", "--select", "E,F,I,B,UP", package, cwd=package)
+    call("-m", "ruff", "format", "--isolated", "--line-length", "120", "--check", package, cwd=package)
+
+
+@pytest.mark.slow
+def test_it_installs_is_found_and_plays_its_mission(package: Path, site: Path, tmp_path: Path) -> None:
+    listed = call("-m", "lingjing.cli.main", "plugins", cwd=tmp_path, site=site)
+    assert listed.count("hover_craft  hover_craft") == 2
+    mission = package / "missions" / "tour.ljs"
+    assert call("-m", "lingjing.cli.main", "validate", mission, cwd=tmp_path, site=site) == ""
+    run = ("-m", "lingjing.cli.main", "run", mission, "--policy", "hover_craft", "--seed", 3, "--json")
+    answers = [
+        json.loads(call(*run, "-o", tmp_path / world, "--world", world, cwd=tmp_path, site=site).splitlines()[0])
+        for world in ("process", "inline")
+    ]
+    assert all(answer["success"] for answer in answers)
+    assert answers[0]["digest"] == answers[1]["digest"]
+
+
+@pytest.mark.slow
+def test_its_own_tests_pass_and_catch_a_fault(package: Path, site: Path) -> None:
+    pytest_ = ("-m", "pytest", "-q", "-p", "no:cacheprovider", "-o", "asyncio_default_fixture_loop_scope=function")
+    assert "17 passed" in call("-P", *pytest_, cwd=package, site=site)
+    engine = site / "lingjing_hover_craft" / "engine.py"
+    sound = engine.read_text()
+    assert sound.count("% 360.0 % 360.0") == 1
+    engine.write_text(sound.replace("% 360.0 % 360.0", "+ 360.0"))
+    try:
+        said = call("-P", *pytest_, "tests/test_engine.py", cwd=package, site=site, code=1)
+    finally:
+        engine.write_text(sound)
+    assert "ConformanceError: `beacon[1]` at 0.0 s: heading 360.0 not in 0..360" in said
+
+
+def test_it_is_not_found_without_being_installed(package: Path, tmp_path: Path) -> None:
+    said = call("-m", "lingjing.cli.main", "validate", package / "missions" / "tour.ljs", cwd=tmp_path, code=1)
+    assert "hover_craft.vehicles" in said
+
+
+@pytest.mark.parametrize("name", ["two words", "mission", "1st", "", "../up", "std", "class", "水", "_x"])
+def test_a_name_that_is_none_is_refused(name: str) -> None:
+    with pytest.raises(UsageError, match="is not a name") as mistake:
+        plugin_name(name)
+    assert mistake.value.hint
+
+
+def test_nothing_is_overwritten_and_no_name_is_taken_twice(tmp_path: Path) -> None:
+    (tmp_path / "mine").mkdir()
+    assert write_engine("mine", tmp_path / "mine") == tmp_path / "mine"
+    with pytest.raises(UsageError, match="already there"):
+        write_engine("mine", tmp_path / "mine")
+    for name, kind in (("plane", "engine"), ("oracle", "policy")):
+        with pytest.raises(UsageError, match=f"there is {kind} `{name}` already"):
+            write_engine(name, tmp_path / name)
+        assert not (tmp_path / name).exists()
+    (tmp_path / "file").write_text("")
+    with pytest.raises(UsageError, match="already there"):
+        write_engine("other", tmp_path / "file")
