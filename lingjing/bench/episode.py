@@ -21,6 +21,7 @@ from lingjing.bench.folders import claim_run_folder
 from lingjing.errors import UsageError
 from lingjing.kernel.episode import Progress, play, seat
 from lingjing.kernel.fingerprint import fingerprint
+from lingjing.kernel.staging import Stage
 from lingjing.kernel.step import Kernel
 from lingjing.kernel.world import open_world
 from lingjing.kernel.world.contract import StoredFrame, World
@@ -83,6 +84,7 @@ class Session:
         if world not in ("process", "inline"):
             raise UsageError(f"world={world!r}", hint='engines run in "process" or "inline"')
         self.host = host or PluginHost()
+        self._stage = Stage(self.host)
         self._kind = world
         self._world: World | None = None
 
@@ -103,9 +105,8 @@ class Session:
     ) -> EpisodeResult:
         """Play one episode; see `lingjing.run` for the arguments and the errors."""
         _check_seed(seed)
-        instance = instantiate(mission, seed=seed, mode=mode, settings=settings)
+        instance, city = self._stage.set(instantiate(mission, seed=seed, mode=mode, settings=settings))
         seats = _cast(instance, policy, policies_for or {}, dict(policy_args or {}), self.host)
-        city = self.host.scene(instance.scene.kind).build(instance.scene)
         policies = {agent: build_policy(plugin, arguments) for agent, (plugin, arguments) in seats.items()}
         recorder: list[TraceWriter] = []
         kernel = Kernel(
@@ -258,7 +259,7 @@ def _writer(
             for agent, (plugin, arguments) in seats.items()
         ),
         fingerprint=fingerprint(),
-        city_sha256=hashlib.sha256(msgspec.json.encode(city)).hexdigest(),
+        city_sha256=city.sha256 or hashlib.sha256(msgspec.json.encode(city)).hexdigest(),
         attribution=city.attribution,
         started_wall=dt.datetime.now(dt.UTC).isoformat(timespec="seconds"),
     )

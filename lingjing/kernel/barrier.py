@@ -116,6 +116,10 @@ class PolicyBarrier:
         answers = {name: {**given, **refused}[name] for name in self._policies}
         return tuple(_decision_record(name, _check(answer)) for name, answer in answers.items())
 
+    def __contains__(self, agent: str) -> bool:
+        """Whether the agent's policy sits behind this barrier."""
+        return agent in self._policies
+
     def close(self) -> None:
         """Let every thread end."""
         for thread in self._threads.values():

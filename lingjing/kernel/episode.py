@@ -43,12 +43,14 @@ class Ending(Protocol):
 
 
 def seat(kernel: Kernel, policies: Mapping[str, Policy]) -> PolicyBarrier:
-    """Put every active agent's policy behind the barrier and give it its brief.
+    """Put the active agents' policies behind the barrier, in declaration order, and give each its brief.
 
+    An agent without a policy here is played from outside: its decisions go straight to `Kernel.step`.
     Raises `PluginError` that names the agent if a policy cannot take it: nothing has been recorded by then.
     """
     limit_s = kernel.instance.budget.policy_s
-    barrier = PolicyBarrier({agent.id: policies[agent.id] for agent in kernel.instance.agents}, limit_s)
+    present = [agent.id for agent in kernel.instance.agents if agent.id in policies]
+    barrier = PolicyBarrier({agent: policies[agent] for agent in present}, limit_s)
     for agent, answer in barrier.reset(kernel.briefs()).items():
         if answer.reason:
             barrier.close()

@@ -1,0 +1,20 @@
+"""Missions as reinforcement-learning environments: PettingZoo's parallel face and, for one agent, Gymnasium's.
+
+    import lingjing.envs
+    env = lingjing.envs.parallel_env("ssr", mode="broadcast")
+    env = gymnasium.make("lingjing/ssr-broadcast-v0", agent="skipper")
+
+Importing this module registers every shipped mission with Gymnasium, once for each of its modes.
+
+`game` (an episode that decisions are put into) → `codec` (one agent's observations and actions as arrays and back) ←
+`vocabulary` (which names have which number) → `faces` (the two environments). What an environment shows is what a
+policy is shown, nothing more; rewards are what the score gained in the step.
+"""
+
+from __future__ import annotations
+
+from lingjing.envs.faces import LingjingEnv, LingjingParallelEnv, parallel_env, register_missions
+
+__all__ = ["LingjingEnv", "LingjingParallelEnv", "parallel_env", "register_missions"]
+
+register_missions()

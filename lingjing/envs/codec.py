@@ -1,0 +1,283 @@
+"""One agent's observations and actions as arrays of fixed shape, and back.
+
+Made from the instance's observation channels and action schemas. Everything is `float32` in the mission's own units
+(metres, seconds, degrees) but pictures (`uint8`) and choices (`Discrete`); what is not known or not there is 0, with a
+flag in front that says so. Actions come in [-1, 1] and are stretched over the declared bounds of each argument.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from gymnasium import spaces
+
+from lingjing.envs.vocabulary import STATUSES, Vocabulary
+from lingjing.mission.instance import AgentSpec, ArgumentSpec, CameraSpec, Datum, Entity, Instance, MessageSpec
+from lingjing.mission.model import Field
+from lingjing.plugins.policy import Inbox, Observation
+from lingjing.trace.records import Action, Decision, EntityView, Envelope, Outgoing
+
+Array = npt.NDArray[Any]
+
+INBOX = 8
+"""The latest messages that an observation holds."""
+
+_BODY = 11
+"""Numbers of an entity before its stocks: seen, place (3), velocity (3), heading as sine and cosine, busy, battery."""
+
+_FIELD_WIDTH = {"position": 3, "box": 4, "number": 1, "flag": 1, "name": 1, "names": 1, "frame": 1, "text": 0}
+"""Numbers that each type of a message's fields takes. A text has none, a frame says whether there is one."""
+
+
+@dataclass(frozen=True, slots=True)
+class Eye:
+    """A camera whose pictures the agent sees, and the size they are handed out in."""
+
+    entity: str
+    camera: CameraSpec
+    width: int
+    height: int
+
+    @property
+    def name(self) -> str:
+        """Its key in an observation."""
+        return f"{self.entity}/{self.camera.name}"
+
+
+class Codec:
+    """The spaces of one agent. `picture_width` is the pixels across of the pictures, 0 for none."""
+
+    def __init__(self, instance: Instance, agent: AgentSpec, reach_m: float, picture_width: int) -> None:
+        self._instance = instance
+        self._agent = agent
+        self._reach_m = reach_m
+        self._words = Vocabulary.of(instance)
+        self._bodies = _visible(instance, agent)
+        watched = {channel.name for channel in agent.observes if channel.source == "grid"}
+        self._cells = tuple(cell.name for cell in instance.cells if cell.grid in watched)
+        self._eyes = _eyes(instance, agent, picture_width)
+        self._commands = tuple(
+            (entity, verb)
+            for name in agent.commands
+            for entity in instance.entities
+            if entity.id == name
+            for verb in entity.verbs
+        )
+        self._sayings = tuple(m for m in instance.messages if "all" in m.senders or agent.role in m.senders)
+        self._width = max([0, *(_width(message) for message in instance.messages)])
+        self.observation_space = self._observation_space()
+        self.action_space = self._action_space()
+
+    def observe(self, observation: Observation, inbox: Inbox) -> dict[str, Any]:
+        """A member of `observation_space`."""
+        views = {view.id: view for view in observation.entities}
+        visited = {cell.name for cell in observation.cells if cell.visited_tick is not None}
+        out: dict[str, Any] = {
+            "time": np.array([observation.time_s, self._instance.budget.ticks - observation.tick], np.float32),
+            "entities": {entity.id: _body(entity, views.get(entity.id)) for entity in self._bodies},
+            "events": self._events(observation),
+            "inbox": self._inbox(inbox.messages),
+            "receipt": np.int64(self._receipt(inbox)),
+        }
+        if self._cells:
+            out["cells"] = np.array([name in visited for name in self._cells], np.int8)
+        if self._eyes:
+            out["pictures"] = {eye.name: _picture(eye, observation) for eye in self._eyes}
+        return out
+
+    def decide(self, action: Mapping[str, Any], observation: Observation) -> Decision:
+        """What a member of `action_space` means: at most one command and one message."""
+        chosen = int(action["command"])
+        command = None
+        if 0 < chosen <= len(self._commands):
+            entity, verb = self._commands[chosen - 1]
+            values = np.clip(np.asarray(action["arguments"], np.float64), -1.0, 1.0)
+            arguments = {spec.name: self._argument(spec, entity, values[k]) for k, spec in enumerate(verb.arguments)}
+            given: dict[str, Datum] = {name: value for name, value in arguments.items() if value is not None}
+            command = Action(verb=verb.name, arguments=given, resource=entity.id)
+        return Decision(command=command, messages=self._messages(action, observation))
+
+    # -- spaces
+
+    def _observation_space(self) -> spaces.Dict:
+        parts: dict[str, spaces.Space[Any]] = {
+            "time": _box(2, low=0.0),
+            "entities": spaces.Dict({entity.id: _box(_BODY + len(entity.state)) for entity in self._bodies}),
+            "events": _box(len(self._words.events), low=0.0),
+            "inbox": _box(INBOX, 2 + self._width),
+            "receipt": spaces.Discrete(len(STATUSES) + 1),
+        }
+        if self._cells:
+            parts["cells"] = spaces.MultiBinary(len(self._cells))
+        if self._eyes:
+            shots = {eye.name: spaces.Box(0, 255, (eye.height, eye.width, 3), np.uint8) for eye in self._eyes}
+            parts["pictures"] = spaces.Dict(shots)
+        return spaces.Dict(parts)
+
+    def _action_space(self) -> spaces.Dict:
+        most = max([1, *(len(verb.arguments) for _, verb in self._commands)])
+        parts: dict[str, spaces.Space[Any]] = {
+            "command": spaces.Discrete(len(self._commands) + 1),
+            "arguments": spaces.Box(-1.0, 1.0, (most,), np.float32),
+        }
+        if self._sayings:
+            parts["message"] = spaces.Discrete(len(self._sayings) + 1)
+            parts["to"] = spaces.Discrete(len(self._words.agents) + 1)
+            parts["fields"] = spaces.Box(-1.0, 1.0, (max(1, self._width),), np.float32)
+        return spaces.Dict(parts)
+
+    # -- observations
+
+    def _events(self, observation: Observation) -> Array:
+        counts = np.zeros(len(self._words.events), np.float32)
+        for event in observation.events:
+            number = self._words.events.number(event.kind)
+            if number:
+                counts[number - 1] += 1.0
+        return counts
+
+    def _inbox(self, messages: Sequence[Envelope]) -> Array:
+        table = np.zeros((INBOX, 2 + self._width), np.float32)
+        specs = {message.kind: message for message in self._instance.messages}
+        for row, message in enumerate(messages[-INBOX:]):
+            table[row, 0] = self._words.kinds.number(message.kind)
+            table[row, 1] = self._words.agents.number(message.sender)
+            column = 2
+            for field in specs[message.kind].fields:
+                width = _FIELD_WIDTH[field.type]
+                table[row, column : column + width] = self._said(field, message.body.get(field.name), width)
+                column += width
+        return table
+
+    def _said(self, field: Field, value: Datum, width: int) -> list[float]:
+        if value is None or width == 0:
+            return [0.0] * width
+        if field.type in ("position", "box") and isinstance(value, tuple | list):
+            numbers = [float(part) for part in value if isinstance(part, int | float)][:width]
+            return numbers + [0.0] * (width - len(numbers))
+        if field.type in ("number", "flag") and isinstance(value, int | float):
+            return [float(value)]
+        if field.type == "names" and isinstance(value, tuple | list):
+            return [float(self._words.names.number(value[0] if value else None))]
+        return [1.0] if field.type == "frame" else [float(self._words.names.number(value))]
+
+    def _receipt(self, inbox: Inbox) -> int:
+        """The latest word on a command of the agent; 0 if there is none."""
+        mine = [receipt for receipt in inbox.receipts if receipt.request.startswith("c")]
+        return STATUSES.index(mine[-1].status) + 1 if mine else 0
+
+    # -- actions
+
+    def _argument(self, spec: ArgumentSpec, entity: Entity, value: float) -> Datum:
+        if spec.unit == "name":
+            cameras = entity.cameras
+            return cameras[min(int((value + 1.0) / 2.0 * len(cameras)), len(cameras) - 1)].name if cameras else None
+        low, high = spec.minimum, spec.maximum
+        if spec.name in ("z", "altitude"):
+            low, high = entity.properties.get("band_low_m", 0.0), entity.properties.get("band_high_m", 120.0)  # type: ignore[assignment]
+        if low is None:
+            low = -self._reach_m
+        if high is None:
+            high = self._reach_m
+        return float(low + (high - low) * (value + 1.0) / 2.0)
+
+    def _messages(self, action: Mapping[str, Any], observation: Observation) -> tuple[Outgoing, ...]:
+        chosen = int(action.get("message", 0))
+        if not 0 < chosen <= len(self._sayings):
+            return ()
+        message = self._sayings[chosen - 1]
+        values = np.clip(np.asarray(action["fields"], np.float64), -1.0, 1.0)
+        body: dict[str, Datum] = {}
+        column = 0
+        for field in message.fields:
+            width = _FIELD_WIDTH[field.type]
+            body[field.name] = self._field(field, values[column : column + width], observation)
+            column += width
+        body = {name: value for name, value in body.items() if value is not None}
+        to = self._words.agents.word(int(action["to"]))
+        return (Outgoing(kind=message.kind, body=body, to=() if to is None else (to,)),)
+
+    def _field(self, field: Field, values: Array, observation: Observation) -> Datum:
+        if field.type == "text":
+            return ""
+        if field.type == "position":
+            return tuple(float(value) * self._reach_m for value in values)
+        share = (values + 1.0) / 2.0
+        if field.type == "box":
+            left, right = sorted(float(value) for value in share[[0, 2]])
+            top, bottom = sorted(float(value) for value in share[[1, 3]])
+            return left, top, right, bottom
+        if field.type == "frame":
+            return observation.pictures[-1].frame if observation.pictures else None
+        if field.type == "flag":
+            return bool(share[0] >= 0.5)
+        if field.type == "number":
+            low = 0.0 if field.minimum is None else field.minimum
+            high = low + 1.0 if field.maximum is None else field.maximum
+            return float(low + (high - low) * share[0])
+        words = self._words.names
+        name = words.word(1 + min(int(share[0] * len(words)), len(words) - 1))
+        return (name,) if field.type == "names" and name is not None else name
+
+
+def _visible(instance: Instance, agent: AgentSpec) -> tuple[Entity, ...]:
+    """The entities that the agent's channels may show, in the instance's order."""
+    names = {channel.name for channel in agent.observes if channel.source == "entity"}
+    if any(channel.source == "peers" for channel in agent.observes):
+        names |= {name for peer in instance.agents if peer.id != agent.id for name in peer.controls}
+    return tuple(entity for entity in instance.entities if entity.id in names and "position" not in entity.hidden)
+
+
+def _eyes(instance: Instance, agent: AgentSpec, width: int) -> tuple[Eye, ...]:
+    seen = {channel.name for channel in agent.observes if channel.source == "entity"}
+    return tuple(
+        Eye(entity.id, camera, width, max(1, round(width * camera.height / camera.width)))
+        for entity in instance.entities
+        if width and entity.id in seen
+        for camera in entity.cameras
+    )
+
+
+def _width(message: MessageSpec) -> int:
+    return sum(_FIELD_WIDTH[field.type] for field in message.fields)
+
+
+def _box(*shape: int, low: float = -np.inf) -> spaces.Box:
+    return spaces.Box(low, np.inf, shape, np.float32)
+
+
+def _body(entity: Entity, view: EntityView | None) -> Array:
+    numbers = np.zeros(_BODY + len(entity.state), np.float32)
+    if view is None:
+        return numbers
+    heading = np.radians(view.heading_deg or 0.0)
+    stocks = view.resources or {}
+    numbers[0] = 1.0
+    numbers[1:4] = view.position or 0.0
+    numbers[4:7] = view.velocity or 0.0
+    numbers[7:9] = (np.sin(heading), np.cos(heading)) if view.heading_deg is not None else (0.0, 0.0)
+    numbers[9] = bool(view.busy)
+    numbers[10] = stocks.get("battery", 0.0)
+    for place, name in enumerate(entity.state, _BODY):
+        numbers[place] = stocks.get(name, 0.0)
+    return numbers
+
+
+def _picture(eye: Eye, observation: Observation) -> Array:
+    shape = (eye.height, eye.width, 3)
+    for picture in observation.pictures:
+        if (picture.entity, picture.camera) == (eye.entity, eye.camera.name):
+            return _scaled(picture.rgb, eye.width, eye.height)
+    return np.zeros(shape, np.uint8)
+
+
+def _scaled(rgb: npt.NDArray[np.uint8], width: int, height: int) -> npt.NDArray[np.uint8]:
+    if rgb.shape[:2] == (height, width):
+        return rgb
+    from PIL import Image
+
+    return np.asarray(Image.fromarray(rgb).resize((width, height), Image.Resampling.BOX), np.uint8)

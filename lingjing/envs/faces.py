@@ -1,0 +1,219 @@
+"""The two standard faces: PettingZoo's `ParallelEnv` for a mission, Gymnasium's `Env` for one of its agents."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar, Literal
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+from pettingzoo import ParallelEnv
+
+from lingjing.data import data_path
+from lingjing.dsl.load import load_mission
+from lingjing.envs.codec import Codec
+from lingjing.envs.game import Game
+from lingjing.errors import UsageError
+from lingjing.kernel.step import Published
+from lingjing.mission.instance import Instance
+from lingjing.mission.model import Mission
+from lingjing.trace.records import Decision
+
+World = Literal["process", "inline"]
+
+LARGEST_SEED = 2**31 - 1
+
+REACH_M = 1000.0
+"""Half the side of the square that positions in actions are stretched over where no region says more."""
+
+
+class LingjingParallelEnv(ParallelEnv[str, dict[str, Any], dict[str, Any]]):
+    """A mission for all its agents at once.
+
+    `mission` is one, a file or a shipped name. `picture_width` is the pixels across of pictures, 0 for none. Each
+    step is one decision tick; the reward of every agent is what the score (0..1) gained in it. An engine that fails
+    raises `InfrastructureError`, after which `reset` begins anew. `reset(seed=…)` picks the instance; without a seed
+    the next one of the last seed's stream.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {"name": "lingjing_v0", "render_modes": []}
+
+    def __init__(
+        self,
+        mission: Mission | str,
+        *,
+        mode: str | None = None,
+        settings: Mapping[str, float] | None = None,
+        picture_width: int = 160,
+        world: World = "process",
+    ) -> None:
+        self._game = Game(_mission(mission), mode, settings or {}, "random", world)
+        self._instance = self._game.instance(0)
+        self._codecs = codecs(self._instance, picture_width)
+        self.possible_agents = list(self._codecs)
+        self.agents: list[str] = []
+        self.render_mode = None
+        self._random = np.random.default_rng(0)
+        self._score = 0.0
+
+    def observation_space(self, agent: str) -> spaces.Dict:
+        """The space of one agent's observations; the same object at every call."""
+        return self._codecs[agent].observation_space
+
+    def action_space(self, agent: str) -> spaces.Dict:
+        """The space of one agent's actions; the same object at every call."""
+        return self._codecs[agent].action_space
+
+    def reset(
+        self, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, dict[str, Any]], dict[str, dict[str, Any]]]:
+        """Boundary 0 of an episode."""
+        if seed is not None:
+            self._random = np.random.default_rng(seed)
+        number = int(self._random.integers(LARGEST_SEED)) if seed is None else seed
+        self.agents = list(self.possible_agents)
+        published = self._game.begin(number, self.agents)
+        self._score = published.evaluation.reward
+        return self._observed(published), self._infos(published)
+
+    def step(
+        self, actions: dict[str, dict[str, Any]]
+    ) -> tuple[
+        dict[str, dict[str, Any]], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]
+    ]:
+        """One decision tick; an agent without an action does nothing."""
+        before = self._game.published
+        if before is None or not self.agents:
+            raise UsageError("the environment has no episode going on", hint="call `reset` first")
+        made = {
+            name: self._codecs[name].decide(actions[name], before.observations[name]) if name in actions else Decision()
+            for name in self.agents
+        }
+        published = self._game.step(made)
+        names, gained = self.agents, published.evaluation.reward - self._score
+        self._score = published.evaluation.reward
+        ended = published.evaluation.done
+        late = not ended and published.record.tick >= self._game.ticks
+        if ended or late:
+            self.agents = []
+        return (
+            self._observed(published),
+            dict.fromkeys(names, gained),
+            dict.fromkeys(names, ended),
+            dict.fromkeys(names, late),
+            self._infos(published),
+        )
+
+    def render(self) -> None:
+        """Nothing: what agents see is in their observations, the whole is in a trace."""
+
+    def close(self) -> None:
+        """End the engines' processes."""
+        self._game.close()
+
+    def _observed(self, published: Published) -> dict[str, dict[str, Any]]:
+        return {
+            name: codec.observe(published.observations[name], published.inboxes[name])
+            for name, codec in self._codecs.items()
+        }
+
+    def _infos(self, published: Published) -> dict[str, dict[str, Any]]:
+        return {name: _info(published) for name in self._codecs}
+
+
+class LingjingEnv(gymnasium.Env[dict[str, Any], dict[str, Any]]):
+    """A mission for one of its agents (the first by default); `others` names the policy that plays the rest."""
+
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": []}
+
+    def __init__(
+        self,
+        mission: Mission | str,
+        *,
+        agent: str | None = None,
+        others: str = "heuristic",
+        mode: str | None = None,
+        settings: Mapping[str, float] | None = None,
+        picture_width: int = 160,
+        world: World = "process",
+    ) -> None:
+        self._game = Game(_mission(mission), mode, settings or {}, others, world)
+        instance = self._game.instance(0)
+        each = codecs(instance, picture_width)
+        self.agent = agent if agent is not None else next(iter(each))
+        if self.agent not in each:
+            raise UsageError(f"no agent is called `{self.agent}`", hint=f"there are: {', '.join(each)}")
+        self._codec = each[self.agent]
+        self.observation_space = self._codec.observation_space
+        self.action_space = self._codec.action_space
+        self._score = 0.0
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Boundary 0 of an episode."""
+        super().reset(seed=seed)
+        number = int(self.np_random.integers(LARGEST_SEED)) if seed is None else seed
+        published = self._game.begin(number, {self.agent})
+        self._score = published.evaluation.reward
+        return self._observed(published), _info(published)
+
+    def step(self, action: dict[str, Any]) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
+        """One decision tick."""
+        before = self._game.published
+        if before is None:
+            raise UsageError("the environment has no episode going on", hint="call `reset` first")
+        published = self._game.step({self.agent: self._codec.decide(action, before.observations[self.agent])})
+        gained, self._score = published.evaluation.reward - self._score, published.evaluation.reward
+        ended = published.evaluation.done
+        late = not ended and published.record.tick >= self._game.ticks
+        return self._observed(published), gained, ended, late, _info(published)
+
+    def close(self) -> None:
+        """End the engines' processes."""
+        self._game.close()
+
+    def _observed(self, published: Published) -> dict[str, Any]:
+        return self._codec.observe(published.observations[self.agent], published.inboxes[self.agent])
+
+
+def parallel_env(mission: Mission | str, **options: Any) -> LingjingParallelEnv:
+    """PettingZoo's usual door; see `LingjingParallelEnv` for the options."""
+    return LingjingParallelEnv(mission, **options)
+
+
+def register_missions() -> None:
+    """Make `gymnasium.make("lingjing/ssr-broadcast-v0")` and its like work, for every shipped mission and mode."""
+    for file in sorted(data_path("scenarios").glob("*.ljs")):
+        for mode in ("single", "star", "broadcast"):
+            name = f"lingjing/{file.stem}-{mode}-v0"
+            if name not in gymnasium.registry:
+                gymnasium.register(
+                    id=name,
+                    entry_point="lingjing.envs.faces:LingjingEnv",
+                    kwargs={"mission": file.stem, "mode": mode},
+                )
+
+
+def codecs(instance: Instance, picture_width: int) -> dict[str, Codec]:
+    """One codec for each agent, by name."""
+    points = [point for region in instance.regions if not region.hidden for point in region.polygon]
+    reach = max([abs(part) for point in points for part in point], default=REACH_M)
+    return {agent.id: Codec(instance, agent, reach, picture_width) for agent in instance.agents}
+
+
+def _mission(mission: Mission | str) -> Mission:
+    return load_mission(mission) if isinstance(mission, str) else mission
+
+
+def _info(published: Published) -> dict[str, Any]:
+    record, evaluation = published.record, published.evaluation
+    return {
+        "tick": record.tick,
+        "time_s": record.time_s,
+        "score": evaluation.reward,
+        "success": evaluation.reason == "success",
+        "reason": evaluation.reason,
+        "digest": record.digest,
+    }

@@ -1,0 +1,96 @@
+"""An episode that decisions are put into from outside: what both environments step.
+
+Agents nobody plays from outside are played by a policy behind the usual barrier. The world stays warm from episode to
+episode; after an infrastructure abort the next `begin` starts afresh.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from typing import Literal
+
+from lingjing.errors import UsageError
+from lingjing.kernel.barrier import PolicyBarrier
+from lingjing.kernel.episode import seat
+from lingjing.kernel.staging import Stage
+from lingjing.kernel.step import Kernel, Published
+from lingjing.kernel.world import open_world
+from lingjing.kernel.world.contract import World
+from lingjing.mission.instance import Instance
+from lingjing.mission.instantiate import instantiate
+from lingjing.mission.model import Mission
+from lingjing.plugins.host import PluginHost
+from lingjing.plugins.loading import build_policy, load_policy
+from lingjing.trace.records import Decision, DecisionRecord
+
+
+class Game:
+    """Episodes of one mission in one mode with the same settings."""
+
+    def __init__(
+        self,
+        mission: Mission,
+        mode: str | None,
+        settings: Mapping[str, float],
+        others: str,
+        world: Literal["process", "inline"],
+    ) -> None:
+        self._mission, self._mode, self._settings = mission, mode, dict(settings)
+        self._host = PluginHost()
+        self._stage = Stage(self._host)
+        self._others = load_policy(others, self._host)
+        self._kind = world
+        self._world: World | None = None
+        self._kernel: Kernel | None = None
+        self._barrier: PolicyBarrier | None = None
+        self.published: Published | None = None
+
+    def instance(self, seed: int) -> Instance:
+        """The instance of a seed; `UsageError` for a mode or a setting that the mission does not have."""
+        return instantiate(self._mission, seed=seed, mode=self._mode, settings=self._settings)
+
+    def begin(self, seed: int, outside: Collection[str]) -> Published:
+        """Boundary 0 of the episode of `seed`; the agents `outside` are played by the caller."""
+        self._end()
+        instance, city = self._stage.set(self.instance(seed))
+        if self._world is None:
+            self._world = open_world(self._kind, host=self._host)
+        played = [agent.id for agent in instance.agents if agent.id not in outside]
+        privileged = frozenset(played) if self._others.privileged else frozenset()
+        self._kernel = Kernel(instance, city, self._world, privileged=privileged)
+        self._barrier = seat(self._kernel, {name: build_policy(self._others, {}) for name in played})
+        self.published = self._kernel.reset()
+        return self.published
+
+    def step(self, made: Mapping[str, Decision]) -> Published:
+        """The next boundary. Raises `InfrastructureError` if an engine failed: the episode is over."""
+        kernel, before, barrier = self._kernel, self.published, self._barrier
+        if kernel is None or before is None or barrier is None:
+            raise UsageError("the environment has no episode yet", hint="call `reset` first")
+        waiting = {
+            name: (before.observations[name], before.inboxes[name])
+            for name in before.observations
+            if name not in made and name in barrier
+        }
+        answered = {one.agent: one for one in barrier.act(waiting)} if waiting else {}
+        given = {name: DecisionRecord(agent=name, decision=decision) for name, decision in made.items()}
+        order = [agent.id for agent in kernel.instance.agents]
+        self.published = kernel.step([{**answered, **given}[name] for name in order if name in {**answered, **given}])
+        return self.published
+
+    @property
+    def ticks(self) -> int:
+        """The budget of the episode."""
+        return self._kernel.instance.budget.ticks if self._kernel is not None else 0
+
+    def close(self) -> None:
+        """End the episode and the engines' processes."""
+        self._end()
+        if self._world is not None:
+            self._world.close()
+            self._world = None
+
+    def _end(self) -> None:
+        if self._barrier is not None:
+            self._barrier.close()
+        self._kernel = self._barrier = self.published = None

@@ -1,0 +1,29 @@
+"""From an instance to the city it is played in, with everything put where it belongs there."""
+
+from __future__ import annotations
+
+from lingjing.mission.instance import Instance, SceneSpec
+from lingjing.plugins.host import PluginHost
+from lingjing.scene.anchor import anchor
+from lingjing.scene.city import City
+
+
+class Stage:
+    """Builds cities for episodes that follow each other; the last one is kept, since most share it."""
+
+    def __init__(self, host: PluginHost) -> None:
+        self._host = host
+        self._last: tuple[SceneSpec, City] | None = None
+
+    def set(self, instance: Instance) -> tuple[Instance, City]:
+        """The instance with its entities on roads, roofs and ground of its city, and the city.
+
+        Raises `UsageError` for a scene that nobody offers, `MissionError` where something has no place.
+        """
+        city = self._city(instance.scene)
+        return anchor(instance, city), city
+
+    def _city(self, spec: SceneSpec) -> City:
+        if self._last is None or self._last[0] != spec:
+            self._last = spec, self._host.scene(spec.kind).build(spec)
+        return self._last[1]
