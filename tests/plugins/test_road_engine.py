@@ -508,6 +508,25 @@ def test_goods_given_by_others_are_carried(play: Start, city: City) -> None:
     assert played.state.resources["load_kg"] == 50.0
 
 
+def test_lane_changes_are_motion(play: Start) -> None:
+    played = play([vehicle(position=(20.0, -4.95))], grid(lanes=2), traffic=60, sync_s=0.1)
+    played.command("setDestination", x=400.0, y=798.0)
+    last: dict[str, BodyState] = {}
+    lanes: set[tuple[str, float]] = set()
+    for _ in range(400):
+        boundary = played.step()
+        for body in (*boundary.states, *boundary.ambient):
+            before = last.get(body.id, body)
+            angle = math.radians(body.heading_deg)
+            east, north = body.position[0] - before.position[0], body.position[1] - before.position[1]
+            if body.heading_deg == before.heading_deg:
+                assert abs(east * math.cos(angle) - north * math.sin(angle)) < 0.3, (before, body)
+            last[body.id] = body
+            if body.heading_deg == 90.0:
+                lanes.add((body.id, round(body.position[1] % 200.0 / 3.3) * 3.3))
+    assert len(lanes) > len({name for name, _ in lanes})  # somebody changed lanes
+
+
 # -- standing in the way
 
 
@@ -519,7 +538,7 @@ def test_who_is_waited_for_makes_room(play: Start, city: City) -> None:
     assert where(first) == pytest.approx((100.0, -1.65 - 2.2), abs=0.01)
     assert first.status == "parked"
     sides = [where(boundary.states[1])[1] for boundary in played.history]
-    assert all(before - after <= 0.56 for before, after in itertools.pairwise(sides))
+    assert all(before - after <= 0.66 for before, after in itertools.pairwise(sides))
     assert not any(event.kind == "collided" for event in played.events)
     again = played.command("setDestination", "first", x=550.0, y=-1.65)
     played.run(6.0)

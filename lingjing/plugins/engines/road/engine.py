@@ -66,7 +66,7 @@ class RoadEngine(FleetEngine):
         self._graph = graph
         self._cleared: set[str] = set()
         self._waited_for: dict[str, int] = {}
-        self._looked_s = 0.0
+        self._looked_s = self._shown_s = 0.0
         occupied = Occupied()
         for entity in owned:
             self._put(entity, occupied)
@@ -112,14 +112,14 @@ class RoadEngine(FleetEngine):
         now = self.clock.now_s
         self._update_jams(now - STEP_S)
         self._foreign.step(now)
+        if self.clock.done % _ROOM_STEPS == 0:
+            self._make_room()
         self._sim.step()
         self._traffic.step()
         self._contacts.step(self._vehicles, self._foreign.bodies.values(), now - self._looked_s, now)
         standing = {vehicle.id for vehicle in self._vehicles.values() if vehicle.task is None}
         for vehicle in self._vehicles.values():
             self._report(vehicle, standing, now)
-        if self.clock.done % _ROOM_STEPS == 0:
-            self._make_room()
 
     def states(self) -> Iterable[BodyState]:
         """Every vehicle of the mission."""
@@ -128,8 +128,9 @@ class RoadEngine(FleetEngine):
 
     def ambient(self) -> Iterable[BodyState]:
         """Background traffic, then the queues."""
-        ahead = self.clock.remainder_s
-        return [*self._traffic.states(ahead), *self._congestion.states(ahead)]
+        ahead, after = self.clock.remainder_s, self.clock.time_s - self._shown_s
+        self._shown_s = self.clock.time_s
+        return [*self._traffic.states(ahead, after), *self._congestion.states(ahead)]
 
     def progress(self) -> Mapping[str, float]:
         """By remaining length of the route, distance or speed."""

@@ -142,6 +142,8 @@ class Foreign:
             self._types.add(name)
             types = self._sim.vehicletype
             types.copy("DEFAULT_VEHTYPE" if body.drives else "DEFAULT_PEDTYPE", name)
+            if not body.drives:
+                types.setVehicleClass(name, "ignoring")  # it walks where it walks, permitted or not
             types.setLength(name, size.length_m)
             types.setWidth(name, max(size.width_m, _PERSON_HEADROOM_M))
             types.setHeight(name, size.height_m)

@@ -14,6 +14,7 @@ from lingjing.mission.seeding import Stream
 from lingjing.plugins.engines.bodies import SIZES
 from lingjing.plugins.engines.road.graph import Graph
 from lingjing.plugins.engines.road.kinds import KINDS, declare
+from lingjing.plugins.engines.road.sideways import Sideways, shifted
 from lingjing.plugins.engines.road.simulation import Simulation, SumoError
 from lingjing.plugins.engines.road.vehicle import body_state
 from lingjing.trace.records import BodyState
@@ -73,6 +74,7 @@ class Traffic:
         self._movers: list[Mover] = []
         self._blocked: frozenset[str] = frozenset()
         self._turn = self._entries = 0
+        self._sideways = Sideways()
         for name, _ in MIX:
             declare(sim, f"traffic/{name}", KINDS[name], KINDS[name].top_mps, reaction_s=REACTION_S)
 
@@ -105,13 +107,14 @@ class Traffic:
         for mover in self._movers if fresh else ():
             self._evade(mover, fresh)
 
-    def states(self, ahead_s: float) -> Iterator[BodyState]:
-        """Every background vehicle."""
+    def states(self, ahead_s: float, after_s: float) -> Iterator[BodyState]:
+        """Every background vehicle `ahead_s` after the last step, `after_s` after they were last asked for."""
         there = set(self._sim.vehicle.getIDList()) if self._movers else set()
         for mover in self._movers:
             if mover.id in there and self._sim.vehicle.getRoadID(mover.id):
                 length = SIZES[mover.kind].length_m
-                yield body_state(self._sim, mover.id, mover.id, length, ahead_s, mover.kind)
+                body = body_state(self._sim, mover.id, mover.id, length, ahead_s, mover.kind)
+                yield shifted(body, self._sideways.follow(body, after_s))
 
     def _populate(self, name: str, occupied: Occupied) -> None:
         mover = Mover(name, self._draw_kind(), 1)
@@ -136,6 +139,7 @@ class Traffic:
 
     def _add(self, mover: Mover, edge: str, lane: int, front_m: float) -> None:
         self._entries += 1
+        self._sideways.forget(mover.id)
         route = f"route/{mover.id}/{self._entries}"
         self._sim.route.add(route, [edge])
         self._sim.vehicle.add(

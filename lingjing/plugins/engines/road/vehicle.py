@@ -15,11 +15,12 @@ from collections.abc import Container, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from lingjing.mission.instance import Entity, Vector
+from lingjing.mission.instance import Entity
 from lingjing.plugins.engines.bodies import SIZES
 from lingjing.plugins.engines.road.graph import Graph, Place
 from lingjing.plugins.engines.road.kinds import SPEED_MPS, declare, kind_of, top_speed
 from lingjing.plugins.engines.road.routing import Avoided, Way, onward
+from lingjing.plugins.engines.road.sideways import Sideways, shifted
 from lingjing.plugins.engines.road.simulation import FOREVER_S, STEP_S, Simulation, SumoError
 from lingjing.trace.records import BodyState
 
@@ -38,13 +39,14 @@ LOAD = "load_kg"
 ASIDE_M = 2.2
 """How far to the right of its lane's middle a vehicle stands that has made room."""
 
-ASIDE_MPS = 1.1
 QUEUE_M = 40.0
 """Within this distance of its goal a vehicle that stands behind others of the mission has arrived."""
 
 _SUMO_ASIDE_M = 3.2
 _WAIT_STEPS = 30
 _PARKING = 1
+_KEEP_LANE, _CHANGE_LANES = 0, 1621
+"""Lane change modes: none at all, and SUMO's default."""
 
 Status = Literal["parked", "driving", "waiting", "arrived"]
 Outcome = Literal["", "done", "arrived"]
@@ -101,7 +103,8 @@ class Vehicle:
         self._arrived = False
         self._waited = 0
         self._makes_room = False
-        self._aside_m = 0.0
+        self._sideways = Sideways()
+        self._offset_m = 0.0
         declare(
             sim, f"type/{self.id}", self.kind, self._speed_mps, blue_light=bool(entity.properties.get("blue_light"))
         )
@@ -219,6 +222,7 @@ class Vehicle:
         else:
             outcome = self._halted()
         if outcome:
+            self._sim.vehicle.setLaneChangeMode(self.id, _KEEP_LANE)
             self.task = None
             self._arrived = outcome == "arrived"
         return outcome
@@ -247,22 +251,13 @@ class Vehicle:
         body = body_state(self._sim, self.id, self.id, self.size.length_m, ahead_s)
         return BodyState(
             id=self.id,
-            position=self._beside(body),
+            position=shifted(body, self._offset_m).position,
             velocity=body.velocity,
             heading_deg=body.heading_deg,
             pitch_deg=float(vehicles.getSlope(self.id)),
             status=self.status,
             resources={LOAD: self.load_kg, "speed_mps": speed, "odometer_m": self.odometer_m},
         )
-
-    def _beside(self, body: BodyState) -> Vector:
-        """Where it stands across the lane: SUMO shows a parked vehicle a whole lane to the right at once."""
-        x, y, z = body.position
-        right = self._aside_m
-        if (right > 0.0 or self._makes_room) and self._sim.vehicle.isStoppedParking(self.id):
-            right -= _SUMO_ASIDE_M
-        angle = math.radians(body.heading_deg)
-        return (x + right * math.cos(angle), y - right * math.sin(angle), z)
 
     def _begin(self, task: Task) -> None:
         self.task = task
@@ -291,11 +286,10 @@ class Vehicle:
         return math.inf if left < -1e6 else left
 
     def _shift(self) -> None:
-        """Move aside, or back into the lane once it drives."""
-        if self._makes_room or self._aside_m > 0.0:
-            goal = ASIDE_M if self._sim.vehicle.isStoppedParking(self.id) else 0.0
-            most = ASIDE_MPS * STEP_S
-            self._aside_m += min(max(goal - self._aside_m, -most), most)
+        """Follow what SUMO does sideways: lane changes, and parking a whole lane to the right."""
+        rest = ASIDE_M - _SUMO_ASIDE_M if self._sim.vehicle.isStoppedParking(self.id) else 0.0
+        body = body_state(self._sim, self.id, self.id, self.size.length_m, 0.0)
+        self._offset_m = self._sideways.follow(body, STEP_S, rest)
 
     def _covered(self, task: Task) -> Outcome:
         left = task.total - (self.odometer_m - task.start_m)
@@ -331,6 +325,7 @@ class Vehicle:
         for _ in vehicles.getStops(self.id):
             vehicles.replaceStop(self.id, 0, "")
         vehicles.setSpeed(self.id, -1)
+        vehicles.setLaneChangeMode(self.id, _CHANGE_LANES)
         self._makes_room = False
 
     def _carry(self) -> None:
