@@ -88,7 +88,10 @@ def _flames(seed: int, place: Floats, blaze: Blaze, size: float, time_s: float) 
     axis = np.stack([0.2 * lean * np.cos(bearing), 0.2 * lean * np.sin(bearing), long], axis=1)
     warm = np.clip(1.08 - 0.40 * age - 0.22 * out - 0.30 * hashed(number * np.uint64(11)), 0.25, 1.0)
     colour = np.array(FLAME_HEART) * np.stack([np.minimum(warm + 0.30, 1.0), warm, warm**1.5], axis=1)
-    return billboards(points, width, colour, 1.0, axis=axis, glow=1.0, shape=FLAME, seed=number % 89, body=True)
+    bodies = billboards(points, width, colour, 1.0, axis=axis, glow=1.0, shape=FLAME, seed=number % 89, body=True)
+    veil = bodies[::2].copy()
+    veil["id"], veil["alpha"], veil["soft"], veil["size"] = 0, 0.45, 0.9, 1.5 * veil["size"]
+    return np.concatenate([bodies, veil])
 
 
 def _glow(seed: int, place: Floats, blaze: Blaze, size: float, time_s: float) -> Rows:

@@ -1,0 +1,272 @@
+"""Draw the contact sheet, every target, asset and distractor as its mission's cameras see it: `make pictures`.
+
+Writes `docs/images/contact-sheet.png` and beside it `contact-sheet.md`, which says for each picture the class, the
+camera, the distance and the size in pixels of the thing's ground-truth box. Nothing is enlarged: a picture is cut out
+of a frame of the camera's own size, so what is small here is small for an agent. Scenes are those of the missions with
+seed 7, targets where the missions put them.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from math import cos, radians, sin
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import numpy.typing as npt
+from PIL import Image, ImageDraw, ImageFont
+
+from lingjing.dsl.load import load_mission
+from lingjing.mission.instance import CameraSpec, Entity, Instance, Vector, Weather
+from lingjing.mission.instantiate import instantiate
+from lingjing.plugins.engine import CaptureRequest, EngineSpec
+from lingjing.plugins.engines.camera.engine import CameraEngine
+from lingjing.plugins.host import PluginHost
+from lingjing.scene.anchor import anchor
+from lingjing.scene.city import City
+from lingjing.trace.records import BodyState, Box
+
+ROOT = Path(__file__).parents[1]
+SHEET = ROOT / "docs" / "images" / "contact-sheet.png"
+SEED = 7
+TIME_S = 24.0
+CELL = (384, 216)
+COLUMNS = 4
+CAPTION_PX = 34
+BEARINGS = 16
+
+VIEWS = {"nadir": (1920, 1080, 84.0), "oblique": (1280, 720, 70.0), "front": (1280, 720, 84.0),
+         "dog_eye": (1280, 720, 90.0), "dash": (1280, 720, 90.0)}  # fmt: skip
+"""Camera presets of `std.sensors`: columns, rows, horizontal field of view."""
+BODIES = {"dog_eye": "robot_dog", "dash": "car"}
+MOUNTED = {"dog_eye": "front", "dash": "front"}
+EYES_M = {"dog_eye": 0.30, "dash": 0.0}
+"""Elevation of the body's origin over the ground."""
+
+
+@dataclass(frozen=True, slots=True)
+class Shot:
+    """One picture: who is looked at in which mission, through which camera and from how far.
+
+    `ahead_m` and `above_m` are the viewer's distance on the ground and its height over the target. `extra` are
+    entities beside the mission's own targets, placed relative to the target (right, ahead, up, heading). `bearing` is
+    where the viewer stands as seen from the target, None: where it sees most of it.
+    """
+
+    title: str
+    mission: str
+    target: str
+    view: str
+    ahead_m: float
+    above_m: float
+    extra: tuple[tuple[str, float, float, float, float], ...] = ()
+    states: dict[str, str] = field(default_factory=dict)
+    bearing: float | None = None
+    ambient: tuple[tuple[str, float, float, float], ...] = ()
+    weather: Weather | None = None
+
+
+JAM = tuple(
+    (kind, x, y, 0.0)
+    for x, column in ((-1.7, ("car", "truck", "car", "car", "bus")), (1.7, ("car", "car", "delivery_van", "car", "car")))
+    for kind, y in zip(column, (-22.0, -12.0, -2.0, 6.0, 16.0), strict=True)
+)
+"""Background traffic that stands in a jam: kind, right, ahead (m), heading to the road's (deg)."""
+
+
+SHOTS: tuple[Shot, ...] = (
+    Shot("building_fire", "ufr", "fire[1]", "nadir", 0.0, 110.0),
+    Shot("building_fire", "ufr", "fire[2]", "nadir", 0.0, 80.0),
+    Shot("building_fire", "ufr", "fire[1]", "front", 90.0, 22.0),
+    Shot("building_fire, out", "ufr", "fire[1]", "nadir", 0.0, 80.0, states={"fire[1]": "out"}),
+    Shot("fire_source", "idf", "fire[1]", "dog_eye", 3.0, 0.0),
+    Shot("fire_source", "idf", "fire[1]", "dog_eye", 8.0, 0.0),
+    Shot("fire_source", "idf", "fire[1]", "dog_eye", 16.0, 0.0),
+    Shot("fire_source, out", "idf", "fire[1]", "dog_eye", 4.0, 0.0, states={"fire[1]": "out"}),
+    Shot("pipeline_leak", "upr", "leak", "nadir", 0.0, 60.0),
+    Shot("pipeline_leak", "upr", "leak", "nadir", 0.0, 25.0),
+    Shot("pipeline_leak", "upr", "leak", "oblique", 14.0, 14.0),
+    Shot("pipeline_leak, sealed", "upr", "leak", "oblique", 14.0, 14.0, states={"leak": "sealed"}),
+    Shot("bridge_fracture", "bi", "fracture", "nadir", 0.0, 60.0),
+    Shot("bridge_fracture", "bi", "fracture", "nadir", 0.0, 100.0),
+    Shot("bridge_fracture", "bi", "fracture", "front", 70.0, 30.0),
+    Shot("bridge_fracture", "bi", "fracture", "front", 30.0, 14.0),
+    Shot("person_in_water, vest", "ssr", "victim[1]", "nadir", 0.0, 100.0),
+    Shot("person_in_water, vest", "ssr", "victim[2]", "nadir", 0.0, 60.0),
+    Shot("person_in_water, no vest", "ssr", "victim[3]", "nadir", 0.0, 60.0),
+    Shot("person_in_water", "ssr", "victim[1]", "front", 22.0, 6.0),
+    Shot("congestion", "cr", "jam[1]", "nadir", 0.0, 80.0, ambient=JAM),
+    Shot("congestion", "cr", "jam[1]", "nadir", 0.0, 40.0, ambient=JAM),
+    Shot("destination", "cr", "goal_place", "dash", 14.0, 0.0),
+    Shot("reference_building", "vdn", "home", "dog_eye", 38.0, 0.0),
+    Shot("delivery_point", "cd", "point[1]", "dash", 12.0, 0.0),
+    Shot("delivery_point, served", "cd", "point[1]", "dash", 12.0, 0.0, states={"point[1]": "served"}),
+    Shot("warehouse", "cd", "depot", "dash", 15.0, 0.0),
+    Shot("delivery_door", "ld", "house", "dog_eye", 6.0, 0.0),
+    Shot("queue_of_people", "vdn", "home", "dog_eye", 9.0, 0.0, extra=(("queue_of_people", 3.0, 4.0, 0.0, 90.0),)),
+    Shot("robot_dog", "idf", "dog[1]", "dog_eye", 2.2, 0.0),
+    Shot("robot_dog", "upr", "dog", "nadir", 0.0, 20.0),
+    Shot("quadrotor", "ufr", "uav[1]", "front", 3.0, 0.6),
+    Shot("lifeboat", "ssr", "boat", "front", 18.0, 6.0),
+    Shot("lifeboat", "ssr", "boat", "nadir", 0.0, 100.0),
+    Shot("fire_truck", "ufr", "truck", "dash", 13.0, 0.0),
+    Shot("fire_truck", "ufr", "truck", "nadir", 0.0, 60.0),
+    Shot("car", "cr", "van", "dash", 8.0, 0.0),
+    Shot("delivery_van", "ld", "van", "dash", 9.0, 0.0),
+    Shot("fixed_wing", "ufr", "truck", "front", 30.0, 32.0, extra=(("fixed_wing", 0.0, 0.0, 30.0, 60.0),)),
+    Shot("satellite", "ufr", "truck", "front", 12.0, 62.0, extra=(("satellite", 0.0, 0.0, 60.0, 30.0),)),
+)
+
+
+class Studio:
+    """One camera engine; missions and their cities are made once."""
+
+    def __init__(self) -> None:
+        self.engine = CameraEngine()
+        self.host = PluginHost()
+        self._made: dict[str, tuple[Instance, City]] = {}
+
+    def take(self, shot: Shot) -> tuple[npt.NDArray[np.uint8], Box | None]:
+        """The frame with the most of the target in it, and the target's box."""
+        instance, city = self._stage(shot.mission)
+        subject = next(entity for entity in instance.entities if entity.id == shot.target)
+        entities = [e for e in instance.entities if e.role == "target" or e.id == shot.target]
+        if shot.extra:
+            subject = _extra(subject, shot.extra[0])
+            entities.append(subject)
+        best: tuple[npt.NDArray[np.uint8], Box | None] | None = None
+        for bearing in _bearings(shot):
+            frame, box = self._frame(shot, instance, city, entities, subject, bearing)
+            if best is None or (box is not None and (best[1] is None or box.pixels > best[1].pixels)):
+                best = frame, box
+        assert best is not None
+        return best
+
+    def _stage(self, name: str) -> tuple[Instance, City]:
+        if name not in self._made:
+            bare = instantiate(load_mission(ROOT / "scenarios" / f"{name}.ljs"), seed=SEED)
+            city = self.host.scene(bare.scene.kind).build(bare.scene)
+            self._made[name] = anchor(bare, city), city
+        return self._made[name]
+
+    def _frame(
+        self, shot: Shot, instance: Instance, city: City, entities: Sequence[Entity], subject: Entity, bearing: float
+    ) -> tuple[npt.NDArray[np.uint8], Box | None]:
+        viewer = _viewer(shot, subject, bearing)
+        cast = (*entities, viewer)
+        weather = shot.weather or instance.weather
+        played = msgspec.structs.replace(instance, entities=cast, weather=weather, events=())
+        self.engine.reset(EngineSpec(engine="camera", instance=played, owns=()), city, SEED)
+        states = [BodyState(id=e.id, position=e.position, heading_deg=e.heading_deg, status=shot.states.get(e.id, ""))
+                  for e in cast]  # fmt: skip
+        self.engine.advance(TIME_S, [*states, *_ambient(shot, subject)])
+        (frame,) = self.engine.capture(
+            [CaptureRequest(frame="f", entity=viewer.id, camera="eye", tick=1, time_s=TIME_S)]
+        )
+        box = next((box for box in frame.info.boxes if box.entity == subject.id), None)
+        return frame.rgb, box
+
+
+def _bearings(shot: Shot) -> tuple[float, ...]:
+    if shot.bearing is not None or shot.ahead_m == 0.0:
+        return (shot.bearing or 0.0,)
+    return tuple(360.0 * k / BEARINGS for k in range(BEARINGS))
+
+
+def _extra(subject: Entity, given: tuple[str, float, float, float, float]) -> Entity:
+    kind, right, ahead, up, heading = given
+    place = _beside(subject, right, ahead, up)
+    return Entity(id="extra", group="extra", index=1, role="target", type=kind, engine="city", position=place,
+                  heading_deg=heading)  # fmt: skip
+
+
+def _beside(subject: Entity, right: float, ahead: float, up: float) -> Vector:
+    h = radians(subject.heading_deg)
+    x, y, z = subject.position
+    return x + right * cos(h) + ahead * sin(h), y - right * sin(h) + ahead * cos(h), z + up
+
+
+def _ambient(shot: Shot, subject: Entity) -> list[BodyState]:
+    return [
+        BodyState(id=f"traffic/{k}", kind=kind, position=_beside(subject, right, ahead, 0.0),
+                  heading_deg=(subject.heading_deg + heading) % 360.0)
+        for k, (kind, right, ahead, heading) in enumerate(shot.ambient)
+    ]  # fmt: skip
+
+
+def _viewer(shot: Shot, subject: Entity, bearing: float) -> Entity:
+    """Who looks: at `bearing` from the target, turned to it."""
+    b = radians(bearing)
+    x, y, z = subject.position
+    low = shot.view in EYES_M
+    place = (x + shot.ahead_m * sin(b), y + shot.ahead_m * cos(b), (EYES_M[shot.view] if low else z) + shot.above_m)
+    width, height, hfov = VIEWS[shot.view]
+    camera = CameraSpec(name="eye", view=MOUNTED.get(shot.view, shot.view), width=width, height=height, hfov_deg=hfov,  # type: ignore[arg-type]
+                        channels=("rgb",), capture="on_request")  # fmt: skip
+    heading = 0.0 if shot.ahead_m == 0.0 else (bearing + 180.0) % 360.0
+    return Entity(id="viewer", group="viewer", index=1, role="asset", type=BODIES.get(shot.view, "quadrotor"),
+                  engine="x", position=place, heading_deg=heading, cameras=(camera,))  # fmt: skip
+
+
+def cell(frame: npt.NDArray[np.uint8], box: Box | None) -> Image.Image:
+    """The part of a frame around a box, in its own pixels; the whole frame made smaller where the box is larger."""
+    picture = Image.fromarray(frame)
+    width, height = picture.size
+    if box is None:
+        return picture.resize(CELL, Image.Resampling.LANCZOS)
+    x0, y0, x1, y1 = (v * s for v, s in zip(box.box, (width, height, width, height), strict=True))
+    share = max((x1 - x0) / (0.85 * CELL[0]), (y1 - y0) / (0.85 * CELL[1]), 1.0)
+    w, h = min(CELL[0] * share, width), min(CELL[1] * share, height)
+    left = min(max((x0 + x1 - w) / 2.0, 0.0), width - w)
+    top = min(max((y0 + y1 - h) / 2.0, 0.0), height - h)
+    return picture.resize(CELL, Image.Resampling.LANCZOS, box=(left, top, left + w, top + h))
+
+
+def caption(shot: Shot, frame: npt.NDArray[np.uint8], box: Box | None) -> tuple[str, str]:
+    """What it is, and camera, distance and size of the box in pixels of the frame."""
+    away = (shot.ahead_m**2 + shot.above_m**2) ** 0.5
+    if box is None:
+        return shot.title, f"{shot.view}, {away:.0f} m"
+    height, width = frame.shape[:2]
+    size = f"{round((box.box[2] - box.box[0]) * width)} x {round((box.box[3] - box.box[1]) * height)} px"
+    return shot.title, f"{shot.view}, {away:.0f} m, {size}"
+
+
+def main(arguments: Sequence[str]) -> None:
+    """Draw all; with words as arguments only the shots whose title contains one of them, into a file of its own."""
+    shots = [s for s in SHOTS if not arguments or any(word in s.title for word in arguments)]
+    out = SHEET if not arguments else Path("contact-part.png")
+    studio, rows = Studio(), -(-len(shots) // COLUMNS)
+    sheet = Image.new("RGB", (COLUMNS * CELL[0], rows * (CELL[1] + CAPTION_PX)), (24, 26, 30))
+    pen, font = ImageDraw.Draw(sheet), ImageFont.load_default(13)
+    table = []
+    for k, shot in enumerate(shots):
+        frame, box = studio.take(shot)
+        left, top = k % COLUMNS * CELL[0], k // COLUMNS * (CELL[1] + CAPTION_PX)
+        sheet.paste(cell(frame, box), (left, top))
+        title, detail = caption(shot, frame, box)
+        pen.text((left + 6, top + CELL[1] + 1), title, (240, 240, 240), font)
+        pen.text((left + 6, top + CELL[1] + 16), detail, (160, 170, 180), font)
+        table.append(f"| {title} | {shot.mission} | {detail} |")
+        print(title, detail, flush=True)
+    studio.engine.close()
+    sheet.quantize(256, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.FLOYDSTEINBERG).save(out, optimize=True)
+    if out == SHEET:
+        _describe(table)
+
+
+def _describe(table: list[str]) -> None:
+    text = (
+        "# Contact sheet\n\nWhat targets, assets and distractors look like through the cameras of the missions (seed "
+        f"{SEED}), drawn by\n`make pictures`. Pictures are cut out of frames of the cameras' own size, nothing is "
+        "enlarged.\n\n![Contact sheet](contact-sheet.png)\n\nLeft to right, top to bottom:\n\n"
+        "| What | Mission | Camera, distance, size of its box |\n|---|---|---|\n"
+    )
+    SHEET.with_suffix(".md").write_text(text + "\n".join(table) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
