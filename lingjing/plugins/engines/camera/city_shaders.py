@@ -76,12 +76,13 @@ _GROUND_TAIL = (
 #ifdef WET
   vec3 ray = normalize(v_world - u_eye);
   float f = 1.0 + ray.z;
-  float puddle = 0.25 + 0.75 * smoothstep(0.52, 0.68, texture(u_noise, v_world.xy / 19.0).r);
-  c *= 0.62;
+  float paved = smoothstep(1.25, 1.05, v_colour.g / v_colour.r);
+  float puddle = (0.22 + 0.55 * smoothstep(0.54, 0.66, texture(u_noise, v_world.xy / 19.0).r)) * mix(0.12, 1.0, paved);
+  c *= 0.60;
 #endif
   c *= u_sunlight * max(u_sun.z, 0.0) * lit + u_skylight;
 #ifdef WET
-  c += sky_of(vec3(ray.xy, -ray.z)) * (0.03 + 0.75 * f * f * f * f) * puddle;
+  c += sky_of(vec3(ray.xy, -ray.z)) * (0.03 + 0.80 * f * f * f * f * f) * puddle;
 #endif
 #ifdef NIGHT
   c += glow * u_dark;
@@ -295,7 +296,7 @@ void main() {
   vec3 d = normalize(ray_of(gl_FragCoord.xy));
   float s = 0.6 * streaks(d, 3.0, 0.91) + 0.4 * streaks(d, 5.7, 0.67);
   vec3 c = (u_haze + vec3(0.05)) * 1.15;
-  o_colour = vec4(developed(c).rgb, s * 0.30 * u_rain);
+  o_colour = vec4(developed(c).rgb, s * 0.38 * u_rain);
 }
 """
 )

@@ -21,6 +21,7 @@ from lingjing.plugins.engines.camera.effects import SHOWING, Dress
 from lingjing.plugins.engines.camera.instances import Batch, prop_batches
 from lingjing.plugins.engines.camera.light import Light
 from lingjing.plugins.engines.camera.mesh_rows import LAYOUT, Part
+from lingjing.plugins.engines.camera.nightlights import lamp_heads
 from lingjing.plugins.engines.camera.plate import build_plate
 from lingjing.plugins.engines.camera.sight import (
     Window,
@@ -82,6 +83,7 @@ class Resident:
     sheets: Mapping[str, Sheet]
     props: tuple[Batch, ...]
     lively: tuple[Prop, ...]
+    lamps: npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,7 +198,8 @@ class Cityscape:
         sheets = {name: self._upload(name, part, casts=name in CASTERS) for name, part in mesh.parts.items()
                   if len(part.index)}  # fmt: skip
         bare = TileMesh({}, mesh.boxes, mesh.low, mesh.high)
-        return Resident(bare, sheets, prop_batches(pieces), tuple(p for p in pieces.props if p.model in SHOWING))
+        lively = tuple(prop for prop in pieces.props if prop.model in SHOWING)
+        return Resident(bare, sheets, prop_batches(pieces), lively, lamp_heads(pieces.props))
 
     def _junctions_near(self, key: Key) -> tuple[Junction, ...]:
         west, south, _, east, north, _ = self._skyline.boxes[self._number[key]].tolist()
@@ -282,8 +285,9 @@ class Cityscape:
     def release(self) -> None:
         """Free everything."""
         sheets = [sheet for resident in self._residents.values() for sheet in resident.sheets.values()]
-        for thing in (*sheets, self._blocks, self._ground, self._lands, self._quays, self._map, self._shade_frame, self._shade,
-                      self._caster, *self._programs.values()):  # fmt: skip
+        for sheet in (*sheets, self._blocks, self._ground, self._lands, self._quays):
+            sheet.release()
+        for thing in (self._map, self._shade_frame, self._shade, self._caster, *self._programs.values()):
             thing.release()
         self._residents.clear()
 

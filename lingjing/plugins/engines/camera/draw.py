@@ -29,6 +29,7 @@ from lingjing.plugins.engines.camera.ground import Surface as Land
 from lingjing.plugins.engines.camera.instances import Batch, Rows, afloat, in_sight, visible
 from lingjing.plugins.engines.camera.light import Light, light_of
 from lingjing.plugins.engines.camera.meshes import indexed
+from lingjing.plugins.engines.camera.nightlights import lamp_rows
 from lingjing.plugins.engines.camera.noise import lace_texture, noise_texture
 from lingjing.plugins.engines.camera.ocean import RIPPLE_M, Surface
 from lingjing.plugins.engines.camera.ocean import SIZE as SEA_SIZE
@@ -194,7 +195,7 @@ class Renderer:
             self._town.floors(view, *weather)
         self._waters()
         self._sky_vao.render()
-        scenery = self._enlivened(scenery, view)
+        scenery = self._enlivened(scenery, view, pose, light)
         drawn = self._fill(pose, scenery, light)
         self._blend(target, drawn, scenery, light)
         for model, _, count in drawn:
@@ -224,15 +225,17 @@ class Renderer:
         self.context.enable_only(moderngl.DEPTH_TEST)
         target.write(colour=True, alpha=True, rest=True)
 
-    def _enlivened(self, scenery: Scenery, view: View | None) -> Scenery:
-        """The scenery with the effects of the tiles' props."""
+    def _enlivened(self, scenery: Scenery, view: View | None, pose: CameraPose, light: Light) -> Scenery:
+        """The scenery with the effects of the tiles' props and, after dark, with their lamps."""
         if self._town is None or view is None:
             return scenery
-        props = [prop for key in view.full for prop in self._town.resident(key).lively]
+        tiles = [self._town.resident(key) for key in view.full]
+        props = [prop for tile in tiles for prop in tile.lively]
         found = [prop_effects(prop, scenery.time_s, scenery.weather) for prop in props]
+        lamps = [lamp_rows(tile.lamps, pose.position, light.dark) for tile in tiles] if light.lamps else []
         return replace(
             scenery,
-            billboards=np.concatenate([scenery.billboards, *(_soft(effects.billboards) for effects in found)]),
+            billboards=np.concatenate([scenery.billboards, *(_soft(effects.billboards) for effects in found), *lamps]),
             decals=np.concatenate([scenery.decals, *(effects.decals for effects in found)]),
         )
 
@@ -330,8 +333,12 @@ class Renderer:
         for texture in self._sea:
             texture.filter = (moderngl.LINEAR if _close(pose, self._level) else MIPMAPPED), moderngl.LINEAR
         values: dict[str, object] = {**uniforms.air(light, scenery.time_s, scenery.weather.wind_mps)}
-        values |= {**self._sea_values(scenery), "u_level": self._level, "u_rain": light.rain,
-                   "u_silt": float(self._town is not None and self._town.plate.sea is None)}
+        values |= {
+            **self._sea_values(scenery),
+            "u_level": self._level,
+            "u_rain": light.rain,
+            "u_silt": float(self._town is not None and self._town.plate.sea is None),
+        }
         programs: tuple[moderngl.Program, ...] = (*self._programs, *self._effects.programs)
         near = uniforms.bay_near(pose)
         if self._town is not None and view is not None:

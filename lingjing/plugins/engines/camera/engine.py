@@ -10,8 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import msgspec
-
 from lingjing.errors import InfrastructureError
 from lingjing.mission.instance import CameraSpec, Entity, Weather
 from lingjing.plugins.engine import Boundary, CaptureRequest, EngineSpec, Frame

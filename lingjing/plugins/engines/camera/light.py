@@ -23,7 +23,8 @@ AIR_M = 1500.0
 
 @dataclass(frozen=True, slots=True)
 class Light:
-    """Uniforms of one picture; `dark` 0 by day … 1 at night, `lamps` whether they are on, `rain` 0..1."""
+    """Uniforms of one picture; `dark` 0 by day … 1 at night, `lamps` whether they are on, `rain` 0..1, `gloom` what
+    rain leaves of the sky's light."""
 
     sun: Rgb
     sunlight: Rgb
@@ -35,6 +36,7 @@ class Light:
     dark: float
     lamps: bool
     rain: float
+    gloom: float
 
 
 def light_of(weather: Weather, height_m: float) -> Light:
@@ -46,18 +48,20 @@ def light_of(weather: Weather, height_m: float) -> Light:
     strength = (1.0 - 0.8 * cloud) * min(1.0, 0.25 + 1.1 * sun[2]) * (1.0 - dark) ** 2
     dusk = 0.55 * low * (1.0 - 0.75 * cloud) * (1.0 - _smooth(0.0, -14.0, weather.sun_elevation_deg))
     sky_share = (1.0 - dark) ** 1.5
-    night_sky = 0.055 * dark
+    night_sky = 0.085 * dark
     clear, grey = (0.407, 0.517, 0.614), (0.459, 0.489, 0.519)
     day_haze = [c * (1.0 - cloud) + g * cloud for c, g in zip(clear, grey, strict=True)]
     glow = (0.75 * dusk, 0.36 * dusk, 0.14 * dusk)
     night_haze = (0.020, 0.024, 0.034)
-    haze = [d * (1.0 - dark) + n * dark + 0.7 * g for d, n, g in zip(day_haze, night_haze, glow, strict=True)]
+    gloom = 1.0 - 0.38 * rain_of(weather)
+    haze = [d * (1.0 - dark) * gloom + n * dark + 0.7 * g for d, n, g in zip(day_haze, night_haze, glow, strict=True)]
     thin = min(1.0, AIR_M / max(height_m, 1.0))
     return Light(
         sun=sun,
         sunlight=(1.30 * strength, 1.22 * strength * (1.0 - 0.30 * low), 1.08 * strength * (1.0 - 0.62 * low)),
-        skylight=((0.34 + 0.14 * cloud) * sky_share + night_sky, (0.40 + 0.12 * cloud) * sky_share + night_sky,
-                  (0.48 + 0.08 * cloud) * sky_share + 1.35 * night_sky),
+        skylight=((0.34 + 0.14 * cloud) * sky_share * gloom + night_sky,
+                  (0.40 + 0.12 * cloud) * sky_share * gloom + night_sky,
+                  (0.48 + 0.08 * cloud) * sky_share * gloom + 1.25 * night_sky),
         haze=(haze[0], haze[1], haze[2]),
         dusk=glow,
         fog=3.912 * log2(e) / max(weather.visibility_m, 1.0) * thin,
@@ -65,6 +69,7 @@ def light_of(weather: Weather, height_m: float) -> Light:
         dark=dark,
         lamps=weather.sun_elevation_deg < LAMPS_DEG,
         rain=rain_of(weather),
+        gloom=gloom,
     )  # fmt: skip
 
 

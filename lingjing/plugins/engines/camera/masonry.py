@@ -81,7 +81,7 @@ def _style(given: Building, eaves: float) -> Style:
 
 
 def _roomy(given: Building) -> bool:
-    return shapely.Polygon(given.polygon, given.holes).buffer(-1.5).area > 20.0
+    return float(shapely.Polygon(given.polygon, given.holes).buffer(-1.5).area) > 20.0
 
 
 def _parapet(given: Building, eaves: float, height: float, number: int) -> Part:
@@ -150,7 +150,8 @@ def _frame(given: Building) -> tuple[Floats, float]:
 
 def _turned(points: npt.ArrayLike, centre: npt.ArrayLike, turn: float) -> Floats:
     c, s = cos(turn), sin(turn)
-    return np.asarray(points, np.float64) @ np.array([[c, s], [-s, c]]) + np.asarray(centre, np.float64)
+    turned = np.asarray(points, np.float64) @ np.array([[c, s], [-s, c]])
+    return np.asarray(turned + np.asarray(centre, np.float64))
 
 
 def _ridged(given: Building, eaves: float, rise: float, number: int) -> Part:

@@ -69,9 +69,8 @@ def _lands(city: City) -> Part:
 
 def _edges(city: City, level: float) -> Part:
     """The walls of even lands down into a sea that is all around them."""
-    return joined(
-        walls(land.polygon, level - BED_M, land.top_m, QUAY, CLASSES["concrete"]) for land in city.lands if is_flat(land)
-    )
+    even = [land for land in city.lands if is_flat(land)]
+    return joined(walls(land.polygon, level - BED_M, land.top_m, QUAY, CLASSES["concrete"]) for land in even)
 
 
 def _shape(water: Water) -> shapely.Geometry:

@@ -15,7 +15,7 @@ uniform vec3 u_eye, u_right, u_down, u_axis;
 uniform vec3 u_lens;          // half width, half height, focal length (pixels)
 uniform vec3 u_sun, u_sunlight, u_skylight, u_haze;
 uniform float u_fog, u_level, u_time, u_cloud, u_wind;
-uniform float u_dark;         // 0 day … 1 night
+uniform float u_dark, u_gloom;  // 0 day … 1 night; what rain leaves of the sky's light
 uniform vec3 u_dusk;          // glow over the horizon, low sun
 
 vec3 ray_of(vec2 pixel) {
@@ -26,7 +26,7 @@ vec3 sky_of(vec3 d) {
   vec3 clear = mix(vec3(0.42, 0.53, 0.62), vec3(0.075, 0.20, 0.47), 1.0 - (1.0 - h) * (1.0 - h));
   vec3 grey = mix(vec3(0.46, 0.49, 0.52), vec3(0.40, 0.44, 0.49), h);
   vec3 glow = u_dusk * (1.0 - h) * (1.0 - h) * (0.7 + 0.5 * dot(d.xy, u_sun.xy));
-  return mix(mix(clear, grey, u_cloud), vec3(0.011, 0.015, 0.026), u_dark) + glow;
+  return mix(mix(clear, grey, u_cloud) * u_gloom, vec3(0.011, 0.015, 0.026), u_dark) + glow;
 }
 vec3 fogged(vec3 c, float range, float dive) {   // dive: 0 level line of sight, 1 straight down (less airlight)
   return mix(u_haze * (1.0 - 0.6 * dive), c, exp2(-u_fog * range));
@@ -262,7 +262,8 @@ void main() {
     vec2 at = d.xy / (d.z + 0.06) * 0.16 + u_time * vec2(2e-5, 1e-5) * u_wind;
     float puff = 0.7 * texture(u_noise, at).r + 0.45 * texture(u_noise, at * 3.1).g;
     float veil = smoothstep(0.95 - 0.65 * u_cloud, 1.15 - 0.45 * u_cloud, puff + 0.12) * smoothstep(0.0, 0.12, d.z);
-    c = mix(c, vec3(0.86, 0.87, 0.88) * (0.75 + 0.3 * glow) * (1.0 - 0.97 * u_dark) + u_dusk * 0.5, veil * 0.8);
+    vec3 white = vec3(0.86, 0.87, 0.88) * (0.75 + 0.3 * glow) * (1.0 - 0.97 * u_dark) * u_gloom + u_dusk * 0.5;
+    c = mix(c, white, veil * 0.8);
   }
   c = mix(c, u_haze, exp(-max(d.z, 0.0) * 26.0));
   o_colour = developed(c);

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image, ImageDraw
 
+from lingjing.mission.instance import Vector
 from lingjing.plugins.engines.camera.classes import CLASSES
 from lingjing.plugins.engines.camera.masonry import FACADES
 from lingjing.plugins.engines.camera.mesh_rows import Part, joined, oriented, sheet, walls
@@ -54,9 +55,13 @@ def build_skyline(city: City, tiles: Tiles) -> Skyline:
 def _top(tile: Tile) -> float:
     """The height of a tile's highest piece; trees and lamps count as 15 m."""
     tops = [b.top_m for b in tile.buildings] + [s.top_m for s in tile.solids]
-    tops += [p[2] + 2.0 for b in (*tile.bridges, *tile.pipes) for p in b.path]
+    tops += [p[2] + 2.0 for path in _paths(tile) for p in path]
     tops += [p.position[2] + 15.0 for p in tile.props]
     return max(tops, default=1.0)
+
+
+def _paths(tile: Tile) -> list[tuple[Vector, ...]]:
+    return [bridge.path for bridge in tile.bridges] + [pipe.path for pipe in tile.pipes]
 
 
 def _seen_from_afar(given: Building) -> bool:
@@ -86,7 +91,7 @@ def _thinned(ring: tuple[tuple[float, float], ...], most: int = 12) -> npt.NDArr
     points = oriented(ring)
     if len(points) <= most:
         return points
-    return points[np.linspace(0, len(points), most, endpoint=False).astype(int)]
+    return np.asarray(points[np.linspace(0, len(points), most, endpoint=False).astype(int)])
 
 
 class _Canvas:
@@ -129,4 +134,5 @@ class _Canvas:
 
 
 def _byte(colour: tuple[float, float, float]) -> tuple[int, int, int]:
-    return tuple(round(255.0 * min(max(c, 0.0), 1.0) ** 0.5) for c in colour)  # type: ignore[return-value]
+    red, green, blue = (round(255.0 * min(max(c, 0.0), 1.0) ** 0.5) for c in colour)
+    return red, green, blue

@@ -15,6 +15,7 @@ from lingjing.plugins.engines.camera.effects import BILLBOARD, DECAL, Site, effe
 from lingjing.plugins.engines.camera.instances import Batch, entity_batches, marks, matrix
 from lingjing.plugins.engines.camera.meshes import Array
 from lingjing.plugins.engines.camera.models import Part, ambient_parts, entity_parts
+from lingjing.plugins.engines.camera.nightlights import vehicle_rows, vehicles_lit
 from lingjing.trace.records import BodyState
 
 AFLOAT = frozenset({"person_in_water", "lifeboat"})
@@ -49,7 +50,8 @@ def stage(
     drawn: list[tuple[npt.NDArray[np.float64], str, Array, int, float]] = []
     wet = []
     billboards, decals = [np.zeros(0, BILLBOARD)], [np.zeros(0, DECAL)]
-    for number, entity, state in entities:
+    cast = tuple(entities)
+    for number, entity, state in cast:
         plane = under(*state.position)
         if entity.type in AFLOAT and plane == level_m:
             state = msgspec.structs.replace(state, position=(*state.position[:2], plane))
@@ -62,6 +64,9 @@ def stage(
         rows["id"] *= FIRST_ENTITY + number
         billboards.append(rows)
         decals.append(effects.decals)
+    if vehicles_lit(weather):
+        lit = [(state, entity.type) for _, entity, state in cast] + [(state, state.kind) for state in ambient]
+        billboards.append(vehicle_rows(lit))
     for state in ambient:
         number = CLASSES.get(state.kind, CLASSES["entity"])
         drawn += _placed(state, ambient_parts(state, time_s), "entity", number, state.position[2])

@@ -50,5 +50,6 @@ def air(light: Light, time_s: float, wind_mps: float) -> dict[str, object]:
         "u_cloud": light.cloud,
         "u_wind": wind_mps,
         "u_dark": light.dark,
+        "u_gloom": light.gloom,
         "u_dusk": light.dusk,
     }
