@@ -45,6 +45,9 @@ QUEUE_M = 40.0
 _SUMO_ASIDE_M = 3.2
 _WAIT_STEPS = 30
 _PARKING = 1
+_GAP_M = 2.5
+_HEADWAY_S = 2.5
+_PATIENCE_STEPS = 300
 _KEEP_LANE, _CHANGE_LANES = 0, 1621
 """Lane change modes: none at all, and SUMO's default."""
 
@@ -71,6 +74,16 @@ class Task:
     start_m: float = 0.0
     plan: Plan | None = None
     onto: str = ""
+    edges: tuple[str, ...] = ()
+    steps: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Room:
+    """Where a vehicle made room: the lane, metres of its front along it."""
+
+    lane: str
+    at_m: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +115,7 @@ class Vehicle:
         self.first_load_kg = self.load_kg = _number(entity, LOAD, 0.0)
         self._arrived = False
         self._waited = 0
-        self._makes_room = False
+        self._room: Room | None = None
         self._sideways = Sideways()
         self._offset_m = 0.0
         declare(
@@ -158,12 +171,16 @@ class Vehicle:
 
     def drive(self, plan: Plan) -> None:
         """Drive along a plan that begins at the footing, and stay at its goal."""
+        self._begin(Task("drive", max(plan.way.length_m, 1.0), self.odometer_m, plan))
+        if self._room is None:
+            self._set_out(plan)
+
+    def _set_out(self, plan: Plan) -> None:
         footing, goal = self.footing(), plan.goal
         self._release()
         self._follow(footing, plan.way.edges)
         front = min(goal.at_m + self.size.length_m / 2.0, goal.lane.length_m - 0.2)
         front = max(front, min(self.size.length_m, goal.lane.length_m - 0.2))
-        self._begin(Task("drive", max(plan.way.length_m, 1.0), self.odometer_m, plan))
         try:
             self._sim.vehicle.setStop(self.id, goal.lane.edge, front, goal.lane.index, FOREVER_S)
         except SumoError:  # it is there, or so close that braking ends beyond it
@@ -171,10 +188,14 @@ class Vehicle:
 
     def cover(self, edges: tuple[str, ...], distance_m: float, onto: str = "") -> None:
         """Drive a distance along edges that begin at the footing's, and halt there; `onto`: not before that edge."""
+        self._begin(Task("distance", distance_m, self.odometer_m, None, onto, edges))
+        if self._room is None:
+            self._set_out_along(edges)
+
+    def _set_out_along(self, edges: tuple[str, ...]) -> None:
         footing = self.footing()
         self._release()
         self._follow(footing, edges)
-        self._begin(Task("distance", distance_m, self.odometer_m, None, onto))
 
     def halt(self) -> None:
         """Brake comfortably to a standstill."""
@@ -190,18 +211,43 @@ class Vehicle:
     @property
     def is_aside(self) -> bool:
         """Whether it has made room."""
-        return self._makes_room
+        return self._room is not None
+
+    def enter_lane(self) -> None:
+        """Before a step: go back into the lane for a new task once nobody comes; in a queue, once there is a gap."""
+        if self._room is None or self.task is None or self.task.kind == "halt":
+            return
+        self.task.steps += 1
+        if self._is_clear(self._room, self.task.steps > _PATIENCE_STEPS):
+            if self.task.plan is not None:
+                self._set_out(self.task.plan)
+            else:
+                self._set_out_along(self.task.edges)
+
+    def _is_clear(self, room: Room, impatient: bool) -> bool:
+        vehicles, length = self._sim.vehicle, self.size.length_m
+        for other in self._sim.lane.getLastStepVehicleIDs(room.lane):
+            front, speed = vehicles.getLanePosition(other), vehicles.getSpeed(other)
+            if other == self.id or front - vehicles.getLength(other) > room.at_m + _GAP_M:
+                continue
+            behind = room.at_m - length - front
+            if behind < (_GAP_M if impatient and speed < 2.0 else 2.0 * _GAP_M + speed * _HEADWAY_S):
+                return False
+        return True
 
     def make_room(self) -> None:
         """Move aside to the kerb; ended by the next task. Within a junction there is none: it stays."""
         vehicles = self._sim.vehicle
-        lane, at_m = vehicles.getLaneIndex(self.id), vehicles.getLanePosition(self.id)
+        name, lane = vehicles.getLaneID(self.id), vehicles.getLaneIndex(self.id)
         stops = vehicles.getStops(self.id, 1)
+        at_m = stops[0].endPos if stops else vehicles.getLanePosition(self.id)
+        if lane != 0 or name.startswith(":"):
+            return  # others have a lane to pass on, or there is no kerb
         try:
-            vehicles.setStop(self.id, self.road, stops[0].endPos if stops else at_m, lane, FOREVER_S, _PARKING)
+            vehicles.setStop(self.id, self.road, at_m, lane, FOREVER_S, _PARKING)
         except SumoError:
             return
-        self._makes_room = True
+        self._room = Room(name, at_m)
 
     def is_waited_for(self) -> str:
         """Who stands right behind it, or ""."""
@@ -266,6 +312,8 @@ class Vehicle:
 
     def _driven(self, task: Task, standing: Container[str]) -> Outcome:
         vehicles = self._sim.vehicle
+        if self._room is not None:
+            return ""
         self._waited = self._waited + 1 if self.speed_mps < STANDING_MPS else 0
         if vehicles.isStopped(self.id) or (self._waited > 0 and not vehicles.getStops(self.id, 1)):
             return "arrived"
@@ -292,6 +340,8 @@ class Vehicle:
         self._offset_m = self._sideways.follow(body, STEP_S, rest)
 
     def _covered(self, task: Task) -> Outcome:
+        if self._room is not None:
+            return ""
         left = task.total - (self.odometer_m - task.start_m)
         there = task.onto == "" or self._sim.vehicle.getRoadID(self.id) == task.onto
         speed = self.speed_mps
@@ -326,7 +376,7 @@ class Vehicle:
             vehicles.replaceStop(self.id, 0, "")
         vehicles.setSpeed(self.id, -1)
         vehicles.setLaneChangeMode(self.id, _CHANGE_LANES)
-        self._makes_room = False
+        self._room = None
 
     def _carry(self) -> None:
         vehicles = self._sim.vehicle
