@@ -17,6 +17,7 @@ from lingjing.scene.districts import build
 from lingjing.scene.districts.draft import KERB_M
 from lingjing.scene.districts.options import KINDS
 from lingjing.scene.footing import Footing
+from lingjing.scene.lines import nearest, point_at
 from lingjing.scene.tiles import Tiles
 
 
@@ -152,7 +153,13 @@ def test_a_bridge_runs_from_the_streets_over_the_water() -> None:
         line = shapely.LineString([point[:2] for point in lane.shape])
         assert line.distance(shapely.Point(700, 25)) < 10.0
         assert max(z for _, _, z in lane.shape) == 12.0 and min(z for _, _, z in lane.shape) < 0.5
-    assert any(road.id.startswith("n") and not road.bridge for road in city.roads)
+        ramp = next(item for item in city.bridges if item.id == "bridge-ramp").path
+        for x, y, z in lane.shape:
+            if x < -150.0:
+                assert z == pytest.approx(point_at(ramp, nearest(ramp, x, y)[1])[0][2], abs=0.05), "on the ramp"
+    paving = [area for area in city.areas if area.surface == "asphalt" and area.top_m == 0.0]
+    assert all(any(shapely.Polygon(a.polygon).contains(shapely.Point(*j.polygon[0])) for a in paving)
+               for j in city.junctions if j.elevation_m == 0.0 and not j.id.startswith("bridge"))  # fmt: skip
     names = {prop.cls for prop in city.props}
     assert {"buoy", "moored_boat", "container"} <= names
     other = district("coastal", 1, seed=9, extent_m=1600.0, shore=shore, bridge=bridge)

@@ -6,12 +6,14 @@ district, so that it ends at the horizon.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from math import atan2, cos, degrees, hypot, pi, sin
 from random import Random
 
-from lingjing.scene.city import Bridge, Land, Polygon, Water
+import msgspec
+
+from lingjing.scene.city import Bridge, Land, Polygon, Road, Water
 from lingjing.scene.districts.boxes import Box, around
 from lingjing.scene.districts.draft import Draft, stream
 from lingjing.scene.districts.furnish import disc, erect
@@ -23,6 +25,7 @@ SEA_M = 6000.0
 DECK_M = 16.0
 """Width of the bridge's deck: two lanes each way, a kerb and a railing on either side."""
 
+RAMP = "bridge-ramp"
 RAMP_GRADE = 0.05
 SNAP_M = 60.0
 """The ramp begins at a crossing of the grid that is no farther than this from where it would."""
@@ -72,6 +75,21 @@ def bridge_streets(plan: Plan, foot: str) -> tuple[list[StreetNode], list[Street
     back = StreetEdge(id=f"bridge-end_to_{foot}", start=far.id, end=foot, lanes=2, speed_mps=16.7, kind="primary",
                       name="Sea Bridge", priority=3, shape=(*reversed(inner), start), bridge=True)  # fmt: skip
     return [far], [there, back]
+
+
+def fit_ramp(draft: Draft, plan: Plan, roads: Sequence[Road]) -> None:
+    """Let the ramp rise where its lanes do: they begin behind the crossing, and so must the slab under them."""
+    foot = bridge_foot(plan)
+    starts = [road.lanes[0].shape[0] for road in roads if road.bridge and road.id.endswith("_to_bridge-end")]
+    top = plan.bridge[0]
+    length = hypot(top[0] - foot[0], top[1] - foot[1])
+    for x, y, _ in starts:
+        share = ((x - foot[0]) * (top[0] - foot[0]) + (y - foot[1]) * (top[1] - foot[1])) / length**2
+        first = foot[0] + share * (top[0] - foot[0]), foot[1] + share * (top[1] - foot[1]), 0.0
+        draft.bridges = [
+            msgspec.structs.replace(bridge, path=(first, *bridge.path[1:])) if bridge.id == RAMP else bridge
+            for bridge in draft.bridges
+        ]
 
 
 def under_ramp(plan: Plan, start: Point, end: Point) -> bool:
@@ -131,6 +149,11 @@ def _promenade(draft: Draft, plan: Plan, chance: Random) -> None:
             draft.prop("bench", *_aside((x, y), bearing, -3.0), 0.0, bearing + 90.0)
         elif chance.random() < 0.8:
             draft.prop("tree", *place, 0.0, scale=chance.uniform(0.8, 1.2), variant=k % 8)
+    for x, y, bearing in _stations(plan.shore, 6.0):
+        place = _aside((x, y), bearing, -chance.uniform(18.0, 0.9 * plan.spacing[0] / 2.0))
+        bridge = plan.bridge and distance_to((bridge_foot(plan), *plan.bridge), *place) < 14.0
+        if chance.random() < 0.6 and distance_to(plan.shore, *place) < STRAND_M and not bridge:
+            draft.prop("tree", *place, 0.0, scale=chance.uniform(0.7, 1.3), variant=chance.randrange(8))
 
 
 def _harbour(draft: Draft, plan: Plan, chance: Random) -> None:
@@ -204,7 +227,7 @@ def _bridge(draft: Draft, plan: Plan) -> None:
     foot = bridge_foot(plan)
     deck = tuple((x, y, plan.deck_m) for x, y in plan.bridge)
     draft.bridges.append(Bridge(id="bridge", path=deck, width_m=DECK_M, name="Sea Bridge"))
-    draft.bridges.append(Bridge(id="bridge-ramp", path=((*foot, 0.0), deck[0]), width_m=DECK_M, pier_spacing_m=30.0))
+    draft.bridges.append(Bridge(id=RAMP, path=((*foot, 0.0), deck[0]), width_m=DECK_M, pier_spacing_m=30.0))
     for side in (-1.0, 1.0):
         for (ax, ay), (bx, by) in pairwise(plan.bridge):
             for a, b in _pieces((ax, ay), (bx, by), 60.0):

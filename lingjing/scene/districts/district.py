@@ -13,7 +13,7 @@ from lingjing.scene.city import City, Land, Pieces
 from lingjing.scene.districts import coast, sites
 from lingjing.scene.districts.boxes import Box, around, bounds
 from lingjing.scene.districts.draft import Draft, stream
-from lingjing.scene.districts.furnish import block_slab
+from lingjing.scene.districts.furnish import CHAMFER_M, block_slab
 from lingjing.scene.districts.options import Plan
 from lingjing.scene.districts.palette import HOMES
 from lingjing.scene.districts.streets import APRON_M, Block, Grid, blocks, grid, network
@@ -22,6 +22,9 @@ from lingjing.scene.network import Network, StreetEdge, StreetNode, build_networ
 
 OUTSKIRTS_M = 60.0
 """Trees stand this far around the built-up square."""
+
+GUTTER_M = 0.4
+"""Asphalt reaches this far under the kerb."""
 
 GROUND_M = 3000.0
 """The ground goes on this far beyond, so that the horizon is land."""
@@ -47,8 +50,12 @@ def lay_out(
     for block in blocks(made, _keep_out(plan)):
         if _dry(plan, block.box):
             _block(draft, plan, block, kind_of(block), tree_gap_m)
-    net = _network(plan, made, gates)
+    nodes, edges = _streets(plan, made, gates)
+    _pave(draft, nodes, edges)
+    net = build_network(nodes, edges, origin=plan.origin)
     roads, junctions = read_roads(net.path)
+    if plan.bridge:
+        coast.fit_ramp(draft, plan, roads)
     _outskirts(draft, plan)
     return msgspec.structs.replace(draft.pieces(), roads=roads, junctions=junctions), net
 
@@ -131,7 +138,7 @@ def _block(draft: Draft, plan: Plan, block: Block, kind: str, tree_gap_m: float)
         fill(draft, kind, inner, tall, chance, first)
 
 
-def _network(plan: Plan, made: Grid, gates: sites.Gates) -> Network:
+def _streets(plan: Plan, made: Grid, gates: sites.Gates) -> tuple[list[StreetNode], list[StreetEdge]]:
     blocked = None
     if plan.shore:
         land = coast.coast_land(plan.shore, plan.half_m + coast.SEA_M)
@@ -149,7 +156,23 @@ def _network(plan: Plan, made: Grid, gates: sites.Gates) -> Network:
         raise UsageError(
             f"scene `{plan.kind}`: no street fits between its blocks and its site", hint="widen `extent` or add blocks"
         )
-    return build_network(nodes, edges, origin=plan.origin)
+    return nodes, edges
+
+
+def _pave(draft: Draft, nodes: list[StreetNode], edges: list[StreetEdge]) -> None:
+    """Asphalt from kerb to kerb, under the lanes and out into the cut-off corners of the blocks."""
+    places = {node.id: (node.east, node.north) for node in nodes}
+    widest: dict[str, float] = {}
+    for edge in edges:
+        if edge.bridge:
+            continue
+        half = edge.lanes * edge.width_m + GUTTER_M
+        widest[edge.start] = max(widest.get(edge.start, 0.0), half)
+        if edge.start < edge.end:
+            draft.area(bounds((places[edge.start], places[edge.end])).inset(-half), "asphalt", 0.0)
+    for name, half in widest.items():
+        side = 2.0 * (half + CHAMFER_M)
+        draft.area(around(*places[name], side, side), "asphalt", 0.0)
 
 
 def _with_bridge(
