@@ -53,7 +53,7 @@ _STREET_OPTIONS = (
 _OSM_OPTIONS = (
     "--geometry.remove", "--ramps.guess", "--junctions.join", "--tls.guess-signals", "--tls.discard-simple",
     "--tls.join", "--no-turnarounds.except-deadend", "--junctions.corner-detail", "5",
-    "--keep-edges.by-vclass", "passenger,bus,delivery", "--osm.layer-elevation", f"{LAYER_M:g}",
+    "--keep-edges.by-vclass", "passenger,bus,delivery",
     "--output.street-names", "--osm.all-attributes", "--osm.extra-attributes", "bridge,tunnel,layer",
 )  # fmt: skip
 
@@ -124,17 +124,19 @@ def build_network(
 
 
 def network_from_osm(
-    path: str | Path, origin: tuple[float, float], bbox: tuple[float, float, float, float] | None = None
-) -> Network:
+    path: str | Path, origin: tuple[float, float], bbox: tuple[float, float, float, float] | None = None, *,
+    elevations: bool = False,
+) -> Network:  # fmt: skip
     """The net of the roads in an `.osm` or `.osm.gz` file, in metres about `origin` (latitude, longitude).
 
-    `bbox` (west, south, east, north, degrees) keeps what lies in it. Raises `UsageError` for a file without roads or
+    `bbox` (west, south, east, north, degrees) keeps what lies in it. Heights come from the ways' layers, or with
+    `elevations` from the nodes' tag `ele`. Raises `UsageError` for a file without roads or
     one that netconvert cannot read.
     """
     source = Path(path)
     if not source.name.endswith((".osm", ".osm.gz", ".osm.xml")):
         raise UsageError(f"{source}: roads are read from .osm or .osm.gz", hint="convert other formats first")
-    options = list(_OSM_OPTIONS)
+    options = [*_OSM_OPTIONS, *(("--osm.elevation",) if elevations else ("--osm.layer-elevation", f"{LAYER_M:g}"))]
     if bbox is not None:
         options += ["--keep-edges.in-geo-boundary", ",".join(f"{value:.7f}" for value in bbox)]
     key = _digest("osm", repr(origin), file_sha256(source), *options)

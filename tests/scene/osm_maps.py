@@ -85,6 +85,7 @@ def town() -> Map:
     made.way([(-400, 0), (0, 0), (400, 0)], {"highway": "primary", "lanes": "2", "name": "East Road"})
     made.way([(0, -400), (0, 0), (0, 150)], {"highway": "residential"})
     made.way([(0, 150), (0, 320)], {"highway": "residential", "bridge": "yes", "layer": "1"})
+    made.way([(-100, 165), (100, 165)], {"highway": "residential", "name": "Under the Bridge"})
     made.way([(0, 320), (0, 450)], {"highway": "residential"})
     made.way(square(-480, 180, 960, 100), {"natural": "water", "water": "river"})
     made.way(square(100, -300, 150), {"leisure": "park"})

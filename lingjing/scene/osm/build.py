@@ -11,6 +11,7 @@ import os
 import tempfile
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from html import unescape
 from importlib import metadata
 from itertools import chain
 from pathlib import Path
@@ -119,7 +120,7 @@ def _assemble(
     say("raising buildings")
     built = buildings.buildings(features, options.seed)
     say("making the road network")
-    network, roads, junctions, notes = _network(data, frame)
+    network, roads, junctions, notes = _network(data, features)
     say("laying out ground and water")
     wet = water.wet(features)
     areas = ground.areas(features, wet)
@@ -159,24 +160,26 @@ def _solids(features: Features, roads: Iterable[Road], level_m: float) -> Iterab
     return chain(structures.piers(features, level_m), structures.walls(features, lanes))
 
 
-def _network(data: MapData, frame: Frame) -> tuple[str, tuple[Road, ...], tuple[Junction, ...], list[str]]:
+def _network(data: MapData, features: Features) -> tuple[str, tuple[Road, ...], tuple[Junction, ...], list[str]]:
     """The network's file, and what is seen of it; no file and a note where there are no roads."""
     from lingjing.scene.network import network_from_osm, read_roads
 
-    text = streets_xml(data, frame)
+    frame = features.frame
+    text = streets_xml(data, features)
     if not text:
         return "", (), (), ["no roads in this part of the map: a city without traffic"]
     with tempfile.TemporaryDirectory(prefix="lingjing-map-") as folder:
         plain = Path(folder, "streets.osm")
         plain.write_text(text, encoding="utf-8")
         try:
-            made = network_from_osm(plain, frame.origin, frame.box)
+            made = network_from_osm(plain, frame.origin, frame.box, elevations=True)
         except UsageError as error:
             said = str(error).replace(str(plain), "the map")
             return "", (), (), [f"no road network, a city without traffic: {said}"]
     roads, junctions = read_roads(made.path)
     near = (structures.cut_off(road, frame.bounds) for road in roads if structures.is_visible(road))
-    seen = tuple(road for road in near if road is not None)
+    # netconvert escapes names twice
+    seen = tuple(msgspec.structs.replace(road, name=unescape(road.name)) for road in near if road is not None)
     crossings = (junction for junction in junctions if structures.is_open(junction))
     return made.path, seen, tuple(item for item in crossings if structures.is_inside(item, frame.bounds)), []
 

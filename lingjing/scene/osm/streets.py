@@ -9,30 +9,30 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from xml.sax.saxutils import quoteattr
 
-from lingjing.scene.osm.frame import Frame
+from lingjing.scene.osm.elevation import VEHICLES, heights
+from lingjing.scene.osm.features import Features
 from lingjing.scene.osm.read import MapData
 
-VEHICLES = {
-    f"{kind}{link}"
-    for kind in ("motorway", "trunk", "primary", "secondary", "tertiary", "residential", "unclassified", "service")
-    for link in ("", "_link")
-} | {"living_street"}
-"""Values of `highway` that make a road network worth a try."""
 
-
-def streets_xml(data: MapData, frame: Frame) -> str:
-    """The document; empty if no way for vehicles touches the frame."""
-    west, south, east, north = frame.box
+def streets_xml(data: MapData, features: Features) -> str:
+    """The document, with each node's height in its tag `ele`; empty if no way for vehicles touches the frame."""
+    west, south, east, north = features.frame.box
     inside = {ref for ref, (lat, lon) in data.nodes.items() if west <= lon <= east and south <= lat <= north}
     ways = [way for way in data.ways if "highway" in way.tags and not inside.isdisjoint(way.nodes)]
     if not any(way.tags["highway"] in VEHICLES for way in ways):
         return ""
     kept = {way.id for way in ways}
+    high = heights(data, features, [way for way in ways if way.tags["highway"] in VEHICLES])
     tags = {spot.id: spot.tags for spot in data.spots}
     lines = ['<?xml version="1.0" encoding="UTF-8"?>', '<osm version="0.6">']
     for ref in sorted({ref for way in ways for ref in way.nodes if ref in data.nodes}):
         lat, lon = data.nodes[ref]
-        lines += _element("node", f'id="{ref}" lat="{lat:.7f}" lon="{lon:.7f}"', (), tags.get(ref, {}))
+        lines += _element(
+            "node",
+            f'id="{ref}" lat="{lat:.7f}" lon="{lon:.7f}"',
+            (),
+            tags.get(ref, {}) | {"ele": f"{high.get(ref, 0.0):g}"},
+        )
     for way in ways:
         refs = [f'<nd ref="{ref}"/>' for ref in way.nodes if ref in data.nodes]
         lines += _element("way", f'id="{way.id}"', refs, way.tags)

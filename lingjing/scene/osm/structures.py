@@ -63,11 +63,11 @@ def is_inside(junction: Junction, bounds: Bounds) -> bool:
 
 
 def decks(roads: Iterable[Road]) -> Iterator[Bridge]:
-    """The structures under roads, where they are above the ground."""
+    """The structures under roads: under bridges, level ones over water too, and under what is above the ground."""
     for road in roads:
         if road.lanes:
             path, width = middle(road)
-            for number, stretch in enumerate(raised(path)):
+            for number, stretch in enumerate([path] if road.bridge else raised(path)):
                 name = f"deck-{road.id}" + (f"-{number}" if number else "")
                 yield Bridge(id=name, path=stretch, width_m=round(width + 1.0, 2), name=road.name)
 
