@@ -3,7 +3,7 @@ PYTHON3 ?= python3
 BIN := .venv/bin
 PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile -q
 
-.PHONY: help setup demo test check bench study clean
+.PHONY: help setup demo test check bench study pictures clean
 
 help:
 	@echo 'make demo    play the sea rescue, seed 7, broadcast, with the heuristic agents'
@@ -11,6 +11,7 @@ help:
 	@echo 'make check   ruff, mypy, import contracts and the tests'
 	@echo 'make bench   compare with others, side by side'
 	@echo 'make study   seeds 0-19, both modes, all reference agents: hours'
+	@echo 'make pictures  draw the contact sheet in docs/images'
 
 setup:
 	@$(PYTHON3) tools/setup.py
@@ -34,6 +35,9 @@ bench: setup
 
 study: setup
 	@$(BIN)/python -m lingjing.bench.study
+
+pictures: setup
+	@$(BIN)/python tools/contact_sheet.py
 
 clean:
 	rm -rf build .pytest_cache .mypy_cache .ruff_cache .import_linter_cache

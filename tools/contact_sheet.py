@@ -1,9 +1,9 @@
 """Draw the contact sheet, every target, asset and distractor as its mission's cameras see it: `make pictures`.
 
-Writes `docs/images/contact-sheet.png` and beside it `contact-sheet.md`, which says for each picture the class, the
-camera, the distance and the size in pixels of the thing's ground-truth box. Nothing is enlarged: a picture is cut out
-of a frame of the camera's own size, so what is small here is small for an agent. Scenes are those of the missions with
-seed 7, targets where the missions put them.
+Writes `contact-sheet.png` (targets) and `contact-sheet-assets.png` to `docs/images`, and `contact-sheet.md`, which
+says for each picture the class, the camera, the distance and the size in pixels of the thing's ground-truth box.
+Nothing is enlarged: a picture is cut out of a frame of the camera's own size, so what is small here is small for an
+agent. Scenes are those of the missions with seed 7, targets where the missions put them.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import numpy.typing as npt
 from PIL import Image, ImageDraw, ImageFont
 
 from lingjing.dsl.load import load_mission
-from lingjing.mission.instance import CameraSpec, Entity, Instance, Vector, Weather
+from lingjing.mission.instance import CameraSpec, Entity, Instance, Vector
 from lingjing.mission.instantiate import instantiate
 from lingjing.plugins.engine import CaptureRequest, EngineSpec
 from lingjing.plugins.engines.camera.engine import CameraEngine
@@ -31,6 +31,7 @@ from lingjing.trace.records import BodyState, Box
 
 ROOT = Path(__file__).parents[1]
 SHEET = ROOT / "docs" / "images" / "contact-sheet.png"
+ASSETS = SHEET.with_name("contact-sheet-assets.png")
 SEED = 7
 TIME_S = 24.0
 CELL = (384, 216)
@@ -53,7 +54,7 @@ class Shot:
 
     `ahead_m` and `above_m` are the viewer's distance on the ground and its height over the target. `extra` are
     entities beside the mission's own targets, placed relative to the target (right, ahead, up, heading). `bearing` is
-    where the viewer stands as seen from the target, None: where it sees most of it.
+    where the viewer stands, clockwise from the target's heading (0: before it), None: where it sees most of it.
     """
 
     title: str
@@ -66,12 +67,16 @@ class Shot:
     states: dict[str, str] = field(default_factory=dict)
     bearing: float | None = None
     ambient: tuple[tuple[str, float, float, float], ...] = ()
-    weather: Weather | None = None
+    props: tuple[str, ...] = ()
+    """Models of props: the nearest one of them is looked at instead of the target."""
 
 
 JAM = tuple(
     (kind, x, y, 0.0)
-    for x, column in ((-1.7, ("car", "truck", "car", "car", "bus")), (1.7, ("car", "car", "delivery_van", "car", "car")))
+    for x, column in (
+        (-1.7, ("car", "truck", "car", "car", "bus")),
+        (1.7, ("car", "car", "delivery_van", "car", "car")),
+    )
     for kind, y in zip(column, (-22.0, -12.0, -2.0, 6.0, 16.0), strict=True)
 )
 """Background traffic that stands in a jam: kind, right, ahead (m), heading to the road's (deg)."""
@@ -100,24 +105,47 @@ SHOTS: tuple[Shot, ...] = (
     Shot("person_in_water", "ssr", "victim[1]", "front", 22.0, 6.0),
     Shot("congestion", "cr", "jam[1]", "nadir", 0.0, 80.0, ambient=JAM),
     Shot("congestion", "cr", "jam[1]", "nadir", 0.0, 40.0, ambient=JAM),
-    Shot("destination", "cr", "goal_place", "dash", 14.0, 0.0),
     Shot("reference_building", "vdn", "home", "dog_eye", 38.0, 0.0),
-    Shot("delivery_point", "cd", "point[1]", "dash", 12.0, 0.0),
-    Shot("delivery_point, served", "cd", "point[1]", "dash", 12.0, 0.0, states={"point[1]": "served"}),
-    Shot("warehouse", "cd", "depot", "dash", 15.0, 0.0),
-    Shot("delivery_door", "ld", "house", "dog_eye", 6.0, 0.0),
+    Shot("reference_building", "vdn", "home", "dog_eye", 75.0, 0.0),
+    Shot("destination", "cr", "goal_place", "dash", 14.0, 0.0, bearing=180.0),
+    Shot("delivery_point", "cd", "point[1]", "dash", 12.0, 0.0, bearing=200.0),
+    Shot("delivery_point, served", "cd", "point[1]", "dash", 12.0, 0.0, states={"point[1]": "served"}, bearing=200.0),
+    Shot("warehouse", "cd", "depot", "dash", 15.0, 0.0, bearing=190.0),
+    Shot("delivery_door", "ld", "house", "dog_eye", 5.0, 0.0),
+    Shot("delivery_door, served", "ld", "house", "dog_eye", 5.0, 0.0, states={"house": "served"}),
     Shot("queue_of_people", "vdn", "home", "dog_eye", 9.0, 0.0, extra=(("queue_of_people", 3.0, 4.0, 0.0, 90.0),)),
-    Shot("robot_dog", "idf", "dog[1]", "dog_eye", 2.2, 0.0),
+    Shot("queue_of_people", "vdn", "home", "dog_eye", 25.0, 0.0, extra=(("queue_of_people", 3.0, 4.0, 0.0, 90.0),)),
+)
+TARGETS = len(SHOTS)
+STREET = "truck"
+SHOTS += (
+    Shot("robot_dog", "idf", "dog[1]", "dog_eye", 2.0, 0.0, bearing=35.0),
     Shot("robot_dog", "upr", "dog", "nadir", 0.0, 20.0),
-    Shot("quadrotor", "ufr", "uav[1]", "front", 3.0, 0.6),
-    Shot("lifeboat", "ssr", "boat", "front", 18.0, 6.0),
+    Shot("quadrotor", "ufr", "uav[1]", "front", 3.0, 0.6, bearing=30.0),
+    Shot("fixed_wing", "ufr", STREET, "front", 25.0, 3.0, extra=(("fixed_wing", 0.0, 0.0, 60.0, 60.0),)),
+    Shot("lifeboat", "ssr", "boat", "front", 18.0, 5.0, bearing=40.0),
     Shot("lifeboat", "ssr", "boat", "nadir", 0.0, 100.0),
-    Shot("fire_truck", "ufr", "truck", "dash", 13.0, 0.0),
-    Shot("fire_truck", "ufr", "truck", "nadir", 0.0, 60.0),
-    Shot("car", "cr", "van", "dash", 8.0, 0.0),
-    Shot("delivery_van", "ld", "van", "dash", 9.0, 0.0),
-    Shot("fixed_wing", "ufr", "truck", "front", 30.0, 32.0, extra=(("fixed_wing", 0.0, 0.0, 30.0, 60.0),)),
-    Shot("satellite", "ufr", "truck", "front", 12.0, 62.0, extra=(("satellite", 0.0, 0.0, 60.0, 30.0),)),
+    Shot("fire_truck", "ufr", STREET, "dash", 12.0, 0.0, bearing=25.0),
+    Shot("fire_truck", "ufr", STREET, "nadir", 0.0, 60.0),
+    *(
+        Shot(kind, "ufr", STREET, "dash", away, 0.0, extra=((kind, 0.0, 14.0, 0.0, 0.0),), bearing=25.0)
+        for kind, away in (
+            ("car", 8.0),
+            ("taxi", 8.0),
+            ("delivery_van", 9.0),
+            ("truck", 12.0),
+            ("bus", 14.0),
+            ("motorcycle", 5.0),
+            ("bicycle", 5.0),
+            ("person", 4.0),
+        )
+    ),
+    Shot("car", "ufr", STREET, "nadir", 0.0, 60.0, extra=(("car", 0.0, 14.0, 0.0, 0.0),)),
+    Shot("satellite", "ufr", STREET, "front", 9.0, 3.0, extra=(("satellite", 0.0, 0.0, 80.0, 30.0),)),
+    Shot("parked truck", "idf", "fire[1]", "front", 14.0, 6.0, props=("parked_truck",)),
+    Shot("steam", "idf", "fire[1]", "front", 9.0, 3.0, props=("steam_vent",)),
+    Shot("buoy", "ssr", "victim[1]", "nadir", 0.0, 60.0, props=("buoy_orange",)),
+    Shot("containers", "cd", "depot", "nadir", 0.0, 60.0, props=("container",)),
 )
 
 
@@ -136,9 +164,12 @@ class Studio:
         entities = [e for e in instance.entities if e.role == "target" or e.id == shot.target]
         if shot.extra:
             subject = _extra(subject, shot.extra[0])
-            entities.append(subject)
+            entities = [subject]
+        if shot.props:
+            subject = _prop(subject, city, shot.props)
+            entities = []
         best: tuple[npt.NDArray[np.uint8], Box | None] | None = None
-        for bearing in _bearings(shot):
+        for bearing in _bearings(shot, subject):
             frame, box = self._frame(shot, instance, city, entities, subject, bearing)
             if best is None or (box is not None and (best[1] is None or box.pixels > best[1].pixels)):
                 best = frame, box
@@ -157,8 +188,7 @@ class Studio:
     ) -> tuple[npt.NDArray[np.uint8], Box | None]:
         viewer = _viewer(shot, subject, bearing)
         cast = (*entities, viewer)
-        weather = shot.weather or instance.weather
-        played = msgspec.structs.replace(instance, entities=cast, weather=weather, events=())
+        played = msgspec.structs.replace(instance, entities=cast, events=())
         self.engine.reset(EngineSpec(engine="camera", instance=played, owns=()), city, SEED)
         states = [BodyState(id=e.id, position=e.position, heading_deg=e.heading_deg, status=shot.states.get(e.id, ""))
                   for e in cast]  # fmt: skip
@@ -170,17 +200,30 @@ class Studio:
         return frame.rgb, box
 
 
-def _bearings(shot: Shot) -> tuple[float, ...]:
-    if shot.bearing is not None or shot.ahead_m == 0.0:
-        return (shot.bearing or 0.0,)
+def _bearings(shot: Shot, subject: Entity) -> tuple[float, ...]:
+    if shot.ahead_m == 0.0:
+        return (0.0,)
+    if shot.bearing is not None:
+        return (subject.heading_deg + shot.bearing,)
     return tuple(360.0 * k / BEARINGS for k in range(BEARINGS))
 
 
 def _extra(subject: Entity, given: tuple[str, float, float, float, float]) -> Entity:
     kind, right, ahead, up, heading = given
     place = _beside(subject, right, ahead, up)
+    heading += subject.heading_deg
     return Entity(id="extra", group="extra", index=1, role="target", type=kind, engine="city", position=place,
-                  heading_deg=heading)  # fmt: skip
+                  heading_deg=heading % 360.0)  # fmt: skip
+
+
+def _prop(subject: Entity, city: City, models: tuple[str, ...]) -> Entity:
+    """Where the nearest prop of some models is."""
+    x, y, _ = subject.position
+    prop = min(
+        (prop for prop in city.props if prop.model in models),
+        key=lambda prop: (prop.position[0] - x) ** 2 + (prop.position[1] - y) ** 2,
+    )
+    return msgspec.structs.replace(subject, id="prop", position=prop.position, heading_deg=prop.heading_deg)
 
 
 def _beside(subject: Entity, right: float, ahead: float, up: float) -> Vector:
@@ -201,8 +244,8 @@ def _viewer(shot: Shot, subject: Entity, bearing: float) -> Entity:
     """Who looks: at `bearing` from the target, turned to it."""
     b = radians(bearing)
     x, y, z = subject.position
-    low = shot.view in EYES_M
-    place = (x + shot.ahead_m * sin(b), y + shot.ahead_m * cos(b), (EYES_M[shot.view] if low else z) + shot.above_m)
+    ground = min(z, 0.2) if shot.view in EYES_M else z
+    place = x + shot.ahead_m * sin(b), y + shot.ahead_m * cos(b), ground + EYES_M.get(shot.view, 0.0) + shot.above_m
     width, height, hfov = VIEWS[shot.view]
     camera = CameraSpec(name="eye", view=MOUNTED.get(shot.view, shot.view), width=width, height=height, hfov_deg=hfov,  # type: ignore[arg-type]
                         channels=("rgb",), capture="on_request")  # fmt: skip
@@ -211,12 +254,16 @@ def _viewer(shot: Shot, subject: Entity, bearing: float) -> Entity:
                   engine="x", position=place, heading_deg=heading, cameras=(camera,))  # fmt: skip
 
 
-def cell(frame: npt.NDArray[np.uint8], box: Box | None) -> Image.Image:
-    """The part of a frame around a box, in its own pixels; the whole frame made smaller where the box is larger."""
+def cell(frame: npt.NDArray[np.uint8], box: Box | None, nadir: bool) -> Image.Image:
+    """The part of a frame around a box, in its own pixels; the whole frame made smaller where the box is larger.
+    Without a box the middle of a nadir frame, or all of another."""
     picture = Image.fromarray(frame)
     width, height = picture.size
-    if box is None:
+    if box is None and not nadir:
         return picture.resize(CELL, Image.Resampling.LANCZOS)
+    if box is None:
+        left, top = (width - CELL[0]) // 2, (height - CELL[1]) // 2
+        return picture.crop((left, top, left + CELL[0], top + CELL[1]))
     x0, y0, x1, y1 = (v * s for v, s in zip(box.box, (width, height, width, height), strict=True))
     share = max((x1 - x0) / (0.85 * CELL[0]), (y1 - y0) / (0.85 * CELL[1]), 1.0)
     w, h = min(CELL[0] * share, width), min(CELL[1] * share, height)
@@ -236,36 +283,47 @@ def caption(shot: Shot, frame: npt.NDArray[np.uint8], box: Box | None) -> tuple[
 
 
 def main(arguments: Sequence[str]) -> None:
-    """Draw all; with words as arguments only the shots whose title contains one of them, into a file of its own."""
-    shots = [s for s in SHOTS if not arguments or any(word in s.title for word in arguments)]
-    out = SHEET if not arguments else Path("contact-part.png")
-    studio, rows = Studio(), -(-len(shots) // COLUMNS)
+    """Draw all; with words as arguments only the shots whose title contains one of them, into `contact-part.png`."""
+    studio = Studio()
+    if arguments:
+        draw(
+            studio, [shot for shot in SHOTS if any(word in shot.title for word in arguments)], Path("contact-part.png")
+        )
+    else:
+        tables = [draw(studio, SHOTS[:TARGETS], SHEET), draw(studio, SHOTS[TARGETS:], ASSETS)]
+        _describe(tables)
+    studio.engine.close()
+
+
+def draw(studio: Studio, shots: Sequence[Shot], out: Path) -> list[str]:
+    """Write a sheet; gives the rows of its table."""
+    rows = -(-len(shots) // COLUMNS)
     sheet = Image.new("RGB", (COLUMNS * CELL[0], rows * (CELL[1] + CAPTION_PX)), (24, 26, 30))
     pen, font = ImageDraw.Draw(sheet), ImageFont.load_default(13)
     table = []
     for k, shot in enumerate(shots):
         frame, box = studio.take(shot)
         left, top = k % COLUMNS * CELL[0], k // COLUMNS * (CELL[1] + CAPTION_PX)
-        sheet.paste(cell(frame, box), (left, top))
+        sheet.paste(cell(frame, box, shot.view == "nadir"), (left, top))
         title, detail = caption(shot, frame, box)
         pen.text((left + 6, top + CELL[1] + 1), title, (240, 240, 240), font)
         pen.text((left + 6, top + CELL[1] + 16), detail, (160, 170, 180), font)
         table.append(f"| {title} | {shot.mission} | {detail} |")
         print(title, detail, flush=True)
-    studio.engine.close()
     sheet.quantize(256, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.FLOYDSTEINBERG).save(out, optimize=True)
-    if out == SHEET:
-        _describe(table)
+    return table
 
 
-def _describe(table: list[str]) -> None:
+def _describe(tables: Sequence[list[str]]) -> None:
     text = (
         "# Contact sheet\n\nWhat targets, assets and distractors look like through the cameras of the missions (seed "
         f"{SEED}), drawn by\n`make pictures`. Pictures are cut out of frames of the cameras' own size, nothing is "
-        "enlarged.\n\n![Contact sheet](contact-sheet.png)\n\nLeft to right, top to bottom:\n\n"
-        "| What | Mission | Camera, distance, size of its box |\n|---|---|---|\n"
+        "enlarged.\nTables read left to right, top to bottom.\n"
     )
-    SHEET.with_suffix(".md").write_text(text + "\n".join(table) + "\n", encoding="utf-8")
+    for name, sheet, table in zip(("Targets", "Assets and distractors"), (SHEET, ASSETS), tables, strict=True):
+        text += f"\n## {name}\n\n![{name}]({sheet.name})\n\n| What | Mission | Camera, distance, size of its box |\n"
+        text += "|---|---|---|\n" + "\n".join(table) + "\n"
+    SHEET.with_suffix(".md").write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":

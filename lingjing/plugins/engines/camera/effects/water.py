@@ -42,14 +42,16 @@ def leak(
         return Effects(decals=wet)
     start = place + 0.38 * side + np.array([0.0, 0.0, 0.15])
     rows = [
-        _jet(seed, start, out, speed, flight, flow, time_s),
+        _jet(seed, start, out, speed, flight, flow, ground_m, time_s),
         _splash(seed, landing, ground_m, flow, time_s),
         _mist(seed, start, out * speed, flight, flow, time_s, weather),
     ]
     return Effects(np.concatenate(rows), wet)
 
 
-def _jet(seed: int, start: Floats, out: Floats, speed: float, flight: float, flow: float, time_s: float) -> Rows:
+def _jet(
+    seed: int, start: Floats, out: Floats, speed: float, flight: float, flow: float, ground_m: float, time_s: float
+) -> Rows:
     count = 320
     age, number = stream(seed, time_s, count, flight)
     scatter = np.stack([hashed(number * np.uint64(7) + np.uint64(k)) - 0.5 for k in range(3)], axis=1)
@@ -57,6 +59,7 @@ def _jet(seed: int, start: Floats, out: Floats, speed: float, flight: float, flo
     seconds = age * flight * 0.96
     fall = np.array([0.0, 0.0, GRAVITY])
     points = start + velocity * seconds[:, None] - 0.5 * np.outer(seconds**2, fall)
+    points[:, 2] = np.maximum(points[:, 2], ground_m + 0.02)
     now = velocity - np.outer(seconds, fall)
     axis = 0.035 * now
     wide = (0.022 + 0.030 * age) * (0.7 + 0.6 * flow)
