@@ -1,4 +1,4 @@
-"""The walking policy: what the legs do for a wanted velocity, 50 times a second, all dogs in one pass.
+"""The walking policy: what the legs do for a wanted velocity, 50 times a second, all dogs in one call.
 
 A perceptron 45-512-256-128-12 with exponential linear units. It sees, for each dog and in this order: the trunk's
 angular velocity (body frame, rad/s, times 0.25), the direction of gravity in the body frame, the wanted velocity
@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from lingjing.plugins.engines.quadruped.weights import read_layers
+from lingjing.plugins.engines.quadruped.weights import Matrix, read_layers
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -47,9 +47,15 @@ class Gait:
         )
         value = np.clip(seen, -_BOUND, _BOUND).astype(np.float32)
         for weight, bias in self._layers[:-1]:
-            value = value @ weight + bias
-            value = np.where(value > 0.0, value, np.expm1(np.minimum(value, 0.0)))
+            value = _product(value, weight) + bias
+            value = np.maximum(value, np.expm1(np.minimum(value, 0.0)))
         weight, bias = self._layers[-1]
-        answer = np.clip((value @ weight + bias).astype(np.float64), -_BOUND, _BOUND)
+        answer = np.clip((_product(value, weight) + bias).astype(np.float64), -_BOUND, _BOUND)
         self.answer[who] = answer
         return np.asarray(STANCE + answer * _REACH)
+
+
+def _product(rows: Matrix, weight: Matrix) -> Matrix:
+    """Matrix product, a row at a time: for a handful of rows that is faster than the library's blocks, and what a dog
+    does then does not depend on how many others walk."""
+    return np.array([row @ weight for row in rows])

@@ -70,6 +70,17 @@ class Sense:
     watts: float
 
 
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """Rotation matrices (count, 3, 3), angular velocities in the body frame (count, 3), joint speeds (count, 12), and
+    forward, left and turning speed in the heading frame (count, 3)."""
+
+    attitude: Array
+    turning: Array
+    speeds: Array
+    measured: Array
+
+
 class Pack:
     """Dogs `ids` in a model of their own."""
 
@@ -87,6 +98,7 @@ class Pack:
         self._pace = Pace(len(members))
         self._wanted = np.zeros((len(members), 3))
         self._walking = np.zeros(len(members), bool)
+        self._motion: Motion | None = None
         for dog, (_, state) in enumerate(members):
             self._enter(dog, state)
         self._herd.settle()
@@ -104,6 +116,7 @@ class Pack:
         """Stand a dog on what is below a point, at rest."""
         floor = self._herd.floor(x, y, z + 0.5)
         self._herd.stand(dog, x, y, floor.z if math.isfinite(floor.z) else z, yaw)
+        self._motion = None
         self._forget(dog)
         self._herd.settle()
 
@@ -121,6 +134,7 @@ class Pack:
     def knock(self, dog: int, change: Vector) -> None:
         """See `Herd.knock`."""
         self._herd.knock(dog, change)
+        self._motion = None
 
     def burden(self, dog: int, load_kg: float) -> None:
         """See `Herd.burden`."""
@@ -141,12 +155,14 @@ class Pack:
         """One period."""
         herd, who = self._herd, np.flatnonzero(self._walking)
         if len(who):
-            attitude, turning = _rotations(herd.quaternions), herd.turning
-            measured = _in_heading(attitude, herd.velocities, turning)
-            told = self._pace.command(who, self._wanted[who], measured[who])
-            targets = self._gait.targets(who, turning[who], -attitude[who, 2], told, herd.angles[who], herd.speeds[who])
+            now = self._now()
+            told = self._pace.command(who, self._wanted[who], now.measured[who])
+            targets = self._gait.targets(
+                who, now.turning[who], -now.attitude[who, 2], told, herd.angles[who], now.speeds[who]
+            )
             herd.aim(who, targets)
         herd.step()
+        self._motion = None
 
     def drive(self, movers: Sequence[Mover], elapsed_s: float = 0.0) -> None:
         """Say what moves nearby; where it was `elapsed_s` ago."""
@@ -184,9 +200,8 @@ class Pack:
 
     def senses(self) -> list[Sense]:
         """All dogs as they are now."""
-        herd = self._herd
-        attitude, turning, torques, speeds = _rotations(herd.quaternions), herd.turning, herd.torques, herd.speeds
-        measured = _in_heading(attitude, herd.velocities, turning)
+        herd, now = self._herd, self._now()
+        attitude, torques, speeds = now.attitude, herd.torques, now.speeds
         watts = np.maximum(torques * speeds, 0.0).sum(axis=1) + _COPPER_W * (torques * torques).sum(axis=1)
         columns = (
             herd.positions.tolist(),
@@ -194,13 +209,21 @@ class Pack:
             np.arctan2(attitude[:, 1, 0], attitude[:, 0, 0]).tolist(),
             np.arcsin(np.clip(attitude[:, 2, 0], -1.0, 1.0)).tolist(),
             np.arctan2(attitude[:, 2, 1], attitude[:, 2, 2]).tolist(),
-            measured[:, 0].tolist(),
-            measured[:, 2].tolist(),
+            now.measured[:, 0].tolist(),
+            now.measured[:, 2].tolist(),
             attitude[:, 2, 2].tolist(),
             np.abs(speeds).max(axis=1).tolist(),
             watts.tolist(),
         )
         return [Sense(tuple(at), tuple(rate), *rest) for at, rate, *rest in zip(*columns, strict=True)]
+
+    def _now(self) -> Motion:
+        """How the dogs move, computed once a period."""
+        if self._motion is None:
+            herd = self._herd
+            attitude, turning = _rotations(herd.quaternions), herd.turning
+            self._motion = Motion(attitude, turning, herd.speeds, _in_heading(attitude, herd.velocities, turning))
+        return self._motion
 
     def _enter(self, dog: int, state: Memory | Spot) -> None:
         if isinstance(state, Spot):
@@ -221,12 +244,12 @@ class Pack:
 def _rotations(quaternions: Array) -> Array:
     """Rotation matrices (count, 3, 3) of unit quaternions (count, 4); row 2 is the world's up in the body frame."""
     w, x, y, z = quaternions.T
-    rows = (
-        (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
-        (2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)),
-        (2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)),
+    entries = (
+        *(1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
+        *(2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)),
+        *(2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)),
     )
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    return np.array(entries).T.reshape(-1, 3, 3)
 
 
 def _in_heading(attitude: Array, velocities: Array, turning: Array) -> Array:
@@ -234,7 +257,7 @@ def _in_heading(attitude: Array, velocities: Array, turning: Array) -> Array:
     ahead = attitude[:, :2, 0] / np.maximum(np.hypot(attitude[:, 0, 0], attitude[:, 1, 0]), 1e-9)[:, None]
     forward = velocities[:, 0] * ahead[:, 0] + velocities[:, 1] * ahead[:, 1]
     left = velocities[:, 1] * ahead[:, 0] - velocities[:, 0] * ahead[:, 1]
-    return np.stack((forward, left, (attitude[:, 2] * turning).sum(axis=1)), axis=1)
+    return np.array((forward, left, (attitude[:, 2] * turning).sum(axis=1))).T
 
 
 __all__ = ["PERIOD_S", "Memory", "Pack", "Sense", "Spot"]
