@@ -195,6 +195,7 @@ def si_value(number: float, unit: str) -> float:
     return number * found.factor
 
 
+@lru_cache(maxsize=1024)
 def without_unit(name: str) -> str:
     """A property's name without the unit that ends it: `demand` for `demand_kg`."""
     return next((name.removesuffix(end) for end in _SUFFIXES if name.endswith(end) and len(name) > len(end)), name)

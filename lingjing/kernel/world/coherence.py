@@ -82,7 +82,7 @@ def _checked(
     return Boundary(
         engine=engine,
         time_s=until,
-        states=tuple(_checked_state(engine, call, states[name]) for name in owns),
+        states=_checked_states(engine, call, [states[name] for name in owns]),
         receipts=_plain(engine, call, _RECEIPTS, report.receipts) if report.receipts else (),
         events=_plain(engine, call, _EVENTS, report.events) if report.events else (),
         routes=_checked_routes(engine, call, report.routes, owns) if report.routes else (),
@@ -148,25 +148,36 @@ def _checked_movers(
     for name in ids:
         if name in entities:
             raise broken(engine, call, f"its background mover `{name}` has the id of an entity")
-    if _are_plain(movers):
-        return tuple(movers)
-    return tuple([_checked_state(engine, call, mover) for mover in movers])
+    return _checked_states(engine, call, movers)
 
 
-def _are_plain(movers: Sequence[BodyState]) -> bool:
+def _checked_states(engine: str, call: str, states: Sequence[BodyState]) -> tuple[BodyState, ...]:
+    """The states made plain; one by one only if something about them is not as it should be."""
+    if _are_plain(states):
+        return tuple(states)
+    return tuple([_checked_state(engine, call, state) for state in states])
+
+
+def _are_plain(states: Sequence[BodyState]) -> bool:
     """Whether all are shaped as they should be, of Python's own floats, and finite: one sum over all of them."""
+    if not states:
+        return True
     try:
-        vectors = [vector for mover in movers for vector in (mover.position, mover.velocity)]
-        numbers = [*chain.from_iterable(vectors), *chain.from_iterable([mover.joints for mover in movers])]
-        numbers += [angle for mover in movers for angle in (mover.heading_deg, mover.pitch_deg, mover.roll_deg)]
-        numbers += chain.from_iterable([mover.resources.values() for mover in movers])
-        words = [word for mover in movers for word in (mover.id, mover.status, mover.kind)]
+        rows = [
+            (*s.position, *s.velocity, s.heading_deg, s.pitch_deg, s.roll_deg, *s.joints, *s.resources.values())
+            for s in states
+        ]
+        shapes = {
+            (type(s.position), len(s.position), type(s.velocity), len(s.velocity), type(s.joints), type(s.status))
+            for s in states
+        }
+        words = {type(word) for s in states for word in (s.id, s.kind)}
     except (TypeError, AttributeError):
         return False
+    numbers = list(chain.from_iterable(rows))
     return (
-        set(map(type, vectors)) == {tuple}
-        and set(map(len, vectors)) == {3}
-        and set(map(type, words)) == {str}
+        shapes == {(tuple, 3, tuple, 3, tuple, str)}
+        and words == {str}
         and set(map(type, numbers)) == _PLAIN_NUMBERS
         and math.isfinite(sum(numbers))
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 from collections.abc import Callable, Iterator
 from typing import Protocol
@@ -90,10 +91,15 @@ class WorldDesk:
     def _reply(self, request: Request) -> Message:
         match request:
             case Prepare():
+                gc.unfreeze()
                 self._ensemble = self._conductor = None
                 return self._engines.prepare(request.engines)
             case Reset():
-                return self._reset(request)
+                ready = self._reset(request)
+                # What the episode is played on stays until its end: collections need not walk through a whole city
+                # again and again, and a forked copy shares its pages untouched.
+                gc.freeze()
+                return ready
             case Step() if self._conductor is not None:
                 return Stepped(boundary=self._conductor.step(request.tick, request.commands))
             case Submit() if self._ensemble is not None:
