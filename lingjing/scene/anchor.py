@@ -4,8 +4,8 @@ A mission says where things are in metres and knows no city; here each entity wi
 suitable place, its elevation becomes that of what it stands on, and its heading follows the road, the deck or the wall
 (of two directions of a road the one nearer to the declared heading). No two share a roof or a facade, vehicles keep a
 length apart. Where an interaction names who performs it and from how far, the place is one such a body can reach: a
-fire on a roof lies near enough to a road for the truck. What has no `on` and would begin inside a building is moved
-out of it. Regions made of roads get their outlines.
+fire on a roof lies near enough to a road for the truck. What has no `on` stays where it is, but for what would begin
+inside a building or, on the ground, in the middle of a road. Regions made of roads get their outlines.
 
 A pure function of its arguments; the order is that of declaration.
 """
@@ -22,7 +22,7 @@ from lingjing.errors import MissionError
 from lingjing.mission.geometry2d import contains, edge_distance
 from lingjing.mission.instance import Entity, Instance, Vector
 from lingjing.scene.city import Building, City, Tile
-from lingjing.scene.footing import Footing, rings
+from lingjing.scene.footing import Footing
 from lingjing.scene.lines import length, nearest, point_at
 from lingjing.scene.tiles import Tiles
 
@@ -41,6 +41,10 @@ ROOF_EDGE_M = 2.0
 SLACK_M = 5.0
 """An interaction's distance is not used up to the last metre: a road's far lane still reaches."""
 
+STANDS_M = 2.0
+"""An asset without `on` that begins no higher than this over the ground stands on it."""
+
+STAND_CLEAR_M = 1.2
 BODY_CLEAR_M = 0.6
 TARGET_CLEAR_M = 1.5
 
@@ -91,7 +95,7 @@ class _Anchoring:
     def placed(self, entity: Entity) -> Entity:
         on = entity.properties.get("on")
         if on is None:
-            return self._out_of_buildings(entity)
+            return self._out_of_the_way(entity)
         rule = self._rules.get(str(on))
         if rule is None:
             known = ", ".join(self._rules)
@@ -229,16 +233,23 @@ class _Anchoring:
         self._walkers.append(spot)
         return _moved(entity, (*spot, self._footing.height(*spot)))
 
-    def _out_of_buildings(self, entity: Entity) -> Entity:
-        """An entity that would begin inside a building stands on the nearest free ground instead."""
+    def _out_of_the_way(self, entity: Entity) -> Entity:
+        """What has no `on`: left where it is, unless it would begin inside a building or stand on a road."""
         x, y, z = entity.position
-        roof = self._footing.roof_over(x, y)
-        if roof is None or z >= roof - 0.01:
+        roof, floor = self._footing.roof_over(x, y), self._footing.height(x, y)
+        buried = roof is not None and z < roof - 0.01
+        stands = entity.role == "asset" and floor <= z <= floor + STANDS_M
+        if not buried and (not stands or self._footing.is_clear(x, y, BODY_CLEAR_M, off_road=True)):
             return entity
-        for px, py in rings(x, y, REACH_M / 2.0):
-            if self._footing.is_clear(px, py, 2.0):
-                return _moved(entity, (px, py, z))
-        raise self._nothing(entity, "free ground")
+        if self._footing.is_water(x, y):
+            return entity
+        spot = self._footing.nearest_clear(
+            x, y, STAND_CLEAR_M, REACH_M / 2.0, off_road=True, apart=self._walkers, apart_m=2.0 * STAND_CLEAR_M
+        )
+        if spot is None:
+            raise self._nothing(entity, "free ground")
+        self._walkers.append(spot)
+        return _moved(entity, (*spot, self._footing.height(*spot) + max(0.0, z - floor)))
 
     # -- bridges and pipes
 

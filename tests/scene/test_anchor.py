@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 from functools import cache
+from heapq import heappop, heappush
 from itertools import combinations
 from math import hypot
 from pathlib import Path
@@ -101,6 +102,52 @@ def test_everything_stands_where_it_is_declared_to(name: str) -> None:
             if "on" not in entity.properties:
                 roof = footing.roof_over(*entity.position[:2])
                 assert roof is None or entity.position[2] >= roof, f"{entity.id} begins inside a building"
+
+
+def test_aircraft_wait_beside_the_road_and_at_sea_nothing_moves() -> None:
+    for name in ("ufr", "cr", "ld"):
+        instance, city = anchored(name, 0)
+        footing = Footing(city)
+        before = {entity.id: entity for entity in instantiate(mission(name), seed=0).entities}
+        for uav in (entity for entity in instance.entities if entity.group == "uav"):
+            x, y, z = uav.position
+            assert footing.is_clear(x, y, 0.6, off_road=True)
+            assert 0.9 <= z - footing.height(x, y) <= 1.1, "as high over the ground as declared"
+            assert hypot(x - before[uav.id].position[0], y - before[uav.id].position[1]) < 25.0
+    instance, _ = anchored("ssr", 0)
+    assert instance == instantiate(mission("ssr"), seed=0)
+    instance, _ = anchored("bi", 0)
+    assert next(entity for entity in instance.entities if entity.id == "uav").position == (-150.0, 0.0, 12.0)
+
+
+WALKS = {"vdn": ("home", 25.0), "idf": ("fire", 2.0), "upr": ("leak", 4.5), "ld": ("house", 12.0)}
+
+
+def walks(footing: Footing, start: tuple[float, float], end: tuple[float, float], within: float) -> bool:
+    """Whether a search over a grid of 1.5 m, nearest to the end first, gets within that distance of it."""
+    seen, edge = {(0, 0)}, [(hypot(end[0] - start[0], end[1] - start[1]), 0, 0)]
+    while edge and len(seen) < 20_000:
+        left, i, j = heappop(edge)
+        if left <= within:
+            return True
+        for step in ((i + 1, j), (i - 1, j), (i, j + 1), (i, j - 1)):
+            x, y = start[0] + 1.5 * step[0], start[1] + 1.5 * step[1]
+            if step not in seen and footing.is_clear(x, y, 0.4):
+                heappush(edge, (hypot(end[0] - x, end[1] - y), *step))
+            seen.add(step)
+    return False
+
+
+@pytest.mark.parametrize("name", WALKS)
+def test_dogs_can_walk_to_what_they_are_sent_to(name: str) -> None:
+    group, within = WALKS[name]
+    for seed in SEEDS:
+        instance, city = anchored(name, seed)
+        footing = Footing(city)
+        for dog in (entity for entity in instance.entities if entity.type == "robot_dog"):
+            for target in (entity for entity in instance.entities if entity.group == group):
+                there = walks(footing, dog.position[:2], target.position[:2], within)
+                assert there, f"{dog.id} gets from {dog.position} to {target.id} at {target.position} with seed {seed}"
 
 
 @pytest.mark.parametrize("name", NINE)
