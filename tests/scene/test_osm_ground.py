@@ -6,6 +6,7 @@ import shapely
 
 from lingjing.scene.city import Lane, Road
 from lingjing.scene.osm import ground, structures, trees, water
+from lingjing.scene.osm.footbridges import LEVEL_M, footbridges
 
 sys.path.insert(0, str(Path(__file__).parent))
 from osm_maps import Map, square
@@ -148,11 +149,19 @@ def test_roads_end_where_the_frame_ends() -> None:
     assert structures.is_visible(Road(id="t", lanes=(lane,), tunnel=True)) is False
 
 
-def test_footbridges_pass_over_what_they_cross(tmp_path: Path) -> None:
+def test_footbridges_pass_over_what_they_cross_and_stairs_lead_up(tmp_path: Path) -> None:
     made = Map()
-    made.way([(-100, 0), (100, 0)], {"highway": "primary", "bridge": "yes", "layer": "1"})
-    made.way([(0, -100), (0, 100)], {"highway": "footway", "bridge": "yes", "layer": "3"})
-    made.way([(50, 200), (50, 300)], {"highway": "footway", "bridge": "yes", "layer": "3"})
-    made.way([(60, 200), (60, 300)], {"highway": "footway"})
-    found = {bridge.id: bridge for bridge in structures.footbridges(made.features(tmp_path), ())}
-    assert {key: bridge.path[0][2] for key, bridge in found.items()} == {"foot-w2": 12.0, "foot-w3": 6.0}
+    foot = {"highway": "footway", "bridge": "yes", "layer": "3"}
+    made.way([(-100, 0), (100, 0)], {"highway": "primary"})
+    made.way([(0, -50), (0, 50)], foot)
+    made.way([(0, 50), (60, 50)], foot)  # joined to it
+    made.way([(60, 50), (60, 110)], {"highway": "steps"})
+    made.way([(200, 200), (200, 300)], foot)  # over grass
+    found = {bridge.id: bridge for bridge in footbridges(made.features(tmp_path), ())}
+    assert {key: bridge.path[0][2] for key, bridge in found.items() if key.startswith("foot")} == {
+        "foot-w2": 6.0, "foot-w3": 6.0, "foot-w5": LEVEL_M
+    }  # fmt: skip
+    (stairs,) = (bridge for key, bridge in found.items() if key.startswith("ramp"))
+    (_, bottom, high), (_, top, low) = stairs.path
+    assert (high, low) == (6.0, 0.0)
+    assert top - bottom == pytest.approx(12.0, abs=0.1)  # at a grade of one in two

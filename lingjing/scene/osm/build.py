@@ -22,6 +22,7 @@ from lingjing.errors import UsageError
 from lingjing.scene.city import City, Junction, Pieces, Road, Solid
 from lingjing.scene.osm import buildings, ground, read, structures, trees, water
 from lingjing.scene.osm.features import Features, collect
+from lingjing.scene.osm.footbridges import footbridges
 from lingjing.scene.osm.frame import Frame, choose
 from lingjing.scene.osm.read import Box, MapData
 from lingjing.scene.osm.streets import streets_xml
@@ -133,7 +134,7 @@ def _assemble(
         buildings=built,
         roads=roads,
         junctions=junctions,
-        bridges=tuple(chain(structures.decks(roads), structures.footbridges(features, roads))),
+        bridges=tuple(chain(structures.decks(roads), footbridges(features, roads))),
         props=planted,
     )
     if not built:

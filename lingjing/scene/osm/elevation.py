@@ -46,7 +46,7 @@ def bridge_heights(features: Features) -> dict[str, float]:
     """The height of every bridge for vehicles by its `ref`: above what it crosses, 0 where that is water alone."""
     import shapely
 
-    lines = [f for f in features.lines if _is_way(f.tags) and not _is_tunnel(f.tags)]
+    lines = [f for f in features.lines if is_surface_way(f.tags)]
     tree = shapely.STRtree([f.shape for f in lines])
     bridges = sorted((f for f in lines if _is_bridge(f.tags)), key=lambda f: (layer(f.tags), f.ref))
     found: dict[str, float] = {}
@@ -56,12 +56,13 @@ def bridge_heights(features: Features) -> dict[str, float]:
     return found
 
 
+def is_surface_way(tags: dict[str, str]) -> bool:
+    """Whether a line is a street or a railway in the open, which a bridge needs room above."""
+    moving = tags.get("highway") in VEHICLES or tags.get("railway") in ("rail", "light_rail", "tram", "monorail")
+    return moving and not _is_tunnel(tags)
+
+
 # -- private
-
-
-def _is_way(tags: dict[str, str]) -> bool:
-    """Streets, and railways that are not underground."""
-    return tags.get("highway") in VEHICLES or tags.get("railway") in ("rail", "light_rail", "tram", "monorail")
 
 
 def _is_bridge(tags: dict[str, str]) -> bool:

@@ -1,4 +1,4 @@
-"""What stands in the open and is no building: piers, walls and hedges, and the decks under raised roads and paths.
+"""What stands in the open and is no building: piers, walls and hedges, and the decks under raised roads.
 
 A deck follows its lanes, so it goes on under a ramp that the map does not call a bridge, down to where it meets the
 ground.
@@ -16,7 +16,6 @@ import msgspec
 from lingjing.mission.instance import Vector
 from lingjing.scene.city import Bridge, Junction, Polygon, Road, Solid
 from lingjing.scene.cutting import polygons, rings
-from lingjing.scene.network import LAYER_M
 from lingjing.scene.osm.features import Feature, Features
 from lingjing.scene.osm.tags import is_below, is_set, layer, metres
 from lingjing.scene.tiles import Bounds
@@ -31,8 +30,6 @@ PIER_TOP_M = 0.3
 PILES_M = 12.0
 WALLS = {"wall": (0.3, 2.2), "city_wall": (1.5, 6.0), "retaining_wall": (0.4, 1.0), "hedge": (0.9, 1.2)}
 """`barrier` → usual thickness and height in metres."""
-
-FOOTBRIDGES = {"footway": 3.5, "path": 2.5, "cycleway": 3.5, "pedestrian": 6.0}
 
 
 def is_visible(road: Road) -> bool:
@@ -101,28 +98,6 @@ def raised(path: tuple[Vector, ...], above_m: float = DECK_M) -> list[tuple[Vect
         else:
             found.append([start, end])
     return [tuple(stretch) for stretch in found]
-
-
-def footbridges(features: Features, roads: Iterable[Road]) -> Iterator[Bridge]:
-    """Bridges for walking that the road network does not hold, level, above whatever bridges they cross."""
-    import shapely
-
-    known = {road.id.lstrip("-").split("#")[0] for road in roads}
-    bridges = [f for f in features.lines if "highway" in f.tags and is_set(f.tags, "bridge")]
-    tree = shapely.STRtree([f.shape for f in bridges])
-    for line in bridges:
-        width = FOOTBRIDGES.get(line.tags["highway"])
-        if width is None or line.ref[1:] in known or is_below(line.tags):
-            continue
-        crossed = {layer(bridges[int(k)].tags) for k in tree.query(line.shape, predicate="crosses")}
-        under = {number for number in crossed if 0 < number < layer(line.tags)}
-        height = LAYER_M * (1 + len(under))  # layers say what is above what, not how high
-        for number, part in enumerate(_cut(line, features)):
-            path = tuple((x, y, height) for x, y in part.coords)
-            name = f"foot-{line.ref}" + (f"-{number}" if number else "")
-            said = metres(line.tags, "width") or width
-            yield Bridge(id=name, path=path, width_m=min(max(said, 1.0), 30.0), thickness_m=0.8, pier_spacing_m=24.0,
-                         name=line.tags.get("name:en", line.tags.get("name", "")))  # fmt: skip
 
 
 def piers(features: Features, level_m: float) -> Iterator[Solid]:
