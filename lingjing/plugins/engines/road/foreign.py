@@ -126,7 +126,8 @@ class Foreign:
         if body.drives:
             self._enter_vehicle(name, kind, near)
         else:
-            self._sim.person.add(name, near.lane.edge, near.at_m, typeID=kind)
+            length = self._graph.edges[near.lane.edge].length_m
+            self._sim.person.add(name, near.lane.edge, max(0.0, min(near.at_m, length - 0.1)), typeID=kind)
             self._sim.person.appendWaitingStage(name, FOREVER_S)
 
     def _enter_vehicle(self, name: str, kind: str, near: Place) -> None:

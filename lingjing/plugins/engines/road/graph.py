@@ -135,7 +135,7 @@ def read_graph(sim: Simulation) -> Graph:
                 following.setdefault(target, Link(target, direction, _through(sim, via)))
     edges = _without_traps(
         {
-            name: Edge(name, tuple(own), tuple(links[name].values()), own[0].length_m, speeds[name])
+            name: Edge(name, tuple(own), tuple(links[name].values()), min(lane.length_m for lane in own), speeds[name])
             for name, own in lanes.items()
         }
     )
@@ -156,7 +156,7 @@ def locate(lane: Lane, x: float, y: float) -> Place:
         if away < off_m:
             off_m, at_m, heading, nearest = away, before + share * length, bearing(along_x, along_y), point
         before += length
-    return Place(lane, at_m * lane.length_m / (before or 1.0), off_m, heading, nearest)
+    return Place(lane, min(at_m * lane.length_m / (before or 1.0), lane.length_m), off_m, heading, nearest)
 
 
 def bearing(east: float, north: float) -> float:

@@ -269,6 +269,7 @@ class Vehicle:
             outcome = self._halted()
         if outcome:
             self._sim.vehicle.setLaneChangeMode(self.id, _KEEP_LANE)
+            self._brake(0.0)
             self.task = None
             self._arrived = outcome == "arrived"
         return outcome
