@@ -4,11 +4,14 @@ import sys
 import time
 from dataclasses import replace
 from pathlib import Path
+from typing import ClassVar
 
+import msgspec
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))  # the toys are shared by these tests and by the workers
 
+import kernel_kit as kit
 import world_toys as toys
 
 from lingjing.errors import InfrastructureError
@@ -17,6 +20,7 @@ from lingjing.kernel.world.casting import cast
 from lingjing.kernel.world.coherence import checked_boundary
 from lingjing.plugins.engine import Boundary
 from lingjing.plugins.host import PluginHost
+from lingjing.trace.records import BodyState, Route
 
 TOYS = ("world_toys:plugin", "world_toys:painter")
 
@@ -166,3 +170,46 @@ def _cpu_s(action):
     started = time.process_time()
     action()
     return time.process_time() - started
+
+
+class Busy(kit.Shore):
+    """A shore with traffic: two cars, and a route for a target now and then."""
+
+    colour = "red"
+
+    def advance(self, until, mirrors):
+        cars = tuple(
+            BodyState(id=f"traffic/{n}", position=(float(n), until, 0.0), kind="car", status=self.colour)
+            for n in (1, 2)
+        )
+        way = ((0.0, 0.0, 0.0), (9.0, 0.0, 0.0))
+        route = Route(entity="victim[1]", number=1, waypoints=way, length_m=9.0, duration_s=1.0, time_s=until)
+        boundary = super().advance(until, mirrors)
+        return msgspec.structs.replace(boundary, ambient=cars, routes=(route,) if until == 5.0 else ())
+
+
+class Onlooker(kit.Table):
+    seen: ClassVar[list[str]] = []
+
+    def draw(self, request):
+        self.seen[:] = list(self.mirrors)
+        return super().draw(request)
+
+
+def test_the_kernel_records_and_draws_the_background_and_its_digest_covers_it():
+    kernel = kit.make_kernel(plugin=kit.KitPlugin(shore=Busy, table=Onlooker))
+    kernel.reset()
+    record = kernel.step(kit.decisions(scout_1=kit.does("takePhoto"))).record
+    assert [mover.id for mover in record.snapshots[-1].ambient] == ["traffic/1", "traffic/2"]
+    assert not any(snapshot.ambient for snapshot in record.snapshots[:-1])
+    assert [route.entity for route in record.routes] == ["victim[1]"]
+    assert kernel.state.registry.routes["victim[1]"].time_s == 5.0
+    assert Onlooker.seen[-2:] == ["traffic/1", "traffic/2"]
+    assert len(Onlooker.seen) == len(kernel.instance.entities) + 2
+
+    class Blue(Busy):
+        colour = "blue"
+
+    other = kit.make_kernel(plugin=kit.KitPlugin(shore=Blue, table=Onlooker))
+    other.reset()
+    assert other.step(kit.decisions(scout_1=kit.does("takePhoto"))).record.digest != record.digest

@@ -1,8 +1,8 @@
 """All motion engines in one world process: one thread, one answer in every process, forks to the last bit."""
 
 import os
+import subprocess
 import sys
-import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -79,25 +79,38 @@ def _states(boundary):
     return {state.id: state for state in boundary.snapshots[-1].states}
 
 
-@pytest.mark.slow
-def test_the_host_costs_less_than_a_tenth_of_its_engines(world, city):
-    """Encoding, checking and mirrors against the engines' own time, in one run at ten macro-steps a second."""
-    instance = mixed.instance(uavs=3, dogs=2, traffic=100)
-    world.reset(instance, city)
-    shares = []
-    for tick in range(1, 6):
-        engines_s, host_s = _spent(world, instance, tick)
-        shares.append(host_s / engines_s)
-    assert sorted(shares)[len(shares) // 2] < 0.1, shares
-
-
-def _spent(world, instance, tick):
-    """Seconds of a tick in its engines and beyond them; both are of the same moments, so their ratio stands load."""
-    started = time.perf_counter()
+MEASURE = """
+import time, types
+import lingjing.kernel.world.calling as calling
+import world_mixed as mixed
+from lingjing.kernel.world import open_world
+calling.time = types.SimpleNamespace(perf_counter=time.process_time)  # engines are timed by the processor's clock
+instance = mixed.instance(uavs=3, dogs=2, traffic=100)
+world = open_world("inline")
+world.reset(instance, mixed.city())
+engines_s = whole_s = 0.0
+for tick in range(1, 5):
+    started = time.process_time()
     boundary = world.step(tick, mixed.orders(tick, instance))
-    whole = time.perf_counter() - started
-    engines_s = sum(status.wait_wall_s for status in boundary.engines)
-    return engines_s, whole - engines_s
+    whole_s += time.process_time() - started
+    engines_s += sum(status.wait_wall_s for status in boundary.engines)
+world.close()
+print(whole_s / engines_s - 1.0)
+"""
+
+
+@pytest.mark.slow
+def test_the_host_costs_less_than_a_tenth_of_its_engines():
+    """Checks, mirrors and snapshots against the engines' own time, at ten macro-steps a second, in processor time."""
+    path = os.pathsep.join([str(Path(__file__).parent), *sys.path])
+    run = subprocess.run(
+        [sys.executable, "-c", MEASURE],
+        check=True,
+        capture_output=True,
+        text=True,
+        env={**os.environ, "PYTHONPATH": path},
+    )
+    assert float(run.stdout.split()[-1]) < 0.1
 
 
 def test_a_thousand_background_movers_travel_once_a_tick(world, city):
