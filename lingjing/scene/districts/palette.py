@@ -50,7 +50,7 @@ METAL: tuple[Colour, ...] = ((0.40, 0.42, 0.44), (0.18, 0.28, 0.42), (0.30, 0.34
 ORANGE: Colour = (0.80, 0.24, 0.03)
 """Roofs that a hasty eye takes for fire."""
 
-ORANGE_SHARE = 0.05
+ORANGE_SHARE = 0.03
 
 
 def varied(colour: Colour, chance: Random, by: float = 0.12) -> Colour:
