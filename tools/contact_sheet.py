@@ -256,20 +256,20 @@ def _viewer(shot: Shot, subject: Entity, bearing: float) -> Entity:
 
 def cell(frame: npt.NDArray[np.uint8], box: Box | None, nadir: bool) -> Image.Image:
     """The part of a frame around a box, in its own pixels; the whole frame made smaller where the box is larger.
-    Without a box the middle of a nadir frame, or all of another."""
+    Without a box the middle of a nadir frame at half its size, or all of another."""
     picture = Image.fromarray(frame)
     width, height = picture.size
     if box is None and not nadir:
         return picture.resize(CELL, Image.Resampling.LANCZOS)
     if box is None:
-        left, top = (width - CELL[0]) // 2, (height - CELL[1]) // 2
-        return picture.crop((left, top, left + CELL[0], top + CELL[1]))
-    x0, y0, x1, y1 = (v * s for v, s in zip(box.box, (width, height, width, height), strict=True))
+        left, top = width // 2 - CELL[0], height // 2 - CELL[1]
+        return picture.resize(CELL, Image.Resampling.LANCZOS, box=(left, top, width - left, height - top))
+    x0, y0, x1, y1 = (v * float(s) for v, s in zip(box.box, (width, height, width, height), strict=True))
     share = max((x1 - x0) / (0.85 * CELL[0]), (y1 - y0) / (0.85 * CELL[1]), 1.0)
     w, h = min(CELL[0] * share, width), min(CELL[1] * share, height)
-    left = min(max((x0 + x1 - w) / 2.0, 0.0), width - w)
-    top = min(max((y0 + y1 - h) / 2.0, 0.0), height - h)
-    return picture.resize(CELL, Image.Resampling.LANCZOS, box=(left, top, left + w, top + h))
+    west = min(max((x0 + x1 - w) / 2.0, 0.0), width - w)
+    north = min(max((y0 + y1 - h) / 2.0, 0.0), height - h)
+    return picture.resize(CELL, Image.Resampling.LANCZOS, box=(west, north, west + w, north + h))
 
 
 def caption(shot: Shot, frame: npt.NDArray[np.uint8], box: Box | None) -> tuple[str, str]:

@@ -27,7 +27,7 @@ from lingjing.plugins.engines.camera.models import ENTITIES, ambient_parts, enti
 from lingjing.plugins.engines.camera.models.catalogue import SINGLE, VARIED
 from lingjing.plugins.engines.camera.models.dog import STANDING, STANDING_M, dog_parts
 from lingjing.plugins.engines.camera.models.shapes import turned
-from lingjing.scene.city import Bridge, Building, Lane, Pieces, Pipe, Prop, Road, Tile
+from lingjing.scene.city import Bridge, Building, Lane, Pieces, Pipe, Prop, Road, Solid, Tile
 from lingjing.trace.records import BodyState
 
 STD = Path(__file__).parents[2] / "scenarios" / "std"
@@ -191,6 +191,20 @@ def test_a_fracture_cuts_the_bridge_and_its_lanes() -> None:
     assert cut.roads[-1] == SPAN.roads[1], "a street under the bridge stays whole"
     far = thing("bridge_fracture", (120.0, 400.0, 0.0))
     assert dressed(SPAN, [far]) is SPAN
+
+
+def test_a_fracture_cuts_the_railings_on_its_deck() -> None:
+    rails = tuple(
+        Solid(id=f"rail-{z:g}", polygon=((60, 6.8), (190, 6.8), (190, 7.0), (60, 7.0)), base_m=z, top_m=z + 1.0)
+        for z in (8.8, 0.0)
+    )
+    tile = Tile(key=(0, 0), bridges=SPAN.bridges)
+    other = Tile(key=(0, 1), solids=rails)
+    made = dress(lambda x, y, radius: (tile, other), lambda x, y: 0.0, [BREAK])
+    parts = made.tiles[(0, 1)].solids
+    assert [solid.id for solid in parts] == ["rail-8.8-a", "rail-8.8-b", "rail-0"]
+    assert max(x for x, _ in parts[0].polygon) == pytest.approx(116.0)
+    assert min(x for x, _ in parts[1].polygon) == pytest.approx(124.0)
 
 
 def test_rubble_fits_the_deck_that_it_fell_from() -> None:

@@ -9,13 +9,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from math import atan2, degrees, hypot, inf
+from math import atan2, cos, degrees, hypot, inf, radians, sin
 from typing import TypeVar
 
 import msgspec
 
 from lingjing.mission.instance import Entity, Vector
-from lingjing.scene.city import Bridge, Building, Lane, Pieces, Polygon, Road, Tile
+from lingjing.scene.city import Bridge, Building, Lane, Pieces, Polygon, Road, Solid, Tile
 from lingjing.scene.districts.palette import NAMED
 
 AWARE = ("bridge_fracture", "pipeline_leak", "reference_building")
@@ -71,7 +71,7 @@ def dress(
         made.faced.update((building, number) for building in chosen)
         for tile in tiles:
             before = made.tiles.get(tile.key, tile)
-            after = dressed(before, (entity,), chosen)
+            after = dressed(before, (entity,), chosen, made.sites)
             if after is not before:
                 made.tiles[tile.key] = after
     return made
@@ -97,23 +97,28 @@ def site_of(entity: Entity, near: Iterable[Pieces], ground_m: float) -> Site:
     return Site(ground_m)
 
 
-def dressed(pieces: P, entities: Sequence[Entity], painted: Mapping[str, Entity] | None = None) -> P:
+def dressed(
+    pieces: P,
+    entities: Sequence[Entity],
+    painted: Mapping[str, Entity] | None = None,
+    sites: Mapping[str, Site] | None = None,
+) -> P:
     """The pieces with broken bridges and painted buildings (id → entity); the very same object if none changes.
-    Without `painted` these are the pieces' own nearest ones."""
-    broken = [e for e in entities if is_a(e, "bridge_fracture") and not e.dormant]
+
+    Without `painted` and `sites` these are what the pieces themselves tell.
+    """
+    made = pieces
+    for entity in entities:
+        if is_a(entity, "bridge_fracture") and not entity.dormant:
+            known = sites.get(entity.id) if sites is not None else None
+            made = _broken(made, entity, known or site_of(entity, [pieces], 0.0))
     chosen = faced(pieces, entities) if painted is None else painted
     here = {building.id for building in pieces.buildings}
     named = {name: entity for name, entity in chosen.items() if name in here and _paint(entity) is not None}
-    if not named and not any(_touches(pieces, entity) for entity in broken):
-        return pieces
-    bridges: tuple[Bridge, ...] = pieces.bridges
-    roads: tuple[Road, ...] = pieces.roads
-    for entity in broken:
-        gap = gap_of(entity)
-        bridges = tuple(part for bridge in bridges for part in _cut_bridge(bridge, entity, gap))
-        roads = tuple(part for road in roads for part in (_cut_road(road, entity, gap) if road.bridge else (road,)))
+    if not named:
+        return made
     buildings = tuple(_painted(building, named.get(building.id)) for building in pieces.buildings)
-    return msgspec.structs.replace(pieces, bridges=bridges, roads=roads, buildings=buildings)
+    return msgspec.structs.replace(made, buildings=buildings)
 
 
 def faced(pieces: Pieces, entities: Sequence[Entity]) -> dict[str, Entity]:
@@ -145,10 +150,45 @@ def split(path: Path, x: float, y: float, gap_m: float) -> tuple[Path, ...]:
     return tuple(part for part in (_until(path, at - 0.5 * gap_m), _from(path, at + 0.5 * gap_m)) if len(part) > 1)
 
 
-def _touches(pieces: Pieces, entity: Entity) -> bool:
+def _broken(pieces: P, entity: Entity, site: Site) -> P:
+    """The pieces without what lay in the gap: deck, lanes, railings."""
+    gap = gap_of(entity)
+    bridges = tuple(part for bridge in pieces.bridges for part in _cut_bridge(bridge, entity, gap))
+    roads = tuple(part for road in pieces.roads for part in (_cut_road(road, entity, gap) if road.bridge else (road,)))
+    solids = tuple(part for solid in pieces.solids for part in _cut_solid(solid, entity, site, gap))
+    if (bridges, roads, solids) == (pieces.bridges, pieces.roads, pieces.solids):
+        return pieces
+    return msgspec.structs.replace(pieces, bridges=bridges, roads=roads, solids=solids)
+
+
+def _cut_solid(solid: Solid, entity: Entity, site: Site, gap: float) -> tuple[Solid, ...]:
+    """What stands on the deck (a railing, a kerb) on both sides of the gap."""
+    if site.deck_m is None or site.heading_deg is None or not site.deck_m - 0.3 <= solid.base_m <= site.deck_m + 3.0:
+        return (solid,)
     x, y, _ = entity.position
-    paths = [b.path for b in pieces.bridges] + [r.lanes[0].shape for r in pieces.roads if r.bridge and r.lanes]
-    return any(len(path) > 1 and _project(path, x, y)[0] <= NEAR_M for path in paths)
+    east, north = sin(radians(site.heading_deg)), cos(radians(site.heading_deg))
+    along = [(px - x) * east + (py - y) * north for px, py in solid.polygon]
+    aside = [abs((px - x) * north - (py - y) * east) for px, py in solid.polygon]
+    if max(along) <= -0.5 * gap or min(along) >= 0.5 * gap or min(aside) > 0.5 * site.width_m + 1.0:
+        return (solid,)
+    sides = [_clipped(solid.polygon, [sign * s - 0.5 * gap for s in along]) for sign in (-1.0, 1.0)]
+    return tuple(
+        msgspec.structs.replace(solid, id=f"{solid.id}-{end}", polygon=side)
+        for end, side in zip("ab", sides, strict=True) if len(side) > 2
+    )  # fmt: skip
+
+
+def _clipped(polygon: Polygon, inside: list[float]) -> Polygon:
+    """The part of a convex polygon whose corners' values are positive (Sutherland and Hodgman, one edge)."""
+    out = []
+    for k, (here, value) in enumerate(zip(polygon, inside, strict=True)):
+        (bx, by), after = polygon[(k + 1) % len(polygon)], inside[(k + 1) % len(polygon)]
+        if value >= 0.0:
+            out.append(here)
+        if value * after < 0.0:
+            t = value / (value - after)
+            out.append((here[0] + t * (bx - here[0]), here[1] + t * (by - here[1])))
+    return tuple(out)
 
 
 def _cut_bridge(bridge: Bridge, entity: Entity, gap: float) -> tuple[Bridge, ...]:
