@@ -223,6 +223,20 @@ def test_a_leak_knows_its_pipe() -> None:
     assert site.heading_deg == pytest.approx(0.0) and site.radius_m == 0.25
 
 
+def test_signs_stand_at_the_kerb_whatever_the_lane() -> None:
+    def lane(index: int) -> Lane:
+        return Lane(id=f"e_{index}", shape=((3.2 * -index, 0.0, 0.0), (3.2 * -index, 90.0, 0.0)), width_m=3.2)
+
+    street = Pieces(roads=(Road(id="e", lanes=(lane(0), lane(1))),))
+    outer, inner = (thing("destination", (x, 40.0, 0.0), properties={"on": "road"}) for x in (0.0, -3.2))
+    edges = []
+    for entity in (outer, inner):
+        site = site_of(entity, [street], 0.0)
+        (part,) = entity_parts(entity, state(entity), 0.0, site.kerb_m)
+        edges.append(entity.position[0] + turned(part.mesh, part.rows)[:, 0].min())
+    assert edges[0] == pytest.approx(edges[1], abs=1e-5) and edges[0] > 1.6
+
+
 def test_the_reference_building_is_painted_and_named() -> None:
     def house(name: str, x: float) -> Building:
         return Building(id=name, polygon=((x, 0), (x + 10, 0), (x + 10, 10), (x, 10)), base_m=0.0, top_m=9.0)

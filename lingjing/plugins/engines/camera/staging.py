@@ -56,9 +56,10 @@ def stage(
         if entity.type in AFLOAT and plane == level_m:
             state = msgspec.structs.replace(state, position=(*state.position[:2], plane))
             wet.append((state, entity.type))
-        parts = entity_parts(entity, state, time_s)
+        site = sites.get(entity.id, Site(plane))
+        parts = entity_parts(entity, state, time_s, site.kerb_m, site.radius_m)
         drawn += _placed(state, parts, "entity", FIRST_ENTITY + number, plane)
-        effects = effects_of(entity, state, time_s, weather, sites.get(entity.id, Site(plane)))
+        effects = effects_of(entity, state, time_s, weather, site)
         drawn += [(s.rows, f"effect/{s.key}", s.mesh, FIRST_ENTITY + number, s.plane) for s in effects.solids]
         rows = effects.billboards.copy()
         rows["id"] *= FIRST_ENTITY + number

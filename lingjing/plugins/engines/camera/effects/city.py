@@ -15,15 +15,18 @@ from typing import TypeVar
 import msgspec
 
 from lingjing.mission.instance import Entity, Vector
+from lingjing.plugins.engines.camera.models.places import KERB_M
 from lingjing.scene.city import Bridge, Building, Lane, Pieces, Polygon, Road, Solid, Tile
 from lingjing.scene.districts.palette import NAMED
 
-AWARE = ("bridge_fracture", "pipeline_leak", "reference_building")
+AWARE = ("bridge_fracture", "pipeline_leak", "reference_building", "destination", "delivery_point", "warehouse")
 """Types whose looks depend on what they stand on."""
 NEAR_M = 40.0
 """A target belongs to the bridge or building within this distance of it, the nearest one."""
 TILES_M = 80.0
 """How far around a target tiles are looked at: an anchored building's first corner may be as far."""
+VERGE_M = 0.8
+"""From a road's edge to the middle of what stands there."""
 GAP_M = 8.0
 Path = tuple[Vector, ...]
 P = TypeVar("P", bound=Pieces)
@@ -33,7 +36,7 @@ T = TypeVar("T")
 @dataclass(frozen=True, slots=True)
 class Site:
     """Surroundings of a target: the ground's elevation under it; for one on a bridge the deck's axis, width, thickness
-    and top; for one on a pipe the pipe's axis and radius."""
+    and top; for one on a pipe the pipe's axis and radius; for one on a road how far to its right the road ends."""
 
     ground_m: float = 0.0
     heading_deg: float | None = None
@@ -41,6 +44,7 @@ class Site:
     thickness_m: float = 1.2
     deck_m: float | None = None
     radius_m: float = 0.4
+    kerb_m: float = KERB_M
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,6 +98,8 @@ def site_of(entity: Entity, near: Iterable[Pieces], ground_m: float) -> Site:
         pipe = _nearest([(pipe, pipe.path) for piece in near for pipe in piece.pipes], x, y)
         if pipe is not None:
             return Site(ground_m, pipe[2], radius_m=pipe[0].radius_m)
+    if entity.properties.get("on") == "road":
+        return Site(ground_m, kerb_m=_kerb(near, entity))
     return Site(ground_m)
 
 
@@ -148,6 +154,19 @@ def split(path: Path, x: float, y: float, gap_m: float) -> tuple[Path, ...]:
     """The path without the `gap_m` of it about the point nearest to (x, y): up to two pieces."""
     _, at, _, _ = _project(path, x, y)
     return tuple(part for part in (_until(path, at - 0.5 * gap_m), _from(path, at + 0.5 * gap_m)) if len(part) > 1)
+
+
+def _kerb(near: Iterable[Pieces], entity: Entity) -> float:
+    """From an entity on a lane over the lanes to its right to what stands at the kerb, m."""
+    x, y, _ = entity.position
+    best = (NEAR_M, KERB_M)
+    for road in (road for pieces in near for road in pieces.roads):
+        run = VERGE_M
+        for lane in road.lanes:
+            if len(lane.shape) > 1:
+                best = min(best, (_project(lane.shape, x, y)[0], run + 0.5 * lane.width_m))
+            run += lane.width_m
+    return best[1]
 
 
 def _broken(pieces: P, entity: Entity, site: Site) -> P:

@@ -27,12 +27,15 @@ PIPE_RADIUS_M = 0.4
 
 @dataclass(frozen=True, slots=True)
 class Subject:
-    """Who is drawn: `number` feeds its looks, `properties` are its entity's."""
+    """Who is drawn: `number` feeds its looks, `properties` are its entity's; `kerb_m` is how far to its right the road
+    ends, `pipe_m` the radius of the pipe it is on."""
 
     number: int
     state: BodyState
     time_s: float
     properties: Mapping[str, Datum]
+    kerb_m: float = places.KERB_M
+    pipe_m: float = PIPE_RADIUS_M
 
     @property
     def speed_mps(self) -> float:
@@ -43,10 +46,15 @@ class Subject:
 Parts = tuple[Part, ...]
 
 
-def entity_parts(entity: Entity, state: BodyState, time_s: float) -> Parts:
-    """The meshes of an entity in its body's frame (x right, y ahead, z up); () for what shows itself otherwise."""
+def entity_parts(
+    entity: Entity, state: BodyState, time_s: float, kerb_m: float = places.KERB_M, pipe_m: float = PIPE_RADIUS_M
+) -> Parts:
+    """The meshes of an entity in its body's frame (x right, y ahead, z up); () for what shows itself otherwise.
+
+    `kerb_m` and `pipe_m` are what its surroundings are (`effects.city.Site`).
+    """
     build = next((ENTITIES[kind] for kind in (entity.type, *entity.bases) if kind in ENTITIES), _unknown)
-    return build(Subject(entity.index - 1, state, time_s, entity.properties))
+    return build(Subject(entity.index - 1, state, time_s, entity.properties, kerb_m, pipe_m))
 
 
 def ambient_parts(state: BodyState, time_s: float) -> Parts:
@@ -133,11 +141,20 @@ def _queue(who: Subject) -> Parts:
 
 
 def _leak(who: Subject) -> Parts:
-    given = who.properties.get("radius_m", PIPE_RADIUS_M)
-    radius = round(float(given), 2) if isinstance(given, int | float) else PIPE_RADIUS_M
+    radius = round(who.pipe_m, 2)
     if who.state.status == "sealed":
         return (Part(f"clamp-{radius}", places.clamp(radius)),)
     return (Part(f"cracked-{radius}", places.cracked_pipe(radius)),)
+
+
+def _kerbside(look: Callable[[Subject], Parts]) -> Callable[[Subject], Parts]:
+    """Moved from where kerbs are by default to where this one is."""
+
+    def moved(who: Subject) -> Parts:
+        rows = at((who.kerb_m - places.KERB_M, 0.0, 0.0))
+        return tuple(Part(part.key, part.mesh, rows) for part in look(who))
+
+    return moved
 
 
 def _served(key: str, build: Callable[[bool], Array]) -> Callable[[Subject], Parts]:
@@ -169,10 +186,10 @@ ENTITIES: dict[str, Callable[[Subject], Parts]] = {
     "pipeline_leak": _leak,
     "bridge_fracture": _nothing,
     "congestion": _nothing,
-    "destination": _one("parking_sign", places.parking_sign),
-    "delivery_point": _served("parcel_station", places.parcel_station),
+    "destination": _kerbside(_one("parking_sign", places.parking_sign)),
+    "delivery_point": _kerbside(_served("parcel_station", places.parcel_station)),
     "delivery_door": _served("doorstep", places.doorstep),
-    "warehouse": _one("dock", places.dock),
+    "warehouse": _kerbside(_one("dock", places.dock)),
     "reference_building": _nothing,
     "queue_of_people": _queue,
 }
