@@ -40,6 +40,19 @@ def test_a_new_mission_runs_at_once(tmp_path: Path) -> None:
     assert (tmp_path / "out" / "trace.mcap").is_file()
 
 
+@pytest.mark.slow
+def test_a_new_agent_finds_somebody_and_sends_the_boat(tmp_path: Path) -> None:
+    text = (Path(__file__).parents[2] / "scenarios" / "ssr.ljs").read_text(encoding="utf-8")
+    (tmp_path / "ssr.ljs").write_text(text.replace("ticks <= 60", "ticks <= 20"), encoding="utf-8")
+    lingjing("new", "agent", "scout", cwd=tmp_path)
+    done = lingjing("run", "ssr.ljs", "--policy", "./scout.py:Scout", "--seed", "1", "--json", "-o", "o", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    metrics = json.loads(done.stdout)["metrics"]
+    assert metrics["targets_found"] >= 1
+    assert metrics["frames"] >= 10
+    assert (metrics["substitutions"], metrics["rejections"]) == (0, 0)
+
+
 def test_nothing_is_overwritten_and_names_are_checked(tmp_path: Path) -> None:
     assert write_mission("水", tmp_path).name == "水.ljs"
     with pytest.raises(UsageError, match="already there"):
