@@ -115,7 +115,7 @@ class RoadEngine(FleetEngine):
         if self.clock.done % _ROOM_STEPS == 0:
             self._make_room()
         for vehicle in self._vehicles.values():
-            vehicle.enter_lane()
+            vehicle.prepare()
         self._sim.step()
         self._traffic.step()
         self._contacts.step(self._vehicles, self._foreign.bodies.values(), now - self._looked_s, now)

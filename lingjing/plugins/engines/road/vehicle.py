@@ -213,8 +213,10 @@ class Vehicle:
         """Whether it has made room."""
         return self._room is not None
 
-    def enter_lane(self) -> None:
-        """Before a step: go back into the lane for a new task once nobody comes; in a queue, once there is a gap."""
+    def prepare(self) -> None:
+        """Before a step: stay held; or go back into the lane for a task once nobody comes, in a queue at a gap."""
+        if self.task is None and not self._sim.vehicle.isStopped(self.id):
+            self._brake(0.0)  # again, because SUMO has been seen to forget it
         if self._room is None or self.task is None or self.task.kind == "halt":
             return
         self.task.steps += 1
