@@ -289,7 +289,7 @@ float streaks(vec3 d, float scale, float speed) {
   float flat_len = length(d.xy);
   float turn = atan(d.x, d.y) * scale * 3.0;
   float rise = d.z / max(flat_len, 0.05) * scale * 0.22 + u_time * speed;
-  float n = texture(u_noise, vec2(turn * 0.31, rise * 0.045)).a;
+  float n = textureLod(u_noise, vec2(turn * 0.31, rise * 0.045), 0.0).a;
   return smoothstep(0.80, 0.97, n) * smoothstep(0.02, 0.5, flat_len);
 }
 void main() {

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import moderngl
 import numpy as np
@@ -20,7 +20,7 @@ from lingjing.plugins.engines.camera.classes import FIRST_ENTITY
 from lingjing.plugins.engines.camera.effects import SHOWING, Dress
 from lingjing.plugins.engines.camera.instances import Batch, prop_batches
 from lingjing.plugins.engines.camera.light import Light
-from lingjing.plugins.engines.camera.mesh_rows import LAYOUT, Part
+from lingjing.plugins.engines.camera.mesh_rows import LAYOUT, Part, empty
 from lingjing.plugins.engines.camera.nightlights import lamp_heads
 from lingjing.plugins.engines.camera.plate import build_plate
 from lingjing.plugins.engines.camera.sight import (
@@ -41,7 +41,7 @@ from lingjing.trace.records import CameraPose
 
 KEPT_TILES = 48
 SHADE_PX = 2048
-FAR_REACH_M = 14_000.0
+FAR_REACH_M, BLOCKS_REACH_M = 14_000.0, 3500.0
 CROSSINGS_REACH_M = 60.0
 LAYER = 2.0e-6
 """Clip-space step (of w) between coplanar layers; the near plane is chosen so that it stays under a decimetre."""
@@ -111,6 +111,7 @@ class Cityscape:
         self._residents: OrderedDict[Key, Resident] = OrderedDict()
         self.plate = build_plate(city)
         self._blocks = self._upload("wall", self._skyline.blocks, casts=False)
+        self._skyline = replace(self._skyline, blocks=empty())
         self._ground = self._upload("ground", self.plate.ground, casts=False)
         self._quays = self._upload("plain", self.plate.quays, casts=False)
         self._lands = self._upload("paving", self.plate.lands, casts=False)
@@ -151,11 +152,11 @@ class Cityscape:
         window = shade_window(pose, light.sun)
         cast = casters(sky.boxes, window) & (away <= 3.0 * reach) if light.dark < 0.95 else np.zeros(len(away), bool)
         high = eye[2] > AIR_TOP_M
-        far = seen & ~near & (high | (away < min(1.3 * visibility_m, FAR_REACH_M)))
-        ranges = [sky.ranges[k] for k in np.argsort(away, kind="stable").tolist() if far[k] and sky.ranges[k][1]]
+        far = seen & ~near & (high | (away < min(visibility_m, FAR_REACH_M)))
+        ranges = _runs(sky.ranges[0], far) + _runs(sky.ranges[1], far & (high | (away < BLOCKS_REACH_M)))
         full = tuple(sky.keys[k] for k in order)
         closest = self._closest(full, pose)
-        return View(full, _runs(ranges), tuple(sky.keys[k] for k in np.flatnonzero(cast).tolist()), window, reach,
+        return View(full, tuple(ranges), tuple(sky.keys[k] for k in np.flatnonzero(cast).tolist()), window, reach,
                     closest)  # fmt: skip
 
     def _closest(self, full: tuple[Key, ...], pose: CameraPose) -> float:
@@ -287,8 +288,11 @@ class Cityscape:
         sheets = [sheet for resident in self._residents.values() for sheet in resident.sheets.values()]
         for sheet in (*sheets, self._blocks, self._ground, self._lands, self._quays):
             sheet.release()
-        for thing in (self._map, self._shade_frame, self._shade, self._caster, *self._programs.values()):
-            thing.release()
+        for program in (self._caster, *self._programs.values()):
+            program.release()
+        self._shade_frame.release()
+        for texture in (self._map, self._shade):
+            texture.release()
         self._residents.clear()
 
     def _program(self, name: str, wet: bool, night: bool) -> moderngl.Program:
@@ -339,5 +343,12 @@ def _layout(program: moderngl.Program) -> tuple[str, ...]:
     return (" ".join(sizes), *(name for _, name in LAYOUT if name in program))
 
 
-def _runs(ranges: list[npt.NDArray[np.int64]]) -> tuple[tuple[int, int], ...]:
-    return tuple((int(first), int(count)) for first, count in ranges)
+def _runs(ranges: npt.NDArray[np.int64], wanted: npt.NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """The wanted ranges (first, count), neighbours joined."""
+    runs: list[tuple[int, int]] = []
+    for first, count in ranges[wanted & (ranges[:, 1] > 0)].tolist():
+        if runs and sum(runs[-1]) == first:
+            runs[-1] = runs[-1][0], runs[-1][1] + count
+        else:
+            runs.append((first, count))
+    return runs

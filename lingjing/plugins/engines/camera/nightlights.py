@@ -56,7 +56,7 @@ def vehicle_rows(bodies: Sequence[tuple[BodyState, str]]) -> Rows:
 def _lights(state: BodyState, size: Size) -> Rows:
     right, along = ahead(state.heading_deg)
     place = np.array(state.position) + np.array([0.0, 0.0, min(0.75, 0.45 * size.height_m)])
-    side, front = right * 0.36 * size.width_m, along * (0.5 * size.length_m + 0.03)
+    side, front = right * 0.36 * size.width_m, along * (0.5 * size.length_m + 0.10)
     heads = np.array([place + front - side, place + front + side])
     tails = np.array([place - front - side, place - front + side])
     return np.concatenate([

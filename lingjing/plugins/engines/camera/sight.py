@@ -1,7 +1,7 @@
 """What a picture needs of a city: the tiles in sight by level of detail, the window of its shadow map.
 
 Pure functions of the pose and the tiles' boxes, so a picture never depends on what was drawn before. Near tiles are
-drawn in full as far as a metre is still about a pixel; beyond them blocks and the painted map stand in. The shadow map
+drawn in full as far as a metre is more than a pixel; beyond them blocks and the painted map stand in. The shadow map
 covers what is in sight within `SHADE_REACH_M`, in steps of size and place, so that neighbouring poses share it.
 """
 
@@ -19,9 +19,9 @@ from lingjing.trace.records import CameraPose
 Boxes = npt.NDArray[np.float64]
 """(n, 6): west, south, low, east, north, high."""
 
-FULL_M = (350.0, 1300.0)
+FULL_M = (350.0, 900.0)
 """Least and greatest distance to which tiles are drawn in full."""
-METRE_PX = 0.9
+METRE_PX = 1.3
 SHADE_REACH_M = 480.0
 SHADE_SIZES_M = (192.0, 256.0, 384.0, 512.0, 768.0, 1024.0, 1536.0, 2048.0)
 

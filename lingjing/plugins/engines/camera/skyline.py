@@ -23,13 +23,16 @@ from lingjing.scene.tiles import Tiles, extent
 
 SIZE = 1024
 TALL_M, WIDE_M2 = 22.0, 2500.0
+TOWER_M = 45.0
+"""From here on a building is seen for many kilometres."""
+MOST_BLOCKS = 5000
 WATER = (0.045, 0.085, 0.09)
 
 
 @dataclass(frozen=True, slots=True)
 class Skyline:
-    """Blocks of all tiles in one part; of each tile in `keys` what it covers (west, south, low, east, north, high) and
-    its blocks (first index, count); the map (rows from the south)."""
+    """Blocks of all tiles in one part; `boxes`, what each tile in `keys` covers (west, south, low, east, north, high);
+    `ranges` (2, n, 2), first index and count of each tile's towers and of its other blocks; the map, from the south."""
 
     blocks: Part
     keys: tuple[tuple[int, int], ...]
@@ -41,15 +44,25 @@ class Skyline:
 def build_skyline(city: City, tiles: Tiles) -> Skyline:
     """Blocks and map of a city."""
     canvas = _Canvas(city)
-    parts, boxes = [], []
+    chosen, boxes = [], []
     for tile in tiles:
         canvas.paint(tile)
-        parts.append(joined(_block(b) for b in tile.buildings if _seen_from_afar(b)))
+        chosen.append([b for b in tile.buildings if _seen_from_afar(b)])
         west, south, east, north = extent(tile, city.tile_m)
         boxes.append((west, south, -3.0, east, north, _top(tile)))
-    counts = np.array([len(part.index) for part in parts], np.int64)
-    ranges = np.column_stack([np.cumsum(counts) - counts, counts]) if parts else np.zeros((0, 2), np.int64)
-    return Skyline(joined(parts), tiles.keys, np.array(boxes).reshape(-1, 6), ranges, canvas.pixels())
+    least = _least([b.top_m for some in chosen for b in some])
+    towers = [[_block(b) for b in some if b.top_m >= max(least, TOWER_M)] for some in chosen]
+    others = [[_block(b) for b in some if least <= b.top_m < TOWER_M] for some in chosen]
+    counts = np.array([[sum(len(p.index) for p in parts) for parts in group] for group in (towers, others)], np.int64)
+    first = np.cumsum(counts.ravel()).reshape(counts.shape) - counts
+    blocks = joined(part for group in (towers, others) for parts in group for part in parts)
+    ranges = np.stack([first, counts], axis=2)
+    return Skyline(blocks, tiles.keys, np.array(boxes).reshape(-1, 6), ranges, canvas.pixels())
+
+
+def _least(tops: list[float]) -> float:
+    """The height from which on there are no more than `MOST_BLOCKS` buildings."""
+    return sorted(tops, reverse=True)[MOST_BLOCKS] if len(tops) > MOST_BLOCKS else 0.0
 
 
 def _top(tile: Tile) -> float:
