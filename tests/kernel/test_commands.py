@@ -142,17 +142,20 @@ def test_a_stop_without_admission_receipt_leaves_the_old_request_pending():
     assert kernel.state.registry.pending["boat"].id == "c1-1"
 
 
-def test_a_dead_entity_takes_no_pictures():
+@pytest.mark.parametrize(
+    ("status", "reason"), [("dead", "dead"), ("out_of_view", "not_in_view"), ("below_horizon", "not_in_view")]
+)
+def test_what_is_dead_or_does_not_see_its_region_takes_no_pictures(status, reason):
     class Crashed(kit.Glider):
         def advance(self, until, mirrors):
             boundary = super().advance(until, mirrors)
-            dead = tuple(msgspec.structs.replace(state, status="dead") for state in boundary.states)
+            dead = tuple(msgspec.structs.replace(state, status=status) for state in boundary.states)
             return msgspec.structs.replace(boundary, states=dead)
 
     kernel = kernel_at_zero(plugin=kit.KitPlugin(glider=Crashed))
     kernel.step(kit.decisions())
     record = kernel.step(kit.decisions(scout_1=kit.does("takePhoto"))).record
-    assert (refusals(record), record.frames) == ([("scout[1]", "dead")], ())
+    assert (refusals(record), record.frames) == ([("scout[1]", reason)], ())
 
 
 def test_a_picture_that_comes_too_late_releases_its_resource():
