@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 from lingjing.mission.instance import Vector
 from lingjing.plugins.engines.quadruped.pack import Pack, Sense
@@ -14,10 +15,19 @@ NOSE_M = 0.45
 
 _BRAKE_MPS2 = 1.2
 _REACTION_S = 0.1
-_EDGE_M, _DROP_M = 0.3, 0.5
+_EDGE_M, _STEP_M, _DROP_M = 0.3, 0.07, 0.5
 _ABOVE_M = 0.5
 _FILM_M = 0.02
 _STANDING_M = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """What is `ahead_m` ahead: a `hazard` (`water`, `drop` or nothing), and whether there is a step to take."""
+
+    hazard: str
+    step: bool
+    ahead_m: float
 
 
 class Footing:
@@ -27,8 +37,8 @@ class Footing:
         self._terrain = terrain
         self._pack = pack
 
-    def hazard_ahead(self, here: Sense, yaw: float, remaining_m: float) -> str:
-        """`water` or `drop` if going on along `yaw` leads into one before the dog could stop; else nothing."""
+    def look(self, here: Sense, yaw: float, remaining_m: float) -> View:
+        """What a dog that goes on along `yaw` comes to by the time it could stop."""
         speed = max(here.ahead_mps, 0.0)
         ahead = NOSE_M + min(speed * speed / (2.0 * _BRAKE_MPS2) + _REACTION_S * speed, max(remaining_m, 0.0))
         x, y, z = here.position
@@ -36,11 +46,14 @@ class Footing:
         point = x + ahead * east, y + ahead * north
         floor = self._pack.floor(*point, z + _ABOVE_M)
         if floor.z == math.inf:  # inside of something that stands there: a wall, not a hole
-            return ""
+            return View("", False, ahead)
         if self._wet(*point, floor):
-            return "water"
+            return View("water", False, ahead)
         before = self._pack.floor(point[0] - _EDGE_M * east, point[1] - _EDGE_M * north, z + _ABOVE_M)
-        return "drop" if math.isfinite(before.z) and before.z - floor.z > _DROP_M else ""
+        if not math.isfinite(before.z):
+            return View("", False, ahead)
+        hazard = "drop" if before.z - floor.z > _DROP_M else ""
+        return View(hazard, abs(before.z - floor.z) > _STEP_M, ahead)
 
     def height(self, at: Vector) -> float:
         """How high a trunk is over what is below it."""

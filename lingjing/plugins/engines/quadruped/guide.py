@@ -34,6 +34,9 @@ _CALM_MPS, _CALM_STIR, _CALM_PERIODS = 0.1, 1.5, 3
 _NEAR_M, _STOP_S = 0.13, 0.37
 _CALM_RADPS = 0.2
 _CALM_LIMIT_S, _LATE_MPS, _PUSHED_S = 2.0, 0.3, 8.0
+_RETREAT_S, _RETREAT_MPS = (1.3, 1.9), 0.5
+"""When a walk that comes no further steps back to take a step anew, seconds since it last came further."""
+
 _GAINED_M, _GAINED_RAD = 0.1, math.radians(5.0)
 
 
@@ -90,6 +93,8 @@ class Walk:
             self.waiting_s -= PERIOD_S
             return _REST
         off = wrapped(self.yaw - here.yaw)
+        if _RETREAT_S[0] < self.stalled_s < _RETREAT_S[1]:
+            return -_RETREAT_MPS, 0.0, _HEADING_GAIN * off
         turn = min(max(_HEADING_GAIN * off, -_HEADING_RADPS), _HEADING_RADPS)
         side = min(max(-_LINE_GAIN * left, -_LINE_MPS), _LINE_MPS)
         speed = min(self.cruise, math.sqrt(2.0 * _BRAKE_MPS2 * remaining))

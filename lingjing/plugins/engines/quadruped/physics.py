@@ -68,12 +68,13 @@ class Carry:
 @dataclass(frozen=True, slots=True)
 class Touch:
     """A dog against something that is not below it: `normal` is the horizontal direction from the dog to the thing,
-    `gap_m` what is left between them. Only a `mover` is seen before it touches."""
+    `gap_m` what is left between them and `z` the elevation of the place. Only a `mover` is seen before it touches."""
 
     dog: int
     thing: str
     trunk: bool
     normal: tuple[float, float]
+    z: float = 0.0
     gap_m: float = 0.0
     mover: bool = False
 
@@ -266,14 +267,15 @@ class Herd:
         rows = np.flatnonzero(sideways & (things != _NOTHING).all(axis=1) & (things[:, 0] != things[:, 1]))
         found = []
         for row in rows.tolist():
-            normal, gap_m = self._data.contact.frame[row, :2].tolist(), float(self._data.contact.dist[row])
+            contact = self._data.contact
+            normal, gap_m, z = contact.frame[row, :2].tolist(), float(contact.dist[row]), float(contact.pos[row, 2])
             for side, other, sign in ((0, 1, 1.0), (1, 0, -1.0)):
                 dog, thing = int(things[row, side]), int(things[row, other])
                 if dog < len(self.ids):
                     trunk = bool(self._trunk[geoms[row, side]])
                     push = sign * normal[0], sign * normal[1]
                     mover = 0 <= thing - len(self.ids) < len(self._boxes)
-                    found.append(Touch(dog, self._name(thing), trunk, push, gap_m, mover))
+                    found.append(Touch(dog, self._name(thing), trunk, push, z, gap_m, mover))
         return found
 
     def _name(self, thing: int) -> str:
