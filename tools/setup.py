@@ -67,7 +67,13 @@ BENCH = ROOT / "benchmarks" / "requirements.txt"
 BENCH_CONSTRAINTS = ROOT / "benchmarks" / "constraints.txt"
 MAIN_ENVIRONMENT = Environment(
     folder=ROOT / ".venv",
-    inputs=(ROOT / "pyproject.toml", ROOT / "agents" / "pyproject.toml", CONSTRAINTS, *WITHOUT_DEPENDENCIES, Path(__file__)),
+    inputs=(
+        ROOT / "pyproject.toml",
+        ROOT / "agents" / "pyproject.toml",
+        CONSTRAINTS,
+        *WITHOUT_DEPENDENCIES,
+        Path(__file__),
+    ),
     steps=(
         ("-c", str(CONSTRAINTS), "hatchling", "editables"),
         ("-c", str(CONSTRAINTS), "--no-build-isolation", "-e", f"{ROOT}[dev]", "-e", f"{ROOT / 'agents'}[litellm]"),

@@ -114,7 +114,9 @@ class Codec:
         if self._cells:
             parts["cells"] = spaces.MultiBinary(len(self._cells))
         if self._eyes:
-            shots = {eye.name: spaces.Box(0, 255, (eye.height, eye.width, 3), np.uint8) for eye in self._eyes}
+            shots: dict[str, spaces.Space[Any]] = {
+                eye.name: spaces.Box(0, 255, (eye.height, eye.width, 3), np.uint8) for eye in self._eyes
+            }
             parts["pictures"] = spaces.Dict(shots)
         return spaces.Dict(parts)
 

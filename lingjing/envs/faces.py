@@ -28,7 +28,7 @@ REACH_M = 1000.0
 """Half the side of the square that positions in actions are stretched over where no region says more."""
 
 
-class LingjingParallelEnv(ParallelEnv[str, dict[str, Any], dict[str, Any]]):
+class LingjingParallelEnv(ParallelEnv):  # type: ignore[misc] # the package publishes no types
     """A mission for all its agents at once.
 
     `mission` is one, a file or a shipped name. `picture_width` is the pixels across of pictures, 0 for none. Each
@@ -125,7 +125,7 @@ class LingjingParallelEnv(ParallelEnv[str, dict[str, Any], dict[str, Any]]):
 class LingjingEnv(gymnasium.Env[dict[str, Any], dict[str, Any]]):
     """A mission for one of its agents (the first by default); `others` names the policy that plays the rest."""
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": []}
+    metadata: dict[str, Any] = {"render_modes": []}  # declared so by the base class
 
     def __init__(
         self,

@@ -52,7 +52,7 @@ class FleetEngine(ABC):
         """No sensors here."""
         return ()
 
-    def close(self) -> None:
+    def close(self) -> None:  # noqa: B027 - most fleets hold nothing that needs closing
         """Let go of the fleet."""
 
     @abstractmethod
@@ -75,7 +75,7 @@ class FleetEngine(ABC):
         """How far each body with a pending request has come, 0..1."""
         return {}
 
-    def look(self, mirrors: Sequence[BodyState]) -> None:
+    def look(self, mirrors: Sequence[BodyState]) -> None:  # noqa: B027 - blind is a fine default
         """The others at the interval's start (time `self.clock.time_s`). Blind by default."""
 
     def ambient(self) -> Iterable[BodyState]:
