@@ -125,3 +125,18 @@ def test_a_stored_city_is_read_only_where_somebody_is(tmp_path, monkeypatch):
     assert terrain.solids_at(1030.0, 1005.0, 1.0, 2.0) == ()
     assert terrain.solids_at(1010.0, 1010.0, 1.0, 2.0)[0].id == "h/25/25"
     assert 1 <= len(set(read)) <= 9 < len(stored.tiles)
+
+
+def test_close_pairs_are_those_that_comparing_all_finds():
+    import itertools
+    import math
+
+    from lingjing.mission.seeding import Stream
+    from lingjing.plugins.engines.pairs import close_pairs
+
+    random = Stream(5, "pairs")
+    places = [(random.uniform(0.0, 30.0), random.uniform(0.0, 30.0), random.uniform(0.0, 5.0)) for _ in range(120)]
+    numbered = itertools.combinations(enumerate(places), 2)
+    wanted = [(i, j) for (i, one), (j, other) in numbered if math.dist(one, other) < 2.0]
+    assert close_pairs(places, 2.0) == wanted
+    assert len(wanted) > 20

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
-import math
 from collections.abc import Iterable, Mapping, Sequence
 
 from lingjing.plugins.engine import EngineSpec
@@ -11,6 +9,7 @@ from lingjing.plugins.engines.fixed_wing.aeroplane import REACH_M, Aeroplane, No
 from lingjing.plugins.engines.fixed_wing.control import PERIOD_S
 from lingjing.plugins.engines.fleet import FleetEngine
 from lingjing.plugins.engines.neighbours import Neighbours
+from lingjing.plugins.engines.pairs import close_pairs
 from lingjing.plugins.engines.requests import STOP, Refusal, number
 from lingjing.plugins.engines.schedule import Schedule
 from lingjing.plugins.engines.terrain import Terrain
@@ -87,8 +86,9 @@ class PlaneEngine(FleetEngine):
 
     def _collide(self) -> None:
         flying = [aircraft for aircraft in self._fleet.values() if aircraft.flying]
-        for one, other in itertools.combinations(flying, 2):
-            if math.dist(one.position, other.position) < 2.0 * REACH_M and one.flying and other.flying:
+        for first, second in close_pairs([aircraft.position for aircraft in flying], 2.0 * REACH_M):
+            one, other = flying[first], flying[second]
+            if one.flying and other.flying:
                 self._report(one, one.strike(other.id))
                 self._report(other, other.strike(one.id))
 

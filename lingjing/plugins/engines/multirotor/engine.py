@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
-import math
 from collections.abc import Iterable, Mapping, Sequence
 
 from lingjing.plugins.engine import EngineSpec
@@ -12,6 +10,7 @@ from lingjing.plugins.engines.multirotor.control import PERIOD_S
 from lingjing.plugins.engines.multirotor.drone import RADIUS_M, Drone, Notice
 from lingjing.plugins.engines.multirotor.verbs import plan
 from lingjing.plugins.engines.neighbours import Neighbours
+from lingjing.plugins.engines.pairs import close_pairs
 from lingjing.plugins.engines.requests import STOP, Refusal
 from lingjing.plugins.engines.schedule import Schedule
 from lingjing.plugins.engines.terrain import Terrain
@@ -81,8 +80,9 @@ class MultirotorEngine(FleetEngine):
 
     def _collide(self) -> None:
         flying = [drone for drone in self._drones.values() if drone.flying]
-        for one, other in itertools.combinations(flying, 2):
-            if math.dist(one.position, other.position) < 2.0 * RADIUS_M and one.flying and other.flying:
+        for first, second in close_pairs([drone.position for drone in flying], 2.0 * RADIUS_M):
+            one, other = flying[first], flying[second]
+            if one.flying and other.flying:
                 self._report(one, one.strike(other.id))
                 self._report(other, other.strike(one.id))
 
