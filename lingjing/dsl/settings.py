@@ -68,6 +68,7 @@ WEATHER_KEYS = _keys(
     Key("wave_height", METRES, _DRAWN, low=0),
     Key("wave_period", SECONDS, _DRAWN, above=0),
     Key("cloud", NUMBER, _DRAWN, low=0, high=1),
+    Key("rain", NUMBER, _DRAWN, low=0, high=1),
     Key("sun_azimuth", DEGREES, _DRAWN),
     Key("sun_elevation", DEGREES, _DRAWN, low=-90, high=90),
 )

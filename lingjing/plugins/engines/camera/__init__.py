@@ -8,7 +8,7 @@ What stands: open country is `ground` (City → height fields, shore map). A tow
 and areas) and `spans` (bridges, pipes, solids) of `mesh_rows`. `sight` picks the tiles of a picture and the window of
 its shadow map, `cityscape` holds them on the GPU, `standins` are its small trees.
 
-`light` (weather → light) and `uniforms`, `shaders`, `city_shaders`, `upload`, `targets`, `draw` turn a pose into buffers
+`light` (weather → light), `uniforms`, `shaders`, `city_shaders`, `upload`, `targets`, `draw` turn a pose into buffers
 → `boxes`, `classes` read them → `engine` answers the kernel. In: the city once, the states of all entities and of
 background traffic at each boundary. Out: `Frame`s. Invariants: pictures depend on nothing but their inputs, whichever
 tiles are held; ids are written by solid things only (no foam, shadow, smoke or rain); boxes come from the id buffer,
