@@ -27,7 +27,7 @@ from lingjing.plugins.engines.terrain import Terrain
 from lingjing.plugins.geometry import mounted_camera_pose
 from lingjing.scene.city import City
 from lingjing.scene.tiles import Tiles
-from lingjing.trace.records import BodyState, Command, FrameInfo, Receipt
+from lingjing.trace.records import BodyState, CameraPose, Command, FrameInfo, Receipt
 
 HIDDEN_STATUSES = frozenset({"rescued", "dormant"})
 TOWN = ("buildings", "roads", "junctions", "areas", "bridges", "pipes", "slopes")
@@ -117,6 +117,8 @@ class CameraEngine:
         raise InfrastructureError(f"`{request.entity}` has no camera `{request.camera}` to take `{request.frame}` with")
 
     def _picture(self, request: CaptureRequest) -> Frame:
+        if request.pose is not None:
+            return self._picture_from(request.pose, request)
         entity, camera = self._mount(request)
         assert self._renderer is not None
         pose = mounted_camera_pose(self._states[entity.id], camera, entity.type, entity.bases)
@@ -135,6 +137,23 @@ class CameraEngine:
         )
         semantic = semantic_table(entities)[buffers.ids] if "semantic" in camera.channels else None
         return Frame(info=info, rgb=buffers.rgb, depth=buffers.depth, semantic=semantic)
+
+    def _picture_from(self, pose: CameraPose, request: CaptureRequest) -> Frame:
+        """A picture from a place where nobody stands, of what its request names: colours alone, nobody left out."""
+        assert self._renderer is not None
+        buffers = self._renderer.render(pose, self._scenery(None), False)
+        info = FrameInfo(
+            id=request.frame,
+            entity=request.entity,
+            camera=request.camera,
+            tick=request.tick,
+            time_s=request.time_s,
+            pose=pose,
+            channels=("rgb",),
+            boxes=entity_boxes(buffers.ids, self._playing().instance.entities),
+            renderer=self._renderer.name,
+        )
+        return Frame(info=info, rgb=buffers.rgb)
 
     def _build(self, renderer: Renderer, city: City) -> None:
         """The static world: open country is drawn whole, a town by tiles with its solids and props in them."""
@@ -156,15 +175,15 @@ class CameraEngine:
             return height_under(self._city, east, north)
         return self._terrain.support(east, north, up + 0.5)
 
-    def _scenery(self, viewer: Entity) -> Scenery:
-        """Everything but the viewer's own body; its shadow goes with it."""
+    def _scenery(self, viewer: Entity | None) -> Scenery:
+        """Everything but the viewer's own body, if it has one; its shadow goes with it."""
         assert self._schedule is not None
         weather = self._schedule.weather(self._time_s)
         shown = []
         for number, entity in enumerate(self._playing().instance.entities):
             state = self._states[entity.id]
             here = state.status not in HIDDEN_STATUSES and self._schedule.present(entity.id, self._time_s)
-            if entity.id != viewer.id and here:
+            if here and (viewer is None or entity.id != viewer.id):
                 shown.append((number, entity, state))
         cast = stage(shown, self._ambient, self._sites, self._time_s, weather, self._under, self._level)
         sea = self._ocean(weather).surfaces(self._time_s)
