@@ -330,12 +330,14 @@ class Renderer:
             self._sea_now = scenery.sea
         for unit, texture in enumerate((*self._sea, self._shore, self._noise)):
             texture.use(unit)
+        self._noise.filter = MIPMAPPED, moderngl.LINEAR
         for texture in self._sea:
             texture.filter = (moderngl.LINEAR if _close(pose, self._level) else MIPMAPPED), moderngl.LINEAR
         values: dict[str, object] = {**uniforms.air(light, scenery.time_s, scenery.weather.wind_mps)}
         values |= {
             **self._sea_values(scenery),
             "u_level": self._level,
+            "u_layer": 0.0,
             "u_rain": light.rain,
             "u_silt": float(self._town is not None and self._town.plate.sea is None),
         }
@@ -343,6 +345,7 @@ class Renderer:
         near = uniforms.bay_near(pose)
         if self._town is not None and view is not None:
             self._town.bind(SHADE_UNIT, MAP_UNIT)
+            self._noise.filter = moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR
             near = self._town.near_plane(view, pose, _closest(scenery, pose))
             values |= {**self._town.values(view), "u_shadow": SHADE_UNIT, "u_map": MAP_UNIT}
             programs = (*programs, *self._town.programs(light.rain > 0.0, light.lamps))

@@ -49,7 +49,7 @@ IDS = {
 CYCLE_RED: Colour = (0.20, 0.075, 0.055)
 KERB_M = 0.2
 TOP_AREA = 6.0
-JUNCTION_LAYER, LANE_LAYER, WALK_LAYER, KERB_LAYER = 7.0, 8.0, 9.0, 10.0
+JUNCTION_LAYER, LANE_LAYER, WALK_LAYER, KERB_LAYER = 7.0, 8.0, 12.0, 13.0
 NONE, EDGE, DASHES, CENTRE = 0, 1, 2, 3
 ZEBRA_START, ZEBRA_END, STOP_END = 1, 2, 4
 QUIET = ("service", "footway", "path", "living_street", "track", "cycleway", "steps", "pedestrian")
@@ -108,7 +108,7 @@ def lanes(given: Iterable[Road], crossings: Sequence[Polygon]) -> Part:
         driven = [lane for lane in road.lanes if lane.kind != "foot"]
         for place, lane in enumerate(driven):
             part = _lane(road, lane, place, driven, tree)
-            part.vertices["layer"] += number % 4 * 0.25  # roads that lie on one another do not flicker
+            part.vertices["layer"] += float(number % 4)  # roads that lie on one another do not flicker
             parts.append(part)
     return joined(parts)
 

@@ -276,6 +276,7 @@ void main() {
 SHADOW_VERTEX = (
     COMMON
     + """
+uniform float u_layer;
 in vec3 in_position;
 in vec4 in_row0, in_row1, in_row2;
 in float in_plane;
@@ -285,6 +286,7 @@ void main() {
   w -= u_sun * (max(w.z - in_plane, 0.0) / u_sun.z);
   w.z = in_plane;
   gl_Position = u_clip * vec4((w - u_eye) * 0.996, 1.0);
+  gl_Position.z -= 15.0 * u_layer * gl_Position.w;      // over the layers of a town's ground
 }
 """
 )
