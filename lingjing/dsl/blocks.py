@@ -122,7 +122,8 @@ class BlockReader:
             return
         from lingjing.mission.diagnostics import Related
 
-        way = " → ".join([step.name for step in taint] + [sink])
+        names = [step.name for step in taint]
+        way = " → ".join([name for name, before in zip(names, ["", *names], strict=False) if name != before] + [sink])
         related = tuple(
             Related(step.span, f"{step.name}{' is hidden here' if i == 0 else ''}") for i, step in enumerate(taint)
         )

@@ -76,12 +76,13 @@ def check(tree: s.File, report: Reporter) -> Checked | None:
     """Check a file. None if it holds no mission; that is an error unless it holds types."""
     file = FileChecker(report)
     file.declarations(tree)
-    checked = _mission(file, tree)
+    checked = check_mission(file, tree)
     file.of.names.report_all()
     return checked
 
 
-def _mission(file: FileChecker, tree: s.File) -> Checked | None:
+def check_mission(file: FileChecker, tree: s.File) -> Checked | None:
+    """Check the mission of a file whose top is checked already; it leaves what names mean in `file.scope`."""
     report = file.report
     missions = [item for item in tree.items if isinstance(item, s.MissionBlock)]
     for extra in missions[1:]:
@@ -118,11 +119,11 @@ class MissionChecker:
         self._misplaced(items)
         modes = self._mode(items)
         self._heads(items)
+        self._taints(items)
         parameters = [self.settings.param(item) for item in _all(items, s.Param)]
         self.studies.bounds = {param.name: param.bounds for param in parameters if param is not None}
         regions = [self.settings.region(item) for item in _all(items, s.RegionLine)]
         grids = [self.settings.grid(item) for item in _all(items, s.GridBlock)]
-        self._taints(items)
         sections = self._sections(items)
         goal = self._one(items, s.TextLine, "goal")
         scene = self._one(items, s.SceneBlock, "scene")
@@ -211,13 +212,18 @@ class MissionChecker:
                 self.rules.head(item)
 
     def _taints(self, items: tuple[s.Statement, ...]) -> None:
-        """Repeat until no property becomes hidden any more; each round hides at least one, so it ends."""
-        nodes = _all(items, s.EntityBlock)
+        """Repeat until no property or region becomes hidden any more; each round hides at least one, so it ends.
+
+        Before anything is read: a param may read a place that is computed from a hidden one further down.
+        """
+        nodes, regions = _all(items, s.EntityBlock), _all(items, s.RegionLine)
         before = -1
         while (now := _hidden_count(self.scope)) != before:
             before = now
             for node in nodes:
                 self.entities.taints(node)
+            for region in regions:
+                self.entities.veils(region)
 
     def _sections(self, items: tuple[s.Statement, ...]) -> dict[str, s.Section]:
         found: dict[str, s.Section] = {}
@@ -342,4 +348,5 @@ def _good(parts: list[T | None]) -> tuple[T, ...]:
 
 
 def _hidden_count(scope: Scope) -> int:
-    return sum(1 for info in scope.groups.values() for attribute in info.attributes.values() if attribute.taint)
+    attributes = (attribute for info in scope.groups.values() for attribute in info.attributes.values())
+    return len(scope.veiled) + sum(1 for attribute in attributes if attribute.taint)

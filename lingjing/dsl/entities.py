@@ -69,8 +69,17 @@ class EntityChecker:
                 step = self.of.step(f"`{node.name.text}.{item.name.text}`", item.name)
                 info.attributes[item.name.text] = Attribute(known.type, (*taint, step), known.state)
 
+    def veils(self, node: s.RegionLine) -> None:
+        """A region around something hidden is hidden; known by names before any region is checked."""
+        taint = () if node.name.text in self.scope.veiled else self.hidden_source(node.shape)
+        if taint:
+            self.scope.veiled[node.name.text] = (*taint, self.of.step(f"region `{node.name.text}`", node.name))
+
     def hidden_source(self, node: s.Expression) -> Taint:
-        """The hidden attribute an expression reads, found by its names alone (types are checked later)."""
+        """The hidden value an expression reads, found by its names alone (types are checked later).
+
+        An entity named without a field is read as its place: `distance_xy(victim[1], boat)`.
+        """
         from lingjing.dsl.calls import children
 
         waiting = [node]
@@ -79,15 +88,28 @@ class EntityChecker:
             if isinstance(part, s.Attribute):
                 base = part.base.base if isinstance(part.base, s.Subscript) else part.base
                 info = self.scope.groups.get(base.text) if isinstance(base, s.Name) else None
-                attribute = info.attributes.get(part.name.text) if info else None
-                if attribute is not None and attribute.taint:
-                    return attribute.taint
+                if info is not None:
+                    attribute = info.attributes.get(part.name.text)
+                    if attribute is not None and attribute.taint:
+                        return attribute.taint
+                    if isinstance(part.base, s.Subscript):
+                        waiting.append(part.base.index)
+                    continue
             elif isinstance(part, s.Name):
-                symbol = self.scope.symbols.get(part.text)
-                if symbol is not None and symbol.taint:
-                    return symbol.taint
+                taint = self._named_taint(part.text)
+                if taint:
+                    return taint
             waiting.extend(children(part))
         return ()
+
+    def _named_taint(self, name: str) -> Taint:
+        if name in self.scope.veiled:
+            return self.scope.veiled[name]
+        symbol, info = self.scope.symbols.get(name), self.scope.groups.get(name)
+        if symbol is not None and symbol.taint:
+            return symbol.taint
+        place = info.attributes.get("position") if info is not None else None
+        return place.taint if place is not None else ()
 
     def entity(self, node: s.EntityBlock) -> model.Group | None:
         """`asset uav[1..n] : quadrotor { … }`."""
@@ -105,6 +127,7 @@ class EntityChecker:
         if decl is None:
             return None
         self._needs_position(node, decl)
+        self._told_by_receipts(node, entries)
         labels = self._labels(entries, count, node)
         own: list[model.Property] = []
         for name, entry in entries.items():
@@ -205,6 +228,13 @@ class EntityChecker:
             for name, attribute in attributes.items()
             if name in decl.attributes
         )
+
+    def _told_by_receipts(self, node: s.EntityBlock, entries: dict[str, Entry]) -> None:
+        """An asset's band bounds its commands, and a receipt says where it clipped one: so the band is public."""
+        entry = entries.get("band")
+        known = self.scope.groups[node.name.text].attributes.get("band")
+        if node.keyword == "asset" and entry is not None and known is not None:
+            self.blocks.leak(known.taint, entry.node.value, "the receipts of commands")
 
     def _needs_position(self, node: s.EntityBlock, decl: TypeDecl) -> None:
         items = node.block.items if node.block else ()

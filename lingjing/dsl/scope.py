@@ -154,6 +154,8 @@ class Scope:
         self.missions: dict[str, MissionDecl] = {}
         self.symbols: dict[str, Symbol] = {}
         self.groups: dict[str, GroupInfo] = {}
+        self.veiled: dict[str, Taint] = {}
+        """Region → why it is hidden: found before the regions are checked."""
         self.agents: dict[str, Span] = {}
         self.roles: dict[str, Span] = {}
         self.messages: dict[str, tuple[RecordDecl | None, Span]] = {}

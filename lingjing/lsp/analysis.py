@@ -49,7 +49,7 @@ class Analysis:
         report = Reporter(self.source)
         file = FileChecker(report)
         file.declarations(self.tree)
-        checker._mission(file, self.tree)
+        checker.check_mission(file, self.tree)
         return file.scope
 
     def declaration(self, one: Occurrence) -> tuple[str, int, int] | None:

@@ -31,7 +31,8 @@ def test_one_that_a_plug_in_brings_is_silent(small: str) -> None:
 
 def test_an_unknown_engine_is_said_once(small: str) -> None:
     type_ = "asset hovercraft {\n  engine = airboat\n  speed = 9 m/s\n  verb moveTo(x: length, y: length)\n}\n"
-    text = small.replace("mission ", type_ + "mission ", 1).replace(": lifeboat {", ": hovercraft {")
+    two = "".join(f"  asset {name} : hovercraft {{ position = (9 m, 9 m) }}\n" for name in ("one", "other"))
+    text = small.replace("mission ", type_ + "mission ", 1).replace("  asset boat", f"{two}  asset boat")
     assert [item[3] for item in warned(text)] == ["no engine called `airboat` is installed"]
 
 

@@ -30,11 +30,58 @@ def test_what_reads_a_hidden_value_becomes_hidden(small: str) -> None:
     seen = small.replace("  asset boat", raft + "  asset boat").replace("observes cells }", "observes raft.position }")
     (leak,) = compile_text(seen).diagnostics
     assert leak.code == "LJ0401"
-    assert leak.message.endswith("`victim.position` → `raft.position` → `raft.position` → an observation")
+    assert leak.message.endswith("`victim.position` → `raft.position` → an observation")
     unseen = compile_text(small.replace("  asset boat", raft + "  asset boat"))
     assert unseen.mission is not None
     group = next(group for group in unseen.mission.groups if group.name == "raft")
     assert next(prop for prop in group.properties if prop.name == "position").hidden
+
+
+BUOY = "  asset buoy : lifeboat { position = (0 m, 0 m) + victim[1].position }\n  agent skipper"
+FAR = "  region far = circle(buoy, 9 m)\n  grid cells"
+FROM_AFAR = "distance_xy(victim[1], uav[1])"
+COMPUTED = [
+    ("heading = 30 deg", f"heading = {FROM_AFAR} / 1 m * 1 deg", "heading"),
+    ("heading = 30 deg", f"heading ~ uniform(0 deg, {FROM_AFAR} / 1 m * 1 deg)", "heading"),
+    ("heading = 30 deg", f"heading = at(1 + {FROM_AFAR} / 900 m, [1 deg, 2 deg])", "heading"),
+    ("heading = 30 deg", "heading = distance_xy((0 m, 0 m), victim[2]) / 1 m * 1 deg", "heading"),
+    ("position = (12.4 m, -51.8 m)", f"position = ({FROM_AFAR}, 0 m)", "position"),
+    ("position = (12.4 m, -51.8 m)", f"position ~ sites(search, apart >= {FROM_AFAR})", "position"),
+    ("position = (12.4 m, -51.8 m)", f"position ~ sites(search, clear >= {FROM_AFAR})", "position"),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "field"), COMPUTED)
+def test_an_entity_named_without_a_field_is_read_as_its_place(small: str, old: str, new: str, field: str) -> None:
+    text = small.replace(old, new, 1)
+    mission = compile_text(text).mission
+    assert mission is not None
+    boat = next(group for group in mission.groups if group.name == "boat")
+    assert next(prop for prop in boat.properties if prop.name.startswith(field)).hidden
+    (leak,) = compile_text(text.replace("boat.*, events", f"boat.{field}, events")).diagnostics
+    assert leak.code == "LJ0401" and f"→ `boat.{field}` → an observation" in leak.message
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "sink"),
+    [
+        ("uavs = 2 in", "uavs = distance_xy(buoy, boat) / 9 m in", "the param `uavs`"),
+        ("uavs = 2 in", "uavs = buoy.position.east / 9 m in", "the param `uavs`"),
+        ('"Find everybody."', '"Find {far}."', "the goal's text"),
+        ("position = (12.4 m, -51.8 m)", "position = (0 m, 0 m) + far.centre", "an observation"),
+    ],
+)
+def test_what_is_read_above_the_line_that_hides_it(small: str, old: str, new: str, sink: str) -> None:
+    text = small.replace("  agent skipper", BUOY).replace("  grid cells", FAR).replace(old, new, 1)
+    (leak,) = compile_text(text.replace("boat.*, events", "boat.position, events")).diagnostics
+    assert leak.code == "LJ0401" and "`victim.position` → `buoy.position` → " in leak.message
+    assert leak.message.endswith(f" → {sink}")
+
+
+def test_a_band_is_told_by_receipts(small: str) -> None:
+    hidden = small.replace("camera nadir", f"band = 20 m..{FROM_AFAR.replace('uav[1]', 'boat')}\n    camera nadir")
+    (leak,) = compile_text(hidden).diagnostics
+    assert leak.code == "LJ0401" and leak.message.endswith("`uav.band` → the receipts of commands")
 
 
 def test_a_region_around_a_hidden_place_leaks_through_its_grid(small: str) -> None:
