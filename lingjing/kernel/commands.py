@@ -142,6 +142,11 @@ class Gate:
         forbidden = tally.command(resource, action.verb) if tally is not None else ""
         return Fault(LIMIT, forbidden) if forbidden else None
 
+    def forbidden(self, at: Instant) -> tuple[tuple[str, str], ...]:
+        """The (resource, verb) pairs of the permits that do not hold at an instant; the verb is "" for all."""
+        permits = self._instance.permits
+        return tuple((permit.resource, permit.verb) for permit in permits if not holds(permit.condition, {}, at))
+
     def _authority_fault(self, agent: AgentSpec | None, resource: str) -> Fault | None:
         assert agent is not None
         if resource in agent.commands:

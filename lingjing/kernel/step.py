@@ -300,6 +300,7 @@ class Kernel:
         frames = [answer for answer in answers if isinstance(answer, StoredFrame)]
         shown = [pictures.seen(frame, blank=self._blank) for frame in frames]
         absent = [answer for answer in answers if isinstance(answer, Absent)]
+        at = self._adjudicator.instant(registry, registry.states, registry.time_s)
         out = {}
         for agent in self.instance.agents:
             observation = self._projector.observe(
@@ -315,7 +316,12 @@ class Kernel:
                 observation = replace(observation, pictures=observation.pictures + revealed)
             if agent.id in self._privileged:
                 mine = {picture.frame for picture in observation.pictures}
-                truth = self._projector.privileged(registry, [frame.info for frame in frames if frame.info.id in mine])
+                truth = self._projector.privileged(
+                    registry,
+                    [frame.info for frame in frames if frame.info.id in mine],
+                    forbidden=self._gate.forbidden(at),
+                    city=self._city,
+                )
                 observation = replace(observation, privileged=truth)
             out[agent.id] = observation
         return out

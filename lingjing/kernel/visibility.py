@@ -18,6 +18,7 @@ from lingjing.mission.instance import AgentSpec, ChannelSpec, Entity, Instance
 from lingjing.mission.seeding import integer
 from lingjing.mission.units import without_unit
 from lingjing.plugins.policy import Brief, Observation, Peer, Picture, Privileged, Resource
+from lingjing.scene.city import City
 from lingjing.trace.records import (
     Absent,
     BodyState,
@@ -111,13 +112,27 @@ class Projector:
             privileged=privileged,
         )
 
-    def privileged(self, registry: Registry, frames: Iterable[FrameInfo]) -> Privileged:
+    def privileged(
+        self,
+        registry: Registry,
+        frames: Iterable[FrameInfo],
+        *,
+        forbidden: tuple[tuple[str, str], ...] = (),
+        city: City | None = None,
+    ) -> Privileged:
         """The truth, for a policy that was declared privileged."""
+        course = registry.course
         return Privileged(
             instance=self._instance,
             states=tuple(msgspec.structs.replace(state, resources=public(state)) for state in registry.states.values()),
             frames=tuple(frames),
             achieved=tuple(registry.achieved),
+            emitted=tuple(registry.emitted),
+            routes=tuple(registry.routes.values()),
+            inspected={name: tuple(sorted(one.seen)) for name, one in course.inspected.items()},
+            used=dict(course.used),
+            forbidden=forbidden,
+            city=city,
         )
 
     def _resource(self, agent: AgentSpec, name: str) -> Resource:

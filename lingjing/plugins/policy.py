@@ -28,6 +28,7 @@ from lingjing.mission.instance import (
     Weather,
 )
 from lingjing.mission.model import Field
+from lingjing.scene.city import City
 from lingjing.trace.records import (
     Absent,
     Action,
@@ -41,6 +42,7 @@ from lingjing.trace.records import (
     FrameInfo,
     Outgoing,
     Receipt,
+    Route,
     TaskEvent,
     Usage,
 )
@@ -109,12 +111,24 @@ class Picture:
 
 class Privileged(msgspec.Struct, frozen=True, kw_only=True):
     """The truth, for policies declared `privileged` only: the instance, all states, and the boxes of the agent's
-    frames."""
+    frames.
+
+    `emitted` are the (kind, entities) of the engines' task events so far, `routes` each vehicle's latest route,
+    `inspected` the places of the waypoints that each inspection has seen on the latest, `used` what counted budgets
+    have counted, `forbidden` the (resource, verb) pairs of the permits that do not hold now. `city` is the static
+    world; like everything here it is no part of what the digest covers.
+    """
 
     instance: Instance
     states: tuple[BodyState, ...]
     frames: tuple[FrameInfo, ...]
     achieved: tuple[tuple[str, tuple[str, ...]], ...]
+    emitted: tuple[tuple[str, tuple[str, ...]], ...] = ()
+    routes: tuple[Route, ...] = ()
+    inspected: dict[str, tuple[int, ...]] = {}
+    used: dict[str, int] = {}
+    forbidden: tuple[tuple[str, str], ...] = ()
+    city: City | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,6 +186,7 @@ __all__ = [
     "CameraSpec",
     "Cell",
     "CellView",
+    "City",
     "Datum",
     "Decision",
     "Entity",
@@ -193,6 +208,7 @@ __all__ = [
     "Receipt",
     "Region",
     "Resource",
+    "Route",
     "TaskEvent",
     "Usage",
     "UsageError",
