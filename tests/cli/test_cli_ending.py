@@ -81,8 +81,10 @@ def test_replaced_answers_are_told_with_the_first_failure(short: Path, tmp_path:
     done = lingjing("run", short, "--policy", policy, "--json", "-o", "out", cwd=tmp_path)
     assert done.returncode == 0
     said = "8 of 8 policy answers were replaced by doing nothing (policy_error 8); the first was `scout[1]`: "
-    assert done.stderr == f"warning: seed 0: {said}ValueError: no idea\n"
-    assert json.loads(done.stdout)["warnings"] == [f"{said}ValueError: no idea"]
+    hopeless, told = json.loads(done.stdout)["warnings"]
+    assert hopeless.startswith("this could not be won (LJ0601): `boat` cannot come within 50 m of")
+    assert told == f"{said}ValueError: no idea"
+    assert done.stderr == f"warning: seed 0: {hopeless}\nwarning: seed 0: {told}\n"
 
 
 def test_a_thread_that_a_policy_leaves_behind_does_not_hold_the_command(short: Path, tmp_path: Path) -> None:
@@ -268,7 +270,8 @@ def test_python_plays_a_class_inside_a_running_loop(short: Path, tmp_path: Path)
         return package.run(package.compile(short), policy=Idle, seed=3, out=tmp_path / "out")
 
     result = asyncio.run(notebook())
-    assert (result.reason, result.ticks, result.warnings) == ("budget", 2, ())
+    assert (result.reason, result.ticks) == ("budget", 2)
+    assert [warning[:31] for warning in result.warnings] == ["this could not be won (LJ0601):"]
 
 
 def episode(reason: str, **metrics: object) -> EpisodeReport:

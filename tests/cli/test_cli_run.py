@@ -32,6 +32,11 @@ def short(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+def unasked(stderr: str) -> str:
+    """Standard error without the warning that three ticks are too few for this seed's victims."""
+    return "".join(line for line in stderr.splitlines(keepends=True) if "could not be won (LJ0601)" not in line)
+
+
 def lingjing_run(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         [*RUN, *map(str, arguments)], cwd=cwd, capture_output=True, text=True, timeout=240, check=False
@@ -40,7 +45,7 @@ def lingjing_run(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[s
 
 def test_json_is_one_object_with_the_promised_keys(short: Path, tmp_path: Path) -> None:
     done = lingjing_run(short, "--seed", 3, "--mode", "star", "--policy", "random", "--json", cwd=tmp_path)
-    assert (done.returncode, done.stderr) == (0, "")
+    assert (done.returncode, unasked(done.stderr)) == (0, "")
     answer = json.loads(done.stdout)
     assert answer.keys() >= KEYS
     assert (answer["mission"], answer["seed"], answer["mode"], answer["ticks"]) == ("ssr", 3, "star", 3)
@@ -64,7 +69,7 @@ def test_several_seeds_on_a_warm_world_equal_single_ones_in_processes(short: Pat
 
 def test_piped_output_is_plain_and_ends_with_the_trace(short: Path, tmp_path: Path) -> None:
     done = lingjing_run(short, "--policy", "random", "-o", "here", "--world", "inline", cwd=tmp_path)
-    assert (done.returncode, done.stderr) == (0, "")
+    assert (done.returncode, unasked(done.stderr)) == (0, "")
     assert "\x1b" not in done.stdout
     lines = done.stdout.splitlines()
     assert "success: no (budget)" in lines
