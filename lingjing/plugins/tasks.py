@@ -1,0 +1,108 @@
+"""What a mission asks for, read from its rules: the interactions that success needs and the reports that are matched.
+
+A policy that may see the rules (a privileged one, an analysis) finds here what is left to do without knowing any
+mission: `asked` walks from the success condition through the rules it calls to the task events they need.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from lingjing.mission.expression import Call, Expr, Index, Quantified, Ref, Symbol, Text, children
+from lingjing.mission.instance import Entity, Instance
+from lingjing.mission.model import Rule
+
+_EMITTED = "emitted"
+_BY = "_by"
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """An interaction with a target: which engine's bodies do it, and from how far (metres).
+
+    `takes`/`source` and `gives`/`up_to` name the stocks that change hands, "" where nothing does.
+    """
+
+    name: str
+    target: str
+    engine: str
+    within_m: float
+    takes: str = ""
+    source: str = ""
+    gives: str = ""
+    up_to: str = ""
+
+    @property
+    def moves_goods(self) -> bool:
+        """Whether something changes hands, so that it may happen again and again."""
+        return bool(self.gives or (self.takes and self.source))
+
+
+def possible(entity: Entity) -> tuple[Task, ...]:
+    """Every interaction that an entity's type declares."""
+    found = []
+    for key, engine in entity.properties.items():
+        name = key.removesuffix(_BY)
+        within = entity.properties.get(f"{name}_within_m")
+        if key.endswith(_BY) and isinstance(engine, str) and isinstance(within, int | float):
+            words = {word: entity.properties.get(f"{name}_{word}") for word in ("takes", "from", "gives", "up_to")}
+            text = {word: value if isinstance(value, str) else "" for word, value in words.items()}
+            found.append(
+                Task(name, entity.id, engine, float(within), text["takes"], text["from"], text["gives"], text["up_to"])
+            )
+    return tuple(found)
+
+
+def asked(instance: Instance) -> tuple[Task, ...]:
+    """The interactions whose task events success needs, in the order of declaration of their targets."""
+    rules = {rule.name: rule for rule in instance.rules}
+    wanted = set(_events(instance.success, {}, rules))
+    return tuple(
+        task
+        for entity in instance.entities
+        if entity.role == "target"
+        for task in possible(entity)
+        if (task.name, entity.group) in wanted or (task.name, entity.id) in wanted
+    )
+
+
+def reported(instance: Instance) -> dict[str, str]:
+    """The message kind with which members of a group are reported, by group: what rules match with true boxes."""
+    kinds = {message.kind for message in instance.messages}
+    found: dict[str, str] = {}
+    for rule in instance.rules:
+        if rule.matching:
+            domains = [parameter.domain for parameter in rule.parameters]
+            kind = next((domain for domain in domains if domain in kinds), "")
+            found.update({domain: kind for domain in domains if kind and domain != kind})
+    return found
+
+
+def _events(expr: Expr, domains: Mapping[str, str], rules: Mapping[str, Rule]) -> Iterator[tuple[str, str]]:
+    """(Kind, group or entity) of every task event that a condition looks at, through the rules it calls."""
+    if isinstance(expr, Quantified):
+        domains = {**domains, expr.variable: expr.domain}
+    if isinstance(expr, Call) and expr.rule and expr.function in rules:
+        rule = rules[expr.function]
+        yield from _events(rule.condition, {one.name: one.domain for one in rule.parameters}, rules)
+    if isinstance(expr, Call) and expr.function == _EMITTED and len(expr.arguments) > 1:
+        kind, *about = expr.arguments
+        yield from ((_word(kind), _group(one, domains)) for one in about)
+    for child in children(expr):
+        yield from _events(child, domains, rules)
+
+
+def _word(expr: Expr) -> str:
+    if isinstance(expr, Symbol | Ref):
+        return expr.name
+    return expr.value if isinstance(expr, Text) else ""
+
+
+def _group(expr: Expr, domains: Mapping[str, str]) -> str:
+    if isinstance(expr, Index):
+        return _group(expr.base, domains)
+    return domains.get(expr.name, expr.name) if isinstance(expr, Ref | Symbol) else ""
+
+
+__all__ = ["Task", "asked", "possible", "reported"]
