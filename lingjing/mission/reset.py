@@ -41,7 +41,7 @@ def instantiate_document(
     Raises `UsageError` for text that is not JSON (line and column), `MissionError` for a bad scenario (JSON path).
     """
     parsed = parse(text, path)
-    notes: list[str] = []
+    notes = list(parsed.notes)
     found = hidden_fields(parsed, notes)
     name, where, why = template_name(parsed, found)
     try:

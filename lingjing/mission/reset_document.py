@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal, NamedTuple, TypeVar
 import msgspec
 
 from lingjing.errors import MissionError
-from lingjing.mission import jsontext, reset_elements
+from lingjing.mission import jsontext, reset_elements, reset_places
 
 PLACED = msgspec.Meta(extra_json_schema={"anyOf": [{"required": ["X", "Y"]}, {"required": ["lon", "lat"]}]})
 """What the schema says beyond the types: a place has a pair of coordinates (checked where it is used)."""
@@ -204,13 +204,15 @@ class Envelope(Part, frozen=True, kw_only=True):
 
 @dataclass(frozen=True, slots=True)
 class Parsed:
-    """A document that was read: the scenario, the JSON path of the scenario, and its plain values without nulls."""
+    """A document that was read: the scenario, the JSON path of the scenario, its plain values without nulls, and notes
+    on spellings that were read as others."""
 
     scenario: Scenario
     path: str
     file: str
     raw: Mapping[str, object]
     envelope: Mapping[str, object] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
 
     @property
     def task(self) -> Task:
@@ -234,6 +236,13 @@ class Parsed:
         inner: Mapping[str, object] = state if isinstance(state, dict) else {}
         return (inner, self.state_path), (task, self.task_path), (self.raw, self.path)
 
+    def placeless(self, where: str) -> MissionError:
+        """The error for a place that has no coordinates that are understood."""
+        if reset_places.lower_case(self.envelope or self.raw, where):
+            message = "has 'x' and 'y', whose unit and direction the document does not say"
+            return self.fault(where, message, "write X and Y for Unreal's centimetres (Y to the south), or lon and lat")
+        return self.fault(where, "has no place", "give X and Y in centimetres, or lon and lat in degrees")
+
     def fault(self, where: str, message: str, hint: str) -> MissionError:
         """An error at a JSON path of this document."""
         return MissionError(f"{self.file}: {where}: {message}", hint=hint)
@@ -245,7 +254,8 @@ def _first(rows: object) -> Mapping[str, object]:
 
 def parse(text: str, path: str) -> Parsed:
     """Read a document; `UsageError` if it is not JSON, `MissionError` with a JSON path if it is not a scenario."""
-    raw = reset_elements.unify(_without_nulls(jsontext.load(text, path)))
+    notes: list[str] = []
+    raw = reset_places.unify(reset_elements.unify(_without_nulls(jsontext.load(text, path))), notes)
     if not isinstance(raw, dict) or not ({"scenario", "equipmentList"} & raw.keys()):
         raise MissionError(
             f"{path}: $ is not a resetScenario: it holds neither 'scenario' nor 'equipmentList'",
@@ -253,8 +263,9 @@ def parse(text: str, path: str) -> Parsed:
         )
     try:
         if "scenario" in raw:
-            return Parsed(msgspec.convert(raw, Envelope).scenario, "$.scenario", path, raw["scenario"], raw)
-        return Parsed(msgspec.convert(raw, Scenario), "$", path, raw)
+            scenario = msgspec.convert(raw, Envelope).scenario
+            return Parsed(scenario, "$.scenario", path, raw["scenario"], raw, tuple(notes))
+        return Parsed(msgspec.convert(raw, Scenario), "$", path, raw, notes=tuple(notes))
     except msgspec.ValidationError as error:
         raise MissionError(f"{path}: {_readable(str(error))}", hint=_way_out(str(error))) from None
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
@@ -11,7 +12,7 @@ from lingjing.mission import expression as ex
 from lingjing.mission import frames, model
 from lingjing.mission.evaluate import Scope
 from lingjing.mission.instantiate import parameters, scene_spec
-from lingjing.mission.placing import holds
+from lingjing.mission.placing import FARTHEST_M, holds
 from lingjing.mission.reset_document import Coordinates, Parsed
 from lingjing.mission.reset_elements import elements_fault
 
@@ -20,6 +21,9 @@ WEIGHT = "demand_kg"
 
 AGREE_M = 1.0
 """Two spellings of one place may differ by this without a note: documents round degrees."""
+
+FAR_M = 20_000.0
+"""A scene is a few kilometres wide: what lies farther off is noted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,12 +51,32 @@ def world(spot: Spot, origin: tuple[float, float], parsed: Parsed) -> tuple[floa
     data = spot.data
     if data.x is not None and data.y is not None:
         east, north, elevation = frames.from_unreal(data.x, data.y, data.z or 0.0)
+        _within(spot, (east, north, elevation), parsed)
         return (east, north) if data.z is None else (east, north, elevation)
     if data.lon is not None and data.lat is not None:
         east, north = frames.from_geodetic(data.lat, data.lon, origin)
         east, north = round(east, 4), round(north, 4)
+        _within(spot, (east, north, data.alt or 0.0), parsed)
         return (east, north) if data.alt is None else (east, north, data.alt)
-    raise parsed.fault(spot.path, "has no place", "give X and Y in centimetres, or lon and lat in degrees")
+    raise parsed.placeless(spot.path)
+
+
+def _within(spot: Spot, place: tuple[float, float, float], parsed: Parsed) -> None:
+    if max(abs(metres) for metres in place) > FARTHEST_M:
+        shown = ", ".join(f"{metres:g}" for metres in place)
+        raise parsed.fault(
+            spot.path,
+            f"lies at ({shown}) m, beyond the scene",
+            f"coordinates lie within {FARTHEST_M:g} m of the scene's origin; X, Y and Z are centimetres",
+        )
+
+
+def far_off(spot: Spot, origin: tuple[float, float], parsed: Parsed) -> str:
+    """What to note of a place that lies farther from the scene's origin than a scene is wide, or ""."""
+    distance = math.hypot(*world(spot, origin, parsed)[:2])
+    if distance <= FAR_M:
+        return ""
+    return f"{spot.path}: lies {distance / 1000:.0f} km from the scene's origin at {origin[0]:g}, {origin[1]:g}"
 
 
 def contradiction(spot: Spot, origin: tuple[float, float]) -> str:
@@ -125,6 +149,7 @@ def _positioned(
         return group.properties
     origin = origin_of(mission)
     notes.extend(note for note in (contradiction(spot, origin) for spot in spots) if note)
+    notes.extend(note for note in (far_off(spot, origin, parsed) for spot in spots) if note)
     points = tuple(point(world(spot, origin, parsed)) for spot in spots)
     return _set(group.properties, "position", _indexed(group, points, "position"))
 
