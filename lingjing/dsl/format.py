@@ -12,15 +12,17 @@ for its offsets are the same before and after.
 from __future__ import annotations
 
 import re
+from functools import cache
 from typing import Any
 
 import msgspec
 
 from lingjing.dsl import syntax as s
+from lingjing.dsl.collector import collector_at_rest
 from lingjing.dsl.columns import Row, align, with_columns
 from lingjing.dsl.layout import Block, Comment, Statement, Word, lay_out
 from lingjing.dsl.lexer import lex
-from lingjing.dsl.parser import parse
+from lingjing.dsl.parser import parse_tokens
 from lingjing.dsl.reporter import Reporter
 from lingjing.dsl.source import Source
 from lingjing.dsl.spacing import Spelling, spell, text_of
@@ -49,6 +51,11 @@ def format_text(text: str, *, path: str = "<string>") -> Formatted:
 
 def format_source(source: Source) -> Formatted:
     """Format a source. A file with syntax errors is not touched; other errors do not matter here."""
+    with collector_at_rest():
+        return _formatted(source)
+
+
+def _formatted(source: Source) -> Formatted:
     tokens, tree, diagnostics = _read(source)
     if diagnostics:
         return Formatted(None, diagnostics)
@@ -61,10 +68,10 @@ def format_source(source: Source) -> Formatted:
 
 def _read(source: Source) -> tuple[list[Token], s.File, tuple[Diagnostic, ...]]:
     report = Reporter(source)
-    tree = parse(report)
+    tokens = lex(source.text, report)
+    tree = s.File(0, 0, ()) if tokens is None else parse_tokens(tokens, report)
     diagnostics = in_source_order(tuple(d for d in report.diagnostics if d.severity == "error"))
-    tokens = [] if diagnostics else lex(source.text, Reporter(source)) or []
-    return tokens, tree, diagnostics
+    return tokens or [], tree, diagnostics
 
 
 class _Writer:
@@ -237,7 +244,7 @@ def _assert_same(source: Source, tokens: list[Token], tree: s.File, text: str) -
         not diagnostics
         and _essence(tokens) == _essence(new_tokens)
         and _comments(source.text, tokens) == _comments(text, new_tokens)
-        and _without_places(tree) == _without_places(new_tree)
+        and _same_but_for_places(tree, new_tree)
     )
     if not same:
         raise AssertionError(f"formatting `{source.path}` would change more than its layout; it was left as it is")
@@ -252,16 +259,23 @@ def _comments(text: str, tokens: list[Token]) -> list[str]:
     found: list[str] = []
     at = 0
     for token in tokens:
-        found.extend(m[0].rstrip() for m in _COMMENT.finditer(text, at, max(at, token.start)))
+        if text.find("#", at, token.start) >= 0:
+            found.extend(m[0].rstrip() for m in _COMMENT.finditer(text, at, token.start))
         at = max(at, token.end)
     return found
 
 
-def _without_places(node: Any) -> Any:
-    """The tree as nested tuples without offsets."""
-    if isinstance(node, tuple):
-        return tuple(_without_places(item) for item in node)
-    if isinstance(node, s.Node):
-        names = [name for name in node.__struct_fields__ if name not in ("start", "end")]
-        return (type(node).__name__, *(_without_places(getattr(node, name)) for name in names))
-    return node
+def _same_but_for_places(one: Any, other: Any) -> bool:
+    """Whether two trees, or parts of trees, differ in nothing but offsets."""
+    if isinstance(one, tuple):
+        return type(other) is type(one) and len(one) == len(other) and all(map(_same_but_for_places, one, other))
+    if isinstance(one, s.Node):
+        return type(other) is type(one) and all(
+            _same_but_for_places(getattr(one, name), getattr(other, name)) for name in _fields(type(one))
+        )
+    return bool(one == other)
+
+
+@cache
+def _fields(kind: type[s.Node]) -> tuple[str, ...]:
+    return tuple(name for name in kind.__struct_fields__ if name not in ("start", "end"))

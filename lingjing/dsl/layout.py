@@ -116,6 +116,8 @@ class _Reader:
         start = self.tokens[self.at - 1].end if self.at else 0
         end = self.tokens[self.at].start if self.at < len(self.tokens) else len(self.text)
         comments: list[Comment] = []
+        if end - start < 2 and self.at and self.text[start:end] in ("", " "):
+            return _Gap(comments, False, False)
         lines, newline = (1 if start == 0 else 0), False
         for match in _GAP.finditer(self.text, start, end):
             if match["line"]:

@@ -29,6 +29,11 @@ def parse(report: Reporter, start: int = 0) -> s.File:
     return Parser(report).run(slabs)
 
 
+def parse_tokens(tokens: list[Token], report: Reporter) -> s.File:
+    """The syntax tree of tokens that are read already, all in one list; the list stays as it is if nothing is wrong."""
+    return Parser(report).run(iter((tokens,)))
+
+
 @cache
 def _tables() -> Tables:
     return load_tables()
