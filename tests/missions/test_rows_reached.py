@@ -1,0 +1,248 @@
+"""The rows of the adjudication table where an actor's place alone decides: VDN, IDF and CD."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+import stage_kit as kit
+
+edge = pytest.mark.parametrize(("beyond", "counts"), [(0.0, True), (-0.01, True), (0.01, False)])
+
+
+# -- VDN: the dog within 30 m of the building
+
+
+@edge
+def test_the_dog_arrives_within_thirty_metres_inclusively(beyond, counts):
+    with kit.playing("vdn") as play:
+        play.put("dog", "home", east=-(30.0 + beyond))
+        play.wait(3)
+        assert play.emitted() == (["arrive home"] if counts else [])
+        assert play.kinds() == ([("arrived", "home")] if counts else [])
+        assert play.success is counts
+
+
+def test_a_dog_outside_the_compound_has_not_arrived_however_near_it_is():
+    """The wall is in between: the target region lies inside the compound."""
+    with kit.playing("vdn") as play:
+        house = play.target("home")
+        assert house.position[1] < -119, "this seed's house stands near the southern wall"
+        play.put("dog", "home", north=-30.0)  # 30 m from the house, beyond the wall at -150 m
+        assert play.strings.places["dog"][1] < -150.0
+        play.wait(3)
+        assert play.emitted() == play.kinds() == []
+
+
+def test_a_dog_that_says_stop_has_not_arrived():
+    with kit.playing("vdn") as play:
+        for _ in range(3):
+            play.do({"navigator": kit.does("stop")})
+        assert play.kinds() == [] and not play.done
+
+
+def test_each_subtask_has_forty_ticks():
+    """A dog that never enters the compound uses up its first subtask, long before the 140 ticks of the whole."""
+    with kit.playing("vdn") as play:
+        assert play.instance.budget.ticks == 140
+        play.wait(39)
+        assert not play.done
+        play.do()
+        assert play.published.evaluation.reason == "budget"
+
+
+def test_a_subtask_done_in_its_last_tick_is_in_time():
+    with kit.playing("vdn") as play:
+        play.wait(39)
+        play.strings.places["dog"] = (5.0, -100.0, 0.0)
+        play.do()
+        assert play.stages() == ["enter"] and not play.done
+
+
+# -- IDF: a dog within 2 m of each fire, and the engine's word that it is out
+
+
+@edge
+def test_a_dog_puts_a_fire_out_within_two_metres_inclusively(beyond, counts):
+    with kit.playing("idf", fires=1.0) as play:
+        play.put("dog[2]", "fire[1]", north=2.0 + beyond)
+        play.wait(5)
+        assert play.emitted() == (["extinguish fire[1]"] if counts else [])
+        assert play.success is counts
+
+
+def test_being_there_is_not_enough_the_fire_must_be_out():
+    """A dog that leaves after one macro-step has unlocked the fire; it burns on and the mission is not won."""
+    with kit.playing("idf", fires=1.0) as play:
+        play.put("dog[1]", "fire[1]")
+        play.do()
+        play.strings.places.pop("dog[1]")
+        play.wait(5)
+        assert play.emitted() == [] and not play.done
+
+
+def test_every_fire_must_be_out():
+    with kit.playing("idf") as play:
+        fires = [one.id for one in play.instance.entities if one.group == "fire"]
+        for name in fires:
+            assert not play.done
+            play.put("dog[3]", name)
+            play.wait(4)
+        assert play.emitted() == [f"extinguish {name}" for name in fires]
+        assert play.success
+
+
+def test_a_dog_that_claims_a_fire_is_out_is_not_believed():
+    with kit.playing("idf", fires=1.0) as play:
+        place = play.target("fire[1]").position[:2]
+        play.do({"searcher[1]": kit.does("takePhoto")})
+        claim = kit.report("sighting", "f1-dog[1]-front", "fire_source", place)
+        out = kit.says("progress", task="fire[1]", state="extinguished")
+        play.do({"searcher[1]": kit.both(claim, out)})
+        play.wait(3)
+        assert ("accepted", "") in play.reasons("searcher[1]")
+        assert play.kinds() == [] and play.emitted() == [] and not play.done
+
+
+def test_a_sighting_is_matched_with_its_box_and_is_no_extinguishing():
+    with kit.playing("idf", fires=1.0) as play:
+        play.strings.boxes = {"fire[1]": kit.BOX}
+        play.do({"searcher[2]": kit.does("takePhoto")})
+        place = play.target("fire[1]").position[:2]
+        play.do({"searcher[2]": kit.report("sighting", "f1-dog[2]-front", "fire_source", place, kit.shifted(0.499))})
+        assert play.stages() == []
+        play.do({"searcher[2]": kit.report("sighting", "f1-dog[2]-front", "fire_source", place, kit.shifted(0.501))})
+        assert play.stages() == ["detect fire[1]"] and not play.done
+
+
+# -- CD: deliveries within 30 m, loading within 50 m, 200 kg a van
+
+
+def demand(play, name):
+    state = {one.id: one for one in play.published.record.snapshots[-1].states}[name]
+    return state.resources["demand"]
+
+
+def load(play, name):
+    state = {one.id: one for one in play.published.record.snapshots[-1].states}[name]
+    return state.resources["load_kg"]
+
+
+def moved(play, kind):
+    """(target, van, kilograms) of the engine's events of a kind."""
+    events = [event for one in play.all for event in one.record.task_events if event.kind == kind]
+    return [(*event.entities, event.values["amount_kg"]) for event in events]
+
+
+modes = pytest.mark.parametrize("mode", ["star", "broadcast"])
+
+
+def spread_out(play):
+    """Stand the vans apart from everything, so that nothing happens by itself."""
+    for number in range(1, 6):
+        play.strings.places[f"van[{number}]"] = (2000.0 + 100.0 * number, 2000.0, 0.0)
+
+
+@modes
+@edge
+def test_a_van_delivers_within_thirty_metres_inclusively(mode, beyond, counts):
+    with kit.playing("cd", mode, points=5.0) as play:
+        spread_out(play)
+        play.do()
+        play.put("van[1]", "point[2]", east=-(30.0 + beyond))
+        play.wait(2)
+        assert moved(play, "deliver") == ([("point[2]", "van[1]", 100.0)] if counts else [])
+        assert play.kinds() == ([("served", "point[2]")] if counts else [])
+        assert demand(play, "point[2]") == (0.0 if counts else 100.0)
+        assert load(play, "van[1]") == (100.0 if counts else 200.0)
+
+
+@modes
+@edge
+def test_a_van_loads_within_fifty_metres_of_the_warehouse_inclusively(mode, beyond, counts):
+    with kit.playing("cd", mode, points=5.0) as play:
+        spread_out(play)
+        play.put("van[2]", "point[3]")
+        play.wait(2)
+        assert load(play, "van[2]") == 100.0
+        play.put("van[2]", "depot", north=-(50.0 + beyond))
+        play.wait(3)
+        assert moved(play, "restock") == ([("depot", "van[2]", 100.0)] if counts else [])
+        assert load(play, "van[2]") == (200.0 if counts else 100.0)
+
+
+@modes
+def test_the_large_order_takes_more_than_one_load(mode):
+    """250 kg are wanted and a van holds 200: standing there longer delivers nothing more."""
+    with kit.playing("cd", mode, points=5.0) as play:
+        spread_out(play)
+        play.put("van[1]", "point[1]")
+        play.wait(5)
+        assert moved(play, "deliver") == [("point[1]", "van[1]", 200.0)]
+        assert demand(play, "point[1]") == 50.0 and load(play, "van[1]") == 0.0
+        assert play.kinds() == []
+        play.put("van[2]", "point[1]")
+        play.wait(2)
+        assert moved(play, "deliver")[1:] == [("point[1]", "van[2]", 50.0)]
+        assert play.kinds() == [("served", "point[1]")]
+        assert load(play, "van[2]") == 150.0
+
+
+@modes
+def test_one_van_may_split_the_order_over_two_trips(mode):
+    with kit.playing("cd", mode, points=5.0) as play:
+        spread_out(play)
+        for stop in ("point[1]", "depot", "point[1]"):
+            play.put("van[4]", stop)
+            play.wait(3)
+        assert [amount for *_, amount in moved(play, "deliver")] == [200.0, 50.0]
+        assert play.kinds() == [("served", "point[1]")]
+
+
+@modes
+def test_what_drivers_say_they_delivered_counts_for_nothing(mode):
+    with kit.playing("cd", mode, points=5.0) as play:
+        spread_out(play)
+        play.do()
+        for number in range(1, 6):
+            play.do({"driver[1]": kit.says("handover", stop=f"point[{number}]", delivered=250.0, left=0.0)})
+        play.do()
+        assert play.reasons("driver[1]") == [("accepted", "")] * 5
+        assert demand(play, "point[1]") == 250.0
+        assert play.kinds() == [] and play.published.evaluation.reward == 0.0
+
+
+@modes
+def test_the_score_follows_what_the_engine_confirmed(mode):
+    """Points are served one after another; the success is that of the last one."""
+    with kit.playing("cd", mode, points=5.0) as play:
+        spread_out(play)
+        play.do()
+        rewards = []
+        for number in range(5, 0, -1):
+            van = f"van[{number}]"
+            play.put(van, f"point[{number}]")
+            play.wait(2)
+            rewards.append(play.published.evaluation.reward)
+        assert rewards == sorted(rewards) and not play.done
+        assert demand(play, "point[1]") == 50.0
+        play.put("van[5]", "point[1]")
+        play.wait(2)
+        assert play.success
+        delivered = sum(amount for *_, amount in moved(play, "deliver"))
+        assert delivered == 250.0 + 4 * 100.0
+
+
+def test_nothing_is_taken_by_a_van_that_is_empty():
+    with kit.playing("cd", points=5.0) as play:
+        spread_out(play)
+        play.put("van[1]", "point[1]")
+        play.wait(2)
+        play.put("van[1]", "point[2]")
+        play.wait(3)
+        assert [target for target, *_ in moved(play, "deliver")] == ["point[1]"]
+        assert demand(play, "point[2]") == 100.0

@@ -1,0 +1,226 @@
+"""The rows of the adjudication table with an inspected route: LD and CR, in their order."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+import stage_kit as kit
+
+edge = pytest.mark.parametrize(("beyond", "counts"), [(0.0, True), (-0.01, True), (0.01, False)])
+
+FIRST = (-304.0, -200.0, 0.0)
+SECOND = (-304.0, 0.0, 0.0)
+OTHER = (-104.0, -304.0, 0.0)
+"""Waypoints of routes, on whole metres and away from every jam of these seeds."""
+
+GOALS = {"ld": "stop_node", "cr": "goal_place"}
+both_missions = pytest.mark.parametrize("name", ["ld", "cr"])
+
+
+def opened(name, **settings):
+    """An episode whose van is given the route FIRST, SECOND, goal, and after a replan OTHER, goal."""
+    instance = kit.still(kit.staged(name, None, 0, tuple(sorted(settings.items())))[0])
+    goal = next(entity.position for entity in instance.entities if entity.id == GOALS[name])
+    strings = kit.Strings(routes=[(FIRST, SECOND, goal), (OTHER, goal)])
+    return kit.playing(name, strings=strings, instance=instance, **settings)
+
+
+def look_at(play, *places):
+    """Fly the UAV over the places, one a tick."""
+    for x, y, *_ in places:
+        play.strings.places["uav"] = (x, y, 60.0)
+        play.do()
+
+
+def inspect(play, name):
+    play.do()  # the route is planned at the first boundary
+    look_at(play, FIRST, SECOND, play.target(GOALS[name]).position)
+
+
+# -- the inspection
+
+
+@both_missions
+@edge
+def test_a_waypoint_is_inspected_within_twenty_five_metres_inclusively(name, beyond, counts):
+    with opened(name) as play:
+        play.do()
+        look_at(play, (FIRST[0] - 25.0 - beyond, FIRST[1]), SECOND, play.target(GOALS[name]).position)
+        assert (play.stages() == ["inspect"]) is counts
+
+
+@both_missions
+def test_waypoints_are_inspected_in_their_order(name):
+    with opened(name) as play:
+        play.do()
+        look_at(play, SECOND, FIRST, play.target(GOALS[name]).position)
+        assert play.stages() == []
+        look_at(play, SECOND, play.target(GOALS[name]).position)
+        assert play.stages() == ["inspect"]
+
+
+@both_missions
+def test_the_van_may_not_drive_before_its_route_is_inspected(name):
+    with opened(name) as play:
+        x, y, _ = play.target(GOALS[name]).position
+        play.do()
+        play.do({"driver": kit.does("setDestination", x=x, y=y)})
+        assert ("rejected", "not_permitted") in play.reasons("driver")
+        look_at(play, FIRST, SECOND, (x, y))
+        play.do({"driver": kit.does("setDestination", x=x, y=y)})
+        assert play.reasons("driver")[1:] == [("accepted", ""), ("completed", "")]
+
+
+@both_missions
+def test_a_van_that_stands_at_the_goal_uninspected_has_not_arrived(name):
+    """However it came there and whoever says that all is clear."""
+    with opened(name) as play:
+        play.put("van", GOALS[name])
+        hub = {"driver": kit.says("progress", task="arrive", state="done")}
+        play.do({**hub, "inspector": kit.says("progress", task="inspect", state="clear")})
+        play.wait(3)
+        assert ("accepted", "") in play.reasons("driver") and ("accepted", "") in play.reasons("inspector")
+        assert play.emitted() == play.kinds() == [] and not play.done
+
+
+@both_missions
+@edge
+def test_the_van_arrives_within_thirty_metres_inclusively(name, beyond, counts):
+    with opened(name) as play:
+        inspect(play, name)
+        assert play.emitted() == []
+        play.put("van", GOALS[name], east=-(30.0 + beyond))
+        play.wait(3)
+        arrived = {"ld": "driven", "cr": "arrived"}[name]
+        assert play.emitted() == ([f"arrive {GOALS[name]}"] if counts else [])
+        assert play.kinds() == ([(arrived, GOALS[name])] if counts else [])
+        assert play.success is (counts and name == "cr")
+
+
+@both_missions
+def test_a_replan_begins_the_inspection_anew(name):
+    with opened(name) as play:
+        inspect(play, name)
+        assert play.stages() == ["inspect"]
+        play.do({"inspector": kit.says("jammed", waypoint=2, position=SECOND[:2])})
+        x, y, _ = play.target(GOALS[name]).position
+        play.do({"driver": kit.does("setDestination", x=x, y=y)})
+        assert ("rejected", "not_permitted") in play.reasons("driver")
+        play.put("van", GOALS[name])
+        play.wait(2)
+        arrived = {"ld": "driven", "cr": "arrived"}[name]
+        assert (arrived, GOALS[name]) not in play.kinds()
+        look_at(play, OTHER, (x, y))
+        play.do()
+        assert (arrived, GOALS[name]) in play.kinds()
+
+
+# -- congestion
+
+
+@both_missions
+@edge
+def test_congestion_is_recorded_within_twenty_five_metres_inclusively(name, beyond, counts):
+    with opened(name) as play:
+        x, y, _ = play.target("jam[1]").position
+        look_at(play, (x, y + 25.0 + beyond))
+        play.wait(2)
+        assert play.emitted() == (["record jam[1]"] if counts else [])
+
+
+def test_congestion_that_is_only_claimed_is_not_recorded():
+    """The policy names the very place of the jam, which the UAV has never been near."""
+    with opened("cr") as play:
+        play.do()
+        play.do({"inspector": kit.says("jammed", waypoint=1, position=play.target("jam[1]").position[:2])})
+        play.wait(2)
+        assert play.emitted() == play.kinds() == []
+
+
+@pytest.mark.parametrize("name", ["ld", "cr"])
+def test_a_route_with_a_jam_on_it_is_not_verified_by_flying_over_it(name):
+    """The UAV has been at every waypoint and nobody has said that one is blocked: the arrival does not count, and
+    after the replan that should have followed it does."""
+    with opened(name) as play:
+        jam, goal = play.target("jam[1]").position, play.target(GOALS[name]).position
+        play.strings.routes[0] = (FIRST, jam, goal)
+        play.do()
+        look_at(play, FIRST, jam, goal)
+        play.put("van", GOALS[name])
+        play.wait(2)
+        arrived = {"ld": "driven", "cr": "arrived"}[name]
+        assert (arrived, GOALS[name]) not in play.kinds() and not play.done
+        play.do({"inspector": kit.says("jammed", waypoint=2, position=jam[:2])})
+        look_at(play, OTHER, goal)
+        play.wait(2)
+        assert (arrived, GOALS[name]) in play.kinds()
+
+
+@pytest.mark.parametrize("most", [0.0, 3.0, 6.0])
+def test_replans_are_counted(most):
+    with opened("cr", replans_most=most) as play:
+        play.do()
+        for _ in range(int(most) + 1):
+            play.do({"inspector": kit.says("jammed", waypoint=1, position=FIRST[:2])})
+        outcomes = [status for status, _ in play.reasons("inspector")]
+        assert outcomes == ["accepted"] * int(most) + ["rejected"]
+        routes = [route.number for one in play.all for route in one.record.routes]
+        assert routes == list(range(1, int(most) + 2))
+
+
+# -- LD: the dog, last
+
+
+def delivered_to_the_stop(play):
+    inspect(play, "ld")
+    play.put("van", "stop_node")
+    play.wait(2)
+
+
+@edge
+def test_the_dog_delivers_within_the_target_house_region_inclusively(beyond, counts):
+    with opened("ld") as play:
+        delivered_to_the_stop(play)
+        assert play.kinds() == [("driven", "stop_node")] and not play.done
+        play.put("dog", "house", north=-(15.0 + beyond))
+        play.wait(3)
+        assert play.kinds()[1:] == ([("delivered", "house")] if counts else [])
+        assert play.success is counts
+        order = [stage for stage in play.stages() if stage != "guide_in"]
+        assert order == ["inspect", "drive", *(["deliver"] if counts else [])]
+
+
+def test_a_dog_at_the_house_before_the_van_has_arrived_has_delivered_nothing():
+    with opened("ld") as play:
+        play.put("dog", "house")
+        play.wait(3)
+        assert play.emitted() == [] and not play.done
+        inspect(play, "ld")
+        play.wait(3)
+        assert "receive house" not in play.emitted() and not play.done
+
+
+def test_the_dog_waits_for_the_van():
+    with opened("ld") as play:
+        play.do({"courier": kit.does("forward", distance=5.0)})
+        assert play.reasons("courier") == [("rejected", "not_permitted")]
+        delivered_to_the_stop(play)
+        play.do({"courier": kit.does("forward", distance=5.0)})
+        assert play.reasons("courier")[1:] == [("accepted", ""), ("completed", "")]
+
+
+@pytest.mark.parametrize("most", [25.0, 50.0])
+def test_moves_are_counted_over_all_three(most):
+    with opened("ld", moves_most=most) as play:
+        for _ in range(int(most) + 1):
+            play.do({"inspector": kit.does("takeoff")})
+            if play.done:
+                break
+        outcomes = [status for status, _ in play.reasons("inspector") if status != "completed"]
+        assert outcomes.count("accepted") == min(int(most), play.instance.budget.ticks)
+        assert outcomes[int(most) :] == ["rejected"]
