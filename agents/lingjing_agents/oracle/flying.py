@@ -1,0 +1,326 @@
+"""Aircraft: above targets to look at them or to deal with them, along routes to inspect them."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+from lingjing.plugins.policy import Action, Brief, CameraSpec, Datum, Entity, InspectionSpec, Outgoing, Resource, Route
+from lingjing_agents.capability import has_verb, nadir_camera
+from lingjing_agents.oracle.ability import Ability
+from lingjing_agents.oracle.looking import Reporting
+from lingjing_agents.oracle.talking import Voice
+from lingjing_agents.oracle.tours import shares, shortest
+from lingjing_agents.oracle.truth import Place, Plan, Truth
+
+ABOVE_M = 40.0
+"""Over a target: low enough for a clear box, high enough for one that drifts while the aircraft comes."""
+
+NEAR_M = 8.0
+OVER_ROOFS_M = 15.0
+ON_ROUTE_M = 6.0
+"""What blocks within its radius and this of a route is met on it."""
+
+STRAIGHT_M = 12.0
+_LEAD_S, _LEAD_MPS = 60.0, 8.0
+
+
+def flyer(brief: Brief) -> Resource | None:
+    """The first embodied resource that goes to points in the air."""
+    for resource in brief.resources:
+        for verb in resource.verbs if resource.embodied else ():
+            if verb.name == "setDestination" and any(argument.name == "z" for argument in verb.arguments):
+                return resource
+    return None
+
+
+class Flight:
+    """One aircraft: how high it flies and how it is sent somewhere."""
+
+    def __init__(self, body: Resource, plan: Plan) -> None:
+        self.body, self._plan = body, plan
+        self.camera: CameraSpec | None = nadir_camera(body) if has_verb(body, "takePhoto") else None
+
+    def altitude(self, truth: Truth, place: Place, target_m: float, above_m: float = ABOVE_M) -> float:
+        """Elevation for looking at something: in the aircraft's band and over everything that stands on the way."""
+        low, high = _number(self.body, "band_low_m", 0.0), _number(self.body, "band_high_m", math.inf)
+        here = truth.place(self.body.id)
+        roofs = _highest(truth, here, place)
+        return min(max(low, target_m + above_m, roofs + OVER_ROOFS_M), high)
+
+    def to(self, x: float, y: float, z: float) -> Action:
+        """Go there."""
+        arguments: dict[str, Datum] = {"x": x, "y": y, "z": z}
+        return Action(verb="setDestination", arguments=arguments, resource=self.body.id)
+
+    def photo(self) -> Action | None:
+        """A picture straight down."""
+        if self.camera is None:
+            return None
+        return Action(verb="takePhoto", arguments={"camera": self.camera.name}, resource=self.body.id)
+
+
+class Searching:
+    """Takes a picture from above of each target of its share, then deals with those that aircraft deal with."""
+
+    def __init__(self, flight: Flight, plan: Plan, reporting: Reporting) -> None:
+        self._flight, self._plan, self._reporting = flight, plan, reporting
+        self._first: dict[str, tuple[Place, float]] = {}
+        self._tries: dict[str, int] = {}
+
+    def say(self, truth: Truth) -> list[Outgoing]:
+        """Watches how targets drift; the reports are `Reporting`'s."""
+        for name, state in truth.states.items():
+            self._first.setdefault(name, (state.position[:2], truth.time_s))
+        return []
+
+    def act(self, truth: Truth) -> Action | None:
+        """Fly on, or take the picture."""
+        body = self._flight.body
+        if truth.busy(body.id):
+            return None
+        mine = self._share(truth)
+        if mine:
+            return self._above(truth, mine[0], looking=True)
+        for task in truth.left:
+            engine = self._plan.entities[body.id].engine
+            if task.engine == engine and truth.distance(body.id, task.target) > 0.8 * task.within_m:
+                return self._above(truth, task.target, looking=False)
+        return None
+
+    def _share(self, truth: Truth) -> list[str]:
+        open_now = self._reporting.open(truth)
+        if not open_now or self._flight.camera is None:
+            return []
+        places = {name: truth.place(name) for name in open_now}
+        mates = {
+            body.id: truth.place(body.id)
+            for body in self._plan.bodies(self._plan.entities[self._flight.body.id].engine)
+            if _alive(truth, body.id) and self._plan.owners[body.id].role == truth.brief.role
+        }
+        return shares(mates, self._order(truth, places), places).get(self._flight.body.id, [])
+
+    def _order(self, truth: Truth, places: dict[str, Place]) -> tuple[str, ...]:
+        """As those who deal with the targets will visit them."""
+        engines = {task.engine for task in truth.left if task.target in places}
+        actors = [body.id for engine in sorted(engines) for body in self._plan.bodies(engine)]
+        start = truth.place(actors[0] if actors else self._flight.body.id)
+        return shortest(start, places)
+
+    def _above(self, truth: Truth, target: str, *, looking: bool) -> Action | None:
+        state, body = truth.states[target], truth.states[self._flight.body.id]
+        x, y = state.position[:2]
+        tries = self._tries.get(target, 0)
+        above = ABOVE_M * 0.6**tries
+        z = self._flight.altitude(truth, (x, y), state.position[2], above)
+        if math.dist(body.position, (x, y, z)) <= NEAR_M:
+            self._tries[target] = tries + 1
+            return self._flight.photo() if looking else None
+        east, north = self._drift(truth, target)
+        lead_s = min(_LEAD_S, math.dist(body.position[:2], (x, y)) / _LEAD_MPS)
+        return self._flight.to(x + lead_s * east, y + lead_s * north, z)
+
+    def _drift(self, truth: Truth, target: str) -> Place:
+        """Mean velocity (m/s) since the episode began; the water's current before anything has moved."""
+        return drift(truth, target, *self._first[target])
+
+
+class Inspecting:
+    """Flies along a route, waypoint after waypoint; what blocks it is photographed, reported, and another route asked
+    for."""
+
+    def __init__(self, flight: Flight, plan: Plan, voice: Voice, inspection: InspectionSpec) -> None:
+        self._flight, self._plan, self._voice, self._inspection = flight, plan, voice, inspection
+        self._told: set[tuple[str, int]] = set()
+        self._looked: set[tuple[str, int]] = set()
+        self._sighted = 0
+
+    def say(self, truth: Truth) -> list[Outgoing]:
+        """What blocks the route, once we are there; that the last waypoint was seen."""
+        route = truth.routes.get(self._inspection.asset)
+        if route is None:
+            return []
+        jam = self._jam(truth, route)
+        if jam is not None and (jam.id, route.number) in self._looked:
+            self._told.add((jam.id, route.number))
+            return self._sighting(truth, jam) + self._ask_anew(truth, route, jam)
+        if jam is None and self._next(truth, route) is None and self._sighted != route.number:
+            return self._all_clear(truth, route)
+        return []
+
+    def act(self, truth: Truth) -> Action | None:
+        """The next waypoint, or what blocks the way before it."""
+        body = self._flight.body
+        if truth.busy(body.id):
+            return None
+        route = truth.routes.get(self._inspection.asset)
+        if route is None:
+            return self._take_off(truth)
+        place = self._next(truth, route)
+        if place is None:
+            end = self._plan.entities.get(self._inspection.destination)
+            unseen = end is not None and self._sighted != route.number
+            return self._flight.photo() if unseen and self._carried() and not truth.known.frames else None
+        jam = self._jam(truth, route)
+        if jam is not None and _segment(truth, route, jam) <= place:
+            return self._look_at(truth, jam, route)
+        x, y, z = route.waypoints[self._farthest(truth, route, place)]
+        return self._flight.to(x, y, self._flight.altitude(truth, (x, y), z))
+
+    def _look_at(self, truth: Truth, jam: Entity, route: Route) -> Action | None:
+        x, y = truth.place(jam.id)
+        here = truth.place(self._flight.body.id)
+        if math.dist(here, (x, y)) > 0.6 * self._inspection.within_m:
+            return self._flight.to(x, y, self._flight.altitude(truth, (x, y), jam.position[2]))
+        self._looked.add((jam.id, route.number))
+        return self._flight.photo()
+
+    def _sighting(self, truth: Truth, jam: Entity) -> list[Outgoing]:
+        for frame in truth.known.frames:
+            for box in frame.boxes:
+                if box.entity == jam.id:
+                    return self._report(truth, frame.id, box.cls, box.box, truth.states[jam.id].position)
+            return self._report(truth, frame.id, jam.type, (0.0, 0.0, 1.0, 1.0), truth.states[jam.id].position)
+        return []
+
+    def _all_clear(self, truth: Truth, route: Route) -> list[Outgoing]:
+        """A picture of the last waypoint for those who drive there."""
+        for frame in truth.known.frames:
+            self._sighted = route.number
+            end = self._plan.entities.get(self._inspection.destination)
+            position = end.position if end is not None else route.waypoints[-1]
+            return self._report(truth, frame.id, end.type if end is not None else "", (0.0, 0.0, 1.0, 1.0), position)
+        return []
+
+    def _report(
+        self, truth: Truth, frame: str, cls: str, box: tuple[float, ...], position: tuple[float, ...]
+    ) -> list[Outgoing]:
+        body: dict[str, Datum] = {
+            "frame": frame, "class": cls, "box": box, "position": position, "confidence": 1.0,
+        }  # fmt: skip
+        kind = self._carried()
+        return self._voice.say(kind, body) if kind else []
+
+    def _carried(self) -> str:
+        """The kind of report with which inspectors hand over what they see."""
+        message = self._voice.with_fields("frame", "class", "box", "position")
+        return message.kind if message is not None else ""
+
+    def _ask_anew(self, truth: Truth, route: Route, jam: Entity) -> list[Outgoing]:
+        state = truth.states[jam.id]
+        number = min(_segment(truth, route, jam) + 1, len(route.waypoints))
+        return self._voice.say(
+            self._inspection.replan, {"waypoint": number, "position": state.position, "confidence": 1.0}
+        )
+
+    def _jam(self, truth: Truth, route: Route) -> Entity | None:
+        """The first thing that blocks the route and has not been told of yet."""
+        found = [
+            entity
+            for entity in self._plan.instance.entities
+            if entity.properties.get("blocks") is True
+            and truth.present(entity.id)
+            and (entity.id, route.number) not in self._told
+            and _off_route(truth, route, entity) <= _radius(entity) + ON_ROUTE_M
+        ]
+        return min(found, key=lambda entity: _segment(truth, route, entity), default=None)
+
+    def _next(self, truth: Truth, route: Route) -> int | None:
+        seen = truth.known.inspected.get(self._inspection.name, ())
+        return next((number for number in range(len(route.waypoints)) if number not in seen), None)
+
+    def _farthest(self, truth: Truth, route: Route, place: int) -> int:
+        """The last waypoint that a straight flight reaches past all those before it."""
+        here, best = truth.place(self._flight.body.id), place
+        jam = self._jam(truth, route)
+        last = len(route.waypoints) if jam is None else min(len(route.waypoints), _segment(truth, route, jam))
+        for candidate in range(place + 1, last):
+            end = route.waypoints[candidate][:2]
+            between = route.waypoints[place:candidate]
+            if all(_off_line(here, end, point[:2]) <= STRAIGHT_M for point in between):
+                best = candidate
+        return best
+
+    def _take_off(self, truth: Truth) -> Action | None:
+        state = truth.states[self._flight.body.id]
+        x, y, z = state.position
+        height = self._flight.altitude(truth, (x, y), 0.0)
+        return self._flight.to(x, y, height) if z < height - NEAR_M else None
+
+
+def flying(brief: Brief, plan: Plan, reporting: Reporting | None, voice: Voice) -> list[Ability]:
+    """What an agent with an aircraft does: inspections first."""
+    body = flyer(brief)
+    if body is None:
+        return []
+    flight = Flight(body, plan)
+    found: list[Ability] = [
+        Inspecting(flight, plan, voice, one) for one in plan.instance.inspections if body.id in one.by
+    ]
+    return [*found, Searching(flight, plan, reporting or Reporting(plan, voice))]
+
+
+def drift(truth: Truth, target: str, first: Place, since_s: float) -> Place:
+    """Mean velocity (east, north; m/s) of a target since then; the water's current before anything has moved."""
+    if "drift_mps" not in truth.plan.entities[target].properties:
+        return 0.0, 0.0
+    if truth.time_s - since_s < truth.brief.tick_s:
+        weather = truth.brief.weather
+        bearing = math.radians(weather.current_to_deg)
+        return weather.current_mps * math.sin(bearing), weather.current_mps * math.cos(bearing)
+    here, passed = truth.place(target), truth.time_s - since_s
+    return (here[0] - first[0]) / passed, (here[1] - first[1]) / passed
+
+
+def _alive(truth: Truth, name: str) -> bool:
+    state = truth.state(name)
+    return state is not None and state.status not in ("dead", "dormant")
+
+
+def _highest(truth: Truth, start: Place, end: Place) -> float:
+    """The top of the highest building near the straight way between two places; the datum where there is none."""
+    city = truth.known.city
+    highest = truth.brief.water_level_m
+    for building in city.buildings if city is not None else ():
+        x, y = building.polygon[0]
+        if building.top_m > highest and _off_line(start, end, (x, y)) <= _REACH_M:
+            highest = building.top_m
+    return highest
+
+
+_REACH_M = 60.0
+
+
+def _off_line(start: Place, end: Place, point: Place) -> float:
+    east, north = end[0] - start[0], end[1] - start[1]
+    length = east * east + north * north
+    share = 0.0 if length == 0.0 else ((point[0] - start[0]) * east + (point[1] - start[1]) * north) / length
+    share = min(max(share, 0.0), 1.0)
+    return math.dist(point, (start[0] + share * east, start[1] + share * north))
+
+
+def _line(truth: Truth, route: Route) -> list[Place]:
+    start = truth.plan.entities[route.entity].position[:2] if route.number == 1 else truth.place(route.entity)
+    return [start, *(point[:2] for point in route.waypoints)]
+
+
+def _off_route(truth: Truth, route: Route, entity: Entity) -> float:
+    here = truth.place(entity.id)
+    return min(_off_line(a, b, here) for a, b in pairwise(_line(truth, route)))
+
+
+def _segment(truth: Truth, route: Route, entity: Entity) -> int:
+    """The place of the waypoint before which an entity stands on a route."""
+    here = truth.place(entity.id)
+    pieces = list(pairwise(_line(truth, route)))
+    return min(range(len(pieces)), key=lambda number: (round(_off_line(*pieces[number], here), 1), number))
+
+
+def _radius(entity: Entity) -> float:
+    radius = entity.properties.get("radius_m")
+    return float(radius) if isinstance(radius, int | float) else 0.0
+
+
+def _number(body: Resource, name: str, default: float) -> float:
+    value = body.properties.get(name)
+    return float(value) if isinstance(value, int | float) else default
