@@ -16,6 +16,7 @@ CODES: dict[str, str] = {
     "LJ0010": "the statement goes on in a way the grammar does not know",
     "LJ0011": "no statement begins with this word",
     "LJ0012": "a named argument outside of a call",
+    "LJ0013": "a name whose letters look like other letters",
     # names and structure
     "LJ0101": "nothing has this name",
     "LJ0102": "there is no such field",

@@ -97,6 +97,7 @@ class Lexer:
         self.tokens: list[Token] = []
         self.packed: list[Slab] = []
         self.words: dict[str, str] = {}
+        self.foreign: dict[str, list[tuple[int, int]]] = {}
         self.open: list[tuple[str, int]] = []
         self.previous = "NL"
         self.guide = Indentation(text) if guided else None
@@ -152,7 +153,11 @@ class Lexer:
             text = self.text[start:end]
             known = self.words.get(text)
             if known is None:
-                known = self.words[text] = text if text.isascii() or kind == "STRING" else normalize("NFC", text)
+                known = self.words[text] = text
+                if kind == "NAME" and not text.isascii():
+                    known = self.words[text] = normalize("NFC", text)
+            if kind == "NAME" and not known.isascii():
+                self.foreign.setdefault(known, []).append((start, end))
             text = known
         self.tokens.append(Token(kind, text, start, end))
         self.previous = kind
@@ -502,6 +507,10 @@ class Lexer:
 
     def _finish(self) -> list[Token]:
         end = len(self.text)
+        if self.foreign:
+            from lingjing.dsl.confusable import look_alikes
+
+            look_alikes(self.foreign, self.words, self.report)
         self._close_down_to_block(end)
         if self.previous in ("NL", "SEP") and self.tokens:
             self.tokens.pop()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from lingjing.dsl.source import JoinedSource, Source
 from lingjing.mission.diagnostics import Diagnostic, Edit, Fix, Related, Severity, Span
 
@@ -30,8 +32,9 @@ class Reporter:
         replace: str | None = None,
         safe: bool = False,
         severity: Severity = "error",
+        also: Iterable[tuple[int, int]] = (),
     ) -> None:
-        """Report; `replace` offers to put that text in the span's place."""
+        """Report; `replace` offers to put that text in the span's place, and in those of `also`."""
         if len(self.diagnostics) >= MOST:
             return
         if len(self.diagnostics) == MOST - 1:
@@ -41,7 +44,8 @@ class Reporter:
         if isinstance(self.source, JoinedSource) and self.source.inner(start, end) is not None:
             related, replace = (Related(span, "this is where it shows"), *related), None
             span = self.source.place
-        fix = None if replace is None else Fix(_title(span, replace), (Edit(span, replace),), safe)
+        spans = (span, *(self.source.span(*place) for place in also))
+        fix = None if replace is None else Fix(_title(span, replace), tuple(Edit(at, replace) for at in spans), safe)
         self.diagnostics.append(Diagnostic(code, span, message, hint, severity, related, fix))
 
     def span(self, start: int, end: int) -> Span:

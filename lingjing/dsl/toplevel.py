@@ -110,8 +110,8 @@ class FileChecker:
             self.report("LJ0120", start, end, f"`{shown}` uses itself: {names}", "move what both need to a third file")
             return
         found, faults = library.load_library(file, self.chain)
-        if any(fault.severity == "error" for fault in faults):
-            first = faults[0]
+        first = next((fault for fault in faults if fault.severity == "error"), None)
+        if first is not None:
             self.report(
                 "LJ0119",
                 start,

@@ -21,6 +21,8 @@ CASES = [
     ("LJ0010", "to all\n", "too all\n", 31, 44, "`too` does not fit here"),
     ("LJ0011", "  goal ", "  gaol ", 7, 3, "no statement is called `gaol`"),
     ("LJ0012", "(12.4 m, -51.8 m)", "(12.4 m, north = -51.8 m)", 26, 47, "only a call"),
+    ("LJ0013", "  param altitude", "  param \u0430ltitude", 14, 9, "`\u0430` (U+0430) is Cyrillic, not Latin"),
+    ("LJ0013", "  param altitude", "  param \u0430\u0441\u0435 = 1\n  param ace", 14, 9, "looks like `ace`"),
     ("LJ0101", "distance_xy(boat, v)", "distance_xy(boot, v)", 34, 75, "nothing is called `boot`"),
     ("LJ0102", "r.frame", "r.fraem", 32, 76, "no field `fraem`"),
     ("LJ0103", "visibility = 8 km", "wind = 1 m/s from 2 deg", 11, 40, "`wind` is given twice"),
@@ -100,3 +102,18 @@ def test_the_number_of_diagnostics_is_bounded() -> None:
 
 def shown(found: tuple[Diagnostic, ...]) -> list[tuple[str, int, int]]:
     return [(item.code, item.span.line, item.span.column) for item in found]
+
+
+@pytest.mark.parametrize("name", ["α_max", "Δt", "海_east", "скорость", "ταχύτητα", "café", "ace_\u03bd"])
+def test_names_in_other_scripts_are_welcome(small: str, name: str) -> None:
+    assert compile_text(small.replace("  param altitude", f"  param {name} = 1\n  param altitude")).diagnostics == ()
+
+
+def test_a_look_alike_is_warned_of_once_and_offers_the_latin_name(small: str) -> None:
+    twice = small.replace("param altitude", "param he\u0456ght = 2 m\n  param altitude").replace(
+        "speed <= 3 m/s", "speed <= he\u0456ght / 1 s"
+    )
+    compilation = compile_text(twice)
+    (one,) = compilation.diagnostics
+    assert compilation.mission is not None and one.severity == "warning" and one.fix is not None
+    assert [edit.text for edit in one.fix.edits] == ["height", "height"] and not one.fix.safe
