@@ -1,0 +1,79 @@
+"""A hundred vehicles, three dogs, five UAVs, a boat, a plane and a satellite with cameras, in one world: the same to
+the last bit in every process, under every hash seed and in both worlds, and forked in the middle."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+import couplings_kit as kit
+
+from lingjing.kernel.step import Kernel
+from lingjing.kernel.world import open_world
+from lingjing.trace.records import Action, Decision, DecisionRecord
+
+TICKS = 6
+SCRIPT = str(Path(kit.__file__))
+
+
+@pytest.fixture(scope="module")
+def episode():
+    """A busy episode in a process world, and its digests boundary by boundary."""
+    world = open_world("process", host=kit.host())
+    kernel = Kernel(*kit.staged(kit.MIXED), world)
+    kernel.reset()
+    yield kernel
+    world.close()
+
+
+@pytest.fixture(scope="module")
+def told(episode):
+    """The digests of its first boundaries; the episode stands there afterwards."""
+    return kit.digests(episode, range(TICKS))
+
+
+def test_everybody_is_there_and_looks(episode, told):
+    record = episode.step(()).record
+    last = record.snapshots[-1]
+    engines = {entity.engine for entity in episode.instance.entities}
+    assert engines == {"city", "multirotor", "plane", "quadruped", "road", "satellite", "vessel"}
+    vans = sum(entity.engine == "road" for entity in episode.instance.entities)
+    assert vans + sum(mover.id.startswith("traffic/") for mover in last.ambient) == 100
+    assert [sum(e.engine == name for e in episode.instance.entities) for name in ("quadruped", "multirotor")] == [3, 5]
+    assert len(set(told)) == TICKS
+    assert len({line.partition(" ")[2] for line in told}) > 2  # pictures were taken
+
+
+def test_a_null_fork_ends_with_its_parents_digest_and_a_change_does_not(episode, told):
+    twin, other = episode.fork(), episode.fork()
+    try:
+        here = episode.state.registry.tick
+        later = range(here, here + 3)
+        stop = DecisionRecord(agent="walker[2]", decision=Decision(command=Action(verb="stop")))
+        other.step((stop,))
+        ours = kit.digests(episode, later)
+        assert kit.digests(twin, later) == ours
+        assert kit.digests(other, later[1:]) != ours[1:]
+        assert os.listdir(f"/proc/{twin.world._staff.world.pid}/task") == [str(twin.world._staff.world.pid)]
+    finally:
+        twin.world.close()
+        other.world.close()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("kind", "hash_seed"), [("process", "1"), ("inline", "2")])
+def test_another_process_hash_seed_and_world_mode_tell_the_same(told, tmp_path, kind, hash_seed):
+    run = subprocess.run(
+        [sys.executable, SCRIPT, kind, str(TICKS)],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONHASHSEED": hash_seed},
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=300,
+    )
+    assert run.stdout.split("\n")[:-1] == told

@@ -1,0 +1,93 @@
+"""Real engines that are killed or hang in the middle of an episode of the command line: what is left of it."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+import couplings_kit as kit
+
+from lingjing.trace.digest import verify
+from lingjing.trace.reader import read_trace
+
+POLICY = f"{kit.HERE / 'restless.py'}:Restless"
+WORKER = "lingjing.kernel.world.worker"
+
+
+def workers(parent: int) -> dict[str, int]:
+    """The worker processes of a process by their place: `world`, `camera`."""
+    found = {}
+    for entry in Path("/proc").iterdir():
+        try:
+            words = (entry / "cmdline").read_bytes().decode().split("\0")
+            state, of = (entry / "stat").read_text().rpartition(")")[2].split()[:2]
+        except (OSError, ValueError):
+            continue
+        if of == str(parent) and WORKER in words and state not in "ZX":
+            found[next(place for place in ("world", "camera") if place in words)] = int(entry.name)
+    return found
+
+
+def runs(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
+    except OSError:
+        return False
+
+
+@pytest.fixture
+def episode(tmp_path):
+    """The mixed mission on the command line with engines that have ten seconds a boundary, some ticks old."""
+    mission = tmp_path / "mixed.ljs"
+    mission.write_text(kit.MIXED.read_text("utf-8").replace("engine <= 120 s", "engine <= 10 s"), "utf-8")
+    command = [sys.executable, "-m", "lingjing.cli.main", "run", str(mission)]
+    options = ["--policy", POLICY, "--seed", "3", "-o", "out", "--json"]
+    options += [word for name in ("cars=20", "uavs=2", "dogs=1", "vans=1") for word in ("--set", name)]
+    run = subprocess.Popen(
+        [*command, *options], cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    part = tmp_path / "out" / "trace.mcap.part"
+    deadline = time.monotonic() + 60.0
+    while time.monotonic() < deadline and run.poll() is None:
+        if part.is_file() and part.stat().st_size > 100_000 and len(workers(run.pid)) == 2:
+            break
+        time.sleep(0.05)
+    yield run, part
+    run.kill()
+    run.communicate()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("place", "blow", "words"),
+    [
+        ("world", signal.SIGKILL, "the world process died (SIGKILL)"),
+        ("camera", signal.SIGKILL, "the camera process died (SIGKILL)"),
+        ("world", signal.SIGSTOP, "did not answer within 10 s; the world process was killed"),
+    ],
+)
+def test_a_worker_that_dies_or_hangs_is_an_abort_with_its_trace_and_no_orphan(episode, place, blow, words):
+    run, part = episode
+    staff = workers(run.pid)
+    assert set(staff) == {"world", "camera"}, run.communicate()
+    os.kill(staff[place], blow)
+    output, errors = run.communicate(timeout=90)
+    assert run.returncode == 3, (output, errors)
+    assert words in errors + output
+    assert "Traceback" not in errors
+    trace = read_trace(part)
+    assert [record.tick for record in trace.boundaries] == list(range(len(trace.boundaries)))
+    assert len(trace.boundaries) > 1
+    assert trace.outcome is not None
+    assert trace.outcome.reason == "infrastructure-abort"
+    assert verify(trace, pixels=True) is None
+    deadline = time.monotonic() + 3.0
+    while any(map(runs, staff.values())) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert not any(map(runs, staff.values()))
