@@ -23,14 +23,29 @@ def completion_ticks(trace: Trace) -> dict[str, int]:
     return found
 
 
+def asked_groups(instance: Instance) -> frozenset[str]:
+    """The groups of which success asks something: what its rules, or else the last stage, range over."""
+    rules = _success_rules(instance)
+    if rules:
+        return frozenset(
+            parameter.domain for rule in instance.rules if rule.name in rules for parameter in rule.parameters
+        )
+    last = instance.stages[-1].domain if instance.stages else None
+    return frozenset({last} if last is not None else ())
+
+
 def completed_at(instance: Instance, record: BoundaryRecord) -> set[str]:
     """Targets that this boundary's events or stages complete."""
     targets = {entity.id for entity in instance.entities if entity.role == "target"}
-    rules = {node.function for node in nodes(instance.success) if isinstance(node, Call) and node.rule}
+    rules = _success_rules(instance)
     if rules:
         return targets & {name for event in record.events if event.kind in rules for name in event.bindings}
     last = instance.stages[-1].name if instance.stages else None
     return targets & {change.subject for change in record.stages if change.stage == last}
+
+
+def _success_rules(instance: Instance) -> set[str]:
+    return {node.function for node in nodes(instance.success) if isinstance(node, Call) and node.rule}
 
 
 def nodes(expression: object) -> Iterator[Node]:

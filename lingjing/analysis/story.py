@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from lingjing.analysis.completion import completion_ticks
+from lingjing.analysis.completion import asked_groups, completion_ticks
 from lingjing.analysis.detection import Report, detect
 from lingjing.mission.instance import Instance
 from lingjing.trace.reader import Trace
@@ -47,8 +47,8 @@ class Happened:
 
 @dataclass(frozen=True, slots=True)
 class Story:
-    """Everything the overview draws. `fate` is `completed`, `found` or `missed` for each target; `completed`
-    says at which tick."""
+    """Everything the overview draws. `fate` is `completed`, `found` or `missed` for each target, `aside` for one that
+    success asks nothing of and nobody reported (a depot, a jam); `completed` says at which tick."""
 
     instance: Instance
     tracks: dict[str, Track]
@@ -140,8 +140,15 @@ def _happened(trace: Trace) -> tuple[Happened, ...]:
 
 def _fate(trace: Trace, reports: tuple[Report, ...]) -> dict[str, str]:
     completed, found = completion_ticks(trace), {report.target for report in reports}
+    asked = asked_groups(trace.header.instance)
     return {
-        entity.id: "completed" if entity.id in completed else "found" if entity.id in found else "missed"
+        entity.id: "completed"
+        if entity.id in completed
+        else "found"
+        if entity.id in found
+        else "missed"
+        if entity.group in asked
+        else "aside"
         for entity in trace.header.instance.entities
         if entity.role == "target"
     }

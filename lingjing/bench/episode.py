@@ -67,6 +67,8 @@ class EpisodeResult:
     detail: str = ""
     warnings: tuple[str, ...] = ()
     """What a reader of the score should know: replaced answers of policies, an overview that could not be written."""
+    attribution: str = ""
+    """Whose map was played on; `procedural` for nobody's."""
 
 
 class EpisodeInterrupted(KeyboardInterrupt):
@@ -125,9 +127,9 @@ class Session:
             outcome = play(kernel, barrier, writer, progress)
         except KeyboardInterrupt:
             self.close()
-            raise EpisodeInterrupted(_result(writer.part, folder, overview=False)) from None
+            raise EpisodeInterrupted(_result(writer.part, folder, city, overview=False)) from None
         partial = outcome.reason == "infrastructure-abort"
-        result = _result(writer.part if partial else writer.path, folder, overview=overview)
+        result = _result(writer.part if partial else writer.path, folder, city, overview=overview)
         return replace(result, warnings=(*_hopeless(instance), *result.warnings))
 
     def close(self) -> None:
@@ -274,7 +276,7 @@ def _writer(
         raise
 
 
-def _result(path: Path, folder: Path, *, overview: bool) -> EpisodeResult:
+def _result(path: Path, folder: Path, city: City, *, overview: bool) -> EpisodeResult:
     from lingjing.analysis.metrics import metrics
     from lingjing.analysis.overview import draw_overview
 
@@ -282,7 +284,7 @@ def _result(path: Path, folder: Path, *, overview: bool) -> EpisodeResult:
     warnings = _warnings(trace)
     if overview:
         try:
-            draw_overview(trace, folder / OVERVIEW_NAME)
+            draw_overview(trace, folder / OVERVIEW_NAME, city)
         except UsageError as error:  # the trace holds everything; a score is not lost for want of its picture
             warnings += (f"no overview: {error}",)
     outcome = trace.outcome or _unknown(trace)
@@ -302,6 +304,7 @@ def _result(path: Path, folder: Path, *, overview: bool) -> EpisodeResult:
         metrics=metrics(trace),
         detail=outcome.detail,
         warnings=warnings,
+        attribution=trace.header.attribution,
     )
 
 

@@ -114,6 +114,7 @@ def _report(options: RunOptions, result: EpisodeResult) -> EpisodeReport:
         metrics=msgspec.to_builtins(result.metrics),
         detail=result.detail,
         warnings=result.warnings,
+        attribution=result.attribution,
     )
 
 

@@ -16,7 +16,7 @@ class EpisodeReport(msgspec.Struct, frozen=True, kw_only=True):
     """One episode, as `lingjing run --json` prints it.
 
     `trace` is the path of the MCAP file (a `.part` if the episode was cut short), `detail` the cause of an abort.
-    `warnings` are what a reader of the score should know, a line each.
+    `warnings` are what a reader of the score should know, a line each; `attribution` says whose map was played on.
     """
 
     mission: str
@@ -32,6 +32,7 @@ class EpisodeReport(msgspec.Struct, frozen=True, kw_only=True):
     metrics: dict[str, object]
     detail: str = ""
     warnings: tuple[str, ...] = ()
+    attribution: str = ""
 
 
 class SuiteReport(msgspec.Struct, frozen=True, kw_only=True):

@@ -1,6 +1,7 @@
 """`overview.png`: one picture of an episode, drawn from its trace.
 
 - `style`     colours, fonts, the labels' placement
+- `cityview`  the city under the map
 - `mapview`   the map: region, cells, tracks, truth and reports
 - `timeline`  messages, events, batteries over ticks
 - `pictures`  the best detections, cut out of their frames, and one whole frame
@@ -14,17 +15,22 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from lingjing.scene.city import City
 from lingjing.trace.reader import Trace
 
 
-def draw_overview(trace: Trace, path: Path) -> None:
+def draw_overview(trace: Trace, path: Path, city: City | None = None) -> None:
     """Draw `trace`, whole or cut, as a PNG of 1800 by 1200 pixels at `path`.
+
+    `city` is what it was played in, if the caller still has it; else it is built again, and the map stays blank where
+    that cannot be done exactly.
 
     Raises `UsageError` if the file cannot be written.
     """
+    from lingjing.analysis.groundplan import city_of
     from lingjing.analysis.overview.sheet import draw_sheet
 
-    draw_sheet(trace, path)
+    draw_sheet(trace, path, city or city_of(trace))
 
 
 __all__ = ["draw_overview"]

@@ -13,7 +13,9 @@ from matplotlib.patches import Polygon
 
 from lingjing.analysis.detection import Report
 from lingjing.analysis.overview import style
+from lingjing.analysis.overview.cityview import draw_city
 from lingjing.analysis.story import Story, Track
+from lingjing.scene.city import City
 
 STRAY_M = 400.0
 """Reports farther than this from everything real do not stretch the map; they are clamped to its edge."""
@@ -22,13 +24,18 @@ STILL_M = 0.05
 """A macro-step shorter than this is waiting."""
 
 
-def draw_map(axes: Axes, story: Story) -> None:
-    """Fill `axes` with the episode's map, east to the right, metres."""
-    axes.set_facecolor(style.WATER)
+def draw_map(axes: Axes, story: Story, city: City | None = None, credit: str = "") -> None:
+    """Fill `axes` with the episode's map, east to the right, metres: on `city` if it is there, on blank ground else.
+
+    `credit` names whose map it is; it stands in the corner.
+    """
+    axes.set_facecolor(style.PANEL)
     west, south, east, north = _bounds(story, axes)
     axes.set_xlim(west, east)
     axes.set_ylim(south, north)
     axes.set_aspect("equal", adjustable="box")  # after the limits: it would shrink the panel to theirs
+    if city is not None:
+        draw_city(axes, city)
     _ground(axes, story)
     labels = style.Labels(axes)
     _assets(axes, story, labels)
@@ -37,6 +44,8 @@ def draw_map(axes: Axes, story: Story) -> None:
     _names(axes, story, labels)
     _scale(axes, west, south, east - west, north - south)
     _legend(axes, story)
+    if credit:
+        _credit(axes, credit)
     style.bare(axes, "Map: tracks darken with time")
 
 
@@ -159,10 +168,13 @@ def _truth(story: Story, report: Report) -> tuple[float, float] | None:
 def _names(axes: Axes, story: Story, labels: style.Labels) -> None:
     assets = story.tracks_of("asset")
     colours = style.asset_colours(track.entity for track in assets)
-    for track in story.tracks_of("target"):
+    targets = story.tracks_of("target")
+    for track in targets:
         if track.points:
             fate = story.fate[track.entity]
-            labels.add(f"{track.entity} {fate}", _fate_place(story, track), style.FATES[fate], 8.5)
+            plain = fate == "aside" or len(targets) > style.CROWD  # its colour says the rest
+            name = track.entity if plain else f"{track.entity} {fate}"
+            labels.add(name, _fate_place(story, track), style.FATES[fate], 8.5)
     for track in assets:
         if track.points:
             labels.add(track.entity, track.points[-1], colours[track.entity])
@@ -188,6 +200,14 @@ def _scale(axes: Axes, west: float, south: float, width: float, height: float) -
     )
 
 
+def _credit(axes: Axes, credit: str) -> None:
+    box = {"boxstyle": "round,pad=0.2", "facecolor": "white", "alpha": 0.75, "edgecolor": "none"}
+    axes.text(
+        0.995, 0.008, credit, transform=axes.transAxes, fontsize=7.5, color=style.INK, ha="right", va="bottom",
+        zorder=10, bbox=box,
+    )  # fmt: skip
+
+
 def _legend(axes: Axes, story: Story) -> None:
     def mark(marker: str, label: str, **options: object) -> Line2D:
         return Line2D([], [], linestyle="none", marker=marker, label=label, **options)  # type: ignore[arg-type]
@@ -197,7 +217,11 @@ def _legend(axes: Axes, story: Story) -> None:
         mark("o", "end", mfc=style.INK, mec="white", ms=8),
         mark(".", "picture taken", color=style.INK, ms=5),
         mark("D", "target at start", mfc="white", mec=style.INK, ms=5),
-        *(mark("*", f"target {fate}", mfc=colour, mec="white", ms=12) for fate, colour in style.FATES.items()),
+        *(
+            mark("*", "other place" if fate == "aside" else f"target {fate}", mfc=style.FATES[fate], mec="white", ms=12)
+            for fate in style.FATES
+            if fate != "aside" or fate in story.fate.values()
+        ),
         mark("+", "report, line to truth", mec=style.CLAIM, ms=8, mew=1.4),
         mark("x", "false report", mec=style.FATES["missed"], ms=6, mew=1.4),
     ]

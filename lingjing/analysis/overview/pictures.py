@@ -100,7 +100,7 @@ def draw_whole(axes: Axes, trace: Trace, story: Story, frame: FrameInfo | None) 
         if report.frame == frame.id and report.box is not None:
             _box(axes, _grown(report.box, 0.014), rgb, style.CLAIM, (0, (3, 2)), 1.4)
     height = frame.pose.position[2] - story.instance.scene.datum_m
-    caption = f"{frame.entity} {frame.camera} · tick {frame.tick} · {height:.0f} m over the water"
+    caption = f"{frame.entity} {frame.camera} · tick {frame.tick} · {height:.0f} m up"
     axes.set_xlabel(caption, fontsize=8, color=style.INK, labelpad=3)
 
 

@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from lingjing.analysis.groundplan import credit
 from lingjing.analysis.metrics import metrics
 from lingjing.analysis.overview import style
 from lingjing.analysis.overview.mapview import draw_map
@@ -17,19 +18,20 @@ from lingjing.analysis.overview.score import draw_score
 from lingjing.analysis.overview.timeline import draw_batteries, draw_events, draw_messages
 from lingjing.analysis.story import Story, tell
 from lingjing.errors import UsageError
+from lingjing.scene.city import City
 from lingjing.trace.reader import Trace
 
 WIDTH, HEIGHT, DPI = 18.0, 12.0, 100
 VIEWS = 4
 
 
-def draw_sheet(trace: Trace, path: Path) -> None:
+def draw_sheet(trace: Trace, path: Path, city: City | None) -> None:
     """See `lingjing.analysis.overview.draw_overview`."""
     figure = Figure(figsize=(WIDTH, HEIGHT), dpi=DPI, facecolor=style.PAPER)
     FigureCanvasAgg(figure)  # the Agg canvas by itself: no pyplot, no global state, no display
     story = tell(trace)
     _title(figure, trace)
-    draw_map(_panel(figure, 0.012, 0.375, 0.588, 0.555), story)
+    draw_map(_panel(figure, 0.012, 0.375, 0.588, 0.555), story, city, credit(trace.header.attribution))
     draw_score(_panel(figure, 0.615, 0.675, 0.373, 0.255), metrics(trace), complete=trace.complete)
     _pictures(figure, trace, story)
     left, width = 0.06, 0.54

@@ -58,7 +58,8 @@ def draw_events(axes: Axes, story: Story) -> None:
                 )  # fmt: skip
     axes.set_yticks(list(lanes.values()), list(lanes))
     axes.set_ylim(len(lanes) - 0.4, -0.6) if lanes else axes.set_yticks([])
-    entries = [_dot(style.target_colour(place), name) for place, name in enumerate(targets)]
+    few = targets if len(targets) <= style.CROWD else []  # a crowd is told apart by the numbers in the dots
+    entries = [_dot(style.target_colour(place), name) for place, name in enumerate(few)]
     _finish(axes, story, "Events", entries)
 
 

@@ -1,0 +1,101 @@
+"""The ground under the map: what is painted, in which order, what is too far away, and when there is none."""
+
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+from PIL import Image
+
+from lingjing.analysis.completion import asked_groups
+from lingjing.analysis.groundplan import Shape, city_of, credit, ground_plan, identity, is_sea
+from lingjing.analysis.overview import draw_overview
+from lingjing.analysis.story import tell
+from lingjing.dsl.load import load_mission
+from lingjing.dsl.shipped import find_mission
+from lingjing.mission.instantiate import instantiate
+from lingjing.plugins.host import PluginHost
+from lingjing.scene.city import Area, Bridge, Building, City, Lane, Road, Solid, Water
+from lingjing.trace.reader import Trace
+
+replace = msgspec.structs.replace
+SQUARE = ((0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0))
+FAR = tuple((x + 5000.0, y) for x, y in SQUARE)
+
+
+def a_city(**pieces: object) -> City:
+    return City(id="c", origin=(0.0, 0.0), bounds=(-6000.0, -6000.0, 6000.0, 6000.0), **pieces)  # type: ignore[arg-type]
+
+
+def test_shapes_come_in_painting_order_and_know_what_they_are() -> None:
+    lane = Lane(id="l", shape=((0.0, 0.0, 0.0), (10.0, 0.0, 1.0)), width_m=3.5)
+    city = a_city(
+        waters=(Water(polygon=SQUARE, level_m=0.0, holes=(SQUARE,)),),
+        areas=(Area(polygon=SQUARE, surface="park"), Area(polygon=SQUARE, surface="residential")),
+        solids=(
+            Solid(id="wall", polygon=SQUARE, base_m=0.0, top_m=2.0),
+            Solid(id="kerb", polygon=SQUARE, base_m=0.0, top_m=0.15),
+        ),
+        roads=(
+            Road(id="r", lanes=(lane, replace(lane, kind="foot"))),
+            Road(id="below", lanes=(lane,), tunnel=True),
+        ),
+        bridges=(Bridge(id="b", path=((0.0, 0.0, 9.0), (9.0, 0.0, 9.0)), width_m=8.0),),
+        buildings=(
+            Building(id="high", polygon=SQUARE, base_m=0.0, top_m=90.0),
+            Building(id="far", polygon=FAR, base_m=0.0, top_m=9.0),
+        ),
+    )
+    shapes = ground_plan(city, (-50.0, -50.0, 50.0, 50.0))
+    assert [shape.kind for shape in shapes] == [
+        "water", "slab", "green", "path", "road", "solid", "bridge", "building",
+    ]  # fmt: skip
+    assert shapes[0].holes == (SQUARE,) and is_sea(shapes)
+    assert shapes[4] == Shape("road", ((0.0, 0.0), (10.0, 0.0)), width_m=3.5)
+    assert not is_sea(ground_plan(a_city(), (0.0, 0.0, 1.0, 1.0)))
+
+
+def test_only_a_map_of_somebody_is_credited() -> None:
+    assert credit("procedural") == credit("") == ""
+    assert credit("© OpenStreetMap contributors") == "map: © OpenStreetMap contributors"
+
+
+def played_in(trace: Trace, kind: str, sha256: str) -> Trace:
+    instance = replace(trace.header.instance, scene=replace(trace.header.instance.scene, kind=kind))
+    header = replace(trace.header, instance=instance, city_sha256=sha256, attribution="© Somebody")
+    return Trace(trace.path, header, trace.boundaries, trace.outcome, True, trace.places)
+
+
+def test_a_city_is_built_again_only_if_it_is_the_same(trace: Trace) -> None:
+    city = PluginHost().scene("bay").build(trace.header.instance.scene)
+    assert city_of(played_in(trace, "bay", "0" * 64)) is None
+    assert city_of(played_in(trace, "atlantis", identity(city))) is None
+    assert city_of(played_in(trace, "bay", identity(city))) == city
+
+
+def test_the_city_and_its_credit_are_on_the_overview(trace: Trace, tmp_path: Path) -> None:
+    city = PluginHost().scene("bay").build(trace.header.instance.scene)
+    draw_overview(played_in(trace, "bay", identity(city)), tmp_path / "on.png")
+    draw_overview(played_in(trace, "bay", "0" * 64), tmp_path / "off.png")
+    on, off = (
+        np.asarray(Image.open(tmp_path / name).convert("RGB"), int)[90:740, 30:1070] for name in ("on.png", "off.png")
+    )
+    assert (np.abs(on - off).max(axis=2) > 8).mean() > 0.5  # sea instead of blank paper
+    corner = off[-22:, -120:]
+    assert corner.min() < 120  # the credit stands there on blank ground too
+
+
+@pytest.mark.parametrize(("mission", "asked"), [("ufr", {"fire"}), ("cd", {"point"}), ("vdn", {"home"}), ("cr", set())])
+def test_what_success_asks_of(mission: str, asked: set[str]) -> None:
+    found = asked_groups(instantiate(load_mission(find_mission(mission)), seed=0))
+    assert found >= asked
+    assert "jam" not in found and "depot" not in found
+
+
+def test_a_place_nothing_is_asked_of_is_not_missed(trace: Trace) -> None:
+    target = next(e for e in trace.header.instance.entities if e.role == "target")
+    depot = replace(target, id="depot", group="depot")
+    instance = replace(trace.header.instance, entities=(*trace.header.instance.entities, depot))
+    early = Trace(trace.path, replace(trace.header, instance=instance), trace.boundaries[:3], None, False)
+    assert tell(early).fate["depot"] == "aside"
+    assert tell(early).fate[target.id] == "missed"
