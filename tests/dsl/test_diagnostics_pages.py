@@ -8,16 +8,18 @@ from pathlib import Path
 import pytest
 
 from lingjing.cli.main import main
-from lingjing.dsl import Source, compile_source, compile_text
+from lingjing.dsl import Source, compile_file, compile_source, compile_text
 from lingjing.dsl.codes import CODES
 from lingjing.errors import ExitCode
 
 PAGES = Path(__file__).parents[2] / "docs" / "errors"
-BLOCK = re.compile(r"^```ljs(?P<file> file)?(?P<error> error)?\n(?P<text>.*?)\n?^```$", re.MULTILINE | re.DOTALL)
-WITHOUT_EXAMPLE = {"LJ0008", "LJ0009", "LJ0119", "LJ0120", "LJ0124"}
-"""A thousand errors, a JSON document, a second file: what no short text shows.
-
-`test_codes`, `test_inputs` and `test_library` have examples of these."""
+BLOCK = re.compile(
+    r"^```ljs(?: (?P<name>\w+)\.ljs)?(?P<file> file)?(?P<error> error)?(?P<mended> mended)?\n(?P<text>.*?)\n?^```$",
+    re.MULTILINE | re.DOTALL,
+)
+OF_SEVERAL_FILES = {"LJ0119", "LJ0120", "LJ0124"}
+NO_LJS = {"LJ0008", "LJ0009"}
+"""A thousand lines, and a JSON document."""
 
 
 def test_the_example_mission_is_good() -> None:
@@ -35,7 +37,7 @@ def test_a_page_says_what_the_code_says(code: str) -> None:
     assert "## How to mend it" in text
 
 
-@pytest.mark.parametrize("code", sorted(CODES.keys() - WITHOUT_EXAMPLE))
+@pytest.mark.parametrize("code", sorted(CODES.keys() - OF_SEVERAL_FILES - NO_LJS))
 def test_an_example_has_exactly_this_error_and_the_mended_one_has_not(code: str) -> None:
     blocks = list(BLOCK.finditer((PAGES / f"{code}.md").read_text()))
     broken = next(block for block in blocks if block["error"])
@@ -49,6 +51,43 @@ def test_an_example_has_exactly_this_error_and_the_mended_one_has_not(code: str)
     text = example.replace(mended["text"], broken["text"])
     found = compile_source(Source(text, "example.ljs"), offers=lambda kind: ()).diagnostics
     assert [item.code for item in found] == [code]
+
+
+@pytest.mark.parametrize("code", sorted(OF_SEVERAL_FILES))
+def test_an_example_of_several_files(code: str, tmp_path: Path) -> None:
+    (tmp_path / "example.ljs").write_text((PAGES / "example.ljs").read_text())
+    blocks = list(BLOCK.finditer((PAGES / f"{code}.md").read_text()))
+    for block in blocks:
+        if block["name"] and not block["mended"]:
+            (tmp_path / f"{block['name']}.ljs").write_text(block["text"])
+    (broken,) = (block for block in blocks if block["error"])
+    file = tmp_path / f"{broken['name'] or 'page'}.ljs"
+    file.write_text(broken["text"])
+    assert [item.code for item in compile_file(str(file)).diagnostics] == [code]
+    mended = blocks[-1]
+    assert mended is not broken
+    (tmp_path / f"{mended['name']}.ljs" if mended["name"] else file).write_text(mended["text"])
+    assert compile_file(str(file)).diagnostics == ()
+
+
+def test_a_document_that_is_no_mission(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    blocks = re.findall(r"^```json( error)?\n(.*?)^```$", (PAGES / "LJ0009.md").read_text(), re.MULTILINE | re.DOTALL)
+    ends = []
+    for error, text in blocks:
+        file = tmp_path / "page.json"
+        file.write_text(text)
+        ends.append((bool(error), main(["validate", "--output-format", "json", str(file)])))
+        assert ('"code": "LJ0009"' in capsys.readouterr().out) == bool(error)
+    assert ends == [(True, ExitCode.MISSION), (False, ExitCode.OK)]
+
+
+def test_a_thousand_lines_that_are_no_mission() -> None:
+    page = (PAGES / "LJ0008.md").read_text()
+    found = re.search(r"^```text error (\d+) times\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
+    assert found is not None
+    diagnostics = compile_text(found[2] * int(found[1])).diagnostics
+    assert [item.code for item in diagnostics].count("LJ0008") == 1 and len(diagnostics) == 1000
+    assert "LJ0008" not in {item.code for item in compile_text(found[2]).diagnostics}
 
 
 def test_explain(capsys: pytest.CaptureFixture[str]) -> None:
