@@ -1,0 +1,225 @@
+"""The world with everybody in it: a hundred vehicles, three dogs, five UAVs, a boat, a plane, a satellite, by the sea.
+
+Three tables, all in processor time of one process with every engine in it, so that a busy machine does not count:
+how much faster than real time it is without pictures and who takes the time; what a boundary costs as one fleet grows;
+what 500 resets leave in memory. Everybody moves all the time. `--only factor|growth|resets` prints one of them,
+`--quick` takes fewer ticks and resets.
+"""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import json
+import math
+import statistics
+import subprocess
+import sys
+import time
+import types
+from pathlib import Path
+
+import lingjing.kernel.world.calling as calling
+from lingjing.dsl.load import load_mission
+from lingjing.kernel.staging import Stage
+from lingjing.kernel.step import Kernel
+from lingjing.kernel.world.contract import World, WorldBoundary
+from lingjing.kernel.world.inline import InlineWorld
+from lingjing.mission.instance import Entity, Instance
+from lingjing.mission.instantiate import instantiate
+from lingjing.plugins.host import PluginHost
+from lingjing.trace.records import Action, Decision, DecisionRecord
+
+HERE = Path(__file__).resolve().parent
+MISSION = HERE.parent / "tests" / "couplings" / "mixed.ljs"
+WARM_UP = 4
+GROWTH = {
+    "UAVs": ("uavs", "multirotor", (1, 2, 5, 10, 20, 50)),
+    "dogs": ("dogs", "quadruped", (1, 2, 4, 8, 12)),
+    "vehicles": ("cars", "road", (10, 30, 100, 300, 1000)),
+}
+SMALL = {"uavs": 1.0, "dogs": 1.0, "vans": 1.0, "cars": 10.0}
+
+
+class Timed:
+    """A world in the caller that adds up the processor time of its steps."""
+
+    def __init__(self) -> None:
+        self.inner: World = InlineWorld(PluginHost())
+        self.spent_s = 0.0
+        self.reset, self.capture, self.close = self.inner.reset, self.inner.capture, self.inner.close
+
+    def step(self, tick, commands) -> WorldBoundary:
+        started = time.process_time()
+        boundary = self.inner.step(tick, commands)
+        self.spent_s += time.process_time() - started
+        return boundary
+
+
+def by_the_processors_clock() -> None:
+    """Have engines timed in processor time instead of on the wall."""
+    calling.time = types.SimpleNamespace(perf_counter=time.process_time)
+
+
+def decisions(instance: Instance, tick: int) -> tuple[DecisionRecord, ...]:
+    """Everybody is told to go on at every boundary; who is still under way is refused as busy and goes on."""
+    bodies = {entity.id: entity for entity in instance.entities}
+    told = []
+    for agent in instance.agents:
+        action = _action(bodies[agent.controls[0]], tick) if agent.controls else None
+        if action is not None:
+            told.append(DecisionRecord(agent=agent.id, decision=Decision(command=action)))
+    return tuple(told)
+
+
+def _action(entity: Entity, tick: int) -> Action | None:
+    x, y, _ = entity.position
+    sign = 1.0 if tick // 6 % 2 == 0 else -1.0
+    if entity.engine == "multirotor":
+        if tick == 0:
+            return Action(verb="takeoff", arguments={"altitude": 60.0 + entity.index})
+        where = {"x": x + 100.0 * sign, "y": y, "z": 60.0 + entity.index}
+        return Action(verb="setDestination", arguments=where)
+    if entity.engine == "quadruped":
+        return Action(verb="forward", arguments={"distance": 6.0}) if tick % 2 == 0 else Action(
+            verb="left", arguments={"angle": 180.0}
+        )  # fmt: skip
+    if entity.engine == "road":
+        return Action(verb="setDestination", arguments={"x": -400.0 + 200.0 * sign, "y": 200.0 * sign})
+    if entity.engine == "vessel":
+        return Action(verb="moveTo", arguments={"x": x + 60.0 * sign, "y": y})
+    if entity.engine == "plane":
+        return Action(verb="setDestination", arguments={"x": 0.0, "y": 600.0 * sign, "z": 250.0})
+    return None
+
+
+def measured(ticks: int, settings: dict[str, float]) -> dict[str, object]:
+    """Processor seconds of so many ticks after a warm-up: in all, of the world, of each engine."""
+    by_the_processors_clock()
+    world = Timed()
+    instance, city = Stage(PluginHost()).set(instantiate(load_mission(MISSION), seed=3, settings=settings))
+    kernel = Kernel(instance, city, world)
+    kernel.reset()
+    for tick in range(WARM_UP):
+        kernel.step(decisions(instance, tick))
+    world.spent_s, engines, started = 0.0, {}, time.process_time()
+    for tick in range(WARM_UP, WARM_UP + ticks):
+        for status in kernel.step(decisions(instance, tick)).record.engines:
+            engines[status.engine] = engines.get(status.engine, 0.0) + status.wait_wall_s
+    whole_s = time.process_time() - started
+    last = kernel.state.registry
+    world.close()
+    return {
+        "ticks": ticks,
+        "simulated_s": ticks * instance.clock.tick_s,
+        "whole_s": whole_s,
+        "world_s": world.spent_s,
+        "engines": engines,
+        "tick": last.tick,
+    }
+
+
+def resets(count: int) -> dict[str, object]:
+    """Megabytes held after the first 20 resets, each with a tick, and after all of them."""
+    instance, city = Stage(PluginHost()).set(instantiate(load_mission(MISSION), seed=3))
+    world = InlineWorld(PluginHost())
+    held = {}
+    for number in range(1, count + 1):
+        world.reset(instance, city)
+        if number % 10 == 0:
+            world.step(1, ())
+        if number in (20, count // 2, count):
+            gc.collect()
+            held[number] = memory_mb()
+    world.close()
+    return {"held": held}
+
+
+def memory_mb() -> float:
+    """Resident memory of this process."""
+    for line in Path("/proc/self/status").read_text().splitlines():
+        if line.startswith("VmRSS"):
+            return int(line.split()[1]) / 1024
+    raise RuntimeError("this system does not tell the memory of a process")
+
+
+def in_a_process(job: str, **arguments: object) -> dict:
+    """A measurement in a process of its own."""
+    command = [sys.executable, str(HERE / "world.py"), "--job", json.dumps([job, arguments])]
+    return json.loads(subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout.splitlines()[-1])
+
+
+def factor(ticks: int) -> None:
+    """Print how fast it is and who takes the time."""
+    runs = [in_a_process("measured", ticks=ticks, settings={}) for _ in range(3)]
+    best = min(runs, key=lambda run: run["whole_s"])
+    engines = sum(best["engines"].values())
+    over = sorted(run["world_s"] / sum(run["engines"].values()) - 1.0 for run in runs)
+    print("| everybody, without pictures | CPU s | real-time factor |")
+    print("| --- | --- | --- |")
+    print(f"| {best['simulated_s']:.0f} s of simulated time | {best['whole_s']:.2f} | "
+          f"{best['simulated_s'] / best['whole_s']:.1f} |\n")  # fmt: skip
+    print("| of it | CPU s | share |")
+    print("| --- | --- | --- |")
+    rows = {**best["engines"], "world host": best["world_s"] - engines, "kernel": best["whole_s"] - best["world_s"]}
+    for name, spent in sorted(rows.items(), key=lambda row: -row[1]):
+        print(f"| {name} | {spent:.2f} | {100 * spent / best['whole_s']:.1f} % |")
+    print(f"\nworld host over the engines' own time: {', '.join(f'{100 * part:.1f} %' for part in over)}\n")
+
+
+def growth(ticks: int) -> None:
+    """Print what a tick costs as one fleet grows and the others stay small, with the exponent of a power law."""
+    for fleet, (name, engine, sizes) in GROWTH.items():
+        print(f"| {fleet} | {engine}, CPU ms a tick | a head | the whole world, CPU ms a tick |")
+        print("| --- | --- | --- | --- |")
+        own, whole = [], []
+        for size in sizes:
+            few = max(3, ticks // 2 if size >= 300 else ticks)
+            run = in_a_process("measured", ticks=few, settings={**SMALL, name: float(size)})
+            own.append(1e3 * run["engines"][engine] / few)
+            whole.append(1e3 * run["whole_s"] / few)
+            print(f"| {size} | {own[-1]:.1f} | {own[-1] / size:.2f} | {whole[-1]:.1f} |", flush=True)
+        print(f"\nexponent: {slope(sizes, own):.2f} of the engine, {slope(sizes, whole):.2f} of the world; "
+              f"over the upper half {slope(sizes[-3:], own[-3:]):.2f} and {slope(sizes[-3:], whole[-3:]):.2f}\n")  # fmt: skip
+
+
+def slope(sizes: tuple[int, ...], times: list[float]) -> float:
+    """Least squares in logarithms."""
+    x, y = [math.log(size) for size in sizes], [math.log(took) for took in times]
+    return statistics.linear_regression(x, y).slope
+
+
+def print_resets(count: int) -> None:
+    """Print what resets leave behind."""
+    held = in_a_process("resets", count=count)["held"]
+    print("| resets of everybody | MB held |")
+    print("| --- | --- |")
+    for number, held_mb in held.items():
+        print(f"| {number} | {held_mb:.0f} |")
+    print()
+
+
+def main() -> None:
+    """Print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--only", choices=("factor", "growth", "resets"))
+    parser.add_argument("--quick", action="store_true")
+    parser.add_argument("--job", help=argparse.SUPPRESS)
+    asked = parser.parse_args()
+    if asked.job:
+        job, arguments = json.loads(asked.job)
+        print(json.dumps({"measured": measured, "resets": resets}[job](**arguments)))
+        return
+    ticks = 6 if asked.quick else 12
+    tables = {
+        "factor": lambda: factor(ticks),
+        "growth": lambda: growth(ticks),
+        "resets": lambda: print_resets(60 if asked.quick else 500),
+    }
+    for name, table in tables.items():
+        if asked.only in (None, name):
+            table()
+
+
+if __name__ == "__main__":
+    main()
