@@ -25,6 +25,7 @@ from lingjing.mission.instance import (
     Instance,
     MessageSpec,
     Region,
+    Vector,
     VerbSpec,
     Weather,
 )
@@ -214,6 +215,7 @@ __all__ = [
     "TaskEvent",
     "Usage",
     "UsageError",
+    "Vector",
     "VerbSpec",
     "Weather",
 ]

@@ -77,9 +77,8 @@ def _loads(truth: Truth, trade: Trade) -> list[Load]:
         while demands[name] > trade.holds:
             whole.append(_trip(depot, places, {name: trade.holds}))
             demands[name] -= trade.holds
-    options = []
-    for first in range(max(1, len(order))):
-        options.append(_swept(depot, places, demands, order[first:] + order[:first], trade.holds))
+    turns = range(max(1, len(order)))
+    options = [_swept(depot, places, demands, order[first:] + order[:first], trade.holds) for first in turns]
     best = min(options, key=lambda loads: (len(loads), sum(load.length_m for load in loads)))
     return whole + best
 
@@ -122,18 +121,15 @@ class Delivering:
         self._stops: list[str] | None = None
         self._before: dict[str, float] = {}
         self._load = 0.0
-        self._claimed = ""
         self._tries: dict[str, int] = {}
 
     def say(self, truth: Truth) -> list[Outgoing]:
-        """What was left where since the last boundary; which stop is next."""
+        """What was left where since the last boundary; which stops it takes, once it knows."""
         messages = self._hand_over(truth)
-        self._learn(truth)
-        stop = self._next(truth)
-        if stop and stop != self._claimed:
-            self._claimed = stop
-            place = truth.states[stop].position
-            messages += self._voice.order(truth.brief.agent, "deliver", {"position": place})
+        if self._learn(truth):
+            for stop in dict.fromkeys(self._stops or ()):
+                place = truth.states[stop].position
+                messages += self._voice.order(truth.brief.agent, "deliver", {"position": place})
         return messages
 
     def act(self, truth: Truth) -> Action | None:
@@ -186,14 +182,17 @@ class Delivering:
     def _open(self, truth: Truth) -> tuple[str, ...]:
         return tuple(task.target for task in truth.left if task in self._trade.deliveries)
 
-    def _learn(self, truth: Truth) -> None:
-        """The coordinator's latest tour for this vehicle; without a coordinator, the plan that all make."""
+    def _learn(self, truth: Truth) -> bool:
+        """Take the coordinator's latest tour for this vehicle or, without a coordinator, the plan that all make;
+        whether that is news."""
+        before = self._stops
         for message in truth.inbox.messages:
             stops, assignee = message.body.get("stops"), message.body.get("assignee")
             if isinstance(stops, tuple | list) and assignee in (truth.brief.agent, self._body.id):
                 self._stops = [str(name) for name in stops]
         if self._stops is None and truth.brief.hub is None:
             self._stops = [name for load in tours(truth, self._trade)[self._body.id] for name in load.stops]
+        return self._stops != before
 
     def _hand_over(self, truth: Truth) -> list[Outgoing]:
         messages: list[Outgoing] = []

@@ -5,7 +5,18 @@ from __future__ import annotations
 import math
 from itertools import pairwise
 
-from lingjing.plugins.policy import Action, Brief, CameraSpec, Datum, Entity, InspectionSpec, Outgoing, Resource, Route
+from lingjing.plugins.policy import (
+    Action,
+    Brief,
+    CameraSpec,
+    Datum,
+    Entity,
+    InspectionSpec,
+    Outgoing,
+    Resource,
+    Route,
+    Vector,
+)
 from lingjing_agents.capability import has_verb, nadir_camera
 from lingjing_agents.oracle.ability import Ability
 from lingjing_agents.oracle.looking import Reporting
@@ -18,9 +29,6 @@ ABOVE_M = 40.0
 
 NEAR_M = 8.0
 OVER_ROOFS_M = 15.0
-ON_ROUTE_M = 6.0
-"""What blocks within its radius and this of a route is met on it."""
-
 STRAIGHT_M = 12.0
 _LEAD_S, _LEAD_MPS = 60.0, 8.0
 
@@ -131,9 +139,10 @@ class Inspecting:
 
     def __init__(self, flight: Flight, plan: Plan, voice: Voice, inspection: InspectionSpec) -> None:
         self._flight, self._plan, self._voice, self._inspection = flight, plan, voice, inspection
-        self._told: set[tuple[str, int]] = set()
+        self._told: set[tuple[str, tuple[Vector, ...]]] = set()
         self._looked: set[tuple[str, int]] = set()
         self._sighted = 0
+        self._asked = -1
 
     def say(self, truth: Truth) -> list[Outgoing]:
         """What blocks the route, once we are there; that the last waypoint was seen."""
@@ -142,7 +151,8 @@ class Inspecting:
             return []
         jam = self._jam(truth, route)
         if jam is not None and (jam.id, route.number) in self._looked:
-            self._told.add((jam.id, route.number))
+            self._told.add((jam.id, route.waypoints))
+            self._asked = truth.tick
             return self._sighting(truth, jam) + self._ask_anew(truth, route, jam)
         if jam is None and self._next(truth, route) is None and self._sighted != route.number:
             return self._all_clear(truth, route)
@@ -156,6 +166,9 @@ class Inspecting:
         route = truth.routes.get(self._inspection.asset)
         if route is None:
             return self._take_off(truth)
+        if self._asked == truth.tick:  # the new route begins where this one does
+            x, y, z = route.waypoints[0]
+            return self._flight.to(x, y, self._flight.altitude(truth, (x, y), z))
         place = self._next(truth, route)
         if place is None:
             end = self._plan.entities.get(self._inspection.destination)
@@ -220,8 +233,8 @@ class Inspecting:
             for entity in self._plan.instance.entities
             if entity.properties.get("blocks") is True
             and truth.present(entity.id)
-            and (entity.id, route.number) not in self._told
-            and _off_route(truth, route, entity) <= _radius(entity) + ON_ROUTE_M
+            and (entity.id, route.waypoints) not in self._told
+            and _off_route(truth, route, entity) <= _radius(entity)
         ]
         return min(found, key=lambda entity: _segment(truth, route, entity), default=None)
 

@@ -209,8 +209,9 @@ class Guiding:
         self._walk.command(truth, step)  # so that it notices what comes of it
         self._sent, self._said = truth.tick, step
         owner = self._plan.owners[dog.id].id
+        place = truth.states[task.target].position
         body: dict[str, Datum] = {
-            "assignee": owner, "step": step[0], "amount": round(step[1], 2), "position": truth.states[task.target].position,
+            "assignee": owner, "step": step[0], "amount": round(step[1], 2), "position": place,
         }  # fmt: skip
         return self._voice.say(self._kind, body, (owner,))
 
