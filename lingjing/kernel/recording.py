@@ -14,7 +14,10 @@ from lingjing.trace.records import DecisionRecord, FrameInfo, InboxRecord, Obser
 def observation_record(
     observation: Observation, inbox: Inbox, frames: Mapping[str, FrameInfo], *, blank: bool = False
 ) -> ObservationRecord:
-    """What one agent saw, pictures by id, with the digest of its complete policy input (without pixels if `blank`)."""
+    """What one agent saw, pictures by id, with the digest of its complete policy input (without pixels if `blank`).
+
+    A picture counts with the pose that the agent was told: a reference picture's true one would tell where it hides.
+    """
     record = ObservationRecord(
         agent=observation.agent,
         entities=observation.entities,
@@ -24,7 +27,7 @@ def observation_record(
         absent=observation.absent,
         privileged=observation.privileged is not None,
     )
-    shown = [frames[name] for name in record.frames]
+    shown = [msgspec.structs.replace(frames[one.frame], pose=one.pose) for one in observation.pictures]
     if blank:
         shown = [msgspec.structs.replace(frame, sha256="", channels_sha256="") for frame in shown]
     return msgspec.structs.replace(record, sha256=input_digest(record, inbox.messages, inbox.receipts, shown))

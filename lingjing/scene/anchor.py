@@ -60,7 +60,10 @@ def anchor(instance: Instance, city: City) -> Instance:
     from lingjing.scene.regions import resolved
 
     anchoring = _Anchoring(city)
-    entities = tuple(anchoring.placed(entity) for entity in instance.entities)
+    # Hidden ones last: what is public must not give way to them, or its place would tell of theirs.
+    order = sorted(instance.entities, key=lambda entity: "position" in entity.hidden)
+    placed = {entity.id: anchoring.placed(entity) for entity in order}
+    entities = tuple(placed[entity.id] for entity in instance.entities)
     regions = tuple(
         region if region.on_map is None else resolved(region, instance, city) for region in instance.regions
     )

@@ -1,0 +1,261 @@
+"""What is hidden stays hidden: two instances that differ in nothing else look the same to every agent.
+
+The engines are the real ones, all of them, with everything they make of a hidden place: queues and the traffic that
+waits behind them, fires that burn, persons adrift. Only the camera is a grey one, since a sensor may make a
+difference. Agents fly, walk, drive, take pictures, report what is not there and talk; what they are told is compared
+byte by byte.
+"""
+
+from __future__ import annotations
+
+import functools
+import sys
+from pathlib import Path
+
+import msgspec
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+import stage_kit as kit
+
+from lingjing.kernel.staging import Stage
+from lingjing.mission.instance import Instance, MessageSpec
+from lingjing.mission.instantiate import instantiate
+from lingjing.plugins.host import PluginHost
+from lingjing.plugins.policy import Inbox, Observation
+from lingjing.trace.records import Action, Decision, Outgoing
+
+HIDING = tuple(column for column in kit.COLUMNS if column[0] != "cd")
+TICKS = {"vdn": 2, "idf": 2, "ufr": 2, "cr": 3, "ld": 3}
+ENGINES = ("city", "multirotor", "quadruped", "vessel", "road")
+
+columns = pytest.mark.parametrize(("name", "mode"), [pytest.param(*one, id="-".join(one)) for one in HIDING])
+host = functools.cache(PluginHost)
+
+
+def drawn(name: str, mode: str, seed: int) -> Instance:
+    """An instance before it is put on its city."""
+    return instantiate(kit.mission(name), seed=seed, mode=mode)
+
+
+def otherwise(instance: Instance, other: Instance) -> Instance:
+    """`instance` with every hidden value as it is in `other`, and nothing else."""
+    theirs = {entity.id: entity for entity in other.entities}
+
+    def swapped(entity):
+        new = theirs[entity.id]
+        place = new.position if "position" in entity.hidden else entity.position
+        values = {key: new.properties[key] for key in entity.hidden if key in new.properties}
+        return msgspec.structs.replace(entity, position=place, properties={**entity.properties, **values})
+
+    return msgspec.structs.replace(instance, entities=tuple(map(swapped, instance.entities)))
+
+
+@functools.cache
+def pair(name: str, mode: str) -> tuple[Instance, Instance]:
+    """Two instances on their city that differ in hidden values only. Every hidden entity is somewhere else."""
+    first = drawn(name, mode, 0)
+    for seed in range(1, 50):
+        second = otherwise(first, drawn(name, mode, seed))
+        moved = [a.position != b.position for a, b in zip(first.entities, second.entities, strict=True) if a.hidden]
+        if all(moved):
+            break
+    assert moved and all(moved)
+    stage = Stage(host())
+    return stage.set(first)[0], stage.set(second)[0]
+
+
+def filler(spec: MessageSpec, frame: str | None) -> dict[str, object] | None:
+    """A body that says something of every field, or None where there is no picture to speak of."""
+    made: dict[str, object] = {}
+    for item in spec.fields:
+        if item.type == "frame" and frame is None:
+            return None
+        low = item.minimum.value if hasattr(item.minimum, "value") else item.minimum
+        made[item.name] = {
+            "frame": frame,
+            "number": low if low is not None else 1.0,
+            "box": kit.BOX,
+            "position": (10.0, 20.0),
+            "names": ("a", "b"),
+            "flag": True,
+        }.get(item.type, "word")
+    return made
+
+
+MOTION = {"takeoff": {}, "forward": {"distance": 5.0}, "moveTo": {"x": 0.0, "y": -1200.0}, "setDestination": None}
+
+
+def busy(play: kit.Play) -> dict[str, Decision]:
+    """What everybody does at this boundary: go on by turns, take a picture, say all that may be said.
+
+    Nobody asks for another route, because that message may well make the difference.
+    """
+    tick = play.published.record.tick
+    replans = {inspection.replan for inspection in play.instance.inspections}
+    out = {}
+    for agent in play.instance.agents:
+        own = play.published.observations[agent.id].pictures
+        frame = next((picture.frame for picture in own if picture.camera != "reference"), None)
+        messages = []
+        for spec in play.instance.messages:
+            if spec.kind in replans or ("all" not in spec.senders and agent.role not in spec.senders):
+                continue
+            body = filler(spec, frame)
+            if body is not None:
+                messages.append(Outgoing(kind=spec.kind, body=body))
+        out[agent.id] = Decision(command=motion(play, agent.controls, tick), messages=tuple(messages))
+    return out
+
+
+def motion(play: kit.Play, controls: tuple[str, ...], tick: int) -> Action | None:
+    if not controls:
+        return None
+    entity = play.target(controls[0])
+    verbs = [verb.name for verb in entity.verbs]
+    if tick % 2 and "takePhoto" in verbs:
+        return Action(verb="takePhoto", arguments={})
+    chosen = next((verb for verb in MOTION if verb in verbs), None)
+    if chosen is None:
+        return None
+    arguments = MOTION[chosen]
+    if arguments is None:
+        x, y, _ = entity.position
+        arguments = {"x": x + 60.0, "y": y}
+    return Action(verb=chosen, arguments=arguments)
+
+
+def told(observation: Observation, inbox: Inbox) -> bytes:
+    """One agent's whole input as bytes, pixels included."""
+    pictures = tuple(
+        (p.frame, p.entity, p.camera, p.tick, p.time_s, p.pose, p.rgb.tobytes()) for p in observation.pictures
+    )
+    truth = observation.privileged and (observation.privileged.instance, observation.privileged.states)
+    parts = (observation.agent, observation.tick, observation.time_s, observation.entities, observation.cells)
+    seen = (*parts, observation.events, pictures, observation.absent, truth)
+    return msgspec.msgpack.encode((seen, inbox.messages, inbox.receipts))
+
+
+def inputs(name: str, mode: str, instance: Instance, privileged: frozenset[str] = frozenset()):
+    """Everything that agents are told in an episode of some ticks: briefs, inputs, their digests."""
+    with kit.playing(name, mode, real=ENGINES, instance=instance, privileged=privileged) as play:
+        for _ in range(TICKS.get(name, 4)):
+            play.do(busy(play))
+        briefs = {agent: msgspec.msgpack.encode(brief) for agent, brief in play.kernel.briefs().items()}
+        rows = [
+            {agent: told(one.observations[agent], one.inboxes[agent]) for agent in one.observations} for one in play.all
+        ]
+        digests = [{seen.agent: seen.sha256 for seen in one.record.observations} for one in play.all]
+        truth = [{state.id: state.position for state in one.record.snapshots[-1].states} for one in play.all]
+        moved = {r.status for r in play.receipts if not r.request.startswith("k")}
+    return briefs, rows, digests, truth, moved
+
+
+@functools.cache
+def both_inputs(name: str, mode: str):
+    first, second = pair(name, mode)
+    return inputs(name, mode, first), inputs(name, mode, second)
+
+
+@columns
+def test_anchoring_puts_what_is_public_in_the_same_place(name, mode):
+    """What stands about is moved out of the way of other things, but not of hidden ones."""
+    first, second = pair(name, mode)
+    for one, other in zip(first.entities, second.entities, strict=True):
+        assert one == other or one.hidden, one.id
+    assert first.regions == second.regions
+
+
+@columns
+def test_what_is_public_gives_no_way_to_what_is_hidden(name, mode):
+    """Not even to something hidden that would stand on the very same spot."""
+    plain = drawn(name, mode, 0)
+    stage = Stage(host())
+    before, _ = stage.set(plain)
+    public = [entity for entity in before.entities if not entity.hidden]
+    for crowded in public:
+        entities = tuple(
+            msgspec.structs.replace(entity, position=crowded.position) if entity.hidden else entity
+            for entity in plain.entities
+        )
+        after, _ = stage.set(msgspec.structs.replace(plain, entities=entities))
+        assert [entity for entity in after.entities if not entity.hidden] == public
+
+
+@columns
+def test_briefs_are_the_same(name, mode):
+    first, second = both_inputs(name, mode)
+    assert first[0] == second[0]
+
+
+@columns
+def test_inputs_are_the_same_byte_by_byte(name, mode):
+    first, second = both_inputs(name, mode)
+    for tick, (one, other) in enumerate(zip(first[1], second[1], strict=True)):
+        assert one == other, tick
+    assert "accepted" in first[4], "the agents did something"
+
+
+@columns
+def test_digests_of_inputs_are_the_same(name, mode):
+    first, second = both_inputs(name, mode)
+    assert first[2] == second[2]
+
+
+@columns
+def test_a_policy_that_is_declared_so_sees_the_truth_and_nobody_else_sees_more(name, mode):
+    """The oracle's presence: one agent is told where things are; for the others nothing changes."""
+    first, second = pair(name, mode)
+    oracle = first.agents[0].id
+    told_one, told_other = (first_boundary(name, mode, one, frozenset({oracle})) for one in (first, second))
+    blind = both_inputs(name, mode)[0][1][0]
+    assert told_one[oracle] != told_other[oracle]
+    for agent in told_one:
+        if agent != oracle:
+            assert told_one[agent] == told_other[agent] == blind[agent]
+
+
+@columns
+def test_without_an_oracle_nobody_is_told_the_truth(name, mode):
+    with kit.playing(name, mode, instance=pair(name, mode)[0]) as play:
+        assert all(seen.privileged is None for seen in play.published.observations.values())
+
+
+def first_boundary(name, mode, instance, privileged):
+    with kit.playing(name, mode, real=ENGINES, instance=instance, privileged=privileged) as play:
+        return {agent: told(seen, play.published.inboxes[agent]) for agent, seen in play.published.observations.items()}
+
+
+@columns
+def test_the_worlds_do_differ(name, mode):
+    """Otherwise the tests above would say nothing: every hidden target really stands somewhere else."""
+    first, second = both_inputs(name, mode)
+    hidden = [entity.id for entity in pair(name, mode)[0].entities if entity.hidden]
+    for one, other in zip(first[3], second[3], strict=True):
+        assert all(one[entity] != other[entity] for entity in hidden)
+
+
+def test_a_city_delivery_hides_nothing():
+    """The one mission without a secret: its planner is given every point and what it wants."""
+    for mode in ("star", "broadcast"):
+        instance = drawn("cd", mode, 0)
+        assert not any(entity.hidden for entity in instance.entities) and not instance.reveals
+
+
+def test_an_admitted_report_makes_the_difference():
+    """The very same report is true in one world and not in the other: from the next boundary on they look different."""
+    first, second = (kit.still(one) for one in pair("ufr", "broadcast"))
+    place = next(entity for entity in first.entities if entity.id == "fire[1]").position[:2]
+    seen = []
+    for instance in (first, second):
+        with kit.playing("ufr", "broadcast", instance=instance) as play:
+            play.strings.boxes = {"fire[1]": kit.BOX}
+            play.do({"scout[1]": kit.does("takePhoto", camera="nadir")})
+            play.do({"scout[1]": kit.report("detection", "f1-uav[1]-nadir", "building_fire", place)})
+            play.strings.boxes = {}
+            play.do()
+            seen.append([told(one.observations["driver"], one.inboxes["driver"]) for one in play.all])
+            kinds = [event.kind for event in play.published.observations["driver"].events]
+            assert kinds == (["matched", "located"] if instance is first else ["matched"])
+    assert [one == other for one, other in zip(*seen, strict=True)] == [True, True, True, False]
