@@ -4,14 +4,22 @@ The paper's five labels describe task structure. A declaration becomes a record 
 carries the evidence (information handoff) or the assignment (guidance), a first visit of a shared cell
 (cooperation), a command for a shared resource that was refused because somebody else has it (competition), a stage
 that follows its prerequisite (dependency). A mutual relation occurs in both directions.
+
+What a hub passes on counts for those who said it: its message of the same kind, or to the same place, as one that it
+was sent. Those who take no pictures, or who share a region, work together when one comes in while the other is there. A
+target is competed for by those who are at it when somebody else gets it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 
-from lingjing.kernel.registry import Registry
-from lingjing.mission.instance import AgentSpec, Instance
+from lingjing.kernel.commands import PHOTO
+from lingjing.kernel.predicates import HANDOFF_M, SAME_POINT_M
+from lingjing.kernel.registry import Registry, Report
+from lingjing.mission.geometry2d import contains
+from lingjing.mission.instance import AgentSpec, Datum, Instance
 from lingjing.mission.model import Relation
 from lingjing.trace.records import Envelope, Receipt, RelationRecord, StageChange
 
@@ -25,6 +33,17 @@ class RelationTracker:
         self._owner = {name: agent for agent in instance.agents for name in agent.controls}
         self._resources = {entity.id: entity.group for entity in instance.entities}
         self._grids = {cell.name: cell.grid for cell in instance.cells}
+        self._hub = instance.comms.hub
+        self._targets = {entity.id: entity.group for entity in instance.entities if entity.role == "target"}
+        eyes = {entity.id for entity in instance.entities if any(verb.name == PHOTO for verb in entity.verbs)}
+        self._blind = {agent.role for agent in instance.agents if not eyes.intersection(agent.controls)}
+        self._areas = {
+            **{region.name: ((region.name, region.polygon),) for region in instance.regions},
+            **{
+                grid: tuple((cell.name, cell.polygon) for cell in instance.cells if cell.grid == grid)
+                for grid in self._grids.values()
+            },
+        }
 
     def occurrences(
         self,
@@ -38,22 +57,37 @@ class RelationTracker:
         found: list[RelationRecord] = []
         for relation in self._relations:
             if relation.kind in ("information_handoff", "guidance"):
-                found.extend(self._messages(relation, envelopes, after.tick))
+                found.extend(self._messages(relation, envelopes, before, after.tick))
             elif relation.kind == "cooperation":
                 found.extend(self._visits(relation, before, after))
+                found.extend(self._shared(relation, before, after))
             elif relation.kind == "competition":
                 found.extend(self._conflicts(relation, before, receipts, after.tick))
+                found.extend(self._rivals(relation, before, after))
             else:
                 found.extend(_dependencies(relation, after, stages))
         return tuple(found)
 
-    def _messages(self, relation: Relation, envelopes: Sequence[Envelope], tick: int) -> Iterator[RelationRecord]:
+    def _messages(
+        self, relation: Relation, envelopes: Sequence[Envelope], before: Registry, tick: int
+    ) -> Iterator[RelationRecord]:
         kind = relation.carries or relation.by
         for edge in envelopes:
+            source = ""
             if edge.kind == kind and self._between(relation, edge.sender, edge.recipient):
-                yield RelationRecord(
-                    kind=relation.kind, source=edge.sender, target=edge.recipient, by=edge.id, tick=tick
-                )
+                source = edge.sender
+            elif edge.sender == self._hub:
+                source = self._passed_on(relation, str(kind), edge, before)
+            if source:
+                yield RelationRecord(kind=relation.kind, source=source, target=edge.recipient, by=edge.id, tick=tick)
+
+    def _passed_on(self, relation: Relation, kind: str, edge: Envelope, before: Registry) -> str:
+        """Who told the hub what it now tells the recipient, or ""."""
+        for report in before.reports.newest():
+            told = report.kind == kind and report.sender != self._hub and _same(report, edge)
+            if told and self._between(relation, report.sender, edge.recipient):
+                return report.sender
+        return ""
 
     def _visits(self, relation: Relation, before: Registry, after: Registry) -> Iterator[RelationRecord]:
         partners = tuple(agent.id for agent in self._agents.values() if agent.role == relation.target)
@@ -66,6 +100,45 @@ class RelationTracker:
             for partner in partners:
                 if partner != agent.id:
                     yield RelationRecord(kind=relation.kind, source=agent.id, target=partner, by=name, tick=after.tick)
+
+    def _shared(self, relation: Relation, before: Registry, after: Registry) -> Iterator[RelationRecord]:
+        """Who comes into a part of the area while a partner is in the area."""
+        parts = self._areas.get(relation.over or "", ())
+        if relation.over in self._grids.values() and relation.source not in self._blind:
+            return  # those who take pictures share a grid by what they have photographed
+        for agent in self._agents.values():
+            partners = self._partners(relation, agent)
+            for name, polygon in parts if partners else ():
+                if not self._inside(agent, polygon, after) or (before.states and self._inside(agent, polygon, before)):
+                    continue
+                for partner in partners:
+                    if any(self._inside(partner, other, after) for _, other in parts):
+                        yield RelationRecord(
+                            kind=relation.kind, source=agent.id, target=partner.id, by=name, tick=after.tick
+                        )
+
+    def _partners(self, relation: Relation, agent: AgentSpec) -> tuple[AgentSpec, ...]:
+        roles = {relation.target} if agent.role == relation.source else set()
+        if relation.mutual and agent.role == relation.target:
+            roles.add(relation.source)
+        return tuple(one for one in self._agents.values() if one.role in roles and one.id != agent.id)
+
+    def _inside(self, agent: AgentSpec, polygon: Sequence[tuple[float, float]], at: Registry) -> bool:
+        bodies = (at.states[name] for name in agent.controls if name in at.states)
+        return len(polygon) > 2 and any(contains(polygon, *body.position[:2]) for body in bodies)
+
+    def _rivals(self, relation: Relation, before: Registry, after: Registry) -> Iterator[RelationRecord]:
+        """Who is at a target of the group when an engine says that another one has got it."""
+        for key in after.emitted:
+            target, *actors = key[1]
+            if key in before.emitted or not actors or self._targets.get(target) != relation.over:
+                continue
+            winner = self._owner.get(actors[0])
+            for rival in self._partners(relation, winner) if winner is not None else ():
+                if winner is not None and _is_at(rival, target, after):
+                    yield RelationRecord(
+                        kind=relation.kind, source=rival.id, target=target, by=winner.id, tick=after.tick
+                    )
 
     def _conflicts(
         self, relation: Relation, before: Registry, receipts: Sequence[Receipt], tick: int
@@ -87,6 +160,30 @@ class RelationTracker:
 
     def _role(self, agent: str) -> str:
         return self._agents[agent].role if agent in self._agents else ""
+
+
+def _is_at(agent: AgentSpec, target: str, at: Registry) -> bool:
+    """Whether a body of the agent's is where a destination would mean the target."""
+    here = at.states.get(target)
+    bodies = [at.states[name] for name in agent.controls if name in at.states]
+    return here is not None and any(math.dist(one.position[:2], here.position[:2]) <= HANDOFF_M for one in bodies)
+
+
+def _same(report: Report, edge: Envelope) -> bool:
+    """Whether two messages say the same: the same record, or the same place."""
+    if report.kind == edge.kind:
+        return dict(report.body) == edge.body
+    one, other = _place(report.body), _place(edge.body)
+    return one is not None and other is not None and math.dist(one, other) <= SAME_POINT_M
+
+
+def _place(body: Mapping[str, Datum]) -> tuple[float, float] | None:
+    value = body.get("position")
+    if isinstance(value, tuple | list) and len(value) >= 2:
+        east, north = value[0], value[1]
+        if isinstance(east, int | float) and isinstance(north, int | float):
+            return float(east), float(north)
+    return None
 
 
 def _dependencies(relation: Relation, after: Registry, stages: Sequence[StageChange]) -> Iterator[RelationRecord]:
