@@ -1,0 +1,42 @@
+"""What stands on the ground, seen from above: a depth picture turned into closed cells of a walker's map."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from lingjing.plugins.geometry import camera_axes, focal_px
+from lingjing.plugins.policy import CameraPose
+from lingjing_agents.heuristic.walk_map import CELL_M, WalkMap
+
+HIGH_M, OVERHEAD_M = 0.35, 60.0
+STRIDE_PX = 6
+SHARE = 0.12
+"""A cell is closed when at least this share of its samples is higher than a dog can step."""
+
+
+def heights(
+    depth: npt.NDArray[np.float32], pose: CameraPose, ground_m: float, stride: int = STRIDE_PX
+) -> npt.NDArray[np.float64]:
+    """East, north and height over the ground (n, 3; metres) of every `stride`-th pixel of a depth picture."""
+    rows = np.arange(stride // 2, depth.shape[0], stride)
+    columns = np.arange(stride // 2, depth.shape[1], stride)
+    right, down, forward = (np.array(axis) for axis in camera_axes(pose))
+    focal = focal_px(pose) * depth.shape[1] / pose.width
+    u, v = np.meshgrid((columns + 0.5 - depth.shape[1] / 2) / focal, (rows + 0.5 - depth.shape[0] / 2) / focal)
+    rays = forward + u[..., None] * right + v[..., None] * down
+    reach = depth[rows][:, columns].astype(np.float64)[..., None]
+    points = (np.array(pose.position) + rays * reach).reshape(-1, 3)
+    points = points[np.isfinite(points).all(axis=1)]
+    points[:, 2] -= ground_m
+    return points
+
+
+def close_what_stands(known: WalkMap, points: npt.NDArray[np.float64]) -> None:
+    """Close the cells in which enough of the points (n, 3) stand higher than a dog steps."""
+    cells = np.floor(points[:, :2] / CELL_M).astype(np.int64)
+    keys, where, counts = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
+    tall = np.bincount(where.reshape(-1), weights=(points[:, 2] > HIGH_M), minlength=len(keys))
+    for (i, j), count, high in zip(keys.tolist(), counts.tolist(), tall.tolist(), strict=True):
+        if high >= max(1.0, SHARE * count):
+            known.close(((i + 0.5) * CELL_M, (j + 0.5) * CELL_M))

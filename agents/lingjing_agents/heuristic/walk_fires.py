@@ -1,0 +1,81 @@
+"""What a searcher believes about fires: places that get better the nearer they are seen from."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Literal
+
+from lingjing_agents.heuristic.walk_map import Place
+
+State = Literal["open", "out", "false"]
+
+ERROR_SHARE = 0.35
+"""How wrong a distance may be, as a share of it."""
+
+LEAST_ERROR_M = 5.0
+CLOSER = 0.6
+"""A fire is worth another report when it is seen from less than this share of the former distance."""
+
+
+@dataclass(slots=True)
+class Fire:
+    """One believed fire: its place (m), from how far it was seen at best, and what came of it."""
+
+    place: Place
+    seen_from_m: float
+    state: State = "open"
+    reported_from_m: float = math.inf
+    looked_at: Place | None = None
+    tries: int = 0
+
+    @property
+    def error_m(self) -> float:
+        """How far off the place may be."""
+        return max(LEAST_ERROR_M, ERROR_SHARE * self.seen_from_m)
+
+
+@dataclass(slots=True)
+class Fires:
+    """All fires one searcher has seen or heard of."""
+
+    known: list[Fire] = field(default_factory=list)
+
+    def of(self, state: State) -> tuple[Fire, ...]:
+        """Those in a state, in the order they became known."""
+        return tuple(fire for fire in self.known if fire.state == state)
+
+    def near(self, place: Place, within_m: float, state: State | None = None) -> Fire | None:
+        """The nearest one to a place, if there is one so near."""
+        options = [(math.dist(fire.place, place), i) for i, fire in enumerate(self.known) if state in (None, fire.state)]
+        distance, index = min(options, default=(math.inf, -1))
+        return self.known[index] if distance <= within_m else None
+
+    def add(self, place: Place, distance_m: float) -> Fire:
+        """Somebody sees a fire at a place from a distance: the one it must be, or a new one."""
+        fresh = Fire(place, distance_m)
+        candidates = [
+            (math.dist(fire.place, place), index)
+            for index, fire in enumerate(self.known)
+            if math.dist(fire.place, place) <= max(fire.error_m, fresh.error_m)
+        ]
+        if not candidates:
+            self.known.append(fresh)
+            return fresh
+        fire = self.known[min(candidates)[1]]
+        if fire.state == "out":
+            if distance_m > 20.0 or math.dist(fire.place, place) < LEAST_ERROR_M:
+                return fire
+            self.known.append(fresh)
+            return fresh
+        if distance_m <= fire.seen_from_m * 1.2 or fire.state == "false":
+            fire.place, fire.seen_from_m = place, min(distance_m, fire.seen_from_m * 1.2)
+            fire.state = "open"
+        return fire
+
+    def put_out(self, place: Place, within_m: float) -> Fire | None:
+        """A fire near a place is out."""
+        fire = self.near(place, within_m, "open")
+        if fire is not None:
+            fire.state = "out"
+        return fire

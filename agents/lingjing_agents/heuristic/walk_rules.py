@@ -1,0 +1,57 @@
+"""Which rules a walker follows: decided at the first boundary, because what it is to look for comes with the pictures.
+
+Without a camera it carries out the steps it is told (`walk_executor`); with a reference picture it looks for what that
+shows (`walk_navigator`); else it looks for flames (`walk_searcher`).
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from lingjing.plugins.policy import Brief, CameraSpec, Decision, Inbox, Observation, Resource
+from lingjing_agents.capability import has_verb
+from lingjing_agents.heuristic.walk_searcher import WalkingSearcher
+
+REFERENCE = "reference"
+"""The camera name of pictures that show what is looked for."""
+
+
+class Rules(Protocol):
+    """What all rules have."""
+
+    def act(self, observation: Observation, inbox: Inbox) -> Decision:
+        """The decision for this boundary."""
+        ...
+
+
+def walker(brief: Brief) -> Resource | None:
+    """The first embodied resource that turns by degrees and steps forward by metres, and cannot be sent to a point."""
+    for resource in brief.resources:
+        turns = has_verb(resource, "left") and has_verb(resource, "right") and has_verb(resource, "forward")
+        if resource.embodied and turns and not has_verb(resource, "setDestination"):
+            return resource
+    return None
+
+
+def front_camera(body: Resource) -> CameraSpec | None:
+    """The first camera that looks ahead."""
+    return next((camera for camera in body.cameras if camera.view == "front"), None)
+
+
+class Walking:
+    """One walker, whatever it is for."""
+
+    def __init__(self, brief: Brief, body: Resource) -> None:
+        self._brief, self._body = brief, body
+        self._rules: Rules | None = None
+
+    def act(self, observation: Observation, inbox: Inbox) -> Decision:
+        """Choose once, then follow the rules."""
+        if self._rules is None:
+            self._rules = self._chosen(observation)
+        return self._rules.act(observation, inbox)
+
+    def _chosen(self, observation: Observation) -> Rules:
+        camera = front_camera(self._body)
+        assert camera is not None
+        return WalkingSearcher(self._brief, self._body, camera)

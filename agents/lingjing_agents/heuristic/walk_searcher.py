@@ -1,0 +1,268 @@
+"""A walking searcher's rules: look around for flames, tell where, walk up to the nearest and wait until it is out.
+
+Several dogs share the ground by who is nearer (they see each other's places), tell what they have looked at, and each
+known fire is the nearest free dog's. All of it is computed alike by all, so little has to be said.
+"""
+
+from __future__ import annotations
+
+import math
+
+from lingjing.plugins.geometry import bearing_deg, turn_deg
+from lingjing.plugins.policy import (
+    Action,
+    Brief,
+    CameraSpec,
+    Datum,
+    Decision,
+    EntityView,
+    Inbox,
+    Observation,
+    Outgoing,
+    Picture,
+    Resource,
+)
+from lingjing_agents.capability import compose, may_send, natural
+from lingjing_agents.heuristic.dog_flames import Flames, find_flames
+from lingjing_agents.heuristic.dog_walls import near_walls
+from lingjing_agents.heuristic.events import view_of
+from lingjing_agents.heuristic.sightings import name_in, position_in
+from lingjing_agents.heuristic.walk_fires import CLOSER, Fire, Fires
+from lingjing_agents.heuristic.walk_legs import Legs
+from lingjing_agents.heuristic.walk_map import Bounds, Place, WalkMap
+from lingjing_agents.heuristic.walk_views import Views
+
+MARGIN_M = 6.0
+"""Routes may leave the region by this much: dogs start outside."""
+
+REPORTABLE = 0.6
+BESIDE_M = 0.6
+"""How near to a fire's middle a dog goes: it is put out from farther."""
+
+FIRE_M = 2.5
+LOOK_AHEAD_DEG = 30.0
+LOOK_EVERY_M, WORTH_A_LOOK_M = 15.0, 5.0
+"""On its way a dog takes a picture ahead so often, and before steps that are at least so long."""
+
+FRESH_SHARE = 0.55
+"""A fire is looked at again when the way to it has shrunk to this share since the last look."""
+
+TRIES = 14
+"""Looks and steps around a fire that does not go out before it is called false."""
+
+
+class WalkingSearcher:
+    """One dog. All state is of this episode."""
+
+    def __init__(self, brief: Brief, body: Resource, camera: CameraSpec) -> None:
+        self._brief, self._body, self._camera = brief, body, camera
+        self._report, self._status = may_send(brief, "report"), may_send(brief, "target_status")
+        polygons = tuple(region.polygon for region in brief.regions if region.polygon)
+        corners = tuple(corner for polygon in polygons for corner in polygon)
+        self._legs = Legs(body, WalkMap(Bounds.around(corners, MARGIN_M)))
+        self._views, self._fires = Views(polygons), Fires()
+        self._half_deg = camera.hfov_deg / 2.0
+        self._goal: Place | None = None
+        self._patience = 0
+        self._outbox: list[Outgoing] = []
+        self._heard: set[str] = set()
+        self._snapped: tuple[Place, float] | None = None
+        self._looked = False
+        self._thought = ""
+
+    def act(self, observation: Observation, inbox: Inbox) -> Decision:
+        """Listen, look, then one step."""
+        own = view_of(observation, self._body.id)
+        if own is None or own.position is None or own.heading_deg is None:
+            return Decision()
+        here = own.position[:2]
+        self._legs.feel(own, inbox)
+        self._listen(observation, inbox)
+        for picture in observation.pictures:
+            if picture.entity == self._body.id:
+                self._look(picture, observation, own.position[2])
+        self._hear_events(observation, here)
+        command = None if own.busy else self._next(observation, own, here)
+        said, self._outbox = tuple(self._outbox), []
+        return Decision(command=command, messages=said, thought=self._thought)
+
+    # -- what others say and the world tells
+
+    def _listen(self, observation: Observation, inbox: Inbox) -> None:
+        for envelope in inbox.messages:
+            place = position_in(envelope.body)
+            if place is None:
+                continue
+            if envelope.category == "report":
+                self._fires.add(place, self._distance_from(envelope.sender, observation, place))
+            elif envelope.category == "target_status":
+                state = name_in(envelope.body, "state")
+                if state == "searched":
+                    self._views.see_around(place)
+                elif state == "done":
+                    self._fires.put_out(place, 12.0)
+
+    def _distance_from(self, sender: str, observation: Observation, place: Place) -> float:
+        resources = next((peer.resources for peer in self._brief.peers if peer.id == sender), ())
+        seen = [view_of(observation, name) for name in resources]
+        return min((math.dist(v.position[:2], place) for v in seen if v is not None and v.position), default=60.0)
+
+    def _hear_events(self, observation: Observation, here: Place) -> None:
+        """A fire that goes out is the one beside which somebody stands; whoever stands there says so."""
+        for event in observation.events:
+            if event.id in self._heard or not event.kind.startswith("extinguish"):
+                continue
+            self._heard.add(event.id)
+            fire = self._fires.put_out(here, 6.0)
+            if fire is not None:
+                self._tell("extinguish", "done", fire.place)
+
+    def _look(self, picture: Picture, observation: Observation, height_m: float) -> None:
+        pose = picture.pose
+        here = pose.position[:2]
+        self._snapped = here, pose.heading_deg
+        self._looked = True
+        self._views.see(here, pose.heading_deg, self._half_deg)
+        for flames in find_flames(picture.rgb, pose, pose.position[2] - 0.37):
+            fire = self._fires.add(flames.place, flames.distance_m)
+            fire.looked_at = here
+            if fire.state == "open":
+                self._say(picture, flames, fire)
+        for place in near_walls(picture.rgb, pose):
+            if self._fires.near(place, FIRE_M) is None:  # its own logs are no obstacle on the way to a fire
+                self._legs.map.close(place)
+
+    def _say(self, picture: Picture, flames: Flames, fire: Fire) -> None:
+        whole = flames.box[0] > 0.005 and flames.box[2] < 0.995
+        if self._report is None or not whole or flames.confidence < REPORTABLE:
+            return
+        if flames.distance_m > CLOSER * fire.reported_from_m:
+            return
+        fire.reported_from_m = flames.distance_m
+        body: dict[str, Datum] = {
+            "frame": picture.frame,
+            "class": self._brief.classes[0] if self._brief.classes else "fire",
+            "box": tuple(round(edge, 6) for edge in flames.box),
+            "position": (round(flames.place[0], 2), round(flames.place[1], 2), 0.0),
+            "confidence": round(flames.confidence, 3),
+        }
+        self._outbox.append(compose(self._report, body))
+
+    def _tell(self, task: str, state: str, place: Place) -> None:
+        if self._status is not None:
+            body: dict[str, Datum] = {"task": task, "state": state, "position": (*place, 0.0)}
+            self._outbox.append(compose(self._status, body))
+
+    # -- what to do
+
+    def _next(self, observation: Observation, own: EntityView, here: Place) -> Action | None:
+        fire = self._mine(observation, here)
+        self._thought = f"fire at {_said(fire.place)}" if fire is not None else f"look around at {_said(self._goal)}"
+        if fire is not None:
+            self._goal = None
+            return self._fight(own, here, fire)
+        return self._search(observation, own, here)
+
+    def _mine(self, observation: Observation, here: Place) -> Fire | None:
+        """The open fire that is this dog's when each goes to the nearest free one."""
+        mates = {peer.id: peer.resources for peer in self._brief.peers if peer.role == self._brief.role}
+        places = {self._brief.agent: here}
+        for name, resources in mates.items():
+            view = view_of(observation, resources[0]) if resources else None
+            if view is not None and view.position is not None:
+                places[name] = view.position[:2]
+        fires = list(self._fires.of("open"))
+        while fires and places:
+            _, _, name, index = min(
+                (round(math.dist(at, fire.place), 3), natural(name), name, index)
+                for name, at in places.items()
+                for index, fire in enumerate(fires)
+            )
+            if name == self._brief.agent:
+                return fires[index]
+            del places[name], fires[index]
+        return None
+
+    def _fight(self, own: EntityView, here: Place, fire: Fire) -> Action | None:
+        distance = math.dist(here, fire.place)
+        due = fire.looked_at is None or distance < FRESH_SHARE * math.dist(fire.looked_at, fire.place)
+        moved = fire.looked_at is None or math.dist(here, fire.looked_at) > 1.5
+        if due and moved and distance > BESIDE_M + 0.6 and self._legs.map.clear(here, fire.place):
+            return self._glance(own, here, fire)
+        action = self._walk(own, here, fire.place, BESIDE_M)
+        if action is not None and distance > 4.0:
+            return action
+        fire.tries += 1
+        if fire.tries > TRIES:
+            fire.state = "false"
+            self._legs.map.forget()
+            return None
+        if action is not None and fire.tries % 3:
+            return action
+        return self._glance(own, here, fire) if fire.tries % 2 else self._legs.turn(90.0)
+
+    def _glance(self, own: EntityView, here: Place, fire: Fire) -> Action:
+        """Face the fire and take its picture."""
+        assert own.heading_deg is not None
+        off = turn_deg(own.heading_deg, bearing_deg(here, fire.place))
+        if abs(off) > LOOK_AHEAD_DEG:
+            return self._legs.turn(off)
+        fire.looked_at = here
+        return self._photograph()
+
+    def _search(self, observation: Observation, own: EntityView, here: Place) -> Action | None:
+        assert own.heading_deg is not None
+        others = tuple(
+            view.position[:2] for view in observation.entities if view.id != self._body.id and view.position is not None
+        )
+        if self._goal is None and self._snapped is None:
+            return self._photograph()
+        if self._goal is None:
+            self._goal = self._views.next_place(here, others)
+            if self._goal is None:
+                self._views.next_pass()
+                self._legs.map.forget()
+                self._goal = self._views.next_place(here, others)
+            if self._goal is None:
+                return None
+            self._patience = 8 + int(2.5 * math.dist(here, self._goal) / self._legs.longest_m)
+        self._patience -= 1
+        action = self._walk(own, here, self._goal, 3.0) if self._patience > 0 else None
+        if action is not None:
+            return action
+        return self._look_around(own, here)
+
+    def _walk(self, own: EntityView, here: Place, goal: Place, reach_m: float) -> Action | None:
+        """The next step, after a picture of what is ahead if none shows it yet: a bump costs more than a look."""
+        action = self._legs.towards(own, goal, reach_m=reach_m)
+        if action is None or action.verb != "forward" or own.heading_deg is None:
+            return action
+        length = action.arguments["distance"]
+        if not isinstance(length, float) or length < WORTH_A_LOOK_M or self._has_looked(here, own.heading_deg):
+            return action
+        return self._photograph()
+
+    def _has_looked(self, here: Place, heading_deg: float) -> bool:
+        if self._snapped is None:
+            return False
+        place, heading = self._snapped
+        return abs(turn_deg(heading, heading_deg)) < LOOK_AHEAD_DEG and math.dist(place, here) < LOOK_EVERY_M
+
+    def _look_around(self, own: EntityView, here: Place) -> Action | None:
+        assert own.heading_deg is not None and self._goal is not None
+        turn = self._views.best_turn(here, own.heading_deg, self._half_deg)
+        if turn is None:
+            if math.dist(here, self._goal) > 6.0:
+                self._views.refuse(self._goal)
+            elif self._looked:
+                self._tell("search", "searched", here)
+            self._goal, self._looked = None, False
+            return None
+        return self._photograph() if turn == 0.0 else self._legs.turn(turn)
+
+    def _photograph(self) -> Action:
+        return Action(verb="takePhoto", arguments={"camera": self._camera.name}, resource=self._body.id)
+
+
+def _said(place: Place | None) -> str:
+    return "this place" if place is None else f"({place[0]:.0f}, {place[1]:.0f})"

@@ -1,0 +1,117 @@
+"""Which ground a walker's pictures have shown: sample points over a region, and from where to look next.
+
+What stands between is not known, so a later pass looks again from other places and trusts shorter views.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from lingjing.plugins.geometry import bearing_deg, turn_deg
+from lingjing_agents.heuristic.walk_map import Place
+
+SAMPLE_M = 8.0
+PASSES_M = (36.0, 24.0, 18.0)
+"""How far a view is trusted in each pass; the last one repeats."""
+
+WORTH = 4
+"""A picture is worth a tick if it would show so many new samples."""
+
+LOOK_COST_M = 45.0
+"""What the looks around at a place cost, in metres of walking."""
+
+
+@dataclass(slots=True)
+class Views:
+    """The samples of the regions' polygons that nobody has looked at in this pass."""
+
+    polygons: tuple[tuple[Place, ...], ...]
+    number: int = 0
+    unseen: set[Place] = field(default_factory=set)
+    refused: set[Place] = field(default_factory=set)
+
+    def __post_init__(self) -> None:
+        self.again()
+
+    @property
+    def far_m(self) -> float:
+        """How far a view is trusted."""
+        return PASSES_M[min(self.number, len(PASSES_M) - 1)]
+
+    def again(self) -> None:
+        """Begin with everything unseen, on a lattice shifted by half a step in every second pass."""
+        shift = SAMPLE_M / 2 * (self.number % 2)
+        self.refused.clear()
+        self.unseen = {place for polygon in self.polygons for place in _lattice(polygon, shift)}
+
+    def next_pass(self) -> None:
+        """Look at everything once more, more closely."""
+        self.number += 1
+        self.again()
+
+    def see(self, here: Place, heading_deg: float, half_deg: float) -> None:
+        """A picture was taken from here, with half a field of view to both sides."""
+        self.unseen -= set(self.shown(here, heading_deg, half_deg))
+
+    def see_around(self, here: Place) -> None:
+        """Somebody has looked all around here."""
+        self.unseen = {place for place in self.unseen if math.dist(place, here) > self.far_m}
+
+    def refuse(self, place: Place) -> None:
+        """This place cannot be reached."""
+        self.refused.add(place)
+        self.unseen = {other for other in self.unseen if math.dist(place, other) > SAMPLE_M * 0.8}
+
+    def shown(self, here: Place, heading_deg: float, half_deg: float) -> list[Place]:
+        """The unseen samples that a picture would show."""
+        return [
+            place
+            for place in self.unseen
+            if math.dist(here, place) <= self.far_m
+            and (math.dist(here, place) < 1.0 or abs(turn_deg(heading_deg, bearing_deg(here, place))) <= half_deg)
+        ]
+
+    def best_turn(self, here: Place, heading_deg: float, half_deg: float) -> float | None:
+        """By how much to turn (a multiple of the field of view) for the picture that shows most; None if none is
+        worth taking. Staying costs nothing, so it wins a tie."""
+        options = (0.0, -2 * half_deg, 2 * half_deg, 180.0)
+        counts = [(len(self.shown(here, heading_deg + turn, half_deg)), -abs(turn), turn) for turn in options]
+        if counts[0][0] >= WORTH:
+            return 0.0
+        most = max(counts)
+        return most[2] if most[0] >= WORTH else None
+
+    def next_place(self, here: Place, others: tuple[Place, ...]) -> Place | None:
+        """Where to look around next: much to see and near, and nearer to here than to the others if possible."""
+        options = sorted(place for place in self.unseen if place not in self.refused)
+        own = [place for place in options if all(math.dist(place, here) <= math.dist(place, at) for at in others)]
+        best, best_score = None, 0.0
+        for place in own or options:
+            gain = sum(1 for other in self.unseen if math.dist(place, other) <= self.far_m)
+            score = gain / (LOOK_COST_M + math.dist(here, place))
+            if score > best_score:
+                best, best_score = place, score
+        return best
+
+
+def inside(polygon: tuple[Place, ...], place: Place) -> bool:
+    """Whether a place lies inside a polygon (even-odd rule)."""
+    x, y = place
+    odd = False
+    for (ax, ay), (bx, by) in zip(polygon, (*polygon[1:], polygon[0]), strict=True):
+        if (ay > y) != (by > y) and x < ax + (y - ay) * (bx - ax) / (by - ay):
+            odd = not odd
+    return odd
+
+
+def _lattice(polygon: tuple[Place, ...], shift: float) -> list[Place]:
+    xs, ys = [x for x, _ in polygon], [y for _, y in polygon]
+    columns = int((max(xs) - min(xs)) / SAMPLE_M) + 1
+    rows = int((max(ys) - min(ys)) / SAMPLE_M) + 1
+    places = [
+        (min(xs) + SAMPLE_M / 2 + shift + SAMPLE_M * i, min(ys) + SAMPLE_M / 2 + shift + SAMPLE_M * j)
+        for i in range(columns)
+        for j in range(rows)
+    ]
+    return [place for place in places if inside(polygon, place)]
