@@ -10,7 +10,7 @@ help:
 	@echo 'make test    run the tests'
 	@echo 'make check   ruff, mypy, import contracts and the tests'
 	@echo 'make bench   compare with others, side by side'
-	@echo 'make study   seeds 0-19, both modes, all reference agents: hours'
+	@echo 'make study   seeds 0-19, every mission in every mode, all reference agents: hours'
 	@echo 'make pictures  draw the contact sheet in docs/images'
 
 setup:

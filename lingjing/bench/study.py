@@ -1,8 +1,9 @@
-"""The matched study: the same seeds, in every mode, with every reference policy (`python -m lingjing.bench.study`).
+"""The matched study: the same seeds for every policy in every column (`python -m lingjing.bench.study`).
 
-Each episode is a process of its own; its report is written down as soon as it ends, so a study that was stopped goes
-on where it was. Results are kept apart by the code and the mission that made them. An episode that the
-infrastructure aborted is played again with the same seed; it never counts for or against a policy.
+A column is a shipped mission in one of its modes, with `--sweeps` also at the values that it declares. Each episode is
+a process of its own; its report is written down as soon as it ends, so a study that was stopped goes on where it was.
+Results are kept apart by the code and the missions that made them. An episode that the infrastructure aborted is
+played again with the same seed; it never counts for or against a policy.
 """
 
 from __future__ import annotations
@@ -11,21 +12,25 @@ import argparse
 import hashlib
 import shutil
 import sys
-from collections.abc import Iterator, Sequence
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import msgspec
 
 import lingjing
+from lingjing.bench.columns import Column, columns, shipped
+from lingjing.bench.countdown import Countdown
 from lingjing.bench.fleet import RunOptions, Task, play_apart
 from lingjing.bench.folders import RUNS
 from lingjing.bench.report import ABORTED, EpisodeReport
-from lingjing.data import data_path
-from lingjing.errors import ExitCode, LingjingError
+from lingjing.errors import ExitCode, LingjingError, UsageError
 
 TRIES = 3
 """How often one episode is tried before the study gives it up as aborted."""
+
+MODES = ("single", "broadcast", "star")
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,14 +48,16 @@ CASES = (
     Case("heuristic-blanked", "heuristic", blank_pictures=True),
     Case("random", "random"),
 )
-MODES = ("broadcast", "star")
 
 
 class Row(msgspec.Struct, frozen=True, kw_only=True):
-    """One played episode of the study; `tries` counts aborted ones before it."""
+    """One played episode of the study; `tries` counts the aborted ones before it too, `wall_s` is how long the last
+    took."""
 
     case: str
+    column: str = ""
     tries: int = 1
+    wall_s: float = 0.0
     report: EpisodeReport
 
 
@@ -64,8 +71,8 @@ class Study:
         self.rows = msgspec.json.decode(stored, type=list[Row])
 
     def played(self) -> set[tuple[str, str, int]]:
-        """(case, mode, seed) of what need not be played again."""
-        return {(row.case, row.report.mode, row.report.seed) for row in self.rows}
+        """(case, column, seed) of what need not be played again."""
+        return {(row.case, row.column, row.report.seed) for row in self.rows}
 
     def add(self, row: Row) -> None:
         """Keep a row; the file is replaced whole, so that a stop in between loses nothing."""
@@ -75,82 +82,113 @@ class Study:
         partial.replace(self._file)
 
 
-def play(study: Study, tasks: Sequence[tuple[Case, Task]], jobs: int, *, keep: bool) -> None:
-    """Play what is missing; `keep` keeps the runs, else only their reports are kept."""
-    names = {task.folder: case.name for case, task in tasks}
-    waiting = [task for _, task in tasks]
+@dataclass(frozen=True, slots=True)
+class Episode:
+    """One episode to play."""
+
+    case: Case
+    column: Column
+    task: Task
+
+    @property
+    def kind(self) -> tuple[str, str]:
+        """What takes about equally long: the same policy in the same column."""
+        return self.case.name, self.column.name
+
+
+def play(
+    study: Study,
+    episodes: Sequence[Episode],
+    jobs: int,
+    *,
+    keep: bool,
+    tell: Callable[[Row, float], None] = lambda row, left_s: None,
+) -> None:
+    """Play what is missing; `keep` keeps the runs, else only their reports are kept.
+
+    `tell` is called after each episode with its row and how many seconds the rest will take about (nan: unknown yet).
+    """
+    of = {episode.task.folder: episode for episode in episodes}
+    waiting = [episode.task for episode in episodes]
+    countdown = Countdown(jobs, (episode.kind for episode in episodes))
+    for row in study.rows:
+        countdown.learn((row.case, row.column), row.wall_s)
     for attempt in range(1, TRIES + 1):
         aborted: list[Task] = []
-        for task, report in play_apart(_cleared(waiting), jobs):
+        started: dict[Path, float] = {}
+        for task, report in play_apart(_cleared(waiting, started), jobs):
+            episode, wall_s = of[task.folder], time.monotonic() - started[task.folder]
             if report.reason == ABORTED and attempt < TRIES:
                 aborted.append(task)
                 continue
-            study.add(Row(case=names[task.folder], tries=attempt, report=report))
-            print(line(study.rows[-1]), file=sys.stderr, flush=True)
+            row = Row(case=episode.case.name, column=episode.column.name, tries=attempt, wall_s=wall_s, report=report)
+            study.add(row)
+            countdown.done(episode.kind, wall_s)
+            tell(row, countdown.left_s)
             if not keep:
                 shutil.rmtree(task.folder)
         waiting = aborted
 
 
-def _cleared(tasks: Sequence[Task]) -> Iterator[Task]:
-    """The tasks, each with what an earlier, unfinished try left behind taken away."""
-    for task in tasks:
-        if task.folder.exists():
-            shutil.rmtree(task.folder)
-        yield task
-
-
-def missing(
-    study: Study, mission: Path, cases: Sequence[Case], modes: Sequence[str], seeds: range
-) -> list[tuple[Case, Task]]:
+def missing(study: Study, cases: Sequence[Case], wanted: Sequence[Column], seeds: Iterable[int]) -> list[Episode]:
     """What has no row yet, seed by seed, so that an unfinished study is matched as well."""
     played = study.played()
     return [
-        (case, _task(study.folder, mission, case, mode, seed))
+        Episode(case, column, _task(study.folder, case, column, seed))
         for seed in seeds
-        for mode in modes
+        for column in wanted
         for case in cases
-        if (case.name, mode, seed) not in played
+        if (case.name, column.name, seed) not in played
     ]
 
 
-def _task(folder: Path, mission: Path, case: Case, mode: str, seed: int) -> Task:
-    options = RunOptions(path=mission, policy=case.policy, mode=mode, blank_pictures=case.blank_pictures)
-    return Task(options, seed, folder / f"{case.name}-{mode}-{seed}")
-
-
 def table(rows: Sequence[Row]) -> str:
-    """Markdown: successes, SCR and ticks of every case and mode; aborted episodes are counted apart."""
-    head = "| policy | mode | success | SCR | ticks when won | aborted |\n| --- | --- | --- | --- | --- | --- |"
-    return "\n".join([head, *_lines(rows)])
+    """Markdown: successes, SCR, ticks and wall time of every case in every column; aborted ones are counted apart."""
+    head = "| column | policy | success | SCR | ticks when won | aborted | wall s |"
+    return "\n".join([head, "| --- | --- | --- | --- | --- | --- | --- |", *_lines(rows)])
 
 
 def line(row: Row) -> str:
     """One episode in one line."""
     report = row.report
-    return f"{row.case}, {report.mode}, seed {report.seed}: {report.reason}, SCR {report.scr:.2f}, {report.ticks} ticks"
+    scored = f"{report.reason}, SCR {report.scr:.2f}, {report.ticks} ticks, {row.wall_s:.0f} s"
+    return f"{row.case}, {row.column}, seed {report.seed}: {scored}"
 
 
-def code_sha256(mission: Path) -> str:
-    """SHA-256 over everything that decides an episode: the mission, the core's and the agents' source."""
+def code_sha256(missions: Iterable[Path]) -> str:
+    """SHA-256 over everything that decides an episode: the missions, the core's and the agents' source."""
     from importlib.util import find_spec
 
     agents = find_spec("lingjing_agents")
     roots = [Path(lingjing.__file__).parent, *map(Path, (agents.submodule_search_locations or []) if agents else [])]
-    digest = hashlib.sha256(mission.read_bytes())
+    digest = hashlib.sha256(b"".join(mission.read_bytes() for mission in missions))
     for root in roots:
         for path in sorted(path for path in root.rglob("*") if path.suffix in {".py", ".xml", ".lark"}):
             digest.update(f"{path.relative_to(root)}\n".encode() + path.read_bytes())
     return digest.hexdigest()
 
 
+def seeds_of(text: str) -> range:
+    """`20` is the seeds 0 to 19, `3-7` those from 3 to 7. `UsageError` for anything else."""
+    first, dash, last = text.partition("-")
+    if first.isdigit() and (last.isdigit() if dash else True):
+        found = range(int(first), int(last) + 1) if dash else range(int(first))
+        if found:
+            return found
+    raise UsageError(f"`{text}` names no seeds", hint="write a number of seeds, as 20, or a range of them, as 0-19")
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Play the study and print its table; exit codes as everywhere."""
     parser = argparse.ArgumentParser(prog="python -m lingjing.bench.study", description=__doc__)
-    parser.add_argument("--mission", type=Path, default=data_path("scenarios", "ssr.ljs"))
-    parser.add_argument("--seeds", type=int, default=20, help="seeds 0 to N-1 (default 20)")
-    parser.add_argument("--modes", nargs="+", choices=MODES, default=MODES)
-    parser.add_argument("--cases", nargs="+", choices=[case.name for case in CASES], default=None)
+    parser.add_argument("--missions", nargs="+", help="names of shipped missions or .ljs files (default: all shipped)")
+    parser.add_argument("--seeds", default="20", help="a number of seeds from 0, or a range A-B (default 20)")
+    parser.add_argument("--modes", nargs="+", choices=MODES, help="only these modes (default: all a mission allows)")
+    parser.add_argument(
+        "--policy", "--cases", dest="cases", nargs="+", choices=[case.name for case in CASES],
+        help="only these lines of the table (default: all)",
+    )  # fmt: skip
+    parser.add_argument("--sweeps", action="store_true", help="play the sweeps that the missions declare instead")
     parser.add_argument("-j", "--jobs", type=int, default=2)
     parser.add_argument("-o", "--output", type=Path, help="folder of the results (default: one for this code)")
     parser.add_argument("--keep", action="store_true", help="keep every trace, not only the reports")
@@ -166,31 +204,71 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _main(args: argparse.Namespace) -> int:
-    folder = args.output or RUNS / "study" / code_sha256(args.mission)[:12]
+    paths, seeds = _paths(args.missions), seeds_of(args.seeds)
+    folder = args.output or RUNS / "study" / code_sha256(paths)[:12]
     folder.mkdir(parents=True, exist_ok=True)
     study = Study(folder)
     cases = [case for case in CASES if args.cases is None or case.name in args.cases]
-    tasks = missing(study, args.mission, cases, args.modes, range(args.seeds))
-    print(f"{len(study.rows)} episodes are there, {len(tasks)} to play, results in {folder}", file=sys.stderr)
-    play(study, tasks, args.jobs, keep=args.keep)
+    episodes = missing(study, cases, columns(paths, args.modes, sweeps=args.sweeps), seeds)
+    print(f"{len(study.rows)} episodes are there, {len(episodes)} to play, results in {folder}", file=sys.stderr)
+    before, whole = len(study.rows), len(episodes)
+
+    def tell(row: Row, left_s: float) -> None:
+        print(f"{_bar(len(study.rows) - before, whole, left_s)} {line(row)}", file=sys.stderr, flush=True)
+
+    play(study, episodes, args.jobs, keep=args.keep, tell=tell)
     print(table(study.rows))
     return ExitCode.OK
 
 
+def _paths(names: Sequence[str] | None) -> tuple[Path, ...]:
+    known = {path.stem: path for path in shipped()}
+    return tuple(known.values()) if names is None else tuple(known.get(name, Path(name)) for name in names)
+
+
+def _bar(done: int, whole: int, left_s: float) -> str:
+    """`[#####.....] 10/20, 1 h 05 min left`."""
+    filled = round(10 * done / max(whole, 1))
+    minutes = 0 if left_s != left_s else round(left_s / 60.0)
+    left = "?" if left_s != left_s else f"{minutes // 60} h {minutes % 60:02d} min"
+    return f"[{'#' * filled}{'.' * (10 - filled)}] {done}/{whole}, {left} left:"
+
+
+def _cleared(tasks: Sequence[Task], started: dict[Path, float]) -> Iterator[Task]:
+    """The tasks, each with what an earlier, unfinished try left behind taken away; notes when each is begun."""
+    for task in tasks:
+        if task.folder.exists():
+            shutil.rmtree(task.folder)
+        started[task.folder] = time.monotonic()
+        yield task
+
+
+def _task(folder: Path, case: Case, column: Column, seed: int) -> Task:
+    options = RunOptions(
+        path=column.path,
+        policy=case.policy,
+        mode=column.mode,
+        settings=column.settings,
+        blank_pictures=case.blank_pictures,
+    )
+    return Task(options, seed, folder / f"{case.name}-{column.name}-{seed}")
+
+
 def _lines(rows: Sequence[Row]) -> Iterator[str]:
-    for case in CASES:
-        for mode in MODES:
-            reports = [row.report for row in rows if (row.case, row.report.mode) == (case.name, mode)]
-            counted = [report for report in reports if report.reason != ABORTED]
-            if reports:
-                yield _line(case.name, mode, counted, len(reports) - len(counted))
+    for name in dict.fromkeys(row.column for row in rows):
+        for case in CASES:
+            found = [row for row in rows if (row.case, row.column) == (case.name, name)]
+            counted = [row for row in found if row.report.reason != ABORTED]
+            if found:
+                yield _line(name, case.name, counted, len(found) - len(counted))
 
 
-def _line(case: str, mode: str, counted: Sequence[EpisodeReport], aborted: int) -> str:
-    won = [report for report in counted if report.success]
-    scr = f"{sum(report.scr for report in counted) / len(counted):.2f}" if counted else "–"
+def _line(column: str, case: str, counted: Sequence[Row], aborted: int) -> str:
+    won = [row.report for row in counted if row.report.success]
+    scr = f"{sum(row.report.scr for row in counted) / len(counted):.2f}" if counted else "–"
     ticks = f"{sum(report.ticks for report in won) / len(won):.1f}" if won else "–"
-    return f"| {case} | {mode} | {len(won)} of {len(counted)} | {scr} | {ticks} | {aborted} |"
+    wall = f"{sum(row.wall_s for row in counted) / len(counted):.0f}" if counted else "–"
+    return f"| {column} | {case} | {len(won)} of {len(counted)} | {scr} | {ticks} | {aborted} | {wall} |"
 
 
 if __name__ == "__main__":

@@ -11,10 +11,14 @@ from pathlib import Path
 import pytest
 
 from lingjing.bench import fleet
+from lingjing.bench.columns import Column, columns, shipped
+from lingjing.bench.countdown import Countdown
 from lingjing.bench.fleet import RunOptions, Task, play_apart
 from lingjing.bench.report import ABORTED, EpisodeReport, summarise
 from lingjing.bench.study import CASES, Row, Study, missing, play, table
 from lingjing.errors import InfrastructureError, UsageError
+
+STAR = Column(Path("m.ljs"), "m", "star")
 
 ECHO = """
 import json, sys
@@ -112,17 +116,17 @@ def test_a_study_goes_on_where_it_was(child, tmp_path: Path) -> None:
     child(ECHO)
     cases = CASES[:2]
     study = Study(tmp_path)
-    first = missing(study, Path("m.ljs"), cases, ["star"], range(2))
-    assert [(case.name, task.seed) for case, task in first] == [
+    first = missing(study, cases, [STAR], range(2))
+    assert [(one.case.name, one.task.seed) for one in first] == [
         ("oracle", 0), ("heuristic", 0), ("oracle", 1), ("heuristic", 1),
     ]  # fmt: skip
-    for _, task in first:
-        task.folder.mkdir()
+    for one in first:
+        one.task.folder.mkdir()
     play(study, first[:3], jobs=2, keep=True)
     again = Study(tmp_path)
     assert {(row.case, row.report.seed) for row in again.rows} == {("oracle", 0), ("heuristic", 0), ("oracle", 1)}
-    left = missing(again, Path("m.ljs"), cases, ["star"], range(2))
-    assert [(case.name, task.seed) for case, task in left] == [("heuristic", 1)]
+    left = missing(again, cases, [STAR], range(2))
+    assert [(one.case.name, one.task.seed) for one in left] == [("heuristic", 1)]
 
 
 def test_an_aborted_episode_is_played_again_with_its_seed(child, tmp_path: Path) -> None:
@@ -134,14 +138,34 @@ def test_an_aborted_episode_is_played_again_with_its_seed(child, tmp_path: Path)
         "marker.touch()\n" + ECHO.replace('"reason": "success"', '"reason": reason')
     )
     study = Study(tmp_path)
-    play(study, missing(study, Path("m.ljs"), CASES[:1], ["star"], range(1)), jobs=1, keep=True)
+    play(study, missing(study, CASES[:1], [STAR], range(1)), jobs=1, keep=True)
     assert [(row.tries, row.report.reason) for row in study.rows] == [(2, "success")]
 
 
 def test_the_table_counts_successes_of_what_was_not_aborted() -> None:
     rows = [
-        Row(case="oracle", report=report(0, success=True, reason="success", scr=1.0)),
-        Row(case="oracle", report=report(1, success=False, scr=0.5)),
-        Row(case="oracle", report=report(2, success=False, reason=ABORTED)),
+        Row(case="oracle", column="m-star", wall_s=4.0, report=report(0, success=True, reason="success", scr=1.0)),
+        Row(case="oracle", column="m-star", wall_s=6.0, report=report(1, success=False, scr=0.5)),
+        Row(case="oracle", column="m-star", wall_s=9.0, report=report(2, success=False, reason=ABORTED)),
     ]
-    assert table(rows).splitlines()[2:] == ["| oracle | star | 1 of 2 | 0.75 | 10.0 | 1 |"]
+    assert table(rows).splitlines()[2:] == ["| m-star | oracle | 1 of 2 | 0.75 | 10.0 | 1 | 5 |"]
+
+
+def test_the_columns_are_the_shipped_missions_in_the_modes_that_they_allow() -> None:
+    found = [column.name for column in columns(shipped())]
+    assert len(found) == len(set(found)) >= 12
+    assert {"vdn-single", "ufr-star", "ufr-broadcast", "cd-star", "cd-broadcast"} <= set(found)
+    swept = columns([path for path in shipped() if path.stem == "cr"], sweeps=True)
+    assert [column.settings for column in swept] == [
+        {"replans_most": 0.0},
+        {"replans_most": 3.0},
+        {"replans_most": 6.0},
+    ]
+
+
+def test_the_time_left_is_that_of_each_kind_of_episode() -> None:
+    countdown = Countdown(2, ["quick", "quick", "slow", "new"])
+    assert countdown.left_s != countdown.left_s
+    countdown.done("quick", 10.0)
+    countdown.learn("slow", 90.0)
+    assert countdown.left_s == (10.0 + 90.0 + 50.0) / 2
