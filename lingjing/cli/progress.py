@@ -40,9 +40,13 @@ class Boundary(Protocol):
 
 
 def describe(boundary: Boundary) -> str:
-    """`t=120 s  ×3.4  rescued victim[1]`; the factor is simulated by real seconds."""
-    factor = f"×{boundary.time_s / boundary.wall_s:.1f}" if boundary.wall_s > 0 else "×–"
-    return f"t={boundary.time_s:.0f} s  {factor}  {boundary.last_event}"
+    """`t=120 s  ×3.4  rescued victim[1]`."""
+    return f"t={boundary.time_s:.0f} s  {factor(boundary.time_s, boundary.wall_s)}  {boundary.last_event}"
+
+
+def factor(time_s: float, wall_s: float) -> str:
+    """Simulated by real seconds: `×3.4`."""
+    return f"×{time_s / wall_s:.1f}" if wall_s > 0 else "×–"
 
 
 class LiveProgress:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from lingjing.bench.fleet import RunOptions, Task, play_apart, play_here
@@ -39,6 +39,10 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("--blank-pictures", action="store_true", help="hand the policies black pictures (a control)")
     parser.add_argument("-j", "--jobs", metavar="N", type=int, default=1, help="play N seeds at a time")
     parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+    parser.add_argument("--watch", action="store_true", help="show the episode in the terminal while it is played")
+    parser.add_argument(
+        "--watch-truth", action="store_true", help="watch with hidden targets shown before anybody has found them"
+    )
     parser.add_argument("--end-with", metavar="PID", type=int, help=argparse.SUPPRESS)  # set by play_apart
 
 
@@ -52,6 +56,8 @@ def handler(args: argparse.Namespace) -> int:
         raise UsageError("-o names no folder", hint="give -o a name, or leave it out for a new folder in runs/")
     if args.end_with is not None:
         end_with(args.end_with)
+    if args.jobs > 1 and _watched(args):
+        raise UsageError("--watch shows one episode at a time", hint="leave -j out, or --watch")
     path = find_mission(args.mission)
     seeds = parse_seeds(args.seeds) if args.seeds else (parse_seed(args.seed),)
     mission = load_mission(path)
@@ -78,7 +84,7 @@ def _run_one(args: argparse.Namespace, mission: Mission, options: RunOptions, se
     folder = claim_folder(Path(args.output)) if args.output else None
     try:
         with results_alone():
-            (episode,) = play_here(mission, options, [(seed, folder)], LiveProgress)
+            (episode,) = _played(args, mission, options, [(seed, folder)])
     finally:
         if folder is not None:
             release_if_empty(folder)
@@ -96,7 +102,7 @@ def _run_many(args: argparse.Namespace, mission: Mission, options: RunOptions, s
     places = ((seed, claim_run_folder(mission.name, mode, seed, root)) for seed in seeds)
     try:
         with results_alone():
-            episodes, interrupted = _until_interrupted(_played(args.jobs, mission, options, places))
+            episodes, interrupted = _until_interrupted(_played(args, mission, options, places))
     finally:
         release_if_empty(root)
     if not episodes:
@@ -122,9 +128,18 @@ def _until_interrupted(played: Iterator[EpisodeReport]) -> tuple[list[EpisodeRep
 
 
 def _played(
-    jobs: int, mission: Mission, options: RunOptions, places: Iterator[tuple[int, Path]]
+    args: argparse.Namespace, mission: Mission, options: RunOptions, places: Iterable[tuple[int, Path | None]]
 ) -> Iterator[EpisodeReport]:
-    if jobs == 1:
+    if args.jobs > 1:
+        tasks = (Task(options, seed, folder) for seed, folder in places if folder is not None)
+        return (report for _, report in play_apart(tasks, args.jobs))
+    if not _watched(args):
         return play_here(mission, options, places, LiveProgress)
-    tasks = (Task(options, seed, folder) for seed, folder in places)
-    return (report for _, report in play_apart(tasks, jobs))
+    from lingjing.cli.watch import Audience
+
+    audience = Audience(mission, options, truth=args.watch_truth)
+    return play_here(mission, options, audience.follow(places), audience)
+
+
+def _watched(args: argparse.Namespace) -> bool:
+    return bool(args.watch or args.watch_truth)

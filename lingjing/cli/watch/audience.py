@@ -1,0 +1,112 @@
+"""`--watch`: who may watch, and one watched episode after another."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Iterable, Iterator
+from contextlib import AbstractContextManager
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Self
+
+from lingjing.bench.fleet import RunOptions
+from lingjing.cli.progress import LiveProgress
+from lingjing.errors import UsageError
+from lingjing.mission.model import Mission
+
+if TYPE_CHECKING:
+    from lingjing.cli.watch.screen import Screen
+    from lingjing.kernel.episode import Progress
+    from lingjing.mission.instance import Instance
+    from lingjing.scene.city import City
+
+SHARE = 0.04
+"""Of an episode's time that drawing may take; what does not fit is not drawn, but for the first and last boundary."""
+
+_INSTEAD = "leave --watch out: the run leaves overview.png, and `lingjing docs MISSION --trace TRACE` makes a page"
+
+
+class Audience:
+    """Opens a display for each episode, as `play_here` asks for it.
+
+    Raises `UsageError` if standard error is no terminal. One that cannot be drawn on (`TERM=dumb`) gets the line of
+    progress instead, and is told so.
+    """
+
+    def __init__(self, mission: Mission, options: RunOptions, *, truth: bool) -> None:
+        from lingjing.kernel.staging import Stage
+        from lingjing.plugins.host import PluginHost
+
+        if not sys.stderr.isatty():
+            raise UsageError("--watch draws on the terminal, and standard error is none here", hint=_INSTEAD)
+        self._drawable = os.environ.get("TERM", "dumb") not in ("dumb", "unknown", "")
+        if not self._drawable:
+            print("note: this terminal cannot be drawn on (TERM=dumb): progress only", file=sys.stderr)
+        self._mission, self._options, self._truth = mission, options, truth
+        self._stage = Stage(PluginHost())
+        self._seed = 0
+
+    def follow(self, places: Iterable[tuple[int, Path | None]]) -> Iterator[tuple[int, Path | None]]:
+        """The same places; each is remembered when it is taken, just before its display is asked for."""
+        for seed, folder in places:
+            self._seed = seed
+            yield seed, folder
+
+    def __call__(self, title: str) -> AbstractContextManager[Watching | LiveProgress]:
+        """The display of the episode that begins now."""
+        from lingjing.mission.instantiate import instantiate
+
+        if not self._drawable:
+            return LiveProgress(title)
+        options = self._options
+        instance, city = self._stage.set(
+            instantiate(self._mission, seed=self._seed, mode=options.mode, settings=options.settings)
+        )
+        return Watching(instance, city, options.policy, truth=self._truth)
+
+
+class Watching:
+    """A context manager to be called after each boundary; the terminal is as it was afterwards.
+
+    After an episode that ran to its end the last picture stays, above the result.
+    """
+
+    def __init__(self, instance: Instance, city: City, policy: str, *, truth: bool) -> None:
+        from lingjing.analysis.groundplan import credit
+        from lingjing.cli.watch.chart import Chart
+        from lingjing.cli.watch.screen import Screen
+        from lingjing.cli.watch.state import Watched
+        from lingjing.cli.watch.terminal import Borrowed
+
+        self._watched = Watched(instance, truth=truth)
+        title = f"{instance.mission} · seed {instance.seed} · {instance.mode} · {policy}"
+        self._screen: Screen = Screen(self._watched, Chart(city), title, credit(city.attribution))
+        self._terminal = Borrowed(self._draw)
+        self._started = time.perf_counter()
+        self._spent_s = 0.0
+
+    def __enter__(self) -> Self:
+        self._terminal.__enter__()
+        self._draw()
+        return self
+
+    def __call__(self, boundary: Progress) -> None:
+        """Take this boundary in, and draw it if there is time for that."""
+        began = time.perf_counter()
+        self._watched.take(boundary)
+        ends = boundary.record.done or boundary.tick >= boundary.ticks
+        if boundary.tick == 0 or ends or self._spent_s <= SHARE * (began - self._started):
+            self._draw()
+        self._spent_s += time.perf_counter() - began
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._terminal.__exit__(kind, error, trace)
+        if kind is None:
+            self._terminal.leave(self._screen)
+
+    def _draw(self) -> None:
+        self._terminal.draw(self._screen)

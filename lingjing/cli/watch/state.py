@@ -1,0 +1,198 @@
+"""What a watcher knows of an episode so far, gathered boundary by boundary from the kernel's records."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter, deque
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+from lingjing.analysis.completion import completed_at
+from lingjing.kernel.episode import Progress
+from lingjing.mission.instance import Datum, Entity, Instance
+from lingjing.trace.records import Action, BodyState, BoundaryRecord, Envelope, Receipt
+
+KEPT_LINES = 64
+_REFUSED = ("rejected", "timed_out", "substituted")
+STEP_M = 1.0
+"""A trail is not grown by steps shorter than this."""
+
+Point = tuple[float, float]
+Sight = Literal["known", "found", "completed", "truth"]
+
+
+@dataclass(slots=True)
+class Doing:
+    """An agent's latest command in words and what has become of it."""
+
+    agent: str
+    command: str = "–"
+    status: str = ""
+    refused: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """A line of a ticker; `good` events are those that the mission is about."""
+
+    tick: int
+    text: str
+    good: bool = False
+
+
+@dataclass(slots=True)
+class Watched:
+    """The episode as it stands. `truth` shows hidden targets from the start."""
+
+    instance: Instance
+    truth: bool = False
+    tick: int = 0
+    ticks: int = 0
+    time_s: float = 0.0
+    wall_s: float = 0.0
+    score: float = 0.0
+    done: bool = False
+    states: dict[str, BodyState] = field(default_factory=dict)
+    trails: dict[str, list[tuple[int, Point]]] = field(default_factory=dict)
+    routes: dict[str, tuple[Point, ...]] = field(default_factory=dict)
+    doing: dict[str, Doing] = field(default_factory=dict)
+    stages: dict[str, set[str]] = field(default_factory=dict)
+    found: set[str] = field(default_factory=set)
+    completed: set[str] = field(default_factory=set)
+    messages: deque[Line] = field(default_factory=lambda: deque(maxlen=KEPT_LINES))
+    events: deque[Line] = field(default_factory=lambda: deque(maxlen=KEPT_LINES))
+
+    def __post_init__(self) -> None:
+        self.doing = {agent.id: Doing(agent.id) for agent in self.instance.agents}
+        self.ticks = self.instance.budget.ticks
+
+    @property
+    def assets(self) -> tuple[Entity, ...]:
+        """The commanded entities in declaration order."""
+        return tuple(entity for entity in self.instance.entities if entity.role == "asset")
+
+    def take(self, boundary: Progress) -> None:
+        """One more boundary."""
+        record = boundary.record
+        self.tick, self.ticks, self.time_s, self.wall_s = (
+            boundary.tick,
+            boundary.ticks,
+            boundary.time_s,
+            boundary.wall_s,
+        )
+        self.score, self.done = record.reward, record.done
+        self._move(record)
+        self._judge(record)
+        self._act(record)
+        self.messages.extend(_spoken(record.messages))
+        self.events.extend(self._happened(record))
+
+    def seen_targets(self) -> Iterable[tuple[Entity, Point, Sight]]:
+        """The targets that a watcher may see, where they are, and as what."""
+        for entity in self.instance.entities:
+            sight = self._sight(entity)
+            if entity.role == "target" and sight is not None:
+                state = self.states.get(entity.id)
+                place = state.position if state else entity.position
+                yield entity, (place[0], place[1]), sight
+
+    def stage_counts(self) -> list[tuple[str, int, int]]:
+        """(stage, subjects done, subjects there are)."""
+        members = Counter(entity.group for entity in self.instance.entities)
+        return [
+            (stage.name, len(self.stages.get(stage.name, ())), members[stage.domain] if stage.domain else 1)
+            for stage in self.instance.stages
+        ]
+
+    # -- parts
+
+    def _sight(self, entity: Entity) -> Sight | None:
+        if entity.id in self.completed:
+            return "completed"
+        if entity.id in self.found:
+            return "found"
+        if "position" not in entity.hidden:
+            return "known"
+        return "truth" if self.truth else None
+
+    def _move(self, record: BoundaryRecord) -> None:
+        for snapshot in record.snapshots:
+            for state in snapshot.states:
+                self.states[state.id] = state
+                trail = self.trails.setdefault(state.id, [])
+                here = (state.position[0], state.position[1])
+                if not trail or math.dist(trail[-1][1], here) >= STEP_M:
+                    trail.append((record.tick, here))
+        for route in record.routes:
+            self.routes[route.entity] = tuple((point[0], point[1]) for point in route.waypoints)
+
+    def _judge(self, record: BoundaryRecord) -> None:
+        targets = {entity.id for entity in self.instance.entities if entity.role == "target"}
+        for change in record.stages:
+            self.stages.setdefault(change.stage, set()).add(change.subject)
+        told = {name for event in record.events for name in event.bindings}
+        self.found |= targets & (told | {change.subject for change in record.stages})
+        self.completed |= completed_at(self.instance, record)
+
+    def _act(self, record: BoundaryRecord) -> None:
+        for made in record.decisions:
+            doing = self.doing.get(made.agent)
+            if doing is not None and made.decision.command is not None:
+                doing.command, doing.status, doing.refused = _command(made.decision.command), "asked", False
+        for receipt in record.receipts:
+            doing = self.doing.get(receipt.sender)
+            if doing is not None and (receipt.request.startswith("c") or receipt.status == "substituted"):
+                doing.status, doing.refused = (
+                    _status(receipt),
+                    receipt.status in ("rejected", "timed_out", "substituted"),
+                )
+
+    def _happened(self, record: BoundaryRecord) -> Iterable[Line]:
+        for task in record.task_events:
+            yield Line(record.tick, f"{task.kind} {' '.join(task.entities)}")
+        for event in record.events:
+            shown = [name for name in event.bindings if name in self.states or name in self.doing]
+            yield Line(record.tick, f"{event.kind} {' '.join(shown)}".rstrip(), good=True)
+        for change in record.stages:
+            yield Line(record.tick, f"stage {change.stage} {change.subject}".rstrip() + " done", good=True)
+
+
+def _command(action: Action) -> str:
+    """`uav[2].setDestination 120, -40, 60`."""
+    verb = f"{action.resource}.{action.verb}" if action.resource else action.verb
+    values = ", ".join(_value(value) for value in action.arguments.values() if value is not None)
+    return f"{verb} {values}".rstrip()
+
+
+def _value(value: Datum) -> str:
+    if isinstance(value, tuple):
+        return f"({', '.join(_value(item) for item in value)})"
+    return f"{value:.0f}" if isinstance(value, float) and abs(value) >= 10 else _short(value)
+
+
+def _short(value: object) -> str:
+    return f"{value:.2g}" if isinstance(value, float) else str(value)
+
+
+def _status(receipt: Receipt) -> str:
+    progress = f" {receipt.progress:.0%}" if receipt.progress is not None and receipt.status == "running" else ""
+    return f"{receipt.status.replace('_', ' ')}{progress}{f': {receipt.reason}' if receipt.reason else ''}"
+
+
+def _spoken(edges: Iterable[Envelope]) -> Iterable[Line]:
+    """One line a message, its recipients together."""
+    heard: dict[str, list[str]] = {}
+    first: dict[str, Envelope] = {}
+    for edge in edges:
+        first.setdefault(edge.id, edge)
+        heard.setdefault(edge.id, []).append(edge.recipient)
+    for name, edge in first.items():
+        to = heard[name][0] if len(heard[name]) == 1 else f"{len(heard[name])} agents"
+        yield Line(edge.tick, f"{edge.sender} → {to}: {edge.kind} {_body(edge.body)}".rstrip())
+
+
+def _body(body: Mapping[str, Datum]) -> str:
+    """What a message says, without the frames and boxes that only machines read."""
+    spoken = (value for name, value in body.items() if name not in ("frame", "box") and value not in (None, "", ()))
+    return " ".join(_value(value) for value in spoken)

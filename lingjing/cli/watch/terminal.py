@@ -1,0 +1,111 @@
+"""The terminal's screen, borrowed for a while: what else writes to standard error waits until it is given back."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import sys
+import tempfile
+from collections.abc import Callable
+from contextlib import suppress
+from types import FrameType, TracebackType
+from typing import IO, TYPE_CHECKING, Self
+
+if TYPE_CHECKING:
+    from rich.console import Console, RenderableType
+
+
+_LEFT_ROWS = 30
+
+
+class Borrowed:
+    """A context manager: the alternate screen on the terminal of standard error, without a cursor.
+
+    Inside, what policies, libraries and workers write to the terminal goes to a file, which is printed when the screen
+    is given back; that happens on every way out. `resized` is called when the terminal changes its size.
+    """
+
+    def __init__(self, resized: Callable[[], None]) -> None:
+        self._resized = resized
+        self._drawing = False
+        self._late = False
+
+    def __enter__(self) -> Self:
+        from rich.console import Console
+
+        _flush()
+        self._aside: IO[bytes] = tempfile.TemporaryFile()
+        self._kept = {number: os.dup(number) for number in _on_terminal()}
+        for number in self._kept:
+            os.dup2(self._aside.fileno(), number)
+        self._out: IO[str] = open(self._kept[2], "w", encoding="utf-8", closefd=False)
+        self._console: Console = Console(file=self._out, force_terminal=True)
+        self._before = self._listen()
+        self._console.set_alt_screen(True)
+        self._console.show_cursor(False)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._before is not None:
+            signal.signal(signal.SIGWINCH, self._before)
+        with suppress(OSError):  # a terminal that is gone needs nothing back
+            self._console.show_cursor(True)
+            self._console.set_alt_screen(False)
+            self._out.flush()
+        _flush()
+        for number, kept in self._kept.items():
+            os.dup2(kept, number)
+            os.close(kept)
+        self._aside.seek(0)
+        with suppress(OSError), os.fdopen(os.dup(2), "wb") as terminal:
+            shutil.copyfileobj(self._aside, terminal)
+        self._aside.close()
+
+    def draw(self, renderable: RenderableType) -> None:
+        """Fill the screen, as large as the terminal is now."""
+        self._drawing = True
+        self._console.size = os.get_terminal_size(self._kept[2])
+        self._console.update_screen(renderable)
+        self._drawing = False
+        if self._late:
+            self._late = False
+            self.draw(renderable)
+
+    @staticmethod
+    def leave(renderable: RenderableType) -> None:
+        """Print a last picture where the terminal was, to stay; after the screen was given back."""
+        from rich.console import Console
+
+        console = Console(stderr=True)
+        console.print(renderable, height=min(_LEFT_ROWS, console.height - 1), end="\n")
+
+    # -- parts
+
+    def _listen(self) -> Callable[[int, FrameType | None], object] | int | None:
+        """Follow the terminal's size; only the main thread can."""
+        with suppress(ValueError):
+            return signal.signal(signal.SIGWINCH, self._changed)
+        return None
+
+    def _changed(self, number: int, frame: FrameType | None) -> None:
+        if self._drawing:  # not into the middle of a picture
+            self._late = True
+        else:
+            self._resized()
+
+
+def _on_terminal() -> set[int]:
+    """The descriptors of the standard streams that lead to a terminal; that of standard error always."""
+    numbers = {1, 2}
+    with suppress(OSError, ValueError, AttributeError):  # a stream without a descriptor
+        numbers.add(sys.stdout.fileno())
+    return {number for number in numbers if number == 2 or os.isatty(number)}
+
+
+def _flush() -> None:
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError, ValueError):
+            stream.flush()

@@ -1,0 +1,271 @@
+"""`run --watch`: what is known of an episode, how it is drawn at any size, and the terminal it leaves behind."""
+
+from __future__ import annotations
+
+import fcntl
+import importlib.util
+import os
+import pty
+import re
+import select
+import struct
+import subprocess
+import sys
+import termios
+import time
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from lingjing.bench.fleet import RunOptions
+from lingjing.cli.watch import Audience
+from lingjing.cli.watch.audience import SHARE, Watching
+from lingjing.cli.watch.chart import SIGHTS, Chart, window_around
+from lingjing.cli.watch.screen import Screen
+from lingjing.cli.watch.state import Watched
+from lingjing.data import data_path
+from lingjing.dsl.load import load_mission
+from lingjing.errors import UsageError
+from lingjing.kernel.episode import Progress
+from lingjing.plugins.host import PluginHost
+from lingjing.scene.city import City
+from lingjing.trace.reader import Trace, read_trace
+from lingjing.trace.records import BodyState
+
+RUN = (sys.executable, "-m", "lingjing.cli.main", "run")
+
+
+@pytest.fixture(scope="module")
+def trace(tmp_path_factory: pytest.TempPathFactory) -> Trace:
+    """The trace tests' synthetic sea rescue."""
+    path = Path(__file__).parent.parent / "trace" / "synthetic.py"
+    spec = importlib.util.spec_from_file_location("synthetic_watched", path)
+    assert spec is not None and spec.loader is not None
+    module = sys.modules[spec.name] = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    target = tmp_path_factory.mktemp("episode") / "trace.mcap"
+    module.write_episode(target, ticks=60)
+    return read_trace(target)
+
+
+@pytest.fixture(scope="module")
+def city(trace: Trace) -> City:
+    return PluginHost().scene("bay").build(trace.header.instance.scene)
+
+
+def boundaries(trace: Trace, until: int) -> list[Progress]:
+    ticks = trace.boundaries[-1].tick
+    return [
+        Progress(tick=r.tick, ticks=ticks, time_s=r.time_s, wall_s=r.tick / 10, last_event="", record=r)
+        for r in trace.boundaries
+        if r.tick <= until
+    ]
+
+
+def watched(trace: Trace, until: int, *, truth: bool = False) -> Watched:
+    state = Watched(trace.header.instance, truth=truth)
+    for boundary in boundaries(trace, until):
+        state.take(boundary)
+    return state
+
+
+def screen_text(state: Watched, city: City, width: int, height: int, colours: str | None = "truecolor") -> list[str]:
+    console = Console(force_terminal=True, color_system=colours, width=width, height=height)  # type: ignore[arg-type]
+    screen = Screen(state, Chart(city), "ssr · seed 7 · broadcast · heuristic", "map: © Somebody")
+    lines = console.render_lines(screen, console.options.update(height=height))
+    assert {sum(segment.cell_length for segment in line) for line in lines} == {width}
+    return ["".join(segment.text for segment in line) for line in lines]
+
+
+def test_hidden_targets_appear_when_they_are_found_unless_the_truth_is_asked_for(trace: Trace) -> None:
+    first = min(record.tick for record in trace.boundaries if record.events)
+    assert list(watched(trace, first - 1).seen_targets()) == []
+    assert {sight for *_, sight in watched(trace, first - 1, truth=True).seen_targets()} == {"truth"}
+    found = [(entity.id, sight) for entity, _, sight in watched(trace, first).seen_targets()]
+    assert found and {sight for _, sight in found} <= {"found", "completed"}
+    assert {sight for *_, sight in watched(trace, 60).seen_targets()} == {"completed"}
+
+
+def test_the_state_is_that_of_the_last_boundary(trace: Trace) -> None:
+    state, last = watched(trace, 60), trace.boundaries[-1]
+    assert (state.tick, state.score, state.time_s) == (last.tick, last.reward, last.time_s)
+    assert state.states == {body.id: body for body in last.snapshots[-1].states}
+    said = {edge.id for record in trace.boundaries for edge in record.messages}
+    assert len(state.messages) == min(64, len(said))
+    assert sum(done for _, done, _ in state.stage_counts()) == sum(len(r.stages) for r in trace.boundaries)
+
+
+def test_an_agent_shows_its_command_and_what_came_of_it(trace: Trace) -> None:
+    made = next(
+        (record.tick, decided.agent, decided.decision.command)
+        for record in trace.boundaries
+        for decided in record.decisions
+        if decided.decision.command is not None
+    )
+    doing = watched(trace, made[0]).doing[made[1]]
+    assert made[2] is not None and made[2].verb in doing.command
+    assert doing.status
+
+
+@pytest.mark.parametrize("size", [(80, 24), (200, 60), (57, 16), (40, 10), (133, 17)])
+@pytest.mark.parametrize("colours", ["truecolor", "standard", None])
+def test_a_screen_fills_any_terminal_exactly(
+    trace: Trace, city: City, size: tuple[int, int], colours: str | None
+) -> None:
+    lines = screen_text(watched(trace, 30), city, *size, colours)
+    assert len(lines) == size[1]
+    assert "tick 30/" in lines[1]
+    assert "scout[1]" in "\n".join(lines)
+
+
+def test_the_map_shows_headings_trails_targets_and_ground(trace: Trace, city: City) -> None:
+    lines = screen_text(watched(trace, 60), city, 120, 40)
+    chart = "\n".join(line[:74] for line in lines[3:30])
+    assert "boat" in chart and "uav[1]" in chart
+    assert SIGHTS["completed"][0] in chart
+    assert any("⠁" <= sign <= "⣿" for sign in chart)
+    assert "▀" in chart
+    assert "map: © Somebody" in lines[2]
+    bare = "\n".join(screen_text(watched(trace, 60), city, 120, 40, None))
+    assert "▀" not in bare
+
+
+def test_a_window_holds_all_its_points_and_keeps_dots_square() -> None:
+    points = [(-300.0, 40.0), (900.0, 75.0), (12.0, -800.0)]
+    window = window_around(points, 50, 15)
+    assert all(window.holds(point) for point in points)
+    west, south, east, north = window.bounds
+    assert (east - west) / 100 == pytest.approx((north - south) / 60) == pytest.approx(window.dot_m)
+
+
+def test_a_window_grows_when_something_leaves_it(trace: Trace, city: City) -> None:
+    chart, state = Chart(city), watched(trace, 5)
+    chart.lines(state, 40, 12, coloured=True)
+    first = chart._window
+    asset = state.assets[0].id
+    state.states[asset] = BodyState(id=asset, position=(9000.0, 0.0, 0.0))
+    chart.lines(state, 40, 12, coloured=True)
+    assert first is not None and not first.holds((9000.0, 0.0))
+    assert chart._window is not None and chart._window.holds((9000.0, 0.0))
+
+
+def test_drawing_keeps_to_its_share_of_the_time(trace: Trace, city: City, monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = [0.0]
+    monkeypatch.setattr("lingjing.cli.watch.audience.time.perf_counter", lambda: clock[0])
+    drawn: list[int] = []
+    watching = Watching(trace.header.instance, city, "heuristic", truth=False)
+
+    def draw() -> None:
+        clock[0] += 0.05
+        drawn.append(watching._watched.tick)
+
+    monkeypatch.setattr(watching, "_draw", draw)
+    for boundary in boundaries(trace, 60):
+        clock[0] += 0.2
+        watching(boundary)
+    assert drawn[0] == 0 and drawn[-1] == trace.boundaries[-1].tick
+    assert 5 < len(drawn) < len(trace.boundaries) / 2
+    assert watching._spent_s <= SHARE * clock[0] + 3 * 0.05
+
+
+def test_without_a_terminal_it_is_refused_with_a_way_out(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [*RUN, "ssr", "--watch", "--policy", "random"], cwd=tmp_path, capture_output=True, text=True, timeout=60
+    )
+    assert done.returncode == 2
+    assert "error: --watch draws on the terminal" in done.stderr and "hint: leave --watch out" in done.stderr
+    assert "Traceback" not in done.stderr and done.stdout == "" and list(tmp_path.iterdir()) == []
+
+
+def test_several_at_a_time_cannot_be_watched(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [*RUN, "ssr", "--watch", "--seeds", "0-1", "-j", "2"], cwd=tmp_path, capture_output=True, text=True, timeout=60
+    )
+    assert done.returncode == 2 and "one episode at a time" in done.stderr
+
+
+def test_a_dumb_terminal_gets_a_note_and_the_line(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+    path = data_path("scenarios", "ssr.ljs")
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    monkeypatch.setenv("TERM", "dumb")
+    audience = Audience(load_mission(path), RunOptions(path=path, policy="random"), truth=False)
+    assert type(audience("ssr seed 0")).__name__ == "LiveProgress"
+    assert capsys.readouterr().err == "note: this terminal cannot be drawn on (TERM=dumb): progress only\n"
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: False)
+    with pytest.raises(UsageError, match="--watch draws on the terminal"):
+        Audience(load_mission(path), RunOptions(path=path, policy="random"), truth=False)
+
+
+class Terminal:
+    """A pseudo-terminal with a command on it."""
+
+    def __init__(self, cwd: Path, *arguments: object) -> None:
+        self.pid, self.fd = pty.fork()
+        if self.pid == 0:
+            os.chdir(cwd)
+            os.environ.update(TERM="xterm-256color", COLORTERM="truecolor")
+            os.execv(sys.executable, [*RUN, *map(str, arguments)])
+        self.output = b""
+        self.resize(24, 80)
+
+    def resize(self, rows: int, columns: int) -> None:
+        fcntl.ioctl(self.fd, termios.TIOCSWINSZ, struct.pack("HHHH", rows, columns, 0, 0))
+
+    def read_until(self, found: bytes, limit_s: float = 120.0) -> None:
+        deadline = time.monotonic() + limit_s
+        while found not in self.output and time.monotonic() < deadline:
+            if select.select([self.fd], [], [], 0.2)[0]:
+                self.output += os.read(self.fd, 65536)
+        assert found in self.output, self.output[-2000:]
+
+    def end(self) -> int:
+        while True:
+            try:
+                read = os.read(self.fd, 65536)
+            except OSError:  # the other end is closed
+                break
+            if not read:
+                break
+            self.output += read
+        os.close(self.fd)
+        return os.waitstatus_to_exitcode(os.waitpid(self.pid, 0)[1])
+
+
+NOISY = """
+import sys
+class Noisy:
+    async def reset(self, brief): print("printed aloud", file=sys.stderr); print("and on stdout")
+    async def act(self, observation, inbox):
+        from lingjing.plugins.policy import Decision
+        return Decision()
+"""
+
+
+def test_a_watched_run_gives_the_terminal_back_with_what_was_said_meanwhile(tmp_path: Path) -> None:
+    text = data_path("scenarios", "ssr.ljs").read_text(encoding="utf-8").replace("ticks <= 60", "ticks <= 3")
+    (tmp_path / "short.ljs").write_text(text.replace("(12.4 m, -1351.8 m)", "(270 m, -920 m)"), encoding="utf-8")
+    (tmp_path / "noisy.py").write_text(NOISY)
+    terminal = Terminal(tmp_path, "short.ljs", "--watch", "--policy", "./noisy.py:Noisy", "-o", "out")
+    terminal.read_until(b"tick 1/3")
+    terminal.resize(30, 100)
+    assert terminal.end() == 0
+    began, ended = terminal.output.index(b"\x1b[?1049h"), terminal.output.index(b"\x1b[?1049l")
+    inside, after = terminal.output[began:ended], terminal.output[ended:].decode()
+    assert b"printed aloud" not in inside and b"and on stdout" not in inside
+    assert "printed aloud" in after and "and on stdout" in after
+    plain = re.sub(r"\x1b\[[0-9;?]*[a-zA-Z]", "", after)
+    assert "tick 3/3" in plain  # the last picture stays
+    assert "trace: out/trace.mcap" in plain.splitlines()
+    assert terminal.output.count(b"\x1b[?25h") == terminal.output.count(b"\x1b[?25l") == 1
+
+
+def test_control_c_leaves_the_terminal_clean(tmp_path: Path) -> None:
+    terminal = Terminal(tmp_path, "ssr", "--watch-truth", "--policy", "random", "-o", "out")
+    terminal.read_until(b"tick 1/60")
+    os.write(terminal.fd, b"\x03")
+    assert terminal.end() == 130
+    after = terminal.output[terminal.output.index(b"\x1b[?1049l") :].decode()
+    assert "Traceback" not in after and "interrupted: seed 0" in after
+    assert terminal.output.count(b"\x1b[?25h") == 1
+    assert sorted(os.listdir(tmp_path / "out")) == ["trace.mcap.part"]
