@@ -30,6 +30,14 @@ def vessel(brief: Brief, *, embodied: bool = True) -> Resource | None:
     return None
 
 
+def vehicle(brief: Brief) -> Resource | None:
+    """The first embodied resource that drives to places on a map and takes no pictures on request."""
+    for resource in brief.resources:
+        if resource.embodied and has_verb(resource, "setDestination") and not has_verb(resource, "takePhoto"):
+            return resource
+    return None
+
+
 def nadir_camera(resource: Resource) -> CameraSpec | None:
     """The first camera that looks straight down."""
     return next((camera for camera in resource.cameras if camera.view == "nadir"), None)
@@ -42,6 +50,17 @@ def may_send(brief: Brief, category: str) -> MessageSpec | None:
         if message.category == category and mine.intersection(message.senders):
             return message
     return None
+
+
+def sends(brief: Brief, record: str) -> MessageSpec | None:
+    """The first message kind made of that record (`assignment`, `trafficJam`, …) that this agent may send."""
+    mine = {brief.agent, brief.role, "all"}
+    return next((each for each in brief.messages if each.type == record and mine.intersection(each.senders)), None)
+
+
+def exchanged(brief: Brief, record: str) -> bool:
+    """Whether anybody in the mission may send messages made of that record."""
+    return any(message.type == record for message in brief.messages)
 
 
 def compose(message: MessageSpec, body: Mapping[str, Datum], to: tuple[str, ...] = ()) -> Outgoing:

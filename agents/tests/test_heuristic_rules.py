@@ -1,6 +1,7 @@
 """The heuristic's rules, one situation at a time, without engines."""
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 
 import pytest
@@ -8,6 +9,7 @@ from agent_kit import ASSIGNMENT, REPORT, STATUS, EventView, Inbox, brief, envel
 from lingjing_agents.heuristic import searcher as searching
 from lingjing_agents.heuristic.coordinator import Coordinator
 from lingjing_agents.heuristic.detector import Find
+from lingjing_agents.heuristic.kinds import PEOPLE
 from lingjing_agents.heuristic.policy import rules_for
 from lingjing_agents.heuristic.rescuer import Rescuer
 from lingjing_agents.heuristic.searcher import Searcher
@@ -43,7 +45,8 @@ class Flight:
     """A searcher in a world that obeys at once: it is where it was sent at the next tick."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, finds=lambda height: (), agent="scout[1]", mode="broadcast"):
-        monkeypatch.setattr(searching, "find_people", lambda rgb, pose, level: finds(pose.position[2] - level))
+        kind = replace(PEOPLE, find=lambda rgb, pose, level: finds(pose.position[2] - level))
+        monkeypatch.setattr(searching, "kind_of", lambda brief: (kind, "person_in_water"))
         self.rules = rules_for(brief(agent, mode))
         self.here, self.heading, self.tick, self.agent = (306.0, -620.0, 1.1), 0.0, 0, agent
         self.shots: list[tuple[float, float, float]] = []

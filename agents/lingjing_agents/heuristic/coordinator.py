@@ -10,10 +10,11 @@ import math
 from lingjing.plugins.policy import Brief, Decision, Inbox, Observation, Outgoing
 from lingjing_agents.capability import compose, may_send, natural
 from lingjing_agents.heuristic.events import EventLog
+from lingjing_agents.heuristic.kinds import PEOPLE, kind_of
 from lingjing_agents.heuristic.sightings import Sighting, Sightings, confidence_in, name_in, position_in
 
-RESCUE_PATIENCE_TICKS = 35
-"""A rescue that takes longer than this is given up: the vessel may never have heard of it."""
+RESCUE_PATIENCE_S = 350.0
+"""A rescue that takes longer than this is given up: its crew may never have heard of it."""
 
 
 class Coordinator:
@@ -25,8 +26,9 @@ class Coordinator:
         self._searchers, self._rescuers = _split(brief)
         self._owner: dict[str, str] = {}
         self._done: set[str] = set()
-        self._sightings = Sightings(brief.weather)
-        self._log = EventLog()
+        self._kind = (kind_of(brief) or (PEOPLE, ""))[0]
+        self._sightings = Sightings(brief.weather, merge_m=self._kind.merge_m)
+        self._log = EventLog(self._kind.done)
         self._current: Sighting | None = None
         self._current_tick = 0
         self._vessel: tuple[float, float] | None = None
@@ -76,7 +78,7 @@ class Coordinator:
         return (self._order(idle[0], "search", cell=cell),)
 
     def _next_rescue(self, observation: Observation) -> tuple[Outgoing, ...]:
-        if self._current is not None and observation.tick - self._current_tick > RESCUE_PATIENCE_TICKS:
+        if self._current is not None and (observation.tick - self._current_tick) * self._brief.tick_s > RESCUE_PATIENCE_S:
             self._close("missed")
         if self._current is not None or not self._rescuers:
             return ()
@@ -86,7 +88,7 @@ class Coordinator:
         self._current_tick = observation.tick
         x, y = self._sightings.where(self._current, observation.time_s)
         place = (round(x, 1), round(y, 1), self._brief.water_level_m)
-        return (self._order(self._rescuers[0], "rescue", position=place),)
+        return (self._order(self._rescuers[0], self._kind.task, position=place),)
 
     def _choose(self, time_s: float) -> Sighting | None:
         def cost(sighting: Sighting) -> tuple[float, float]:
@@ -105,7 +107,7 @@ class Coordinator:
         self, assignee: str, task: str, *, cell: str | None = None, position: tuple[float, float, float] | None = None
     ) -> Outgoing:
         assert self._assignment is not None
-        everyone = (*self._searchers, *self._rescuers) if task == "rescue" else self._searchers
+        everyone = (*self._searchers, *self._rescuers) if task != "search" else self._searchers
         body = {"assignee": assignee, "task": task, "cell": cell, "position": position}
         return compose(self._assignment, body, to=everyone)
 

@@ -29,7 +29,7 @@ class EventLog:
     def _count(self, kind: str) -> None:
         if kind == "reported":
             self.reported += 1
-        if not kind.startswith(self._stem):
+        if not self._stem or not kind.startswith(self._stem):
             return
         self._signal = self._signal or kind
         if kind == self._signal:

@@ -1,16 +1,20 @@
-"""The rescuer's rules: go to one believed person at a time, the nearest first, until the engine says rescued."""
+"""The rescuer's rules: go to one believed target at a time, the nearest first, until the engine says that it is settled.
+
+A vessel goes where it is sent; a vehicle only to the nearest road, so that it has arrived when it goes no further.
+"""
 
 from __future__ import annotations
 
 import math
 
 from lingjing.plugins.policy import Action, Brief, Decision, EntityView, Inbox, Observation, Outgoing, Resource
-from lingjing_agents.capability import compose, may_send
+from lingjing_agents.capability import compose, has_verb, may_send
 from lingjing_agents.heuristic.events import EventLog, view_of
+from lingjing_agents.heuristic.kinds import PEOPLE, kind_of
 from lingjing_agents.heuristic.sightings import Sighting, Sightings, confidence_in, name_in, position_in
 
-RESCUE_M = 50.0
-"""Nearer than this a rescue is due; farther away an event cannot have been about this sighting."""
+ROAD_OFF_M = 90.0
+"""A vehicle that stands no farther than this from its target has come as near as the road leads."""
 PATIENCE_TICKS = 2
 DOUBT_M = 300.0
 """Extra distance that a sighting of confidence 0 is worth: near and doubtful against far and sure."""
@@ -24,8 +28,12 @@ class Rescuer:
     def __init__(self, brief: Brief, body: Resource) -> None:
         self._brief = brief
         self._body = body
-        self._sightings = Sightings(brief.weather)
-        self._log = EventLog()
+        self._kind = (kind_of(brief) or (PEOPLE, ""))[0]
+        self._afloat = has_verb(body, "moveTo")
+        self._sightings = Sightings(brief.weather, merge_m=self._kind.merge_m)
+        self._log = EventLog(self._kind.done)
+        self._before: tuple[float, float] | None = None
+        self._sent: Sighting | None = None
         self._target: Sighting | None = None
         self._arrived_tick: int | None = None
         self._status = may_send(brief, "target_status")
@@ -38,6 +46,7 @@ class Rescuer:
             return Decision()
         here = own.position[:2]
         messages = self._settle(observation, here)
+        self._before = here
         command = None if own.busy else self._move(observation, own, here)
         if command is None and not own.busy:
             messages += self._give_up(observation)
@@ -58,7 +67,7 @@ class Rescuer:
     def _settle(self, observation: Observation, here: tuple[float, float]) -> tuple[Outgoing, ...]:
         messages: tuple[Outgoing, ...] = ()
         for _ in range(self._log.fresh_rescues(observation.events)):
-            done = self._sightings.nearest(here, observation.time_s, within=2 * RESCUE_M, state="open")
+            done = self._passed(here, observation.time_s)
             if done is None:
                 continue
             done.state = "rescued"
@@ -67,6 +76,17 @@ class Rescuer:
                 self._target, self._arrived_tick = None, None
         return messages
 
+    def _passed(self, here: tuple[float, float], time_s: float) -> Sighting | None:
+        """The open sighting nearest to the way since the last boundary, if near enough to have been settled."""
+
+        def off(sighting: Sighting) -> float:
+            return _to_segment(self._sightings.where(sighting, time_s), self._before or here, here)
+
+        near = min(self._sightings.of("open"), key=off, default=None)
+        if near is not None and off(near) <= 2 * self._kind.settle_m:
+            return near
+        return None if self._afloat else self._target
+
     def _move(self, observation: Observation, own: EntityView, here: tuple[float, float]) -> Action | None:
         if self._target is None or self._target.state != "open":
             self._target = self._choose(here, observation.time_s)
@@ -74,7 +94,12 @@ class Rescuer:
         if self._target is None:
             return self._stage(here)
         x, y = self._sightings.where(self._target, observation.time_s)
-        if math.dist(here, (x, y)) > RESCUE_M / 2:
+        if not self._afloat:
+            if self._sent is self._target and math.dist(here, (x, y)) <= ROAD_OFF_M:
+                return None
+            self._sent = self._target
+            return self._go(x, y)
+        if math.dist(here, (x, y)) > self._kind.settle_m / 2:
             lead_s = math.dist(here, (x, y)) / self._speed()
             return self._go(*self._sightings.where(self._target, observation.time_s + lead_s))
         return None
@@ -92,7 +117,7 @@ class Rescuer:
         middle = (sum(x for x, _ in corners) / len(corners), sum(y for _, y in corners) / len(corners))
         distance = math.dist(here, middle)
         hop = min(distance, STAGING_TICKS * self._brief.tick_s * self._speed())
-        if distance < 2 * RESCUE_M:
+        if distance < 2 * self._kind.settle_m:
             return None
         share = hop / distance
         return self._go(here[0] + share * (middle[0] - here[0]), here[1] + share * (middle[1] - here[1]))
@@ -114,11 +139,22 @@ class Rescuer:
             return ()
         x, y = self._sightings.where(sighting, time_s)
         place = (round(x, 1), round(y, 1), self._brief.water_level_m)
-        return (compose(self._status, {"task": "rescue", "state": state, "position": place}),)
+        return (compose(self._status, {"task": self._kind.task, "state": state, "position": place}),)
 
     def _go(self, x: float, y: float) -> Action:
-        return Action(verb="moveTo", arguments={"x": round(x, 2), "y": round(y, 2)}, resource=self._body.id)
+        verb = "moveTo" if self._afloat else "setDestination"
+        return Action(verb=verb, arguments={"x": round(x, 2), "y": round(y, 2)}, resource=self._body.id)
 
     def _speed(self) -> float:
         speed = self._body.properties.get("speed_mps")
         return float(speed) if isinstance(speed, (int, float)) and speed > 0 else 3.0
+
+
+def _to_segment(point: tuple[float, float], start: tuple[float, float], end: tuple[float, float]) -> float:
+    """Distance (m) from a point to the straight way between two others."""
+    run = math.dist(start, end)
+    if run == 0.0:
+        return math.dist(point, end)
+    along = ((point[0] - start[0]) * (end[0] - start[0]) + (point[1] - start[1]) * (end[1] - start[1])) / run**2
+    share = min(1.0, max(0.0, along))
+    return math.dist(point, (start[0] + share * (end[0] - start[0]), start[1] + share * (end[1] - start[1])))

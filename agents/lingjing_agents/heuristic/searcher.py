@@ -1,6 +1,7 @@
-"""The searcher's rules: fly to a waypoint, take a picture, look at its pixels, report who is there, go on.
+"""The searcher's rules: fly to a waypoint, take a picture, look at its pixels, report what is there, go on.
 
-A doubtful find is looked at again from lower down before anything is said. What team mates have reported is not
+What is looked for, and how, follows from the classes in the brief (`kinds`). A doubtful find is looked at again, from
+lower down or from right above, before anything is said. What team mates have reported is not
 reported again. Under broadcast a searcher may send the vessel itself when nobody else seems to.
 """
 
@@ -24,13 +25,12 @@ from lingjing.plugins.policy import (
 )
 from lingjing_agents.capability import compose, may_send, nadir_camera, natural, team, vessel
 from lingjing_agents.heuristic.coverage import Waypoint
-from lingjing_agents.heuristic.detector import Find, find_people
+from lingjing_agents.heuristic.detector import Find
 from lingjing_agents.heuristic.events import EventLog, view_of
+from lingjing_agents.heuristic.kinds import PEOPLE, kind_of
 from lingjing_agents.heuristic.sightings import Sighting, Sightings, confidence_in, name_in, position_in
 from lingjing_agents.heuristic.sweep import ALIGNED_DEG, Sweep, off_course_deg
 
-CONFIRM_SHARE = 0.5
-"""Height of a second look, as a share of the search height."""
 CONFIRMED = 0.3
 """What a second look must be worth at least."""
 REACHED_M = 12.0
@@ -40,6 +40,8 @@ LEVEL_M = 2.5
 """Each searcher keeps to a flight level of its own, so that two over one place do not collide."""
 HUB_PATIENCE_TICKS = 3
 ATTEMPTS = 2
+LOOKS = 3
+"""How often at most one place is looked at again from right above."""
 BOAT_PATIENCE_TICKS = 4
 
 
@@ -65,16 +67,25 @@ class Searcher:
         self._report = may_send(brief, "report")
         self._status = may_send(brief, "target_status")
         self._assignment = may_send(brief, "assignment")
-        self._sightings = Sightings(brief.weather)
-        self._log = EventLog()
-        height = brief.settings.get("altitude", 100.0)
+        self._kind, self._class = kind_of(brief) or (PEOPLE, brief.classes[0] if brief.classes else "person")
+        self._sightings = Sightings(brief.weather, merge_m=self._kind.merge_m)
+        self._log = EventLog(self._kind.done)
+        height = brief.settings.get("altitude", 100.0) * self._kind.aloft
         lowest = _number(body, "band_low_m", 20.0)
+        self._lowest_m = lowest
         mates = team(brief)
         self._level_m = LEVEL_M * mates.index(brief.agent)
         highest = _number(body, "band_high_m", math.inf) - brief.water_level_m - LEVEL_M * (len(mates) - 1)
-        self._sweep = Sweep(brief, camera, max(min(height, highest), lowest), lowest)
+        self._sweep = Sweep(
+            brief,
+            camera,
+            max(min(height, highest), lowest),
+            max(lowest, self._kind.lowest * min(height, highest)),
+            overlap=self._kind.overlap,
+        )
         self._goal: Goal | None = None
         self._second_looks: list[Goal] = []
+        self._doubted: list[tuple[float, float]] = []
         self._ordered = brief.hub is None
         self._boat = vessel(brief, embodied=False)
         self._boat_at: tuple[tuple[float, float], int] | None = None
@@ -141,22 +152,33 @@ class Searcher:
             self._sweep.drop(goal.waypoint)
         again = goal is not None and goal.doubt is not None
         messages: tuple[Outgoing, ...] = ()
-        for find in find_people(picture.rgb, picture.pose, self._brief.water_level_m):
+        for find in self._kind.find(picture.rgb, picture.pose, self._brief.water_level_m):
             messages += self._judge(picture, find, again=again)
         return messages
 
     def _judge(self, picture: Picture, find: Find, *, again: bool) -> tuple[Outgoing, ...]:
-        place = box_to_plane(picture.pose, find.box, self._brief.water_level_m)
+        place = box_to_plane(picture.pose, find.box, self._brief.water_level_m + self._kind.raised_m)
         if place is None or find.confidence < (CONFIRMED if again else self._doubtful):
             return ()
         known = self._sightings.nearest(place[:2], picture.time_s, within=self._sightings.merge_m)
         if known is not None and known.state != "missed":
             return ()
-        if find.confidence < self._sure and not again:
-            low = max(self._sweep.height_m * CONFIRM_SHARE, self._sweep.lowest_m)
-            self._second_looks.append(Goal(Waypoint(place[0], place[1], low, ""), doubt=find))
+        aside = _aside(find) > self._kind.aside
+        if aside or (find.confidence < self._sure and not again):
+            self._doubt(find, place)
             return ()
         return self._say(picture, find, place)
+
+    def _doubt(self, find: Find, place: tuple[float, float, float]) -> None:
+        """Look again from right above, unless that is planned already or was tried often enough."""
+        low = max(self._sweep.height_m * self._kind.confirm, self._sweep.lowest_m)
+        near = self._kind.merge_m / 2 if self._kind.aside < 1.0 else 0.0
+        planned = [goal.waypoint for goal in self._second_looks]
+        tried = sum(math.dist(spot, place[:2]) <= near for spot in self._doubted)
+        if tried >= LOOKS or any(math.dist((goal.x, goal.y), place[:2]) < near for goal in planned):
+            return
+        self._doubted.append(place[:2])
+        self._second_looks.append(Goal(Waypoint(place[0], place[1], low, ""), doubt=find))
 
     def _say(self, picture: Picture, find: Find, place: tuple[float, float, float]) -> tuple[Outgoing, ...]:
         if self._report is None:
@@ -166,7 +188,7 @@ class Searcher:
         sighting.state = "open"
         body: dict[str, Datum] = {
             "frame": picture.frame,
-            "class": _person(self._brief.classes),
+            "class": self._class,
             "box": tuple(round(edge, 6) for edge in find.box),
             "position": tuple(round(value, 2) for value in place),
             "confidence": round(find.confidence, 3),
@@ -198,6 +220,8 @@ class Searcher:
     def _pursue(self, goal: Goal, here: tuple[float, float, float], heading_deg: float | None) -> Action:
         z = goal.waypoint.height_m + self._level_m + self._brief.water_level_m
         target = (goal.waypoint.x, goal.waypoint.y, z)
+        if self._kind.raised_m > 0.0 and here[2] < self._lowest_m + self._brief.water_level_m - REACHED_M:
+            return self._fly(here[0], here[1], z)
         if math.dist(here, target) > REACHED_M:
             goal.flights += 1
             return self._fly(*target)
@@ -243,8 +267,8 @@ class Searcher:
         return True
 
     def _all_found(self) -> bool:
-        victims = self._brief.settings.get("victims", math.inf)
-        return self._log.rescues >= victims
+        known = [self._brief.settings[name] for name in self._kind.counts if name in self._brief.settings]
+        return bool(known) and self._log.rescues >= known[0]
 
     def _send_boat(self, observation: Observation) -> Action | None:
         """Send the vessel to the nearest open sighting if it has not moved for a while; its crew usually does."""
@@ -272,6 +296,7 @@ def _number(resource: Resource, name: str, default: float) -> float:
     return float(value) if isinstance(value, (int, float)) else default
 
 
-def _person(classes: tuple[str, ...]) -> str:
-    """The class that means a person, among those a report may name."""
-    return next((name for name in classes if "person" in name or "victim" in name), classes[0] if classes else "person")
+def _aside(find: Find) -> float:
+    """How far a find lies from the picture's middle: the larger share of the picture's width or height, 0..0.5."""
+    x0, y0, x1, y1 = find.box
+    return max(abs(x0 + x1 - 1.0), abs(y0 + y1 - 1.0)) / 2.0

@@ -34,6 +34,7 @@ class Sweep:
     camera: CameraSpec
     height_m: float
     lowest_m: float
+    overlap: float = 0.03
     number: int = 0
     plan: tuple[Waypoint, ...] = ()
     owner: dict[str, str] = field(default_factory=dict)
@@ -42,7 +43,7 @@ class Sweep:
 
     def __post_init__(self) -> None:
         self.map = CoverageMap(self.brief.cells)
-        self.plan = lattice(self.brief.cells, self.camera, self.height_m)
+        self.plan = lattice(self.brief.cells, self.camera, self.height_m, overlap=self.overlap)
         self.owner = partition(self.brief.cells, self.plan, team(self.brief))
         self.open_cells = {cell.name for cell in self.brief.cells}
 
@@ -82,7 +83,7 @@ class Sweep:
         self.number += 1
         share, crosswise = PASSES[min(self.number, len(PASSES) - 1)]
         height_m = max(self.height_m * share, self.lowest_m)
-        self.plan = lattice(self.brief.cells, self.camera, height_m, crosswise=crosswise)
+        self.plan = lattice(self.brief.cells, self.camera, height_m, overlap=self.overlap, crosswise=crosswise)
         self.owner = partition(self.brief.cells, self.plan, team(self.brief))
         self.open_cells = {cell.name for cell in self.brief.cells}
 

@@ -1,0 +1,110 @@
+"""The rules of whoever has a route inspected, replanned and driven, and sees the vehicle's channel alone.
+
+Each new route goes to the inspector as one order a waypoint. A jam that is told of is answered with a request for
+another route as long as the limit allows. When all waypoints were told of, the driver is ordered to the route's end,
+again and again until an event says that it has arrived.
+"""
+
+from __future__ import annotations
+
+import math
+
+from lingjing.plugins.policy import Brief, Datum, Decision, Envelope, Inbox, Observation, Outgoing, Peer
+from lingjing_agents.capability import compose, sends
+from lingjing_agents.heuristic.route_inspector import INSPECT
+from lingjing_agents.heuristic.sightings import name_in, position_in
+
+Point = tuple[float, ...]
+
+DRIVE = "drive"
+"""What the order to drive to the route's end is called."""
+REPEAT_TICKS = 4
+SILENCE_TICKS = 10
+"""The orders are repeated when the inspector has said nothing for so long."""
+SAME_JAM_M = 60.0
+
+
+class RouteCoordinator:
+    """Inspect, replan, drive. All state is of this episode."""
+
+    def __init__(self, brief: Brief) -> None:
+        self._brief = brief
+        self._order, self._jammed = sends(brief, "assignment"), sends(brief, "trafficJam")
+        self._inspector, self._driver = inspector_and_driver(brief)
+        limits = [value for name, value in brief.settings.items() if name.startswith("replan")]
+        self._replans_left = min(limits, default=math.inf)
+        self._route: tuple[Point, ...] = ()
+        self._ordered_tick = self._heard_tick = self._drive_tick = -1
+        self._told: set[int] = set()
+        self._asked: list[tuple[float, float]] = []
+        self._arrived = False
+
+    def act(self, observation: Observation, inbox: Inbox) -> Decision:
+        """Order the inspection of a new route; else listen, and replan or drive."""
+        self._arrived = self._arrived or any(event.kind.startswith("arrive") and len(event.entities) > 1 for event in observation.events)
+        if self._arrived:
+            return Decision()
+        route = next((view.route for view in observation.entities if view.route), None)
+        if route is not None and route != self._route and self._drive_tick < 0:
+            self._route, self._told = route, set()
+            return Decision(messages=self._have_inspected(observation.tick))
+        messages: tuple[Outgoing, ...] = ()
+        for envelope in inbox.messages:
+            messages += self._hear(envelope, observation.tick)
+        if not self._route:
+            return Decision(messages=messages)
+        if len(self._told) >= len(self._route):
+            return Decision(messages=messages + self._have_driven(observation.tick))
+        if observation.tick - max(self._ordered_tick, self._heard_tick) > SILENCE_TICKS:
+            messages += self._have_inspected(observation.tick)
+        return Decision(messages=messages)
+
+    def _have_inspected(self, tick: int) -> tuple[Outgoing, ...]:
+        self._ordered_tick = tick
+        first = len(self._told) if len(self._told) < len(self._route) else 0
+        return tuple(self._send(self._inspector, INSPECT, place) for place in self._route[first:]) if self._order else ()
+
+    def _have_driven(self, tick: int) -> tuple[Outgoing, ...]:
+        if self._order is None or (self._drive_tick >= 0 and tick - self._drive_tick < REPEAT_TICKS):
+            return ()
+        self._drive_tick = tick
+        return (self._send(self._driver, DRIVE, self._route[-1]),)
+
+    def _hear(self, envelope: Envelope, tick: int) -> tuple[Outgoing, ...]:
+        task, place = name_in(envelope.body, "task"), position_in(envelope.body)
+        if task is None or not task.startswith(INSPECT) or place is None or envelope.tick <= self._ordered_tick:
+            return ()
+        self._heard_tick = tick
+        self._told.add(len(self._told))
+        if name_in(envelope.body, "state") != "jammed" or self._jammed is None or self._replans_left < 1:
+            return ()
+        if any(math.dist(place, before) < SAME_JAM_M for before in self._asked):
+            return ()  # there is no way around it
+        self._replans_left -= 1
+        self._asked.append(place)
+        body: dict[str, Datum] = {
+            "waypoint": len(self._told),
+            "position": (*place, self._brief.water_level_m),
+            "confidence": 0.8,
+        }
+        return (compose(self._jammed, body),)
+
+    def _send(self, assignee: str, task: str, place: Point) -> Outgoing:
+        assert self._order is not None
+        where = tuple(round(value, 2) for value in place)
+        return compose(self._order, {"assignee": assignee, "task": task, "position": where}, to=(assignee,))
+
+
+def inspector_and_driver(brief: Brief) -> tuple[str, str]:
+    """Who inspects and who drives: of those with bodies that orders reach, those that may report inspect."""
+    orders = {name for message in brief.messages if message.type == "assignment" for name in message.recipients}
+    reporters = {name for message in brief.messages if message.type == "trafficJam" for name in message.senders}
+    reached = [peer for peer in brief.peers if peer.resources and orders.intersection((peer.role, peer.id, "all"))]
+    seers = [peer for peer in reached if reporters.intersection((peer.role, peer.id))]
+    others = [peer for peer in reached if peer not in seers and not _reports(brief, peer)]
+    return (seers[0].id if seers else ""), (others[0].id if others else "")
+
+
+def _reports(brief: Brief, peer: Peer) -> bool:
+    senders = {name for message in brief.messages if message.type == "report" for name in message.senders}
+    return bool(senders.intersection((peer.role, peer.id)))

@@ -1,0 +1,39 @@
+"""The rules of whoever drives a route that others clear: wait, then drive to where the order says, and insist."""
+
+from __future__ import annotations
+
+import math
+
+from lingjing.plugins.policy import Action, Brief, Decision, Inbox, Observation, Resource
+from lingjing_agents.heuristic.events import view_of
+from lingjing_agents.heuristic.route_coordinator import DRIVE
+from lingjing_agents.heuristic.sightings import name_in, position_in
+
+ARRIVED_M = 20.0
+PAUSE_TICKS = 2
+"""After a refusal this long is waited before the command is sent again."""
+
+
+class RouteDriver:
+    """One vehicle that keeps still until it is ordered. All state is of this episode."""
+
+    def __init__(self, brief: Brief, body: Resource) -> None:
+        self._brief, self._body = brief, body
+        self._goal: tuple[float, float] | None = None
+        self._next_tick = 0
+
+    def act(self, observation: Observation, inbox: Inbox) -> Decision:
+        """Drive when ordered and not under way; wait a little after a refusal (the permit may be a tick away)."""
+        for envelope in inbox.messages:
+            mine = name_in(envelope.body, "assignee") in {self._brief.agent, self._body.id}
+            if envelope.category == "assignment" and mine and name_in(envelope.body, "task") == DRIVE:
+                self._goal = position_in(envelope.body) or self._goal
+        if any(receipt.status == "rejected" for receipt in inbox.receipts):
+            self._next_tick = observation.tick + PAUSE_TICKS
+        own = view_of(observation, self._body.id)
+        if own is None or own.position is None or own.busy or self._goal is None or observation.tick < self._next_tick:
+            return Decision()
+        if math.dist(own.position[:2], self._goal) <= ARRIVED_M:
+            return Decision()
+        x, y = (round(value, 2) for value in self._goal)
+        return Decision(command=Action(verb="setDestination", arguments={"x": x, "y": y}, resource=self._body.id))

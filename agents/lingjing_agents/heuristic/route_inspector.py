@@ -1,0 +1,135 @@
+"""The rules of whoever inspects a route from above: waypoint after waypoint, a picture at each, and say what it shows.
+
+The waypoints come as orders from a coordinator, all at once; a new set of orders is a new route and begins anew. Only
+the road between the waypoints is judged, so that parked cars in yards say nothing.
+"""
+
+from __future__ import annotations
+
+import math
+
+from lingjing.plugins.policy import (
+    Action,
+    Brief,
+    Datum,
+    Decision,
+    EntityView,
+    Inbox,
+    Observation,
+    Outgoing,
+    Picture,
+    Resource,
+)
+from lingjing_agents.capability import compose, nadir_camera, sends
+from lingjing_agents.heuristic.events import view_of
+from lingjing_agents.heuristic.kinds import QUEUES
+from lingjing_agents.heuristic.queues import find_queues
+from lingjing_agents.heuristic.sightings import name_in, position_in
+
+Place = tuple[float, float]
+
+INSPECT = "inspect"
+"""What a coordinator's order to look at a waypoint is called."""
+REACHED_M = 12.0
+SURE = 0.5
+ATTEMPTS = 3
+WAIT_TICKS = 5
+"""How long a new route is waited for after a jam was told; then the old one is gone on with."""
+
+
+class RouteInspector:
+    """One camera over one route. All state is of this episode."""
+
+    def __init__(self, brief: Brief, body: Resource) -> None:
+        camera = nadir_camera(body)
+        assert camera is not None
+        self._brief, self._body, self._camera = brief, body, camera
+        self._class = next((name for name in brief.classes if any(word in name for word in QUEUES)), QUEUES[0])
+        self._status, self._report = sends(brief, "status"), sends(brief, "report")
+        high = body.properties.get("band_high_m")
+        self._z = brief.water_level_m + (float(high) if isinstance(high, (int, float)) else 100.0)
+        self._route: list[Place] = []
+        self._next = 0
+        self._tries = 0
+        self._wait_until = 0
+        self._start: Place | None = None
+
+    def act(self, observation: Observation, inbox: Inbox) -> Decision:
+        """Take orders, look at the picture that came, go on."""
+        self._listen(inbox)
+        messages: tuple[Outgoing, ...] = ()
+        for picture in observation.pictures:
+            if picture.entity == self._body.id and self._next < len(self._route):
+                messages += self._look(picture, observation.tick)
+        own = view_of(observation, self._body.id)
+        if own is None or own.position is None or own.busy or own.status == "dead":
+            return Decision(messages=messages)
+        if self._start is None:
+            self._start = _ground_start(observation, self._body.id)
+        return Decision(command=self._move(own, observation.tick), messages=messages)
+
+    def _listen(self, inbox: Inbox) -> None:
+        orders = [
+            place
+            for envelope in inbox.messages
+            if envelope.category == "assignment"
+            and name_in(envelope.body, "task") == INSPECT
+            and name_in(envelope.body, "assignee") in {self._brief.agent, self._body.id}
+            and (place := position_in(envelope.body)) is not None
+        ]
+        if orders:
+            self._route, self._next, self._tries, self._wait_until = orders, 0, 0, 0
+
+    def _look(self, picture: Picture, tick: int) -> tuple[Outgoing, ...]:
+        place = self._route[self._next]
+        if math.dist(picture.pose.position[:2], place) > 2 * REACHED_M:
+            return ()
+        lane = ([self._start] if self._start is not None else []) + self._route
+        finds = find_queues(picture.rgb, picture.pose, self._brief.water_level_m, tuple(lane))
+        jams = [find for find in finds if find.confidence >= SURE]
+        number, self._next, self._tries = self._next + 1, self._next + 1, 0
+        if not jams:
+            return self._say("clear", number, place)
+        self._wait_until = tick + WAIT_TICKS
+        messages = self._say("jammed", number, jams[0].place or place)
+        if self._report is not None:
+            body: dict[str, Datum] = {
+                "frame": picture.frame,
+                "class": self._class,
+                "box": tuple(round(edge, 6) for edge in jams[0].box),
+                "position": (*(jams[0].place or place), self._brief.water_level_m),
+                "confidence": round(jams[0].confidence, 3),
+            }
+            messages += (compose(self._report, body),)
+        return messages
+
+    def _say(self, state: str, number: int, place: Place) -> tuple[Outgoing, ...]:
+        if self._status is None:
+            return ()
+        where = (round(place[0], 1), round(place[1], 1), self._brief.water_level_m)
+        return (compose(self._status, {"task": f"{INSPECT}-{number}", "state": state, "position": where}),)
+
+    def _move(self, own: EntityView, tick: int) -> Action | None:
+        assert own.position is not None
+        if self._next >= len(self._route) or tick < self._wait_until:
+            return None
+        x, y = self._route[self._next]
+        if own.position[2] < self._z - 60.0 and own.status == "grounded":
+            return self._fly(own.position[0], own.position[1])
+        if math.dist(own.position[:2], (x, y)) > REACHED_M:
+            self._tries += 1
+            if self._tries <= 2 * ATTEMPTS:
+                return self._fly(x, y)
+        return Action(verb="takePhoto", arguments={"camera": self._camera.name}, resource=self._body.id)
+
+    def _fly(self, x: float, y: float) -> Action:
+        arguments = {"x": round(x, 2), "y": round(y, 2), "z": round(self._z, 2)}
+        return Action(verb="setDestination", arguments=dict(arguments), resource=self._body.id)
+
+
+def _ground_start(observation: Observation, body: str) -> Place | None:
+    """Where the route begins: the first other entity whose place is shown, the vehicle that is to drive it."""
+    for view in observation.entities:
+        if view.id != body and view.position is not None:
+            return view.position[:2]
+    return None
