@@ -109,7 +109,8 @@ class RelationTracker:
         for agent in self._agents.values():
             partners = self._partners(relation, agent)
             for name, polygon in parts if partners else ():
-                if not self._inside(agent, polygon, after) or (before.states and self._inside(agent, polygon, before)):
+                # Who is there together at boundary 0 has shared the area from the beginning.
+                if not self._inside(agent, polygon, after) or (after.tick > 0 and self._inside(agent, polygon, before)):
                     continue
                 for partner in partners:
                     if any(self._inside(partner, other, after) for _, other in parts):
