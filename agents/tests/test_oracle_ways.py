@@ -1,0 +1,98 @@
+"""How the oracle plans: ways around obstacles, tours, loads of goods."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise, permutations
+
+import numpy as np
+import pytest
+from lingjing_agents.oracle import dispatching
+from lingjing_agents.oracle.paths import NARROW_M, find_way
+from lingjing_agents.oracle.tours import shares, shortest
+
+from lingjing.plugins.obstacles import ObstacleMap
+from lingjing.plugins.tasks import Task
+
+
+def ground(*walls: tuple[float, float, float, float]) -> ObstacleMap:
+    """60 m by 60 m with the south-west corner at (0, 0); walls are (west, south, east, north)."""
+    ys, xs = np.meshgrid((np.arange(120) + 0.5) * 0.5, (np.arange(120) + 0.5) * 0.5, indexing="ij")
+    clear = np.full((120, 120), 1.6, np.float32)
+    for west, south, east, north in walls:
+        dx, dy = np.maximum(np.maximum(west - xs, xs - east), 0), np.maximum(np.maximum(south - ys, ys - north), 0)
+        clear = np.minimum(clear, np.hypot(dx, dy).astype(np.float32))
+    return ObstacleMap(0.0, 0.0, 0.5, 1.6, clear)
+
+
+def test_a_free_way_is_one_straight_leg_to_within_reach():
+    (end,) = find_way(ground(), (5.0, 5.0), (50.0, 5.0), 3.0)
+    assert math.dist(end, (50.0, 5.0)) <= 3.0
+
+
+def test_a_way_leads_through_the_gap_and_keeps_clear_of_the_wall():
+    place = ground((29.0, 0.0, 31.0, 40.0), (29.0, 44.0, 31.0, 60.0))
+    way = [(5.0, 5.0), *find_way(place, (5.0, 5.0), (55.0, 5.0), 1.0)]
+    points = [
+        (a[0] + k / 50 * (b[0] - a[0]), a[1] + k / 50 * (b[1] - a[1])) for a, b in pairwise(way) for k in range(51)
+    ]
+    assert min(float(place.clearance_m[place.cell(*point)]) for point in points) >= NARROW_M - 0.3
+    assert any(abs(x - 30.0) < 1.0 and 40.0 < y < 44.0 for x, y in points)
+    assert math.dist(way[-1], (55.0, 5.0)) <= 1.0
+
+
+def test_no_way_leads_through_a_closed_wall_and_what_is_shut_is_gone_around():
+    assert find_way(ground((29.0, 0.0, 31.0, 60.0)), (5.0, 5.0), (55.0, 5.0), 1.0) == []
+    around = find_way(ground(), (5.0, 30.0), (55.0, 30.0), 1.0, shut=((30.0, 30.0),))
+    assert len(around) >= 2
+    assert all(math.dist(point, (30.0, 30.0)) >= 1.0 for point in around)
+
+
+def test_the_shortest_tour_is_the_shortest_of_all():
+    places = {"a": (10.0, 0.0), "b": (-5.0, 3.0), "c": (20.0, -4.0), "d": (1.0, 9.0)}
+
+    def length(order: tuple[str, ...]) -> float:
+        return sum(math.dist(p, q) for p, q in pairwise([(0.0, 0.0), *(places[name] for name in order)]))
+
+    assert length(shortest((0.0, 0.0), places)) == min(map(length, permutations(places)))
+
+
+def test_each_target_goes_to_whoever_is_there_first():
+    found = shares({"w": (0.0, 0.0), "e": (100.0, 0.0)}, ["x", "y", "z"], {"x": (10, 0), "y": (90, 0), "z": (60, 0)})
+    assert found == {"w": ["x"], "e": ["y", "z"]}
+
+
+class Town:
+    """As much of the truth as the plan of a trade needs."""
+
+    def __init__(self, demands: dict[str, float]) -> None:
+        self._demands = demands
+        angles = {name: math.tau * n / len(demands) for n, name in enumerate(demands)}
+        self._places = {name: (400.0 * math.cos(a), 400.0 * math.sin(a)) for name, a in angles.items()}
+
+    def place(self, name: str) -> tuple[float, float]:
+        return self._places.get(name, (0.0, 0.0))
+
+    def stock(self, name: str, stock: str) -> float:
+        assert stock == "demand"
+        return self._demands[name]
+
+
+class Van:
+    def __init__(self, name: str) -> None:
+        self.id = name
+
+
+@pytest.mark.parametrize("vans", [1, 3, 5])
+def test_tours_bring_everything_in_loads_that_a_van_holds_and_split_the_large_order(vans):
+    demands = {"big": 250.0, **{f"p{n}": 100.0 for n in range(9)}}
+    tasks = tuple(Task("deliver", name, "road", 30.0, "demand", "load") for name in demands)
+    supply = Task("restock", "depot", "road", 50.0, gives="load", up_to="payload")
+    trade = dispatching.Trade(tasks, supply, tuple(Van(f"v{n}") for n in range(vans)), 200.0)
+    loads = [load for mine in dispatching.tours(Town(demands), trade).values() for load in mine]
+    brought = {name: sum(a for load in loads for s, a in zip(load.stops, load.amounts, strict=True) if s == name)
+               for name in demands}  # fmt: skip
+    assert brought == demands
+    assert max(load.amount for load in loads) <= 200.0
+    assert sum("big" in load.stops for load in loads) == 2
+    assert len(loads) <= 7

@@ -1,0 +1,78 @@
+"""Relations through a hub, over regions, and for targets; those of messages, pictures and commands are in
+`test_adjudication`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+import kernel_kit as kit
+
+from lingjing.kernel.registry import Registry, Report
+from lingjing.kernel.relations import RelationTracker
+from lingjing.mission.model import Relation
+from lingjing.trace.records import BodyState, Envelope
+
+
+def tracker(relation: Relation, mode: str = "broadcast") -> RelationTracker:
+    return RelationTracker(kit.make_instance(mode=mode, relations=(relation,)))
+
+
+def at(tick: int, **more: object) -> Registry:
+    places = {"uav[1]": (100.0, 0.0), "uav[2]": (-100.0, 0.0), "boat": (0.0, -100.0), "victim[1]": (100.0, 0.0)}
+    places.update(more.pop("places", {}))
+    states = {name: BodyState(id=name, position=(x, y, 0.0)) for name, (x, y) in places.items()}
+    return Registry(tick=tick, states=states, **more)
+
+
+def edge(sender: str, recipient: str, kind: str, **body: object) -> Envelope:
+    return Envelope(
+        id="m3-1", tick=3, sender=sender, recipient=recipient, kind=kind, category="assignment", body=body, bytes=1,
+        deliver_at=3,
+    )  # fmt: skip
+
+
+def found(relation: Relation, before: Registry, after: Registry, *edges: Envelope, mode: str = "broadcast"):
+    records = tracker(relation, mode).occurrences(before, after, edges, (), ())
+    return [(record.kind, record.source, record.target, record.by) for record in records]
+
+
+@pytest.mark.parametrize("place, handed_over", [((90.0, 1.0), True), ((90.5, 0.0), True), ((95.0, 0.0), False)])
+def test_a_hub_hands_over_what_it_was_told_when_it_names_the_same_place(place, handed_over):
+    relation = Relation(kind="information_handoff", source="searcher", target="rescuer", carries="detection")
+    told = Report("m2-1", "detection", "scout[2]", 2, {"position": (90.0, 0.0)})
+    before = at(2)
+    before = before.with_reports((told,))
+    records = found(relation, before, at(3), edge("commander", "skipper", "order", position=place), mode="star")
+    assert records == ([("information_handoff", "scout[2]", "skipper", "m3-1")] if handed_over else [])
+
+
+def test_what_no_hub_says_is_handed_over_by_nobody():
+    relation = Relation(kind="information_handoff", source="searcher", target="rescuer", carries="detection")
+    before = at(2).with_reports((Report("m2-1", "detection", "scout[2]", 2, {"position": (90.0, 0.0)}),))
+    assert found(relation, before, at(3), edge("scout[1]", "skipper", "order", position=(90.0, 0.0))) == []
+
+
+def test_two_roles_cooperate_over_a_region_when_one_comes_in_while_the_other_is_there():
+    relation = Relation(kind="cooperation", source="searcher", target="rescuer", mutual=True, over="search")
+    outside, inside = at(4, places={"boat": (0.0, -301.0)}), at(5)
+    assert found(relation, outside, inside) == [
+        ("cooperation", "skipper", "scout[1]", "search"),
+        ("cooperation", "skipper", "scout[2]", "search"),
+    ]
+    assert found(relation, inside, at(6)) == []
+    assert found(relation, outside, at(5, places={"uav[1]": (900.0, 0.0), "uav[2]": (900.0, 0.0)})) == []
+
+
+@pytest.mark.parametrize("north, competes", [(50.0, True), (50.1, False)])
+def test_who_is_at_a_target_that_another_gets_has_competed_for_it(north, competes):
+    relation = Relation(kind="competition", source="searcher", target="searcher", mutual=True, over="victim")
+    before = at(4)
+    after = at(5, places={"uav[2]": (100.0, north)}, emitted={("fetch", ("victim[1]", "uav[1]")): 50.0})
+    expected = [("competition", "scout[2]", "victim[1]", "scout[1]")] if competes else []
+    assert found(relation, before, after) == expected
+    assert found(relation, after, after) == []

@@ -1,0 +1,41 @@
+"""What a mission asks for, read from its rules."""
+
+from __future__ import annotations
+
+import pytest
+
+import lingjing
+from lingjing.bench.columns import shipped
+from lingjing.mission.instantiate import instantiate
+from lingjing.plugins.tasks import asked, possible, reported
+
+MISSIONS = {path.stem: path for path in shipped()}
+
+
+def instance(name: str):
+    return instantiate(lingjing.compile(MISSIONS[name]), seed=1)
+
+
+@pytest.mark.parametrize(
+    "name, tasks, groups",
+    [
+        ("vdn", {("arrive", "home", "quadruped", 30.0)}, {}),
+        ("bi", {("inspect", "fracture", "multirotor", 25.0)}, {"fracture": "finding"}),
+        ("ld", {("arrive", "stop_node", "road", 30.0), ("receive", "house", "quadruped", 15.0)}, {}),
+        ("cr", {("arrive", "goal_place", "road", 30.0)}, {}),  # the jams are recorded too, but success needs none
+        ("upr", {("seal", "leak", "quadruped", 5.0)}, {"leak": "finding"}),
+        ("ssr", {("rescue", f"victim[{n}]", "vessel", 50.0) for n in (1, 2, 3)}, {"victim": "detection"}),
+    ],
+)
+def test_success_says_which_interactions_are_left_to_do(name, tasks, groups):
+    found = instance(name)
+    assert {(task.name, task.target, task.engine, task.within_m) for task in asked(found)} == tasks
+    assert reported(found) == groups
+
+
+def test_goods_are_named_at_both_ends():
+    found = instance("cd")
+    delivery = asked(found)[0]
+    assert (delivery.takes, delivery.source, delivery.moves_goods) == ("demand", "load", True)
+    depot = next(entity for entity in found.entities if entity.id == "depot")
+    assert [(task.gives, task.up_to) for task in possible(depot)] == [("load", "payload")]
