@@ -186,7 +186,7 @@ def test_under_star_scouts_have_no_say_over_the_vehicle(name):
 @pytest.mark.parametrize("mode", ["star", "broadcast"])
 def test_rescue_and_extinguishing_depend_on_the_place_that_was_found(name, mode):
     """And the four stages are events of their own: detected, located, handed off, executed."""
-    target_group, _, resource, verb, responder = TEAMS[name][:5]
+    resource, verb, responder = TEAMS[name][2:5]
     with team(name, mode) as play:
         target, (x, y), report = sighted(play, name)
         play.do({"scout[1]": report})
