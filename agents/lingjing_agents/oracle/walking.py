@@ -53,8 +53,6 @@ class Walk:
         mine = shares(bodies, order, places).get(self.dog.id, [])
         if mine:
             return tasks[mine[0]]
-        if len(places) >= len(bodies):
-            return None
         return tasks[min(places, key=lambda name: math.dist(places[name], truth.place(self.dog.id)))]
 
     def step(self, truth: Truth, task: Task) -> tuple[str, float] | None:
