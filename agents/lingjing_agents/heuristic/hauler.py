@@ -1,0 +1,170 @@
+"""The rules of whoever delivers: one tour after the other, back to the depot in between, and say what was left where.
+
+Without a hub all drivers compute the same tours and share them out in the agreed order; each claims a tour's stops
+when it sets out, and who has none left takes the last of whoever has most. Under a hub the tours come from it.
+"""
+
+from __future__ import annotations
+
+import math
+
+from lingjing.plugins.policy import Action, Brief, Decision, EntityView, Inbox, Observation, Outgoing, Resource
+from lingjing_agents.capability import compose, natural, sends, team
+from lingjing_agents.heuristic.events import view_of
+from lingjing_agents.heuristic.sightings import name_in
+from lingjing_agents.heuristic.tours import Tour, shared_out, tours
+from lingjing_agents.heuristic.town import LOADED, Town, look
+
+DELIVER = "deliver"
+NEAR_M = 25.0
+"""Deliveries happen within 30 m."""
+DEPOT_M = 40.0
+HUB_PATIENCE_TICKS = 6
+
+
+class Hauler:
+    """One van. All state is of this episode."""
+
+    def __init__(self, brief: Brief, body: Resource) -> None:
+        self._brief, self._body = brief, body
+        self._claim, self._handover = sends(brief, "assignment"), sends(brief, "delivery")
+        payload = body.properties.get("payload_kg")
+        self._payload = float(payload) if isinstance(payload, (int, float)) else 0.0
+        self._shares: dict[str, list[Tour]] = {name: [] for name in team(brief)}
+        self._planned = False
+        self._tour: Tour | None = None
+        self._given: dict[str, float] = {}
+        self._claimed_tick: dict[Tour, int] = {}
+        self._before: tuple[dict[str, float], float] | None = None
+
+    def act(self, observation: Observation, inbox: Inbox) -> Decision:
+        """Listen, tell what was delivered, then drive on."""
+        town, own = look(observation), view_of(observation, self._body.id)
+        if own is None or own.position is None or town.depot is None:
+            return Decision()
+        self._listen(inbox, town)
+        self._plan(observation.tick, town)
+        messages = self._tell(town, own)
+        if self._tour is None or not self._left(self._tour, town):
+            messages += self._next_tour(observation.tick, town)
+        command = None if own.busy else self._move(town, own)
+        return Decision(command=command, messages=messages)
+
+    # -- who takes which tour
+
+    def _plan(self, tick: int, town: Town) -> None:
+        late = self._brief.hub is not None and tick >= HUB_PATIENCE_TICKS and not any(self._shares.values())
+        if self._planned or (self._brief.hub is not None and not late) or not town.demands_kg:
+            return
+        assert town.depot is not None
+        plan = tours(town.depot, town.places, town.demands_kg, self._payload)
+        self._shares = shared_out(plan, team(self._brief))
+        self._planned = True
+
+    def _listen(self, inbox: Inbox, town: Town) -> None:
+        for envelope in inbox.messages:
+            stops = envelope.body.get("stops")
+            assignee = name_in(envelope.body, "assignee")
+            if isinstance(stops, (tuple, list)) and assignee in {self._brief.agent, self._body.id}:
+                known = tuple(str(stop) for stop in stops if str(stop) in town.places)
+                self._planned = True
+                each = self._payload / max(1, len(known))
+                self._shares[self._brief.agent].append(Tour(known, (each,) * len(known), 0.0))
+            elif envelope.category == "assignment" and name_in(envelope.body, "task") == DELIVER:
+                self._hear_claim(envelope.sender, envelope.body.get("cell"))
+
+    def _hear_claim(self, sender: str, stop: object) -> None:
+        """Somebody takes over a tour: of two that do at once, the first in the agreed order has it."""
+        if sender == self._brief.agent or sender not in self._shares:
+            return
+        for owner, queue in self._shares.items():
+            for tour in [tour for tour in queue if str(stop) in tour.stops]:
+                if owner == self._brief.agent and tour in self._claimed_tick and natural(sender) > natural(owner):
+                    continue
+                if owner != sender and len(tour.stops) and tour is not self._tour:
+                    queue.remove(tour)
+                    self._shares[sender].append(tour)
+
+    def _next_tour(self, tick: int, town: Town) -> tuple[Outgoing, ...]:
+        queue = self._shares[self._brief.agent]
+        self._tour, self._given = None, {}
+        while queue:
+            tour = queue.pop(0)
+            if any(town.demands_kg.get(stop, 0.0) > 0.0 for stop in tour.stops):
+                self._tour = tour
+                return self._say_claim(tour, town)
+        return self._take_over(tick, town) if self._brief.hub is None else ()
+
+    def _take_over(self, tick: int, town: Town) -> tuple[Outgoing, ...]:
+        """Nothing left of one's own: the last tour of whoever has most (at least one that is not under way)."""
+        left = {
+            name: [tour for tour in queue if all(town.demands_kg.get(stop, 0.0) > 0.0 for stop in tour.stops)]
+            for name, queue in self._shares.items()
+            if name != self._brief.agent
+        }
+        busiest = max(left, key=lambda name: len(left[name]), default=None)
+        if busiest is None or len(left[busiest]) < 2:
+            return ()
+        self._tour = left[busiest][-1]
+        self._shares[busiest].remove(self._tour)
+        self._claimed_tick[self._tour] = tick
+        return self._say_claim(self._tour, town)
+
+    def _say_claim(self, tour: Tour, town: Town) -> tuple[Outgoing, ...]:
+        if self._claim is None:
+            return ()
+        said = []
+        for stop in tour.stops:
+            place = (*(round(value, 1) for value in town.places[stop]), self._brief.water_level_m)
+            said.append(compose(self._claim, {"assignee": self._brief.agent, "task": DELIVER, "position": place}))
+        return tuple(said)
+
+    # -- what was delivered
+
+    def _tell(self, town: Town, own: EntityView) -> tuple[Outgoing, ...]:
+        """Where the load went down and a stop's demand with it, something was delivered."""
+        load = (own.resources or {}).get(LOADED, 0.0)
+        before, self._before = self._before, (town.demands_kg, load)
+        if before is None or load >= before[1] or own.position is None:
+            return ()
+        here = own.position[:2]
+        fallen = [stop for stop, left in town.demands_kg.items() if before[0].get(stop, left) - left > 1e-6]
+        stop = min(fallen, key=lambda name: math.dist(town.places[name], here), default=None)
+        if stop is None:
+            return ()
+        dropped = min(before[1] - load, before[0][stop] - town.demands_kg[stop])
+        self._given[stop] = self._given.get(stop, 0.0) + dropped
+        if self._handover is None:
+            return ()
+        left = town.demands_kg[stop]
+        return (compose(self._handover, {"stop": stop, "delivered": dropped, "left": left}),)
+
+    def _left(self, tour: Tour, town: Town) -> list[str]:
+        """Stops of the tour that still want what this van has for them."""
+        return [
+            stop
+            for stop, amount in zip(tour.stops, tour.amounts_kg, strict=True)
+            if town.demands_kg.get(stop, 0.0) > 0.0 and self._given.get(stop, 0.0) < amount - 1e-6
+        ]
+
+    # -- where to go
+
+    def _move(self, town: Town, own: EntityView) -> Action | None:
+        assert own.position is not None
+        assert town.depot is not None
+        load = (own.resources or {}).get(LOADED, 0.0)
+        left = self._left(self._tour, town) if self._tour is not None else []
+        here = own.position[:2]
+        wanted = min(self._payload, sum(town.demands_kg[stop] for stop in left))
+        at_depot = math.dist(here, town.depot) <= DEPOT_M
+        if left and (load >= wanted - 1e-6 or (load > 0.0 and not at_depot and load >= 0.5 * self._payload)):
+            return self._drive(here, town.places[left[0]], NEAR_M)
+        if left or self._shares[self._brief.agent] or load < self._payload:
+            return self._drive(here, town.depot, DEPOT_M)
+        return None
+
+    def _drive(self, here: tuple[float, float], there: tuple[float, float], near_m: float) -> Action | None:
+        if math.dist(here, there) <= near_m:
+            return None
+        x, y = (round(value, 2) for value in there)
+        return Action(verb="setDestination", arguments={"x": x, "y": y}, resource=self._body.id)
