@@ -25,9 +25,6 @@ Point = tuple[float, float]
 SLAB_M = 0.6
 """A solid no thicker than this is ground to stand on: a kerbed block, a deck."""
 
-UNCREDITED = ("", "procedural")
-"""Attributions of cities that nobody has to be named for."""
-
 _SURFACES: dict[str, Kind] = {
     "sand": "sand", "park": "green", "grass": "green", "forest": "green", "pitch": "green", "plaza": "paved",
     "sidewalk": "paved", "parking": "paved", "asphalt": "paved", "concrete": "paved",
@@ -79,11 +76,6 @@ def city_of(trace: Trace) -> City | None:
 def identity(city: City) -> str:
     """What a trace's header calls its city: SHA-256 over its content."""
     return city.sha256 or hashlib.sha256(msgspec.json.encode(city)).hexdigest()
-
-
-def credit(attribution: str) -> str:
-    """`map: © …`, or nothing for a city that was made up."""
-    return "" if attribution in UNCREDITED else f"map: {attribution}"
 
 
 # -- private

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
+from lingjing.analysis.credit import credit
 from lingjing.bench.report import ABORTED, INTERRUPTED, EpisodeReport, SuiteReport
-from lingjing.cli.scorecard import scorecard
+from lingjing.cli.scorecard import plain, scorecard
 from lingjing.errors import ExitCode
 
 if TYPE_CHECKING:
@@ -58,12 +59,17 @@ def print_json(report: EpisodeReport | SuiteReport) -> None:
 
 
 def print_episode(report: EpisodeReport) -> None:
-    """A grouped table on a terminal, `name: value` lines in a pipe; the path of the run last, whole and alone."""
-    if sys.stdout.isatty() and _width() >= NARROWEST:
+    """A grouped table on a terminal; in a pipe `name: value unit` lines under `[group]` headings, which `grep` and INI
+    readers take alike. Whose map it is and the path of the run come last, whole and alone."""
+    on_terminal = sys.stdout.isatty() and _width() >= NARROWEST
+    if on_terminal:
         _print_table(_card(report))
     else:
-        for name, value in _lines(report):
-            print(f"{name}: {value}")
+        for group, rows in plain(report):
+            print(f"[{group}]", *(f"{name}: {value}" for name, value in rows), "", sep="\n")
+        print("[files]", f"digest: {report.digest[:16]}", sep="\n")
+    if credit(report.attribution):
+        print(credit(report.attribution))
     overview = Path(report.trace).with_name("overview.png")
     if overview.is_file():
         print(f"overview: {overview}")
@@ -83,6 +89,9 @@ def print_suite(report: SuiteReport) -> None:
         for row in (head, *rows):
             print("\t".join(row))
     print(f"{report.mission} seeds {report.seed} {report.mode} {report.policy}: {_tsr(report)}, SCR {report.scr:.2f}")
+    for credited in dict.fromkeys(credit(episode.attribution) for episode in report.episodes):
+        if credited:
+            print(credited)
     print(f"traces: {report.trace}")
 
 
@@ -98,17 +107,6 @@ def _run_name(episode: EpisodeReport, root: str) -> str:
     """The trace's path inside the suite's folder."""
     path = Path(episode.trace)
     return str(path.relative_to(root)) if path.is_relative_to(root) else str(path)
-
-
-def _lines(report: EpisodeReport) -> list[tuple[str, str]]:
-    return [
-        ("mission", f"{report.mission} (seed {report.seed}, {report.mode}, {report.policy})"),
-        ("success", f"{'yes' if report.success else 'no'} ({report.reason})"),
-        ("SCR", f"{report.scr:.2f}"),
-        ("ticks", str(report.ticks)),
-        *((name, _text(value)) for name, value in report.metrics.items() if _is_plain(name, value)),
-        ("digest", report.digest[:16]),
-    ]
 
 
 def _card(report: EpisodeReport) -> Table:
@@ -157,12 +155,3 @@ def _print_table(table: Table) -> None:
     from rich.console import Console
 
     Console().print(table)
-
-
-def _is_plain(name: str, value: object) -> bool:
-    """A single value that is defined and has no row of its own."""
-    return isinstance(value, (bool, int, float, str)) and name not in {"success", "reason", "scr", "ticks"}
-
-
-def _text(value: object) -> str:
-    return f"{value:.3g}" if isinstance(value, float) else str(value)

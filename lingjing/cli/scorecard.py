@@ -12,6 +12,22 @@ Group = tuple[str, tuple[Row, ...]]
 UNDEFINED = "N/A"
 """Shown for a rate over nothing, as the paper's tables do."""
 
+_PLAIN: dict[str, tuple[tuple[str, str], ...]] = {
+    "outcome": (("sim_s", "s"), ("wall_s", "s"), ("gap", "%"), ("coverage", "")),
+    "perception": (
+        ("frames", ""), ("absent_frames", ""), ("first_discovery_tick", ""), ("targets_found", ""), ("reports", ""),
+        ("detections", ""), ("false_positives", ""), ("misses", ""), ("precision", ""), ("recall", ""), ("f1", ""),
+        ("miss_rate", ""), ("hallucination_rate", ""), ("localisation_error_m", "m"), ("calibration_error", ""),
+    ),
+    "communication": (
+        ("messages", ""), ("kilobytes", "kB"), ("rounds", ""), ("conflicts", ""), ("rejections", ""), ("rep", ""),
+    ),
+    "cost": (
+        ("calls", ""), ("tokens", ""), ("cost_usd", "USD"), ("substitutions", ""), ("idle_fraction", ""),
+    ),
+}  # fmt: skip
+"""Metrics by group, as `docs/metrics.md` names them, with the unit that is printed behind the number."""
+
 _REASONS = {
     "budget": "the budget of ticks ran out",
     "failure": "the mission's failure condition holds",
@@ -28,6 +44,27 @@ def scorecard(report: EpisodeReport) -> tuple[Group, ...]:
         ("Perception", _perception(metrics)),
         ("Communication", _communication(metrics)),
         ("Cost", _cost(metrics)),
+    )
+
+
+def plain(report: EpisodeReport) -> tuple[Group, ...]:
+    """The same in a fixed set of short names, a bare number and its unit each, for a pipe; missing ones are N/A.
+
+    Rates run from 0 to 1. Every mission and every outcome gives the same names in the same order.
+    """
+    metrics = report.metrics
+    episode = [(name, str(getattr(report, name))) for name in ("mission", "seed", "mode", "policy")]
+    outcome = [
+        ("success", f"{'yes' if report.success else 'no'} ({report.reason})"),
+        ("SCR", f"{report.scr:.2f}"),
+        ("stages", _stages(metrics.get("stages"))),
+        ("ticks", str(report.ticks)),
+    ]
+    rows = {name: [(key, _exact(metrics.get(key), unit)) for key, unit in keys] for name, keys in _PLAIN.items()}
+    return (
+        ("episode", tuple(episode)),
+        ("outcome", (*outcome, *rows.pop("outcome"))),
+        *((name, tuple(found)) for name, found in rows.items()),
     )
 
 
@@ -97,6 +134,14 @@ def _number(value: object) -> str:
     if isinstance(value, bool) or not isinstance(value, int | float):
         return UNDEFINED if value is None else str(value)
     return f"{value:,}" if isinstance(value, int) else f"{value:.3g}" if abs(value) < 1000 else f"{value:,.0f}"
+
+
+def _exact(value: object, unit: str) -> str:
+    """`12.5 m`, `0.25`, `N/A`: no thousands separators, so that a program reads it."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return UNDEFINED if value is None else str(value)
+    number = str(value) if isinstance(value, int) else f"{value:.6g}"
+    return f"{number} {unit}".rstrip()
 
 
 def _share(value: object) -> str:

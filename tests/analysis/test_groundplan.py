@@ -8,7 +8,8 @@ import pytest
 from PIL import Image
 
 from lingjing.analysis.completion import asked_groups
-from lingjing.analysis.groundplan import Shape, city_of, credit, ground_plan, identity, is_sea
+from lingjing.analysis.credit import credit
+from lingjing.analysis.groundplan import Shape, city_of, ground_plan, identity, is_sea
 from lingjing.analysis.overview import draw_overview
 from lingjing.analysis.story import tell
 from lingjing.dsl.load import load_mission

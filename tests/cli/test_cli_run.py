@@ -8,12 +8,16 @@ import signal
 import subprocess
 import sys
 import time
+from configparser import ConfigParser
 from pathlib import Path
 
 import msgspec
 import pytest
 
+from lingjing.analysis.metrics import Metrics
 from lingjing.bench.report import EpisodeReport
+from lingjing.cli.scoreboard import print_episode
+from lingjing.cli.scorecard import plain
 from lingjing.data import data_path
 
 KEYS = {"mission", "seed", "mode", "success", "reason", "scr", "ticks", "digest", "trace", "metrics"}
@@ -67,13 +71,36 @@ def test_several_seeds_on_a_warm_world_equal_single_ones_in_processes(short: Pat
     assert sorted(path.name for path in (tmp_path / "warm").iterdir()) == ["ssr-broadcast-0-1", "ssr-broadcast-1-1"]
 
 
-def test_piped_output_is_plain_and_ends_with_the_trace(short: Path, tmp_path: Path) -> None:
+def test_piped_output_is_grouped_has_units_and_ends_with_the_trace(short: Path, tmp_path: Path) -> None:
     done = lingjing_run(short, "--policy", "random", "-o", "here", "--world", "inline", cwd=tmp_path)
     assert (done.returncode, unasked(done.stderr)) == (0, "")
     assert "\x1b" not in done.stdout
     lines = done.stdout.splitlines()
     assert "success: no (budget)" in lines
     assert lines[-1] == "trace: here/trace.mcap"
+    read = ConfigParser(interpolation=None, delimiters=(":",))
+    read.read_string(done.stdout)
+    assert read.sections() == ["episode", "outcome", "perception", "communication", "cost", "files"]
+    assert read["episode"]["mission"] == "ssr" and read["outcome"]["ticks"] == "3"
+    assert (read["outcome"]["sim_s"], read["cost"]["cost_usd"]) == ("30 s", "0 USD")
+    assert read["perception"]["localisation_error_m"] == "N/A"
+    assert read["communication"]["kilobytes"].endswith(" kB")
+
+
+def test_the_piped_groups_hold_every_metric_once_and_the_map_is_credited(capsys: pytest.CaptureFixture[str]) -> None:
+    metrics: dict[str, object] = dict.fromkeys(Metrics.__struct_fields__)
+    report = EpisodeReport(
+        mission="m", seed=1, mode="star", policy="p", success=True, reason="success", scr=1.0, ticks=7, digest="d" * 64,
+        trace="gone/trace.mcap", metrics=metrics, attribution="© OpenStreetMap contributors, ODbL 1.0",
+    )  # fmt: skip
+    names = [name for _, rows in plain(report) for name, _ in rows]
+    assert len(names) == len(set(names))
+    assert set(metrics) - {"scr", "reason"} <= set(names)
+    print_episode(report)
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[-2:] == ["map: © OpenStreetMap contributors, ODbL 1.0", "trace: gone/trace.mcap"]
+    print_episode(msgspec.structs.replace(report, attribution="procedural"))
+    assert "map:" not in capsys.readouterr().out
 
 
 def test_a_run_is_never_overwritten(short: Path, tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from lingjing.analysis.groundplan import credit
+from lingjing.analysis.credit import credit
 from lingjing.analysis.metrics import metrics
 from lingjing.analysis.overview import style
 from lingjing.analysis.overview.mapview import draw_map
