@@ -220,7 +220,7 @@ def test_a_place_beyond_the_scene_is_an_error_of_the_mission(tmp_path: Path, cap
     text = data_path("scenarios", "reset", "ssr-001.json").read_text(encoding="utf-8")
     Path("far.json").write_text(text.replace('"X": 30660.0', '"X": 1e300'), encoding="utf-8")
     assert main(["run", "far.json", "--policy", "random"]) == 1
-    assert "is beyond the scene\nhint: " in capsys.readouterr().err
+    assert "beyond the scene\nhint: " in capsys.readouterr().err
     assert os.listdir() == ["far.json"]
 
 
