@@ -180,7 +180,7 @@ def growth(ticks: int) -> None:
             whole.append(1e3 * run["whole_s"] / few)
             print(f"| {size} | {own[-1]:.1f} | {own[-1] / size:.2f} | {whole[-1]:.1f} |", flush=True)
         print(f"\nexponent: {slope(sizes, own):.2f} of the engine, {slope(sizes, whole):.2f} of the world; "
-              f"over the upper half {slope(sizes[-3:], own[-3:]):.2f} and {slope(sizes[-3:], whole[-3:]):.2f}\n")  # fmt: skip
+              f"over the upper half {slope(sizes[-3:], own[-3:]):.2f}, {slope(sizes[-3:], whole[-3:]):.2f}\n")  # fmt: skip
 
 
 def slope(sizes: tuple[int, ...], times: list[float]) -> float:
