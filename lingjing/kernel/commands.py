@@ -153,7 +153,7 @@ class Gate:
             return None
         allowed = ", ".join(agent.commands) or "nothing"
         entity = self._entities.get(resource)
-        if entity is None or entity.hidden:  # that a hidden entity exists is not for a receipt to say
+        if entity is None or "position" in entity.hidden:  # that a hidden entity exists is not for a receipt to say
             return Fault("unknown_resource", f"there is no resource `{resource}`; `{agent.id}` may command {allowed}")
         return Fault("no_authority", f"`{agent.id}` may not command `{resource}`, only {allowed}")
 

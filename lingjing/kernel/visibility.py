@@ -46,7 +46,7 @@ class Projector:
     def __init__(self, instance: Instance) -> None:
         self._instance = instance
         self._entities = {entity.id: entity for entity in instance.entities}
-        self._public = frozenset(entity.id for entity in instance.entities if not entity.hidden)
+        self._public = frozenset(entity.id for entity in instance.entities if "position" not in entity.hidden)
 
     def brief(self, agent: AgentSpec, classes: Sequence[str]) -> Brief:
         """All the agent is told at reset."""

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from lingjing.mission.expression import Call, Expr, Index, Quantified, Ref, Symbol, Text, children
 from lingjing.mission.instance import Entity, Instance
 from lingjing.mission.model import Rule
+from lingjing.plugins.choice import meant
 
 _EMITTED = "emitted"
 _BY = "_by"
@@ -55,16 +56,35 @@ def possible(entity: Entity) -> tuple[Task, ...]:
 
 
 def asked(instance: Instance) -> tuple[Task, ...]:
-    """The interactions whose task events success needs, in the order of declaration of their targets."""
+    """The interactions whose task events success needs, in the order of declaration of their targets.
+
+    Where a rule chooses among the members of a group by what is declared of them, only those it means are there.
+    """
     rules = {rule.name: rule for rule in instance.rules}
     wanted = set(_events(instance.success, {}, rules))
+    passed = _passed_over(instance)
     return tuple(
         task
         for entity in instance.entities
         if entity.role == "target"
         for task in possible(entity)
         if (task.name, entity.group) in wanted or (task.name, entity.id) in wanted
+        if (task.name, entity.id) not in passed
     )
+
+
+def _passed_over(instance: Instance) -> frozenset[tuple[str, str]]:
+    """(Interaction, target) pairs that the rule about their task event can never be true of."""
+    found: set[tuple[str, str]] = set()
+    for rule in instance.rules:
+        for parameter in rule.parameters:
+            members = [entity for entity in instance.entities if entity.group == parameter.domain]
+            kinds = {kind for kind, group in _events(rule.condition, {parameter.name: parameter.domain}, {})
+                     if group == parameter.domain}  # fmt: skip
+            if kinds and members:
+                kept = meant(rule.condition, parameter.name, members, instance)
+                found.update((kind, entity.id) for kind in kinds for entity in members if entity not in kept)
+    return frozenset(found)
 
 
 def reported(instance: Instance) -> dict[str, str]:

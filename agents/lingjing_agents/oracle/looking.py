@@ -42,7 +42,7 @@ class Reporting:
             if box.entity not in wanted or state is None:
                 continue
             kind = self._plan.kinds[self._plan.entities[box.entity].group]
-            said = self._voice.report(kind, frame, box.cls, box.box, state.position)
+            said = self._voice.report(kind, frame, box.cls, box.box, state.position, state.resources)
             if said:
                 self.told[box.entity] = truth.tick
                 messages += said + self._hand_over(box.entity, truth)

@@ -37,12 +37,21 @@ class Voice:
         return self._said(self.with_fields("task", "state"), {"task": task, "state": state, **body})
 
     def report(
-        self, kind: str, frame: FrameInfo, cls: str, box: tuple[float, ...], position: tuple[float, ...]
+        self,
+        kind: str,
+        frame: FrameInfo,
+        cls: str,
+        box: tuple[float, ...],
+        position: tuple[float, ...],
+        known: Mapping[str, float] | None = None,
     ) -> list[Outgoing]:
-        """A sighting in a picture."""
+        """A sighting in a picture, with whatever is `known` of the target that the record has a field for."""
+        message = self.kind(kind)
+        fields = {field.name for field in message.fields} if message is not None else set()
+        more = {name: value for name, value in (known or {}).items() if name in fields}
         return self._said(
-            self.kind(kind),
-            {"frame": frame.id, "class": cls, "box": box, "position": position, "confidence": 1.0},
+            message,
+            {**more, "frame": frame.id, "class": cls, "box": box, "position": position, "confidence": 1.0},
         )
 
     def say(self, kind: str, body: Mapping[str, Datum], to: tuple[str, ...] = ()) -> list[Outgoing]:

@@ -1,0 +1,175 @@
+"""The tenth mission is written in the language alone: three shops, a UAV that counts, a dog that joins one queue."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import msgspec
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+import stage_kit as kit
+
+from lingjing.mission.expression import Aggregate, Attr, Binary, Call, Number, Ref, Symbol
+from lingjing.plugins.choice import declared, meant
+from lingjing.plugins.tasks import asked
+
+SHOPS = ("shop[1]", "shop[2]", "shop[3]")
+
+
+def queues(play):
+    return {name: play.target(name).properties["people"] for name in SHOPS}
+
+
+def tally(play, shop, tick, people=None, box=kit.BOX):
+    x, y, _ = play.target(shop).position
+    counted = queues(play)[shop] if people is None else people
+    return kit.report("tally", f"f{tick}-uav-nadir", "queue_of_people", (x, y), box, people=counted)
+
+
+def count(play, shop, people=None, box=kit.BOX):
+    """Look at one shop and say how many there are."""
+    play.strings.boxes = {shop: kit.BOX}
+    play.do({"counter": kit.does("takePhoto")})
+    tick = play.published.record.tick
+    play.do({"counter": tally(play, shop, tick, people, box)})
+
+
+def join(play, shop, off=0.0):
+    play.put("dog", shop, east=off)
+    play.wait(3)
+
+
+def longest(play):
+    return max(queues(play), key=queues(play).__getitem__)
+
+
+@pytest.mark.parametrize("mode", ["star", "broadcast"])
+@pytest.mark.parametrize(("beyond", "counts"), [(0.0, True), (-0.01, True), (0.01, False)])
+def test_the_dog_joins_the_longest_queue_within_five_metres_inclusively(mode, beyond, counts):
+    with kit.playing("queue", mode) as play:
+        for shop in SHOPS:
+            count(play, shop)
+        join(play, longest(play), -(5.0 + beyond))
+        assert play.success is counts
+        assert play.emitted() == ([f"join {longest(play)}"] if counts else [])
+
+
+def test_another_queue_is_joined_but_not_the_longest():
+    with kit.playing("queue") as play:
+        for shop in SHOPS:
+            count(play, shop)
+        wrong = min(queues(play), key=queues(play).__getitem__)
+        join(play, wrong)
+        assert play.emitted() == [f"join {wrong}"]
+        assert not play.done and all(kind != "joined" for kind, *_ in play.kinds())
+
+
+def test_no_queue_opens_before_all_are_counted():
+    with kit.playing("queue") as play:
+        for shop in SHOPS[:2]:
+            count(play, shop)
+        for shop in SHOPS:
+            join(play, shop)
+        assert play.emitted() == [] and not play.done
+
+
+@pytest.mark.parametrize(("wrong", "counts"), [(1.25, True), (0.75, True), (1.26, False), (0.5, False)])
+def test_a_count_may_be_wrong_by_a_quarter(wrong, counts):
+    with kit.playing("queue") as play:
+        shop = longest(play)
+        count(play, shop, people=queues(play)[shop] * wrong)
+        assert (("counted", shop) in play.kinds()) is counts
+        assert ("matched", shop) in play.kinds()
+
+
+def test_a_count_without_a_box_that_matches_is_none():
+    with kit.playing("queue") as play:
+        count(play, SHOPS[0], box=kit.shifted(0.49))
+        assert play.kinds() == []
+
+
+def test_how_long_the_queues_are_is_hidden_and_seeded():
+    """Policies are told where the shops are; how many people wait there they must see."""
+    drawn = set()
+    for seed in range(6):
+        instance, _ = kit.staged("queue", None, seed)
+        shops = [entity for entity in instance.entities if entity.group == "shop"]
+        people = [shop.properties["people"] for shop in shops]
+        assert len(set(people)) == len(people), "no two queues are equally long"
+        drawn.add(tuple(people))
+        assert all(shop.hidden == ("people",) for shop in shops)
+    assert len(drawn) > 1
+    with kit.playing("queue") as play:
+        views = {view.id: view for view in play.published.observations["walker"].entities}
+        assert views["shop[1]"].position is not None and not views["shop[1]"].resources
+
+
+def test_instances_that_differ_in_their_queues_look_the_same():
+    instance = kit.still(kit.staged("queue")[0])
+    other = msgspec.structs.replace(
+        instance,
+        entities=tuple(
+            msgspec.structs.replace(entity, properties={**entity.properties, "people": entity.properties["people"] + 7})
+            if entity.group == "shop"
+            else entity
+            for entity in instance.entities
+        ),
+    )
+    seen = []
+    for one in (instance, other):
+        with kit.playing("queue", instance=one) as play:
+            play.do({"counter": kit.does("takePhoto")})
+            play.do({"counter": kit.says("order", assignee="dog", task="wait")})
+            records = [seen.sha256 for step in play.all for seen in step.record.observations]
+            seen.append((records, play.kernel.briefs()))
+    assert seen[0] == seen[1]
+
+
+def test_the_word_of_the_counter_goes_to_the_walker():
+    with kit.playing("queue") as play:
+        count(play, SHOPS[1])
+        play.do({"counter": kit.says("order", assignee="dog", task="join", position=(1.0, 2.0))})
+        kinds = [(one.kind, one.source, one.target) for one in play.relations]
+        assert ("information_handoff", "counter", "walker") in kinds
+        assert ("guidance", "counter", "walker") in kinds
+        assert ("dependency", "detect", "tell") in kinds
+
+
+# -- what makes it playable by policies that read rules
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_task_that_is_asked_for_is_the_longest_queue(seed):
+    instance, _ = kit.staged("queue", None, seed)
+    people = {entity.id: entity.properties["people"] for entity in instance.entities if entity.group == "shop"}
+    assert [(task.name, task.target) for task in asked(instance)] == [("join", max(people, key=people.__getitem__))]
+
+
+def attr(variable, name):
+    return Attr(base=Ref(name=variable, kind="local"), name=name)
+
+
+def test_a_comparison_chooses_only_where_declarations_tell():
+    instance, _ = kit.staged("queue")
+    shops = tuple(entity for entity in instance.entities if entity.group == "shop")
+    least = Aggregate(function="min", variable="p", domain="shop", body=attr("p", "people"))
+    shortest = Binary(operator="<=", left=attr("q", "people"), right=least)
+    (one,) = meant(shortest, "q", shops, instance)
+    assert one.properties["people"] == min(shop.properties["people"] for shop in shops)
+    event = Call(function="emitted", arguments=(Symbol(name="join"), Ref(name="q", kind="local")))
+    assert meant(event, "q", shops, instance) == shops
+    nobody = Binary(operator=">", left=attr("q", "people"), right=Number(value=1000.0))
+    assert meant(nobody, "q", shops, instance) == shops
+    unknown = Binary(operator=">", left=attr("q", "colour"), right=Number(value=1.0))
+    assert meant(Binary(operator="and", left=unknown, right=shortest), "q", shops, instance) == (one,)
+
+
+def test_stocks_that_interactions_change_tell_nothing_beforehand():
+    instance, _ = kit.staged("cd", "star", 0, (("points", 5.0),))
+    point = next(entity for entity in instance.entities if entity.group == "point")
+    assert declared(point, "demand") is None
+    assert declared(point, "deliver_within") == 30.0
+    assert len(asked(instance)) == 5
