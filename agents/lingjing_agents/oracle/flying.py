@@ -47,19 +47,37 @@ class Flight:
 
     def __init__(self, body: Resource, plan: Plan) -> None:
         self.body, self._plan = body, plan
+        self._tallest: float | None = None
         self.camera: CameraSpec | None = nadir_camera(body) if has_verb(body, "takePhoto") else None
 
     def altitude(self, truth: Truth, place: Place, target_m: float, above_m: float = ABOVE_M) -> float:
-        """Elevation for looking at something: in the aircraft's band and over everything that stands on the way."""
+        """Elevation for looking at something: in the aircraft's band and over all roofs, or, where the band does not
+        allow that, over those on the way."""
         low, high = _number(self.body, "band_low_m", 0.0), _number(self.body, "band_high_m", math.inf)
-        here = truth.place(self.body.id)
-        roofs = _highest(truth, here, place)
+        roofs = self._roofs(truth)
+        if roofs + OVER_ROOFS_M > high:
+            roofs = _highest(truth, truth.place(self.body.id), place)
         return min(max(low, target_m + above_m, roofs + OVER_ROOFS_M), high)
 
-    def to(self, x: float, y: float, z: float) -> Action:
-        """Go there."""
+    def to(self, truth: Truth, x: float, y: float, z: float) -> Action:
+        """Go there; where roofs stand on the way, first straight up."""
+        here = truth.states[self.body.id].position
+        roofs = _highest(truth, here[:2], (x, y))
+        if here[2] + _STEEP_M < z and here[2] < roofs + _CLEAR_M:
+            x, y = here[:2]
+            z = min(z, roofs + OVER_ROOFS_M)
+            if truth.states[self.body.id].status == "grounded" and has_verb(self.body, "takeoff"):
+                return Action(verb="takeoff", arguments={"altitude": z - here[2]}, resource=self.body.id)
         arguments: dict[str, Datum] = {"x": x, "y": y, "z": z}
         return Action(verb="setDestination", arguments=arguments, resource=self.body.id)
+
+    def _roofs(self, truth: Truth) -> float:
+        """The top of the highest building."""
+        if self._tallest is None:
+            city = truth.known.city
+            tops = [building.top_m for building in city.buildings] if city is not None else []
+            self._tallest = max(tops, default=truth.brief.water_level_m)
+        return self._tallest
 
     def photo(self) -> Action | None:
         """A picture straight down."""
@@ -126,7 +144,7 @@ class Searching:
             return self._flight.photo() if looking else None
         east, north = self._drift(truth, target)
         lead_s = min(_LEAD_S, math.dist(body.position[:2], (x, y)) / _LEAD_MPS)
-        return self._flight.to(x + lead_s * east, y + lead_s * north, z)
+        return self._flight.to(truth, x + lead_s * east, y + lead_s * north, z)
 
     def _drift(self, truth: Truth, target: str) -> Place:
         """Mean velocity (m/s) since the episode began; the water's current before anything has moved."""
@@ -168,7 +186,7 @@ class Inspecting:
             return self._take_off(truth)
         if self._asked == truth.tick:  # the new route begins where this one does
             x, y, z = route.waypoints[0]
-            return self._flight.to(x, y, self._flight.altitude(truth, (x, y), z))
+            return self._flight.to(truth, x, y, self._flight.altitude(truth, (x, y), z))
         place = self._next(truth, route)
         if place is None:
             end = self._plan.entities.get(self._inspection.destination)
@@ -178,13 +196,13 @@ class Inspecting:
         if jam is not None and _segment(truth, route, jam) <= place:
             return self._look_at(truth, jam, route)
         x, y, z = route.waypoints[self._farthest(truth, route, place)]
-        return self._flight.to(x, y, self._flight.altitude(truth, (x, y), z))
+        return self._flight.to(truth, x, y, self._flight.altitude(truth, (x, y), z))
 
     def _look_at(self, truth: Truth, jam: Entity, route: Route) -> Action | None:
         x, y = truth.place(jam.id)
         here = truth.place(self._flight.body.id)
         if math.dist(here, (x, y)) > 0.6 * self._inspection.within_m:
-            return self._flight.to(x, y, self._flight.altitude(truth, (x, y), jam.position[2]))
+            return self._flight.to(truth, x, y, self._flight.altitude(truth, (x, y), jam.position[2]))
         self._looked.add((jam.id, route.number))
         return self._flight.photo()
 
@@ -258,7 +276,7 @@ class Inspecting:
         state = truth.states[self._flight.body.id]
         x, y, z = state.position
         height = self._flight.altitude(truth, (x, y), 0.0)
-        return self._flight.to(x, y, height) if z < height - NEAR_M else None
+        return self._flight.to(truth, x, y, height) if z < height - NEAR_M else None
 
 
 def flying(brief: Brief, plan: Plan, reporting: Reporting | None, voice: Voice) -> list[Ability]:
@@ -302,6 +320,7 @@ def _highest(truth: Truth, start: Place, end: Place) -> float:
 
 
 _REACH_M = 60.0
+_STEEP_M, _CLEAR_M = 10.0, 5.0
 
 
 def _off_line(start: Place, end: Place, point: Place) -> float:
