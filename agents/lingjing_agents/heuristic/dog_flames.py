@@ -115,7 +115,12 @@ def _judged(patch: _Patch, pose: CameraPose, ground_m: float) -> Flames | None:
         pose.position[0] + distance * math.sin(math.radians(bearing)),
         pose.position[1] + distance * math.cos(math.radians(bearing)),
     )
-    left, top, right, low = max(0.0, x0 - 1.0), max(0.0, y0 - 1.0), min(x1 + 1.0, pose.width), min(foot + 1.0, pose.height)
+    left, top, right, low = (
+        max(0.0, x0 - 1.0),
+        max(0.0, y0 - 1.0),
+        min(x1 + 1.0, pose.width),
+        min(foot + 1.0, pose.height),
+    )
     box = (left / pose.width, top / pose.height, right / pose.width, low / pose.height)
     confidence = min(1.0, 0.3 + 0.4 * heat / pixels + 0.3 * min(1.0, pixels / 80.0))
     return Flames(box, bearing, distance, place, confidence)

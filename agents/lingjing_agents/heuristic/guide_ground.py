@@ -7,10 +7,13 @@ import numpy.typing as npt
 
 from lingjing.plugins.geometry import camera_axes, focal_px
 from lingjing.plugins.policy import CameraPose
-from lingjing_agents.heuristic.walk_map import CELL_M, WalkMap
+from lingjing_agents.heuristic.walk_map import CELL_M, Place, WalkMap
 
-HIGH_M, OVERHEAD_M = 0.35, 60.0
+HIGH_M = 0.35
 STRIDE_PX = 6
+OWN_M = 1.2
+"""What is so near to the follower is the follower."""
+
 SHARE = 0.12
 """A cell is closed when at least this share of its samples is higher than a dog can step."""
 
@@ -32,8 +35,11 @@ def heights(
     return points
 
 
-def close_what_stands(known: WalkMap, points: npt.NDArray[np.float64]) -> None:
-    """Close the cells in which enough of the points (n, 3) stand higher than a dog steps."""
+def close_what_stands(known: WalkMap, points: npt.NDArray[np.float64], follower: Place | None = None) -> None:
+    """Close the cells in which enough of the points (n, 3) stand higher than a dog steps, but for the follower's own."""
+    if follower is not None:
+        away = np.hypot(points[:, 0] - follower[0], points[:, 1] - follower[1])
+        points = points[away > OWN_M]
     cells = np.floor(points[:, :2] / CELL_M).astype(np.int64)
     keys, where, counts = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
     tall = np.bincount(where.reshape(-1), weights=(points[:, 2] > HIGH_M), minlength=len(keys))

@@ -23,9 +23,9 @@ SPRAY_M = (1.2, 9.0)
 RUN_M, BIN_M = 10.0, 0.2
 """How far to both sides of a clamp its pipe is followed, and how finely what runs beside it is told apart."""
 
-LEAST_M2 = 0.3
+LEAST_M2 = 0.15
 GAP_M = 0.4
-TOUCH_M = 1.3
+TOUCH_M = 2.0
 PART = 0.3
 """What is smaller than this share of the biggest patch is noise."""
 
@@ -75,7 +75,7 @@ def find_leaks(rgb: npt.NDArray[np.uint8], pose: CameraPose, ground_m: float) ->
 def _clamps(rgb: npt.NDArray[np.uint8], metres: float) -> list[Edges]:
     red, green, blue = (rgb[..., index].astype(np.int16) for index in range(3))
     rusty = (red - blue > 50) & (red - green > 22) & (red > 80)
-    patches = _patches(rusty, 1)
+    patches = _patches(rusty, round(CLAMP_M[0] / metres))
     return [edges for edges, _ in patches if _within(edges, metres, CLAMP_M)]
 
 

@@ -47,7 +47,9 @@ class Fires:
 
     def near(self, place: Place, within_m: float, state: State | None = None) -> Fire | None:
         """The nearest one to a place, if there is one so near."""
-        options = [(math.dist(fire.place, place), i) for i, fire in enumerate(self.known) if state in (None, fire.state)]
+        options = [
+            (math.dist(fire.place, place), i) for i, fire in enumerate(self.known) if state in (None, fire.state)
+        ]
         distance, index = min(options, default=(math.inf, -1))
         return self.known[index] if distance <= within_m else None
 

@@ -6,11 +6,11 @@ Receipts say when a step ended early (`blocked`, `unreachable`); a step that has
 from __future__ import annotations
 
 import math
-from itertools import pairwise
 
 from lingjing.plugins.geometry import bearing_deg, offset_xy, turn_deg
 from lingjing.plugins.policy import Action, EntityView, Inbox, Resource
 from lingjing_agents.heuristic.walk_map import Place, WalkMap
+from lingjing_agents.heuristic.walk_way import Way
 
 OBSTRUCTED = frozenset({"blocked", "unreachable"})
 OFF_DEG = 6.0
@@ -31,8 +31,7 @@ class Legs:
         self.bumps = 0
         self._asked: tuple[Place, float, float] | None = None
         self._cap_m = math.inf
-        self._corners: tuple[Place, ...] = ()
-        self._forgot_for: Place | None = None
+        self._way = Way(known, self.shortest_m)
 
     def feel(self, own: EntityView, inbox: Inbox) -> bool:
         """Learn from the last step: whether it was obstructed."""
@@ -63,7 +62,7 @@ class Legs:
         if own.position is None or own.heading_deg is None:
             return None
         here = own.position[:2]
-        way = self._way(here, goal, reach_m)
+        way = self._way.ahead(here, goal, reach_m)
         if not way:
             return None
         corner, last = way[0], len(way) == 1
@@ -72,27 +71,8 @@ class Legs:
 
     def heading_for(self, here: Place, goal: Place, *, reach_m: float = 1.0) -> float | None:
         """The bearing of the next leg; None if there is none."""
-        way = self._way(here, goal, reach_m)
+        way = self._way.ahead(here, goal, reach_m)
         return bearing_deg(here, way[0]) if way else None
-
-    def _way(self, here: Place, goal: Place, reach_m: float) -> tuple[Place, ...]:
-        """The corners ahead: of the way chosen before as long as it is open, so that two ways of equal length are not
-        taken in turns."""
-        if math.dist(here, goal) <= reach_m:
-            return ()
-        kept = tuple(corner for corner in self._corners if math.dist(corner, here) > self.shortest_m)
-        if kept and math.dist(kept[-1], goal) < 2.0 and self._open(here, kept):
-            self._corners = kept
-            return kept
-        self._corners = self.map.route(here, goal, reach_m=reach_m)
-        if not self._corners and self._forgot_for != goal:
-            self._forgot_for = goal
-            self.map.forget()
-            self._corners = self.map.route(here, goal, reach_m=reach_m)
-        return self._corners
-
-    def _open(self, here: Place, corners: tuple[Place, ...]) -> bool:
-        return all(self.map.clear(a, b) for a, b in pairwise((here, *corners)))
 
     def step(self, own: EntityView, bearing: float, distance_m: float) -> Action:
         """Turn to a bearing, or walk along it if the nose is near enough."""

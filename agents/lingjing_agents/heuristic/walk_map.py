@@ -140,7 +140,9 @@ class WalkMap:
     def _beside(self, cell: Cell) -> bool:
         i, j = cell
         closed = self.closed
-        return bool(closed) and ((i + 1, j) in closed or (i - 1, j) in closed or (i, j + 1) in closed or (i, j - 1) in closed)
+        return bool(closed) and (
+            (i + 1, j) in closed or (i - 1, j) in closed or (i, j + 1) in closed or (i, j - 1) in closed
+        )
 
     def _pulled(self, here: Place, places: list[Place]) -> tuple[Place, ...]:
         """The corners that remain when the way is pulled tight."""

@@ -10,6 +10,8 @@ from typing import Protocol
 
 from lingjing.plugins.policy import Brief, CameraSpec, Decision, Inbox, Observation, Resource
 from lingjing_agents.capability import has_verb
+from lingjing_agents.heuristic.walk_executor import Executor
+from lingjing_agents.heuristic.walk_navigator import Navigator
 from lingjing_agents.heuristic.walk_searcher import WalkingSearcher
 
 REFERENCE = "reference"
@@ -53,5 +55,9 @@ class Walking:
 
     def _chosen(self, observation: Observation) -> Rules:
         camera = front_camera(self._body)
-        assert camera is not None
+        if camera is None:
+            return Executor(self._brief, self._body)
+        reference = next((picture for picture in observation.pictures if picture.camera == REFERENCE), None)
+        if reference is not None:
+            return Navigator(self._brief, self._body, camera, reference)
         return WalkingSearcher(self._brief, self._body, camera)

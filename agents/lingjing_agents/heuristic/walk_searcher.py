@@ -39,6 +39,9 @@ REPORTABLE = 0.6
 BESIDE_M = 0.6
 """How near to a fire's middle a dog goes: it is put out from farther."""
 
+PUT_OUT_M = 3.2
+"""Whoever is so near to a known fire when one goes out has put it out."""
+
 FIRE_M = 2.5
 LOOK_AHEAD_DEG = 30.0
 LOOK_EVERY_M, WORTH_A_LOOK_M = 15.0, 5.0
@@ -100,7 +103,7 @@ class WalkingSearcher:
                 if state == "searched":
                     self._views.see_around(place)
                 elif state == "done":
-                    self._fires.put_out(place, 12.0)
+                    self._fires.put_out(place, 8.0)
 
     def _distance_from(self, sender: str, observation: Observation, place: Place) -> float:
         resources = next((peer.resources for peer in self._brief.peers if peer.id == sender), ())
@@ -113,7 +116,7 @@ class WalkingSearcher:
             if event.id in self._heard or not event.kind.startswith("extinguish"):
                 continue
             self._heard.add(event.id)
-            fire = self._fires.put_out(here, 6.0)
+            fire = self._fires.put_out(here, PUT_OUT_M)
             if fire is not None:
                 self._tell("extinguish", "done", fire.place)
 
@@ -124,13 +127,21 @@ class WalkingSearcher:
         self._looked = True
         self._views.see(here, pose.heading_deg, self._half_deg)
         for flames in find_flames(picture.rgb, pose, pose.position[2] - 0.37):
-            fire = self._fires.add(flames.place, flames.distance_m)
+            fire = self._fires.add(self._inside(here, flames.place), flames.distance_m)
             fire.looked_at = here
             if fire.state == "open":
                 self._say(picture, flames, fire)
         for place in near_walls(picture.rgb, pose):
             if self._fires.near(place, FIRE_M) is None:  # its own logs are no obstacle on the way to a fire
                 self._legs.map.close(place)
+
+    def _inside(self, here: Place, place: Place) -> Place:
+        """A place seen from here, drawn nearer until it is in the region: fires outside are not this team's."""
+        for share in (1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4):
+            nearer = here[0] + share * (place[0] - here[0]), here[1] + share * (place[1] - here[1])
+            if self._legs.map.bounds.holds(nearer):
+                return nearer
+        return place
 
     def _say(self, picture: Picture, flames: Flames, fire: Fire) -> None:
         whole = flames.box[0] > 0.005 and flames.box[2] < 0.995

@@ -1,0 +1,205 @@
+"""The navigator's rules: find the building of the reference picture by eye and walk up to it.
+
+Each picture adds to a map of where the wanted facade may stand: columns that look like it speak for the places along
+their bearing at about the distance that their height tells. The dog walks to the best place, looks around where
+nothing has been seen yet, and strikes out what it has walked up to without arriving.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from lingjing.plugins.geometry import turn_deg
+from lingjing.plugins.policy import (
+    Action,
+    Brief,
+    CameraSpec,
+    Decision,
+    EntityView,
+    Inbox,
+    Observation,
+    Picture,
+    Resource,
+)
+from lingjing_agents.heuristic.dog_facade import Facade, Look, find_facades, look_of
+from lingjing_agents.heuristic.dog_walls import near_walls
+from lingjing_agents.heuristic.events import view_of
+from lingjing_agents.heuristic.walk_legs import Legs
+from lingjing_agents.heuristic.walk_map import Bounds, Place, WalkMap
+from lingjing_agents.heuristic.walk_views import Views
+
+GRID_M = 8.0
+ARRIVAL_M = 20.0
+"""Having been so near to a place without arriving strikes it out."""
+
+SPREAD = 0.5
+"""How wrong a distance is usually, as a factor's logarithm."""
+
+WORTH_GOING = 3.0
+HELD = 1.25
+"""Another place must be better by this factor before the dog changes its mind."""
+
+MARGIN_M = 15.0
+FAR_M = 220.0
+
+
+class Navigator:
+    """One dog with a picture of where it should go. All state is of this episode."""
+
+    def __init__(self, brief: Brief, body: Resource, camera: CameraSpec, reference: Picture) -> None:
+        self._brief, self._body, self._camera = brief, body, camera
+        self._look: Look = look_of(reference.rgb)
+        regions = sorted((region.polygon for region in brief.regions if region.polygon), key=_span)
+        self._ground = regions[-1] if regions else ()
+        self._entrance = _middle(regions[0]) if len(regions) > 1 else None
+        corners = tuple(corner for region in regions for corner in region)
+        self._legs = Legs(body, WalkMap(Bounds.around(corners, 90.0)))
+        self._views = Views((self._ground,) if self._ground else ())
+        self._belief = Belief(self._ground)
+        self._goal: Place | None = None
+        self._patience = 0
+        self._snaps = any(spec.capture == "on_request" for spec in (camera,))
+        self._snapped: tuple[Place, float] | None = None
+
+    def act(self, observation: Observation, inbox: Inbox) -> Decision:
+        """Look, believe, one step."""
+        own = view_of(observation, self._body.id)
+        if own is None or own.position is None or own.heading_deg is None:
+            return Decision()
+        here = own.position[:2]
+        self._legs.feel(own, inbox)
+        for picture in observation.pictures:
+            if picture.entity == self._body.id and picture.camera == self._camera.name:
+                self._see(picture)
+        self._belief.strike(here, ARRIVAL_M)
+        if own.busy:
+            return Decision()
+        return Decision(command=self._next(own, here), thought=f"towards {self._goal}")
+
+    def _see(self, picture: Picture) -> None:
+        pose = picture.pose
+        here = pose.position[:2]
+        self._snapped = here, pose.heading_deg
+        for place in near_walls(picture.rgb, pose):
+            self._legs.map.close(place)
+        self._views.see(here, pose.heading_deg, pose.hfov_deg / 2.0)
+        self._belief.add(here, pose.heading_deg, pose.hfov_deg / 2.0, find_facades(picture.rgb, pose, self._look))
+
+    def _next(self, own: EntityView, here: Place) -> Action | None:
+        assert own.heading_deg is not None
+        if self._snaps and not self._fresh(here, own.heading_deg):
+            return Action(verb="takePhoto", arguments={"camera": self._camera.name}, resource=self._body.id)
+        if self._entrance is not None:
+            if math.dist(here, self._entrance) > 8.0 and not self._legs.bumps > 12:
+                action = self._legs.towards(own, self._entrance, reach_m=6.0)
+                if action is not None:
+                    return action
+            self._entrance = None
+        best, score = self._belief.best(here)
+        known = self._goal is not None and self._belief.at(self._goal) * HELD >= score and self._patience > 0
+        if best is not None and score >= WORTH_GOING:
+            if not known:
+                self._goal, self._patience = best, 10 + int(3 * math.dist(here, best) / self._legs.longest_m)
+            assert self._goal is not None
+            return self._approach(own, here, self._goal)
+        return self._explore(own, here)
+
+    def _approach(self, own: EntityView, here: Place, goal: Place) -> Action | None:
+        self._patience -= 1
+        action = self._legs.towards(own, goal, reach_m=ARRIVAL_M * 0.5) if self._patience > 0 else None
+        if action is not None:
+            return action
+        self._belief.strike(goal, GRID_M * 1.6)  # it cannot be reached or is not the one
+        self._goal = None
+        return self._explore(own, here)
+
+    def _explore(self, own: EntityView, here: Place) -> Action | None:
+        assert own.heading_deg is not None
+        turn = self._views.best_turn(here, own.heading_deg, self._camera.hfov_deg / 2.0)
+        if turn:
+            return self._legs.turn(turn)
+        if self._goal is None or math.dist(here, self._goal) < 8.0 or self._patience <= 0:
+            if self._goal is not None and self._patience <= 0:
+                self._views.refuse(self._goal)
+            self._goal = self._views.next_place(here, ())
+            if self._goal is None:
+                self._views.next_pass()
+                self._goal = self._views.next_place(here, ())
+            self._patience = 8 + int(2.5 * math.dist(here, self._goal or here) / self._legs.longest_m)
+        self._patience -= 1
+        if self._goal is None:
+            return None
+        action = self._legs.towards(own, self._goal, reach_m=7.0)
+        if action is None:
+            self._views.refuse(self._goal)
+            self._goal = None
+        return action
+
+    def _fresh(self, here: Place, heading_deg: float) -> bool:
+        if self._snapped is None:
+            return False
+        place, heading = self._snapped
+        return math.dist(place, here) < 6.0 and abs(turn_deg(heading, heading_deg)) < 40.0
+
+
+class Belief:
+    """How much speaks for the wanted building's standing at each place of a grid over a region."""
+
+    def __init__(self, polygon: tuple[Place, ...]) -> None:
+        xs, ys = [x for x, _ in polygon] or [0.0], [y for _, y in polygon] or [0.0]
+        east = np.arange(min(xs) + GRID_M / 2, max(xs), GRID_M)
+        north = np.arange(min(ys) + GRID_M / 2, max(ys), GRID_M)
+        grid = np.stack(np.meshgrid(east, north), axis=-1).reshape(-1, 2)
+        self._places: npt.NDArray[np.float64] = grid
+        self._score = np.zeros(len(grid))
+        self._out = np.zeros(len(grid), bool)
+
+    def add(self, here: Place, heading_deg: float, half_deg: float, facades: tuple[Facade, ...]) -> None:
+        """One picture: each column that looks wanted speaks for the places where it may be; views that show nothing
+        wanted speak a little against the near places in them."""
+        east, north = self._places[:, 0] - here[0], self._places[:, 1] - here[1]
+        distance = np.maximum(np.hypot(east, north), 1.0)
+        bearing = np.degrees(np.arctan2(east, north))
+        speaks = np.zeros(len(distance))
+        for facade in facades:
+            off = np.abs((bearing - facade.bearing_deg + 180.0) % 360.0 - 180.0)
+            along = np.exp(-0.5 * (np.log(distance / max(facade.distance_m, 5.0)) / SPREAD) ** 2)
+            across = np.exp(-0.5 * (off / np.maximum(2.0, np.degrees(GRID_M / 2 / distance))) ** 2)
+            speaks = np.maximum(speaks, facade.likeness * along * across)
+        off = np.abs((bearing - heading_deg + 180.0) % 360.0 - 180.0)
+        against = (off < half_deg - 3.0) & (distance < 60.0) & (speaks < 0.05)
+        self._score = np.maximum(self._score + speaks - 0.15 * against, 0.0)
+
+    def strike(self, place: Place, within_m: float) -> None:
+        """The building does not stand within that distance of a place."""
+        east, north = self._places[:, 0] - place[0], self._places[:, 1] - place[1]
+        self._out |= np.hypot(east, north) <= within_m
+
+    def best(self, here: Place) -> tuple[Place | None, float]:
+        """The most likely place and its score, nearer ones first; None if nothing speaks for any."""
+        if len(self._places) == 0:
+            return None, 0.0
+        east, north = self._places[:, 0] - here[0], self._places[:, 1] - here[1]
+        worth = np.where(self._out, 0.0, self._score) / (1.0 + np.hypot(east, north) / FAR_M)
+        index = int(np.argmax(worth))
+        place = float(self._places[index, 0]), float(self._places[index, 1])
+        return place, float(self._score[index]) if not self._out[index] else 0.0
+
+    def at(self, place: Place) -> float:
+        """What speaks for the grid's place nearest to this one."""
+        if len(self._places) == 0:
+            return 0.0
+        index = int(np.argmin(np.hypot(self._places[:, 0] - place[0], self._places[:, 1] - place[1])))
+        return 0.0 if self._out[index] else float(self._score[index])
+
+
+def _span(polygon: tuple[Place, ...]) -> float:
+    xs, ys = [x for x, _ in polygon], [y for _, y in polygon]
+    return (max(xs) - min(xs)) * (max(ys) - min(ys))
+
+
+def _middle(polygon: tuple[Place, ...]) -> Place:
+    return sum(x for x, _ in polygon) / len(polygon), sum(y for _, y in polygon) / len(polygon)
