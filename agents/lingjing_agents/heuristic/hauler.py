@@ -9,16 +9,19 @@ from __future__ import annotations
 import math
 
 from lingjing.plugins.policy import Action, Brief, Decision, EntityView, Inbox, Observation, Outgoing, Resource
-from lingjing_agents.capability import compose, natural, sends, team
+from lingjing_agents.capability import compose, sends, team
 from lingjing_agents.heuristic.events import view_of
-from lingjing_agents.heuristic.sightings import name_in
+from lingjing_agents.heuristic.sightings import name_in, position_in
 from lingjing_agents.heuristic.tours import Tour, shared_out, tours
 from lingjing_agents.heuristic.town import LOADED, Town, look
 
 DELIVER = "deliver"
 NEAR_M = 25.0
 """Deliveries happen within 30 m."""
-DEPOT_M = 40.0
+DEPOT_M = 48.0
+"""A van is loaded within 50 m."""
+CLAIM_TICKS = 15
+"""How long a stop that somebody else has claimed is left to them."""
 HUB_PATIENCE_TICKS = 6
 
 
@@ -34,7 +37,8 @@ class Hauler:
         self._planned = False
         self._tour: Tour | None = None
         self._given: dict[str, float] = {}
-        self._claimed_tick: dict[Tour, int] = {}
+        self._claims: dict[str, int] = {}
+        self._loading = False
         self._before: tuple[dict[str, float], float] | None = None
 
     def act(self, observation: Observation, inbox: Inbox) -> Decision:
@@ -42,12 +46,12 @@ class Hauler:
         town, own = look(observation), view_of(observation, self._body.id)
         if own is None or own.position is None or town.depot is None:
             return Decision()
-        self._listen(inbox, town)
+        self._listen(inbox, town, observation.tick)
         self._plan(observation.tick, town)
         messages = self._tell(town, own)
         if self._tour is None or not self._left(self._tour, town):
             messages += self._next_tour(observation.tick, town)
-        command = None if own.busy else self._move(town, own)
+        command = self._unblock(own) if own.busy else self._move(town, own)
         return Decision(command=command, messages=messages)
 
     # -- who takes which tour
@@ -61,7 +65,7 @@ class Hauler:
         self._shares = shared_out(plan, team(self._brief))
         self._planned = True
 
-    def _listen(self, inbox: Inbox, town: Town) -> None:
+    def _listen(self, inbox: Inbox, town: Town, tick: int) -> None:
         for envelope in inbox.messages:
             stops = envelope.body.get("stops")
             assignee = name_in(envelope.body, "assignee")
@@ -71,17 +75,20 @@ class Hauler:
                 each = self._payload / max(1, len(known))
                 self._shares[self._brief.agent].append(Tour(known, (each,) * len(known), 0.0))
             elif envelope.category == "assignment" and name_in(envelope.body, "task") == DELIVER:
-                self._hear_claim(envelope.sender, envelope.body.get("cell"))
+                place = position_in(envelope.body)
+                if place is not None and town.places and envelope.sender != self._brief.agent:
+                    stop = min(town.places, key=lambda name: math.dist(town.places[name], place))
+                    self._hear_claim(envelope.sender, stop, tick)
 
-    def _hear_claim(self, sender: str, stop: object) -> None:
-        """Somebody takes over a tour: of two that do at once, the first in the agreed order has it."""
-        if sender == self._brief.agent or sender not in self._shares:
+    def _hear_claim(self, sender: str, stop: str, tick: int) -> None:
+        """Somebody sets out for a stop: a tour of others that has it is theirs from now on."""
+        self._claims[stop] = tick
+        if sender not in self._shares:
             return
         for owner, queue in self._shares.items():
-            for tour in [tour for tour in queue if str(stop) in tour.stops]:
-                if owner == self._brief.agent and tour in self._claimed_tick and natural(sender) > natural(owner):
-                    continue
-                if owner != sender and len(tour.stops) and tour is not self._tour:
+            for tour in [tour for tour in queue if stop in tour.stops]:
+                split = sum(stop in other.stops for each in self._shares.values() for other in each) > 1
+                if owner != sender and not split:
                     queue.remove(tour)
                     self._shares[sender].append(tour)
 
@@ -93,7 +100,7 @@ class Hauler:
             if any(town.demands_kg.get(stop, 0.0) > 0.0 for stop in tour.stops):
                 self._tour = tour
                 return self._say_claim(tour, town)
-        return self._take_over(tick, town) if self._brief.hub is None else ()
+        return self._take_over(tick, town) if self._brief.hub is None or tick > self._brief.ticks * 0.6 else ()
 
     def _take_over(self, tick: int, town: Town) -> tuple[Outgoing, ...]:
         """Nothing left of one's own: the last tour of whoever has most (at least one that is not under way)."""
@@ -103,11 +110,24 @@ class Hauler:
             if name != self._brief.agent
         }
         busiest = max(left, key=lambda name: len(left[name]), default=None)
-        if busiest is None or len(left[busiest]) < 2:
+        if busiest is not None and len(left[busiest]) >= 2:
+            self._tour = left[busiest][-1]
+            self._shares[busiest].remove(self._tour)
+            return self._say_claim(self._tour, town)
+        return self._mop_up(tick, town)
+
+    def _mop_up(self, tick: int, town: Town) -> tuple[Outgoing, ...]:
+        """What is still wanted and nobody has claimed of late: the longest tour over it."""
+        free = {
+            stop: left
+            for stop, left in town.demands_kg.items()
+            if left > 0.0 and tick - self._claims.get(stop, -CLAIM_TICKS) >= CLAIM_TICKS
+        }
+        assert town.depot is not None
+        rest = tours(town.depot, town.places, free, self._payload)
+        if not rest:
             return ()
-        self._tour = left[busiest][-1]
-        self._shares[busiest].remove(self._tour)
-        self._claimed_tick[self._tour] = tick
+        self._tour = rest[0]
         return self._say_claim(self._tour, town)
 
     def _say_claim(self, tour: Tour, town: Town) -> tuple[Outgoing, ...]:
@@ -157,11 +177,21 @@ class Hauler:
         here = own.position[:2]
         wanted = min(self._payload, sum(town.demands_kg[stop] for stop in left))
         at_depot = math.dist(here, town.depot) <= DEPOT_M
+        self._loading = False
         if left and (load >= wanted - 1e-6 or (load > 0.0 and not at_depot and load >= 0.5 * self._payload)):
             return self._drive(here, town.places[left[0]], NEAR_M)
         if left or self._shares[self._brief.agent] or load < self._payload:
+            self._loading = True
             return self._drive(here, town.depot, DEPOT_M)
         return None
+
+    def _unblock(self, own: EntityView) -> Action | None:
+        """Loaded while still in the queue before the depot: there is nothing more to wait for."""
+        full = (own.resources or {}).get(LOADED, 0.0) >= self._payload - 1e-6
+        if not (self._loading and full and own.status == "waiting"):
+            return None
+        self._loading = False
+        return Action(verb="stop", resource=self._body.id)
 
     def _drive(self, here: tuple[float, float], there: tuple[float, float], near_m: float) -> Action | None:
         if math.dist(here, there) <= near_m:

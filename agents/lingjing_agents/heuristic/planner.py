@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from lingjing.plugins.policy import Brief, Decision, Inbox, Observation, Outgoing
 from lingjing_agents.capability import compose, natural, sends
 from lingjing_agents.heuristic.tours import Tour, shared_out, tours
@@ -11,6 +13,8 @@ AHEAD = 2
 """How many tours a driver has at a time: the one under way and the next, since orders take a tick."""
 PATIENCE_TICKS = 25
 """A tour that takes longer than this goes to somebody else as well."""
+STILL_TICKS, STILL_M = 4, 3.0
+"""A van that has a tour and has not moved for so long is told it again."""
 
 
 class TourPlanner:
@@ -24,6 +28,7 @@ class TourPlanner:
         self._vans = {peer.id: peer.resources[0] for peer in sorted(drivers, key=lambda peer: natural(peer.id))}
         self._waiting: dict[str, list[Tour]] | None = None
         self._given: dict[str, list[tuple[Tour, int]]] = {name: [] for name in self._vans}
+        self._still: dict[str, tuple[tuple[float, float], int]] = {}
 
     def act(self, observation: Observation, inbox: Inbox) -> Decision:
         """Plan once; then give whoever has fewer than two tours the next one."""
@@ -40,7 +45,22 @@ class TourPlanner:
             while len(self._given[name]) < AHEAD and (tour := self._next(name)) is not None:
                 self._given[name].append((tour, observation.tick))
                 messages += (self._say(name, tour),)
+        messages += self._remind(observation.tick, town)
         return Decision(messages=messages + self._rescue(observation.tick))
+
+    def _remind(self, tick: int, town: Town) -> tuple[Outgoing, ...]:
+        said: tuple[Outgoing, ...] = ()
+        for name, van in self._vans.items():
+            view = town.vans.get(van)
+            if view is None or view.position is None:
+                continue
+            here = view.position[:2]
+            if name not in self._still or math.dist(self._still[name][0], here) > STILL_M:
+                self._still[name] = here, tick
+            elif self._given[name] and tick - self._still[name][1] >= STILL_TICKS:
+                self._still[name] = here, tick
+                said += (self._say(name, self._given[name][0][0]),)
+        return said
 
     def _payload(self, town: Town) -> float:
         """What a van holds: at the start they are full."""
