@@ -1,6 +1,18 @@
 """Scene providers: what a mission names after `scene` → one `City` that every engine shares.
 
-`city` (the values) ← `bay` (a procedural sea bay: a harbour point with an apron, beach, rocks and a pier in open
-water, a coast around it, and things afloat). A provider's `build` is a pure function of its `SceneSpec`: the same
-spec gives an equal city in every process. Nothing here draws, moves or imports a plug-in.
+In the order in which an episode meets them:
+
+- `city`        the values: `City`, its pieces (buildings, roads, waters, …) and `Tile`
+- `bay`         a procedural sea bay: harbour point, beach, rocks and a pier in open water, things afloat
+- `districts`   procedural towns by seed and options, one district or all of them as a wide city
+- `osm`         OpenStreetMap data → a city in a folder (`lingjing scene build`; scene kind `map`)
+- `network`     nodes and edges, or a map, → SUMO's road network in world metres, and its roads back as pieces
+- `cutting`, `store`, `tiles`   long pieces cut at the grid → a city in a folder of tiles → read near a place, lazily
+- `anchor`      entities onto the roads, roofs, facades and ground that they declare ← `footing`, `lines`
+- `regions`     regions that only the city knows, such as those along a road
+- `plan`        the city from above, as a picture for people
+
+Invariants: a provider's result is a pure function of its `SceneSpec` (and the content of the map it names): the same
+spec gives an equal city in every process, identified by `City.sha256`. Network and world coordinates are the same.
+Readers go through `Tiles` and need not know whether a city is stored. Nothing here moves or imports a plug-in.
 """

@@ -1,7 +1,23 @@
-"""The built-in engines, plug-ins like anybody's.
+"""The built-in engines, plug-ins like anybody's; `builtin` declares them. `docs/engines.md` is the user's page.
 
-`builtin` declares them. Shared by them: `sea` (waves, wind, current), `plane` (bearings, polygons, land and water),
-`clock` (fixed-step time),
-`requests` (admission and receipts of pending commands). Then one package for each
-kind of motion: `multirotor` (JSBSim), `vessel` (3-DOF), `city` (targets and their interactions), and `camera`.
+Packages, one for each kind of motion or seeing:
+
+- `multirotor`, `fixed_wing` (engine `plane`)   JSBSim through `flight`, in the wind of `gust`
+- `quadruped`    the Go2 on its legs in MuJoCo
+- `road`         SUMO: vehicles, background traffic, queues
+- `vessel`       3-DOF hulls on the waves of `sea`
+- `satellite`    SGP4 passes
+- `city`         targets, interactions, goods, queues of people, radio
+- `camera`       the one rendered city with everybody in it
+
+Shared by them, from the contract inwards:
+
+- `fleet`        the five methods over bodies that step together ← `requests` (admission, receipts), `clock` (steps)
+- `schedule`     what the mission says for later: weather, who is there
+- `stock`        goods on board, from the city's book
+- `bodies`, `neighbours`, `pairs`   sizes of mirrors, which of them are touched, who is close to whom
+- `terrain` ← `blocks`, `outlines`   what a place of the city is to a body: water, ground, what stands there
+
+Invariants: an engine knows others only as mirrors; chance comes from the seed it is given; MuJoCo, libsumo, JSBSim and
+sgp4 are each imported by one module, in the process that runs the engine.
 """
