@@ -7,7 +7,16 @@ import sys
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
-SCRIPTS = ("kernel.py", "render.py", "validate.py", "language.py", "episode.py")
+SCRIPTS = (
+    "kernel.py",
+    "render.py",
+    "city.py",
+    "world.py",
+    "validate.py",
+    "language.py",
+    "episode.py",
+    "missions.py",
+)
 
 
 def main() -> int:

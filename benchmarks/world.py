@@ -179,8 +179,8 @@ def growth(ticks: int) -> None:
             own.append(1e3 * run["engines"][engine] / few)
             whole.append(1e3 * run["whole_s"] / few)
             print(f"| {size} | {own[-1]:.1f} | {own[-1] / size:.2f} | {whole[-1]:.1f} |", flush=True)
-        print(f"\nexponent: {slope(sizes, own):.2f} of the engine, {slope(sizes, whole):.2f} of the world; "
-              f"over the upper half {slope(sizes[-3:], own[-3:]):.2f}, {slope(sizes[-3:], whole[-3:]):.2f}\n")  # fmt: skip
+        upper = f"{slope(sizes[-3:], own[-3:]):.2f} and {slope(sizes[-3:], whole[-3:]):.2f} over the upper half"
+        print(f"\nexponent: {slope(sizes, own):.2f} of the engine, {slope(sizes, whole):.2f} of the world; {upper}\n")
 
 
 def slope(sizes: tuple[int, ...], times: list[float]) -> float:

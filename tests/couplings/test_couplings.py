@@ -110,7 +110,7 @@ def test_a_dog_climbs_the_kerb(play: Start) -> None:
     played.tick(played.order("dog", "forward", distance=6.0), count=9)
     assert played.now("dog").position[2] - before == pytest.approx(0.1, abs=0.05)
     assert played.now("dog").position[1] == pytest.approx(-193.0, abs=0.6)
-    assert not played.events("collided") + played.events("fallen")
+    assert not played.events("collided") + played.events("fell")
 
 
 def flown(world: World, *gusts: EventSpec) -> Play:
