@@ -29,7 +29,7 @@ from lingjing_agents.heuristic.dog_walls import near_walls
 from lingjing_agents.heuristic.events import view_of
 from lingjing_agents.heuristic.walk_legs import Legs
 from lingjing_agents.heuristic.walk_map import Bounds, Place, WalkMap
-from lingjing_agents.heuristic.walk_views import Views
+from lingjing_agents.heuristic.walk_views import Views, inside
 
 GRID_M = 8.0
 ARRIVAL_M = 20.0
@@ -42,26 +42,27 @@ WORTH_GOING = 3.0
 HELD = 1.25
 """Another place must be better by this factor before the dog changes its mind."""
 
-MARGIN_M = 15.0
+MARGIN_M = 40.0
+NOT_YET, PATIENCE_TICKS = frozenset({"not_permitted"}), 2
+"""What a refusal says when something else must happen first, and how long to wait before asking again."""
+
 FAR_M = 220.0
 
 
 class Navigator:
     """One dog with a picture of where it should go. All state is of this episode."""
 
-    def __init__(self, brief: Brief, body: Resource, camera: CameraSpec, reference: Picture) -> None:
+    def __init__(self, brief: Brief, body: Resource, camera: CameraSpec, reference: Picture, here: Place) -> None:
         self._brief, self._body, self._camera = brief, body, camera
         self._look: Look = look_of(reference.rgb)
-        regions = sorted((region.polygon for region in brief.regions if region.polygon), key=_span)
-        self._ground = regions[-1] if regions else ()
-        self._entrance = _middle(regions[0]) if len(regions) > 1 else None
-        corners = tuple(corner for region in regions for corner in region)
-        self._legs = Legs(body, WalkMap(Bounds.around(corners, 90.0)))
+        self._ground, self._entrance = where_to_look(brief, here)
+        self._legs = Legs(body, WalkMap(Bounds.around((*self._ground, here), MARGIN_M)))
         self._views = Views((self._ground,) if self._ground else ())
         self._belief = Belief(self._ground)
         self._goal: Place | None = None
         self._patience = 0
-        self._snaps = any(spec.capture == "on_request" for spec in (camera,))
+        self._snaps = camera.capture == "on_request"
+        self._waits = 0
         self._snapped: tuple[Place, float] | None = None
 
     def act(self, observation: Observation, inbox: Inbox) -> Decision:
@@ -75,7 +76,10 @@ class Navigator:
             if picture.entity == self._body.id and picture.camera == self._camera.name:
                 self._see(picture)
         self._belief.strike(here, ARRIVAL_M)
-        if own.busy:
+        if any(receipt.reason in NOT_YET for receipt in inbox.receipts):
+            self._waits = PATIENCE_TICKS
+        self._waits -= 1
+        if own.busy or self._waits > 0:
             return Decision()
         return Decision(command=self._next(own, here), thought=f"towards {self._goal}")
 
@@ -194,6 +198,16 @@ class Belief:
             return 0.0
         index = int(np.argmin(np.hypot(self._places[:, 0] - place[0], self._places[:, 1] - place[1])))
         return 0.0 if self._out[index] else float(self._score[index])
+
+
+def where_to_look(brief: Brief, here: Place) -> tuple[tuple[Place, ...], Place | None]:
+    """The region to search and the middle of its entrance, if there is one to go through first: who starts inside a
+    region searches the smallest such; who starts outside all searches the largest and enters by the smallest."""
+    regions = sorted((region.polygon for region in brief.regions if region.polygon), key=_span)
+    own = [polygon for polygon in regions if inside(polygon, here)]
+    if own or not regions:
+        return (own[0] if own else ()), None
+    return regions[-1], (_middle(regions[0]) if len(regions) > 1 else None)
 
 
 def _span(polygon: tuple[Place, ...]) -> float:

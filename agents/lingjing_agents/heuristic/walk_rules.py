@@ -10,6 +10,7 @@ from typing import Protocol
 
 from lingjing.plugins.policy import Brief, CameraSpec, Decision, Inbox, Observation, Resource
 from lingjing_agents.capability import has_verb
+from lingjing_agents.heuristic.events import view_of
 from lingjing_agents.heuristic.walk_executor import Executor
 from lingjing_agents.heuristic.walk_navigator import Navigator
 from lingjing_agents.heuristic.walk_searcher import WalkingSearcher
@@ -58,6 +59,7 @@ class Walking:
         if camera is None:
             return Executor(self._brief, self._body)
         reference = next((picture for picture in observation.pictures if picture.camera == REFERENCE), None)
-        if reference is not None:
-            return Navigator(self._brief, self._body, camera, reference)
+        own = view_of(observation, self._body.id)
+        if reference is not None and own is not None and own.position is not None:
+            return Navigator(self._brief, self._body, camera, reference, own.position[:2])
         return WalkingSearcher(self._brief, self._body, camera)

@@ -1,0 +1,114 @@
+"""What dogs and their guides see, on rendered frames: flames, walls, leaks, the building of a reference picture."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from lingjing_agents.heuristic.dog_facade import find_facades, look_of
+from lingjing_agents.heuristic.dog_flames import find_flames
+from lingjing_agents.heuristic.dog_walls import near_walls
+from lingjing_agents.heuristic.guide_ground import close_what_stands, heights
+from lingjing_agents.heuristic.guide_leak import find_leaks
+from lingjing_agents.heuristic.walk_map import WalkMap
+from lingjing_agents.pixels import opencv
+
+from lingjing.plugins.geometry import turn_deg
+from lingjing.plugins.policy import CameraPose
+
+FAR = CameraPose(position=(5.658, -5.230, 0.362), heading_deg=8.62, tilt_deg=5.86, roll_deg=-2.144, hfov_deg=90.0,
+                 width=1280, height=720)  # fmt: skip
+NEAR = CameraPose(position=(16.120, 32.691, 0.368), heading_deg=110.85, tilt_deg=5.297, roll_deg=-4.338, hfov_deg=90.0,
+                  width=1280, height=720)  # fmt: skip
+ABOVE = CameraPose(position=(-57.0, 13.006, 23.896), heading_deg=0.0, tilt_deg=90.0, hfov_deg=84.0, width=960,
+                   height=540)  # fmt: skip
+STREET = CameraPose(position=(147.877, 56.174, 0.402), heading_deg=41.955, tilt_deg=-0.558, roll_deg=-5.787,
+                    hfov_deg=90.0, width=1280, height=720)  # fmt: skip
+
+FIRE_1, FIRE_3 = (20.36, 28.763), (-13.65, 42.231)
+LEAK = (-60.0, 15.0, 1.4)
+
+
+def load(name: str) -> np.ndarray:
+    cv2 = opencv()
+    picture = cv2.imread(str(Path(__file__).with_name("pictures") / name))
+    assert picture is not None
+    return cv2.cvtColor(picture, cv2.COLOR_BGR2RGB)
+
+
+def iou(a: tuple[float, ...], b: tuple[float, ...]) -> float:
+    wide, high = min(a[2], b[2]) - max(a[0], b[0]), min(a[3], b[3]) - max(a[1], b[1])
+    common = max(wide, 0.0) * max(high, 0.0)
+    return common / ((a[2] - a[0]) * (a[3] - a[1]) + (b[2] - b[0]) * (b[3] - b[1]) - common)
+
+
+def test_far_flames_are_boxed_and_placed_within_a_fifth_of_their_distance():
+    fires = find_flames(load("walk_flames_far.jpg"), FAR)
+    truth = {FIRE_1: (0.625, 0.3778, 0.6430, 0.4264), FIRE_3: (0.1945, 0.3653, 0.2109, 0.3972)}
+    assert len(fires) == 2
+    for place, box in truth.items():
+        fire = max(fires, key=lambda fire: iou(fire.box, box))
+        away = math.dist(place, FAR.position[:2])
+        assert iou(fire.box, box) >= 0.5
+        assert math.dist(fire.place, place) < 0.2 * away
+
+
+def test_near_flames_are_one_fire_half_hidden_by_a_tank():
+    (fire,) = find_flames(load("walk_flames_near.jpg"), NEAR)
+    assert iou(fire.box, (0.6656, 0.2306, 0.7656, 0.5181)) > 0.8
+    assert math.dist(fire.place, FIRE_1) < 1.0
+    assert fire.confidence > 0.8
+
+
+@pytest.mark.parametrize("name", ["walk_facade.jpg", "walk_reference.jpg"])
+def test_no_flames_where_buildings_are_red_and_orange(name: str):
+    assert find_flames(load(name), STREET) == ()
+
+
+def test_a_tank_close_ahead_is_a_wall_and_open_ground_is_none():
+    walls = near_walls(load("walk_flames_near.jpg"), NEAR)
+    ahead = [turn_deg(NEAR.heading_deg, math.degrees(math.atan2(x - NEAR.position[0], y - NEAR.position[1])))
+             for x, y in walls]  # fmt: skip
+    assert sum(1 for angle in ahead if angle < 15.0) >= 8
+    assert all(math.dist(wall, NEAR.position[:2]) < 9.5 for wall in walls)
+    assert near_walls(load("walk_flames_far.jpg"), FAR) == ()
+
+
+def test_a_leak_is_boxed_with_its_spray_and_placed_at_its_clamp():
+    leak = find_leaks(load("guide_leak.jpg"), ABOVE, 0.0)[0]
+    assert iou(leak.box, (0.2536, 0.3204, 0.4370, 0.4231)) >= 0.5
+    assert math.dist(leak.place, LEAK) < 1.0
+    assert leak.confidence > 0.5
+
+
+def test_a_whole_pipe_has_no_leak():
+    assert find_leaks(load("guide_no_leak.jpg"), ABOVE, 0.0) == ()
+
+
+def test_the_white_building_is_found_in_the_sun_from_its_picture_in_the_shade():
+    look = look_of(load("walk_reference.jpg"))
+    facades = find_facades(load("walk_facade.jpg"), STREET, look)
+    offs = [turn_deg(STREET.heading_deg, facade.bearing_deg) for facade in facades]
+    assert len(facades) >= 5
+    assert all(-34.0 <= off <= -16.0 for off in offs)
+    assert max(facade.likeness for facade in facades) > 0.9
+
+
+def test_nothing_is_seen_in_the_dark():
+    black = np.zeros((720, 1280, 3), np.uint8)
+    look = look_of(load("walk_reference.jpg"))
+    assert find_flames(black, FAR) == ()
+    assert find_leaks(black, ABOVE, 0.0) == ()
+    assert find_facades(black, STREET, look) == ()
+
+
+def test_depth_from_above_closes_what_stands_and_not_the_follower():
+    pose = CameraPose(position=(0.0, 0.0, 30.0), heading_deg=0.0, tilt_deg=90.0, hfov_deg=84.0, width=192, height=108)
+    depth = np.full((108, 192), 30.0, np.float32)
+    depth[20:40, 100:140] = 26.0  # a box 4 m high, north-east of the middle
+    depth[52:57, 93:99] = 29.4  # somebody under the camera
+    known = WalkMap()
+    close_what_stands(known, heights(depth, pose, 0.0, stride=1), (0.0, 0.0))
+    assert known.is_closed((6.0, 6.0))
+    assert not known.is_closed((0.0, 0.0))
+    assert not known.is_closed((-10.0, -5.0))
