@@ -63,7 +63,10 @@ AFLOAT: tuple[tuple[str, str, int], ...] = (
 
 
 def build(spec: SceneSpec) -> City:
-    """The bay of a spec. Raises `UsageError` for an option it does not know."""
+    """The bay of a spec. Raises `UsageError` for an option it does not know.
+
+    What stands on land is the layout's and the same in every episode; what floats is the seed's.
+    """
     level = spec.datum_m
     density = _density(spec.options)
     lands = _lands(level)
@@ -77,8 +80,8 @@ def build(spec: SceneSpec) -> City:
         solids=tuple(_solids(level)),
         props=(
             *_harbour(level, _stream(spec.seed, "bay/harbour")),
-            *_trees(level, _stream(spec.seed, "bay/trees")),
-            *_rocks(level, _stream(spec.seed, "bay/rocks")),
+            *_trees(level, _stream(spec.layout, "bay/trees")),
+            *_rocks(level, _stream(spec.layout, "bay/rocks")),
             *_anchored(level, _stream(spec.seed, "bay/anchored")),
             *_afloat(level, density, _stream(spec.seed, "bay/afloat")),
         ),
