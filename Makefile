@@ -3,7 +3,7 @@ PYTHON3 ?= python3
 BIN := .venv/bin
 PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile -q
 
-.PHONY: help setup demo test check bench study pictures clean
+.PHONY: help setup demo test check bench study pictures missions clean
 
 help:
 	@echo 'make demo    play the sea rescue, seed 7, broadcast, with the heuristic agents'
@@ -12,6 +12,7 @@ help:
 	@echo 'make bench   compare with others, side by side'
 	@echo 'make study   seeds 0-19, every mission in every mode, all reference agents: hours'
 	@echo 'make pictures  draw the contact sheet in docs/images'
+	@echo 'make missions  play every mission and write its page in docs/missions'
 
 setup:
 	@$(PYTHON3) tools/setup.py
@@ -38,6 +39,9 @@ study: setup
 
 pictures: setup
 	@$(BIN)/python tools/contact_sheet.py
+
+missions: setup
+	@$(BIN)/python tools/mission_pages.py --again
 
 clean:
 	rm -rf build .pytest_cache .mypy_cache .ruff_cache .import_linter_cache

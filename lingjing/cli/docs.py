@@ -1,29 +1,57 @@
-"""`lingjing docs MISSION`: a page of Markdown that says what a mission is."""
+"""`lingjing docs MISSION`: a page of Markdown that says what a mission is, with pictures of played episodes."""
 
 from __future__ import annotations
 
 import argparse
 import sys
+from pathlib import Path
 
-from lingjing.errors import ExitCode
+from lingjing.errors import ExitCode, UsageError
+from lingjing.mission.model import Mission
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Declare the verb and its options."""
     parser = subparsers.add_parser("docs", help="write a page that says what a mission is", description=__doc__)
     parser.add_argument("file", metavar="MISSION", help="a .ljs or .json file, or a shipped mission; - reads input")
-    parser.add_argument("-o", "--output", metavar="OUT.md", help="where to write (default: standard output)")
+    parser.add_argument(
+        "--trace", metavar="TRACE", nargs="+", default=[],
+        help="traces of the mission: adds the first one's map and the best picture of each camera",
+    )  # fmt: skip
+    parser.add_argument("--results", metavar="RESULTS.json", help="a study's results: adds their table")
+    parser.add_argument(
+        "-o", "--output", metavar="OUT",
+        help="where to write: a file (default: standard output), or with --trace or --results a folder",
+    )  # fmt: skip
     parser.set_defaults(handler=handler)
 
 
 def handler(args: argparse.Namespace) -> int:
-    """Write the page; it appears whole or not at all."""
+    """Write the page; without pictures it appears whole or not at all."""
     from lingjing.dsl.load import load_noted
-    from lingjing.dsl.page import page
 
     mission, notes = load_noted(args.file)
     for note in notes:
         print(f"note: {note}", file=sys.stderr)
+    if args.trace or args.results:
+        _illustrated(args, mission)
+    else:
+        _text(args, mission)
+    return ExitCode.OK
+
+
+def _illustrated(args: argparse.Namespace, mission: Mission) -> None:
+    from lingjing.cli.missionpage import write_page
+
+    if args.output in (None, "-"):
+        raise UsageError("a page with pictures needs a folder", hint="name one: -o DIR")
+    results = Path(args.results) if args.results else None
+    print(write_page(mission, [Path(trace) for trace in args.trace], results, Path(args.output)))
+
+
+def _text(args: argparse.Namespace, mission: Mission) -> None:
+    from lingjing.dsl.page import page
+
     text = page(mission)
     if args.output in (None, "-"):
         sys.stdout.write(text)
@@ -31,4 +59,3 @@ def handler(args: argparse.Namespace) -> int:
         from lingjing.cli.compile import write_whole
 
         write_whole(args.output, text)
-    return ExitCode.OK

@@ -7,7 +7,7 @@ code is printed by the printer of `.ljs` (`lingjing.dsl.print`), with the locals
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 
 from lingjing.dsl.print import Printer
 from lingjing.dsl.words import Words
@@ -19,12 +19,21 @@ from lingjing.mission.graph import graph
 _MANY_BLANKS = re.compile(r"\n{3,}")
 
 
-def page(mission: model.Mission) -> str:
-    """The whole page, ending in a newline; the same text for equal missions."""
-    writer = _Page(mission)
+Section = tuple[str, Sequence[str]]
+"""A title and Markdown lines."""
+
+
+def page(mission: model.Mission, *, lead: Sequence[Section] = (), graph_picture: str = "") -> str:
+    """The whole page, ending in a newline; the same text for equal missions.
+
+    `lead` are sections that come first; `graph_picture` is a drawing of the mission graph that is shown instead of
+    its Mermaid text.
+    """
+    writer = _Page(mission, graph_picture)
     parts = [f"# {mission.title}\n", f"Mission `{mission.name}`.\n", *_quote(mission.goal), ""]
-    for title, section in _SECTIONS:
-        lines = list(section(writer))
+    own = ((title, section(writer)) for title, section in _SECTIONS)
+    for title, found in (*lead, *own):
+        lines = list(found)
         if lines:
             parts.extend((f"## {title}\n", *lines, ""))
     return _MANY_BLANKS.sub("\n\n", "\n".join(parts)).rstrip() + "\n"
@@ -33,8 +42,9 @@ def page(mission: model.Mission) -> str:
 class _Page:
     """The sections. Each is a method that gives Markdown lines."""
 
-    def __init__(self, mission: model.Mission) -> None:
+    def __init__(self, mission: model.Mission, graph_picture: str = "") -> None:
         self.mission = mission
+        self.graph_picture = graph_picture
         self.printer = Printer(mission)
         self.words = Words(self.printer.phrases)
 
@@ -174,6 +184,9 @@ class _Page:
 
     def picture(self) -> Iterator[str]:
         """The mission graph."""
+        if self.graph_picture:
+            yield f"![Who plays, sees, says and judges what]({self.graph_picture})"
+            return
         yield from ("```mermaid", mermaid(graph(self.mission)).rstrip(), "```")
 
     # -- parts
@@ -237,6 +250,11 @@ _SECTIONS: tuple[tuple[str, Callable[[_Page], Iterator[str]]], ...] = (
     ("The mission graph", _Page.picture),
 )
 """The sections in their order."""
+
+
+def table(heads: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> Sequence[str]:
+    """A Markdown table, for the sections of `lead`."""
+    return list(_table(heads, rows))
 
 
 def _table(heads: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> Iterator[str]:

@@ -24,10 +24,10 @@ STILL_M = 0.05
 """A macro-step shorter than this is waiting."""
 
 
-def draw_map(axes: Axes, story: Story, city: City | None = None, credit: str = "") -> None:
+def draw_map(axes: Axes, story: Story, city: City | None = None, credit: str = "", legend_columns: int = 0) -> None:
     """Fill `axes` with the episode's map, east to the right, metres: on `city` if it is there, on blank ground else.
 
-    `credit` names whose map it is; it stands in the corner.
+    `credit` names whose map it is; it stands in the corner. The legend below has one row, or `legend_columns` columns.
     """
     axes.set_facecolor(style.PANEL)
     west, south, east, north = _bounds(story, axes)
@@ -43,7 +43,7 @@ def draw_map(axes: Axes, story: Story, city: City | None = None, credit: str = "
     _targets(axes, story, labels)
     _names(axes, story, labels)
     _scale(axes, west, south, east - west, north - south)
-    _legend(axes, story)
+    _legend(axes, story, legend_columns)
     if credit:
         _credit(axes, credit)
     style.bare(axes, "Map: tracks darken with time")
@@ -97,7 +97,8 @@ def _assets(axes: Axes, story: Story, labels: style.Labels) -> None:
             labels.block(start, 5)
             labels.block(end, 7)
     for frame in story.frames.values():
-        axes.plot(*frame.pose.position[:2], ".", ms=3, color=colours.get(frame.entity, style.FAINT), zorder=5)
+        if frame.entity in colours:  # a reference picture is nobody's and was taken before the episode
+            axes.plot(*frame.pose.position[:2], ".", ms=3, color=colours[frame.entity], zorder=5)
 
 
 def _line(axes: Axes, track: Track, colour: str) -> None:
@@ -208,7 +209,7 @@ def _credit(axes: Axes, credit: str) -> None:
     )  # fmt: skip
 
 
-def _legend(axes: Axes, story: Story) -> None:
+def _legend(axes: Axes, story: Story, columns: int) -> None:
     def mark(marker: str, label: str, **options: object) -> Line2D:
         return Line2D([], [], linestyle="none", marker=marker, label=label, **options)  # type: ignore[arg-type]
 
@@ -229,7 +230,7 @@ def _legend(axes: Axes, story: Story) -> None:
         handles=entries,
         loc="upper center",
         bbox_to_anchor=(0.5, -0.008),
-        ncols=len(entries),
+        ncols=columns or len(entries),
         fontsize=8,
         frameon=False,
         handletextpad=0.2,

@@ -1,0 +1,134 @@
+"""A mission's page with its pictures: what it says of itself, and what played episodes and a study show of it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from lingjing.errors import UsageError
+from lingjing.mission.model import Mission
+
+if TYPE_CHECKING:
+    from lingjing.analysis.gallery import Shown
+    from lingjing.bench.study import Row
+    from lingjing.trace.reader import Trace
+
+ENDINGS = {"success": "won", "failure": "lost", "budget": "out of time"}
+
+
+def write_page(mission: Mission, traces: Sequence[Path], results: Path | None, folder: Path) -> Path:
+    """Write `<mission>.md` with its pictures beside it into `folder`, which is made if need be.
+
+    The map is that of the first trace; the frames are the best of all of them. Raises `UsageError` for a trace of
+    another mission, a results file that is none, or a place that cannot be written.
+    """
+    from lingjing.dsl.judging import HEADS, judging
+    from lingjing.dsl.page import page, table
+
+    played = [_trace(path, mission) for path in traces]
+    rows = [] if results is None else _rows(results, mission)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        lead = [
+            ("An episode", list(_episode(mission, played, folder)) if played else []),
+            ("What each agent sees", list(_sights(mission, played, folder))),
+            ("What counts", table(HEADS, judging(mission))),
+            ("How well it is played", _results(rows)),
+        ]
+        target = folder / f"{mission.name}.md"
+        target.write_text(page(mission, lead=lead, graph_picture=_graph(mission, folder)), encoding="utf-8")
+    except OSError as error:
+        raise UsageError(
+            f"cannot write to `{folder}`: {error.strerror}", hint="choose another folder with -o"
+        ) from error
+    return target
+
+
+# -- private
+
+
+def _trace(path: Path, mission: Mission) -> Trace:
+    from lingjing.trace.reader import read_trace
+
+    trace = read_trace(path)
+    played = trace.header.instance.mission
+    if played != mission.name:
+        raise UsageError(f"{path} is of the mission `{played}`, not of `{mission.name}`", hint="give its own traces")
+    return trace
+
+
+def _rows(path: Path, mission: Mission) -> list[Row]:
+    from lingjing.bench.study import Row
+
+    try:
+        rows = msgspec.json.decode(path.read_bytes(), type=list[Row])
+    except OSError as error:
+        raise UsageError(f"cannot read {path}: {error.strerror}") from error
+    except (msgspec.DecodeError, msgspec.ValidationError) as error:
+        raise UsageError(f"{path} holds no results of a study: {error}", hint="give its results.json") from error
+    return [row for row in rows if row.report.mission == mission.name]
+
+
+def _episode(mission: Mission, traces: Sequence[Trace], folder: Path) -> Iterator[str]:
+    from lingjing.analysis.credit import credit
+    from lingjing.analysis.gallery import draw_trails
+
+    name = f"{mission.name}-map.png"
+    draw_trails(traces[0], folder / name)
+    yield f"![The map with everybody's trails]({name})\n"
+    for at, trace in enumerate(traces):
+        yield f"- {'The map is' if at == 0 else 'Pictures are also from'} {_told(trace)}"
+    credited = credit(traces[0].header.attribution)
+    if credited:
+        yield f"\n{credited[0].upper()}{credited[1:]}."
+
+
+def _told(trace: Trace) -> str:
+    instance, outcome = trace.header.instance, trace.outcome
+    policies = " and ".join(f"`{name}`" for name in dict.fromkeys(binding.policy for binding in trace.header.bindings))
+    told = ", which is told the truth" if any(binding.privileged for binding in trace.header.bindings) else ""
+    ended = "cut short" if outcome is None else ENDINGS.get(outcome.reason, outcome.reason)
+    score = "" if outcome is None else f", subtasks {outcome.scr:.2f}"
+    ticks = trace.boundaries[-1].tick if trace.boundaries else 0
+    return (
+        f"seed {instance.seed}, {instance.mode}, played by {policies}{told}: "
+        f"{ended} after {ticks} of {instance.budget.ticks} ticks{score}."
+    )
+
+
+def _sights(mission: Mission, traces: Sequence[Trace], folder: Path) -> Iterator[str]:
+    from lingjing.analysis.gallery import best_frames, write_frame
+
+    for shown in best_frames(traces):
+        name = f"{mission.name}-{_plain(shown)}.jpg"
+        write_frame(shown, folder / name)
+        yield f"![{shown.caption}]({name})\n"
+        yield f"*{_sentence(shown.caption)}*\n"
+
+
+def _plain(shown: Shown) -> str:
+    """`uav-2-nadir`: a name for a file."""
+    return re.sub(r"[^a-z0-9]+", "-", f"{shown.info.entity}-{shown.info.camera}".lower()).strip("-")
+
+
+def _sentence(text: str) -> str:
+    return f"{text[0].upper()}{text[1:]}."
+
+
+def _results(rows: Sequence[Row]) -> list[str]:
+    from lingjing.bench.study import table
+
+    return [table(rows)] if rows else []
+
+
+def _graph(mission: Mission, folder: Path) -> str:
+    from lingjing.mission.draw.svg import svg
+    from lingjing.mission.graph import graph
+
+    name = f"{mission.name}-graph.svg"
+    (folder / name).write_text(svg(graph(mission)), encoding="utf-8")
+    return name

@@ -1,0 +1,67 @@
+"""What is adjudicated, as one table: every event, who makes it true, within which distance, under which condition."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from lingjing.dsl.print import Printer
+from lingjing.dsl.words import Words
+from lingjing.mission import expression as ex
+from lingjing.mission import model
+
+HEADS = ("Event", "Made true by", "Bounds", "In words")
+"""The table's heads; `judging` gives its rows."""
+
+_DISTANCES = ("distance", "distance_xy")
+_BY, _WITHIN = "_by", "_within_m"
+
+
+def judging(mission: model.Mission) -> Iterator[tuple[str, ...]]:
+    """A row for each rule, then for what the missions' targets offer: what an engine performs once it is allowed."""
+    printer = Printer(mission)
+    words = Words(printer.phrases)
+    for rule in mission.rules:
+        over = ", ".join(parameter.domain for parameter in rule.parameters)
+        by = "a report" if rule.matching else "the kernel"
+        bounds = ", ".join(dict.fromkeys(_bounds(rule.condition, printer)))
+        yield f"**{rule.name}** ({over})" if over else f"**{rule.name}**", by, bounds, words.sentence(rule.condition)
+    for group in mission.groups:
+        if group.role == "target":
+            yield from _interactions(mission, group, printer, words)
+    for one in mission.inspections:
+        near = " or ".join(f"`{printer.text(by)}`" for by in one.by)
+        order = "in their order" if one.order == "strict" else "in any order"
+        said = f"{near} comes to every waypoint of the route of `{printer.text(one.asset)}`, {order}"
+        yield f"**{one.name}** (route)", "the kernel", f"≤ {printer.text(one.within)}", said
+
+
+def _interactions(
+    mission: model.Mission, group: model.Group, printer: Printer, words: Words
+) -> Iterator[tuple[str, ...]]:
+    values = {prop.name: prop.value for prop in group.properties}
+    for name, by in values.items():
+        verb = name.removesuffix(_BY)
+        within = values.get(verb + _WITHIN)
+        if name.endswith(_BY) and within is not None:
+            unlocks = [
+                words.sentence(unlock.condition)
+                for unlock in mission.unlocks
+                if unlock.interaction == verb and group.name in {given.domain for given in unlock.parameters}
+            ]
+            allowed = f"allowed when {unlocks[0]}" if unlocks else "always allowed"
+            yield f"{verb} ({group.name})", f"the `{printer.text(by)}` engine", f"≤ {printer.text(within)}", allowed
+
+
+def _bounds(condition: object, printer: Printer) -> Iterator[str]:
+    """`≤ 25 m` for each bounded distance, `IoU ≥ 0.5` for each overlap, in reading order."""
+    if isinstance(condition, tuple):
+        for item in condition:
+            yield from _bounds(item, printer)
+    elif isinstance(condition, ex.Node):
+        if isinstance(condition, ex.Binary) and isinstance(condition.left, ex.Call):
+            if condition.left.function in _DISTANCES and condition.operator in ("<=", "<"):
+                yield f"{'≤' if condition.operator == '<=' else '<'} {printer.text(condition.right)}"
+            elif condition.left.function == "iou":
+                yield f"IoU ≥ {printer.text(condition.right)}"
+        for name in condition.__struct_fields__:
+            yield from _bounds(getattr(condition, name), printer)

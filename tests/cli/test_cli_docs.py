@@ -1,0 +1,80 @@
+"""`lingjing docs` with traces and results: a folder with a page whose every link leads somewhere."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+import sys
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from lingjing.bench.report import EpisodeReport
+from lingjing.bench.study import Row
+from lingjing.cli.main import main
+
+
+@pytest.fixture(scope="module")
+def played(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The trace tests' synthetic sea rescue."""
+    path = Path(__file__).parent.parent / "trace" / "synthetic.py"
+    spec = importlib.util.spec_from_file_location("synthetic_documented", path)
+    assert spec is not None and spec.loader is not None
+    module = sys.modules[spec.name] = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    target = tmp_path_factory.mktemp("episode") / "trace.mcap"
+    module.write_episode(target, ticks=60)
+    return target
+
+
+def results(path: Path) -> Path:
+    def report(mission: str) -> EpisodeReport:
+        return EpisodeReport(
+            mission=mission, seed=0, mode="star", policy="oracle", success=True, reason="success", scr=1.0, ticks=12,
+            digest="", trace="", metrics={},
+        )  # fmt: skip
+
+    rows = [Row(case="oracle", column=f"{name}-star", report=report(name)) for name in ("ssr", "cd")]
+    path.write_bytes(msgspec.json.encode(rows))
+    return path
+
+
+def test_a_page_with_pictures_and_results(played: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    table = results(tmp_path / "results.json")
+    code = main(["docs", "ssr", "--trace", str(played), "--results", str(table), "-o", str(tmp_path / "pages")])
+    assert code == 0
+    assert capsys.readouterr().out == f"{tmp_path}/pages/ssr.md\n"
+    text = (tmp_path / "pages" / "ssr.md").read_text()
+    linked = re.findall(
+        r"!\[[^\]]*[^\]]*\]\(([^)]+)\)", text.replace("[1]", "1").replace("[2]", "2").replace("[3]", "3")
+    )
+    assert {"ssr-map.png", "ssr-graph.svg"} < set(linked) and len(linked) >= 3
+    assert {path.name for path in (tmp_path / "pages").iterdir()} == {*linked, "ssr.md"}
+    assert all((tmp_path / "pages" / name).stat().st_size > 1000 for name in linked)
+    heads = re.findall(r"^## (.+)$", text, re.MULTILINE)
+    assert heads[:4] == ["An episode", "What each agent sees", "What counts", "How well it is played"]
+    assert "| rescue (victim) | the `vessel` engine | ≤ 50 m |" in text
+    assert "ssr-star" in text and "cd-star" not in text
+    assert "seed 7, broadcast, played by `heuristic`" in text
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("docs", "vdn", "--trace", "{trace}", "-o", "{out}"), "is of the mission `ssr`, not of `vdn`"),
+        (("docs", "ssr", "--trace", "{trace}"), "a page with pictures needs a folder"),
+        (("docs", "ssr", "--trace", "{trace}", "-o", "-"), "a page with pictures needs a folder"),
+        (("docs", "ssr", "--trace", "none.mcap", "-o", "{out}"), "none.mcap"),
+        (("docs", "ssr", "--results", "{trace}", "-o", "{out}"), "holds no results of a study"),
+        (("docs", "ssr", "--results", "none.json", "-o", "{out}"), "cannot read none.json"),
+        (("docs", "ssr", "--trace", "{trace}", "-o", "/proc/nowhere"), "/proc/nowhere"),
+    ],
+)
+def test_what_cannot_be_written_is_said(
+    arguments: tuple[str, ...], said: str, played: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    filled = [part.format(trace=played, out=tmp_path / "pages") for part in arguments]
+    assert main(filled) == 2
+    assert said in capsys.readouterr().err
+    assert not (tmp_path / "pages").exists()

@@ -1,0 +1,93 @@
+"""Write `docs/missions`: a page with pictures for every shipped mission, made of played episodes (`make missions`).
+
+Each mission is played by the oracle and by the heuristic agents, the map shows the best of these episodes (the first
+that won, else the highest score), and the frames are the best of both. Where neither can play, random agents do. The
+traces stay in a folder and are played again only with `--again` or for missions that have none.
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from lingjing.bench.columns import shipped
+from lingjing.bench.episode import TRACE_NAME, run
+from lingjing.cli.missionpage import write_page
+from lingjing.dsl.load import load_mission
+from lingjing.errors import LingjingError
+from lingjing.mission.model import Mission
+from lingjing.trace.reader import read_trace
+
+ROOT = Path(__file__).parents[1]
+POLICIES = ("oracle", "heuristic")
+FALLBACK = "random"
+LIMIT_BYTES = 4_000_000
+"""What all pages and pictures together may take in the repository."""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Play what is missing, write the pages and the index; 1 if they have grown too large."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("missions", nargs="*", help="names of shipped missions (default: all)")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--traces", type=Path, default=ROOT / "runs" / "missions", help="where the traces are kept")
+    parser.add_argument("--results", type=Path, help="a study's results.json, for the tables of results")
+    parser.add_argument("--again", action="store_true", help="play again what has been played")
+    parser.add_argument("-o", "--output", type=Path, default=ROOT / "docs" / "missions")
+    args = parser.parse_args(argv)
+    missions = [load_mission(path) for path in shipped()]
+    for mission in missions:
+        if not args.missions or mission.name in args.missions:
+            traces = played(mission, args.seed, args.traces, again=args.again)
+            print(write_page(mission, traces, args.results, args.output), flush=True)
+    (args.output / "README.md").write_text(index(missions, args.output), encoding="utf-8")
+    size = sum(path.stat().st_size for path in args.output.rglob("*") if path.is_file())
+    print(f"{size / 1e6:.2f} MB in {args.output}")
+    return int(size > LIMIT_BYTES)
+
+
+def played(mission: Mission, seed: int, folder: Path, *, again: bool) -> list[Path]:
+    """The traces of a mission, the one for the map first."""
+    found = [trace for policy in POLICIES if (trace := _trace(mission, policy, seed, folder, again=again)) is not None]
+    if not found and (trace := _trace(mission, FALLBACK, seed, folder, again=again)) is not None:
+        found = [trace]
+    return sorted(found, key=_rank)
+
+
+def _trace(mission: Mission, policy: str, seed: int, folder: Path, *, again: bool) -> Path | None:
+    place = folder / f"{mission.name}-{policy}"
+    path = place / TRACE_NAME
+    if again and place.exists():
+        shutil.rmtree(place)
+    if not path.is_file():
+        shutil.rmtree(place, ignore_errors=True)  # what a stopped run left
+        try:
+            result = run(mission, policy=policy, seed=seed, out=place)
+        except LingjingError as error:
+            print(f"{mission.name}: {policy} cannot play it: {error}", file=sys.stderr)
+            return None
+        print(f"{mission.name}: {policy}, {result.reason}, SCR {result.scr:.2f}, {result.ticks} ticks", flush=True)
+    return path if path.is_file() else None
+
+
+def _rank(path: Path) -> tuple[bool, float]:
+    outcome = read_trace(path).outcome
+    return (True, 0.0) if outcome is None else (not outcome.success, -outcome.scr)
+
+
+def index(missions: Sequence[Mission], folder: Path) -> str:
+    """A page that leads to the pages that are there."""
+    lines = ["# Missions\n", "| Mission | | Modes | What is to be done |", "| --- | --- | --- | --- |"]
+    for mission in missions:
+        if (folder / f"{mission.name}.md").is_file():
+            goal = " ".join(mission.goal.split())
+            modes = ", ".join(mission.modes.allowed)
+            lines.append(f"| [{mission.title}]({mission.name}.md) | `{mission.name}` | {modes} | {goal} |")
+    return "\n".join([*lines, "", "These pages are generated: `make missions`.", ""])
+
+
+if __name__ == "__main__":
+    sys.exit(main())
