@@ -111,11 +111,15 @@ class RouteInspector:
 
     def _move(self, own: EntityView, tick: int) -> Action | None:
         assert own.position is not None
-        if self._next >= len(self._route) or tick < self._wait_until:
+        if own.status == "grounded":
+            return self._fly(*own.position[:2])  # straight up: there are houses around
+        if tick < self._wait_until and self._route:
+            # The next route begins where this one does: be there when it comes.
+            first = self._route[0]
+            return self._fly(*first) if math.dist(own.position[:2], first) > REACHED_M else None
+        if self._next >= len(self._route):
             return None
         x, y = self._route[self._next]
-        if own.position[2] < self._z - 60.0 and own.status == "grounded":
-            return self._fly(own.position[0], own.position[1])
         if math.dist(own.position[:2], (x, y)) > REACHED_M:
             self._tries += 1
             if self._tries <= 2 * ATTEMPTS:
