@@ -11,7 +11,7 @@ from rich.style import Style
 from rich.text import Text
 
 from lingjing.cli.progress import factor
-from lingjing.cli.watch.chart import Chart, Colour, asset_colour
+from lingjing.cli.watch.chart import SIGHTS, Chart, Colour, asset_colour
 from lingjing.cli.watch.state import Doing, Line, Watched
 
 MAP_FROM = (56, 16)
@@ -40,7 +40,7 @@ class Screen:
             yield from Segment.adjust_line_length(row, width)
 
     def _rows(self, width: int, height: int, *, coloured: bool) -> list[Row]:
-        heading = [_row(text, width) for text in (self._head(width), self._clock(width), self._stages())]
+        heading = [_row(text, width) for text in (self._head(width), self._clock(width), self._stages(width))]
         if width < MAP_FROM[0] or height < MAP_FROM[1]:
             return heading + self._agents(width, height - _HEADING)
         ticker = min(12, max(5, (height - _HEADING) // 4))
@@ -66,11 +66,16 @@ class Screen:
         bar = Text("━" * full, style="green").append("━" * (room - full), style="dim")
         return Text(count).append_text(bar).append(rest)
 
-    def _stages(self) -> Text:
+    def _stages(self, width: int) -> Text:
+        """How far each stage is; then, as far as there is room, whose map it is and what the signs of targets mean."""
         line = Text(" ")
         for name, done, of in self._watched.stage_counts():
             line.append(f"{name} {done}/{of}  ", style="bold green" if done >= of else "bold" if done else "dim")
-        return line.append(self._credit, style="dim")
+        signs = Text(f"{self._credit} ", style="dim")
+        for sight, (sign, colour) in SIGHTS.items():
+            if sight != "truth" or self._watched.truth:
+                signs.append(sign, style=_ink(colour)).append(f" {sight}  ", style="dim")
+        return _apart(line, signs, width) if line.cell_len + signs.cell_len <= width else line.append_text(signs)
 
     def _agents(self, width: int, height: int) -> list[Row]:
         """Two lines an agent where there is room, else one; agents that do not fit are counted."""
