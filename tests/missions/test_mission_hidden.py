@@ -9,11 +9,14 @@ byte by byte.
 from __future__ import annotations
 
 import functools
+import math
 import sys
 from pathlib import Path
 
 import msgspec
 import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
 
 sys.path.insert(0, str(Path(__file__).parent))
 
@@ -259,3 +262,36 @@ def test_an_admitted_report_makes_the_difference():
             kinds = [event.kind for event in play.published.observations["driver"].events]
             assert kinds == (["matched", "located"] if instance is first else ["matched"])
     assert [one == other for one, other in zip(*seen, strict=True)] == [True, True, True, False]
+
+
+@columns
+@settings(max_examples=6, deadline=None, derandomize=True, database=None)
+@given(seed=st.integers(1, 10_000), east=st.floats(-300.0, 300.0), north=st.floats(-300.0, 300.0))
+def test_wherever_hidden_things_are_inputs_are_the_same(name, mode, seed, east, north):
+    """Any other draw, and all that is hidden anywhere else in the scene: nobody can tell without a sensor.
+
+    The actors stand still here, away from the dogs' fires and whatever else is touched before it is seen."""
+    first = pair(name, mode)[0]
+    other = otherwise(first, drawn(name, mode, seed))
+    shifted = tuple(
+        msgspec.structs.replace(
+            entity, position=(entity.position[0] + east, entity.position[1] + north, entity.position[2])
+        )
+        if "position" in entity.hidden
+        else entity
+        for entity in other.entities
+    )
+    actors = [entity.position for entity in first.entities if entity.role == "asset"]
+    near = [e for e in shifted if "position" in e.hidden and any(math.dist(e.position, a) < 60.0 for a in actors)]
+    assume(not near)
+    goal = next((entity.position for entity in first.entities if entity.type == "destination"), (0.0, 0.0, 0.0))
+    seen = []
+    for instance in (first, msgspec.structs.replace(other, entities=shifted)):
+        with kit.playing(name, mode, instance=instance, strings=kit.Strings(routes=[(goal,)])) as play:
+            for _ in range(3):
+                play.do(busy(play))
+            briefs = {agent: msgspec.msgpack.encode(brief) for agent, brief in play.kernel.briefs().items()}
+            rows = [{agent: told(one.observations[agent], one.inboxes[agent]) for agent in briefs} for one in play.all]
+            digests = [[seen.sha256 for seen in one.record.observations] for one in play.all]
+        seen.append((briefs, rows, digests))
+    assert seen[0] == seen[1]
