@@ -1,7 +1,8 @@
 """Which buildings ahead look like the one in a reference picture: facades of its colour, with windows.
 
 A wall is either in the sun or in shade, and the reference picture shows one of the two: both colours are looked for.
-Windows tell walls from clouds, fences and pavements. How high a facade reaches over the horizon tells roughly how far it is.
+Windows tell walls from clouds, fences and pavements. How high a facade reaches over the horizon tells roughly how far
+it is.
 """
 
 from __future__ import annotations
@@ -92,7 +93,7 @@ def find_facades(rgb: npt.NDArray[np.uint8], pose: CameraPose, look: Look) -> tu
 
 
 def likeness(rgb: Pixels, look: Look) -> npt.NDArray[np.float32]:
-    """1 where a pixel's colour is that of the wall in the sun, `DOUBT` where it is that of the wall in shade, else 0."""
+    """1 where a pixel has the wall's colour in the sun, `DOUBT` where it has that in shade, else 0."""
     lit, shaded = _lights(look)
     in_sun = (np.abs(rgb - np.array(lit, np.float32)) < LIT).all(axis=2)
     in_shade = (np.abs(rgb - np.array(shaded, np.float32)) < SHADED).all(axis=2)

@@ -29,14 +29,14 @@ def heights(
     u, v = np.meshgrid((columns + 0.5 - depth.shape[1] / 2) / focal, (rows + 0.5 - depth.shape[0] / 2) / focal)
     rays = forward + u[..., None] * right + v[..., None] * down
     reach = depth[rows][:, columns].astype(np.float64)[..., None]
-    points = (np.array(pose.position) + rays * reach).reshape(-1, 3)
-    points = points[np.isfinite(points).all(axis=1)]
-    points[:, 2] -= ground_m
-    return points
+    points: npt.NDArray[np.float64] = (np.array(pose.position) + rays * reach).reshape(-1, 3)
+    finite: npt.NDArray[np.float64] = points[np.isfinite(points).all(axis=1)]
+    finite[:, 2] -= ground_m
+    return finite
 
 
 def close_what_stands(known: WalkMap, points: npt.NDArray[np.float64], follower: Place | None = None) -> None:
-    """Close the cells in which enough of the points (n, 3) stand higher than a dog steps, but for the follower's own."""
+    """Close the cells in which enough of the points (n, 3) are higher than a dog steps, but for the follower's own."""
     if follower is not None:
         away = np.hypot(points[:, 0] - follower[0], points[:, 1] - follower[1])
         points = points[away > OWN_M]

@@ -17,6 +17,7 @@ from lingjing_agents.pixels import opencv
 
 Mask = npt.NDArray[np.bool_]
 Edges = tuple[int, int, int, int]
+Metres = npt.NDArray[np.floating]
 
 CLAMP_M = (0.25, 2.2)
 SPRAY_M = (1.2, 9.0)
@@ -109,7 +110,7 @@ def _spray(white: Mask, clamp: Edges, metres: float) -> tuple[Edges, int] | None
     return (fan_edges[0] + x0, fan_edges[1] + y0, fan_edges[2] + x0, fan_edges[3] + y0), total
 
 
-def _axis(east: npt.NDArray[np.float64], south: npt.NDArray[np.float64]) -> float:
+def _axis(east: Metres, south: Metres) -> float:
     """The direction (radians) of the pipe through the clamp: along it lies most white that is some way off."""
     far = (np.hypot(east, south) > 2.0) & (np.hypot(east, south) < RUN_M)
     angles = np.radians(np.arange(0, 180, 2))
@@ -117,7 +118,7 @@ def _axis(east: npt.NDArray[np.float64], south: npt.NDArray[np.float64]) -> floa
     return float(angles[int(np.argmax(counts))])
 
 
-def _stripes(along: npt.NDArray[np.float64], across: npt.NDArray[np.float64], metres: float) -> Mask:
+def _stripes(along: Metres, across: Metres, metres: float) -> Mask:
     """Which strips of `BIN_M` metres beside the axis are white all along, also far from the clamp."""
     count = int(2 * RUN_M / BIN_M) + 1
     bins = np.clip(np.floor((across + RUN_M) / BIN_M).astype(np.int64), 0, count - 1)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 
-from lingjing.plugins.policy import Action, Brief, Datum, Decision, Envelope, Inbox, Observation, Resource
+from lingjing.plugins.policy import Action, Brief, Datum, Decision, Envelope, Inbox, Observation, Outgoing, Resource
 from lingjing_agents.capability import compose, has_verb, may_send
 from lingjing_agents.heuristic.events import view_of
 from lingjing_agents.heuristic.sightings import name_in
@@ -30,7 +30,7 @@ class Executor:
             step = step_in(envelope, self._brief.agent, self._body)
             if step is not None:
                 self._steps.append(step)
-        messages = ()
+        messages: tuple[Outgoing, ...] = ()
         ends = [ENDED[receipt.status] for receipt in inbox.receipts if self._ended(receipt.resource, receipt.status)]
         own = view_of(observation, self._body.id)
         if self._under_way >= 0 and ends:

@@ -38,7 +38,11 @@ ARRIVAL_M = 20.0
 SPREAD = 0.5
 """How wrong a distance is usually, as a factor's logarithm."""
 
-WORTH_GOING = 3.0
+VIEWS_M, VIEW_WORTH = (85.0, 55.0, 35.0), 24
+"""How far a view is trusted to show a facade, in each pass, and how many new samples make a look to the side worth
+a tick: buildings are big, and there is a bound on ticks."""
+
+WORTH_GOING = 0.7
 HELD = 1.25
 """Another place must be better by this factor before the dog changes its mind."""
 
@@ -57,7 +61,7 @@ class Navigator:
         self._look: Look = look_of(reference.rgb)
         self._ground, self._entrance = where_to_look(brief, here)
         self._legs = Legs(body, WalkMap(Bounds.around((*self._ground, here), MARGIN_M)))
-        self._views = Views((self._ground,) if self._ground else ())
+        self._views = Views((self._ground,) if self._ground else (), VIEWS_M, VIEW_WORTH)
         self._belief = Belief(self._ground)
         self._goal: Place | None = None
         self._patience = 0

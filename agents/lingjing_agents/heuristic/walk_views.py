@@ -27,6 +27,8 @@ class Views:
     """The samples of the regions' polygons that nobody has looked at in this pass."""
 
     polygons: tuple[tuple[Place, ...], ...]
+    passes_m: tuple[float, ...] = PASSES_M
+    worth: int = WORTH
     number: int = 0
     unseen: set[Place] = field(default_factory=set)
     refused: set[Place] = field(default_factory=set)
@@ -37,7 +39,7 @@ class Views:
     @property
     def far_m(self) -> float:
         """How far a view is trusted."""
-        return PASSES_M[min(self.number, len(PASSES_M) - 1)]
+        return self.passes_m[min(self.number, len(self.passes_m) - 1)]
 
     def again(self) -> None:
         """Begin with everything unseen, on a lattice shifted by half a step in every second pass."""
@@ -59,7 +61,7 @@ class Views:
         self.unseen = {place for place in self.unseen if math.dist(place, here) > self.far_m}
 
     def refuse(self, place: Place) -> None:
-        """This place cannot be reached."""
+        """That place cannot be reached."""
         self.refused.add(place)
         self.unseen = {other for other in self.unseen if math.dist(place, other) > SAMPLE_M * 0.8}
 
@@ -77,10 +79,10 @@ class Views:
         worth taking. Staying costs nothing, so it wins a tie."""
         options = (0.0, -2 * half_deg, 2 * half_deg, 180.0)
         counts = [(len(self.shown(here, heading_deg + turn, half_deg)), -abs(turn), turn) for turn in options]
-        if counts[0][0] >= WORTH:
+        if counts[0][0] >= self.worth:
             return 0.0
         most = max(counts)
-        return most[2] if most[0] >= WORTH else None
+        return most[2] if most[0] >= self.worth else None
 
     def next_place(self, here: Place, others: tuple[Place, ...]) -> Place | None:
         """Where to look around next: much to see and near, and nearer to here than to the others if possible."""
