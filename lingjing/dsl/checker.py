@@ -298,7 +298,8 @@ class MissionChecker:
     def _alone(self, node: s.MissionBlock, checked: Checked) -> None:
         """`single` is for one agent."""
         agents = _all(node.block.items, s.AgentBlock)
-        if checked.modes is None or checked.modes.default != "single" or (len(agents) < 2 and not agents[0].index):
+        several = len(agents) > 1 or any(agent.index for agent in agents)
+        if checked.modes is None or checked.modes.default != "single" or not several:
             return
         second = agents[-1]
         self.report(

@@ -78,6 +78,8 @@ def _statement_starts(tree: s.File) -> Iterator[int]:
         elif isinstance(node, s.Node):
             if isinstance(node, s.Statement) and not isinstance(node, s.Block):
                 yield node.start
+            if isinstance(node, s.Override):  # one statement with what it overrides
+                node = node.item
             waiting.extend(getattr(node, name) for name in _nested_fields(type(node)))
 
 

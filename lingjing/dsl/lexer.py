@@ -38,10 +38,10 @@ MASTER = re.compile(
     (?P<WORD>[^\W\d][\w{_MARKS}]*)
   | (?P<NUMBER>{_DIGITS}(?:\.{_DIGITS}|(?!\.\d))(?:[eE][+-]?{_DIGITS}|(?![eE][+-]?\d))(?!\w*\d)(?:{_UNIT})?)
   | (?P<SPACE>[ \t]+|\#[^\r\n]*)
-  | (?P<LINE>(?:\r\n|\n|\r)(?:[ \t]*(?:\#[^\r\n]*)?(?:\r\n|\n|\r))*)
+  | (?P<LINE>[\r\n](?:[ \t\r\n]*[\r\n])?)
   | (?P<COMMA>,)
   | (?P<SYMBOL><->|->|<=|>=|==|!=|\.\.|\.\*|[-+*/<>=~:.(){{}}\[\]])
-  | (?P<LONGSTRING>""\"[^"\\]*(?:(?:\\.|"(?!""))[^"\\]*)*""\")
+  | (?P<LONGSTRING>""\")
   | (?P<STRING>"[^"\\\r\n]*(?:\\[^\r\n][^"\\\r\n]*)*")
   | (?P<OPENSTRING>"[^\r\n{{}}]*)
   | (?P<BADNUMBER>\d\w*(?:\.\w+)*)
@@ -50,12 +50,15 @@ MASTER = re.compile(
     re.VERBOSE | re.DOTALL,
 )
 
+_COMMENT_LINES = re.compile(r"[ \t]*\#[^\r\n]*[\r\n](?:[ \t\r\n]*[\r\n])?")
+"""A comment with a line of its own, and the blank lines after it. One at a time: the pattern matcher keeps half a
+kilobyte for each round of a repeated group, so that a file of line ends alone took gigabytes."""
 _STATEMENT_FOLLOWS = re.compile(r"[ \t]+(?:[^\W\d]|\"|\{|-?\d|\.[^\W\d])|[ \t]*\{")
 _HEADER_FOLLOWS = re.compile(r"[ \t]+(?:[^\W\d]|\")|[ \t]*\{")
 _NAME_FOLLOWS = re.compile(r"[ \t]*(?:=(?!=)|~|:|<=)")
 _INNER_IS_NAME = re.compile(r"[ \t]*(?:=(?!=)|~|:)")
 _NEXT_ITEM = re.compile(
-    r"(?:[ \t\r\n]|\#[^\r\n]*)*(?:(?P<close>\})|(?P<word>[^\W\d]\w*)(?P<after>[ \t]*(?:=(?!=)|~)?))"
+    r"[ \t\r\n]*(?:\#[^\r\n]*[ \t\r\n]*){0,1000}(?:(?P<close>\})|(?P<word>[^\W\d]\w*)(?P<after>[ \t]*(?:=(?!=)|~)?))"
 )
 _CONTINUES = re.compile(r"[ \t]*(?:(?:and|or)\b|->|<->)")
 _STARTS = re.compile(r"[ \t]*(?:(?P<word>[^\W\d]\w*)|\})")
@@ -231,28 +234,36 @@ class Lexer:
     # -- structure
 
     def _line(self, match: re.Match[str]) -> int:
+        """A line's end, with the blank and comment lines after it; where to go on if there were comments."""
+        start, end = match.start(), match.end()
+        while comment := _COMMENT_LINES.match(self.text, end):
+            end = comment.end()
+        self._line_ends(start, end)
+        return 0 if end == match.end() else end
+
+    def _line_ends(self, start: int, end: int) -> None:
+        """A newline token at `start`, if a statement ends there; the next line begins at `end`."""
         top = self.open[-1][0] if self.open else "{"
         if top != "{":
-            if not self._bracket_was_forgotten(top, match.end()):
-                return 0
-            self._close_down_to_block(match.start())
+            if not self._bracket_was_forgotten(top, end):
+                return
+            self._close_down_to_block(start)
         if self.previous in ("NL", "LBRACE") or self.previous in OPERATORS_THAT_CONTINUE:
-            if self.previous not in ("NL", "LBRACE", "SEP", "COMMA") and self._statement_starts(match.end()):
-                self._add("NL", match.start(), match.start())
-            return 0
-        if _CONTINUES.match(self.text, match.end()):
-            return 0
-        if self.guide is not None and self._block_was_forgotten(self.guide, match):
-            return 0
-        self._add("NL", match.start(), match.start())
-        return 0
+            if self.previous not in ("NL", "LBRACE", "SEP", "COMMA") and self._statement_starts(end):
+                self._add("NL", start, start)
+            return
+        if _CONTINUES.match(self.text, end):
+            return
+        if self.guide is not None and self._block_was_forgotten(self.guide, end):
+            return
+        self._add("NL", start, start)
 
-    def _block_was_forgotten(self, guide: Indentation, line: re.Match[str]) -> bool:
+    def _block_was_forgotten(self, guide: Indentation, line: int) -> bool:
         """Supply `{` where the next line is indented deeper than a header without one, `}` where it is not."""
         last = self.tokens[-1]
         first = self._statement()
-        depth = guide.depth(line.end())
-        if depth is None or self.text.startswith("}", line.end() + depth):
+        depth = guide.depth(line)
+        if depth is None or self.text.startswith("}", line + depth):
             return False
         if first is last and first.text in _BLOCK_KEYWORDS:
             first = self.tokens[-1] = Token(STATEMENTS[first.text], first.text, first.start, first.end)
@@ -413,8 +424,6 @@ class Lexer:
         if match[0] != '""':
             self._add("STRING", start, end)
             return 0
-        if self.text.startswith('"', end):
-            return self._unclosed_long(start)
         line = _LONG_REST.match(self.text, end) if self.previous in ("GOAL", "PROMPT") else None
         if line is None:
             self._add("STRING", start, end)
@@ -440,13 +449,29 @@ class Lexer:
     def _long_string(self, match: re.Match[str]) -> int:
         """A text of several lines. On the second pass one that leaves its indentation was never closed: what closes it
         is the beginning of another."""
+        start = match.start()
+        end = self._long_end(match.end())
+        if end < 0:
+            return self._unclosed_long(start)
         if self.guide is not None:
-            return self._until_dedent(match.start(), match.end())
-        begin = self.text.rfind("\n", 0, match.end()) + 1
-        if self.text[begin : match.end() - 3].strip() in ("goal", "prompt"):
+            return self._until_dedent(start, end)
+        begin = self.text.rfind("\n", 0, end) + 1
+        if self.text[begin : end - 3].strip() in ("goal", "prompt"):
             self.unbalanced = True
-        self._add("STRING", match.start(), match.end())
-        return 0
+        self._add("STRING", start, end)
+        return end
+
+    def _long_end(self, at: int) -> int:
+        """Where a text of several lines ends whose inside begins at `at`: after three quotes that are not escaped;
+        -1 if it does not."""
+        while (found := self.text.find('"""', at)) >= 0:
+            slashes = found
+            while self.text[slashes - 1] == "\\" and slashes > at:
+                slashes -= 1
+            if (found - slashes) % 2 == 0:
+                return found + 3
+            at = found + 1
+        return -1
 
     def _until_dedent(self, start: int, close: int) -> int:
         """End a text at its last line that is indented deeper than the line it begins on, if that is before `close`."""

@@ -117,3 +117,8 @@ def test_a_look_alike_is_warned_of_once_and_offers_the_latin_name(small: str) ->
     (one,) = compilation.diagnostics
     assert compilation.mission is not None and one.severity == "warning" and one.fix is not None
     assert [edit.text for edit in one.fix.edits] == ["height", "height"] and not one.fix.safe
+
+
+def test_a_single_mode_without_any_agent_lacks_one() -> None:
+    found = compile_text('ljs 1\nmission m "" {\n  mode single\n}\n').diagnostics
+    assert {item.code for item in found} == {"LJ0106"} and "the mission has no agent" in [i.message for i in found]

@@ -232,3 +232,10 @@ def test_the_mission_is_the_same(name: str, seed: int) -> None:
 
     text = perturbed(TEXTS[name], seed)
     assert mission(text) == mission(formatted(text))
+
+
+def test_override_stays_with_its_statement() -> None:
+    text = "ljs 1\nmission m {\n  param a = 1, override weather { wind = 1 m/s from 3 deg }\n  override mode star\n}\n"
+    assert format_text(text).text == text
+    spread = "ljs 1\nmission m {\n  override asset boat {\n    speed <= 3 m/s  # slow\n  }\n}\n"
+    assert format_text(spread).text == spread

@@ -299,3 +299,14 @@ def test_controls_of_direction_are_flagged_everywhere(small: str, control: str, 
 def test_zero_bytes_are_named(small: str) -> None:
     (found,) = compile_text(small.replace("uavs = 2", "uavs = \x002")).diagnostics
     assert found.code == "LJ0001" and "U+0000" in found.message
+
+
+@pytest.mark.parametrize("filling", ["\n", "#\n", "\\n\\n\\n\n"], ids=["blank", "comments", "escapes"])
+def test_a_million_lines_of_nothing_take_little_memory(filling: str) -> None:
+    """A repeated group of a pattern costs half a kilobyte a round: five gigabytes for ten million blank lines."""
+    small = (Path(__file__).parents[2] / "docs" / "errors" / "example.ljs").read_text()
+    lines = filling * 300_000
+    text = small.replace('"Find everybody."', f'"""{lines}"""') if "n" in filling else f"{lines}{small}"
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    assert compile_text(text).mission is not None
+    assert (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024 < 120
