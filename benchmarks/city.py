@@ -6,7 +6,8 @@ depth and ids. Ours with shadows; MuJoCo's with its shadows and without, always 
 pass, boxes included; MuJoCo needs one for each of the three. Rounds alternate the sides, medians count.
 
 `--only streaming`: the scene `city` of 10 km is flown over inside its busiest square kilometre, and so is a city that
-is this square kilometre alone; each in a process of its own. What a picture costs (the best of the flights' medians) and what the process holds, all of it.
+is this square kilometre alone; each in a process of its own. What a picture costs (the best of the flights'
+medians) and what the process holds, all of it.
 """
 
 from __future__ import annotations

@@ -77,3 +77,35 @@ def test_another_process_hash_seed_and_world_mode_tell_the_same(told, tmp_path, 
         timeout=300,
     )
     assert run.stdout.split("\n")[:-1] == told
+
+
+RESETS = """
+import sys
+sys.path.insert(0, sys.argv[1])
+import gc
+from pathlib import Path
+import couplings_kit as kit
+from lingjing.kernel.world import open_world
+
+world, held = open_world("inline", host=kit.host()), []
+instance, city = kit.staged(kit.MIXED)
+for number in range(40):
+    world.reset(instance, city)
+    if number % 8 == 7:
+        world.step(1, ())
+        gc.collect()
+        status = Path("/proc/self/status").read_text().splitlines()
+        held.append(next(int(line.split()[1]) for line in status if line.startswith("VmRSS")) / 1024)
+world.close()
+print(*held)
+"""
+
+
+@pytest.mark.slow
+def test_many_resets_leave_memory_flat():
+    """The benchmark `world.py --only resets` does it five hundred times."""
+    run = subprocess.run(
+        [sys.executable, "-c", RESETS, str(kit.HERE)], capture_output=True, text=True, check=True, timeout=300
+    )
+    held = [float(word) for word in run.stdout.split()]
+    assert held[-1] - held[1] < 0.03 * held[1], held

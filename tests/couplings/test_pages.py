@@ -1,0 +1,48 @@
+"""`docs/engines.md` and `docs/scenes.md` are true: what they list is what there is."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from lingjing.dsl.load import load_mission
+from lingjing.plugins.engines import builtin
+from lingjing.scene.districts import options
+
+ROOT = Path(__file__).parents[2]
+ENGINES = (ROOT / "docs" / "engines.md").read_text("utf-8")
+SCENES = (ROOT / "docs" / "scenes.md").read_text("utf-8")
+PACKAGES = {"plane": "fixed_wing"}
+NAMES = [plugin.name for plugin in builtin.lingjing_engines()]
+
+
+def rows(name: str) -> str:
+    """All rows of the page's tables that begin with an engine."""
+    return "\n".join(line for line in ENGINES.splitlines() if line.startswith(f"| `{name}` |"))
+
+
+@pytest.mark.parametrize("name", [name for name in NAMES if name != "camera"])
+def test_every_reason_for_a_refusal_is_on_the_page(name):
+    folder = ROOT / "lingjing" / "plugins" / "engines" / PACKAGES.get(name, name)
+    code = "\n".join(path.read_text("utf-8") for path in sorted(folder.glob("*.py")))
+    given = {*re.findall(r'Refusal\("(\w+)"', code), *re.findall(r'\.fail\([^"]*?"(\w+)"', code)}
+    common = {"unknown_resource", "unknown_verb", "bad_argument"}
+    assert given
+    assert {reason for reason in given - common if f"`{reason}`" not in rows(name)} == set()
+    assert all(f"`{reason}`" in ENGINES for reason in common)
+
+
+def test_every_engine_and_scene_is_on_its_page():
+    assert [name for name in NAMES if not rows(name)] == []
+    scenes = [plugin.name for plugin in builtin.lingjing_scenes()]
+    assert [name for name in scenes if f"`{name}`" not in SCENES and f"scene {name} " not in SCENES] == []
+    assert [name for name in set(options._KNOWN.values()) if f"`{name}`" not in SCENES] == []
+
+
+def test_the_missions_on_the_page_of_scenes_compile(tmp_path):
+    blocks = re.findall(r"```ljs\n(.*?)```", SCENES, re.DOTALL)
+    assert blocks
+    for number, block in enumerate(blocks):
+        path = tmp_path / f"page{number}.ljs"
+        path.write_text(block, "utf-8")
+        assert load_mission(path).name
