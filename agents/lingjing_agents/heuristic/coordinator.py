@@ -11,7 +11,7 @@ from lingjing.plugins.policy import Brief, Decision, Inbox, Observation, Outgoin
 from lingjing_agents.capability import compose, may_send, natural
 from lingjing_agents.heuristic.events import EventLog
 from lingjing_agents.heuristic.kinds import PEOPLE, kind_of
-from lingjing_agents.heuristic.sightings import Sighting, Sightings, confidence_in, name_in, position_in
+from lingjing_agents.heuristic.sightings import Sighting, confidence_in, name_in, position_in
 
 RESCUE_PATIENCE_S = 350.0
 """A rescue that takes longer than this is given up: its crew may never have heard of it."""
@@ -27,7 +27,7 @@ class Coordinator:
         self._owner: dict[str, str] = {}
         self._done: set[str] = set()
         self._kind = (kind_of(brief) or (PEOPLE, ""))[0]
-        self._sightings = Sightings(brief.weather, merge_m=self._kind.merge_m)
+        self._sightings = self._kind.sightings(brief)
         self._log = EventLog(self._kind.done)
         self._current: Sighting | None = None
         self._current_tick = 0
@@ -78,7 +78,8 @@ class Coordinator:
         return (self._order(idle[0], "search", cell=cell),)
 
     def _next_rescue(self, observation: Observation) -> tuple[Outgoing, ...]:
-        if self._current is not None and (observation.tick - self._current_tick) * self._brief.tick_s > RESCUE_PATIENCE_S:
+        waited_s = (observation.tick - self._current_tick) * self._brief.tick_s
+        if self._current is not None and waited_s > RESCUE_PATIENCE_S:
             self._close("missed")
         if self._current is not None or not self._rescuers:
             return ()

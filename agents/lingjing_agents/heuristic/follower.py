@@ -1,4 +1,4 @@
-"""The inspector's rules: follow a long thing from its near end and look at every picture until what is looked for shows.
+"""The inspector's rules: follow a long thing from its near end and look at every picture for what is wrong with it.
 
 Pictures overlap, so that a gap that one cuts off is whole in the next; it is reported from every picture that shows it
 whole until an event says that the report was believed. At the far end the inspector turns and comes back, half a step
@@ -8,6 +8,7 @@ aside of where it looked before.
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 from lingjing.plugins.geometry import box_to_plane
 from lingjing.plugins.policy import Action, Brief, Datum, Decision, Inbox, Observation, Outgoing, Picture, Resource
@@ -97,7 +98,7 @@ class Follower:
         step = STEP * footprint(self._camera, self._z - self._brief.water_level_m - DECK_M)[1]
         line = centreline(region.polygon, here, step)
         if self._leg % 2:
-            line = tuple(((a[0] + b[0]) / 2, (a[1] + b[1]) / 2) for a, b in zip(line, line[1:], strict=False))
+            line = tuple(((a[0] + b[0]) / 2, (a[1] + b[1]) / 2) for a, b in pairwise(line))
         self._leg += 1
         return list(line)
 

@@ -88,12 +88,10 @@ def _finds(water: npt.NDArray[np.bool_], edges: Edges, metres_per_px: float) -> 
     rows = np.arange(height)
     left = edges.left[0] * rows + edges.left[1]
     right = edges.right[0] * rows + edges.right[1]
-    share = np.array(
-        [water[row, max(0, round(a) + 2) : max(1, round(b) - 2)].mean() for row, a, b in zip(rows, left, right, strict=True)
-         if round(b) - 2 > max(0, round(a) + 2)]
-    )  # fmt: skip
-    if len(share) != height:
+    if min(right[0] - left[0], right[-1] - left[-1]) < 8:
         return []
+    inner = zip(water, np.maximum(left + 2, 0).round().astype(int), (right - 2).round().astype(int), strict=True)
+    share = np.array([row[a : max(a + 1, b)].mean() for row, a, b in inner])
     found = []
     for top, bottom in _runs(share > OPEN, round(2.0 / metres_per_px)):
         long_m = (bottom - top) * metres_per_px
@@ -101,7 +99,12 @@ def _finds(water: npt.NDArray[np.bool_], edges: Edges, metres_per_px: float) -> 
             continue
         pad = 1.0 / metres_per_px
         x0, x1 = min(left[top], left[bottom - 1]) - pad, max(right[top], right[bottom - 1]) + pad
-        box = (max(0.0, x0) / width, max(0.0, top - pad) / height, min(1.0, x1 / width), min(1.0, (bottom + pad) / height))
+        box = (
+            max(0.0, x0) / width,
+            max(0.0, top - pad) / height,
+            min(1.0, x1 / width),
+            min(1.0, (bottom + pad) / height),
+        )
         found.append(Find(box, float(min(1.0, 0.5 + share[top:bottom].mean()))))
     return sorted(found, key=lambda find: (-find.confidence, find.box))
 

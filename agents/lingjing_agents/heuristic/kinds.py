@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lingjing.plugins.policy import Brief, CameraPose
+from lingjing.plugins.policy import Brief, CameraPose, Weather
 from lingjing_agents.heuristic.detector import Find, find_people
 from lingjing_agents.heuristic.flames import find_flames
 from lingjing_agents.heuristic.gap import find_gaps
+from lingjing_agents.heuristic.sightings import Sightings
 
 Detector = Callable[[npt.NDArray[np.uint8], CameraPose, float], tuple[Find, ...]]
 """Picture (height, width, 3), its pose and the elevation of the ground or water → finds, the surest first."""
@@ -27,7 +28,8 @@ class Kind:
     farther out than it is. `confirm` is the height of a second look as a share of the search height, `settle_m` the
     distance (m) from which somebody settles one, `raised_m` how high over the ground one usually is: among buildings,
     where a vehicle climbs before it flies anywhere. Searches are flown at `aloft` times the mission's altitude, from
-    where walls hide less, with `overlap` (0..1) between pictures and never below `lowest` of that height.
+    where walls hide less, with `overlap` (0..1) between pictures and never below `lowest` of that height. What
+    `drifts` goes with the water.
     """
 
     words: tuple[str, ...]
@@ -43,9 +45,14 @@ class Kind:
     aloft: float = 1.0
     overlap: float = 0.03
     lowest: float = 0.0
+    drifts: bool = False
+
+    def sightings(self, brief: Brief) -> Sightings:
+        """An empty memory of such targets; what floats moves with the water's current."""
+        return Sightings(brief.weather if self.drifts else Weather(), merge_m=self.merge_m)
 
 
-PEOPLE = Kind(("person", "victim"), find_people, done="rescue", task="rescue", counts=("victims",))
+PEOPLE = Kind(("person", "victim"), find_people, drifts=True, done="rescue", task="rescue", counts=("victims",))
 FIRES = Kind(
     ("fire",),
     find_flames,

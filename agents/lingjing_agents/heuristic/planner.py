@@ -24,7 +24,8 @@ class TourPlanner:
         self._brief = brief
         self._plan = sends(brief, "tour")
         recipients = {name for message in brief.messages if message.type == "tour" for name in message.recipients}
-        drivers = [peer for peer in brief.peers if peer.resources and recipients.intersection((peer.role, peer.id, "all"))]
+        reached = [peer for peer in brief.peers if recipients.intersection((peer.role, peer.id, "all"))]
+        drivers = [peer for peer in reached if peer.resources]
         self._vans = {peer.id: peer.resources[0] for peer in sorted(drivers, key=lambda peer: natural(peer.id))}
         self._waiting: dict[str, list[Tour]] | None = None
         self._given: dict[str, list[tuple[Tour, int]]] = {name: [] for name in self._vans}
@@ -36,6 +37,7 @@ class TourPlanner:
         if self._plan is None or town.depot is None or not town.vans:
             return Decision()
         if self._waiting is None:
+            self._vans = {name: van for name, van in self._vans.items() if van in town.vans}
             payload = self._payload(town)
             made = tours(town.depot, town.places, town.demands_kg, payload)
             self._waiting = shared_out(made, tuple(self._vans))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from lingjing.plugins.policy import Brief, Decision, Inbox, Observation
+from lingjing.plugins.policy import Brief, Decision, Inbox, Observation, Resource
 from lingjing_agents.capability import exchanged, flying_camera, sends, vehicle, vessel
 from lingjing_agents.heuristic.coordinator import Coordinator
 from lingjing_agents.heuristic.follower import Follower
@@ -44,33 +44,38 @@ class HeuristicPolicy:
 
 
 def rules_for(brief: Brief) -> Rules | None:
-    """The rules that fit an agent's abilities, or None."""
-    camera, boat = flying_camera(brief), vessel(brief)
-    if camera is not None and brief.cells:
-        return Searcher(brief, camera)
-    if exchanged(brief, "delivery"):
-        if (van := vehicle(brief)) is not None:
-            return Hauler(brief, van)
-        if sends(brief, "tour") is not None:
-            return TourPlanner(brief)
-    if exchanged(brief, "trafficJam"):
-        if camera is not None:
-            return RouteInspector(brief, camera)
-        if (van := vehicle(brief)) is not None:
-            return RouteDriver(brief, van)
-        if not any(resource.embodied for resource in brief.resources):
-            return RouteCoordinator(brief)
-    if camera is not None and sends(brief, "guidance") is None and kind_of(brief, (GAPS,)) is not None:
-        return Follower(brief, camera)
-    if camera is not None and sends(brief, "guidance") is not None:
-        return GuidingPilot(brief, camera)
-    if boat is not None:
+    """The rules that fit an agent's abilities, or None: by whether it flies, sails, drives, walks or only speaks."""
+    if (camera := flying_camera(brief)) is not None:
+        return _flying(brief, camera)
+    if (boat := vessel(brief)) is not None:
         return Rescuer(brief, boat)
-    if (truck := vehicle(brief)) is not None and brief.cells:
-        return Rescuer(brief, truck)
-    dog = walker(brief)
-    if dog is not None:
+    if (car := vehicle(brief)) is not None:
+        return _driving(brief, car)
+    if (dog := walker(brief)) is not None:
         return Walking(brief, dog)
-    if not any(resource.embodied for resource in brief.resources):
-        return Coordinator(brief)
-    return None
+    return None if any(resource.embodied for resource in brief.resources) else _speaking(brief)
+
+
+def _flying(brief: Brief, camera: Resource) -> Rules | None:
+    """Cells are searched, routes inspected, long things followed; who may guide somebody leads them to the place."""
+    if brief.cells:
+        return Searcher(brief, camera)
+    if exchanged(brief, "trafficJam"):
+        return RouteInspector(brief, camera)
+    if sends(brief, "guidance") is not None:
+        return GuidingPilot(brief, camera)
+    return Follower(brief, camera) if kind_of(brief, (GAPS,)) is not None else None
+
+
+def _driving(brief: Brief, car: Resource) -> Rules:
+    """Goods are hauled, inspected routes driven when told, and reported targets driven to."""
+    if exchanged(brief, "delivery"):
+        return Hauler(brief, car)
+    return RouteDriver(brief, car) if exchanged(brief, "trafficJam") else Rescuer(brief, car)
+
+
+def _speaking(brief: Brief) -> Rules:
+    """Who has no body plans tours, has routes inspected, or coordinates a search."""
+    if sends(brief, "tour") is not None:
+        return TourPlanner(brief)
+    return RouteCoordinator(brief) if exchanged(brief, "trafficJam") else Coordinator(brief)

@@ -95,7 +95,8 @@ def _along(rgb: npt.NDArray[np.uint8], pose: CameraPose, level_m: float, leg: tu
     if strip is None:
         return None
     taken = _taken(strip)
-    vehicles = [(first, last) for first, last in _joined(_runs(taken)) if VEHICLE_M[0] <= (last - first) * STEP_M <= VEHICLE_M[1]]
+    runs = _joined(_runs(taken))
+    vehicles = [run for run in runs if VEHICLE_M[0] <= (run[1] - run[0]) * STEP_M <= VEHICLE_M[1]]
     best: list[tuple[int, int]] = []
     row: list[tuple[int, int]] = []
     for vehicle in vehicles:
@@ -104,7 +105,8 @@ def _along(rgb: npt.NDArray[np.uint8], pose: CameraPose, level_m: float, leg: tu
     if len(best) < QUEUE_OF:
         return None
     ahead = _unit(*leg)
-    ends = [(leg[0][0] + at * STEP_M * ahead[0], leg[0][1] + at * STEP_M * ahead[1]) for at in (best[0][0], best[-1][1])]
+    reach = (best[0][0] * STEP_M, best[-1][1] * STEP_M)
+    ends = [(leg[0][0] + at * ahead[0], leg[0][1] + at * ahead[1]) for at in reach]
     pixels = [world_to_pixel(pose, (*end, level_m)) for end in ends]
     us = [pixel[0] / pose.width for pixel in pixels if pixel is not None]
     vs = [pixel[1] / pose.height for pixel in pixels if pixel is not None]
@@ -133,7 +135,8 @@ def _strip(
     vs = origin[1] + s * (far[1] - origin[1]) + a * (side[1] - origin[1])
     if not ((us >= 0) & (us < pose.width) & (vs >= 0) & (vs < pose.height)).any():
         return None
-    strip: npt.NDArray[np.uint8] = cv2.remap(rgb, us.astype(np.float32) - 0.5, vs.astype(np.float32) - 0.5, cv2.INTER_LINEAR)
+    columns, rows = us.astype(np.float32) - 0.5, vs.astype(np.float32) - 0.5
+    strip: npt.NDArray[np.uint8] = cv2.remap(rgb, columns, rows, cv2.INTER_LINEAR)
     return strip
 
 

@@ -1,4 +1,4 @@
-"""The rescuer's rules: go to one believed target at a time, the nearest first, until the engine says that it is settled.
+"""The rescuer's rules: go to one believed target at a time, the nearest first, until the engine says it is settled.
 
 A vessel goes where it is sent; a vehicle only to the nearest road, so that it has arrived when it goes no further.
 """
@@ -11,7 +11,7 @@ from lingjing.plugins.policy import Action, Brief, Decision, EntityView, Inbox, 
 from lingjing_agents.capability import compose, has_verb, may_send
 from lingjing_agents.heuristic.events import EventLog, view_of
 from lingjing_agents.heuristic.kinds import PEOPLE, kind_of
-from lingjing_agents.heuristic.sightings import Sighting, Sightings, confidence_in, name_in, position_in
+from lingjing_agents.heuristic.sightings import Sighting, confidence_in, name_in, position_in
 
 ROAD_OFF_M = 90.0
 """A vehicle that stands no farther than this from its target has come as near as the road leads."""
@@ -30,7 +30,7 @@ class Rescuer:
         self._body = body
         self._kind = (kind_of(brief) or (PEOPLE, ""))[0]
         self._afloat = has_verb(body, "moveTo")
-        self._sightings = Sightings(brief.weather, merge_m=self._kind.merge_m)
+        self._sightings = self._kind.sightings(brief)
         self._log = EventLog(self._kind.done)
         self._before: tuple[float, float] | None = None
         self._sent: Sighting | None = None

@@ -41,7 +41,9 @@ class RouteCoordinator:
 
     def act(self, observation: Observation, inbox: Inbox) -> Decision:
         """Order the inspection of a new route; else listen, and replan or drive."""
-        self._arrived = self._arrived or any(event.kind.startswith("arrive") and len(event.entities) > 1 for event in observation.events)
+        self._arrived = self._arrived or any(
+            event.kind.startswith("arrive") and len(event.entities) > 1 for event in observation.events
+        )
         if self._arrived:
             return Decision()
         route = next((view.route for view in observation.entities if view.route), None)
@@ -62,7 +64,9 @@ class RouteCoordinator:
     def _have_inspected(self, tick: int) -> tuple[Outgoing, ...]:
         self._ordered_tick = tick
         first = len(self._told) if len(self._told) < len(self._route) else 0
-        return tuple(self._send(self._inspector, INSPECT, place) for place in self._route[first:]) if self._order else ()
+        if self._order is None:
+            return ()
+        return tuple(self._send(self._inspector, INSPECT, place) for place in self._route[first:])
 
     def _have_driven(self, tick: int) -> tuple[Outgoing, ...]:
         if self._order is None or (self._drive_tick >= 0 and tick - self._drive_tick < REPEAT_TICKS):

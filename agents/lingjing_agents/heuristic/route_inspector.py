@@ -91,13 +91,13 @@ class RouteInspector:
         if not jams:
             return self._say("clear", number, place)
         self._wait_until = tick + WAIT_TICKS
-        messages = self._say("jammed", number, jams[0].place or place)
+        messages = self._say("jammed", number, jams[0].place)
         if self._report is not None:
             body: dict[str, Datum] = {
                 "frame": picture.frame,
                 "class": self._class,
                 "box": tuple(round(edge, 6) for edge in jams[0].box),
-                "position": (*(jams[0].place or place), self._brief.water_level_m),
+                "position": (*jams[0].place, self._brief.water_level_m),
                 "confidence": round(jams[0].confidence, 3),
             }
             messages += (compose(self._report, body),)

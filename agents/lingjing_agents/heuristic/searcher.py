@@ -28,7 +28,7 @@ from lingjing_agents.heuristic.coverage import Waypoint
 from lingjing_agents.heuristic.detector import Find
 from lingjing_agents.heuristic.events import EventLog, view_of
 from lingjing_agents.heuristic.kinds import PEOPLE, kind_of
-from lingjing_agents.heuristic.sightings import Sighting, Sightings, confidence_in, name_in, position_in
+from lingjing_agents.heuristic.sightings import Sighting, confidence_in, name_in, position_in
 from lingjing_agents.heuristic.sweep import ALIGNED_DEG, Sweep, off_course_deg
 
 CONFIRMED = 0.3
@@ -68,7 +68,7 @@ class Searcher:
         self._status = may_send(brief, "target_status")
         self._assignment = may_send(brief, "assignment")
         self._kind, self._class = kind_of(brief) or (PEOPLE, brief.classes[0] if brief.classes else "person")
-        self._sightings = Sightings(brief.weather, merge_m=self._kind.merge_m)
+        self._sightings = self._kind.sightings(brief)
         self._log = EventLog(self._kind.done)
         height = brief.settings.get("altitude", 100.0) * self._kind.aloft
         lowest = _number(body, "band_low_m", 20.0)

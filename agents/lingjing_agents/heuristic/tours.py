@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 
 Place = tuple[float, float]
 
@@ -31,7 +32,9 @@ def street_m(a: Place, b: Place) -> float:
     return abs(a[0] - b[0]) + abs(a[1] - b[1])
 
 
-def tours(depot: Place, places: Mapping[str, Place], demands_kg: Mapping[str, float], load_kg: float) -> tuple[Tour, ...]:
+def tours(
+    depot: Place, places: Mapping[str, Place], demands_kg: Mapping[str, float], load_kg: float
+) -> tuple[Tour, ...]:
     """Tours that serve all demands with at most `load_kg` each, the longest first."""
     visits = _visits(demands_kg, load_kg)
     routes: list[list[int]] = [[number] for number in range(len(visits))]
@@ -87,5 +90,5 @@ def _tour(depot: Place, where: list[Place], visits: list[tuple[str, float]], rou
     if math.dist(depot, where[route[-1]]) < math.dist(depot, where[route[0]]):
         route = route[::-1]
     path = [depot, *(where[number] for number in route), depot]
-    length = sum(street_m(a, b) for a, b in zip(path, path[1:], strict=False))
+    length = sum(street_m(a, b) for a, b in pairwise(path))
     return Tour(tuple(visits[number][0] for number in route), tuple(visits[number][1] for number in route), length)

@@ -1,0 +1,322 @@
+"""The rules on the road, one situation at a time: routes inspected and driven, goods hauled, decks followed."""
+
+import math
+from itertools import pairwise
+
+import msgspec
+import pytest
+from agent_kit import ASSIGNMENT, NADIR, REPORT, STATUS, EventView, Inbox, brief, envelope, observe, picture, verb, view
+from lingjing_agents.heuristic import follower as following
+from lingjing_agents.heuristic import route_inspector as inspecting
+from lingjing_agents.heuristic.corridor import centreline, longest
+from lingjing_agents.heuristic.detector import Find
+from lingjing_agents.heuristic.follower import Follower
+from lingjing_agents.heuristic.hauler import Hauler
+from lingjing_agents.heuristic.kinds import FIRES, GAPS, PEOPLE, kind_of
+from lingjing_agents.heuristic.planner import TourPlanner
+from lingjing_agents.heuristic.policy import rules_for
+from lingjing_agents.heuristic.queues import Queue
+from lingjing_agents.heuristic.rescuer import Rescuer
+from lingjing_agents.heuristic.route_coordinator import RouteCoordinator
+from lingjing_agents.heuristic.route_driver import RouteDriver
+from lingjing_agents.heuristic.route_inspector import RouteInspector
+from lingjing_agents.heuristic.tours import shared_out, street_m, tours
+
+from lingjing.plugins.policy import EntityView, Field, MessageSpec, Peer, Receipt, Region, Resource
+
+
+def spec(kind: str, record: str, category: str, fields: tuple[str, ...], senders: tuple[str, ...]) -> MessageSpec:
+    made = tuple(Field(name=name, type="name") for name in fields)
+    return MessageSpec(kind=kind, type=record, category=category, fields=made, senders=senders, recipients=("all",))
+
+
+def sent_by(message: MessageSpec, *senders: str) -> MessageSpec:
+    return MessageSpec(
+        kind=message.kind, type=message.type, category=message.category, fields=message.fields, senders=senders,
+        recipients=("all",),
+    )  # fmt: skip
+
+
+JAM = spec("jammed", "trafficJam", "target_status", ("waypoint", "position", "confidence"), ("boss", "eye"))
+ORDER = sent_by(ASSIGNMENT, "boss")
+SAY = sent_by(STATUS, "eye", "driver")
+SEE = sent_by(REPORT, "eye")
+TOUR = spec("plan", "tour", "assignment", ("assignee", "stops", "load"), ("boss",))
+LEFT = spec("handover", "delivery", "target_status", ("stop", "delivered", "left"), ("driver",))
+CLAIM = sent_by(ASSIGNMENT, "driver")
+
+UAV = Resource(
+    id="uav", type="quadrotor", embodied=True, cameras=(NADIR,),
+    verbs=(verb("takeoff"), verb("setDestination"), verb("takePhoto")),
+    properties={"band_low_m": 40.0, "band_high_m": 120.0},
+)  # fmt: skip
+
+
+def van(name: str = "van", **properties: float) -> Resource:
+    return Resource(
+        id=name, type="delivery_van", embodied=True, verbs=(verb("setDestination"), verb("stop")), properties=properties
+    )
+
+
+def told(role: str, *resources: Resource, messages: tuple[MessageSpec, ...], **changes):
+    others = (
+        Peer(id="boss", role="boss", resources=()),
+        Peer(id="eye", role="eye", resources=("uav",)),
+        Peer(id="driver[1]", role="driver", resources=("van[1]",)),
+        Peer(id="driver[2]", role="driver", resources=("van[2]",)),
+    )
+    name = changes.pop("agent", role)
+    return msgspec.structs.replace(
+        brief(), agent=name, role=role, resources=resources, messages=messages, cells=(),
+        peers=tuple(peer for peer in others if peer.id != name), water_level_m=0.0, tick_s=20.0,
+        **{"hub": "boss", "mode": "star", "settings": {}, "regions": (), "classes": ("congestion",), **changes},
+    )  # fmt: skip
+
+
+ROUTE = ((0.0, 0.0, 0.0), (200.0, 0.0, 0.0), (400.0, 0.0, 0.0))
+INSPECTION = (JAM, ORDER, SAY, SEE)
+
+
+def routed(tick: int, route=ROUTE, events=()):
+    shown = EntityView(id="van", type="car", position=(-150.0, 0.0, 0.0), route=route)
+    return observe("boss", tick, shown, events=events)
+
+
+def inspected(number: int, state: str, place, tick: int):
+    return envelope("eye", SAY, {"task": f"inspect-{number}", "state": state, "position": place}, tick=tick)
+
+
+def orders(decision, task: str) -> list[tuple[str, tuple[float, ...]]]:
+    bodies = [note.body for note in decision.messages]
+    return [(body["assignee"], body["position"]) for body in bodies if body.get("task") == task]
+
+
+def test_rules_follow_from_what_is_said_and_driven():
+    assert isinstance(rules_for(told("boss", messages=INSPECTION)), RouteCoordinator)
+    assert isinstance(rules_for(told("eye", UAV, messages=INSPECTION)), RouteInspector)
+    assert isinstance(rules_for(told("driver", van(), messages=INSPECTION)), RouteDriver)
+    assert isinstance(rules_for(told("driver", van(), messages=(TOUR, LEFT, CLAIM))), Hauler)
+    assert isinstance(rules_for(told("boss", messages=(TOUR, LEFT, CLAIM))), TourPlanner)
+    assert isinstance(rules_for(told("eye", UAV, messages=(SEE,), classes=("bridge_fracture",))), Follower)
+
+
+def test_a_fire_truck_is_no_fire():
+    assert kind_of(told("eye", messages=(), classes=("fire_truck", "building_fire"))) == (FIRES, "building_fire")
+    assert kind_of(told("eye", messages=(), classes=("fire_truck",))) is None
+    assert kind_of(told("eye", messages=(), classes=("person_in_water",))) == (PEOPLE, "person_in_water")
+
+
+def test_a_new_route_is_inspected_waypoint_by_waypoint_and_then_driven():
+    boss = RouteCoordinator(told("boss", messages=INSPECTION))
+    first = boss.act(routed(1), Inbox())
+    assert orders(first, "inspect") == [("eye", place) for place in ROUTE]
+    assert boss.act(routed(2), Inbox()).messages == ()
+    for number, place in enumerate(ROUTE, 1):
+        told_clear = Inbox(messages=(inspected(number, "clear", place, number + 2),))
+        decision = boss.act(routed(number + 3), told_clear)
+    assert orders(decision, "drive") == [("driver[1]", ROUTE[-1])]
+    over = (EventView(id="e1", kind="arrive", tick=9, entities=("goal", "van")),)
+    assert boss.act(routed(9, events=over), Inbox()).messages == ()
+    assert boss.act(routed(30), Inbox()).messages == ()
+
+
+def test_a_jam_asks_for_one_more_route_as_long_as_the_limit_allows():
+    boss = RouteCoordinator(told("boss", messages=INSPECTION, settings={"replans_most": 1.0}))
+    boss.act(routed(1), Inbox())
+    jam = boss.act(routed(4), Inbox(messages=(inspected(1, "jammed", (30.0, 2.0, 0.0), 3),)))
+    (note,) = jam.messages
+    assert (note.kind, note.body["position"][:2], note.body["waypoint"]) == ("jammed", (30.0, 2.0), 1)
+    other = ((0.0, 100.0, 0.0), (400.0, 100.0, 0.0))
+    again = boss.act(routed(5, route=other), Inbox(messages=(inspected(2, "clear", ROUTE[1], 4),)))
+    assert orders(again, "inspect") == [("eye", place) for place in other]
+    spent = boss.act(routed(8, route=other), Inbox(messages=(inspected(1, "jammed", (200.0, 100.0, 0.0), 7),)))
+    assert [note.kind for note in spent.messages] == []
+
+
+def test_a_driver_waits_for_its_order_and_insists_when_refused():
+    driver = RouteDriver(told("driver", van(), messages=INSPECTION), van())
+    here = view("van", (0.0, 0.0, 0.0))
+    assert driver.act(observe("driver", 1, here), Inbox()).command is None
+    order = envelope("boss", ORDER, {"assignee": "driver", "task": "drive", "position": (300.0, 50.0, 0.0)})
+    command = driver.act(observe("driver", 2, here), Inbox(messages=(order,))).command
+    assert command is not None
+    assert command.arguments == {"x": 300.0, "y": 50.0}
+    refusal = Receipt(
+        request="c2-1", tick=2, sender="driver", resource="van", status="rejected", reason="not_permitted"
+    )
+    assert driver.act(observe("driver", 3, here), Inbox(receipts=(refusal,))).command is None
+    assert driver.act(observe("driver", 4, here), Inbox()).command is None
+    assert driver.act(observe("driver", 5, here), Inbox()).command == command
+    assert driver.act(observe("driver", 6, view("van", (290.0, 50.0, 0.0))), Inbox()).command is None
+
+
+def inspector(monkeypatch, queues=()):
+    monkeypatch.setattr(inspecting, "find_queues", lambda rgb, pose, level, line: queues)
+    rules = RouteInspector(told("eye", UAV, messages=INSPECTION), UAV)
+    said = [envelope("boss", ORDER, {"assignee": "eye", "task": "inspect", "position": place}) for place in ROUTE]
+    start = view("uav", (0.0, 0.0, 120.0))
+    photo = rules.act(observe("eye", 2, start), Inbox(messages=tuple(said))).command
+    assert photo is not None
+    assert photo.verb == "takePhoto"
+    shot = picture((0.0, 0.0, 120.0), tick=3)
+    shot = type(shot)(**{name: getattr(shot, name) for name in shot.__slots__} | {"entity": "uav"})
+    return rules.act(observe("eye", 3, start, pictures=(shot,)), Inbox())
+
+
+def test_an_inspector_says_clear_and_goes_on_to_the_next_waypoint(monkeypatch):
+    decision = inspector(monkeypatch)
+    assert [note.body["state"] for note in decision.messages] == ["clear"]
+    assert decision.command is not None
+    assert decision.command.arguments == {"x": 200.0, "y": 0.0, "z": 120.0}
+
+
+def test_an_inspector_tells_a_jam_with_its_box_and_place(monkeypatch):
+    decision = inspector(monkeypatch, queues=(Queue((0.4, 0.2, 0.5, 0.8), 0.8, (40.0, 1.0), 5),))
+    progress, report = decision.messages
+    assert (progress.body["state"], progress.body["position"]) == ("jammed", (40.0, 1.0, 0.0))
+    assert (report.body["class"], report.body["box"]) == ("congestion", (0.4, 0.2, 0.5, 0.8))
+    assert decision.command is None
+
+
+STOPS = {"p[1]": (300.0, 0.0), "p[2]": (320.0, 60.0), "p[3]": (-200.0, 0.0)}
+
+
+def test_tours_hold_what_a_van_holds_and_split_what_it_does_not():
+    plan = tours((0.0, 0.0), STOPS, {"p[1]": 100.0, "p[2]": 100.0, "p[3]": 250.0}, 200.0)
+    assert sum(tour.load_kg for tour in plan) == pytest.approx(450.0)
+    assert max(tour.load_kg for tour in plan) <= 200.0
+    assert sorted(sorted(tour.stops) for tour in plan) == [["p[1]", "p[2]"], ["p[3]"], ["p[3]"]]
+    assert plan[0].length_m == pytest.approx(street_m((0, 0), (320.0, 60.0)) * 2)
+    shares = shared_out(plan, ("a", "b"))
+    assert shares["a"][0] is plan[0]
+    assert len(shares["b"]) == 2
+
+
+def town(tick: int, at, load: float, demands, *, busy=False, status="parked"):
+    me = EntityView(
+        id="van[1]", type="delivery_van", position=(*at, 0.0), velocity=(0.0, 0.0, 0.0), heading_deg=0.0,
+        status=status, busy=busy, resources={"load": load},
+    )  # fmt: skip
+    points = [
+        EntityView(id=name, type="delivery_point", position=(*STOPS[name], 0.0), resources={"demand": left})
+        for name, left in demands.items()
+    ]
+    depot = EntityView(id="depot", type="warehouse", position=(0.0, 0.0, 0.0))
+    other = EntityView(id="van[2]", type="delivery_van", position=(0.0, 18.0, 0.0))
+    return observe("driver[1]", tick, me, *points, depot, other)
+
+
+def hauler(hub: str | None = None) -> Hauler:
+    body = van("van[1]", payload_kg=200.0)
+    mode = "star" if hub else "broadcast"
+    return Hauler(told("driver", body, messages=(TOUR, LEFT, CLAIM), agent="driver[1]", hub=hub, mode=mode), body)
+
+
+def test_without_a_hub_drivers_share_the_tours_out_and_claim_them():
+    decision = hauler().act(town(1, (0.0, 10.0), 200.0, {"p[1]": 100.0, "p[2]": 100.0, "p[3]": 200.0}), Inbox())
+    assert decision.command is not None
+    assert decision.command.verb == "setDestination"
+    assert math.dist(tuple(decision.command.arguments.values()), STOPS["p[1]"]) < 70.0
+    assert {note.kind for note in decision.messages} == {CLAIM.kind}
+    assert len(decision.messages) == 2
+
+
+def test_a_driver_tells_what_it_left_and_comes_back_to_load():
+    rules = hauler()
+    demands = {"p[1]": 200.0, "p[3]": 100.0}
+    rules.act(town(1, (0.0, 10.0), 200.0, demands), Inbox())
+    after = rules.act(town(5, (299.0, 2.0), 0.0, {"p[1]": 0.0, "p[3]": 100.0}), Inbox())
+    (handover,) = [note for note in after.messages if note.kind == "handover"]
+    assert (handover.body["stop"], handover.body["delivered"], handover.body["left"]) == ("p[1]", 200.0, 0.0)
+    assert after.command is not None
+    assert after.command.arguments == {"x": 0.0, "y": 0.0}
+
+
+def test_under_a_hub_a_driver_follows_the_tour_it_is_given():
+    rules = hauler("boss")
+    demands = {"p[1]": 100.0, "p[3]": 100.0}
+    assert rules.act(town(1, (0.0, 10.0), 200.0, demands), Inbox()).command is None
+    given = envelope("boss", TOUR, {"assignee": "driver[1]", "stops": ("p[3]",), "load": 100.0})
+    command = rules.act(town(2, (0.0, 10.0), 200.0, demands), Inbox(messages=(given,))).command
+    assert command is not None
+    assert command.arguments == {"x": -200.0, "y": 0.0}
+
+
+def test_a_loaded_van_that_waits_before_the_depot_leaves_the_queue():
+    rules = hauler()
+    demands = {"p[1]": 200.0, "p[3]": 200.0}
+    rules.act(town(1, (60.0, 0.0), 0.0, demands), Inbox())
+    assert rules.act(town(2, (45.0, 0.0), 0.0, demands, busy=True, status="waiting"), Inbox()).command is None
+    command = rules.act(town(3, (45.0, 0.0), 200.0, demands, busy=True, status="waiting"), Inbox()).command
+    assert command is not None
+    assert command.verb == "stop"
+
+
+def test_a_planner_gives_each_driver_tours_that_fit_and_the_rest_later():
+    rules = TourPlanner(told("boss", messages=(TOUR, LEFT, CLAIM)))
+    vans = [
+        EntityView(id=f"van[{i}]", type="delivery_van", position=(0.0, 8.0 * i, 0.0), resources={"load": 200.0})
+        for i in (1, 2)
+    ]
+
+    def seen(tick: int, third: float):
+        points = [
+            EntityView(id=name, type="delivery_point", position=(*place, 0.0), resources={"demand": demand})
+            for (name, place), demand in zip(STOPS.items(), (100.0, 100.0, third), strict=True)
+        ]
+        depot = EntityView(id="depot", type="warehouse", position=(0.0, 0.0, 0.0))
+        return observe("boss", tick, *vans, *points, depot)
+
+    first = rules.act(seen(0, 250.0), Inbox())
+    assert all(note.body["load"] <= 200.0 for note in first.messages)
+    assert sum(note.body["load"] for note in first.messages) == pytest.approx(450.0)
+    assert {note.body["assignee"] for note in first.messages} == {"driver[1]", "driver[2]"}
+    assert rules.act(seen(1, 250.0), Inbox()).messages == ()
+    assert rules.act(seen(6, 0.0), Inbox()).messages != ()  # the van that has not moved is told again
+
+
+DECK = Region(name="deck", polygon=((0.0, -12.0), (600.0, -12.0), (600.0, 12.0), (0.0, 12.0)))
+SQUARE = Region(name="town", polygon=((0.0, 0.0), (600.0, 0.0), (600.0, 600.0), (0.0, 600.0)))
+
+
+def test_the_long_region_is_followed_from_the_near_end():
+    assert longest((SQUARE, DECK)) is DECK
+    line = centreline(DECK.polygon, (590.0, 30.0), 50.0)
+    assert line[0][0] > line[-1][0]
+    assert max(abs(y) for _, y in line) < 1.0
+    assert max(math.dist(a, b) for a, b in pairwise(line)) <= 50.0
+
+
+def test_a_gap_is_reported_with_its_place_on_the_deck(monkeypatch):
+    finds = (Find((0.45, 0.4, 0.55, 0.6), 0.9),)
+    kind = type(GAPS)(words=GAPS.words, find=lambda rgb, pose, level: finds)
+    monkeypatch.setattr(following, "kind_of", lambda brief: (kind, "bridge_fracture"))
+    rules = Follower(
+        told("eye", UAV, messages=(SEE,), classes=("bridge_fracture",), regions=(DECK,), settings={"altitude": 60.0}),
+        UAV,
+    )
+    shot = picture((100.0, 0.0, 60.0))
+    shot = type(shot)(**{name: getattr(shot, name) for name in shot.__slots__} | {"entity": "uav"})
+    decision = rules.act(observe("eye", 3, view("uav", (100.0, 0.0, 60.0)), pictures=(shot,)), Inbox())
+    (note,) = decision.messages
+    assert math.dist(note.body["position"][:2], (100.0, 0.0)) < 2.0
+    assert note.body["class"] == "bridge_fracture"
+    assert decision.command is not None
+    assert decision.command.verb == "setDestination"
+
+
+TRUCK = Resource(id="truck", type="fire_truck", embodied=True, verbs=(verb("setDestination"), verb("stop")))
+
+
+def test_a_truck_drives_to_a_fire_once_and_hears_that_it_is_out():
+    rules = Rescuer(told("driver", TRUCK, messages=(SEE, SAY), classes=("building_fire",), hub=None), TRUCK)
+    fire = envelope("eye", SEE, {"position": (200.0, 40.0, 10.0), "confidence": 0.9, "class": "building_fire"})
+    start = view("truck", (0.0, 0.0, 0.0))
+    command = rules.act(observe("driver", 1, start), Inbox(messages=(fire,))).command
+    assert command is not None
+    assert command.arguments == {"x": 200.0, "y": 40.0}
+    there = view("truck", (200.0, 15.0, 0.0))
+    out = (EventView(id="e9", kind="extinguish", tick=4, entities=("truck",)),)
+    decision = rules.act(observe("driver", 4, there, events=out), Inbox())
+    assert decision.command is None
+    assert [note.body["state"] for note in decision.messages] == ["rescued"]
