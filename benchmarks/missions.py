@@ -81,7 +81,7 @@ def play(path: str, mode: str, policy: str, seed: int) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def main() -> None:
+def main() -> int:
     """Print a table for each policy."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--policy", action="append")
@@ -91,34 +91,34 @@ def main() -> None:
     asked = parser.parse_args()
     if asked.play:
         print(json.dumps(play(*json.loads(asked.play))))
-        return
-    for policy in asked.policy or ("oracle", "heuristic"):
-        table(policy, asked.only or "", asked.seed)
+        return 0
+    return max(table(policy, asked.only or "", asked.seed) for policy in asked.policy or ("oracle", "heuristic"))
 
 
-def table(policy: str, only: str, seed: int) -> None:
-    """One row for each mission in each of its modes."""
+def table(policy: str, only: str, seed: int) -> int:
+    """One row for each mission in each of its modes; 1 if any of them could not be played."""
     print(f"| {policy} | ticks | ended | simulated, s | CPU, s | real-time factor | wall, s | "
           + " | ".join(PARTS) + " |")  # fmt: skip
     print("| --- " * (7 + len(PARTS)) + "|")
-    total = 0.0
+    total, failed = 0.0, 0
     for column in columns(shipped()):
         if only not in column.name:
             continue
         command = json.dumps([str(column.path), column.mode, policy, seed])
-        run = subprocess.run(
-            [sys.executable, str(HERE / "missions.py"), "--play", command],
-            stdout=subprocess.PIPE,
-            text=True,
-            check=True,
-        )
+        job = [sys.executable, str(HERE / "missions.py"), "--play", command]
+        run = subprocess.run(job, capture_output=True, text=True, check=False)
+        if run.returncode:
+            print(f"| {column.name} | failed: {run.stderr.strip().splitlines()[-1]} |", flush=True)
+            failed = 1
+            continue
         it = json.loads(run.stdout.splitlines()[-1])
         total += it["cpu_s"]
         shares = " | ".join(f"{100 * it['spent'].get(part, 0.0) / it['cpu_s']:.0f} %" for part in PARTS)
         print(f"| {column.name} | {it['ticks']} | {it['reason']} | {it['sim_s']:.0f} | {it['cpu_s']:.1f} | "
               f"{it['sim_s'] / it['cpu_s']:.1f} | {it['wall_s']:.0f} | {shares} |", flush=True)  # fmt: skip
     print(f"\nCPU of all: {total:.0f} s; a hundred seeds on two cores: {total * 100 / 2 / 3600:.1f} h\n")
+    return failed
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

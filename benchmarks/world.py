@@ -2,7 +2,7 @@
 
 Three tables, all in processor time of one process with every engine in it, so that a busy machine does not count:
 how much faster than real time it is without pictures and who takes the time; what a boundary costs as one fleet grows;
-what 500 resets leave in memory. Everybody moves all the time. `--only factor|growth|resets` prints one of them,
+what many resets leave in memory. Everybody moves all the time. `--only factor|growth|resets` prints one of them,
 `--quick` takes fewer ticks and resets.
 """
 
@@ -128,7 +128,7 @@ def resets(count: int) -> dict[str, object]:
         world.reset(instance, city)
         if number % 10 == 0:
             world.step(1, ())
-        if number in (20, count // 2, count):
+        if number in (20, count // 4, count // 2, count):
             gc.collect()
             held[number] = memory_mb()
     world.close()
@@ -204,6 +204,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", choices=("factor", "growth", "resets"))
     parser.add_argument("--quick", action="store_true")
+    parser.add_argument("--resets", type=int, default=500)
     parser.add_argument("--job", help=argparse.SUPPRESS)
     asked = parser.parse_args()
     if asked.job:
@@ -214,7 +215,7 @@ def main() -> None:
     tables = {
         "factor": lambda: factor(ticks),
         "growth": lambda: growth(ticks),
-        "resets": lambda: print_resets(60 if asked.quick else 500),
+        "resets": lambda: print_resets(60 if asked.quick else asked.resets),
     }
     for name, table in tables.items():
         if asked.only in (None, name):

@@ -74,7 +74,7 @@ def test_another_process_hash_seed_and_world_mode_tell_the_same(told, tmp_path, 
         capture_output=True,
         text=True,
         check=True,
-        timeout=300,
+        timeout=600,
     )
     assert run.stdout.split("\n")[:-1] == told
 
@@ -89,7 +89,7 @@ from lingjing.kernel.world import open_world
 
 world, held = open_world("inline", host=kit.host()), []
 instance, city = kit.staged(kit.MIXED)
-for number in range(40):
+for number in range(24):
     world.reset(instance, city)
     if number % 8 == 7:
         world.step(1, ())
@@ -105,7 +105,7 @@ print(*held)
 def test_many_resets_leave_memory_flat():
     """The benchmark `world.py --only resets` does it five hundred times."""
     run = subprocess.run(
-        [sys.executable, "-c", RESETS, str(kit.HERE)], capture_output=True, text=True, check=True, timeout=300
+        [sys.executable, "-c", RESETS, str(kit.HERE)], capture_output=True, text=True, check=True, timeout=600
     )
     held = [float(word) for word in run.stdout.split()]
-    assert held[-1] - held[1] < 0.03 * held[1], held
+    assert held[-1] - held[0] < 0.03 * held[0], held
