@@ -95,7 +95,7 @@ def write_frame(shown: Shown, path: Path) -> None:
 
 
 def _frames(trace: Trace) -> Iterator[Shown]:
-    """Every frame with the first agent that was shown it, else with the one that controls what took it."""
+    """Every frame with the agent that controls what took it, else with the first one that was shown it."""
     instance = trace.header.instance
     targets = {entity.id for entity in instance.entities if entity.role == "target"}
     roles = {agent.id: agent.role for agent in instance.agents}
@@ -106,7 +106,7 @@ def _frames(trace: Trace) -> Iterator[Shown]:
             for name in seen.frames:
                 viewers.setdefault(name, seen.agent)
     for frame in trace.frames.values():
-        agent = viewers.get(frame.id) or pilots.get(frame.entity, "")
+        agent = pilots.get(frame.entity) or viewers.get(frame.id, "")
         if agent:
             inside = tuple(dict.fromkeys(box.entity for box in frame.boxes if box.entity in targets))
             yield Shown(trace, frame, agent, roles[agent], inside)

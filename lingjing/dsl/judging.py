@@ -23,7 +23,7 @@ def judging(mission: model.Mission) -> Iterator[tuple[str, ...]]:
     for rule in mission.rules:
         over = ", ".join(parameter.domain for parameter in rule.parameters)
         by = "a report" if rule.matching else "the kernel"
-        bounds = ", ".join(dict.fromkeys(_bounds(rule.condition, printer)))
+        bounds = ", ".join(dict.fromkeys(_bounds(rule.condition, _Given(mission, rule.parameters), printer)))
         yield f"**{rule.name}** ({over})" if over else f"**{rule.name}**", by, bounds, words.sentence(rule.condition)
     for group in mission.groups:
         if group.role == "target":
@@ -52,16 +52,32 @@ def _interactions(
             yield f"{verb} ({group.name})", f"the `{printer.text(by)}` engine", f"≤ {printer.text(within)}", allowed
 
 
-def _bounds(condition: object, printer: Printer) -> Iterator[str]:
+class _Given:
+    """The declared properties of what a rule's parameters range over."""
+
+    def __init__(self, mission: model.Mission, parameters: tuple[model.RuleParameter, ...]) -> None:
+        self._domains = {parameter.name: parameter.domain for parameter in parameters}
+        self._values = {(group.name, prop.name): prop.value for group in mission.groups for prop in group.properties}
+
+    def value(self, node: ex.Expr) -> ex.Expr:
+        """What `h.radius` is declared to be; anything else as it is."""
+        if isinstance(node, ex.Attr) and isinstance(node.base, ex.Ref):
+            group = self._domains.get(node.base.name, node.base.name)
+            return self._values.get((group, node.name), node)
+        return node
+
+
+def _bounds(condition: object, given: _Given, printer: Printer) -> Iterator[str]:
     """`≤ 25 m` for each bounded distance, `IoU ≥ 0.5` for each overlap, in reading order."""
     if isinstance(condition, tuple):
         for item in condition:
-            yield from _bounds(item, printer)
+            yield from _bounds(item, given, printer)
     elif isinstance(condition, ex.Node):
         if isinstance(condition, ex.Binary) and isinstance(condition.left, ex.Call):
+            bound = printer.text(given.value(condition.right))
             if condition.left.function in _DISTANCES and condition.operator in ("<=", "<"):
-                yield f"{'≤' if condition.operator == '<=' else '<'} {printer.text(condition.right)}"
-            elif condition.left.function == "iou":
-                yield f"IoU ≥ {printer.text(condition.right)}"
+                yield f"{'≤' if condition.operator == '<=' else '<'} {bound}"
+            elif condition.left.function == "iou" and condition.operator == ">=":
+                yield f"IoU ≥ {bound}"
         for name in condition.__struct_fields__:
-            yield from _bounds(getattr(condition, name), printer)
+            yield from _bounds(getattr(condition, name), given, printer)

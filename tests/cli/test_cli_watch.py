@@ -197,6 +197,19 @@ def test_a_dumb_terminal_gets_a_note_and_the_line(monkeypatch: pytest.MonkeyPatc
         Audience(load_mission(path), RunOptions(path=path, policy="random"), truth=False)
 
 
+def test_each_of_several_episodes_is_watched_with_its_own_seed(monkeypatch: pytest.MonkeyPatch) -> None:
+    path = data_path("scenarios", "ssr.ljs")
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    monkeypatch.setenv("TERM", "xterm-256color")
+    audience = Audience(load_mission(path), RunOptions(path=path, policy="random", mode="star"), truth=True)
+    seen = []
+    for seed, _ in audience.follow([(3, None), (5, None)]):
+        watching = audience(f"ssr seed {seed}")
+        assert isinstance(watching, Watching)
+        seen.append((watching._watched.instance.seed, watching._watched.instance.mode, watching._watched.truth))
+    assert seen == [(3, "star", True), (5, "star", True)]
+
+
 class Terminal:
     """A pseudo-terminal with a command on it."""
 

@@ -35,6 +35,7 @@ def test_every_rule_and_unlock_has_a_row(file: Path) -> None:
         ("vdn", "arrive (home)", "the `quadruped` engine", "≤ 30 m"),
         ("cd", "restock (depot)", "the `road` engine", "≤ 50 m"),
         ("ssr", "rescue (victim)", "the `vessel` engine", "≤ 50 m"),
+        ("ld", "**delivered** (house)", "the kernel", "≤ 15 m"),
         ("cr", "**check** (route)", "the kernel", "≤ 25 m"),
     ],
 )
