@@ -5,12 +5,16 @@ Phases, each a plain function, in the order a text passes them:
 - `source`: read and decode; where an offset stands. `reporter`: where phases put their diagnostics.
 - `tokens`, `lexer`: text → tokens; newlines only at statement boundaries, braces balanced.
 - `ljs.lark`, `tables`, `builder`, `parser`: tokens → `syntax` tree; lark's LALR(1) tables, recovery at statements.
-- `library`: what `use` finds. `scope`: what names mean.
-- `elaborate`, `calls`, `typenames`: expressions, typed, with the way hidden values take.
-- `blocks`, `settings`, `entities`, `agents`, `rules`, `checker`: declarations → `Checked`.
+  `confusable`: names whose letters look like others.
+- `toplevel`, `library`: the top of a file and what `use` finds; `inherit`: what `extends` brings. `scope`: what names mean.
+  `unknown`: names nobody declared.
+- `elaborate`, `calls`, `aggregates`, `typenames`: expressions, typed, with the way hidden values take.
+- `blocks`, `types`, `settings`, `entities`, `equipment`, `agents`, `wording`, `rules`, `conduct`, `events`, `studies`,
+  `checker`: declarations → `Checked`.
 - `properties`, `lower`: `Checked` → `lingjing.mission.model.Mission`. `infeasible`: why it cannot be won, if proved.
   `absent`: what it names and nobody here offers.
-- `render`, `codes`, `suggest`: diagnostics for people and programs. `load`: any mission file → `Mission`.
+- `render`, `sarif`, `codes`, `suggest`, `fixes`: diagnostics for people and programs, and what mends them.
+- `shipped`, `load`, `cache`: a file or a shipped name → `Mission`, kept by content. `collector`: speed for big trees.
 - `layout`, `spacing`, `columns`, `format`: text → the same text laid out the one way.
 - `phrases`, `imports`, `print`: `Mission` → text that compiles to it. `words`, `page`: `Mission` → a page for readers.
 

@@ -52,6 +52,16 @@ def centroid(polygon: Sequence[Point]) -> Point:
     return x0 + east / scale, y0 + north / scale
 
 
+MOST_CORNERS = 512
+"""Of what `buffer` and `union` give: round corners of round corners would multiply without end."""
+
+FINEST_M = 0.01
+"""How far an outline with more corners may be moved at first, to have fewer; twice as far each time."""
+
+FEW_SIDES = 64
+"""Up to so many, an outline's edges are compared each with each, and the first crossing in their order is named."""
+
+
 def normalised(polygon: Sequence[Point]) -> Polygon:
     """The same outline anticlockwise, without repeated neighbours and without the closing repeat."""
     kept: list[Point] = []
@@ -147,6 +157,9 @@ def _outline(shape: Any, what: str) -> Polygon:
         raise MissionError(f"the {what} is not one area", hint="a region is one outline: join parts that meet")
     if shape.interiors:
         raise MissionError(f"the {what} has a hole", hint="a region has one outline and no holes")
+    tolerance = FINEST_M
+    while len(shape.exterior.coords) > MOST_CORNERS:
+        shape, tolerance = shape.simplify(tolerance), 2 * tolerance
     return normalised([(round(x, 3), round(y, 3)) for x, y in shape.exterior.coords])
 
 
@@ -179,6 +192,8 @@ def _half_plane(outline: Sequence[Point], axis: int, limit: float, sign: float) 
 
 def _crossing(outline: Polygon) -> tuple[int, int] | None:
     sides = tuple(edges(outline))
+    if len(sides) > FEW_SIDES:
+        return _crossing_of_many(sides)
     for i, (a, b) in enumerate(sides):
         for j in range(i + 1, len(sides)):
             c, d = sides[j]
@@ -187,6 +202,27 @@ def _crossing(outline: Polygon) -> tuple[int, int] | None:
                     return i, j
             elif _meet(a, b, c, d):
                 return i, j
+    return None
+
+
+def _crossing_of_many(sides: tuple[tuple[Point, Point], ...]) -> tuple[int, int] | None:
+    """Any crossing, from west to east: only edges whose shadows on the west-east axis overlap are compared."""
+    last = len(sides) - 1
+    order = sorted(range(len(sides)), key=lambda k: min(sides[k][0][0], sides[k][1][0]))
+    active: list[int] = []
+    for j in order:
+        c, d = sides[j]
+        west, south, north = min(c[0], d[0]), min(c[1], d[1]), max(c[1], d[1])
+        active = [i for i in active if max(sides[i][0][0], sides[i][1][0]) >= west]
+        for i in active:
+            a, b = sides[i]
+            if max(a[1], b[1]) < south or min(a[1], b[1]) > north:
+                continue
+            low, high = min(i, j), max(i, j)
+            neighbours = high == low + 1 or (low == 0 and high == last)
+            if _folds_back(*sides[low], *sides[high]) if neighbours else _meet(a, b, c, d):
+                return low, high
+        active.append(j)
     return None
 
 

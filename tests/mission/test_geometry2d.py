@@ -76,3 +76,19 @@ def test_circle_has_the_area_of_the_circle() -> None:
 )
 def test_bearing_is_a_compass(end: geometry2d.Point, bearing: float) -> None:
     assert geometry2d.bearing_deg((0.0, 0.0), end) == pytest.approx(bearing)
+
+
+@given(RING)
+def test_the_sweep_over_many_edges_agrees_with_comparing_all(ring: geometry2d.Polygon) -> None:
+    sides = tuple(geometry2d.edges(geometry2d.normalised(ring)))
+    assume(len(sides) >= 3)
+    swept = geometry2d._crossing_of_many(sides)
+    assert (swept is None) == (geometry2d._crossing(geometry2d.normalised(ring)) is None)
+
+
+def test_buffers_of_buffers_keep_few_corners() -> None:
+    outline: geometry2d.Polygon = SQUARE
+    for _ in range(30):
+        outline = geometry2d.buffered(outline, 1.0, closed=True)
+    assert len(outline) <= geometry2d.MOST_CORNERS and geometry2d.fault(outline) == ""
+    assert math.isclose(geometry2d.signed_area(outline), 10 * 10 + 4 * 10 * 30 + math.pi * 30**2, rel_tol=0.02)
