@@ -30,7 +30,11 @@ Place = tuple[float, float]
 
 INSPECT = "inspect"
 """What a coordinator's order to look at a waypoint is called."""
-REACHED_M = 12.0
+REACHED_M = 5.0
+SLACK_M = 23.0
+"""A waypoint counts as inspected from 25 m: it need not be flown to exactly."""
+SETTLE_S = 5.5
+"""What getting up to speed and coming to rest take of a tick."""
 SURE = 0.5
 ATTEMPTS = 3
 WAIT_TICKS = 5
@@ -48,6 +52,10 @@ class RouteInspector:
         self._status, self._report = sends(brief, "status"), sends(brief, "report")
         high = body.properties.get("band_high_m")
         self._z = brief.water_level_m + (float(high) if isinstance(high, (int, float)) else 100.0)
+        cruise = body.properties.get("cruise_mps")
+        cruise_mps = float(cruise) if isinstance(cruise, (int, float)) else 12.0
+        self._reach_m = cruise_mps * max(1.0, brief.tick_s - SETTLE_S)
+        self._aim: tuple[int, Place] | None = None
         self._route: list[Place] = []
         self._next = 0
         self._tries = 0
@@ -79,10 +87,11 @@ class RouteInspector:
         ]
         if orders:
             self._route, self._next, self._tries, self._wait_until = orders, 0, 0, 0
+            self._aim = None
 
     def _look(self, picture: Picture, tick: int) -> tuple[Outgoing, ...]:
         place = self._route[self._next]
-        if math.dist(picture.pose.position[:2], place) > 2 * REACHED_M:
+        if math.dist(picture.pose.position[:2], place) > SLACK_M + REACHED_M:
             return ()
         lane = ([self._start] if self._start is not None else []) + self._route
         finds = find_queues(picture.rgb, picture.pose, self._brief.water_level_m, tuple(lane))
@@ -119,12 +128,27 @@ class RouteInspector:
             return self._fly(*first) if math.dist(own.position[:2], first) > REACHED_M else None
         if self._next >= len(self._route):
             return None
-        x, y = self._route[self._next]
+        if self._aim is None or self._aim[0] != self._next:
+            self._aim = self._next, self._aimed(own.position[:2])
+        x, y = self._aim[1]
         if math.dist(own.position[:2], (x, y)) > REACHED_M:
             self._tries += 1
             if self._tries <= 2 * ATTEMPTS:
                 return self._fly(x, y)
         return Action(verb="takePhoto", arguments={"camera": self._camera.name}, resource=self._body.id)
+
+    def _aimed(self, here: Place) -> Place:
+        """Where to fly for the next waypoint: as far on as a tick allows, or short of it where that saves a tick."""
+        place = self._route[self._next]
+        distance = math.dist(here, place)
+        if distance <= SLACK_M:
+            return here
+        if self._reach_m < distance <= self._reach_m + SLACK_M:
+            return _towards(place, here, distance - self._reach_m)
+        if self._next + 1 >= len(self._route):
+            return place
+        beyond = SLACK_M if distance > self._reach_m else min(SLACK_M, self._reach_m - distance)
+        return _towards(place, self._route[self._next + 1], beyond)
 
     def _fly(self, x: float, y: float) -> Action:
         arguments = {"x": round(x, 2), "y": round(y, 2), "z": round(self._z, 2)}
@@ -137,3 +161,10 @@ def _ground_start(observation: Observation, body: str) -> Place | None:
         if view.id != body and view.position is not None:
             return view.position[:2]
     return None
+
+
+def _towards(start: Place, end: Place, distance_m: float) -> Place:
+    """The point so far from `start` on the way to `end`; `end` where that is nearer."""
+    run = math.dist(start, end)
+    share = min(1.0, distance_m / run) if run else 0.0
+    return start[0] + share * (end[0] - start[0]), start[1] + share * (end[1] - start[1])
