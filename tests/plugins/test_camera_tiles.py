@@ -12,7 +12,7 @@ from lingjing.plugins.engines.camera.cityscape import KEPT_TILES
 from lingjing.plugins.engines.camera.engine import CameraEngine
 from lingjing.plugins.engines.camera.masonry import building
 from lingjing.plugins.engines.camera.mesh_rows import triangles
-from lingjing.plugins.engines.camera.paving import areas, lanes
+from lingjing.plugins.engines.camera.paving import CENTRE, EDGE, areas, lanes, middles_of
 from lingjing.plugins.engines.camera.sight import (
     boxes_in_sight,
     casters,
@@ -90,22 +90,22 @@ def test_walls_look_outwards_and_a_tower_is_as_few_triangles_as_a_hut() -> None:
     low = Building(id="a", polygon=box(0, 0, 20, 10), base_m=0.0, top_m=3.9, levels=1)
     high = Building(id="b", polygon=box(0, 0, 20, 10)[::-1], base_m=0.0, top_m=300.0, levels=90)
     for given_one in (low, high):
-        walls, _ = building(given_one, 11)
+        walls, _, _ = building(given_one, 11)
         assert len(walls.index) == 24
         out = walls.vertices["position"][:, :2] - (10.0, 5.0)
         assert ((out * walls.vertices["normal"][:, :2]).sum(axis=1) > 0.0).all()
 
 
 def test_later_areas_lie_on_earlier_ones() -> None:
-    part = areas([Area(polygon=box(0, 0, 50, 50), surface="grass"), Area(polygon=box(10, 10, 20, 20), surface="plaza"),
-                  Area(polygon=box(200, 0, 250, 50), surface="sand")])  # fmt: skip
-    layers = {tuple(v["colour"][:3].round(2)): float(v["layer"]) for v in part.vertices}
-    assert sorted(layers.values()) == [1.0, 1.0, 2.0]
+    parts = areas([Area(polygon=box(0, 0, 50, 50), surface="grass"), Area(polygon=box(10, 10, 20, 20), surface="plaza"),
+                   Area(polygon=box(200, 0, 250, 50), surface="sand")])  # fmt: skip
+    layers = {tuple(v["colour"][:3].round(2)): float(v["layer"]) for part in parts for v in part.vertices}
+    assert sorted(layers.values()) == [1.0, 1.0, 2.5]
 
 
 def test_bent_lanes_keep_their_width() -> None:
     bend = Lane(id="l", shape=((0.0, 0.0, 0.0), (50.0, 0.0, 0.0), (80.0, 40.0, 2.0)), width_m=3.0)
-    part = lanes([Road(id="r", lanes=(bend,))], ())
+    part = lanes([Road(id="r", lanes=(bend,))], (), middles_of(()))
     left, right = part.vertices["position"][0::2], part.vertices["position"][1::2]
     assert np.allclose(np.linalg.norm(left - right, axis=1)[[0, 2]], 3.0, atol=1e-4)
     assert part.vertices["position"][:, 2].max() == 2.0
@@ -139,3 +139,11 @@ def test_a_wide_city_costs_what_is_near(tmp_path: Path) -> None:
         engine.close()
     assert used[500][0] == used[1500][0], "the same tiles"
     assert np.abs(used[500][1] - used[1500][1]).max() <= 3, "the same picture, but for the far map under it"
+
+
+def test_only_two_way_streets_have_a_yellow_middle() -> None:
+    there = Road(id="a", lanes=(Lane(id="a_0", shape=((0.0, -1.5, 0.0), (50.0, -1.5, 0.0)), width_m=3.0),))
+    back = Road(id="b", lanes=(Lane(id="b_0", shape=((50.0, 1.5, 0.0), (0.0, 1.5, 0.0)), width_m=3.0),))
+    alone = lanes([there], (), middles_of([there])).vertices["style"][0, 2]
+    paired = lanes([there], (), middles_of([there, back])).vertices["style"][0, 2]
+    assert (alone % 4, paired % 4) == (EDGE, CENTRE)

@@ -19,19 +19,46 @@ in vec2 in_at;
 in float in_layer;
 in uint in_id;
 out vec3 v_world;
-flat out vec3 v_normal;
+flat out vec3 v_normal, v_sunned;
 flat out vec4 v_colour, v_style;
 flat out float v_layer;
 flat out uint v_id;
 out vec2 v_at;
+#ifdef SUNLIT
+uniform mat4 u_shade;         // world → shadow map (0..1, depth along the sun's rays)
+uniform float u_shade_step;   // metres that a surface is lifted before it is looked up: else it shades itself
+out vec3 v_shade;
+#endif
+#ifdef WALL
+flat out vec4 v_panes;        // half of a pane across and up, above and on the lowest floor
+#endif
+#ifdef ROAD
+flat out vec4 v_left, v_right, v_ends;
+#endif
 void main() {
+  vec3 n = dot(in_normal, u_eye - in_position) < 0.0 ? -in_normal : in_normal;
   v_world = in_position;
-  v_normal = in_normal;
+  v_normal = n;
+  v_sunned = u_sunlight * max(dot(n, u_sun), 0.0);
   v_colour = in_colour;
   v_style = in_style;
   v_layer = in_layer;
   v_at = in_at;
   v_id = in_id;
+#ifdef SUNLIT
+  v_shade = (u_shade * vec4(in_position + n * u_shade_step, 1.0)).xyz;
+#endif
+#ifdef WALL
+  v_at = in_at / in_style.xy;
+  v_panes = 0.5 * in_style.zwzw;
+  if (in_style.x > 2.5 && in_style.z > 0.01 && in_style.z < 0.9) v_panes.zw = max(v_panes.zw, vec2(0.30, 0.36));
+#endif
+#ifdef ROAD
+  float left = mod(in_style.z, 4.0), right = floor(in_style.z / 4.0);
+  v_left = vec4(abs(left - 1.0) < 0.1, abs(left - 2.0) < 0.1, left > 2.5, 0.0);
+  v_right = vec4(abs(right - 1.0) < 0.1, abs(right - 2.0) < 0.1, 0.0, 0.0);
+  v_ends = vec4(mod(in_style.w, 2.0), mod(floor(in_style.w / 2.0), 2.0), in_style.w > 3.5, 0.0);
+#endif
   gl_Position = u_clip * vec4(in_position - u_eye, 1.0);
 #ifdef LAYERED
   gl_Position.z -= u_layer * in_layer * gl_Position.w;
@@ -44,45 +71,54 @@ _HEAD = (
     COMMON
     + OUTPUTS
     + """
-uniform sampler2D u_noise;
+uniform sampler2D u_grain;    // tone of paving, bare patches, tone of asphalt, wear of paint; `GRAIN_M` across
+const float GRAIN_M = 64.0;
 in vec3 v_world;
-flat in vec3 v_normal;
+flat in vec3 v_normal, v_sunned;
 flat in vec4 v_colour, v_style;
 flat in float v_layer;
 flat in uint v_id;
 in vec2 v_at;
+#ifdef SUNLIT
+uniform sampler2DShadow u_shadow;
+in vec3 v_shade;
+float sunny() { return texture(u_shadow, v_shade); }
+#else
+float sunny() { return 1.0; }
+#endif
 float hash(vec2 p, float seed) {
   vec3 q = fract(vec3(p.xyx + seed * 0.37) * vec3(0.1031, 0.1030, 0.0973));
   q += dot(q, q.yzx + 33.33);
   return fract((q.x + q.y) * q.z);
 }
-float cover(float d, float a, float b, float w) {      // share of a pixel of width w at d that lies in a..b
-  return clamp((min(d + 0.5 * w, b) - max(d - 0.5 * w, a)) / w, 0.0, 1.0);
-}
 """
 )
 
 _TAIL = """
-  float range = length(u_eye - v_world);
-  o_colour = developed(fogged(c, range, max((u_eye.z - v_world.z) / range, 0.0)));
+  o_colour = developed(mix(u_haze * (1.0 - 0.6 * max(v.z, 0.0)), c, exp2(-u_fog * range)));
   o_id = v_id;
-  o_depth = dot(v_world - u_eye, u_axis);
+  o_depth = 1.0 / gl_FragCoord.w;
 }
 """
 
+_RAY = """
+  vec3 v = u_eye - v_world;
+  float range2 = dot(v, v), closeness = inversesqrt(range2), range = range2 * closeness;
+  v *= closeness;
+"""
+
 _GROUND_TAIL = (
-    """
-  float lit = sunlit(v_world, vec3(0.0, 0.0, 1.0));
+    _RAY
+    + """
 #ifdef WET
-  vec3 ray = normalize(v_world - u_eye);
-  float f = 1.0 + ray.z;
+  float f = 1.0 - v.z;
   float paved = smoothstep(1.25, 1.05, v_colour.g / v_colour.r);
-  float puddle = (0.22 + 0.55 * smoothstep(0.54, 0.66, texture(u_noise, v_world.xy / 19.0).r)) * mix(0.12, 1.0, paved);
+  float puddle = (0.22 + 0.55 * smoothstep(0.62, 0.80, grain.b)) * mix(0.12, 1.0, paved);
   c *= 0.60;
 #endif
-  c *= u_sunlight * max(u_sun.z, 0.0) * lit + u_skylight;
+  c *= v_sunned * sunny() + u_skylight;
 #ifdef WET
-  c += sky_of(vec3(ray.xy, -ray.z)) * (0.03 + 0.80 * f * f * f * f * f) * puddle;
+  c += sky_of(vec3(-v.xy, v.z)) * (0.03 + 0.80 * f * f * f * f * f) * puddle;
 #endif
 #ifdef NIGHT
   c += glow * u_dark;
@@ -94,52 +130,47 @@ _GROUND_TAIL = (
 WALL = (
     _HEAD
     + """
+flat in vec4 v_panes;
 void main() {
-  vec2 cell = v_at / v_style.xy;
-  vec2 number = floor(cell), f = abs(cell - number - 0.5);
-  vec2 w = fwidth(cell) + 1e-5;
-  vec2 half_glass = 0.5 * v_style.zw;
-  float some = step(0.01, v_style.z);
-  float foot = step(v_at.y, v_style.y) * step(2.5, v_style.x) * step(v_style.z, 0.9);
-  half_glass = mix(half_glass, max(half_glass, vec2(0.30, 0.36)) * some, foot);
-  vec2 sharp = clamp((half_glass - f) / w + 0.5, 0.0, 1.0);
-  vec2 pane = mix(sharp, 2.0 * half_glass, smoothstep(0.5, 1.5, w));
+  vec2 number = floor(v_at), f = abs(v_at - number - 0.5);
+  vec2 w = fwidth(v_at) + 1e-5, sharpness = 1.0 / w;
+  vec2 half_glass = number.y < 0.5 ? v_panes.zw : v_panes.xy;
+  float some = float(v_panes.x > 0.005);
+  vec2 edge = (half_glass - f) * sharpness + 0.5;
+  vec2 pane = mix(clamp(edge, 0.0, 1.0), 2.0 * half_glass, clamp(w - 0.5, 0.0, 1.0));
   float glass = pane.x * pane.y;
-  float frame = clamp((half_glass.x + 0.03 - f.x) / w.x + 0.5, 0.0, 1.0)
-              * clamp((half_glass.y + 0.04 - f.y) / w.y + 0.5, 0.0, 1.0) * some - glass;
-  float far = smoothstep(0.35, 1.1, max(w.x, w.y));
+  vec2 rim = clamp(edge + vec2(0.03, 0.04) * sharpness, 0.0, 1.0);
+  float far = clamp((max(w.x, w.y) - 0.35) * 1.33, 0.0, 1.0);
+  float frame = clamp(rim.x * rim.y * some - glass, 0.0, 1.0) * (1.0 - far);
   float h = mix(hash(number, v_layer), 0.5, far);
-
-  vec3 n = v_normal;
-  vec3 to_eye = u_eye - v_world;
-  vec3 v = normalize(to_eye);
-  vec4 grain = texture(u_noise, v_at / vec2(41.0, 23.0) + v_layer * 0.013);
-  vec3 wall = v_colour.rgb * (0.80 + 0.36 * grain.r) * (0.72 + 0.28 * smoothstep(0.0, 3.0, v_at.y));
-  wall = mix(wall, wall * 0.72 + 0.03, clamp(frame, 0.0, 1.0) * (1.0 - far));
+  float up = v_at.y * v_style.y;
+"""
+    + _RAY
+    + """
+  float grain = texture(u_grain, (v_at * v_style.xy) * vec2(0.6, 1.1) / GRAIN_M + v_layer * 0.013).b;
+  vec3 wall = v_colour.rgb * (0.80 + 0.36 * grain) * (0.72 + 0.28 * clamp(up * 0.4, 0.0, 1.0));
+  wall = mix(wall, wall * 0.72 + 0.03, frame);
 #ifdef WET
   wall *= 0.78;
 #endif
-  float lit = sunlit(v_world, n);
-  float facing = max(dot(n, u_sun), 0.0);
-  float open = 0.56 + 0.12 * smoothstep(0.0, 25.0, v_at.y);
-  vec3 light = u_sunlight * facing * lit + u_skylight * open;
-  vec3 c = wall * light;
-
-  vec3 r = reflect(-v, n);
-  float k = 1.0 - max(dot(n, v), 0.0);
-  float fresnel = 0.05 + v_colour.a * 0.34 + 0.55 * k * k * k * k;
-  vec3 mirrored = sky_of(r) * mix(0.34, 1.0, smoothstep(-0.25, 0.08, r.z + 0.10 * (h - 0.5)));
+  float lit = sunny();
+  vec3 light = v_sunned * lit + u_skylight * (0.56 + 0.12 * clamp(up * 0.04, 0.0, 1.0));
+  float facing = dot(v_normal, v);
+  vec3 r = 2.0 * facing * v_normal - v;
+  float k = 1.0 - max(facing, 0.0);
+  k *= k;
+  float fresnel = 0.05 + v_colour.a * 0.34 + 0.55 * k * k;
+  vec3 mirrored = sky_of(r) * (0.34 + 0.66 * clamp((r.z + 0.10 * h + 0.20) * 3.0, 0.0, 1.0));
   vec3 body = mix(vec3(0.018, 0.026, 0.034), v_colour.rgb * 0.32, v_colour.a) * (0.55 + 0.9 * h);
-  body = mix(body, vec3(0.30, 0.28, 0.25), step(0.78, h) * 0.55 * (1.0 - v_colour.a) * (1.0 - far));
-  vec3 pane_light = body * light * 1.1 + mirrored * fresnel;
+  body = h > 0.78 ? mix(body, vec3(0.30, 0.28, 0.25), 0.55 * (1.0 - v_colour.a) * (1.0 - far)) : body;
   float glint = max(dot(r, u_sun), 0.0);
   glint *= glint; glint *= glint; glint *= glint; glint *= glint; glint *= glint; glint *= glint;
-  pane_light += u_sunlight * lit * glint * 0.5;
-  c = mix(c, pane_light, glass);
+  vec3 pane_light = body * light * 1.1 + mirrored * fresnel + u_sunlight * (lit * glint * 0.5);
+  vec3 c = mix(wall * light, pane_light, glass);
 #ifdef NIGHT
   float on = mix(step(hash(number + 17.0, v_layer + 3.0), 0.38), 0.38, far);
   vec3 lamp = mix(vec3(0.95, 0.62, 0.30), vec3(0.80, 0.84, 0.90), step(0.6, fract(h * 7.3)));
-  c += lamp * on * glass * u_dark * (0.25 + 0.5 * h) + wall * vec3(0.20, 0.15, 0.09) * u_dark * exp2(-v_at.y * 0.25);
+  c += lamp * on * glass * u_dark * (0.25 + 0.5 * h) + wall * vec3(0.20, 0.15, 0.09) * u_dark * exp2(-up * 0.25);
 #endif
 """
     + _TAIL
@@ -150,16 +181,16 @@ PLAIN = (
     + """
 void main() {
   vec3 n = v_normal;
-  vec3 to_eye = u_eye - v_world;
-  n = dot(n, to_eye) < 0.0 ? -n : n;
-  vec4 grain = texture(u_noise, v_world.xy / 23.0 + v_world.z * 0.031);
-  vec3 c = v_colour.rgb * (0.78 + 0.40 * grain.r);
+"""
+    + _RAY
+    + """
+  float grain = texture(u_grain, v_world.xy * (2.0 / GRAIN_M) + v_world.z * 0.031).b;
+  vec3 c = v_colour.rgb * (0.78 + 0.40 * grain);
 #ifdef WET
   c *= 0.72;
 #endif
-  c *= u_sunlight * max(dot(n, u_sun), 0.0) * sunlit(v_world, n) + u_skylight * (0.62 + 0.38 * n.z);
+  c *= v_sunned * sunny() + u_skylight * (0.62 + 0.38 * n.z);
 #ifdef WET
-  vec3 v = normalize(to_eye);
   float f = 1.0 - max(dot(n, v), 0.0);
   c += sky_of(reflect(-v, n)) * max(n.z, 0.0) * (0.03 + 0.4 * f * f * f);
 #endif
@@ -170,31 +201,30 @@ void main() {
 ROAD = (
     _HEAD
     + """
+flat in vec4 v_left, v_right, v_ends;
 void main() {
-  float half_wide = v_style.x, past = v_at.y, left_over = v_style.y - v_at.y;
-  vec2 w = fwidth(v_at) + 1e-4;
-  float to_left = half_wide - v_at.x, to_right = half_wide + v_at.x;
-  float left = mod(v_style.z, 4.0), right = floor(v_style.z / 4.0);
-  float start_zebra = mod(v_style.w, 2.0), end_zebra = mod(floor(v_style.w / 2.0), 2.0), stop = step(3.5, v_style.w);
+  float past = v_at.y, left_over = v_style.y - v_at.y, half_wide = v_style.x;
+  vec2 w = fwidth(v_at) + 1e-4, sharpness = 1.0 / w;
+  float aside = half_wide - abs(v_at.x);
+  vec4 lines = v_at.x > 0.0 ? v_left : v_right;
+  vec4 low = vec4(aside - 0.12, past - 0.8, left_over - 0.8, left_over - 4.8) * sharpness.xyyy;
+  vec4 high = vec4(0.27 - aside, 3.8 - past, 3.8 - left_over, 5.2 - left_over) * sharpness.xyyy;
+  vec4 band = clamp(min(low, high) + 0.5, 0.0, 1.0) * clamp(vec4(0.15, 3.0, 3.0, 0.4) * sharpness.xyyy, 0.0, 1.0);
+  float dash = abs(mod(past, 9.0) - 4.5);
+  dash = mix(clamp((dash - 3.0) * sharpness.y + 0.5, 0.0, 1.0), 0.333, clamp(0.25 * w.y - 0.5, 0.0, 1.0));
+  dash *= clamp((0.075 - aside) * sharpness.x + 0.5, 0.0, 1.0) * clamp(0.15 * sharpness.x, 0.0, 1.0);
+  float clear = 1.0 - max(float(past < 5.0) * v_ends.x, float(left_over < 5.2) * v_ends.y);
+  float bars = mix(clamp((0.228 - 0.95 * abs(fract(v_at.x / 0.95) - 0.5)) * sharpness.x + 0.5, 0.0, 1.0), 0.48,
+                   clamp(1.7 * w.x - 0.7, 0.0, 1.0));
+  float white = (lines.x * band.x + lines.y * dash) * clear + v_ends.z * band.w
+              + bars * (v_ends.x * band.y + v_ends.y * band.z);
+  float yellow = lines.z * band.x * clear;
 
-  float dash = mix(cover(mod(past, 9.0), 0.0, 3.0, min(w.y, 3.0)), 0.333, smoothstep(2.0, 6.0, w.y));
-  float clear = 1.0 - max(step(past, 5.0) * start_zebra, step(left_over, 5.2) * end_zebra);
-  float white = (step(abs(left - 1.0), 0.1) * cover(to_left, 0.12, 0.27, w.x)
-              + step(abs(left - 2.0), 0.1) * cover(to_left, -0.5, 0.075, w.x) * dash
-              + step(abs(right - 1.0), 0.1) * cover(to_right, 0.12, 0.27, w.x)
-              + step(abs(right - 2.0), 0.1) * cover(to_right, -0.5, 0.075, w.x) * dash) * clear;
-  float yellow = step(2.5, left) * cover(to_left, 0.07, 0.21, w.x) * clear;
-  float bars = mix(clamp((0.24 - abs(fract(v_at.x / 0.95) - 0.5)) * 0.95 / w.x + 0.5, 0.0, 1.0), 0.5,
-                   smoothstep(0.4, 1.0, w.x));
-  white += bars * (start_zebra * cover(past, 0.8, 3.8, w.y) + end_zebra * cover(left_over, 0.8, 3.8, w.y));
-  white += stop * cover(left_over, 4.8, 5.2, w.y);
-
-  vec4 wide = texture(u_noise, v_world.xy / 53.0);
-  vec4 fine = texture(u_noise, v_world.xy / 5.3);
+  vec4 grain = texture(u_grain, v_world.xy / GRAIN_M);
   float track = abs(abs(v_at.x) - 0.85);
-  vec3 c = v_colour.rgb * (0.66 + 0.42 * wide.r + 0.24 * fine.b);
-  c *= 1.0 - 0.16 * smoothstep(0.5, 0.1, track) * step(0.1, half_wide);
-  float worn = 0.55 + 0.45 * smoothstep(0.25, 0.45, fine.r * 0.6 + wide.g * 0.5);
+  vec3 c = v_colour.rgb * (0.66 + 0.66 * grain.b);
+  c *= 1.0 - 0.16 * clamp(1.25 - 2.5 * track, 0.0, 1.0) * float(half_wide > 0.1);
+  float worn = 0.55 + 0.45 * grain.a;
   c = mix(c, vec3(0.62, 0.62, 0.60), clamp(white, 0.0, 1.0) * worn);
   c = mix(c, vec3(0.62, 0.42, 0.06), yellow * worn);
 #ifdef NIGHT
@@ -206,17 +236,20 @@ void main() {
 )
 
 _PAVE = """
-  vec4 wide = texture(u_noise, mat2(0.92, 0.39, -0.39, 0.92) * v_world.xy / 83.0);
-  vec4 fine = texture(u_noise, mat2(0.80, -0.60, 0.60, 0.80) * v_world.xy / 7.3);
-  vec3 c = v_colour.rgb * (1.0 + v_style.z * (0.6 * (wide.r - 0.5) + 0.45 * (fine.r - 0.5) + 0.7 * (fine.b - 0.5)));
-  c = mix(c, PATCH, smoothstep(0.40, 0.78, wide.g * 0.8 + fine.g * 0.2) * v_style.w);
-  vec2 joint = abs(fract(v_world.xy / v_style.x) - 0.5);
-  vec2 w = (abs(dFdx(v_world.xy)) + abs(dFdy(v_world.xy))) / v_style.x;
-  vec2 seam = clamp((joint - 0.485) / w + 0.5, 0.0, 1.0) * clamp(0.5 - w, 0.0, 1.0) * 2.0;
+  vec4 grain = texture(u_grain, v_world.xy / GRAIN_M);
+  vec3 c = v_colour.rgb * (1.0 + v_style.z * (grain.r * 2.0 - 1.0));
+  c = mix(c, PATCH, grain.g * v_style.w);
+"""
+
+_JOINTS = """
+  float spacing = 1.0 / v_style.x;
+  vec2 joint = abs(fract(v_world.xy * spacing) - 0.5);
+  vec2 w = fwidth(v_world.xy) * spacing;
+  vec2 seam = clamp((joint - 0.485) / w + 0.5, 0.0, 1.0) * clamp(1.0 - 2.0 * w, 0.0, 1.0);
   c *= 1.0 - v_style.y * max(seam.x, seam.y);
 """
 
-PAVING = (
+SOIL = (
     _HEAD
     + """
 #define PATCH vec3(0.125, 0.135, 0.060)
@@ -228,8 +261,10 @@ void main() {
   vec3 glow = c * vec3(0.34, 0.25, 0.15);
 #endif
 """
-    + _GROUND_TAIL.replace("vec3(0.0, 0.0, 1.0));", "v_normal);", 1)
+    + _GROUND_TAIL
 )
+
+PAVING = SOIL.replace(_PAVE, _PAVE + _JOINTS)
 
 GROUND = (
     _HEAD
@@ -242,12 +277,14 @@ void main() {
 """
     + _PAVE
     + """
+#ifdef MAPPED
   vec2 uv = (v_world.xy - u_map_bounds.xy) * u_map_bounds.zw;
   vec3 mapped = texture(u_map, uv).rgb;
   mapped *= mapped;
   vec2 out_of = step(0.5, abs(uv - 0.5));
   float away = length(u_eye - v_world);
   c = mix(c, mapped, smoothstep(u_map_range.x, u_map_range.y, away) * (1.0 - max(out_of.x, out_of.y)));
+#endif
 #ifdef NIGHT
   vec3 glow = c * vec3(0.20, 0.15, 0.09);
 #endif
@@ -303,6 +340,6 @@ void main() {
 
 
 def variant(source: str, **wanted: bool) -> str:
-    """A source with the switches that are wanted defined: `LAYERED`, `SHADED`, `WET`, `NIGHT`."""
+    """A source with the wanted switches defined: `WALL`, `ROAD`, `LAYERED`, `SUNLIT`, `MAPPED`, `WET`, `NIGHT`."""
     lines = "".join(f"#define {name.upper()}\n" for name, on in wanted.items() if on)
     return source.replace("#version 330\n", f"#version 330\n{lines}", 1)

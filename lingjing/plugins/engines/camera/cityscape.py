@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import moderngl
 import numpy as np
@@ -22,6 +23,7 @@ from lingjing.plugins.engines.camera.instances import Batch, prop_batches
 from lingjing.plugins.engines.camera.light import Light
 from lingjing.plugins.engines.camera.mesh_rows import LAYOUT, Part, empty
 from lingjing.plugins.engines.camera.nightlights import lamp_heads
+from lingjing.plugins.engines.camera.paving import middles_of
 from lingjing.plugins.engines.camera.plate import build_plate
 from lingjing.plugins.engines.camera.sight import (
     Window,
@@ -35,7 +37,8 @@ from lingjing.plugins.engines.camera.sight import (
 )
 from lingjing.plugins.engines.camera.skyline import Skyline, build_skyline
 from lingjing.plugins.engines.camera.tilemesh import CASTERS, TileMesh, Under, crossings_of, mesh_tile
-from lingjing.scene.city import City, Junction, Pieces, Prop, Tile
+from lingjing.plugins.geometry import focal_px
+from lingjing.scene.city import City, Pieces, Prop, Tile
 from lingjing.scene.tiles import Key, Tiles
 from lingjing.trace.records import CameraPose
 
@@ -43,25 +46,40 @@ KEPT_TILES = 48
 SHADE_PX = 2048
 FAR_REACH_M, BLOCKS_REACH_M = 14_000.0, 3500.0
 CROSSINGS_REACH_M = 60.0
+MAPPED_FROM = 0.55
+"""From this share of the reach of full tiles on the ground begins to wear the map."""
+DETAIL_PX = 4.0
+"""Details show where a metre is this many pixels or more."""
 LAYER = 2.0e-6
 """Clip-space step (of w) between coplanar layers; the near plane is chosen so that it stays under a decimetre."""
 
-LAYERED = ("road", "paving")
+LAYERED = ("road", "paving", "soil")
 SOURCES = {
     "wall": shaders.WALL,
     "plain": shaders.PLAIN,
     "road": shaders.ROAD,
     "paving": shaders.PAVING,
+    "soil": shaders.SOIL,
     "ground": shaders.GROUND,
 }
 
 
+class Mode(NamedTuple):
+    """Which variant of a material's program draws: in rain, after dark, where the shadow map reaches, where the ground
+    wears the map."""
+
+    wet: bool
+    night: bool
+    sunlit: bool
+    mapped: bool = False
+
+
 @dataclass(frozen=True, slots=True)
 class Sheet:
-    """A part on the GPU: the arrays that draw it by (wet, night), and one for the shadow map."""
+    """A part on the GPU: the arrays that draw it by `Mode`, and one for the shadow map."""
 
     buffers: tuple[moderngl.Buffer, ...]
-    lit: dict[tuple[bool, bool], moderngl.VertexArray]
+    lit: dict[Mode, moderngl.VertexArray]
     cast: moderngl.VertexArray | None
     count: int
 
@@ -88,11 +106,17 @@ class Resident:
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """What one picture shows: full tiles near to far, ranges of far blocks, tiles that may throw shadows into it."""
+    """What one picture shows: full tiles near to far, which of them the shadow map reaches and which show their
+    details, ranges of far blocks, tiles that may throw shadows into it, ranges of ground near and far (that wears the
+    map)."""
 
     full: tuple[Key, ...]
+    shaded: frozenset[Key]
+    detailed: frozenset[Key]
     far: tuple[tuple[int, int], ...]
     casters: tuple[Key, ...]
+    near_ground: tuple[tuple[int, int], ...]
+    far_ground: tuple[tuple[int, int], ...]
     window: Window
     reach_m: float
     closest_m: float
@@ -103,7 +127,7 @@ class Cityscape:
 
     def __init__(self, context: moderngl.Context, city: City, under: Under) -> None:
         self._context, self._city, self._under, self._dress = context, city, under, Dress()
-        self._programs: dict[tuple[str, bool, bool], moderngl.Program] = {}
+        self._programs: dict[tuple[str, Mode], moderngl.Program] = {}
         self._caster = context.program(vertex_shader=shaders.CASTER_VERTEX, fragment_shader=shaders.CASTER_FRAGMENT)
         self.tiles = Tiles(city)
         self._skyline: Skyline = build_skyline(city, self.tiles)
@@ -155,9 +179,22 @@ class Cityscape:
         far = seen & ~near & (high | (away < min(visibility_m, FAR_REACH_M)))
         ranges = _runs(sky.ranges[0], far) + _runs(sky.ranges[1], far & (high | (away < BLOCKS_REACH_M)))
         full = tuple(sky.keys[k] for k in order)
-        closest = self._closest(full, pose)
-        return View(full, tuple(ranges), tuple(sky.keys[k] for k in np.flatnonzero(cast).tolist()), window, reach,
-                    closest)  # fmt: skip
+        reached = casters(sky.boxes, window)
+        plate = self.plate
+        shown = boxes_in_sight(plate.boxes, pose)
+        mapped = _farthest(plate.boxes, eye) > MAPPED_FROM * reach
+        return View(
+            full=full,
+            shaded=frozenset(sky.keys[k] for k in order if reached[k]),
+            detailed=frozenset(sky.keys[k] for k in order if away[k] <= focal_px(pose) / DETAIL_PX),
+            far=tuple(ranges),
+            casters=tuple(sky.keys[k] for k in np.flatnonzero(cast).tolist()),
+            near_ground=tuple(_runs(plate.ranges, shown & ~mapped)),
+            far_ground=tuple(_runs(plate.ranges, shown & mapped)),
+            window=window,
+            reach_m=reach,
+            closest_m=self._closest(full, pose),
+        )
 
     def _closest(self, full: tuple[Key, ...], pose: CameraPose) -> float:
         """A lower bound of the distance to anything that stands still and is in sight."""
@@ -193,20 +230,21 @@ class Cityscape:
 
     def _ready(self, key: Key) -> Resident:
         pieces: Pieces = self._dress.tiles.get(key) or self.tiles.load(key)
-        crossings = crossings_of(self._junctions_near(key))
+        near = self._around(key)
+        crossings = crossings_of(tuple(junction for tile in near for junction in tile.junctions))
+        ways = tuple(road for tile in near for road in tile.roads)
         faced = {building: FIRST_ENTITY + number for building, number in self._dress.faced.items()}
-        mesh = mesh_tile(pieces, crossings, faced, self._under)
+        mesh = mesh_tile(pieces, crossings, middles_of(ways), faced, self._under)
         sheets = {name: self._upload(name, part, casts=name in CASTERS) for name, part in mesh.parts.items()
                   if len(part.index)}  # fmt: skip
-        bare = TileMesh({}, mesh.boxes, mesh.low, mesh.high)
+        bare = TileMesh({}, mesh.coarse, mesh.boxes, mesh.low, mesh.high)
         lively = tuple(prop for prop in pieces.props if prop.model in SHOWING)
         return Resident(bare, sheets, prop_batches(pieces), lively, lamp_heads(pieces.props))
 
-    def _junctions_near(self, key: Key) -> tuple[Junction, ...]:
+    def _around(self, key: Key) -> tuple[Tile, ...]:
         west, south, _, east, north, _ = self._skyline.boxes[self._number[key]].tolist()
         radius = float(np.hypot(east - west, north - south)) / 2.0 + CROSSINGS_REACH_M
-        near: tuple[Tile, ...] = self.tiles.near((west + east) / 2.0, (south + north) / 2.0, radius)
-        return tuple(junction for tile in near for junction in tile.junctions)
+        return self.tiles.near((west + east) / 2.0, (south + north) / 2.0, radius)
 
     # -- drawing
 
@@ -246,7 +284,7 @@ class Cityscape:
             "u_shade_step": 1.8 * texel + 0.02,
             "u_layer": LAYER,
             "u_map_bounds": (west, south, 1.0 / (east - west), 1.0 / (north - south)),
-            "u_map_range": (0.55 * view.reach_m, view.reach_m),
+            "u_map_range": (MAPPED_FROM * view.reach_m, view.reach_m),
         }
 
     def bind(self, shade_unit: int, map_unit: int) -> None:
@@ -256,30 +294,49 @@ class Cityscape:
 
     def programs(self, wet: bool, night: bool) -> tuple[moderngl.Program, ...]:
         """The programs of one kind of weather."""
-        return tuple(self._program(name, wet, night) for name in SOURCES)
+        modes = [Mode(wet, night, sunlit) for sunlit in (False, True)]
+        found = [self._program(name, mode) for name in SOURCES for mode in modes]
+        return (*found, self._program("ground", Mode(wet, night, True, mapped=True)))
 
     def structures(self, view: View, wet: bool, night: bool) -> None:
         """Walls and everything else that stands up."""
         for key in view.full:
-            self._draw(self.resident(key).sheets, ("wall", "plain"), wet, night)
-        array = self._blocks.lit[wet, night] if self._blocks.count else None
-        for first, count in view.far:
-            assert array is not None
-            array.render(moderngl.TRIANGLES, vertices=count, first=first)
+            mode = Mode(wet, night, key in view.shaded)
+            resident = self.resident(key)
+            self._draw(resident.sheets, "wall", mode, one_sided=True)
+            count = -1 if key in view.detailed else resident.mesh.coarse
+            self._draw(resident.sheets, "plain", mode, one_sided=False, count=count)
+        if view.far:
+            self._one_sided()
+            _draw_runs(self._blocks.lit[Mode(wet, night, False)], view.far)
+        self._context.disable(moderngl.CULL_FACE)
 
     def floors(self, view: View, wet: bool, night: bool) -> None:
         """Roads, pavings and the ground, top to bottom."""
-        for name in ("road", "paving"):
+        for name in ("road", "paving", "soil"):
             for key in view.full:
-                self._draw(self.resident(key).sheets, (name,), wet, night)
-        for sheet in (self._quays, self._lands, self._ground):
+                mode = Mode(wet, night, key in view.shaded)
+                self._draw(self.resident(key).sheets, name, mode, one_sided=True)
+        for sheet in (self._quays, self._lands):
             if sheet.count:
-                sheet.lit[wet, night].render(moderngl.TRIANGLES)
+                sheet.lit[Mode(wet, night, True)].render(moderngl.TRIANGLES)
+        if self._ground.count:
+            _draw_runs(self._ground.lit[Mode(wet, night, True)], view.near_ground)
+            _draw_runs(self._ground.lit[Mode(wet, night, True, mapped=True)], view.far_ground)
+        self._context.disable(moderngl.CULL_FACE)
 
-    def _draw(self, sheets: Mapping[str, Sheet], names: tuple[str, ...], wet: bool, night: bool) -> None:
-        for name in names:
-            if name in sheets:
-                sheets[name].lit[wet, night].render(moderngl.TRIANGLES)
+    def _draw(self, sheets: Mapping[str, Sheet], name: str, mode: Mode, one_sided: bool, count: int = -1) -> None:
+        if name in sheets and count:
+            if one_sided:
+                self._one_sided()
+            else:
+                self._context.disable(moderngl.CULL_FACE)
+            sheets[name].lit[mode].render(moderngl.TRIANGLES, vertices=count)
+
+    def _one_sided(self) -> None:
+        """Leave out what faces away; pictures are upside down in GL terms, so what faces the eye turns clockwise."""
+        self._context.front_face = "cw"
+        self._context.enable(moderngl.CULL_FACE)
 
     # -- GL objects
 
@@ -295,14 +352,14 @@ class Cityscape:
             texture.release()
         self._residents.clear()
 
-    def _program(self, name: str, wet: bool, night: bool) -> moderngl.Program:
-        if (name, wet, night) not in self._programs:
-            switches = {"shaded": True, "layered": name in LAYERED, "wet": wet, "night": night}
-            self._programs[name, wet, night] = self._context.program(
+    def _program(self, name: str, mode: Mode) -> moderngl.Program:
+        if (name, mode) not in self._programs:
+            switches = {"layered": name in LAYERED, name: True, **mode._asdict()}
+            self._programs[name, mode] = self._context.program(
                 vertex_shader=shaders.variant(shaders.VERTEX, **switches),
                 fragment_shader=shaders.variant(SOURCES[name], **switches),
             )
-        return self._programs[name, wet, night]
+        return self._programs[name, mode]
 
     def _upload(self, name: str, part: Part, casts: bool) -> Sheet:
         if not len(part.index):
@@ -314,23 +371,24 @@ class Cityscape:
             cast = self._context.vertex_array(self._caster, [(vertices, *layout)], index, 4)
         return Sheet((vertices, index), _Lit(self, name, vertices, index), cast, len(part.index))
 
-    def array_of(self, name: str, vertices: moderngl.Buffer, index: moderngl.Buffer, wet: bool,
-                 night: bool) -> moderngl.VertexArray:  # fmt: skip
-        """A vertex array of a material in one kind of weather."""
-        program = self._program(name, wet, night)
+    def array_of(
+        self, name: str, vertices: moderngl.Buffer, index: moderngl.Buffer, mode: Mode
+    ) -> moderngl.VertexArray:
+        """A vertex array of a material for one mode."""
+        program = self._program(name, mode)
         return self._context.vertex_array(program, [(vertices, *_layout(program))], index, 4)
 
 
-class _Lit(dict[tuple[bool, bool], moderngl.VertexArray]):
-    """Vertex arrays by (wet, night), made when first asked for."""
+class _Lit(dict[Mode, moderngl.VertexArray]):
+    """Vertex arrays by mode, made when first asked for."""
 
     def __init__(self, owner: Cityscape, name: str, vertices: moderngl.Buffer, index: moderngl.Buffer) -> None:
         super().__init__()
         self._make = owner, name, vertices, index
 
-    def __missing__(self, key: tuple[bool, bool]) -> moderngl.VertexArray:
+    def __missing__(self, key: Mode) -> moderngl.VertexArray:
         owner, name, vertices, index = self._make
-        self[key] = owner.array_of(name, vertices, index, *key)
+        self[key] = owner.array_of(name, vertices, index, key)
         return self[key]
 
 
@@ -341,6 +399,18 @@ AIR_TOP_M = 3000.0
 def _layout(program: moderngl.Program) -> tuple[str, ...]:
     sizes = [size if name in program else f"{4 * int(size[0])}x" for size, name in LAYOUT]
     return (" ".join(sizes), *(name for _, name in LAYOUT if name in program))
+
+
+def _draw_runs(array: moderngl.VertexArray, runs: tuple[tuple[int, int], ...]) -> None:
+    for first, count in runs:
+        array.render(moderngl.TRIANGLES, vertices=count, first=first)
+
+
+def _farthest(boxes: npt.NDArray[np.float64], eye: tuple[float, float, float]) -> npt.NDArray[np.float64]:
+    """Distance of the farthest corner of each box from a point."""
+    at = np.asarray(eye)
+    off = np.maximum(np.abs(boxes[:, :3] - at), np.abs(boxes[:, 3:] - at))
+    return np.asarray(np.linalg.norm(off, axis=1))
 
 
 def _runs(ranges: npt.NDArray[np.int64], wanted: npt.NDArray[np.bool_]) -> list[tuple[int, int]]:

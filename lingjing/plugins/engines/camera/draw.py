@@ -30,10 +30,10 @@ from lingjing.plugins.engines.camera.instances import Batch, Rows, afloat, in_si
 from lingjing.plugins.engines.camera.light import Light, light_of
 from lingjing.plugins.engines.camera.meshes import indexed
 from lingjing.plugins.engines.camera.nightlights import lamp_rows
-from lingjing.plugins.engines.camera.noise import lace_texture, noise_texture
+from lingjing.plugins.engines.camera.noise import GRAIN, grain_texture, lace_texture, noise_texture
 from lingjing.plugins.engines.camera.ocean import RIPPLE_M, Surface
 from lingjing.plugins.engines.camera.ocean import SIZE as SEA_SIZE
-from lingjing.plugins.engines.camera.standins import FULL_PX, standin
+from lingjing.plugins.engines.camera.standins import FULL_PX, TINY_PX, standin
 from lingjing.plugins.engines.camera.targets import MAX_TARGETS, Buffers, Target
 from lingjing.plugins.engines.camera.tilemesh import Under
 from lingjing.plugins.engines.camera.upload import Model, rows_array, upload, upload_still
@@ -42,7 +42,9 @@ from lingjing.scene.city import City
 from lingjing.trace.records import CameraPose
 
 SHADE_UNIT, MAP_UNIT = 5, 6
-LEAST_PROP_PX = 0.7
+LEAST_PROP_PX = 1.2
+GRAIN_M = 64.0
+"""What the grain's texture spans (`city_shaders`)."""
 MIPMAPPED = moderngl.LINEAR_MIPMAP_LINEAR
 GROUND_CLASSES = tuple(CLASSES[name] for name in ("sand", "grass", "rock", "concrete"))
 
@@ -86,6 +88,7 @@ class Renderer:
         self._corners = self.context.buffer(np.array([-1, -1, 1, -1, 1, 1, -1, -1, 1, 1, -1, 1], "f4").tobytes())
         noise = noise_texture()
         self._noise, self._lace = self.texture(noise), lace_texture()
+        self._grain = self.texture(grain_texture())
         self._sea = (self._sea_texture(), self._sea_texture())
         self._sea_scales = ((1.0, 1.0), (1.0, 1.0))
         self._sea_now: tuple[Surface, Surface] | None = None
@@ -180,7 +183,7 @@ class Renderer:
         self._prepare(pose, scenery, light, view)
         target.frame.use()
         target.write(colour=True, alpha=True, rest=True)
-        target.frame.clear(0.0, 0.0, 0.0, 1.0)
+        target.clear()
         self.context.enable_only(moderngl.DEPTH_TEST)
         self.context.depth_func = "<="
         weather = light.rain > 0.0, light.lamps
@@ -272,7 +275,11 @@ class Renderer:
             seen = in_sight(at, batch.radius, pose) & (size > LEAST_PROP_PX)
             mesh = standin(batch)
             near = seen & (size >= FULL_PX) if mesh is not None else seen
-            for suffix, look, which in (("", batch.mesh, near), ("/small", mesh, seen & ~near)):
+            tiny = seen & ~near & (size < TINY_PX)
+            small = seen & ~near & ~tiny
+            for suffix, look, which in (
+                ("", batch.mesh, near), ("/small", mesh, small), ("/tiny", standin(batch, tiny=True), tiny)
+            ):  # fmt: skip
                 if look is not None and which.any():
                     rows: Rows = batch.rows[which]
                     model = self._loaded(batch.key + suffix, look, len(rows))
@@ -291,7 +298,15 @@ class Renderer:
             target.release()
         self._targets = {}
         self._effects.release()
-        for thing in (self._water_vao, self._sky_vao, self._rain_vao, self._corners, self._noise, *self._sea):
+        for thing in (
+            self._water_vao,
+            self._sky_vao,
+            self._rain_vao,
+            self._corners,
+            self._noise,
+            self._grain,
+            *self._sea,
+        ):
             thing.release()
         for program in self._programs:
             program.release()
@@ -328,7 +343,7 @@ class Renderer:
                 texture.build_mipmaps()
             self._sea_scales = packed[0][1], packed[1][1]
             self._sea_now = scenery.sea
-        for unit, texture in enumerate((*self._sea, self._shore, self._noise)):
+        for unit, texture in enumerate((*self._sea, self._shore, self._noise, self._grain)):
             texture.use(unit)
         self._noise.filter = MIPMAPPED, moderngl.LINEAR
         for texture in self._sea:
@@ -346,6 +361,7 @@ class Renderer:
         if self._town is not None and view is not None:
             self._town.bind(SHADE_UNIT, MAP_UNIT)
             self._noise.filter = moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR
+            self._grain.filter = _grain_filter(pose)
             near = self._town.near_plane(view, pose, _closest(scenery, pose))
             values |= {**self._town.values(view), "u_shadow": SHADE_UNIT, "u_map": MAP_UNIT}
             programs = (*programs, *self._town.programs(light.rain > 0.0, light.lamps))
@@ -361,6 +377,7 @@ class Renderer:
             "u_ripple": 1,
             "u_shore": 2,
             "u_noise": 3,
+            "u_grain": 4,
             "u_swell_scale": self._sea_scales[0],
             "u_ripple_scale": self._sea_scales[1],
             "u_lengths": (scenery.sea[0].length_m, scenery.sea[1].length_m),
@@ -434,6 +451,17 @@ def _close(pose: CameraPose, level: float) -> bool:
     cost a software renderer twice the look-ups."""
     steepest = pose.tilt_deg > 80.0 and pose.hfov_deg < 100.0
     return steepest and (pose.position[2] - level) / focal_px(pose) < 1.7 * RIPPLE_M / SEA_SIZE
+
+
+def _grain_filter(pose: CameraPose) -> tuple[int, int]:
+    """Where a pixel of the ground spans most of a texel of its grain, the nearest texel does: reading one costs a
+    software renderer a third of four."""
+    coarse = pose.position[2] / focal_px(pose) > 0.6 * GRAIN_M / GRAIN
+    return (
+        (moderngl.NEAREST_MIPMAP_NEAREST, moderngl.NEAREST)
+        if coarse
+        else (moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR)
+    )
 
 
 def _draw_land(land: Land, model: Model, pose: CameraPose) -> None:

@@ -10,6 +10,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import msgspec
+
 from lingjing.errors import InfrastructureError
 from lingjing.mission.instance import CameraSpec, Entity, Weather
 from lingjing.plugins.engine import Boundary, CaptureRequest, EngineSpec, Frame
@@ -29,7 +31,9 @@ from lingjing.scene.city import City
 from lingjing.scene.tiles import Tiles
 from lingjing.trace.records import BodyState, CameraPose, Command, FrameInfo, Receipt
 
-HIDDEN_STATUSES = frozenset({"rescued", "dormant"})
+HIDDEN_STATUSES = frozenset({"rescued", "dormant", "cleared"})
+STUCK_M, CLEARANCE_M, HIGH_M = 0.2, 0.06, 2000.0
+"""A camera this deep in the ground is lifted this far over it."""
 TOWN = ("buildings", "roads", "junctions", "areas", "bridges", "pipes", "slopes")
 """Pieces that only a city with streets and buildings has; one without any is drawn as open country and sea."""
 
@@ -121,7 +125,7 @@ class CameraEngine:
             return self._picture_from(request.pose, request)
         entity, camera = self._mount(request)
         assert self._renderer is not None
-        pose = mounted_camera_pose(self._states[entity.id], camera, entity.type, entity.bases)
+        pose = self._above(mounted_camera_pose(self._states[entity.id], camera, entity.type, entity.bases))
         buffers = self._renderer.render(pose, self._scenery(entity), "depth" in camera.channels)
         entities = self._playing().instance.entities
         info = FrameInfo(
@@ -135,8 +139,16 @@ class CameraEngine:
             boxes=entity_boxes(buffers.ids, entities),
             renderer=self._renderer.name,
         )
-        semantic = semantic_table(entities)[buffers.ids] if "semantic" in camera.channels else None
+        semantic = semantic_table(entities).take(buffers.ids) if "semantic" in camera.channels else None
         return Frame(info=info, rgb=buffers.rgb, depth=buffers.depth, semantic=semantic)
+
+    def _above(self, pose: CameraPose) -> CameraPose:
+        """The pose of a camera, lifted out of the ground or the deck that its body stands on."""
+        if self._terrain is None or pose.position[2] > HIGH_M:
+            return pose
+        east, north, up = pose.position
+        least = self._terrain.support(east, north, up + STUCK_M) + CLEARANCE_M
+        return pose if up >= least else msgspec.structs.replace(pose, position=(east, north, least))
 
     def _picture_from(self, pose: CameraPose, request: CaptureRequest) -> Frame:
         """A picture from a place where nobody stands, of what its request names: colours alone, nobody left out."""

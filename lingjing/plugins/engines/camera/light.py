@@ -20,6 +20,9 @@ LAMPS_DEG = 5.0
 AIR_M = 1500.0
 """Thickness of the air that veils: from higher up the path through it grows no more."""
 
+FROM_ORBIT = 0.25
+"""Share of the veil that is left from orbit: pictures from there are corrected for it."""
+
 
 @dataclass(frozen=True, slots=True)
 class Light:
@@ -55,7 +58,7 @@ def light_of(weather: Weather, height_m: float) -> Light:
     night_haze = (0.020, 0.024, 0.034)
     gloom = 1.0 - 0.38 * rain_of(weather)
     haze = [d * (1.0 - dark) * gloom + n * dark + 0.7 * g for d, n, g in zip(day_haze, night_haze, glow, strict=True)]
-    thin = min(1.0, AIR_M / max(height_m, 1.0))
+    thin = min(1.0, AIR_M / max(height_m, 1.0)) * (1.0 - (1.0 - FROM_ORBIT) * _smooth(5e3, 5e4, height_m))
     return Light(
         sun=sun,
         sunlight=(1.30 * strength, 1.22 * strength * (1.0 - 0.30 * low), 1.08 * strength * (1.0 - 0.62 * low)),

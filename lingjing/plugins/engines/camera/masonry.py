@@ -51,8 +51,8 @@ PARAPET_M = 0.7
 TALL_M = 20.0
 
 
-def building(given: Building, number: int) -> tuple[Part, Part]:
-    """(walls, everything else) of a building, both with the id `number`."""
+def building(given: Building, number: int) -> tuple[Part, Part, Part]:
+    """(walls, roof, small details) of a building, all with the id `number`."""
     eaves = given.top_m - (given.roof_m if given.roof != "flat" else 0.0)
     eaves = max(eaves, given.base_m + 0.3)
     style = _style(given, eaves)
@@ -65,11 +65,12 @@ def building(given: Building, number: int) -> tuple[Part, Part]:
     ]
     for part in around:
         part.vertices["layer"] = given.seed % 1024
-    upper = [_parapet(given, eaves, parapet, number)] if parapet else []
-    upper.append(_roof(given, eaves, number))
+    details = [_parapet(given, eaves, parapet, number)] if parapet else []
+    if given.roof == "flat":
+        details += _plant(given, eaves, number)
     if given.entrance is not None:
-        upper.append(_entrance(given, number))
-    return joined(around), joined(upper)
+        details.append(_entrance(given, number))
+    return joined(around), _roof(given, eaves, number), joined(details)
 
 
 def _style(given: Building, eaves: float) -> Style:
@@ -102,8 +103,7 @@ def _parapet(given: Building, eaves: float, height: float, number: int) -> Part:
 def _roof(given: Building, eaves: float, number: int) -> Part:
     rise = given.top_m - eaves
     if given.roof == "flat" or rise < 0.2:
-        cover = sheet([given.polygon, *given.holes], eaves, given.roof_colour, number)
-        return joined((cover, *_plant(given, eaves, number)))
+        return sheet([given.polygon, *given.holes], eaves, given.roof_colour, number)
     if given.roof in ("gabled", "hipped") and len(given.polygon) <= 6:
         return _ridged(given, eaves, rise, number)
     if given.roof == "dome":

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-SIZE = 256
+SIZE, GRAIN = 256, 1024
 OCTAVES = (8, 16, 32, 64, 128)
 
 
@@ -21,6 +21,34 @@ def lace_texture() -> npt.NDArray[np.uint8]:
     values = 0.45 * _fractal(11, OCTAVES[1:]) + 0.55 * _fractal(17, OCTAVES[3:])
     stretched = np.clip(0.5 + (values - values.mean()) / (4.5 * values.std()), 0.0, 1.0)
     return np.asarray(np.rint(255.0 * stretched), np.uint8)
+
+
+def grain_texture() -> npt.NDArray[np.uint8]:
+    """(GRAIN, GRAIN, 4) bytes, what the surfaces of a town need in one look-up: the tone of paving, its bare patches,
+    the tone of asphalt, the wear of paint. Wide variation once over it and fine variation eight times."""
+    coarse = noise_texture().astype(np.float64) / 255.0
+    wide, fine = _stretched(coarse), np.tile(coarse[::2, ::2], (GRAIN * 2 // SIZE, GRAIN * 2 // SIZE, 1))
+    paving = 0.5 + 0.5 * (0.6 * wide[..., 0] + 0.45 * fine[..., 0] + 0.7 * fine[..., 2] - 0.875)
+    patches = _smoothstep(0.40, 0.78, 0.8 * wide[..., 1] + 0.2 * fine[..., 1])
+    asphalt = (0.42 * wide[..., 0] + 0.24 * fine[..., 2]) / 0.66
+    wear = _smoothstep(0.25, 0.45, 0.6 * fine[..., 0] + 0.5 * wide[..., 1])
+    values = np.stack([paving, patches, asphalt, wear], axis=-1)
+    return np.asarray(np.rint(255.0 * np.clip(values, 0.0, 1.0)), np.uint8)
+
+
+def _stretched(values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """A seamless texture at `GRAIN` texels a side."""
+    at = np.arange(GRAIN) * SIZE / GRAIN
+    low = at.astype(np.int64)
+    high, share = (low + 1) % SIZE, (at - low)[:, None, None]
+    rows = values[low] * (1.0 - share) + values[high] * share
+    share = share.reshape(1, -1, 1)
+    return np.asarray(rows[:, low] * (1.0 - share) + rows[:, high] * share)
+
+
+def _smoothstep(start: float, end: float, at: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    t = np.clip((at - start) / (end - start), 0.0, 1.0)
+    return t * t * (3.0 - 2.0 * t)
 
 
 def _fractal(salt: int, octaves: tuple[int, ...]) -> npt.NDArray[np.float64]:

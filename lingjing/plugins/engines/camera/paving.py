@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 import numpy as np
+import numpy.typing as npt
 import shapely
 
 from lingjing.plugins.engines.camera.classes import CLASSES
@@ -49,9 +50,14 @@ IDS = {
 CYCLE_RED: Colour = (0.20, 0.075, 0.055)
 KERB_M = 0.2
 TOP_AREA = 6.0
+PAVED_OVER = 0.5
+"""How far paving lies over soil of the same layer: that of another tile."""
 JUNCTION_LAYER, LANE_LAYER, WALK_LAYER, KERB_LAYER = 7.0, 8.0, 12.0, 13.0
 NONE, EDGE, DASHES, CENTRE = 0, 1, 2, 3
 ZEBRA_START, ZEBRA_END, STOP_END = 1, 2, 4
+BESIDE_M = 1.5
+DIVIDED = ("motorway", "trunk", "primary", "secondary")
+"""Kinds of roads whose directions have carriageways of their own: their inner line is yellow as well."""
 QUIET = ("service", "footway", "path", "living_street", "track", "cycleway", "steps", "pedestrian")
 """Kinds of roads without painted lines."""
 
@@ -64,15 +70,18 @@ def surface_id(surface: str) -> int:
     return 0
 
 
-def areas(given: Sequence[Area]) -> Part:
-    """Painted areas, the topmost first (it is drawn first and hides what is under it)."""
+def areas(given: Sequence[Area]) -> tuple[Part, Part]:
+    """Painted areas with joints and without, the topmost first (it is drawn first and hides what is under it)."""
     boxes = [shapely.Polygon(area.polygon).bounds if len(area.polygon) > 2 else None for area in given]
     layers: list[float] = []
     for k, box in enumerate(boxes):
         under = [layers[j] for j in range(k) if box and boxes[j] and _touch(box, boxes[j])]
         layers.append(min(max(under, default=0.0) + 1.0, TOP_AREA))
     order = sorted(range(len(given)), key=lambda k: (-layers[k], -k))
-    return joined(_area(given[k], layers[k]) for k in order if boxes[k] is not None)
+    jointed = [SURFACES.get(area.surface, SURFACES["concrete"])[1][1] > 0.0 for area in given]
+    shown = [k for k in order if boxes[k] is not None]
+    return (joined(_area(given[k], layers[k] + PAVED_OVER) for k in shown if jointed[k]),
+            joined(_area(given[k], layers[k]) for k in shown if not jointed[k]))  # fmt: skip
 
 
 def _touch(a: tuple[float, ...], b: tuple[float, ...] | None) -> bool:
@@ -97,8 +106,42 @@ def junctions(given: Iterable[Junction]) -> Part:
     return joined(parts)
 
 
-def lanes(given: Iterable[Road], crossings: Sequence[Polygon]) -> Part:
-    """The driving lanes of roads; `crossings` are the outlines of junctions that pedestrians cross at."""
+Middles = npt.NDArray[np.float64]
+"""(n, 4): where the left edges of roads are half way along them (east, north), and which way they lead there."""
+
+
+def middles_of(given: Iterable[Road]) -> Middles:
+    """The middles of roads that are driven on."""
+    found = [_middle(road) for road in given]
+    return np.array([row for row in found if row is not None]).reshape(-1, 4)
+
+
+def _middle(road: Road) -> tuple[float, float, float, float] | None:
+    driven = [lane for lane in road.lanes if lane.kind != "foot" and len(lane.shape) > 1]
+    if not driven:
+        return None
+    left, _, along = _edges(driven[-1])
+    half = float(along[-1]) / 2.0
+    k = min(int(np.searchsorted(along, half)), len(along) - 1)
+    share = (half - along[k - 1]) / max(float(along[k] - along[k - 1]), 1e-9)
+    at, step = left[k - 1] + (left[k] - left[k - 1]) * share, left[k] - left[k - 1]
+    length = max(float(np.hypot(step[0], step[1])), 1e-9)
+    return float(at[0]), float(at[1]), float(step[0]) / length, float(step[1]) / length
+
+
+def _two_way(road: Road, middles: Middles) -> bool:
+    """Whether another road leads the other way along this one's left edge."""
+    mine = _middle(road)
+    if mine is None or not len(middles):
+        return False
+    close = np.hypot(middles[:, 0] - mine[0], middles[:, 1] - mine[1]) < BESIDE_M
+    against = middles[:, 2] * mine[2] + middles[:, 3] * mine[3] < -0.7
+    return bool((close & against).any())
+
+
+def lanes(given: Iterable[Road], crossings: Sequence[Polygon], middles: Middles) -> Part:
+    """The driving lanes of roads; `crossings` are the outlines of junctions that pedestrians cross at, `middles` those
+    of the roads around."""
     near = [shapely.Polygon(ring).buffer(1.5) for ring in crossings if len(ring) > 2]
     tree = shapely.STRtree(near)
     parts = []
@@ -106,8 +149,10 @@ def lanes(given: Iterable[Road], crossings: Sequence[Polygon]) -> Part:
         if road.tunnel:
             continue
         driven = [lane for lane in road.lanes if lane.kind != "foot"]
+        divided = road.kind in DIVIDED and len(driven) > 1
+        inner = CENTRE if divided or _two_way(road, middles) else EDGE
         for place, lane in enumerate(driven):
-            part = _lane(road, lane, place, driven, tree)
+            part = _lane(road, lane, place, driven, inner, tree)
             part.vertices["layer"] += float(number % 4)  # roads that lie on one another do not flicker
             parts.append(part)
     return joined(parts)
@@ -128,14 +173,14 @@ def pavements(given: Iterable[Road]) -> Part:
     return joined(parts)
 
 
-def _lane(road: Road, lane: Lane, place: int, driven: Sequence[Lane], crossings: shapely.STRtree) -> Part:
+def _lane(road: Road, lane: Lane, place: int, driven: Sequence[Lane], inner: int, crossings: shapely.STRtree) -> Part:
     if len(lane.shape) < 2:
         return joined(())
     left, right, along = _edges(lane)
     count = len(along)
     half, length = lane.width_m / 2.0, float(along[-1])
     colour = CYCLE_RED if lane.kind == "bicycle" else SURFACES["asphalt"][0]
-    style = (half, length, _lines(road, place, driven), _ends(road, lane, crossings))
+    style = (half, length, _lines(road, place, driven, inner), _ends(road, lane, crossings))
     position = np.stack([left, right], axis=1).reshape(-1, 3)
     across = np.tile([half, -half], count)
     at = np.column_stack([across, np.repeat(along, 2)])
@@ -145,14 +190,14 @@ def _lane(road: Road, lane: Lane, place: int, driven: Sequence[Lane], crossings:
     return Part(vertices, (base + np.array([0, 1, 3, 0, 3, 2], np.uint32)).ravel())
 
 
-def _lines(road: Road, place: int, driven: Sequence[Lane]) -> float:
-    """Code of the lines at a lane's left and right edge: left + 4 right."""
+def _lines(road: Road, place: int, driven: Sequence[Lane], inner: int) -> float:
+    """Code of the lines at a lane's left and right edge: left + 4 right; `inner` is the line at the road's left."""
     if road.kind in QUIET:
         return float(NONE)
     if place < len(driven) - 1:
         left = DASHES if driven[place + 1].kind == driven[place].kind else EDGE
     else:
-        left = CENTRE
+        left = inner
     if place > 0:
         right = DASHES if driven[place - 1].kind == driven[place].kind else EDGE
     else:

@@ -8,8 +8,10 @@ city that is water all over (its land is `City.lands`) has no sheet: its sea is 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
+import numpy.typing as npt
 import shapely
 
 from lingjing.plugins.engines.camera.classes import CLASSES
@@ -19,16 +21,19 @@ from lingjing.plugins.engines.camera.paving import SURFACES, surface_id
 from lingjing.scene.city import City, Water
 
 REACH_M = 30_000.0
+CELL_M = 400.0
 BED_M = 2.0
 QUAY = (0.27, 0.265, 0.25)
 
 
 @dataclass(frozen=True, slots=True)
 class Plate:
-    """`ground` (flat), `lands` (painted on it), `quays` (walls), `waters` by level; `sea`: the level of a water that is
-    everywhere, or None."""
+    """`ground` (flat) in cells of `ranges` (n, 2), first index and count, that `boxes` (n, 6) hold; `lands` (painted on
+    it), `quays` (walls), `waters` by level; `sea`: the level of a water that is everywhere, or None."""
 
     ground: Part
+    ranges: npt.NDArray[np.int64]
+    boxes: npt.NDArray[np.float64]
     lands: Part
     quays: Part
     waters: tuple[tuple[float, Part], ...]
@@ -41,20 +46,38 @@ def build_plate(city: City) -> Plate:
     shapes = [_shape(water) for water in city.waters]
     for water, shape in zip(city.waters, shapes, strict=True):
         if bounds.difference(shape).area < 1.0:
-            return Plate(joined(()), _lands(city), _edges(city, water.level_m), (), water.level_m)
+            return Plate(*_cells([]), _lands(city), _edges(city, water.level_m), (), water.level_m)
     wet = shapely.union_all(shapes).intersection(bounds)
     ground = bounds.difference(wet)
-    colour, style = SURFACES["ground"]
-    number = surface_id("ground")
-    sheets = [sheet(rings, 0.0, colour, number, style=style) for rings in polygons(ground)]
+    pieces = [shapely.clip_by_rect(ground, *cell) for cell in _grid(city.bounds)]
     beyond = [_outwards(city, shape) for shape in shapes]
     level = city.waters[0].level_m if city.waters else 0.0
     around = shapely.box(-REACH_M, -REACH_M, REACH_M, REACH_M).difference(bounds)
     outside = around.difference(shapely.union_all(beyond)) if shapes else around
-    sheets += [sheet(rings, 0.0, colour, number, style=style) for rings in polygons(outside)]
     quays = [walls(ring, level - BED_M, 0.0, QUAY, CLASSES["concrete"], inwards=k > 0)
              for rings in polygons(ground) for k, ring in enumerate(rings)] if shapes else []  # fmt: skip
-    return Plate(joined(sheets), _lands(city), joined(quays), _waters(city, shapes, beyond), None)
+    return Plate(*_cells([*pieces, outside]), _lands(city), joined(quays), _waters(city, shapes, beyond), None)
+
+
+def _grid(bounds: tuple[float, float, float, float]) -> list[tuple[float, float, float, float]]:
+    """Cells over the bounds; their common borders are the same numbers."""
+    west, south, east, north = bounds
+    xs = np.linspace(west, east, max(round((east - west) / CELL_M), 1) + 1).tolist()
+    ys = np.linspace(south, north, max(round((north - south) / CELL_M), 1) + 1).tolist()
+    return [(x, y, x2, y2) for y, y2 in pairwise(ys) for x, x2 in pairwise(xs)]
+
+
+def _cells(shapes: list[shapely.Geometry]) -> tuple[Part, npt.NDArray[np.int64], npt.NDArray[np.float64]]:
+    """Ground of several shapes as one part, the range of indices and the box of each."""
+    colour, style = SURFACES["ground"]
+    number = surface_id("ground")
+    wanted = [shape for shape in shapes if not shape.is_empty]
+    parts = [joined(sheet(rings, 0.0, colour, number, style=style) for rings in polygons(shape)) for shape in wanted]
+    counts = np.array([len(part.index) for part in parts], np.int64)
+    west, south, east, north = shapely.bounds(wanted).T if wanted else np.zeros((4, 0))
+    level = np.zeros(len(wanted))
+    ranges = np.stack([np.cumsum(counts) - counts, counts], axis=1)
+    return joined(parts), ranges, np.stack([west, south, level, east, north, level], axis=1)
 
 
 def _lands(city: City) -> Part:

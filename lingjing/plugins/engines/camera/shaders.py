@@ -17,16 +17,14 @@ uniform vec3 u_sun, u_sunlight, u_skylight, u_haze;
 uniform float u_fog, u_level, u_time, u_cloud, u_wind;
 uniform float u_dark, u_gloom;  // 0 day … 1 night; what rain leaves of the sky's light
 uniform vec3 u_dusk;          // glow over the horizon, low sun
+uniform vec3 u_sky_top, u_sky_rise, u_sky_low;  // the sky: at any height, more of it higher up, more of it lower down
 
 vec3 ray_of(vec2 pixel) {
   return u_axis + ((pixel.x - u_lens.x) * u_right + (pixel.y - u_lens.y) * u_down) / u_lens.z;
 }
 vec3 sky_of(vec3 d) {
-  float h = clamp(d.z, 0.0, 1.0);
-  vec3 clear = mix(vec3(0.42, 0.53, 0.62), vec3(0.075, 0.20, 0.47), 1.0 - (1.0 - h) * (1.0 - h));
-  vec3 grey = mix(vec3(0.46, 0.49, 0.52), vec3(0.40, 0.44, 0.49), h);
-  vec3 glow = u_dusk * (1.0 - h) * (1.0 - h) * (0.7 + 0.5 * dot(d.xy, u_sun.xy));
-  return mix(mix(clear, grey, u_cloud) * u_gloom, vec3(0.011, 0.015, 0.026), u_dark) + glow;
+  float h = clamp(d.z, 0.0, 1.0), low = (1.0 - h) * (1.0 - h);
+  return u_sky_top + u_sky_rise * h + (u_sky_low + u_dusk * (0.5 * dot(d.xy, u_sun.xy))) * low;
 }
 vec3 fogged(vec3 c, float range, float dive) {   // dive: 0 level line of sight, 1 straight down (less airlight)
   return mix(u_haze * (1.0 - 0.6 * dive), c, exp2(-u_fog * range));

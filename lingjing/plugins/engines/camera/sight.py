@@ -21,7 +21,7 @@ Boxes = npt.NDArray[np.float64]
 
 FULL_M = (350.0, 900.0)
 """Least and greatest distance to which tiles are drawn in full."""
-METRE_PX = 1.3
+METRE_PX = 1.6
 SHADE_REACH_M = 480.0
 SHADE_SIZES_M = (192.0, 256.0, 384.0, 512.0, 768.0, 1024.0, 1536.0, 2048.0)
 

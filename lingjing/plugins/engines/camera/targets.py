@@ -38,6 +38,13 @@ class Target:
         self.frame.color_mask = [(colour, colour, colour, alpha), *others]  # type: ignore[assignment] # per target
         self.frame.depth_mask = rest
 
+    def clear(self) -> None:
+        """Forget the last picture's distances: every pixel will be drawn, the sky's at last."""
+        self.write(colour=False, alpha=False, rest=False)
+        self.frame.depth_mask = True
+        self.frame.clear()
+        self.write(colour=True, alpha=True, rest=True)
+
     def read(self) -> Buffers:
         """Fresh arrays of the last drawing."""
         width, height = self.size

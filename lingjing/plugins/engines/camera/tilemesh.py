@@ -11,46 +11,54 @@ import numpy.typing as npt
 from lingjing.plugins.engines.camera.classes import CLASSES, prop_class
 from lingjing.plugins.engines.camera.masonry import building
 from lingjing.plugins.engines.camera.mesh_rows import Part, joined
-from lingjing.plugins.engines.camera.paving import areas, junctions, lanes, pavements
+from lingjing.plugins.engines.camera.paving import Middles, areas, junctions, lanes, pavements
 from lingjing.plugins.engines.camera.spans import bridge, pipe, slope, solid
 from lingjing.scene.city import Junction, Pieces, Polygon
 
 Under = Callable[[float, float], float]
-MATERIALS = ("wall", "plain", "road", "paving")
+MATERIALS = ("wall", "plain", "road", "paving", "soil")
 CASTERS = ("wall", "plain")
 
 
 @dataclass(frozen=True, slots=True)
 class TileMesh:
-    """Vertices by material (`MATERIALS`), and the boxes (west, south, low, east, north, high) of its buildings."""
+    """Vertices by material (`MATERIALS`), of "plain" the first `coarse` indices without the details that only show
+    from near by, and the boxes (west, south, low, east, north, high) of its buildings."""
 
     parts: Mapping[str, Part]
+    coarse: int
     boxes: npt.NDArray[np.float64]
     low: npt.NDArray[np.float64]
     high: npt.NDArray[np.float64]
 
 
-def mesh_tile(pieces: Pieces, crossings: tuple[Polygon, ...], faced: Mapping[str, int], under: Under) -> TileMesh:
-    """All that stands still in a tile. `crossings` are the junctions in and around it that have crossings, `faced` the
-    ids of buildings that are drawn as an entity's, `under` the elevation of the ground at a place."""
+def mesh_tile(
+    pieces: Pieces, crossings: tuple[Polygon, ...], middles: Middles, faced: Mapping[str, int], under: Under
+) -> TileMesh:
+    """All that stands still in a tile. `crossings` are the junctions in and around it that have crossings, `middles`
+    the left edges of the roads there (`paving`), `faced` the ids of buildings that are drawn as an entity's, `under`
+    the elevation of the ground at a place."""
     structure, concrete = _id("structure", "concrete"), CLASSES["concrete"]
     built = [building(b, faced.get(b.id, _id("building", "structure"))) for b in pieces.buildings]
     span = _id("bridge", "structure")
-    others = [upper for _, upper in built]
+    others = [roof for _, roof, _ in built]
     others += [bridge(b, span, under) for b in pieces.bridges if len(b.path) > 1]
     others += [solid(s, structure) for s in pieces.solids if len(s.polygon) > 2]
     others += [slope(s, concrete) for s in pieces.slopes if len(s.top) > 2]
     others += [pipe(p, _id("pipe", "structure")) for p in pieces.pipes]
+    paved, soil = areas(pieces.areas)
     parts = {
-        "wall": joined(wall for wall, _ in built),
-        "plain": joined(others),
-        "road": joined((lanes(pieces.roads, crossings), junctions(pieces.junctions))),
-        "paving": joined((pavements(pieces.roads), areas(pieces.areas))),
+        "wall": joined(wall for wall, _, _ in built),
+        "plain": joined((*others, *(details for _, _, details in built))),
+        "road": joined((lanes(pieces.roads, crossings, middles), junctions(pieces.junctions))),
+        "paving": joined((pavements(pieces.roads), paved)),
+        "soil": soil,
     }
     boxes = np.array([_box(b.polygon, b.base_m, b.top_m) for b in pieces.buildings]).reshape(-1, 6)
     some = [part.vertices["position"] for part in parts.values() if len(part.vertices)]
     points = np.concatenate(some) if some else np.zeros((1, 3), np.float32)
-    return TileMesh(parts, boxes, points.min(axis=0).astype(float), points.max(axis=0).astype(float))
+    coarse = sum(len(part.index) for part in others)
+    return TileMesh(parts, coarse, boxes, points.min(axis=0).astype(float), points.max(axis=0).astype(float))
 
 
 def crossings_of(given: tuple[Junction, ...]) -> tuple[Polygon, ...]:

@@ -5,12 +5,16 @@ from __future__ import annotations
 from math import hypot
 
 import numpy as np
+import numpy.typing as npt
 
 from lingjing.plugins.engines.camera.light import Light
 from lingjing.plugins.geometry import camera_axes, focal_px
 from lingjing.trace.records import CameraPose
 
 FAR_M = 40_000.0
+HORIZON, ZENITH = np.array([0.42, 0.53, 0.62]), np.array([0.075, 0.20, 0.47])
+GREY, GREY_ABOVE = np.array([0.46, 0.49, 0.52]), np.array([0.40, 0.44, 0.49])
+NIGHT = np.array([0.011, 0.015, 0.026])
 
 
 def bay_near(pose: CameraPose) -> float:
@@ -52,4 +56,22 @@ def air(light: Light, time_s: float, wind_mps: float) -> dict[str, object]:
         "u_dark": light.dark,
         "u_gloom": light.gloom,
         "u_dusk": light.dusk,
+        **_sky(light),
     }
+
+
+def _sky(light: Light) -> dict[str, object]:
+    """The sky's colour as top + rise h + low (1 - h)^2 over the sine h of the elevation: blue or grey, or the night's,
+    and the dusk's glow."""
+    day = light.gloom * (1.0 - light.dark)
+    clear, grey = day * (1.0 - light.cloud), day * light.cloud
+    dusk = np.array(light.dusk)
+    return {
+        "u_sky_top": _rgb(clear * ZENITH + grey * GREY + light.dark * NIGHT),
+        "u_sky_rise": _rgb(grey * (GREY_ABOVE - GREY)),
+        "u_sky_low": _rgb(clear * (HORIZON - ZENITH) + 0.7 * dusk),
+    }
+
+
+def _rgb(values: npt.NDArray[np.float64]) -> tuple[float, float, float]:
+    return float(values[0]), float(values[1]), float(values[2])

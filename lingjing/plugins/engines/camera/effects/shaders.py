@@ -107,6 +107,7 @@ void main() {
 DECAL_VERTEX = (
     COMMON
     + """
+uniform float u_layer;
 in vec2 in_corner;
 in vec3 in_place;
 in vec3 in_lie;                // half extents right and ahead, heading
@@ -125,6 +126,7 @@ void main() {
   float s = sin(in_lie.z), c = cos(in_lie.z);
   v_world = in_place + vec3(q.x * c + q.y * s, -q.x * s + q.y * c, 0.02);
   gl_Position = u_clip * vec4((v_world - u_eye) * 0.997, 1.0);
+  gl_Position.z -= 14.0 * u_layer * gl_Position.w;      // over the layers of a town's ground
 }
 """
 )
