@@ -6,8 +6,8 @@ Phases, each a plain function, in the order a text passes them:
 - `tokens`, `lexer`: text → tokens; newlines only at statement boundaries, braces balanced.
 - `ljs.lark`, `tables`, `builder`, `parser`: tokens → `syntax` tree; lark's LALR(1) tables, recovery at statements.
   `confusable`: names whose letters look like others.
-- `toplevel`, `library`: the top of a file and what `use` finds; `inherit`: what `extends` brings. `scope`: what names mean.
-  `unknown`: names nobody declared.
+- `toplevel`, `library`: the top of a file and what `use` finds; `inherit`: what `extends` brings.
+  `scope`: what names mean; `unknown`: names nobody declared.
 - `elaborate`, `calls`, `aggregates`, `typenames`: expressions, typed, with the way hidden values take.
 - `blocks`, `types`, `settings`, `entities`, `equipment`, `agents`, `wording`, `rules`, `conduct`, `events`, `studies`,
   `checker`: declarations → `Checked`.
