@@ -66,6 +66,21 @@ def look_of(rgb: npt.NDArray[np.uint8]) -> Look:
     return Look(red, green, blue)
 
 
+def skyline(rgb: npt.NDArray[np.uint8], pose: CameraPose) -> tuple[tuple[float, float], ...]:
+    """For each column its bearing and how high (degrees over the horizon) what stands there hides the sky."""
+    strip = rgb.shape[1] // COLUMNS
+    part = rgb[::2, : strip * COLUMNS].reshape(-1, COLUMNS, strip, 3).astype(np.float32).mean(axis=2)
+    red, blue = part[..., 0], part[..., 2]
+    sky = (blue > 140.0) & (blue >= red - 4.0) & (blue + red > 270.0)
+    rows = np.where(sky.all(axis=0), len(sky), np.argmin(sky, axis=0)) * 2
+    found = []
+    for index, row in enumerate(rows.tolist()):
+        ray = pixel_ray(pose, (index + 0.5) * strip, float(row))
+        elevation = math.degrees(math.atan2(ray[2], math.hypot(ray[0], ray[1])))
+        found.append((bearing_deg((0.0, 0.0), ray), elevation))
+    return tuple(found)
+
+
 def find_facades(rgb: npt.NDArray[np.uint8], pose: CameraPose, look: Look) -> tuple[Facade, ...]:
     """The columns of a front picture that show a wall of the wanted colour with windows in it."""
     height, width = rgb.shape[:2]

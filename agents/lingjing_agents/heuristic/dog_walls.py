@@ -14,8 +14,8 @@ import numpy.typing as npt
 from lingjing.plugins.geometry import focal_px, pixel_ray
 from lingjing.plugins.policy import CameraPose
 
-NEAREST_M, FARTHEST_M = 1.5, 9.0
-ABOVE_DEG = 1.5
+NEAREST_M, FARTHEST_M = 1.5, 22.0
+ABOVE_DEG = 1.0
 COLUMNS = 24
 JUMP = 9.0
 """Mean change of colour (grey levels) between rows that counts as an edge."""

@@ -17,6 +17,10 @@ OFF_DEG = 6.0
 """A walk may be off its line by this much: a turn costs a whole tick."""
 
 STALLED_M = 0.4
+NARROW_M, WIDE = 2.4, 1.1
+"""What stopped a walk is taken to reach so far to both sides: metres, or shortest steps if those are longer, for a dog
+that cannot step short must go around wide."""
+
 HAZARD_M = 3.0
 """A step refused for water or a drop somewhere on its way is tried again, half as long, down to this."""
 
@@ -50,7 +54,7 @@ class Legs:
             self._cap_m = length / 2.0
             return True
         if failed or (gone < STALLED_M and length > 2.0 * STALLED_M):
-            self.map.bump(here, heading)
+            self.map.bump(here, heading, half_width_m=max(NARROW_M, WIDE * self.shortest_m))
             self.bumps += 1
             self._cap_m = math.inf
             return True

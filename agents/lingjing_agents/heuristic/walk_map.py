@@ -11,6 +11,7 @@ import math
 from dataclasses import dataclass, field
 
 CELL_M = 1.5
+SIDES = 5
 NEAR_COST = 2.0
 """What a step beside something closed costs more, in cells: keeps the way off walls where there is room."""
 
@@ -64,13 +65,14 @@ class WalkMap:
         if cell not in self.trodden:
             self.closed.add(cell)
 
-    def bump(self, here: Place, heading_deg: float, *, half_width_m: float = 1.5) -> None:
+    def bump(self, here: Place, heading_deg: float, *, half_width_m: float = 2.4) -> None:
         """A walk along `heading_deg` ended here against something: close a short wall ahead, even where somebody has
         walked (whatever it is may have come since), but not the cell one stands in."""
         east, north = math.sin(math.radians(heading_deg)), math.cos(math.radians(heading_deg))
         start = _cell(here)
         for ahead in (CELL_M / 2, CELL_M, 1.5 * CELL_M):
-            for side in (-half_width_m, -half_width_m / 2, 0.0, half_width_m / 2, half_width_m):
+            for index in range(-SIDES, SIDES + 1):
+                side = half_width_m * index / SIDES
                 if ahead < CELL_M and side != 0.0:
                     continue  # the flanks are free: it stands there
                 cell = _cell((here[0] + ahead * east + side * north, here[1] + ahead * north - side * east))

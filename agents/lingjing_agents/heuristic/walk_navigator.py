@@ -8,6 +8,7 @@ nothing has been seen yet, and strikes out what it has walked up to without arri
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
@@ -24,7 +25,7 @@ from lingjing.plugins.policy import (
     Picture,
     Resource,
 )
-from lingjing_agents.heuristic.dog_facade import Facade, Look, find_facades, look_of
+from lingjing_agents.heuristic.dog_facade import Facade, Look, find_facades, look_of, skyline
 from lingjing_agents.heuristic.dog_walls import near_walls
 from lingjing_agents.heuristic.events import view_of
 from lingjing_agents.heuristic.walk_legs import Legs
@@ -45,6 +46,10 @@ a tick: buildings are big, and there is a bound on ticks."""
 WORTH_GOING = 0.7
 HELD = 1.25
 """Another place must be better by this factor before the dog changes its mind."""
+
+LOW_M, BESIDE_DEG, SAME_PLACE_M, LEAST_WALK_M = 11.0, 3.0, 8.0, 20.0
+"""A way is open where nothing is so high (m) that it could be a building nearer than its end, also a little to the
+sides (degrees); skylines count from about here (m), and nearer ends than the last (m) are not worth going to."""
 
 MARGIN_M = 40.0
 NOT_YET, PATIENCE_TICKS = frozenset({"not_permitted"}), 2
@@ -68,6 +73,7 @@ class Navigator:
         self._snaps = camera.capture == "on_request"
         self._waits = 0
         self._snapped: tuple[Place, float] | None = None
+        self._skylines: list[tuple[Place, tuple[tuple[float, float], ...]]] = []
 
     def act(self, observation: Observation, inbox: Inbox) -> Decision:
         """Look, believe, one step."""
@@ -94,6 +100,7 @@ class Navigator:
         for place in near_walls(picture.rgb, pose):
             self._legs.map.close(place)
         self._views.see(here, pose.heading_deg, pose.hfov_deg / 2.0)
+        self._skylines = [*self._skylines[-7:], (here, skyline(picture.rgb, pose))]
         self._belief.add(here, pose.heading_deg, pose.hfov_deg / 2.0, find_facades(picture.rgb, pose, self._look))
 
     def _next(self, own: EntityView, here: Place) -> Action | None:
@@ -132,7 +139,7 @@ class Navigator:
         if self._goal is None or math.dist(here, self._goal) < 8.0 or self._patience <= 0:
             if self._goal is not None and self._patience <= 0:
                 self._views.refuse(self._goal)
-            self._goal = self._views.next_place(here, ())
+            self._goal = self._views.next_place(here, (), self._in_the_open(here))
             if self._goal is None:
                 self._views.next_pass()
                 self._goal = self._views.next_place(here, ())
@@ -145,6 +152,18 @@ class Navigator:
             self._views.refuse(self._goal)
             self._goal = None
         return action
+
+    def _in_the_open(self, here: Place) -> Callable[[Place], bool]:
+        """Whether nothing high stands between here and a place, by the skylines seen from about here."""
+        lines = [line for place, line in self._skylines if math.dist(place, here) < SAME_PLACE_M]
+
+        def seen(place: Place) -> bool:
+            bearing, away = bearing_deg(here, place), math.dist(here, place)
+            near = [elevation for line in lines for at, elevation in line if abs(turn_deg(at, bearing)) < BESIDE_DEG]
+            clear = bool(near) and away * math.tan(math.radians(max(near))) < LOW_M
+            return clear and away > LEAST_WALK_M and self._legs.map.clear(here, place)
+
+        return seen
 
     def _fresh(self, here: Place, heading_deg: float) -> bool:
         if self._snapped is None:

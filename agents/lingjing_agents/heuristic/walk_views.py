@@ -6,6 +6,7 @@ What stands between is not known, so a later pass looks again from other places 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from lingjing.plugins.geometry import bearing_deg, turn_deg
@@ -84,12 +85,15 @@ class Views:
         most = max(counts)
         return most[2] if most[0] >= self.worth else None
 
-    def next_place(self, here: Place, others: tuple[Place, ...]) -> Place | None:
-        """Where to look around next: much to see and near, and nearer to here than to the others if possible."""
+    def next_place(
+        self, here: Place, others: tuple[Place, ...], seen: Callable[[Place], bool] | None = None
+    ) -> Place | None:
+        """Where to look around next: much to see and near, nearer to here than to the others if possible, and
+        `seen` from here if anything worth going to is."""
         options = sorted(place for place in self.unseen if place not in self.refused)
         own = [place for place in options if all(math.dist(place, here) <= math.dist(place, at) for at in others)]
         best, best_score = None, 0.0
-        for place in own or options:
+        for place in [place for place in own if seen is not None and seen(place)] or own or options:
             gain = sum(1 for other in self.unseen if math.dist(place, other) <= self.far_m)
             score = gain / (LOOK_COST_M + math.dist(here, place))
             if score > best_score:

@@ -1,0 +1,230 @@
+"""The walkers' rules, one situation at a time, without engines."""
+
+import math
+
+import numpy as np
+import pytest
+from agent_kit import STATUS, Inbox, brief, envelope, length, observe, quadrotor, verb, view
+from lingjing_agents.heuristic.dog_facade import Facade
+from lingjing_agents.heuristic.guide_pilot import GuidingPilot
+from lingjing_agents.heuristic.policy import rules_for
+from lingjing_agents.heuristic.walk_executor import Executor
+from lingjing_agents.heuristic.walk_fires import Fires
+from lingjing_agents.heuristic.walk_legs import Legs
+from lingjing_agents.heuristic.walk_map import Bounds, WalkMap
+from lingjing_agents.heuristic.walk_navigator import Belief, where_to_look
+from lingjing_agents.heuristic.walk_rules import Walking
+from lingjing_agents.heuristic.walk_views import Views
+from lingjing_agents.heuristic.walk_way import Way
+
+from lingjing.plugins.policy import (
+    ArgumentSpec,
+    CameraSpec,
+    Field,
+    MessageSpec,
+    Peer,
+    Receipt,
+    Region,
+    Resource,
+)
+
+EYE = CameraSpec(name="front", view="front", width=1280, height=720, hfov_deg=90.0, channels=("rgb",),
+                 capture="on_request")  # fmt: skip
+GUIDANCE = MessageSpec(
+    kind="guide",
+    type="guidance",
+    category="assignment",
+    fields=(
+        Field(name="assignee", type="name"),
+        Field(name="step", type="name"),
+        Field(name="amount", type="number", optional=True),
+        Field(name="position", type="position", optional=True),
+    ),
+    senders=("pilot",),
+    recipients=("executor",),
+)
+YARD = ((0.0, 0.0), (100.0, 0.0), (100.0, 80.0), (0.0, 80.0))
+GATE = ((-5.0, 35.0), (5.0, 35.0), (5.0, 45.0), (-5.0, 45.0))
+
+
+def dog(*, eyes: bool = True, longest_m: float = 10.0) -> Resource:
+    angle = ArgumentSpec(name="angle", unit="deg", minimum=0.0, maximum=90.0)
+    verbs = [verb("forward", length("distance", minimum=0.0, maximum=longest_m)), verb("left", angle)]
+    verbs += [verb("right", angle), verb("stop")]
+    if eyes:
+        verbs.append(verb("takePhoto", ArgumentSpec(name="camera", unit="name", optional=True)))
+    return Resource(id="dog", type="robot_dog", embodied=True, verbs=tuple(verbs), cameras=(EYE,) if eyes else ())
+
+
+def refused(reason: str) -> Inbox:
+    receipt = Receipt(request="c1-1", tick=1, sender="me", resource="dog", status="rejected", reason=reason)
+    return Inbox(receipts=(receipt,))
+
+
+class Walked:
+    """A dog that obeys at once in a world with one wall (x0, y0, x1, y1), which stops it a metre short."""
+
+    def __init__(self, wall: tuple[float, float, float, float]) -> None:
+        self.wall, self.at, self.heading, self.bumps = wall, (0.0, 0.0), 0.0, 0
+
+    def obey(self, command) -> Inbox:
+        if command.verb in ("left", "right"):
+            turn = command.arguments["angle"] * (1 if command.verb == "right" else -1)
+            self.heading = (self.heading + turn) % 360.0
+            return Inbox()
+        east, north = math.sin(math.radians(self.heading)), math.cos(math.radians(self.heading))
+        x0, y0, x1, y1 = self.wall
+        for _ in range(round(command.arguments["distance"] / 0.1)):
+            x, y = self.at[0] + 0.1 * east, self.at[1] + 0.1 * north
+            if x0 - 0.4 <= x <= x1 + 0.4 and y0 - 0.4 <= y <= y1 + 0.4:
+                self.bumps += 1
+                return refused("blocked")
+            self.at = x, y
+        return Inbox()
+
+    def view(self):
+        return view("dog", (*self.at, 0.3), heading=self.heading)
+
+
+@pytest.mark.parametrize(
+    ("wall", "most"),
+    [((100.0, 0.0, 101.0, 1.0), 6), ((-10.0, 15.0, 10.0, 18.0), 40), ((-3.0, 12.0, 20.0, 30.0), 60)],
+)
+def test_legs_reach_a_goal_around_walls_they_do_not_know(wall, most):
+    world, inbox = Walked(wall), Inbox()
+    legs = Legs(dog(), WalkMap(Bounds(-40, -40, 60, 60)))
+    steps = 0
+    while steps < 80:
+        own = world.view()
+        legs.feel(own, inbox)
+        command = legs.towards(own, (5.0, 38.0), reach_m=1.0)
+        if command is None:
+            break
+        inbox, steps = world.obey(command), steps + 1
+    assert math.dist(world.at, (5.0, 38.0)) <= 1.0
+    assert steps <= most
+
+
+def test_a_walk_refused_for_water_far_ahead_is_tried_shorter():
+    legs = Legs(dog(), WalkMap())
+    own = view("dog", (0.0, 0.0, 0.3))
+    first = legs.step(own, 0.0, 10.0)
+    legs.feel(own, refused("unreachable"))
+    second = legs.step(own, 0.0, 10.0)
+    assert (first.arguments["distance"], second.arguments["distance"]) == (10.0, 5.0)
+    assert not legs.map.closed
+
+
+def test_a_way_is_kept_until_it_closes():
+    known = WalkMap(Bounds(-30, -30, 30, 30))
+    for x in range(-9, 10):
+        known.close((float(x), 10.0))
+    way = Way(known, 1.0)
+    first = way.ahead((0.0, 0.0), (0.0, 20.0), 1.0)
+    side = math.copysign(1.0, first[0][0])
+    assert way.ahead((-side * 0.4, 0.0), (0.3, 20.0), 1.0)[0] == first[0]
+    known.close(first[0])
+    assert way.ahead((0.0, 0.0), (0.0, 20.0), 1.0)[0] != first[0]
+
+
+def test_a_closed_in_walker_forgets_once_for_each_goal():
+    known = WalkMap(Bounds(-12, -12, 12, 12))
+    ring = [(x, y) for x in range(-4, 5) for y in range(-4, 5) if max(abs(x), abs(y)) >= 3]
+    for x, y in ring:
+        known.close((float(x), float(y)))
+    assert known.route((0.0, 0.0), (10.0, 0.0)) == ()
+    way = Way(known, 1.0)
+    assert way.ahead((0.0, 0.0), (10.0, 0.0), 1.0)
+    for x, y in ring:
+        known.close((float(x), float(y)))
+    assert way.ahead((0.0, 0.0), (10.0, 0.0), 1.0) == ()
+
+
+def test_views_count_what_a_picture_would_show():
+    views = Views((YARD,))
+    assert views.best_turn((0.0, 40.0), 90.0, 45.0) == 0.0
+    views.see((0.0, 40.0), 90.0, 45.0)
+    assert views.best_turn((0.0, 40.0), 90.0, 45.0) in (-90.0, 90.0)
+    views.see_around((50.0, 40.0))
+    assert all(math.dist(place, (50.0, 40.0)) > views.far_m for place in views.unseen)
+    east = views.next_place((0.0, 40.0), ((100.0, 40.0),))
+    assert east is not None
+    assert east[0] <= 50.0
+
+
+def test_a_fire_seen_from_nearer_moves_and_one_that_is_out_stays_out():
+    fires = Fires()
+    far = fires.add((0.0, 60.0), 60.0)
+    assert fires.add((3.0, 47.0), 40.0) is far
+    assert far.place == (3.0, 47.0)
+    assert fires.put_out((4.0, 46.0), 3.2) is far
+    assert fires.add((4.0, 60.0), 50.0).state == "out"
+    assert fires.add((40.0, 47.0), 12.0) is not far
+
+
+def test_belief_crosses_bearings_and_strikes_what_was_visited():
+    belief = Belief(YARD)
+    goal = (70.0, 50.0)
+    for here in ((10.0, 10.0), (60.0, 5.0)):
+        bearing = math.degrees(math.atan2(goal[0] - here[0], goal[1] - here[1]))
+        belief.add(here, bearing, 45.0, (Facade(bearing, math.dist(here, goal) * 1.3, 0.9),))
+    best, score = belief.best((60.0, 5.0))
+    assert best is not None
+    assert math.dist(best, goal) < 12.0
+    assert score > 1.2
+    belief.strike(goal, 40.0)
+    assert belief.at(goal) == 0.0
+
+
+def test_who_starts_outside_enters_by_the_smallest_region():
+    outside = brief(regions=(Region(name="yard", polygon=YARD), Region(name="gate", polygon=GATE)), cells=())
+    assert where_to_look(outside, (-60.0, 40.0)) == (YARD, (0.0, 40.0))
+    assert where_to_look(outside, (50.0, 40.0)) == (YARD, None)
+
+
+def test_an_executor_carries_out_one_step_after_the_other_and_says_how_it_ended():
+    rules = rules_for(brief("skipper", role="executor", resources=(dog(eyes=False),), cells=(), messages=(STATUS,)))
+    assert isinstance(rules, Walking)
+    steps = [("right", 30.0), ("forward", 7.5), ("jump", 1.0)]
+    said = [envelope("pilot", GUIDANCE, {"assignee": "skipper", "step": step, "amount": amount})
+            for step, amount in steps]  # fmt: skip
+    at = view("dog", (0.0, 0.0, 0.3))
+    first = rules.act(observe("skipper", 1, at), Inbox(messages=tuple(said)))
+    assert first.command is not None
+    assert (first.command.verb, first.command.arguments) == ("right", {"angle": 30.0})
+    assert rules.act(observe("skipper", 2, at), Inbox()).command is None
+    ended = Receipt(request="c1-1", tick=1, sender="skipper", resource="dog", status="completed")
+    second = rules.act(observe("skipper", 3, at), Inbox(receipts=(ended,)))
+    assert second.command is not None
+    assert second.command.verb == "forward"
+    last = rules.act(observe("skipper", 4, at), refused("blocked"))
+    assert last.command is None
+
+
+def test_an_executor_does_not_carry_out_what_another_is_told():
+    rules = Executor(brief("skipper", resources=(dog(eyes=False),), cells=()), dog(eyes=False))
+    other = envelope("pilot", GUIDANCE, {"assignee": "someone", "step": "forward", "amount": 5.0})
+    at = view("dog", (0.0, 0.0, 0.3))
+    assert rules.act(observe("skipper", 1, at), Inbox(messages=(other,))).command is None
+
+
+def test_a_pilot_that_guides_flies_over_the_narrow_region_first():
+    peers = (Peer(id="walker", role="executor", resources=("dog",)),)
+    line = Region(name="line", polygon=((0.0, 0.0), (10.0, 0.0), (10.0, 80.0), (0.0, 80.0)))
+    told = brief("scout[1]", resources=(quadrotor(1),), cells=(), peers=peers, role="pilot", messages=(GUIDANCE,),
+                 regions=(Region(name="area", polygon=YARD), line))  # fmt: skip
+    rules = rules_for(told)
+    assert isinstance(rules, GuidingPilot)
+    seen = observe("scout[1]", 1, view("uav[1]", (0.0, 0.0, 1.0)), view("dog", (50.0, 0.0, 0.33)))
+    command = rules.act(seen, Inbox()).command
+    assert command is not None
+    assert command.verb == "setDestination"
+    assert 0.0 <= float(command.arguments["x"]) <= 10.0
+    assert 12.0 <= float(command.arguments["z"]) <= 60.0
+
+
+def test_pictures_of_nothing_leave_belief_at_nothing():
+    belief = Belief(YARD)
+    belief.add((50.0, 40.0), 0.0, 45.0, ())
+    assert belief.best((50.0, 40.0))[1] == 0.0
+    assert np.isfinite(belief.at((10.0, 10.0)))
