@@ -8,7 +8,7 @@ to the last bit only that way. Targets are put on multiples of 1/64 m, so that s
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -62,6 +62,8 @@ COLUMNS = (
 )
 """The twelve task-mode columns of the paper's main table."""
 
+Place = tuple[float, float, float]
+
 BOX = (0.4, 0.4, 0.6, 0.6)
 FAR = 0.01
 """Just inside and just outside, metres."""
@@ -103,9 +105,10 @@ def still(instance: Instance) -> Instance:
 
 @dataclass
 class Strings:
-    """What a test pulls: where actors stand, which routes a vehicle is given, what a picture shows."""
+    """What a test pulls: where actors stand (a place, or a function of the time in seconds), which routes a vehicle is
+    given, what a picture shows."""
 
-    places: dict[str, tuple[float, float, float]] = field(default_factory=dict)
+    places: dict[str, Place | Callable[[float], Place]] = field(default_factory=dict)
     routes: list[tuple[tuple[float, float, float], ...]] = field(default_factory=list)
     boxes: dict[str, tuple[float, float, float, float]] = field(default_factory=dict)
     classes: dict[str, str] = field(default_factory=dict)
@@ -162,9 +165,10 @@ class Puppets:
         )
 
     def state(self, entity):
+        place = self.strings.places.get(entity.id, entity.position)
         return BodyState(
             id=entity.id,
-            position=self.strings.places.get(entity.id, entity.position),
+            position=place(self.time_s) if callable(place) else place,
             heading_deg=entity.heading_deg,
             status="idle",
             resources=dict(self.stocks[entity.id].amounts),

@@ -76,7 +76,7 @@ def test_a_dog_puts_a_fire_out_within_two_metres_inclusively(beyond, counts):
 
 
 def test_being_there_is_not_enough_the_fire_must_be_out():
-    """A dog that leaves after one macro-step has unlocked the fire; it burns on and the mission is not won."""
+    """A dog that leaves before the fire is out has achieved nothing: it burns on and grows again."""
     with kit.playing("idf", fires=1.0) as play:
         play.put("dog[1]", "fire[1]")
         play.do()

@@ -133,6 +133,19 @@ def test_congestion_is_recorded_within_twenty_five_metres_inclusively(name, beyo
         assert play.emitted() == (["record jam[1]"] if counts else [])
 
 
+@both_missions
+def test_congestion_is_recorded_by_a_uav_that_flies_over_it_within_a_tick(name):
+    """At both boundaries it is 120 m away; in between, for 4 s of 20 s, it is near enough."""
+    with opened(name) as play:
+        play.do()
+        x, y, _ = play.target("jam[1]").position
+        begin = play.published.record.time_s
+        play.strings.places["uav"] = lambda time_s: (x, y - 120.0 + 12.0 * (time_s - begin), 60.0)
+        play.do()
+        assert play.emitted() == ["record jam[1]"]
+        assert abs(play.strings.places["uav"](play.published.record.time_s)[1] - y) > 100.0
+
+
 def test_congestion_that_is_only_claimed_is_not_recorded():
     """The policy names the very place of the jam, which the UAV has never been near."""
     with opened("cr") as play:
