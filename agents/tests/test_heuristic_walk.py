@@ -19,10 +19,12 @@ from lingjing_agents.heuristic.walk_way import Way
 
 from lingjing.plugins.policy import (
     ArgumentSpec,
+    CameraPose,
     CameraSpec,
     Field,
     MessageSpec,
     Peer,
+    Picture,
     Receipt,
     Region,
     Resource,
@@ -228,3 +230,28 @@ def test_pictures_of_nothing_leave_belief_at_nothing():
     belief.add((50.0, 40.0), 0.0, 45.0, ())
     assert belief.best((50.0, 40.0))[1] == 0.0
     assert np.isfinite(belief.at((10.0, 10.0)))
+
+
+def test_a_navigator_enters_then_goes_on_where_the_view_is_open():
+    told = brief("skipper", role="navigator", resources=(dog(longest_m=25.0),), messages=(), cells=(),
+                 regions=(Region(name="yard", polygon=YARD), Region(name="gate", polygon=GATE)))  # fmt: skip
+    rules = rules_for(told)
+    white = np.full((720, 1280, 3), (139, 149, 160), np.uint8)
+    street = np.full((720, 1280, 3), (90, 140, 230), np.uint8)  # sky to the horizon
+    street[360:] = 120
+    reference = seen("reference", (0.0, 0.0), white)
+    outside = observe("skipper", 0, view("dog", (-30.0, 40.0, 0.33), heading=90.0),
+                      pictures=(seen("front", (-30.0, 40.0), street), reference))  # fmt: skip
+    first = rules.act(outside, Inbox()).command
+    assert first is not None
+    assert (first.verb, first.arguments) == ("forward", {"distance": 25.0})
+    at = observe("skipper", 2, view("dog", (-1.0, 40.0, 0.33), heading=90.0),
+                 pictures=(seen("front", (-1.0, 40.0), street),))  # fmt: skip
+    second = rules.act(at, Inbox()).command
+    assert second is not None
+    assert second.verb in ("forward", "left", "right")
+
+
+def seen(camera: str, here: tuple[float, float], rgb: np.ndarray) -> Picture:
+    pose = CameraPose(position=(*here, 0.36), heading_deg=90.0, tilt_deg=0.0, hfov_deg=90.0, width=1280, height=720)
+    return Picture(frame="f", entity="dog", camera=camera, tick=0, time_s=0.0, pose=pose, rgb=rgb)

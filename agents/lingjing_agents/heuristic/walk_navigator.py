@@ -13,7 +13,7 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from lingjing.plugins.geometry import turn_deg
+from lingjing.plugins.geometry import bearing_deg, turn_deg
 from lingjing.plugins.policy import (
     Action,
     Brief,
