@@ -12,7 +12,7 @@ help:
 	@echo 'make bench   compare with others, side by side'
 	@echo 'make study   seeds 0-19, every mission in every mode, all reference agents: hours'
 	@echo 'make pictures  draw the contact sheet in docs/images'
-	@echo 'make missions  play every mission and write its page in docs/missions'
+	@echo 'make missions  play every mission and write its page in docs/missions (RESULTS=results.json of a study)'
 
 setup:
 	@$(PYTHON3) tools/setup.py
@@ -41,7 +41,7 @@ pictures: setup
 	@$(BIN)/python tools/contact_sheet.py
 
 missions: setup
-	@$(BIN)/python tools/mission_pages.py --again
+	@$(BIN)/python tools/mission_pages.py --again $(if $(RESULTS),--results $(RESULTS))
 
 clean:
 	rm -rf build .pytest_cache .mypy_cache .ruff_cache .import_linter_cache

@@ -52,9 +52,10 @@ def main(argv: Sequence[str] | None = None) -> int:
 def played(mission: Mission, seed: int, folder: Path, *, again: bool) -> list[Path]:
     """The traces of a mission, the one for the map first."""
     found = [trace for policy in POLICIES if (trace := _trace(mission, policy, seed, folder, again=again)) is not None]
-    if not found and (trace := _trace(mission, FALLBACK, seed, folder, again=again)) is not None:
-        found = [trace]
-    return sorted(found, key=_rank)
+    answered = [trace for trace in found if _answered(trace)]
+    if not answered and (trace := _trace(mission, FALLBACK, seed, folder, again=again)) is not None:
+        answered = [trace]
+    return sorted(answered, key=_rank)
 
 
 def _trace(mission: Mission, policy: str, seed: int, folder: Path, *, again: bool) -> Path | None:
@@ -71,6 +72,12 @@ def _trace(mission: Mission, policy: str, seed: int, folder: Path, *, again: boo
             return None
         print(f"{mission.name}: {policy}, {result.reason}, SCR {result.scr:.2f}, {result.ticks} ticks", flush=True)
     return path if path.is_file() else None
+
+
+def _answered(path: Path) -> bool:
+    """Whether the policies gave most of the answers themselves: an episode of substitutes shows nothing."""
+    made = [decided for record in read_trace(path).boundaries for decided in record.decisions]
+    return 2 * sum(bool(decided.substituted) for decided in made) <= len(made)
 
 
 def _rank(path: Path) -> tuple[bool, float]:

@@ -103,7 +103,10 @@ def _told(trace: Trace) -> str:
 def _sights(mission: Mission, traces: Sequence[Trace], folder: Path) -> Iterator[str]:
     from lingjing.analysis.gallery import best_frames, write_frame
 
-    for shown in best_frames(traces):
+    frames = best_frames(traces)
+    if traces and not frames:
+        yield "No picture was taken: positions, states and messages are all that the agents used."
+    for shown in frames:
         name = f"{mission.name}-{_plain(shown)}.jpg"
         write_frame(shown, folder / name)
         yield f"![{shown.caption}]({name})\n"
