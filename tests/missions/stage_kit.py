@@ -8,6 +8,7 @@ to the last bit only that way. Targets are put on multiples of 1/64 m, so that s
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -111,7 +112,8 @@ class Strings:
     places: dict[str, Place | Callable[[float], Place]] = field(default_factory=dict)
     routes: list[tuple[tuple[float, float, float], ...]] = field(default_factory=list)
     boxes: dict[str, tuple[float, float, float, float]] = field(default_factory=dict)
-    classes: dict[str, str] = field(default_factory=dict)
+    sight_m: float = 0.0
+    """How far from the camera, in the plane, a target is in the picture by itself."""
 
 
 class Puppets:
@@ -190,6 +192,7 @@ class Eye:
     def reset(self, spec, city, seed):
         self.spec = spec
         self.types = {entity.id: entity.type for entity in spec.instance.entities}
+        self.targets = [entity.id for entity in spec.instance.entities if entity.role == "target"]
         return Boundary(engine=spec.engine, time_s=0.0)
 
     def submit(self, commands):
@@ -202,11 +205,13 @@ class Eye:
     def capture(self, requests):
         return tuple(self.draw(request) for request in requests)
 
+    def sees(self, place, target):
+        return math.dist(self.mirrors[target].position[:2], place[:2]) <= self.strings.sight_m
+
     def draw(self, request):
-        boxes = tuple(
-            Box(entity=name, cls=self.types[name], box=box, pixels=9) for name, box in self.strings.boxes.items()
-        )
         place = self.mirrors[request.entity].position
+        shown = {name: BOX for name in self.targets if self.strings.sight_m and self.sees(place, name)} | self.strings.boxes
+        boxes = tuple(Box(entity=name, cls=self.types[name], box=box, pixels=9) for name, box in shown.items())
         pose = request.pose or CameraPose(position=place, heading_deg=0.0, tilt_deg=90.0, width=8, height=6)
         info = FrameInfo(
             id=request.frame,

@@ -12,8 +12,10 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 import stage_kit as kit
 
+from lingjing.kernel.episode import seat
 from lingjing.mission.expression import Aggregate, Attr, Binary, Call, Number, Ref, Symbol
 from lingjing.plugins.choice import declared, meant
+from lingjing.plugins.host import PluginHost
 from lingjing.plugins.tasks import asked
 
 SHOPS = ("shop[1]", "shop[2]", "shop[3]")
@@ -173,3 +175,44 @@ def test_stocks_that_interactions_change_tell_nothing_beforehand():
     assert declared(point, "demand") is None
     assert declared(point, "deliver_within") == 30.0
     assert len(asked(instance)) == 5
+
+
+# -- played
+
+
+def played(policy, seed, ticks):
+    """An episode with the real engines (but for pictures, which show what is right below) and one policy for all."""
+    host = PluginHost()
+    plugin = host.policy(policy)
+    instance, _ = kit.staged("queue", None, seed)
+    everybody = frozenset(agent.id for agent in instance.agents) if plugin.privileged else frozenset()
+    strings = kit.Strings(sight_m=30.0)
+    engines = ("city", "multirotor", "quadruped")
+    with kit.playing(
+        "queue", seed=seed, real=engines, instance=instance, strings=strings, privileged=everybody
+    ) as play:
+        barrier = seat(play.kernel, {agent.id: plugin.factory() for agent in instance.agents})
+        try:
+            for _ in range(ticks):
+                if play.done:
+                    break
+                seen = play.published
+                inputs = {name: (seen.observations[name], seen.inboxes[name]) for name in seen.observations}
+                play.published = play.kernel.step(barrier.act(inputs, play.kernel.exhausted()))
+                play.all.append(play.published)
+        finally:
+            barrier.close()
+        return play
+
+
+def test_the_oracle_plays_it_without_knowing_it():
+    play = played("oracle", 5, 60)
+    assert play.success
+    (event,) = (event for one in play.all for event in one.record.task_events if event.kind == "join")
+    people = {entity.id: entity.properties.get("people", 0.0) for entity in play.instance.entities}
+    assert event.entities == (max(people, key=people.__getitem__), "dog")
+
+
+def test_chance_alone_does_not():
+    play = played("random", 0, 6)
+    assert not play.done and play.published.evaluation.reward == 0.0
