@@ -53,6 +53,9 @@ DETAIL_PX = 4.0
 LAYER = 2.0e-6
 """Clip-space step (of w) between coplanar layers; the near plane is chosen so that it stays under a decimetre."""
 
+LARGE_BACK = 1.0
+"""How far lands, and twice as far the ground, are set back, in depth per pixel: the depth of triangles that are that
+large is not exact enough to tell layers from one another close to the eye."""
 LAYERED = ("road", "paving", "soil")
 SOURCES = {
     "wall": shaders.WALL,
@@ -198,7 +201,7 @@ class Cityscape:
 
     def _closest(self, full: tuple[Key, ...], pose: CameraPose) -> float:
         """A lower bound of the distance to anything that stands still and is in sight."""
-        found = [max(pose.position[2] - 0.3, 0.1)]
+        found = [max(pose.position[2] - 0.15, 0.1)]
         sky = self._skyline
         if len(sky.boxes):
             found.append(float(distances(sky.boxes[:, :], pose.position).min()) if not full else np.inf)
@@ -317,12 +320,15 @@ class Cityscape:
             for key in view.full:
                 mode = Mode(wet, night, key in view.shaded)
                 self._draw(self.resident(key).sheets, name, mode, one_sided=True)
-        for sheet in (self._quays, self._lands):
+        for number, sheet in enumerate((self._quays, self._lands)):
+            self._context.polygon_offset = LARGE_BACK * number, 0.0
             if sheet.count:
                 sheet.lit[Mode(wet, night, True)].render(moderngl.TRIANGLES)
+        self._context.polygon_offset = 2.0 * LARGE_BACK, 0.0
         if self._ground.count:
             _draw_runs(self._ground.lit[Mode(wet, night, True)], view.near_ground)
             _draw_runs(self._ground.lit[Mode(wet, night, True, mapped=True)], view.far_ground)
+        self._context.polygon_offset = 0.0, 0.0
         self._context.disable(moderngl.CULL_FACE)
 
     def _draw(self, sheets: Mapping[str, Sheet], name: str, mode: Mode, one_sided: bool, count: int = -1) -> None:

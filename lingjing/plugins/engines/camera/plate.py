@@ -21,9 +21,15 @@ from lingjing.plugins.engines.camera.paving import SURFACES, surface_id
 from lingjing.scene.city import City, Water
 
 REACH_M = 30_000.0
-CELL_M = 400.0
+CELL_M, MOST_CELLS = 60.0, 40
+"""Least side of the cells that ground and lands are cut into, and how many there are at most along a side: the depth of
+large triangles is not exact close to the eye."""
 BED_M = 2.0
 QUAY = (0.27, 0.265, 0.25)
+
+
+Bounds = tuple[float, float, float, float]
+"""West, south, east, north."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +55,7 @@ def build_plate(city: City) -> Plate:
             return Plate(*_cells([]), _lands(city), _edges(city, water.level_m), (), water.level_m)
     wet = shapely.union_all(shapes).intersection(bounds)
     ground = bounds.difference(wet)
-    pieces = [shapely.clip_by_rect(ground, *cell) for cell in _grid(city.bounds)]
+    pieces = _pieces(ground, _grid(city.bounds))
     beyond = [_outwards(city, shape) for shape in shapes]
     level = city.waters[0].level_m if city.waters else 0.0
     around = shapely.box(-REACH_M, -REACH_M, REACH_M, REACH_M).difference(bounds)
@@ -59,11 +65,12 @@ def build_plate(city: City) -> Plate:
     return Plate(*_cells([*pieces, outside]), _lands(city), joined(quays), _waters(city, shapes, beyond), None)
 
 
-def _grid(bounds: tuple[float, float, float, float]) -> list[tuple[float, float, float, float]]:
+def _grid(bounds: Bounds) -> list[Bounds]:
     """Cells over the bounds; their common borders are the same numbers."""
     west, south, east, north = bounds
-    xs = np.linspace(west, east, max(round((east - west) / CELL_M), 1) + 1).tolist()
-    ys = np.linspace(south, north, max(round((north - south) / CELL_M), 1) + 1).tolist()
+    side = max(CELL_M, max(east - west, north - south) / MOST_CELLS)
+    xs = np.linspace(west, east, max(round((east - west) / side), 1) + 1).tolist()
+    ys = np.linspace(south, north, max(round((north - south) / side), 1) + 1).tolist()
     return [(x, y, x2, y2) for y, y2 in pairwise(ys) for x, x2 in pairwise(xs)]
 
 
@@ -80,13 +87,22 @@ def _cells(shapes: list[shapely.Geometry]) -> tuple[Part, npt.NDArray[np.int64],
     return joined(parts), ranges, np.stack([west, south, level, east, north, level], axis=1)
 
 
+def _pieces(shape: shapely.Geometry, cells: list[Bounds]) -> list[shapely.Geometry]:
+    """A shape cut along the cells' borders, and what of it lies beyond them all."""
+    found = [shapely.clip_by_rect(shape, *cell) for cell in cells]
+    beyond = shape.difference(shapely.box(*cells[0][:2], *cells[-1][2:]))
+    return [piece for piece in (*found, beyond) if not piece.is_empty]
+
+
 def _lands(city: City) -> Part:
     """Even lands, the last one on top."""
     parts = []
     for number, land in enumerate(reversed([land for land in city.lands if is_flat(land)])):
         colour, style = SURFACES.get(land.surface, SURFACES["concrete"])
-        parts.append(sheet([land.polygon], land.top_m, colour, surface_id(land.surface), style=style,
-                           layer=max(0.9 - 0.1 * number, 0.1)))  # fmt: skip
+        shape = shapely.make_valid(shapely.Polygon(land.polygon))
+        layer = max(0.9 - 0.1 * number, 0.1)
+        parts += [sheet(rings, land.top_m, colour, surface_id(land.surface), style=style, layer=layer)
+                  for piece in _pieces(shape, _grid(city.bounds)) for rings in polygons(piece)]  # fmt: skip
     return joined(parts)
 
 
