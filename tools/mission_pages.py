@@ -1,7 +1,7 @@
 """Write `docs/missions`: a page with pictures for every shipped mission, made of played episodes (`make missions`).
 
-Each mission is played by the oracle and by the heuristic agents, the map shows the best of these episodes (the first
-that won, else the highest score), and the frames are the best of both. Where neither can play, random agents do. The
+Each mission is played by the oracle and by the heuristic agents; the map shows one that was won, by agents that had to
+search if they could, and the frames are the best of both. Where neither can play, random agents do. The
 traces stay in a folder and are played again only with `--again` or for missions that have none.
 """
 
@@ -80,9 +80,11 @@ def _answered(path: Path) -> bool:
     return 2 * sum(bool(decided.substituted) for decided in made) <= len(made)
 
 
-def _rank(path: Path) -> tuple[bool, float]:
-    outcome = read_trace(path).outcome
-    return (True, 0.0) if outcome is None else (not outcome.success, -outcome.scr)
+def _rank(path: Path) -> tuple[bool, bool, float]:
+    """Won before lost; among those, searching agents before one that is told where things are; then by score."""
+    trace = read_trace(path)
+    told = any(binding.privileged for binding in trace.header.bindings)
+    return (True, told, 0.0) if trace.outcome is None else (not trace.outcome.success, told, -trace.outcome.scr)
 
 
 def index(missions: Sequence[Mission], folder: Path) -> str:
