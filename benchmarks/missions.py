@@ -112,6 +112,8 @@ def table(policy: str, only: str, seed: int) -> int:
             failed = 1
             continue
         it = json.loads(run.stdout.splitlines()[-1])
+        if it["detail"]:
+            print(f"{column.name}: {it['detail']}", file=sys.stderr, flush=True)
         total += it["cpu_s"]
         shares = " | ".join(f"{100 * it['spent'].get(part, 0.0) / it['cpu_s']:.0f} %" for part in PARTS)
         print(f"| {column.name} | {it['ticks']} | {it['reason']} | {it['sim_s']:.0f} | {it['cpu_s']:.1f} | "
