@@ -255,3 +255,20 @@ def test_a_navigator_enters_then_goes_on_where_the_view_is_open():
 def seen(camera: str, here: tuple[float, float], rgb: np.ndarray) -> Picture:
     pose = CameraPose(position=(*here, 0.36), heading_deg=90.0, tilt_deg=0.0, hfov_deg=90.0, width=1280, height=720)
     return Picture(frame="f", entity="dog", camera=camera, tick=0, time_s=0.0, pose=pose, rgb=rgb)
+
+
+def test_a_walker_without_a_reference_goes_where_it_is_told():
+    told = brief("skipper", role="courier", resources=(dog(longest_m=25.0),), cells=(), messages=(GUIDANCE,),
+                 regions=(Region(name="yard", polygon=YARD),), classes=("delivery_door",))  # fmt: skip
+    rules = rules_for(told)
+    order = envelope("pilot", GUIDANCE, {"assignee": "skipper", "step": "go", "position": (60.0, 70.0, 0.0)})
+    place = (50.0, 30.0, 0.33)
+    street = np.full((720, 1280, 3), (90, 140, 230), np.uint8)
+    street[360:] = 120
+    at = observe("skipper", 1, view("dog", place, heading=14.0), pictures=(seen("front", place[:2], street),))
+    command = rules.act(at, Inbox(messages=(order,))).command
+    assert command is not None
+    if command.verb == "takePhoto":  # it looks ahead before it walks
+        command = rules.act(at, Inbox()).command
+        assert command is not None
+    assert command.verb in ("forward", "takePhoto")

@@ -28,6 +28,7 @@ from lingjing.plugins.policy import (
 from lingjing_agents.heuristic.dog_facade import Facade, Look, find_facades, look_of, skyline
 from lingjing_agents.heuristic.dog_walls import near_walls
 from lingjing_agents.heuristic.events import view_of
+from lingjing_agents.heuristic.sightings import name_in, position_in
 from lingjing_agents.heuristic.walk_legs import Legs
 from lingjing_agents.heuristic.walk_map import Bounds, Place, WalkMap
 from lingjing_agents.heuristic.walk_views import Views, inside
@@ -47,6 +48,9 @@ WORTH_GOING = 0.7
 HELD = 1.25
 """Another place must be better by this factor before the dog changes its mind."""
 
+ORDERED_M = 3.0
+"""How near to a place one was told to go is near enough."""
+
 LOW_M, BESIDE_DEG, SAME_PLACE_M, LEAST_WALK_M = 11.0, 3.0, 8.0, 20.0
 """A way is open where nothing is so high (m) that it could be a building nearer than its end, also a little to the
 sides (degrees); skylines count from about here (m), and nearer ends than the last (m) are not worth going to."""
@@ -61,9 +65,12 @@ FAR_M = 220.0
 class Navigator:
     """One dog with a picture of where it should go. All state is of this episode."""
 
-    def __init__(self, brief: Brief, body: Resource, camera: CameraSpec, reference: Picture, here: Place) -> None:
+    def __init__(
+        self, brief: Brief, body: Resource, camera: CameraSpec, reference: Picture | None, here: Place
+    ) -> None:
         self._brief, self._body, self._camera = brief, body, camera
-        self._look: Look = look_of(reference.rgb)
+        self._look: Look | None = look_of(reference.rgb) if reference is not None else None
+        self._ordered: Place | None = None
         self._ground, self._entrance = where_to_look(brief, here)
         self._legs = Legs(body, WalkMap(Bounds.around((*self._ground, here), MARGIN_M)))
         self._views = Views((self._ground,) if self._ground else (), VIEWS_M, VIEW_WORTH)
@@ -82,6 +89,7 @@ class Navigator:
             return Decision()
         here = own.position[:2]
         self._legs.feel(own, inbox)
+        self._listen(inbox)
         for picture in observation.pictures:
             if picture.entity == self._body.id and picture.camera == self._camera.name:
                 self._see(picture)
@@ -93,6 +101,13 @@ class Navigator:
             return Decision()
         return Decision(command=self._next(own, here), thought=f"towards {self._goal}")
 
+    def _listen(self, inbox: Inbox) -> None:
+        """An assignment to this walker with a position is its goal until it is reached."""
+        for envelope in inbox.messages:
+            assignee, place = name_in(envelope.body, "assignee"), position_in(envelope.body)
+            if envelope.category == "assignment" and assignee in (self._brief.agent, self._body.id) and place:
+                self._ordered = place
+
     def _see(self, picture: Picture) -> None:
         pose = picture.pose
         here = pose.position[:2]
@@ -101,12 +116,19 @@ class Navigator:
             self._legs.map.close(place)
         self._views.see(here, pose.heading_deg, pose.hfov_deg / 2.0)
         self._skylines = [*self._skylines[-7:], (here, skyline(picture.rgb, pose))]
-        self._belief.add(here, pose.heading_deg, pose.hfov_deg / 2.0, find_facades(picture.rgb, pose, self._look))
+        if self._look is not None:
+            facades = find_facades(picture.rgb, pose, self._look)
+            self._belief.add(here, pose.heading_deg, pose.hfov_deg / 2.0, facades)
 
     def _next(self, own: EntityView, here: Place) -> Action | None:
         assert own.heading_deg is not None
         if self._snaps and not self._fresh(here, own.heading_deg):
             return Action(verb="takePhoto", arguments={"camera": self._camera.name}, resource=self._body.id)
+        if self._ordered is not None:
+            action = self._legs.towards(own, self._ordered, reach_m=ORDERED_M)
+            if action is not None:
+                return action
+            self._ordered = None
         if self._entrance is not None:
             if math.dist(here, self._entrance) > 8.0 and not self._legs.bumps > 12:
                 action = self._legs.towards(own, self._entrance, reach_m=6.0)

@@ -1,7 +1,8 @@
 """Which rules a walker follows: decided at the first boundary, because what it is to look for comes with the pictures.
 
-Without a camera it carries out the steps it is told (`walk_executor`); with a reference picture it looks for what that
-shows (`walk_navigator`); else it looks for flames (`walk_searcher`).
+Without a camera it carries out the steps it is told (`walk_executor`); where reports may name fires it looks for flames
+(`walk_searcher`); else it goes where it is told and looks for what a reference picture shows, or just around
+(`walk_navigator`).
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from lingjing.plugins.policy import Brief, CameraSpec, Decision, Inbox, Observation, Resource
-from lingjing_agents.capability import has_verb
+from lingjing_agents.capability import has_verb, may_send
 from lingjing_agents.heuristic.events import view_of
 from lingjing_agents.heuristic.walk_executor import Executor
 from lingjing_agents.heuristic.walk_navigator import Navigator
@@ -60,6 +61,8 @@ class Walking:
             return Executor(self._brief, self._body)
         reference = next((picture for picture in observation.pictures if picture.camera == REFERENCE), None)
         own = view_of(observation, self._body.id)
-        if reference is not None and own is not None and own.position is not None:
-            return Navigator(self._brief, self._body, camera, reference, own.position[:2])
-        return WalkingSearcher(self._brief, self._body, camera)
+        burning = any("fire" in name for name in self._brief.classes) and may_send(self._brief, "report") is not None
+        if reference is None and burning:
+            return WalkingSearcher(self._brief, self._body, camera)
+        here = own.position[:2] if own is not None and own.position is not None else (0.0, 0.0)
+        return Navigator(self._brief, self._body, camera, reference, here)
