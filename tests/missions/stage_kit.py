@@ -206,11 +206,12 @@ class Eye:
         return tuple(self.draw(request) for request in requests)
 
     def sees(self, place, target):
-        return math.dist(self.mirrors[target].position[:2], place[:2]) <= self.strings.sight_m
+        far_m = math.dist(self.mirrors[target].position[:2], place[:2])
+        return self.strings.sight_m > 0.0 and far_m <= self.strings.sight_m
 
     def draw(self, request):
         place = self.mirrors[request.entity].position
-        shown = {name: BOX for name in self.targets if self.strings.sight_m and self.sees(place, name)} | self.strings.boxes
+        shown = {name: BOX for name in self.targets if self.sees(place, name)} | self.strings.boxes
         boxes = tuple(Box(entity=name, cls=self.types[name], box=box, pixels=9) for name, box in shown.items())
         pose = request.pose or CameraPose(position=place, heading_deg=0.0, tilt_deg=90.0, width=8, height=6)
         info = FrameInfo(
