@@ -46,10 +46,24 @@ def _interactions(
             unlocks = [
                 words.sentence(unlock.condition)
                 for unlock in mission.unlocks
-                if unlock.interaction == verb and group.name in {given.domain for given in unlock.parameters}
+                if unlock.interaction == verb
+                and not _at_once(unlock.condition)
+                and group.name in {given.domain for given in unlock.parameters}
             ]
-            allowed = f"allowed when {unlocks[0]}" if unlocks else "always allowed"
+            allowed = f"allowed when {unlocks[0]}" if unlocks else "allowed from the start"
             yield f"{verb} ({group.name})", f"the `{printer.text(by)}` engine", f"≤ {printer.text(within)}", allowed
+
+
+def _at_once(condition: ex.Expr) -> bool:
+    """Whether a condition is `now >= 0 s`: how a mission says that nothing need be done first."""
+    return (
+        isinstance(condition, ex.Binary)
+        and condition.operator == ">="
+        and isinstance(condition.left, ex.Ref)
+        and condition.left.name == "now"
+        and isinstance(condition.right, ex.Number)
+        and condition.right.value <= 0
+    )
 
 
 class _Given:

@@ -206,6 +206,8 @@ class Parser:
 
         That keeps the statement, and so the names it declares, for the later phases.
         """
+        if self.report.full:
+            return -1
         first, token = tokens[begin], tokens[fault]
         if first.type == "NAME" and fault - begin <= 1 and token.type in _AFTER_KEYWORD:
             close = nearest(first.text, STATEMENTS)

@@ -48,6 +48,11 @@ class Reporter:
         fix = None if replace is None else Fix(_title(span, replace), tuple(Edit(at, replace) for at in spans), safe)
         self.diagnostics.append(Diagnostic(code, span, message, hint, severity, related, fix))
 
+    @property
+    def full(self) -> bool:
+        """Whether nothing more is shown, so that looking for what was meant is lost time."""
+        return len(self.diagnostics) >= MOST
+
     def span(self, start: int, end: int) -> Span:
         """The span between two offsets of this source."""
         return self.source.span(start, end)

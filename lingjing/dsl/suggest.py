@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
+
+MANY = 500
+"""Beyond so many known words not all of them are compared."""
 
 
 def nearest(word: str, known: Iterable[str]) -> str | None:
     """The known word at the smallest edit distance, at most a third of its length (two of six letters)."""
     best, best_distance = None, 0.0
     folded = word.lower()
-    for candidate in known:
+    letters = frozenset(folded)
+    for candidate in _worth_a_look(word, known):
         limit = max(1, (max(len(word), len(candidate)) + 1) // 3)
         if abs(len(candidate) - len(word)) > limit or candidate == word:
             continue
-        distance = _distance(folded, candidate.lower(), limit)
+        other = candidate.lower()
+        if len(letters.difference(other)) > limit:  # each of them takes an edit of its own
+            continue
+        distance = _distance(folded, other, limit)
         if distance <= limit and (best is None or distance < best_distance):
             best, best_distance = candidate, distance
     if best is None or (len(word) <= 2 and word[:1] != best[:1] and folded != best.lower()):
@@ -24,7 +31,11 @@ def nearest(word: str, known: Iterable[str]) -> str | None:
 def is_certain(word: str, known: Iterable[str]) -> bool:
     """Whether exactly one known word is a single slip away, so that nothing else can have been meant."""
     folded = word.lower()
-    near = {candidate for candidate in known if candidate != word and _distance(folded, candidate.lower(), 1) <= 1}
+    near = {
+        candidate
+        for candidate in _worth_a_look(word, known)
+        if candidate != word and abs(len(candidate) - len(word)) <= 1 and _distance(folded, candidate.lower(), 1) <= 1
+    }
     return len(near) == 1 and len(word) > 2
 
 
@@ -39,6 +50,15 @@ def did_you_mean(word: str, known: Iterable[str], what: str = "") -> str:
     if len(words) <= 12:
         return f"known{' ' + what if what else ''}: {', '.join(words)}"
     return ""
+
+
+def _worth_a_look(word: str, known: Iterable[str]) -> Iterable[str]:
+    """Of very many words only those that begin alike: a slip is seldom in the first letter, and time is short."""
+    words = known if isinstance(known, Collection) else tuple(known)
+    if len(words) <= MANY:
+        return words
+    first = word[:1].lower()
+    return [candidate for candidate in words if candidate[:1].lower() == first]
 
 
 def _distance(a: str, b: str, limit: int) -> int:

@@ -58,6 +58,8 @@ class UnknownNames:
         """Report what was noted."""
         lost = self._lost()
         for name, uses in self.uses.items():
+            if self.report.full:
+                break
             if name in lost or self._was_in_a_fault(name):
                 continue
             declared = self._misspelt_declaration(name, uses)
