@@ -22,7 +22,8 @@ def test_every_rule_and_unlock_has_a_row(file: Path) -> None:
         assert any(name.startswith(f"**{rule.name}**") for name in first)
     for unlock in mission.unlocks:
         row = next(row for row in rows if row[0].startswith(f"{unlock.interaction} ("))
-        assert row[3].startswith("allowed when ")
+        assert row[3].startswith(("allowed when ", "allowed from the start"))
+        assert "`now`" not in row[3]
 
 
 @pytest.mark.parametrize(

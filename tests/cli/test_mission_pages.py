@@ -1,0 +1,36 @@
+"""The generated pages in `docs/missions`: one for each shipped mission, whole, small, and true to the mission."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from lingjing.dsl.judging import judging
+from lingjing.dsl.load import load_mission
+
+ROOT = Path(__file__).parents[2]
+PAGES = ROOT / "docs" / "missions"
+MISSIONS = sorted((ROOT / "scenarios").glob("*.ljs"))
+
+
+@pytest.mark.parametrize("file", MISSIONS, ids=lambda file: file.stem)
+def test_every_mission_has_a_page_with_its_rules_and_radii(file: Path) -> None:
+    text = (PAGES / f"{file.stem}.md").read_text(encoding="utf-8")
+    mission = load_mission(file)
+    assert text.startswith(f"# {mission.title}\n"), "run `make missions`"
+    for row in judging(mission):
+        assert f"| {row[0]} | {row[1]} | {row[2]} |" in text, f"{row[0]}: run `make missions`"
+    for name in re.findall(r"\]\(([^)]+\.(?:png|jpg|svg))\)", text):
+        assert (PAGES / name).is_file(), name
+    assert f"({file.stem}-map.png)" in text and f"({file.stem}-graph.svg)" in text
+
+
+def test_the_index_leads_to_all_and_nothing_is_left_over() -> None:
+    index = (PAGES / "README.md").read_text(encoding="utf-8")
+    assert all(f"({file.stem}.md)" in index for file in MISSIONS)
+    pages = [path.read_text(encoding="utf-8") for path in PAGES.glob("*.md")]
+    for picture in (path for path in PAGES.iterdir() if path.suffix != ".md"):
+        assert any(f"({picture.name})" in page for page in pages), picture.name
+    assert sum(path.stat().st_size for path in PAGES.iterdir()) < 4_000_000
