@@ -43,7 +43,7 @@ from lingjing.scene.tiles import Key, Tiles
 from lingjing.trace.records import CameraPose
 
 KEPT_TILES = 48
-SHADE_PX = 2048
+SHADE_PX, SHADE_RIM_PX = 2048, 2
 FAR_REACH_M, BLOCKS_REACH_M = 14_000.0, 3500.0
 CROSSINGS_REACH_M = 60.0
 MAPPED_FROM = 0.55
@@ -237,7 +237,7 @@ class Cityscape:
         crossings = crossings_of(tuple(junction for tile in near for junction in tile.junctions))
         ways = tuple(road for tile in near for road in tile.roads)
         faced = {building: FIRST_ENTITY + number for building, number in self._dress.faced.items()}
-        mesh = mesh_tile(pieces, crossings, middles_of(ways), faced, self._under)
+        mesh = mesh_tile(pieces, crossings, faced, self._under, middles_of(ways))
         sheets = {name: self._upload(name, part, casts=name in CASTERS) for name, part in mesh.parts.items()
                   if len(part.index)}  # fmt: skip
         bare = TileMesh({}, mesh.coarse, mesh.boxes, mesh.low, mesh.high)
@@ -262,7 +262,10 @@ class Cityscape:
         boxes = sky.boxes[[self._number[key] for key in view.casters]]
         matrix = light_matrix(view.window, boxes)
         self._shade_frame.use()
+        self._shade_frame.scissor = None
         self._shade_frame.clear(depth=1.0)
+        inner = SHADE_PX - 2 * SHADE_RIM_PX  # what lies outside of the map reads its rim, which nothing shades
+        self._shade_frame.scissor = SHADE_RIM_PX, SHADE_RIM_PX, inner, inner
         self._context.enable_only(moderngl.DEPTH_TEST)
         self._context.depth_func = "<"
         self.light_uniform = tuple(matrix.T.ravel().tolist())

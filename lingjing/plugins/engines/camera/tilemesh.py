@@ -11,7 +11,7 @@ import numpy.typing as npt
 from lingjing.plugins.engines.camera.classes import CLASSES, prop_class
 from lingjing.plugins.engines.camera.masonry import building
 from lingjing.plugins.engines.camera.mesh_rows import Part, joined
-from lingjing.plugins.engines.camera.paving import Middles, areas, junctions, lanes, pavements
+from lingjing.plugins.engines.camera.paving import Middles, areas, junctions, lanes, middles_of, pavements
 from lingjing.plugins.engines.camera.spans import bridge, pipe, slope, solid
 from lingjing.scene.city import Junction, Pieces, Polygon
 
@@ -33,11 +33,16 @@ class TileMesh:
 
 
 def mesh_tile(
-    pieces: Pieces, crossings: tuple[Polygon, ...], middles: Middles, faced: Mapping[str, int], under: Under
+    pieces: Pieces,
+    crossings: tuple[Polygon, ...],
+    faced: Mapping[str, int],
+    under: Under,
+    middles: Middles | None = None,
 ) -> TileMesh:
-    """All that stands still in a tile. `crossings` are the junctions in and around it that have crossings, `middles`
-    the left edges of the roads there (`paving`), `faced` the ids of buildings that are drawn as an entity's, `under`
-    the elevation of the ground at a place."""
+    """All that stands still in a tile. `crossings` are the junctions in and around it that have crossings, `faced` the
+    ids of buildings that are drawn as an entity's, `under` the elevation of the ground at a place, `middles` the left
+    edges of the roads in and around it (`paving`; without: of its own roads)."""
+    middles = middles_of(pieces.roads) if middles is None else middles
     structure, concrete = _id("structure", "concrete"), CLASSES["concrete"]
     built = [building(b, faced.get(b.id, _id("building", "structure"))) for b in pieces.buildings]
     span = _id("bridge", "structure")
