@@ -42,6 +42,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     for mission in missions:
         if not args.missions or mission.name in args.missions:
             traces = played(mission, args.seed, args.traces, again=args.again)
+            for old in args.output.glob(f"{mission.name}-*.*"):  # another episode's best frame may be another's
+                old.unlink()
             print(write_page(mission, traces, args.results, args.output), flush=True)
     (args.output / "README.md").write_text(index(missions, args.output), encoding="utf-8")
     size = sum(path.stat().st_size for path in args.output.rglob("*") if path.is_file())
