@@ -262,7 +262,7 @@ class Cityscape:
         boxes = sky.boxes[[self._number[key] for key in view.casters]]
         matrix = light_matrix(view.window, boxes)
         self._shade_frame.use()
-        self._shade_frame.scissor = None
+        self._shade_frame.scissor = 0, 0, SHADE_PX, SHADE_PX
         self._shade_frame.clear(depth=1.0)
         inner = SHADE_PX - 2 * SHADE_RIM_PX  # what lies outside of the map reads its rim, which nothing shades
         self._shade_frame.scissor = SHADE_RIM_PX, SHADE_RIM_PX, inner, inner
