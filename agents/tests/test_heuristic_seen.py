@@ -1,4 +1,4 @@
-"""The detectors for fires, gaps and queues on pictures that the real camera rendered, from seeds nothing was tuned on."""
+"""Detectors of fires, gaps and queues on pictures that the real camera drew, from seeds nothing was tuned on."""
 
 import math
 import random

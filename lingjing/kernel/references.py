@@ -17,7 +17,7 @@ from lingjing.kernel.world.contract import StoredFrame
 from lingjing.mission.instance import AgentSpec, Entity, Instance
 from lingjing.plugins.engine import CaptureRequest
 from lingjing.plugins.policy import Picture
-from lingjing.trace.records import CameraPose
+from lingjing.trace.records import Absent, CameraPose
 
 CAMERA = "reference"
 """The camera's name in frames that are reference pictures."""
@@ -64,6 +64,10 @@ class References:
             for picture in pictures
             if picture.camera == CAMERA and agent.role in self._roles.get(picture.entity, ())
         )
+
+    def missed_by(self, agent: AgentSpec, absent: Sequence[Absent]) -> tuple[Absent, ...]:
+        """Reference pictures that the agent's role should have been shown and that did not come."""
+        return tuple(one for one in absent if one.camera == CAMERA and agent.role in self._roles.get(one.entity, ()))
 
 
 def is_reference(frame: StoredFrame) -> bool:

@@ -312,8 +312,11 @@ class Kernel:
                 adjudicated=self.state.adjudicated,
             )
             revealed = self._references.shown_to(agent, shown)
-            if revealed:
-                observation = replace(observation, pictures=observation.pictures + revealed)
+            missed = self._references.missed_by(agent, absent)
+            if revealed or missed:
+                observation = replace(
+                    observation, pictures=observation.pictures + revealed, absent=observation.absent + missed
+                )
             if agent.id in self._privileged:
                 mine = {picture.frame for picture in observation.pictures}
                 truth = self._projector.privileged(
