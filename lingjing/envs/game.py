@@ -72,10 +72,10 @@ class Game:
             for name in before.observations
             if name not in made and name in barrier
         }
-        answered = {one.agent: one for one in barrier.act(waiting)} if waiting else {}
-        given = {name: DecisionRecord(agent=name, decision=decision) for name, decision in made.items()}
+        records = {one.agent: one for one in barrier.act(waiting)} if waiting else {}
+        records |= {name: DecisionRecord(agent=name, decision=decision) for name, decision in made.items()}
         order = [agent.id for agent in kernel.instance.agents]
-        self.published = kernel.step([{**answered, **given}[name] for name in order if name in {**answered, **given}])
+        self.published = kernel.step([records[name] for name in order if name in records])
         return self.published
 
     @property

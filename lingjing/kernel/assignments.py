@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 
 from lingjing.kernel.registry import Assignment
-from lingjing.mission.instance import AgentSpec, Datum
+from lingjing.mission.instance import AgentSpec
 from lingjing.trace.records import Command, Envelope, Receipt
 
 
@@ -13,7 +13,7 @@ def from_commands(commands: Sequence[Command], receipts: Sequence[Receipt]) -> I
     """Commands that their engine accepted and that name a destination in the plane (`x`, `y`)."""
     accepted = {receipt.request for receipt in receipts if receipt.status == "accepted"}
     for command in commands:
-        place = _point((command.arguments.get("x"), command.arguments.get("y")))
+        place = point((command.arguments.get("x"), command.arguments.get("y")))
         if command.id in accepted and place is not None:
             yield Assignment(command.resource, *place, command.tick)
 
@@ -23,13 +23,14 @@ def from_messages(envelopes: Sequence[Envelope], agents: Sequence[AgentSpec]) ->
     controls: Mapping[str, tuple[str, ...]] = {agent.id: agent.controls for agent in agents}
     once = {envelope.id: envelope for envelope in envelopes if envelope.category == "assignment"}
     for envelope in once.values():
-        place, name = _point(envelope.body.get("position")), str(envelope.body.get("assignee"))
+        place, name = point(envelope.body.get("position")), str(envelope.body.get("assignee"))
         if place is not None:
             for resource in controls.get(name, (name,)):
                 yield Assignment(resource, *place, envelope.tick)
 
 
-def _point(value: Datum | tuple[Datum, ...]) -> tuple[float, float] | None:
+def point(value: object) -> tuple[float, float] | None:
+    """East and north of a value that is a place; None of anything else."""
     if not isinstance(value, tuple | list) or len(value) < 2:
         return None
     east, north = value[0], value[1]

@@ -11,6 +11,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
+from lingjing.kernel.assignments import point
 from lingjing.kernel.course import Course, Inspected
 from lingjing.kernel.registry import Registry, Report
 from lingjing.mission.instance import InspectionSpec, Instance
@@ -44,7 +45,7 @@ class Inspections:
                 east, north, _ = self._entities[inspection.destination].position
                 asked[inspection.asset, PLAN, (east, north)] = None
             for message in reports:
-                place = _place(message.body.get("position"))
+                place = point(message.body.get("position"))
                 if message.kind == inspection.replan and place is not None:
                     asked[inspection.asset, REPLAN, place] = None
         return tuple(asked)
@@ -115,12 +116,3 @@ def commands_of(wanted: Iterable[Wish], tick: int, sender: str, first: int) -> t
         )
         for number, (asset, verb, place) in enumerate(wanted, first)
     )
-
-
-def _place(value: object) -> tuple[float, float] | None:
-    if not isinstance(value, tuple | list) or len(value) < 2:
-        return None
-    east, north = value[0], value[1]
-    if isinstance(east, int | float) and isinstance(north, int | float):
-        return float(east), float(north)
-    return None

@@ -9,9 +9,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 
+from lingjing.kernel.assignments import point
 from lingjing.kernel.budgets import limit_key
 from lingjing.kernel.instant import Instant, Value
 from lingjing.mission.instance import Entity
+from lingjing.trace.records import DORMANT
 
 HANDOFF_M = 50.0
 """How near a destination must be to a target for `assigned` to mean that target (the paper's vessel radius)."""
@@ -25,11 +27,7 @@ def planar(value: Value, at: Instant) -> tuple[float, float] | None:
     if isinstance(value, Entity):
         state = at.states.get(value.id)
         return None if state is None else (state.position[0], state.position[1])
-    if isinstance(value, tuple) and len(value) >= 2:
-        east, north = value[0], value[1]
-        if isinstance(east, int | float) and isinstance(north, int | float):
-            return float(east), float(north)
-    return None
+    return point(value)
 
 
 def _distance_xy(arguments: Sequence[Value], at: Instant) -> Value:
@@ -143,7 +141,7 @@ def _blocks(entity: Entity, waypoints: Sequence[tuple[float, ...]], at: Instant)
     radius, here = entity.properties.get("radius_m"), planar(entity, at)
     if entity.properties.get("blocks") is not True or here is None or not isinstance(radius, int | float):
         return False
-    if at.states[entity.id].status in ("dormant", "cleared"):
+    if at.states[entity.id].status in (DORMANT, "cleared"):
         return False
     return any(math.dist(here, waypoint[:2]) <= radius for waypoint in waypoints)
 

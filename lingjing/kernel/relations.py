@@ -13,13 +13,14 @@ target is competed for by those who are at it when somebody else gets it.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 
+from lingjing.kernel.assignments import point
 from lingjing.kernel.commands import PHOTO
 from lingjing.kernel.predicates import HANDOFF_M, SAME_POINT_M
 from lingjing.kernel.registry import Registry, Report
 from lingjing.mission.geometry2d import contains
-from lingjing.mission.instance import AgentSpec, Datum, Instance
+from lingjing.mission.instance import AgentSpec, Instance
 from lingjing.mission.model import Relation
 from lingjing.trace.records import Envelope, Receipt, RelationRecord, StageChange
 
@@ -174,17 +175,8 @@ def _same(report: Report, edge: Envelope) -> bool:
     """Whether two messages say the same: the same record, or the same place."""
     if report.kind == edge.kind:
         return dict(report.body) == edge.body
-    one, other = _place(report.body), _place(edge.body)
+    one, other = point(report.body.get("position")), point(edge.body.get("position"))
     return one is not None and other is not None and math.dist(one, other) <= SAME_POINT_M
-
-
-def _place(body: Mapping[str, Datum]) -> tuple[float, float] | None:
-    value = body.get("position")
-    if isinstance(value, tuple | list) and len(value) >= 2:
-        east, north = value[0], value[1]
-        if isinstance(east, int | float) and isinstance(north, int | float):
-            return float(east), float(north)
-    return None
 
 
 def _dependencies(relation: Relation, after: Registry, stages: Sequence[StageChange]) -> Iterator[RelationRecord]:

@@ -20,6 +20,7 @@ from lingjing.mission.units import without_unit
 from lingjing.plugins.policy import Brief, Observation, Peer, Picture, Privileged, Resource
 from lingjing.scene.city import City
 from lingjing.trace.records import (
+    DORMANT,
     Absent,
     BodyState,
     CellView,
@@ -29,9 +30,6 @@ from lingjing.trace.records import (
     FrameInfo,
     TaskEvent,
 )
-
-DORMANT = "dormant"
-"""The status of an entity that an event has not let appear yet, or has taken away: nobody sees it."""
 
 STATE_FIELDS = ("position", "velocity", "heading_deg", "status")
 """Fields of an entity's state that a channel may name as they are. `resources` and the names of declared states show

@@ -20,6 +20,10 @@ class Value(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     """Base of every record: frozen, keyword-only."""
 
 
+DORMANT = "dormant"
+"""The status of an entity that has not appeared yet or is gone: not drawn, not hit, seen by nobody."""
+
+
 class BodyState(Value, frozen=True, kw_only=True):
     """One entity at one instant, as its owner reports it; also the mirror that other engines receive.
 

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 from lingjing.mission.instance import Instance, Vector
 from lingjing.plugins.engines.bodies import UNKNOWN, Size, size_of
-from lingjing.trace.records import BodyState
+from lingjing.trace.records import DORMANT, BodyState
 
-ABSENT = frozenset({"dormant", "rescued"})
+ABSENT = frozenset({DORMANT, "rescued"})
 """Status words of what is not there to be touched."""
 
 _HOVERING = frozenset({"quadrotor", "fixed_wing"})

@@ -10,10 +10,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 from lingjing.mission.instance import Entity
-from lingjing.mission.units import NAMED
+from lingjing.mission.units import without_unit
 from lingjing.trace.records import BodyState
-
-_SUFFIXES = tuple(sorted((entry.suffix for entry in NAMED if entry.suffix), key=len, reverse=True))
 
 
 class Stock:
@@ -21,7 +19,7 @@ class Stock:
 
     def __init__(self, entity: Entity) -> None:
         self._first = {name: float(value) for name in entity.state if (value := _number(entity, name)) is not None}
-        self._accounts = {name: {f"{name}@{entity.id}", f"{plain(name)}@{entity.id}"} for name in self._first}
+        self._accounts = {name: {f"{name}@{entity.id}", f"{without_unit(name)}@{entity.id}"} for name in self._first}
         self.amounts: Mapping[str, float] = dict(self._first)
 
     def read(self, mirrors: Iterable[BodyState]) -> None:
@@ -40,11 +38,6 @@ class Stock:
     def load_kg(self) -> float:
         """What is on board of a stock `load`, kilograms; 0 without one."""
         return max(0.0, self.amounts.get("load_kg", 0.0))
-
-
-def plain(name: str) -> str:
-    """A property's name without its unit: `load` of `load_kg`."""
-    return next((name.removesuffix(suffix) for suffix in _SUFFIXES if name.endswith(suffix)), name)
 
 
 def _number(entity: Entity, name: str) -> float | None:

@@ -29,9 +29,9 @@ from lingjing.plugins.engines.terrain import Terrain
 from lingjing.plugins.geometry import mounted_camera_pose
 from lingjing.scene.city import City
 from lingjing.scene.tiles import Tiles
-from lingjing.trace.records import BodyState, CameraPose, Command, FrameInfo, Receipt
+from lingjing.trace.records import DORMANT, BodyState, CameraPose, Command, FrameInfo, Receipt
 
-HIDDEN_STATUSES = frozenset({"rescued", "dormant", "cleared"})
+HIDDEN_STATUSES = frozenset({"rescued", DORMANT, "cleared"})
 STUCK_M, CLEARANCE_M, HIGH_M = 0.2, 0.06, 2000.0
 """A camera this deep in the ground is lifted this far over it."""
 TOWN = ("buildings", "roads", "junctions", "areas", "bridges", "pipes", "slopes")

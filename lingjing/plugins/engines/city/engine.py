@@ -9,7 +9,6 @@ from lingjing.plugins.engine import Boundary, CaptureRequest, EngineSpec, Frame
 from lingjing.plugins.engines.city.afloat import STEP_S, body_of
 from lingjing.plugins.engines.city.book import Book, check_bounded
 from lingjing.plugins.engines.city.interaction import UNLOCK, Interaction, actors_in_reach, moved_on
-from lingjing.plugins.engines.city.nature import DORMANT
 from lingjing.plugins.engines.city.radio import Coverage
 from lingjing.plugins.engines.city.target import Target, target_of
 from lingjing.plugins.engines.clock import Clock
@@ -17,7 +16,7 @@ from lingjing.plugins.engines.requests import Refusal, Requests
 from lingjing.plugins.engines.schedule import Schedule
 from lingjing.plugins.engines.terrain import Terrain
 from lingjing.scene.city import City
-from lingjing.trace.records import BodyState, Command, Receipt, TaskEvent
+from lingjing.trace.records import DORMANT, BodyState, Command, Receipt, TaskEvent
 
 _IDLE = (DORMANT, "dead")
 """Who is not there, or is there as a wreck, does nothing."""

@@ -11,9 +11,7 @@ from dataclasses import dataclass, replace
 
 from lingjing.mission.instance import Entity
 from lingjing.mission.units import without_unit
-
-DORMANT = "dormant"
-"""Status of what has not appeared yet or is gone: not drawn, not hit, nothing can be done to it."""
+from lingjing.trace.records import DORMANT
 
 WAITING = "waiting"
 

@@ -10,7 +10,8 @@ from lingjing.plugins.engines.city.afloat import Body
 from lingjing.plugins.engines.city.book import DUST
 from lingjing.plugins.engines.city.crowd import PEOPLE, Crowd
 from lingjing.plugins.engines.city.interaction import Interaction, interactions
-from lingjing.plugins.engines.city.nature import DORMANT, Nature, nature_of
+from lingjing.plugins.engines.city.nature import Nature, nature_of
+from lingjing.trace.records import DORMANT
 
 
 @dataclass(slots=True)

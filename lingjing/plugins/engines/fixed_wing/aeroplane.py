@@ -7,10 +7,10 @@ and comes to rest where it touches the ground.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from enum import Enum
 
 from lingjing.mission.instance import Entity, Vector, Weather
+from lingjing.plugins.engines.aloft import Notice
 from lingjing.plugins.engines.fixed_wing import guidance
 from lingjing.plugins.engines.fixed_wing.airframe import STEP_S, Airframe, Sample
 from lingjing.plugins.engines.fixed_wing.control import PERIOD_S, Autopilot
@@ -54,15 +54,6 @@ class Phase(Enum):
     GLIDING = "gliding"
     FALLING = "falling"
     DEAD = "dead"
-
-
-@dataclass(frozen=True, slots=True)
-class Notice:
-    """Something that happened in a period: `done`, `fuel_empty`, or `collided` with `what`."""
-
-    kind: str
-    what: str = ""
-    speed_mps: float = 0.0
 
 
 class Aeroplane:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 
 from lingjing.plugins.engine import EngineSpec
-from lingjing.plugins.engines.fixed_wing.aeroplane import REACH_M, Aeroplane, Notice
+from lingjing.plugins.engines.aloft import Notice, collide
+from lingjing.plugins.engines.fixed_wing.aeroplane import REACH_M, Aeroplane
 from lingjing.plugins.engines.fixed_wing.control import PERIOD_S
 from lingjing.plugins.engines.fleet import FleetEngine
 from lingjing.plugins.engines.neighbours import Neighbours
-from lingjing.plugins.engines.pairs import close_pairs
 from lingjing.plugins.engines.requests import STOP, Refusal, number
 from lingjing.plugins.engines.schedule import Schedule
 from lingjing.plugins.engines.terrain import Terrain
@@ -65,7 +65,7 @@ class PlaneEngine(FleetEngine):
             notice = aircraft.step(weather, now)
             if notice is not None:
                 self._report(aircraft, notice)
-        self._collide()
+        collide(self._fleet.values(), 2.0 * REACH_M, self._report)
 
     def states(self) -> Iterable[BodyState]:
         """Every aircraft."""
@@ -83,14 +83,6 @@ class PlaneEngine(FleetEngine):
         pending = self.requests.pending(aircraft.id)
         if pending is not None and pending.verb == STOP:
             self.requests.complete(aircraft.id, now)
-
-    def _collide(self) -> None:
-        flying = [aircraft for aircraft in self._fleet.values() if aircraft.flying]
-        for first, second in close_pairs([aircraft.position for aircraft in flying], 2.0 * REACH_M):
-            one, other = flying[first], flying[second]
-            if one.flying and other.flying:
-                self._report(one, one.strike(other.id))
-                self._report(other, other.strike(one.id))
 
     def _report(self, aircraft: Aeroplane, notice: Notice) -> None:
         now = self.clock.now_s

@@ -9,10 +9,10 @@ on a roof. A load makes it heavier: it takes more thrust, so more energy, and cr
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from enum import Enum
 
 from lingjing.mission.instance import Entity, Vector, Weather
+from lingjing.plugins.engines.aloft import Notice
 from lingjing.plugins.engines.gust import Gust
 from lingjing.plugins.engines.multirotor.airframe import LIFT_N, MASS_KG, STEP_S, Airframe, Sample
 from lingjing.plugins.engines.multirotor.control import BRAKE_MPS2, PERIOD_S, Autopilot, Demand
@@ -55,15 +55,6 @@ class Phase(Enum):
     LANDING = "landing"
     FALLING = "falling"
     DEAD = "dead"
-
-
-@dataclass(frozen=True, slots=True)
-class Notice:
-    """Something that happened in a period: `done`, `battery_empty`, or `collided` with `what`."""
-
-    kind: str
-    what: str = ""
-    speed_mps: float = 0.0
 
 
 class Drone:

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 
 from lingjing.plugins.engine import EngineSpec
+from lingjing.plugins.engines.aloft import Notice, collide
 from lingjing.plugins.engines.fleet import FleetEngine
 from lingjing.plugins.engines.multirotor.control import PERIOD_S
-from lingjing.plugins.engines.multirotor.drone import RADIUS_M, Drone, Notice
+from lingjing.plugins.engines.multirotor.drone import RADIUS_M, Drone
 from lingjing.plugins.engines.multirotor.verbs import plan
 from lingjing.plugins.engines.neighbours import Neighbours
-from lingjing.plugins.engines.pairs import close_pairs
 from lingjing.plugins.engines.requests import STOP, Refusal
 from lingjing.plugins.engines.schedule import Schedule
 from lingjing.plugins.engines.terrain import Terrain
@@ -64,7 +64,7 @@ class MultirotorEngine(FleetEngine):
             notice = drone.step(weather, now)
             if notice is not None:
                 self._report(drone, notice)
-        self._collide()
+        collide(self._drones.values(), 2.0 * RADIUS_M, self._report)
 
     def states(self) -> Iterable[BodyState]:
         """Every vehicle."""
@@ -77,14 +77,6 @@ class MultirotorEngine(FleetEngine):
     def close(self) -> None:
         """Let go of the airframes."""
         self._drones = {}
-
-    def _collide(self) -> None:
-        flying = [drone for drone in self._drones.values() if drone.flying]
-        for first, second in close_pairs([drone.position for drone in flying], 2.0 * RADIUS_M):
-            one, other = flying[first], flying[second]
-            if one.flying and other.flying:
-                self._report(one, one.strike(other.id))
-                self._report(other, other.strike(one.id))
 
     def _report(self, drone: Drone, notice: Notice) -> None:
         now, task = self.clock.now_s, drone.task

@@ -24,7 +24,7 @@ from lingjing.plugins.engines.requests import Refusal
 from lingjing.plugins.engines.schedule import Schedule
 from lingjing.plugins.engines.terrain import Terrain
 from lingjing.scene.city import City
-from lingjing.trace.records import BodyState, Command
+from lingjing.trace.records import DORMANT, BodyState, Command
 
 _ZONE_PERIODS = 25
 _ALERT_M = 3.0
@@ -95,7 +95,7 @@ class QuadrupedEngine(FleetEngine):
                     id=dog.id,
                     position=entity.position,
                     heading_deg=entity.heading_deg % 360.0 % 360.0,
-                    status="dormant",
+                    status=DORMANT,
                     resources=dog.resources,
                 )
             else:

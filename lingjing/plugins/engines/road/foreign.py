@@ -17,9 +17,9 @@ from lingjing.mission.instance import Entity
 from lingjing.plugins.engines.bodies import SIZES, Size
 from lingjing.plugins.engines.road.graph import Graph, Place
 from lingjing.plugins.engines.road.simulation import FOREVER_S, Simulation, SumoError
-from lingjing.trace.records import BodyState
+from lingjing.trace.records import DORMANT, BodyState
 
-ABSENT = frozenset({"dormant", "rescued", "served", "cleared"})
+ABSENT = frozenset({DORMANT, "rescued", "served", "cleared"})
 """Statuses of bodies that are not there."""
 
 _AFLOAT = frozenset({"lifeboat", "person_in_water"})
