@@ -117,7 +117,7 @@ def test_aircraft_wait_beside_the_road_and_at_sea_nothing_moves() -> None:
     instance, _ = anchored("ssr", 0)
     assert instance == instantiate(mission("ssr"), seed=0)
     instance, _ = anchored("bi", 0)
-    assert next(entity for entity in instance.entities if entity.id == "uav").position == (-150.0, 0.0, 12.0)
+    assert next(entity for entity in instance.entities if entity.id == "uav").position == (-150.0, 0.0, 13.0)
 
 
 WALKS = {"vdn": ("home", 25.0), "idf": ("fire", 2.0), "upr": ("leak", 4.5), "ld": ("house", 12.0)}
