@@ -1,13 +1,14 @@
 """Occurrences of the declared coordination relations: who did it to whom, by what, at which boundary.
 
 The paper's five labels describe task structure. A declaration becomes a record when it happens: a message that
-carries the evidence (information handoff) or the assignment (guidance), a first visit of a shared cell
-(cooperation), a command for a shared resource that was refused because somebody else has it (competition), a stage
+carries the evidence (information handoff) or the assignment (guidance), a first visit of a shared cell or first work in
+it (cooperation), a command for a shared resource that was refused because somebody else has it (competition), a stage
 that follows its prerequisite (dependency). A mutual relation occurs in both directions.
 
 What a hub passes on counts for those who said it: its message of the same kind, or to the same place, as one that it
-was sent. Those who take no pictures, or who share a region, work together when one comes in while the other is there. A
-target is competed for by those who are at it when somebody else gets it.
+was sent. Those who take no pictures share cells by what an engine says that they did there, each agent once in a cell;
+what is competed for is no such work. Those who share a region work together when one comes in while the other is there.
+A target is competed for by those who are at it when somebody else gets it.
 """
 
 from __future__ import annotations
@@ -24,6 +25,12 @@ from lingjing.mission.instance import AgentSpec, Instance
 from lingjing.mission.model import Relation
 from lingjing.trace.records import Envelope, Receipt, RelationRecord, StageChange
 
+Emitted = tuple[str, tuple[str, ...]]
+"""What an engine said: its kind, and its entities, the target first."""
+
+Part = tuple[str, Sequence[tuple[float, float]]]
+"""A region or a cell: its name and polygon."""
+
 
 class RelationTracker:
     """Recognises occurrences of one instance's relations; holds no run-time state."""
@@ -38,6 +45,7 @@ class RelationTracker:
         self._targets = {entity.id: entity.group for entity in instance.entities if entity.role == "target"}
         eyes = {entity.id for entity in instance.entities if any(verb.name == PHOTO for verb in entity.verbs)}
         self._blind = {agent.role for agent in instance.agents if not eyes.intersection(agent.controls)}
+        self._contested = {relation.over for relation in instance.relations if relation.kind == "competition"}
         self._areas = {
             **{region.name: ((region.name, region.polygon),) for region in instance.regions},
             **{
@@ -61,6 +69,7 @@ class RelationTracker:
                 found.extend(self._messages(relation, envelopes, before, after.tick))
             elif relation.kind == "cooperation":
                 found.extend(self._visits(relation, before, after))
+                found.extend(self._worked(relation, before, after))
                 found.extend(self._shared(relation, before, after))
             elif relation.kind == "competition":
                 found.extend(self._conflicts(relation, before, receipts, after.tick))
@@ -102,11 +111,36 @@ class RelationTracker:
                 if partner != agent.id:
                     yield RelationRecord(kind=relation.kind, source=agent.id, target=partner, by=name, tick=after.tick)
 
+    def _worked(self, relation: Relation, before: Registry, after: Registry) -> Iterator[RelationRecord]:
+        """Who for the first time has done something in a cell, for the partners in the grid; of those without pictures,
+        the others share a grid by what they have photographed."""
+        if relation.over not in self._grids.values() or relation.source not in self._blind:
+            return
+        parts = self._areas[relation.over or ""]
+        known = {done for key in before.emitted for done in self._done(key, parts, before)}
+        fresh = [done for key in after.emitted if key not in before.emitted for done in self._done(key, parts, after)]
+        for agent, name in dict.fromkeys(done for done in fresh if done not in known):
+            for partner in self._partners(relation, self._agents[agent]):
+                if any(self._inside(partner, polygon, after) for _, polygon in parts):
+                    yield RelationRecord(kind=relation.kind, source=agent, target=partner.id, by=name, tick=after.tick)
+
+    def _done(self, key: Emitted, parts: Sequence[Part], at: Registry) -> Iterator[tuple[str, str]]:
+        """(agent, cell) of an engine's event that somebody did something at a target."""
+        target, *actors = key[1]
+        agent = self._owner.get(actors[0]) if actors else None
+        group = self._targets.get(target)
+        if agent is None or group is None or group in self._contested or target not in at.states:
+            return
+        place = at.states[target].position[:2]
+        for name, polygon in parts:
+            if contains(polygon, *place):
+                yield agent.id, name
+
     def _shared(self, relation: Relation, before: Registry, after: Registry) -> Iterator[RelationRecord]:
-        """Who comes into a part of the area while a partner is in the area."""
+        """Who comes into a region while a partner is in it."""
         parts = self._areas.get(relation.over or "", ())
-        if relation.over in self._grids.values() and relation.source not in self._blind:
-            return  # those who take pictures share a grid by what they have photographed
+        if relation.over in self._grids.values():
+            return
         for agent in self._agents.values():
             partners = self._partners(relation, agent)
             for name, polygon in parts if partners else ():

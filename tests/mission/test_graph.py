@@ -92,9 +92,14 @@ speaks_to channel:progress role:coordinator
 observes agent:commander grid:cells
 observes agent:commander channel:events
 guidance role:coordinator role:searcher
+guidance role:coordinator role:rescuer
 """.strip().splitlines()
 
-ONLY_BROADCAST = ["may_command role:searcher asset:boat", "competition role:searcher role:searcher"]
+ONLY_BROADCAST = [
+    "may_command role:searcher asset:boat",
+    "competition role:searcher role:searcher",
+    "guidance role:searcher role:rescuer",
+]
 
 
 @pytest.fixture(scope="module")
@@ -138,6 +143,8 @@ def test_ssr_in_all_modes_is_the_union_with_its_guards(whole: m.Mission) -> None
         "may_command role:searcher asset:boat": "mode == broadcast",
         "competition role:searcher role:searcher": "mode == broadcast",
         "guidance role:coordinator role:searcher": "mode == star",
+        "guidance role:coordinator role:rescuer": "mode == star",
+        "guidance role:searcher role:rescuer": "mode == broadcast",
     }
 
 

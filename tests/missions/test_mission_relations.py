@@ -23,12 +23,12 @@ DECLARED = {
     ("idf", "broadcast"): set(FIVE),
     ("upr", "star"): {"information_handoff", "cooperation", "guidance", "dependency"},
     ("ufr", "star"): {"information_handoff", "cooperation", "guidance", "dependency"},
-    ("ufr", "broadcast"): {"information_handoff", "cooperation", "competition", "dependency"},
+    ("ufr", "broadcast"): set(FIVE),
     ("cr", "star"): {"information_handoff", "cooperation", "guidance", "dependency"},
     ("ssr", "star"): {"information_handoff", "cooperation", "guidance", "dependency"},
-    ("ssr", "broadcast"): {"information_handoff", "cooperation", "competition", "dependency"},
+    ("ssr", "broadcast"): set(FIVE),
     ("cd", "star"): set(FIVE),
-    ("cd", "broadcast"): {"cooperation", "competition", "dependency"},
+    ("cd", "broadcast"): {"information_handoff", "cooperation", "competition", "dependency"},
 }
 """One agent has stages that wait for each other and nobody to work with; who competes needs something to compete for;
 who guides needs the authority: a hub, or a message kind that orders."""
@@ -205,7 +205,7 @@ def test_rescue_and_extinguishing_depend_on_the_place_that_was_found(name, mode)
 
 
 def gathered(play):
-    """Stand the dogs beside each other: walls between them would cut the radio."""
+    """Stand the dogs beside each other."""
     x, y, z = play.target("dog[1]").position
     for number in (1, 2, 3):
         play.strings.places[f"dog[{number}]"] = (x, y + 3.0 * number, z)
@@ -239,10 +239,10 @@ def test_dogs_work_together_in_the_factory_and_compete_for_a_fire():
 
 
 def test_out_of_range_dogs_do_not_hear_each_other():
-    """The radio of the factory reaches 400 m."""
+    """The radio of the factory reaches 12 km in the open."""
     with kit.playing("idf", fires=1.0) as play:
         gathered(play)
-        play.strings.places["dog[3]"] = (-900.0, 0.0, 0.0)
+        play.strings.places["dog[3]"] = (-13000.0, 0.0, 0.0)
         play.do()
         play.do({"searcher[1]": kit.says("progress", task="search", state="nothing")})
         assert [who for who, box in play.published.inboxes.items() if box.messages] == ["searcher[2]"]
