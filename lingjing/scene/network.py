@@ -16,7 +16,6 @@ import os
 import re
 import subprocess
 import sys
-import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cache
 from importlib.util import find_spec
@@ -28,6 +27,7 @@ import msgspec
 
 from lingjing.errors import InfrastructureError, UsageError
 from lingjing.mission.instance import Vector
+from lingjing.scene.beside import beside
 from lingjing.scene.city import Junction, Lane, Road
 
 FORMAT = "3"
@@ -229,11 +229,12 @@ def _cached(key: str, origin: tuple[float, float], arguments: _Arguments, what: 
     target = network_folder() / f"{key[:40]}.net.xml"
     known = target.with_suffix(".sha256")
     if target.is_file() and known.is_file():
-        return Network(path=str(target), sha256=known.read_text(encoding="ascii"))
+        sha256 = known.read_text(encoding="ascii", errors="replace")
+        if file_sha256(target) == sha256:
+            return Network(path=str(target), sha256=sha256)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=target.parent, prefix=".new-") as name:
-            folder = Path(name)
+        with beside(target) as folder:
             made = folder / "made.net.xml"
             _run([*arguments(folder), "--offset.disable-normalization", "-o", str(made)], what)
             data = _plain(made.read_bytes(), origin)

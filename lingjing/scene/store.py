@@ -11,23 +11,28 @@ A folder appears whole or not at all: it is written beside and renamed. It may b
 
 from __future__ import annotations
 
-import contextlib
+import errno
 import hashlib
 import os
+import re
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Literal
 
 import msgspec
 
 from lingjing.errors import UsageError
+from lingjing.scene.beside import beside
 from lingjing.scene.city import City, Pieces
 from lingjing.scene.cutting import cut
 from lingjing.scene.tiles import INDEX_FILE, TILED, Index, extent, partition, tile_file
 
 CITY_FILE = "city.msgpack"
 NETWORK_FILE = "road.net.xml"
+_ATTEMPTS = 5
+"""How often another writer may come in between before we give up."""
+
 BUILD_HINT = "a city's folder is written by: lingjing scene build MAP.osm -o FOLDER"
 
 
@@ -46,27 +51,27 @@ def write_store(folder: Path, city: City, pieces: Pieces, extra: Mapping[str, by
     `extra` are more files by name. An older city in that folder is replaced; `UsageError` if it holds anything else
     or cannot be written.
     """
-    _refuse_foreign(folder)
+    check_free(folder)
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
-        with _beside(folder) as temporary:
+        with beside(folder) as temporary:
             _write_files(temporary, city, pieces, extra or {})
             _replace(temporary, folder)
     except OSError as error:
-        raise UsageError(f"cannot write `{folder}`: {error.strerror}", hint="choose another place with -o") from None
+        raise _unwritable(folder, error) from None
     return read_store(folder)
 
 
 def copy_store(source: Path, folder: Path) -> City:
     """A copy of a city's folder at another place, whole or not at all; errors as in `write_store`."""
-    _refuse_foreign(folder)
+    check_free(folder)
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
-        with _beside(folder) as temporary:
+        with beside(folder) as temporary:
             shutil.copytree(source, temporary, dirs_exist_ok=True)
             _replace(temporary, folder)
     except OSError as error:
-        raise UsageError(f"cannot write `{folder}`: {error.strerror}", hint="choose another place with -o") from None
+        raise _unwritable(folder, error) from None
     return read_store(folder)
 
 
@@ -89,14 +94,34 @@ def read_store(folder: Path) -> City:
     return msgspec.structs.replace(city, store=str(folder), network=network)
 
 
-# -- private
-
-
-def _refuse_foreign(folder: Path) -> None:
+def check_free(folder: Path) -> None:
+    """`UsageError` where no city may be written: a file, a folder of something else, a place that is not ours."""
     if folder.exists() and not folder.is_dir():
         raise UsageError(f"cannot write `{folder}`: it is a file", hint="name a folder")
     if folder.is_dir() and not (folder / CITY_FILE).exists() and any(folder.iterdir()):
         raise UsageError(f"cannot write `{folder}`: it holds something that is no city", hint="name a new folder")
+    around = next(place for place in folder.absolute().parents if place.exists())
+    if not around.is_dir() or not os.access(around, os.W_OK):
+        why = "nothing may be written there" if around.is_dir() else "it is a file"
+        raise UsageError(f"cannot write `{folder}` in `{around}`: {why}", hint="choose another place with -o")
+
+
+def whole(folder: Path) -> City | None:
+    """The city of a folder if every byte that makes it is as it was written, else None: for caches, which may rot."""
+    try:
+        city = read_store(folder)
+        index = msgspec.msgpack.decode((folder / INDEX_FILE).read_bytes(), type=Index)
+        digest = hashlib.sha256()
+        for key in city.tiles:
+            digest.update(hashlib.sha256((folder / tile_file(key)).read_bytes()).digest())
+        light = msgspec.structs.replace(city, store="", sha256="", network=NETWORK_FILE if city.network else "")
+        _close(digest, folder, light)
+    except (UsageError, OSError, msgspec.DecodeError):
+        return None
+    return city if digest.hexdigest() == city.sha256 and index.keys == city.tiles else None
+
+
+# -- private
 
 
 def _write_files(folder: Path, city: City, pieces: Pieces, extra: Mapping[str, bytes]) -> None:
@@ -111,7 +136,6 @@ def _write_files(folder: Path, city: City, pieces: Pieces, extra: Mapping[str, b
     (folder / INDEX_FILE).write_bytes(msgspec.msgpack.encode(index))
     if city.network:
         shutil.copyfile(city.network, folder / NETWORK_FILE)
-        digest.update(hashlib.sha256((folder / NETWORK_FILE).read_bytes()).digest())
     light = msgspec.structs.replace(
         city,
         waters=(*city.waters, *pieces.waters),
@@ -122,50 +146,46 @@ def _write_files(folder: Path, city: City, pieces: Pieces, extra: Mapping[str, b
         sha256="",
         **dict.fromkeys(TILED, ()),
     )
-    digest.update(msgspec.msgpack.encode(light))
+    _close(digest, folder, light)
     light = msgspec.structs.replace(light, sha256=digest.hexdigest())
     for name, data in extra.items():
         (folder / name).write_bytes(data)
     (folder / CITY_FILE).write_bytes(msgspec.msgpack.encode(Document(city=light)))
 
 
-@contextlib.contextmanager
-def _beside(folder: Path) -> Iterator[Path]:
-    """An empty folder next to `folder` on the same file system, gone at the end; so are those of dead writers."""
-    for left in folder.parent.glob(f".{folder.name}.*.part"):
-        if not _alive(left.name.split(".")[-2]):
-            shutil.rmtree(left, ignore_errors=True)
-    temporary = folder.with_name(f".{folder.name}.{os.getpid()}.part")
-    shutil.rmtree(temporary, ignore_errors=True)
-    temporary.mkdir()
-    try:
-        yield temporary
-    finally:
-        shutil.rmtree(temporary, ignore_errors=True)
-
-
-def _alive(process: str) -> bool:
-    if not process.isdigit():
-        return False
-    try:
-        os.kill(int(process), 0)
-    except ProcessLookupError:
-        return False
-    except PermissionError:
-        return True
-    return True
+def _close(digest: hashlib._Hash, folder: Path, light: City) -> None:
+    """Take the network and the frame into the hash of a city's content, after its tiles."""
+    if light.network:
+        digest.update(hashlib.sha256((folder / NETWORK_FILE).read_bytes()).digest())
+    digest.update(msgspec.msgpack.encode(light))
 
 
 def _replace(temporary: Path, folder: Path) -> None:
-    """Put the written folder where it belongs; an older city there goes away once the new one stands."""
-    if not folder.exists() or not any(folder.iterdir()):
-        temporary.replace(folder)
-        return
-    old = temporary.with_suffix(".old.part")
-    folder.replace(old)
-    try:
-        temporary.replace(folder)
-    except OSError:
-        old.replace(folder)
-        raise
-    shutil.rmtree(old, ignore_errors=True)
+    """Put the written folder where it belongs; an older city there goes away with what is left of the new one's place.
+
+    Another writer may put its own there in between: then that is the older one.
+    """
+    for attempt in range(_ATTEMPTS):
+        try:
+            if folder.exists() and any(folder.iterdir()):
+                folder.replace(temporary.with_name(f"old-{attempt}"))
+            temporary.replace(folder)
+        except OSError as error:
+            if error.errno not in (errno.ENOTEMPTY, errno.EEXIST, errno.ENOENT) or attempt == _ATTEMPTS - 1:
+                _put_back(temporary, folder)
+                raise
+        else:
+            return
+
+
+def _put_back(temporary: Path, folder: Path) -> None:
+    taken = sorted(temporary.parent.glob("old-*"))
+    if taken and not folder.exists():
+        taken[-1].replace(folder)
+
+
+def _unwritable(folder: Path, error: OSError) -> UsageError:
+    """`shutil.Error`, a list of failed copies, is an `OSError` that has no `strerror`."""
+    said = error.args[0][0][2] if isinstance(error, shutil.Error) else error.strerror or str(error)
+    first = re.sub(r"^\[Errno \d+\] ([^:]*).*$", r"\1", said, flags=re.DOTALL)
+    return UsageError(f"cannot write `{folder}`: {first}", hint="choose another place with -o")

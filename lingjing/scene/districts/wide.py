@@ -15,7 +15,7 @@ from lingjing.scene.districts.options import Plan
 from lingjing.scene.districts.streets import Block, grid
 from lingjing.scene.districts.zones import zone
 from lingjing.scene.network import network_folder
-from lingjing.scene.store import CITY_FILE, read_store, write_store
+from lingjing.scene.store import whole, write_store
 
 TREE_GAP_M = 30.0
 """Street trees stand wider apart than in a single district: there are a hundred times as many."""
@@ -24,8 +24,9 @@ TREE_GAP_M = 30.0
 def build_wide(plan: Plan) -> City:
     """The city of a plan, read from the cache where it is known."""
     folder = network_folder().parent / "cities" / _key(plan)
-    if (folder / CITY_FILE).is_file():
-        return read_store(folder)
+    known = whole(folder)
+    if known is not None:
+        return known
 
     def kind_of(block: Block) -> str:
         return zone(*block.box.centre, plan.half_m)
@@ -42,6 +43,7 @@ def _key(plan: Plan) -> str:
     """A name for what this plan becomes under this code."""
     digest = hashlib.sha256(repr(plan).encode())
     here = Path(__file__).parent
-    for file in sorted((*here.glob("*.py"), here.parent / "store.py", here.parent / "network.py")):
+    beside = (here.parent / f"{name}.py" for name in ("city", "cutting", "network", "store", "tiles"))
+    for file in sorted((*here.glob("*.py"), *beside)):
         digest.update(file.read_bytes())
     return digest.hexdigest()[:40]

@@ -19,6 +19,7 @@ from pathlib import Path
 import msgspec
 
 from lingjing.errors import UsageError
+from lingjing.scene.beside import beside
 from lingjing.scene.city import City, Junction, Pieces, Road, Solid
 from lingjing.scene.osm import buildings, ground, read, structures, trees, water
 from lingjing.scene.osm.features import Features, collect
@@ -27,7 +28,7 @@ from lingjing.scene.osm.frame import Frame, choose
 from lingjing.scene.osm.read import Box, MapData
 from lingjing.scene.osm.streets import streets_xml
 from lingjing.scene.osm.summary import ATTRIBUTION, SUMMARY_FILE, Source, Summary, counts, encode, read_summary
-from lingjing.scene.store import copy_store, read_store, write_store
+from lingjing.scene.store import check_free, copy_store, whole, write_store
 
 TILE_M = 250.0
 OFF = "LINGJING_NO_CACHE"
@@ -66,6 +67,8 @@ def build(path: Path, options: Options, folder: Path | None = None, say: Say = l
             f"waters at {options.water_m:g} m: the ground is at 0", hint="give a level from -100 to -0.3 m"
         )
     read.check(path)
+    if folder is not None:
+        check_free(folder)
     say("looking at the map")
     source = Source(name=path.name, sha256=read.digest(path), bytes=path.stat().st_size)
     versions = _versions()
@@ -101,7 +104,9 @@ def build(path: Path, options: Options, folder: Path | None = None, say: Say = l
         versions=versions,
     )
     say("writing the city")
-    city = write_store(target, light, pieces, {SUMMARY_FILE: encode(summary)})
+    city = write_store(known or target, light, pieces, {SUMMARY_FILE: encode(summary)})
+    if known is not None and known != target:
+        city = copy_store(known, target)  # so that the same map is known again wherever it is asked for
     return Built(city, target, summary, cached=False)
 
 
@@ -169,8 +174,8 @@ def _network(data: MapData, features: Features) -> tuple[str, tuple[Road, ...], 
     text = streets_xml(data, features)
     if not text:
         return "", (), (), ["no roads in this part of the map: a city without traffic"]
-    with tempfile.TemporaryDirectory(prefix="lingjing-map-") as folder:
-        plain = Path(folder, "streets.osm")
+    with beside(Path(tempfile.gettempdir(), "lingjing-map")) as folder:
+        plain = folder / "streets.osm"
         plain.write_text(text, encoding="utf-8")
         try:
             made = network_from_osm(plain, frame.origin, frame.box, elevations=True)
@@ -219,10 +224,8 @@ def _kept(folder: Path, key: str) -> tuple[City, Summary] | None:
     summary = read_summary(folder)
     if summary is None or summary.key != key:
         return None
-    try:
-        return read_store(folder), summary
-    except UsageError:
-        return None
+    city = whole(folder)
+    return None if city is None else (city, summary)
 
 
 def _is_off() -> bool:

@@ -83,7 +83,7 @@ def read(path: Path) -> MapData:
                 relations.append(Relation(item.id, _tags(item), members))
     except ImportError:
         raise _missing() from None
-    except RuntimeError as error:
+    except (RuntimeError, osmium.InvalidLocationError) as error:
         raise UsageError(f"`{path}` is not OpenStreetMap data: {error}", hint=_HINT) from None
     if not nodes:
         raise UsageError(f"`{path}` holds no map: not one node with a position", hint=_HINT)

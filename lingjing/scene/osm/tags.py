@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from math import isfinite
 
 Colour = tuple[float, float, float]
 """Linear RGB, 0 to 1."""
@@ -24,14 +25,14 @@ def metres(tags: Mapping[str, str], *keys: str) -> float | None:
         match = _LENGTH.match(text)
         if match:
             unit = match["unit"] or ""
-            return float(match["value"].replace(",", ".")) * _METRES.get(unit, 1.0)
+            return _finite(float(match["value"].replace(",", ".")) * _METRES.get(unit, 1.0))
     return None
 
 
 def number(tags: Mapping[str, str], key: str) -> float | None:
     """A plain number, the first of a list."""
     try:
-        return float(tags.get(key, "").split(";")[0].strip().replace(",", "."))
+        return _finite(float(tags.get(key, "").split(";")[0].strip().replace(",", ".")))
     except ValueError:
         return None
 
@@ -79,6 +80,11 @@ def linear(red: int, green: int, blue: int) -> Colour:
 
 
 # -- private
+
+
+def _finite(value: float) -> float | None:
+    """Python reads `inf`, `nan` and numbers of four hundred digits; nothing is built from them."""
+    return value if isfinite(value) else None
 
 
 def _linear(value: float) -> float:

@@ -1,0 +1,125 @@
+"""What writers of cities and networks leave: whole results, nothing of those that were killed, no torn cache."""
+
+import os
+import shutil
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+
+from lingjing.errors import UsageError
+from lingjing.scene.beside import beside
+from lingjing.scene.network import StreetEdge, StreetNode, build_network
+from lingjing.scene.osm import read as reading
+from lingjing.scene.osm.build import Options, build, cities_folder
+from lingjing.scene.osm.tags import metres, number
+from lingjing.scene.store import copy_store, read_store, whole
+
+sys.path.insert(0, str(Path(__file__).parent))
+from osm_maps import Map, square
+
+
+@pytest.fixture(autouse=True)
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+
+
+@pytest.fixture
+def hut(tmp_path: Path) -> Path:
+    bare = Map()
+    bare.way(square(0, 0, 30), {"building": "yes"})  # no roads: built in a moment
+    return bare.write(tmp_path / "hut.osm")
+
+
+def test_what_a_killed_writer_left_goes_with_the_next_one(tmp_path: Path) -> None:
+    code = (
+        "import os, sys; from pathlib import Path; from lingjing.scene.beside import beside\n"
+        "with beside(Path(sys.argv[1])) as folder:\n"
+        "    (folder / 'half').write_bytes(b'x'); os.kill(os.getpid(), 9)"
+    )
+    subprocess.run([sys.executable, "-c", code, str(tmp_path / "city")], check=False)
+    assert len(list(tmp_path.glob(".city.*.part/new/half"))) == 1
+    mine = tmp_path / f".city.{os.getpid()}.other.part"
+    mine.mkdir()
+    with beside(tmp_path / "city") as folder:
+        assert sorted(tmp_path.iterdir()) == sorted([mine, folder.parent])
+    assert list(tmp_path.iterdir()) == [mine]
+
+
+def test_writers_of_one_folder_at_once_leave_one_whole_city(tmp_path: Path, hut: Path) -> None:
+    target = tmp_path / "city"
+    build(hut, Options(), tmp_path / "first")
+    with ThreadPoolExecutor(8) as pool:
+        for done in [pool.submit(copy_store, tmp_path / "first", target) for _ in range(24)]:
+            done.result()
+    assert whole(target) == read_store(target)
+    assert not list(tmp_path.glob(".city*"))
+
+
+def test_a_map_is_known_again_whatever_folder_it_is_asked_into(tmp_path: Path, hut: Path) -> None:
+    assert not build(hut, Options(), tmp_path / "a").cached
+    assert build(hut, Options(), tmp_path / "b").cached
+    assert build(hut, Options()).cached
+
+
+def test_a_cache_that_has_rotted_is_made_anew(tmp_path: Path, hut: Path) -> None:
+    good = build(hut, Options()).city
+    (tile,) = next(cities_folder().iterdir()).glob("tiles/[0-9-]*")
+    tile.write_bytes(tile.read_bytes()[:-1])
+    again = build(hut, Options())
+    assert not again.cached
+    assert whole(again.folder) == good
+
+
+def test_a_network_that_has_rotted_is_made_anew() -> None:
+    nodes = [StreetNode(id="a", east=0.0, north=0.0), StreetNode(id="b", east=100.0, north=0.0)]
+    edges = [StreetEdge(id="ab", start="a", end="b")]
+    first = build_network(nodes, edges)
+    written = Path(first.path).read_bytes()
+    Path(first.path).write_bytes(written[:100])
+    assert build_network(nodes, edges) == first
+    assert Path(first.path).read_bytes() == written
+
+
+@pytest.mark.parametrize("place", ["taken/notes.txt", "taken", "hut.osm/city"])
+def test_a_place_that_is_taken_is_refused_before_the_map_is_read(
+    tmp_path: Path, hut: Path, place: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "taken").mkdir()
+    (tmp_path / "taken" / "notes.txt").write_text("mine", encoding="utf-8")
+    monkeypatch.setattr(reading, "read", lambda path: pytest.fail("the map was read"))
+    with pytest.raises(UsageError, match="cannot write") as caught:
+        build(hut, Options(), tmp_path / place)
+    assert caught.value.hint
+
+
+def test_a_full_disk_is_said_in_words(tmp_path: Path, hut: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    build(hut, Options(), tmp_path / "city")
+
+    def full(source: str, target: str) -> None:
+        raise OSError(28, "No space left on device", source, None, target)
+
+    monkeypatch.setattr(shutil, "copy2", full)
+    monkeypatch.setattr(shutil.copytree, "__defaults__", (False, None, full, False, False))
+    with pytest.raises(UsageError, match=r"other`: No space left on device$"):
+        copy_store(tmp_path / "city", tmp_path / "other")
+    assert not (tmp_path / "other").exists()
+
+
+@pytest.mark.parametrize("said", ["inf", "nan", "-inf", "1e999", "9" * 400])
+def test_numbers_without_end_are_not_said(said: str) -> None:
+    assert number({"k": said}, "k") is None
+    assert metres({"k": said}, "k") is None
+
+
+def test_houses_of_endless_storeys_and_nodes_off_the_earth(tmp_path: Path) -> None:
+    town = Map()
+    town.way(square(0, 0, 30), {"building": "yes", "building:levels": "inf", "height": "9" * 400})
+    town.write(tmp_path / "town.osm")
+    assert build(tmp_path / "town.osm", Options(), tmp_path / "town").summary.counts["tallest_m"] < 100
+    text = (tmp_path / "town.osm").read_text(encoding="utf-8")
+    (tmp_path / "off.osm").write_text(text.replace('lat="31', 'lat="931', 1), encoding="utf-8")
+    with pytest.raises(UsageError, match=r"off\.osm` is not OpenStreetMap data"):
+        build(tmp_path / "off.osm", Options(), tmp_path / "off")
