@@ -28,11 +28,14 @@ from lingjing_agents.heuristic.sightings import name_in, position_in
 
 Place = tuple[float, float]
 
-INSPECT = "inspect"
-"""What a coordinator's order to look at a waypoint is called."""
+INSPECT, LOOK = "inspect", "look"
+"""What a coordinator's orders are called to look at a waypoint, and to take a picture of a place when all waypoints
+have been looked at."""
 REACHED_M = 5.0
 SLACK_M = 23.0
 """A waypoint counts as inspected from 25 m: it need not be flown to exactly."""
+VIEW_M = 12.0
+"""A place is looked at from this near above it."""
 SETTLE_S = 5.5
 """What getting up to speed and coming to rest take of a tick."""
 SURE = 0.5
@@ -61,6 +64,8 @@ class RouteInspector:
         self._tries = 0
         self._wait_until = 0
         self._start: Place | None = None
+        self._looks: list[Place] = []
+        self._flights = 0
 
     def act(self, observation: Observation, inbox: Inbox) -> Decision:
         """Take orders, look at the picture that came, go on."""
@@ -69,6 +74,8 @@ class RouteInspector:
         for picture in observation.pictures:
             if picture.entity == self._body.id and self._next < len(self._route):
                 messages += self._look(picture, observation.tick)
+            elif picture.entity == self._body.id and self._looks:
+                self._looks, self._flights = self._looks[1:], 0
         own = view_of(observation, self._body.id)
         if own is None or own.position is None or own.busy or own.status == "dead":
             return Decision(messages=messages)
@@ -77,17 +84,21 @@ class RouteInspector:
         return Decision(command=self._move(own, observation.tick), messages=messages)
 
     def _listen(self, inbox: Inbox) -> None:
-        orders = [
-            place
-            for envelope in inbox.messages
-            if envelope.category == "assignment"
-            and name_in(envelope.body, "task") == INSPECT
-            and name_in(envelope.body, "assignee") in {self._brief.agent, self._body.id}
-            and (place := position_in(envelope.body)) is not None
-        ]
+        self._looks = self._ordered(inbox, LOOK) or self._looks
+        orders = self._ordered(inbox, INSPECT)
         if orders:
             self._route, self._next, self._tries, self._wait_until = orders, 0, 0, 0
             self._aim = None
+
+    def _ordered(self, inbox: Inbox, task: str) -> list[Place]:
+        return [
+            place
+            for envelope in inbox.messages
+            if envelope.category == "assignment"
+            and name_in(envelope.body, "task") == task
+            and name_in(envelope.body, "assignee") in {self._brief.agent, self._body.id}
+            and (place := position_in(envelope.body)) is not None
+        ]
 
     def _look(self, picture: Picture, tick: int) -> tuple[Outgoing, ...]:
         place = self._route[self._next]
@@ -127,7 +138,7 @@ class RouteInspector:
             first = self._route[0]
             return self._fly(*first) if math.dist(own.position[:2], first) > REACHED_M else None
         if self._next >= len(self._route):
-            return None
+            return self._view(own.position[:2])
         if self._aim is None or self._aim[0] != self._next:
             self._aim = self._next, self._aimed(own.position[:2])
         x, y = self._aim[1]
@@ -135,6 +146,15 @@ class RouteInspector:
             self._tries += 1
             if self._tries <= 2 * ATTEMPTS:
                 return self._fly(x, y)
+        return Action(verb="takePhoto", arguments={"camera": self._camera.name}, resource=self._body.id)
+
+    def _view(self, here: Place) -> Action | None:
+        """A picture of the next place that was asked for, from over it."""
+        if not self._looks:
+            return None
+        if math.dist(here, self._looks[0]) > VIEW_M and self._flights < ATTEMPTS:
+            self._flights += 1
+            return self._fly(*self._looks[0])
         return Action(verb="takePhoto", arguments={"camera": self._camera.name}, resource=self._body.id)
 
     def _aimed(self, here: Place) -> Place:

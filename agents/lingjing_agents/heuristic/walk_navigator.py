@@ -71,6 +71,7 @@ class Navigator:
         self._brief, self._body, self._camera = brief, body, camera
         self._look: Look | None = look_of(reference.rgb) if reference is not None else None
         self._ordered: Place | None = None
+        self._led: tuple[Place, ...] = ()
         self._ground, self._entrance = where_to_look(brief, here)
         self._legs = Legs(body, WalkMap(Bounds.around((*self._ground, here), MARGIN_M)))
         self._views = Views((self._ground,) if self._ground else (), VIEWS_M, VIEW_WORTH)
@@ -96,17 +97,23 @@ class Navigator:
         self._belief.strike(here, ARRIVAL_M)
         if any(receipt.reason in NOT_YET for receipt in inbox.receipts):
             self._waits = PATIENCE_TICKS
-        self._waits -= 1
+        self._waits = 0 if observation.events else self._waits - 1
         if own.busy or self._waits > 0:
             return Decision()
         return Decision(command=self._next(own, here), thought=f"towards {self._goal}")
 
     def _listen(self, inbox: Inbox) -> None:
-        """An assignment to this walker with a position is its goal until it is reached."""
+        """An assignment to this walker with a position is its goal until it is reached; guidance with positions is the
+        way it takes."""
+        way = []
         for envelope in inbox.messages:
             assignee, place = name_in(envelope.body, "assignee"), position_in(envelope.body)
             if envelope.category == "assignment" and assignee in (self._brief.agent, self._body.id) and place:
-                self._ordered = place
+                if name_in(envelope.body, "step") is not None:
+                    way.append(place)
+                else:
+                    self._ordered = place
+        self._led = tuple(way) or self._led
 
     def _see(self, picture: Picture) -> None:
         pose = picture.pose
@@ -122,6 +129,11 @@ class Navigator:
 
     def _next(self, own: EntityView, here: Place) -> Action | None:
         assert own.heading_deg is not None
+        while self._led:
+            action = self._legs.towards(own, self._led[0], reach_m=ORDERED_M)
+            if action is not None:
+                return action
+            self._led = self._led[1:]
         if self._snaps and not self._fresh(here, own.heading_deg):
             return Action(verb="takePhoto", arguments={"camera": self._camera.name}, resource=self._body.id)
         if self._ordered is not None:

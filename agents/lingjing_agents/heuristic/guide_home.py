@@ -1,0 +1,174 @@
+"""Leading a walker to the building of a reference picture with pictures from above.
+
+Whoever is shown the reference and the flier's pictures has the flier look down on the region where the walker stands,
+compares the walls that these pictures show with the reference, and makes a way around all that stands on the ground
+to the front of the most likely one. A front that was reached in vain is struck out, and the next is tried.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from lingjing.plugins.geometry import offset_xy
+from lingjing.plugins.policy import Brief, Datum, EntityView, MessageSpec, Observation, Outgoing, Peer
+from lingjing_agents.capability import compose, sends
+from lingjing_agents.heuristic.events import view_of
+from lingjing_agents.heuristic.guide_ground import close_what_stands
+from lingjing_agents.heuristic.homes import Signature, View, Wall, find_walls, reference_signature
+from lingjing_agents.heuristic.walk_map import Bounds, Place, WalkMap
+from lingjing_agents.heuristic.walk_views import inside
+
+REFERENCE = "reference"
+MARGIN_M = 12.0
+"""How far beyond the region buildings are looked at."""
+
+EYE_M = 0.33
+"""How high over the ground a walker's body is."""
+
+QUARTERS = (0.27, 0.73)
+"""Where over the region's width and depth the pictures from above are taken."""
+
+BEFORE_M = 7.0
+"""How far in front of a door the way ends."""
+
+DOOR_BONUS, LONG_BONUS = 0.06, 0.05
+"""What a door in a wall, and its being the building's longer side, count when walls look alike."""
+
+SURE = 0.8
+"""Likeness from which a wall is gone to before all pictures have come."""
+
+AT_M, VAIN_TICKS, VAIN_M = 5.0, 2, 22.0
+"""Who stood so near to the way's end for so many ticks was there in vain; all walls this near are struck out."""
+
+STEP = "walk"
+"""What a waypoint of the way is called in guidance."""
+
+
+@dataclass(slots=True)
+class Target:
+    """The wall that is gone to, the end of the way before it, and for how many ticks the walker has stood there."""
+
+    wall: Wall
+    end: Place
+    stood: int = 0
+
+
+class HomeGuide:
+    """What one episode has shown of the region and where the walker is being led."""
+
+    def __init__(self, brief: Brief, walker: Peer, message: MessageSpec, look: Signature, region: tuple[Place, ...]):
+        self._walker, self._message, self._look = walker, message, look
+        self._bounds = Bounds.around(region, MARGIN_M)
+        self.places = viewpoints(region)
+        self._views: tuple[View, ...] = ()
+        self._walls: tuple[Wall, ...] | None = None
+        self._struck: list[Place] = []
+        self._target: Target | None = None
+
+    @staticmethod
+    def of(brief: Brief, observation: Observation) -> HomeGuide | None:
+        """A guide for an agent that may guide a walker whose place it sees and that was shown a reference."""
+        message = sends(brief, "guidance")
+        reference = next((picture for picture in observation.pictures if picture.camera == REFERENCE), None)
+        if message is None or reference is None:
+            return None
+        reached = {"all", *message.recipients}
+        for peer in brief.peers:
+            view = view_of(observation, peer.resources[0]) if peer.resources else None
+            if view is None or view.position is None or not reached.intersection((peer.id, peer.role)):
+                continue
+            around = [region.polygon for region in brief.regions if inside(region.polygon, view.position[:2])]
+            if around:
+                look = reference_signature(reference.rgb)
+                return HomeGuide(brief, peer, message, look, min(around, key=_extent))
+        return None
+
+    def see(self, observation: Observation) -> None:
+        """Take in the pictures from above that came."""
+        walker = self._view(observation)
+        ground = walker.position[2] - EYE_M if walker is not None and walker.position is not None else 0.0
+        for picture in observation.pictures:
+            view = View.of(picture, ground, self._bounds) if picture.camera != REFERENCE else None
+            if view is not None and len(view.points):
+                self._views, self._walls = (*self._views, view), None
+
+    def lead(self, observation: Observation, *, complete: bool) -> tuple[Outgoing, ...]:
+        """The way to the most likely front as messages, whenever that is another one than before. Until the pictures
+        are `complete` only a wall that is very like the reference is gone to."""
+        walker = self._view(observation)
+        if walker is None or walker.position is None or not self._views:
+            return ()
+        here = walker.position[:2]
+        self._notice(here)
+        if self._walls is not None and self._target is not None:
+            return ()
+        if self._walls is None:
+            self._walls = find_walls(self._views, self._bounds)
+        best = self._best()
+        if best is None or (not complete and self._score(best) < SURE):
+            return ()
+        end = offset_xy(best.door or best.middle, best.bearing_deg, BEFORE_M)
+        if self._target is not None and math.dist(self._target.end, end) < AT_M:
+            return ()
+        self._target = Target(best, end)
+        return self._tell(self._way(here, end))
+
+    def _view(self, observation: Observation) -> EntityView | None:
+        return view_of(observation, self._walker.resources[0])
+
+    def _notice(self, here: Place) -> None:
+        """Strike out what the walker stands before, if nothing has come of it."""
+        target = self._target
+        if target is None:
+            return
+        target.stood = target.stood + 1 if math.dist(here, target.end) <= AT_M else 0
+        if target.stood > VAIN_TICKS:
+            self._struck.append(target.wall.middle)
+            self._target = None
+
+    def _best(self) -> Wall | None:
+        open_walls = [
+            wall for wall in self._walls or ()
+            if wall.colours is not None and all(math.dist(wall.middle, place) > VAIN_M for place in self._struck)
+        ]  # fmt: skip
+        return max(open_walls, key=lambda wall: self._score(wall), default=None)
+
+    def _score(self, wall: Wall) -> float:
+        assert wall.colours is not None
+        bonus = (DOOR_BONUS if wall.door is not None else 0.0) + (LONG_BONUS if wall.long else 0.0)
+        return self._look.likeness(wall.colours) + bonus
+
+    def _way(self, here: Place, end: Place) -> tuple[Place, ...]:
+        known = WalkMap(self._bounds)
+        for view in self._views:
+            close_what_stands(known, view.points, here)
+        return known.route(here, end, reach_m=3.0) or (end,)
+
+    def _tell(self, way: tuple[Place, ...]) -> tuple[Outgoing, ...]:
+        messages = []
+        for number, place in enumerate(way, 1):
+            body: dict[str, Datum] = {
+                "assignee": self._walker.id,
+                "step": STEP,
+                "amount": number,
+                "position": (round(place[0], 2), round(place[1], 2), 0.0),
+            }
+            messages.append(compose(self._message, body, to=(self._walker.id,)))
+        return tuple(messages)
+
+
+def viewpoints(region: tuple[Place, ...]) -> tuple[Place, ...]:
+    """Over which places pictures of a region are taken: one over each quarter, in turn."""
+    xs, ys = [x for x, _ in region], [y for _, y in region]
+    near, far = QUARTERS
+
+    def at(along: float, across: float) -> Place:
+        return min(xs) + along * (max(xs) - min(xs)), min(ys) + across * (max(ys) - min(ys))
+
+    return at(near, near), at(far, near), at(far, far), at(near, far)
+
+
+def _extent(polygon: tuple[Place, ...]) -> float:
+    xs, ys = [x for x, _ in polygon], [y for _, y in polygon]
+    return (max(xs) - min(xs)) * (max(ys) - min(ys))

@@ -1,0 +1,185 @@
+"""Buildings as pictures from above with depth show them: outlines, what colours their walls have, where their doors are.
+
+A wide picture from above sees the walls that look towards its middle. What is high and flat over a large rectangle is
+a building; points between ground and roof along a side are that wall; a slab at a door's height in front of a wall is
+the canopy over its entrance. The colours of a wall are compared with those of a reference picture as they are: the
+same wall stands in the same light.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from lingjing.plugins.geometry import bearing_deg
+from lingjing.plugins.policy import Picture
+from lingjing_agents.heuristic.guide_ground import heights
+from lingjing_agents.heuristic.walk_map import Bounds, Place
+from lingjing_agents.pixels import opencv
+
+Floats = npt.NDArray[np.float64]
+Bytes = npt.NDArray[np.uint8]
+Edge = tuple[Place, Place]
+
+STRIDE_PX = 2
+CELL_M = 0.5
+HIGH_M = 4.2
+"""Whatever is higher and large is a building; below are cars, and crowns of trees are small."""
+
+CROWN_CELLS = 11
+LEAST_M, LEAST_FILL = 7.0, 0.8
+"""A building's shorter side at least, and how much of its rectangle its outline fills."""
+
+SKIRT_M, CORNICE_M, WALL_M = 1.0, 0.8, (-2.0, 0.6)
+"""A wall's colours count from this high to this far below its top, between these distances outside the outline seen
+from above: eaves reach beyond the wall."""
+
+CANOPY_M, REACH_M, LEAST_CANOPY_M2 = (2.2, 4.0), (0.8, 2.6), 1.5
+"""How high the slab over a door lies, between which distances from the wall, and how large it is."""
+
+AMONG = 60
+"""So many points make a wall's colours known."""
+
+BIN, SPAN = 5.0, 80.0
+"""Width of the bins of a colour signature and how far it reaches on both axes (CIELAB a and b)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Signature:
+    """How the colours of something are spread over hues and saturations; the weights' squares sum to one."""
+
+    weights: Floats
+
+    def likeness(self, other: Signature) -> float:
+        """1 for the same spread, 0 where nothing is shared (Bhattacharyya)."""
+        return float((self.weights * other.weights).sum())
+
+
+@dataclass(frozen=True, slots=True)
+class Wall:
+    """One side of a building: its middle (east, north), the bearing it looks to (degrees), whether it is one of the
+    two longer ones, its colours if enough of it was seen, and the place of its door, if one shows."""
+
+    middle: Place
+    bearing_deg: float
+    long: bool
+    colours: Signature | None
+    door: Place | None
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """The points (n, 3; east, north, metres over the ground) of one picture and their colours (n, 3; 0..255)."""
+
+    points: Floats
+    colours: Bytes
+
+    @staticmethod
+    def of(picture: Picture, ground_m: float, bounds: Bounds) -> View | None:
+        """The points inside `bounds`; None for a picture without depth."""
+        if picture.depth is None:
+            return None
+        points = heights(picture.depth, picture.pose, ground_m, STRIDE_PX)
+        half = STRIDE_PX // 2
+        rows = picture.rgb[half::STRIDE_PX, half::STRIDE_PX].reshape(-1, 3)
+        if len(rows) != len(points):
+            return None  # some depth is endless: the picture shows the horizon
+        x, y = points[:, 0], points[:, 1]
+        inside = (x > bounds.west) & (x < bounds.east) & (y > bounds.south) & (y < bounds.north)
+        return View(points[inside], rows[inside])
+
+
+def signature(pixels: Bytes) -> Signature:
+    """The spread of colours of pixels (n, 3)."""
+    cv2 = opencv()
+    lab = cv2.cvtColor((pixels.astype(np.float32) / 255.0)[None], cv2.COLOR_RGB2LAB)[0]
+    count = int(2 * SPAN / BIN)
+    edges = np.linspace(-SPAN, SPAN, count + 1)
+    table, _, _ = np.histogram2d(np.clip(lab[:, 1], -79, 79), np.clip(lab[:, 2], -79, 79), bins=(edges, edges))
+    smooth = cv2.GaussianBlur(table, (5, 5), 0.8)
+    root: Floats = np.sqrt(smooth / max(float(smooth.sum()), 1e-9))
+    return Signature(root)
+
+
+def reference_signature(rgb: Bytes) -> Signature:
+    """The colours of what fills a reference picture's upper middle."""
+    height, width = rgb.shape[:2]
+    return signature(rgb[height // 4 : height * 5 // 8, width // 6 : width * 5 // 6].reshape(-1, 3))
+
+
+def find_walls(views: tuple[View, ...], bounds: Bounds) -> tuple[Wall, ...]:
+    """All sides of all buildings that the views show, in a fixed order."""
+    found: list[Wall] = []
+    for corners, top in _buildings(views, bounds):
+        for a, b in zip(corners, (*corners[1:], corners[0]), strict=True):
+            found.append(_wall(views, (a, b), top, corners))
+    return tuple(found)
+
+
+def _buildings(views: tuple[View, ...], bounds: Bounds) -> list[tuple[tuple[Place, ...], float]]:
+    """Corners (in turn) and height of every building."""
+    cv2 = opencv()
+    columns = math.ceil((bounds.east - bounds.west) / CELL_M)
+    rows = math.ceil((bounds.north - bounds.south) / CELL_M)
+    tops = np.zeros(rows * columns)
+    for view in views:
+        i = np.minimum(((view.points[:, 0] - bounds.west) / CELL_M).astype(np.int64), columns - 1)
+        j = np.minimum(((view.points[:, 1] - bounds.south) / CELL_M).astype(np.int64), rows - 1)
+        np.maximum.at(tops, j * columns + i, view.points[:, 2])
+    high = (tops > HIGH_M).astype(np.uint8).reshape(rows, columns)
+    high = cv2.morphologyEx(high, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
+    high = cv2.morphologyEx(high, cv2.MORPH_OPEN, np.ones((CROWN_CELLS, CROWN_CELLS), np.uint8))
+    count, labels = cv2.connectedComponents(high)
+    found = []
+    for label in range(1, count):
+        cells = np.argwhere(labels == label)
+        (x, y), (wide, deep), angle = cv2.minAreaRect(cells[:, ::-1].astype(np.float32))
+        wide, deep = wide + 1.0, deep + 1.0  # from the middles of cells to their rims
+        if min(wide, deep) * CELL_M < LEAST_M or len(cells) < LEAST_FILL * wide * deep:
+            continue
+        box = cv2.boxPoints(((x, y), (wide, deep), angle))
+        corners = tuple(
+            (bounds.west + (u + 0.5) * CELL_M, bounds.south + (v + 0.5) * CELL_M) for u, v in box.tolist()
+        )
+        found.append((corners, float(np.percentile(tops.reshape(rows, columns)[labels == label], 20))))
+    return found
+
+
+def _wall(views: tuple[View, ...], edge: Edge, top_m: float, corners: tuple[Place, ...]) -> Wall:
+    (ax, ay), (bx, by) = edge
+    middle = (ax + bx) / 2.0, (ay + by) / 2.0
+    centre = sum(x for x, _ in corners) / 4.0, sum(y for _, y in corners) / 4.0
+    length = math.dist(*edge)
+    bearing = bearing_deg(centre, middle)
+    out = math.sin(math.radians(bearing)), math.cos(math.radians(bearing))
+    pixels: list[Bytes] = []
+    slabs: list[Floats] = []
+    for view in views:
+        x, y, z = view.points[:, 0] - middle[0], view.points[:, 1] - middle[1], view.points[:, 2]
+        off, along = x * out[0] + y * out[1], x * out[1] - y * out[0]
+        beside = np.abs(along) < length / 2.0 - 0.5
+        wall = beside & (off > WALL_M[0]) & (off < WALL_M[1]) & (z > SKIRT_M) & (z < top_m - CORNICE_M)
+        pixels.append(view.colours[wall])
+        slab = beside & (off > REACH_M[0]) & (off < REACH_M[1]) & (z > CANOPY_M[0]) & (z < CANOPY_M[1])
+        slabs.append(along[slab])
+    seen = max(pixels, key=len)  # the view that shows the wall least aslant
+    door = _door(np.concatenate(slabs), length)
+    place = None if door is None else (middle[0] + door * out[1], middle[1] - door * out[0])
+    deep = math.dist(centre, middle) * 2.0
+    return Wall(middle, bearing, length > deep, signature(seen) if len(seen) >= AMONG else None, place)
+
+
+def _door(along: Floats, length: float) -> float | None:
+    """Where along a wall the most points of a slab lie together, if they are enough for one."""
+    if len(along) == 0:
+        return None
+    counts, edges = np.histogram(along, bins=max(1, int(length)), range=(-length / 2.0, length / 2.0))
+    several = np.convolve(counts, np.ones(3), "same")
+    index = int(np.argmax(several))
+    if several[index] < LEAST_CANOPY_M2 / 0.05:
+        return None
+    near = along[np.abs(along - (edges[index] + edges[index + 1]) / 2.0) < 2.5]
+    return float(np.median(near))
