@@ -26,8 +26,8 @@ MARGIN_M = 12.0
 EYE_M = 0.33
 """How high over the ground a walker's body is."""
 
-QUARTERS = (0.27, 0.73)
-"""Where over the region's width and depth the pictures from above are taken."""
+STOPS, SEEN_M = (0.2, 0.5, 0.8), 25.0
+"""Where along the region the pictures from above are taken, and how near to such a place one counts."""
 
 BEFORE_M = 7.0
 """How far in front of a door the way ends."""
@@ -35,7 +35,7 @@ BEFORE_M = 7.0
 DOOR_BONUS, LONG_BONUS = 0.06, 0.05
 """What a door in a wall, and its being the building's longer side, count when walls look alike."""
 
-SURE = 0.8
+SURE = 0.72
 """Likeness from which a wall is gone to before all pictures have come."""
 
 AT_M, VAIN_TICKS, VAIN_M = 5.0, 2, 22.0
@@ -60,7 +60,8 @@ class HomeGuide:
     def __init__(self, brief: Brief, walker: Peer, message: MessageSpec, look: Signature, region: tuple[Place, ...]):
         self._walker, self._message, self._look = walker, message, look
         self._bounds = Bounds.around(region, MARGIN_M)
-        self.places = viewpoints(region)
+        self._region = region
+        self._unseen: list[Place] | None = None
         self._views: tuple[View, ...] = ()
         self._walls: tuple[Wall, ...] | None = None
         self._struck: list[Place] = []
@@ -84,6 +85,13 @@ class HomeGuide:
                 return HomeGuide(brief, peer, message, look, min(around, key=_extent))
         return None
 
+    def viewpoints(self, start: Place) -> tuple[Place, ...]:
+        """Over which places to take pictures, flying across the region from the side of `start`."""
+        places = viewpoints(self._region, start)
+        if self._unseen is None:
+            self._unseen = list(places)
+        return places
+
     def see(self, observation: Observation) -> None:
         """Take in the pictures from above that came."""
         walker = self._view(observation)
@@ -92,10 +100,13 @@ class HomeGuide:
             view = View.of(picture, ground, self._bounds) if picture.camera != REFERENCE else None
             if view is not None and len(view.points):
                 self._views, self._walls = (*self._views, view), None
+                over = picture.pose.position[:2]
+                if self._unseen is not None:
+                    self._unseen = [place for place in self._unseen if math.dist(place, over) > SEEN_M]
 
-    def lead(self, observation: Observation, *, complete: bool) -> tuple[Outgoing, ...]:
-        """The way to the most likely front as messages, whenever that is another one than before. Until the pictures
-        are `complete` only a wall that is very like the reference is gone to."""
+    def lead(self, observation: Observation, *, waited: bool) -> tuple[Outgoing, ...]:
+        """The way to the most likely front as messages, whenever that is another one than before. Until all pictures
+        have come or have been `waited` for long enough only a wall that is very like the reference is gone to."""
         walker = self._view(observation)
         if walker is None or walker.position is None or not self._views:
             return ()
@@ -106,7 +117,7 @@ class HomeGuide:
         if self._walls is None:
             self._walls = find_walls(self._views, self._bounds)
         best = self._best()
-        if best is None or (not complete and self._score(best) < SURE):
+        if best is None or (self._unseen and not waited and self._likeness(best) < SURE):
             return ()
         end = offset_xy(best.door or best.middle, best.bearing_deg, BEFORE_M)
         if self._target is not None and math.dist(self._target.end, end) < AT_M:
@@ -135,9 +146,12 @@ class HomeGuide:
         return max(open_walls, key=lambda wall: self._score(wall), default=None)
 
     def _score(self, wall: Wall) -> float:
-        assert wall.colours is not None
         bonus = (DOOR_BONUS if wall.door is not None else 0.0) + (LONG_BONUS if wall.long else 0.0)
-        return self._look.likeness(wall.colours) + bonus
+        return self._likeness(wall) + bonus
+
+    def _likeness(self, wall: Wall) -> float:
+        assert wall.colours is not None
+        return self._look.likeness(wall.colours)
 
     def _way(self, here: Place, end: Place) -> tuple[Place, ...]:
         known = WalkMap(self._bounds)
@@ -158,15 +172,15 @@ class HomeGuide:
         return tuple(messages)
 
 
-def viewpoints(region: tuple[Place, ...]) -> tuple[Place, ...]:
-    """Over which places pictures of a region are taken: one over each quarter, in turn."""
+def viewpoints(region: tuple[Place, ...], start: Place) -> tuple[Place, ...]:
+    """Over which places pictures of a region are taken: along its middle, straight on from the side of `start`, because
+    a picture is wider than high and its top is where the flier came to."""
     xs, ys = [x for x, _ in region], [y for _, y in region]
-    near, far = QUARTERS
-
-    def at(along: float, across: float) -> Place:
-        return min(xs) + along * (max(xs) - min(xs)), min(ys) + across * (max(ys) - min(ys))
-
-    return at(near, near), at(far, near), at(far, far), at(near, far)
+    west, south, wide, deep = min(xs), min(ys), max(xs) - min(xs), max(ys) - min(ys)
+    east_of, north_of = (start[0] - west) / wide - 0.5, (start[1] - south) / deep - 0.5
+    across = abs(east_of) > abs(north_of)
+    stops = STOPS if (east_of if across else north_of) < 0.0 else tuple(reversed(STOPS))
+    return tuple((west + (stop if across else 0.5) * wide, south + (0.5 if across else stop) * deep) for stop in stops)
 
 
 def _extent(polygon: tuple[Place, ...]) -> float:

@@ -1,4 +1,4 @@
-"""Buildings as pictures from above with depth show them: outlines, what colours their walls have, where their doors are.
+"""Buildings as pictures from above with depth show them: outlines, what colours their walls have and where doors are.
 
 A wide picture from above sees the walls that look towards its middle. What is high and flat over a large rectangle is
 a building; points between ground and roof along a side are that wall; a slab at a door's height in front of a wall is
@@ -43,13 +43,17 @@ CANOPY_M, REACH_M, LEAST_CANOPY_M2 = (2.2, 4.0), (0.8, 2.6), 1.5
 AMONG = 60
 """So many points make a wall's colours known."""
 
-BIN, SPAN = 5.0, 80.0
-"""Width of the bins of a colour signature and how far it reaches on both axes (CIELAB a and b)."""
+SHADES, BIN, SPAN = 4, 3.0, 81.0
+"""A colour signature's steps of lightness, the width of its bins of hue and saturation, and how far these reach on both
+axes (CIELAB a and b)."""
+
+BLUR = 1.0
+"""By how many bins the same wall may differ from afar."""
 
 
 @dataclass(frozen=True, slots=True)
 class Signature:
-    """How the colours of something are spread over hues and saturations; the weights' squares sum to one."""
+    """How the colours of something are spread over lightness, hue and saturation; the weights' squares sum to one."""
 
     weights: Floats
 
@@ -96,10 +100,9 @@ def signature(pixels: Bytes) -> Signature:
     """The spread of colours of pixels (n, 3)."""
     cv2 = opencv()
     lab = cv2.cvtColor((pixels.astype(np.float32) / 255.0)[None], cv2.COLOR_RGB2LAB)[0]
-    count = int(2 * SPAN / BIN)
-    edges = np.linspace(-SPAN, SPAN, count + 1)
-    table, _, _ = np.histogram2d(np.clip(lab[:, 1], -79, 79), np.clip(lab[:, 2], -79, 79), bins=(edges, edges))
-    smooth = cv2.GaussianBlur(table, (5, 5), 0.8)
+    edges = np.linspace(-SPAN, SPAN, round(2 * SPAN / BIN) + 1)
+    table, _ = np.histogramdd(lab, bins=(np.linspace(0.0, 100.0, SHADES + 1), edges, edges))
+    smooth = np.stack([cv2.GaussianBlur(shade, (7, 7), BLUR) for shade in table])
     root: Floats = np.sqrt(smooth / max(float(smooth.sum()), 1e-9))
     return Signature(root)
 
@@ -141,9 +144,7 @@ def _buildings(views: tuple[View, ...], bounds: Bounds) -> list[tuple[tuple[Plac
         if min(wide, deep) * CELL_M < LEAST_M or len(cells) < LEAST_FILL * wide * deep:
             continue
         box = cv2.boxPoints(((x, y), (wide, deep), angle))
-        corners = tuple(
-            (bounds.west + (u + 0.5) * CELL_M, bounds.south + (v + 0.5) * CELL_M) for u, v in box.tolist()
-        )
+        corners = tuple((bounds.west + (u + 0.5) * CELL_M, bounds.south + (v + 0.5) * CELL_M) for u, v in box.tolist())
         found.append((corners, float(np.percentile(tops.reshape(rows, columns)[labels == label], 20))))
     return found
 

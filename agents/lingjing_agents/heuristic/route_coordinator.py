@@ -2,8 +2,8 @@
 
 Each new route goes to the inspector as one order a waypoint. A jam that is told of is answered with a request for
 another route as long as the limit allows. When all waypoints were told of, the driver is ordered to the route's end,
-again and again until an event says that it has arrived. Where somebody walks on from there, the inspector is sent to
-look down on the last stretch meanwhile, and the walker is led by what these pictures show (`guide_home`).
+again and again until an event says that it has arrived. Where somebody walks on from there, the inspector then looks
+down on that stretch, and the walker is led by what these pictures show (`guide_home`).
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import math
 
 from lingjing.plugins.policy import Brief, Datum, Decision, Envelope, Inbox, Observation, Outgoing, Peer
 from lingjing_agents.capability import compose, sends
-from lingjing_agents.heuristic.guide_home import REFERENCE, HomeGuide
+from lingjing_agents.heuristic.guide_home import HomeGuide
 from lingjing_agents.heuristic.route_inspector import INSPECT, LOOK
 from lingjing_agents.heuristic.sightings import name_in, position_in
 
@@ -24,7 +24,7 @@ REPEAT_TICKS = 4
 SILENCE_TICKS = 10
 """The orders are repeated when the inspector has said nothing for so long."""
 SAME_JAM_M = 60.0
-LOOKING_TICKS = 14
+LOOKING_TICKS = 10
 """How long after the order to drive all the pictures of the last stretch are waited for."""
 
 
@@ -43,7 +43,6 @@ class RouteCoordinator:
         self._asked: list[tuple[float, float]] = []
         self._arrived = False
         self._guide: HomeGuide | None = None
-        self._looks_left = 0
 
     def act(self, observation: Observation, inbox: Inbox) -> Decision:
         """Order the inspection of a new route; else listen, and replan or drive; lead whoever walks on."""
@@ -60,9 +59,7 @@ class RouteCoordinator:
         self._guide.see(observation)
         if self._drive_tick < 0:
             return ()
-        self._looks_left -= sum(picture.camera != REFERENCE for picture in observation.pictures)
-        waited = observation.tick - self._drive_tick > LOOKING_TICKS
-        return self._guide.lead(observation, complete=self._looks_left <= 0 or waited)
+        return self._guide.lead(observation, waited=observation.tick - self._drive_tick > LOOKING_TICKS)
 
     def _have_route(self, observation: Observation, inbox: Inbox) -> Decision:
         self._arrived = self._arrived or any(
@@ -90,18 +87,15 @@ class RouteCoordinator:
         first = len(self._told) if len(self._told) < len(self._route) else 0
         if self._order is None:
             return ()
-        return tuple(self._send(self._inspector, INSPECT, place) for place in self._route[first:])
+        last = self._guide.viewpoints((self._route[-1][0], self._route[-1][1])) if self._guide is not None else ()
+        inspect = [self._send(self._inspector, INSPECT, place) for place in self._route[first:]]
+        return (*inspect, *(self._send(self._inspector, LOOK, (*place, 0.0)) for place in last))
 
     def _have_driven(self, tick: int) -> tuple[Outgoing, ...]:
         if self._order is None or (self._drive_tick >= 0 and tick - self._drive_tick < REPEAT_TICKS):
             return ()
-        first, self._drive_tick = self._drive_tick < 0, tick
-        drive = self._send(self._driver, DRIVE, self._route[-1])
-        if self._guide is None or not first:
-            return (drive,)
-        places = _from_nearest(self._guide.places, self._route[-1][:2])
-        self._looks_left = len(places)
-        return (drive, *(self._send(self._inspector, LOOK, (*place, 0.0)) for place in places))
+        self._drive_tick = tick
+        return (self._send(self._driver, DRIVE, self._route[-1]),)
 
     def _hear(self, envelope: Envelope, tick: int) -> tuple[Outgoing, ...]:
         task, place = name_in(envelope.body, "task"), position_in(envelope.body)
@@ -126,12 +120,6 @@ class RouteCoordinator:
         assert self._order is not None
         where = tuple(round(value, 2) for value in place)
         return compose(self._order, {"assignee": assignee, "task": task, "position": where}, to=(assignee,))
-
-
-def _from_nearest(places: tuple[tuple[float, float], ...], here: Point) -> tuple[tuple[float, float], ...]:
-    """Places that lie in a ring, in turn, beginning with the one nearest to `here`."""
-    first = min(range(len(places)), key=lambda index: math.dist(places[index], here))
-    return (*places[first:], *places[:first])
 
 
 def inspector_and_driver(brief: Brief) -> tuple[str, str]:

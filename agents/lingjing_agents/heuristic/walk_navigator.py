@@ -59,6 +59,10 @@ MARGIN_M = 40.0
 NOT_YET, PATIENCE_TICKS = frozenset({"not_permitted"}), 2
 """What a refusal says when something else must happen first, and how long to wait before asking again."""
 
+UNLED_SHARE, LED_AGAIN_TICKS = 0.8, 6
+"""Who may be guided waits for it, for this share of the ticks at first, and for so many ticks where the way has ended;
+then it looks for itself."""
+
 FAR_M = 220.0
 
 
@@ -72,6 +76,11 @@ class Navigator:
         self._look: Look | None = look_of(reference.rgb) if reference is not None else None
         self._ordered: Place | None = None
         self._led: tuple[Place, ...] = ()
+        self._guided = any(
+            message.type == "guidance" and {brief.role, brief.agent, "all"}.intersection(message.recipients)
+            for message in brief.messages
+        )
+        self._led_tick = 0
         self._ground, self._entrance = where_to_look(brief, here)
         self._legs = Legs(body, WalkMap(Bounds.around((*self._ground, here), MARGIN_M)))
         self._views = Views((self._ground,) if self._ground else (), VIEWS_M, VIEW_WORTH)
@@ -97,10 +106,19 @@ class Navigator:
         self._belief.strike(here, ARRIVAL_M)
         if any(receipt.reason in NOT_YET for receipt in inbox.receipts):
             self._waits = PATIENCE_TICKS
-        self._waits = 0 if observation.events else self._waits - 1
+        interacted = any(len(event.entities) > 1 for event in observation.events)
+        self._waits = 0 if interacted else self._waits - 1
         if own.busy or self._waits > 0:
             return Decision()
+        if self._led:
+            self._led_tick = observation.tick
+        elif self._guided and observation.tick - self._led_tick < self._patience_for(observation):
+            return Decision()
         return Decision(command=self._next(own, here), thought=f"towards {self._goal}")
+
+    def _patience_for(self, observation: Observation) -> float:
+        """How many ticks somebody who is guided waits to be led, at first and again."""
+        return LED_AGAIN_TICKS if self._led_tick else UNLED_SHARE * self._brief.ticks
 
     def _listen(self, inbox: Inbox) -> None:
         """An assignment to this walker with a position is its goal until it is reached; guidance with positions is the
@@ -113,7 +131,8 @@ class Navigator:
                     way.append(place)
                 else:
                     self._ordered = place
-        self._led = tuple(way) or self._led
+        if way:
+            self._led = tuple(way)
 
     def _see(self, picture: Picture) -> None:
         pose = picture.pose
@@ -129,11 +148,8 @@ class Navigator:
 
     def _next(self, own: EntityView, here: Place) -> Action | None:
         assert own.heading_deg is not None
-        while self._led:
-            action = self._legs.towards(own, self._led[0], reach_m=ORDERED_M)
-            if action is not None:
-                return action
-            self._led = self._led[1:]
+        if (action := self._follow(own)) is not None:
+            return action
         if self._snaps and not self._fresh(here, own.heading_deg):
             return Action(verb="takePhoto", arguments={"camera": self._camera.name}, resource=self._body.id)
         if self._ordered is not None:
@@ -155,6 +171,15 @@ class Navigator:
             assert self._goal is not None
             return self._approach(own, here, self._goal)
         return self._explore(own, here)
+
+    def _follow(self, own: EntityView) -> Action | None:
+        """The next step of the way one is led."""
+        while self._led:
+            action = self._legs.towards(own, self._led[0], reach_m=ORDERED_M)
+            if action is not None:
+                return action
+            self._led = self._led[1:]
+        return None
 
     def _approach(self, own: EntityView, here: Place, goal: Place) -> Action | None:
         self._patience -= 1
