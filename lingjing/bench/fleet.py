@@ -16,7 +16,7 @@ from typing import IO, TYPE_CHECKING, Literal, NamedTuple
 import msgspec
 
 from lingjing.bench.folders import release_if_empty
-from lingjing.bench.report import EpisodeReport
+from lingjing.bench.report import ABORTED, EpisodeReport
 from lingjing.errors import ExitCode, InfrastructureError, LingjingError, UsageError
 from lingjing.mission.model import Mission
 
@@ -42,6 +42,7 @@ class RunOptions:
     settings: Mapping[str, float] = field(default_factory=dict)
     world: Literal["process", "inline"] = "process"
     blank_pictures: bool = False
+    overview: bool = True
 
     def command(self, seed: int, folder: Path) -> list[str]:
         """The command line that plays this one episode and prints its JSON object."""
@@ -50,6 +51,7 @@ class RunOptions:
         line += ["--end-with", str(os.getpid())]
         line += ["--mode", self.mode] if self.mode else []
         line += ["--blank-pictures"] if self.blank_pictures else []
+        line += [] if self.overview else ["--no-overview"]
         for option, pairs in (
             ("--set", self.settings),
             ("--policy-for", self.policies_for),
@@ -92,6 +94,7 @@ def _play(
                 settings=options.settings,
                 out=folder,
                 blank_pictures=options.blank_pictures,
+                overview=options.overview,
                 progress=progress,
             )
     finally:
@@ -137,7 +140,8 @@ class _Child:
 def play_apart(tasks: Iterable[Task], jobs: int) -> Iterator[tuple[Task, EpisodeReport]]:
     """Play in child processes, `jobs` at a time, in order of completion.
 
-    A child that fails before it has a result raises with its own message and exit code; the others are ended.
+    A child that fails before it has a result raises with its own message and exit code; the others are ended. One that
+    was killed (from outside, or for want of memory) is an infrastructure abort of its episode.
     At an interrupt the children end as an interrupted command does and what they had is yielded before it is raised.
     """
     waiting = iter(tasks)
@@ -183,8 +187,19 @@ def _finish(child: _Child) -> EpisodeReport:
     code = child.process.returncode
     if code == ExitCode.INTERRUPTED:
         raise KeyboardInterrupt
+    if code < 0:
+        return _killed(child.task, f"its process was killed by signal {-code}")
     kinds: dict[int, type[LingjingError]] = {ExitCode.USAGE: UsageError, ExitCode.INFRASTRUCTURE: InfrastructureError}
     raise kinds.get(code, LingjingError)(complaint.removeprefix("error: ") or f"an episode ended with code {code}")
+
+
+def _killed(task: Task, why: str) -> EpisodeReport:
+    """What can be said of an episode whose process is gone: nothing was scored."""
+    trace = next(task.folder.glob("*.part"), task.folder)
+    return EpisodeReport(
+        mission=task.options.path.stem, seed=task.seed, mode=task.options.mode or "", policy=task.options.policy,
+        success=False, reason=ABORTED, scr=0.0, ticks=0, digest="", trace=str(trace), metrics={}, detail=why,
+    )  # fmt: skip
 
 
 def _end(children: list[_Child]) -> None:

@@ -2,18 +2,20 @@
 
 A column is a shipped mission in one of its modes, with `--sweeps` also at the values that it declares. Each episode is
 a process of its own; its report is written down as soon as it ends, so a study that was stopped goes on where it was.
-Results are kept apart by the code and the missions that made them. An episode that the infrastructure aborted is
-played again with the same seed; it never counts for or against a policy.
+Results are kept apart by the code and the missions that made them, in a folder that one study at a time may use. An
+episode that the infrastructure aborted is played again with the same seed; it never counts for or against a policy.
 """
 
 from __future__ import annotations
 
 import argparse
+import fcntl
 import hashlib
 import shutil
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -24,11 +26,14 @@ from lingjing.bench.columns import Column, columns, shipped
 from lingjing.bench.countdown import Countdown
 from lingjing.bench.fleet import RunOptions, Task, play_apart
 from lingjing.bench.folders import RUNS
-from lingjing.bench.report import ABORTED, EpisodeReport
+from lingjing.bench.report import ABORTED, INTERRUPTED, EpisodeReport
 from lingjing.errors import ExitCode, LingjingError, UsageError
 
 TRIES = 3
 """How often one episode is tried before the study gives it up as aborted."""
+
+LINGERS_S = 20.0
+"""How long an episode may take to end after its study was killed."""
 
 MODES = ("single", "broadcast", "star")
 
@@ -52,23 +57,38 @@ CASES = (
 
 class Row(msgspec.Struct, frozen=True, kw_only=True):
     """One played episode of the study; `tries` counts the aborted ones before it too, `wall_s` is how long the last
-    took."""
+    took, `code` which code and missions made it (see `code_sha256`), as far as it is known."""
 
     case: str
     column: str = ""
     tries: int = 1
     wall_s: float = 0.0
+    code: str = ""
     report: EpisodeReport
 
 
 class Study:
     """The episodes of one study in one folder: `results.json` grows by a row at a time."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, code: str = "") -> None:
         self.folder = folder
+        self.code = code
         self._file = folder / "results.json"
-        stored = self._file.read_bytes() if self._file.is_file() else b"[]"
-        self.rows = msgspec.json.decode(stored, type=list[Row])
+        self.rows = self._stored()
+
+    def _stored(self) -> list[Row]:
+        if not self._file.is_file():
+            return []
+        try:
+            return msgspec.json.decode(self._file.read_bytes(), type=list[Row])
+        except msgspec.DecodeError as error:
+            raise UsageError(
+                f"`{self._file}` holds no results of a study: {error}", hint="name another folder with -o"
+            ) from error
+
+    def strangers(self) -> int:
+        """How many rows were made by other code or other missions than what plays now."""
+        return sum(bool(row.code and self.code and row.code != self.code) for row in self.rows)
 
     def played(self) -> set[tuple[str, str, int]]:
         """(case, column, seed) of what need not be played again."""
@@ -117,24 +137,34 @@ def play(
         aborted: list[Task] = []
         started: dict[Path, float] = {}
         for task, report in play_apart(_cleared(waiting, started), jobs):
+            if report.reason == INTERRUPTED:  # it is not over: the next study plays it anew
+                continue
             episode, wall_s = of[task.folder], time.monotonic() - started[task.folder]
             if report.reason == ABORTED and attempt < TRIES:
                 aborted.append(task)
                 continue
-            row = Row(case=episode.case.name, column=episode.column.name, tries=attempt, wall_s=wall_s, report=report)
+            row = Row(
+                case=episode.case.name, column=episode.column.name, tries=attempt, wall_s=wall_s, code=study.code,
+                report=report,
+            )  # fmt: skip
             study.add(row)
             countdown.done(episode.kind, wall_s)
             tell(row, countdown.left_s)
             if not keep:
-                shutil.rmtree(task.folder)
+                _take_away(task.folder)
         waiting = aborted
 
 
-def missing(study: Study, cases: Sequence[Case], wanted: Sequence[Column], seeds: Iterable[int]) -> list[Episode]:
-    """What has no row yet, seed by seed, so that an unfinished study is matched as well."""
+def missing(
+    study: Study, cases: Sequence[Case], wanted: Sequence[Column], seeds: Iterable[int], *, overview: bool = False
+) -> list[Episode]:
+    """What has no row yet, seed by seed, so that an unfinished study is matched as well.
+
+    `overview` has each run draw its picture, which is wanted only where runs are kept.
+    """
     played = study.played()
     return [
-        Episode(case, column, _task(study.folder, case, column, seed))
+        Episode(case, column, _task(study.folder, case, column, seed, overview=overview))
         for seed in seeds
         for column in wanted
         for case in cases
@@ -205,11 +235,39 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _main(args: argparse.Namespace) -> int:
     paths, seeds = _paths(args.missions), seeds_of(args.seeds)
-    folder = args.output or RUNS / "study" / code_sha256(paths)[:12]
-    folder.mkdir(parents=True, exist_ok=True)
-    study = Study(folder)
+    if args.jobs < 1:
+        raise UsageError(f"-j {args.jobs}: at least one")
+    wanted = columns(paths, args.modes, sweeps=args.sweeps)
+    if not wanted:
+        raise UsageError("nothing to play: no mission has such a mode or sweep", hint="leave --modes or --sweeps out")
+    code = code_sha256(paths)
+    folder = args.output or RUNS / "study" / code[:12]
+    with _alone(folder):
+        return _play(args, Study(folder, code), wanted, seeds)
+
+
+@contextmanager
+def _alone(folder: Path) -> Iterator[None]:
+    """Make the folder and keep other studies out of it as long as this one runs, however it ends."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        lock = (folder / "lock").open("w")
+    except OSError as error:
+        raise UsageError(f"cannot write to `{folder}`: {error.strerror}", hint="choose another with -o") from error
+    with lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise UsageError(f"another study is writing to `{folder}`", hint="wait, or name another with -o") from None
+        yield
+
+
+def _play(args: argparse.Namespace, study: Study, wanted: Sequence[Column], seeds: Iterable[int]) -> int:
+    folder = study.folder
     cases = [case for case in CASES if args.cases is None or case.name in args.cases]
-    episodes = missing(study, cases, columns(paths, args.modes, sweeps=args.sweeps), seeds)
+    episodes = missing(study, cases, wanted, seeds, overview=args.keep)
+    if study.strangers():
+        print(f"warning: {study.strangers()} of the episodes there were played by other code", file=sys.stderr)
     print(f"{len(study.rows)} episodes are there, {len(episodes)} to play, results in {folder}", file=sys.stderr)
     before, whole = len(study.rows), len(episodes)
 
@@ -222,8 +280,9 @@ def _main(args: argparse.Namespace) -> int:
 
 
 def _paths(names: Sequence[str] | None) -> tuple[Path, ...]:
-    known = {path.stem: path for path in shipped()}
-    return tuple(known.values()) if names is None else tuple(known.get(name, Path(name)) for name in names)
+    from lingjing.dsl.shipped import find_mission
+
+    return shipped() if names is None else tuple(find_mission(name) for name in names)
 
 
 def _bar(done: int, whole: int, left_s: float) -> str:
@@ -237,19 +296,31 @@ def _bar(done: int, whole: int, left_s: float) -> str:
 def _cleared(tasks: Sequence[Task], started: dict[Path, float]) -> Iterator[Task]:
     """The tasks, each with what an earlier, unfinished try left behind taken away; notes when each is begun."""
     for task in tasks:
-        if task.folder.exists():
-            shutil.rmtree(task.folder)
+        _take_away(task.folder)
         started[task.folder] = time.monotonic()
         yield task
 
 
-def _task(folder: Path, case: Case, column: Column, seed: int) -> Task:
+def _take_away(folder: Path) -> None:
+    """Remove a run. An episode whose study was killed may write into it for a moment yet, until it has ended itself."""
+    deadline = time.monotonic() + LINGERS_S
+    while folder.exists():
+        try:
+            shutil.rmtree(folder)
+        except OSError as error:
+            if time.monotonic() > deadline:
+                raise UsageError(f"cannot remove `{folder}`: {error.strerror}") from error
+            time.sleep(0.2)
+
+
+def _task(folder: Path, case: Case, column: Column, seed: int, *, overview: bool) -> Task:
     options = RunOptions(
         path=column.path,
         policy=case.policy,
         mode=column.mode,
         settings=column.settings,
         blank_pictures=case.blank_pictures,
+        overview=overview,
     )
     return Task(options, seed, folder / f"{case.name}-{column.name}-{seed}")
 

@@ -37,6 +37,8 @@ def parse_pairs(option: str, texts: Iterable[str]) -> dict[str, str]:
 def parse_seeds(text: str) -> tuple[int, ...]:
     """`"3"` or `"0-19"` (both ends included) as seeds in order."""
     first, dash, last = text.partition("-")
+    if dash and not (first and last):
+        raise UsageError(f"--seeds {text}: a range has two ends", hint="write it like 0-19, both ends included")
     low = parse_seed(first)
     high = parse_seed(last) if dash else low
     if high < low:

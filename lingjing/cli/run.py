@@ -14,7 +14,7 @@ from lingjing.cli.process import end_with, results_alone
 from lingjing.cli.progress import LiveProgress
 from lingjing.cli.scoreboard import exit_code, explain, print_episode, print_json, print_suite
 from lingjing.dsl.shipped import find_mission
-from lingjing.errors import ExitCode, UsageError
+from lingjing.errors import ExitCode, MissionError, UsageError
 from lingjing.mission.model import Mission
 
 
@@ -37,6 +37,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("-o", "--output", metavar="DIR", help="a new or empty folder (default: a new one in runs/)")
     parser.add_argument("--world", choices=("process", "inline"), default="process", help="where the engines run")
     parser.add_argument("--blank-pictures", action="store_true", help="hand the policies black pictures (a control)")
+    parser.add_argument("--no-overview", action="store_true", help="do not draw overview.png (it takes a few seconds)")
     parser.add_argument("-j", "--jobs", metavar="N", type=int, default=1, help="play N seeds at a time")
     parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
     parser.add_argument("--watch", action="store_true", help="show the episode in the terminal while it is played")
@@ -62,6 +63,7 @@ def handler(args: argparse.Namespace) -> int:
     seeds = parse_seeds(args.seeds) if args.seeds else (parse_seed(args.seed),)
     mission = load_mission(path)
     options = _options(args, path, mission)
+    _check_settings(args.set, mission, options, seeds[0])
     if args.seeds is None:
         return _run_one(args, mission, options, seeds[0])
     return _run_many(args, mission, options, seeds)
@@ -77,7 +79,20 @@ def _options(args: argparse.Namespace, path: Path, mission: Mission) -> RunOptio
         settings=parse_settings(parse_pairs("--set", args.set), mission),
         world=args.world,
         blank_pictures=args.blank_pictures,
+        overview=not args.no_overview,
     )
+
+
+def _check_settings(given: list[str], mission: Mission, options: RunOptions, seed: int) -> None:
+    """A mission that is fine by itself and no longer once a value is set is a mistake of the command line."""
+    if not given:
+        return
+    from lingjing.mission.instantiate import instantiate
+
+    try:
+        instantiate(mission, seed=seed, mode=options.mode, settings=options.settings)
+    except MissionError as error:
+        raise UsageError(f"--set {' --set '.join(given)}: {error}", hint=error.hint) from error
 
 
 def _run_one(args: argparse.Namespace, mission: Mission, options: RunOptions, seed: int) -> int:
