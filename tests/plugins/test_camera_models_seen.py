@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from math import hypot
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -31,6 +32,7 @@ def missing() -> str:
 WHY_NOT = missing()
 pytestmark = pytest.mark.skipif(bool(WHY_NOT), reason=WHY_NOT)
 
+DAY, NIGHT = 45.0, -20.0
 LANE = Lane(id="r_0", shape=((400.0, -300.0, 9.0), (400.0, 300.0, 9.0)), width_m=3.4)
 CITY = City(
     id="yard",
@@ -169,3 +171,22 @@ def test_the_reference_building_is_its_box_in_its_colour(engine: CameraEngine) -
     assert box.box[2] - box.box[0] > 0.3 and box.pixels > 20_000
     crop = pixels(frame, box)
     assert (crop[..., 0] > crop[..., 1] + 40).mean() > 0.2, "red walls"
+
+
+def test_a_fire_lights_the_ground_about_it_at_night_and_not_by_day(engine: CameraEngine) -> None:
+    x, y, _ = TARGETS["fire_source"]
+    viewer = Entity(id="viewer", group="viewer", index=1, role="asset", type="quadrotor", engine="x",
+                    position=(x, y, 40.0), cameras=(CAMERAS["nadir"],))  # fmt: skip
+    beside = {}
+    for up in (DAY, NIGHT):
+        weather = Weather(wind_mps=4, wind_from_deg=220, sun_elevation_deg=up)
+        given = msgspec.structs.replace(instance("fire_source", viewer), weather=weather)
+        for status in ("", "out"):
+            engine.reset(EngineSpec(engine="camera", instance=given, owns=()), CITY, 3)
+            engine.advance(20.0, [BodyState(id="target", position=TARGETS["fire_source"], status=status)])
+            (frame,) = engine.capture([CaptureRequest(frame="f", entity="viewer", camera="nadir", tick=1, time_s=20.0)])
+            ground = frame.rgb[590:630, 930:990].astype(float)
+            beside[up, status] = ground.mean(axis=(0, 1))
+    assert (beside[NIGHT, ""] - beside[NIGHT, "out"])[0] > 25.0, "red light"
+    assert (beside[NIGHT, ""] / beside[NIGHT, "out"])[0] > (beside[NIGHT, ""] / beside[NIGHT, "out"])[2]
+    assert np.abs(beside[DAY, ""] - beside[DAY, "out"]).max() < 6.0

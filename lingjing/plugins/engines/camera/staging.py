@@ -12,6 +12,7 @@ import numpy.typing as npt
 from lingjing.mission.instance import Entity, Weather
 from lingjing.plugins.engines.camera.classes import CLASSES, FIRST_ENTITY
 from lingjing.plugins.engines.camera.effects import BILLBOARD, DECAL, Site, effects_of
+from lingjing.plugins.engines.camera.effects.night import road_light
 from lingjing.plugins.engines.camera.instances import Batch, entity_batches, marks, matrix
 from lingjing.plugins.engines.camera.meshes import Array
 from lingjing.plugins.engines.camera.models import Part, ambient_parts, entity_parts
@@ -57,7 +58,7 @@ def stage(
             state = msgspec.structs.replace(state, position=(*state.position[:2], plane))
             wet.append((state, entity.type))
         site = sites.get(entity.id, Site(plane))
-        parts = entity_parts(entity, state, time_s, site.kerb_m, site.radius_m)
+        parts = entity_parts(entity, state, time_s, site.kerb_m, site.radius_m, site.heading_deg)
         drawn += _placed(state, parts, "entity", FIRST_ENTITY + number, plane)
         effects = effects_of(entity, state, time_s, weather, site)
         drawn += [(s.rows, f"effect/{s.key}", s.mesh, FIRST_ENTITY + number, s.plane) for s in effects.solids]
@@ -68,6 +69,7 @@ def stage(
     if vehicles_lit(weather):
         lit = [(state, entity.type) for _, entity, state in cast] + [(state, state.kind) for state in ambient]
         billboards.append(vehicle_rows(lit))
+        decals.append(road_light(lit, weather))
     for state in ambient:
         number = CLASSES.get(state.kind, CLASSES["entity"])
         drawn += _placed(state, ambient_parts(state, time_s), "entity", number, state.position[2])

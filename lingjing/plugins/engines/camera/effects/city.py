@@ -15,11 +15,15 @@ from typing import TypeVar
 import msgspec
 
 from lingjing.mission.instance import Entity, Vector
+from lingjing.plugins.engines.camera.effects.standing import facing
 from lingjing.plugins.engines.camera.models.places import KERB_M
 from lingjing.scene.city import Bridge, Building, Lane, Pieces, Polygon, Road, Solid, Tile
 from lingjing.scene.districts.palette import NAMED
 
-AWARE = ("bridge_fracture", "pipeline_leak", "reference_building", "destination", "delivery_point", "warehouse")
+AWARE = (
+    "bridge_fracture", "pipeline_leak", "reference_building", "destination", "delivery_point", "warehouse",
+    "queue_of_people",
+)  # fmt: skip
 """Types whose looks depend on what they stand on."""
 NEAR_M = 40.0
 """A target belongs to the bridge or building within this distance of it, the nearest one."""
@@ -36,7 +40,8 @@ T = TypeVar("T")
 @dataclass(frozen=True, slots=True)
 class Site:
     """Surroundings of a target: the ground's elevation under it; for one on a bridge the deck's axis, width, thickness
-    and top; for one on a pipe the pipe's axis and radius; for one on a road how far to its right the road ends."""
+    and top; for one on a pipe the pipe's axis and radius; for a queue the bearing in which it has room; for one on a
+    road how far to its right the road ends."""
 
     ground_m: float = 0.0
     heading_deg: float | None = None
@@ -98,6 +103,8 @@ def site_of(entity: Entity, near: Iterable[Pieces], ground_m: float) -> Site:
         pipe = _nearest([(pipe, pipe.path) for piece in near for pipe in piece.pipes], x, y)
         if pipe is not None:
             return Site(ground_m, pipe[2], radius_m=pipe[0].radius_m)
+    if is_a(entity, "queue_of_people"):
+        return Site(ground_m, facing(entity, near))
     if entity.properties.get("on") == "road":
         return Site(ground_m, kerb_m=_kerb(near, entity))
     return Site(ground_m)

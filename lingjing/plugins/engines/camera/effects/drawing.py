@@ -10,11 +10,13 @@ import moderngl
 import numpy as np
 
 from lingjing.plugins.engines.camera.effects import shaders
-from lingjing.plugins.engines.camera.effects.particles import Rows
+from lingjing.plugins.engines.camera.effects.particles import POOL, Rows
 
 _BILLBOARD = ("3f 3f 1f 4f 4f 1u/i", "in_place", "in_axis", "in_size", "in_paint", "in_style", "in_id")
 _CLOUD = ("3f 3f 1f 4f 4f 4x/i", *_BILLBOARD[1:-1])
 _DECAL = ("3f 3f 4f 2f/i", "in_place", "in_lie", "in_paint", "in_style")
+LIFT = 0.09
+"""What a light adds to the developed colour at its middle."""
 
 
 class EffectPass:
@@ -45,8 +47,22 @@ class EffectPass:
         self._blended(self._cloud, soft[np.argsort(-away, kind="stable")], _CLOUD)
 
     def decals(self, rows: Rows) -> None:
-        """Wet and scorched ground, in order."""
-        self._blended(self._decal, rows, _DECAL)
+        """Wet and scorched ground, in order; then the light on it, which makes what is there brighter."""
+        shining = rows["kind"] >= POOL
+        self._decal["u_lift"] = 1.0
+        self._blended(self._decal, rows[~shining], _DECAL)
+        if shining.any():
+            self._shine(rows[shining])
+
+    def _shine(self, rows: Rows) -> None:
+        """Light on the ground: twice up to doubled, so that dark ground keeps its texture, and lifted a little, so
+        that black ground shows it."""
+        self._context.enable(moderngl.BLEND)
+        for lift, source in ((1.0, moderngl.DST_COLOR), (1.0, moderngl.DST_COLOR), (LIFT, moderngl.ONE)):
+            self._decal["u_lift"] = lift
+            self._context.blend_func = source, moderngl.ONE
+            self._draw(self._decal, rows, _DECAL)
+        self._context.disable(moderngl.BLEND)
 
     def release(self) -> None:
         """Free the GL objects."""

@@ -10,8 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from lingjing.mission.instance import Weather
+from lingjing.plugins.engines.camera.effects.night import darkness, pool
 from lingjing.plugins.engines.camera.effects.particles import (
     BLOT,
+    DROP,
     FLAME,
     Effects,
     Floats,
@@ -28,6 +30,9 @@ from lingjing.plugins.engines.camera.effects.particles import (
 FLAME_HEART = (0.80, 0.50, 0.10)
 GLOW = (0.75, 0.24, 0.03)
 SOOT = ((0.030, 0.026, 0.022), (0.075, 0.070, 0.065), (0.16, 0.155, 0.15))
+FIRELIGHT = (0.86, 0.46, 0.12)
+POOL_REACH, LIT_REACH = 3.2, 2.2
+"""Radius of the light that a fire throws after dark on the ground and on its smoke, in bed radii and flame heights."""
 STEAM = (0.60, 0.61, 0.62)
 
 
@@ -59,12 +64,15 @@ def fire(seed: int, place: Floats, blaze: Blaze, heat: float, time_s: float, wea
     )  # fmt: skip
     if size < 0.05:
         return Effects(_wisps(seed, place, blaze, time_s, weather), scorch)
-    rows = [
-        _flames(seed, place, blaze, size, time_s),
-        _glow(seed, place, blaze, size, time_s),
-        _smoke(seed, place, blaze, size, time_s, weather),
-    ]
-    return Effects(np.concatenate(rows), scorch)
+    smoke = _smoke(seed, place, blaze, size, time_s, weather)
+    rows = [_flames(seed, place, blaze, size, time_s), _glow(seed, place, blaze, size, time_s), smoke]
+    dark = darkness(weather)
+    if dark <= 0.0:
+        return Effects(np.concatenate(rows), scorch)
+    flicker = 0.88 + 0.12 * float(np.sin(7.0 * time_s + seed % 11))
+    light = pool(place, POOL_REACH * (blaze.radius_m + blaze.height_m) * size, FIRELIGHT, dark * flicker)
+    rows += [_halo(place, blaze, size, dark * flicker), _lit_smoke(smoke, place, blaze, dark * flicker)]
+    return Effects(np.concatenate(rows), np.concatenate([scorch, light]))
 
 
 def _flames(seed: int, place: Floats, blaze: Blaze, size: float, time_s: float) -> Rows:
@@ -118,6 +126,23 @@ def _smoke(seed: int, place: Floats, blaze: Blaze, size: float, time_s: float, w
     shade = ramp(SOOT, age) * (0.6 + 0.9 * hashed(number * np.uint64(5) + np.uint64(3)))[:, None]
     alpha = 0.70 * np.minimum(age / 0.06, 1.0) * (1.0 - age) ** 0.9
     return billboards(points, wide, shade, alpha, soft=0.75, seed=number % 89)
+
+
+def _halo(place: Floats, blaze: Blaze, size: float, strength: float) -> Rows:
+    """What the air about a fire shows of it after dark."""
+    points = place + np.outer([0.5, 0.8, 1.0], [0.0, 0.0, blaze.height_m * size])
+    wide = (blaze.radius_m + blaze.height_m) * size * np.array([0.9, 1.5, 2.3])
+    return billboards(points, wide, GLOW, np.array([0.20, 0.15, 0.11]) * strength, soft=1.0, glow=1.0, shape=DROP)
+
+
+def _lit_smoke(smoke: Rows, place: Floats, blaze: Blaze, strength: float) -> Rows:
+    """The smoke over a fire after dark, lit from under it."""
+    away = np.linalg.norm(smoke["place"] - np.asarray(place, np.float32), axis=1)
+    reach = LIT_REACH * (blaze.radius_m + blaze.height_m)
+    lit: Rows = smoke[away < reach].copy()
+    lit["colour"], lit["glow"], lit["soft"] = GLOW, 1.0, 1.0
+    lit["alpha"] *= 0.32 * strength * (1.0 - away[away < reach] / reach)
+    return lit
 
 
 def _wisps(seed: int, place: Floats, blaze: Blaze, time_s: float, weather: Weather) -> Rows:

@@ -44,13 +44,13 @@ DECAL = np.dtype(
     ]
 )
 """A flat blot: centre (world, m), half extents right and ahead (m), heading (radians), colour, opacity, kind (`BLOT`,
-`WET`, `PAINT`), seed."""
+`WET`, `PAINT`; light on the ground: `POOL`, round, and `BEAM`, a cone ahead), seed."""
 
 Rows = npt.NDArray[np.void]
 Floats = npt.NDArray[np.float64]
 
 PUFF, FLAME, DROP = 0.0, 1.0, 2.0
-BLOT, WET, PAINT = 0.0, 1.0, 2.0
+BLOT, WET, PAINT, POOL, BEAM = 0.0, 1.0, 2.0, 3.0, 4.0
 
 
 def _none(dtype: np.dtype[np.void]) -> Rows:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from lingjing.mission.instance import Entity, Weather
-from lingjing.plugins.engines.camera.effects import fire, lights, water
+from lingjing.plugins.engines.camera.effects import fire, lights, night, water
 from lingjing.plugins.engines.camera.effects.city import Site, gap_of
 from lingjing.plugins.engines.camera.effects.fracture import fracture
 from lingjing.plugins.engines.camera.effects.particles import Effects, Floats, seed_of
@@ -74,7 +74,14 @@ def _fracture(entity: Entity, state: BodyState, time_s: float, weather: Weather,
 
 
 def _lights(entity: Entity, state: BodyState, time_s: float, weather: Weather, site: Site) -> Effects:
-    return lights.blue_lights(_place(state), state.heading_deg, time_s)
+    return lights.blue_lights(_place(state), state.heading_deg, time_s, weather)
+
+
+def _carried(kind: str) -> Callable[[Entity, BodyState, float, Weather, Site], Effects]:
+    def show(entity: Entity, state: BodyState, time_s: float, weather: Weather, site: Site) -> Effects:
+        return night.carried(kind, state, time_s, weather)
+
+    return show
 
 
 ENTITIES: dict[str, Callable[[Entity, BodyState, float, Weather, Site], Effects]] = {
@@ -83,5 +90,6 @@ ENTITIES: dict[str, Callable[[Entity, BodyState, float, Weather, Site], Effects]
     "pipeline_leak": _leak,
     "bridge_fracture": _fracture,
     "fire_truck": _lights,
+    **{kind: _carried(kind) for kind in night.CARRIED},
 }
 """Type → its effects."""

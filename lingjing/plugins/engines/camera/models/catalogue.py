@@ -12,7 +12,7 @@ import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
-from math import hypot
+from math import cos, hypot, radians, sin
 
 from lingjing.mission.instance import Datum, Entity
 from lingjing.plugins.engines.camera.meshes import Array, box, merge
@@ -28,7 +28,8 @@ PIPE_RADIUS_M = 0.4
 @dataclass(frozen=True, slots=True)
 class Subject:
     """Who is drawn: `number` feeds its looks, `properties` are its entity's; `kerb_m` is how far to its right the road
-    ends, `pipe_m` the radius of the pipe it is on."""
+    ends, `pipe_m` the radius of the pipe it is on, `facing_deg` the bearing that it is drawn facing, where its
+    surroundings leave it no room for its own."""
 
     number: int
     state: BodyState
@@ -36,6 +37,7 @@ class Subject:
     properties: Mapping[str, Datum]
     kerb_m: float = places.KERB_M
     pipe_m: float = PIPE_RADIUS_M
+    facing_deg: float | None = None
 
     @property
     def speed_mps(self) -> float:
@@ -47,14 +49,15 @@ Parts = tuple[Part, ...]
 
 
 def entity_parts(
-    entity: Entity, state: BodyState, time_s: float, kerb_m: float = places.KERB_M, pipe_m: float = PIPE_RADIUS_M
-) -> Parts:
+    entity: Entity, state: BodyState, time_s: float, kerb_m: float = places.KERB_M, pipe_m: float = PIPE_RADIUS_M,
+    facing_deg: float | None = None,
+) -> Parts:  # fmt: skip
     """The meshes of an entity in its body's frame (x right, y ahead, z up); () for what shows itself otherwise.
 
-    `kerb_m` and `pipe_m` are what its surroundings are (`effects.city.Site`).
+    `kerb_m`, `pipe_m` and `facing_deg` are what its surroundings are (`effects.city.Site`).
     """
     build = next((ENTITIES[kind] for kind in (entity.type, *entity.bases) if kind in ENTITIES), _unknown)
-    return build(Subject(entity.index - 1, state, time_s, entity.properties, kerb_m, pipe_m))
+    return build(Subject(entity.index - 1, state, time_s, entity.properties, kerb_m, pipe_m, facing_deg))
 
 
 def ambient_parts(state: BodyState, time_s: float) -> Parts:
@@ -126,18 +129,25 @@ def _swimmer(who: Subject) -> Parts:
     return (Part(f"person-{look}-{pose}", sea.person(look, pose)),)
 
 
+def people_in_line(given: object) -> int:
+    """How many people a queue shows that is said to have so many."""
+    count = int(given) if isinstance(given, int | float) else 4
+    return max(0, min(count, MOST_IN_LINE))
+
+
 def _queue(who: Subject) -> Parts:
     """People in a line behind the position, who sway a little."""
-    given = who.state.resources.get("people", who.properties.get("people", 4))
-    count = int(given) if isinstance(given, int | float) else 4
-    line = []
-    for k in range(max(0, min(count, MOST_IN_LINE))):
+    turn_deg = 0.0 if who.facing_deg is None else who.facing_deg - who.state.heading_deg
+    line = [Part("barrier", places.crowd_barrier(), at((0.0, 0.0, 0.0), turn_deg))]
+    behind = radians(turn_deg)
+    for k in range(people_in_line(who.state.resources.get("people", who.properties.get("people", 4)))):
         look = (3 * k + who.number) % len(people.OUTFITS)
         aside = 0.12 * ((5 * k + 3 * who.number) % 7 - 3) / 3.0
-        turn = 11.0 * ((3 * k + who.number) % 5 - 2)
-        mesh = people.pedestrian(look, people.STAND)
-        line.append(Part(f"pedestrian-{look}-{people.STAND}", mesh, at((aside, -SPACING_M * (k + 1), 0.0), turn)))
-    return (Part("barrier", places.crowd_barrier()), *line)
+        turn = turn_deg + 11.0 * ((3 * k + who.number) % 5 - 2)
+        back = -SPACING_M * (k + 1)
+        place = aside * cos(behind) + back * sin(behind), back * cos(behind) - aside * sin(behind), 0.0
+        line.append(Part(f"pedestrian-{look}-{people.STAND}", people.pedestrian(look, people.STAND), at(place, turn)))
+    return tuple(line)
 
 
 def _leak(who: Subject) -> Parts:
