@@ -1,0 +1,118 @@
+"""Routes that are inspected, as the road engine plans them in the missions' own districts: how many waypoints, how far
+apart, and whether a jam stands at one of them."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from itertools import pairwise
+from pathlib import Path
+
+import msgspec
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+import stage_kit as kit
+
+from lingjing.plugins.engine import EngineSpec
+from lingjing.plugins.engines.road.engine import RoadEngine
+from lingjing.trace.records import Command
+
+SEEDS = range(10)
+GOALS = {"ld": "stop_node", "cr": "goal_place"}
+SPEED_MPS = 12.0
+
+missions = pytest.mark.parametrize("name", ["ld", "cr"])
+
+
+class Planned:
+    """The van's routes of one instance: the first, and what it is given for each jam at a waypoint of the last."""
+
+    def __init__(self, engine, instance, goal) -> None:
+        self.engine, self.goal = engine, goal
+        self.jams = [entity for entity in instance.entities if entity.properties.get("blocks") is True]
+        self.uav = next(entity.position for entity in instance.entities if entity.id == "uav")
+        self.routes, self.stood = [], []
+        x, y, _ = goal
+        self.ask("route", x, y)
+        while (jam := self.met(self.routes[-1])) is not None and len(self.routes) <= len(self.jams):
+            self.stood.append(jam)
+            self.ask("replan", *jam.position[:2])
+
+    def ask(self, verb, x, y):
+        number = len(self.routes) + 1
+        command = Command(
+            id=f"k{number}", tick=number, sender="kernel", resource="van", verb=verb,
+            arguments={"x": x, "y": y}, origin="kernel",
+        )  # fmt: skip
+        (receipt,) = self.engine.submit((command,))
+        assert receipt.status != "rejected", receipt
+        self.routes += self.engine.advance(self.engine.clock.time_s + 0.1, ()).routes
+
+    def met(self, route):
+        """The jam at the first waypoint that has one."""
+        for waypoint in route.waypoints:
+            for jam in self.jams:
+                if jam not in self.stood and math.dist(waypoint[:2], jam.position[:2]) <= jam.properties["radius_m"]:
+                    return jam
+        return None
+
+
+@contextmanager
+def planned(name: str, seed: int) -> Iterator[Planned]:
+    instance, city = kit.staged(name, None, seed)
+    instance = msgspec.structs.replace(
+        instance, scene=msgspec.structs.replace(instance.scene, options={**instance.scene.options, "traffic": 0})
+    )
+    engine = RoadEngine()
+    try:
+        engine.reset(EngineSpec(engine="road", instance=instance, owns=("van",)), city, seed)
+        yield Planned(engine, instance, next(e.position for e in instance.entities if e.id == GOALS[name]))
+    finally:
+        engine.close()
+
+
+@pytest.fixture(scope="module")
+def drawn() -> dict[str, list[tuple[list, int, tuple[float, float, float]]]]:
+    """For each mission and seed: the routes one after the other, how many jams were met, where the UAV starts."""
+    found: dict[str, list[tuple[list, int, tuple[float, float, float]]]] = {}
+    for name in GOALS:
+        for seed in SEEDS:
+            with planned(name, seed) as plan:
+                found.setdefault(name, []).append((plan.routes, len(plan.stood), plan.uav))
+    return found
+
+
+@missions
+def test_a_first_route_has_four_or_five_waypoints(name, drawn):
+    assert {len(routes[0].waypoints) for routes, _, _ in drawn[name]} <= {4, 5}
+
+
+@missions
+def test_the_uav_reaches_each_waypoint_within_a_tick(name, drawn):
+    """Getting up to speed and to rest takes 5 s of it; 25 m short of the waypoint is near enough."""
+    reach = SPEED_MPS * (kit.staged(name)[0].clock.tick_s - 5.0) + 25.0
+    for routes, _, start in drawn[name]:
+        places = [start, *routes[0].waypoints]
+        assert max(math.dist(one[:2], two[:2]) for one, two in pairwise(places)) <= reach
+
+
+@missions
+def test_a_jam_stands_on_the_first_route_of_some_draws_and_not_of_all(name, drawn):
+    met = sum(jams > 0 for _, jams, _ in drawn[name])
+    assert len(SEEDS) / 2 <= met < len(SEEDS)
+
+
+@missions
+def test_around_every_jam_leads_a_route_without_one(name, drawn):
+    for routes, jams, _ in drawn[name]:
+        assert len(routes) == jams + 1
+        assert [route.number for route in routes] == list(range(1, jams + 2))
+        assert all(one.waypoints != two.waypoints for one, two in pairwise(routes))
+
+
+def test_replanning_more_than_once_is_asked_of_some_draws_of_cr(drawn):
+    assert {jams for _, jams, _ in drawn["cr"]} == {0, 1, 2}
