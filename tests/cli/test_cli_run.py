@@ -58,6 +58,15 @@ def test_json_is_one_object_with_the_promised_keys(short: Path, tmp_path: Path) 
     assert sorted(path.name for path in (tmp_path / "runs/ssr-star-3-1").iterdir()) == ["overview.png", "trace.mcap"]
 
 
+def test_without_an_overview_the_trace_is_the_same(short: Path, tmp_path: Path) -> None:
+    with_it, without = (
+        json.loads(lingjing_run(short, "--policy", "random", "--json", "-o", name, *more, cwd=tmp_path).stdout)
+        for name, more in (("with", ()), ("without", ("--no-overview",)))
+    )
+    assert with_it["digest"] == without["digest"]
+    assert [path.name for path in (tmp_path / "without").iterdir()] == ["trace.mcap"]
+
+
 def test_several_seeds_on_a_warm_world_equal_single_ones_in_processes(short: Path, tmp_path: Path) -> None:
     warm = lingjing_run(short, "--seeds", "0-1", "--policy", "random", "--json", "-o", "warm", cwd=tmp_path)
     apart = lingjing_run(short, "--seeds", "0-1", "--policy", "random", "--json", "-o", "apart", "-j", 2, cwd=tmp_path)
@@ -122,10 +131,12 @@ def test_a_run_is_never_overwritten(short: Path, tmp_path: Path) -> None:
         (("--policy-arg", "hight=3", "--policy", "random"), "hight"),
         (("--set", "victims=99"), "victims"),
         (("--set", "height=3"), "height"),
+        (("--set", "victims=2.5"), "--set victims=2.5: ssr/victim: a whole number is due here"),
         (("--set", "altitude=80 s"), "duration where length is due"),
         (("--mode", "mesh"), "mesh"),
         (("--seed", "-1"), "`-1` is not a seed"),
         (("--seeds", "5-1"), "runs backwards"),
+        (("--seeds", "0-"), "--seeds 0-: a range has two ends"),
         (("-j", "0"), "at least one"),
         (("-o", "/proc/nowhere"), "/proc/nowhere"),
     ],
