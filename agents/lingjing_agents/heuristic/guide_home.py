@@ -10,13 +10,15 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
 from lingjing.plugins.geometry import offset_xy
 from lingjing.plugins.policy import Brief, Datum, EntityView, MessageSpec, Observation, Outgoing, Peer
 from lingjing_agents.capability import compose, sends
 from lingjing_agents.heuristic.events import view_of
-from lingjing_agents.heuristic.guide_ground import close_what_stands
 from lingjing_agents.heuristic.homes import Signature, View, Wall, find_walls, reference_signature
-from lingjing_agents.heuristic.walk_map import Bounds, Place, WalkMap
+from lingjing_agents.heuristic.walk_map import Bounds, Place
+from lingjing_agents.heuristic.walk_plan import fewest_commands, ground_of
 from lingjing_agents.heuristic.walk_views import inside
 
 REFERENCE = "reference"
@@ -29,8 +31,14 @@ EYE_M = 0.33
 STOPS, SEEN_M = (0.2, 0.5, 0.8), 25.0
 """Where along the region the pictures from above are taken, and how near to such a place one counts."""
 
-BEFORE_M = 7.0
-"""How far in front of a door the way ends."""
+NEAR_M, NEARER_M = 9.0, 4.0
+"""How near to a door the way ends; who came so near in vain is sent nearer once."""
+
+KERB_M = -5.0
+"""The way keeps so far inside the region: there are streets around it."""
+
+LONGEST_M = 25.0
+"""How far a walker is taken to go with one command."""
 
 DOOR_BONUS, LONG_BONUS = 0.06, 0.05
 """What a door in a wall, and its being the building's longer side, count when walls look alike."""
@@ -40,6 +48,9 @@ SURE = 0.72
 
 AT_M, VAIN_TICKS, VAIN_M = 5.0, 2, 22.0
 """Who stood so near to the way's end for so many ticks was there in vain; all walls this near are struck out."""
+
+SAME_M = 12.0
+"""Walls whose middles are this near are one that was seen better."""
 
 STEP = "walk"
 """What a waypoint of the way is called in guidance."""
@@ -52,6 +63,7 @@ class Target:
     wall: Wall
     end: Place
     stood: int = 0
+    nearer: bool = False
 
 
 class HomeGuide:
@@ -59,7 +71,7 @@ class HomeGuide:
 
     def __init__(self, brief: Brief, walker: Peer, message: MessageSpec, look: Signature, region: tuple[Place, ...]):
         self._walker, self._message, self._look = walker, message, look
-        self._bounds = Bounds.around(region, MARGIN_M)
+        self._bounds, self._lawn = Bounds.around(region, MARGIN_M), Bounds.around(region, KERB_M)
         self._region = region
         self._unseen: list[Place] | None = None
         self._views: tuple[View, ...] = ()
@@ -110,8 +122,9 @@ class HomeGuide:
         walker = self._view(observation)
         if walker is None or walker.position is None or not self._views:
             return ()
-        here = walker.position[:2]
-        self._notice(here)
+        self._notice(walker.position[:2])
+        if self._target is not None and self._target.stood > VAIN_TICKS:
+            return self._send_to(walker, self._target.wall, nearer=True)
         if self._walls is not None and self._target is not None:
             return ()
         if self._walls is None:
@@ -119,22 +132,32 @@ class HomeGuide:
         best = self._best()
         if best is None or (self._unseen and not waited and self._likeness(best) < SURE):
             return ()
-        end = offset_xy(best.door or best.middle, best.bearing_deg, BEFORE_M)
-        if self._target is not None and math.dist(self._target.end, end) < AT_M:
+        if self._target is not None and math.dist(self._target.wall.middle, best.middle) < SAME_M:
             return ()
-        self._target = Target(best, end)
-        return self._tell(self._way(here, end))
+        return self._send_to(walker, best, nearer=False)
+
+    def _send_to(self, walker: EntityView, wall: Wall, *, nearer: bool) -> tuple[Outgoing, ...]:
+        """The way to a wall's door, or to its middle where none shows."""
+        assert walker.position is not None
+        goal, here = wall.door or wall.middle, walker.position[:2]
+        points = np.concatenate([view.points for view in self._views])
+        ground = ground_of(points, self._bounds, here)
+        within, heading = (NEARER_M if nearer else NEAR_M), walker.heading_deg or 0.0
+        way = fewest_commands(ground, self._lawn, here, heading, goal, within, LONGEST_M)
+        way = way or (offset_xy(goal, wall.bearing_deg, within),)
+        self._target = Target(wall, way[-1], nearer=nearer)
+        return self._tell(way)
 
     def _view(self, observation: Observation) -> EntityView | None:
         return view_of(observation, self._walker.resources[0])
 
     def _notice(self, here: Place) -> None:
-        """Strike out what the walker stands before, if nothing has come of it."""
+        """Strike out what the walker stands near to, if nothing has come of it."""
         target = self._target
         if target is None:
             return
         target.stood = target.stood + 1 if math.dist(here, target.end) <= AT_M else 0
-        if target.stood > VAIN_TICKS:
+        if target.nearer and target.stood > VAIN_TICKS:
             self._struck.append(target.wall.middle)
             self._target = None
 
@@ -152,12 +175,6 @@ class HomeGuide:
     def _likeness(self, wall: Wall) -> float:
         assert wall.colours is not None
         return self._look.likeness(wall.colours)
-
-    def _way(self, here: Place, end: Place) -> tuple[Place, ...]:
-        known = WalkMap(self._bounds)
-        for view in self._views:
-            close_what_stands(known, view.points, here)
-        return known.route(here, end, reach_m=3.0) or (end,)
 
     def _tell(self, way: tuple[Place, ...]) -> tuple[Outgoing, ...]:
         messages = []
