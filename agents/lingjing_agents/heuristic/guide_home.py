@@ -28,8 +28,9 @@ MARGIN_M = 12.0
 EYE_M = 0.33
 """How high over the ground a walker's body is."""
 
-STOPS, SEEN_M = (0.2, 0.5, 0.8), 25.0
-"""Where along the region the pictures from above are taken, and how near to such a place one counts."""
+APART_M, SEEN_M = 40.0, 15.0
+"""How far apart along the region pictures from above are taken at most, so that each wall is seen aslant in one of
+them, and how near to such a place one counts."""
 
 NEAR_M, NEARER_M = 9.0, 4.0
 """How near to a door the way ends; who came so near in vain is sent nearer once."""
@@ -196,7 +197,10 @@ def viewpoints(region: tuple[Place, ...], start: Place) -> tuple[Place, ...]:
     west, south, wide, deep = min(xs), min(ys), max(xs) - min(xs), max(ys) - min(ys)
     east_of, north_of = (start[0] - west) / wide - 0.5, (start[1] - south) / deep - 0.5
     across = abs(east_of) > abs(north_of)
-    stops = STOPS if (east_of if across else north_of) < 0.0 else tuple(reversed(STOPS))
+    count = math.ceil((wide if across else deep) / APART_M)
+    stops = [(index + 0.5) / count for index in range(count)]
+    if (east_of if across else north_of) > 0.0:
+        stops.reverse()
     return tuple((west + (stop if across else 0.5) * wide, south + (0.5 if across else stop) * deep) for stop in stops)
 
 

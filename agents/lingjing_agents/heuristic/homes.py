@@ -37,11 +37,14 @@ SKIRT_M, CORNICE_M, WALL_M = 1.0, 0.8, (-2.0, 0.6)
 """A wall's colours count from this high to this far below its top, between these distances outside the outline seen
 from above: eaves reach beyond the wall."""
 
-CANOPY_M, REACH_M, LEAST_CANOPY_M2 = (2.2, 4.0), (0.8, 2.6), 1.5
-"""How high the slab over a door lies, between which distances from the wall, and how large it is."""
+CANOPY_M, REACH_M, FLAT_M = (2.2, 4.0), (0.6, 2.4), 0.2
+"""How high the slab over a door lies, between which distances from the wall, and how flat it is."""
 
-AMONG = 60
-"""So many points make a wall's colours known."""
+LEAST_SAMPLES, MOSTLY = 30, 0.6
+"""So many points make a slab, if they are this share of all that is seen above its place."""
+
+AMONG = 8.0
+"""So many points for each metre of its length make a wall's colours known."""
 
 SHADES, BIN, SPAN = 4, 3.0, 81.0
 """A colour signature's steps of lightness, the width of its bins of hue and saturation, and how far these reach on both
@@ -164,23 +167,24 @@ def _wall(views: tuple[View, ...], edge: Edge, top_m: float, corners: tuple[Plac
         beside = np.abs(along) < length / 2.0 - 0.5
         wall = beside & (off > WALL_M[0]) & (off < WALL_M[1]) & (z > SKIRT_M) & (z < top_m - CORNICE_M)
         pixels.append(view.colours[wall])
-        slab = beside & (off > REACH_M[0]) & (off < REACH_M[1]) & (z > CANOPY_M[0]) & (z < CANOPY_M[1])
-        slabs.append(along[slab])
+        before = beside & (off > REACH_M[0]) & (off < REACH_M[1]) & (z > CANOPY_M[0])
+        slabs.append(np.stack((along[before], z[before]), axis=1))
     seen = max(pixels, key=len)  # the view that shows the wall least aslant
     door = _door(np.concatenate(slabs), length)
     place = None if door is None else (middle[0] + door * out[1], middle[1] - door * out[0])
     deep = math.dist(centre, middle) * 2.0
-    return Wall(middle, bearing, length > deep, signature(seen) if len(seen) >= AMONG else None, place)
+    return Wall(middle, bearing, length > deep, signature(seen) if len(seen) >= AMONG * length else None, place)
 
 
-def _door(along: Floats, length: float) -> float | None:
-    """Where along a wall the most points of a slab lie together, if they are enough for one."""
-    if len(along) == 0:
+def _door(points: Floats, length: float) -> float | None:
+    """Where along a wall a flat slab lies before it, from points (n, 2) of the place along and the height."""
+    along, height = points[:, 0], points[:, 1]
+    layers = round((CANOPY_M[1] - CANOPY_M[0]) / FLAT_M)
+    span = (-length / 2.0, length / 2.0)
+    counts, edges, _ = np.histogram2d(along, height, bins=(max(3, int(length)), layers), range=(span, CANOPY_M))
+    several = counts[:-2] + counts[1:-1] + counts[2:]
+    place, layer = np.unravel_index(int(np.argmax(several)), several.shape)
+    beside = np.abs(along - (edges[place + 1] + edges[place + 2]) / 2.0) < 1.5
+    if several[place, layer] < max(LEAST_SAMPLES, MOSTLY * int(beside.sum())):
         return None
-    counts, edges = np.histogram(along, bins=max(1, int(length)), range=(-length / 2.0, length / 2.0))
-    several = np.convolve(counts, np.ones(3), "same")
-    index = int(np.argmax(several))
-    if several[index] < LEAST_CANOPY_M2 / 0.05:
-        return None
-    near = along[np.abs(along - (edges[index] + edges[index + 1]) / 2.0) < 2.5]
-    return float(np.median(near))
+    return float(np.median(along[beside]))
