@@ -2,7 +2,8 @@
 
 Whoever is shown the reference and the flier's pictures has the flier look down on the region where the walker stands,
 compares the walls that these pictures show with the reference, and makes a way around all that stands on the ground
-to the front of the most likely one. A front that was reached in vain is struck out, and the next is tried.
+to the front of the most likely one. The walker's own picture of that front confirms it or not: a front that is another,
+or was reached in vain, is struck out, and the next is tried.
 """
 
 from __future__ import annotations
@@ -12,12 +13,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lingjing.plugins.geometry import offset_xy
-from lingjing.plugins.policy import Brief, Datum, EntityView, MessageSpec, Observation, Outgoing, Peer
+from lingjing.plugins.geometry import bearing_deg, offset_xy, turn_deg
+from lingjing.plugins.policy import Brief, Datum, EntityView, MessageSpec, Observation, Outgoing, Peer, Picture
 from lingjing_agents.capability import compose, sends
 from lingjing_agents.heuristic.events import view_of
-from lingjing_agents.heuristic.homes import Signature, View, Wall, find_walls, reference_signature
+from lingjing_agents.heuristic.homes import Signature, View, Wall, find_walls, reference_signature, signature
 from lingjing_agents.heuristic.walk_map import Bounds, Place
+from lingjing_agents.heuristic.walk_navigator import FACE, WALK
 from lingjing_agents.heuristic.walk_plan import fewest_commands, ground_of
 from lingjing_agents.heuristic.walk_views import inside
 
@@ -47,14 +49,18 @@ DOOR_BONUS, LONG_BONUS = 0.06, 0.05
 SURE = 0.72
 """Likeness from which a wall is gone to before all pictures have come."""
 
-AT_M, VAIN_TICKS, VAIN_M = 5.0, 2, 22.0
+AT_M, VAIN_TICKS, VAIN_M = 5.0, 4, 22.0
 """Who stood so near to the way's end for so many ticks was there in vain; all walls this near are struck out."""
 
 SAME_M = 12.0
 """Walls whose middles are this near are one that was seen better."""
 
-STEP = "walk"
-"""What a waypoint of the way is called in guidance."""
+OTHER, FACING_DEG, FACING_M = 0.5, 30.0, 45.0
+"""A front less like the reference than this is another, if the walker's picture was taken from this near and looked
+towards it."""
+
+FRONT = (slice(0, 36), slice(15, 85))
+"""Where in a walker's picture the front is that it faces: rows and columns, in hundredths."""
 
 
 @dataclass(slots=True)
@@ -116,6 +122,8 @@ class HomeGuide:
                 over = picture.pose.position[:2]
                 if self._unseen is not None:
                     self._unseen = [place for place in self._unseen if math.dist(place, over) > SEEN_M]
+            elif picture.entity == self._walker.resources[0]:
+                self._confirm(picture)
 
     def lead(self, observation: Observation, *, waited: bool) -> tuple[Outgoing, ...]:
         """The way to the most likely front as messages, whenever that is another one than before. Until all pictures
@@ -124,7 +132,7 @@ class HomeGuide:
         if walker is None or walker.position is None or not self._views:
             return ()
         self._notice(walker.position[:2])
-        if self._target is not None and self._target.stood > VAIN_TICKS:
+        if self._target is not None and self._target.stood > VAIN_TICKS and not self._target.nearer:
             return self._send_to(walker, self._target.wall, nearer=True)
         if self._walls is not None and self._target is not None:
             return ()
@@ -147,7 +155,30 @@ class HomeGuide:
         way = fewest_commands(ground, self._lawn, here, heading, goal, within, LONGEST_M)
         way = way or (offset_xy(goal, wall.bearing_deg, within),)
         self._target = Target(wall, way[-1], nearer=nearer)
-        return self._tell(way)
+        unsure = self._likeness(wall) < SURE and len(way) > 1
+        steps = [(WALK, place) for place in way]
+        steps.insert(len(way) - 1 if unsure else len(way), (FACE, goal))
+        return self._tell(steps)
+
+    def _confirm(self, picture: Picture) -> None:
+        """Strike out the front that the walker's picture shows to be another."""
+        target, pose = self._target, picture.pose
+        if target is None:
+            return
+        goal, here = target.wall.door or target.wall.middle, pose.position[:2]
+        off = abs(turn_deg(pose.heading_deg, bearing_deg(here, goal)))
+        if off > FACING_DEG or math.dist(here, goal) > FACING_M:
+            return
+        rows, columns = (
+            slice(part.start * size // 100, part.stop * size // 100)
+            for part, size in zip(FRONT, picture.rgb.shape[:2], strict=True)
+        )
+        if self._look.likeness(signature(picture.rgb[rows, columns].reshape(-1, 3))) < OTHER:
+            self._strike(target)
+
+    def _strike(self, target: Target) -> None:
+        self._struck.append(target.wall.middle)
+        self._target = None
 
     def _view(self, observation: Observation) -> EntityView | None:
         return view_of(observation, self._walker.resources[0])
@@ -159,8 +190,7 @@ class HomeGuide:
             return
         target.stood = target.stood + 1 if math.dist(here, target.end) <= AT_M else 0
         if target.nearer and target.stood > VAIN_TICKS:
-            self._struck.append(target.wall.middle)
-            self._target = None
+            self._strike(target)
 
     def _best(self) -> Wall | None:
         open_walls = [
@@ -177,12 +207,12 @@ class HomeGuide:
         assert wall.colours is not None
         return self._look.likeness(wall.colours)
 
-    def _tell(self, way: tuple[Place, ...]) -> tuple[Outgoing, ...]:
+    def _tell(self, steps: list[tuple[str, Place]]) -> tuple[Outgoing, ...]:
         messages = []
-        for number, place in enumerate(way, 1):
+        for number, (step, place) in enumerate(steps, 1):
             body: dict[str, Datum] = {
                 "assignee": self._walker.id,
-                "step": STEP,
+                "step": step,
                 "amount": number,
                 "position": (round(place[0], 2), round(place[1], 2), 0.0),
             }

@@ -56,6 +56,9 @@ LOW_M, BESIDE_DEG, SAME_PLACE_M, LEAST_WALK_M = 11.0, 3.0, 8.0, 20.0
 sides (degrees); skylines count from about here (m), and nearer ends than the last (m) are not worth going to."""
 
 MARGIN_M = 40.0
+WALK, FACE, FACING_DEG = "walk", "face", 15.0
+"""What guidance calls a place to walk to, and one to look at: to take a picture of, facing it about so well."""
+
 NOT_YET, PATIENCE_TICKS = frozenset({"not_permitted"}), 2
 """What a refusal says when something else must happen first, and how long to wait before asking again."""
 
@@ -75,7 +78,7 @@ class Navigator:
         self._brief, self._body, self._camera = brief, body, camera
         self._look: Look | None = look_of(reference.rgb) if reference is not None else None
         self._ordered: Place | None = None
-        self._led: tuple[Place, ...] = ()
+        self._led: tuple[tuple[str, Place], ...] = ()
         self._guided = any(
             message.type == "guidance" and {brief.role, brief.agent, "all"}.intersection(message.recipients)
             for message in brief.messages
@@ -127,8 +130,8 @@ class Navigator:
         for envelope in inbox.messages:
             assignee, place = name_in(envelope.body, "assignee"), position_in(envelope.body)
             if envelope.category == "assignment" and assignee in (self._brief.agent, self._body.id) and place:
-                if name_in(envelope.body, "step") is not None:
-                    way.append(place)
+                if (step := name_in(envelope.body, "step")) is not None:
+                    way.append((step, place))
                 else:
                     self._ordered = place
         if way:
@@ -148,7 +151,7 @@ class Navigator:
 
     def _next(self, own: EntityView, here: Place) -> Action | None:
         assert own.heading_deg is not None
-        if (action := self._follow(own)) is not None:
+        if (action := self._follow(own, here)) is not None:
             return action
         if self._snaps and not self._fresh(here, own.heading_deg):
             return Action(verb="takePhoto", arguments={"camera": self._camera.name}, resource=self._body.id)
@@ -172,10 +175,18 @@ class Navigator:
             return self._approach(own, here, self._goal)
         return self._explore(own, here)
 
-    def _follow(self, own: EntityView) -> Action | None:
-        """The next step of the way one is led."""
+    def _follow(self, own: EntityView, here: Place) -> Action | None:
+        """The next step of the way one is led, or the picture that was asked for."""
+        assert own.heading_deg is not None
         while self._led:
-            action = self._legs.towards(own, self._led[0], reach_m=ORDERED_M)
+            step, place = self._led[0]
+            if step == FACE:
+                off = turn_deg(own.heading_deg, bearing_deg(here, place))
+                if abs(off) > FACING_DEG:
+                    return self._legs.turn(off)
+                self._led = self._led[1:]
+                return Action(verb="takePhoto", arguments={"camera": self._camera.name}, resource=self._body.id)
+            action = self._legs.towards(own, place, reach_m=ORDERED_M)
             if action is not None:
                 return action
             self._led = self._led[1:]
