@@ -16,6 +16,7 @@ import numpy.typing as npt
 from gymnasium import spaces
 
 from lingjing.envs.vocabulary import STATUSES, Vocabulary
+from lingjing.errors import UsageError
 from lingjing.mission.instance import AgentSpec, ArgumentSpec, CameraSpec, Datum, Entity, Instance, MessageSpec
 from lingjing.mission.model import Field
 from lingjing.plugins.policy import Inbox, Observation
@@ -78,11 +79,12 @@ class Codec:
         visited = {cell.name for cell in observation.cells if cell.visited_tick is not None}
         out: dict[str, Any] = {
             "time": np.array([observation.time_s, self._instance.budget.ticks - observation.tick], np.float32),
-            "entities": {entity.id: _body(entity, views.get(entity.id)) for entity in self._bodies},
             "events": self._events(observation),
             "inbox": self._inbox(inbox.messages),
             "receipt": np.int64(self._receipt(inbox)),
         }
+        if self._bodies:
+            out["entities"] = {entity.id: _body(entity, views.get(entity.id)) for entity in self._bodies}
         if self._cells:
             out["cells"] = np.array([name in visited for name in self._cells], np.int8)
         if self._eyes:
@@ -90,12 +92,18 @@ class Codec:
         return out
 
     def decide(self, action: Mapping[str, Any], observation: Observation) -> Decision:
-        """What a member of `action_space` means: at most one command and one message."""
-        chosen = int(action["command"])
+        """What a member of `action_space` means: at most one command and one message.
+
+        Numbers beyond [-1, 1] are clipped, and what a choice does not need may be left out; anything else that is no
+        member is a `UsageError`.
+        """
+        if not isinstance(action, Mapping):
+            raise self._wrong(f"it is {action!r}, not a dictionary")
+        chosen = self._choice(action, "command")
         command = None
-        if 0 < chosen <= len(self._commands):
+        if chosen:
             entity, verb = self._commands[chosen - 1]
-            values = np.clip(np.asarray(action["arguments"], np.float64), -1.0, 1.0)
+            values = self._numbers(action, "arguments")
             arguments = {spec.name: self._argument(spec, entity, values[k]) for k, spec in enumerate(verb.arguments)}
             given: dict[str, Datum] = {name: value for name, value in arguments.items() if value is not None}
             command = Action(verb=verb.name, arguments=given, resource=entity.id)
@@ -106,11 +114,12 @@ class Codec:
     def _observation_space(self) -> spaces.Dict:
         parts: dict[str, spaces.Space[Any]] = {
             "time": _box(2, low=0.0),
-            "entities": spaces.Dict({entity.id: _box(_BODY + len(entity.state)) for entity in self._bodies}),
             "events": _box(len(self._words.events), low=0.0),
             "inbox": _box(INBOX, 2 + self._width),
             "receipt": spaces.Discrete(len(STATUSES) + 1),
         }
+        if self._bodies:
+            parts["entities"] = spaces.Dict({e.id: _box(_BODY + len(e.state)) for e in self._bodies})
         if self._cells:
             parts["cells"] = spaces.MultiBinary(len(self._cells))
         if self._eyes:
@@ -174,6 +183,26 @@ class Codec:
 
     # -- actions
 
+    def _choice(self, action: Mapping[str, Any], key: str) -> int:
+        space = self.action_space[key]
+        chosen = action.get(key)
+        if not isinstance(chosen, int | np.integer | np.ndarray) or not space.contains(int(chosen)):
+            raise self._wrong(f"`{key}` is {chosen!r}, not one of {space}")
+        return int(chosen)
+
+    def _numbers(self, action: Mapping[str, Any], key: str) -> Array:
+        space = self.action_space[key]
+        try:
+            values = np.asarray(action.get(key), np.float64)
+        except (TypeError, ValueError):
+            values = np.empty(0)
+        if values.shape != space.shape or not np.isfinite(values).all():
+            raise self._wrong(f"`{key}` is {action.get(key)!r}, not one of {space}")
+        return np.clip(values, -1.0, 1.0)
+
+    def _wrong(self, what: str) -> UsageError:
+        return UsageError(f"an action of `{self._agent.id}`: {what}", hint="actions are members of its `action_space`")
+
     def _argument(self, spec: ArgumentSpec, entity: Entity, value: float) -> Datum:
         if spec.unit == "name":
             cameras = entity.cameras
@@ -188,11 +217,10 @@ class Codec:
         return float(low + (high - low) * (value + 1.0) / 2.0)
 
     def _messages(self, action: Mapping[str, Any], observation: Observation) -> tuple[Outgoing, ...]:
-        chosen = int(action.get("message", 0))
-        if not 0 < chosen <= len(self._sayings):
+        if "message" not in action or not self._sayings or not (chosen := self._choice(action, "message")):
             return ()
         message = self._sayings[chosen - 1]
-        values = np.clip(np.asarray(action["fields"], np.float64), -1.0, 1.0)
+        values = self._numbers(action, "fields")
         body: dict[str, Datum] = {}
         column = 0
         for field in message.fields:
@@ -200,7 +228,7 @@ class Codec:
             body[field.name] = self._field(field, values[column : column + width], observation)
             column += width
         body = {name: value for name, value in body.items() if value is not None}
-        to = self._words.agents.word(int(action["to"]))
+        to = self._words.agents.word(self._choice(action, "to"))
         return (Outgoing(kind=message.kind, body=body, to=() if to is None else (to,)),)
 
     def _field(self, field: Field, values: Array, observation: Observation) -> Datum:

@@ -8,6 +8,7 @@ from typing import Any, ClassVar, Literal
 import gymnasium
 import numpy as np
 from gymnasium import spaces
+from gymnasium.utils import EzPickle
 from pettingzoo import ParallelEnv
 
 from lingjing.data import data_path
@@ -28,13 +29,13 @@ REACH_M = 1000.0
 """Half the side of the square that positions in actions are stretched over where no region says more."""
 
 
-class LingjingParallelEnv(ParallelEnv):  # type: ignore[misc] # the package publishes no types
+class LingjingParallelEnv(ParallelEnv, EzPickle):  # type: ignore[misc] # the package publishes no types
     """A mission for all its agents at once.
 
     `mission` is one, a file or a shipped name. `picture_width` is the pixels across of pictures, 0 for none. Each
     step is one decision tick; the reward of every agent is what the score (0..1) gained in it. An engine that fails
     raises `InfrastructureError`, after which `reset` begins anew. `reset(seed=…)` picks the instance; without a seed
-    the next one of the last seed's stream.
+    the next one of the last seed's stream. A copy (pickled or deep) is a new environment made in the same way.
     """
 
     metadata: ClassVar[dict[str, Any]] = {"name": "lingjing_v0", "render_modes": []}
@@ -48,6 +49,9 @@ class LingjingParallelEnv(ParallelEnv):  # type: ignore[misc] # the package publ
         picture_width: int = 160,
         world: World = "process",
     ) -> None:
+        EzPickle.__init__(
+            self, mission, mode=mode, settings=settings, picture_width=picture_width, world=world
+        )  # fmt: skip
         self._game = Game(_mission(mission), mode, settings or {}, "random", world)
         self._instance = self._game.instance(0)
         self._codecs = codecs(self._instance, picture_width)
@@ -70,7 +74,7 @@ class LingjingParallelEnv(ParallelEnv):  # type: ignore[misc] # the package publ
     ) -> tuple[dict[str, dict[str, Any]], dict[str, dict[str, Any]]]:
         """Boundary 0 of an episode."""
         if seed is not None:
-            self._random = np.random.default_rng(seed)
+            self._random = np.random.default_rng(_seed(seed))
         number = int(self._random.integers(LARGEST_SEED)) if seed is None else seed
         self.agents = list(self.possible_agents)
         published = self._game.begin(number, self.agents)
@@ -86,6 +90,11 @@ class LingjingParallelEnv(ParallelEnv):  # type: ignore[misc] # the package publ
         before = self._game.published
         if before is None or not self.agents:
             raise UsageError("the environment has no episode going on", hint="call `reset` first")
+        strangers = [name for name in actions if name not in self._codecs]
+        if strangers:
+            raise UsageError(
+                f"no agent is called `{strangers[0]}`", hint=f"there are: {', '.join(self.possible_agents)}"
+            )
         made = {
             name: self._codecs[name].decide(actions[name], before.observations[name]) if name in actions else Decision()
             for name in self.agents
@@ -122,7 +131,7 @@ class LingjingParallelEnv(ParallelEnv):  # type: ignore[misc] # the package publ
         return {name: _info(published) for name in self._codecs}
 
 
-class LingjingEnv(gymnasium.Env[dict[str, Any], dict[str, Any]]):
+class LingjingEnv(gymnasium.Env[dict[str, Any], dict[str, Any]], EzPickle):
     """A mission for one of its agents (the first by default); `others` names the policy that plays the rest."""
 
     metadata: dict[str, Any] = {"render_modes": []}  # declared so by the base class
@@ -138,6 +147,10 @@ class LingjingEnv(gymnasium.Env[dict[str, Any], dict[str, Any]]):
         picture_width: int = 160,
         world: World = "process",
     ) -> None:
+        EzPickle.__init__(
+            self, mission, agent=agent, others=others, mode=mode, settings=settings, picture_width=picture_width,
+            world=world,
+        )  # fmt: skip
         self._game = Game(_mission(mission), mode, settings or {}, others, world)
         instance = self._game.instance(0)
         each = codecs(instance, picture_width)
@@ -154,7 +167,7 @@ class LingjingEnv(gymnasium.Env[dict[str, Any], dict[str, Any]]):
     ) -> tuple[dict[str, Any], dict[str, Any]]:
         """Boundary 0 of an episode."""
         super().reset(seed=seed)
-        number = int(self.np_random.integers(LARGEST_SEED)) if seed is None else seed
+        number = int(self.np_random.integers(LARGEST_SEED)) if seed is None else _seed(seed)
         published = self._game.begin(number, {self.agent})
         self._score = published.evaluation.reward
         return self._observed(published), _info(published)
@@ -162,7 +175,7 @@ class LingjingEnv(gymnasium.Env[dict[str, Any], dict[str, Any]]):
     def step(self, action: dict[str, Any]) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
         """One decision tick."""
         before = self._game.published
-        if before is None:
+        if before is None or before.evaluation.done or before.record.tick >= self._game.ticks:
             raise UsageError("the environment has no episode going on", hint="call `reset` first")
         published = self._game.step({self.agent: self._codec.decide(action, before.observations[self.agent])})
         gained, self._score = published.evaluation.reward - self._score, published.evaluation.reward
@@ -200,11 +213,19 @@ def codecs(instance: Instance, picture_width: int) -> dict[str, Codec]:
     """One codec for each agent, by name."""
     points = [point for region in instance.regions if not region.hidden for point in region.polygon]
     reach = max([abs(part) for point in points for part in point], default=REACH_M)
+    if picture_width < 0:
+        raise UsageError(f"pictures cannot be {picture_width} pixels across", hint="`picture_width=0` leaves them out")
     return {agent.id: Codec(instance, agent, reach, picture_width) for agent in instance.agents}
 
 
 def _mission(mission: Mission | str) -> Mission:
     return load_mission(mission) if isinstance(mission, str) else mission
+
+
+def _seed(seed: int) -> int:
+    if not 0 <= seed < 2**63:
+        raise UsageError(f"{seed} is not a seed", hint="a seed is a whole number from 0 to 2**63 - 1")
+    return int(seed)
 
 
 def _info(published: Published) -> dict[str, Any]:

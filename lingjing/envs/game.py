@@ -35,6 +35,8 @@ class Game:
         others: str,
         world: Literal["process", "inline"],
     ) -> None:
+        if world not in ("process", "inline"):
+            raise UsageError(f"world={world!r}", hint='engines run in "process" or "inline"')
         self._mission, self._mode, self._settings = mission, mode, dict(settings)
         self._host = PluginHost()
         self._stage = Stage(self._host)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,6 +14,7 @@ from gymnasium.utils.env_checker import check_env
 from pettingzoo.test import parallel_api_test, parallel_seed_test
 
 import lingjing
+from lingjing.bench.columns import columns, shipped
 from lingjing.envs import LingjingParallelEnv, parallel_env
 from lingjing.errors import UsageError
 
@@ -73,7 +75,7 @@ def test_what_is_shown_and_taken_lies_in_the_spaces(env: LingjingParallelEnv) ->
 def test_a_command_and_a_message_arrive(env: LingjingParallelEnv) -> None:
     env.reset(seed=3)
     space = env.action_space("skipper")
-    action = {**space.sample(), "command": 1, "message": 0, "arguments": np.array([0.1, -1.0, 0.0], np.float32)}
+    action = {**space.sample(), "command": 1, "message": 0, "arguments": np.array([0.1, -1.0], np.float32)}
     observations, *_ = env.step({"skipper": action})
     assert observations["skipper"]["receipt"] in (1, 2)  # accepted or running
     assert observations["skipper"]["entities"]["boat"][9] == 1.0  # busy
@@ -97,6 +99,86 @@ def test_every_shipped_mission_is_registered_in_its_modes() -> None:
     for file in missions:
         for mode in lingjing.compile(file).modes.allowed:
             assert f"lingjing/{file.stem}-{mode}-v0" in names
+
+
+def test_every_agent_of_every_mission_has_spaces_that_hold_something() -> None:
+    """Gymnasium's check refuses an empty part; samples of the spaces lie in them."""
+    for column in columns(shipped()):
+        made = parallel_env(column.mission, mode=column.mode, world="inline")
+        for agent in made.possible_agents:
+            shown, taken = made.observation_space(agent), made.action_space(agent)
+            assert all(part.spaces for part in (shown, *shown.values()) if isinstance(part, gymnasium.spaces.Dict))
+            assert taken.contains(taken.sample())
+
+
+def test_one_that_only_coordinates_is_found_in_order_too(short: str) -> None:
+    made = gymnasium.make(
+        "lingjing/ssr-star-v0", agent="commander", others="random", mission=short, world="inline", picture_width=0
+    )
+    try:
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", message=".*(Box|infinity|render).*")
+            check_env(made.unwrapped, skip_render_check=True)
+    finally:
+        made.close()
+
+
+WRONG = (
+    None, {}, {"command": 99}, {"command": -1}, {"command": "x"}, {"arguments": np.zeros(0)}, {"arguments": None},
+    {"arguments": np.full(3, np.nan)}, {"message": 9}, {"fields": np.full(1, np.nan)}, {"to": 99},
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("wrong", WRONG, ids=str)
+def test_an_action_that_is_none_is_a_usage_error(wrong: object, env: LingjingParallelEnv) -> None:
+    space = env.action_space("skipper")
+    fine = {**space.sample(), "command": 1, "message": 1, "to": 0}
+    observations, _ = env.reset(seed=3)
+    action = {**fine, **wrong} if wrong else wrong
+    with pytest.raises(UsageError, match="an action of `skipper`"):
+        env.step({"skipper": action})  # type: ignore[dict-item]
+    observations, *_ = env.step({"skipper": {**fine, "arguments": np.array([-7.0, 7.0], np.float32)}})
+    assert observations["skipper"]["time"][0] == 10.0  # nothing had happened yet; what is too large is clipped
+    with pytest.raises(UsageError, match="no agent is called `nobody`"):
+        env.step({"nobody": fine})
+
+
+def test_a_copy_is_an_environment_made_alike(env: LingjingParallelEnv) -> None:
+    copied = pickle.loads(pickle.dumps(env))
+    try:
+        assert copied.possible_agents == env.possible_agents
+        assert copied.action_space("skipper") == env.action_space("skipper")
+        (mine, _), (theirs, _) = env.reset(seed=4), copied.reset(seed=4)
+        assert np.array_equal(mine["skipper"]["entities"]["boat"], theirs["skipper"]["entities"]["boat"])
+    finally:
+        copied.close()
+
+
+def test_closing_leaves_no_process(short: str) -> None:
+    made = parallel_env(short, mode="broadcast", picture_width=0, world="process")
+    made.reset(seed=1)
+    assert children()
+    made.close()
+    made.close()
+    assert children() == []
+
+
+def children() -> list[str]:
+    """The processes that this one started and that still run."""
+    return [
+        child
+        for tasks in Path("/proc/self/task").glob("*/children")  # a child belongs to the thread that started it
+        for child in tasks.read_text().split()
+        if "world.worker" in Path(f"/proc/{child}/cmdline").read_text()
+    ]
+
+
+@pytest.mark.parametrize(
+    "options", [{"world": "moon"}, {"picture_width": -1}, {"mode": "single"}, {"settings": {"victims": 9.0}}]
+)
+def test_wrong_options_are_usage_errors(options: dict[str, object]) -> None:
+    with pytest.raises(UsageError):
+        parallel_env("ssr", **options)
 
 
 def test_an_unknown_agent_is_named() -> None:

@@ -1,0 +1,37 @@
+"""The page on environments: its examples run, and its tables name what the spaces hold."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from lingjing.envs import parallel_env
+
+PAGE = (Path(__file__).parents[2] / "docs" / "envs.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.slow
+def test_the_examples_run(tmp_path: Path) -> None:
+    examples = re.findall(r"^```python\n(.*?)^```", PAGE, flags=re.MULTILINE | re.DOTALL)
+    assert len(examples) == 2
+    done = subprocess.run(
+        [sys.executable, "-c", "\n".join(examples)], cwd=tmp_path, capture_output=True, text=True, check=False,
+        timeout=240,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    first, second = done.stdout.splitlines()
+    assert first.startswith("5 ")
+    assert second == "(36, 64, 3)"
+
+
+def test_the_tables_name_every_key_of_the_spaces() -> None:
+    _, observed, done = re.split(r"^## .*$", PAGE, flags=re.MULTILINE)
+    env = parallel_env("ssr", mode="star", world="inline")
+    keys = {key for agent in env.possible_agents for key in env.observation_space(agent).spaces}
+    assert keys == set(re.findall(r"^\| `(\w+)` \| `", observed, flags=re.MULTILINE))
+    keys = {key for agent in env.possible_agents for key in env.action_space(agent).spaces}
+    assert keys == set(re.findall(r"^\| `(\w+)` \| `", done, flags=re.MULTILINE))
