@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from math import cos, radians, sin
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -70,3 +71,19 @@ def test_nobody_queues_in_a_wall_or_on_a_road() -> None:
         assert not contains(wall.polygon, x, y) and edge_distance(wall.polygon, x, y) > 0.4 and x > -4.4
     h = radians(site_of(queue, near, 0.0).heading_deg or 0.0)
     assert places[-1] == pytest.approx((-9.6 * sin(h), -9.6 * cos(h)), abs=0.2), "one straight line"
+
+
+def test_what_a_fire_scorches_lies_on_its_roof() -> None:
+    roof = Building(id="b", polygon=((0.0, 0.0), (40.0, 0.0), (40.0, 30.0), (0.0, 30.0)), base_m=0.0, top_m=12.0)
+    fire = thing("building_fire")
+    for place, moved in (
+        ((3.0, 15.0, 12.0), (1.8, 0.0)),
+        ((38.0, 28.0, 12.0), (-2.8, -2.8)),
+        ((20.0, 15.0, 12.0), (0, 0)),
+    ):
+        there = msgspec.structs.replace(fire, position=place)
+        site = site_of(there, [Pieces(buildings=(roof,))], 12.0)
+        assert site.inward == pytest.approx(moved)
+        effects = effects_of(there, BodyState(id="f", position=place), 20.0, DAY, site)
+        assert effects.decals["place"][0] == pytest.approx((place[0] + moved[0], place[1] + moved[1], 12.0))
+    assert site_of(fire, [Pieces(buildings=(roof,))], 0.0).inward == (0.0, 0.0), "on the ground"

@@ -15,14 +15,14 @@ from typing import TypeVar
 import msgspec
 
 from lingjing.mission.instance import Entity, Vector
-from lingjing.plugins.engines.camera.effects.standing import facing
+from lingjing.plugins.engines.camera.effects.standing import facing, inward
 from lingjing.plugins.engines.camera.models.places import KERB_M
 from lingjing.scene.city import Bridge, Building, Lane, Pieces, Polygon, Road, Solid, Tile
 from lingjing.scene.districts.palette import NAMED
 
 AWARE = (
     "bridge_fracture", "pipeline_leak", "reference_building", "destination", "delivery_point", "warehouse",
-    "queue_of_people",
+    "queue_of_people", "building_fire",
 )  # fmt: skip
 """Types whose looks depend on what they stand on."""
 NEAR_M = 40.0
@@ -41,7 +41,7 @@ T = TypeVar("T")
 class Site:
     """Surroundings of a target: the ground's elevation under it; for one on a bridge the deck's axis, width, thickness
     and top; for one on a pipe the pipe's axis and radius; for a queue the bearing in which it has room; for one on a
-    road how far to its right the road ends."""
+    road how far to its right the road ends; for one on a roof how far (m, east and north) to be off its edges."""
 
     ground_m: float = 0.0
     heading_deg: float | None = None
@@ -50,6 +50,7 @@ class Site:
     deck_m: float | None = None
     radius_m: float = 0.4
     kerb_m: float = KERB_M
+    inward: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,6 +104,8 @@ def site_of(entity: Entity, near: Iterable[Pieces], ground_m: float) -> Site:
         pipe = _nearest([(pipe, pipe.path) for piece in near for pipe in piece.pipes], x, y)
         if pipe is not None:
             return Site(ground_m, pipe[2], radius_m=pipe[0].radius_m)
+    if is_a(entity, "building_fire"):
+        return Site(ground_m, inward=inward(entity.position, near))
     if is_a(entity, "queue_of_people"):
         return Site(ground_m, facing(entity, near))
     if entity.properties.get("on") == "road":

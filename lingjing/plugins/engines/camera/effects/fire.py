@@ -55,11 +55,14 @@ GROUND = Blaze(radius_m=0.65, height_m=1.35, flames=60, puffs=60, life_s=7.0, pu
 """Seen by a dog from 2 to 20 m."""
 
 
-def fire(seed: int, place: Floats, blaze: Blaze, heat: float, time_s: float, weather: Weather) -> Effects:
-    """A fire on a place; `heat` 0 is out."""
+def fire(
+    seed: int, place: Floats, blaze: Blaze, heat: float, time_s: float, weather: Weather,
+    inward: tuple[float, float] = (0.0, 0.0),
+) -> Effects:  # fmt: skip
+    """A fire on a place; `heat` 0 is out. What it scorches lies `inward` of it (m, east and north): on its roof."""
     size = max(heat, 0.0) ** 0.5
     scorch = decal(
-        (float(place[0]), float(place[1]), float(place[2])),
+        (float(place[0]) + inward[0], float(place[1]) + inward[1], float(place[2])),
         (2.3 * blaze.radius_m, 2.1 * blaze.radius_m), float(seed % 360), (0.012, 0.011, 0.010), 0.85, BLOT, seed % 97,
     )  # fmt: skip
     if size < 0.05:

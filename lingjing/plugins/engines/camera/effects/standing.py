@@ -1,4 +1,5 @@
-"""Where a line of people has room: which way a queue faces, so that nobody stands in a wall, a parked car or a road."""
+"""What has room where: which way a queue faces, so that nobody stands in a wall, a parked car or a road; how far from
+the edge of a roof what lies on it must be."""
 
 from __future__ import annotations
 
@@ -7,7 +8,7 @@ from itertools import pairwise
 from math import cos, hypot, radians, sin
 
 from lingjing.mission.geometry2d import contains, edge_distance
-from lingjing.mission.instance import Entity
+from lingjing.mission.instance import Entity, Vector
 from lingjing.plugins.engines.camera.models.catalogue import SPACING_M, people_in_line
 from lingjing.scene.city import Pieces, Polygon
 from lingjing.scene.footing import BODIES_M, HEAD_M, STEP_M
@@ -17,6 +18,9 @@ ELBOW_M = 0.6
 TURN_DEG = 15.0
 TURNS_DEG = tuple(sign * TURN_DEG * k for k in range(13) for sign in (1.0, -1.0))
 """From the queue's own heading to the opposite one, small turns first."""
+
+ROOF_MARGIN_M = 4.8
+"""What a fire scorches about itself on a roof ends within this."""
 
 Spot = tuple[float, float]
 
@@ -35,6 +39,22 @@ def facing(entity: Entity, near: Iterable[Pieces]) -> float:
 
     best = max(TURNS_DEG, key=lambda turn: (room(turn), -abs(turn)))
     return (entity.heading_deg + best) % 360.0
+
+
+def inward(position: Vector, near: Iterable[Pieces]) -> Spot:
+    """How far (m, east and north) a place on a roof is moved to be `ROOF_MARGIN_M` from its edges, if the roof is wide
+    enough; (0, 0) for one on none."""
+    x, y, z = position
+    roofs = (b.polygon for p in near for b in p.buildings if abs(b.top_m - z) < STEP_M and contains(b.polygon, x, y))
+    roof = next(roofs, ())
+    east = north = 0.0
+    for a, b in pairwise((*roof, *roof[:1])):
+        away, foot = _nearest_on((a, b), (x, y))
+        if 0.0 < away < ROOF_MARGIN_M:
+            share = (ROOF_MARGIN_M - away) / away
+            dx, dy = share * (x - foot[0]), share * (y - foot[1])
+            east, north = max(east, dx, key=abs), max(north, dy, key=abs)
+    return (east, north) if roof and contains(roof, x + east, y + north) else (0.0, 0.0)
 
 
 class _Obstacles:
@@ -73,11 +93,17 @@ def _touches(polygon: Polygon, about: Spot, reach_m: float) -> bool:
 
 def _apart(strip: tuple[Spot, Spot], spot: Spot) -> float:
     """From a place to a piece of a line, m."""
+    return _nearest_on(strip, spot)[0]
+
+
+def _nearest_on(strip: tuple[Spot, Spot], spot: Spot) -> tuple[float, Spot]:
+    """(distance, point) of a piece of a line nearest to a place."""
     (ax, ay), (bx, by) = strip
     east, north = bx - ax, by - ay
     square = east * east + north * north
     t = min(1.0, max(0.0, ((spot[0] - ax) * east + (spot[1] - ay) * north) / square)) if square else 0.0
-    return hypot(ax + t * east - spot[0], ay + t * north - spot[1])
+    foot = ax + t * east, ay + t * north
+    return hypot(foot[0] - spot[0], foot[1] - spot[1]), foot
 
 
-__all__ = ["facing"]
+__all__ = ["facing", "inward"]
