@@ -110,16 +110,12 @@ def _sights(mission: Mission, traces: Sequence[Trace], folder: Path) -> Iterator
         name = f"{mission.name}-{_plain(shown)}.jpg"
         write_frame(shown, folder / name)
         yield f"![{shown.caption}]({name})\n"
-        yield f"*{_sentence(shown.caption)}*\n"
+        yield f"*{shown.caption}.*\n"  # it begins with a name, which stays as it is
 
 
 def _plain(shown: Shown) -> str:
     """`uav-2-nadir`: a name for a file."""
     return re.sub(r"[^a-z0-9]+", "-", f"{shown.info.entity}-{shown.info.camera}".lower()).strip("-")
-
-
-def _sentence(text: str) -> str:
-    return f"{text[0].upper()}{text[1:]}."
 
 
 def _results(rows: Sequence[Row]) -> list[str]:

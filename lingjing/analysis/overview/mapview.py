@@ -9,7 +9,7 @@ import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.lines import Line2D
-from matplotlib.patches import Polygon
+from matplotlib.patches import Polygon, Rectangle
 
 from lingjing.analysis.detection import Report
 from lingjing.analysis.overview import style
@@ -186,6 +186,12 @@ def _scale(axes: Axes, west: float, south: float, width: float, height: float) -
     unit = 10 ** math.floor(math.log10(rough))
     length = unit * max(step for step in (1, 2, 5) if step * unit <= rough)
     x, y = west + width * 0.03, south + height * 0.035
+    axes.add_patch(
+        Rectangle(
+            (x - width * 0.012, y - height * 0.016), length + width * 0.059, height * 0.096,
+            facecolor="white", alpha=0.8, edgecolor="none", zorder=9.5,
+        )
+    )  # fmt: skip
     axes.plot((x, x + length), (y, y), color=style.INK, linewidth=2.5, solid_capstyle="butt", zorder=10)
     axes.text(x + length / 2, y + height * 0.012, f"{length:g} m", ha="center", va="bottom", fontsize=8.5, zorder=10)
     axes.annotate(

@@ -135,6 +135,13 @@ class Draft:
         except MissionError:
             return spell(expr)
 
+    def share(self, expr: ex.Expr) -> str:
+        """A share in per cent at the default parameters, else the expression as written."""
+        try:
+            return f"{100 * number(expr, self._defaults):g} %"
+        except MissionError:
+            return spell(expr)
+
     def many(self, name: str, expr: ex.Expr | None) -> str:
         """What a group is called: `uav[1..3]`, or `uav[1..n]` where only a run knows."""
         if expr is None:

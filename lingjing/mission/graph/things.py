@@ -63,7 +63,7 @@ def add_grids(mission: model.Mission, draft: Draft) -> None:
     for grid in mission.grids:
         region = draft.need(grid.region, f"the grid `{grid.name}`", "region")
         size = f"{draft.value(grid.rows)} × {draft.value(grid.columns)}"
-        node = draft.node("grid", grid.name, detail=f"{size}, overlap {spell(grid.overlap)}", within=region)
+        node = draft.node("grid", grid.name, detail=f"{size}, overlap {draft.share(grid.overlap)}", within=region)
         draft.edge("requires", node, region, label="over")
 
 
