@@ -10,7 +10,7 @@ help:
 	@echo 'make test    run the tests'
 	@echo 'make check   ruff, mypy, import contracts and the tests'
 	@echo 'make bench   compare with others, side by side'
-	@echo 'make study   seeds 0-19, every mission in every mode, all reference agents: hours'
+	@echo 'make study   seeds 0-19, every mission in every mode, all reference agents: hours (STUDY="--sweeps --seeds 5")'
 	@echo 'make pictures  draw the contact sheet in docs/images'
 	@echo 'make missions  play every mission and write its page in docs/missions (RESULTS=results.json of a study)'
 
@@ -35,7 +35,7 @@ bench: setup
 	@$(BIN)/python benchmarks/all.py
 
 study: setup
-	@$(BIN)/python -m lingjing.bench.study
+	@$(BIN)/python -m lingjing.bench.study $(STUDY)
 
 pictures: setup
 	@$(BIN)/python tools/contact_sheet.py
