@@ -9,11 +9,13 @@ from __future__ import annotations
 import math
 
 from lingjing.mission.instance import Vector, Weather
-from lingjing.mission.seeding import Stream
+from lingjing.mission.seeding import generator
 from lingjing.plugins.engines.sea import wind_velocity
 
 _LENGTH_M = 50.0
 _VERTICAL = 0.5
+_BLOCK = 150
+"""Normal numbers that are drawn at once; a call for each would cost more than the flight that they disturb."""
 
 
 class Gust:
@@ -22,7 +24,8 @@ class Gust:
 
     def __init__(self, weather: Weather, seed: int, name: str, dt_s: float) -> None:
         self._dt_s = dt_s
-        self._random = Stream(seed, name)
+        self._random = generator(seed, name)
+        self._normals: list[float] = []
         self._offset = (0.0, 0.0, 0.0)
         self._set(weather)
 
@@ -32,7 +35,11 @@ class Gust:
             self._set(weather)
         if self._sigma == 0.0 and self._offset == (0.0, 0.0, 0.0):
             return self._mean[0], self._mean[1], 0.0
-        east, north, up = (self._keep * part + self._kick * self._random.normal(0.0, 1.0) for part in self._offset)
+        if not self._normals:
+            self._normals = self._random.standard_normal(_BLOCK).tolist()
+        keep, kick, draw = self._keep, self._kick, self._normals.pop
+        east, north, up = self._offset
+        east, north, up = keep * east + kick * draw(), keep * north + kick * draw(), keep * up + kick * draw()
         self._offset = (east, north, up)
         return self._mean[0] + east, self._mean[1] + north, _VERTICAL * up
 

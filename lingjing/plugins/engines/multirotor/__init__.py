@@ -1,7 +1,7 @@
 """Multirotors: JSBSim flies the airframe, a cascaded controller flies JSBSim.
 
 `engine` (the contract) → `verbs` (command to destinations) → `drone` (one vehicle: phases, position, collisions) →
-`control` (position to attitude and thrust, 50 Hz) → `airframe` (JSBSim, 250 Hz), with `power` (what flying costs the
+`control` (position to attitude and thrust, 50 Hz) → `airframe` (JSBSim, 100 Hz), with `power` (what flying costs the
 battery). `aircraft/` holds the airframe's model.
 
 The world is flat: JSBSim's local north, east and down are taken as the world's axes at every place, and positions are

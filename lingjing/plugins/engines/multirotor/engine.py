@@ -19,7 +19,7 @@ from lingjing.trace.records import BodyState, Command
 
 
 class MultirotorEngine(FleetEngine):
-    """Steps every vehicle at 50 Hz (250 Hz inside JSBSim); vehicles that touch each other both crash."""
+    """Steps every vehicle at 50 Hz (100 Hz inside JSBSim); vehicles that touch each other both crash."""
 
     step_s = PERIOD_S
 
