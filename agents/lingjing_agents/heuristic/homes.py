@@ -37,7 +37,7 @@ SKIRT_M, CORNICE_M, WALL_M = 1.0, 0.8, (-2.0, 0.6)
 """A wall's colours count from this high to this far below its top, between these distances outside the outline seen
 from above: eaves reach beyond the wall."""
 
-CANOPY_M, REACH_M, FLAT_M = (2.2, 4.0), (0.6, 2.4), 0.2
+CANOPY_M, REACH_M, FLAT_M = (2.2, 4.0), (0.4, 2.4), 0.15
 """How high the slab over a door lies, between which distances from the wall, and how flat it is."""
 
 LEAST_SAMPLES, MOSTLY = 30, 0.6
@@ -183,6 +183,7 @@ def _door(points: Floats, length: float) -> float | None:
     span = (-length / 2.0, length / 2.0)
     counts, edges, _ = np.histogram2d(along, height, bins=(max(3, int(length)), layers), range=(span, CANOPY_M))
     several = counts[:-2] + counts[1:-1] + counts[2:]
+    several = several[:, :-1] + several[:, 1:]  # a slab may lie on the line between two layers
     place, layer = np.unravel_index(int(np.argmax(several)), several.shape)
     beside = np.abs(along - (edges[place + 1] + edges[place + 2]) / 2.0) < 1.5
     if several[place, layer] < max(LEAST_SAMPLES, MOSTLY * int(beside.sum())):

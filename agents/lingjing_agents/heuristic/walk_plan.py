@@ -66,7 +66,11 @@ def ground_of(points: Floats, bounds: Bounds, here: Place) -> Ground:
     np.maximum.at(tops, (row, column), points[:, 2])
     building = cv2.morphologyEx((tops > STOREY_M).astype(np.uint8), cv2.MORPH_OPEN, _disc(LARGE_M))
     building = cv2.dilate(building, _disc(2.0))
-    crowns = cv2.erode(((tops > UNDER_M) & (building == 0)).astype(np.uint8), _disc(CROWN_M))
+    crowns = ((tops > UNDER_M) & (building == 0)).astype(np.uint8)
+    _, _, _, middles = cv2.connectedComponentsWithStats(crowns)
+    crowns = cv2.erode(crowns, _disc(CROWN_M))
+    stems = np.minimum(np.round(middles[1:]).astype(np.int64), (columns - 1, rows - 1))
+    crowns[stems[:, 1], stems[:, 0]] = 1
     low = ((tops > STEP_OVER_M) & (tops <= UNDER_M)).astype(np.uint8)
     standing = cv2.dilate(building | crowns | low, _disc(2.0 * BESIDE_M))
     away = np.hypot(*np.meshgrid(np.arange(columns) - (here[0] - bounds.west) / CELL_M,

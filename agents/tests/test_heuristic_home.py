@@ -1,0 +1,280 @@
+"""Leading a walker to the house of a picture: walls and doors from above, ways of few commands, the house confirmed."""
+
+import math
+
+import msgspec
+import numpy as np
+import pytest
+from agent_kit import ASSIGNMENT, STATUS, Inbox, brief, envelope, observe, verb, view
+from lingjing_agents.heuristic.guide_home import HomeGuide
+from lingjing_agents.heuristic.homes import View, find_walls, reference_signature
+from lingjing_agents.heuristic.policy import rules_for
+from lingjing_agents.heuristic.route_coordinator import RouteCoordinator
+from lingjing_agents.heuristic.walk_map import Bounds
+from lingjing_agents.heuristic.walk_plan import Ground, fewest_commands, ground_of
+
+from lingjing.plugins.geometry import bearing_deg, camera_axes, focal_px
+from lingjing.plugins.policy import (
+    ArgumentSpec,
+    CameraPose,
+    CameraSpec,
+    Field,
+    MessageSpec,
+    Peer,
+    Picture,
+    Region,
+    Resource,
+)
+
+YELLOW, BLUE, GREY, GREEN, GLASS = (229, 200, 100), (130, 165, 200), (130, 130, 130), (70, 110, 40), (90, 95, 100)
+YARD = ((0.0, 0.0), (100.0, 0.0), (100.0, 90.0), (0.0, 90.0))
+AROUND = Bounds.around(YARD, 12.0)
+
+Box = tuple[tuple[float, float, float], tuple[float, float, float], tuple[int, int, int]]
+
+
+def house(west: float, south: float, colour: tuple[int, int, int], door: float) -> tuple[Box, ...]:
+    """A house of 30 x 12 x 9 m with a canopy before its southern wall."""
+    return (
+        ((west, south, 0.0), (west + 30.0, south + 12.0, 9.0), colour),
+        ((west + door - 1.6, south - 1.6, 2.8), (west + door + 1.6, south, 3.0), GREY),
+    )
+
+
+HOUSES = (*house(10.0, 60.0, YELLOW, 15.0), *house(60.0, 60.0, BLUE, 12.0))
+
+
+def picture_of(boxes: tuple[Box, ...], pose: CameraPose, camera: str, entity: str) -> Picture:
+    """What a camera shows of boxes with grey roofs on a lawn: colours and depth, ray by ray."""
+    right, down, forward = (np.array(axis) for axis in camera_axes(pose))
+    u = (np.arange(pose.width) + 0.5 - pose.width / 2) / focal_px(pose)
+    v = (np.arange(pose.height) + 0.5 - pose.height / 2) / focal_px(pose)
+    rays = forward + u[None, :, None] * right + v[:, None, None] * down
+    eye = np.array(pose.position)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        depth = np.where(rays[..., 2] < 0.0, -eye[2] / rays[..., 2], np.inf)
+        rgb = np.where(np.isfinite(depth)[..., None], np.array(GREEN), np.array((150, 190, 240)))
+        for low, high, colour in boxes:
+            near, far = (np.array(low) - eye) / rays, (np.array(high) - eye) / rays
+            enter = np.minimum(near, far)
+            start, end = enter.max(axis=2), np.maximum(near, far).min(axis=2)
+            hit = (start > 0.0) & (start <= end) & (start < depth)
+            on_roof = enter.argmax(axis=2) == 2
+            depth = np.where(hit, start, depth)
+            rgb = np.where(hit[..., None], np.where(on_roof[..., None], np.array(GREY), np.array(colour)), rgb)
+    shaded = rgb.astype(np.uint8)
+    return Picture(frame=f"f-{camera}", entity=entity, camera=camera, tick=1, time_s=20.0, pose=pose, rgb=shaded,
+                   depth=depth.astype(np.float32))  # fmt: skip
+
+
+def from_above(x: float, y: float) -> Picture:
+    pose = CameraPose(position=(x, y, 60.0), heading_deg=0.0, tilt_deg=90.0, hfov_deg=84.0, width=960, height=540)
+    return picture_of(HOUSES, pose, "nadir", "uav")
+
+
+def from_the_ground(x: float, y: float) -> Picture:
+    pose = CameraPose(position=(x, y, 0.5), heading_deg=0.0, tilt_deg=5.0, hfov_deg=90.0, width=640, height=360)
+    return picture_of(HOUSES, pose, "front", "dog")
+
+
+def reference(x: float) -> Picture:
+    """A photograph of the house whose door is at `x`, from across the street."""
+    pose = CameraPose(position=(x, 36.0, 4.0), heading_deg=0.0, tilt_deg=0.0, hfov_deg=75.0, width=640, height=360)
+    return picture_of(HOUSES, pose, "reference", "house")
+
+
+REFERENCE = {"yellow": reference(25.0), "blue": reference(72.0)}
+
+
+def test_walls_have_the_colours_and_doors_that_show_from_above():
+    above = View.of(from_above(50.0, 46.0), 0.0, AROUND)
+    assert above is not None
+    walls = {(round(wall.middle[0] / 5) * 5, round(wall.bearing_deg)): wall for wall in find_walls((above,), AROUND)}
+    yellow, blue = walls[25, 180], walls[75, 180]
+    assert yellow.door == pytest.approx((25.0, 60.0), abs=0.7)
+    assert blue.door == pytest.approx((72.0, 60.0), abs=0.7)
+    look = reference_signature(REFERENCE["yellow"].rgb)
+    assert yellow.colours is not None
+    assert blue.colours is not None
+    assert look.likeness(yellow.colours) > 0.8
+    assert look.likeness(blue.colours) < 0.3
+    assert yellow.long
+    assert not walls[40, 90].long
+    assert walls[25, 0].colours is None  # it looks away
+
+
+def test_a_picture_without_depth_shows_no_walls():
+    assert View.of(without_depth(from_above(50.0, 46.0)), 0.0, AROUND) is None
+
+
+def without_depth(shown: Picture) -> Picture:
+    return Picture(frame="f", entity="uav", camera="nadir", tick=1, time_s=0.0, pose=shown.pose, rgb=shown.rgb)
+
+
+def test_crowns_of_trees_close_their_stems_alone_and_buildings_all_their_ground():
+    above = View.of(picture_of(
+        (*HOUSES, ((48.0, 20.0, 2.6), (53.0, 25.0, 7.0), GREEN), ((20.0, 20.0, 0.0), (24.0, 22.0, 1.5), BLUE)),
+        from_above(50.0, 46.0).pose, "nadir", "uav",
+    ), 0.0, AROUND)  # fmt: skip
+    assert above is not None
+    ground = ground_of(above.points, AROUND, (50.0, 10.0))
+    free = [(50.5, 27.0), (48.3, 20.3), (60.0, 40.0), (22.0, 26.0)]
+    shut = [(50.5, 22.5), (25.0, 66.0), (22.0, 21.0)]
+    for place, closed in [*((place, False) for place in free), *((place, True) for place in shut)]:
+        row, column = int((place[1] - AROUND.south) / 0.5), int((place[0] - AROUND.west) / 0.5)
+        assert bool(ground.closed[row, column]) is closed, place
+
+
+def test_the_way_of_fewest_commands_goes_through_the_gap_and_stops_near_the_goal():
+    bounds = Bounds(0.0, 0.0, 100.0, 100.0)
+    closed = np.zeros((200, 200), bool)
+    closed[98:102] = True
+    closed[98:102, 150:162] = False  # a gap at x 75 to 81
+    ground, start, goal = Ground(bounds, closed), (20.0, 20.0), (80.0, 90.0)
+    way = fewest_commands(ground, bounds, start, 0.0, goal, 9.0, 25.0)
+    assert 2 <= len(way) <= 3
+    assert math.dist(way[-1], goal) <= 9.0
+    for a, b in zip((start, *way), way, strict=False):
+        assert ground.open_lines(a, np.array([b])).all()
+    closed[98:102] = True
+    assert fewest_commands(Ground(bounds, closed), bounds, start, 0.0, goal, 9.0, 25.0) == ()
+    assert fewest_commands(ground, bounds, goal, 0.0, goal, 9.0, 25.0) == ()
+
+
+GUIDANCE = MessageSpec(
+    kind="guide", type="guidance", category="assignment", senders=("boss",), recipients=("courier",),
+    fields=(Field(name="assignee", type="name"), Field(name="step", type="name"),
+            Field(name="amount", type="number", optional=True), Field(name="position", type="position", optional=True)),
+)  # fmt: skip
+JAM = MessageSpec(
+    kind="jammed", type="trafficJam", category="target_status", senders=("boss", "eye"), recipients=("all",),
+    fields=(Field(name="position", type="position"),),
+)  # fmt: skip
+MESSAGES = (GUIDANCE, JAM, msgspec.structs.replace(ASSIGNMENT, senders=("boss",)), STATUS)
+PEERS = (
+    Peer(id="eye", role="eye", resources=("uav",)),
+    Peer(id="driver", role="driver", resources=("van",)),
+    Peer(id="courier", role="courier", resources=("dog",)),
+)
+
+
+def told(name: str, *resources: Resource):
+    return msgspec.structs.replace(
+        brief(), agent=name, role=name, resources=resources, messages=MESSAGES, cells=(), settings={}, tick_s=20.0,
+        ticks=50, peers=tuple(peer for peer in PEERS if peer.id != name), water_level_m=0.0,
+        regions=(Region(name="yard", polygon=YARD),),
+    )  # fmt: skip
+
+
+def at(tick: int, *pictures: Picture, dog=(50.0, 10.0, 0.33), heading: float = 0.0):
+    return observe("boss", tick, view("dog", dog, heading=heading), pictures=pictures)
+
+
+def guide_of(colour: str) -> HomeGuide:
+    guide = HomeGuide.of(told("boss"), at(0, REFERENCE[colour]))
+    assert guide is not None
+    return guide
+
+
+def steps(messages) -> list[tuple[str, tuple[float, float]]]:
+    return [(note.body["step"], tuple(note.body["position"][:2])) for note in messages]
+
+
+@pytest.mark.parametrize(("colour", "door"), [("yellow", (25.0, 60.0)), ("blue", (72.0, 60.0))])
+def test_a_walker_is_led_to_the_front_of_the_house_in_the_picture(colour: str, door: tuple[float, float]):
+    guide = guide_of(colour)
+    guide.see(at(1, from_above(50.0, 46.0)))
+    told_steps = steps(guide.lead(at(1), waited=True))
+    assert [step for step, _ in told_steps] == ["walk"] * (len(told_steps) - 1) + ["face"]
+    assert math.dist(told_steps[-2][1], door) <= 9.5
+    assert math.dist(told_steps[-1][1], door) <= 0.7
+    assert guide.lead(at(2), waited=True) == ()  # it is on its way
+
+
+def test_a_front_that_the_walkers_picture_shows_to_be_another_is_given_up():
+    guide = guide_of("yellow")
+    guide.see(at(1, from_above(50.0, 46.0)))
+    ((_, first),) = steps(guide.lead(at(1), waited=True))[-1:]
+    assert first[0] < 50.0
+    wrong = from_the_ground(72.0, 45.0)
+    guide.see(at(5, shown_at(wrong, (25.0, 45.0)), dog=(25.0, 45.0, 0.33)))
+    ((_, second),) = steps(guide.lead(at(5, dog=(25.0, 45.0, 0.33)), waited=True))[-1:]
+    assert math.dist(first, second) > 20.0
+
+
+def shown_at(shown: Picture, here: tuple[float, float]) -> Picture:
+    pose = msgspec.structs.replace(shown.pose, position=(*here, 0.5), heading_deg=bearing_deg(here, (25.0, 60.0)))
+    return Picture(frame="f", entity="dog", camera="front", tick=5, time_s=0.0, pose=pose, rgb=shown.rgb)
+
+
+def test_who_stood_in_vain_is_sent_nearer_and_then_elsewhere():
+    guide = guide_of("yellow")
+    guide.see(at(1, from_above(50.0, 46.0)))
+    ways = [steps(guide.lead(at(1), waited=True))]
+    for tick in range(2, 20):
+        way = steps(guide.lead(at(tick, dog=(*ways[-1][-2][1], 0.33)), waited=True))
+        ways += [way] if way else []
+    first, nearer, other = (way[-2][1] for way in ways[:3])
+    assert 5.0 < math.dist(first, (25.0, 60.0)) <= 9.5
+    assert math.dist(nearer, (25.0, 60.0)) <= 5.0
+    assert math.dist(other, (25.0, 60.0)) > 20.0
+
+
+def test_nobody_is_led_without_a_reference_or_before_a_like_wall_was_seen():
+    assert HomeGuide.of(told("boss"), at(0)) is None
+    guide = guide_of("blue")
+    guide.viewpoints((50.0, -5.0))
+    far = msgspec.structs.replace(from_above(50.0, 46.0).pose, position=(-20.0, 46.0, 60.0))
+    guide.see(at(1, picture_of(HOUSES[:2], far, "nadir", "uav")))
+    assert guide.lead(at(1), waited=False) == ()
+
+
+def test_the_region_is_looked_at_from_the_side_of_the_route_on():
+    places = guide_of("blue").viewpoints((50.0, -5.0))
+    assert [round(x) for x, _ in places] == [50, 50, 50]
+    assert [y for _, y in places] == sorted(y for _, y in places)
+    assert places[0][1] == pytest.approx(15.0)
+
+
+def test_a_coordinator_asks_for_the_pictures_after_the_route():
+    boss = RouteCoordinator(told("boss"))
+    boss.act(at(0, REFERENCE["blue"]), Inbox())
+    van = msgspec.structs.replace(view("van", (0.0, -60.0, 0.0)), route=((50.0, -60.0, 0.0), (50.0, -5.0, 0.0)))
+    decision = boss.act(observe("boss", 1, van, view("dog", (50.0, 10.0, 0.33))), Inbox())
+    tasks = [note.body["task"] for note in decision.messages]
+    assert tasks == ["inspect", "inspect", "look", "look", "look"]
+
+
+EYE = CameraSpec(
+    name="front", view="front", width=640, height=360, hfov_deg=90.0, channels=("rgb",), capture="on_request"
+)
+ANGLE = ArgumentSpec(name="angle", unit="deg", minimum=0.0, maximum=90.0)
+DOG = Resource(
+    id="dog", type="robot_dog", embodied=True, cameras=(EYE,),
+    verbs=(verb("forward", ArgumentSpec(name="distance", unit="m", minimum=1.0, maximum=25.0)),
+           verb("left", ANGLE), verb("right", ANGLE), verb("stop"), verb("takePhoto")),
+)  # fmt: skip
+
+
+def test_who_may_be_guided_waits_walks_the_way_and_looks_at_the_front():
+    rules = rules_for(told("courier", DOG))
+    assert rules is not None
+    start = view("dog", (50.0, 10.0, 0.33), heading=0.0)
+    assert rules.act(observe("courier", 0, start, pictures=(REFERENCE["blue"],)), Inbox()).command is None
+    way = [("walk", (50.0, 30.0)), ("face", (80.0, 30.0))]
+    notes = tuple(
+        envelope("boss", GUIDANCE, {"assignee": "courier", "step": step, "position": (*place, 0.0)})
+        for step, place in way
+    )
+    walk = rules.act(observe("courier", 1, start), Inbox(messages=notes)).command
+    assert walk is not None
+    assert walk.verb == "forward"
+    there = view("dog", (50.0, 29.0, 0.33), heading=0.0)
+    turn = rules.act(observe("courier", 2, there), Inbox()).command
+    assert turn is not None
+    assert turn.verb == "right"
+    facing = view("dog", (50.0, 29.0, 0.33), heading=88.0)
+    look = rules.act(observe("courier", 3, facing), Inbox()).command
+    assert look is not None
+    assert look.verb == "takePhoto"
+    assert rules.act(observe("courier", 4, facing), Inbox()).command is None  # it waits for what is said to that
