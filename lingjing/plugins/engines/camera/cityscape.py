@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lingjing.plugins.engines.camera import city_shaders as shaders
+from lingjing.plugins.engines.camera import programs
 from lingjing.plugins.engines.camera.classes import FIRST_ENTITY
 from lingjing.plugins.engines.camera.effects import SHOWING, Dress
 from lingjing.plugins.engines.camera.instances import Batch, prop_batches
@@ -364,9 +365,10 @@ class Cityscape:
     def _program(self, name: str, mode: Mode) -> moderngl.Program:
         if (name, mode) not in self._programs:
             switches = {"layered": name in LAYERED, name: True, **mode._asdict()}
-            self._programs[name, mode] = self._context.program(
-                vertex_shader=shaders.variant(shaders.VERTEX, **switches),
-                fragment_shader=shaders.variant(SOURCES[name], **switches),
+            self._programs[name, mode] = programs.build(
+                self._context,
+                shaders.variant(shaders.VERTEX, **switches),
+                shaders.variant(SOURCES[name], **switches),
             )
         return self._programs[name, mode]
 

@@ -87,3 +87,11 @@ def semantic_table(entities: Sequence[Entity]) -> npt.NDArray[np.uint8]:
     """Table from drawn id to class id, for ids below `FIRST_ENTITY + len(entities)`."""
     kinds = [entity_class(entity) for entity in entities]
     return np.array([*range(FIRST_ENTITY), *kinds], dtype=np.uint8)
+
+
+def semantic_picture(ids: npt.NDArray[np.uint16], entities: Sequence[Entity]) -> npt.NDArray[np.uint8]:
+    """Class ids of drawn ids. Most of a picture is static, whose ids are classes: only the rest is looked up."""
+    classes = ids.astype(np.uint8)
+    moving = np.flatnonzero(ids.ravel() >= FIRST_ENTITY)
+    classes.ravel()[moving] = semantic_table(entities)[ids.ravel()[moving]]
+    return classes

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lingjing.mission.instance import Weather
-from lingjing.plugins.engines.camera import city_shaders, shaders, uniforms
+from lingjing.plugins.engines.camera import city_shaders, programs, shaders, uniforms
 from lingjing.plugins.engines.camera.cityscape import Cityscape, View
 from lingjing.plugins.engines.camera.classes import CLASSES
 from lingjing.plugins.engines.camera.context import open_context, renderer_name
@@ -33,6 +33,7 @@ from lingjing.plugins.engines.camera.nightlights import lamp_rows
 from lingjing.plugins.engines.camera.noise import GRAIN, grain_texture, lace_texture, noise_texture
 from lingjing.plugins.engines.camera.ocean import RIPPLE_M, Surface
 from lingjing.plugins.engines.camera.ocean import SIZE as SEA_SIZE
+from lingjing.plugins.engines.camera.sight import sky_bounds
 from lingjing.plugins.engines.camera.standins import FULL_PX, TINY_PX, standin
 from lingjing.plugins.engines.camera.targets import MAX_TARGETS, Buffers, Target
 from lingjing.plugins.engines.camera.tilemesh import Under
@@ -70,16 +71,13 @@ class Renderer:
         self.name = renderer_name(self.context)
         self._objects = self._pair(shaders.OBJECT_VERTEX, shaders.OBJECT_FRAGMENT)
         self._grounds = {cls: self._pair(shaders.OBJECT_VERTEX, shaders.ground_fragment(cls)) for cls in GROUND_CLASSES}
-        program = self.context.program
-        self._water = program(vertex_shader=shaders.WATER_VERTEX, fragment_shader=shaders.WATER_FRAGMENT)
-        self._lake = program(vertex_shader=shaders.LAKE_VERTEX, fragment_shader=shaders.WATER_FRAGMENT)
-        self._sky = program(vertex_shader=shaders.SKY_VERTEX, fragment_shader=shaders.SKY_FRAGMENT)
-        self._shadow = program(vertex_shader=shaders.SHADOW_VERTEX, fragment_shader=shaders.SHADOW_FRAGMENT)
-        self._mark = program(vertex_shader=shaders.MARK_VERTEX, fragment_shader=shaders.MARK_FRAGMENT)
-        self._rain = program(vertex_shader=shaders.SKY_VERTEX, fragment_shader=city_shaders.RAIN_FRAGMENT)
-        self._tree_shade = program(
-            vertex_shader=city_shaders.CASTER_INSTANCED, fragment_shader=city_shaders.CASTER_FRAGMENT
-        )
+        self._water = self._program(shaders.WATER_VERTEX, shaders.WATER_FRAGMENT)
+        self._lake = self._program(shaders.LAKE_VERTEX, shaders.WATER_FRAGMENT)
+        self._sky = self._program(shaders.SKY_VERTEX, shaders.SKY_FRAGMENT)
+        self._shadow = self._program(shaders.SHADOW_VERTEX, shaders.SHADOW_FRAGMENT)
+        self._mark = self._program(shaders.MARK_VERTEX, shaders.MARK_FRAGMENT)
+        self._rain = self._program(shaders.SKY_VERTEX, city_shaders.RAIN_FRAGMENT)
+        self._tree_shade = self._program(city_shaders.CASTER_INSTANCED, city_shaders.CASTER_FRAGMENT)
         self._effects = EffectPass(self.context)
         self._programs = (
             *self._objects, *(p for pair in self._grounds.values() for p in pair), self._water, self._lake, self._sky,
@@ -183,7 +181,7 @@ class Renderer:
         self._prepare(pose, scenery, light, view)
         target.frame.use()
         target.write(colour=True, alpha=True, rest=True)
-        target.clear()
+        target.clear(uniforms.haze(light))
         self.context.enable_only(moderngl.DEPTH_TEST)
         self.context.depth_func = "<="
         weather = light.rain > 0.0, light.lamps
@@ -197,7 +195,7 @@ class Renderer:
         if self._town is not None and view is not None:
             self._town.floors(view, *weather)
         self._waters()
-        self._sky_vao.render()
+        self._heavens(target, pose)
         scenery = self._enlivened(scenery, view, pose, light)
         drawn = self._fill(pose, scenery, light)
         self._blend(target, drawn, scenery, light)
@@ -216,6 +214,14 @@ class Renderer:
         for level, array, _ in self._lakes:
             self._lake["u_level"] = level
             array.render()
+
+    def _heavens(self, target: Target, pose: CameraPose) -> None:
+        """The sky, where it can be: below that all is ground or water."""
+        place = sky_bounds(pose, self._level)
+        if place is not None:
+            target.frame.scissor = place
+            self._sky_vao.render()
+            target.frame.scissor = None  # type: ignore[assignment] # the whole picture
 
     def _air(self, target: Target, pose: CameraPose, scenery: Scenery, light: Light) -> None:
         """What the air carries: smoke, mist, glow, rain. It hides nothing from ids and depth."""
@@ -321,11 +327,14 @@ class Renderer:
 
     def _pair(self, vertex: str, fragment: str) -> tuple[moderngl.Program, moderngl.Program]:
         """A program without and with shadows from the shadow map."""
-        program = self.context.program
+        program = self.context.program  # many small triangles: varyings cost them more than uniforms
         return (
             program(vertex_shader=vertex, fragment_shader=fragment),
             program(vertex_shader=shaders.shaded(vertex), fragment_shader=shaders.shaded(fragment)),
         )
+
+    def _program(self, vertex: str, fragment: str) -> moderngl.Program:
+        return programs.build(self.context, vertex, fragment)
 
     def _land(self, land: Land, level: float, shaded: bool = False) -> Model:
         program = self._grounds.get(land.cls, self._grounds[CLASSES["concrete"]])[shaded]
@@ -356,7 +365,7 @@ class Renderer:
             "u_rain": light.rain,
             "u_silt": float(self._town is not None and self._town.plate.sea is None),
         }
-        programs: tuple[moderngl.Program, ...] = (*self._programs, *self._effects.programs)
+        told: tuple[moderngl.Program, ...] = (*self._programs, *self._effects.programs)
         near = uniforms.bay_near(pose)
         if self._town is not None and view is not None:
             self._town.bind(SHADE_UNIT, MAP_UNIT)
@@ -364,9 +373,9 @@ class Renderer:
             self._grain.filter = _grain_filter(pose)
             near = self._town.near_plane(view, pose, _closest(scenery, pose))
             values |= {**self._town.values(view), "u_shadow": SHADE_UNIT, "u_map": MAP_UNIT}
-            programs = (*programs, *self._town.programs(light.rain > 0.0, light.lamps))
+            told = (*told, *self._town.programs(light.rain > 0.0, light.lamps))
         values |= uniforms.view(pose, near)
-        for program in programs:
+        for program in told:
             for name in program:
                 if name in values:
                     program[name] = values[name]

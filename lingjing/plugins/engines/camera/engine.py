@@ -16,7 +16,7 @@ from lingjing.errors import InfrastructureError
 from lingjing.mission.instance import CameraSpec, Entity, Weather
 from lingjing.plugins.engine import Boundary, CaptureRequest, EngineSpec, Frame
 from lingjing.plugins.engines.camera.boxes import entity_boxes
-from lingjing.plugins.engines.camera.classes import MAX_ENTITIES, semantic_table
+from lingjing.plugins.engines.camera.classes import MAX_ENTITIES, semantic_picture
 from lingjing.plugins.engines.camera.draw import Renderer, Scenery
 from lingjing.plugins.engines.camera.effects import Site, dress
 from lingjing.plugins.engines.camera.ground import build_ground, height_under, water_level
@@ -139,7 +139,7 @@ class CameraEngine:
             boxes=entity_boxes(buffers.ids, entities),
             renderer=self._renderer.name,
         )
-        semantic = semantic_table(entities).take(buffers.ids) if "semantic" in camera.channels else None
+        semantic = semantic_picture(buffers.ids, entities) if "semantic" in camera.channels else None
         return Frame(info=info, rgb=buffers.rgb, depth=buffers.depth, semantic=semantic)
 
     def _above(self, pose: CameraPose) -> CameraPose:

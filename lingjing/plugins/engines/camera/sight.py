@@ -22,6 +22,7 @@ Boxes = npt.NDArray[np.float64]
 FULL_M = (350.0, 900.0)
 """Least and greatest distance to which tiles are drawn in full."""
 METRE_PX = 1.6
+GROUND_REACH_M, HIGH_M = 20_000.0, 3000.0
 SHADE_REACH_M = 480.0
 SHADE_SIZES_M = (192.0, 256.0, 384.0, 512.0, 768.0, 1024.0, 1536.0, 2048.0)
 
@@ -66,6 +67,35 @@ def near_plane(pose: CameraPose, closest_m: float) -> float:
     focal = focal_px(pose)
     slant = hypot(1.0, pose.width / 2.0 / focal, pose.height / 2.0 / focal)
     return max(0.8 * closest_m / slant, 0.06)
+
+
+def sky_bounds(pose: CameraPose, level_m: float) -> tuple[int, int, int, int] | None:
+    """The part of a picture (left, top, width, height; pixels) that can show the sky; None if no part can.
+
+    Ground or water reach `GROUND_REACH_M` at least, and farther than an eye high above can see to the end of."""
+    right, down, axis = camera_axes(pose)
+    width, height, focal = pose.width, pose.height, focal_px(pose)
+    over = pose.position[2] - level_m
+    if over > HIGH_M or over <= 0.0:
+        return 0, 0, width, height
+    least = -(over + 50.0) / GROUND_REACH_M
+
+    def rise(x: float, y: float) -> float:
+        """How far above the limit a pixel's ray goes."""
+        return axis[2] + ((x - width / 2.0) * right[2] + (y - height / 2.0) * down[2]) / focal - least
+
+    ring = [(0.0, 0.0), (float(width), 0.0), (float(width), float(height)), (0.0, float(height))]
+    shown = [corner for corner in ring if rise(*corner) >= 0.0]
+    for one, other in zip(ring, ring[1:] + ring[:1], strict=True):
+        a, b = rise(*one), rise(*other)
+        if (a < 0.0) != (b < 0.0):
+            part = a / (a - b)
+            shown.append((one[0] + part * (other[0] - one[0]), one[1] + part * (other[1] - one[1])))
+    if not shown:
+        return None
+    left, top = (max(int(min(p[k] for p in shown)) - 1, 0) for k in (0, 1))
+    end, low = (min(int(max(p[k] for p in shown)) + 2, size) for k, size in ((0, width), (1, height)))
+    return left, top, end - left, low - top
 
 
 def shade_window(pose: CameraPose, sun: tuple[float, float, float]) -> Window:
@@ -131,4 +161,4 @@ def _tuple(values: npt.NDArray[np.float64]) -> tuple[float, float, float]:
 
 
 __all__ = ["Window", "boxes_in_sight", "casters", "distances", "full_reach", "light_matrix", "near_plane",
-           "shade_window"]  # fmt: skip
+           "shade_window", "sky_bounds"]  # fmt: skip

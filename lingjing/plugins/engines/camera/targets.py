@@ -38,11 +38,15 @@ class Target:
         self.frame.color_mask = [(colour, colour, colour, alpha), *others]  # type: ignore[assignment] # per target
         self.frame.depth_mask = rest
 
-    def clear(self) -> None:
-        """Forget the last picture's distances: every pixel will be drawn, the sky's at last."""
-        self.write(colour=False, alpha=False, rest=False)
+    def clear(self, colour: tuple[float, float, float]) -> None:
+        """Begin a picture with nothing in it: haze, id 0, no distance."""
+        values = [(*colour, 1.0), (0.0, 0.0, 0.0, 0.0), (np.inf, 0.0, 0.0, 0.0)][: len(self._textures)]
         self.frame.depth_mask = True
-        self.frame.clear()
+        for number, value in enumerate(values):  # the first one forgets the distances of the depth test as well
+            masks = [(k == number,) * 4 for k in range(len(values))]
+            self.frame.color_mask = masks  # type: ignore[assignment] # per target
+            self.frame.clear(*value)
+            self.frame.depth_mask = False
         self.write(colour=True, alpha=True, rest=True)
 
     def read(self) -> Buffers:

@@ -60,6 +60,12 @@ def air(light: Light, time_s: float, wind_mps: float) -> dict[str, object]:
     }
 
 
+def haze(light: Light) -> tuple[float, float, float]:
+    """The haze as a developed colour: the sky's at the horizon (`shaders.COMMON`)."""
+    v = np.sqrt(1.0 - np.exp(-1.9 * np.maximum(light.haze, 0.0)))
+    return _rgb(v + 0.55 * (v * v * (3.0 - 2.0 * v) - v))
+
+
 def _sky(light: Light) -> dict[str, object]:
     """The sky's colour as top + rise h + low (1 - h)^2 over the sine h of the elevation: blue or grey, or the night's,
     and the dusk's glow."""
