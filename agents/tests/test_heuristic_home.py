@@ -223,26 +223,27 @@ def test_who_stood_in_vain_is_sent_nearer_and_then_elsewhere():
 def test_nobody_is_led_without_a_reference_or_before_a_like_wall_was_seen():
     assert HomeGuide.of(told("boss"), at(0)) is None
     guide = guide_of("blue")
-    guide.viewpoints((50.0, -5.0))
+    guide.viewpoints((50.0, -5.0), 9)
     far = msgspec.structs.replace(from_above(50.0, 46.0).pose, position=(-20.0, 46.0, 60.0))
     guide.see(at(1, picture_of(HOUSES[:2], far, "nadir", "uav")))
     assert guide.lead(at(1), waited=False) == ()
 
 
 def test_the_region_is_looked_at_from_the_side_of_the_route_on():
-    places = guide_of("blue").viewpoints((50.0, -5.0))
+    places = guide_of("blue").viewpoints((50.0, -5.0), 9)
     assert [round(x) for x, _ in places] == [50, 50, 50]
     assert [y for _, y in places] == sorted(y for _, y in places)
     assert places[0][1] == pytest.approx(15.0)
 
 
-def test_a_coordinator_asks_for_the_pictures_after_the_route():
-    boss = RouteCoordinator(told("boss"))
+@pytest.mark.parametrize(("moves", "looks"), [(50.0, 3), (20.0, 1), (10.0, 1)])
+def test_a_coordinator_asks_for_the_pictures_after_the_route_that_the_moves_allow(moves: float, looks: int):
+    boss = RouteCoordinator(msgspec.structs.replace(told("boss"), settings={"moves_most": moves}))
     boss.act(at(0, REFERENCE["blue"]), Inbox())
     van = msgspec.structs.replace(view("van", (0.0, -60.0, 0.0)), route=((50.0, -60.0, 0.0), (50.0, -5.0, 0.0)))
     decision = boss.act(observe("boss", 1, van, view("dog", (50.0, 10.0, 0.33))), Inbox())
     tasks = [note.body["task"] for note in decision.messages]
-    assert tasks == ["inspect", "inspect", "look", "look", "look"]
+    assert tasks == ["inspect", "inspect", *["look"] * looks]
 
 
 EYE = CameraSpec(

@@ -104,9 +104,9 @@ class HomeGuide:
                 return HomeGuide(brief, peer, message, look, min(around, key=_extent))
         return None
 
-    def viewpoints(self, start: Place) -> tuple[Place, ...]:
-        """Over which places to take pictures, flying across the region from the side of `start`."""
-        places = viewpoints(self._region, start)
+    def viewpoints(self, start: Place, most: int) -> tuple[Place, ...]:
+        """Over which places, `most` at most, to take pictures, flying across the region from the side of `start`."""
+        places = viewpoints(self._region, start, most)
         if self._unseen is None:
             self._unseen = list(places)
         return places
@@ -220,14 +220,14 @@ class HomeGuide:
         return tuple(messages)
 
 
-def viewpoints(region: tuple[Place, ...], start: Place) -> tuple[Place, ...]:
+def viewpoints(region: tuple[Place, ...], start: Place, most: int) -> tuple[Place, ...]:
     """Over which places pictures of a region are taken: along its middle, straight on from the side of `start`, because
     a picture is wider than high and its top is where the flier came to."""
     xs, ys = [x for x, _ in region], [y for _, y in region]
     west, south, wide, deep = min(xs), min(ys), max(xs) - min(xs), max(ys) - min(ys)
     east_of, north_of = (start[0] - west) / wide - 0.5, (start[1] - south) / deep - 0.5
     across = abs(east_of) > abs(north_of)
-    count = math.ceil((wide if across else deep) / APART_M)
+    count = min(most, math.ceil((wide if across else deep) / APART_M))
     stops = [(index + 0.5) / count for index in range(count)]
     if (east_of if across else north_of) > 0.0:
         stops.reverse()

@@ -24,6 +24,8 @@ REPEAT_TICKS = 4
 SILENCE_TICKS = 10
 """The orders are repeated when the inspector has said nothing for so long."""
 SAME_JAM_M = 60.0
+WALK_MOVES, MOST_LOOKS = 14, 8
+"""What starting, driving and walking take of the moves at least, and how many pictures are ever asked for."""
 LOOKING_TICKS = 10
 """How long after the order to drive all the pictures of the last stretch are waited for."""
 
@@ -87,9 +89,16 @@ class RouteCoordinator:
         first = len(self._told) if len(self._told) < len(self._route) else 0
         if self._order is None:
             return ()
-        last = self._guide.viewpoints((self._route[-1][0], self._route[-1][1])) if self._guide is not None else ()
+        end = self._route[-1][0], self._route[-1][1]
+        last = self._guide.viewpoints(end, self._looks()) if self._guide is not None else ()
         inspect = [self._send(self._inspector, INSPECT, place) for place in self._route[first:]]
         return (*inspect, *(self._send(self._inspector, LOOK, (*place, 0.0)) for place in last))
+
+    def _looks(self) -> int:
+        """For how many pictures of the last stretch the moves are enough, two for each picture; one at least."""
+        limits = [value for name, value in self._brief.settings.items() if name.startswith("moves")]
+        left = min(limits, default=math.inf) - 2 * len(self._route) - WALK_MOVES
+        return max(1, int(min(left / 2.0, MOST_LOOKS)))
 
     def _have_driven(self, tick: int) -> tuple[Outgoing, ...]:
         if self._order is None or (self._drive_tick >= 0 and tick - self._drive_tick < REPEAT_TICKS):
