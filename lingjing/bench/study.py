@@ -27,6 +27,7 @@ from lingjing.bench.countdown import Countdown
 from lingjing.bench.fleet import RunOptions, Task, play_apart
 from lingjing.bench.folders import RUNS
 from lingjing.bench.report import ABORTED, INTERRUPTED, EpisodeReport
+from lingjing.data import data_path
 from lingjing.errors import ExitCode, LingjingError, UsageError
 
 TRIES = 3
@@ -186,12 +187,14 @@ def line(row: Row) -> str:
 
 
 def code_sha256(missions: Iterable[Path]) -> str:
-    """SHA-256 over everything that decides an episode: the missions, the core's and the agents' source."""
+    """SHA-256 over everything that decides an episode: the missions, the language's library, the core's and the agents'
+    source."""
     from importlib.util import find_spec
 
     agents = find_spec("lingjing_agents")
     roots = [Path(lingjing.__file__).parent, *map(Path, (agents.submodule_search_locations or []) if agents else [])]
-    digest = hashlib.sha256(b"".join(mission.read_bytes() for mission in missions))
+    library = sorted(data_path("std").glob("*.ljs"))
+    digest = hashlib.sha256(b"".join(path.read_bytes() for path in (*missions, *library)))
     for root in roots:
         for path in sorted(path for path in root.rglob("*") if path.suffix in {".py", ".xml", ".lark"}):
             digest.update(f"{path.relative_to(root)}\n".encode() + path.read_bytes())
@@ -288,9 +291,17 @@ def _paths(names: Sequence[str] | None) -> tuple[Path, ...]:
 def _bar(done: int, whole: int, left_s: float) -> str:
     """`[#####.....] 10/20, 1 h 05 min left`."""
     filled = round(10 * done / max(whole, 1))
-    minutes = 0 if left_s != left_s else round(left_s / 60.0)
-    left = "?" if left_s != left_s else f"{minutes // 60} h {minutes % 60:02d} min"
-    return f"[{'#' * filled}{'.' * (10 - filled)}] {done}/{whole}, {left} left:"
+    return f"[{'#' * filled}{'.' * (10 - filled)}] {done}/{whole}, {_duration(left_s)} left:"
+
+
+def _duration(seconds: float) -> str:
+    """`1 h 05 min`, `12 min`, `40 s`; `?` for nan."""
+    if seconds != seconds:
+        return "?"
+    if seconds < 90.0:
+        return f"{seconds:.0f} s"
+    minutes = round(seconds / 60.0)
+    return f"{minutes // 60} h {minutes % 60:02d} min" if minutes >= 60 else f"{minutes} min"
 
 
 def _cleared(tasks: Sequence[Task], started: dict[Path, float]) -> Iterator[Task]:

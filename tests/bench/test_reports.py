@@ -15,7 +15,7 @@ from lingjing.bench.columns import Column, columns, shipped
 from lingjing.bench.countdown import Countdown
 from lingjing.bench.fleet import RunOptions, Task, play_apart
 from lingjing.bench.report import ABORTED, EpisodeReport, summarise
-from lingjing.bench.study import CASES, Row, Study, missing, play, table
+from lingjing.bench.study import CASES, Row, Study, _bar, missing, play, table
 from lingjing.errors import InfrastructureError, UsageError
 
 STAR = Column(Path("m.ljs"), "m", "star")
@@ -169,3 +169,10 @@ def test_the_time_left_is_that_of_each_kind_of_episode() -> None:
     countdown.done("quick", 10.0)
     countdown.learn("slow", 90.0)
     assert countdown.left_s == (10.0 + 90.0 + 50.0) / 2
+
+
+def test_the_bar_says_what_is_done_and_left() -> None:
+    assert _bar(0, 20, float("nan")) == "[..........] 0/20, ? left:"
+    assert _bar(10, 20, 3900.0) == "[#####.....] 10/20, 1 h 05 min left:"
+    assert _bar(19, 20, 100.0) == "[##########] 19/20, 2 min left:"
+    assert _bar(20, 20, 0.4) == "[##########] 20/20, 0 s left:"

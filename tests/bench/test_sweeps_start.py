@@ -1,0 +1,31 @@
+"""The last value of the sweeps of every mission that declares any, started with its real engines."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import pytest
+
+from lingjing.bench.columns import Column, columns, shipped
+from lingjing.dsl.load import load_mission
+from lingjing.envs.game import Game
+from lingjing.trace.records import Decision
+
+pytestmark = pytest.mark.slow
+
+LAST = {column.mission: column for column in columns(shipped(), sweeps=True)}
+GROUPS = {"cd": {"point": 20, "van": 5}, "ufr": {"fire": 6, "uav": 5}, "ssr": {"victim": 3, "uav": 3}}
+
+
+@pytest.mark.parametrize("column", LAST.values(), ids=lambda column: column.name)
+def test_it_starts(column: Column) -> None:
+    game = Game(load_mission(str(column.path)), column.mode, column.settings, "random", "inline")
+    try:
+        agents = [agent.id for agent in game.instance(3).agents]
+        game.begin(3, agents)
+        for tick in (1, 2):
+            assert game.step({agent: Decision() for agent in agents}).record.tick == tick
+        counted = Counter(entity.group for entity in game.instance(3).entities)
+        assert GROUPS.get(column.mission, {}).items() <= counted.items()
+    finally:
+        game.close()
