@@ -1,15 +1,16 @@
 """Draw the contact sheet, every target, asset and distractor as its mission's cameras see it: `make pictures`.
 
-Writes `contact-sheet.png` (targets) and `contact-sheet-assets.png` to `docs/images`, and `contact-sheet.md`, which
-says for each picture the class, the camera, the distance and the size in pixels of the thing's ground-truth box.
-Nothing is enlarged: a picture is cut out of a frame of the camera's own size, so what is small here is small for an
-agent. Scenes are those of the missions with seed 7, targets where the missions put them.
+Writes `contact-sheet.png` (targets), `contact-sheet-weather.png` (night, fog and rain) and `contact-sheet-assets.png`
+to `docs/images`, and `contact-sheet.md`, which says for each picture the class, the camera, the distance and the size
+in pixels of the thing's ground-truth box. Nothing is enlarged: a picture is cut out of a frame of the camera's own
+size, so what is small here is small for an agent. Scenes are those of the missions with seed 7, targets where the
+missions put them.
 """
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import cos, radians, sin
 from pathlib import Path
@@ -31,7 +32,9 @@ from lingjing.trace.records import BodyState, Box
 
 ROOT = Path(__file__).parents[1]
 SHEET = ROOT / "docs" / "images" / "contact-sheet.png"
+WEATHER = SHEET.with_name("contact-sheet-weather.png")
 ASSETS = SHEET.with_name("contact-sheet-assets.png")
+SHEETS = {"Targets": SHEET, "Night, fog and rain": WEATHER, "Assets and distractors": ASSETS}
 SEED = 7
 TIME_S = 24.0
 CELL = (384, 216)
@@ -69,8 +72,15 @@ class Shot:
     ambient: tuple[tuple[str, float, float, float], ...] = ()
     props: tuple[str, ...] = ()
     """Models of props: the nearest one of them is looked at instead of the target."""
+    orange_roof: bool = False
+    """Whether the nearest orange roof is looked at instead."""
+    weather: Mapping[str, float] = field(default_factory=dict)
+    """What is other about the mission's weather."""
 
 
+NIGHT = {"sun_elevation_deg": -20.0}
+FOG = {"visibility_m": 300.0, "cloud": 1.0}
+RAIN = {"rain": 0.7, "cloud": 1.0, "visibility_m": 4000.0}
 JAM = tuple(
     (kind, x, y, 0.0)
     for x, column in (
@@ -82,6 +92,7 @@ JAM = tuple(
 """Background traffic that stands in a jam: kind, right, ahead (m), heading to the road's (deg)."""
 
 
+STREET = "truck"
 SHOTS: tuple[Shot, ...] = (
     Shot("building_fire", "ufr", "fire[1]", "nadir", 0.0, 110.0),
     Shot("building_fire", "ufr", "fire[2]", "nadir", 0.0, 80.0),
@@ -113,11 +124,21 @@ SHOTS: tuple[Shot, ...] = (
     Shot("warehouse", "cd", "depot", "dash", 15.0, 0.0, bearing=190.0),
     Shot("delivery_door", "ld", "house", "dog_eye", 5.0, 0.0),
     Shot("delivery_door, served", "ld", "house", "dog_eye", 5.0, 0.0, states={"house": "served"}),
-    Shot("queue_of_people", "vdn", "home", "dog_eye", 9.0, 0.0, extra=(("queue_of_people", 3.0, 4.0, 0.0, 90.0),)),
-    Shot("queue_of_people", "vdn", "home", "dog_eye", 25.0, 0.0, extra=(("queue_of_people", 3.0, 4.0, 0.0, 90.0),)),
+    Shot("queue_of_people", "queue", "shop[1]", "nadir", 0.0, 40.0),
+    Shot("queue_of_people", "queue", "shop[1]", "dog_eye", 14.0, 0.0),
 )
 TARGETS = len(SHOTS)
-STREET = "truck"
+SHOTS += (
+    Shot("building_fire, night", "ufr", "fire[1]", "front", 60.0, 22.0, weather=NIGHT),
+    Shot("fire_source, night", "idf", "fire[1]", "dog_eye", 8.0, 0.0, weather=NIGHT),
+    Shot("fire_truck, night", "ufr", STREET, "dash", 14.0, 0.0, bearing=25.0, weather=NIGHT),
+    Shot("congestion, night", "cr", "jam[1]", "nadir", 0.0, 40.0, ambient=JAM, weather=NIGHT),
+    Shot("building_fire, fog", "ufr", "fire[2]", "nadir", 0.0, 80.0, weather=FOG),
+    Shot("bridge_fracture, fog", "bi", "fracture", "front", 70.0, 30.0, weather=FOG),
+    Shot("pipeline_leak, rain", "upr", "leak", "oblique", 14.0, 14.0, weather=RAIN),
+    Shot("lifeboat, night", "ssr", "boat", "front", 18.0, 5.0, bearing=40.0, weather=NIGHT),
+)
+WEATHERED = len(SHOTS)
 SHOTS += (
     Shot("robot_dog", "idf", "dog[1]", "dog_eye", 2.0, 0.0, bearing=35.0),
     Shot("robot_dog", "upr", "dog", "nadir", 0.0, 20.0),
@@ -145,6 +166,7 @@ SHOTS += (
     Shot("parked truck", "idf", "fire[1]", "front", 14.0, 6.0, props=("parked_truck",)),
     Shot("steam", "idf", "fire[1]", "front", 9.0, 3.0, props=("steam_vent",)),
     Shot("buoy", "ssr", "victim[1]", "nadir", 0.0, 60.0, props=("buoy_orange",)),
+    Shot("orange roof", "ufr", "fire[2]", "nadir", 0.0, 80.0, orange_roof=True),
     Shot("containers", "cd", "depot", "nadir", 0.0, 60.0, props=("container",)),
 )
 
@@ -168,6 +190,9 @@ class Studio:
         if shot.props:
             subject = _prop(subject, city, shot.props)
             entities = []
+        if shot.orange_roof:
+            subject = _roof(subject, city)
+            entities = []
         best: tuple[npt.NDArray[np.uint8], Box | None] | None = None
         for bearing in _bearings(shot, subject):
             frame, box = self._frame(shot, instance, city, entities, subject, bearing)
@@ -188,7 +213,8 @@ class Studio:
     ) -> tuple[npt.NDArray[np.uint8], Box | None]:
         viewer = _viewer(shot, subject, bearing)
         cast = (*entities, viewer)
-        played = msgspec.structs.replace(instance, entities=cast, events=())
+        weather = msgspec.structs.replace(instance.weather, **shot.weather)
+        played = msgspec.structs.replace(instance, entities=cast, events=(), weather=weather)
         self.engine.reset(EngineSpec(engine="camera", instance=played, owns=()), city, SEED)
         states = [BodyState(id=e.id, position=e.position, heading_deg=e.heading_deg, status=shot.states.get(e.id, ""))
                   for e in cast]  # fmt: skip
@@ -224,6 +250,15 @@ def _prop(subject: Entity, city: City, models: tuple[str, ...]) -> Entity:
         key=lambda prop: (prop.position[0] - x) ** 2 + (prop.position[1] - y) ** 2,
     )
     return msgspec.structs.replace(subject, id="prop", position=prop.position, heading_deg=prop.heading_deg)
+
+
+def _roof(subject: Entity, city: City) -> Entity:
+    """Where the nearest orange roof is."""
+    x, y, _ = subject.position
+    roofs = [b for b in city.buildings if b.roof_colour[0] > 2.0 * b.roof_colour[1] > 6.0 * b.roof_colour[2]]
+    roof = min(roofs, key=lambda b: min((px - x) ** 2 + (py - y) ** 2 for px, py in b.polygon))
+    middle = [sum(axis) / len(roof.polygon) for axis in zip(*roof.polygon, strict=True)]
+    return msgspec.structs.replace(subject, id="roof", position=(middle[0], middle[1], roof.top_m))
 
 
 def _beside(subject: Entity, right: float, ahead: float, up: float) -> Vector:
@@ -290,7 +325,8 @@ def main(arguments: Sequence[str]) -> None:
             studio, [shot for shot in SHOTS if any(word in shot.title for word in arguments)], Path("contact-part.png")
         )
     else:
-        tables = [draw(studio, SHOTS[:TARGETS], SHEET), draw(studio, SHOTS[TARGETS:], ASSETS)]
+        parts = SHOTS[:TARGETS], SHOTS[TARGETS:WEATHERED], SHOTS[WEATHERED:]
+        tables = [draw(studio, part, sheet) for part, sheet in zip(parts, SHEETS.values(), strict=True)]
         _describe(tables)
     studio.engine.close()
 
@@ -320,7 +356,7 @@ def _describe(tables: Sequence[list[str]]) -> None:
         f"{SEED}), drawn by\n`make pictures`. Pictures are cut out of frames of the cameras' own size, nothing is "
         "enlarged.\nTables read left to right, top to bottom.\n"
     )
-    for name, sheet, table in zip(("Targets", "Assets and distractors"), (SHEET, ASSETS), tables, strict=True):
+    for (name, sheet), table in zip(SHEETS.items(), tables, strict=True):
         text += f"\n## {name}\n\n![{name}]({sheet.name})\n\n| What | Mission | Camera, distance, size of its box |\n"
         text += "|---|---|---|\n" + "\n".join(table) + "\n"
     SHEET.with_suffix(".md").write_text(text, encoding="utf-8")

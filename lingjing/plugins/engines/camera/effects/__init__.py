@@ -7,7 +7,8 @@ the same for a prop (`steam`, `fountain`). Both give an `Effects`:
   0 are blended (smoke, mist, glow), farthest first, depth-tested, never written to ids or depth. Rows with `id` 1 are
   the body of a target (flames, spray): drawn before them, unblended, where the shape covers, writing depth and the
   entity's id, so that a fire's or a leak's ground-truth box is that of its flames or its spray.
-- `decals`: rows of `DECAL`, flat blots on the ground (wet, scorched), blended over what is drawn, no id, no depth.
+- `decals`: rows of `DECAL`, flat blots on the ground (wet, scorched), blended over what is drawn, no id, no depth;
+  after dark also pools of light (`night`), which brighten what is drawn.
 - `solids`: meshes with the entity's id and a model-to-world matrix (debris, broken edges), drawn as any object.
 
 `drawing.EffectPass` draws the first two with the camera's uniforms (`u_clip`, `u_eye`, … of `shaders.COMMON`) and its
