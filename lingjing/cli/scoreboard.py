@@ -88,7 +88,7 @@ def print_suite(report: SuiteReport) -> None:
     else:
         for row in (head, *rows):
             print("\t".join(row))
-    print(f"{report.mission} seeds {report.seed} {report.mode} {report.policy}: {_tsr(report)}, SCR {report.scr:.2f}")
+    print(f"{report.mission} seeds {report.seed} {report.mode} {report.policy}: {_tsr(report)}")
     for credited in dict.fromkeys(credit(episode.attribution) for episode in report.episodes):
         if credited:
             print(credited)
@@ -96,11 +96,12 @@ def print_suite(report: SuiteReport) -> None:
 
 
 def _tsr(report: SuiteReport) -> str:
-    """`TSR 0.50 (2 of 4)`; episodes that were aborted or interrupted do not count."""
+    """`TSR 0.50 (2 of 4), SCR 0.75`; episodes that were aborted or interrupted do not count."""
     counted = [episode for episode in report.episodes if episode.reason not in (ABORTED, INTERRUPTED)]
     if report.tsr is None:
-        return "TSR N/A (no episode ran to its end)"
-    return f"TSR {report.tsr:.2f} ({sum(episode.success for episode in counted)} of {len(counted)})"
+        return "TSR N/A (no episode ran to its end), SCR N/A"
+    won = sum(episode.success for episode in counted)
+    return f"TSR {report.tsr:.2f} ({won} of {len(counted)}), SCR {report.scr:.2f}"
 
 
 def _run_name(episode: EpisodeReport, root: str) -> str:
