@@ -282,3 +282,15 @@ def test_control_c_leaves_the_terminal_clean(tmp_path: Path) -> None:
     assert "Traceback" not in after and "interrupted: seed 0" in after
     assert terminal.output.count(b"\x1b[?25h") == 1
     assert sorted(os.listdir(tmp_path / "out")) == ["trace.mcap.part"]
+
+
+def test_narrow_lines_leave_out_the_only_asset_an_agent_has(trace: Trace, city: City) -> None:
+    state = watched(trace, 20)
+    wide, narrow = ("\n".join(screen_text(state, city, width, 30)) for width in (160, 70))
+    commands = [one for one in state.doing.values() if "." in one.command]
+    assert commands
+    for one in commands:
+        assert f"{one.agent} {one.command}"[:50] in wide
+        what = one.command.partition(".")[2]
+        fits = len(f"{one.agent} {one.command}") <= round(70 * 0.38)
+        assert f"{one.agent} {one.command if fits else what}"[:24] in narrow

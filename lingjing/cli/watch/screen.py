@@ -88,7 +88,10 @@ class Screen:
         return [*rows, *([Segment(" " * width)] for _ in range(height - len(rows)))][:height]
 
     def _agent(self, one: Doing, lines: int, width: int) -> list[Row]:
-        head = Text().append(one.agent, style=_ink(self._colour(one.agent))).append(f" {one.command}")
+        head = Text().append(one.agent, style=_ink(self._colour(one.agent))).append(" ")
+        asset, _, what = one.command.partition(".")
+        narrow = head.cell_len + len(one.command) > width and len(self._held(one.agent)) == 1
+        head.append(what if narrow and asset in self._held(one.agent) else one.command)
         status = Text("  ").append(one.status, style="red" if one.refused else "dim")
         if lines == 1:
             return [_row(head.append_text(status), width)]
@@ -97,9 +100,12 @@ class Screen:
     def _colour(self, agent: str) -> Colour | None:
         """That of the first asset an agent controls."""
         names = [asset.id for asset in self._watched.assets]
-        spec = next(spec for spec in self._watched.instance.agents if spec.id == agent)
-        held = next((names.index(name) for name in spec.controls if name in names), None)
+        held = next((names.index(name) for name in self._held(agent) if name in names), None)
         return None if held is None else asset_colour(held)
+
+    def _held(self, agent: str) -> tuple[str, ...]:
+        """The assets that it controls; where there is but one, narrow lines need not name it."""
+        return next(spec.controls for spec in self._watched.instance.agents if spec.id == agent)
 
     def _tickers(self, width: int, height: int) -> list[Row]:
         left = width * 3 // 5
