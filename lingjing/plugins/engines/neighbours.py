@@ -10,6 +10,9 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+import numpy as np
+import numpy.typing as npt
+
 from lingjing.mission.instance import Instance, Vector
 from lingjing.plugins.engines.bodies import UNKNOWN, Size, size_of
 from lingjing.trace.records import DORMANT, BodyState
@@ -21,6 +24,8 @@ _HOVERING = frozenset({"quadrotor", "fixed_wing"})
 """Bodies whose position is their middle; that of the others is where they stand."""
 
 _LONGEST_S = 1.0
+
+Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,27 +63,27 @@ class Neighbours:
         self._sizes = {name: found for name, found in sizes.items() if found[1] is not UNKNOWN}
         self._horizon_s = max(instance.clock.sync_s, _LONGEST_S)
         self._states: tuple[BodyState, ...] = ()
+        self._places: Array | None = None
         self._time_s = 0.0
 
     def look(self, mirrors: Iterable[BodyState], time_s: float) -> None:
         """Take over the mirrors of the interval that starts at `time_s`."""
         self._states = tuple(mirrors)
+        self._places = None
         self._time_s = time_s
 
     def near(self, position: Vector, speed_mps: float) -> tuple[Neighbour, ...]:
         """The solid bodies that something at `position` could reach at `speed_mps` before the next look."""
-        x, y, z = position
-        reach = speed_mps * self._horizon_s + 10.0
-        found = []
-        for state in self._states:
-            east, north, up = state.velocity
-            far = reach + self._horizon_s * (abs(east) + abs(north) + abs(up))
-            here = state.position
-            if abs(here[2] - z) < far and abs(here[0] - x) < far and abs(here[1] - y) < far:
-                neighbour = self._neighbour(state)
-                if neighbour is not None:
-                    found.append(neighbour)
-        return tuple(found)
+        if not self._states:
+            return ()
+        if self._places is None:  # once for the whole fleet: mirrors are many, flyers too
+            self._places = np.array([state.position for state in self._states])
+            rates = np.abs(np.array([state.velocity for state in self._states]))
+            self._ways = self._horizon_s * rates.sum(axis=1)
+        away = np.abs(self._places - position).max(axis=1)
+        close = np.flatnonzero(away < self._ways + (speed_mps * self._horizon_s + 10.0))
+        met = (self._neighbour(self._states[number]) for number in close.tolist())
+        return tuple(neighbour for neighbour in met if neighbour is not None)
 
     def _neighbour(self, state: BodyState) -> Neighbour | None:
         kind, size = self._size(state)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from lingjing.mission.instance import Vector
 from lingjing.plugins.engines.flight import FOOT_M, POUND_KG, Flight
@@ -15,10 +15,10 @@ _MODEL = "c172x"
 _FAR_BELOW_FT = -10_000.0
 _PITCH_DEG = 3.0
 _MIXTURE = 0.87
+_STICKS = ("aileron", "elevator", "throttle")
 
 
-@dataclass(frozen=True, slots=True)
-class Sample:
+class Sample(NamedTuple):
     """What the aircraft does now: velocity over ground (east, north, up) m/s; (roll, pitch, heading) and body rates
     (p, q, r) in radians; true airspeed m/s; fuel flow kg/s."""
 
@@ -52,6 +52,10 @@ class Airframe:
         self._flight["propulsion/set-running"] = -1
         self._flight["propulsion/fuel_freeze"] = 1  # the engine here counts the fuel; the weight stays as it is
         self._flight["fcs/mixture-cmd-norm"] = _MIXTURE
+        self._sticks = tuple(self._flight.writer(f"fcs/{stick}-cmd-norm") for stick in _STICKS)
+        self._rates = tuple(self._flight.reader(f"velocities/{axis}-rad_sec") for axis in "pqr")
+        self._airspeed = self._flight.reader("velocities/vt-fps")
+        self._fuel_flow = self._flight.reader("propulsion/engine[0]/fuel-flow-rate-pps")
         self.blow(*wind)
 
     def blow(self, east: float, north: float, up: float) -> None:
@@ -60,9 +64,10 @@ class Airframe:
 
     def command(self, aileron: float, elevator: float, throttle: float) -> None:
         """Set stick (-1..1: right wing down, nose down) and throttle (0..1)."""
-        self._flight["fcs/aileron-cmd-norm"] = aileron
-        self._flight["fcs/elevator-cmd-norm"] = elevator
-        self._flight["fcs/throttle-cmd-norm"] = throttle
+        roll, nose, power = self._sticks
+        roll(aileron)
+        nose(elevator)
+        power(throttle)
 
     def cut(self) -> None:
         """The engine stops."""
@@ -74,11 +79,11 @@ class Airframe:
 
     def sample(self) -> Sample:
         """Read the state."""
-        read = self._flight
+        rolling, nodding, turning = self._rates
         return Sample(
-            velocity=read.velocity(),
-            attitude=read.attitude(),
-            rates=(read["velocities/p-rad_sec"], read["velocities/q-rad_sec"], read["velocities/r-rad_sec"]),
-            airspeed=read["velocities/vt-fps"] * FOOT_M,
-            fuel_flow=read["propulsion/engine[0]/fuel-flow-rate-pps"] * POUND_KG,
+            velocity=self._flight.velocity(),
+            attitude=self._flight.attitude(),
+            rates=(rolling(), nodding(), turning()),
+            airspeed=self._airspeed() * FOOT_M,
+            fuel_flow=self._fuel_flow() * POUND_KG,
         )

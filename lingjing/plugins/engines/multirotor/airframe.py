@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 from lingjing.plugins.engines.flight import FOOT_M, POUND_KG, POUND_N, Flight
 
@@ -18,10 +18,11 @@ LIFT_N = 32.0
 
 _MODEL = "quad450"
 _MOTORS = tuple(f"fcs/motor-{number}-thrust-lbs" for number in (1, 2, 3, 4))
+_ORDERS = ("fcs/roll-cmd-rad", "fcs/pitch-cmd-rad", "fcs/yaw-rate-cmd-rad_sec", "fcs/thrust-cmd-lbs")
+_SLUGS_FT3 = 515.3788184
 
 
-@dataclass(frozen=True, slots=True)
-class Sample:
+class Sample(NamedTuple):
     """What the airframe does now: velocity (east, north, up) m/s; attitude in radians, heading from north clockwise;
     air-relative velocity in the body frame (forward, right, down) m/s; total rotor thrust in newtons; air density."""
 
@@ -46,6 +47,10 @@ class Airframe:
         }
         self._flight = Flight(_MODEL, Path(__file__).parent / "aircraft", STEP_S, initial)
         self._flight["forces/hold-down"] = 1.0
+        self._orders = tuple(self._flight.writer(name) for name in _ORDERS)
+        self._motors = tuple(self._flight.reader(name) for name in _MOTORS)
+        self._air = tuple(self._flight.reader(f"velocities/{axis}-aero-fps") for axis in "uvw")
+        self._density = self._flight.reader("atmosphere/rho-slugs_ft3")
 
     def release(self) -> None:
         """Let go: from now on the airframe flies."""
@@ -61,10 +66,11 @@ class Airframe:
 
     def command(self, roll: float, pitch: float, yaw_rate: float, thrust_n: float) -> None:
         """Set the demands of the attitude loops: radians, radians per second, newtons."""
-        self._flight["fcs/roll-cmd-rad"] = roll
-        self._flight["fcs/pitch-cmd-rad"] = pitch
-        self._flight["fcs/yaw-rate-cmd-rad_sec"] = yaw_rate
-        self._flight["fcs/thrust-cmd-lbs"] = thrust_n / POUND_N
+        lean, nod, turn, lift = self._orders
+        lean(roll)
+        nod(pitch)
+        turn(yaw_rate)
+        lift(thrust_n / POUND_N)
 
     def step(self, count: int) -> None:
         """Integrate `count` steps of `STEP_S`."""
@@ -72,18 +78,14 @@ class Airframe:
 
     def sample(self) -> Sample:
         """Read the state."""
-        read = self._flight
-        roll, pitch, heading = read.attitude()
+        roll, pitch, heading = self._flight.attitude()
+        forward, right, down = self._air
         return Sample(
-            velocity=read.velocity(),
+            velocity=self._flight.velocity(),
             roll=roll,
             pitch=pitch,
             heading=heading,
-            air_velocity=(
-                read["velocities/u-aero-fps"] * FOOT_M,
-                read["velocities/v-aero-fps"] * FOOT_M,
-                read["velocities/w-aero-fps"] * FOOT_M,
-            ),
-            thrust_n=sum(read[motor] for motor in _MOTORS) * POUND_N,
-            density=read["atmosphere/rho-slugs_ft3"] * 515.3788184,
+            air_velocity=(forward() * FOOT_M, right() * FOOT_M, down() * FOOT_M),
+            thrust_n=sum([thrust() for thrust in self._motors]) * POUND_N,
+            density=self._density() * _SLUGS_FT3,
         )

@@ -8,7 +8,7 @@ wanted speed fed forward); the acceleration gives tilt and thrust. The integral 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from lingjing.mission.instance import Vector
 from lingjing.plugins.engines.multirotor.airframe import MASS_KG
@@ -34,8 +34,7 @@ _MAX_YAW_RATE = 1.2
 _DRAG = 0.5 * 1.225 * 0.05
 
 
-@dataclass(frozen=True, slots=True)
-class Demand:
+class Demand(NamedTuple):
     """What the attitude loops are told: radians, radians per second, newtons."""
 
     roll: float
@@ -89,24 +88,19 @@ class Autopilot:
     ) -> Demand:
         """One period. `attitude` is (roll, pitch, heading) and `face` the heading wanted, in radians."""
         before = self._demand
-        self._demand = self._limited(wanted_velocity(position, goal, cruise))
-        error = tuple(want - have for want, have in zip(self._demand, velocity, strict=True))
-        feed = tuple((now - old) / PERIOD_S for now, old in zip(self._demand, before, strict=True))
-        speed = math.hypot(self._demand[0], self._demand[1])
-        east, north, up = (
-            _VELOCITY_GAIN * error[axis]
-            + self._trim[axis]
-            + feed[axis]
-            + (_DRAG / self.mass_kg * speed * self._demand[axis] if axis < 2 else 0.0)
-            for axis in range(3)
-        )
+        demand = self._demand = self._limited(wanted_velocity(position, goal, cruise))
+        error = (demand[0] - velocity[0], demand[1] - velocity[1], demand[2] - velocity[2])
+        trim, drag = self._trim, _DRAG / self.mass_kg * math.hypot(demand[0], demand[1])
+        east = _VELOCITY_GAIN * error[0] + trim[0] + (demand[0] - before[0]) / PERIOD_S + drag * demand[0]
+        north = _VELOCITY_GAIN * error[1] + trim[1] + (demand[1] - before[1]) / PERIOD_S + drag * demand[1]
+        up = _VELOCITY_GAIN * error[2] + trim[2] + (demand[2] - before[2]) / PERIOD_S
         up = min(max(up, -_MAX_LIFT_MPS2), _MAX_LIFT_MPS2)
         level, most = math.hypot(east, north), (GRAVITY + up) * math.tan(_MAX_TILT)
         if level > most:  # leaning as far as allowed: do not wind up against what cannot be reached
             east, north = east * most / level, north * most / level
             self._learn((0.0, 0.0, error[2]))
         else:
-            self._learn((error[0], error[1], error[2]))
+            self._learn(error)
         roll, pitch = tilt(east, north, up, attitude[2])
         thrust = self.mass_kg * (GRAVITY + up) / max(math.cos(attitude[0]) * math.cos(attitude[1]), 0.5)
         turn = (face - attitude[2] + math.pi) % (2.0 * math.pi) - math.pi
@@ -120,7 +114,7 @@ class Autopilot:
         return self._demand[0] + east * scale, self._demand[1] + north * scale, self._demand[2] + up
 
     def _learn(self, error: Vector) -> None:
-        east, north, up = (
-            trim + _INTEGRAL_GAIN * PERIOD_S * part for trim, part in zip(self._trim, error, strict=True)
-        )
-        self._trim = (east, north, min(max(up, -3.0), 3.0))
+        east, north, up = self._trim
+        share = _INTEGRAL_GAIN * PERIOD_S
+        up += share * error[2]
+        self._trim = (east + share * error[0], north + share * error[1], min(max(up, -3.0), 3.0))

@@ -226,11 +226,9 @@ class Drone:
         self._airframe.step(_STEPS)
 
     def _move(self, sample: Sample) -> None:
-        x, y, z = (
-            here + 0.5 * PERIOD_S * (before + now)
-            for here, before, now in zip(self.position, self.velocity, sample.velocity, strict=True)
-        )
-        self.position, self.velocity = (x, y, z), sample.velocity
+        (x, y, z), (east, north, up), now, half = self.position, self.velocity, sample.velocity, 0.5 * PERIOD_S
+        self.position = (x + half * (east + now[0]), y + half * (north + now[1]), z + half * (up + now[2]))
+        self.velocity = now
         self._attitude = (sample.roll, sample.pitch, sample.heading)
 
     def _contact(self, now_s: float) -> Notice | None:
