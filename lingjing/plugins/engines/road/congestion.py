@@ -16,7 +16,7 @@ from lingjing.plugins.engines.bodies import SIZES
 from lingjing.plugins.engines.road.graph import Graph, Lane
 from lingjing.plugins.engines.road.simulation import FOREVER_S, Simulation, SumoError
 from lingjing.plugins.engines.road.traffic import Occupied
-from lingjing.plugins.engines.road.vehicle import body_state
+from lingjing.plugins.engines.road.vehicle import NOWHERE_M, body_state
 from lingjing.trace.records import BodyState
 
 QUEUE_M = 45.0
@@ -110,8 +110,10 @@ class Congestion:
         for name in [name for name in self._leaving if name not in there]:
             del self._leaving[name]
         for name, kind in everyone.items():
-            if name in there and self._sim.vehicle.getRoadID(name):
-                yield body_state(self._sim, name, name, SIZES[kind].length_m, ahead_s, kind)
+            if name in there:
+                body = body_state(self._sim, name, name, SIZES[kind].length_m, ahead_s, kind)
+                if body.position[0] > NOWHERE_M:
+                    yield body
 
     def _line_up(
         self, jam: Jam, lane: Lane, front_m: float, back_m: float, most: int, occupied: Occupied | None

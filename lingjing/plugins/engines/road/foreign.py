@@ -9,6 +9,7 @@ who is about to step onto a lane has heralds: stand-ins where it will be in one,
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -61,6 +62,7 @@ class Foreign:
         self._time_s = 0.0
         self._entries = 0
         self._types: set[str] = set()
+        self._highest_m = _highest(sim, graph)
 
     def look(self, mirrors: Sequence[BodyState], time_s: float) -> None:
         """Take the mirrors of time `time_s`."""
@@ -91,7 +93,7 @@ class Foreign:
     def _near(self, mirrors: Sequence[BodyState]) -> Iterator[Body]:
         for state in mirrors:
             x, y, z = state.position
-            if state.status in ABSENT or not self._graph.is_near_road(x, y):
+            if z > self._highest_m + _HEIGHT_M or state.status in ABSENT or not self._graph.is_near_road(x, y):
                 continue
             kind = next((name for name in self._kinds(state) if name in SIZES), None)
             if kind is None or kind in _AFLOAT or abs(z - self._road_height(x, y)) > _HEIGHT_M:
@@ -159,6 +161,18 @@ class Foreign:
                 self._sim.person.remove(name)
         except SumoError:  # it never got in
             return
+
+
+def _highest(sim: Simulation, graph: Graph) -> float:
+    """Elevation of the highest point of all lanes: what flies above it is near none."""
+    top = -math.inf
+    for lane in (lane for edge in graph.edges.values() for lane in edge.lanes):
+        steps = [math.dist(*pair) for pair in itertools.pairwise(lane.shape)]
+        scale = lane.length_m / (sum(steps) or 1.0)
+        for at_m in (0.0, *itertools.accumulate(steps)):
+            at = min(at_m * scale, lane.length_m)
+            top = max(top, float(sim.simulation.convert3D(lane.edge, at, lane.index)[2]))
+    return top
 
 
 def _stand_in(body: str, lead_s: float) -> str:

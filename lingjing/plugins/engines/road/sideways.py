@@ -26,16 +26,20 @@ class Sideways:
 
     def follow(self, body: BodyState, after_s: float, rest_m: float = 0.0) -> float:
         """The offset of a body that is read `after_s` after the last time; it fades towards `rest_m`."""
-        (x, y, _), angle = body.position, math.radians(body.heading_deg)
+        x, y, _ = body.position
         last = self._last.get(body.id)
         offset = rest_m
         if last is not None and after_s <= _LONGEST_S:
             offset = last[2]
-            across = (x - last[0]) * math.cos(angle) - (y - last[1]) * math.sin(angle)
-            if _JUMP_M[0] < abs(across) < _JUMP_M[1]:
-                offset -= across
-            most = SPEED_MPS * after_s
-            offset += min(max(rest_m - offset, -most), most)
+            east, north = x - last[0], y - last[1]
+            if abs(east) + abs(north) > _JUMP_M[0]:  # what is less is no jump in whatever direction
+                angle = math.radians(body.heading_deg)
+                across = east * math.cos(angle) - north * math.sin(angle)
+                if _JUMP_M[0] < abs(across) < _JUMP_M[1]:
+                    offset -= across
+            if offset != rest_m:
+                most = SPEED_MPS * after_s
+                offset += min(max(rest_m - offset, -most), most)
         self._last[body.id] = (x, y, offset)
         return offset
 

@@ -16,7 +16,7 @@ from lingjing.plugins.engines.road.graph import Graph
 from lingjing.plugins.engines.road.kinds import KINDS, declare
 from lingjing.plugins.engines.road.sideways import Sideways, shifted
 from lingjing.plugins.engines.road.simulation import Simulation, SumoError
-from lingjing.plugins.engines.road.vehicle import body_state
+from lingjing.plugins.engines.road.vehicle import NOWHERE_M, body_state
 from lingjing.trace.records import BodyState
 
 MIX = (("car", 70), ("delivery_van", 10), ("truck", 8), ("motorcycle", 7), ("bus", 5))
@@ -111,10 +111,11 @@ class Traffic:
         """Every background vehicle `ahead_s` after the last step, `after_s` after they were last asked for."""
         there = set(self._sim.vehicle.getIDList()) if self._movers else set()
         for mover in self._movers:
-            if mover.id in there and self._sim.vehicle.getRoadID(mover.id):
+            if mover.id in there:
                 length = SIZES[mover.kind].length_m
                 body = body_state(self._sim, mover.id, mover.id, length, ahead_s, mover.kind)
-                yield shifted(body, self._sideways.follow(body, after_s))
+                if body.position[0] > NOWHERE_M:
+                    yield shifted(body, self._sideways.follow(body, after_s))
 
     def _populate(self, name: str, occupied: Occupied) -> None:
         mover = Mover(name, self._draw_kind(), 1)

@@ -31,6 +31,9 @@ RESERVE_M = 300.0
 """How far a route leads beyond where its vehicle is to stop."""
 
 STANDING_MPS = 0.05
+NOWHERE_M = -1e8
+"""Farther west than every map: where SUMO says a vehicle is that is on no road."""
+
 _STILL_MPS = 1e-3
 _SAME_LOAD_KG = 0.5
 
@@ -393,16 +396,19 @@ def body_state(sim: Simulation, vehicle: str, name: str, length_m: float, ahead_
     x, y, z = vehicles.getPosition3D(vehicle)
     heading = vehicles.getAngle(vehicle) % 360.0 % 360.0
     speed = vehicles.getSpeed(vehicle)
-    slope = math.radians(vehicles.getSlope(vehicle))
-    level, up = math.cos(slope), math.sin(slope)
-    east, north = math.sin(math.radians(heading)) * level, math.cos(math.radians(heading)) * level
+    slope_deg = vehicles.getSlope(vehicle)
+    angle = math.radians(heading)
+    east, north, up = math.sin(angle), math.cos(angle), 0.0
+    if slope_deg != 0.0:
+        slope = math.radians(slope_deg)
+        east, north, up = east * math.cos(slope), north * math.cos(slope), math.sin(slope)
     on = speed * ahead_s - length_m / 2.0
     return BodyState(
         id=name,
         position=(x + east * on, y + north * on, z + up * on),
         velocity=(east * speed, north * speed, up * speed),
         heading_deg=heading,
-        pitch_deg=math.degrees(slope),
+        pitch_deg=slope_deg,
         status="driving" if speed > STANDING_MPS else "waiting",
         kind=kind,
     )
