@@ -45,6 +45,7 @@ from lingjing.trace.records import (
     Event,
     Receipt,
 )
+from lingjing.trace.undisturbed import undisturbed
 
 KERNEL: Literal["kernel"] = "kernel"
 """The sender of the kernel's own commands. Their receipts name hidden entities and are no agent's to see."""
@@ -203,7 +204,7 @@ class Kernel:
         record = self._draft(boundary, inputs, receipts, frames, verdict, evaluation, observations, inboxes)
         digest = next_digest(self.state.digest, record)
         record = _with_digest(record, digest, inputs.started)
-        self.state = KernelState(
+        state = KernelState(
             registry=verdict.registry,
             bus=bus,
             unlocks=verdict.unlocks,
@@ -212,9 +213,17 @@ class Kernel:
             frames_digest=next_frames_digest(self.state.frames_digest, record.frames),
             evaluation=evaluation,
         )
-        if self._record is not None:
-            self._record(record, frames)  # line 52: Log
+        self._log(state, record, frames)  # line 52: Log
         return Published(observations, inboxes, evaluation, record)
+
+    def _log(self, state: KernelState, record: BoundaryRecord, frames: Sequence[StoredFrame]) -> None:
+        """Take on the new state and hand it to the recorder: both or neither, lest a trace ends before its outcome."""
+        if self._record is None:
+            self.state = state
+            return
+        with undisturbed():
+            self.state = state
+            self._record(record, frames)
 
     def _capture(self, boundary: WorldBoundary, commands: Sequence[Command]) -> tuple[StoredFrame | Absent, ...]:
         wanted = pictures.requests(self.instance, commands, boundary.tick, boundary.time_s)

@@ -4,6 +4,8 @@ Lines are counted as printed, from `t ← 0` on; a test's name begins with the l
 """
 
 import asyncio
+import os
+import signal
 import sys
 import time
 from pathlib import Path
@@ -492,6 +494,19 @@ def test_line_52_the_record_holds_what_the_boundary_was_made_of():
     assert second.record.decisions == made
     assert [frame.id for frame in second.record.frames] == ["f1-uav[1]-nadir"]
     assert second.record.digest == next_digest(first.record.digest, second.record)
+
+
+def test_line_52_an_interrupt_while_the_record_is_written_tears_nothing():
+    log = Log()
+
+    def interrupted(record, frames):
+        os.kill(os.getpid(), signal.SIGINT)
+        log.boundary(record, frames)
+
+    kernel = kit.make_kernel(record=interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        kernel.reset()
+    assert kernel.state.digest == log.records[-1].digest
 
 
 def test_line_53_what_is_published_is_what_was_recorded():

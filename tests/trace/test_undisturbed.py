@@ -1,0 +1,54 @@
+"""Signals that come while a boundary is written wait until it is."""
+
+import os
+import signal
+import threading
+
+import pytest
+
+from lingjing.trace.undisturbed import undisturbed
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_waits_for_the_end(number):
+    def interrupt(number, frame):
+        raise KeyboardInterrupt
+
+    before = signal.signal(number, interrupt)
+    done = []
+    try:
+        with pytest.raises(KeyboardInterrupt), undisturbed():
+            os.kill(os.getpid(), number)
+            os.kill(os.getpid(), number)
+            done.append("written")
+        assert done == ["written"]
+        assert signal.getsignal(number) is interrupt
+    finally:
+        signal.signal(number, before)
+
+
+def test_an_error_inside_goes_before_the_signal():
+    with pytest.raises(OSError, match="full"), undisturbed():
+        os.kill(os.getpid(), signal.SIGINT)
+        raise OSError("full")
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_ignored_signals_and_other_threads_are_left_alone():
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with undisturbed():
+            os.kill(os.getpid(), signal.SIGHUP)
+            assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+        ran = []
+
+        def work():
+            with undisturbed():
+                ran.append(signal.getsignal(signal.SIGINT))
+
+        thread = threading.Thread(target=work)
+        thread.start()
+        thread.join()
+        assert ran == [signal.default_int_handler]
+    finally:
+        signal.signal(signal.SIGHUP, before)
