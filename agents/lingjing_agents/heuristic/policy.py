@@ -7,6 +7,7 @@ from typing import Protocol
 from lingjing.plugins.policy import Brief, Decision, Inbox, Observation, Resource
 from lingjing_agents.capability import exchanged, flying_camera, sends, vehicle, vessel
 from lingjing_agents.heuristic.coordinator import Coordinator
+from lingjing_agents.heuristic.counter import Counter
 from lingjing_agents.heuristic.follower import Follower
 from lingjing_agents.heuristic.guide_pilot import GuidingPilot
 from lingjing_agents.heuristic.hauler import Hauler
@@ -57,11 +58,13 @@ def rules_for(brief: Brief) -> Rules | None:
 
 
 def _flying(brief: Brief, camera: Resource) -> Rules | None:
-    """Cells are searched, routes inspected, long things followed; who may guide somebody leads them to the place."""
+    """Cells are searched, routes inspected, people counted, long things followed; who may guide somebody does so."""
     if brief.cells:
         return Searcher(brief, camera)
     if exchanged(brief, "trafficJam"):
         return RouteInspector(brief, camera)
+    if sends(brief, "count") is not None:
+        return Counter(brief, camera)
     if sends(brief, "guidance") is not None:
         return GuidingPilot(brief, camera)
     return Follower(brief, camera) if kind_of(brief, (GAPS,)) is not None else None

@@ -20,7 +20,7 @@ CLOSER = 0.6
 
 @dataclass(slots=True)
 class Fire:
-    """One believed fire: its place (m), from how far it was seen at best, and what came of it."""
+    """One believed fire: its place (m), from how far it was seen at best and who saw it last, and what came of it."""
 
     place: Place
     seen_from_m: float
@@ -28,6 +28,8 @@ class Fire:
     reported_from_m: float = math.inf
     looked_at: Place | None = None
     tries: int = 0
+    seen_by: str = ""
+    chased: int = 0
 
     @property
     def error_m(self) -> float:
@@ -53,9 +55,9 @@ class Fires:
         distance, index = min(options, default=(math.inf, -1))
         return self.known[index] if distance <= within_m else None
 
-    def add(self, place: Place, distance_m: float) -> Fire:
+    def add(self, place: Place, distance_m: float, by: str = "") -> Fire:
         """Somebody sees a fire at a place from a distance: the one it must be, or a new one."""
-        fresh = Fire(place, distance_m)
+        fresh = Fire(place, distance_m, seen_by=by)
         candidates = [
             (math.dist(fire.place, place), index)
             for index, fire in enumerate(self.known)
@@ -65,6 +67,7 @@ class Fires:
             self.known.append(fresh)
             return fresh
         fire = self.known[min(candidates)[1]]
+        fire.seen_by = by
         if fire.state == "out":
             if distance_m > 20.0 or math.dist(fire.place, place) < LEAST_ERROR_M:
                 return fire

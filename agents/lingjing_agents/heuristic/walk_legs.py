@@ -9,7 +9,7 @@ import math
 
 from lingjing.plugins.geometry import bearing_deg, offset_xy, turn_deg
 from lingjing.plugins.policy import Action, EntityView, Inbox, Resource
-from lingjing_agents.heuristic.walk_map import Place, WalkMap
+from lingjing_agents.heuristic.walk_map import CELL_M, Place, WalkMap
 from lingjing_agents.heuristic.walk_way import Way
 
 OBSTRUCTED = frozenset({"blocked", "unreachable"})
@@ -20,6 +20,10 @@ STALLED_M = 0.4
 NARROW_M, WIDE = 2.4, 1.1
 """What stopped a walk is taken to reach so far to both sides: metres, or shortest steps if those are longer, for a dog
 that cannot step short must go around wide."""
+
+ONE_WALL_M, ONE_WALL_DEG, BEYOND_M = 12.0, 40.0, 5.0
+"""Two walks in about one direction (degrees) that ended so near to each other (m) met one wall, which goes on for this
+much (m) past the later one."""
 
 HAZARD_M = 3.0
 """A step refused for water or a drop somewhere on its way is tried again, half as long, down to this."""
@@ -36,6 +40,7 @@ class Legs:
         self._asked: tuple[Place, float, float] | None = None
         self._cap_m = math.inf
         self._way = Way(known, self.shortest_m)
+        self._hits: list[tuple[Place, float]] = []
 
     def feel(self, own: EntityView, inbox: Inbox) -> bool:
         """Learn from the last step: whether it was obstructed."""
@@ -55,11 +60,26 @@ class Legs:
             return True
         if failed or (gone < STALLED_M and length > 2.0 * STALLED_M):
             self.map.bump(here, heading, half_width_m=max(NARROW_M, WIDE * self.shortest_m))
+            self._hit(offset_xy(here, heading, CELL_M), heading)
             self.bumps += 1
             self._cap_m = math.inf
             return True
         self._cap_m = math.inf
         return False
+
+    def _hit(self, place: Place, heading_deg: float) -> None:
+        """A walk ended against something here: with the nearest hit from the same side it makes a wall."""
+        same = [
+            (math.dist(place, other), other)
+            for other, heading in self._hits
+            if CELL_M < math.dist(place, other) <= ONE_WALL_M and abs(turn_deg(heading, heading_deg)) <= ONE_WALL_DEG
+        ]
+        self._hits.append((place, heading_deg))
+        if same:
+            distance, other = min(same)
+            share = 1.0 + BEYOND_M / distance
+            beyond = other[0] + share * (place[0] - other[0]), other[1] + share * (place[1] - other[1])
+            self.map.wall(other, beyond)
 
     def towards(self, own: EntityView, goal: Place, *, reach_m: float = 1.0) -> Action | None:
         """The next command on the way to within `reach_m` of `goal`; None if it is there or knows no way."""

@@ -53,6 +53,16 @@ class WalkMap:
     closed: set[Cell] = field(default_factory=set)
     trodden: set[Cell] = field(default_factory=set)
 
+    def reach(self, place: Place, margin_m: float) -> None:
+        """Routes may go as far as a place and so much beyond."""
+        own = self.bounds
+        self.bounds = Bounds(
+            min(own.west, place[0] - margin_m),
+            min(own.south, place[1] - margin_m),
+            max(own.east, place[0] + margin_m),
+            max(own.north, place[1] + margin_m),
+        )
+
     def tread(self, place: Place) -> None:
         """Somebody stands here, so it is free."""
         cell = _cell(place)
@@ -64,6 +74,13 @@ class WalkMap:
         cell = _cell(place)
         if cell not in self.trodden:
             self.closed.add(cell)
+
+    def wall(self, a: Place, b: Place) -> None:
+        """Something long is in the way from one place to another; where somebody has walked stays free."""
+        count = max(1, math.ceil(math.dist(a, b) / (CELL_M / 3)))
+        for index in range(count + 1):
+            share = index / count
+            self.close((a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])))
 
     def bump(self, here: Place, heading_deg: float, *, half_width_m: float = 2.4) -> None:
         """A walk along `heading_deg` ended here against something: close a short wall ahead, even where somebody has

@@ -134,6 +134,7 @@ class Navigator:
                     way.append((step, place))
                 else:
                     self._ordered = place
+                    self._legs.map.reach(place, MARGIN_M)
         if way:
             self._led = tuple(way)
 
@@ -153,13 +154,13 @@ class Navigator:
         assert own.heading_deg is not None
         if (action := self._follow(own, here)) is not None:
             return action
-        if self._snaps and not self._fresh(here, own.heading_deg):
-            return Action(verb="takePhoto", arguments={"camera": self._camera.name}, resource=self._body.id)
         if self._ordered is not None:
             action = self._legs.towards(own, self._ordered, reach_m=ORDERED_M)
             if action is not None:
-                return action
+                return action  # a bump costs less than a look before every step
             self._ordered = None
+        if self._snaps and not self._fresh(here, own.heading_deg):
+            return self._photograph()
         if self._entrance is not None:
             if math.dist(here, self._entrance) > 8.0 and not self._legs.bumps > 12:
                 action = self._legs.towards(own, self._entrance, reach_m=6.0)
@@ -234,6 +235,9 @@ class Navigator:
             return clear and away > LEAST_WALK_M and self._legs.map.clear(here, place)
 
         return seen
+
+    def _photograph(self) -> Action:
+        return Action(verb="takePhoto", arguments={"camera": self._camera.name}, resource=self._body.id)
 
     def _fresh(self, here: Place, heading_deg: float) -> bool:
         if self._snapped is None:

@@ -7,6 +7,7 @@ known fire is the nearest free dog's. All of it is computed alike by all, so lit
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 from lingjing.plugins.geometry import bearing_deg, turn_deg
 from lingjing.plugins.policy import (
@@ -42,7 +43,19 @@ BESIDE_M = 0.6
 PUT_OUT_M = 3.2
 """Whoever is so near to a known fire when one goes out has put it out."""
 
+DEEP_M = 20.0
+"""How deep buildings are."""
+
+CHASE_TICKS = 50
+"""A fire that has not been seen for so long while one was after it is called false until somebody sees it again."""
+
+UNSEEN = 1.7
+"""So much longer the way to a fire may be for who has not seen it."""
+
 FIRE_M = 2.5
+ONE_WALL_M, SURE_M = 2.0, 5.0
+"""Places so near to each other (m) at which something stands are of one wall; farther ones are too often mistakes."""
+
 LOOK_AHEAD_DEG = 30.0
 LOOK_EVERY_M, WORTH_A_LOOK_M = 15.0, 5.0
 """On its way a dog takes a picture ahead so often, and before steps that are at least so long."""
@@ -50,6 +63,10 @@ LOOK_EVERY_M, WORTH_A_LOOK_M = 15.0, 5.0
 FRESH_SHARE = 0.55
 """A fire is looked at again when the way to it has shrunk to this share since the last look."""
 
+NEAR_M = 4.0
+"""So near to a fire it is tried for step by step."""
+
+SHUT_IN = 3
 TRIES = 14
 """Looks and steps around a fire that does not go out before it is called false."""
 
@@ -63,7 +80,7 @@ class WalkingSearcher:
         polygons = tuple(region.polygon for region in brief.regions if region.polygon)
         corners = tuple(corner for polygon in polygons for corner in polygon)
         self._legs = Legs(body, WalkMap(Bounds.around(corners, MARGIN_M)))
-        self._views, self._fires = Views(polygons), Fires()
+        self._views, self._fires = Views(polygons, sight=self._in_sight), Fires()
         self._half_deg = camera.hfov_deg / 2.0
         self._goal: Place | None = None
         self._patience = 0
@@ -97,7 +114,7 @@ class WalkingSearcher:
             if place is None:
                 continue
             if envelope.category == "report":
-                self._fires.add(place, self._distance_from(envelope.sender, observation, place))
+                self._fires.add(place, self._distance_from(envelope.sender, observation, place), envelope.sender)
             elif envelope.category == "target_status":
                 state = name_in(envelope.body, "state")
                 if state == "searched":
@@ -111,14 +128,17 @@ class WalkingSearcher:
         return min((math.dist(v.position[:2], place) for v in seen if v is not None and v.position), default=60.0)
 
     def _hear_events(self, observation: Observation, here: Place) -> None:
-        """A fire that goes out is the one beside which somebody stands; whoever stands there says so."""
+        """The engine says who has put a fire out: the one beside which that one stands. Who it was says so."""
         for event in observation.events:
             if event.id in self._heard or not event.kind.startswith("extinguish"):
                 continue
             self._heard.add(event.id)
-            fire = self._fires.put_out(here, PUT_OUT_M)
-            if fire is not None:
-                self._tell("extinguish", "done", fire.place)
+            for name in event.entities:
+                view = view_of(observation, name)
+                place = here if name == self._body.id else view.position[:2] if view and view.position else None
+                fire = self._fires.put_out(place, PUT_OUT_M) if place is not None else None
+                if fire is not None and name == self._body.id:
+                    self._tell("extinguish", "done", fire.place)
 
     def _look(self, picture: Picture, observation: Observation, height_m: float) -> None:
         pose = picture.pose
@@ -127,21 +147,42 @@ class WalkingSearcher:
         self._looked = True
         self._views.see(here, pose.heading_deg, self._half_deg)
         for flames in find_flames(picture.rgb, pose, pose.position[2] - 0.37):
-            fire = self._fires.add(self._inside(here, flames.place), flames.distance_m)
-            fire.looked_at = here
+            place = self._inside(here, flames.place)
+            if place is None:
+                continue
+            fire = self._fires.add(place, flames.distance_m, self._brief.agent)
+            fire.looked_at, fire.chased = here, 0
             if fire.state == "open":
                 self._say(picture, flames, fire)
-        for place in near_walls(picture.rgb, pose):
-            if self._fires.near(place, FIRE_M) is None:  # its own logs are no obstacle on the way to a fire
-                self._legs.map.close(place)
+        # Its own logs are no obstacle on the way to a fire.
+        walls = [
+            place
+            for place in near_walls(picture.rgb, pose)
+            if math.dist(place, here) <= SURE_M and self._fires.near(place, FIRE_M) is None
+        ]
+        for place in walls:
+            self._legs.map.close(place)
+        for a, b in pairwise(walls):
+            if math.dist(a, b) <= ONE_WALL_M:
+                self._legs.map.wall(a, b)
 
-    def _inside(self, here: Place, place: Place) -> Place:
-        """A place seen from here, drawn nearer until it is in the region: fires outside are not this team's."""
+    def _in_sight(self, here: Place, place: Place) -> bool:
+        """Whether no known wall hides a place. Just behind one is the inside of a building: not worth a look."""
+        away = math.dist(here, place)
+        if away <= DEEP_M:
+            return True
+        share = (away - DEEP_M) / away
+        return self._legs.map.clear(
+            here, (here[0] + share * (place[0] - here[0]), here[1] + share * (place[1] - here[1]))
+        )
+
+    def _inside(self, here: Place, place: Place) -> Place | None:
+        """A place seen from here, drawn nearer until it is in the region; None if it burns outside."""
         for share in (1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4):
             nearer = here[0] + share * (place[0] - here[0]), here[1] + share * (place[1] - here[1])
             if self._legs.map.bounds.holds(nearer):
                 return nearer
-        return place
+        return None
 
     def _say(self, picture: Picture, flames: Flames, fire: Fire) -> None:
         whole = flames.box[0] > 0.005 and flames.box[2] < 0.995
@@ -171,11 +212,11 @@ class WalkingSearcher:
         self._thought = f"fire at {_said(fire.place)}" if fire is not None else f"look around at {_said(self._goal)}"
         if fire is not None:
             self._goal = None
-            return self._fight(own, here, fire)
+            return self._fight(observation, own, here, fire)
         return self._search(observation, own, here)
 
     def _mine(self, observation: Observation, here: Place) -> Fire | None:
-        """The open fire that is this dog's when each goes to the nearest free one."""
+        """The open fire that is this dog's when each goes to the nearest free one, as far as all know the ways."""
         mates = {peer.id: peer.resources for peer in self._brief.peers if peer.role == self._brief.role}
         places = {self._brief.agent: here}
         for name, resources in mates.items():
@@ -185,7 +226,7 @@ class WalkingSearcher:
         fires = list(self._fires.of("open"))
         while fires and places:
             _, _, name, index = min(
-                (round(math.dist(at, fire.place), 3), natural(name), name, index)
+                (round(_way_m(name, at, fire), 3), natural(name), name, index)
                 for name, at in places.items()
                 for index, fire in enumerate(fires)
             )
@@ -194,15 +235,22 @@ class WalkingSearcher:
             del places[name], fires[index]
         return None
 
-    def _fight(self, own: EntityView, here: Place, fire: Fire) -> Action | None:
+    def _fight(self, observation: Observation, own: EntityView, here: Place, fire: Fire) -> Action | None:
         distance = math.dist(here, fire.place)
+        fire.chased += 1
+        if fire.chased > CHASE_TICKS:
+            fire.state = "false"
+            return None
         due = fire.looked_at is None or distance < FRESH_SHARE * math.dist(fire.looked_at, fire.place)
         moved = fire.looked_at is None or math.dist(here, fire.looked_at) > 1.5
         if due and moved and distance > BESIDE_M + 0.6 and self._legs.map.clear(here, fire.place):
             return self._glance(own, here, fire)
         action = self._walk(own, here, fire.place, BESIDE_M)
-        if action is not None and distance > 4.0:
+        if action is not None and distance > NEAR_M:
             return action
+        if distance > NEAR_M:
+            self._shut_in(fire)
+            return self._walk(own, here, fire.place, BESIDE_M) or self._search(observation, own, here)
         fire.tries += 1
         if fire.tries > TRIES:
             fire.state = "false"
@@ -211,6 +259,13 @@ class WalkingSearcher:
         if action is not None and fire.tries % 3:
             return action
         return self._glance(own, here, fire) if fire.tries % 2 else self._legs.turn(90.0)
+
+    def _shut_in(self, fire: Fire) -> None:
+        """No way to a fire is known: some of what is closed is not, so it is felt out anew, but not for ever."""
+        self._legs.map.forget()
+        fire.tries += SHUT_IN
+        if fire.tries > TRIES:
+            fire.state = "false"
 
     def _glance(self, own: EntityView, here: Place, fire: Fire) -> Action:
         """Face the fire and take its picture."""
@@ -273,6 +328,11 @@ class WalkingSearcher:
 
     def _photograph(self) -> Action:
         return Action(verb="takePhoto", arguments={"camera": self._camera.name}, resource=self._body.id)
+
+
+def _way_m(name: str, here: Place, fire: Fire) -> float:
+    """How long a way to a fire may be: who saw it last has it in sight, for others something may stand between."""
+    return math.dist(here, fire.place) * (1.0 if fire.seen_by == name else UNSEEN)
 
 
 def _said(place: Place | None) -> str:

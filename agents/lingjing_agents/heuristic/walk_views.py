@@ -19,17 +19,26 @@ PASSES_M = (36.0, 24.0, 18.0)
 WORTH = 4
 """A picture is worth a tick if it would show so many new samples."""
 
+OTHERS_M = 22.0
+"""How far somebody else's look around is trusted."""
+
 LOOK_COST_M = 45.0
 """What the looks around at a place cost, in metres of walking."""
 
 
+def _always(_here: Place, _there: Place) -> bool:
+    return True
+
+
 @dataclass(slots=True)
 class Views:
-    """The samples of the regions' polygons that nobody has looked at in this pass."""
+    """The samples of the regions' polygons that nobody has looked at in this pass. `sight` says whether one place may
+    be seen from another, as far as is known."""
 
     polygons: tuple[tuple[Place, ...], ...]
     passes_m: tuple[float, ...] = PASSES_M
     worth: int = WORTH
+    sight: Callable[[Place, Place], bool] = _always
     number: int = 0
     unseen: set[Place] = field(default_factory=set)
     refused: set[Place] = field(default_factory=set)
@@ -58,8 +67,8 @@ class Views:
         self.unseen -= set(self.shown(here, heading_deg, half_deg))
 
     def see_around(self, here: Place) -> None:
-        """Somebody has looked all around here."""
-        self.unseen = {place for place in self.unseen if math.dist(place, here) > self.far_m}
+        """Somebody else has looked all around here; what hid the rest from them is not known, so little counts."""
+        self.unseen = {place for place in self.unseen if math.dist(place, here) > min(self.far_m, OTHERS_M)}
 
     def refuse(self, place: Place) -> None:
         """That place cannot be reached."""
@@ -73,6 +82,7 @@ class Views:
             for place in self.unseen
             if math.dist(here, place) <= self.far_m
             and (math.dist(here, place) < 1.0 or abs(turn_deg(heading_deg, bearing_deg(here, place))) <= half_deg)
+            and self.sight(here, place)
         ]
 
     def best_turn(self, here: Place, heading_deg: float, half_deg: float) -> float | None:

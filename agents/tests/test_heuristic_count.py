@@ -1,0 +1,68 @@
+"""Counting people who stand in line: in drawn pictures, and who is sent where."""
+
+import math
+
+import numpy as np
+import pytest
+from lingjing_agents.heuristic.lines import STEP_M, find_line
+
+from lingjing.plugins.geometry import world_to_pixel
+from lingjing.plugins.policy import CameraPose
+
+POSE = CameraPose(position=(0.0, 0.0, 45.0), heading_deg=30.0, tilt_deg=90.0, width=1920, height=1080, hfov_deg=84.0)
+CLOTHES = ((180, 40, 40), (60, 130, 60), (70, 90, 190), (230, 230, 235), (210, 180, 60), (140, 70, 150))
+PAVEMENT = (150, 148, 142)
+
+
+def square(rgb, east, north, side_m, colour):
+    u, v, _ = world_to_pixel(POSE, (east, north, 0.0))
+    half = max(1, round(side_m / 2 * 1066 / 45.0))
+    rgb[int(v) - half : int(v) + half, int(u) - half : int(u) + half] = colour
+
+
+def picture(people, bearing_deg=70.0, head=(3.0, -2.0), dark=()):
+    """A pavement with a line of people behind `head`; those in `dark` wear what the pavement is like."""
+    rgb = np.empty((POSE.height, POSE.width, 3), np.uint8)
+    rgb[:] = PAVEMENT
+    ahead = math.sin(math.radians(bearing_deg)), math.cos(math.radians(bearing_deg))
+    for k in range(1, people + 1):
+        place = head[0] + STEP_M * k * ahead[0], head[1] + STEP_M * k * ahead[1]
+        square(rgb, place[0] + 0.4, place[1] + 0.5, 0.4, (100, 99, 95))  # the shadow
+        square(rgb, *place, 0.45, PAVEMENT if k in dark else CLOTHES[k % len(CLOTHES)])
+    return rgb
+
+
+@pytest.mark.parametrize("people", [1, 3, 5, 8, 12, 17])
+@pytest.mark.parametrize("bearing", [0.0, 70.0, 215.0])
+def test_everybody_in_a_line_is_counted(people, bearing):
+    line = find_line(picture(people, bearing), POSE, (3.0, -2.0), 0.0)
+    assert line is not None and line.people == people
+
+
+def test_who_is_as_dark_as_the_ground_is_counted_by_the_room_between_the_others():
+    line = find_line(picture(12, dark=(6, 7, 8)), POSE, (3.0, -2.0), 0.0)
+    assert line is not None and line.people == 12 and line.confidence < 1.0
+
+
+def test_a_lamp_behind_the_last_one_is_nobody():
+    rgb = picture(3)
+    ahead = math.sin(math.radians(70.0)), math.cos(math.radians(70.0))
+    square(rgb, 3.0 + 6 * STEP_M * ahead[0], -2.0 + 6 * STEP_M * ahead[1], 0.5, (200, 210, 230))
+    line = find_line(rgb, POSE, (3.0, -2.0), 0.0)
+    assert line is not None and line.people == 3
+
+
+def test_the_box_holds_all_of_them():
+    line = find_line(picture(8), POSE, (3.0, -2.0), 0.0)
+    assert line is not None
+    for k in (1, 8):
+        u, v, _ = world_to_pixel(
+            POSE,
+            (3.0 + STEP_M * k * math.sin(math.radians(70.0)), -2.0 + STEP_M * k * math.cos(math.radians(70.0)), 0.0),
+        )
+        assert line.box[0] < u / POSE.width < line.box[2] and line.box[1] < v / POSE.height < line.box[3]
+
+
+def test_where_nobody_stands_there_is_no_line():
+    assert find_line(picture(0), POSE, (3.0, -2.0), 0.0) is None
+    assert find_line(np.zeros((1080, 1920, 3), np.uint8), POSE, (3.0, -2.0), 0.0) is None
