@@ -99,7 +99,7 @@ class Counter:
         return Action(verb="takePhoto", arguments={"camera": self._camera.name}, resource=self._body.id)
 
     def _fly(self, x: float, y: float) -> Action:
-        arguments: dict[str, float | str] = {"x": round(x, 2), "y": round(y, 2), "z": round(self._z, 2)}
+        arguments: dict[str, Datum] = {"x": round(x, 2), "y": round(y, 2), "z": round(self._z, 2)}
         return Action(verb="setDestination", arguments=arguments, resource=self._body.id)
 
     def _send(self, places: dict[str, Place], tick: int) -> list[Outgoing]:
