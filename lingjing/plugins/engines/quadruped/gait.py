@@ -45,12 +45,13 @@ class Gait:
         seen = np.concatenate(
             (turning * _TURN_SCALE, gravity, wanted, angles - STANCE, speeds * _SPEED_SCALE, self.answer[who]), axis=1
         )
-        value = np.clip(seen, -_BOUND, _BOUND).astype(np.float32)
+        value = np.minimum(np.maximum(seen, -_BOUND), _BOUND).astype(np.float32)
         for weight, bias in self._layers[:-1]:
             value = _product(value, weight) + bias
             value = np.maximum(value, np.expm1(np.minimum(value, 0.0)))
         weight, bias = self._layers[-1]
-        answer = np.clip((_product(value, weight) + bias).astype(np.float64), -_BOUND, _BOUND)
+        last = (_product(value, weight) + bias).astype(np.float64)
+        answer = np.minimum(np.maximum(last, -_BOUND), _BOUND)
         self.answer[who] = answer
         return np.asarray(STANCE + answer * _REACH)
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -52,8 +53,7 @@ class Memory:
         return x, y, z
 
 
-@dataclass(frozen=True, slots=True)
-class Sense:
+class Sense(NamedTuple):
     """A dog now: trunk in the world (metres, m/s, radians; `yaw` anticlockwise from east, pitch nose up, roll right
     side down), `ahead_mps` along its heading, `upright` 1 on its feet to -1 on its back, `stir` its fastest joint
     (rad/s), `watts` what its motors take."""
@@ -70,15 +70,16 @@ class Sense:
     watts: float
 
 
-@dataclass(frozen=True, slots=True)
-class Motion:
-    """Rotation matrices (count, 3, 3), angular velocities in the body frame (count, 3), joint speeds (count, 12), and
-    forward, left and turning speed in the heading frame (count, 3)."""
+class Motion(NamedTuple):
+    """A trunk: position and velocity in the world (metres, m/s), angular velocity and the world's up in the body frame
+    (rad/s), `yaw` as in `Sense`, and forward, left and turning speed in the heading frame."""
 
-    attitude: Array
-    turning: Array
-    speeds: Array
-    measured: Array
+    position: Vector
+    velocity: Vector
+    turning: Vector
+    up: Vector
+    yaw: float
+    measured: Vector
 
 
 class Pack:
@@ -98,7 +99,7 @@ class Pack:
         self._pace = Pace(len(members))
         self._wanted = np.zeros((len(members), 3))
         self._walking = np.zeros(len(members), bool)
-        self._motion: Motion | None = None
+        self._motion: list[Motion] | None = None
         for dog, (_, state) in enumerate(members):
             self._enter(dog, state)
         self._herd.settle()
@@ -156,11 +157,10 @@ class Pack:
         herd, who = self._herd, np.flatnonzero(self._walking)
         if len(who):
             now = self._now()
-            told = self._pace.command(who, self._wanted[who], now.measured[who])
-            targets = self._gait.targets(
-                who, now.turning[who], -now.attitude[who, 2], told, herd.angles[who], now.speeds[who]
-            )
-            herd.aim(who, targets)
+            walking = [now[dog] for dog in who.tolist()]
+            told = self._pace.command(who, self._wanted[who], np.array([dog.measured for dog in walking]))
+            turning, up = np.array([dog.turning for dog in walking]), np.array([dog.up for dog in walking])
+            herd.aim(who, self._gait.targets(who, turning, -up, told, herd.angles[who], herd.speeds[who]))
         herd.step()
         self._motion = None
 
@@ -200,29 +200,30 @@ class Pack:
 
     def senses(self) -> list[Sense]:
         """All dogs as they are now."""
-        herd, now = self._herd, self._now()
-        attitude, torques, speeds = now.attitude, herd.torques, now.speeds
+        torques, speeds = self._herd.torques, self._herd.speeds
         watts = np.maximum(torques * speeds, 0.0).sum(axis=1) + _COPPER_W * (torques * torques).sum(axis=1)
-        columns = (
-            herd.positions.tolist(),
-            herd.velocities.tolist(),
-            np.arctan2(attitude[:, 1, 0], attitude[:, 0, 0]).tolist(),
-            np.arcsin(np.clip(attitude[:, 2, 0], -1.0, 1.0)).tolist(),
-            np.arctan2(attitude[:, 2, 1], attitude[:, 2, 2]).tolist(),
-            now.measured[:, 0].tolist(),
-            now.measured[:, 2].tolist(),
-            attitude[:, 2, 2].tolist(),
-            np.abs(speeds).max(axis=1).tolist(),
-            watts.tolist(),
-        )
-        return [Sense(tuple(at), tuple(rate), *rest) for at, rate, *rest in zip(*columns, strict=True)]
+        stirs = np.abs(speeds).max(axis=1)
+        return [
+            Sense(
+                position=dog.position,
+                velocity=dog.velocity,
+                yaw=dog.yaw,
+                pitch=math.asin(min(max(dog.up[0], -1.0), 1.0)),
+                roll=math.atan2(dog.up[1], dog.up[2]),
+                ahead_mps=dog.measured[0],
+                turning=dog.measured[2],
+                upright=dog.up[2],
+                stir=stir,
+                watts=power,
+            )
+            for dog, stir, power in zip(self._now(), stirs.tolist(), watts.tolist(), strict=True)
+        ]
 
-    def _now(self) -> Motion:
+    def _now(self) -> list[Motion]:
         """How the dogs move, computed once a period."""
         if self._motion is None:
-            herd = self._herd
-            attitude, turning = _rotations(herd.quaternions), herd.turning
-            self._motion = Motion(attitude, turning, herd.speeds, _in_heading(attitude, herd.velocities, turning))
+            rows = zip(self._herd.places.tolist(), self._herd.rates.tolist(), strict=True)
+            self._motion = [_motion(place, rate) for place, rate in rows]
         return self._motion
 
     def _enter(self, dog: int, state: Memory | Spot) -> None:
@@ -241,23 +242,27 @@ class Pack:
         self._pace.rest(dog)
 
 
-def _rotations(quaternions: Array) -> Array:
-    """Rotation matrices (count, 3, 3) of unit quaternions (count, 4); row 2 is the world's up in the body frame."""
-    w, x, y, z = quaternions.T
-    entries = (
-        *(1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
-        *(2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)),
-        *(2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)),
+def _motion(place: Sequence[float], rate: Sequence[float]) -> Motion:
+    """From a trunk's place (metres, unit quaternion) and rates (m/s in the world, rad/s in the body frame). In plain
+    numbers: for as many dogs as walk together that is several times faster than arrays."""
+    x, y, z, qw, qx, qy, qz = place
+    east, north, up, rolling, nodding, turning = rate
+    nose_east, nose_north = 1.0 - 2.0 * (qy * qy + qz * qz), 2.0 * (qx * qy + qw * qz)
+    over = 2.0 * (qx * qz - qw * qy), 2.0 * (qy * qz + qw * qx), 1.0 - 2.0 * (qx * qx + qy * qy)
+    level = max(math.hypot(nose_east, nose_north), 1e-9)
+    cosine, sine = nose_east / level, nose_north / level
+    return Motion(
+        position=(x, y, z),
+        velocity=(east, north, up),
+        turning=(rolling, nodding, turning),
+        up=over,
+        yaw=math.atan2(nose_north, nose_east),
+        measured=(
+            east * cosine + north * sine,
+            north * cosine - east * sine,
+            over[0] * rolling + over[1] * nodding + over[2] * turning,
+        ),
     )
-    return np.array(entries).T.reshape(-1, 3, 3)
-
-
-def _in_heading(attitude: Array, velocities: Array, turning: Array) -> Array:
-    """Forward and left speed in the heading frame and the rate of the heading, (count, 3)."""
-    ahead = attitude[:, :2, 0] / np.maximum(np.hypot(attitude[:, 0, 0], attitude[:, 1, 0]), 1e-9)[:, None]
-    forward = velocities[:, 0] * ahead[:, 0] + velocities[:, 1] * ahead[:, 1]
-    left = velocities[:, 1] * ahead[:, 0] - velocities[:, 0] * ahead[:, 1]
-    return np.array((forward, left, (attitude[:, 2] * turning).sum(axis=1))).T
 
 
 __all__ = ["PERIOD_S", "Memory", "Pack", "Sense", "Spot"]

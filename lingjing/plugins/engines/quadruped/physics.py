@@ -215,19 +215,14 @@ class Herd:
         return np.asarray(self._data.qpos[self._free_qpos[:, :3]])
 
     @property
-    def quaternions(self) -> Array:
-        """Attitudes, (count, 4) as w, x, y, z."""
-        return np.asarray(self._data.qpos[self._free_qpos[:, 3:]])
+    def places(self) -> Array:
+        """Trunks, (count, 7): centres in metres and attitudes as w, x, y, z."""
+        return np.asarray(self._data.qpos[self._free_qpos])
 
     @property
-    def velocities(self) -> Array:
-        """Of the trunks in the world frame, (count, 3) m/s."""
-        return np.asarray(self._data.qvel[self._free_dof[:, :3]])
-
-    @property
-    def turning(self) -> Array:
-        """Angular velocities in the body frame, (count, 3) rad/s."""
-        return np.asarray(self._data.qvel[self._free_dof[:, 3:]])
+    def rates(self) -> Array:
+        """Of the trunks, (count, 6): velocities in the world (m/s), angular velocities in the body frame (rad/s)."""
+        return np.asarray(self._data.qvel[self._free_dof])
 
     @property
     def angles(self) -> Array:
