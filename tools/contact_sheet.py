@@ -41,6 +41,8 @@ CELL = (384, 216)
 COLUMNS = 4
 CAPTION_PX = 34
 BEARINGS = 16
+IN_FULL = 3
+"""A sheet of more rows than this is written with 256 colours, to be small; the night needs more of them."""
 
 VIEWS = {"nadir": (1920, 1080, 84.0), "oblique": (1280, 720, 70.0), "front": (1280, 720, 84.0),
          "dog_eye": (1280, 720, 90.0), "dash": (1280, 720, 90.0)}  # fmt: skip
@@ -124,8 +126,8 @@ SHOTS: tuple[Shot, ...] = (
     Shot("warehouse", "cd", "depot", "dash", 15.0, 0.0, bearing=190.0),
     Shot("delivery_door", "ld", "house", "dog_eye", 5.0, 0.0),
     Shot("delivery_door, served", "ld", "house", "dog_eye", 5.0, 0.0, states={"house": "served"}),
-    Shot("queue_of_people", "queue", "shop[1]", "nadir", 0.0, 40.0),
-    Shot("queue_of_people", "queue", "shop[1]", "dog_eye", 14.0, 0.0),
+    Shot("queue_of_people", "queue", "shop[2]", "nadir", 0.0, 40.0),
+    Shot("queue_of_people", "queue", "shop[2]", "dog_eye", 14.0, 0.0),
 )
 TARGETS = len(SHOTS)
 SHOTS += (
@@ -346,7 +348,9 @@ def draw(studio: Studio, shots: Sequence[Shot], out: Path) -> list[str]:
         pen.text((left + 6, top + CELL[1] + 16), detail, (160, 170, 180), font)
         table.append(f"| {title} | {shot.mission} | {detail} |")
         print(title, detail, flush=True)
-    sheet.quantize(256, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.FLOYDSTEINBERG).save(out, optimize=True)
+    if rows > IN_FULL:
+        sheet = sheet.quantize(256, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.FLOYDSTEINBERG)
+    sheet.save(out, optimize=True)
     return table
 
 
