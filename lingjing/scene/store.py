@@ -56,10 +56,9 @@ def write_store(folder: Path, city: City, pieces: Pieces, extra: Mapping[str, by
         folder.parent.mkdir(parents=True, exist_ok=True)
         with beside(folder) as temporary:
             _write_files(temporary, city, pieces, extra or {})
-            _replace(temporary, folder)
+            return _placed(temporary, folder)
     except OSError as error:
         raise _unwritable(folder, error) from None
-    return read_store(folder)
 
 
 def copy_store(source: Path, folder: Path) -> City:
@@ -69,10 +68,9 @@ def copy_store(source: Path, folder: Path) -> City:
         folder.parent.mkdir(parents=True, exist_ok=True)
         with beside(folder) as temporary:
             shutil.copytree(source, temporary, dirs_exist_ok=True)
-            _replace(temporary, folder)
+            return _placed(temporary, folder)
     except OSError as error:
         raise _unwritable(folder, error) from None
-    return read_store(folder)
 
 
 def read_store(folder: Path) -> City:
@@ -158,6 +156,14 @@ def _close(digest: hashlib._Hash, folder: Path, light: City) -> None:
     if light.network:
         digest.update(hashlib.sha256((folder / NETWORK_FILE).read_bytes()).digest())
     digest.update(msgspec.msgpack.encode(light))
+
+
+def _placed(temporary: Path, folder: Path) -> City:
+    """Put the written folder where it belongs and give its city, read before another writer can take it away."""
+    city = read_store(temporary)
+    _replace(temporary, folder)
+    network = str(folder / NETWORK_FILE) if city.network else ""
+    return msgspec.structs.replace(city, store=str(folder), network=network)
 
 
 def _replace(temporary: Path, folder: Path) -> None:

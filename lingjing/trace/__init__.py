@@ -11,6 +11,7 @@ In the order in which an episode meets them:
 - `foxglove`   the same boundary in Foxglove's published schemas: poses, scene, images, logs, geo positions
 - `container`  the MCAP file itself; the only module that imports `mcap`
 - `writer`     `TraceWriter`: header, boundaries, outcome
+- `undisturbed`  signals wait while a boundary is written
 - `reader`     `read_trace`: the records back, pictures on demand
 
 Invariants: a file named `.part` is unfinished, and reads to its last complete boundary wherever it was cut; the two

@@ -10,10 +10,12 @@ from pathlib import Path
 import pytest
 
 from lingjing.errors import UsageError
+from lingjing.mission.instance import SceneSpec
 from lingjing.scene.beside import beside
 from lingjing.scene.network import StreetEdge, StreetNode, build_network
 from lingjing.scene.osm import read as reading
 from lingjing.scene.osm.build import Options, build, cities_folder
+from lingjing.scene.osm.provider import city_of
 from lingjing.scene.osm.tags import metres, number
 from lingjing.scene.store import copy_store, read_store, whole
 
@@ -71,6 +73,17 @@ def test_a_cache_that_has_rotted_is_made_anew(tmp_path: Path, hut: Path) -> None
     again = build(hut, Options())
     assert not again.cached
     assert whole(again.folder) == good
+
+
+def test_a_mission_is_not_played_in_a_city_that_has_rotted(tmp_path: Path, hut: Path) -> None:
+    folder = build(hut, Options(), tmp_path / "city").folder
+    spec = SceneSpec(kind="map", options={"folder": str(folder)})
+    assert city_of(spec) == whole(folder)
+    (tile,) = folder.glob("tiles/[0-9-]*")
+    tile.write_bytes(tile.read_bytes()[:-1])
+    with pytest.raises(UsageError, match="is damaged") as caught:
+        city_of(spec)
+    assert "scene build" in caught.value.hint
 
 
 def test_a_network_that_has_rotted_is_made_anew() -> None:

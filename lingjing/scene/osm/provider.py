@@ -18,7 +18,7 @@ from lingjing.mission.instance import SceneSpec
 from lingjing.scene.city import City
 from lingjing.scene.osm.build import Options, build
 from lingjing.scene.osm.frame import parse_box
-from lingjing.scene.store import read_store
+from lingjing.scene.store import read_store, whole
 
 KNOWN = ("bbox", "datum", "file", "folder", "map", "origin", "traffic")
 _HINT = 'write: scene map { folder = "DIR" } with a folder that `lingjing scene build MAP.osm -o DIR` wrote'
@@ -54,7 +54,13 @@ def _text(spec: SceneSpec, name: str) -> str:
 
 def _stored(folder: Path) -> City:
     try:
-        return read_store(folder.absolute())
+        city = read_store(folder.absolute())
+        if whole(folder.absolute()) is None:
+            raise UsageError(
+                f"the city in `{folder}` is damaged: its files are not those that were written",
+                hint="build it again: lingjing scene build",
+            )
+        return city
     except UsageError as error:
         where = "" if folder.is_absolute() else f" (from the working folder `{Path.cwd()}`)"
         raise UsageError(f"scene `map`: {error}{where}", hint=error.hint) from None
