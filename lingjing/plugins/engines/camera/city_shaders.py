@@ -84,7 +84,11 @@ uniform sampler2DShadow u_shadow;
 in vec3 v_shade;
 float sunny() { return texture(u_shadow, v_shade); }
 #else
+#ifdef AVERTED
+float sunny() { return 0.0; }
+#else
 float sunny() { return 1.0; }
+#endif
 #endif
 float hash(vec2 p, float seed) {
   vec3 q = fract(vec3(p.xyx + seed * 0.37) * vec3(0.1031, 0.1030, 0.0973));
@@ -340,6 +344,7 @@ void main() {
 
 
 def variant(source: str, **wanted: bool) -> str:
-    """A source with the wanted switches defined: `WALL`, `ROAD`, `LAYERED`, `SUNLIT`, `MAPPED`, `WET`, `NIGHT`."""
+    """A source with the wanted switches defined: `WALL`, `ROAD`, `LAYERED`, `SUNLIT`, `AVERTED`, `MAPPED`, `WET`,
+    `NIGHT`."""
     lines = "".join(f"#define {name.upper()}\n" for name, on in wanted.items() if on)
     return source.replace("#version 330\n", f"#version 330\n{lines}", 1)

@@ -8,7 +8,7 @@ Per picture: `view` picks tiles by pose (`sight`), `shade` draws their shadow ma
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -20,9 +20,10 @@ from lingjing.plugins.engines.camera import city_shaders as shaders
 from lingjing.plugins.engines.camera import programs
 from lingjing.plugins.engines.camera.classes import FIRST_ENTITY
 from lingjing.plugins.engines.camera.effects import SHOWING, Dress
+from lingjing.plugins.engines.camera.facing import Walls, walls_of
 from lingjing.plugins.engines.camera.instances import Batch, prop_batches
 from lingjing.plugins.engines.camera.light import Light
-from lingjing.plugins.engines.camera.mesh_rows import LAYOUT, Part, empty
+from lingjing.plugins.engines.camera.mesh_rows import LAYOUT, Index, Part, empty
 from lingjing.plugins.engines.camera.nightlights import lamp_heads
 from lingjing.plugins.engines.camera.paving import middles_of
 from lingjing.plugins.engines.camera.plate import build_plate
@@ -44,9 +45,12 @@ from lingjing.scene.tiles import Key, Tiles
 from lingjing.trace.records import CameraPose
 
 KEPT_TILES = 48
+WARM_M = 400.0
+"""How far about a place tiles are made ready before the first picture."""
 SHADE_PX, SHADE_RIM_PX = 2048, 2
 FAR_REACH_M, BLOCKS_REACH_M = 14_000.0, 3500.0
 CROSSINGS_REACH_M = 60.0
+STEEP_DEG, NEAREST_PX = 80.0, 1.4
 MAPPED_FROM = 0.55
 """From this share of the reach of full tiles on the ground begins to wear the map."""
 DETAIL_PX = 4.0
@@ -70,12 +74,13 @@ SOURCES = {
 
 class Mode(NamedTuple):
     """Which variant of a material's program draws: in rain, after dark, where the shadow map reaches, where the ground
-    wears the map."""
+    wears the map, what is turned away from the sun."""
 
     wet: bool
     night: bool
     sunlit: bool
     mapped: bool = False
+    averted: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,6 +108,7 @@ class Resident:
 
     mesh: TileMesh
     sheets: Mapping[str, Sheet]
+    walls: Walls | None
     props: tuple[Batch, ...]
     lively: tuple[Prop, ...]
     lamps: npt.NDArray[np.float64]
@@ -225,6 +231,15 @@ class Cityscape:
         self._residents.move_to_end(key)
         return found
 
+    def warm(self, places: Sequence[tuple[float, float, float]]) -> None:
+        """Make the tiles around some places ready, the first places' first."""
+        for place in places:
+            away = distances(self._skyline.boxes, place)
+            for k in np.argsort(away, kind="stable").tolist():
+                if away[k] > WARM_M or len(self._residents) >= KEPT_TILES:
+                    break
+                self.resident(self._skyline.keys[k])
+
     def trim(self) -> None:
         """Let go of the tiles that were not used for longest; between pictures."""
         while len(self._residents) > KEPT_TILES:
@@ -243,7 +258,8 @@ class Cityscape:
                   if len(part.index)}  # fmt: skip
         bare = TileMesh({}, mesh.coarse, mesh.boxes, mesh.low, mesh.high)
         lively = tuple(prop for prop in pieces.props if prop.model in SHOWING)
-        return Resident(bare, sheets, prop_batches(pieces), lively, lamp_heads(pieces.props))
+        walls = walls_of(mesh.parts["wall"]) if "wall" in sheets else None
+        return Resident(bare, sheets, walls, prop_batches(pieces), lively, lamp_heads(pieces.props))
 
     def _around(self, key: Key) -> tuple[Tile, ...]:
         west, south, _, east, north, _ = self._skyline.boxes[self._number[key]].tolist()
@@ -294,8 +310,12 @@ class Cityscape:
             "u_map_range": (MAPPED_FROM * view.reach_m, view.reach_m),
         }
 
-    def bind(self, shade_unit: int, map_unit: int) -> None:
-        """Bind the textures."""
+    def bind(self, view: View, pose: CameraPose, shade_unit: int, map_unit: int) -> None:
+        """Bind the textures. Where a texel of the shadow map is about a pixel, the nearest one says as much as four."""
+        steep = pose.tilt_deg > STEEP_DEG
+        pixel = pose.position[2] / focal_px(pose)
+        coarse = steep and view.window.side_m / SHADE_PX < NEAREST_PX * pixel
+        self._shade.filter = (moderngl.NEAREST,) * 2 if coarse else (moderngl.LINEAR,) * 2
         self._shade.use(shade_unit)
         self._map.use(map_unit)
 
@@ -303,14 +323,16 @@ class Cityscape:
         """The programs of one kind of weather."""
         modes = [Mode(wet, night, sunlit) for sunlit in (False, True)]
         found = [self._program(name, mode) for name in SOURCES for mode in modes]
-        return (*found, self._program("ground", Mode(wet, night, True, mapped=True)))
+        mapped, averted = Mode(wet, night, True, mapped=True), Mode(wet, night, False, averted=True)
+        return (*found, self._program("ground", mapped), self._program("wall", averted))
 
-    def structures(self, view: View, wet: bool, night: bool) -> None:
+    def structures(self, view: View, eye: tuple[float, float, float], wet: bool, night: bool) -> None:
         """Walls and everything else that stands up."""
         for key in view.full:
             mode = Mode(wet, night, key in view.shaded)
             resident = self.resident(key)
-            self._draw(resident.sheets, "wall", mode, one_sided=True)
+            if resident.walls is not None:
+                self._draw_walls(resident.sheets["wall"], *resident.walls.ordered(eye, view.window.sun), mode)
             count = -1 if key in view.detailed else resident.mesh.coarse
             self._draw(resident.sheets, "plain", mode, one_sided=False, count=count)
         if view.far:
@@ -342,6 +364,18 @@ class Cityscape:
             else:
                 self._context.disable(moderngl.CULL_FACE)
             sheets[name].lit[mode].render(moderngl.TRIANGLES, vertices=count)
+
+    def _draw_walls(self, sheet: Sheet, index: Index, lit: int, mode: Mode) -> None:
+        self._one_sided()
+        sheet.buffers[1].write(index.tobytes())
+        if not mode.sunlit:
+            sheet.lit[mode].render(moderngl.TRIANGLES)
+            return
+        if lit:
+            sheet.lit[mode].render(moderngl.TRIANGLES, vertices=lit)
+        if lit < sheet.count:
+            averted = mode._replace(sunlit=False, averted=True)
+            sheet.lit[averted].render(moderngl.TRIANGLES, vertices=sheet.count - lit, first=lit)
 
     def _one_sided(self) -> None:
         """Leave out what faces away; pictures are upside down in GL terms, so what faces the eye turns clockwise."""

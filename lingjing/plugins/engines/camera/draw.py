@@ -16,7 +16,7 @@ import moderngl
 import numpy as np
 import numpy.typing as npt
 
-from lingjing.mission.instance import Weather
+from lingjing.mission.instance import Vector, Weather
 from lingjing.plugins.engines.camera import city_shaders, programs, shaders, uniforms
 from lingjing.plugins.engines.camera.cityscape import Cityscape, View
 from lingjing.plugins.engines.camera.classes import CLASSES
@@ -43,6 +43,7 @@ from lingjing.scene.city import City
 from lingjing.trace.records import CameraPose
 
 SHADE_UNIT, MAP_UNIT = 5, 6
+WARM_SIZE, WARM_UP_M = (320, 180), 60.0
 LEAST_PROP_PX = 1.2
 GRAIN_M = 64.0
 """What the grain's texture spans (`city_shaders`)."""
@@ -167,6 +168,19 @@ class Renderer:
         self._surfaces, self._solids, self._models, self._casting, self._lakes = [], [], {}, {}, []
         self._town = None
 
+    def warm(self, places: Sequence[Vector], scenery: Scenery, depth: bool) -> None:
+        """Make ready what pictures near some places need: tiles, programs for this weather, their machine code. A small
+        picture is drawn and thrown away: pictures do not depend on the ones before."""
+        with self.context:
+            if self._town is not None:
+                self._town.warm(places)
+            for tilt in (90.0, 10.0):
+                east, north, up = places[0]
+                pose = CameraPose(position=(east, north, up + WARM_UP_M), heading_deg=0.0, tilt_deg=tilt, roll_deg=0.0,
+                                  hfov_deg=84.0, width=WARM_SIZE[0], height=WARM_SIZE[1])  # fmt: skip
+                self._render(pose, scenery, depth)
+            self._targets.pop((WARM_SIZE, depth)).release()
+
     def render(self, pose: CameraPose, scenery: Scenery, depth: bool) -> Buffers:
         """Draw one picture and read it back."""
         with self.context:
@@ -186,7 +200,7 @@ class Renderer:
         self.context.depth_func = "<="
         weather = light.rain > 0.0, light.lamps
         if self._town is not None and view is not None:
-            self._town.structures(view, *weather)
+            self._town.structures(view, pose.position, *weather)
             self._stand(pose, view)
         for land, model in self._surfaces:
             _draw_land(land, model, pose)
@@ -368,7 +382,7 @@ class Renderer:
         told: tuple[moderngl.Program, ...] = (*self._programs, *self._effects.programs)
         near = uniforms.bay_near(pose)
         if self._town is not None and view is not None:
-            self._town.bind(SHADE_UNIT, MAP_UNIT)
+            self._town.bind(view, pose, SHADE_UNIT, MAP_UNIT)
             self._noise.filter = moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR
             self._grain.filter = _grain_filter(pose)
             near = self._town.near_plane(view, pose, _closest(scenery, pose))

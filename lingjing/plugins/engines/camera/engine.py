@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import msgspec
 
 from lingjing.errors import InfrastructureError
-from lingjing.mission.instance import CameraSpec, Entity, Weather
+from lingjing.mission.instance import CameraSpec, Entity, Vector, Weather
 from lingjing.plugins.engine import Boundary, CaptureRequest, EngineSpec, Frame
 from lingjing.plugins.engines.camera.boxes import entity_boxes
 from lingjing.plugins.engines.camera.classes import MAX_ENTITIES, semantic_picture
@@ -32,6 +32,8 @@ from lingjing.scene.tiles import Tiles
 from lingjing.trace.records import DORMANT, BodyState, CameraPose, Command, FrameInfo, Receipt
 
 HIDDEN_STATUSES = frozenset({"rescued", DORMANT, "cleared"})
+WARM_PLACES = 4
+"""So many places, at most, are made ready at a reset."""
 STUCK_M, CLEARANCE_M, HIGH_M = 0.2, 0.06, 2000.0
 """A camera this deep in the ground is lifted this far over it."""
 TOWN = ("buildings", "roads", "junctions", "areas", "bridges", "pipes", "slopes")
@@ -55,6 +57,7 @@ class CameraEngine:
         self._ambient: tuple[BodyState, ...] = ()
         self._time_s = 0.0
         self._level = 0.0
+        self._warmed: tuple[tuple[Vector, ...], Weather, bool] | None = None
 
     def reset(self, spec: EngineSpec, city: City, seed: int) -> Boundary:
         """Open the context if need be, build the city's meshes if it changed, forget the last episode."""
@@ -74,6 +77,7 @@ class CameraEngine:
             self._sites = changed.sites
         self._states = {e.id: BodyState(id=e.id, position=e.position, heading_deg=e.heading_deg) for e in entities}
         self._ambient = ()
+        self._warm(self._renderer, entities)
         return Boundary(engine=spec.engine, time_s=0.0)
 
     def submit(self, commands: Sequence[Command]) -> tuple[Receipt, ...]:
@@ -104,9 +108,22 @@ class CameraEngine:
         """Free everything; the engine may be reset again."""
         renderer, self._renderer = self._renderer, None
         self._city, self._props, self._spec, self._oceans, self._states = None, (), None, {}, {}
-        self._terrain, self._schedule, self._ambient = None, None, ()
+        self._terrain, self._schedule, self._ambient, self._warmed = None, None, (), None
         if renderer is not None:
             renderer.close()
+
+    def _warm(self, renderer: Renderer, entities: Sequence[Entity]) -> None:
+        """Make ready what the first pictures need, where those with cameras begin: else the first one is late."""
+        looking = [e for e in entities if e.cameras and e.position[2] < HIGH_M]
+        if not looking:
+            return
+        places = tuple(dict.fromkeys(e.position for e in looking))[:WARM_PLACES]
+        depth = any("depth" in camera.channels for entity in looking for camera in entity.cameras)
+        scenery = self._scenery(None)
+        told = places, scenery.weather, depth
+        if told != self._warmed:
+            renderer.warm(places, scenery, depth)
+            self._warmed = told
 
     def _playing(self) -> EngineSpec:
         if self._spec is None:
@@ -169,7 +186,7 @@ class CameraEngine:
 
     def _build(self, renderer: Renderer, city: City) -> None:
         """The static world: open country is drawn whole, a town by tiles with its solids and props in them."""
-        self._city, self._level, self._terrain = None, water_level(city), None
+        self._city, self._level, self._terrain, self._warmed = None, water_level(city), None, None
         noise = noise_texture()[::4, ::4, 0]
         if city.store or any(getattr(city, kind) for kind in TOWN):
             terrain = self._terrain = Terrain(city)
