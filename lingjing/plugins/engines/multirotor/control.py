@@ -53,7 +53,7 @@ def braking_speed(distance: float, brake: float) -> float:
 
 def wanted_velocity(position: Vector, goal: Vector, cruise: float) -> Vector:
     """The velocity to have now on the way to `goal`; climbing and travelling end together."""
-    east, north, up = (there - here for here, there in zip(position, goal, strict=True))
+    east, north, up = goal[0] - position[0], goal[1] - position[1], goal[2] - position[2]
     level = math.hypot(east, north)
     limit = _CLIMB_MPS if up > 0.0 else _SINK_MPS
     speed = min(cruise, braking_speed(level, BRAKE_MPS2))

@@ -21,6 +21,7 @@ POOL = 16
 RANGE_M = 40.0
 _SOON_S = 0.5
 _FAR_M = RANGE_M + 30.0
+_LARGEST_M = 0.5 * max(math.hypot(size.length_m, size.width_m) for size in SIZES.values())
 _HOVERING = frozenset({"quadrotor", "fixed_wing"})
 """Bodies whose position is their middle and not where they stand."""
 
@@ -42,11 +43,15 @@ class Lookout:
             x, y, _ = state.position
             if not (west - _FAR_M < x < east + _FAR_M and south - _FAR_M < y < north + _FAR_M):
                 continue
+            ahead = _SOON_S * math.hypot(*state.velocity)
+            far = RANGE_M + _LARGEST_M + ahead
+            if not any(abs(x - dog[0]) < far and abs(y - dog[1]) < far for dog in dogs):
+                continue
             names = self._names(state)
             size = next((SIZES[name] for name in names if name in SIZES), None)
             if size is None or state.status in ABSENT:
                 continue
-            reach = 0.5 * math.hypot(size.length_m, size.width_m) + _SOON_S * math.hypot(*state.velocity)
+            reach = 0.5 * math.hypot(size.length_m, size.width_m) + ahead
             away = min(math.dist(state.position, dog) for dog in dogs) - reach
             if away < RANGE_M:
                 found.append((away, state.id, _mover(state, size, hovers=not _HOVERING.isdisjoint(names))))

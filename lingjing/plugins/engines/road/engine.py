@@ -17,7 +17,7 @@ from lingjing.plugins.engines.requests import Refusal, Requests
 from lingjing.plugins.engines.road.congestion import Congestion, jam_of
 from lingjing.plugins.engines.road.contact import Contacts
 from lingjing.plugins.engines.road.foreign import Foreign
-from lingjing.plugins.engines.road.graph import Place, read_graph
+from lingjing.plugins.engines.road.graph import Place, elevations, read_graph
 from lingjing.plugins.engines.road.simulation import STEP_S, Simulation
 from lingjing.plugins.engines.road.traffic import Occupied, Traffic
 from lingjing.plugins.engines.road.vehicle import LOAD, Vehicle
@@ -58,7 +58,10 @@ class RoadEngine(FleetEngine):
         self._plans = Requests(spec.engine)
         self._schedule = Schedule(instance)
         self._vehicles = {entity.id: Vehicle(entity, sim, graph) for entity in owned}
-        self._foreign = Foreign(sim, graph, [entity for entity in instance.entities if entity.id not in spec.owns])
+        lowest, highest = elevations(sim, graph)
+        sim.level = lowest == highest
+        strangers = [entity for entity in instance.entities if entity.id not in spec.owns]
+        self._foreign = Foreign(sim, graph, strangers, highest)
         self._contacts = Contacts(sim, self._collided)
         blockers = (entity for entity in instance.entities if entity.properties.get("blocks") is True)
         self._congestion = Congestion(sim, graph, tuple(jam_of(entity, seed) for entity in blockers))

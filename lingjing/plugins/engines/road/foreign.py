@@ -9,7 +9,6 @@ who is about to step onto a lane has heralds: stand-ins where it will be in one,
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -53,7 +52,8 @@ class Body:
 class Foreign:
     """Keeps the simulation's stand-ins of foreign bodies; `bodies` are those near a road now, by id."""
 
-    def __init__(self, sim: Simulation, graph: Graph, entities: Sequence[Entity]) -> None:
+    def __init__(self, sim: Simulation, graph: Graph, entities: Sequence[Entity], highest_m: float) -> None:
+        """`highest_m` is the elevation of the highest road."""
         self.bodies: dict[str, Body] = {}
         self._sim = sim
         self._graph = graph
@@ -62,7 +62,7 @@ class Foreign:
         self._time_s = 0.0
         self._entries = 0
         self._types: set[str] = set()
-        self._highest_m = _highest(sim, graph)
+        self._highest_m = highest_m
 
     def look(self, mirrors: Sequence[BodyState], time_s: float) -> None:
         """Take the mirrors of time `time_s`."""
@@ -161,18 +161,6 @@ class Foreign:
                 self._sim.person.remove(name)
         except SumoError:  # it never got in
             return
-
-
-def _highest(sim: Simulation, graph: Graph) -> float:
-    """Elevation of the highest point of all lanes: what flies above it is near none."""
-    top = -math.inf
-    for lane in (lane for edge in graph.edges.values() for lane in edge.lanes):
-        steps = [math.dist(*pair) for pair in itertools.pairwise(lane.shape)]
-        scale = lane.length_m / (sum(steps) or 1.0)
-        for at_m in (0.0, *itertools.accumulate(steps)):
-            at = min(at_m * scale, lane.length_m)
-            top = max(top, float(sim.simulation.convert3D(lane.edge, at, lane.index)[2]))
-    return top
 
 
 def _stand_in(body: str, lead_s: float) -> str:

@@ -142,6 +142,18 @@ def read_graph(sim: Simulation) -> Graph:
     return Graph(edges, _indexed(lane for edge in edges.values() for lane in edge.lanes))
 
 
+def elevations(sim: Simulation, graph: Graph) -> tuple[float, float]:
+    """Elevations of the lowest and the highest point of all lanes, metres."""
+    found = [0.0] if not graph.edges else []
+    for lane in (lane for edge in graph.edges.values() for lane in edge.lanes):
+        steps = [math.dist(*pair) for pair in itertools.pairwise(lane.shape)]
+        scale = lane.length_m / (sum(steps) or 1.0)
+        for at_m in (0.0, *itertools.accumulate(steps)):
+            at = min(at_m * scale, lane.length_m)
+            found.append(float(sim.simulation.convert3D(lane.edge, at, lane.index)[2]))
+    return min(found), max(found)
+
+
 def locate(lane: Lane, x: float, y: float) -> Place:
     """The point of a lane that is nearest to (x, y)."""
     off_m, at_m, heading, nearest, before = math.inf, 0.0, 0.0, lane.shape[0], 0.0

@@ -56,6 +56,8 @@ class Simulation:
         except (SumoError, libsumo.FatalTraCIError) as fault:
             raise InfrastructureError(f"SUMO cannot load the road network {network}: {fault}") from fault
         _running.append(self)
+        self.level = False
+        """Whether all roads are known to lie at one height, so that no vehicle stands on a slope."""
         self.vehicle: Any = libsumo.vehicle
         self.vehicletype: Any = libsumo.vehicletype
         self.person: Any = libsumo.person

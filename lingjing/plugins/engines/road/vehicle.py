@@ -396,7 +396,7 @@ def body_state(sim: Simulation, vehicle: str, name: str, length_m: float, ahead_
     x, y, z = vehicles.getPosition3D(vehicle)
     heading = vehicles.getAngle(vehicle) % 360.0 % 360.0
     speed = vehicles.getSpeed(vehicle)
-    slope_deg = vehicles.getSlope(vehicle)
+    slope_deg = 0.0 if sim.level else vehicles.getSlope(vehicle)
     angle = math.radians(heading)
     east, north, up = math.sin(angle), math.cos(angle), 0.0
     if slope_deg != 0.0:
