@@ -39,7 +39,7 @@ class Surroundings:
             (land, _bounds(land.polygon)) for land in city.lands if land.top_m > city.datum_m + _LEVEL_M
         )
         self._made: OrderedDict[Cell, tuple[Shape, ...]] = OrderedDict()
-        self._cut: OrderedDict[Key, tuple[Shape, ...]] = OrderedDict()
+        self._cut: OrderedDict[Key, tuple[tuple[Shape, Bounds], ...]] = OrderedDict()
         self._held: frozenset[Cell] = frozenset()
 
     def suffices(self, points: Sequence[Point]) -> bool:
@@ -67,16 +67,16 @@ class Surroundings:
         centre = 0.5 * (square[0] + square[2]), 0.5 * (square[1] + square[3])
         found: list[Shape] = []
         for tile in self._tiles.near(*centre, CELL_M * math.sqrt(0.5)):
-            found += [shape for shape in self._shapes(tile) if _meet(_extent(shape), square)]
+            found += [shape for shape, extent in self._shapes(tile) if _meet(extent, square)]
         for number, (land, span) in enumerate(self._lands):
             if _meet(span, square):
                 found += _ground(f"land-{number}", land, square, self.ground_m)
         return tuple(found)
 
-    def _shapes(self, tile: Tile) -> tuple[Shape, ...]:
-        """A tile's shapes: cut once, although several cells look into it."""
+    def _shapes(self, tile: Tile) -> tuple[tuple[Shape, Bounds], ...]:
+        """A tile's shapes and what they cover: cut once, although several cells look into it."""
         if tile.key not in self._cut:
-            self._cut[tile.key] = tuple(shapes_of(tile))
+            self._cut[tile.key] = tuple((shape, _extent(shape)) for shape in shapes_of(tile))
             while len(self._cut) > _KEPT_TILES:
                 self._cut.popitem(last=False)
         self._cut.move_to_end(tile.key)
