@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Container, Mapping, Sequence
 from itertools import chain
-from operator import attrgetter
 from typing import Any
 
 import msgspec
@@ -36,9 +35,6 @@ _EVENTS = msgspec.msgpack.Decoder(tuple[TaskEvent, ...])
 _ROUTES = msgspec.msgpack.Decoder(tuple[Route, ...])
 _PAIRS = msgspec.msgpack.Decoder(tuple[tuple[str, str], ...])
 _PLAIN_NUMBERS = {float}
-_FIELDS = attrgetter(
-    *("position", "velocity", "joints", "resources", "id", "kind", "status", "heading_deg", "pitch_deg", "roll_deg")
-)
 
 
 def checked_boundary(
@@ -167,17 +163,21 @@ def _are_plain(states: Sequence[BodyState]) -> bool:
     if not states:
         return True
     try:
-        places, rates, joints, stocks, ids, kinds, words, *angles = zip(*map(_FIELDS, states), strict=True)
-        vectors = (*places, *rates)
-        lengths = set(map(len, vectors))
-        numbers = [*chain.from_iterable(vectors), *chain.from_iterable(angles), *chain.from_iterable(joints)]
-        numbers += chain.from_iterable([stock.values() for stock in stocks if stock])
+        rows = [
+            (*s.position, *s.velocity, s.heading_deg, s.pitch_deg, s.roll_deg, *s.joints, *s.resources.values())
+            for s in states
+        ]
+        shapes = {
+            (type(s.position), len(s.position), type(s.velocity), len(s.velocity), type(s.joints), type(s.status))
+            for s in states
+        }
+        words = {type(word) for s in states for word in (s.id, s.kind)}
     except (TypeError, AttributeError):
         return False
+    numbers = list(chain.from_iterable(rows))
     return (
-        lengths == {3}
-        and set(map(type, (*vectors, *joints))) == {tuple}
-        and set(map(type, (*ids, *kinds, *words))) == {str}
+        shapes == {(tuple, 3, tuple, 3, tuple, str)}
+        and words == {str}
         and set(map(type, numbers)) == _PLAIN_NUMBERS
         and math.isfinite(sum(numbers))
     )
