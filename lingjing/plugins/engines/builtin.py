@@ -124,7 +124,7 @@ def lingjing_engines() -> Iterable[EnginePlugin]:
             name="multirotor",
             factory=_multirotor,
             native_dt_s=0.02,
-            summary="Multirotors: JSBSim at 250 Hz under a 50 Hz position controller, with wind and battery.",
+            summary="Multirotors: JSBSim at 100 Hz under a 50 Hz position controller, with wind and battery.",
         ),
         EnginePlugin(
             name="plane",
