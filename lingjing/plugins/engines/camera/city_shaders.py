@@ -253,13 +253,34 @@ _JOINTS = """
   c *= 1.0 - v_style.y * max(seam.x, seam.y);
 """
 
+_MAP_HEAD = """
+#ifdef MAPPED
+uniform sampler2D u_map;
+uniform vec4 u_map_bounds;      // west, south, 1 / width, 1 / height
+uniform vec2 u_map_range;       // from here on the map takes over, until there
+#endif
+"""
+
+_MAP = """
+#ifdef MAPPED
+  vec2 uv = (v_world.xy - u_map_bounds.xy) * u_map_bounds.zw;
+  vec3 mapped = texture(u_map, uv).rgb;
+  mapped *= mapped;
+  vec2 out_of = step(0.5, abs(uv - 0.5));
+  float away = length(u_eye - v_world);
+  c = mix(c, mapped, smoothstep(u_map_range.x, u_map_range.y, away) * (1.0 - max(out_of.x, out_of.y)));
+#endif
+"""
+
 SOIL = (
     _HEAD
+    + _MAP_HEAD
     + """
 #define PATCH vec3(0.125, 0.135, 0.060)
 void main() {
 """
     + _PAVE
+    + _MAP
     + """
 #ifdef NIGHT
   vec3 glow = c * vec3(0.34, 0.25, 0.15);
@@ -272,23 +293,14 @@ PAVING = SOIL.replace(_PAVE, _PAVE + _JOINTS)
 
 GROUND = (
     _HEAD
+    + _MAP_HEAD
     + """
 #define PATCH vec3(0.110, 0.130, 0.058)
-uniform sampler2D u_map;
-uniform vec4 u_map_bounds;      // west, south, 1 / width, 1 / height
-uniform vec2 u_map_range;       // from here on the map takes over, until there
 void main() {
 """
     + _PAVE
+    + _MAP
     + """
-#ifdef MAPPED
-  vec2 uv = (v_world.xy - u_map_bounds.xy) * u_map_bounds.zw;
-  vec3 mapped = texture(u_map, uv).rgb;
-  mapped *= mapped;
-  vec2 out_of = step(0.5, abs(uv - 0.5));
-  float away = length(u_eye - v_world);
-  c = mix(c, mapped, smoothstep(u_map_range.x, u_map_range.y, away) * (1.0 - max(out_of.x, out_of.y)));
-#endif
 #ifdef NIGHT
   vec3 glow = c * vec3(0.20, 0.15, 0.09);
 #endif

@@ -44,7 +44,8 @@ from lingjing.scene.city import City, Pieces, Prop, Tile
 from lingjing.scene.tiles import Key, Tiles
 from lingjing.trace.records import CameraPose
 
-KEPT_TILES = 48
+KEPT_TILES, KEPT_PIECES = 48, 12
+"""Tiles that stay ready to draw, and those whose pieces are held to make the next ones ready."""
 WARM_M = 400.0
 """How far about a place tiles are made ready before the first picture."""
 SHADE_PX, SHADE_RIM_PX = 2048, 2
@@ -58,9 +59,10 @@ DETAIL_PX = 4.0
 LAYER = 2.0e-6
 """Clip-space step (of w) between coplanar layers; the near plane is chosen so that it stays under a decimetre."""
 
-LARGE_BACK = 1.0
-"""How far lands, and twice as far the ground, are set back, in depth per pixel: the depth of triangles that are that
-large is not exact enough to tell layers from one another close to the eye."""
+LARGE_BACK, LARGE_NEAR_M = 1.0, 100.0
+"""How far lands, and twice as far the ground, are set back, in depth per pixel, and how close to the eye: the depth of
+triangles that are that large is not exact enough there to tell layers from one another. Farther off it is, and ground
+that is set back would lie under the water beside it."""
 LAYERED = ("road", "paving", "soil")
 SOURCES = {
     "wall": shaders.WALL,
@@ -114,19 +116,27 @@ class Resident:
     lamps: npt.NDArray[np.float64]
 
 
+class Cells(NamedTuple):
+    """Ranges of a sheet's indices that are drawn alike: close to the eye or not, with the map on them or not."""
+
+    close: bool
+    mapped: bool
+    runs: tuple[tuple[int, int], ...]
+
+
 @dataclass(frozen=True, slots=True)
 class View:
     """What one picture shows: full tiles near to far, which of them the shadow map reaches and which show their
-    details, ranges of far blocks, tiles that may throw shadows into it, ranges of ground near and far (that wears the
-    map)."""
+    details, ranges of far blocks near to far, tiles that may throw shadows into it, ranges of the ground
+    and of the lands on it."""
 
     full: tuple[Key, ...]
     shaded: frozenset[Key]
     detailed: frozenset[Key]
     far: tuple[tuple[int, int], ...]
     casters: tuple[Key, ...]
-    near_ground: tuple[tuple[int, int], ...]
-    far_ground: tuple[tuple[int, int], ...]
+    ground: tuple[Cells, ...]
+    lands: tuple[Cells, ...]
     window: Window
     reach_m: float
     closest_m: float
@@ -139,12 +149,13 @@ class Cityscape:
         self._context, self._city, self._under, self._dress = context, city, under, Dress()
         self._programs: dict[tuple[str, Mode], moderngl.Program] = {}
         self._caster = context.program(vertex_shader=shaders.CASTER_VERTEX, fragment_shader=shaders.CASTER_FRAGMENT)
-        self.tiles = Tiles(city)
+        self.tiles = Tiles(city, KEPT_PIECES)
         self._skyline: Skyline = build_skyline(city, self.tiles)
         self._number = {key: k for k, key in enumerate(self._skyline.keys)}
         self._residents: OrderedDict[Key, Resident] = OrderedDict()
         self.plate = build_plate(city)
         self._blocks = self._upload("wall", self._skyline.blocks, casts=False)
+        self._block_index = self._skyline.blocks.index
         self._skyline = replace(self._skyline, blocks=empty())
         self._ground = self._upload("ground", self.plate.ground, casts=False)
         self._quays = self._upload("plain", self.plate.quays, casts=False)
@@ -187,20 +198,20 @@ class Cityscape:
         cast = casters(sky.boxes, window) & (away <= 3.0 * reach) if light.dark < 0.95 else np.zeros(len(away), bool)
         high = eye[2] > AIR_TOP_M
         far = seen & ~near & (high | (away < min(visibility_m, FAR_REACH_M)))
-        ranges = _runs(sky.ranges[0], far) + _runs(sky.ranges[1], far & (high | (away < BLOCKS_REACH_M)))
+        some = far & (high | (away < BLOCKS_REACH_M))
+        blocks = np.concatenate([sky.ranges[0][far], sky.ranges[1][some]])
+        blocks = blocks[np.argsort(np.concatenate([away[far], away[some]]), kind="stable")]
         full = tuple(sky.keys[k] for k in order)
         reached = casters(sky.boxes, window)
         plate = self.plate
-        shown = boxes_in_sight(plate.boxes, pose)
-        mapped = _farthest(plate.boxes, eye) > MAPPED_FROM * reach
         return View(
             full=full,
             shaded=frozenset(sky.keys[k] for k in order if reached[k]),
             detailed=frozenset(sky.keys[k] for k in order if away[k] <= focal_px(pose) / DETAIL_PX),
-            far=tuple(ranges),
+            far=tuple((first, count) for first, count in blocks.tolist() if count),
             casters=tuple(sky.keys[k] for k in np.flatnonzero(cast).tolist()),
-            near_ground=tuple(_runs(plate.ranges, shown & ~mapped)),
-            far_ground=tuple(_runs(plate.ranges, shown & mapped)),
+            ground=_cells(plate.ranges, plate.boxes, pose, reach),
+            lands=_cells(plate.land_ranges, plate.land_boxes, pose, reach),
             window=window,
             reach_m=reach,
             closest_m=self._closest(full, pose),
@@ -324,7 +335,7 @@ class Cityscape:
         modes = [Mode(wet, night, sunlit) for sunlit in (False, True)]
         found = [self._program(name, mode) for name in SOURCES for mode in modes]
         mapped, averted = Mode(wet, night, True, mapped=True), Mode(wet, night, False, averted=True)
-        return (*found, self._program("ground", mapped), self._program("wall", averted))
+        return (*found, *(self._program(name, mapped) for name in ("ground", "paving")), self._program("wall", averted))
 
     def structures(self, view: View, eye: tuple[float, float, float], wet: bool, night: bool) -> None:
         """Walls and everything else that stands up."""
@@ -336,8 +347,7 @@ class Cityscape:
             count = -1 if key in view.detailed else resident.mesh.coarse
             self._draw(resident.sheets, "plain", mode, one_sided=False, count=count)
         if view.far:
-            self._one_sided()
-            _draw_runs(self._blocks.lit[Mode(wet, night, False)], view.far)
+            self._draw_blocks(view.far, Mode(wet, night, False))
         self._context.disable(moderngl.CULL_FACE)
 
     def floors(self, view: View, wet: bool, night: bool) -> None:
@@ -346,14 +356,15 @@ class Cityscape:
             for key in view.full:
                 mode = Mode(wet, night, key in view.shaded)
                 self._draw(self.resident(key).sheets, name, mode, one_sided=True)
-        for number, sheet in enumerate((self._quays, self._lands)):
-            self._context.polygon_offset = LARGE_BACK * number, 0.0
-            if sheet.count:
-                sheet.lit[Mode(wet, night, True)].render(moderngl.TRIANGLES)
-        self._context.polygon_offset = 2.0 * LARGE_BACK, 0.0
-        if self._ground.count:
-            _draw_runs(self._ground.lit[Mode(wet, night, True)], view.near_ground)
-            _draw_runs(self._ground.lit[Mode(wet, night, True, mapped=True)], view.far_ground)
+        mode = Mode(wet, night, True)
+        if self._quays.count:
+            self._quays.lit[mode].render(moderngl.TRIANGLES)
+        for back, sheet, cells in ((1.0, self._lands, view.lands), (2.0, self._ground, view.ground)):
+            if not sheet.count:
+                continue
+            for some in cells:
+                self._context.polygon_offset = back * LARGE_BACK * some.close, 0.0
+                _draw_runs(sheet.lit[mode._replace(mapped=some.mapped)], some.runs)
         self._context.polygon_offset = 0.0, 0.0
         self._context.disable(moderngl.CULL_FACE)
 
@@ -376,6 +387,12 @@ class Cityscape:
         if lit < sheet.count:
             averted = mode._replace(sunlit=False, averted=True)
             sheet.lit[averted].render(moderngl.TRIANGLES, vertices=sheet.count - lit, first=lit)
+
+    def _draw_blocks(self, ranges: Sequence[tuple[int, int]], mode: Mode) -> None:
+        self._one_sided()
+        index = np.concatenate([self._block_index[first : first + count] for first, count in ranges])
+        self._blocks.buffers[1].write(index.tobytes())
+        self._blocks.lit[mode].render(moderngl.TRIANGLES, vertices=len(index))
 
     def _one_sided(self) -> None:
         """Leave out what faces away; pictures are upside down in GL terms, so what faces the eye turns clockwise."""
@@ -456,6 +473,21 @@ def _farthest(boxes: npt.NDArray[np.float64], eye: tuple[float, float, float]) -
     at = np.asarray(eye)
     off = np.maximum(np.abs(boxes[:, :3] - at), np.abs(boxes[:, 3:] - at))
     return np.asarray(np.linalg.norm(off, axis=1))
+
+
+def _cells(
+    ranges: npt.NDArray[np.int64], boxes: npt.NDArray[np.float64], pose: CameraPose, reach: float
+) -> tuple[Cells, ...]:
+    """The cells of a sheet in sight; those whose every point is nearer than the map do without it."""
+    shown = boxes_in_sight(boxes, pose)
+    mapped = _farthest(boxes, pose.position) > MAPPED_FROM * reach
+    close = distances(boxes, pose.position) < LARGE_NEAR_M
+    kinds = [
+        (near, far, _runs(ranges, shown & (close == near) & (mapped == far)))
+        for near in (True, False)
+        for far in (False, True)
+    ]
+    return tuple(Cells(near, far, tuple(runs)) for near, far, runs in kinds if runs)
 
 
 def _runs(ranges: npt.NDArray[np.int64], wanted: npt.NDArray[np.bool_]) -> list[tuple[int, int]]:

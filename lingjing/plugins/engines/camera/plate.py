@@ -32,15 +32,21 @@ Bounds = tuple[float, float, float, float]
 """West, south, east, north."""
 
 
+Divided = tuple[Part, npt.NDArray[np.int64], npt.NDArray[np.float64]]
+"""A part, the range of indices (first, count) of each of its cells and their boxes (west, south, low, east, …)."""
+
+
 @dataclass(frozen=True, slots=True)
 class Plate:
-    """`ground` (flat) in cells of `ranges` (n, 2), first index and count, that `boxes` (n, 6) hold; `lands` (painted on
-    it), `quays` (walls), `waters` by level; `sea`: the level of a water that is everywhere, or None."""
+    """`ground` (flat) in cells of `ranges` (n, 2), first index and count, that `boxes` (n, 6) hold; so are `lands`,
+    painted on it; `quays` (walls), `waters` by level; `sea`: the level of a water that is everywhere, or None."""
 
     ground: Part
     ranges: npt.NDArray[np.int64]
     boxes: npt.NDArray[np.float64]
     lands: Part
+    land_ranges: npt.NDArray[np.int64]
+    land_boxes: npt.NDArray[np.float64]
     quays: Part
     waters: tuple[tuple[float, Part], ...]
     sea: float | None
@@ -52,17 +58,17 @@ def build_plate(city: City) -> Plate:
     shapes = [_shape(water) for water in city.waters]
     for water, shape in zip(city.waters, shapes, strict=True):
         if bounds.difference(shape).area < 1.0:
-            return Plate(*_cells([]), _lands(city), _edges(city, water.level_m), (), water.level_m)
+            return Plate(*_cells([]), *_lands(city), _edges(city, water.level_m), (), water.level_m)
     wet = shapely.union_all(shapes).intersection(bounds)
     ground = bounds.difference(wet)
     pieces = _pieces(ground, _grid(city.bounds))
     beyond = [_outwards(city, shape) for shape in shapes]
     level = city.waters[0].level_m if city.waters else 0.0
     around = shapely.box(-REACH_M, -REACH_M, REACH_M, REACH_M).difference(bounds)
-    outside = around.difference(shapely.union_all(beyond)) if shapes else around
+    outside = _pieces(around.difference(shapely.union_all(beyond)) if shapes else around, _sides(city.bounds))
     quays = [walls(ring, level - BED_M, 0.0, QUAY, CLASSES["concrete"], inwards=k > 0)
              for rings in polygons(ground) for k, ring in enumerate(rings)] if shapes else []  # fmt: skip
-    return Plate(*_cells([*pieces, outside]), _lands(city), joined(quays), _waters(city, shapes, beyond), None)
+    return Plate(*_cells([*pieces, *outside]), *_lands(city), joined(quays), _waters(city, shapes, beyond), None)
 
 
 def _grid(bounds: Bounds) -> list[Bounds]:
@@ -74,17 +80,34 @@ def _grid(bounds: Bounds) -> list[Bounds]:
     return [(x, y, x2, y2) for y, y2 in pairwise(ys) for x, x2 in pairwise(xs)]
 
 
-def _cells(shapes: list[shapely.Geometry]) -> tuple[Part, npt.NDArray[np.int64], npt.NDArray[np.float64]]:
-    """Ground of several shapes as one part, the range of indices and the box of each."""
+def _sides(bounds: Bounds) -> list[Bounds]:
+    """What lies around the bounds: a strip on each side."""
+    west, south, east, north = bounds
+    return [
+        (-REACH_M, -REACH_M, REACH_M, south),
+        (-REACH_M, south, west, north),
+        (east, south, REACH_M, north),
+        (-REACH_M, north, REACH_M, REACH_M),
+    ]
+
+
+def _cells(shapes: list[shapely.Geometry]) -> Divided:
+    """Ground of several shapes."""
     colour, style = SURFACES["ground"]
     number = surface_id("ground")
     wanted = [shape for shape in shapes if not shape.is_empty]
-    parts = [joined(sheet(rings, 0.0, colour, number, style=style) for rings in polygons(shape)) for shape in wanted]
-    counts = np.array([len(part.index) for part in parts], np.int64)
-    west, south, east, north = shapely.bounds(wanted).T if wanted else np.zeros((4, 0))
-    level = np.zeros(len(wanted))
-    ranges = np.stack([np.cumsum(counts) - counts, counts], axis=1)
-    return joined(parts), ranges, np.stack([west, south, level, east, north, level], axis=1)
+    return _divided(
+        [joined(sheet(rings, 0.0, colour, number, style=style) for rings in polygons(shape)) for shape in wanted]
+    )
+
+
+def _divided(parts: list[Part]) -> Divided:
+    """Several parts as one."""
+    some = [part for part in parts if len(part.index)]
+    counts = np.array([len(part.index) for part in some], np.int64)
+    points = [part.vertices["position"] for part in some]
+    boxes = np.array([(*p.min(axis=0), *p.max(axis=0)) for p in points], np.float64).reshape(-1, 6)
+    return joined(some), np.stack([np.cumsum(counts) - counts, counts], axis=1), boxes
 
 
 def _pieces(shape: shapely.Geometry, cells: list[Bounds]) -> list[shapely.Geometry]:
@@ -94,7 +117,7 @@ def _pieces(shape: shapely.Geometry, cells: list[Bounds]) -> list[shapely.Geomet
     return [piece for piece in (*found, beyond) if not piece.is_empty]
 
 
-def _lands(city: City) -> Part:
+def _lands(city: City) -> Divided:
     """Even lands, the last one on top."""
     parts = []
     for number, land in enumerate(reversed([land for land in city.lands if is_flat(land)])):
@@ -103,7 +126,7 @@ def _lands(city: City) -> Part:
         layer = max(0.9 - 0.1 * number, 0.1)
         parts += [sheet(rings, land.top_m, colour, surface_id(land.surface), style=style, layer=layer)
                   for piece in _pieces(shape, _grid(city.bounds)) for rings in polygons(piece)]  # fmt: skip
-    return joined(parts)
+    return _divided(parts)
 
 
 def _edges(city: City, level: float) -> Part:
