@@ -48,6 +48,7 @@ KEPT_TILES, KEPT_PIECES = 48, 12
 """Tiles that stay ready to draw, and those whose pieces are held to make the next ones ready."""
 WARM_M = 400.0
 """How far about a place tiles are made ready before the first picture."""
+ALOFT_M, TOUCHING_M = 5.0, 0.8
 SHADE_PX, SHADE_RIM_PX = 2048, 2
 FAR_REACH_M, BLOCKS_REACH_M = 14_000.0, 3500.0
 CROSSINGS_REACH_M = 60.0
@@ -231,7 +232,10 @@ class Cityscape:
         return min(found)
 
     def near_plane(self, view: View, pose: CameraPose, others_m: float) -> float:
-        """The near plane of a picture, `others_m` being the distance of the closest thing that moves."""
+        """The near plane of a picture, `others_m` being the distance of the closest thing that moves. One that almost
+        touches a camera in the air does not count: layers of the ground far below would run into one another."""
+        if pose.position[2] > ALOFT_M:
+            others_m = max(others_m, TOUCHING_M)
         return near_plane(pose, min(view.closest_m, others_m))
 
     def resident(self, key: Key) -> Resident:

@@ -34,7 +34,7 @@ from lingjing.plugins.engines.camera.noise import GRAIN, grain_texture, lace_tex
 from lingjing.plugins.engines.camera.ocean import RIPPLE_M, Surface
 from lingjing.plugins.engines.camera.ocean import SIZE as SEA_SIZE
 from lingjing.plugins.engines.camera.sight import sky_bounds
-from lingjing.plugins.engines.camera.standins import FULL_PX, TINY_PX, standin
+from lingjing.plugins.engines.camera.standins import FAR_M, FAR_PX, FULL_PX, TINY_FAR_PX, TINY_PX, coarsened, standin
 from lingjing.plugins.engines.camera.targets import MAX_TARGETS, Buffers, Target
 from lingjing.plugins.engines.camera.tilemesh import Under
 from lingjing.plugins.engines.camera.upload import Model, rows_array, upload, upload_still
@@ -291,14 +291,17 @@ class Renderer:
         focal = focal_px(pose)
         for batch in _merged([self._town.resident(key).props for key in view.full]):
             at = batch.rows["rows"][:, :, 3].astype(np.float64)
-            size = batch.radius * focal / np.maximum(np.linalg.norm(at - np.array(pose.position), axis=1), 0.1)
+            away = np.linalg.norm(at - np.array(pose.position), axis=1)
+            size = batch.radius * focal / np.maximum(away, 0.1)
             seen = in_sight(at, batch.radius, pose) & (size > LEAST_PROP_PX)
-            mesh = standin(batch)
+            mesh, coarse = standin(batch), coarsened(batch)
             near = seen & (size >= FULL_PX) if mesh is not None else seen
-            tiny = seen & ~near & (size < TINY_PX)
+            tiny = seen & ~near & (size < np.where(away > FAR_M, TINY_FAR_PX, TINY_PX))
             small = seen & ~near & ~tiny
+            far = seen & (away > FAR_M) & (size < FAR_PX) if coarse is not None else np.zeros(len(seen), bool)
             for suffix, look, which in (
-                ("", batch.mesh, near), ("/small", mesh, small), ("/tiny", standin(batch, tiny=True), tiny)
+                ("", batch.mesh, near & ~far), ("/small", mesh, small),
+                ("/tiny", standin(batch, tiny=True), tiny), ("/far", coarse, far),
             ):  # fmt: skip
                 if look is not None and which.any():
                     rows: Rows = batch.rows[which]

@@ -25,6 +25,9 @@ CELL_M, MOST_CELLS = 60.0, 40
 """Least side of the cells that ground and lands are cut into, and how many there are at most along a side: the depth of
 large triangles is not exact close to the eye."""
 BED_M = 2.0
+RIVER_SHARE, RIVER_GOES = 0.5, 0.7
+"""A stretch of water at the bounds that is shorter than this share of their side ends beyond them, so many times the
+way from their middle on."""
 QUAY = (0.27, 0.265, 0.25)
 
 
@@ -149,7 +152,11 @@ def _outwards(city: City, water: shapely.Geometry) -> shapely.Geometry:
         if line.geom_type != "LineString" or line.length < 5.0:
             continue
         points = np.asarray(line.coords)
-        far = centre + (points - centre) * (4.0 * REACH_M / max(east - west, north - south))
+        side = max(east - west, north - south)
+        far = centre + (points - centre) * (4.0 * REACH_M / side)
+        if line.length < RIVER_SHARE * side:  # a river; as a wedge it would be a sea at the horizon
+            far = points.mean(axis=0) + (points - points.mean(axis=0)) * 0.3
+            far += (points.mean(axis=0) - centre) * RIVER_GOES
         stretches.append(shapely.make_valid(shapely.Polygon(np.concatenate([points, far[::-1]]))))
     return shapely.union_all(stretches) if stretches else shapely.Polygon()
 

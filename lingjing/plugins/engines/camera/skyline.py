@@ -16,7 +16,7 @@ from PIL import Image, ImageDraw
 from lingjing.mission.instance import Vector
 from lingjing.plugins.engines.camera.classes import CLASSES
 from lingjing.plugins.engines.camera.masonry import FACADES
-from lingjing.plugins.engines.camera.mesh_rows import Part, joined, oriented, sheet, walls
+from lingjing.plugins.engines.camera.mesh_rows import Part, empty, joined, oriented, sheet, walls
 from lingjing.plugins.engines.camera.paving import SURFACES
 from lingjing.scene.city import Building, City, Tile
 from lingjing.scene.tiles import Tiles, extent
@@ -44,20 +44,28 @@ class Skyline:
 def build_skyline(city: City, tiles: Tiles) -> Skyline:
     """Blocks and map of a city."""
     canvas = _Canvas(city)
-    chosen, boxes = [], []
+    tops, boxes = [], []
     for tile in tiles:
         canvas.paint(tile)
-        chosen.append([b for b in tile.buildings if _seen_from_afar(b)])
+        tops.append([b.top_m for b in tile.buildings if _seen_from_afar(b)])
         west, south, east, north = extent(tile, city.tile_m)
         boxes.append((west, south, -3.0, east, north, _top(tile)))
-    least = _least([b.top_m for some in chosen for b in some])
-    towers = [[_block(b) for b in some if b.top_m >= max(least, TOWER_M)] for some in chosen]
-    others = [[_block(b) for b in some if least <= b.top_m < TOWER_M] for some in chosen]
-    counts = np.array([[sum(len(p.index) for p in parts) for parts in group] for group in (towers, others)], np.int64)
+    least = _least([top for some in tops for top in some])
+    tall = [key for key, some in zip(tiles.keys, tops, strict=True) if max(some, default=-1.0) >= least]
+    made = {key: _blocks(tiles.load(key), least) for key in tall}  # read again: all at once they take much room
+    groups = [[made.get(key, (empty(), empty()))[k] for key in tiles.keys] for k in (0, 1)]
+    counts = np.array([[len(part.index) for part in group] for group in groups], np.int64)
     first = np.cumsum(counts.ravel()).reshape(counts.shape) - counts
-    blocks = joined(part for group in (towers, others) for parts in group for part in parts)
+    blocks = joined(part for group in groups for part in group)
     ranges = np.stack([first, counts], axis=2)
     return Skyline(blocks, tiles.keys, np.array(boxes).reshape(-1, 6), ranges, canvas.pixels())
+
+
+def _blocks(tile: Tile, least: float) -> tuple[Part, Part]:
+    """A tile's towers and its other blocks."""
+    some = [b for b in tile.buildings if _seen_from_afar(b) and b.top_m >= least]
+    towers = joined(_block(b) for b in some if b.top_m >= TOWER_M)
+    return towers, joined(_block(b) for b in some if b.top_m < TOWER_M)
 
 
 def _least(tops: list[float]) -> float:

@@ -1,4 +1,4 @@
-"""Cheap meshes that stand in for trees where they are small in the picture, and in the shadow map."""
+"""Cheap meshes that stand in for what is small in a picture: for trees, in the shadow map too, for others far off."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ FULL_PX = 38.0
 """Radius in the picture from which a plant shows all its leaves."""
 
 
-TINY_PX = 12.0
-"""Radius in the picture under which a plant is a bare lump."""
+TINY_PX, TINY_FAR_PX = 12.0, 17.0
+"""Radius in the picture under which a plant is a bare lump, and beyond `FAR_M`."""
 
 
 def standin(batch: Batch, tiny: bool = False) -> Array | None:
@@ -24,6 +24,19 @@ def standin(batch: Batch, tiny: bool = False) -> Array | None:
     if not batch.key.startswith(PLANTS) or len(batch.mesh) < 240:
         return None
     return _made(batch.key, tiny, _Key(batch.mesh))
+
+
+FAR_M, FAR_PX = 250.0, 9.0
+"""From this distance on props of less than this radius in the picture are `coarsened`."""
+COARSE_FROM, COARSE_CELLS = 240, 3.5
+"""Vertices of a mesh that is worth it, and cells along a prop's radius."""
+
+
+def coarsened(batch: Batch) -> Array | None:
+    """The mesh of a prop with corners that are close together made one; None for plants and for simple meshes."""
+    if batch.key.startswith(PLANTS) or len(batch.mesh) < COARSE_FROM:
+        return None
+    return _coarse(batch.key, _Key(batch.mesh))
 
 
 class _Key:
@@ -59,6 +72,27 @@ def _made(name: str, tiny: bool, key: _Key) -> Array:
         return shape
     trunk = cylinder((0.0, 0.0, 0.0), (0.0, 0.0, float(low[2]) + 0.3), (0.18, 0.14), (0.16, 0.11, 0.07), sides=4)
     return merge(shape, trunk)
+
+
+@cache
+def _coarse(name: str, key: _Key) -> Array:
+    """Each corner moved to the mean of its cell; of triangles with the same corners the largest is left."""
+    points = key.mesh[:, :3].astype(np.float64)
+    cell = float(np.linalg.norm(points.max(axis=0) - points.min(axis=0))) / 2.0 / COARSE_CELLS
+    _, group = np.unique(np.floor(points / cell), axis=0, return_inverse=True)
+    group = group.ravel()
+    count = np.bincount(group)
+    means = np.stack([np.bincount(group, points[:, k]) / count for k in range(3)], axis=1)
+    corners = points.reshape(-1, 3, 3)
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    order = np.argsort(-area, kind="stable")
+    triples = np.sort(group.reshape(-1, 3), axis=1)[order]
+    _, first = np.unique(triples, axis=0, return_index=True)
+    flat = (triples[first, 0] != triples[first, 1]) & (triples[first, 1] != triples[first, 2])
+    kept = np.sort(order[first[flat]])
+    mesh = key.mesh.copy()
+    mesh[:, :3] = means[group]
+    return np.ascontiguousarray(mesh.reshape(-1, 3, mesh.shape[1])[kept].reshape(-1, mesh.shape[1]))
 
 
 def _point(values: np.ndarray) -> tuple[float, float, float]:
