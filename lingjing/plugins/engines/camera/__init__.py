@@ -9,8 +9,8 @@ and areas) and `spans` (bridges, pipes, solids) of `mesh_rows`. `sight` picks th
 its shadow map, `cityscape` holds them on the GPU, `facing` orders their walls, `standins` are what is small in them.
 
 `light` (weather → light), `uniforms`, `shaders`, `city_shaders` (sources that `programs` builds), `upload`, `targets`,
-`draw` turn a pose into buffers → `boxes`, `classes` read them → `engine` answers the kernel. In: the city once, the states of all entities and of
-background traffic at each boundary. Out: `Frame`s. Invariants: pictures depend on nothing but their inputs, whichever
-tiles are held; ids are written by solid things only (no foam, shadow, smoke or rain); boxes come from the id buffer,
-never from projected geometry; what a picture costs does not grow with the city.
+`draw` turn a pose into buffers → `boxes`, `classes` read them → `engine` answers the kernel. In: the city once, the
+states of all entities and of background traffic at each boundary. Out: `Frame`s. Invariants: pictures depend on nothing
+but their inputs, whichever tiles are held; ids are written by solid things only (no foam, shadow, smoke or rain); boxes
+come from the id buffer, never from projected geometry; what a picture costs does not grow with the city.
 """
