@@ -237,6 +237,29 @@ def test_the_score_follows_what_the_engine_confirmed(mode):
         assert delivered == 250.0 + 4 * 100.0
 
 
+@modes
+def test_a_restocking_that_was_begun_must_end_before_the_success(mode):
+    """All is delivered while a van that is not full is on its way to the warehouse: it has to load first."""
+    with kit.playing("cd", mode, points=5.0) as play:
+        spread_out(play)
+        play.put("van[3]", "point[5]")
+        play.wait(2)
+        play.do({"driver[3]": kit.does("setDestination", x=0.0, y=0.0)})
+        play.strings.places["van[3]"] = (2000.0, 0.0, 0.0)
+        for van, point in (("van[1]", 1), ("van[2]", 1), ("van[2]", 2), ("van[4]", 3), ("van[5]", 4)):
+            play.put(van, f"point[{point}]")
+            play.wait(2)
+        assert sum(amount for *_, amount in moved(play, "deliver")) == 250.0 + 4 * 100.0
+        assert not play.done
+        play.put("van[3]", "depot", east=50.001)
+        play.wait(2)
+        assert not play.done
+        play.put("van[3]", "depot", east=49.999)
+        play.wait(2)
+        assert moved(play, "restock")[-1] == ("depot", "van[3]", 100.0)
+        assert play.success
+
+
 def test_nothing_is_taken_by_a_van_that_is_empty():
     with kit.playing("cd", points=5.0) as play:
         spread_out(play)
