@@ -89,8 +89,7 @@ def test_a_car_of_the_background_stops_a_dog_too(play: Start) -> None:
     played = play({"cars": 60}, dog={"position": spot, "heading_deg": (car.heading_deg - 90.0) % 360.0})
     played.tick(count=20)
     played.tick(played.order("dog", "forward", distance=6.0), count=5)
-    (hit,) = played.events("collided")
-    assert hit.entities == ("dog", car.id)
+    assert {hit.entities for hit in played.events("collided")} == {("dog", car.id)}
     assert kit.moved(played.path("dog")[-51:]) < 3.0
 
 

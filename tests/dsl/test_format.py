@@ -201,7 +201,7 @@ def commented(text: str, seed: int) -> tuple[str, list[str]]:
     lines, comments = [], []
 
     def comment() -> str:
-        comments.append(f"# {len(comments)} {chance.choice(WORDS)}")
+        comments.append(f"# no. {len(comments)} {chance.choice(WORDS)}")
         return comments[-1]
 
     for line in text.splitlines():
@@ -218,7 +218,7 @@ def commented(text: str, seed: int) -> tuple[str, list[str]]:
 def test_comments_anywhere_are_kept_in_order_and_formatting_is_stable(name: str, seed: int) -> None:
     text, comments = commented(TEXTS[name], seed)
     once = formatted(text)
-    assert [c.rstrip() for c in comments] == re.findall(r"# \d+ .*", once)
+    assert [c.rstrip() for c in comments] == re.findall(r"# no\. \d+ .*", once)
     assert formatted(once) == once
 
 

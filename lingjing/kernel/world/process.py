@@ -42,7 +42,7 @@ from lingjing.scene.city import City
 from lingjing.trace.records import Absent, BodyState, Command, Receipt
 
 START_S = 60.0
-"""What a worker may take to come up and import its engines."""
+"""What a worker may take to come up and import its engines, and a camera to make a city's first pictures ready."""
 
 
 class _FarPart:
@@ -262,8 +262,10 @@ class ProcessWorld:
         coupled = not roles.remote and bool(roles.local)
         payload = encoded(Reset(instance=instance, city=city, coupled=coupled))
         camera = staff.camera.worker if staff.camera is not None and roles.sensor is not None else None
+        warmed_s = max(START_S, allowed_s)  # a camera makes its first pictures ready: a start rather than a boundary
+        warmed = time.monotonic() + warmed_s
         if camera is not None:
-            camera.send(payload, deadline, allowed_s)
+            camera.send(payload, warmed, warmed_s)
         if coupled and staff.world is not None:
             staff.world.send(payload, deadline, allowed_s)
             boundary = staff.world.expect(Stepped, deadline, allowed_s).boundary
@@ -272,7 +274,7 @@ class ProcessWorld:
             episode.driver.begin(deadline)
             boundary = episode.driver.conductor.reset()
         if camera is not None:
-            camera.expect(Ready, deadline, allowed_s)
+            camera.expect(Ready, warmed, warmed_s)
         self._episode = episode
         return boundary
 
