@@ -2,7 +2,8 @@
 
 All of them read vertices of `mesh_rows.VERTEX`. A software renderer pays for every branch and every texture read, so
 each material is a program of its own, with wet and night code in it only when it rains or is dark (`WET`, `NIGHT`).
-Detail that a pixel cannot hold fades into its mean: line and window edges are box-filtered with `fwidth`.
+Detail that a pixel cannot hold fades into its mean: line and window edges are box-filtered with `fwidth`; where no
+pixel holds any, `BLUNT` variants know the mean alone.
 """
 
 from __future__ import annotations
@@ -72,7 +73,7 @@ _HEAD = (
     + OUTPUTS
     + """
 uniform sampler2D u_grain;    // tone of paving, bare patches, tone of asphalt, wear of paint; `GRAIN_M` across
-const float GRAIN_M = 64.0;
+const float GRAIN_M = 64.0, MEAN_GRAIN = 0.537;
 in vec3 v_world;
 flat in vec3 v_normal, v_sunned;
 flat in vec4 v_colour, v_style;
@@ -136,6 +137,10 @@ WALL = (
     + """
 flat in vec4 v_panes;
 void main() {
+#ifdef BLUNT
+  vec2 whole = 2.0 * v_panes.xy;
+  float glass = whole.x * whole.y, far = 1.0, frame = 0.0, h = 0.5;
+#else
   vec2 number = floor(v_at), f = abs(v_at - number - 0.5);
   vec2 w = fwidth(v_at) + 1e-5, sharpness = 1.0 / w;
   vec2 half_glass = number.y < 0.5 ? v_panes.zw : v_panes.xy;
@@ -147,11 +152,16 @@ void main() {
   float far = clamp((max(w.x, w.y) - 0.35) * 1.33, 0.0, 1.0);
   float frame = clamp(rim.x * rim.y * some - glass, 0.0, 1.0) * (1.0 - far);
   float h = mix(hash(number, v_layer), 0.5, far);
+#endif
   float up = v_at.y * v_style.y;
 """
     + _RAY
     + """
+#ifdef BLUNT
+  float grain = MEAN_GRAIN;
+#else
   float grain = texture(u_grain, (v_at * v_style.xy) * vec2(0.6, 1.1) / GRAIN_M + v_layer * 0.013).b;
+#endif
   vec3 wall = v_colour.rgb * (0.80 + 0.36 * grain) * (0.72 + 0.28 * clamp(up * 0.4, 0.0, 1.0));
   wall = mix(wall, wall * 0.72 + 0.03, frame);
 #ifdef WET
@@ -172,7 +182,11 @@ void main() {
   vec3 pane_light = body * light * 1.1 + mirrored * fresnel + u_sunlight * (lit * glint * 0.5);
   vec3 c = mix(wall * light, pane_light, glass);
 #ifdef NIGHT
+#ifdef BLUNT
+  float on = 0.38;
+#else
   float on = mix(step(hash(number + 17.0, v_layer + 3.0), 0.38), 0.38, far);
+#endif
   vec3 lamp = mix(vec3(0.95, 0.62, 0.30), vec3(0.80, 0.84, 0.90), step(0.6, fract(h * 7.3)));
   c += lamp * on * glass * u_dark * (0.25 + 0.5 * h) + wall * vec3(0.20, 0.15, 0.09) * u_dark * exp2(-up * 0.25);
 #endif
@@ -188,7 +202,11 @@ void main() {
 """
     + _RAY
     + """
+#ifdef BLUNT
+  float grain = MEAN_GRAIN;
+#else
   float grain = texture(u_grain, v_world.xy * (2.0 / GRAIN_M) + v_world.z * 0.031).b;
+#endif
   vec3 c = v_colour.rgb * (0.78 + 0.40 * grain);
 #ifdef WET
   c *= 0.72;
@@ -356,7 +374,7 @@ void main() {
 
 
 def variant(source: str, **wanted: bool) -> str:
-    """A source with the wanted switches defined: `WALL`, `ROAD`, `LAYERED`, `SUNLIT`, `AVERTED`, `MAPPED`, `WET`,
-    `NIGHT`."""
+    """A source with the wanted switches defined: `WALL`, `ROAD`, `LAYERED`, `SUNLIT`, `AVERTED`, `MAPPED`,
+    `BLUNT`, `WET`, `NIGHT`."""
     lines = "".join(f"#define {name.upper()}\n" for name, on in wanted.items() if on)
     return source.replace("#version 330\n", f"#version 330\n{lines}", 1)

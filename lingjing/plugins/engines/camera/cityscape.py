@@ -29,6 +29,7 @@ from lingjing.plugins.engines.camera.paving import middles_of
 from lingjing.plugins.engines.camera.plate import build_plate
 from lingjing.plugins.engines.camera.sight import (
     Window,
+    blunt_from,
     boxes_in_sight,
     casters,
     distances,
@@ -77,13 +78,14 @@ SOURCES = {
 
 class Mode(NamedTuple):
     """Which variant of a material's program draws: in rain, after dark, where the shadow map reaches, where the ground
-    wears the map, what is turned away from the sun."""
+    wears the map, what is turned away from the sun, what is too far off to show its grain and its panes."""
 
     wet: bool
     night: bool
     sunlit: bool
     mapped: bool = False
     averted: bool = False
+    blunt: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,14 +129,16 @@ class Cells(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """What one picture shows: full tiles near to far, which of them the shadow map reaches and which show their
-    details, ranges of far blocks near to far, tiles that may throw shadows into it, ranges of the ground
-    and of the lands on it."""
+    """What one picture shows: full tiles near to far, which of them the shadow map reaches, which show their details
+    and which no grain, ranges of far blocks near to far and of those still farther, tiles that may throw shadows into
+    it, ranges of the ground and of the lands on it."""
 
     full: tuple[Key, ...]
     shaded: frozenset[Key]
     detailed: frozenset[Key]
+    blunt: frozenset[Key]
     far: tuple[tuple[int, int], ...]
+    farther: tuple[tuple[int, int], ...]
     casters: tuple[Key, ...]
     ground: tuple[Cells, ...]
     lands: tuple[Cells, ...]
@@ -196,20 +200,26 @@ class Cityscape:
         near = seen & (away <= reach)
         order = [k for k in np.argsort(away, kind="stable").tolist() if near[k]]
         window = shade_window(pose, light.sun)
-        cast = casters(sky.boxes, window) & (away <= 3.0 * reach) if light.dark < 0.95 else np.zeros(len(away), bool)
+        reached = casters(sky.boxes, window)
+        cast = reached & (away <= 3.0 * reach) if light.dark < 0.95 else np.zeros(len(away), bool)
         high = eye[2] > AIR_TOP_M
         far = seen & ~near & (high | (away < min(visibility_m, FAR_REACH_M)))
         some = far & (high | (away < BLOCKS_REACH_M))
         blocks = np.concatenate([sky.ranges[0][far], sky.ranges[1][some]])
-        blocks = blocks[np.argsort(np.concatenate([away[far], away[some]]), kind="stable")]
+        off = np.concatenate([away[far], away[some]])
+        by_distance = np.argsort(off, kind="stable")
+        blocks, off = blocks[by_distance], off[by_distance]
+        blunt_m, blunt_blocks_m = blunt_from(reach)
+        sharp = int(np.searchsorted(off, blunt_blocks_m))
         full = tuple(sky.keys[k] for k in order)
-        reached = casters(sky.boxes, window)
         plate = self.plate
         return View(
             full=full,
             shaded=frozenset(sky.keys[k] for k in order if reached[k]),
             detailed=frozenset(sky.keys[k] for k in order if away[k] <= focal_px(pose) / DETAIL_PX),
-            far=tuple((first, count) for first, count in blocks.tolist() if count),
+            blunt=frozenset(sky.keys[k] for k in order if away[k] >= blunt_m),
+            far=_filled(blocks[:sharp]),
+            farther=_filled(blocks[sharp:]),
             casters=tuple(sky.keys[k] for k in np.flatnonzero(cast).tolist()),
             ground=_cells(plate.ranges, plate.boxes, pose, reach),
             lands=_cells(plate.land_ranges, plate.land_boxes, pose, reach),
@@ -334,24 +344,29 @@ class Cityscape:
         self._shade.use(shade_unit)
         self._map.use(map_unit)
 
-    def programs(self, wet: bool, night: bool) -> tuple[moderngl.Program, ...]:
-        """The programs of one kind of weather."""
+    def programs(self, wet: bool, night: bool, blunt: bool) -> tuple[moderngl.Program, ...]:
+        """The programs of one kind of weather, with those for what is far off if `blunt`."""
         modes = [Mode(wet, night, sunlit) for sunlit in (False, True)]
         found = [self._program(name, mode) for name in SOURCES for mode in modes]
         mapped, averted = Mode(wet, night, True, mapped=True), Mode(wet, night, False, averted=True)
+        if blunt:
+            wanted = (("wall", modes[0]), *(("plain", mode) for mode in modes))
+            found += [self._program(name, mode._replace(blunt=True)) for name, mode in wanted]
         return (*found, *(self._program(name, mapped) for name in ("ground", "paving")), self._program("wall", averted))
 
     def structures(self, view: View, eye: tuple[float, float, float], wet: bool, night: bool) -> None:
         """Walls and everything else that stands up."""
         for key in view.full:
-            mode = Mode(wet, night, key in view.shaded)
+            mode = Mode(wet, night, key in view.shaded, blunt=key in view.blunt)
             resident = self.resident(key)
             if resident.walls is not None:
-                self._draw_walls(resident.sheets["wall"], *resident.walls.ordered(eye, view.window.sun), mode)
+                order = resident.walls.ordered(eye, view.window.sun)
+                self._draw_walls(resident.sheets["wall"], *order, mode._replace(blunt=False))
             count = -1 if key in view.detailed else resident.mesh.coarse
             self._draw(resident.sheets, "plain", mode, one_sided=False, count=count)
-        if view.far:
-            self._draw_blocks(view.far, Mode(wet, night, False))
+        for blunt, ranges in ((False, view.far), (True, view.farther)):
+            if ranges:
+                self._draw_blocks(ranges, Mode(wet, night, False, blunt=blunt))
         self._context.disable(moderngl.CULL_FACE)
 
     def floors(self, view: View, wet: bool, night: bool) -> None:
@@ -465,6 +480,10 @@ AIR_TOP_M = 3000.0
 def _layout(program: moderngl.Program) -> tuple[str, ...]:
     sizes = [size if name in program else f"{4 * int(size[0])}x" for size, name in LAYOUT]
     return (" ".join(sizes), *(name for _, name in LAYOUT if name in program))
+
+
+def _filled(ranges: npt.NDArray[np.int64]) -> tuple[tuple[int, int], ...]:
+    return tuple((first, count) for first, count in ranges.tolist() if count)
 
 
 def _draw_runs(array: moderngl.VertexArray, runs: tuple[tuple[int, int], ...]) -> None:

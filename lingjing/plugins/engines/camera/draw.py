@@ -33,8 +33,18 @@ from lingjing.plugins.engines.camera.nightlights import lamp_rows
 from lingjing.plugins.engines.camera.noise import GRAIN, grain_texture, lace_texture, noise_texture
 from lingjing.plugins.engines.camera.ocean import RIPPLE_M, Surface
 from lingjing.plugins.engines.camera.ocean import SIZE as SEA_SIZE
-from lingjing.plugins.engines.camera.sight import sky_bounds
-from lingjing.plugins.engines.camera.standins import FAR_M, FAR_PX, FULL_PX, TINY_FAR_PX, TINY_PX, coarsened, standin
+from lingjing.plugins.engines.camera.sight import blunt_from, sky_bounds
+from lingjing.plugins.engines.camera.standins import (
+    FAR_M,
+    FAR_PX,
+    FULL_PX,
+    LUMP_PX,
+    TINY_FAR_PX,
+    TINY_PX,
+    coarsened,
+    plant,
+    standin,
+)
 from lingjing.plugins.engines.camera.targets import MAX_TARGETS, Buffers, Target
 from lingjing.plugins.engines.camera.tilemesh import Under
 from lingjing.plugins.engines.camera.upload import Model, rows_array, upload, upload_still
@@ -71,6 +81,7 @@ class Renderer:
         self.context = open_context()
         self.name = renderer_name(self.context)
         self._objects = self._pair(shaders.OBJECT_VERTEX, shaders.OBJECT_FRAGMENT)
+        self._dull = self._pair(shaders.OBJECT_VERTEX, shaders.dull(shaders.OBJECT_FRAGMENT))
         self._grounds = {cls: self._pair(shaders.OBJECT_VERTEX, shaders.ground_fragment(cls)) for cls in GROUND_CLASSES}
         self._water = self._program(shaders.WATER_VERTEX, shaders.WATER_FRAGMENT)
         self._lake = self._program(shaders.LAKE_VERTEX, shaders.WATER_FRAGMENT)
@@ -81,8 +92,8 @@ class Renderer:
         self._tree_shade = self._program(city_shaders.CASTER_INSTANCED, city_shaders.CASTER_FRAGMENT)
         self._effects = EffectPass(self.context)
         self._programs = (
-            *self._objects, *(p for pair in self._grounds.values() for p in pair), self._water, self._lake, self._sky,
-            self._shadow, self._mark, self._rain, self._tree_shade,
+            *self._objects, *self._dull, *(p for pair in self._grounds.values() for p in pair), self._water, self._lake,
+            self._sky, self._shadow, self._mark, self._rain, self._tree_shade,
         )  # fmt: skip
         self._corners = self.context.buffer(np.array([-1, -1, 1, -1, 1, 1, -1, -1, 1, 1, -1, 1], "f4").tobytes())
         noise = noise_texture()
@@ -289,6 +300,7 @@ class Renderer:
         """Trees, lamps and other props of the tiles in sight, small plants as stand-ins."""
         assert self._town is not None
         focal = focal_px(pose)
+        lump_m, _ = blunt_from(view.reach_m)
         for batch in _merged([self._town.resident(key).props for key in view.full]):
             at = batch.rows["rows"][:, :, 3].astype(np.float64)
             away = np.linalg.norm(at - np.array(pose.position), axis=1)
@@ -299,13 +311,16 @@ class Renderer:
             tiny = seen & ~near & (size < np.where(away > FAR_M, TINY_FAR_PX, TINY_PX))
             small = seen & ~near & ~tiny
             far = seen & (away > FAR_M) & (size < FAR_PX) if coarse is not None else np.zeros(len(seen), bool)
+            lump = far & (away > lump_m) & (size < LUMP_PX)
             for suffix, look, which in (
                 ("", batch.mesh, near & ~far), ("/small", mesh, small),
-                ("/tiny", standin(batch, tiny=True), tiny), ("/far", coarse, far),
+                ("/tiny", standin(batch, tiny=True), tiny), ("/far", coarse, far & ~lump),
+                ("/lump", coarsened(batch, lump=True), lump),
             ):  # fmt: skip
                 if look is not None and which.any():
                     rows: Rows = batch.rows[which]
-                    model = self._loaded(batch.key + suffix, look, len(rows))
+                    dull = plant(batch) or suffix == "/lump"
+                    model = self._loaded(batch.key + suffix, look, len(rows), dull)
                     model.place(rows)
                     model.lit.render(instances=len(rows))
 
@@ -390,7 +405,7 @@ class Renderer:
             self._grain.filter = _grain_filter(pose)
             near = self._town.near_plane(view, pose, _closest(scenery, pose))
             values |= {**self._town.values(view), "u_shadow": SHADE_UNIT, "u_map": MAP_UNIT}
-            told = (*told, *self._town.programs(light.rain > 0.0, light.lamps))
+            told = (*told, *self._town.programs(light.rain > 0.0, light.lamps, bool(view.blunt or view.farther)))
         values |= uniforms.view(pose, near)
         for program in told:
             for name in program:
@@ -427,12 +442,12 @@ class Renderer:
             drawn.append((model, len(ordered), int(seen.sum())))
         return drawn
 
-    def _loaded(self, key: str, mesh: npt.NDArray[np.float32], needed: int) -> Model:
+    def _loaded(self, key: str, mesh: npt.NDArray[np.float32], needed: int, dull: bool = False) -> Model:
         model = self._models.get(key)
         if model is None or model.capacity < needed:
             if model is not None:
                 model.release()
-            lit = self._objects[self._town is not None]
+            lit = (self._dull if dull else self._objects)[self._town is not None]
             room = needed if self._town is None else max(64, 2 * needed)
             model = self._models[key] = upload(self.context, (lit, self._shadow), indexed(mesh), room)
         return model

@@ -22,6 +22,8 @@ Boxes = npt.NDArray[np.float64]
 FULL_M = (350.0, 900.0)
 """Least and greatest distance to which tiles are drawn in full."""
 METRE_PX = 1.6
+SHARP_M, SHARP_FAR_M = 400.0, 1100.0
+"""From these distances on tiles and far blocks are drawn blunt, in pictures that reach beyond the least distance."""
 GROUND_REACH_M, HIGH_M = 20_000.0, 3000.0
 SHADE_REACH_M = 480.0
 SHADE_SIZES_M = (192.0, 256.0, 384.0, 512.0, 768.0, 1024.0, 1536.0, 2048.0)
@@ -43,6 +45,12 @@ def full_reach(pose: CameraPose, visibility_m: float) -> float:
     return min(max(focal_px(pose) / METRE_PX, FULL_M[0]), FULL_M[1], 1.3 * visibility_m)
 
 
+def blunt_from(reach_m: float) -> tuple[float, float]:
+    """The distances (m) from which on full tiles and far blocks show no grain and no panes; a picture that does not
+    reach beyond the least distance has its tiles sharp to the end."""
+    return (SHARP_M, SHARP_FAR_M) if reach_m > SHARP_M else (np.inf, np.inf)
+
+
 def distances(boxes: Boxes, eye: tuple[float, float, float]) -> npt.NDArray[np.float64]:
     """Distance of each box from a point; 0 inside."""
     at = np.asarray(eye)
@@ -57,9 +65,8 @@ def boxes_in_sight(boxes: Boxes, pose: CameraPose) -> npt.NDArray[np.bool_]:
     x, y = pose.width / 2.0 / focal, pose.height / 2.0 / focal
     planes = np.stack([axis * x - right, axis * x + right, axis * y - down, axis * y + down, axis])
     eye = np.asarray(pose.position)
-    low, high = boxes[:, :3] - eye, boxes[:, 3:] - eye
-    best = np.where(planes[:, None, :] > 0.0, high[None], low[None])
-    return np.asarray(((best * planes[:, None, :]).sum(axis=2) >= 0.0).all(axis=0))
+    middle, half = (boxes[:, 3:] + boxes[:, :3]) / 2.0 - eye, (boxes[:, 3:] - boxes[:, :3]) / 2.0
+    return np.asarray((middle @ planes.T + half @ np.abs(planes).T >= 0.0).all(axis=1))
 
 
 def near_plane(pose: CameraPose, closest_m: float) -> float:
@@ -160,5 +167,5 @@ def _tuple(values: npt.NDArray[np.float64]) -> tuple[float, float, float]:
     return float(values[0]), float(values[1]), float(values[2])
 
 
-__all__ = ["Window", "boxes_in_sight", "casters", "distances", "full_reach", "light_matrix", "near_plane",
-           "shade_window", "sky_bounds"]  # fmt: skip
+__all__ = ["Window", "blunt_from", "boxes_in_sight", "casters", "distances", "full_reach", "light_matrix",
+           "near_plane", "shade_window", "sky_bounds"]  # fmt: skip

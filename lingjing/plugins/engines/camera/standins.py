@@ -21,22 +21,30 @@ TINY_PX, TINY_FAR_PX = 12.0, 17.0
 def standin(batch: Batch, tiny: bool = False) -> Array | None:
     """A few triangles (if `tiny`, as few as it takes) in the shape and the colours of a plant; None for what has no
     stand-in."""
-    if not batch.key.startswith(PLANTS) or len(batch.mesh) < 240:
+    if not plant(batch) or len(batch.mesh) < 240:
         return None
     return _made(batch.key, tiny, _Key(batch.mesh))
 
 
 FAR_M, FAR_PX = 250.0, 9.0
 """From this distance on props of less than this radius in the picture are `coarsened`."""
-COARSE_FROM, COARSE_CELLS = 240, 3.5
+LUMP_PX = 5.0
+"""Under this radius they are lumps, in pictures that show tiles beyond the least distance in full."""
+COARSE_FROM, COARSE_CELLS, LUMP_CELLS = 240, 3.5, 2.5
 """Vertices of a mesh that is worth it, and cells along a prop's radius."""
 
 
-def coarsened(batch: Batch) -> Array | None:
-    """The mesh of a prop with corners that are close together made one; None for plants and for simple meshes."""
-    if batch.key.startswith(PLANTS) or len(batch.mesh) < COARSE_FROM:
+def coarsened(batch: Batch, lump: bool = False) -> Array | None:
+    """The mesh of a prop with corners that are close together (if `lump`, farther apart) made one; None for plants and
+    for simple meshes."""
+    if plant(batch) or len(batch.mesh) < COARSE_FROM:
         return None
-    return _coarse(batch.key, _Key(batch.mesh))
+    return _coarse(batch.key, LUMP_CELLS if lump else COARSE_CELLS, _Key(batch.mesh))
+
+
+def plant(batch: Batch) -> bool:
+    """Whether a prop is a plant: it has no gloss."""
+    return batch.key.startswith(PLANTS)
 
 
 class _Key:
@@ -75,10 +83,10 @@ def _made(name: str, tiny: bool, key: _Key) -> Array:
 
 
 @cache
-def _coarse(name: str, key: _Key) -> Array:
+def _coarse(name: str, cells: float, key: _Key) -> Array:
     """Each corner moved to the mean of its cell; of triangles with the same corners the largest is left."""
     points = key.mesh[:, :3].astype(np.float64)
-    cell = float(np.linalg.norm(points.max(axis=0) - points.min(axis=0))) / 2.0 / COARSE_CELLS
+    cell = float(np.linalg.norm(points.max(axis=0) - points.min(axis=0))) / 2.0 / cells
     _, group = np.unique(np.floor(points / cell), axis=0, return_inverse=True)
     group = group.ravel()
     count = np.bincount(group)
