@@ -6,7 +6,7 @@ PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile -q
 .PHONY: help setup demo test check bench study pictures missions clean
 
 help:
-	@echo 'make demo    play the sea rescue, seed 7, broadcast, with the heuristic agents'
+	@echo 'make demo    play the sea rescue, seed 5, broadcast, with the heuristic agents'
 	@echo 'make test    run the tests'
 	@echo 'make check   ruff, mypy, import contracts and the tests'
 	@echo 'make bench   compare with others, side by side'
@@ -18,7 +18,7 @@ setup:
 	@$(PYTHON3) tools/setup.py
 
 demo: setup
-	@$(BIN)/lingjing run scenarios/ssr.ljs --seed 7 --mode broadcast --policy heuristic
+	@$(BIN)/lingjing run scenarios/ssr.ljs --seed 5 --mode broadcast --policy heuristic
 
 test: setup
 	@$(PYTEST)
