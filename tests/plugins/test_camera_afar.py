@@ -6,11 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lingjing.plugins.engines.camera import cityscape
 from lingjing.plugins.engines.camera.classes import CLASSES
 from lingjing.plugins.engines.camera.engine import CameraEngine
 from lingjing.plugins.engines.camera.instances import prop_batches
 from lingjing.plugins.engines.camera.light import light_of
 from lingjing.plugins.engines.camera.plate import REACH_M, build_plate
+from lingjing.plugins.engines.camera.sight import FULL_M, blunt_from
 from lingjing.plugins.engines.camera.standins import COARSE_CELLS, coarsened, standin
 from lingjing.plugins.geometry import camera_axes, focal_px
 from lingjing.scene.city import Area, City, Land, Pieces, Prop, Water
@@ -77,6 +79,26 @@ def test_a_body_that_touches_a_camera_aloft_leaves_the_depth_its_exactness() -> 
     engine.close()
 
 
+@pytest.mark.skipif(bool(WHY_NOT), reason=WHY_NOT)
+def test_what_is_drawn_blunt_keeps_its_place_and_its_mean_colour(monkeypatch: pytest.MonkeyPatch) -> None:
+    engine = CameraEngine()
+    ready(engine)
+    place = (0.0, 0.0, 150.0)
+    sharp = look(engine, place)
+    monkeypatch.setattr(cityscape, "blunt_from", lambda reach: (0.0, 0.0))
+    blunt = look(engine, place)
+    engine.close()
+    assert np.array_equal(sharp.depth, blunt.depth) and np.array_equal(sharp.semantic, blunt.semantic)
+    assert not np.array_equal(sharp.rgb, blunt.rgb)
+    off = sharp.rgb.reshape(-1, 3).mean(axis=0) - blunt.rgb.reshape(-1, 3).mean(axis=0)
+    assert np.abs(off).max() < 2.0
+
+
+def test_a_picture_that_does_not_reach_far_is_sharp_to_its_end() -> None:
+    assert blunt_from(FULL_M[0]) == (np.inf, np.inf)
+    assert max(blunt_from(FULL_M[1])) < np.inf
+
+
 def test_a_prop_far_off_is_fewer_triangles_in_the_same_place() -> None:
     car = Prop(id="c", cls="car", model="parked_car", position=(0.0, 0.0, 0.0))
     tree = Prop(id="t", cls="tree", model="tree", position=(9.0, 0.0, 0.0))
@@ -87,6 +109,8 @@ def test_a_prop_far_off_is_fewer_triangles_in_the_same_place() -> None:
     cell = np.linalg.norm(np.ptp(full[:, :3], axis=0)) / 2.0 / COARSE_CELLS
     assert np.abs(coarse[:, :3].min(axis=0) - full[:, :3].min(axis=0)).max() < cell
     assert np.abs(coarse[:, :3].max(axis=0) - full[:, :3].max(axis=0)).max() < cell
+    lump = coarsened(batches["parked_car"], lump=True)
+    assert lump is not None and len(lump) < len(coarse)
     assert coarsened(batches["tree"]) is None and standin(batches["tree"]) is not None
 
 
