@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 
-from lingjing.plugins.policy import Brief, CameraSpec, Datum, MessageSpec, Outgoing, Resource
+from lingjing.plugins.policy import Action, Brief, CameraSpec, Datum, MessageSpec, Outgoing, Resource
 
 
 def has_verb(resource: Resource, verb: str) -> bool:
@@ -41,6 +41,24 @@ def vehicle(brief: Brief) -> Resource | None:
 def nadir_camera(resource: Resource) -> CameraSpec | None:
     """The first camera that looks straight down."""
     return next((camera for camera in resource.cameras if camera.view == "nadir"), None)
+
+
+def rated(resource: Resource, name: str, default: float) -> float:
+    """A number among the resource's properties (`band_high_m`, `cruise_mps`, …), in the unit of its name."""
+    value = resource.properties.get(name)
+    return float(value) if isinstance(value, int | float) else default
+
+
+def photo(body: Resource, camera: CameraSpec) -> Action:
+    """The command that has a body's camera take a picture."""
+    return Action(verb="takePhoto", arguments={"camera": camera.name}, resource=body.id)
+
+
+def fly(body: Resource, x: float, y: float, z: float) -> Action:
+    """The command that sends a flier to a place in the world, metres to the centimetre."""
+    return Action(
+        verb="setDestination", arguments={"x": round(x, 2), "y": round(y, 2), "z": round(z, 2)}, resource=body.id
+    )
 
 
 def may_send(brief: Brief, category: str) -> MessageSpec | None:

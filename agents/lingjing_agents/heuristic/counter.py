@@ -16,7 +16,7 @@ from lingjing.plugins.policy import (
     Picture,
     Resource,
 )
-from lingjing_agents.capability import compose, nadir_camera, sends
+from lingjing_agents.capability import compose, fly, nadir_camera, photo, rated, sends
 from lingjing_agents.heuristic.events import view_of
 from lingjing_agents.heuristic.lines import Line, find_line
 
@@ -40,8 +40,7 @@ class Counter:
         self._brief, self._body, self._camera = brief, body, camera
         self._tally, self._order = sends(brief, "count"), sends(brief, "assignment")
         self._class = brief.classes[0] if brief.classes else ""
-        high = body.properties.get("band_high_m")
-        self._z = min(ABOVE_M, float(high) if isinstance(high, (int, float)) else ABOVE_M)
+        self._z = min(ABOVE_M, rated(body, "band_high_m", ABOVE_M))
         self._people: dict[str, int] = {}
         self._tries: dict[str, int] = {}
         self._said_at = -AGAIN_TICKS
@@ -92,15 +91,11 @@ class Counter:
         assert own.position is not None
         here = own.position
         if own.status == "grounded":
-            return self._fly(here[0], here[1])
+            return fly(self._body, *here[:2], self._z)
         place = min((math.dist(here[:2], places[name][:2]), places[name]) for name in left)[1]
         if math.dist(here[:2], place[:2]) > REACHED_M or abs(here[2] - self._z) > REACHED_M:
-            return self._fly(place[0], place[1])
-        return Action(verb="takePhoto", arguments={"camera": self._camera.name}, resource=self._body.id)
-
-    def _fly(self, x: float, y: float) -> Action:
-        arguments: dict[str, Datum] = {"x": round(x, 2), "y": round(y, 2), "z": round(self._z, 2)}
-        return Action(verb="setDestination", arguments=arguments, resource=self._body.id)
+            return fly(self._body, *place[:2], self._z)
+        return photo(self._body, self._camera)
 
     def _send(self, places: dict[str, Place], tick: int) -> list[Outgoing]:
         """Whoever can be told goes to the longest line."""

@@ -12,7 +12,7 @@ from itertools import pairwise
 
 from lingjing.plugins.geometry import box_to_plane
 from lingjing.plugins.policy import Action, Brief, Datum, Decision, Inbox, Observation, Outgoing, Picture, Resource
-from lingjing_agents.capability import compose, may_send, nadir_camera
+from lingjing_agents.capability import compose, fly, may_send, nadir_camera, photo
 from lingjing_agents.heuristic.corridor import centreline, longest
 from lingjing_agents.heuristic.coverage import footprint
 from lingjing_agents.heuristic.events import view_of
@@ -81,14 +81,13 @@ class Follower:
         there = (*self._line[0], self._z)
         if math.dist(here, there) <= REACHED_M:
             if not self._looked and self._camera.capture != "each_tick":
-                return Action(verb="takePhoto", arguments={"camera": self._camera.name}, resource=self._body.id)
+                return photo(self._body, self._camera)
             self._line.pop(0)
             if not self._line:
                 return self._move(here)
             there = (*self._line[0], self._z)
         self._looked = False
-        x, y, z = (round(value, 2) for value in there)
-        return Action(verb="setDestination", arguments={"x": x, "y": y, "z": z}, resource=self._body.id)
+        return fly(self._body, *there)
 
     def _plan(self, here: tuple[float, float]) -> list[tuple[float, float]]:
         """The next leg from end to end; every second one begins half a step farther in."""

@@ -24,7 +24,7 @@ from lingjing.plugins.policy import (
     Picture,
     Resource,
 )
-from lingjing_agents.capability import compose, may_send, nadir_camera, sends
+from lingjing_agents.capability import compose, may_send, nadir_camera, rated, sends
 from lingjing_agents.heuristic.events import view_of
 from lingjing_agents.heuristic.guide_ground import close_what_stands, heights
 from lingjing_agents.heuristic.guide_leak import Leak, find_leaks
@@ -77,7 +77,7 @@ class GuidingPilot:
         self._line = regions[0].polygon if regions else ()
         corners = tuple(corner for region in regions for corner in region.polygon)
         self._map = WalkMap(Bounds.around(corners, 4.0))
-        self._low, self._high = _number(body, "band_low_m", 12.0), _number(body, "band_high_m", 60.0)
+        self._low, self._high = rated(body, "band_low_m", 12.0), rated(body, "band_high_m", 60.0)
         self._way = Way(self._map, 1.0)
         self._passes, self._left = 0, _samples(self._line)
         self._ground = 0.0
@@ -264,11 +264,6 @@ def _follower(brief: Brief) -> Peer | None:
         return None
     wanted = {"all", *guide.recipients}
     return next((peer for peer in brief.peers if peer.resources and wanted.intersection((peer.id, peer.role))), None)
-
-
-def _number(resource: Resource, name: str, default: float) -> float:
-    value = resource.properties.get(name)
-    return float(value) if isinstance(value, (int, float)) else default
 
 
 def _area(polygon: tuple[Place, ...]) -> float:

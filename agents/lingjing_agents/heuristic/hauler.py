@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from lingjing.plugins.policy import Action, Brief, Decision, EntityView, Inbox, Observation, Outgoing, Resource
-from lingjing_agents.capability import compose, sends, team
+from lingjing_agents.capability import compose, rated, sends, team
 from lingjing_agents.heuristic.events import view_of
 from lingjing_agents.heuristic.sightings import name_in, position_in
 from lingjing_agents.heuristic.tours import Tour, shared_out, tours
@@ -31,8 +31,7 @@ class Hauler:
     def __init__(self, brief: Brief, body: Resource) -> None:
         self._brief, self._body = brief, body
         self._claim, self._handover = sends(brief, "assignment"), sends(brief, "delivery")
-        payload = body.properties.get("payload_kg")
-        self._payload = float(payload) if isinstance(payload, (int, float)) else 0.0
+        self._payload = rated(body, "payload_kg", 0.0)
         self._shares: dict[str, list[Tour]] = {name: [] for name in team(brief)}
         self._planned = False
         self._tour: Tour | None = None

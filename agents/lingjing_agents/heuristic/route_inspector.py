@@ -20,7 +20,7 @@ from lingjing.plugins.policy import (
     Picture,
     Resource,
 )
-from lingjing_agents.capability import compose, nadir_camera, sends
+from lingjing_agents.capability import compose, fly, nadir_camera, photo, rated, sends
 from lingjing_agents.heuristic.events import view_of
 from lingjing_agents.heuristic.kinds import QUEUES
 from lingjing_agents.heuristic.queues import find_queues
@@ -53,11 +53,8 @@ class RouteInspector:
         self._brief, self._body, self._camera = brief, body, camera
         self._class = next((name for name in brief.classes if any(word in name for word in QUEUES)), QUEUES[0])
         self._status, self._report = sends(brief, "status"), sends(brief, "report")
-        high = body.properties.get("band_high_m")
-        self._z = brief.water_level_m + (float(high) if isinstance(high, (int, float)) else 100.0)
-        cruise = body.properties.get("cruise_mps")
-        cruise_mps = float(cruise) if isinstance(cruise, (int, float)) else 12.0
-        self._reach_m = cruise_mps * max(1.0, brief.tick_s - SETTLE_S)
+        self._z = brief.water_level_m + rated(body, "band_high_m", 100.0)
+        self._reach_m = rated(body, "cruise_mps", 12.0) * max(1.0, brief.tick_s - SETTLE_S)
         self._aim: tuple[int, Place] | None = None
         self._route: list[Place] = []
         self._next = 0
@@ -146,7 +143,7 @@ class RouteInspector:
             self._tries += 1
             if self._tries <= 2 * ATTEMPTS:
                 return self._fly(x, y)
-        return Action(verb="takePhoto", arguments={"camera": self._camera.name}, resource=self._body.id)
+        return photo(self._body, self._camera)
 
     def _view(self, here: Place) -> Action | None:
         """A picture of the next place that was asked for, from over it."""
@@ -155,7 +152,7 @@ class RouteInspector:
         if math.dist(here, self._looks[0]) > VIEW_M and self._flights < ATTEMPTS:
             self._flights += 1
             return self._fly(*self._looks[0])
-        return Action(verb="takePhoto", arguments={"camera": self._camera.name}, resource=self._body.id)
+        return photo(self._body, self._camera)
 
     def _aimed(self, here: Place) -> Place:
         """Where to fly for the next waypoint: as far on as a tick allows, or short of it where that saves a tick."""
@@ -171,8 +168,7 @@ class RouteInspector:
         return _towards(place, self._route[self._next + 1], beyond)
 
     def _fly(self, x: float, y: float) -> Action:
-        arguments = {"x": round(x, 2), "y": round(y, 2), "z": round(self._z, 2)}
-        return Action(verb="setDestination", arguments=dict(arguments), resource=self._body.id)
+        return fly(self._body, x, y, self._z)
 
 
 def _ground_start(observation: Observation, body: str) -> Place | None:

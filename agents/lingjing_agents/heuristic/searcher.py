@@ -23,7 +23,7 @@ from lingjing.plugins.policy import (
     Picture,
     Resource,
 )
-from lingjing_agents.capability import compose, may_send, nadir_camera, natural, team, vessel
+from lingjing_agents.capability import compose, may_send, nadir_camera, natural, rated, team, vessel
 from lingjing_agents.heuristic.coverage import Waypoint
 from lingjing_agents.heuristic.detector import Find
 from lingjing_agents.heuristic.events import EventLog, view_of
@@ -71,11 +71,11 @@ class Searcher:
         self._sightings = self._kind.sightings(brief)
         self._log = EventLog(self._kind.done)
         height = brief.settings.get("altitude", 100.0) * self._kind.aloft
-        lowest = _number(body, "band_low_m", 20.0)
+        lowest = rated(body, "band_low_m", 20.0)
         self._lowest_m = lowest
         mates = team(brief)
         self._level_m = LEVEL_M * mates.index(brief.agent)
-        highest = _number(body, "band_high_m", math.inf) - brief.water_level_m - LEVEL_M * (len(mates) - 1)
+        highest = rated(body, "band_high_m", math.inf) - brief.water_level_m - LEVEL_M * (len(mates) - 1)
         self._sweep = Sweep(
             brief,
             camera,
@@ -289,11 +289,6 @@ class Searcher:
 
     def _command(self, verb: str, **arguments: float | str) -> Action:
         return Action(verb=verb, arguments=dict(arguments), resource=self._body.id)
-
-
-def _number(resource: Resource, name: str, default: float) -> float:
-    value = resource.properties.get(name)
-    return float(value) if isinstance(value, (int, float)) else default
 
 
 def _aside(find: Find) -> float:

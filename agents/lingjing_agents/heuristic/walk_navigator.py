@@ -25,6 +25,7 @@ from lingjing.plugins.policy import (
     Picture,
     Resource,
 )
+from lingjing_agents.capability import photo
 from lingjing_agents.heuristic.dog_facade import Facade, Look, find_facades, look_of, skyline
 from lingjing_agents.heuristic.dog_walls import near_walls
 from lingjing_agents.heuristic.events import view_of
@@ -160,7 +161,7 @@ class Navigator:
                 return action  # a bump costs less than a look before every step
             self._ordered = None
         if self._snaps and not self._fresh(here, own.heading_deg):
-            return self._photograph()
+            return photo(self._body, self._camera)
         if self._entrance is not None:
             if math.dist(here, self._entrance) > 8.0 and not self._legs.bumps > 12:
                 action = self._legs.towards(own, self._entrance, reach_m=6.0)
@@ -186,7 +187,7 @@ class Navigator:
                 if abs(off) > FACING_DEG:
                     return self._legs.turn(off)
                 self._led = self._led[1:]
-                return Action(verb="takePhoto", arguments={"camera": self._camera.name}, resource=self._body.id)
+                return photo(self._body, self._camera)
             action = self._legs.towards(own, place, reach_m=ORDERED_M)
             if action is not None:
                 return action
@@ -235,9 +236,6 @@ class Navigator:
             return clear and away > LEAST_WALK_M and self._legs.map.clear(here, place)
 
         return seen
-
-    def _photograph(self) -> Action:
-        return Action(verb="takePhoto", arguments={"camera": self._camera.name}, resource=self._body.id)
 
     def _fresh(self, here: Place, heading_deg: float) -> bool:
         if self._snapped is None:

@@ -23,7 +23,7 @@ from lingjing.plugins.policy import (
     Picture,
     Resource,
 )
-from lingjing_agents.capability import compose, may_send, natural
+from lingjing_agents.capability import compose, may_send, natural, photo
 from lingjing_agents.heuristic.dog_flames import Flames, find_flames
 from lingjing_agents.heuristic.dog_walls import near_walls
 from lingjing_agents.heuristic.events import view_of
@@ -274,7 +274,7 @@ class WalkingSearcher:
         if abs(off) > LOOK_AHEAD_DEG:
             return self._legs.turn(off)
         fire.looked_at = here
-        return self._photograph()
+        return photo(self._body, self._camera)
 
     def _search(self, observation: Observation, own: EntityView, here: Place) -> Action | None:
         assert own.heading_deg is not None
@@ -282,7 +282,7 @@ class WalkingSearcher:
             view.position[:2] for view in observation.entities if view.id != self._body.id and view.position is not None
         )
         if self._goal is None and self._snapped is None:
-            return self._photograph()
+            return photo(self._body, self._camera)
         if self._goal is None:
             self._goal = self._views.next_place(here, others)
             if self._goal is None:
@@ -306,7 +306,7 @@ class WalkingSearcher:
         length = action.arguments["distance"]
         if not isinstance(length, float) or length < WORTH_A_LOOK_M or self._has_looked(here, own.heading_deg):
             return action
-        return self._photograph()
+        return photo(self._body, self._camera)
 
     def _has_looked(self, here: Place, heading_deg: float) -> bool:
         if self._snapped is None:
@@ -324,10 +324,7 @@ class WalkingSearcher:
                 self._tell("search", "searched", here)
             self._goal, self._looked = None, False
             return None
-        return self._photograph() if turn == 0.0 else self._legs.turn(turn)
-
-    def _photograph(self) -> Action:
-        return Action(verb="takePhoto", arguments={"camera": self._camera.name}, resource=self._body.id)
+        return photo(self._body, self._camera) if turn == 0.0 else self._legs.turn(turn)
 
 
 def _way_m(name: str, here: Place, fire: Fire) -> float:

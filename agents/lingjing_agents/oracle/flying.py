@@ -17,7 +17,7 @@ from lingjing.plugins.policy import (
     Route,
     Vector,
 )
-from lingjing_agents.capability import has_verb, nadir_camera
+from lingjing_agents.capability import has_verb, nadir_camera, photo, rated
 from lingjing_agents.oracle.ability import Ability
 from lingjing_agents.oracle.looking import Reporting
 from lingjing_agents.oracle.talking import Voice
@@ -53,7 +53,7 @@ class Flight:
     def altitude(self, truth: Truth, place: Place, target_m: float, above_m: float = ABOVE_M) -> float:
         """Elevation for looking at something: in the aircraft's band and over all roofs, or, where the band does not
         allow that, over those on the way."""
-        low, high = _number(self.body, "band_low_m", 0.0), _number(self.body, "band_high_m", math.inf)
+        low, high = rated(self.body, "band_low_m", 0.0), rated(self.body, "band_high_m", math.inf)
         roofs = self._roofs(truth)
         if roofs + OVER_ROOFS_M > high:
             roofs = _highest(truth, truth.place(self.body.id), place)
@@ -83,7 +83,7 @@ class Flight:
         """A picture straight down."""
         if self.camera is None:
             return None
-        return Action(verb="takePhoto", arguments={"camera": self.camera.name}, resource=self.body.id)
+        return photo(self.body, self.camera)
 
 
 class Searching:
@@ -351,8 +351,3 @@ def _segment(truth: Truth, route: Route, entity: Entity) -> int:
 def _radius(entity: Entity) -> float:
     radius = entity.properties.get("radius_m")
     return float(radius) if isinstance(radius, int | float) else 0.0
-
-
-def _number(body: Resource, name: str, default: float) -> float:
-    value = body.properties.get(name)
-    return float(value) if isinstance(value, int | float) else default
