@@ -5,7 +5,8 @@ the one square that holds its first point and may stick out of it; `near` asks w
 a reader misses nothing and needs no margin. `City.waters` and `City.lands` are everywhere: they stay with the city and
 are in no tile of an inline one.
 
-Tiles of a folder (`lingjing.scene.store`) are read when asked for, and the latest `keep` of them are held.
+Tiles of a folder (`lingjing.scene.store`) are read when asked for, and the latest `keep` of them are held. All `Tiles`
+of one city that are in use at a time share what was divided or read: an episode has a dozen of them.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from math import floor, hypot
 from pathlib import Path
 from typing import Protocol, TypeVar
+from weakref import WeakValueDictionary
 
 import msgspec
 
@@ -65,7 +67,7 @@ class Tiles:
 
     def __init__(self, city: City, keep: int = KEPT_TILES) -> None:
         self._tile_m = city.tile_m
-        self._source: _Source = _Folder(city.store, max(1, keep)) if city.store else _Memory(city)
+        self._source = _source(city, max(1, keep))
         extents = self._source.extents
         self.keys: tuple[Key, ...] = tuple(sorted(extents))
         self._overhang_m = max((_overhang(key, extents[key], city.tile_m) for key in self.keys), default=0.0)
@@ -155,9 +157,10 @@ class _Source(Protocol):
 
 
 class _Memory:
-    """The pieces that a city holds itself, divided once."""
+    """The pieces that a city holds itself, divided once. It keeps its city, whose identity it is shared by."""
 
     def __init__(self, city: City) -> None:
+        self._city = city
         self._tiles = partition(city, city.tile_m)
         self.extents: Mapping[Key, Bounds] = {key: extent(tile, city.tile_m) for key, tile in self._tiles.items()}
 
@@ -184,6 +187,25 @@ class _Folder:
         while len(self._held) > self._keep:
             self._held.popitem(last=False)
         return tile
+
+
+_memories: WeakValueDictionary[int, _Memory] = WeakValueDictionary()
+_folders: WeakValueDictionary[tuple[str, str, int], _Folder] = WeakValueDictionary()
+# Only what somebody uses is in there, so that resets leave nothing behind.
+
+
+def _source(city: City, keep: int) -> _Source:
+    """What other tiles of this city in use read from, or a new one. Nothing of it depends on who asked before."""
+    if city.store:
+        content = (city.store, city.sha256, keep)
+        folder = _folders.get(content)
+        if folder is None:
+            folder = _folders[content] = _Folder(city.store, keep)
+        return folder
+    memory = _memories.get(id(city))
+    if memory is None:
+        memory = _memories[id(city)] = _Memory(city)
+    return memory
 
 
 def _decode(folder: str, name: str, kind: type[_Read]) -> _Read:

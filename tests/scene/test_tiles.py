@@ -1,3 +1,4 @@
+import gc
 import os
 from itertools import pairwise
 from math import hypot
@@ -6,6 +7,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
+import lingjing.scene.tiles as module
 from lingjing.errors import UsageError
 from lingjing.scene.city import Area, Bridge, Building, City, Lane, Pieces, Prop, Road, Water
 from lingjing.scene.cutting import cut
@@ -181,3 +183,29 @@ def test_folders_that_hold_no_city_say_so(tmp_path: Path) -> None:
     (tmp_path / "city" / "city.msgpack").write_bytes(b"\x00")
     with pytest.raises(UsageError, match="damaged, or of another version"):
         read_store(tmp_path / "city")
+
+
+def test_all_users_of_a_city_divide_and_read_it_once(tmp_path: Path) -> None:
+    inline, stored = both(tmp_path)
+    for city in (inline, stored):
+        first, second = Tiles(city), Tiles(city)
+        assert all(one is other for one, other in zip(first, second, strict=True))
+    assert len(Tiles(stored, keep=2)._source._held) == 0  # type: ignore[attr-defined]
+
+
+def test_cities_share_nothing_with_those_that_look_alike_or_have_gone(tmp_path: Path) -> None:
+    for number in range(20):  # the objects of cities that are gone are used again
+        house = Building(id=f"house-{number}", polygon=block(10, 10), base_m=0.0, top_m=9.0)
+        city = msgspec.structs.replace(FRAME, buildings=(house,))
+        assert Tiles(city).load((0, 0)).buildings == (house,)
+        stored = write_store(tmp_path / "city", FRAME, Pieces(buildings=(house,)))
+        assert Tiles(stored).load((0, 0)).buildings == (house,)
+
+
+def test_nothing_is_kept_of_a_city_that_nobody_uses(tmp_path: Path) -> None:
+    gc.collect()
+    before = len(module._memories), len(module._folders)
+    users = [Tiles(city) for city in both(tmp_path) for _ in range(5)]
+    assert (len(module._memories), len(module._folders)) == (before[0] + 1, before[1] + 1)
+    users.clear()
+    assert (len(module._memories), len(module._folders)) == before
