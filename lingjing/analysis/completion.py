@@ -8,10 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from lingjing.mission.expression import Call, Node
+from lingjing.mission.expression import Attr, Binary, Call, Node, Number, Ref
 from lingjing.mission.instance import Instance
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import BoundaryRecord
+
+_MASS = "_kg"
 
 
 def completion_ticks(trace: Trace) -> dict[str, int]:
@@ -32,6 +34,40 @@ def asked_groups(instance: Instance) -> frozenset[str]:
         )
     last = instance.stages[-1].domain if instance.stages else None
     return frozenset({last} if last is not None else ())
+
+
+def owed_kg(trace: Trace) -> tuple[float, float] | None:
+    """Mass that success asks to be brought, as (at the beginning, still due at the end); None if it asks for none.
+
+    Such a rule holds when a mass that is a target's state is at most zero: `p.demand <= 0 kg`.
+    """
+    instance = trace.header.instance
+    asked = _masses(instance)
+    if not asked or not trace.boundaries or not trace.boundaries[-1].snapshots:
+        return None
+    last = {state.id: state.resources for state in trace.boundaries[-1].snapshots[-1].states}
+    initial = due = 0.0
+    for entity in instance.entities:
+        for group, state in asked:
+            amount = entity.properties.get(state)
+            if entity.group == group and state in entity.state and isinstance(amount, int | float):
+                initial += amount
+                due += max(0.0, last.get(entity.id, {}).get(state.removesuffix(_MASS), amount))
+    return (initial, due) if initial > 0.0 else None
+
+
+def _masses(instance: Instance) -> set[tuple[str, str]]:
+    """Group and state of every mass that a rule of the success condition wants at zero."""
+    called = _success_rules(instance)
+    found: set[tuple[str, str]] = set()
+    for rule in instance.rules:
+        domains = {parameter.name: parameter.domain for parameter in rule.parameters}
+        for node in nodes(rule.condition) if rule.name in called else ():
+            match node:
+                case Binary(operator="<=", left=Attr(base=Ref(name=who), name=state), right=Number(value=0.0)):
+                    if who in domains and state.endswith(_MASS):
+                        found.add((domains[who], state))
+    return found
 
 
 def completed_at(instance: Instance, record: BoundaryRecord) -> set[str]:

@@ -12,6 +12,7 @@ from collections.abc import Iterable
 
 import msgspec
 
+from lingjing.analysis.completion import owed_kg
 from lingjing.analysis.detection import Detection, detect, ratio
 from lingjing.analysis.repetition import repeated_target_rate
 from lingjing.trace.reader import Trace
@@ -146,7 +147,10 @@ def _rounds(edges: Iterable[Envelope]) -> int:
 
 
 def _gap(trace: Trace, scr: float | None) -> float | None:
-    """Target count as the requirement: what the success condition asks of them is `scr`'s denominator."""
+    """Mass as the requirement where goods are to be brought, else target count, which is what `scr` counts."""
+    owed = owed_kg(trace)
+    if owed is not None:
+        return 100.0 * owed[1] / owed[0]
     required = any(entity.role == "target" for entity in trace.header.instance.entities)
     return 100.0 * (1.0 - scr) if required and scr is not None else None
 

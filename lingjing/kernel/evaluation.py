@@ -3,8 +3,9 @@
 The built-in evaluator reads the mission's own success and failure conditions. Its score is the subtask completion
 rate: the share of the success condition's parts that hold, where `forall v in victim: rescued(v)` has one part for
 each victim and a conjunction adds up the parts of its sides; or, where stages have weights, the weighted share of the
-stages that are done. Broken soft constraints take their penalties off it. A broken hard constraint fails the episode;
-a stage that is late has used up the budget.
+stages that are done. A mission that is won has completed all that it requires, even where a stage on the way was
+skipped: goods may be left at a place that nobody was sent to. Broken soft constraints take their penalties off the
+score. A broken hard constraint fails the episode; a stage that is late has used up the budget.
 """
 
 from __future__ import annotations
@@ -55,10 +56,11 @@ class MissionEvaluator:
     def evaluate(self, registry: Registry, events: Sequence[Event]) -> Evaluation:
         """Success before failure: a mission won at the boundary where it would be lost is won."""
         at = self._adjudicator.instant(registry, registry.states, registry.time_s)
-        score = self._score(registry, at)
+        won = holds(self._instance.success, {}, at)
+        score = max(0.0, (1.0 if won else self._share(registry, at)) - self._watch.penalty(registry))
         if self._watch.broke_a_hard_one(registry):
             return Evaluation(score, True, "failure")
-        if holds(self._instance.success, {}, at):
+        if won:
             return Evaluation(score, True, "success")
         if self._instance.failure is not None and holds(self._instance.failure, {}, at):
             return Evaluation(score, True, "failure")
@@ -66,12 +68,12 @@ class MissionEvaluator:
             return Evaluation(score, True, "budget")
         return Evaluation(score, False)
 
-    def _score(self, registry: Registry, at: Instant) -> float:
+    def _share(self, registry: Registry, at: Instant) -> float:
         score = self._book.score(registry)
-        if score is None:
-            parts = list(parts_of(self._instance.success, {}, at))
-            score = sum(parts) / len(parts) if parts else 0.0
-        return max(0.0, score - self._watch.penalty(registry))
+        if score is not None:
+            return score
+        parts = list(parts_of(self._instance.success, {}, at))
+        return sum(parts) / len(parts) if parts else 0.0
 
 
 def parts_of(condition: Expr, scope: Locals, at: Instant) -> Iterator[bool]:

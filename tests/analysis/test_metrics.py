@@ -9,6 +9,9 @@ import pytest
 from lingjing.analysis.detection import detect, numbers
 from lingjing.analysis.metrics import Metrics, metrics
 from lingjing.analysis.repetition import Reach, reaches_of, repeated_target_rate
+from lingjing.mission.expression import Attr, Binary, Call, Number, Quantified, Ref
+from lingjing.mission.instance import Entity
+from lingjing.mission.model import Rule, RuleParameter
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import (
     Absent,
@@ -273,3 +276,30 @@ def test_metrics_are_plain_data(trace: Trace) -> None:
 )
 def test_numbers(value: object, count: int, expected: object) -> None:
     assert numbers(value, count) == expected
+
+
+def test_the_gap_of_a_delivery_is_the_mass_that_is_still_due(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]
+    """250 kg and 100 kg are ordered; 150 kg of the first are confirmed: 200 of 350 kg are due."""
+    demand = Attr(base=Ref(name="p", kind="local"), name="demand_kg")
+    served = Rule(
+        name="served",
+        parameters=(RuleParameter(name="p", domain="point"),),
+        condition=Binary(operator="<=", left=demand, right=Number(value=0.0, unit="kg")),
+    )
+    points = tuple(
+        Entity(
+            id=f"point[{number}]", group="point", index=number, role="target", type="delivery_point", engine="city",
+            position=(0.0, 0.0, 0.0), properties={"demand_kg": mass}, state=("demand_kg",),
+        )
+        for number, mass in ((1, 250.0), (2, 100.0))
+    )  # fmt: skip
+    asked = Call(function="served", arguments=(Ref(name="p", kind="local"),), rule=True)
+    success = Quantified(quantifier="forall", variable="p", domain="point", body=asked)
+    instance = replace(trace.header.instance, entities=points, rules=(served,), success=success)
+    states = (
+        BodyState(id="point[1]", position=(0.0, 0.0, 0.0), resources={"demand": 100.0}),
+        BodyState(id="point[2]", position=(0.0, 0.0, 0.0), resources={"demand": 100.0}),
+    )
+    played = boundary(1, snapshots=(Snapshot(time_s=10.0, states=states),))
+    found = metrics(of(boundary(0), played, header=replace(trace.header, instance=instance)))
+    assert found.gap == pytest.approx(100.0 * 200.0 / 350.0)

@@ -207,6 +207,16 @@ def test_weights_make_the_score():
     assert [kernel.step(()).evaluation.reward for _ in range(2)] == [0.75, 1.0]
 
 
+def test_a_mission_that_is_won_lacks_nothing_even_with_a_stage_skipped():
+    stages = (
+        Stage(name="skipped", condition=ALWAYS_FALSE, weight=Number(value=3.0)),
+        Stage(name="last", condition=after(10.0)),
+    )
+    kernel = started(stages=stages, relations=(), success=after(20.0))
+    evaluations = [kernel.step(()).evaluation for _ in range(2)]
+    assert [(each.reward, each.reason) for each in evaluations] == [(0.25, ""), (1.0, "success")]
+
+
 # -- inspections
 
 
