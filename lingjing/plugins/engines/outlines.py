@@ -65,10 +65,14 @@ class Area:
         xs, ys = [point[0] for point in polygon], [point[1] for point in polygon]
         return cls(polygon, min(xs), min(ys), max(xs), max(ys))
 
-    def holds(self, x: float, y: float, margin_m: float = 0.0) -> bool:
-        """Whether the point lies in the area or within `margin_m` of it."""
+    def bounds_hold(self, x: float, y: float, margin_m: float = 0.0) -> bool:
+        """Whether the point lies in the bounding box or within `margin_m` of it; if not, the area does not hold it."""
         if not (self.west - margin_m <= x <= self.east + margin_m):
             return False
-        if not (self.south - margin_m <= y <= self.north + margin_m):
+        return self.south - margin_m <= y <= self.north + margin_m
+
+    def holds(self, x: float, y: float, margin_m: float = 0.0) -> bool:
+        """Whether the point lies in the area or within `margin_m` of it."""
+        if not self.bounds_hold(x, y, margin_m):
             return False
         return inside(self.polygon, x, y) if margin_m <= 0.0 else within(self.polygon, x, y, margin_m)

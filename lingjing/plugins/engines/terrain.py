@@ -36,7 +36,7 @@ class Terrain:
         levels = [city.datum_m, *(top for _, top in self._lands), *(water.level_m for water in city.waters)]
         self._highest_ground_m = max(levels)
         self._tiles = Tiles(city)
-        self._tile_m = city.tile_m
+        self.tile_m = city.tile_m
         self._squares: OrderedDict[Key, Square] = OrderedDict()
 
     def water_level(self, x: float, y: float) -> float | None:
@@ -62,7 +62,10 @@ class Terrain:
         return tuple(
             block
             for block in self._near(x, y)
-            if block.base_at(x, y) < high_m and block.top_at(x, y) > low_m and block.covers(x, y, margin_m)
+            if block.area.bounds_hold(x, y, margin_m)  # rules out most, and quickly
+            and block.base_at(x, y) < high_m
+            and block.top_at(x, y) > low_m
+            and block.covers(x, y, margin_m)
         )
 
     def ceiling_m(self, x: float, y: float) -> float:
@@ -73,7 +76,10 @@ class Terrain:
         return self._square(x, y).near(x, y)
 
     def _square(self, x: float, y: float) -> Square:
-        key = math.floor(x / self._tile_m), math.floor(y / self._tile_m)
+        return self.square((math.floor(x / self.tile_m), math.floor(y / self.tile_m)))
+
+    def square(self, key: Key) -> Square:
+        """The square of a column and a row of `tile_m` side."""
         square = self._squares.get(key)
         if square is None:
             square = self._squares[key] = self._read(key)
@@ -82,7 +88,7 @@ class Terrain:
         return square
 
     def _read(self, key: Key) -> Square:
-        side = self._tile_m
+        side = self.tile_m
         west, south = key[0] * side, key[1] * side
         reach = side * math.sqrt(0.5) + REACH_M  # the corners are that far from the middle
         tiles = self._tiles.near(west + side / 2.0, south + side / 2.0, reach)
@@ -90,21 +96,24 @@ class Terrain:
 
 
 class Square:
-    """The blocks that a body in one square can touch, by cells of 50 m. `highest_m` is the top of the highest."""
+    """The `blocks` that a body in one square can touch, by cells of 50 m. `highest_m` is the top of the highest."""
 
     def __init__(self, bounds: tuple[float, float, float, float], found: Iterable[Block]) -> None:
         self.highest_m = -math.inf
         self._cells: dict[Key, tuple[Block, ...]] = {}
         limits = _cells(*bounds)
+        reaching: list[Block] = []
         for block in found:
             area = block.area
             reached = _cells(area.west - REACH_M, area.south - REACH_M, area.east + REACH_M, area.north + REACH_M)
             columns, rows = _common(reached[0], limits[0]), _common(reached[1], limits[1])
             if not columns or not rows:
                 continue
+            reaching.append(block)
             self.highest_m = max(self.highest_m, *(block.top_at(x, y) for x, y in area.polygon))
             for cell in itertools.product(columns, rows):
                 self._cells[cell] = (*self._cells.get(cell, ()), block)
+        self.blocks = tuple(reaching)
 
     def near(self, x: float, y: float) -> tuple[Block, ...]:
         """The blocks within reach of a point of this square."""

@@ -10,10 +10,17 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
 
 from lingjing.mission.instance import Entity, Instance, Vector, Weather
 from lingjing.plugins.engines.bodies import entity_size
+from lingjing.plugins.engines.pairs import close_pairs
+from lingjing.plugins.engines.roofs import Roofs
 from lingjing.plugins.engines.terrain import Terrain
 from lingjing.scene.city import Polygon
 
@@ -27,8 +34,14 @@ _ANTENNA_M = 0.5
 """Height of an antenna over the top of what carries it."""
 _CLEARANCE_M = 10.0
 """Edges further below the line of sight than this cost nothing worth counting."""
+_SLACK = 1e-2
+"""Metres and decibels that a bound is kept clear of what it bounds: no rounding matters."""
+_NO_LOSS = -0.78
+_AT_A_TIME = 2000
+"""Ways that are sampled together: some hundred thousand places at most."""
 
 Pair = tuple[str, str]
+Array = npt.NDArray[Any]
 
 
 class Coverage:
@@ -38,48 +51,84 @@ class Coverage:
         embodied = {name for agent in instance.agents for name in agent.controls}
         carriers = [entity for entity in instance.entities if entity.id in embodied]
         self._range_m = instance.comms.range_m
-        self._terrain = terrain
+        self._terrain, self._roofs = terrain, Roofs(terrain)
         self._heights = {entity.id: _antenna(entity) for entity in carriers}
-        self._pairs = tuple(itertools.combinations(self._heights, 2)) if self._range_m is not None else ()
 
     def unheard(self, places: Mapping[str, Vector], weather: Weather) -> tuple[Pair, ...]:
         """The pairs, each in the instance's order, that radio does not reach between. A place that is missing counts
         as out of reach."""
-        return tuple(pair for pair in self._pairs if not self._reaches(pair, places, weather))
-
-    def _reaches(self, pair: Pair, places: Mapping[str, Vector], weather: Weather) -> bool:
-        ends = [self._antenna_at(name, places) for name in pair]
         if self._range_m is None:
-            return True
-        if ends[0] is None or ends[1] is None:
-            return False
-        distance = math.dist(ends[0], ends[1])
-        reach = self._range_m * clearness(weather)
-        if distance > reach:
-            return False
-        # The loss that brings the range down to just this distance.
-        bearable_db = 20.0 * math.log10(reach / distance) if distance > 0.0 else math.inf
-        return not self._loses_more(bearable_db, ends[0], ends[1], distance)
+            return ()
+        heard = self._heard(places, self._range_m * clearness(weather))
+        return tuple(pair for pair in itertools.combinations(self._heights, 2) if pair not in heard)
 
-    def _antenna_at(self, name: str, places: Mapping[str, Vector]) -> Vector | None:
-        place = places.get(name)
-        return None if place is None else (place[0], place[1], place[2] + self._heights[name])
+    def _heard(self, places: Mapping[str, Vector], reach_m: float) -> set[Pair]:
+        names = [name for name in self._heights if name in places]
+        ends = [(x, y, z + self._heights[name]) for name in names for x, y, z in (places[name],)]
+        near = close_pairs(ends, math.nextafter(reach_m, math.inf))  # the range is inclusive
+        heard: set[Pair] = set()
+        for start in range(0, len(near), _AT_A_TIME):
+            some = near[start : start + _AT_A_TIME]
+            cut = self._cut([Way.between(ends[one], ends[other], reach_m) for one, other in some])
+            heard.update((names[a], names[b]) for number, (a, b) in enumerate(some) if number not in cut)
+        return heard
 
-    def _loses_more(self, bearable_db: float, first: Vector, second: Vector, distance: float) -> bool:
-        """Whether any edge along the way costs more than that."""
-        count = math.floor(distance / _SAMPLE_M)
-        for number in range(1, count + 1):
-            share = number / (count + 1)
-            x, y, z = (here + share * (there - here) for here, there in zip(first, second, strict=True))
-            if z - _CLEARANCE_M > self._terrain.ceiling_m(x, y):
-                continue
-            for block in self._terrain.solids_at(x, y, z - _CLEARANCE_M, math.inf):
-                if block.base_at(x, y) > z:
-                    continue  # it is overhead: a bridge, a roof on stilts
-                over = min(block.top_at(x, y) - z, around_m(block.area.polygon, first, second))
-                if edge_loss_db(over, share * distance, (1 - share) * distance) > bearable_db:
-                    return True
+    def _cut(self, ways: Sequence[Way]) -> set[int]:
+        """The numbers of the ways along which any edge costs more than is bearable."""
+        cut: set[int] = set()
+        owner, share, place = _sampled(ways)
+        suspects = self._suspects(ways, owner, share, place)
+        for sample, number in zip(suspects.tolist(), owner[suspects].tolist(), strict=True):
+            if number not in cut and self._loses_more(ways[number], float(share[sample]), place[sample].tolist()):
+                cut.add(number)
+        return cut
+
+    def _suspects(self, ways: Sequence[Way], owner: Array, share: Array, place: Array) -> Array:
+        """The samples at which something may be high enough to cost too much, the highest loss first."""
+        over = self._roofs.bound(place[:, 0], place[:, 1]) - place[:, 2]
+        near = np.flatnonzero(over > -_CLEARANCE_M - _SLACK)
+        lengths, bearable = np.array([(way.length_m, way.bearable_db) for way in ways])[owner[near]].T
+        from_m = share[near] * lengths
+        parameter = over[near] * np.sqrt(2.0 * lengths / (WAVELENGTH_M * from_m * (lengths - from_m)))
+        excess = _loss_db(np.maximum(parameter, _NO_LOSS)) - bearable
+        found = near[np.argsort(-excess, kind="stable")]
+        return found[: np.count_nonzero(excess > -_SLACK)]
+
+    def _loses_more(self, way: Way, share: float, place: Sequence[float]) -> bool:
+        x, y, z = place
+        for block in self._terrain.solids_at(x, y, z - _CLEARANCE_M, math.inf):
+            if block.base_at(x, y) > z:
+                continue  # it is overhead: a bridge, a roof on stilts
+            over = min(block.top_at(x, y) - z, around_m(block.area.polygon, way.first, way.second))
+            if edge_loss_db(over, share * way.length_m, (1 - share) * way.length_m) > way.bearable_db:
+                return True
         return False
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """From one antenna to another. `bearable_db` is the loss that brings the range down to just its length."""
+
+    first: Vector
+    second: Vector
+    length_m: float
+    bearable_db: float
+
+    @classmethod
+    def between(cls, first: Vector, second: Vector, reach_m: float) -> Way:
+        """The way, where radio reaches so far."""
+        length = math.dist(first, second)
+        return cls(first, second, length, 20.0 * math.log10(reach_m / length) if length > 0.0 else math.inf)
+
+
+def _sampled(ways: Sequence[Way]) -> tuple[Array, Array, Array]:
+    """Places about every 10 m along ways, (n, 3), with the number of each one's way and the share it lies at."""
+    counts = np.array([math.floor(way.length_m / _SAMPLE_M) for way in ways])
+    owner = np.repeat(np.arange(len(ways)), counts)
+    before = np.repeat(np.cumsum(counts) - counts, counts)
+    share = (np.arange(len(owner)) - before + 1) / (counts[owner] + 1)
+    first, second = np.array([way.first for way in ways]), np.array([way.second for way in ways])
+    return owner, share, first[owner] + share[:, np.newaxis] * (second - first)[owner]
 
 
 def clearness(weather: Weather) -> float:
@@ -104,9 +153,14 @@ def edge_loss_db(over_m: float, from_m: float, to_m: float) -> float:
     Equation (31) of ITU-R P.526-15, with the diffraction parameter of its equation (26).
     """
     parameter = over_m * math.sqrt(2.0 * (from_m + to_m) / (WAVELENGTH_M * from_m * to_m))
-    if parameter <= -0.78:
+    if parameter <= _NO_LOSS:
         return 0.0
     return 6.9 + 20.0 * math.log10(math.sqrt((parameter - 0.1) ** 2 + 1.0) + parameter - 0.1)
+
+
+def _loss_db(parameter: Array) -> Array:
+    """The same for very many, to be compared and not to be believed to the last digit."""
+    return np.asarray(6.9 + 20.0 * np.log10(np.sqrt((parameter - 0.1) ** 2 + 1.0) + parameter - 0.1))
 
 
 def _antenna(entity: Entity) -> float:
