@@ -1,8 +1,10 @@
 """Detection reports against the ground truth of the frames they speak of (the paper's box-matching rule).
 
 The kernel decides which report matches which target (`adjudicate matched`, one to one in a frame); here it is
-counted. Aligned frames are all stored frames: each was handed to a policy at its boundary. A report counts once,
-however many recipients it had. A target without visible pixels is not evaluated in a frame.
+counted. A report of a kind that no such rule compares with the truth (a jam, which the engine records when the UAV is
+near) is neither true nor false. Aligned frames are all stored frames: each was handed to a policy at its boundary; a
+mission that judges no reports has none. A report counts once, whether many heard it or nobody. A target without visible
+pixels is not evaluated in a frame.
 """
 
 from __future__ import annotations
@@ -12,17 +14,21 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from statistics import median
 
+from lingjing.analysis.spoken import Spoken, spoken
 from lingjing.trace.reader import Trace
-from lingjing.trace.records import Envelope, FrameInfo
+from lingjing.trace.records import FrameInfo
 
 BINS = 10
 """Bins of equal width of the expected calibration error."""
+
+UnitBox = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
 class Report:
     """One detection report: what was said, about which frame, and the target it matched, if any.
 
+    `judged` if a rule of the mission compares such reports with the truth: only then is one without a target false.
     `box` is normalised (x0, y0, x1, y1); `position` is (east, north) in metres; `error_m` its planar distance to
     the matched target at the frame's capture time.
     """
@@ -32,11 +38,17 @@ class Report:
     sender: str
     frame: str
     cls: str
-    box: tuple[float, float, float, float] | None
+    box: UnitBox | None
     position: tuple[float, float] | None
     confidence: float | None
     target: str | None
+    judged: bool
     error_m: float | None
+
+    @property
+    def false(self) -> bool:
+        """Whether it was compared with the truth and matches no target."""
+        return self.judged and self.target is None
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +98,7 @@ class Detection:
     @property
     def calibration_error(self) -> float | None:
         """Expected calibration error of the reports' confidences against their matches, ten bins."""
-        judged = [(r.confidence, r.target is not None) for r in self.reports if r.confidence is not None]
+        judged = [(r.confidence, r.target is not None) for r in self.reports if r.judged and r.confidence is not None]
         total = 0.0
         for index in range(BINS):
             inside = [(c, hit) for c, hit in judged if min(int(c * BINS), BINS - 1) == index]
@@ -100,26 +112,27 @@ def detect(trace: Trace) -> Detection:
     hits: dict[str, set[str]] = {}
     wrong: set[str] = set()
     for report in reports:
-        if report.target is None:
+        if report.false:
             wrong.add(report.frame)
-        else:
+        elif report.target is not None:
             hits.setdefault(report.frame, set()).add(report.target)
     targets = {entity.id for entity in trace.header.instance.entities if entity.role == "target"}
-    missed = {frame.id: len(_visible(frame, targets) - hits.get(frame.id, set())) for frame in trace.frames.values()}
+    frames = tuple(trace.frames.values()) if _judged(trace) else ()
+    missed = {frame.id: len(_visible(frame, targets) - hits.get(frame.id, set())) for frame in frames}
     return Detection(
         reports=reports,
-        frames=len(trace.frames),
+        frames=len(frames),
         true_positives=sum(len(found) for found in hits.values()),
-        false_positives=sum(report.target is None for report in reports),
+        false_positives=sum(report.false for report in reports),
         false_negatives=sum(missed.values()),
         missing_frames=sum(count > 0 for count in missed.values()),
-        hallucinating_frames=sum(frame in wrong for frame in trace.frames),
+        hallucinating_frames=sum(frame.id in wrong for frame in frames),
     )
 
 
 def matching_rules(trace: Trace) -> frozenset[str]:
-    """Names of the rules that compare a report with the truth; `matched` if the instance lists none."""
-    return frozenset(rule.name for rule in trace.header.instance.rules if rule.matching) or frozenset({"matched"})
+    """Names of the rules that compare a report with the truth."""
+    return frozenset(rule.name for rule in trace.header.instance.rules if rule.matching)
 
 
 def position_of(trace: Trace, entity: str, tick: int) -> tuple[float, float] | None:
@@ -145,34 +158,44 @@ def numbers(value: object, count: int) -> tuple[float, ...] | None:
     return tuple(plain) if len(plain) == count else None
 
 
+def _judged(trace: Trace) -> frozenset[str]:
+    """The kinds of messages that a matching rule compares with the truth."""
+    kinds = {kind.kind for kind in trace.header.instance.messages}
+    rules = (rule for rule in trace.header.instance.rules if rule.matching)
+    return frozenset(kinds & {parameter.domain for rule in rules for parameter in rule.parameters})
+
+
 def _reports(trace: Trace) -> Iterator[Report]:
-    matches = _matches(trace)
-    seen: set[str] = set()
-    for record in trace.boundaries:
-        for envelope in record.messages:
-            if envelope.category == "report" and envelope.id not in seen:
-                seen.add(envelope.id)
-                yield _report(trace, envelope, matches.get(envelope.id))
+    matches, judged = _matches(trace), _judged(trace)
+    for message in spoken(trace):
+        if message.category == "report":
+            yield _report(trace, message, matches.get(message.id), message.kind in judged)
 
 
-def _report(trace: Trace, envelope: Envelope, target: str | None) -> Report:
-    body = envelope.body
-    frame = str(body.get("frame") or "")
-    position, box, confidence = numbers(body.get("position"), 2), numbers(body.get("box"), 4), body.get("confidence")
+def _report(trace: Trace, said: Spoken, target: str | None, judged: bool) -> Report:
+    body = said.body
+    frame, box = str(body.get("frame") or ""), _box(said)
+    position, confidence = numbers(body.get("position"), 2), body.get("confidence")
     info = trace.frames.get(frame)
     truth = position_of(trace, target, info.tick) if target is not None and info is not None else None
     return Report(
-        id=envelope.id,
-        tick=envelope.tick,
-        sender=envelope.sender,
+        id=said.id,
+        tick=said.tick,
+        sender=said.sender,
         frame=frame,
         cls=str(body.get("class") or ""),
-        box=None if box is None else (box[0], box[1], box[2], box[3]),
+        box=box,
         position=None if position is None else (position[0], position[1]),
         confidence=float(confidence) if isinstance(confidence, int | float) else None,
         target=target,
+        judged=judged,
         error_m=math.dist(position, truth) if position is not None and truth is not None else None,
     )
+
+
+def _box(said: Spoken) -> UnitBox | None:
+    box = numbers(said.body.get("box"), 4)
+    return None if box is None else (box[0], box[1], box[2], box[3])
 
 
 def _matches(trace: Trace) -> dict[str, str]:

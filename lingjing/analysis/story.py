@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from lingjing.analysis.completion import asked_groups, completion_ticks
 from lingjing.analysis.detection import Report, detect
+from lingjing.analysis.spoken import Spoken, spoken
 from lingjing.mission.instance import Instance
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import FrameInfo
@@ -22,18 +23,6 @@ class Track:
     points: tuple[tuple[float, float], ...]
     battery: tuple[float, ...]
     status: str
-
-
-@dataclass(frozen=True, slots=True)
-class Said:
-    """One message on the wire: all its edges together."""
-
-    id: str
-    tick: int
-    kind: str
-    category: str
-    sender: str
-    recipients: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +43,7 @@ class Story:
     tracks: dict[str, Track]
     reports: tuple[Report, ...]
     frames: dict[str, FrameInfo]
-    said: tuple[Said, ...]
+    said: tuple[Spoken, ...]
     happened: tuple[Happened, ...]
     refusals: tuple[tuple[int, str], ...]
     visited: frozenset[str]
@@ -76,7 +65,7 @@ def tell(trace: Trace) -> Story:
         tracks={entity.id: _track(trace, entity.id, entity.role) for entity in instance.entities},
         reports=reports,
         frames=dict(trace.frames),
-        said=_said(trace),
+        said=spoken(trace),
         happened=_happened(trace),
         refusals=tuple(
             (receipt.tick, receipt.sender)
@@ -118,15 +107,6 @@ def _track(trace: Trace, entity: str, role: str) -> Track:
         battery=tuple(stock / stocks[0] for stock in stocks) if stocks and stocks[0] > 0 else (),
         status=states[-1][1].status if states else "",
     )
-
-
-def _said(trace: Trace) -> tuple[Said, ...]:
-    found: dict[str, Said] = {}
-    for record in trace.boundaries:
-        for edge in record.messages:
-            before = found[edge.id].recipients if edge.id in found else ()
-            found[edge.id] = Said(edge.id, edge.tick, edge.kind, edge.category, edge.sender, (*before, edge.recipient))
-    return tuple(found.values())
 
 
 def _happened(trace: Trace) -> tuple[Happened, ...]:

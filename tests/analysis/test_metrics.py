@@ -26,6 +26,7 @@ from lingjing.trace.records import (
     Event,
     FrameInfo,
     ObservationRecord,
+    Outgoing,
     Receipt,
     Snapshot,
     TaskEvent,
@@ -303,3 +304,33 @@ def test_the_gap_of_a_delivery_is_the_mass_that_is_still_due(of, trace: Trace) -
     played = boundary(1, snapshots=(Snapshot(time_s=10.0, states=states),))
     found = metrics(of(boundary(0), played, header=replace(trace.header, instance=instance)))
     assert found.gap == pytest.approx(100.0 * 200.0 / 350.0)
+
+
+def lone_report(tick: int, status: str = "accepted") -> BoundaryRecord:
+    """Somebody on his own reports the target of the picture `a`, after a message that the bus refused."""
+    body = {"frame": "a", "class": "person_in_water", "box": BOX, "position": (3.0, 4.0, 0.0)}
+    said = (Outgoing(kind="hello", body={}), Outgoing(kind="detection", body=body))  # type: ignore[arg-type]
+    answers = tuple(
+        Receipt(
+            request=f"m{tick}-{number}", tick=tick, sender="scout[1]", resource=kind, status=word, by="bus", time_s=0.0
+        )
+        for number, kind, word in ((1, "hello", "rejected"), (2, "detection", status))
+    )  # fmt: skip
+    made = DecisionRecord(agent="scout[1]", decision=Decision(messages=said))
+    hits = (matched(tick, "victim[1]", f"m{tick}-2"),) if status == "accepted" else ()
+    return boundary(tick, decisions=(made,), receipts=answers, events=hits)
+
+
+def test_a_report_that_nobody_could_hear_counts(of) -> None:  # type: ignore[no-untyped-def]
+    seen = boundary(1, frames=(frame("a", 1, "victim[1]"),))
+    found = metrics(of(boundary(0), seen, lone_report(2)))
+    assert (found.reports, found.detections, found.recall, found.messages) == (1, 1, 1.0, 0)
+    refused = metrics(of(boundary(0), seen, lone_report(2, "rejected")))
+    assert (refused.reports, refused.detections, refused.recall) == (0, 0, 0.0)
+
+
+def test_reports_that_no_rule_judges_are_neither_true_nor_false(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]
+    header = replace(trace.header, instance=replace(trace.header.instance, rules=()))
+    found = metrics(of(boundary(1, frames=(frame("a", 1, "victim[1]"),), messages=report(1, "a", 1)), header=header))
+    assert (found.reports, found.false_positives, found.misses) == (1, 0, 0)
+    assert (found.precision, found.recall, found.hallucination_rate) == (None, None, None)

@@ -1,8 +1,6 @@
 """The overview is drawn for whole, cut, empty and odd traces, and its labels keep out of each other's way."""
 
 import itertools
-import subprocess
-import sys
 from pathlib import Path
 
 import msgspec
@@ -13,7 +11,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from lingjing.analysis.overview import draw_overview, style
-from lingjing.analysis.overview.pictures import best_views, overlap, whole_frame
+from lingjing.analysis.overview.pictures import best_views, whole_frame
 from lingjing.analysis.story import tell
 from lingjing.errors import UsageError
 from lingjing.trace.reader import Trace
@@ -110,17 +108,3 @@ def test_colours_are_distinct_and_shades_end_at_white() -> None:
     colours = style.asset_colours([f"uav[{place}]" for place in range(16)])
     assert len(set(colours.values())) == 16
     assert style.shaded("#123456", 1.0) == "#123456" and style.shaded("#123456", 0.0) == "#ffffff"
-
-
-@pytest.mark.parametrize(
-    ("a", "b", "expected"),
-    [((0, 0, 1, 1), (0, 0, 1, 1), 1.0), ((0, 0, 1, 1), (0.5, 0, 1.5, 1), 1 / 3), ((0, 0, 1, 1), (2, 2, 3, 3), 0.0)],
-)
-def test_overlap(a: tuple, b: tuple, expected: float) -> None:  # type: ignore[type-arg]
-    assert overlap(a, b) == pytest.approx(expected)
-
-
-def test_the_import_does_not_load_matplotlib() -> None:
-    code = "import sys, lingjing.analysis.overview, lingjing.analysis.metrics; print('matplotlib' in sys.modules)"
-    said = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout
-    assert said.strip() == "False"

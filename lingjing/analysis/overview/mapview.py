@@ -145,8 +145,8 @@ def _reports(axes: Axes, story: Story, bounds: tuple[float, float, float, float]
         truth = _truth(story, report)
         if truth is not None:
             axes.plot(*zip(place, truth, strict=True), "-", color=style.CLAIM, linewidth=0.8, alpha=0.7, zorder=7)
-        marker, size = ("+", 8) if report.target is not None else ("x", 6)
-        colour = style.CLAIM if report.target is not None else style.FATES["missed"]
+        marker, size = ("x", 6) if report.false else ("+", 8)
+        colour = style.FATES["missed"] if report.false else style.CLAIM
         axes.plot(*place, marker, ms=size, mec=colour, mew=1.4, zorder=8)
         labels.block(place, 4)
 

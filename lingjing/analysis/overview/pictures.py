@@ -13,13 +13,13 @@ import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
+from lingjing.analysis.detection import UnitBox
 from lingjing.analysis.overview import style
 from lingjing.analysis.story import Story
 from lingjing.errors import LingjingError
+from lingjing.kernel.predicates import overlap
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import FrameInfo
-
-UnitBox = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,15 +104,6 @@ def draw_whole(axes: Axes, trace: Trace, story: Story, frame: FrameInfo | None) 
     axes.set_xlabel(caption, fontsize=8, color=style.INK, labelpad=3)
 
 
-def overlap(a: UnitBox, b: UnitBox) -> float:
-    """Intersection over union."""
-    width = min(a[2], b[2]) - max(a[0], b[0])
-    height = min(a[3], b[3]) - max(a[1], b[1])
-    shared = max(0.0, width) * max(0.0, height)
-    total = (a[2] - a[0]) * (a[3] - a[1]) + (b[2] - b[0]) * (b[3] - b[1]) - shared
-    return shared / total if total > 0 else 0.0
-
-
 def _matches(story: Story) -> list[View]:
     views = []
     for report in story.reports:
@@ -130,7 +121,7 @@ def _false(story: Story) -> list[View]:
     return [
         View(story.frames[report.frame], None, report.box, "", 0.0, None)
         for report in story.reports
-        if report.target is None and report.box is not None and report.frame in story.frames
+        if report.false and report.box is not None and report.frame in story.frames
     ]
 
 

@@ -9,7 +9,8 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from lingjing.analysis.overview import style
-from lingjing.analysis.story import Said, Story
+from lingjing.analysis.spoken import Spoken
+from lingjing.analysis.story import Story
 
 
 def draw_messages(axes: Axes, story: Story) -> None:
@@ -81,9 +82,9 @@ def draw_batteries(axes: Axes, story: Story) -> None:
     axes.tick_params(labelbottom=True)
 
 
-def _spread(story: Story) -> list[tuple[Said, float]]:
+def _spread(story: Story) -> list[tuple[Spoken, float]]:
     """Messages of one tick side by side instead of on top of each other."""
-    by_tick: dict[int, list[Said]] = defaultdict(list)
+    by_tick: dict[int, list[Spoken]] = defaultdict(list)
     for said in story.said:
         by_tick[said.tick].append(said)
     return [
@@ -93,7 +94,7 @@ def _spread(story: Story) -> list[tuple[Said, float]]:
     ]
 
 
-def _message(axes: Axes, said: Said, x: float, lanes: dict[str, int]) -> None:
+def _message(axes: Axes, said: Spoken, x: float, lanes: dict[str, int]) -> None:
     colour = style.CATEGORIES.get(said.category, style.FAINT)
     ends = [lanes[name] for name in (said.sender, *said.recipients) if name in lanes]
     if not ends or said.sender not in lanes:
