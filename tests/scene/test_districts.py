@@ -157,6 +157,12 @@ def test_a_bridge_runs_from_the_streets_over_the_water() -> None:
         for x, y, z in lane.shape:
             if x < -150.0:
                 assert z == pytest.approx(point_at(ramp, nearest(ramp, x, y)[1])[0][2], abs=0.05), "on the ramp"
+    slab, width = next(item for item in city.bridges if item.id == "bridge-ramp"), deck.width_m / 2.0
+    way = shapely.LineString([point[:2] for point in (*slab.path[:2], *deck.path[1:])])
+    parts = [shapely.LineString([point[:2] for point in item.path]) for item in (slab, deck)]
+    paved = shapely.union_all([part.buffer(width, cap_style="flat", join_style="mitre") for part in parts])
+    missing = way.buffer(width - 0.05, cap_style="flat", join_style="mitre").difference(paved)
+    assert missing.area < 0.01, "no gap where the ramp bends into the bridge"
     paving = [area for area in city.areas if area.surface == "asphalt" and area.top_m == 0.0]
     assert all(any(shapely.Polygon(a.polygon).contains(shapely.Point(*j.polygon[0])) for a in paving)
                for j in city.junctions if j.elevation_m == 0.0 and not j.id.startswith("bridge"))  # fmt: skip

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
-from math import atan2, cos, degrees, hypot, pi, sin
+from math import atan2, cos, degrees, dist, hypot, pi, sin
 from random import Random
 
 import msgspec
 
+from lingjing.mission.instance import Vector
 from lingjing.scene.city import Bridge, Land, Polygon, Road, Water
 from lingjing.scene.districts.boxes import Box, around
 from lingjing.scene.districts.draft import Draft, stream
@@ -26,6 +27,8 @@ DECK_M = 16.0
 """Width of the bridge's deck: two lanes each way, a kerb and a railing on either side."""
 
 RAMP = "bridge-ramp"
+LAP_M = 0.1
+"""How far the ramp's slab goes on along the bridge: where the two meet at an angle, the bend leaves no gap."""
 RAMP_GRADE = 0.05
 SNAP_M = 60.0
 """The ramp begins at a crossing of the grid that is no farther than this from where it would."""
@@ -227,7 +230,8 @@ def _bridge(draft: Draft, plan: Plan) -> None:
     foot = bridge_foot(plan)
     deck = tuple((x, y, plan.deck_m) for x, y in plan.bridge)
     draft.bridges.append(Bridge(id="bridge", path=deck, width_m=DECK_M, name="Sea Bridge"))
-    draft.bridges.append(Bridge(id=RAMP, path=((*foot, 0.0), deck[0]), width_m=DECK_M, pier_spacing_m=30.0))
+    ramp = (*foot, 0.0), deck[0], _ahead(deck[0], deck[1], LAP_M)
+    draft.bridges.append(Bridge(id=RAMP, path=ramp, width_m=DECK_M, pier_spacing_m=30.0))
     for side in (-1.0, 1.0):
         for (ax, ay), (bx, by) in pairwise(plan.bridge):
             for a, b in _pieces((ax, ay), (bx, by), 60.0):
@@ -242,6 +246,11 @@ def _pieces(a: Point, b: Point, most: float) -> Iterator[tuple[Point, Point]]:
             (a[0] + (b[0] - a[0]) * k / many, a[1] + (b[1] - a[1]) * k / many),
             (a[0] + (b[0] - a[0]) * (k + 1) / many, a[1] + (b[1] - a[1]) * (k + 1) / many),
         )
+
+
+def _ahead(a: Vector, b: Vector, metres: float) -> Vector:
+    share = metres / dist(a, b)
+    return a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]), a[2] + share * (b[2] - a[2])
 
 
 def _rail(a: Point, b: Point, aside: float) -> Polygon:
