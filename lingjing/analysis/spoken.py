@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from lingjing.mission.instance import Datum
+from lingjing.mission.instance import Datum, Instance
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import BoundaryRecord
 
@@ -29,14 +29,23 @@ class Spoken:
 
 def spoken(trace: Trace) -> tuple[Spoken, ...]:
     """Every admitted message of a trace, in the order of its boundaries."""
-    categories = {spec.kind: spec.category for spec in trace.header.instance.messages}
+    categories = categories_of(trace.header.instance)
+    return tuple(message for record in trace.boundaries for message in spoken_at(record, categories))
+
+
+def categories_of(instance: Instance) -> Mapping[str, str]:
+    """What each kind of message counts as."""
+    return {spec.kind: spec.category for spec in instance.messages}
+
+
+def spoken_at(record: BoundaryRecord, categories: Mapping[str, str]) -> tuple[Spoken, ...]:
+    """The admitted messages of one boundary: those that somebody was sent, then those for nobody."""
     found: dict[str, Spoken] = {}
-    for record in trace.boundaries:
-        for edge in record.messages:
-            heard = (*(found[edge.id].recipients if edge.id in found else ()), edge.recipient)
-            found[edge.id] = Spoken(edge.id, edge.tick, edge.sender, edge.kind, edge.category, edge.body, heard)
-        for lone in _unheard(record, categories):
-            found.setdefault(lone.id, lone)
+    for edge in record.messages:
+        heard = (*(found[edge.id].recipients if edge.id in found else ()), edge.recipient)
+        found[edge.id] = Spoken(edge.id, edge.tick, edge.sender, edge.kind, edge.category, edge.body, heard)
+    for lone in _unheard(record, categories):
+        found.setdefault(lone.id, lone)
     return tuple(found.values())
 
 

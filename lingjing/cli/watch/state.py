@@ -9,9 +9,10 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from lingjing.analysis.completion import completed_at
+from lingjing.analysis.spoken import Spoken, categories_of, spoken_at
 from lingjing.kernel.episode import Progress
 from lingjing.mission.instance import Datum, Entity, Instance
-from lingjing.trace.records import Action, BodyState, BoundaryRecord, Envelope, Receipt
+from lingjing.trace.records import Action, BodyState, BoundaryRecord, Receipt
 
 KEPT_LINES = 64
 _REFUSED = ("rejected", "timed_out", "substituted")
@@ -85,7 +86,7 @@ class Watched:
         self._move(record)
         self._judge(record)
         self._act(record)
-        self.messages.extend(_spoken(record.messages))
+        self.messages.extend(map(_line, spoken_at(record, categories_of(self.instance))))
         self.events.extend(self._happened(record))
 
     def seen_targets(self) -> Iterable[tuple[Entity, Point, Sight]]:
@@ -180,16 +181,11 @@ def _status(receipt: Receipt) -> str:
     return f"{receipt.status.replace('_', ' ')}{progress}{f': {receipt.reason}' if receipt.reason else ''}"
 
 
-def _spoken(edges: Iterable[Envelope]) -> Iterable[Line]:
-    """One line a message, its recipients together."""
-    heard: dict[str, list[str]] = {}
-    first: dict[str, Envelope] = {}
-    for edge in edges:
-        first.setdefault(edge.id, edge)
-        heard.setdefault(edge.id, []).append(edge.recipient)
-    for name, edge in first.items():
-        to = heard[name][0] if len(heard[name]) == 1 else f"{len(heard[name])} agents"
-        yield Line(edge.tick, f"{edge.sender} → {to}: {edge.kind} {_body(edge.body)}".rstrip())
+def _line(said: Spoken) -> Line:
+    """One line a message, its recipients together; a report for nobody is adjudicated all the same."""
+    to = said.recipients[0] if len(said.recipients) == 1 else f"{len(said.recipients)} agents"
+    who = f"{said.sender} → {to}" if said.recipients else said.sender
+    return Line(said.tick, f"{who}: {said.kind} {_body(said.body)}".rstrip())
 
 
 def _body(body: Mapping[str, Datum]) -> str:
