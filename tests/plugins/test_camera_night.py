@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import cos, radians, sin
+from math import cos, hypot, radians, sin
 
 import msgspec
 import numpy as np
@@ -14,7 +14,8 @@ from lingjing.plugins.engines.camera.effects import effects_of, site_of
 from lingjing.plugins.engines.camera.effects.night import darkness, road_light
 from lingjing.plugins.engines.camera.effects.particles import BEAM, POOL
 from lingjing.plugins.engines.camera.models import entity_parts
-from lingjing.scene.city import Building, Lane, Pieces, Road
+from lingjing.plugins.engines.camera.staging import stage
+from lingjing.scene.city import Building, Lane, Pieces, Prop, Road
 from lingjing.trace.records import BodyState
 
 DAY, SUNSET, NIGHT = (Weather(wind_mps=3.0, sun_elevation_deg=up) for up in (45.0, 4.0, -20.0))
@@ -48,6 +49,16 @@ def test_headlights_light_the_road_ahead_and_only_of_what_is_driven() -> None:
     assert beam["place"][0] > 14.0 and beam["place"][1] == pytest.approx(0.0, abs=1e-4)
 
 
+@pytest.mark.parametrize(("weather", "lit"), [(DAY, False), (NIGHT, True)])
+def test_who_drives_sees_the_road_in_the_own_headlights_but_not_the_own_body(weather: Weather, lit: bool) -> None:
+    car = BodyState(id="a", position=(10.0, 0.0, 0.0), heading_deg=90.0)
+    cast = stage((), (), {}, 0.0, weather, lambda x, y, z: 0.0, -9.0, (car, "car"))
+    beams = cast.decals[cast.decals["kind"] == BEAM]
+    assert len(beams) == lit and len(cast.batches) == len(cast.billboards) == 0
+    walker = stage((), (), {}, 0.0, weather, lambda x, y, z: 0.0, -9.0, (car, "robot_dog"))
+    assert len(walker.decals) == 0
+
+
 def people_of(queue: Entity, near: list[Pieces]) -> list[tuple[float, float]]:
     site = site_of(queue, near, 0.0)
     parts = entity_parts(queue, state(queue.id), 0.0, facing_deg=site.heading_deg)
@@ -71,6 +82,13 @@ def test_nobody_queues_in_a_wall_or_on_a_road() -> None:
         assert not contains(wall.polygon, x, y) and edge_distance(wall.polygon, x, y) > 0.4 and x > -4.4
     h = radians(site_of(queue, near, 0.0).heading_deg or 0.0)
     assert places[-1] == pytest.approx((-9.6 * sin(h), -9.6 * cos(h)), abs=0.2), "one straight line"
+
+
+def test_nobody_queues_at_a_steam_vent() -> None:
+    vent = Prop(id="v", cls="steam_vent", model="steam_vent", position=(0.9, -4.6, 0.1))
+    places = people_of(thing("queue_of_people", people=5.0), [Pieces(props=(vent,))])
+    assert len(places) == 5
+    assert all(hypot(x - 0.9, y + 4.6) > 1.8 for x, y in places)
 
 
 def test_what_a_fire_scorches_lies_on_its_roof() -> None:

@@ -205,16 +205,18 @@ class CameraEngine:
         return self._terrain.support(east, north, up + 0.5)
 
     def _scenery(self, viewer: Entity | None) -> Scenery:
-        """Everything but the viewer's own body, if it has one; its shadow goes with it."""
+        """Everything but the viewer's own body, if it has one; its shadow goes with it, the light it throws stays."""
         assert self._schedule is not None
         weather = self._schedule.weather(self._time_s)
-        shown = []
+        shown, own = [], None
         for number, entity in enumerate(self._playing().instance.entities):
             state = self._states[entity.id]
             here = state.status not in HIDDEN_STATUSES and self._schedule.present(entity.id, self._time_s)
-            if here and (viewer is None or entity.id != viewer.id):
+            if here and viewer is not None and entity.id == viewer.id:
+                own = state, entity.type
+            elif here:
                 shown.append((number, entity, state))
-        cast = stage(shown, self._ambient, self._sites, self._time_s, weather, self._under, self._level)
+        cast = stage(shown, self._ambient, self._sites, self._time_s, weather, self._under, self._level, own)
         sea = self._ocean(weather).surfaces(self._time_s)
         return Scenery(self._time_s, weather, sea, (*self._props, *cast.batches), cast.marks,
                        cast.billboards, cast.decals)  # fmt: skip

@@ -45,9 +45,11 @@ def stage(
     weather: Weather,
     under: Support,
     level_m: float,
+    own: tuple[BodyState, str] | None = None,
 ) -> Cast:
     """The cast of the entities (with their numbers in the instance) and of background traffic; `sites` says by entity
-    what lies about it, where that matters."""
+    what lies about it, where that matters. `own` is who looks and is not drawn, with its type: the road in front of it
+    lies in its headlights all the same."""
     drawn: list[tuple[npt.NDArray[np.float64], str, Array, int, float]] = []
     wet = []
     billboards, decals = [np.zeros(0, BILLBOARD)], [np.zeros(0, DECAL)]
@@ -69,7 +71,7 @@ def stage(
     if vehicles_lit(weather):
         lit = [(state, entity.type) for _, entity, state in cast] + [(state, state.kind) for state in ambient]
         billboards.append(vehicle_rows(lit))
-        decals.append(road_light(lit, weather))
+        decals.append(road_light(lit if own is None else [*lit, own], weather))
     for state in ambient:
         number = CLASSES.get(state.kind, CLASSES["entity"])
         drawn += _placed(state, ambient_parts(state, time_s), "entity", number, state.position[2])

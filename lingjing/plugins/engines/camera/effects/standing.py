@@ -15,12 +15,16 @@ from lingjing.scene.footing import BODIES_M, HEAD_M, STEP_M
 
 ELBOW_M = 0.6
 """Room that somebody needs on each side."""
+SHUNNED_M = {"steam_vent": 1.4}
+"""Radius about things that block no way but that nobody would queue at, by class."""
 TURN_DEG = 15.0
 TURNS_DEG = tuple(sign * TURN_DEG * k for k in range(13) for sign in (1.0, -1.0))
 """From the queue's own heading to the opposite one, small turns first."""
 
 ROOF_MARGIN_M = 4.8
 """What a fire scorches about itself on a roof ends within this."""
+
+_KEPT_FREE_M = {**BODIES_M, **SHUNNED_M}
 
 Spot = tuple[float, float]
 
@@ -68,8 +72,8 @@ class _Obstacles:
             self._walls += [b.polygon for b in pieces.buildings if _touches(b.polygon, about, reach_m)]
             blocks = (s.polygon for s in pieces.solids if s.top_m > STEP_M and s.base_m < HEAD_M)
             self._walls += [block for block in blocks if _touches(block, about, reach_m)]
-            self._round += [(prop.position[:2], BODIES_M[prop.cls] * prop.scale)
-                            for prop in pieces.props if prop.cls in BODIES_M]  # fmt: skip
+            self._round += [(prop.position[:2], _KEPT_FREE_M[prop.cls] * prop.scale)
+                            for prop in pieces.props if prop.cls in _KEPT_FREE_M]  # fmt: skip
             for lane in (lane for road in pieces.roads for lane in road.lanes if lane.kind != "foot"):
                 self._strips += [((a[:2], b[:2]), 0.5 * lane.width_m) for a, b in pairwise(lane.shape)]
 
