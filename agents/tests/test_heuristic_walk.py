@@ -4,7 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from agent_kit import STATUS, Inbox, brief, envelope, length, observe, quadrotor, verb, view
+from agent_kit import REPORT, STATUS, Inbox, brief, envelope, length, observe, quadrotor, verb, view
+from lingjing_agents.capability import photo
 from lingjing_agents.heuristic.dog_facade import Facade
 from lingjing_agents.heuristic.guide_pilot import GuidingPilot
 from lingjing_agents.heuristic.policy import rules_for
@@ -14,6 +15,7 @@ from lingjing_agents.heuristic.walk_legs import Legs
 from lingjing_agents.heuristic.walk_map import Bounds, WalkMap
 from lingjing_agents.heuristic.walk_navigator import Belief, where_to_look
 from lingjing_agents.heuristic.walk_rules import Walking
+from lingjing_agents.heuristic.walk_searcher import WalkingSearcher
 from lingjing_agents.heuristic.walk_views import OTHERS_M, Views
 from lingjing_agents.heuristic.walk_way import Way
 
@@ -115,6 +117,55 @@ def test_a_walk_refused_for_water_far_ahead_is_tried_shorter():
     second = legs.step(own, 0.0, 10.0)
     assert (first.arguments["distance"], second.arguments["distance"]) == (10.0, 5.0)
     assert not legs.map.closed
+
+
+def test_a_step_that_was_not_sent_has_met_nothing():
+    legs = Legs(dog(), WalkMap())
+    own = view("dog", (0.0, 0.0, 0.3))
+    legs.step(own, 0.0, 10.0)
+    legs.sent(photo(dog(), EYE))
+    assert not legs.feel(own, Inbox())
+    legs.sent(legs.step(own, 0.0, 10.0))
+    assert legs.feel(own, Inbox())  # it was sent, and the dog has not moved
+    assert legs.map.closed
+
+
+def searching() -> WalkingSearcher:
+    said = brief(
+        "scout[1]", resources=(dog(),), cells=(), messages=(REPORT, STATUS), classes=("fire_source",),
+        regions=(Region(name="yard", polygon=YARD),),
+    )  # fmt: skip
+    return WalkingSearcher(said, dog(), EYE)
+
+
+def test_who_stands_where_a_fire_should_be_looks_for_it_all_around():
+    rules, heading, looks = searching(), 0.0, []
+    pictures, inbox = (), Inbox(messages=(envelope("scout[2]", REPORT, {"position": (50.2, 40.1, 0.0)}),))
+    for tick in range(1, 10):
+        seen = observe("scout[1]", tick, view("dog", (50.0, 40.0, 0.3), heading=heading), pictures=pictures)
+        command = rules.act(seen, inbox).command
+        assert command is not None
+        pictures, inbox = (), Inbox()
+        if command.verb == "takePhoto":
+            looks.append(heading)
+            pose = CameraPose(position=(50.0, 40.0, 0.4), heading_deg=heading, tilt_deg=0.0, hfov_deg=90.0,
+                              width=1280, height=720)  # fmt: skip
+            pictures = (
+                Picture(frame=f"f{tick}", entity="dog", camera="front", tick=tick, time_s=0.0, pose=pose,
+                        rgb=np.zeros((720, 1280, 3), np.uint8)),
+            )  # fmt: skip
+        else:
+            assert command.verb in ("left", "right")
+            heading = (heading + command.arguments["angle"] * (1 if command.verb == "right" else -1)) % 360.0
+    assert looks[:4] == [0.0, 90.0, 180.0, 270.0]
+
+
+def test_a_false_fire_that_is_seen_again_is_tried_for_again_but_shorter():
+    fires = Fires()
+    fire = fires.add((0.0, 10.0), 8.0)
+    fire.state, fire.tries = "false", 15
+    assert fires.add((0.0, 9.0), 4.0) is fire
+    assert (fire.state, fire.tries, fire.place) == ("open", 7, (0.0, 9.0))
 
 
 def test_a_way_is_kept_until_it_closes():

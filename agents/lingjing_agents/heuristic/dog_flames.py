@@ -20,8 +20,9 @@ from lingjing_agents.pixels import opencv
 FLAME_M = 1.75
 """How high the flames of a fire on the ground usually are, in metres."""
 
-EMBERS = 0.10
-"""What burns lies below the flames: so much of the flames' height is added to the box."""
+EMBERS = 0.02
+"""What burns lies a little below the flames: so much of their height is added to the box. Where they stand is told by
+their own foot: a row more makes a fire a third nearer than it is."""
 
 SMALLEST_PX = 9
 FAINT_PX = 3.5
@@ -110,7 +111,7 @@ def _judged(patch: _Patch, pose: CameraPose, ground_m: float) -> Flames | None:
     foot = min(float(pose.height), y1 + EMBERS * high)
     ray = pixel_ray(pose, (x0 + x1) / 2.0, (y0 + y1) / 2.0)
     bearing = bearing_deg((0.0, 0.0), ray)
-    distance = _distance_m(pose, high, foot, (x0 + x1) / 2.0, ground_m)
+    distance = _distance_m(pose, high, float(y1), (x0 + x1) / 2.0, ground_m)
     place = (
         pose.position[0] + distance * math.sin(math.radians(bearing)),
         pose.position[1] + distance * math.cos(math.radians(bearing)),

@@ -75,7 +75,8 @@ class Fires:
             return fresh
         if distance_m <= fire.seen_from_m * 1.2 or fire.state == "false":
             fire.place, fire.seen_from_m = place, min(distance_m, fire.seen_from_m * 1.2)
-            fire.state = "open"
+            if fire.state == "false":
+                fire.state, fire.tries = "open", fire.tries // 2
         return fire
 
     def put_out(self, place: Place, within_m: float) -> Fire | None:

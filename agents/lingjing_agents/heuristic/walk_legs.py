@@ -67,6 +67,11 @@ class Legs:
         self._cap_m = math.inf
         return False
 
+    def sent(self, command: Action | None) -> None:
+        """What was decided in the end: a step that was only thought of, and not sent, has met nothing."""
+        if command is None or command.verb != "forward":
+            self._asked = None
+
     def _hit(self, place: Place, heading_deg: float) -> None:
         """A walk ended against something here: with the nearest hit from the same side it makes a wall."""
         same = [

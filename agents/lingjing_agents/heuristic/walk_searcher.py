@@ -66,6 +66,10 @@ FRESH_SHARE = 0.55
 NEAR_M = 4.0
 """So near to a fire it is tried for step by step."""
 
+SAME_PLACE_M = 0.5
+UPON_M = 1.5
+"""So near to where it is believed a fire may as well burn to a side or behind."""
+
 SHUT_IN = 3
 TRIES = 14
 """Looks and steps around a fire that does not go out before it is called false."""
@@ -103,6 +107,8 @@ class WalkingSearcher:
                 self._look(picture, observation, own.position[2])
         self._hear_events(observation, here)
         command = None if own.busy else self._next(observation, own, here)
+        if not own.busy:
+            self._legs.sent(command)
         said, self._outbox = tuple(self._outbox), []
         return Decision(command=command, messages=said, thought=self._thought)
 
@@ -251,6 +257,12 @@ class WalkingSearcher:
         if distance > NEAR_M:
             self._shut_in(fire)
             return self._walk(own, here, fire.place, BESIDE_M) or self._search(observation, own, here)
+        return self._close_in(own, here, fire, action)
+
+    def _close_in(self, own: EntityView, here: Place, fire: Fire, action: Action | None) -> Action | None:
+        """A few steps off: walk up to where it is believed, and look for it anew in between. On that very place one
+        cannot turn to it, so it is looked for all around."""
+        assert own.heading_deg is not None
         fire.tries += 1
         if fire.tries > TRIES:
             fire.state = "false"
@@ -258,7 +270,11 @@ class WalkingSearcher:
             return None
         if action is not None and fire.tries % 3:
             return action
-        return self._glance(own, here, fire) if fire.tries % 2 else self._legs.turn(90.0)
+        if math.dist(here, fire.place) > UPON_M:
+            return self._glance(own, here, fire)
+        if self._snapped is not None and _same_view(self._snapped, (here, own.heading_deg)):
+            return self._legs.turn(2.0 * self._half_deg)
+        return photo(self._body, self._camera)
 
     def _shut_in(self, fire: Fire) -> None:
         """No way to a fire is known: some of what is closed is not, so it is felt out anew, but not for ever."""
@@ -330,6 +346,11 @@ class WalkingSearcher:
 def _way_m(name: str, here: Place, fire: Fire) -> float:
     """How long a way to a fire may be: who saw it last has it in sight, for others something may stand between."""
     return math.dist(here, fire.place) * (1.0 if fire.seen_by == name else UNSEEN)
+
+
+def _same_view(a: tuple[Place, float], b: tuple[Place, float]) -> bool:
+    """Whether two pictures, each from a place with a heading, show the same."""
+    return math.dist(a[0], b[0]) < SAME_PLACE_M and abs(turn_deg(a[1], b[1])) < LOOK_AHEAD_DEG
 
 
 def _said(place: Place | None) -> str:
