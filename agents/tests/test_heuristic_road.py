@@ -167,7 +167,7 @@ def test_an_inspector_says_clear_and_goes_on_to_the_next_waypoint(monkeypatch):
     decision = inspector(monkeypatch)
     assert [note.body["state"] for note in decision.messages] == ["clear"]
     assert decision.command is not None
-    assert decision.command.arguments == {"x": 223.0, "y": 0.0, "z": 120.0}  # on as far as the next allows
+    assert decision.command.arguments == {"x": 203.0, "y": 0.0, "z": 120.0}  # past it as far as the leg after needs
 
 
 def test_an_inspector_tells_a_jam_with_its_box_and_place(monkeypatch):

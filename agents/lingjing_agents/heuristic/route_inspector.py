@@ -155,7 +155,8 @@ class RouteInspector:
         return photo(self._body, self._camera)
 
     def _aimed(self, here: Place) -> Place:
-        """Where to fly for the next waypoint: as far on as a tick allows, or short of it where that saves a tick."""
+        """Where to fly for the next waypoint: over it, so that the road up to it is in view; short of it where that
+        saves a tick, and past it where the leg after it would take another one otherwise."""
         place = self._route[self._next]
         distance = math.dist(here, place)
         if distance <= SLACK_M:
@@ -164,8 +165,10 @@ class RouteInspector:
             return _towards(place, here, distance - self._reach_m)
         if self._next + 1 >= len(self._route):
             return place
-        beyond = SLACK_M if distance > self._reach_m else min(SLACK_M, self._reach_m - distance)
-        return _towards(place, self._route[self._next + 1], beyond)
+        after = self._route[self._next + 1]
+        most = SLACK_M if distance > self._reach_m else min(SLACK_M, self._reach_m - distance)
+        wanted = math.dist(place, after) - self._reach_m - SLACK_M
+        return _towards(place, after, min(most, max(0.0, wanted)))
 
     def _fly(self, x: float, y: float) -> Action:
         return fly(self._body, x, y, self._z)
