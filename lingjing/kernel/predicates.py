@@ -129,7 +129,8 @@ def _inspected(arguments: Sequence[Value], at: Instant) -> Value:
 
 
 def _clear(arguments: Sequence[Value], at: Instant) -> Value:
-    """No target that blocks, and is there, stands within its radius of the route as it is now."""
+    """No target that blocks, and is there, stands within its radius of a waypoint of the route as it is now: waypoints
+    are what is inspected, so a jam between two of them is nobody's to find."""
     inspection = next((one for one in at.instance.inspections if one.name == arguments[0]), None)
     route = at.registry.routes.get(inspection.asset) if inspection is not None else None
     if route is None:
