@@ -2,9 +2,10 @@
 
     import lingjing.envs
     env = lingjing.envs.parallel_env("ssr", mode="broadcast")
-    env = gymnasium.make("lingjing/ssr-broadcast-v0", agent="skipper")
+    env = gymnasium.make("lingjing.envs:lingjing/ssr-broadcast-v0", agent="skipper")
 
-Importing this module registers every shipped mission with Gymnasium, once for each of its modes.
+Importing this module registers every shipped mission with Gymnasium, once for each of its modes. Gymnasium loads no
+entry points of packages; the module's name before an id's colon has it imported where the id is asked for.
 
 `game` (an episode that decisions are put into) → `codec` (one agent's observations and actions as arrays and back) ←
 `vocabulary` (which names have which number) → `faces` (the two environments). What an environment shows is what a

@@ -28,6 +28,18 @@ def test_the_examples_run(tmp_path: Path) -> None:
     assert second == "(36, 64, 3)"
 
 
+def test_an_id_with_its_module_needs_no_import_of_ours() -> None:
+    code = (
+        "import sys, gymnasium\n"
+        "assert not any(name.split('.')[0] == 'lingjing' for name in sys.modules)\n"
+        "env = gymnasium.make('lingjing.envs:lingjing/ssr-broadcast-v0', agent='skipper', picture_width=0)\n"
+        "print(env.spec.id, 'skipper' == env.unwrapped.agent)\n"
+        "env.close()"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=120)
+    assert done.stdout.split() == ["lingjing/ssr-broadcast-v0", "True"], done.stderr
+
+
 def test_the_tables_name_every_key_of_the_spaces() -> None:
     _, observed, done = re.split(r"^## .*$", PAGE, flags=re.MULTILINE)
     env = parallel_env("ssr", mode="star", world="inline")
