@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import msgspec
 import numpy as np
 
 from lingjing.plugins.geometry import camera_pose
@@ -30,6 +31,9 @@ from lingjing.plugins.policy import (
 WEST, SOUTH, EAST, NORTH = -123.7, -1090.0, 665.1, -752.0
 NADIR = CameraSpec(
     name="nadir", view="nadir", width=1920, height=1080, hfov_deg=84.0, channels=("rgb",), capture="on_request"
+)
+EYE = CameraSpec(
+    name="front", view="front", width=1280, height=720, hfov_deg=90.0, channels=("rgb",), capture="on_request"
 )
 REPORT = MessageSpec(
     kind="detection",
@@ -74,6 +78,37 @@ STATUS = MessageSpec(
     recipients=("all",),
 )
 
+GUIDANCE = MessageSpec(
+    kind="guide",
+    type="guidance",
+    category="assignment",
+    fields=(
+        Field(name="assignee", type="name"),
+        Field(name="step", type="name"),
+        Field(name="amount", type="number", optional=True),
+        Field(name="position", type="position", optional=True),
+    ),
+    senders=("coordinator",),
+    recipients=("all",),
+)
+JAM = MessageSpec(
+    kind="jammed",
+    type="trafficJam",
+    category="target_status",
+    fields=(
+        Field(name="waypoint", type="number"),
+        Field(name="position", type="position"),
+        Field(name="confidence", type="number", optional=True),
+    ),
+    senders=("coordinator",),
+    recipients=("all",),
+)
+
+
+def sent_by(message: MessageSpec, *senders: str, to: tuple[str, ...] = ("all",)) -> MessageSpec:
+    """The same kind of message, said by others."""
+    return msgspec.structs.replace(message, senders=senders, recipients=to)
+
 
 def length(name: str, **more: float) -> ArgumentSpec:
     return ArgumentSpec(name=name, unit="m", **more)
@@ -98,6 +133,15 @@ def quadrotor(index: int) -> Resource:
         cameras=(NADIR,),
         properties={"band_low_m": 20.0, "band_high_m": 160.0, "cruise_mps": 12.0},
     )
+
+
+def dog(*, eyes: bool = True, shortest_m: float = 0.0, longest_m: float = 10.0) -> Resource:
+    angle = ArgumentSpec(name="angle", unit="deg", minimum=0.0, maximum=90.0)
+    verbs = [verb("forward", length("distance", minimum=shortest_m, maximum=longest_m)), verb("left", angle)]
+    verbs += [verb("right", angle), verb("stop")]
+    if eyes:
+        verbs.append(verb("takePhoto", ArgumentSpec(name="camera", unit="name", optional=True)))
+    return Resource(id="dog", type="robot_dog", embodied=True, verbs=tuple(verbs), cameras=(EYE,) if eyes else ())
 
 
 def lifeboat(*, embodied: bool) -> Resource:
@@ -201,6 +245,6 @@ def picture(position: tuple[float, float, float], rgb: np.ndarray | None = None,
 
 
 __all__ = [
-    "ASSIGNMENT", "NADIR", "REPORT", "STATUS", "CellView", "EventView", "Inbox", "brief", "envelope", "grid",
-    "lifeboat", "observe", "picture", "quadrotor", "view",
+    "ASSIGNMENT", "EYE", "GUIDANCE", "JAM", "NADIR", "REPORT", "STATUS", "CellView", "EventView", "Inbox", "brief",
+    "dog", "envelope", "grid", "lifeboat", "observe", "picture", "quadrotor", "sent_by", "view",
 ]  # fmt: skip

@@ -5,7 +5,7 @@ import math
 import msgspec
 import numpy as np
 import pytest
-from agent_kit import ASSIGNMENT, STATUS, Inbox, brief, envelope, observe, verb, view
+from agent_kit import ASSIGNMENT, GUIDANCE, JAM, STATUS, Inbox, brief, dog, envelope, observe, sent_by, view
 from lingjing_agents.heuristic.guide_home import HomeGuide
 from lingjing_agents.heuristic.homes import View, find_walls, reference_signature
 from lingjing_agents.heuristic.policy import rules_for
@@ -15,11 +15,7 @@ from lingjing_agents.heuristic.walk_plan import Ground, fewest_commands, ground_
 
 from lingjing.plugins.geometry import bearing_deg, camera_axes, focal_px
 from lingjing.plugins.policy import (
-    ArgumentSpec,
     CameraPose,
-    CameraSpec,
-    Field,
-    MessageSpec,
     Peer,
     Picture,
     Region,
@@ -141,16 +137,9 @@ def test_the_way_of_fewest_commands_goes_through_the_gap_and_stops_near_the_goal
     assert fewest_commands(ground, bounds, goal, 0.0, goal, 9.0, 25.0) == ()
 
 
-GUIDANCE = MessageSpec(
-    kind="guide", type="guidance", category="assignment", senders=("boss",), recipients=("courier",),
-    fields=(Field(name="assignee", type="name"), Field(name="step", type="name"),
-            Field(name="amount", type="number", optional=True), Field(name="position", type="position", optional=True)),
+MESSAGES = (
+    sent_by(GUIDANCE, "boss", to=("courier",)), sent_by(JAM, "boss", "eye"), sent_by(ASSIGNMENT, "boss"), STATUS,
 )  # fmt: skip
-JAM = MessageSpec(
-    kind="jammed", type="trafficJam", category="target_status", senders=("boss", "eye"), recipients=("all",),
-    fields=(Field(name="position", type="position"),),
-)  # fmt: skip
-MESSAGES = (GUIDANCE, JAM, msgspec.structs.replace(ASSIGNMENT, senders=("boss",)), STATUS)
 PEERS = (
     Peer(id="eye", role="eye", resources=("uav",)),
     Peer(id="driver", role="driver", resources=("van",)),
@@ -166,8 +155,8 @@ def told(name: str, *resources: Resource):
     )  # fmt: skip
 
 
-def at(tick: int, *pictures: Picture, dog=(50.0, 10.0, 0.33), heading: float = 0.0):
-    return observe("boss", tick, view("dog", dog, heading=heading), pictures=pictures)
+def at(tick: int, *pictures: Picture, walker=(50.0, 10.0, 0.33), heading: float = 0.0):
+    return observe("boss", tick, view("dog", walker, heading=heading), pictures=pictures)
 
 
 def guide_of(colour: str) -> HomeGuide:
@@ -197,8 +186,8 @@ def test_a_front_that_the_walkers_picture_shows_to_be_another_is_given_up():
     ((_, first),) = steps(guide.lead(at(1), waited=True))[-1:]
     assert first[0] < 50.0
     wrong = from_the_ground(72.0, 45.0)
-    guide.see(at(5, shown_at(wrong, (25.0, 45.0)), dog=(25.0, 45.0, 0.33)))
-    ((_, second),) = steps(guide.lead(at(5, dog=(25.0, 45.0, 0.33)), waited=True))[-1:]
+    guide.see(at(5, shown_at(wrong, (25.0, 45.0)), walker=(25.0, 45.0, 0.33)))
+    ((_, second),) = steps(guide.lead(at(5, walker=(25.0, 45.0, 0.33)), waited=True))[-1:]
     assert math.dist(first, second) > 20.0
 
 
@@ -212,7 +201,7 @@ def test_who_stood_in_vain_is_sent_nearer_and_then_elsewhere():
     guide.see(at(1, from_above(50.0, 46.0)))
     ways = [steps(guide.lead(at(1), waited=True))]
     for tick in range(2, 20):
-        way = steps(guide.lead(at(tick, dog=(*ways[-1][-2][1], 0.33)), waited=True))
+        way = steps(guide.lead(at(tick, walker=(*ways[-1][-2][1], 0.33)), waited=True))
         ways += [way] if way else []
     first, nearer, other = (way[-2][1] for way in ways[:3])
     assert 5.0 < math.dist(first, (25.0, 60.0)) <= 9.5
@@ -246,15 +235,7 @@ def test_a_coordinator_asks_for_the_pictures_after_the_route_that_the_moves_allo
     assert tasks == ["inspect", "inspect", *["look"] * looks]
 
 
-EYE = CameraSpec(
-    name="front", view="front", width=640, height=360, hfov_deg=90.0, channels=("rgb",), capture="on_request"
-)
-ANGLE = ArgumentSpec(name="angle", unit="deg", minimum=0.0, maximum=90.0)
-DOG = Resource(
-    id="dog", type="robot_dog", embodied=True, cameras=(EYE,),
-    verbs=(verb("forward", ArgumentSpec(name="distance", unit="m", minimum=1.0, maximum=25.0)),
-           verb("left", ANGLE), verb("right", ANGLE), verb("stop"), verb("takePhoto")),
-)  # fmt: skip
+DOG = dog(shortest_m=1.0, longest_m=25.0)
 
 
 def test_who_may_be_guided_waits_walks_the_way_and_looks_at_the_front():

@@ -1,11 +1,27 @@
 """The rules on the road, one situation at a time: routes inspected and driven, goods hauled, decks followed."""
 
+import dataclasses
 import math
 from itertools import pairwise
 
 import msgspec
 import pytest
-from agent_kit import ASSIGNMENT, NADIR, REPORT, STATUS, EventView, Inbox, brief, envelope, observe, picture, verb, view
+from agent_kit import (
+    ASSIGNMENT,
+    JAM,
+    NADIR,
+    REPORT,
+    STATUS,
+    EventView,
+    Inbox,
+    brief,
+    envelope,
+    observe,
+    picture,
+    sent_by,
+    verb,
+    view,
+)  # fmt: skip
 from lingjing_agents.heuristic import follower as following
 from lingjing_agents.heuristic import route_inspector as inspecting
 from lingjing_agents.heuristic.corridor import centreline, longest
@@ -30,14 +46,7 @@ def spec(kind: str, record: str, category: str, fields: tuple[str, ...], senders
     return MessageSpec(kind=kind, type=record, category=category, fields=made, senders=senders, recipients=("all",))
 
 
-def sent_by(message: MessageSpec, *senders: str) -> MessageSpec:
-    return MessageSpec(
-        kind=message.kind, type=message.type, category=message.category, fields=message.fields, senders=senders,
-        recipients=("all",),
-    )  # fmt: skip
-
-
-JAM = spec("jammed", "trafficJam", "target_status", ("waypoint", "position", "confidence"), ("boss", "eye"))
+TOLD_JAM = sent_by(JAM, "boss", "eye")
 ORDER = sent_by(ASSIGNMENT, "boss")
 SAY = sent_by(STATUS, "eye", "driver")
 SEE = sent_by(REPORT, "eye")
@@ -73,8 +82,9 @@ def told(role: str, *resources: Resource, messages: tuple[MessageSpec, ...], **c
     )  # fmt: skip
 
 
+QUEUE = Queue((0.4, 0.2, 0.5, 0.8), 0.8, (40.0, 1.0), 5)
 ROUTE = ((0.0, 0.0, 0.0), (200.0, 0.0, 0.0), (400.0, 0.0, 0.0))
-INSPECTION = (JAM, ORDER, SAY, SEE)
+INSPECTION = (TOLD_JAM, ORDER, SAY, SEE)
 
 
 def routed(tick: int, route=ROUTE, events=()):
@@ -150,32 +160,83 @@ def test_a_driver_waits_for_its_order_and_insists_when_refused():
     assert driver.act(observe("driver", 6, view("van", (290.0, 50.0, 0.0))), Inbox()).command is None
 
 
+def inspecting_orders(*places, tick: int = 1) -> Inbox:
+    said = [{"assignee": "eye", "task": "inspect", "position": place} for place in places]
+    return Inbox(messages=tuple(envelope("boss", ORDER, body, tick=tick) for body in said))
+
+
+def shot_by_uav(tick: int, place=(0.0, 0.0, 120.0)):
+    return dataclasses.replace(picture(place, tick=tick), entity="uav")
+
+
 def inspector(monkeypatch, queues=()):
+    """The rules after the picture of the first waypoint, and what they decided on it."""
     monkeypatch.setattr(inspecting, "find_queues", lambda rgb, pose, level, line: queues)
     rules = RouteInspector(told("eye", UAV, messages=INSPECTION), UAV)
-    said = [envelope("boss", ORDER, {"assignee": "eye", "task": "inspect", "position": place}) for place in ROUTE]
     start = view("uav", (0.0, 0.0, 120.0))
-    photo = rules.act(observe("eye", 2, start), Inbox(messages=tuple(said))).command
+    photo = rules.act(observe("eye", 2, start), inspecting_orders(*ROUTE)).command
     assert photo is not None
     assert photo.verb == "takePhoto"
-    shot = picture((0.0, 0.0, 120.0), tick=3)
-    shot = type(shot)(**{name: getattr(shot, name) for name in shot.__slots__} | {"entity": "uav"})
-    return rules.act(observe("eye", 3, start, pictures=(shot,)), Inbox())
+    return rules, rules.act(observe("eye", 3, start, pictures=(shot_by_uav(3),)), Inbox())
 
 
 def test_an_inspector_says_clear_and_goes_on_to_the_next_waypoint(monkeypatch):
-    decision = inspector(monkeypatch)
+    _, decision = inspector(monkeypatch)
     assert [note.body["state"] for note in decision.messages] == ["clear"]
     assert decision.command is not None
     assert decision.command.arguments == {"x": 203.0, "y": 0.0, "z": 120.0}  # past it as far as the leg after needs
 
 
 def test_an_inspector_tells_a_jam_with_its_box_and_place(monkeypatch):
-    decision = inspector(monkeypatch, queues=(Queue((0.4, 0.2, 0.5, 0.8), 0.8, (40.0, 1.0), 5),))
+    _, decision = inspector(monkeypatch, queues=(QUEUE,))
     progress, report = decision.messages
     assert (progress.body["state"], progress.body["position"]) == ("jammed", (40.0, 1.0, 0.0))
     assert (report.body["class"], report.body["box"]) == ("congestion", (0.4, 0.2, 0.5, 0.8))
     assert decision.command is None
+
+
+def test_an_inspector_on_the_ground_rises_where_it_stands_before_it_flies_on():
+    rules = RouteInspector(told("eye", UAV, messages=INSPECTION), UAV)
+    below = view("uav", (-60.0, -10.0, 1.0), status="grounded")
+    up = rules.act(observe("eye", 1, below), inspecting_orders(*ROUTE)).command
+    assert up is not None
+    assert (up.verb, up.arguments) == ("setDestination", {"x": -60.0, "y": -10.0, "z": 120.0})
+    above = view("uav", (-60.0, -10.0, 120.0))
+    on = rules.act(observe("eye", 2, above), Inbox()).command
+    assert on is not None
+    assert on.arguments == {"x": 3.0, "y": 0.0, "z": 120.0}
+
+
+def test_an_inspector_without_orders_rises_and_hovers():
+    rules = RouteInspector(told("eye", UAV, messages=INSPECTION), UAV)
+    up = rules.act(observe("eye", 1, view("uav", (5.0, 0.0, 1.0), status="grounded")), Inbox()).command
+    assert up is not None
+    assert up.arguments == {"x": 5.0, "y": 0.0, "z": 120.0}
+    assert rules.act(observe("eye", 2, view("uav", (5.0, 0.0, 120.0))), Inbox()).command is None
+
+
+def test_an_inspector_goes_back_to_the_beginning_and_waits_there_for_the_next_route(monkeypatch):
+    rules, told_jam = inspector(monkeypatch, queues=(QUEUE,))
+    assert told_jam.command is None  # it stands over the first waypoint, where the next route begins too
+    away = rules.act(observe("eye", 4, view("uav", (90.0, 0.0, 120.0))), Inbox()).command
+    assert away is not None
+    assert away.arguments == {"x": 0.0, "y": 0.0, "z": 120.0}
+    assert rules.act(observe("eye", 5, view("uav", (2.0, 0.0, 120.0))), Inbox()).command is None
+    other = ((0.0, 0.0, 0.0), (0.0, 150.0, 0.0))
+    first = rules.act(observe("eye", 6, view("uav", (2.0, 0.0, 120.0))), inspecting_orders(*other, tick=5)).command
+    assert first is not None
+    assert first.verb == "takePhoto"
+
+
+def test_an_inspector_that_is_given_no_other_route_goes_on_with_the_old_one(monkeypatch):
+    rules, _ = inspector(monkeypatch, queues=(QUEUE,))
+    start = view("uav", (0.0, 0.0, 120.0))
+    last = 3 + inspecting.WAIT_TICKS
+    waited = [rules.act(observe("eye", tick, start), Inbox()).command for tick in range(4, last)]
+    assert waited == [None] * len(waited)
+    on = rules.act(observe("eye", last, start), Inbox()).command
+    assert on is not None
+    assert on.verb == "setDestination"
 
 
 STOPS = {"p[1]": (300.0, 0.0), "p[2]": (320.0, 60.0), "p[3]": (-200.0, 0.0)}
@@ -295,8 +356,7 @@ def test_a_gap_is_reported_with_its_place_on_the_deck(monkeypatch):
         told("eye", UAV, messages=(SEE,), classes=("bridge_fracture",), regions=(DECK,), settings={"altitude": 60.0}),
         UAV,
     )
-    shot = picture((100.0, 0.0, 60.0))
-    shot = type(shot)(**{name: getattr(shot, name) for name in shot.__slots__} | {"entity": "uav"})
+    shot = shot_by_uav(1, (100.0, 0.0, 60.0))
     decision = rules.act(observe("eye", 3, view("uav", (100.0, 0.0, 60.0)), pictures=(shot,)), Inbox())
     (note,) = decision.messages
     assert math.dist(note.body["position"][:2], (100.0, 0.0)) < 2.0

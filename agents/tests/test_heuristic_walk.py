@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from agent_kit import REPORT, STATUS, Inbox, brief, envelope, length, observe, quadrotor, verb, view
+from agent_kit import EYE, GUIDANCE, REPORT, STATUS, Inbox, brief, dog, envelope, observe, quadrotor, sent_by, view
 from lingjing_agents.capability import photo
 from lingjing_agents.heuristic.dog_facade import Facade
 from lingjing_agents.heuristic.guide_pilot import GuidingPilot
@@ -20,44 +20,15 @@ from lingjing_agents.heuristic.walk_views import OTHERS_M, Views
 from lingjing_agents.heuristic.walk_way import Way
 
 from lingjing.plugins.policy import (
-    ArgumentSpec,
     CameraPose,
-    CameraSpec,
-    Field,
-    MessageSpec,
     Peer,
     Picture,
     Receipt,
     Region,
-    Resource,
 )
 
-EYE = CameraSpec(name="front", view="front", width=1280, height=720, hfov_deg=90.0, channels=("rgb",),
-                 capture="on_request")  # fmt: skip
-GUIDANCE = MessageSpec(
-    kind="guide",
-    type="guidance",
-    category="assignment",
-    fields=(
-        Field(name="assignee", type="name"),
-        Field(name="step", type="name"),
-        Field(name="amount", type="number", optional=True),
-        Field(name="position", type="position", optional=True),
-    ),
-    senders=("pilot",),
-    recipients=("executor",),
-)
 YARD = ((0.0, 0.0), (100.0, 0.0), (100.0, 80.0), (0.0, 80.0))
 GATE = ((-5.0, 35.0), (5.0, 35.0), (5.0, 45.0), (-5.0, 45.0))
-
-
-def dog(*, eyes: bool = True, longest_m: float = 10.0) -> Resource:
-    angle = ArgumentSpec(name="angle", unit="deg", minimum=0.0, maximum=90.0)
-    verbs = [verb("forward", length("distance", minimum=0.0, maximum=longest_m)), verb("left", angle)]
-    verbs += [verb("right", angle), verb("stop")]
-    if eyes:
-        verbs.append(verb("takePhoto", ArgumentSpec(name="camera", unit="name", optional=True)))
-    return Resource(id="dog", type="robot_dog", embodied=True, verbs=tuple(verbs), cameras=(EYE,) if eyes else ())
 
 
 def refused(reason: str) -> Inbox:
@@ -265,7 +236,8 @@ def test_an_executor_does_not_carry_out_what_another_is_told():
 def test_a_pilot_that_guides_flies_over_the_narrow_region_first():
     peers = (Peer(id="walker", role="executor", resources=("dog",)),)
     line = Region(name="line", polygon=((0.0, 0.0), (10.0, 0.0), (10.0, 80.0), (0.0, 80.0)))
-    told = brief("scout[1]", resources=(quadrotor(1),), cells=(), peers=peers, role="pilot", messages=(GUIDANCE,),
+    told = brief("scout[1]", resources=(quadrotor(1),), cells=(), peers=peers, role="pilot",
+                 messages=(sent_by(GUIDANCE, "pilot", to=("executor",)),),
                  regions=(Region(name="area", polygon=YARD), line))  # fmt: skip
     rules = rules_for(told)
     assert isinstance(rules, GuidingPilot)
