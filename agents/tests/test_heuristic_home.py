@@ -225,7 +225,7 @@ def test_the_region_is_looked_at_from_the_side_of_the_route_on():
     assert places[0][1] == pytest.approx(15.0)
 
 
-@pytest.mark.parametrize(("moves", "looks"), [(50.0, 3), (20.0, 1), (10.0, 1)])
+@pytest.mark.parametrize(("moves", "looks"), [(50.0, 3), (12.0, 2), (10.0, 1)])
 def test_a_coordinator_asks_for_the_pictures_after_the_route_that_the_moves_allow(moves: float, looks: int):
     boss = RouteCoordinator(msgspec.structs.replace(told("boss"), settings={"moves_most": moves}))
     boss.act(at(0, REFERENCE["blue"]), Inbox())

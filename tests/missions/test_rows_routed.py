@@ -228,7 +228,7 @@ def test_the_dog_waits_for_the_van():
 
 
 @pytest.mark.parametrize("most", [25.0, 50.0])
-def test_moves_are_counted_over_all_three(most):
+def test_moves_are_counted_over_the_inspector_and_the_driver(most):
     with opened("ld", moves_most=most) as play:
         for _ in range(int(most) + 1):
             play.do({"inspector": kit.does("takeoff")})
@@ -237,3 +237,11 @@ def test_moves_are_counted_over_all_three(most):
         outcomes = [status for status, _ in play.reasons("inspector") if status != "completed"]
         assert outcomes.count("accepted") == min(int(most), play.instance.budget.ticks)
         assert outcomes[int(most) :] == ["rejected"]
+
+
+def test_the_steps_of_the_dog_are_no_moves_of_the_route():
+    with opened("ld", moves_most=10.0) as play:
+        delivered_to_the_stop(play)
+        for _ in range(12):
+            play.do({"courier": kit.does("forward", distance=1.0)})
+        assert [status for status, _ in play.reasons("courier")].count("accepted") == 12

@@ -24,8 +24,8 @@ REPEAT_TICKS = 4
 SILENCE_TICKS = 10
 """The orders are repeated when the inspector has said nothing for so long."""
 SAME_JAM_M = 60.0
-WALK_MOVES, MOST_LOOKS = 14, 8
-"""What starting, driving and walking take of the moves at least, and how many pictures are ever asked for."""
+SPARE_MOVES, MOST_LOOKS = 4, 8
+"""What starting and driving take of the moves, with something to spare, and how many pictures are ever asked for."""
 LOOKING_TICKS = 10
 """How long after the order to drive all the pictures of the last stretch are waited for."""
 
@@ -97,7 +97,7 @@ class RouteCoordinator:
     def _looks(self) -> int:
         """For how many pictures of the last stretch the moves are enough, two for each picture; one at least."""
         limits = [value for name, value in self._brief.settings.items() if name.startswith("moves")]
-        left = min(limits, default=math.inf) - 2 * len(self._route) - WALK_MOVES
+        left = min(limits, default=math.inf) - 2 * len(self._route) - SPARE_MOVES
         return max(1, int(min(left / 2.0, MOST_LOOKS)))
 
     def _have_driven(self, tick: int) -> tuple[Outgoing, ...]:
