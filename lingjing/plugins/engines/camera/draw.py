@@ -30,7 +30,7 @@ from lingjing.plugins.engines.camera.instances import Batch, Rows, afloat, in_si
 from lingjing.plugins.engines.camera.light import Light, light_of
 from lingjing.plugins.engines.camera.meshes import indexed
 from lingjing.plugins.engines.camera.nightlights import lamp_rows
-from lingjing.plugins.engines.camera.noise import GRAIN, grain_texture, lace_texture, noise_texture
+from lingjing.plugins.engines.camera.noise import GRAIN, cloud_texture, grain_texture, lace_texture, noise_texture
 from lingjing.plugins.engines.camera.ocean import RIPPLE_M, Surface
 from lingjing.plugins.engines.camera.ocean import SIZE as SEA_SIZE
 from lingjing.plugins.engines.camera.sight import blunt_from, sky_bounds
@@ -52,7 +52,7 @@ from lingjing.plugins.geometry import focal_px
 from lingjing.scene.city import City
 from lingjing.trace.records import CameraPose
 
-SHADE_UNIT, MAP_UNIT = 5, 6
+SHADE_UNIT, MAP_UNIT, CLOUD_UNIT = 5, 6, 7
 WARM_SIZE, WARM_UP_M = (320, 180), 60.0
 LEAST_PROP_PX = 1.2
 GRAIN_M = 64.0
@@ -98,7 +98,8 @@ class Renderer:
         self._corners = self.context.buffer(np.array([-1, -1, 1, -1, 1, 1, -1, -1, 1, 1, -1, 1], "f4").tobytes())
         noise = noise_texture()
         self._noise, self._lace = self.texture(noise), lace_texture()
-        self._grain = self.texture(grain_texture())
+        self._grain, self._clouds = self.texture(grain_texture()), self.texture(cloud_texture())
+        self._clouds.filter = moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR
         self._sea = (self._sea_texture(), self._sea_texture())
         self._sea_scales = ((1.0, 1.0), (1.0, 1.0))
         self._sea_now: tuple[Surface, Surface] | None = None
@@ -343,6 +344,7 @@ class Renderer:
             self._corners,
             self._noise,
             self._grain,
+            self._clouds,
             *self._sea,
         ):
             thing.release()
@@ -386,6 +388,7 @@ class Renderer:
             self._sea_now = scenery.sea
         for unit, texture in enumerate((*self._sea, self._shore, self._noise, self._grain)):
             texture.use(unit)
+        self._clouds.use(CLOUD_UNIT)
         self._noise.filter = MIPMAPPED, moderngl.LINEAR
         for texture in self._sea:
             texture.filter = (moderngl.LINEAR if _close(pose, self._level) else MIPMAPPED), moderngl.LINEAR
@@ -419,6 +422,7 @@ class Renderer:
             "u_shore": 2,
             "u_noise": 3,
             "u_grain": 4,
+            "u_clouds": CLOUD_UNIT,
             "u_swell_scale": self._sea_scales[0],
             "u_ripple_scale": self._sea_scales[1],
             "u_lengths": (scenery.sea[0].length_m, scenery.sea[1].length_m),

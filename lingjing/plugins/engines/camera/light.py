@@ -8,7 +8,7 @@ whose strength is nearly nothing.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import cos, e, log2, radians, sin
+from math import cos, e, exp, log2, radians, sin
 
 from lingjing.mission.instance import Weather
 
@@ -20,6 +20,9 @@ LAMPS_DEG = 5.0
 AIR_M = 1500.0
 """Thickness of the air that veils: from higher up the path through it grows no more."""
 
+FOG_BANK_M = 1200.0
+"""Where one sees farther than about this, the sky shows through the fog overhead."""
+
 FROM_ORBIT = 0.25
 """Share of the veil that is left from orbit: pictures from there are corrected for it."""
 
@@ -27,7 +30,7 @@ FROM_ORBIT = 0.25
 @dataclass(frozen=True, slots=True)
 class Light:
     """Uniforms of one picture; `dark` 0 by day … 1 at night, `lamps` whether they are on, `rain` 0..1, `gloom` what
-    rain leaves of the sky's light."""
+    rain leaves of the sky's light, `clear` what fog leaves of the sight of the sky."""
 
     sun: Rgb
     sunlight: Rgb
@@ -40,6 +43,7 @@ class Light:
     lamps: bool
     rain: float
     gloom: float
+    clear: float
 
 
 def light_of(weather: Weather, height_m: float) -> Light:
@@ -73,6 +77,7 @@ def light_of(weather: Weather, height_m: float) -> Light:
         lamps=weather.sun_elevation_deg < LAMPS_DEG,
         rain=rain_of(weather),
         gloom=gloom,
+        clear=1.0 - exp(-((max(weather.visibility_m, 1.0) / (FOG_BANK_M * thin)) ** 2)),
     )  # fmt: skip
 
 

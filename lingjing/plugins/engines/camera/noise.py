@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-SIZE, GRAIN = 256, 1024
+SIZE, GRAIN, CLOUDS = 256, 1024, 1024
 OCTAVES = (8, 16, 32, 64, 128)
 
 
@@ -36,11 +36,24 @@ def grain_texture() -> npt.NDArray[np.uint8]:
     return np.asarray(np.rint(255.0 * np.clip(values, 0.0, 1.0)), np.uint8)
 
 
+def cloud_texture() -> npt.NDArray[np.uint8]:
+    """(CLOUDS, CLOUDS, 1) bytes: how thick clouds are, whole puffs with threefold finer ones on them."""
+    coarse = noise_texture().astype(np.float64) / 255.0
+    puffs = 0.7 * _tiled(coarse[..., :1], 1) + 0.45 * _tiled(coarse[..., 1:2], 3)
+    return np.asarray(np.rint(255.0 / 1.15 * puffs), np.uint8)
+
+
 def _stretched(values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     """A seamless texture at `GRAIN` texels a side."""
-    at = np.arange(GRAIN) * SIZE / GRAIN
+    return _tiled(values, 1, GRAIN)
+
+
+def _tiled(values: npt.NDArray[np.float64], times: int, size: int = CLOUDS) -> npt.NDArray[np.float64]:
+    """A seamless texture so many times over, at `size` texels a side."""
+    at = np.arange(size) * SIZE * times / size
     low = at.astype(np.int64)
-    high, share = (low + 1) % SIZE, (at - low)[:, None, None]
+    share = (at - low)[:, None, None]
+    low, high = low % SIZE, (low + 1) % SIZE
     rows = values[low] * (1.0 - share) + values[high] * share
     share = share.reshape(1, -1, 1)
     return np.asarray(rows[:, low] * (1.0 - share) + rows[:, high] * share)

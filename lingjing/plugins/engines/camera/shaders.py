@@ -15,7 +15,7 @@ uniform vec3 u_eye, u_right, u_down, u_axis;
 uniform vec3 u_lens;          // half width, half height, focal length (pixels)
 uniform vec3 u_sun, u_sunlight, u_skylight, u_haze;
 uniform float u_fog, u_level, u_time, u_cloud, u_wind;
-uniform float u_dark, u_gloom;  // 0 day … 1 night; what rain leaves of the sky's light
+uniform float u_dark, u_gloom, u_clear;  // 0 day … 1 night; what rain leaves of the sky's light, fog of its sight
 uniform vec3 u_dusk;          // glow over the horizon, low sun
 uniform vec3 u_sky_top, u_sky_rise, u_sky_low;  // the sky: at any height, more of it higher up, more of it lower down
 
@@ -42,8 +42,9 @@ float sunlit(vec3 w, vec3 n) {
 float sunlit(vec3 w, vec3 n) { return 1.0; }
 #endif
 vec4 developed(vec3 c) {
-  vec3 v = sqrt(1.0 - exp(-1.9 * max(c, 0.0)));
-  return vec4(mix(v, v * v * (3.0 - 2.0 * v), 0.55), 1.0);
+  // v = sqrt(1 - e^-1.9c), 0.55 of the way to v^2 (3 - 2v), less than a 400th off: `uniforms.haze` says it in full
+  vec3 s = sqrt(clamp(c, 0.0, 2.25));
+  return vec4(s * (0.59784 + s * (3.72097 + s * (-6.43773 + s * (3.90812 - s * 0.83342)))), 1.0);
 }
 """
 
@@ -251,7 +252,11 @@ SKY_VERTEX = (
     COMMON
     + """
 in vec2 in_corner;
-void main() { gl_Position = vec4(in_corner * 3.0, 1.0, 1.0); }
+noperspective out vec3 v_ray;
+void main() {
+  gl_Position = vec4(in_corner * 3.0, 1.0, 1.0);
+  v_ray = ray_of(u_lens.xy * (1.0 + in_corner * 3.0));
+}
 """
 )
 
@@ -259,20 +264,23 @@ SKY_FRAGMENT = (
     COMMON
     + OUTPUTS
     + """
-uniform sampler2D u_noise;
+uniform sampler2D u_clouds;
+noperspective in vec3 v_ray;
 void main() {
-  vec3 d = normalize(ray_of(gl_FragCoord.xy));
-  vec3 c = sky_of(d);
-  float glow = max(dot(d, u_sun), 0.0);
-  c += u_sunlight * (0.05 * pow(glow, 8.0) + (1.0 - u_cloud) * (0.25 * pow(glow, 90.0) + 8.0 * pow(glow, 4000.0)));
-  if (d.z > 0.005) {
-    vec2 at = d.xy / (d.z + 0.06) * 0.16 + u_time * vec2(2e-5, 1e-5) * u_wind;
-    float puff = 0.7 * texture(u_noise, at).r + 0.45 * texture(u_noise, at * 3.1).g;
-    float veil = smoothstep(0.95 - 0.65 * u_cloud, 1.15 - 0.45 * u_cloud, puff + 0.12) * smoothstep(0.0, 0.12, d.z);
-    vec3 white = vec3(0.86, 0.87, 0.88) * (0.75 + 0.3 * glow) * (1.0 - 0.97 * u_dark) * u_gloom + u_dusk * 0.5;
-    c = mix(c, white, veil * 0.8);
-  }
-  c = mix(c, u_haze, exp(-max(d.z, 0.0) * 26.0));
+  vec3 d = v_ray * inversesqrt(dot(v_ray, v_ray));
+  float rise = max(d.z, 0.0), low = (1.0 - rise) * (1.0 - rise);
+  vec3 c = u_sky_top + u_sky_rise * rise + (u_sky_low + u_dusk * (0.5 * dot(d.xy, u_sun.xy))) * low;
+  float glow = max(dot(d, u_sun), 0.0), off = 1.0 - glow;
+  // the sun's aureole and its disc: (1 - x / 8)^8 for e^-x, about what powers of 90 and 4000 are, and cheaper
+  vec3 about = vec3(glow, max(1.0 - 11.25 * off, 0.0), max(1.0 - 500.0 * off, 0.0));
+  about *= about; about *= about; about *= about;
+  c += u_sunlight * (0.05 * about.x + (1.0 - u_cloud) * (0.25 * about.y + 8.0 * about.z));
+  vec2 at = d.xy * (0.16 / (rise + 0.06)) + u_time * vec2(2e-5, 1e-5) * u_wind;
+  float puff = 1.15 * texture(u_clouds, at).r;
+  float veil = smoothstep(0.95 - 0.65 * u_cloud, 1.15 - 0.45 * u_cloud, puff + 0.12) * smoothstep(0.0, 0.12, rise);
+  vec3 white = vec3(0.86, 0.87, 0.88) * (0.75 + 0.3 * glow) * (1.0 - 0.97 * u_dark) * u_gloom + u_dusk * 0.5;
+  c = mix(c, white, veil * 0.8);
+  c = mix(u_haze, c, (1.0 - exp2(-37.5 * rise)) * u_clear);
   o_colour = developed(c);
   o_id = 0u;
   o_depth = uintBitsToFloat(0x7f800000u);

@@ -55,6 +55,7 @@ def air(light: Light, time_s: float, wind_mps: float) -> dict[str, object]:
         "u_wind": wind_mps,
         "u_dark": light.dark,
         "u_gloom": light.gloom,
+        "u_clear": light.clear,
         "u_dusk": light.dusk,
         **_sky(light),
     }
