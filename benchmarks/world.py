@@ -1,14 +1,17 @@
 """The world with everybody in it: a hundred vehicles, three dogs, five UAVs, a boat, a plane, a satellite, by the sea.
 
-Three tables, all in processor time of one process with every engine in it, so that a busy machine does not count:
+Tables, all in processor time of one process with every engine in it, so that a busy machine counts as little as can be:
 how much faster than real time it is without pictures and who takes the time; what a boundary costs as one fleet grows;
-what many resets leave in memory. Everybody moves all the time. `--only factor|growth|resets` prints one of them,
-`--quick` takes fewer ticks and resets.
+what many resets leave in memory; what looking over a boundary with very many background movers costs. Everybody moves
+all the time. Growth is told twice: in time, which grows faster than the work where other processes share the caches,
+and in calls of functions, which no machine bends. `--only factor|growth|resets|movers` prints one of them, `--quick`
+takes fewer ticks and resets.
 """
 
 from __future__ import annotations
 
 import argparse
+import cProfile
 import gc
 import json
 import math
@@ -23,16 +26,19 @@ import lingjing.kernel.world.calling as calling
 from lingjing.dsl.load import load_mission
 from lingjing.kernel.staging import Stage
 from lingjing.kernel.step import Kernel
+from lingjing.kernel.world.coherence import checked_boundary
 from lingjing.kernel.world.contract import World, WorldBoundary
 from lingjing.kernel.world.inline import InlineWorld
 from lingjing.mission.instance import Entity, Instance
 from lingjing.mission.instantiate import instantiate
+from lingjing.plugins.engine import Boundary
 from lingjing.plugins.host import PluginHost
-from lingjing.trace.records import Action, Decision, DecisionRecord
+from lingjing.trace.records import Action, BodyState, Decision, DecisionRecord
 
 HERE = Path(__file__).resolve().parent
 MISSION = HERE.parent / "tests" / "couplings" / "mixed.ljs"
 WARM_UP = 4
+COUNTED = 2
 GROWTH = {
     "UAVs": ("uavs", "multirotor", (1, 2, 5, 10, 20, 50)),
     "dogs": ("dogs", "quadruped", (1, 2, 4, 8, 12)),
@@ -93,8 +99,9 @@ def _action(entity: Entity, tick: int) -> Action | None:
     return None
 
 
-def measured(ticks: int, settings: dict[str, float]) -> dict[str, object]:
-    """Processor seconds of so many ticks after a warm-up: in all, of the world, of each engine."""
+def measured(ticks: int, settings: dict[str, float], count: bool = False) -> dict[str, object]:
+    """Processor seconds of so many ticks after a warm-up: in all, of the world, of each engine. With `count` also the
+    calls a tick in the ticks after them: of each engine's own functions and of all."""
     by_the_processors_clock()
     world = Timed()
     instance, city = Stage(PluginHost()).set(instantiate(load_mission(MISSION), seed=3, settings=settings))
@@ -109,6 +116,7 @@ def measured(ticks: int, settings: dict[str, float]) -> dict[str, object]:
             engines[status.engine] = engines.get(status.engine, 0.0) + status.wait_wall_s
     whole_s = time.process_time() - started
     last = kernel.state.registry
+    calls = counted(kernel, instance, range(WARM_UP + ticks, WARM_UP + ticks + COUNTED)) if count else {}
     world.close()
     return {
         "ticks": ticks,
@@ -116,8 +124,26 @@ def measured(ticks: int, settings: dict[str, float]) -> dict[str, object]:
         "whole_s": whole_s,
         "world_s": world.spent_s,
         "engines": engines,
+        "calls": calls,
         "tick": last.tick,
     }
+
+
+def counted(kernel: Kernel, instance: Instance, ticks: range) -> dict[str, float]:
+    """Calls a tick of all functions (``), and of those in the folder of each engine."""
+    profile = cProfile.Profile()
+    for tick in ticks:
+        told = decisions(instance, tick)
+        profile.enable()
+        kernel.step(told)
+        profile.disable()
+    calls: dict[str, float] = {"": 0.0}
+    for entry in profile.getstats():
+        file = "" if isinstance(entry.code, str) else entry.code.co_filename
+        folder = Path(file).parent.name if "/plugins/engines/" in file else ""
+        for name in {"", folder}:
+            calls[name] = calls.get(name, 0.0) + entry.callcount / len(ticks)
+    return calls
 
 
 def resets(count: int) -> dict[str, object]:
@@ -171,17 +197,25 @@ def factor(ticks: int) -> None:
 def growth(ticks: int) -> None:
     """Print what a tick costs as one fleet grows and the others stay small, with the exponent of a power law."""
     for fleet, (name, engine, sizes) in GROWTH.items():
-        print(f"| {fleet} | {engine}, CPU ms a tick | a head | the whole world, CPU ms a tick |")
-        print("| --- | --- | --- | --- |")
-        own, whole = [], []
+        print(f"| {fleet} | {engine}, CPU ms a tick | a head | its calls a tick | the world, CPU ms a tick | calls |")
+        print("| --- | --- | --- | --- | --- | --- |")
+        columns: tuple[list[float], ...] = ([], [], [], [])
         for size in sizes:
             few = max(3, ticks // 2 if size >= 300 else ticks)
-            run = in_a_process("measured", ticks=few, settings={**SMALL, name: float(size)})
-            own.append(1e3 * run["engines"][engine] / few)
-            whole.append(1e3 * run["whole_s"] / few)
-            print(f"| {size} | {own[-1]:.1f} | {own[-1] / size:.2f} | {whole[-1]:.1f} |", flush=True)
-        upper = f"{slope(sizes[-3:], own[-3:]):.2f} and {slope(sizes[-3:], whole[-3:]):.2f} over the upper half"
-        print(f"\nexponent: {slope(sizes, own):.2f} of the engine, {slope(sizes, whole):.2f} of the world; {upper}\n")
+            run = in_a_process("measured", ticks=few, settings={**SMALL, name: float(size)}, count=True)
+            took, whole = 1e3 * run["engines"][engine] / few, 1e3 * run["whole_s"] / few
+            calls, all_calls = run["calls"][engine], run["calls"][""]
+            print(
+                f"| {size} | {took:.1f} | {took / size:.2f} | {calls:.0f} | {whole:.1f} | {all_calls:.0f} |", flush=True
+            )
+            for column, value in zip(columns, (took, calls, whole, all_calls), strict=True):
+                column.append(value)
+        print("\n| exponent | of the engine's time | of its calls | of the world's time | of all calls |")
+        print("| --- | --- | --- | --- | --- |")
+        for part, since in (("all sizes", 0), ("upper half", -3)):
+            slopes = (slope(sizes[since:], column[since:]) for column in columns)
+            print(f"| {part} | {' | '.join(f'{found:.2f}' for found in slopes)} |")
+        print()
 
 
 def slope(sizes: tuple[int, ...], times: list[float]) -> float:
@@ -200,23 +234,49 @@ def print_resets(count: int) -> None:
     print()
 
 
+def movers(count: int) -> dict[str, object]:
+    """Seconds that looking over a boundary with so many background movers takes, the least of ten."""
+    crowd = tuple(
+        BodyState(id=f"traffic/{n}", kind="car", position=(float(n), 0.0, 0.0), velocity=(1.0, 0.0, 0.0))
+        for n in range(count)
+    )
+    report = Boundary(engine="road", time_s=0.5, ambient=crowd)
+    entities, took = frozenset(("ant", "bee")), []
+    for _ in range(10):
+        started = time.process_time()
+        checked_boundary("road", "advance", report, 0.5, (), entities)
+        took.append(time.process_time() - started)
+    return {"took_s": min(took)}
+
+
+def print_movers(counts: tuple[int, ...]) -> None:
+    """Print what background movers cost the world host, and which share of what SUMO takes to move them that is."""
+    print("| background movers | CPU ms to look over a boundary | of a car's 5 steps at 16 us |")
+    print("| --- | --- | --- |")
+    for count in counts:
+        took = in_a_process("movers", count=count)["took_s"]
+        print(f"| {count} | {1e3 * took:.2f} | {100 * took / (count * 5 * 16e-6):.1f} % |")
+    print()
+
+
 def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--only", choices=("factor", "growth", "resets"))
+    parser.add_argument("--only", choices=("factor", "growth", "resets", "movers"))
     parser.add_argument("--quick", action="store_true")
     parser.add_argument("--resets", type=int, default=500)
     parser.add_argument("--job", help=argparse.SUPPRESS)
     asked = parser.parse_args()
     if asked.job:
         job, arguments = json.loads(asked.job)
-        print(json.dumps({"measured": measured, "resets": resets}[job](**arguments)))
+        print(json.dumps({"measured": measured, "resets": resets, "movers": movers}[job](**arguments)))
         return
     ticks = 6 if asked.quick else 12
     tables = {
         "factor": lambda: factor(ticks),
         "growth": lambda: growth(ticks),
         "resets": lambda: print_resets(60 if asked.quick else asked.resets),
+        "movers": lambda: print_movers((10, 100, 1000)),
     }
     for name, table in tables.items():
         if asked.only in (None, name):
