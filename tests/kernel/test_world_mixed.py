@@ -1,7 +1,6 @@
 """All motion engines in one world process: one thread, one answer in every process, forks to the last bit."""
 
 import os
-import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -77,40 +76,6 @@ def test_a_van_brings_goods_and_its_engine_reads_the_citys_book(world, city):
 
 def _states(boundary):
     return {state.id: state for state in boundary.snapshots[-1].states}
-
-
-MEASURE = """
-import time, types
-import lingjing.kernel.world.calling as calling
-import world_mixed as mixed
-from lingjing.kernel.world import open_world
-calling.time = types.SimpleNamespace(perf_counter=time.process_time)  # engines are timed by the processor's clock
-instance = mixed.instance(uavs=3, dogs=2, traffic=100)
-world = open_world("inline")
-world.reset(instance, mixed.city())
-engines_s = whole_s = 0.0
-for tick in range(1, 5):
-    started = time.process_time()
-    boundary = world.step(tick, mixed.orders(tick, instance))
-    whole_s += time.process_time() - started
-    engines_s += sum(status.wait_wall_s for status in boundary.engines)
-world.close()
-print(whole_s / engines_s - 1.0)
-"""
-
-
-@pytest.mark.slow
-def test_the_host_costs_less_than_a_tenth_of_its_engines():
-    """Checks, mirrors and snapshots against the engines' own time, at ten macro-steps a second, in processor time."""
-    path = os.pathsep.join([str(Path(__file__).parent), *sys.path])
-    run = subprocess.run(
-        [sys.executable, "-c", MEASURE],
-        check=True,
-        capture_output=True,
-        text=True,
-        env={**os.environ, "PYTHONPATH": path},
-    )
-    assert float(run.stdout.split()[-1]) < 0.1
 
 
 def test_a_thousand_background_movers_travel_once_a_tick(world, city):

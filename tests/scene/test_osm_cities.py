@@ -1,7 +1,6 @@
 """Real cities; skipped where their maps are not at hand."""
 
 import importlib.util
-import time
 from pathlib import Path
 
 import pytest
@@ -15,39 +14,35 @@ LUJIAZUI = Path(__file__).parents[3] / "shared" / "data" / "shanghai_lujiazui.os
 
 
 @pytest.fixture(scope="module")
-def lujiazui(tmp_path_factory: pytest.TempPathFactory) -> tuple[Built, float]:
+def lujiazui(tmp_path_factory: pytest.TempPathFactory) -> Built:
     if not LUJIAZUI.is_file():
         pytest.skip(f"the map of Lujiazui is not at {LUJIAZUI}")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
-        began = time.process_time()
-        built = build(LUJIAZUI, Options(), tmp_path_factory.mktemp("cities") / "lujiazui")
-        return built, time.process_time() - began
+        return build(LUJIAZUI, Options(), tmp_path_factory.mktemp("cities") / "lujiazui")
 
 
-def test_lujiazui_is_built_in_time(lujiazui: tuple[Built, float]) -> None:
-    built, seconds = lujiazui
-    assert seconds < 30.0
-    assert not built.cached
-    assert built.summary.counts["buildings"] > 650
-    assert built.summary.counts["roads"] > 1500
-    assert not built.summary.notes
+def test_lujiazui_is_built_whole(lujiazui: Built) -> None:
+    assert not lujiazui.cached
+    assert lujiazui.summary.counts["buildings"] > 650
+    assert lujiazui.summary.counts["roads"] > 1500
+    assert not lujiazui.summary.notes
 
 
-def test_its_towers_have_their_heights(lujiazui: tuple[Built, float]) -> None:
-    houses = [house for tile in Tiles(lujiazui[0].city) for house in tile.buildings]
+def test_its_towers_have_their_heights(lujiazui: Built) -> None:
+    houses = [house for tile in Tiles(lujiazui.city) for house in tile.buildings]
     tops = {name: max(house.top_m for house in houses if house.name == name)
             for name in ("Shanghai Tower", "Jin Mao Tower", "Oriental Pearl Tower")}  # fmt: skip
     assert tops == {"Shanghai Tower": 632.0, "Jin Mao Tower": 420.0, "Oriental Pearl Tower": 468.0}
     tallest = max(houses, key=lambda house: house.top_m)
     middle = shapely.Polygon(tallest.polygon).centroid
-    wanted = from_geodetic(31.2355, 121.5012, lujiazui[0].city.origin)  # as encyclopaedias have it
+    wanted = from_geodetic(31.2355, 121.5012, lujiazui.city.origin)  # as encyclopaedias have it
     assert (middle.x, middle.y) == pytest.approx(wanted, abs=40.0)
     assert {house.use for house in houses} >= {"residential", "office", "commercial", "school"}
 
 
-def test_the_river_and_what_is_beside_it(lujiazui: tuple[Built, float]) -> None:
-    city = lujiazui[0].city
+def test_the_river_and_what_is_beside_it(lujiazui: Built) -> None:
+    city = lujiazui.city
     river = shapely.Polygon(city.waters[0].polygon, city.waters[0].holes)
     assert river.is_valid
     assert 1.0e6 < river.area < 2.5e6
@@ -60,8 +55,8 @@ def test_the_river_and_what_is_beside_it(lujiazui: tuple[Built, float]) -> None:
     assert not any(shapely.contains(river, trees))
 
 
-def test_every_piece_is_found_from_where_it_is(lujiazui: tuple[Built, float]) -> None:
-    city = lujiazui[0].city
+def test_every_piece_is_found_from_where_it_is(lujiazui: Built) -> None:
+    city = lujiazui.city
     tiles = Tiles(city, keep=4)
     for tile in Tiles(city):
         for house in tile.buildings[:3]:
@@ -69,8 +64,8 @@ def test_every_piece_is_found_from_where_it_is(lujiazui: tuple[Built, float]) ->
                 assert house.id in {item.id for near in tiles.near(x, y, 1.0) for item in near.buildings}
 
 
-def test_outlines_are_sound(lujiazui: tuple[Built, float]) -> None:
-    for tile in Tiles(lujiazui[0].city):
+def test_outlines_are_sound(lujiazui: Built) -> None:
+    for tile in Tiles(lujiazui.city):
         for piece in (*tile.buildings, *tile.areas, *tile.solids):
             shape = shapely.Polygon(piece.polygon, getattr(piece, "holes", ()))
             assert shape.area > 0.0
