@@ -73,6 +73,7 @@ _HEAD = (
     + OUTPUTS
     + """
 uniform sampler2D u_grain;    // tone of paving, bare patches, tone of asphalt, wear of paint; `GRAIN_M` across
+uniform sampler2D u_paved, u_street, u_tone;  // the first two of them, the last two, the tone of asphalt: fewer bytes
 const float GRAIN_M = 64.0, MEAN_GRAIN = 0.537;
 in vec3 v_world;
 flat in vec3 v_normal, v_sunned;
@@ -118,7 +119,7 @@ _GROUND_TAIL = (
 #ifdef WET
   float f = 1.0 - v.z;
   float paved = smoothstep(1.25, 1.05, v_colour.g / v_colour.r);
-  float puddle = (0.22 + 0.55 * smoothstep(0.62, 0.80, grain.b)) * mix(0.12, 1.0, paved);
+  float puddle = (0.22 + 0.55 * smoothstep(0.62, 0.80, asphalt)) * mix(0.12, 1.0, paved);
   c *= 0.60;
 #endif
   c *= v_sunned * sunny() + u_skylight;
@@ -160,7 +161,7 @@ void main() {
 #ifdef BLUNT
   float grain = MEAN_GRAIN;
 #else
-  float grain = texture(u_grain, (v_at * v_style.xy) * vec2(0.6, 1.1) / GRAIN_M + v_layer * 0.013).b;
+  float grain = texture(u_tone, (v_at * v_style.xy) * vec2(0.6, 1.1) / GRAIN_M + v_layer * 0.013).r;
 #endif
   vec3 wall = v_colour.rgb * (0.80 + 0.36 * grain) * (0.72 + 0.28 * clamp(up * 0.4, 0.0, 1.0));
   wall = mix(wall, wall * 0.72 + 0.03, frame);
@@ -205,7 +206,7 @@ void main() {
 #ifdef BLUNT
   float grain = MEAN_GRAIN;
 #else
-  float grain = texture(u_grain, v_world.xy * (2.0 / GRAIN_M) + v_world.z * 0.031).b;
+  float grain = texture(u_tone, v_world.xy * (2.0 / GRAIN_M) + v_world.z * 0.031).r;
 #endif
   vec3 c = v_colour.rgb * (0.78 + 0.40 * grain);
 #ifdef WET
@@ -242,11 +243,12 @@ void main() {
               + bars * (v_ends.x * band.y + v_ends.y * band.z);
   float yellow = lines.z * band.x * clear;
 
-  vec4 grain = texture(u_grain, v_world.xy / GRAIN_M);
+  vec2 grain = texture(u_street, v_world.xy / GRAIN_M).rg;
+  float asphalt = grain.r;
   float track = abs(abs(v_at.x) - 0.85);
-  vec3 c = v_colour.rgb * (0.66 + 0.66 * grain.b);
+  vec3 c = v_colour.rgb * (0.66 + 0.66 * asphalt);
   c *= 1.0 - 0.16 * clamp(1.25 - 2.5 * track, 0.0, 1.0) * float(half_wide > 0.1);
-  float worn = 0.55 + 0.45 * grain.a;
+  float worn = 0.55 + 0.45 * grain.g;
   c = mix(c, vec3(0.62, 0.62, 0.60), clamp(white, 0.0, 1.0) * worn);
   c = mix(c, vec3(0.62, 0.42, 0.06), yellow * worn);
 #ifdef NIGHT
@@ -258,7 +260,12 @@ void main() {
 )
 
 _PAVE = """
-  vec4 grain = texture(u_grain, v_world.xy / GRAIN_M);
+#ifdef WET
+  vec3 grain = texture(u_grain, v_world.xy / GRAIN_M).rgb;
+  float asphalt = grain.b;
+#else
+  vec2 grain = texture(u_paved, v_world.xy / GRAIN_M).rg;
+#endif
   vec3 c = v_colour.rgb * (1.0 + v_style.z * (grain.r * 2.0 - 1.0));
   c = mix(c, PATCH, grain.g * v_style.w);
 """

@@ -52,7 +52,9 @@ from lingjing.plugins.geometry import focal_px
 from lingjing.scene.city import City
 from lingjing.trace.records import CameraPose
 
-SHADE_UNIT, MAP_UNIT, CLOUD_UNIT = 5, 6, 7
+SHADE_UNIT, MAP_UNIT, CLOUD_UNIT, GRAIN_UNIT = 4, 5, 6, 7
+GRAINS = {"u_grain": slice(0, 4), "u_paved": slice(0, 2), "u_street": slice(2, 4), "u_tone": slice(2, 3)}
+"""Which parts of the grain a texture holds: a software renderer pays for every byte that it does not need."""
 WARM_SIZE, WARM_UP_M = (320, 180), 60.0
 LEAST_PROP_PX = 1.2
 GRAIN_M = 64.0
@@ -98,7 +100,9 @@ class Renderer:
         self._corners = self.context.buffer(np.array([-1, -1, 1, -1, 1, 1, -1, -1, 1, 1, -1, 1], "f4").tobytes())
         noise = noise_texture()
         self._noise, self._lace = self.texture(noise), lace_texture()
-        self._grain, self._clouds = self.texture(grain_texture()), self.texture(cloud_texture())
+        grain = grain_texture()
+        self._grains = {name: self.texture(np.ascontiguousarray(grain[..., part])) for name, part in GRAINS.items()}
+        self._clouds = self.texture(cloud_texture())
         self._clouds.filter = moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR
         self._sea = (self._sea_texture(), self._sea_texture())
         self._sea_scales = ((1.0, 1.0), (1.0, 1.0))
@@ -343,7 +347,7 @@ class Renderer:
             self._rain_vao,
             self._corners,
             self._noise,
-            self._grain,
+            *self._grains.values(),
             self._clouds,
             *self._sea,
         ):
@@ -386,9 +390,11 @@ class Renderer:
                 texture.build_mipmaps()
             self._sea_scales = packed[0][1], packed[1][1]
             self._sea_now = scenery.sea
-        for unit, texture in enumerate((*self._sea, self._shore, self._noise, self._grain)):
+        for unit, texture in enumerate((*self._sea, self._shore, self._noise)):
             texture.use(unit)
         self._clouds.use(CLOUD_UNIT)
+        for unit, texture in enumerate(self._grains.values(), GRAIN_UNIT):
+            texture.use(unit)
         self._noise.filter = MIPMAPPED, moderngl.LINEAR
         for texture in self._sea:
             texture.filter = (moderngl.LINEAR if _close(pose, self._level) else MIPMAPPED), moderngl.LINEAR
@@ -405,7 +411,8 @@ class Renderer:
         if self._town is not None and view is not None:
             self._town.bind(view, pose, SHADE_UNIT, MAP_UNIT)
             self._noise.filter = moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR
-            self._grain.filter = _grain_filter(pose)
+            for texture in self._grains.values():
+                texture.filter = _grain_filter(pose)
             near = self._town.near_plane(view, pose, _closest(scenery, pose))
             values |= {**self._town.values(view), "u_shadow": SHADE_UNIT, "u_map": MAP_UNIT}
             told = (*told, *self._town.programs(light.rain > 0.0, light.lamps, bool(view.blunt or view.farther)))
@@ -421,8 +428,8 @@ class Renderer:
             "u_ripple": 1,
             "u_shore": 2,
             "u_noise": 3,
-            "u_grain": 4,
             "u_clouds": CLOUD_UNIT,
+            **{name: GRAIN_UNIT + number for number, name in enumerate(GRAINS)},
             "u_swell_scale": self._sea_scales[0],
             "u_ripple_scale": self._sea_scales[1],
             "u_lengths": (scenery.sea[0].length_m, scenery.sea[1].length_m),
