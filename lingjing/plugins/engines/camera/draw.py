@@ -341,16 +341,9 @@ class Renderer:
             target.release()
         self._targets = {}
         self._effects.release()
-        for thing in (
-            self._water_vao,
-            self._sky_vao,
-            self._rain_vao,
-            self._corners,
-            self._noise,
-            *self._grains.values(),
-            self._clouds,
-            *self._sea,
-        ):
+        for texture in (self._noise, *self._grains.values(), self._clouds, *self._sea):
+            texture.release()
+        for thing in (self._water_vao, self._sky_vao, self._rain_vao, self._corners):
             thing.release()
         for program in self._programs:
             program.release()
