@@ -2,8 +2,8 @@
 
 An entity's model is looked up by its type, else by the nearest type that its own extends, else it is a grey metre cube,
 so that a new plug-in's entity is seen before it has a look. Chance (colours, clothes) comes from the entity's index or
-a hash of a body's id. Some targets have no model: `congestion` is its vehicles, a fire or spray is an effect, and a
-reference building is the building.
+a hash of a body's id. Some targets have no model of their own: `congestion` is its vehicles, a fire or spray is an
+effect, a reference building is the building and people before its door.
 """
 
 from __future__ import annotations
@@ -23,6 +23,9 @@ from lingjing.trace.records import BodyState
 MOST_IN_LINE = 40
 SPACING_M = 0.8
 PIPE_RADIUS_M = 0.4
+STROLL_M = 2.5
+"""Somebody who walks up and down before a house goes so far to both sides."""
+STROLL_MPS = 1.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,6 +153,33 @@ def _queue(who: Subject) -> Parts:
     return tuple(line)
 
 
+def _residents(who: Subject) -> Parts:
+    """Two people who talk before a house's door and one who walks up and down beside them (the paper's VDN profile)."""
+    looks = [(3 * who.number + k) % len(people.OUTFITS) for k in (0, 2, 5)]
+    round_m = 4.0 * STROLL_M
+    gone = (STROLL_MPS * who.time_s) % round_m
+    back = gone > 0.5 * round_m
+    place = STROLL_M - abs(gone - 0.5 * round_m)
+    pose = people.pose_of(STROLL_MPS, who.time_s, 0.0)
+    return (
+        Part(
+            f"pedestrian-{looks[0]}-{people.STAND}",
+            people.pedestrian(looks[0], people.STAND),
+            at((1.5, 2.4, 0.0), -66.0),
+        ),
+        Part(
+            f"pedestrian-{looks[1]}-{people.STAND}",
+            people.pedestrian(looks[1], people.STAND),
+            at((0.6, 2.8, 0.0), 114.0),
+        ),
+        Part(
+            f"pedestrian-{looks[2]}-{pose}",
+            people.pedestrian(looks[2], pose),
+            at((place, 3.6, 0.0), -90.0 if back else 90.0),
+        ),
+    )
+
+
 def _leak(who: Subject) -> Parts:
     radius = round(who.pipe_m, 2)
     if who.state.status == "sealed":
@@ -200,7 +230,7 @@ ENTITIES: dict[str, Callable[[Subject], Parts]] = {
     "delivery_point": _kerbside(_served("parcel_station", places.parcel_station)),
     "delivery_door": _served("doorstep", places.doorstep),
     "warehouse": _kerbside(_one("dock", places.dock)),
-    "reference_building": _nothing,
+    "reference_building": _residents,
     "queue_of_people": _queue,
 }
 """Type or kind → its meshes."""
