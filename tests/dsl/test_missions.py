@@ -122,7 +122,7 @@ def test_budgets_of_subtasks_and_counted_ones(nine: dict[str, Mission]) -> None:
     cr = instantiate(nine["cr"], settings={"replans_most": 0})
     assert [(limit.name, limit.most) for limit in cr.limits] == [("replans", 0)]
     ld = instantiate(nine["ld"])
-    assert {item.resource for item in ld.limits[0].counts} == {"uav", "van", "dog"}
+    assert {item.resource for item in ld.limits[0].counts} == {"uav", "van"}
 
 
 def test_what_is_hidden(nine: dict[str, Mission]) -> None:

@@ -71,6 +71,7 @@ requires rule:rescued asset:boat
 requires rule:rescued rule:reported
 requires stage:detect rule:matched
 requires stage:locate rule:reported
+requires stage:handoff rule:reported
 requires stage:handoff asset:boat
 requires stage:handoff channel:assignment
 requires stage:execute rule:rescued

@@ -38,7 +38,7 @@ TYPES = sorted(
 )
 CALM = Weather(wind_mps=3.0, wind_from_deg=220.0)
 MOST = {"robot_dog": 2000, "car": 600, "person": 400, "street_tree": 150, "poplar": 150, "birch": 150, "conifer": 150}
-UNBODIED = {"building_fire", "bridge_fracture", "reference_building", "congestion"}
+UNBODIED = {"building_fire", "bridge_fracture", "congestion"}
 
 
 def thing(kind: str, place: tuple[float, float, float] = (0.0, 0.0, 0.0), **more: object) -> Entity:
@@ -58,7 +58,7 @@ def test_every_type_of_the_library_has_a_look_and_a_class(kind: str) -> None:
     entity = thing(kind)
     parts, effects = entity_parts(entity, state(entity), 3.0), looks(entity)
     assert kind in ENTITIES and "unknown" not in {part.key for part in parts}
-    assert parts or len(effects.billboards) or effects.solids or kind in {"reference_building", "congestion"}
+    assert parts or len(effects.billboards) or effects.solids or kind == "congestion"
     assert (not parts) == (kind in UNBODIED)
     assert entity_class(entity) == CLASSES[kind] != CLASSES["entity"]
 

@@ -108,9 +108,9 @@ class Coordinator:
         self, assignee: str, task: str, *, cell: str | None = None, position: tuple[float, float, float] | None = None
     ) -> Outgoing:
         assert self._assignment is not None
-        everyone = (*self._searchers, *self._rescuers) if task != "search" else self._searchers
+        heard_by = self._searchers if task == "search" else (assignee,)  # who searches what, all searchers ought to know
         body = {"assignee": assignee, "task": task, "cell": cell, "position": position}
-        return compose(self._assignment, body, to=everyone)
+        return compose(self._assignment, body, to=heard_by)
 
 
 def _split(brief: Brief) -> tuple[tuple[str, ...], tuple[str, ...]]:
