@@ -7,14 +7,16 @@ document that fits several templates equally well is an error that lists them: n
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from functools import cache
 
+import msgspec
+
+from lingjing.data import data_path
 from lingjing.mission.reset_document import LISTS, Parsed
 from lingjing.mission.reset_fields import Found, folded
 
 
-@dataclass(frozen=True, slots=True)
-class Signature:
+class Signature(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What tells a mission apart: the engines of its assets, the types of its targets, and spellings of its task."""
 
     mission: str
@@ -27,94 +29,14 @@ class Signature:
         return any(type_ in self.types for type_ in found.field.types)
 
 
-def _signature(mission: str, engines: str, types: str, *spellings: str) -> Signature:
-    words = frozenset(folded(word) for word in (mission, *spellings))
-    return Signature(mission, frozenset(engines.split()), frozenset(types.split()), words)
-
-
-SIGNATURES: tuple[Signature, ...] = (
-    _signature(
-        "vdn",
-        "quadruped",
-        "reference_building",
-        "Visual dog navigation",
-        "Dog navigation",
-        "机器狗视觉导航",
-        "视觉导航",
-    ),
-    _signature(
-        "bi", "multirotor", "bridge_fracture", "Bridge inspection", "Bridge fracture inspection", "桥梁巡检", "桥梁检测"
-    ),
-    _signature(
-        "ld",
-        "multirotor road quadruped",
-        "destination delivery_door congestion",
-        "Last-mile delivery",
-        "末端配送",
-        "最后一公里配送",
-    ),
-    _signature(
-        "idf",
-        "quadruped",
-        "fire_source",
-        "Industrial dog firefighting",
-        "Dog firefighting",
-        "Industrial firefighting",
-        "工业机器狗灭火",
-        "机器狗灭火",
-    ),
-    _signature(
-        "upr",
-        "multirotor quadruped",
-        "pipeline_leak",
-        "UAV-guided pipeline repair",
-        "Pipeline repair",
-        "管道维修",
-        "管道抢修",
-    ),
-    _signature(
-        "ufr",
-        "multirotor road",
-        "building_fire",
-        "UAV and fire-truck response",
-        "UAV fire response",
-        "Urban fire response",
-        "Fire truck response",
-        "城市火灾响应",
-        "城市消防",
-    ),
-    _signature(
-        "cr",
-        "multirotor road",
-        "destination congestion",
-        "Congestion-aware replanning",
-        "Congestion replanning",
-        "拥堵重规划",
-        "拥堵路径规划",
-    ),
-    _signature(
-        "ssr",
-        "multirotor vessel",
-        "person_in_water",
-        "Sea search and rescue",
-        "Sea rescue",
-        "Maritime rescue",
-        "Maritime search and rescue",
-        "海上搜救",
-        "海上救援",
-    ),
-    _signature(
-        "cd",
-        "road",
-        "warehouse delivery_point",
-        "City-logistics dispatch",
-        "City logistics",
-        "Logistics dispatch",
-        "城市物流",
-        "城市物流调度",
-    ),
-)
-"""The nine missions; a test compares the table with their compiled files."""
+@cache
+def signatures() -> tuple[Signature, ...]:
+    """The missions that documents may be for, as the shipped `scenarios/reset-templates.json` lists them; a test
+    compares it with the compiled missions."""
+    entries = msgspec.json.decode(data_path("scenarios", "reset-templates.json").read_bytes(), type=list[Signature])
+    return tuple(
+        msgspec.structs.replace(one, spellings=frozenset(map(folded, (one.mission, *one.spellings)))) for one in entries
+    )
 
 
 def template_name(parsed: Parsed, found: Sequence[Found]) -> tuple[str, str, str]:
@@ -135,7 +57,7 @@ def _named(parsed: Parsed) -> tuple[list[tuple[str, str, str]], str]:
     unknown = ""
     for holder, path in ((parsed.scenario, parsed.path), (parsed.task, parsed.task_path)):
         for field, word in (("taskType", holder.task_type), ("task_type", holder.task_type_snake)):
-            signature = next((one for one in SIGNATURES if folded(word) in one.spellings), None)
+            signature = next((one for one in signatures() if folded(word) in one.spellings), None)
             if signature:
                 named.append((signature.mission, f"{path}.{field}", f"named by {field} '{word}'"))
             elif word and not unknown:
@@ -162,11 +84,11 @@ def _recognised(parsed: Parsed, found: Sequence[Found], unknown: str) -> tuple[s
             f"several templates fit {seen}: {names}{unknown}",
             f'name one of {names}: "lingjing": {{"mission": "{fitting[0].mission}"}} in the scenario, or a taskType',
         )
-    possible = [one for one in SIGNATURES if one.engines <= lists.keys()] or list(SIGNATURES)
+    possible = [one for one in signatures() if one.engines <= lists.keys()] or list(signatures())
     names = ", ".join(one.mission for one in possible)
     what = f"of {seen}" if seen else "of empty lists"
     lacking = "" if found else " without any hidden place"
-    near = next((one.mission for one in SIGNATURES if any(one.holds(f) for f in found)), possible[0].mission)
+    near = next((one.mission for one in signatures() if any(one.holds(f) for f in found)), possible[0].mission)
     raise parsed.fault(
         parsed.path,
         f"no template fits a scenario {what}{lacking}{unknown}; by its entities it may be {names}",
@@ -176,7 +98,7 @@ def _recognised(parsed: Parsed, found: Sequence[Found], unknown: str) -> tuple[s
 
 def _fitting(engines: frozenset[str], found: Sequence[Found]) -> list[Signature]:
     """The templates that fit best: their engines and every field; at least their engines; at least one field."""
-    enough = [one for one in SIGNATURES if one.engines <= engines and any(one.holds(f) for f in found)]
+    enough = [one for one in signatures() if one.engines <= engines and any(one.holds(f) for f in found)]
     whole = [one for one in enough if all(one.holds(f) for f in found)]
     exact = [one for one in whole if one.engines == engines]
     return exact or whole or enough

@@ -21,7 +21,7 @@ from lingjing.mission.reset_document import LISTS
 from lingjing.mission.reset_elements import elements_fault
 from lingjing.mission.reset_emit import emit
 from lingjing.mission.reset_fields import FIELDS, field_of
-from lingjing.mission.reset_template import SIGNATURES
+from lingjing.mission.reset_template import signatures
 
 ROOT = Path(__file__).resolve().parents[2]
 NAMES = ("bi", "cd", "cr", "idf", "ld", "ssr", "ufr", "upr", "vdn")
@@ -134,15 +134,15 @@ def test_unknown_fields_come_back_to_the_letter(nine: Nine) -> None:
 
 def test_signatures_are_those_of_the_compiled_missions(nine: Nine) -> None:
     driven = {one.engine for one in LISTS}
-    for signature in SIGNATURES:
+    for signature in signatures():
         groups = nine[signature.mission].groups
         assert signature.engines == {g.engine for g in groups if g.role == "asset"} & driven
         assert signature.types == {g.type for g in groups if g.role == "target"}
-    assert {signature.mission for signature in SIGNATURES} == set(NAMES)
+    assert {signature.mission for signature in signatures()} == set(NAMES)
 
 
 def test_no_spelling_means_two_things() -> None:
-    for table in ([one.spellings for one in SIGNATURES], [one.spellings for one in FIELDS]):
+    for table in ([one.spellings for one in signatures()], [one.spellings for one in FIELDS]):
         assert sum(map(len, table)) == len(frozenset().union(*table))
 
 
