@@ -1,13 +1,18 @@
 """Rep: the share of target events that were unnecessary (the paper's repeated target rate).
 
 A target event is an assignment request that means a target of the scenario, or an executor's entry into a target's
-region. Executors and regions are read from the mission's own rules: `distance_xy(boat, v) <= 50 m` makes `boat` an
-executor of `v` within 50 m. A request means a target by its name, or by a position inside its region. Requests are
+region. Executors and regions are read from the mission: `distance_xy(boat, v) <= 50 m` in a rule makes `boat` an
+executor of `v` within 50 m, and so does an interaction of the target's type (`extinguish { by = road, within = 30 m }`)
+every asset of that engine. A place that only hands something out (a depot) is visited again and again and is no target
+in this sense. A request means targets by their names, one or a tour of them, or by a position inside the region in
+which its assignee serves; a `step` without a name guides somebody on its way and assigns nothing. Requests are
 assignment messages and commands to an executor from agents that do not embody it; one sender's requests for one
 target at one tick are one event.
 
 A request is repeated when its target is already assigned or completed; an entry is repeated when the target is
-completed or assigned to somebody else, since the assignee's own arrival is what was asked for. Staying inside is one
+completed or assigned to somebody else, since the assignee's own arrival is what was asked for. So is the assignee's
+first answer that it takes what another gave it. A demand larger than one executor's load may be assigned to as many as
+it takes. To enter is to stop there or to act on the target: who drives past visits nothing. Staying inside is one
 entry.
 """
 
@@ -20,9 +25,17 @@ from dataclasses import dataclass, field
 from lingjing.analysis.completion import completed_at, nodes
 from lingjing.analysis.detection import numbers, ratio
 from lingjing.mission.expression import Attr, Binary, Call, Expr, Index, Node, Number, Ref
-from lingjing.mission.instance import Datum, Instance
+from lingjing.mission.instance import Datum, Entity, Instance
+from lingjing.plugins.tasks import Task, possible
 from lingjing.trace.reader import Trace
-from lingjing.trace.records import BodyState, BoundaryRecord
+from lingjing.trace.records import BodyState, BoundaryRecord, TaskEvent
+
+STOPPED_MPS = 0.5
+"""What is slower than this stands still."""
+_STEP = "step"
+"""The field of a message that guides somebody by one step."""
+_LEFT = "left_"
+"""What the values of an interaction begin with that say how much of it is still to be done."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,45 +47,100 @@ class Reach:
     radius_m: float
 
 
+@dataclass(frozen=True, slots=True)
+class _Request:
+    """Who asked for which target of whom; `assignees` are bodies where the named agents have any."""
+
+    sender: str
+    target: str
+    assignees: tuple[str, ...]
+
+
 @dataclass
 class _Count:
-    assigned: dict[str, str] = field(default_factory=dict)
+    room: dict[str, int] = field(default_factory=dict)
+    assigned: dict[str, dict[str, str]] = field(default_factory=dict)
     completed: set[str] = field(default_factory=set)
     inside: set[tuple[str, str]] = field(default_factory=set)
     events: int = 0
     repeated: int = 0
 
-    def request(self, target: str, assignee: str) -> None:
+    def request(self, asked: _Request, embodied: tuple[str, ...]) -> None:
+        """`embodied` is what the sender controls."""
+        holders = self.assigned.setdefault(asked.target, {})
+        own = next((body for body in asked.assignees if body in embodied), None)
+        if own is not None and holders.get(own, asked.sender) != asked.sender:
+            holders[own] = asked.sender  # the assignee takes what another gave it
+            return
+        full = len(holders) >= self.room.get(asked.target, 1) or any(body in holders for body in asked.assignees)
         self.events += 1
-        self.repeated += target in self.assigned or target in self.completed
-        self.assigned.setdefault(target, assignee)
+        self.repeated += full or asked.target in self.completed
+        if not full:
+            holders.update(dict.fromkeys(asked.assignees, asked.sender))
 
     def entry(self, target: str, executor: str) -> None:
         self.events += 1
-        self.repeated += target in self.completed or self.assigned.get(target, executor) != executor
+        holders = self.assigned.get(target)
+        self.repeated += target in self.completed or (bool(holders) and executor not in (holders or {}))
 
 
 def repeated_target_rate(trace: Trace) -> float | None:
     """Repeated target events over all target events, None if there was none."""
     instance = trace.header.instance
     reaches = reaches_of(instance)
-    count = _Count()
+    embodied = {agent.id: agent.controls for agent in instance.agents}
+    count = _Count(room=_room(instance))
     for record in trace.boundaries:
-        for target, assignee in _requests(instance, record, reaches):
-            count.request(target, assignee)
+        for asked in _requests(instance, record, reaches):
+            count.request(asked, embodied.get(asked.sender, ()))
         _entries(count, instance, record, reaches)
     return ratio(count.repeated, count.events)
 
 
 def reaches_of(instance: Instance) -> tuple[Reach, ...]:
-    """Who executes what within which radius, from `distance_xy(a, b) <= r` in the instance's rules."""
-    found = []
+    """Who executes what within which radius: from `distance_xy(a, b) <= r` in the instance's rules, else from the
+    interactions of its targets."""
+    found: dict[tuple[str, str], Reach] = {}
     for rule in instance.rules:
         domains = {parameter.name: parameter.domain for parameter in rule.parameters}
         for node in nodes(rule.condition):
             reach = _reach(node, domains, instance)
-            found += [reach] if reach is not None and reach not in found else []
-    return tuple(found)
+            if reach is not None:
+                found.setdefault((reach.executor, reach.group), reach)
+    for target, task, executor in _services(instance):
+        reach = Reach(executor.id, target.group, task.within_m)
+        found.setdefault((reach.executor, reach.group), reach)
+    return tuple(found.values())
+
+
+def _services(instance: Instance) -> Iterator[tuple[Entity, Task, Entity]]:
+    """Target, interaction and asset that can do it, without places that only hand something out."""
+    assets = [entity for entity in instance.entities if entity.role == "asset"]
+    for target in instance.entities:
+        for task in possible(target) if target.role == "target" else ():
+            if not task.gives:
+                yield from ((target, task, asset) for asset in assets if asset.engine == task.engine)
+
+
+def _targets(instance: Instance) -> dict[str, str]:
+    """Group by target, without places that only hand something out."""
+    return {
+        entity.id: entity.group
+        for entity in instance.entities
+        if entity.role == "target" and not ((tasks := possible(entity)) and all(task.gives for task in tasks))
+    }
+
+
+def _room(instance: Instance) -> dict[str, int]:
+    """How many executors a target takes whose demand is larger than what one of them can bring."""
+    found: dict[str, int] = {}
+    for target, task, asset in _services(instance):
+        demand = target.properties.get(f"{task.takes}_kg") if task.moves_goods else None
+        brought = asset.properties.get("payload_kg", asset.properties.get(f"{task.source}_kg"))
+        if isinstance(demand, int | float) and isinstance(brought, int | float) and brought > 0:
+            needed = max(1, math.ceil(demand / brought))
+            found[target.id] = min(found.get(target.id, needed), needed)
+    return found
 
 
 def _reach(node: Node, domains: dict[str, str], instance: Instance) -> Reach | None:
@@ -96,11 +164,12 @@ def _name(argument: Expr) -> str:
     return argument.name if isinstance(argument, Ref) else ""
 
 
-def _requests(instance: Instance, record: BoundaryRecord, reaches: tuple[Reach, ...]) -> Iterator[tuple[str, str]]:
-    """(target, assignee) of this boundary's requests, one per sender and target."""
-    seen: set[tuple[str, str]] = set()
+def _requests(instance: Instance, record: BoundaryRecord, reaches: tuple[Reach, ...]) -> Iterator[_Request]:
+    """The requests of one boundary, one per sender and target."""
     owner = {resource: agent.id for agent in instance.agents for resource in agent.controls}
+    controls = {agent.id: agent.controls[0] for agent in instance.agents if agent.controls}
     executors = {reach.executor for reach in reaches}
+    agents = {agent.id for agent in instance.agents}
     said = [
         (message.sender, str(message.body.get("assignee") or ""), message.body)
         for message in record.messages
@@ -108,23 +177,29 @@ def _requests(instance: Instance, record: BoundaryRecord, reaches: tuple[Reach, 
     ] + [
         (command.sender, command.resource, command.arguments)
         for command in record.commands
-        if command.resource in executors and owner.get(command.resource) != command.sender
+        if command.resource in executors and command.sender in agents and owner.get(command.resource) != command.sender
     ]
-    controls = {agent.id: agent.controls[0] for agent in instance.agents if agent.controls}
-    for sender, assignee, body in said:
-        target = _meant(instance, record, body, reaches)
-        if target is not None and (sender, target) not in seen:
-            seen.add((sender, target))
-            yield target, controls.get(assignee, assignee)
+    found: dict[tuple[str, str], dict[str, None]] = {}
+    for sender, named, body in said:
+        assignee = controls.get(named, named)
+        for target in _meant(instance, record, body, [one for one in reaches if _serves(one, assignee, instance)]):
+            found.setdefault((sender, target), {})[assignee] = None
+    for (sender, target), assignees in found.items():
+        yield _Request(sender, target, tuple(assignees))
 
 
-def _meant(
-    instance: Instance, record: BoundaryRecord, body: dict[str, Datum], reaches: tuple[Reach, ...]
-) -> str | None:
-    targets = {entity.id: entity.group for entity in instance.entities if entity.role == "target"}
-    named = next((value for value in body.values() if isinstance(value, str) and value in targets), None)
+def _serves(reach: Reach, assignee: str, instance: Instance) -> bool:
+    """Whether a request to `assignee` may mean a place in this reach; one to nobody known may mean any."""
+    return reach.executor == assignee or assignee not in {entity.id for entity in instance.entities}
+
+
+def _meant(instance: Instance, record: BoundaryRecord, body: dict[str, Datum], reaches: list[Reach]) -> tuple[str, ...]:
+    """The targets that a request names, else the nearest one in whose region its position lies."""
+    targets = _targets(instance)
+    words = [word for value in body.values() for word in (value if isinstance(value, tuple) else (value,))]
+    named = tuple(dict.fromkeys(word for word in words if isinstance(word, str) and word in targets))
     place = numbers(body.get("position"), 2) or numbers((body.get("x"), body.get("y")), 2)
-    if named is not None or place is None:
+    if named or place is None or _STEP in body:
         return named
     near = [
         (math.dist(place, state.position[:2]), state.id)
@@ -132,29 +207,45 @@ def _meant(
         for reach in reaches
         if targets.get(state.id) == reach.group and math.dist(place, state.position[:2]) <= reach.radius_m
     ]
-    return min(near)[1] if near else None
+    return (min(near)[1],) if near else ()
 
 
 def _entries(count: _Count, instance: Instance, record: BoundaryRecord, reaches: tuple[Reach, ...]) -> None:
     """Entries at every macro-step, in time order with the interactions that the engines performed in between. A
     target is completed by an unlocked interaction or by what the mission's success asks of it."""
-    groups = {entity.id: entity.group for entity in instance.entities if entity.role == "target"}
+    groups = _targets(instance)
     kinds = {unlock.interaction for unlock in instance.unlocks}
-    done = [(task.time_s, name) for task in record.task_events if task.kind in kinds for name in task.entities]
+    acts = [
+        task for task in record.task_events if task.kind in kinds and task.entities[:1] and task.entities[0] in groups
+    ]
     for snapshot in record.snapshots:
-        places = {state.id: state.position[:2] for state in snapshot.states}
+        states = {state.id: state for state in snapshot.states}
+        past = [task for task in acts if task.time_s <= snapshot.time_s]
+        acts = [task for task in acts if task.time_s > snapshot.time_s]
+        for target, executor in ((task.entities[0], task.entities[1]) for task in past if len(task.entities) > 1):
+            if (executor, target) not in count.inside:
+                count.inside.add((executor, target))
+                count.entry(target, executor)
         for reach in reaches:
             for target, group in groups.items():
-                if group != reach.group or target not in places or reach.executor not in places:
-                    continue
-                pair = (reach.executor, target)
-                if math.dist(places[reach.executor], places[target]) > reach.radius_m:
-                    count.inside.discard(pair)
-                elif pair not in count.inside:
-                    count.inside.add(pair)
-                    count.entry(target, reach.executor)
-        count.completed |= {name for time_s, name in done if time_s <= snapshot.time_s and name in groups}
+                if group == reach.group and target in states and reach.executor in states:
+                    _presence(count, states[reach.executor], states[target], reach.radius_m)
+        count.completed |= {name for task in past if not _left(task) for name in task.entities if name in groups}
     count.completed |= completed_at(instance, record)
+
+
+def _presence(count: _Count, body: BodyState, target: BodyState, radius_m: float) -> None:
+    pair = (body.id, target.id)
+    if math.dist(body.position[:2], target.position[:2]) > radius_m:
+        count.inside.discard(pair)
+    elif pair not in count.inside and math.hypot(*body.velocity) < STOPPED_MPS:
+        count.inside.add(pair)
+        count.entry(target.id, body.id)
+
+
+def _left(task: TaskEvent) -> bool:
+    """Whether an interaction left something to be done, as a delivery of a part does."""
+    return any(key.startswith(_LEFT) and value > 0 for key, value in task.values.items())
 
 
 def _states(record: BoundaryRecord) -> tuple[BodyState, ...]:

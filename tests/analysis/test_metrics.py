@@ -10,8 +10,8 @@ from lingjing.analysis.detection import detect, numbers
 from lingjing.analysis.metrics import Metrics, metrics
 from lingjing.analysis.repetition import Reach, reaches_of, repeated_target_rate
 from lingjing.mission.expression import Attr, Binary, Call, Number, Quantified, Ref
-from lingjing.mission.instance import Entity
-from lingjing.mission.model import Rule, RuleParameter
+from lingjing.mission.instance import AgentSpec, Entity
+from lingjing.mission.model import Rule, RuleParameter, Unlock
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import (
     Absent,
@@ -334,3 +334,87 @@ def test_reports_that_no_rule_judges_are_neither_true_nor_false(of, trace: Trace
     found = metrics(of(boundary(1, frames=(frame("a", 1, "victim[1]"),), messages=report(1, "a", 1)), header=header))
     assert (found.reports, found.false_positives, found.misses) == (1, 0, 0)
     assert (found.precision, found.recall, found.hallucination_rate) == (None, None, None)
+
+
+def courier_service(trace: Trace) -> object:
+    """The header of a delivery: two vans of 200 kg, stops of 250 kg and 100 kg that are served within 30 m, a depot."""
+    deliver = {"deliver_by": "road", "deliver_within_m": 30.0, "deliver_takes": "demand", "deliver_from": "load"}
+    restock = {"restock_by": "road", "restock_within_m": 50.0, "restock_gives": "load"}
+
+    def thing(name: str, group: str, role: str, **properties: object) -> Entity:
+        return Entity(
+            id=name, group=group, index=1, role=role, type=group, engine="road" if role == "asset" else "city",
+            position=(0.0, 0.0, 0.0), properties=properties,  # type: ignore[arg-type]
+        )  # fmt: skip
+
+    entities = (
+        thing("depot", "depot", "target", **restock),
+        thing("point[1]", "point", "target", demand_kg=250.0, **deliver),
+        thing("point[2]", "point", "target", demand_kg=100.0, **deliver),
+        thing("van[1]", "van", "asset", payload_kg=200.0),
+        thing("van[2]", "van", "asset", payload_kg=200.0),
+    )
+    agents = tuple(
+        AgentSpec(id=name, name="driver", index=1, role="driver", controls=(van,), commands=(van,), observes=())
+        for name, van in (("driver[1]", "van[1]"), ("driver[2]", "van[2]"))
+    )
+    unlock = Unlock(interaction="deliver", parameters=(), condition=Number(value=1.0))
+    asked = Call(function="served", arguments=(), rule=True)
+    instance = replace(
+        trace.header.instance, entities=entities, agents=agents, rules=(), unlocks=(unlock,), success=asked
+    )
+    return replace(trace.header, instance=instance)
+
+
+def vans(tick: int, one: float, two: float, mps: float = 0.0) -> Snapshot:
+    """The stops 1000 m apart and the vans so far east, the first one at a speed."""
+    places = {"depot": -1000.0, "point[1]": 0.0, "point[2]": 1000.0, "van[1]": one, "van[2]": two}
+    states = tuple(
+        BodyState(id=name, position=(x, 0.0, 0.0), velocity=(mps if name == "van[1]" else 0.0, 0.0, 0.0))
+        for name, x in places.items()
+    )
+    return Snapshot(time_s=10.0 * tick, states=states)
+
+
+def test_executors_come_from_the_interactions_of_targets(trace: Trace) -> None:
+    header = courier_service(trace)
+    assert reaches_of(header.instance) == (Reach("van[1]", "point", 30.0), Reach("van[2]", "point", 30.0))  # type: ignore[attr-defined]
+
+
+def test_rep_of_a_tour_that_splits_an_order(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]
+    """250 kg are for two vans; that a driver takes what the planner gives it is no request; the depot is no target."""
+    header, away = courier_service(trace), vans(0, -500.0, 500.0)
+
+    def tour(tick: int, driver: str, *stops: str) -> Envelope:
+        return assignment(tick, "planner", driver, stops=("depot", *stops))
+
+    def claim(tick: int, driver: str, x: float) -> Envelope:
+        return assignment(tick, driver, driver, position=(x, 0.0, 0.0))
+
+    plan = boundary(1, snapshots=(away,), messages=(
+        tour(1, "driver[1]", "point[1]"), tour(1, "driver[2]", "point[1]", "point[2]")))  # fmt: skip
+    taken = boundary(2, snapshots=(away,), messages=(
+        claim(2, "driver[1]", 3.0), claim(2, "driver[2]", 0.0), claim(2, "driver[2]", 990.0)))  # fmt: skip
+    assert repeated_target_rate(of(plan, header=header)) == 0.0
+    assert repeated_target_rate(of(plan, taken, header=header)) == 0.0
+    again = boundary(3, snapshots=(away,), messages=(claim(3, "driver[1]", 1000.0),))
+    assert repeated_target_rate(of(plan, taken, again, header=header)) == 1 / 3
+
+
+def test_rep_counts_who_stops_or_acts_and_not_who_drives_past(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]
+    header = courier_service(trace)
+    assert repeated_target_rate(of(boundary(1, snapshots=(vans(1, 0.0, 500.0, 9.0),)), header=header)) is None
+    part = TaskEvent(kind="deliver", entities=("point[1]", "van[1]"), time_s=10.0, values={"left_kg": 50.0})
+    first = boundary(1, snapshots=(vans(1, 0.0, 500.0, 9.0),), task_events=(part,))
+    rest = boundary(2, snapshots=(vans(2, 500.0, 5.0),))
+    assert repeated_target_rate(of(first, rest, header=header)) == 0.0  # the rest was still due
+    whole = replace(first, task_events=(replace(part, values={"left_kg": 0.0}),))
+    assert repeated_target_rate(of(whole, rest, header=header)) == 1 / 2
+
+
+def test_a_step_of_guidance_assigns_nothing(of) -> None:  # type: ignore[no-untyped-def]
+    far = at(0, v1=(0.0, 0.0), v2=(500.0, 0.0), boat=(0.0, 300.0))
+    step = assignment(1, "scout[1]", "skipper", step="left", position=(0.0, 0.0, 0.0))
+    assert repeated_target_rate(of(boundary(1, snapshots=(far,), messages=(step,)))) is None
+    named = assignment(1, "scout[1]", "skipper", step="left", what="victim[1]")
+    assert repeated_target_rate(of(boundary(1, snapshots=(far,), messages=(named,)))) == 0.0
