@@ -82,7 +82,7 @@ class Metrics(msgspec.Struct, frozen=True, kw_only=True):
     """Agent steps without a command."""
 
     coverage: float | None
-    """Visited search cells over all search cells."""
+    """Visited search cells over all search cells that agents observe; None where nobody observes any."""
     frames: int
     absent_frames: int
     stages: tuple[StageMetric, ...] = ()
@@ -131,7 +131,7 @@ def metrics(trace: Trace) -> Metrics:
         cost_usd=usage.cost_usd,
         substitutions=sum(bool(made.substituted) for made in decisions),
         idle_fraction=ratio(sum(made.decision.command is None for made in decisions), len(decisions)),
-        coverage=ratio(len(_visited(trace)), len(trace.header.instance.cells)),
+        coverage=_coverage(trace),
         frames=len(trace.frames),
         absent_frames=_absent(trace),
         stages=_stages(trace),
@@ -165,11 +165,13 @@ def _usage(decisions: Iterable[DecisionRecord]) -> Usage:
     )
 
 
-def _visited(trace: Trace) -> set[str]:
-    """Cells that the shared search state shows as visited, in any agent's observation."""
-    cells = {cell.name for cell in trace.header.instance.cells}
+def _coverage(trace: Trace) -> float | None:
+    """Cells that the shared search state shows as visited, in any agent's observation, over those of its grids."""
+    instance = trace.header.instance
+    grids = {channel.name for agent in instance.agents for channel in agent.observes if channel.source == "grid"}
+    cells = {cell.name for cell in instance.cells if cell.grid in grids}
     views = (view for record in trace.boundaries for seen in record.observations for view in seen.cells)
-    return cells & {view.name for view in views if view.visited_tick is not None}
+    return ratio(len(cells & {view.name for view in views if view.visited_tick is not None}), len(cells))
 
 
 def _absent(trace: Trace) -> int:

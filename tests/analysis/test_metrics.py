@@ -265,6 +265,18 @@ def test_a_mission_without_targets_has_no_gap(of, trace: Trace, synthetic: Modul
     assert metrics(Trace(trace.path, trace.header, (), trace.outcome, False)).gap == 0.0
 
 
+def test_a_grid_that_nobody_observes_has_no_coverage(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]
+    """As where a grid only names the quarters of a city: nobody could visit its cells."""
+    instance = trace.header.instance
+    blind = tuple(
+        replace(agent, observes=tuple(channel for channel in agent.observes if channel.source != "grid"))
+        for agent in instance.agents
+    )
+    header = replace(trace.header, instance=replace(instance, agents=blind))
+    assert metrics(of(*trace.boundaries)).coverage == metrics(trace).coverage != 0.0
+    assert metrics(of(*trace.boundaries, header=header)).coverage is None
+
+
 def test_metrics_are_plain_data(trace: Trace) -> None:
     found = metrics(trace)
     assert msgspec.json.decode(msgspec.json.encode(found), type=Metrics) == found
