@@ -7,7 +7,7 @@ import pytest
 
 from lingjing.mission.instance import Entity
 from lingjing.plugins.engines.camera.classes import CLASSES, FIRST_ENTITY, semantic_picture, semantic_table
-from lingjing.plugins.engines.camera.facing import walls_of
+from lingjing.plugins.engines.camera.facing import planes_of, walls_of
 from lingjing.plugins.engines.camera.mesh_rows import walls
 from lingjing.plugins.engines.camera.programs import active, carried, uniforms
 from lingjing.plugins.engines.camera.sight import sky_bounds
@@ -36,17 +36,28 @@ def test_lines_that_are_switched_off_are_left_out() -> None:
     assert active(source) == "#define A\none\nthree\n"
 
 
-def test_walls_that_face_the_sun_come_first_and_near_ones_before_far_ones() -> None:
+def test_walls_that_face_eye_and_sun_come_first_and_near_ones_before_far_ones() -> None:
     part = walls(SQUARE, 0.0, 5.0, (0.5, 0.5, 0.5), 11)
-    index, lit = walls_of(part).ordered((-20.0, 5.0, 2.0), (-0.8, 0.0, 0.6))
-    assert sorted(map(tuple, index.tolist())) == sorted(map(tuple, part.index.reshape(-1, 3).tolist()))
-    assert lit == 6
-    normals = part.vertices["normal"][index[:, 0]]
+    eye, sun = np.array((-20.0, -5.0, 2.0)), np.array((-0.8, 0.0, 0.6))
+    index, lit, seen = walls_of(part).ordered((-20.0, -5.0, 2.0), (-0.8, 0.0, 0.6))
+    triangles = index.reshape(-1, 3)
+    assert sorted(map(tuple, triangles.tolist())) == sorted(map(tuple, part.index.reshape(-1, 3).tolist()))
+    assert (lit, seen) == (6, 12)  # the west wall, then the south wall
+    normals, corners = part.vertices["normal"][triangles[:, 0]], part.vertices["position"][triangles]
     assert (normals[:2, 0] < -0.99).all()
-    assert (normals[2:] @ np.array((-0.8, 0.0, 0.6)) <= 1e-6).all()
-    corners = part.vertices["position"][index[2:]]
-    nearest = np.linalg.norm(corners - np.array((-20.0, 5.0, 2.0)), axis=2).min(axis=1)
+    assert (normals[2:4, 1] < -0.99).all()
+    assert (normals[:2] @ sun > 0.0).all() and (normals[2:4] @ sun <= 1e-6).all()
+    assert (np.einsum("ij,ij->i", normals[4:], eye - corners[4:, 0]) < 0.0).all()
+    nearest = np.linalg.norm(corners[4:] - eye, axis=2).min(axis=1)
     assert (np.diff(nearest) >= 0.0).all()
+
+
+def test_of_ranges_only_what_faces_the_eye_is_drawn() -> None:
+    part = walls(SQUARE, 0.0, 5.0, (0.5, 0.5, 0.5), 11)
+    planes = planes_of(part)
+    west = planes.among([(0, len(part.index))], (-20.0, 5.0, 2.0))
+    assert len(west) == 6 and (part.vertices["normal"][west][:, 0] < -0.99).all()
+    assert len(planes.among([(0, 6), (12, 6)], (5.0, 5.0, 2.0))) == 0  # from within, every wall is seen from behind
 
 
 @pytest.mark.parametrize("roll", [0.0, 25.0, -60.0])

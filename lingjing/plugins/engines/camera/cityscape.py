@@ -20,7 +20,7 @@ from lingjing.plugins.engines.camera import city_shaders as shaders
 from lingjing.plugins.engines.camera import programs
 from lingjing.plugins.engines.camera.classes import FIRST_ENTITY
 from lingjing.plugins.engines.camera.effects import SHOWING, Dress
-from lingjing.plugins.engines.camera.facing import Walls, walls_of
+from lingjing.plugins.engines.camera.facing import Walls, planes_of, walls_of
 from lingjing.plugins.engines.camera.instances import Batch, prop_batches
 from lingjing.plugins.engines.camera.light import Light
 from lingjing.plugins.engines.camera.mesh_rows import LAYOUT, Index, Part, empty
@@ -160,7 +160,7 @@ class Cityscape:
         self._residents: OrderedDict[Key, Resident] = OrderedDict()
         self.plate = build_plate(city)
         self._blocks = self._upload("wall", self._skyline.blocks, casts=False)
-        self._block_index = self._skyline.blocks.index
+        self._block_planes = planes_of(self._skyline.blocks)
         self._skyline = replace(self._skyline, blocks=empty())
         self._ground = self._upload("ground", self.plate.ground, casts=False)
         self._quays = self._upload("plain", self.plate.quays, casts=False)
@@ -366,7 +366,7 @@ class Cityscape:
             self._draw(resident.sheets, "plain", mode, one_sided=False, count=count)
         for blunt, ranges in ((False, view.far), (True, view.farther)):
             if ranges:
-                self._draw_blocks(ranges, Mode(wet, night, False, blunt=blunt))
+                self._draw_blocks(ranges, eye, Mode(wet, night, False, blunt=blunt))
         self._context.disable(moderngl.CULL_FACE)
 
     def floors(self, view: View, wet: bool, night: bool) -> None:
@@ -395,21 +395,24 @@ class Cityscape:
                 self._context.disable(moderngl.CULL_FACE)
             sheets[name].lit[mode].render(moderngl.TRIANGLES, vertices=count)
 
-    def _draw_walls(self, sheet: Sheet, index: Index, lit: int, mode: Mode) -> None:
+    def _draw_walls(self, sheet: Sheet, index: Index, lit: int, seen: int, mode: Mode) -> None:
         self._one_sided()
         sheet.buffers[1].write(index.tobytes())
         if not mode.sunlit:
-            sheet.lit[mode].render(moderngl.TRIANGLES)
+            if seen:
+                sheet.lit[mode].render(moderngl.TRIANGLES, vertices=seen)
             return
         if lit:
             sheet.lit[mode].render(moderngl.TRIANGLES, vertices=lit)
-        if lit < sheet.count:
+        if lit < seen:
             averted = mode._replace(sunlit=False, averted=True)
-            sheet.lit[averted].render(moderngl.TRIANGLES, vertices=sheet.count - lit, first=lit)
+            sheet.lit[averted].render(moderngl.TRIANGLES, vertices=seen - lit, first=lit)
 
-    def _draw_blocks(self, ranges: Sequence[tuple[int, int]], mode: Mode) -> None:
+    def _draw_blocks(self, ranges: Sequence[tuple[int, int]], eye: tuple[float, float, float], mode: Mode) -> None:
         self._one_sided()
-        index = np.concatenate([self._block_index[first : first + count] for first, count in ranges])
+        index = self._block_planes.among(ranges, eye)
+        if not len(index):
+            return
         self._blocks.buffers[1].write(index.tobytes())
         self._blocks.lit[mode].render(moderngl.TRIANGLES, vertices=len(index))
 
