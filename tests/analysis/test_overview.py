@@ -1,5 +1,6 @@
 """The overview is drawn for whole, cut, empty and odd traces, and its labels keep out of each other's way."""
 
+import dataclasses
 import itertools
 from pathlib import Path
 
@@ -12,7 +13,8 @@ from PIL import Image
 
 from lingjing.analysis.overview import draw_overview, style
 from lingjing.analysis.overview.pictures import best_views, whole_frame
-from lingjing.analysis.story import tell
+from lingjing.analysis.overview.timeline import draw_events
+from lingjing.analysis.story import Happened, Story, tell
 from lingjing.errors import UsageError
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import Outcome
@@ -108,3 +110,31 @@ def test_colours_are_distinct_and_shades_end_at_white() -> None:
     colours = style.asset_colours([f"uav[{place}]" for place in range(16)])
     assert len(set(colours.values())) == 16
     assert style.shaded("#123456", 1.0) == "#123456" and style.shaded("#123456", 0.0) == "#ffffff"
+
+
+def marks(story: Story, *entities: str) -> list[str]:
+    """What stands in the dots of events about `entities`."""
+    figure = Figure(figsize=(8, 2))
+    FigureCanvasAgg(figure)
+    axes = figure.add_axes((0.1, 0.1, 0.8, 0.8))
+    happened = tuple(Happened("rescued", tick, entity) for tick, entity in enumerate(entities))
+    draw_events(axes, dataclasses.replace(story, happened=happened))
+    return [text.get_text() for text in axes.texts]
+
+
+def test_a_dot_holds_its_targets_own_number(trace: Trace) -> None:
+    """A depot before twenty stops must not shift their numbers; two groups that share numbers are told apart."""
+    story = tell(trace)
+    victims = [entity for entity in story.instance.entities if entity.group == "victim"]
+    depot = replace(victims[0], id="depot", group="depot")
+    tracks = {"depot": dataclasses.replace(story.tracks["victim[1]"], entity="depot"), **story.tracks}
+    with_depot = dataclasses.replace(
+        story, instance=replace(story.instance, entities=(depot, *story.instance.entities)), tracks=tracks
+    )
+    assert marks(with_depot, "depot", "victim[1]", "victim[3]") == ["D", "1", "3"]
+    jam = replace(victims[0], id="jam[1]", group="jam", index=1)
+    tracks = {**story.tracks, "jam[1]": dataclasses.replace(story.tracks["victim[1]"], entity="jam[1]")}
+    with_jam = dataclasses.replace(
+        story, instance=replace(story.instance, entities=(*story.instance.entities, jam)), tracks=tracks
+    )
+    assert marks(with_jam, "jam[1]", "victim[1]") == ["J1", "V1"]

@@ -36,11 +36,13 @@ def draw_messages(axes: Axes, story: Story) -> None:
 
 
 def draw_events(axes: Axes, story: Story) -> None:
-    """A lane for each kind of event, a dot for each, in its target's colour and with its index."""
+    """A lane for each kind of event, a dot for each, in its target's colour and with its own number: a group's members
+    have their numbers, with the group's letter where several groups have some; who has no number has its letter."""
     kinds = [rule.name for rule in story.instance.rules]
     kinds += [event.kind for event in story.happened if event.kind not in kinds]
     lanes = {kind: place for place, kind in enumerate(dict.fromkeys(kinds))}
     targets = [track.entity for track in story.tracks_of("target")]
+    marks = _marks(story)
     crowd: dict[tuple[str, int], list[str]] = defaultdict(list)
     for event in story.happened:
         crowd[event.kind, event.tick].append(event.entity)
@@ -54,7 +56,7 @@ def draw_events(axes: Axes, story: Story) -> None:
             axes.plot(x, lanes[kind], "o", ms=10, mfc=colour, mec="white", mew=0.7, zorder=3)
             if index >= 0:
                 axes.text(
-                    x, lanes[kind], str(index + 1), color="white", fontsize=7, ha="center", va="center_baseline",
+                    x, lanes[kind], marks[entity], color="white", fontsize=7, ha="center", va="center_baseline",
                     fontweight="bold", zorder=4,
                 )  # fmt: skip
     axes.set_yticks(list(lanes.values()), list(lanes))
@@ -62,6 +64,19 @@ def draw_events(axes: Axes, story: Story) -> None:
     few = targets if len(targets) <= style.CROWD else []  # a crowd is told apart by the numbers in the dots
     entries = [_dot(style.target_colour(place), name) for place, name in enumerate(few)]
     _finish(axes, story, "Events", entries)
+
+
+def _marks(story: Story) -> dict[str, str]:
+    """What stands in a target's dot."""
+    targets = [entity for entity in story.instance.entities if entity.role == "target"]
+    numbered = {entity.group for entity in targets if entity.id != entity.group}
+    letter = {entity.group: entity.group[:1].upper() for entity in targets}
+    return {
+        entity.id: letter[entity.group]
+        if entity.id == entity.group
+        else f"{letter[entity.group] if len(numbered) > 1 else ''}{entity.index}"
+        for entity in targets
+    }
 
 
 def draw_batteries(axes: Axes, story: Story) -> None:
