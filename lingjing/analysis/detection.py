@@ -2,9 +2,9 @@
 
 The kernel decides which report matches which target (`adjudicate matched`, one to one in a frame); here it is
 counted. A report of a kind that no such rule compares with the truth (a jam, which the engine records when the UAV is
-near) is neither true nor false. Aligned frames are all stored frames: each was handed to a policy at its boundary; a
-mission that judges no reports has none. A report counts once, whether many heard it or nobody. A target without visible
-pixels is not evaluated in a frame.
+near) is neither true nor false. Aligned frames are all stored frames, each of which was handed to a policy at its
+boundary, but reference pictures, of which no report may speak; a mission that judges no reports has none. A report
+counts once, whether many heard it or nobody. A target without visible pixels is not evaluated in a frame.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from statistics import median
 
 from lingjing.analysis.spoken import Spoken, spoken
+from lingjing.kernel.references import CAMERA as REFERENCE
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import FrameInfo
 
@@ -117,7 +118,7 @@ def detect(trace: Trace) -> Detection:
         elif report.target is not None:
             hits.setdefault(report.frame, set()).add(report.target)
     targets = {entity.id for entity in trace.header.instance.entities if entity.role == "target"}
-    frames = tuple(trace.frames.values()) if _judged(trace) else ()
+    frames = shots(trace) if judged_kinds(trace) else ()
     missed = {frame.id: len(_visible(frame, targets) - hits.get(frame.id, set())) for frame in frames}
     return Detection(
         reports=reports,
@@ -133,6 +134,18 @@ def detect(trace: Trace) -> Detection:
 def matching_rules(trace: Trace) -> frozenset[str]:
     """Names of the rules that compare a report with the truth."""
     return frozenset(rule.name for rule in trace.header.instance.rules if rule.matching)
+
+
+def shots(trace: Trace) -> tuple[FrameInfo, ...]:
+    """The frames that somebody's camera took during the episode: all but reference pictures."""
+    return tuple(frame for frame in trace.frames.values() if frame.camera != REFERENCE)
+
+
+def judged_kinds(trace: Trace) -> frozenset[str]:
+    """The kinds of messages that a matching rule compares with the truth."""
+    kinds = {kind.kind for kind in trace.header.instance.messages}
+    rules = (rule for rule in trace.header.instance.rules if rule.matching)
+    return frozenset(kinds & {parameter.domain for rule in rules for parameter in rule.parameters})
 
 
 def position_of(trace: Trace, entity: str, tick: int) -> tuple[float, float] | None:
@@ -158,15 +171,8 @@ def numbers(value: object, count: int) -> tuple[float, ...] | None:
     return tuple(plain) if len(plain) == count else None
 
 
-def _judged(trace: Trace) -> frozenset[str]:
-    """The kinds of messages that a matching rule compares with the truth."""
-    kinds = {kind.kind for kind in trace.header.instance.messages}
-    rules = (rule for rule in trace.header.instance.rules if rule.matching)
-    return frozenset(kinds & {parameter.domain for rule in rules for parameter in rule.parameters})
-
-
 def _reports(trace: Trace) -> Iterator[Report]:
-    matches, judged = _matches(trace), _judged(trace)
+    matches, judged = _matches(trace), judged_kinds(trace)
     for message in spoken(trace):
         if message.category == "report":
             yield _report(trace, message, matches.get(message.id), message.kind in judged)

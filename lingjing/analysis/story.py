@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from lingjing.analysis.completion import asked_groups, completion_ticks
-from lingjing.analysis.detection import Report, detect
+from lingjing.analysis.detection import Report, detect, judged_kinds, shots
 from lingjing.analysis.spoken import Spoken, spoken
 from lingjing.mission.instance import Instance
+from lingjing.plugins.tasks import possible
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import FrameInfo
 
@@ -37,17 +39,24 @@ class Happened:
 @dataclass(frozen=True, slots=True)
 class Story:
     """Everything the overview draws. `fate` is `completed`, `found` or `missed` for each target, `aside` for one that
-    success asks nothing of and nobody reported (a depot, a jam); `completed` says at which tick."""
+    success asks nothing of and with which nobody did anything (a depot, a jam not seen); `completed` says at which
+    tick. `deeds` are the words of those that somebody dealt with beside what success asks (a jam `recorded`). `shots`
+    are the frames without reference pictures; `reporting` if anybody may report, `judging` if a rule compares reports
+    with the truth."""
 
     instance: Instance
     tracks: dict[str, Track]
     reports: tuple[Report, ...]
     frames: dict[str, FrameInfo]
+    shots: tuple[FrameInfo, ...]
+    reporting: bool
+    judging: bool
     said: tuple[Spoken, ...]
     happened: tuple[Happened, ...]
     refusals: tuple[tuple[int, str], ...]
     visited: frozenset[str]
     fate: dict[str, str]
+    deeds: dict[str, str]
     completed: dict[str, int]
     ticks: int
 
@@ -60,11 +69,15 @@ def tell(trace: Trace) -> Story:
     """Gather the story of one trace, whole or cut."""
     instance = trace.header.instance
     reports = detect(trace).reports
+    dealt = _dealt_with(trace)
     return Story(
         instance=instance,
         tracks={entity.id: _track(trace, entity.id, entity.role) for entity in instance.entities},
         reports=reports,
         frames=dict(trace.frames),
+        shots=shots(trace),
+        reporting=any(kind.category == "report" for kind in instance.messages),
+        judging=bool(judged_kinds(trace)),
         said=spoken(trace),
         happened=_happened(trace),
         refusals=tuple(
@@ -80,7 +93,8 @@ def tell(trace: Trace) -> Story:
             for view in seen.cells
             if view.visited_tick is not None
         ),
-        fate=_fate(trace, reports),
+        fate=_fate(trace, reports, dealt),
+        deeds=dealt,
         completed=completion_ticks(trace),
         ticks=trace.boundaries[-1].tick if trace.boundaries else 0,
     )
@@ -118,8 +132,20 @@ def _happened(trace: Trace) -> tuple[Happened, ...]:
     )
 
 
-def _fate(trace: Trace, reports: tuple[Report, ...]) -> dict[str, str]:
-    completed, found = completion_ticks(trace), {report.target for report in reports}
+def _dealt_with(trace: Trace) -> dict[str, str]:
+    """What assets did, as the engines say, with each target but take what it hands out: `recorded`."""
+    done = {(task.kind, name) for record in trace.boundaries for task in record.task_events for name in task.entities}
+    found: dict[str, str] = {}
+    for entity in trace.header.instance.entities:
+        for task in possible(entity) if entity.role == "target" else ():
+            if not task.gives and (task.name, entity.id) in done:
+                word = entity.properties.get(f"{task.name}_status")
+                found[entity.id] = word if isinstance(word, str) else f"{task.name.removesuffix('e')}ed"
+    return found
+
+
+def _fate(trace: Trace, reports: tuple[Report, ...], dealt: Iterable[str]) -> dict[str, str]:
+    completed, found = completion_ticks(trace), {report.target for report in reports}.union(dealt)
     asked = asked_groups(trace.header.instance)
     return {
         entity.id: "completed"

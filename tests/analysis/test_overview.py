@@ -11,13 +11,17 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
+from lingjing.analysis.detection import detect
+from lingjing.analysis.metrics import metrics
 from lingjing.analysis.overview import draw_overview, style
+from lingjing.analysis.overview.mapview import draw_map
 from lingjing.analysis.overview.pictures import best_views, whole_frame
+from lingjing.analysis.overview.score import draw_score
 from lingjing.analysis.overview.timeline import draw_events
 from lingjing.analysis.story import Happened, Story, tell
 from lingjing.errors import UsageError
 from lingjing.trace.reader import Trace
-from lingjing.trace.records import Outcome
+from lingjing.trace.records import Outcome, TaskEvent
 
 replace = msgspec.structs.replace
 
@@ -138,3 +142,85 @@ def test_a_dot_holds_its_targets_own_number(trace: Trace) -> None:
         story, instance=replace(story.instance, entities=(*story.instance.entities, jam)), tracks=tracks
     )
     assert marks(with_jam, "jam[1]", "victim[1]") == ["J1", "V1"]
+
+
+def unjudged(trace: Trace, *, reporting: bool = True) -> Trace:
+    """The episode in a mission whose rules compare no report with the truth, or that knows no reports."""
+    instance = trace.header.instance
+    messages = instance.messages if reporting else tuple(m for m in instance.messages if m.category != "report")
+    header = replace(trace.header, instance=replace(instance, rules=(), messages=messages))
+    quiet = tuple(
+        replace(record, events=(), messages=record.messages if reporting else ()) for record in trace.boundaries
+    )
+    return Trace(trace.path, header, quiet, trace.outcome, True, trace.places)
+
+
+def with_reference(trace: Trace) -> Trace:
+    """The episode with a large reference picture of a target at its beginning."""
+    frame = next(frame for frame in trace.frames.values() if frame.boxes)
+    box = replace(frame.boxes[0], box=(0.0, 0.0, 1.0, 1.0), pixels=10**6)
+    shown = replace(frame, id="r0", entity=box.entity, camera="reference", tick=0, time_s=0.0, boxes=(box,) * 9)
+    first = replace(trace.boundaries[0], frames=(shown, *trace.boundaries[0].frames))
+    return Trace(trace.path, trace.header, (first, *trace.boundaries[1:]), trace.outcome, True, trace.places)
+
+
+def written(draw, *args: object, **options: object) -> list[str]:  # type: ignore[no-untyped-def]
+    """Every word that a panel draws, its legend's included."""
+    figure = Figure(figsize=(9, 6))
+    FigureCanvasAgg(figure)
+    axes = figure.add_axes((0.1, 0.1, 0.8, 0.8))
+    draw(axes, *args, **options)
+    legend = axes.get_legend()
+    return [text.get_text() for text in (*axes.texts, *(legend.get_texts() if legend else ()))]
+
+
+def test_a_reference_picture_is_no_evidence(trace: Trace) -> None:
+    shown = with_reference(trace)
+    story = tell(shown)
+    assert "r0" in story.frames
+    frame = whole_frame(story)
+    assert frame is not None and frame.camera != "reference"
+    assert all(view.frame.camera != "reference" for view in best_views(story, 9))
+    assert detect(shown) == detect(trace)
+
+
+def test_where_nobody_reports_the_last_picture_is_shown(trace: Trace) -> None:
+    silent = tell(unjudged(trace, reporting=False))
+    frame = whole_frame(silent)
+    assert frame is not None and frame.tick == max(shot.tick for shot in silent.shots)
+
+
+def test_where_no_report_is_judged_nothing_is_called_missed_or_false(trace: Trace) -> None:
+    loose = unjudged(trace)
+    story = tell(loose)
+    captions = [view.caption for view in best_views(story, 99)]
+    assert any("reported" in caption for caption in captions) and any("in view" in caption for caption in captions)
+    assert not any("not reported" in caption or "false" in caption for caption in captions)
+    score = written(draw_score, metrics(loose), complete=True, judging=story.judging)
+    assert "5, none judged" in score and "matched reports" not in score and "precision" not in score
+    silent = unjudged(trace, reporting=False)
+    assert not {"reports", "matched reports"} & set(written(draw_score, metrics(silent), complete=True, judging=False))
+    missed = dataclasses.replace(story, fate=dict.fromkeys(story.fate, "missed"))
+    words = " ".join(written(draw_map, missed))
+    assert "not done" in words and "missed" not in words and "false report" not in words
+    judged = dataclasses.replace(missed, judging=True)
+    assert "victim[1] missed" in written(draw_map, judged) and "false report" in written(draw_map, judged)
+
+
+def test_what_the_engine_recorded_looks_found(trace: Trace) -> None:
+    """A jam of which success asks nothing, over which somebody flew."""
+    instance = trace.header.instance
+    victim = next(entity for entity in instance.entities if entity.group == "victim")
+    jam = {"record_by": "multirotor", "record_within_m": 25.0, "record_status": "recorded"}
+    jams = tuple(replace(victim, id=f"jam[{n}]", group="jam", index=n, properties=jam) for n in (1, 2))
+    header = replace(trace.header, instance=replace(instance, entities=(*instance.entities, *jams)))
+    event = TaskEvent(kind="record", entities=("jam[1]", "uav[1]"), time_s=10.0)
+    first = replace(trace.boundaries[1], task_events=(*trace.boundaries[1].task_events, event))
+    story = tell(Trace(trace.path, header, (trace.boundaries[0], first, *trace.boundaries[2:]), None, False))
+    assert (story.fate["jam[1]"], story.fate["jam[2]"], story.deeds["jam[1]"]) == ("found", "aside", "recorded")
+
+
+def test_a_spent_budget_is_called_out_of_time(trace: Trace) -> None:
+    lost = replace(metrics(trace), success=False, reason="budget")
+    assert "OUT OF TIME" in written(draw_score, lost, complete=True)
+    assert "INFRASTRUCTURE ABORT" in written(draw_score, replace(lost, reason="infrastructure-abort"), complete=True)

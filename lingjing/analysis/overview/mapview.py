@@ -23,6 +23,8 @@ STRAY_M = 400.0
 STILL_M = 0.05
 """A macro-step shorter than this is waiting."""
 
+UNDONE = "not done"
+
 
 def draw_map(axes: Axes, story: Story, city: City | None = None, credit: str = "", legend_columns: int = 0) -> None:
     """Fill `axes` with the episode's map, east to the right, metres: on `city` if it is there, on blank ground else.
@@ -174,11 +176,19 @@ def _names(axes: Axes, story: Story, labels: style.Labels) -> None:
         if track.points:
             fate = story.fate[track.entity]
             plain = fate == "aside" or len(targets) > style.CROWD  # its colour says the rest
-            name = track.entity if plain else f"{track.entity} {fate}"
+            name = track.entity if plain else f"{track.entity} {_word(story, track.entity)}"
             labels.add(name, _fate_place(story, track), style.FATES[fate], 8.5)
     for track in assets:
         if track.points:
             labels.add(track.entity, track.points[-1], colours[track.entity])
+
+
+def _word(story: Story, target: str) -> str:
+    """What became of a target; where no report is judged, nobody can have overlooked one."""
+    fate = story.fate[target]
+    return (
+        UNDONE if fate == "missed" and not story.judging else story.deeds.get(target, fate) if fate == "found" else fate
+    )
 
 
 def _scale(axes: Axes, west: float, south: float, width: float, height: float) -> None:
@@ -225,12 +235,13 @@ def _legend(axes: Axes, story: Story, columns: int) -> None:
         mark(".", "picture taken", color=style.INK, ms=5),
         mark("D", "target at start", mfc="white", mec=style.INK, ms=5),
         *(
-            mark("*", "other place" if fate == "aside" else f"target {fate}", mfc=style.FATES[fate], mec="white", ms=12)
+            mark("*", "other place" if fate == "aside" else f"target {word}", mfc=style.FATES[fate], mec="white", ms=12)
             for fate in style.FATES
-            if fate != "aside" or fate in story.fate.values()
+            for word in (UNDONE if fate == "missed" and not story.judging else fate,)
+            if fate in story.fate.values() or (fate != "aside" and story.judging)
         ),
-        mark("+", "report, line to truth", mec=style.CLAIM, ms=8, mew=1.4),
-        mark("x", "false report", mec=style.FATES["missed"], ms=6, mew=1.4),
+        *([mark("+", "report, line to truth", mec=style.CLAIM, ms=8, mew=1.4)] if story.reporting else []),
+        *([mark("x", "false report", mec=style.FATES["missed"], ms=6, mew=1.4)] if story.judging else []),
     ]
     axes.legend(
         handles=entries,

@@ -1,7 +1,8 @@
 """What the agents saw: the best detections cut out of their frames, and one whole frame.
 
 The truth is drawn in green, the report in magenta. Where nothing was reported, the largest views of targets that
-were missed are shown instead.
+were missed are shown instead; where nobody may report, the last frame is the whole one. Reference pictures are none
+of this: they were shown to the agents, not seen by them.
 """
 
 from __future__ import annotations
@@ -21,6 +22,8 @@ from lingjing.kernel.predicates import overlap
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import FrameInfo
 
+FRONT = "front"
+
 
 @dataclass(frozen=True, slots=True)
 class View:
@@ -32,11 +35,14 @@ class View:
     entity: str
     overlap: float
     error_m: float | None
+    judged: bool = True
 
     @property
     def caption(self) -> str:
         """Two lines under the picture."""
         first = f"{self.entity or 'nothing there'} · {self.frame.entity} · tick {self.frame.tick}"
+        if not self.judged:
+            return f"{first}\n{'in view' if self.claim is None else 'reported'}"
         if self.claim is None:
             return f"{first}\nvisible, not reported"
         if self.truth is None:
@@ -53,19 +59,24 @@ def best_views(story: Story, count: int) -> list[View]:
         first.setdefault(view.entity, view)
     firsts = sorted(first.values(), key=lambda view: view.frame.tick)
     others = [view for view in matches if view not in firsts]
-    return [*firsts, *_false(story)[:1], *_missed(story, set(first)), *others, *_false(story)[1:]][:count]
+    return [*firsts, *_unjudged(story), *_false(story)[:1], *_missed(story, set(first)), *others, *_false(story)[1:]][
+        :count
+    ]
 
 
 def whole_frame(story: Story) -> FrameInfo | None:
-    """The frame with the most targets in it; among equals one that a report speaks of."""
-    spoken = {report.frame for report in story.reports if report.target is not None}
+    """The frame with the most targets in it, among equals one that a report speaks of; where no report is judged, one
+    that is spoken of before others; the last one where nobody may report."""
+    if not story.reporting:
+        return max(story.shots, key=lambda frame: (frame.time_s, frame.camera == FRONT), default=None)
+    spoken = {report.frame for report in story.reports if report.target is not None or not report.judged}
     targets = set(story.fate)
 
     def worth(frame: FrameInfo) -> tuple[int, bool, int]:
         seen = [truth for truth in frame.boxes if truth.entity in targets]
-        return len(seen), frame.id in spoken, sum(truth.pixels for truth in seen)
+        return len(seen) if story.judging else 0, frame.id in spoken, sum(truth.pixels for truth in seen)
 
-    return max(story.frames.values(), key=worth, default=None)
+    return max(story.shots, key=worth, default=None)
 
 
 def draw_view(axes: Axes, trace: Trace, view: View) -> None:
@@ -125,13 +136,25 @@ def _false(story: Story) -> list[View]:
     ]
 
 
+def _unjudged(story: Story) -> list[View]:
+    """What was reported where no rule compares it with the truth."""
+    return [
+        View(story.frames[report.frame], None, report.box, report.cls, 0.0, None, judged=False)
+        for report in story.reports
+        if not report.judged and report.box is not None and report.frame in story.frames
+    ]
+
+
 def _missed(story: Story, found: set[str]) -> list[View]:
     best: dict[str, tuple[int, View]] = {}
     wanted = set(story.fate) - found
-    for frame in story.frames.values():
+    for frame in story.shots:
         for truth in frame.boxes:
             if truth.entity in wanted and truth.pixels > best.get(truth.entity, (0,))[0]:
-                best[truth.entity] = (truth.pixels, View(frame, truth.box, None, truth.entity, 0.0, None))
+                best[truth.entity] = (
+                    truth.pixels,
+                    View(frame, truth.box, None, truth.entity, 0.0, None, story.judging),
+                )
     return [view for _, view in best.values()]
 
 

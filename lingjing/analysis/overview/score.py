@@ -7,9 +7,12 @@ from matplotlib.axes import Axes
 from lingjing.analysis.metrics import Metrics
 from lingjing.analysis.overview import style
 
+ENDINGS = {"budget": "out of time"}
+"""Reasons that read better in other words."""
 
-def draw_score(axes: Axes, numbers: Metrics, *, complete: bool) -> None:
-    """Verdict on top, two columns of figures, the stages at the bottom."""
+
+def draw_score(axes: Axes, numbers: Metrics, *, complete: bool, judging: bool = True) -> None:
+    """Verdict on top, two columns of figures, the stages at the bottom; `judging` if the mission judges reports."""
     style.bare(axes)
     axes.set_facecolor(style.PANEL)
     axes.set_xlim(0, 1)
@@ -17,7 +20,7 @@ def draw_score(axes: Axes, numbers: Metrics, *, complete: bool) -> None:
     verdict, colour = _verdict(numbers, complete)
     axes.text(0.03, 0.895, verdict, fontsize=17, fontweight="bold", color=colour, va="center")
     axes.text(0.97, 0.895, f"SCR {_share(numbers.scr)}", fontsize=14, color=style.INK, va="center", ha="right")
-    left, right = _columns(numbers)
+    left, right = _columns(numbers, judging)
     for at, rows in ((0.03, left), (0.53, right)):
         for place, (name, value) in enumerate(rows):
             y = 0.775 - place * 0.077
@@ -31,10 +34,10 @@ def _verdict(numbers: Metrics, complete: bool) -> tuple[str, str]:
     if numbers.success:
         return "SUCCESS", style.FATES["completed"]
     colour = style.FATES["missed"] if complete else style.FATES["found"]
-    return (numbers.reason or "cut short").replace("-", " ").upper(), colour
+    return ENDINGS.get(numbers.reason, numbers.reason or "cut short").replace("-", " ").upper(), colour
 
 
-def _columns(numbers: Metrics) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
+def _columns(numbers: Metrics, judging: bool) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
     speed = f"{numbers.sim_s / numbers.wall_s:.1f} x real time" if numbers.wall_s else "–"
     left = [
         ("ticks", str(numbers.ticks)),
@@ -43,15 +46,11 @@ def _columns(numbers: Metrics) -> tuple[list[tuple[str, str]], list[tuple[str, s
         ("speed", speed),
         ("cells visited", _share(numbers.coverage)),
         ("pictures", str(numbers.frames)),
-        ("first discovery", "–" if numbers.first_discovery_tick is None else f"tick {numbers.first_discovery_tick}"),
-        ("targets found", str(numbers.targets_found)),
+        *(_discovered(numbers) if judging else []),
         ("refused", str(numbers.rejections)),
     ]
     right = [
-        ("matched reports", f"{numbers.detections} of {numbers.reports}"),
-        ("precision", _share(numbers.precision)),
-        ("recall", _share(numbers.recall)),
-        ("location error", "–" if numbers.localisation_error_m is None else f"{numbers.localisation_error_m:.1f} m"),
+        *(_judged(numbers) if judging else [("reports", f"{numbers.reports}, none judged")] if numbers.reports else []),
         ("messages", str(numbers.messages)),
         ("payload", f"{numbers.kilobytes:.1f} kB"),
         ("rounds", str(numbers.rounds)),
@@ -59,6 +58,24 @@ def _columns(numbers: Metrics) -> tuple[list[tuple[str, str]], list[tuple[str, s
         ("tokens", f"{numbers.tokens:,} · ${numbers.cost_usd:.2f}" if numbers.tokens else "–"),
     ]
     return left, right
+
+
+def _discovered(numbers: Metrics) -> list[tuple[str, str]]:
+    """What matched reports found, which only a mission has that compares reports with the truth."""
+    return [
+        ("first discovery", "–" if numbers.first_discovery_tick is None else f"tick {numbers.first_discovery_tick}"),
+        ("targets found", str(numbers.targets_found)),
+    ]
+
+
+def _judged(numbers: Metrics) -> list[tuple[str, str]]:
+    """How good the reports were, where they are compared with the truth."""
+    return [
+        ("matched reports", f"{numbers.detections} of {numbers.reports}"),
+        ("precision", _share(numbers.precision)),
+        ("recall", _share(numbers.recall)),
+        ("location error", "–" if numbers.localisation_error_m is None else f"{numbers.localisation_error_m:.1f} m"),
+    ]
 
 
 def _share(value: float | None) -> str:

@@ -32,7 +32,8 @@ def draw_sheet(trace: Trace, path: Path, city: City | None) -> None:
     story = tell(trace)
     _title(figure, trace)
     draw_map(_panel(figure, 0.012, 0.375, 0.588, 0.555), story, city, credit(trace.header.attribution))
-    draw_score(_panel(figure, 0.615, 0.675, 0.373, 0.255), metrics(trace), complete=trace.complete)
+    score = _panel(figure, 0.615, 0.675, 0.373, 0.255)
+    draw_score(score, metrics(trace), complete=trace.complete, judging=story.judging)
     _pictures(figure, trace, story)
     left, width = 0.06, 0.54
     draw_messages(_panel(figure, left, 0.225, width, 0.095), story)
