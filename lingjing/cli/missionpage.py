@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import msgspec
 
-from lingjing.errors import UsageError
+from lingjing.errors import InfrastructureError, UsageError
 from lingjing.mission.model import Mission
 
 if TYPE_CHECKING:
@@ -23,7 +24,8 @@ ENDINGS = {"success": "won", "failure": "lost", "budget": "out of time"}
 def write_page(mission: Mission, traces: Sequence[Path], results: Path | None, folder: Path) -> Path:
     """Write `<mission>.md` with its pictures beside it into `folder`, which is made if need be.
 
-    The map is that of the first trace; the frames are the best of all of them. Raises `UsageError` for a trace of
+    The map is that of the first trace; the frames are the best of all of them, and those of cameras that nobody used
+    are drawn as the first trace's states would have them. Raises `UsageError` for a trace of
     another mission, a results file that is none, or a place that cannot be written.
     """
     from lingjing.dsl.judging import HEADS, judging
@@ -101,9 +103,13 @@ def _told(trace: Trace) -> str:
 
 
 def _sights(mission: Mission, traces: Sequence[Trace], folder: Path) -> Iterator[str]:
-    from lingjing.analysis.gallery import best_frames, write_frame
+    from lingjing.analysis.gallery import best_frames, in_order, unasked_frames, write_frame
 
     frames = best_frames(traces)
+    try:
+        frames = in_order([*frames, *(unasked_frames(traces[0], frames) if traces else ())])
+    except InfrastructureError as error:
+        print(f"note: only the cameras that were used are shown: {error}", file=sys.stderr)
     if traces and not frames:
         yield "No picture was taken: positions, states and messages are all that the agents used."
     for shown in frames:

@@ -3,7 +3,7 @@
 All of them read vertices of `mesh_rows.VERTEX`. A software renderer pays for every branch and every texture read, so
 each material is a program of its own, with wet and night code in it only when it rains or is dark (`WET`, `NIGHT`).
 Detail that a pixel cannot hold fades into its mean: line and window edges are box-filtered with `fwidth`; where no
-pixel holds any, `BLUNT` variants know the mean alone.
+pixel holds any, `BLUNT` variants know the mean alone. `EVEN` variants leave out the grain.
 """
 
 from __future__ import annotations
@@ -158,7 +158,7 @@ void main() {
 """
     + _RAY
     + """
-#ifdef BLUNT
+#ifdef EVEN
   float grain = MEAN_GRAIN;
 #else
   float grain = texture(u_tone, (v_at * v_style.xy) * vec2(0.6, 1.1) / GRAIN_M + v_layer * 0.013).r;
@@ -203,7 +203,7 @@ void main() {
 """
     + _RAY
     + """
-#ifdef BLUNT
+#ifdef EVEN
   float grain = MEAN_GRAIN;
 #else
   float grain = texture(u_tone, v_world.xy * (2.0 / GRAIN_M) + v_world.z * 0.031).r;
@@ -382,6 +382,6 @@ void main() {
 
 def variant(source: str, **wanted: bool) -> str:
     """A source with the wanted switches defined: `WALL`, `ROAD`, `LAYERED`, `SUNLIT`, `AVERTED`, `MAPPED`,
-    `BLUNT`, `WET`, `NIGHT`."""
+    `BLUNT`, `EVEN`, `WET`, `NIGHT`."""
     lines = "".join(f"#define {name.upper()}\n" for name, on in wanted.items() if on)
     return source.replace("#version 330\n", f"#version 330\n{lines}", 1)

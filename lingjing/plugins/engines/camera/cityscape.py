@@ -78,13 +78,14 @@ SOURCES = {
 
 class Mode(NamedTuple):
     """Which variant of a material's program draws: in rain, after dark, where the shadow map reaches, where the ground
-    wears the map, what is turned away from the sun, what is too far off to show its grain and its panes."""
+    wears the map, what is turned away from the sun, what is too far off to show its grain, and its panes."""
 
     wet: bool
     night: bool
     sunlit: bool
     mapped: bool = False
     averted: bool = False
+    even: bool = False
     blunt: bool = False
 
 
@@ -350,23 +351,26 @@ class Cityscape:
         found = [self._program(name, mode) for name in SOURCES for mode in modes]
         mapped, averted = Mode(wet, night, True, mapped=True), Mode(wet, night, False, averted=True)
         if blunt:
-            wanted = (("wall", modes[0]), *(("plain", mode) for mode in modes))
-            found += [self._program(name, mode._replace(blunt=True)) for name, mode in wanted]
+            even = [mode._replace(even=True) for mode in (*modes, averted)]
+            wanted = [*(("wall", mode) for mode in even), *(("plain", mode) for mode in even[:2])]
+            found += [self._program(name, mode) for name, mode in wanted]
+            found.append(self._program("wall", even[0]._replace(blunt=True)))
         return (*found, *(self._program(name, mapped) for name in ("ground", "paving")), self._program("wall", averted))
 
     def structures(self, view: View, eye: tuple[float, float, float], wet: bool, night: bool) -> None:
         """Walls and everything else that stands up."""
         for key in view.full:
-            mode = Mode(wet, night, key in view.shaded, blunt=key in view.blunt)
+            mode = Mode(wet, night, key in view.shaded, even=key in view.blunt)
             resident = self.resident(key)
             if resident.walls is not None:
                 order = resident.walls.ordered(eye, view.window.sun)
-                self._draw_walls(resident.sheets["wall"], *order, mode._replace(blunt=False))
+                self._draw_walls(resident.sheets["wall"], *order, mode)
             count = -1 if key in view.detailed else resident.mesh.coarse
             self._draw(resident.sheets, "plain", mode, one_sided=False, count=count)
+        even = bool(view.blunt) or bool(view.farther)
         for blunt, ranges in ((False, view.far), (True, view.farther)):
             if ranges:
-                self._draw_blocks(ranges, eye, Mode(wet, night, False, blunt=blunt))
+                self._draw_blocks(ranges, eye, Mode(wet, night, False, even=even or blunt, blunt=blunt))
         self._context.disable(moderngl.CULL_FACE)
 
     def floors(self, view: View, wet: bool, night: bool) -> None:

@@ -28,23 +28,14 @@ from lingjing.plugins.engines.camera.ground import SHORE_REACH_M, Ground
 from lingjing.plugins.engines.camera.ground import Surface as Land
 from lingjing.plugins.engines.camera.instances import Batch, Rows, afloat, in_sight, visible
 from lingjing.plugins.engines.camera.light import Light, light_of
+from lingjing.plugins.engines.camera.looks import Gathered, looks_of, merged
 from lingjing.plugins.engines.camera.meshes import indexed
 from lingjing.plugins.engines.camera.nightlights import lamp_rows
 from lingjing.plugins.engines.camera.noise import GRAIN, cloud_texture, grain_texture, lace_texture, noise_texture
 from lingjing.plugins.engines.camera.ocean import RIPPLE_M, Surface
 from lingjing.plugins.engines.camera.ocean import SIZE as SEA_SIZE
 from lingjing.plugins.engines.camera.sight import blunt_from, sky_bounds
-from lingjing.plugins.engines.camera.standins import (
-    FAR_M,
-    FAR_PX,
-    FULL_PX,
-    LUMP_PX,
-    TINY_FAR_PX,
-    TINY_PX,
-    coarsened,
-    plant,
-    standin,
-)
+from lingjing.plugins.engines.camera.standins import standin
 from lingjing.plugins.engines.camera.targets import MAX_TARGETS, Buffers, Target
 from lingjing.plugins.engines.camera.tilemesh import Under
 from lingjing.plugins.engines.camera.upload import Model, rows_array, upload, upload_still
@@ -56,7 +47,6 @@ SHADE_UNIT, MAP_UNIT, CLOUD_UNIT, GRAIN_UNIT = 4, 5, 6, 7
 GRAINS = {"u_grain": slice(0, 4), "u_paved": slice(0, 2), "u_street": slice(2, 4), "u_tone": slice(2, 3)}
 """Which parts of the grain a texture holds: a software renderer pays for every byte that it does not need."""
 WARM_SIZE, WARM_UP_M = (320, 180), 60.0
-LEAST_PROP_PX = 1.2
 GRAIN_M = 64.0
 """What the grain's texture spans (`city_shaders`)."""
 MIPMAPPED = moderngl.LINEAR_MIPMAP_LINEAR
@@ -114,6 +104,7 @@ class Renderer:
         self._town: Cityscape | None = None
         self._lakes: list[tuple[float, moderngl.VertexArray, tuple[moderngl.Buffer, ...]]] = []
         self._casting: dict[str, tuple[Model, moderngl.VertexArray]] = {}
+        self._standing = Gathered()
         self._surfaces: list[tuple[Land, Model]] = []
         self._solids: list[Model] = []
         self._models: dict[str, Model] = {}
@@ -182,6 +173,7 @@ class Renderer:
             self._town.release()
         self._shore.release()
         self._surfaces, self._solids, self._models, self._casting, self._lakes = [], [], {}, {}, []
+        self._standing = Gathered()
         self._town = None
 
     def warm(self, places: Sequence[Vector], scenery: Scenery, depth: bool) -> None:
@@ -284,7 +276,7 @@ class Renderer:
         if not self._town.shade(view):
             return
         self._tree_shade["u_light"] = self._town.light_uniform
-        for batch in _merged([self._town.resident(key).props for key in view.casters]):
+        for batch in merged([self._town.resident(key).props for key in view.casters]):
             mesh = standin(batch)
             key = f"shade/{batch.key}"
             model, array = self._caster(key, batch.mesh if mesh is None else mesh, len(batch.rows))
@@ -304,30 +296,12 @@ class Renderer:
     def _stand(self, pose: CameraPose, view: View) -> None:
         """Trees, lamps and other props of the tiles in sight, small plants as stand-ins."""
         assert self._town is not None
-        focal = focal_px(pose)
         lump_m, _ = blunt_from(view.reach_m)
-        for batch in _merged([self._town.resident(key).props for key in view.full]):
-            at = batch.rows["rows"][:, :, 3].astype(np.float64)
-            away = np.linalg.norm(at - np.array(pose.position), axis=1)
-            size = batch.radius * focal / np.maximum(away, 0.1)
-            seen = in_sight(at, batch.radius, pose) & (size > LEAST_PROP_PX)
-            mesh, coarse = standin(batch), coarsened(batch)
-            near = seen & (size >= FULL_PX) if mesh is not None else seen
-            tiny = seen & ~near & (size < np.where(away > FAR_M, TINY_FAR_PX, TINY_PX))
-            small = seen & ~near & ~tiny
-            far = seen & (away > FAR_M) & (size < FAR_PX) if coarse is not None else np.zeros(len(seen), bool)
-            lump = far & (away > lump_m) & (size < LUMP_PX)
-            for suffix, look, which in (
-                ("", batch.mesh, near & ~far), ("/small", mesh, small),
-                ("/tiny", standin(batch, tiny=True), tiny), ("/far", coarse, far & ~lump),
-                ("/lump", coarsened(batch, lump=True), lump),
-            ):  # fmt: skip
-                if look is not None and which.any():
-                    rows: Rows = batch.rows[which]
-                    dull = plant(batch) or suffix == "/lump"
-                    model = self._loaded(batch.key + suffix, look, len(rows), dull)
-                    model.place(rows)
-                    model.lit.render(instances=len(rows))
+        for batch in self._standing.of([self._town.resident(key).props for key in sorted(view.full)]):
+            for look in looks_of(batch, pose, lump_m):
+                model = self._loaded(look.key, look.mesh, len(look.rows), look.dull)
+                model.place(look.rows)
+                model.lit.render(instances=len(look.rows))
 
     def close(self) -> None:
         """Release every GL object, then the context."""
@@ -552,16 +526,3 @@ def _soft(rows: npt.NDArray[np.void]) -> npt.NDArray[np.void]:
     rows = rows.copy()
     rows["id"] *= CLASSES["prop"]
     return rows
-
-
-def _merged(groups: Sequence[Sequence[Batch]]) -> list[Batch]:
-    """Batches of several tiles, one a mesh, in key order."""
-    found: dict[str, list[Batch]] = {}
-    for group in groups:
-        for batch in group:
-            found.setdefault(batch.key, []).append(batch)
-    return [
-        Batch(key, some[0].mesh, np.concatenate([b.rows for b in some]), np.concatenate([b.radius for b in some]),
-              np.concatenate([b.floating for b in some]))
-        for key, some in sorted(found.items())
-    ]  # fmt: skip

@@ -15,7 +15,6 @@ import numpy.typing as npt
 
 from lingjing.plugins.engines.camera.mesh_rows import Index, Part
 
-
 Floats = npt.NDArray[np.float32]
 Ranges = Sequence[tuple[int, int]]
 EDGE_ON_M = 0.01
@@ -37,7 +36,8 @@ class Planes:
     def among(self, ranges: Ranges, eye: tuple[float, float, float]) -> Index:
         """The indices, in order, of those triangles in ranges (first index, count) that face an eye."""
         some = np.concatenate([np.arange(first // 3, (first + count) // 3) for first, count in ranges])
-        return self.triangles[some[self.planes[some] @ (*eye, 1.0) > -EDGE_ON_M]].ravel()
+        seen: Index = self.triangles[some[self.planes[some] @ (*eye, 1.0) > -EDGE_ON_M]]
+        return seen.ravel()
 
 
 @dataclass(frozen=True, slots=True)

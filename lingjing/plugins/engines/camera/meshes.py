@@ -114,8 +114,10 @@ def loft(sections: Sequence[tuple[float, npt.ArrayLike]], colour: Colour, gloss:
 
 
 def indexed(mesh: Array) -> tuple[Array, npt.NDArray[np.uint32]]:
-    """(vertices without repeats, three indices a triangle)."""
-    vertices, index = np.unique(mesh, axis=0, return_inverse=True)
+    """(vertices without repeats, three indices a triangle); triangles without an area, as at a pole, are left out."""
+    corners = mesh[:, :3].astype(np.float64).reshape(-1, 3, 3)
+    doubled = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    vertices, index = np.unique(mesh[np.repeat(doubled > 1e-9, 3)], axis=0, return_inverse=True)
     return vertices, index.ravel().astype(np.uint32)
 
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 
 from lingjing.plugins.engines.camera.instances import Batch
 from lingjing.plugins.engines.camera.meshes import Array, cylinder, ellipsoid, merge
 
+SLIGHT = ("lamp", "bench")
 PLANTS = ("tree", "pine", "palm", "bush", "hedge")
 FULL_PX = 38.0
 """Radius in the picture from which a plant shows all its leaves."""
@@ -16,14 +18,29 @@ FULL_PX = 38.0
 
 TINY_PX, TINY_FAR_PX = 12.0, 17.0
 """Radius in the picture under which a plant is a bare lump, and beyond `FAR_M`."""
+SPECK_PX = 12.0
+"""Under this radius it has eight sides, in pictures that show tiles beyond the least distance in full."""
+SPECK_WIDER = 1.1
+"""What is lost between the corners of eight sides, made up for by their size."""
 
 
-def standin(batch: Batch, tiny: bool = False) -> Array | None:
-    """A few triangles (if `tiny`, as few as it takes) in the shape and the colours of a plant; None for what has no
-    stand-in."""
+class Fineness(NamedTuple):
+    """Rows and sides of a stand-in's crown, its size by the plant's, and whether it has a trunk."""
+
+    rows: int
+    sides: int
+    size: float
+    trunk: bool
+
+
+SMALL, TINY, SPECK = Fineness(4, 7, 0.94, True), Fineness(3, 4, 0.94, False), Fineness(2, 4, 0.94 * SPECK_WIDER, False)
+
+
+def standin(batch: Batch, fineness: Fineness = SMALL) -> Array | None:
+    """A few triangles in the shape and the colours of a plant; None for what has no stand-in."""
     if not plant(batch) or len(batch.mesh) < 240:
         return None
-    return _made(batch.key, tiny, _Key(batch.mesh))
+    return _made(batch.key, fineness, _Key(batch.mesh))
 
 
 FAR_M, FAR_PX = 250.0, 9.0
@@ -47,6 +64,12 @@ def plant(batch: Batch) -> bool:
     return batch.key.startswith(PLANTS)
 
 
+def slight(batch: Batch) -> bool:
+    """Whether a prop is too slender to be told, in pictures that reach far, beyond the distance that lumps begin at:
+    there a lamp's post is a third of a pixel."""
+    return batch.key.startswith(SLIGHT)
+
+
 class _Key:
     """A mesh as an argument of a cached function: equal to every other, for the name says which it is."""
 
@@ -61,7 +84,7 @@ class _Key:
 
 
 @cache
-def _made(name: str, tiny: bool, key: _Key) -> Array:
+def _made(name: str, fineness: Fineness, key: _Key) -> Array:
     points, colours = key.mesh[:, :3].astype(np.float64), key.mesh[:, 6:9].astype(np.float64)
     top = points[:, 2].max()
     crown = (colours[:, 1] > 1.15 * colours[:, 0]) if (colours[:, 1] > 1.15 * colours[:, 0]).any() else points[:, 2] > 0
@@ -71,12 +94,12 @@ def _made(name: str, tiny: bool, key: _Key) -> Array:
     centre, radii = (low + high) / 2.0, (high - low) / 2.0
     if name.startswith("pine"):
         shape = cylinder((0.0, 0.0, float(low[2])), (0.0, 0.0, float(top)), (float(radii[0]), 0.05), colour,
-                         sides=4 if tiny else 6)  # fmt: skip
+                         sides=6 if fineness.trunk else 4)  # fmt: skip
     else:
-        size = radii * (0.94, 0.94, 1.0)
-        shape = ellipsoid(_point(centre), _point(size), colour, rows=3 if tiny else 4, sides=4 if tiny else 7)
+        size = radii * (fineness.size, fineness.size, 1.0)
+        shape = ellipsoid(_point(centre), _point(size), colour, rows=fineness.rows, sides=fineness.sides)
         shape[:, 6:9] *= (0.80 + 0.35 * (shape[:, 2:3] - low[2]) / max(high[2] - low[2], 0.1)).astype(np.float32)
-    if tiny:
+    if not fineness.trunk:
         return shape
     trunk = cylinder((0.0, 0.0, 0.0), (0.0, 0.0, float(low[2]) + 0.3), (0.18, 0.14), (0.16, 0.11, 0.07), sides=4)
     return merge(shape, trunk)
