@@ -1,0 +1,60 @@
+"""A picture taken afterwards is the one that the camera took, or would have taken, in the episode."""
+
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from lingjing.analysis.gallery import best_frames, in_order, unasked_frames
+from lingjing.analysis.lookback import look_back
+from lingjing.bench.columns import shipped
+from lingjing.bench.episode import run
+from lingjing.cli import missionpage
+from lingjing.dsl.load import load_mission
+from lingjing.mission.expression import Number
+from lingjing.trace.reader import Trace, read_trace
+
+replace = msgspec.structs.replace
+
+
+@pytest.fixture(scope="module")
+def walk(tmp_path_factory: pytest.TempPathFactory) -> Trace:
+    """Two ticks of a dog that is shown a house and takes a picture at every tick."""
+    mission = load_mission(next(path for path in shipped() if path.stem == "vdn"))
+    short = replace(mission, budget=replace(mission.budget, ticks=Number(value=2.0)))
+    folder = tmp_path_factory.mktemp("walk") / "episode"
+    return read_trace(run(short, policy="random", seed=1, out=folder, world="inline", overview=False).trace)
+
+
+def test_it_is_the_picture_that_the_trace_holds(walk: Trace) -> None:
+    taken = [frame for frame in walk.frames.values() if frame.camera == "front"]
+    assert len(taken) >= 2
+    wanted = [(frame.entity, "front", walk.boundaries[frame.tick]) for frame in taken]
+    again = list(look_back(walk, wanted))
+    assert [picture.info.sha256 for picture in again] == [frame.sha256 for frame in taken]
+    assert [picture.info.boxes for picture in again] == [frame.boxes for frame in taken]
+
+
+def test_a_camera_through_which_nobody_looked_is_shown_all_the_same(walk: Trace) -> None:
+    taken = best_frames([walk])
+    assert [shown.info.camera for shown in in_order(taken)] == ["front", "reference"]
+    assert unasked_frames(walk, taken) == []
+    (shown,) = unasked_frames(walk, [one for one in taken if one.info.camera != "front"])
+    assert (shown.info.entity, shown.info.camera, shown.agent) == ("dog", "front", "navigator")
+    assert shown.jpeg.startswith(b"\xff\xd8") and "nobody asked" in shown.caption
+    assert "nobody asked" not in next(one for one in taken if one.info.camera == "front").caption
+
+
+def test_a_city_that_is_gone_gives_no_pictures(walk: Trace) -> None:
+    other = Trace(walk.path, replace(walk.header, city_sha256="0"), walk.boundaries, walk.outcome, True, walk.places)
+    assert unasked_frames(other, []) == []
+
+
+def test_a_page_shows_the_camera_that_nobody_used(walk: Trace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    blind = tuple(replace(record, frames=()) for record in walk.boundaries)
+    bare = Trace(walk.path, walk.header, blind, walk.outcome, True, walk.places)
+    monkeypatch.setattr(missionpage, "_trace", lambda path, mission: bare)
+    mission = load_mission(next(path for path in shipped() if path.stem == "vdn"))
+    page = missionpage.write_page(mission, [walk.path], None, tmp_path).read_text(encoding="utf-8")
+    assert "(vdn-dog-front.jpg)" in page and "nobody asked for it" in page
+    assert (tmp_path / "vdn-dog-front.jpg").stat().st_size > 5000
