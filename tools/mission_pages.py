@@ -1,9 +1,9 @@
 """Write `docs/missions`: a page with pictures for every shipped mission, made of played episodes (`make missions`).
 
 Each mission is played by the oracle and by the heuristic agents; the map shows one that was won, by agents that had to
-search if they could, and the frames are the best of both; a camera that nobody used is asked afterwards, so that each
-kind is shown. Where neither can play, random agents do. The
-traces stay in a folder and are played again only with `--again` or for missions that have none.
+search if they could, and the frames are the best of both. A camera that nobody used is asked afterwards, so that each
+kind is shown. Where neither can play, random agents do. The traces stay in a folder and are played again only with
+`--again` or for missions that have none.
 """
 
 from __future__ import annotations
