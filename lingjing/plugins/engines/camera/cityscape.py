@@ -51,7 +51,7 @@ WARM_M = 400.0
 """How far about a place tiles are made ready before the first picture."""
 ALOFT_M, TOUCHING_M = 5.0, 0.8
 SHADE_PX, SHADE_RIM_PX = 2048, 2
-FAR_REACH_M, BLOCKS_REACH_M = 14_000.0, 3500.0
+FAR_REACH_M, BLOCKS_REACH_M = 14_000.0, 2600.0
 CROSSINGS_REACH_M = 60.0
 STEEP_DEG, NEAREST_PX = 80.0, 1.4
 MAPPED_FROM = 0.55
