@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lingjing.plugins.engines.camera import cityscape
+from lingjing.plugins.engines.camera import view as choosing
 from lingjing.plugins.engines.camera.classes import CLASSES
 from lingjing.plugins.engines.camera.engine import CameraEngine
 from lingjing.plugins.engines.camera.instances import prop_batches
@@ -85,7 +85,7 @@ def test_what_is_drawn_blunt_keeps_its_place_and_its_mean_colour(monkeypatch: py
     ready(engine)
     place = (0.0, 0.0, 150.0)
     sharp = look(engine, place)
-    monkeypatch.setattr(cityscape, "blunt_from", lambda reach: (0.0, 0.0))
+    monkeypatch.setattr(choosing, "blunt_from", lambda reach: (0.0, 0.0))
     blunt = look(engine, place)
     engine.close()
     assert np.array_equal(sharp.depth, blunt.depth) and np.array_equal(sharp.semantic, blunt.semantic)

@@ -1,6 +1,6 @@
 """`Cityscape`: the static city on the GPU. Tiles come and go; pictures do not notice.
 
-Per picture: `view` picks tiles by pose (`sight`), `shade` draws their shadow map unless the last one will do, then
+Per picture: `view` picks tiles by pose, `shade` draws their shadow map unless the last one will do, then
 `structures` and `floors` draw materials near to far, top to bottom. What a tile needs is kept for the latest
 `KEPT_TILES` tiles; it is made again, the same, when it is needed again.
 """
@@ -29,17 +29,14 @@ from lingjing.plugins.engines.camera.paving import middles_of
 from lingjing.plugins.engines.camera.plate import build_plate
 from lingjing.plugins.engines.camera.sight import (
     Window,
-    blunt_from,
     boxes_in_sight,
-    casters,
     distances,
-    full_reach,
     light_matrix,
     near_plane,
-    shade_window,
 )
 from lingjing.plugins.engines.camera.skyline import Skyline, build_skyline
 from lingjing.plugins.engines.camera.tilemesh import CASTERS, TileMesh, Under, crossings_of, mesh_tile
+from lingjing.plugins.engines.camera.view import MAPPED_FROM, View, choose
 from lingjing.plugins.geometry import focal_px
 from lingjing.scene.city import City, Pieces, Prop, Tile
 from lingjing.scene.tiles import Key, Tiles
@@ -51,20 +48,15 @@ WARM_M = 400.0
 """How far about a place tiles are made ready before the first picture."""
 ALOFT_M, TOUCHING_M = 5.0, 0.8
 SHADE_PX, SHADE_RIM_PX = 2048, 2
-FAR_REACH_M, BLOCKS_REACH_M = 14_000.0, 2600.0
 CROSSINGS_REACH_M = 60.0
 STEEP_DEG, NEAREST_PX = 80.0, 1.4
-MAPPED_FROM = 0.55
-"""From this share of the reach of full tiles on the ground begins to wear the map."""
-DETAIL_PX = 4.0
-"""Details show where a metre is this many pixels or more."""
 LAYER = 2.0e-6
 """Clip-space step (of w) between coplanar layers; the near plane is chosen so that it stays under a decimetre."""
 
-LARGE_BACK, LARGE_NEAR_M = 1.0, 100.0
-"""How far lands, and twice as far the ground, are set back, in depth per pixel, and how close to the eye: the depth of
-triangles that are that large is not exact enough there to tell layers from one another. Farther off it is, and ground
-that is set back would lie under the water beside it."""
+LARGE_BACK = 1.0
+"""How far lands, and twice as far the ground, are set back where they are close to the eye, in depth per pixel: the
+depth of triangles that are that large is not exact enough there to tell layers from one another. Farther off it is, and
+ground that is set back would lie under the water beside it."""
 LAYERED = ("road", "paving", "soil")
 SOURCES = {
     "wall": shaders.WALL,
@@ -120,34 +112,6 @@ class Resident:
     lamps: npt.NDArray[np.float64]
 
 
-class Cells(NamedTuple):
-    """Ranges of a sheet's indices that are drawn alike: close to the eye or not, with the map on them or not."""
-
-    close: bool
-    mapped: bool
-    runs: tuple[tuple[int, int], ...]
-
-
-@dataclass(frozen=True, slots=True)
-class View:
-    """What one picture shows: full tiles near to far, which of them the shadow map reaches, which show their details
-    and which no grain, ranges of far blocks near to far and of those still farther, tiles that may throw shadows into
-    it, ranges of the ground and of the lands on it."""
-
-    full: tuple[Key, ...]
-    shaded: frozenset[Key]
-    detailed: frozenset[Key]
-    blunt: frozenset[Key]
-    far: tuple[tuple[int, int], ...]
-    farther: tuple[tuple[int, int], ...]
-    casters: tuple[Key, ...]
-    ground: tuple[Cells, ...]
-    lands: tuple[Cells, ...]
-    window: Window
-    reach_m: float
-    closest_m: float
-
-
 class Cityscape:
     """Owns the GL objects of one city; `release` frees them."""
 
@@ -194,40 +158,7 @@ class Cityscape:
 
     def view(self, pose: CameraPose, visibility_m: float, light: Light) -> View:
         """What a picture needs."""
-        sky, eye = self._skyline, pose.position
-        away = distances(sky.boxes, eye)
-        seen = boxes_in_sight(sky.boxes, pose)
-        reach = full_reach(pose, visibility_m)
-        near = seen & (away <= reach)
-        order = [k for k in np.argsort(away, kind="stable").tolist() if near[k]]
-        window = shade_window(pose, light.sun)
-        reached = casters(sky.boxes, window)
-        cast = reached & (away <= 3.0 * reach) if light.dark < 0.95 else np.zeros(len(away), bool)
-        high = eye[2] > AIR_TOP_M
-        far = seen & ~near & (high | (away < min(visibility_m, FAR_REACH_M)))
-        some = far & (high | (away < BLOCKS_REACH_M))
-        blocks = np.concatenate([sky.ranges[0][far], sky.ranges[1][some]])
-        off = np.concatenate([away[far], away[some]])
-        by_distance = np.argsort(off, kind="stable")
-        blocks, off = blocks[by_distance], off[by_distance]
-        blunt_m, blunt_blocks_m = blunt_from(reach)
-        sharp = int(np.searchsorted(off, blunt_blocks_m))
-        full = tuple(sky.keys[k] for k in order)
-        plate = self.plate
-        return View(
-            full=full,
-            shaded=frozenset(sky.keys[k] for k in order if reached[k]),
-            detailed=frozenset(sky.keys[k] for k in order if away[k] <= focal_px(pose) / DETAIL_PX),
-            blunt=frozenset(sky.keys[k] for k in order if away[k] >= blunt_m),
-            far=_filled(blocks[:sharp]),
-            farther=_filled(blocks[sharp:]),
-            casters=tuple(sky.keys[k] for k in np.flatnonzero(cast).tolist()),
-            ground=_cells(plate.ranges, plate.boxes, pose, reach),
-            lands=_cells(plate.land_ranges, plate.land_boxes, pose, reach),
-            window=window,
-            reach_m=reach,
-            closest_m=self._closest(full, pose),
-        )
+        return choose(self._skyline, self.plate, pose, visibility_m, light)
 
     def _closest(self, full: tuple[Key, ...], pose: CameraPose) -> float:
         """A lower bound of the distance to anything that stands still and is in sight."""
@@ -247,7 +178,7 @@ class Cityscape:
         touches a camera in the air does not count: layers of the ground far below would run into one another."""
         if pose.position[2] > ALOFT_M:
             others_m = max(others_m, TOUCHING_M)
-        return near_plane(pose, min(view.closest_m, others_m))
+        return near_plane(pose, min(self._closest(view.full, pose), others_m))
 
     def resident(self, key: Key) -> Resident:
         """A tile, made ready if it is not."""
@@ -480,52 +411,11 @@ class _Lit(dict[Mode, moderngl.VertexArray]):
         return self[key]
 
 
-AIR_TOP_M = 3000.0
-"""An eye above this looks down through the air: how far it sees does not depend on the visibility at the ground."""
-
-
 def _layout(program: moderngl.Program) -> tuple[str, ...]:
     sizes = [size if name in program else f"{4 * int(size[0])}x" for size, name in LAYOUT]
     return (" ".join(sizes), *(name for _, name in LAYOUT if name in program))
 
 
-def _filled(ranges: npt.NDArray[np.int64]) -> tuple[tuple[int, int], ...]:
-    return tuple((first, count) for first, count in ranges.tolist() if count)
-
-
 def _draw_runs(array: moderngl.VertexArray, runs: tuple[tuple[int, int], ...]) -> None:
     for first, count in runs:
         array.render(moderngl.TRIANGLES, vertices=count, first=first)
-
-
-def _farthest(boxes: npt.NDArray[np.float64], eye: tuple[float, float, float]) -> npt.NDArray[np.float64]:
-    """Distance of the farthest corner of each box from a point."""
-    at = np.asarray(eye)
-    off = np.maximum(np.abs(boxes[:, :3] - at), np.abs(boxes[:, 3:] - at))
-    return np.asarray(np.linalg.norm(off, axis=1))
-
-
-def _cells(
-    ranges: npt.NDArray[np.int64], boxes: npt.NDArray[np.float64], pose: CameraPose, reach: float
-) -> tuple[Cells, ...]:
-    """The cells of a sheet in sight; those whose every point is nearer than the map do without it."""
-    shown = boxes_in_sight(boxes, pose)
-    mapped = _farthest(boxes, pose.position) > MAPPED_FROM * reach
-    close = distances(boxes, pose.position) < LARGE_NEAR_M
-    kinds = [
-        (near, far, _runs(ranges, shown & (close == near) & (mapped == far)))
-        for near in (True, False)
-        for far in (False, True)
-    ]
-    return tuple(Cells(near, far, tuple(runs)) for near, far, runs in kinds if runs)
-
-
-def _runs(ranges: npt.NDArray[np.int64], wanted: npt.NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """The wanted ranges (first, count), neighbours joined."""
-    runs: list[tuple[int, int]] = []
-    for first, count in ranges[wanted & (ranges[:, 1] > 0)].tolist():
-        if runs and sum(runs[-1]) == first:
-            runs[-1] = runs[-1][0], runs[-1][1] + count
-        else:
-            runs.append((first, count))
-    return runs

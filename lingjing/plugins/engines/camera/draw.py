@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from lingjing.mission.instance import Vector, Weather
 from lingjing.plugins.engines.camera import city_shaders, programs, shaders, uniforms
-from lingjing.plugins.engines.camera.cityscape import Cityscape, View
+from lingjing.plugins.engines.camera.cityscape import Cityscape
 from lingjing.plugins.engines.camera.classes import CLASSES
 from lingjing.plugins.engines.camera.context import open_context, renderer_name
 from lingjing.plugins.engines.camera.effects import Dress, prop_effects
@@ -39,6 +39,7 @@ from lingjing.plugins.engines.camera.standins import standin
 from lingjing.plugins.engines.camera.targets import MAX_TARGETS, Buffers, Target
 from lingjing.plugins.engines.camera.tilemesh import Under
 from lingjing.plugins.engines.camera.upload import Model, rows_array, upload, upload_still
+from lingjing.plugins.engines.camera.view import View
 from lingjing.plugins.geometry import focal_px
 from lingjing.scene.city import City
 from lingjing.trace.records import CameraPose
