@@ -170,4 +170,4 @@ def test_the_time_of_a_call_is_its_own_and_not_that_of_the_call_before_it():
     slow, quick = barrier.act(dict.fromkeys(("slow", "quick"), (None, None)))
     barrier.close()
     assert slow.policy_wall_s >= 0.4
-    assert quick.policy_wall_s < 0.3
+    assert quick.policy_wall_s < slow.policy_wall_s
