@@ -156,3 +156,22 @@ def test_use_comes_from_tags_and_from_the_land_around(tmp_path: Path) -> None:
     assert [found[key].use for key in ("w2", "w3", "w4")] == ["industrial", "office", "school"]
     assert found["w2"].facade == "industrial"
     assert found["w5"].facade == "curtain"
+
+
+def test_untagged_blocks_look_like_the_tagged_ones_near_them(tmp_path: Path) -> None:
+    made = Map(half_m=2000.0)
+    made.way(square(-1900, -1900, 3800), {"landuse": "commercial"})
+    for k in range(12):
+        made.way(square(-200 + 40 * k, 0, 30), {"building": "apartments", "building:levels": str(4 + k % 4)})
+        made.way(square(-200 + 40 * k, 1500, 30), {"building": "office", "building:levels": str(20 + k % 4)})
+    low = [f"w{made.way(square(-200 + 40 * k, 60, 30), {'building': 'yes'})}" for k in range(12)]
+    high = [f"w{made.way(square(-200 + 40 * k, 1560, 30), {'building': 'yes'})}" for k in range(12)]
+    alone = [f"w{made.way(square(-200 + 40 * k, -1500, 30), {'building': 'yes'})}" for k in range(12)]
+    found = built(made, tmp_path)
+    assert {found[key].use for key in (*low, *high, *alone)} == {"office"}
+    assert all(4 <= found[key].levels <= 8 for key in low)
+    assert all(15 <= found[key].levels <= 29 for key in high)
+    assert all(6 <= found[key].levels <= 30 for key in alone)
+    assert {found[key].facade for key in low} <= {"punched", "ribbon"}
+    assert {found[key].facade for key in high} <= {"curtain", "ribbon"}
+    assert len({found[key].levels for key in low}) > 1

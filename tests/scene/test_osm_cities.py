@@ -92,3 +92,7 @@ def test_helsinki_has_its_sea(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     sea = shapely.Polygon(built.city.waters[0].polygon)
     assert 5e4 < sea.area < 3e5
     assert sea.contains(shapely.Point(0.0, 600.0))
+    pieces = [house for tile in Tiles(built.city) for house in tile.buildings]
+    tops = sorted(house.top_m for house in pieces if house.base_m < 1.0)
+    assert 12.0 < tops[len(tops) // 2] < 22.0  # tagged buildings there have four to seven storeys
+    assert tops[9 * len(tops) // 10] < 32.0

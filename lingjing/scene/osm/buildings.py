@@ -18,6 +18,7 @@ from lingjing.scene.city import Building, Polygon
 from lingjing.scene.cutting import polygons, rings
 from lingjing.scene.osm import looks
 from lingjing.scene.osm.features import Feature, Features
+from lingjing.scene.osm.neighbours import Neighbours
 from lingjing.scene.osm.tags import is_below, is_set, metres, number
 
 COVERED = 0.2
@@ -45,9 +46,11 @@ class _Body:
 def buildings(features: Features, seed: int) -> tuple[Building, ...]:
     """The buildings whose middle is in the frame; whole even where they stick out of it."""
     around = _Around(features)
+    whole = [f for f in features.areas if is_building(f.tags)]
+    neighbours = Neighbours((f.tags, looks.use_of(f.tags, around.use(f.shape)), f.shape) for f in whole)
     found: list[Building] = []
     for body in _bodies(features):
-        found += _raise(body, around, seed)
+        found += _raise(body, around, neighbours, seed)
     doors = _doors(features)
     return tuple(_with_door(building, features, doors) for building in found)
 
@@ -126,15 +129,17 @@ class _Around:
 # -- heights
 
 
-def _raise(body: _Body, around: _Around, seed: int) -> Iterator[Building]:
+def _raise(body: _Body, around: _Around, neighbours: Neighbours, seed: int) -> Iterator[Building]:
     """The prisms of a footprint: one for each of its polygons."""
     chance = looks.stream(seed, f"building/{body.ref}")
     tags = body.tags
     use = looks.use_of(tags, around.use(body.shape))
     roof = looks.roof_of(tags, use, chance)
-    storeys = looks.storeys_of(tags, use, body.shape.area, chance)
+    near = neighbours.near(use, body.shape)
+    storeys = looks.storeys_of(tags, use, body.shape.area, chance, near)
     base, top, roof_m, levels = heights(tags, use, roof, storeys, _narrow(body.shape) if roof != "flat" else 0.0)
-    facade = looks.facade_of(tags, use, top - base, chance)
+    kind = looks.kind_of(use, top, near)
+    facade = looks.facade_of(tags, use, kind, top - base, chance)
     model = Building(
         id=body.ref,
         polygon=(),
@@ -144,7 +149,7 @@ def _raise(body: _Body, around: _Around, seed: int) -> Iterator[Building]:
         facade=facade,
         roof=roof if roof_m > 0.0 else "flat",
         roof_m=roof_m,
-        colour=looks.wall_colour(tags, use, facade, chance),
+        colour=looks.wall_colour(tags, kind, facade, chance),
         roof_colour=looks.roof_colour(tags, roof, chance),
         levels=levels,
         name=tags.get("name:en", tags.get("name", "")),

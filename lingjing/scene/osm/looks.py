@@ -1,7 +1,7 @@
 """What a building is for, how high it is where nobody says, and what it looks like: from tags, else by use and chance.
 
-Storey heights and the spread of storeys are round numbers for cities of our day, chosen so that untagged blocks look
-like their neighbours; they are no statistics. Colours are linear RGB.
+Untagged buildings get about as many storeys as the tagged ones near them (`lingjing.scene.osm.neighbours`); where too
+few are tagged, round numbers for cities of our day, by use, which are no statistics. Colours are linear RGB.
 """
 
 from __future__ import annotations
@@ -24,6 +24,14 @@ class Kind:
     walls: tuple[Colour, ...]
 
 
+@dataclass(frozen=True, slots=True)
+class Near:
+    """Median storeys of tagged buildings near a place: those of the same use, and all. None where too few are."""
+
+    alike: float | None = None
+    all: float | None = None
+
+
 _PLASTER = (linear(214, 203, 184), linear(201, 186, 163), linear(222, 216, 205), linear(190, 170, 150))
 _BRICK = (linear(150, 90, 72), linear(168, 108, 84), linear(184, 146, 120))
 _STONE = (linear(198, 192, 180), linear(176, 170, 160), linear(160, 152, 142))
@@ -40,6 +48,13 @@ KINDS: dict[str, Kind] = {
     "school": Kind(3.7, (3, 4, 5), ("ribbon", "punched"), (*_PLASTER, _BRICK[1])),
     "public": Kind(4.2, (2, 3, 5), ("punched", "ribbon"), (*_STONE, _PLASTER[2])),
 }
+
+_OLD_OFFICE = Kind(3.8, (3, 5, 7), ("punched", "punched", "ribbon"), (*_STONE, *_PLASTER[:2], _BRICK[2]))
+"""How an office looks among low blocks: cities of towers clad theirs in glass, old towns do not."""
+
+_LOW_TOWN = 9.0
+_OLD_TOP_M = 36.0
+"""Median storeys of a town of low blocks, and how high its offices are that look like it."""
 
 _USES = {
     "house": "house detached semidetached_house terrace bungalow cabin farm hut villa static_caravan allotment_house",
@@ -62,7 +77,7 @@ _AMENITIES = {
     "commercial": ("restaurant", "cafe", "fast_food", "bar", "marketplace", "cinema", "fuel", "pub"),
     "office": ("bank",),
 }  # fmt: skip
-_LOW = {"garage", "garages", "carport", "shed", "kiosk", "hut", "service", "roof", "tent", "toilets", "pavilion"}
+LOW = {"garage", "garages", "carport", "shed", "kiosk", "hut", "service", "roof", "tent", "toilets", "pavilion"}
 """Values of `building` that are one low storey."""
 
 _MATERIALS: dict[str, Colour] = {
@@ -110,31 +125,46 @@ def use_of(tags: Mapping[str, str], around: str) -> str:
     return around or "residential"
 
 
-def storeys_of(tags: Mapping[str, str], use: str, area_m2: float, chance: Random) -> int:
-    """Storeys of a building that does not say: by its use, fewer where the footprint is small."""
-    if tags.get("building") in _LOW or area_m2 < 25.0:
+def storeys_of(tags: Mapping[str, str], use: str, area_m2: float, chance: Random, near: Near) -> int:
+    """Storeys of a building that does not say: like those near it, else by its use; fewer on a small footprint."""
+    if tags.get("building") in LOW or area_m2 < 25.0:
         return 1
-    fewest, usual, most = KINDS[use].storeys
-    drawn = round(chance.triangular(fewest, most, usual))
+    fewest, usual, most = _spread(use, near)
+    drawn = max(1, round(chance.triangular(fewest, most, usual)))
     return min(drawn, 1 + int(area_m2 / 40.0)) if area_m2 < 160.0 else drawn
 
 
-def facade_of(tags: Mapping[str, str], use: str, height_m: float, chance: Random) -> str:
+def _spread(use: str, near: Near) -> tuple[float, float, float]:
+    """(Fewest, usual, most) storeys to draw from."""
+    fewest, usual, most = KINDS[use].storeys
+    middle = min(near.alike, most) if near.alike is not None else near.all
+    if middle is None or (near.alike is None and middle >= usual):
+        return fewest, usual, most
+    return 0.75 * middle, middle, 1.3 * middle
+
+
+def kind_of(use: str, top_m: float, near: Near) -> Kind:
+    """What a building of a use is drawn like: its kind, but that of an old office for a low one among low blocks."""
+    old = use == "office" and top_m <= _OLD_TOP_M and near.all is not None and near.all <= _LOW_TOWN
+    return _OLD_OFFICE if old else KINDS[use]
+
+
+def facade_of(tags: Mapping[str, str], use: str, kind: Kind, height_m: float, chance: Random) -> str:
     """The pattern of windows."""
     material = tags.get("building:material", tags.get("building:facade:material", ""))
-    pick = chance.choice(KINDS[use].facades)
+    pick = chance.choice(kind.facades)
     if material in ("glass", "mirror"):
         return "curtain"
-    if tags.get("building") in _LOW or tags.get("man_made") or height_m < 2.5:
+    if tags.get("building") in LOW or tags.get("man_made") or height_m < 2.5:
         return "blank"
     if use == "office" and height_m < 30.0 and pick == "curtain":
         return "ribbon"
     return pick
 
 
-def wall_colour(tags: Mapping[str, str], use: str, facade: str, chance: Random) -> Colour:
+def wall_colour(tags: Mapping[str, str], kind: Kind, facade: str, chance: Random) -> Colour:
     """The walls' colour: said, or the material's, or one that suits the use."""
-    pick = chance.choice(_GLASS if facade == "curtain" else KINDS[use].walls)
+    pick = chance.choice(_GLASS if facade == "curtain" else kind.walls)
     said = colour(tags, "building:colour", "building:color", "building:facade:colour", "colour")
     return said or _MATERIALS.get(tags.get("building:material", ""), pick)
 
