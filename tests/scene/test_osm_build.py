@@ -128,6 +128,25 @@ def test_a_map_without_roads_or_buildings_is_a_city_that_says_so(tmp_path: Path)
     assert not (tmp_path / "none").exists()
 
 
+def test_a_part_around_buildings_takes_streets_near_them_and_says_which_it_leaves(tmp_path: Path) -> None:
+    made = Map(half_m=None)
+    made.way(square(0, 0, 100), {"building": "yes"})
+    made.way([(0, 210), (280, 210)], {"highway": "residential"})
+    near = build(made.write(tmp_path / "near.osm"), Options(), tmp_path / "near").summary
+    assert (near.box_is, near.notes) == ("around its buildings and the streets near them", ())
+    assert near.counts["roads"] == 2
+    made.way([(2000, 0), (2000, 400)], {"highway": "residential"})
+    made.way([(2000, 0), (2300, 0)], {"highway": "footway"})
+    path = made.write(tmp_path / "far.osm")
+    far = build(path, Options(), tmp_path / "far").summary
+    assert (far.box, far.counts["roads"]) == (near.box, 2)
+    (note,) = far.notes
+    assert note.startswith("1 road lies outside the part around its buildings and the streets near them; with")
+    wide = build(path, Options(box=parse_box(note.split("=")[1])), tmp_path / "wide").summary
+    assert wide.counts["roads"] > 2
+    assert not wide.notes
+
+
 def test_dangling_references_are_left_out_and_counted(tmp_path: Path) -> None:
     made = town()
     made.way([(300, 300)], {"highway": "residential"}, missing=3)

@@ -88,6 +88,7 @@ def build(path: Path, options: Options, folder: Path | None = None, say: Say = l
     data = read.read(path)
     frame = choose(data, options.box)
     pieces, light, skipped, notes = _assemble(path, data, frame, options, say)
+    notes[:0] = frame.notes
     summary = Summary(
         key=key,
         city=light.id,

@@ -16,17 +16,10 @@ from lingjing.mission.frames import from_geodetic
 from lingjing.scene.network import LAYER_M
 from lingjing.scene.osm.features import Feature, Features
 from lingjing.scene.osm.read import MapData, Way
-from lingjing.scene.osm.tags import layer
+from lingjing.scene.osm.tags import VEHICLES, layer
 
 GRADE = 0.07
 """Rise over run of ramps."""
-
-VEHICLES = {
-    f"{kind}{link}"
-    for kind in ("motorway", "trunk", "primary", "secondary", "tertiary", "residential", "unclassified", "service")
-    for link in ("", "_link")
-} | {"living_street"}
-"""Values of `highway` that make a road network worth a try."""
 
 Links = dict[int, list[tuple[int, float]]]
 """Node → neighbours and metres to them."""

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from lingjing.errors import UsageError
 from lingjing.mission.frames import from_geodetic
-from lingjing.scene.osm.read import Box, MapData
+from lingjing.scene.osm.read import Box, MapData, Way
+from lingjing.scene.osm.tags import VEHICLES
 
 LARGEST_M = 60_000.0
 """A side beyond that is no city, and the projection about one point no longer fits it."""
@@ -15,15 +16,22 @@ LARGEST_M = 60_000.0
 MARGIN_DEG = 0.0006
 """Ground kept around the outermost buildings where nobody says what the map covers: about 60 m."""
 
+REACH_DEG = 0.005
+"""How far from its buildings a map's nearest street still is theirs, where none runs among them: about 500 m."""
+
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """`box` in degrees, why it is that one, the origin (latitude, longitude) and the bounds in metres about it."""
+    """`box` in degrees, why it is that one, the origin (latitude, longitude) and the bounds in metres about it.
+
+    `notes` say what of the map lies outside of a box that nobody asked for.
+    """
 
     box: Box
     because: str
     origin: tuple[float, float]
     bounds: tuple[float, float, float, float]
+    notes: tuple[str, ...] = ()
 
 
 def parse_box(text: str) -> Box:
@@ -55,8 +63,7 @@ def choose(data: MapData, box: Box | None) -> Frame:
 
 
 def _check_data(data: MapData, box: Box) -> None:
-    west, south, east, north = box
-    if not any(west <= lon <= east and south <= lat <= north for lat, lon in data.nodes.values()):
+    if not any(_holds(box, place) for place in data.nodes.values()):
         covers = ",".join(f"{value:.4f}" for value in _bounds(data.nodes.values()))
         raise UsageError(f"the bounding box {_text(box)} lies outside the map", hint=f"it covers {covers} (W,S,E,N)")
 
@@ -88,16 +95,54 @@ def frame_of(box: Box, because: str) -> Frame:
 
 def _around(data: MapData) -> Frame:
     """Extracts keep whole ways, so their outermost nodes say little: a river may lead 50 km away."""
-    for key in ("building", "highway"):
-        refs = {ref for way in data.ways if key in way.tags for ref in way.nodes}
-        places = [data.nodes[ref] for ref in sorted(refs) if ref in data.nodes]
-        if len(places) > 2:
-            west, south, east, north = _bounds(places)
-            grown = (west - MARGIN_DEG, south - MARGIN_DEG, east + MARGIN_DEG, north + MARGIN_DEG)
-            return frame_of(grown, f"around its {key}s".replace("highway", "road"))
-    west, south, east, north = _bounds(data.nodes.values())
-    grown = (west - MARGIN_DEG, south - MARGIN_DEG, east + MARGIN_DEG, north + MARGIN_DEG)
-    return frame_of(grown, "around all its data")
+    built, driven = _places(data, "building"), _places(data, "highway")
+    if len(built) > 2:
+        return _among(data, _grown(_bounds(built)))
+    if len(driven) > 2:
+        return frame_of(_grown(_bounds(driven)), "around its roads")
+    return frame_of(_grown(_bounds(data.nodes.values())), "around all its data")
+
+
+def _among(data: MapData, box: Box) -> Frame:
+    """The frame around buildings: grown to the streets near them where none runs among them. Says what it leaves."""
+    roads = [way for way in data.ways if way.tags.get("highway") in VEHICLES]
+    frame = frame_of(box, "around its buildings")
+    if roads and all(_is_outside(data, road, box) for road in roads):
+        reach = _grown(box, REACH_DEG)
+        near = [place for road in roads for place in _nodes(data, road) if _holds(reach, place)]
+        if near:
+            west, south, east, north = _grown(_bounds(near))
+            box = min(box[0], west), min(box[1], south), max(box[2], east), max(box[3], north)
+            frame = frame_of(box, "around its buildings and the streets near them")
+    outside = [road for road in roads if _nodes(data, road) and _is_outside(data, road, box)]
+    if not outside:
+        return frame
+    corners = _bounds([(box[1], box[0]), (box[3], box[2]), *(p for road in outside for p in _nodes(data, road))])
+    said = "1 road lies" if len(outside) == 1 else f"{len(outside)} roads lie"
+    wide = ",".join(f"{value:.4f}" for value in _grown(corners))
+    return replace(frame, notes=(f"{said} outside the part {frame.because}; with them it is --bbox={wide}",))
+
+
+def _places(data: MapData, key: str) -> list[tuple[float, float]]:
+    refs = {ref for way in data.ways if key in way.tags for ref in way.nodes}
+    return [data.nodes[ref] for ref in sorted(refs) if ref in data.nodes]
+
+
+def _nodes(data: MapData, way: Way) -> list[tuple[float, float]]:
+    return [data.nodes[ref] for ref in way.nodes if ref in data.nodes]
+
+
+def _is_outside(data: MapData, way: Way, box: Box) -> bool:
+    return not any(_holds(box, place) for place in _nodes(data, way))
+
+
+def _holds(box: Box, place: tuple[float, float]) -> bool:
+    return box[0] <= place[1] <= box[2] and box[1] <= place[0] <= box[3]
+
+
+def _grown(box: Box, by: float = MARGIN_DEG) -> Box:
+    west, south, east, north = box
+    return west - by, south - by, east + by, north + by
 
 
 def _bounds(places: Iterable[tuple[float, float]]) -> Box:

@@ -9,9 +9,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from xml.sax.saxutils import quoteattr
 
-from lingjing.scene.osm.elevation import VEHICLES, heights
+from lingjing.scene.osm.elevation import heights
 from lingjing.scene.osm.features import Features
 from lingjing.scene.osm.read import MapData
+from lingjing.scene.osm.tags import VEHICLES
 
 
 def streets_xml(data: MapData, features: Features) -> str:

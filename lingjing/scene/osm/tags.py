@@ -9,6 +9,13 @@ from math import isfinite
 Colour = tuple[float, float, float]
 """Linear RGB, 0 to 1."""
 
+VEHICLES = {
+    f"{kind}{link}"
+    for kind in ("motorway", "trunk", "primary", "secondary", "tertiary", "residential", "unclassified", "service")
+    for link in ("", "_link")
+} | {"living_street"}
+"""Values of `highway` that make a road network worth a try."""
+
 _LENGTH = re.compile(r"^\s*~?\s*(?P<value>-?\d+(?:[.,]\d+)?)\s*(?P<unit>m|metres?|meters?|ft|feet|'|km)?\s*$")
 _FEET = re.compile(r"^\s*(?P<feet>\d+)\s*'\s*(?P<inches>\d+(?:\.\d+)?)\s*(?:\"|'')\s*$")
 _METRES = {"": 1.0, "m": 1.0, "ft": 0.3048, "feet": 0.3048, "'": 0.3048, "km": 1000.0}
