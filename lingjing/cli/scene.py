@@ -107,6 +107,8 @@ def _phases(title: str) -> Iterator[Callable[[str], None]]:
 
 def _tell(city: City, summary: Summary | None) -> None:
     """The city in a few lines."""
+    from lingjing.scene.osm.summary import reason_text
+
     west, south, east, north = city.bounds
     print(f"city      {city.id}, {(east - west) / 1000:.2f} × {(north - south) / 1000:.2f} km", end="")
     print(f" around {city.origin[0]:.5f}, {city.origin[1]:.5f} (latitude, longitude)")
@@ -117,7 +119,7 @@ def _tell(city: City, summary: Summary | None) -> None:
         print(f"tallest   {summary.counts.get('tallest_m', 0)} m")
         print(f"part      {','.join(f'{value:.5f}' for value in summary.box)} ({summary.box_is})")
         for reason, count in summary.skipped.items():
-            print(f"left out  {count} {reason}")
+            print(f"left out  {reason_text(count, reason)}")
         for note in summary.notes:
             print(f"note      {note}")
         print(f"map       {summary.source.name}, sha256 {summary.source.sha256[:16]}…")

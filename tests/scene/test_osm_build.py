@@ -14,7 +14,7 @@ from lingjing.scene.osm import read as reading
 from lingjing.scene.osm.build import Options, build, cities_folder
 from lingjing.scene.osm.frame import choose, parse_box
 from lingjing.scene.osm.provider import city_of
-from lingjing.scene.osm.summary import read_summary
+from lingjing.scene.osm.summary import read_summary, reason_text
 from lingjing.scene.tiles import Tiles
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -162,6 +162,22 @@ def test_dangling_references_are_left_out_and_counted(tmp_path: Path) -> None:
         "ways without enough nodes": 1,
     }
     assert built.summary.counts["buildings"] == 4
+    said = [reason_text(count, reason) for reason, count in built.summary.skipped.items()]
+    assert said[:2] == ["1 area that does not close", "1 multipolygon that does not close"]
+
+
+def test_nodes_missing_from_streets_and_outlines_are_counted(tmp_path: Path) -> None:
+    made = Map()
+    made.way([(0, 0), (200, 0)], {"highway": "residential"}, missing=2)
+    made.way(square(0, 30, 30), {"building": "yes"})
+    half = made.way([(100, 100), (140, 100), (140, 140)], missing=1)
+    other = made.way([(140, 140), (100, 140), (100, 100)])
+    made.relation([(half, "outer"), (other, "outer")], {"natural": "water"})
+    made.way([(5000, 0), (5200, 0)], {"highway": "residential"}, missing=9)  # outside: no loss to this part
+    skipped = build(made.write(tmp_path / "gaps.osm"), Options(), tmp_path / "out").summary.skipped
+    assert skipped == {"references to missing nodes": 3}
+    assert reason_text(3, "references to missing nodes") == "3 references to missing nodes"
+    assert reason_text(1, "references to missing nodes") == "1 reference to a missing node"
 
 
 @pytest.mark.parametrize(

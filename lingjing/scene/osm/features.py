@@ -101,6 +101,7 @@ class _Shaper:
         self._points: dict[int, tuple[float, float]] = {}
         self._box = shapely.box(*frame.bounds)
         self.skipped: Counter[str] = Counter()
+        self._gapped: set[int] = set()
 
     def point(self, ref: int) -> tuple[float, float]:
         """A node's place in metres; `KeyError` if the map lacks it."""
@@ -112,14 +113,14 @@ class _Shaper:
     def closed(self) -> Iterator[Feature]:
         for way in self._data.ways:
             if is_area(way):
-                yield from self._kept(f"w{way.id}", way.tags, self._polygon(way))
+                yield from self._count_gaps((way,), self._kept(f"w{way.id}", way.tags, self._polygon(way)))
             elif _claims_area(way):
                 self.skipped["areas that do not close"] += 1
 
     def open(self) -> Iterator[Feature]:
         for way in self._data.ways:
             if not is_area(way) and any(key in way.tags for key in LINE_KEYS):
-                yield from self._kept(f"w{way.id}", way.tags, self._lines(way))
+                yield from self._count_gaps((way,), self._kept(f"w{way.id}", way.tags, self._lines(way)))
 
     def multipolygons(self) -> Iterator[Feature]:
         for relation in self._data.relations:
@@ -128,13 +129,26 @@ class _Shaper:
                 if shape is None:
                     self.skipped["multipolygons that do not close"] += 1
                 else:
-                    yield from self._kept(f"r{relation.id}", relation.tags, shape)
+                    members = [
+                        self._ways[ref] for kind, ref, _ in relation.members if kind == "w" and ref in self._ways
+                    ]
+                    yield from self._count_gaps(members, self._kept(f"r{relation.id}", relation.tags, shape))
 
     def _kept(self, ref: str, tags: dict[str, str], shape: Any) -> Iterator[Feature]:
         if shape is None or shape.is_empty:
             self.skipped["ways without enough nodes"] += 1
         elif shape.intersects(self._box):
             yield Feature(ref, tags, shape)
+
+    def _count_gaps(self, ways: Iterable[Way], kept: Iterable[Feature]) -> Iterator[Feature]:
+        """What is kept as it is; counts the nodes its ways name and the map lacks, each way's once."""
+        for feature in kept:
+            for way in ways:
+                lost = sum(ref not in self._data.nodes for ref in way.nodes)
+                if lost and way.id not in self._gapped:
+                    self._gapped.add(way.id)
+                    self.skipped["references to missing nodes"] += lost
+            yield feature
 
     def _line(self, way: Way) -> Any:
         """The way through the nodes that the map has, across gaps; None with fewer than two."""

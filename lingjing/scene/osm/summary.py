@@ -58,6 +58,20 @@ def read_summary(folder: Path) -> Summary | None:
         return None
 
 
+_ONE = {"that do not": "that does not", "straight lines": "a straight line", "missing nodes": "a missing node"}
+
+
+def reason_text(count: int, reason: str) -> str:
+    """A line of `skipped` in words: the reasons are in the plural, one of a kind is not."""
+    if count != 1:
+        return f"{count} {reason}"
+    things, *rest = reason.split(" ")
+    told = " ".join((things.removesuffix("s"), *rest))
+    for many, one in _ONE.items():
+        told = told.replace(many, one)
+    return f"1 {told}"
+
+
 def counts(pieces: Pieces, frame: Frame) -> dict[str, int]:
     """How much there is of each kind; lanes in metres, areas in square metres."""
     west, south, east, north = frame.bounds
