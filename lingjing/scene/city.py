@@ -70,10 +70,10 @@ class Building(msgspec.Struct, frozen=True, kw_only=True):
     """A building or a part of one: a prism from `base_m` to `top_m` with a roof on it and windows in its walls.
 
     `use` is `residential`, `commercial`, `office`, `industrial`, `warehouse`, `school`, `public` or `house`; `roof` is
-    `flat`, `gabled`, `hipped`, `pyramidal`, `dome`; its height `roof_m` is part of `top_m`. `colour` (linear RGB 0..1)
-    is the wall's, `facade` one of `punched`, `ribbon`, `curtain`, `blank`, `industrial`; `seed` feeds what is left
-    to chance in drawing. `levels` counts storeys. `entrance` is a point on the outline with the wall's outward bearing
-    in degrees, if there is one to show.
+    `flat`, `bare` (flat, nothing on it and no parapet: built upon), `gabled`, `hipped`, `pyramidal`, `dome`; its height
+    `roof_m` is part of `top_m`. `colour` (linear RGB 0..1) is the wall's, `facade` one of `punched`, `ribbon`,
+    `curtain`, `blank`, `industrial`; `seed` feeds what is left to chance in drawing. `levels` counts storeys.
+    `entrance` is a point on the outline with the wall's outward bearing in degrees, if there is one to show.
     """
 
     id: str

@@ -2,6 +2,7 @@ import sys
 from pathlib import Path
 
 import pytest
+import shapely
 
 from lingjing.scene.city import Building
 from lingjing.scene.osm.buildings import buildings, heights
@@ -175,3 +176,35 @@ def test_untagged_blocks_look_like_the_tagged_ones_near_them(tmp_path: Path) -> 
     assert {found[key].facade for key in low} <= {"punched", "ribbon"}
     assert {found[key].facade for key in high} <= {"curtain", "ribbon"}
     assert len({found[key].levels for key in low}) > 1
+
+
+def test_pieces_that_share_a_wall_are_set_apart(tmp_path: Path) -> None:
+    made = Map()
+    said = {"building:part": "yes", "building:levels": "10"}
+    made.way(square(0, 0, 60), {"building": "yes"})
+    made.way(square(0, 0, 60), {"building:part": "yes", "height": "10"})  # a podium
+    made.way(square(0, 0, 20), said | {"height": "50"})  # a tower flush with two of its walls
+    made.way(square(30, 30, 10), said | {"height": "40"})  # one that stands clear of them
+    made.way(square(100, 0, 20), {"building": "yes", "height": "12"})
+    made.way(square(100, 0, 20, 40), {"building": "yes", "height": "12"})  # the same hall again, and more
+    made.way(square(200, 0, 40, 20), {"building": "yes", "height": "12"})
+    made.way(square(220, 0, 40, 20), {"building": "yes", "height": "20"})  # a wing half in it
+    found = built(made, tmp_path)
+    podium, tower, clear = found["w2"], found["w3"], found["w4"]
+    assert (podium.base_m, podium.top_m, podium.roof) == (0.0, 10.0, "bare")
+    assert (tower.base_m, tower.top_m, tower.levels) == (10.0, 50.0, 8)
+    assert (clear.base_m, clear.top_m) == (0.0, 40.0)
+    assert "w5" not in found
+    assert shapely.Polygon(found["w6"].polygon).area == pytest.approx(800.0, abs=2.0)
+    assert shapely.Polygon(found["w7"].polygon).bounds == pytest.approx((200.0, 0.0, 220.0, 20.0), abs=0.1)
+    assert shapely.Polygon(found["w8"].polygon).area == pytest.approx(800.0, abs=2.0)
+    assert found["w8"].roof == "flat"
+
+
+def test_neighbours_back_to_back_keep_their_roofs(tmp_path: Path) -> None:
+    made = Map()
+    made.way(square(0, 0, 20), {"building": "yes", "height": "12"})
+    made.way(square(20, 0, 20), {"building": "yes", "height": "20", "min_height": "11.8"})
+    found = built(made, tmp_path)
+    assert [found[key].roof for key in ("w1", "w2")] == ["flat", "flat"]
+    assert (found["w2"].base_m, found["w2"].top_m) == (11.8, 20.0)

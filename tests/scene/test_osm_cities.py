@@ -7,6 +7,7 @@ import pytest
 import shapely
 
 from lingjing.mission.frames import from_geodetic
+from lingjing.scene.city import Building
 from lingjing.scene.osm.build import Built, Options, build
 from lingjing.scene.tiles import Tiles
 
@@ -96,3 +97,17 @@ def test_helsinki_has_its_sea(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     tops = sorted(house.top_m for house in pieces if house.base_m < 1.0)
     assert 12.0 < tops[len(tops) // 2] < 22.0  # tagged buildings there have four to seven storeys
     assert tops[9 * len(tops) // 10] < 32.0
+    assert _sharing_walls(pieces) <= 2  # 16 as the map has them
+
+
+def _sharing_walls(pieces: list[Building]) -> int:
+    """Pairs of pieces with a metre of wall and more in one plane, on the same side, at the same height."""
+    shapes = [shapely.Polygon(house.polygon, house.holes).buffer(0.0) for house in pieces]
+    count = 0
+    for a, b in shapely.STRtree(shapes).query(shapes, predicate="intersects").T.tolist():
+        high = min(pieces[a].top_m, pieces[b].top_m) - max(pieces[a].base_m, pieces[b].base_m)
+        shared = shapes[a].intersection(shapes[b]).buffer(0.0)
+        if a < b and high > 0.1 and shared.area > 1.0:
+            along = shapes[a].boundary.intersection(shapes[b].boundary.buffer(0.06))
+            count += along.intersection(shared.boundary.buffer(0.06)).length > 1.0
+    return count

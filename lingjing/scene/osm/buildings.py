@@ -19,6 +19,7 @@ from lingjing.scene.cutting import polygons, rings
 from lingjing.scene.osm import looks
 from lingjing.scene.osm.features import Feature, Features
 from lingjing.scene.osm.neighbours import Neighbours
+from lingjing.scene.osm.stacking import settled
 from lingjing.scene.osm.tags import is_below, is_set, metres, number
 
 COVERED = 0.2
@@ -52,7 +53,7 @@ def buildings(features: Features, seed: int) -> tuple[Building, ...]:
     for body in _bodies(features):
         found += _raise(body, around, neighbours, seed)
     doors = _doors(features)
-    return tuple(_with_door(building, features, doors) for building in found)
+    return tuple(_with_door(building, features, doors) for building in settled(found))
 
 
 def is_building(tags: Mapping[str, str]) -> bool:
