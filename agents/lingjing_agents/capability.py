@@ -31,9 +31,10 @@ def vessel(brief: Brief, *, embodied: bool = True) -> Resource | None:
 
 
 def vehicle(brief: Brief) -> Resource | None:
-    """The first embodied resource that drives to places on a map and takes no pictures on request."""
+    """The first embodied resource that drives: it goes to places on a map, without a height."""
     for resource in brief.resources:
-        if resource.embodied and has_verb(resource, "setDestination") and not has_verb(resource, "takePhoto"):
+        going = [verb for verb in resource.verbs if verb.name == "setDestination"]
+        if resource.embodied and going and not any(argument.name == "z" for argument in going[0].arguments):
             return resource
     return None
 

@@ -21,7 +21,7 @@ from lingjing.kernel.commands import PHOTO
 from lingjing.kernel.predicates import HANDOFF_M, SAME_POINT_M
 from lingjing.kernel.registry import Registry, Report
 from lingjing.mission.geometry2d import contains
-from lingjing.mission.instance import AgentSpec, Instance
+from lingjing.mission.instance import AgentSpec, Entity, Instance
 from lingjing.mission.model import Relation
 from lingjing.trace.records import Envelope, Receipt, RelationRecord, StageChange
 
@@ -30,6 +30,12 @@ Emitted = tuple[str, tuple[str, ...]]
 
 Part = tuple[str, Sequence[tuple[float, float]]]
 """A region or a cell: its name and polygon."""
+
+
+def _photographs_ground(entity: Entity) -> bool:
+    """Whether cells may become visited by what it photographs: a picture from a front camera visits none."""
+    asks = any(verb.name == PHOTO for verb in entity.verbs)
+    return asks and any(camera.view != "front" for camera in entity.cameras)
 
 
 class RelationTracker:
@@ -43,7 +49,7 @@ class RelationTracker:
         self._grids = {cell.name: cell.grid for cell in instance.cells}
         self._hub = instance.comms.hub
         self._targets = {entity.id: entity.group for entity in instance.entities if entity.role == "target"}
-        eyes = {entity.id for entity in instance.entities if any(verb.name == PHOTO for verb in entity.verbs)}
+        eyes = {entity.id for entity in instance.entities if _photographs_ground(entity)}
         self._blind = {agent.role for agent in instance.agents if not eyes.intersection(agent.controls)}
         self._contested = {relation.over for relation in instance.relations if relation.kind == "competition"}
         self._areas = {
@@ -112,8 +118,8 @@ class RelationTracker:
                     yield RelationRecord(kind=relation.kind, source=agent.id, target=partner, by=name, tick=after.tick)
 
     def _worked(self, relation: Relation, before: Registry, after: Registry) -> Iterator[RelationRecord]:
-        """Who for the first time has done something in a cell, for the partners in the grid; of those without pictures,
-        the others share a grid by what they have photographed."""
+        """Who for the first time has done something in a cell, for the partners in the grid; of those without pictures
+        of the ground, the others share a grid by what they have photographed."""
         if relation.over not in self._grids.values() or relation.source not in self._blind:
             return
         parts = self._areas[relation.over or ""]
