@@ -97,6 +97,7 @@ def test_helsinki_has_its_sea(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     tops = sorted(house.top_m for house in pieces if house.base_m < 1.0)
     assert 12.0 < tops[len(tops) // 2] < 22.0  # tagged buildings there have four to seven storeys
     assert tops[9 * len(tops) // 10] < 32.0
+    assert all(shapely.Polygon(house.polygon, house.holes).is_valid for house in pieces)
     assert _sharing_walls(pieces) <= 2  # 16 as the map has them
 
 

@@ -122,7 +122,11 @@ def _between(piece: Building, base_m: float, top_m: float) -> Building:
 
 def _reshaped(piece: Building, shape: Any) -> Iterator[Building]:
     """A piece on what is left of its ground."""
-    left = [part for part in polygons(shape) if not part.buffer(-SLIVER_M).is_empty]
+    import shapely
+
+    # opened, so that no sliver hangs on it; to the millimetre here, where that keeps it sound
+    wide = shape.buffer(-SLIVER_M, join_style="mitre").buffer(SLIVER_M, join_style="mitre")
+    left = list(polygons(shapely.set_precision(wide, 0.001)))
     for number, part in enumerate(left):
         for outline, *holes in filter(None, (rings(part),)):
             name = f"{piece.id}-left{number}" if number else piece.id
