@@ -33,6 +33,8 @@ PARAPET_M = 1.0
 
 def settled(pieces: Sequence[Building]) -> tuple[Building, ...]:
     """The pieces in their order, some shorter or smaller, some gone or in several; roofs built upon are `bare`."""
+    if not pieces:
+        return ()
     pile = _Pile(pieces)
     for a, b in pile.touching():
         pile.part(a, b)
