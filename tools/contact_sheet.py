@@ -12,7 +12,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from math import cos, radians, sin
+from math import cos, radians, sin, tan
 from pathlib import Path
 
 import msgspec
@@ -45,12 +45,14 @@ IN_FULL = 3
 """A sheet of more rows than this is written with 256 colours, to be small; the night needs more of them."""
 
 VIEWS = {"nadir": (1920, 1080, 84.0), "oblique": (1280, 720, 70.0), "front": (1280, 720, 84.0),
-         "dog_eye": (1280, 720, 90.0), "dash": (1280, 720, 90.0)}  # fmt: skip
+         "dog_eye": (1280, 720, 90.0), "dash": (1280, 720, 90.0), "orbit": (1920, 1080, 2.1)}  # fmt: skip
 """Camera presets of `std.sensors`: columns, rows, horizontal field of view."""
-BODIES = {"dog_eye": "robot_dog", "dash": "car"}
-MOUNTED = {"dog_eye": "front", "dash": "front"}
+BODIES = {"dog_eye": "robot_dog", "dash": "car", "orbit": "satellite"}
+MOUNTED = {"dog_eye": "front", "dash": "front", "orbit": "nadir"}
 EYES_M = {"dog_eye": 0.30, "dash": 0.0}
 """Elevation of the body's origin over the ground."""
+PITCH_DEG = {"orbit": -90.0}
+"""A satellite's camera looks along its nose."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,10 +78,14 @@ class Shot:
     """Models of props: the nearest one of them is looked at instead of the target."""
     orange_roof: bool = False
     """Whether the nearest orange roof is looked at instead."""
+    seaside: bool = False
+    """Whether the scene is a whole city by the sea instead of the mission's own."""
     weather: Mapping[str, float] = field(default_factory=dict)
     """What is other about the mission's weather."""
 
 
+SEASIDE = {"kind": "city", "datum_m": -3.0, "options": {"extent_m": 3000.0}}
+"""What is other about the scene: a city of all districts, its harbour and its coast."""
 NIGHT = {"sun_elevation_deg": -20.0}
 FOG = {"visibility_m": 300.0, "cloud": 1.0}
 RAIN = {"rain": 0.7, "cloud": 1.0, "visibility_m": 4000.0}
@@ -164,7 +170,8 @@ SHOTS += (
         )
     ),
     Shot("car", "ufr", STREET, "nadir", 0.0, 60.0, extra=(("car", 0.0, 14.0, 0.0, 0.0),)),
-    Shot("satellite", "ufr", STREET, "front", 9.0, 3.0, extra=(("satellite", 0.0, 0.0, 80.0, 30.0),)),
+    Shot("what a satellite sees", "ufr", STREET, "orbit", 0.0, 550e3, seaside=True),
+    Shot("satellite", "ufr", STREET, "front", 9.0, 1.0, extra=(("satellite", 0.0, 0.0, 550e3, 30.0),)),
     Shot("parked truck", "idf", "fire[1]", "front", 14.0, 6.0, props=("parked_truck",)),
     Shot("steam", "idf", "fire[1]", "front", 9.0, 3.0, props=("steam_vent",)),
     Shot("buoy", "ssr", "victim[1]", "nadir", 0.0, 60.0, props=("buoy_orange",)),
@@ -179,11 +186,11 @@ class Studio:
     def __init__(self) -> None:
         self.engine = CameraEngine()
         self.host = PluginHost()
-        self._made: dict[str, tuple[Instance, City]] = {}
+        self._made: dict[tuple[str, bool], tuple[Instance, City]] = {}
 
     def take(self, shot: Shot) -> tuple[npt.NDArray[np.uint8], Box | None]:
         """The frame with the most of the target in it, and the target's box."""
-        instance, city = self._stage(shot.mission)
+        instance, city = self._stage(shot.mission, shot.seaside)
         subject = next(entity for entity in instance.entities if entity.id == shot.target)
         entities = [e for e in instance.entities if e.role == "target" or e.id == shot.target]
         if shot.extra:
@@ -203,12 +210,14 @@ class Studio:
         assert best is not None
         return best
 
-    def _stage(self, name: str) -> tuple[Instance, City]:
-        if name not in self._made:
+    def _stage(self, name: str, seaside: bool) -> tuple[Instance, City]:
+        if (name, seaside) not in self._made:
             bare = instantiate(load_mission(ROOT / "scenarios" / f"{name}.ljs"), seed=SEED)
+            if seaside:
+                bare = msgspec.structs.replace(bare, scene=msgspec.structs.replace(bare.scene, **SEASIDE))
             city = self.host.scene(bare.scene.kind).build(bare.scene)
-            self._made[name] = anchor(bare, city), city
-        return self._made[name]
+            self._made[name, seaside] = anchor(bare, city), city
+        return self._made[name, seaside]
 
     def _frame(
         self, shot: Shot, instance: Instance, city: City, entities: Sequence[Entity], subject: Entity, bearing: float
@@ -218,8 +227,8 @@ class Studio:
         weather = msgspec.structs.replace(instance.weather, **shot.weather)
         played = msgspec.structs.replace(instance, entities=cast, events=(), weather=weather)
         self.engine.reset(EngineSpec(engine="camera", instance=played, owns=()), city, SEED)
-        states = [BodyState(id=e.id, position=e.position, heading_deg=e.heading_deg, status=shot.states.get(e.id, ""))
-                  for e in cast]  # fmt: skip
+        states = [BodyState(id=e.id, position=e.position, heading_deg=e.heading_deg, status=shot.states.get(e.id, ""),
+                            pitch_deg=PITCH_DEG.get(shot.view, 0.0) if e is viewer else 0.0) for e in cast]  # fmt: skip
         self.engine.advance(TIME_S, [*states, *_ambient(shot, subject)])
         (frame,) = self.engine.capture(
             [CaptureRequest(frame="f", entity=viewer.id, camera="eye", tick=1, time_s=TIME_S)]
@@ -291,12 +300,12 @@ def _viewer(shot: Shot, subject: Entity, bearing: float) -> Entity:
                   engine="x", position=place, heading_deg=heading, cameras=(camera,))  # fmt: skip
 
 
-def cell(frame: npt.NDArray[np.uint8], box: Box | None, nadir: bool) -> Image.Image:
+def cell(frame: npt.NDArray[np.uint8], box: Box | None, view: str) -> Image.Image:
     """The part of a frame around a box, in its own pixels; the whole frame made smaller where the box is larger.
-    Without a box the middle of a nadir frame at half its size, or all of another."""
+    Without a box the middle of a nadir frame at half its size, or all of another; of a frame from orbit always all."""
     picture = Image.fromarray(frame)
     width, height = picture.size
-    if box is None and not nadir:
+    if view == "orbit" or (box is None and view != "nadir"):
         return picture.resize(CELL, Image.Resampling.LANCZOS)
     if box is None:
         left, top = width // 2 - CELL[0], height // 2 - CELL[1]
@@ -312,6 +321,9 @@ def cell(frame: npt.NDArray[np.uint8], box: Box | None, nadir: bool) -> Image.Im
 def caption(shot: Shot, frame: npt.NDArray[np.uint8], box: Box | None) -> tuple[str, str]:
     """What it is, and camera, distance and size of the box in pixels of the frame."""
     away = (shot.ahead_m**2 + shot.above_m**2) ** 0.5
+    if shot.view == "orbit":
+        across_km = 2.0 * away * tan(radians(VIEWS["orbit"][2]) / 2.0) / 1000.0
+        return shot.title, f"{shot.view}, {away / 1000.0:.0f} km, the whole frame: {across_km:.0f} km across"
     if box is None:
         return shot.title, f"{shot.view}, {away:.0f} m"
     height, width = frame.shape[:2]
@@ -342,7 +354,7 @@ def draw(studio: Studio, shots: Sequence[Shot], out: Path) -> list[str]:
     for k, shot in enumerate(shots):
         frame, box = studio.take(shot)
         left, top = k % COLUMNS * CELL[0], k // COLUMNS * (CELL[1] + CAPTION_PX)
-        sheet.paste(cell(frame, box, shot.view == "nadir"), (left, top))
+        sheet.paste(cell(frame, box, shot.view), (left, top))
         title, detail = caption(shot, frame, box)
         pen.text((left + 6, top + CELL[1] + 1), title, (240, 240, 240), font)
         pen.text((left + 6, top + CELL[1] + 16), detail, (160, 170, 180), font)

@@ -18,6 +18,7 @@ import numpy.typing as npt
 
 from lingjing.plugins.engines.camera import city_shaders as shaders
 from lingjing.plugins.engines.camera import programs
+from lingjing.plugins.engines.camera.beyond import build_beyond
 from lingjing.plugins.engines.camera.classes import FIRST_ENTITY
 from lingjing.plugins.engines.camera.effects import SHOWING, Dress
 from lingjing.plugins.engines.camera.facing import Walls, planes_of, walls_of
@@ -70,7 +71,8 @@ SOURCES = {
 
 class Mode(NamedTuple):
     """Which variant of a material's program draws: in rain, after dark, where the shadow map reaches, where the ground
-    wears the map, what is turned away from the sun, what is too far off to show its grain, and its panes."""
+    wears the map, what is turned away from the sun, what is too far off to show its grain, and its panes,
+    country from high up."""
 
     wet: bool
     night: bool
@@ -79,6 +81,7 @@ class Mode(NamedTuple):
     averted: bool = False
     even: bool = False
     blunt: bool = False
+    aloft: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,6 +133,8 @@ class Cityscape:
         self._ground = self._upload("ground", self.plate.ground, casts=False)
         self._quays = self._upload("plain", self.plate.quays, casts=False)
         self._lands = self._upload("paving", self.plate.lands, casts=False)
+        self.beyond = build_beyond(city, self.plate)
+        self._far_lands = self._upload("paving", self.beyond.lands, casts=False)
         self._map = context.texture(self._skyline.map.shape[1::-1], 3, self._skyline.map.tobytes())
         self._map.repeat_x = self._map.repeat_y = False
         self._map.build_mipmaps()
@@ -276,8 +281,8 @@ class Cityscape:
         self._shade.use(shade_unit)
         self._map.use(map_unit)
 
-    def programs(self, wet: bool, night: bool, blunt: bool) -> tuple[moderngl.Program, ...]:
-        """The programs of one kind of weather, with those for what is far off if `blunt`."""
+    def programs(self, wet: bool, night: bool, blunt: bool, high: bool) -> tuple[moderngl.Program, ...]:
+        """The programs of one kind of weather; if `blunt` for what is far off as well, if `high` for country."""
         modes = [Mode(wet, night, sunlit) for sunlit in (False, True)]
         found = [self._program(name, mode) for name in SOURCES for mode in modes]
         mapped, averted = Mode(wet, night, True, mapped=True), Mode(wet, night, False, averted=True)
@@ -286,6 +291,9 @@ class Cityscape:
             wanted = [*(("wall", mode) for mode in even), *(("plain", mode) for mode in even[:2])]
             found += [self._program(name, mode) for name, mode in wanted]
             found.append(self._program("wall", even[0]._replace(blunt=True)))
+        if high:
+            aloft = [mode._replace(aloft=True) for mode in (modes[1], mapped)]
+            found += [self._program("paving", mode) for mode in aloft]
         return (*found, *(self._program(name, mapped) for name in ("ground", "paving")), self._program("wall", averted))
 
     def structures(self, view: View, eye: tuple[float, float, float], wet: bool, night: bool) -> None:
@@ -313,13 +321,17 @@ class Cityscape:
         mode = Mode(wet, night, True)
         if self._quays.count:
             self._quays.lit[mode].render(moderngl.TRIANGLES)
-        for back, sheet, cells in ((1.0, self._lands, view.lands), (2.0, self._ground, view.ground)):
+        aloft = mode._replace(aloft=view.high)
+        layers = (1.0, self._lands, view.lands, aloft), (2.0, self._ground, view.ground, mode)
+        for back, sheet, cells, look in layers:
             if not sheet.count:
                 continue
             for some in cells:
                 self._context.polygon_offset = back * LARGE_BACK * some.close, 0.0
-                _draw_runs(sheet.lit[mode._replace(mapped=some.mapped)], some.runs)
+                _draw_runs(sheet.lit[look._replace(mapped=some.mapped)], some.runs)
         self._context.polygon_offset = 0.0, 0.0
+        if view.high and self._far_lands.count:
+            self._far_lands.lit[aloft].render(moderngl.TRIANGLES)
         self._context.disable(moderngl.CULL_FACE)
 
     def _draw(self, sheets: Mapping[str, Sheet], name: str, mode: Mode, one_sided: bool, count: int = -1) -> None:
@@ -361,7 +373,7 @@ class Cityscape:
     def release(self) -> None:
         """Free everything."""
         sheets = [sheet for resident in self._residents.values() for sheet in resident.sheets.values()]
-        for sheet in (*sheets, self._blocks, self._ground, self._lands, self._quays):
+        for sheet in (*sheets, self._blocks, self._ground, self._lands, self._quays, self._far_lands):
             sheet.release()
         for program in (self._caster, *self._programs.values()):
             program.release()

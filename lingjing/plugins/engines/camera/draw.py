@@ -18,7 +18,8 @@ import numpy.typing as npt
 
 from lingjing.mission.instance import Vector, Weather
 from lingjing.plugins.engines.camera import city_shaders, programs, shaders, uniforms
-from lingjing.plugins.engines.camera.cityscape import Cityscape
+from lingjing.plugins.engines.camera.beyond import HIGH_M, SPAN_M
+from lingjing.plugins.engines.camera.cityscape import TOUCHING_M, Cityscape
 from lingjing.plugins.engines.camera.classes import CLASSES
 from lingjing.plugins.engines.camera.context import open_context, renderer_name
 from lingjing.plugins.engines.camera.effects import Dress, prop_effects
@@ -29,12 +30,13 @@ from lingjing.plugins.engines.camera.ground import Surface as Land
 from lingjing.plugins.engines.camera.instances import Batch, Rows, afloat, in_sight, visible
 from lingjing.plugins.engines.camera.light import Light, light_of
 from lingjing.plugins.engines.camera.looks import Gathered, looks_of, merged
+from lingjing.plugins.engines.camera.mesh_rows import Part
 from lingjing.plugins.engines.camera.meshes import indexed
 from lingjing.plugins.engines.camera.nightlights import lamp_rows
 from lingjing.plugins.engines.camera.noise import GRAIN, cloud_texture, grain_texture, lace_texture, noise_texture
 from lingjing.plugins.engines.camera.ocean import RIPPLE_M, Surface
 from lingjing.plugins.engines.camera.ocean import SIZE as SEA_SIZE
-from lingjing.plugins.engines.camera.sight import blunt_from, sky_bounds
+from lingjing.plugins.engines.camera.sight import blunt_from, near_plane, sky_bounds
 from lingjing.plugins.engines.camera.standins import standin
 from lingjing.plugins.engines.camera.targets import MAX_TARGETS, Buffers, Target
 from lingjing.plugins.engines.camera.tilemesh import Under
@@ -51,7 +53,17 @@ WARM_SIZE, WARM_UP_M = (320, 180), 60.0
 GRAIN_M = 64.0
 """What the grain's texture spans (`city_shaders`)."""
 MIPMAPPED = moderngl.LINEAR_MIPMAP_LINEAR
+RELIEF_M = 500.0
+"""No land rises higher."""
+SEA_SPAN_M = 30_000.0
+"""How far `shaders.WATER_VERTEX` spreads the sea."""
+SEA_FLOOR, GROUND_FLOOR = (0.013, 0.065, 0.08), (0.09, 0.10, 0.05)
+"""Colours of sea and country at the horizon of an eye high up."""
 GROUND_CLASSES = tuple(CLASSES[name] for name in ("sand", "grass", "rock", "concrete"))
+
+
+Lake = tuple[float, moderngl.VertexArray, tuple[moderngl.Buffer, ...]]
+"""Level, array and its buffers."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +90,11 @@ class Renderer:
         self._grounds = {cls: self._pair(shaders.OBJECT_VERTEX, shaders.ground_fragment(cls)) for cls in GROUND_CLASSES}
         self._water = self._program(shaders.WATER_VERTEX, shaders.WATER_FRAGMENT)
         self._lake = self._program(shaders.LAKE_VERTEX, shaders.WATER_FRAGMENT)
+        far_water = shaders.aloft(shaders.WATER_FRAGMENT)
+        self._far_water = self._program(shaders.WATER_VERTEX, far_water)
+        self._far_lake = self._program(shaders.LAKE_VERTEX, far_water)
         self._sky = self._program(shaders.SKY_VERTEX, shaders.SKY_FRAGMENT)
+        self._below = self._program(shaders.BELOW_VERTEX, shaders.BELOW_FRAGMENT)
         self._shadow = self._program(shaders.SHADOW_VERTEX, shaders.SHADOW_FRAGMENT)
         self._mark = self._program(shaders.MARK_VERTEX, shaders.MARK_FRAGMENT)
         self._rain = self._program(shaders.SKY_VERTEX, city_shaders.RAIN_FRAGMENT)
@@ -86,9 +102,12 @@ class Renderer:
         self._effects = EffectPass(self.context)
         self._programs = (
             *self._objects, *self._dull, *(p for pair in self._grounds.values() for p in pair), self._water, self._lake,
-            self._sky, self._shadow, self._mark, self._rain, self._tree_shade,
+            self._far_water, self._far_lake,
+            self._sky, self._below, self._shadow, self._mark, self._rain, self._tree_shade,
         )  # fmt: skip
-        self._corners = self.context.buffer(np.array([-1, -1, 1, -1, 1, 1, -1, -1, 1, 1, -1, 1], "f4").tobytes())
+        corners = np.array([-1, -1, 1, -1, 1, 1, -1, -1, 1, 1, -1, 1], "f4")
+        self._corners = self.context.buffer(corners.tobytes())
+        self._far_corners = self.context.buffer((corners * np.float32(SPAN_M / SEA_SPAN_M)).tobytes())
         noise = noise_texture()
         self._noise, self._lace = self.texture(noise), lace_texture()
         grain = grain_texture()
@@ -100,10 +119,13 @@ class Renderer:
         self._sea_now: tuple[Surface, Surface] | None = None
         self._shore = self.context.texture((1, 1), 2, b"\xff\x80")
         self._water_vao = self.context.vertex_array(self._water, [(self._corners, "2f", "in_corner")])
+        self._far_water_vao = self.context.vertex_array(self._far_water, [(self._far_corners, "2f", "in_corner")])
+        self._below_vao = self.context.vertex_array(self._below, [(self._corners, "2f", "in_corner")])
         self._sky_vao = self.context.vertex_array(self._sky, [(self._corners, "2f", "in_corner")])
         self._rain_vao = self.context.vertex_array(self._rain, [(self._corners, "2f", "in_corner")])
         self._town: Cityscape | None = None
-        self._lakes: list[tuple[float, moderngl.VertexArray, tuple[moderngl.Buffer, ...]]] = []
+        self._lakes: list[Lake] = []
+        self._far_lakes: list[Lake] = []
         self._casting: dict[str, tuple[Model, moderngl.VertexArray]] = {}
         self._standing = Gathered()
         self._surfaces: list[tuple[Land, Model]] = []
@@ -150,11 +172,15 @@ class Renderer:
     def _load_town(self, city: City, under: Under) -> None:
         self._town = Cityscape(self.context, city, under)
         self._surfaces = [(land, self._shaded_land(model, land)) for land, model in self._surfaces]
-        for level, part in self._town.plate.waters:
-            vertices = self.context.buffer(np.ascontiguousarray(part.vertices["position"]).tobytes())
-            index = self.context.buffer(part.index.tobytes())
-            array = self.context.vertex_array(self._lake, [(vertices, "3f", "in_position")], index, 4)
-            self._lakes.append((level, array, (vertices, index)))
+        near, far = self._town.plate.waters, self._town.beyond.waters
+        self._lakes = [self._lake_of(self._lake, *water) for water in near]
+        self._far_lakes = [self._lake_of(self._far_lake, *water) for water in (*near, *far)]
+
+    def _lake_of(self, program: moderngl.Program, level: float, part: Part) -> Lake:
+        vertices = self.context.buffer(np.ascontiguousarray(part.vertices["position"]).tobytes())
+        index = self.context.buffer(part.index.tobytes())
+        array = self.context.vertex_array(program, [(vertices, "3f", "in_position")], index, 4)
+        return level, array, (vertices, index)
 
     def _shaded_land(self, old: Model, land: Land) -> Model:
         old.release()
@@ -166,7 +192,7 @@ class Renderer:
         for model, array in self._casting.values():
             array.release()
             model.release()
-        for _, array, buffers in self._lakes:
+        for _, array, buffers in (*self._lakes, *self._far_lakes):
             array.release()
             for buffer in buffers:
                 buffer.release()
@@ -174,6 +200,7 @@ class Renderer:
             self._town.release()
         self._shore.release()
         self._surfaces, self._solids, self._models, self._casting, self._lakes = [], [], {}, {}, []
+        self._far_lakes = []
         self._standing = Gathered()
         self._town = None
 
@@ -217,8 +244,10 @@ class Renderer:
             model.lit.render(instances=1)
         if self._town is not None and view is not None:
             self._town.floors(view, *weather)
-        self._waters()
+        self._waters(high=pose.position[2] > HIGH_M)
         self._heavens(target, pose)
+        if pose.position[2] > HIGH_M:
+            self._below_vao.render()
         scenery = self._enlivened(scenery, view, pose, light)
         drawn = self._fill(pose, scenery, light)
         self._blend(target, drawn, scenery, light)
@@ -231,11 +260,12 @@ class Renderer:
             self._town.trim()
         return target.read()
 
-    def _waters(self) -> None:
+    def _waters(self, high: bool) -> None:
         if self._town is None or self._town.plate.sea is not None:
-            self._water_vao.render()
-        for level, array, _ in self._lakes:
-            self._lake["u_level"] = level
+            (self._far_water_vao if high else self._water_vao).render()
+        lake = self._far_lake if high else self._lake
+        for level, array, _ in self._far_lakes if high else self._lakes:
+            lake["u_level"] = level
             array.render()
 
     def _heavens(self, target: Target, pose: CameraPose) -> None:
@@ -318,8 +348,10 @@ class Renderer:
         self._effects.release()
         for texture in (self._noise, *self._grains.values(), self._clouds, *self._sea):
             texture.release()
-        for thing in (self._water_vao, self._sky_vao, self._rain_vao, self._corners):
-            thing.release()
+        for array in (self._water_vao, self._far_water_vao, self._below_vao, self._sky_vao, self._rain_vao):
+            array.release()
+        for buffer in (self._corners, self._far_corners):
+            buffer.release()
         for program in self._programs:
             program.release()
 
@@ -372,10 +404,13 @@ class Renderer:
             "u_level": self._level,
             "u_layer": 0.0,
             "u_rain": light.rain,
+            **self._floor(),
             "u_silt": float(self._town is not None and self._town.plate.sea is None),
         }
         told: tuple[moderngl.Program, ...] = (*self._programs, *self._effects.programs)
         near = uniforms.bay_near(pose)
+        if pose.position[2] > HIGH_M:
+            near = near_plane(pose, min(pose.position[2] - RELIEF_M, max(_closest(scenery, pose), TOUCHING_M)))
         if self._town is not None and view is not None:
             self._town.bind(view, pose, SHADE_UNIT, MAP_UNIT)
             self._noise.filter = moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR
@@ -383,12 +418,20 @@ class Renderer:
                 texture.filter = _grain_filter(pose)
             near = self._town.near_plane(view, pose, _closest(scenery, pose))
             values |= {**self._town.values(view), "u_shadow": SHADE_UNIT, "u_map": MAP_UNIT}
-            told = (*told, *self._town.programs(light.rain > 0.0, light.lamps, bool(view.blunt or view.farther)))
+            blunt = bool(view.blunt or view.farther)
+            told = (*told, *self._town.programs(light.rain > 0.0, light.lamps, blunt, view.high))
         values |= uniforms.view(pose, near)
         for program in told:
+            own = {**values, **uniforms.space(light, pose.position[2])} if program is self._sky else values
             for name in program:
-                if name in values:
-                    program[name] = values[name]
+                if name in own:
+                    program[name] = own[name]
+
+    def _floor(self) -> dict[str, object]:
+        """What is at the horizon of an eye high up."""
+        if self._town is None or self._town.plate.sea is not None:
+            return {"u_floor": (*SEA_FLOOR, 1.0), "u_floor_is": (self._level, float(CLASSES["water"]))}
+        return {"u_floor": (*GROUND_FLOOR, 0.0), "u_floor_is": (0.0, float(CLASSES["grass"]))}
 
     def _sea_values(self, scenery: Scenery) -> dict[str, object]:
         return {

@@ -58,14 +58,14 @@ class Plate:
 def build_plate(city: City) -> Plate:
     """The ground and the waters of a city."""
     bounds = shapely.box(*city.bounds)
-    shapes = [_shape(water) for water in city.waters]
+    shapes = [shape_of(water) for water in city.waters]
     for water, shape in zip(city.waters, shapes, strict=True):
         if bounds.difference(shape).area < 1.0:
             return Plate(*_cells([]), *_lands(city), _edges(city, water.level_m), (), water.level_m)
     wet = shapely.union_all(shapes).intersection(bounds)
     ground = bounds.difference(wet)
     pieces = _pieces(ground, _grid(city.bounds))
-    beyond = [_outwards(city, shape) for shape in shapes]
+    beyond = [outwards(city, shape) for shape in shapes]
     level = city.waters[0].level_m if city.waters else 0.0
     around = shapely.box(-REACH_M, -REACH_M, REACH_M, REACH_M).difference(bounds)
     outside = _pieces(around.difference(shapely.union_all(beyond)) if shapes else around, _sides(city.bounds))
@@ -138,12 +138,13 @@ def _edges(city: City, level: float) -> Part:
     return joined(walls(land.polygon, level - BED_M, land.top_m, QUAY, CLASSES["concrete"]) for land in even)
 
 
-def _shape(water: Water) -> shapely.Geometry:
+def shape_of(water: Water) -> shapely.Geometry:
+    """A water with its holes."""
     return shapely.make_valid(shapely.Polygon(water.polygon, water.holes))
 
 
-def _outwards(city: City, water: shapely.Geometry) -> shapely.Geometry:
-    """What lies beyond the bounds behind the stretches of them that a water covers."""
+def outwards(city: City, water: shapely.Geometry, reach_m: float = REACH_M) -> shapely.Geometry:
+    """What lies beyond the bounds, as far as `reach_m` at least, behind the stretches of them that a water covers."""
     west, south, east, north = city.bounds
     centre = np.array([(west + east) / 2.0, (south + north) / 2.0])
     border = shapely.box(*city.bounds).exterior.intersection(water.buffer(0.5))
@@ -153,7 +154,7 @@ def _outwards(city: City, water: shapely.Geometry) -> shapely.Geometry:
             continue
         points = np.asarray(line.coords)
         side = max(east - west, north - south)
-        far = centre + (points - centre) * (4.0 * REACH_M / side)
+        far = centre + (points - centre) * (4.0 * reach_m / side)
         if line.length < RIVER_SHARE * side:  # a river; as a wedge it would be a sea at the horizon
             far = points.mean(axis=0) + (points - points.mean(axis=0)) * 0.3
             far += (points.mean(axis=0) - centre) * RIVER_GOES

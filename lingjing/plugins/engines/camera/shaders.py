@@ -160,6 +160,11 @@ def shaded(source: str) -> str:
     return source.replace("#version 330", "#version 330\n#define SHADED", 1)
 
 
+def aloft(source: str) -> str:
+    """The source of waters for an eye high over them, which sees beyond the shore map."""
+    return source.replace("#version 330", "#version 330\n#define ALOFT", 1)
+
+
 def ground_fragment(cls: int) -> str:
     """The ground's fragment shader for one surface class: a branch costs a software renderer both its sides."""
     return GROUND_FRAGMENT.replace("#define SURFACE 2 ", f"#define SURFACE {cls} ")
@@ -204,6 +209,10 @@ void main() {
   vec4 b = texture(u_ripple, p.xy / u_lengths.y);
   vec4 c = texture(u_ripple, mat2(0.8, 0.6, -0.6, 0.8) * p.xy / (u_lengths.y * 3.3));
   vec2 shore = texture(u_shore, (p.xy - u_bounds.xy) * u_bounds.zw).rg;
+#ifdef ALOFT
+  vec2 aside = smoothstep(0.40, 0.49, abs((p.xy - u_bounds.xy) * u_bounds.zw - 0.5));
+  shore = mix(shore, vec2(1.0, 0.5), max(aside.x, aside.y));
+#endif
   float land = shore.r * shore.r * u_reach;
   float gust = 0.55 + 0.9 * shore.g;
   vec2 slope = (a.yz * 2.0 - 1.0) * u_swell_scale.y
@@ -284,6 +293,33 @@ void main() {
   o_colour = developed(c);
   o_id = 0u;
   o_depth = uintBitsToFloat(0x7f800000u);
+}
+"""
+)
+
+BELOW_VERTEX = SKY_VERTEX.replace("noperspective out vec3 v_ray;\n", "").replace(
+    "  v_ray = ray_of(u_lens.xy * (1.0 + in_corner * 3.0));\n", ""
+)
+"""As the sky: what lies below the horizon beyond all that is drawn."""
+
+BELOW_FRAGMENT = (
+    COMMON
+    + OUTPUTS
+    + """
+uniform vec4 u_floor;          // its colour; 1 for water
+uniform vec2 u_floor_is;       // elevation, class id
+void main() {
+  vec3 ray = ray_of(gl_FragCoord.xy);
+  if (ray.z >= 0.0) discard;
+  float depth = (u_floor_is.x - u_eye.z) / ray.z;
+  float range = depth * length(ray);
+  vec3 d = ray * (depth / range);
+  vec3 c = u_floor.rgb * (mix(u_sun.z, 0.35, u_floor.a) * u_sunlight + u_skylight);
+  float f = 1.0 + d.z;
+  c += u_floor.a * sky_of(vec3(d.xy, -d.z)) * (0.022 + 0.978 * f * f * f * f * f);
+  o_colour = developed(fogged(c, range, -d.z));
+  o_id = uint(u_floor_is.y);
+  o_depth = depth;
 }
 """
 )

@@ -13,6 +13,7 @@ from math import hypot
 import numpy as np
 import numpy.typing as npt
 
+from lingjing.plugins.engines.camera.beyond import HIGH_M
 from lingjing.plugins.geometry import camera_axes, focal_px
 from lingjing.trace.records import CameraPose
 
@@ -24,7 +25,7 @@ FULL_M = (350.0, 900.0)
 METRE_PX = 1.6
 SHARP_M, SHARP_FAR_M = 400.0, 1100.0
 """From these distances on tiles and far blocks are drawn blunt, in pictures that reach beyond the least distance."""
-GROUND_REACH_M, HIGH_M = 20_000.0, 3000.0
+GROUND_REACH_M = 20_000.0
 SHADE_REACH_M = 480.0
 SHADE_SIZES_M = (192.0, 256.0, 384.0, 512.0, 768.0, 1024.0, 1536.0, 2048.0)
 

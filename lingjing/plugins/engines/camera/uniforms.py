@@ -7,8 +7,9 @@ from math import hypot
 import numpy as np
 import numpy.typing as npt
 
+from lingjing.plugins.engines.camera.beyond import HIGH_M, SPAN_M
 from lingjing.plugins.engines.camera.light import Light
-from lingjing.plugins.geometry import camera_axes, focal_px
+from lingjing.plugins.geometry import SPACE_M, camera_axes, focal_px
 from lingjing.trace.records import CameraPose
 
 FAR_M = 40_000.0
@@ -23,10 +24,12 @@ def bay_near(pose: CameraPose) -> float:
 
 
 def view(pose: CameraPose, near: float) -> dict[str, object]:
-    """The camera. From orbit the far plane lies beyond the ground."""
+    """The camera. From high up the far plane lies beyond all country and sea."""
     right, down, axis = camera_axes(pose)
     focal = focal_px(pose)
     far = max(FAR_M, 1.5 * hypot(*pose.position))
+    if pose.position[2] > HIGH_M:
+        far = max(far, 2.0 * SPAN_M)
     a, b = (far + near) / (far - near), -2.0 * far * near / (far - near)
     sx, sy = 2.0 * focal / pose.width, 2.0 * focal / pose.height
     clip = np.zeros((4, 4))
@@ -61,13 +64,23 @@ def air(light: Light, time_s: float, wind_mps: float) -> dict[str, object]:
     }
 
 
+def space(light: Light, height_m: float) -> dict[str, object]:
+    """What is other about the sky for an eye so high: from orbit it is black but for the haze at the horizon, and
+    clouds are no part of it."""
+    if height_m <= HIGH_M:
+        return {}
+    left = 1.0 - min((height_m - HIGH_M) / (SPACE_M - HIGH_M), 1.0)
+    dimmed = {name: tuple(left * c for c in colour) for name, colour in _sky(light).items()}
+    return {**dimmed, "u_cloud": light.cloud * left, "u_gloom": light.gloom * left}
+
+
 def haze(light: Light) -> tuple[float, float, float]:
     """The haze as a developed colour: the sky's at the horizon (`shaders.COMMON`)."""
     v = np.sqrt(1.0 - np.exp(-1.9 * np.maximum(light.haze, 0.0)))
     return _rgb(v + 0.55 * (v * v * (3.0 - 2.0 * v) - v))
 
 
-def _sky(light: Light) -> dict[str, object]:
+def _sky(light: Light) -> dict[str, tuple[float, float, float]]:
     """The sky's colour as top + rise h + low (1 - h)^2 over the sine h of the elevation: blue or grey, or the night's,
     and the dusk's glow."""
     day = light.gloom * (1.0 - light.dark)

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from lingjing.plugins.engines.camera.beyond import HIGH_M
 from lingjing.plugins.engines.camera.light import Light
 from lingjing.plugins.engines.camera.plate import Plate
 from lingjing.plugins.engines.camera.sight import (
@@ -36,8 +37,6 @@ DETAIL_PX = 4.0
 """Details show where a metre is this many pixels or more."""
 LARGE_NEAR_M = 100.0
 """How close to the eye the cells of lands and ground are `close`."""
-AIR_TOP_M = 3000.0
-"""An eye above this looks down through the air: how far it sees does not depend on the visibility at the ground."""
 
 
 class Cells(NamedTuple):
@@ -52,7 +51,8 @@ class Cells(NamedTuple):
 class View:
     """What one picture shows: full tiles near to far, which of them the shadow map reaches, which show their details
     and which no grain, ranges of far blocks near to far and of those still farther, tiles that may throw shadows into
-    it, ranges of the ground and of the lands on it."""
+    it, ranges of the ground and of the lands on it; `high`: whether the eye sees the country around the city as well.
+    Such an eye looks down through the air: how far it sees does not depend on the visibility at the ground."""
 
     full: tuple[Key, ...]
     shaded: frozenset[Key]
@@ -65,6 +65,7 @@ class View:
     lands: tuple[Cells, ...]
     window: Window
     reach_m: float
+    high: bool
 
 
 def choose(sky: Skyline, plate: Plate, pose: CameraPose, visibility_m: float, light: Light) -> View:
@@ -78,7 +79,7 @@ def choose(sky: Skyline, plate: Plate, pose: CameraPose, visibility_m: float, li
     window = shade_window(pose, light.sun)
     reached = casters(sky.boxes, window)
     cast = reached & (away <= 3.0 * reach) if light.dark < 0.95 else np.zeros(len(away), bool)
-    high = eye[2] > AIR_TOP_M
+    high = eye[2] > HIGH_M
     far = seen & ~near & (high | (away < min(visibility_m, FAR_REACH_M)))
     some = far & (high | (away < BLOCKS_REACH_M))
     blocks = np.concatenate([sky.ranges[0][far], sky.ranges[1][some]])
@@ -99,6 +100,7 @@ def choose(sky: Skyline, plate: Plate, pose: CameraPose, visibility_m: float, li
         lands=_cells(plate.land_ranges, plate.land_boxes, pose, reach),
         window=window,
         reach_m=reach,
+        high=high,
     )
 
 
