@@ -1,11 +1,13 @@
 import gzip
 import os
 import sys
+from itertools import pairwise
 from pathlib import Path
 
 import msgspec
 import osmium
 import pytest
+import shapely
 
 from lingjing.errors import UsageError
 from lingjing.mission.instance import SceneSpec
@@ -145,6 +147,19 @@ def test_a_part_around_buildings_takes_streets_near_them_and_says_which_it_leave
     wide = build(path, Options(box=parse_box(note.split("=")[1])), tmp_path / "wide").summary
     assert wide.counts["roads"] > 2
     assert not wide.notes
+
+
+def test_neighbouring_lanes_leave_no_gap(tmp_path: Path) -> None:
+    made = Map()
+    bend = [(-200, 0), (-100, 7), (0, 31), (90, 80), (170, 160)]
+    made.way(bend, {"highway": "primary", "oneway": "yes", "lanes": "5"})
+    city = build(made.write(tmp_path / "bend.osm"), Options(), tmp_path / "out").city
+    (road,) = {road.id: road for tile in Tiles(city) for road in tile.roads}.values()
+    assert len(road.lanes) == 5
+    lanes = [shapely.LineString([point[:2] for point in lane.shape]) for lane in road.lanes]
+    for (right, a), (left, b) in pairwise(zip(road.lanes, lanes, strict=True)):
+        apart = max(shapely.Point(place).distance(b) for place in a.coords)
+        assert apart < (right.width_m + left.width_m) / 2.0 < apart + 0.05
 
 
 def test_dangling_references_are_left_out_and_counted(tmp_path: Path) -> None:

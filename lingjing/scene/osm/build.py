@@ -186,7 +186,8 @@ def _network(data: MapData, features: Features) -> tuple[str, tuple[Road, ...], 
     roads, junctions = read_roads(made.path)
     near = (structures.cut_off(road, frame.bounds) for road in roads if structures.is_visible(road))
     # netconvert escapes names twice
-    seen = tuple(msgspec.structs.replace(road, name=unescape(road.name)) for road in near if road is not None)
+    shown = (structures.lapped(road) for road in near if road is not None)
+    seen = tuple(msgspec.structs.replace(road, name=unescape(road.name)) for road in shown)
     crossings = (junction for junction in junctions if structures.is_open(junction))
     return made.path, seen, tuple(item for item in crossings if structures.is_inside(item, frame.bounds)), []
 

@@ -14,7 +14,7 @@ from typing import Any
 import msgspec
 
 from lingjing.mission.instance import Vector
-from lingjing.scene.city import Bridge, Junction, Polygon, Road, Solid
+from lingjing.scene.city import Bridge, Junction, Lane, Polygon, Road, Solid
 from lingjing.scene.cutting import polygons, rings
 from lingjing.scene.osm.features import Feature, Features
 from lingjing.scene.osm.tags import is_below, is_set, layer, metres
@@ -26,6 +26,12 @@ DECK_M = 0.9
 BURIED_M = -1.0
 """What runs lower than this is out of sight."""
 
+LAP_M = 0.012
+"""How far neighbouring lanes reach over each other; the line between them, half on each, gets narrower by it."""
+
+GAP_M = 0.06
+"""The widest gap between lanes that is closed: more is no fault of rounding."""
+
 PIER_TOP_M = 0.3
 PILES_M = 12.0
 WALLS = {"wall": (0.3, 2.2), "city_wall": (1.5, 6.0), "retaining_wall": (0.4, 1.0), "hedge": (0.9, 1.2)}
@@ -35,6 +41,23 @@ WALLS = {"wall": (0.3, 2.2), "city_wall": (1.5, 6.0), "retaining_wall": (0.4, 1.
 def is_visible(road: Road) -> bool:
     """Whether a road is seen: no tunnel, and not wholly under the ground."""
     return not road.tunnel and any(point[2] > BURIED_M for lane in road.lanes for point in lane.shape)
+
+
+def lapped(road: Road) -> Road:
+    """The road with its driving lanes a little wider, so that no ground shows between two of them.
+
+    netconvert rounds the points of each lane to the centimetre, and lays out each for itself.
+    """
+    wider = [0.0] * len(road.lanes)
+    for k, (right, left) in enumerate(pairwise(road.lanes)):
+        if "foot" not in (right.kind, left.kind):
+            lap = min(max(0.0, _gap(right, left)), GAP_M) + LAP_M
+            wider[k], wider[k + 1] = max(wider[k], lap), max(wider[k + 1], lap)
+    lanes = (
+        msgspec.structs.replace(lane, width_m=round(lane.width_m + by, 3)) if by else lane
+        for lane, by in zip(road.lanes, wider, strict=True)
+    )
+    return msgspec.structs.replace(road, lanes=tuple(lanes))
 
 
 def cut_off(road: Road, bounds: Bounds) -> Road | None:
@@ -136,6 +159,15 @@ def walls(features: Features, free: Any) -> Iterator[Solid]:
 
 
 # -- private
+
+
+def _gap(right: Lane, left: Lane) -> float:
+    """The widest gap between two lanes at the points of their centre lines; below zero where they overlap."""
+    import shapely
+
+    lines = [shapely.LineString([point[:2] for point in lane.shape]) for lane in (right, left)]
+    apart = max(float(shapely.distance(shapely.points(one.coords), other).max()) for one, other in (lines, lines[::-1]))
+    return apart - (right.width_m + left.width_m) / 2.0
 
 
 def _holds(bounds: Bounds, point: Vector) -> bool:
