@@ -68,6 +68,7 @@ CODES: dict[str, str] = {
     "LJ0503": "a sweep with too many combinations",
     "LJ0504": "the mode `single` with more than one agent",
     "LJ0505": "a scene or an engine that is not installed",
+    "LJ0506": "pictures that are far wider than the scene",
     # what cannot be won
     "LJ0601": "a place that cannot be reached in time",
     "LJ0602": "no schedule fits the budget",

@@ -1,30 +1,34 @@
 """`infeasible`: what `lingjing.mission.feasibility` proves becomes diagnostics at the declarations it is about.
 
-Runs over a mission without errors. A declaration that stands in a base mission is shown where that is named.
+Runs over a mission without errors. What is no more than a hint (`feasibility.wide`) becomes a warning. A declaration
+that stands in a base mission is shown where that is named.
 """
 
 from __future__ import annotations
 
 from lingjing.dsl import syntax as s
 from lingjing.dsl.reporter import Reporter
-from lingjing.mission.diagnostics import Related
+from lingjing.mission.diagnostics import Related, Severity
 from lingjing.mission.feasibility import Proof, prove
+from lingjing.mission.feasibility.wide import too_wide
 from lingjing.mission.model import Mission
 
 _Place = tuple[int, int]
 
 
 def infeasible(mission: Mission, tree: s.File, report: Reporter) -> None:
-    """Report every proof that the mission cannot be won."""
-    proofs = prove(mission)
+    """Report every proof that the mission cannot be won, and every hint."""
+    proofs, hints = prove(mission), too_wide(mission)
     node = next((item for item in tree.items if isinstance(item, s.MissionBlock)), None)
-    if not proofs or node is None:
+    if not (proofs or hints) or node is None:
         return
     places = _places(node)
     head = node.base or node.name
-    for proof in proofs:
+    for proof in (*proofs, *hints):
         start, end = places.get(proof.at, (head.start, head.end))
-        report(proof.code, start, end, proof.message, proof.hint, related=_related(proof, places, report))
+        related = _related(proof, places, report)
+        severity: Severity = "warning" if proof in hints else "error"
+        report(proof.code, start, end, proof.message, proof.hint, related=related, severity=severity)
 
 
 def _related(proof: Proof, places: dict[str, _Place], report: Reporter) -> tuple[Related, ...]:

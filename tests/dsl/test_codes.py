@@ -66,11 +66,11 @@ CASES = [
     ("LJ0504", "mode broadcast in { star, broadcast }", "mode single in { single, star }", 15, 18, "stands alone"),
     ("LJ0502", "hub = commander when mode == star, ", "", 15, 3, "star mode has no hub"),
 ]  # fmt: skip
-ELSEWHERE = {"LJ0007", "LJ0008", "LJ0009", "LJ0119", "LJ0120", "LJ0124", "LJ0505"} | {
+ELSEWHERE = {"LJ0007", "LJ0008", "LJ0009", "LJ0119", "LJ0120", "LJ0124", "LJ0505", "LJ0506"} | {
     code for code in CODES if code.startswith("LJ06")
 }
 """Codes whose examples are files of their own; tested below, in `test_infeasible`, `test_inputs`,
-`test_absent`, `test_library` and `test_inherit`."""
+`test_absent`, `test_library`, `test_inherit` and `test_wide`."""
 
 
 def test_the_small_mission_is_good(small: str) -> None:

@@ -11,6 +11,7 @@ In the order of the work:
 - `needs`: a condition → the tree of what must have happened. `limits`: the time there is for it.
 - `travel`, `tour`: time and energy of one visit and of several. `seeing`: pictures. `speech`: messages and
   assignments. `payload`: loads and trips. `counting`: counted budgets. `order`: circles. `placing`: room for draws.
+- `wide`: pictures from orbit in which the scene is lost, no proof but a hint.
 - `refutation`: the checks over one tree. Here: over success and every stage, in each mode.
 
 Missions are judged at their default settings, in each of their modes; a setting is judged by its instance. Pictures

@@ -1,0 +1,69 @@
+"""Satellites whose pictures are so wide that the scene is lost in them: no proof, a hint.
+
+A mission may mean it, and nothing is decided by it; but a scene of a few pixels is mostly a camera for the air, mounted
+on a satellite by mistake.
+"""
+
+from __future__ import annotations
+
+import math
+
+from lingjing.errors import LingjingError
+from lingjing.mission import model
+from lingjing.mission.feasibility.outline import Outline, of_mission, too_large
+from lingjing.mission.feasibility.proof import Proof, gathered, spelled
+from lingjing.mission.instance import CameraSpec, Entity, Instance
+
+WIDE = 50.0
+"""From how many times the scene's extent on a picture is called too wide: the scene is a fiftieth of its width."""
+
+MADE_M, LEAST_M = 550e3, 160e3
+"""Height of the orbit that a satellite without elements gets, and the least one that lasts for those with elements."""
+
+EXTENTS_M = {"city": 3000.0}
+"""Extents of scenes that do not say how large they are, where they are known."""
+
+
+def too_wide(mission: model.Mission) -> tuple[Proof, ...]:
+    """A hint for each satellite's camera that is far too wide for the scene, in the mission's first mode; nothing for a
+    mission that cannot be evaluated or is too large to be looked at."""
+    if all(group.engine != "satellite" for group in mission.groups):
+        return ()
+    try:
+        mode = mission.modes.allowed[0]
+        return () if too_large(mission, mode) else too_wide_of(of_mission(mission, mode))
+    except LingjingError:
+        return ()
+
+
+def too_wide_of(outline: Outline) -> tuple[Proof, ...]:
+    """The same of an outline."""
+    extent = extent_m(outline.instance)
+    if extent is None:
+        return ()
+    carriers = [body.entity for body in outline.by_engine("satellite")]
+    found = [_hint(entity, camera, extent) for entity in carriers for camera in entity.cameras]
+    return gathered(proof for proof in found if proof is not None)
+
+
+def extent_m(instance: Instance) -> float | None:
+    """How many metres the scene is wide, if that is known."""
+    given = instance.scene.options.get("extent_m", EXTENTS_M.get(instance.scene.kind))
+    return float(given) if isinstance(given, int | float) and given > 0 else None
+
+
+def _hint(entity: Entity, camera: CameraSpec, extent: float) -> Proof | None:
+    height = LEAST_M if entity.properties.get("tle1") else MADE_M
+    across = 2.0 * height * math.tan(math.radians(camera.hfov_deg) / 2.0)
+    if across < WIDE * extent:
+        return None
+    pixels = camera.width * extent / across
+    return Proof(
+        "LJ0506",
+        f"{entity.role}/{entity.group}",
+        f"the scene is lost in the pictures of `{entity.id}.{camera.name}`: from {height / 1000.0:,.0f} km, "
+        f"{spelled(camera.hfov_deg)} deg show {across / 1000.0:,.0f} km across, "
+        f"the scene is {spelled(extent / 1000.0)} km wide and covers {pixels:.1f} of {camera.width} px",
+        "narrow its field of view: `orbit` of `std.sensors` shows 20 km",
+        subject=entity.id,
+    )

@@ -1,0 +1,64 @@
+"""A satellite whose pictures lose the scene is warned of where it is declared; one that fits is not."""
+
+from __future__ import annotations
+
+import pytest
+
+from lingjing.dsl import compile_text
+from lingjing.mission.feasibility.wide import EXTENTS_M
+from lingjing.mission.instance import SceneSpec
+from lingjing.scene.districts.options import plan
+
+TEXT = """\
+ljs 1
+use std.orbit { satellite }
+use std.sensors { nadir_hd, orbit }
+mission wide "A wide area" {
+  goal "Look."
+  scene city { extent = 3 km, datum = sea level at -3 m }
+  clock { tick = 10 s, sync = 1 s }
+  budget { ticks <= 24 }
+  asset sat[1..2] : satellite { camera eye : nadir_hd { size = 960 by 540 }, actions { takePhoto } }
+  agent orbiter as orbiter controls sat[1] { observes sat[1].* }
+  success when sat[1].position.x < 0 m
+}
+"""
+ELEMENTS = 'tle1 = "1 25544U 98067A   26079.50000000  .00016717  00000-0  10270-3 0  9005"'
+
+
+def test_a_camera_for_the_air_in_orbit() -> None:
+    compilation = compile_text(TEXT)
+    (found,) = compilation.diagnostics
+    assert compilation.mission is not None and found.severity == "warning"
+    assert (found.code, found.span.line, found.span.column) == ("LJ0506", 9, 9)
+    assert "from 550 km, 84 deg show 990 km across, the scene is 3 km wide and covers 2.9 of 960 px" in found.message
+    assert "`sat[2]`" in found.message and "`orbit` of `std.sensors`" in found.hint
+
+
+def test_the_extent_that_a_city_has_by_itself_is_known() -> None:
+    assert "the scene is 3 km wide" in compile_text(TEXT.replace("extent = 3 km, ", "")).diagnostics[0].message
+    assert plan(SceneSpec(kind="city", datum_m=-3.0)).extent_m == EXTENTS_M["city"]
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("nadir_hd { size", "orbit { size"),
+        ("960 by 540", "960 by 540, hfov = 15 deg"),
+        ("scene city { extent = 3 km,", "scene bay {"),
+    ],
+)
+def test_what_fits_or_is_not_known_is_silent(old: str, new: str) -> None:
+    assert TEXT.count(old) == 1
+    assert compile_text(TEXT.replace(old, new)).diagnostics == ()
+
+
+def test_the_preset_fits_a_small_district() -> None:
+    small = TEXT.replace("city { extent = 3 km, datum = sea level at -3 m }", "commercial { extent = 600 m }")
+    assert compile_text(small.replace("nadir_hd { size", "orbit { size")).diagnostics == ()
+    assert [item.code for item in compile_text(small).diagnostics] == ["LJ0506"]
+
+
+def test_elements_may_be_of_a_lower_orbit() -> None:
+    given = TEXT.replace("satellite { camera", f"satellite {{ {ELEMENTS}, camera")
+    assert "from 160 km" in compile_text(given).diagnostics[0].message
