@@ -26,6 +26,14 @@ from lingjing.mission.speaker import Speaker
 CELLS_MOST = 10_000
 
 
+SEA_M = -3.0
+"""The sea's elevation beside a town whose mission names no datum."""
+
+SHORED = ("coastal", "city")
+SHORELESS = ("residential", "industrial", "commercial", "campus", "logistics")
+"""Kinds of built-in scenes that have a shore of their own, and those that have one where `shore` gives it."""
+
+
 def instantiate(
     mission: model.Mission,
     *,
@@ -113,7 +121,7 @@ def scene_spec(mission: model.Mission, scope: Scope, seed: int) -> SceneSpec:
     path = f"{mission.name}/scene"
     options = {o.name: single(o, scope, seed=seed, path=f"{path}/{o.name}") for o in mission.scene.options}
     with at_path(path):
-        level = _number(options.pop("datum_m", 0.0), "datum_m")
+        level = _number(options.pop("datum_m", _usual_datum(mission.scene.kind, options)), "datum_m")
         made = SceneSpec(kind=mission.scene.kind, datum_m=level, seed=integer(seed, path))
         origin = _origin(options.pop("origin")) if "origin" in options else made.origin
         layout = integer(round(_number(options.pop("layout", 0.0), "layout")), f"{path}/layout")
@@ -125,6 +133,11 @@ def scene_spec(mission: model.Mission, scope: Scope, seed: int) -> SceneSpec:
             seed=made.seed,
             layout=layout,
         )
+
+
+def _usual_datum(kind: str, options: Mapping[str, Value]) -> float:
+    """Where the water lies if the mission does not say: under the ground, which is at 0, where a town has a shore."""
+    return SEA_M if kind in SHORED or ("shore" in options and kind in SHORELESS) else 0.0
 
 
 def _option(value: Value, level: float) -> Datum:

@@ -9,8 +9,10 @@ import msgspec
 import pytest
 import shapely
 
+from lingjing.dsl import compile_text
 from lingjing.errors import UsageError
 from lingjing.mission.instance import SceneSpec
+from lingjing.mission.instantiate import instantiate
 from lingjing.plugins.engines import builtin
 from lingjing.scene.city import City
 from lingjing.scene.districts import build
@@ -19,6 +21,21 @@ from lingjing.scene.districts.options import KINDS
 from lingjing.scene.footing import Footing
 from lingjing.scene.lines import nearest, point_at
 from lingjing.scene.tiles import Tiles
+
+DRONE = """ljs 1
+use std.air { quadrotor }
+mission drone "Drone" {
+  goal "Stay."
+  scene SCENE
+  clock { tick = 10 s, sync = 1 s }
+  budget { ticks <= 3 }
+  mode broadcast
+  region r = box((-1 m, -1 m), (1 m, 1 m))
+  asset u : quadrotor { position = (0 m, 0 m, 30 m), actions { stop } }
+  agent a as a controls u { observes u.* }
+  success when u in r
+}
+"""
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -230,6 +247,26 @@ def test_a_sea_that_would_flood_the_town_is_refused() -> None:
     with pytest.raises(UsageError, match="flood") as caught:
         build(SceneSpec(kind="coastal", datum_m=0.0))
     assert "-3 m" in caught.value.hint
+
+
+@pytest.mark.parametrize(
+    ("said", "level"),
+    [
+        ("coastal { extent = 800 m }", -3.0),
+        ("city { extent = 1 km }", -3.0),
+        ("industrial { extent = 400 m, shore = [(100 m, -200 m), (100 m, 200 m)] }", -3.0),
+        ("coastal { extent = 800 m, datum = sea level at -2 m }", -2.0),
+        ("industrial { extent = 400 m }", 0.0),
+        ("bay { }", 0.0),
+    ],
+)
+def test_a_mission_by_the_sea_may_leave_out_where_the_sea_lies(said: str, level: float) -> None:
+    compiled = compile_text(DRONE.replace("SCENE", said))
+    assert compiled.mission is not None
+    spec = instantiate(compiled.mission, seed=1).scene
+    assert spec.datum_m == level
+    city = {scene.name: scene for scene in builtin.lingjing_scenes()}[spec.kind].build(spec)
+    assert {water.level_m for water in city.waters} <= {level}
 
 
 def test_the_kinds_are_declared_as_scenes() -> None:
