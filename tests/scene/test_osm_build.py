@@ -162,6 +162,16 @@ def test_neighbouring_lanes_leave_no_gap(tmp_path: Path) -> None:
         assert apart < (right.width_m + left.width_m) / 2.0 < apart + 0.05
 
 
+def test_the_directions_of_a_street_leave_no_gap(tmp_path: Path) -> None:
+    made = Map()
+    made.way([(-200, 0), (-100, 7), (0, 31), (90, 80)], {"highway": "residential"})
+    city = build(made.write(tmp_path / "street.osm"), Options(), tmp_path / "out").city
+    there, back = {road.id: road for tile in Tiles(city) for road in tile.roads}.values()
+    a, b = (shapely.LineString([point[:2] for point in road.lanes[-1].shape]) for road in (there, back))
+    apart = max(shapely.Point(place).distance(b) for place in a.coords)
+    assert apart < (there.lanes[-1].width_m + back.lanes[-1].width_m) / 2.0 < apart + 0.06
+
+
 def test_dangling_references_are_left_out_and_counted(tmp_path: Path) -> None:
     made = town()
     made.way([(300, 300)], {"highway": "residential"}, missing=3)

@@ -44,7 +44,7 @@ def is_visible(road: Road) -> bool:
 
 
 def lapped(road: Road) -> Road:
-    """The road with its driving lanes a little wider, so that no ground shows between two of them.
+    """The road with its driving lanes a little wider, so that no ground shows between them.
 
     netconvert rounds the points of each lane to the centimetre, and lays out each for itself.
     """
@@ -53,6 +53,8 @@ def lapped(road: Road) -> Road:
         if "foot" not in (right.kind, left.kind):
             lap = min(max(0.0, _gap(right, left)), GAP_M) + LAP_M
             wider[k], wider[k + 1] = max(wider[k], lap), max(wider[k + 1], lap)
+    if road.lanes and road.lanes[-1].kind != "foot":
+        wider[-1] = max(wider[-1], 2.0 * LAP_M)  # towards the other direction of the street
     lanes = (
         msgspec.structs.replace(lane, width_m=round(lane.width_m + by, 3)) if by else lane
         for lane, by in zip(road.lanes, wider, strict=True)
