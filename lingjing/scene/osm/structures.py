@@ -32,6 +32,9 @@ LAP_M = 0.012
 GAP_M = 0.06
 """The widest gap between lanes that is closed: more is no fault of rounding."""
 
+FACING_M = 0.045
+"""The same towards the other direction of a street, whose bends netconvert rounds for itself: up to 4 cm apart."""
+
 PIER_TOP_M = 0.3
 PILES_M = 12.0
 WALLS = {"wall": (0.3, 2.2), "city_wall": (1.5, 6.0), "retaining_wall": (0.4, 1.0), "hedge": (0.9, 1.2)}
@@ -54,7 +57,7 @@ def lapped(road: Road) -> Road:
             lap = min(max(0.0, _gap(right, left)), GAP_M) + LAP_M
             wider[k], wider[k + 1] = max(wider[k], lap), max(wider[k + 1], lap)
     if road.lanes and road.lanes[-1].kind != "foot":
-        wider[-1] = max(wider[-1], 2.0 * LAP_M)  # towards the other direction of the street
+        wider[-1] = max(wider[-1], FACING_M)
     lanes = (
         msgspec.structs.replace(lane, width_m=round(lane.width_m + by, 3)) if by else lane
         for lane, by in zip(road.lanes, wider, strict=True)
