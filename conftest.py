@@ -1,6 +1,6 @@
 """What holds for every test: hypotheses are tried with the same examples everywhere and without a clock, for what a
-loaded machine takes longer for is not wrong; and signals are heard, even in tests that a shell runs in its background or
-under `nohup`, where its children ignore them."""
+loaded machine takes longer for is not wrong; and signals are heard, even in tests that a shell runs in its background
+or under `nohup`, where its children ignore them."""
 
 from __future__ import annotations
 
