@@ -17,7 +17,7 @@ from lingjing.plugins.engines.camera.mesh_rows import Index, Part
 
 Floats = npt.NDArray[np.float32]
 Ranges = Sequence[tuple[int, int]]
-EDGE_ON_M = 0.01
+EDGE_ON_M = 0.02
 """A triangle whose plane passes the eye as closely as this is left to the rasteriser to judge."""
 
 
@@ -27,7 +27,7 @@ class Planes:
     added to its product with a point for the point's height over the plane, metres."""
 
     triangles: Index
-    planes: npt.NDArray[np.float64]
+    planes: Floats
 
     def facing(self, eye: tuple[float, float, float]) -> npt.NDArray[np.bool_]:
         """Which triangles (n,) an eye may see the front of."""
@@ -67,7 +67,8 @@ def planes_of(part: Part) -> Planes:
     outward = np.einsum("ij,ij->i", across, part.vertices["normal"][triangles[:, 0]]) >= 0.0
     across *= np.where(outward, 1.0, -1.0)[:, None]
     across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12)
-    return Planes(triangles, np.column_stack([across, -np.einsum("ij,ij->i", across, corners[:, 0])]))
+    planes = np.column_stack([across, -np.einsum("ij,ij->i", across, corners[:, 0])])
+    return Planes(triangles, planes.astype(np.float32))
 
 
 def walls_of(part: Part) -> Walls:

@@ -20,9 +20,9 @@ from lingjing.trace.records import CameraPose
 Boxes = npt.NDArray[np.float64]
 """(n, 6): west, south, low, east, north, high."""
 
-FULL_M = (350.0, 900.0)
+FULL_M = (400.0, 900.0)
 """Least and greatest distance to which tiles are drawn in full."""
-METRE_PX = 1.6
+METRE_PX = 2.0
 SHARP_M, SHARP_FAR_M = 400.0, 1100.0
 """From these distances on tiles and far blocks are drawn blunt, in pictures that reach beyond the least distance."""
 GROUND_REACH_M = 20_000.0
