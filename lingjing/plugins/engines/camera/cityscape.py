@@ -306,10 +306,9 @@ class Cityscape:
                 self._draw_walls(resident.sheets["wall"], *order, mode)
             count = -1 if key in view.detailed else resident.mesh.coarse
             self._draw(resident.sheets, "plain", mode, one_sided=False, count=count)
-        even = bool(view.blunt) or bool(view.farther)
         for blunt, ranges in ((False, view.far), (True, view.farther)):
             if ranges:
-                self._draw_blocks(ranges, eye, Mode(wet, night, False, even=even or blunt, blunt=blunt))
+                self._draw_blocks(ranges, eye, Mode(wet, night, False, even=view.reaching, blunt=blunt))
         self._context.disable(moderngl.CULL_FACE)
 
     def floors(self, view: View, wet: bool, night: bool) -> None:

@@ -418,8 +418,7 @@ class Renderer:
                 texture.filter = _grain_filter(pose)
             near = self._town.near_plane(view, pose, _closest(scenery, pose))
             values |= {**self._town.values(view), "u_shadow": SHADE_UNIT, "u_map": MAP_UNIT}
-            blunt = bool(view.blunt or view.farther)
-            told = (*told, *self._town.programs(light.rain > 0.0, light.lamps, blunt, view.high))
+            told = (*told, *self._town.programs(light.rain > 0.0, light.lamps, view.reaching, view.high))
         values |= uniforms.view(pose, near)
         for program in told:
             own = {**values, **uniforms.space(light, pose.position[2])} if program is self._sky else values

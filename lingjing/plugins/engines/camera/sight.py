@@ -1,7 +1,7 @@
 """What a picture needs of a city: the tiles in sight by level of detail, the window of its shadow map.
 
 Pure functions of the pose and the tiles' boxes, so a picture never depends on what was drawn before. Near tiles are
-drawn in full as far as a metre is more than a pixel; beyond them blocks and the painted map stand in. The shadow map
+drawn in full as far as a metre is `METRE_PX` pixels; beyond them blocks and the painted map stand in. The shadow map
 covers what is in sight within `SHADE_REACH_M`, in steps of size and place, so that neighbouring poses share it.
 """
 
@@ -24,7 +24,8 @@ FULL_M = (400.0, 900.0)
 """Least and greatest distance to which tiles are drawn in full."""
 METRE_PX = 2.0
 SHARP_M, SHARP_FAR_M = 400.0, 1100.0
-"""From these distances on tiles and far blocks are drawn blunt, in pictures that reach beyond the least distance."""
+"""From these distances on tiles show no grain and far blocks no panes either, in pictures that reach beyond the least
+distance."""
 GROUND_REACH_M = 20_000.0
 SHADE_REACH_M = 480.0
 SHADE_SIZES_M = (192.0, 256.0, 384.0, 512.0, 768.0, 1024.0, 1536.0, 2048.0)
@@ -47,7 +48,7 @@ def full_reach(pose: CameraPose, visibility_m: float) -> float:
 
 
 def blunt_from(reach_m: float) -> tuple[float, float]:
-    """The distances (m) from which on full tiles and far blocks show no grain and no panes; a picture that does not
+    """The distances (m) from which on full tiles show no grain, and far blocks no panes; a picture that does not
     reach beyond the least distance has its tiles sharp to the end."""
     return (SHARP_M, SHARP_FAR_M) if reach_m > SHARP_M else (np.inf, np.inf)
 

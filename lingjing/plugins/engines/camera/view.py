@@ -67,6 +67,11 @@ class View:
     reach_m: float
     high: bool
 
+    @property
+    def reaching(self) -> bool:
+        """Whether anything in it is too far off to show its grain: far blocks show none then."""
+        return bool(self.blunt or self.farther)
+
 
 def choose(sky: Skyline, plate: Plate, pose: CameraPose, visibility_m: float, light: Light) -> View:
     """What a picture needs."""
