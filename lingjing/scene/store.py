@@ -5,20 +5,24 @@
     road.net.xml         where the city has roads
     …                    whatever else the writer says (`scene.json`)
 
-A folder appears whole or not at all: it is written beside and renamed. It may be moved: the paths of the `City` that
-`read_store` gives are those of where it lies now, and `City.sha256` says what is in it, not where.
+A folder appears whole or not at all: it is written beside and renamed, and an older one changes places with it in one
+step. A folder that already holds the very same city is left as it is, so that who plays in it keeps it. It may be
+moved: the paths of the `City` that `read_store` gives are those of where it lies now, and `City.sha256` says what is in
+it, not where.
 """
 
 from __future__ import annotations
 
+import ctypes
 import errno
+import filecmp
 import hashlib
 import os
 import re
 import shutil
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Literal
+from typing import Literal, TypeVar
 
 import msgspec
 
@@ -30,8 +34,11 @@ from lingjing.scene.tiles import INDEX_FILE, TILED, Index, extent, partition, ti
 
 CITY_FILE = "city.msgpack"
 NETWORK_FILE = "road.net.xml"
-_ATTEMPTS = 5
-"""How often another writer may come in between before we give up."""
+_ATTEMPTS = 100
+"""How often another writer may come in between before we give up, where two folders cannot change places."""
+_AT_FDCWD = -100
+_RENAME_EXCHANGE = 2
+FoundT = TypeVar("FoundT")
 
 BUILD_HINT = "a city's folder is written by: lingjing scene build MAP.osm -o FOLDER"
 
@@ -67,7 +74,7 @@ def copy_store(source: Path, folder: Path) -> City:
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         with beside(folder) as temporary:
-            shutil.copytree(source, temporary, dirs_exist_ok=True)
+            _steady(source, lambda _: _copied(source, temporary))
             return _placed(temporary, folder)
     except OSError as error:
         raise _unwritable(folder, error) from None
@@ -75,16 +82,17 @@ def copy_store(source: Path, folder: Path) -> City:
 
 def read_store(folder: Path) -> City:
     """The city of a folder. `UsageError` if the folder holds none, or one that is damaged."""
-    file = folder / CITY_FILE
-    if not folder.is_dir():
-        what = "is a file, not a folder" if folder.exists() else "does not exist"
-        raise UsageError(f"no city in `{folder}`: it {what}", hint=BUILD_HINT)
     try:
-        city = msgspec.msgpack.decode(file.read_bytes(), type=Document).city
-    except FileNotFoundError:
-        raise UsageError(f"no city in `{folder}`: it holds no `{CITY_FILE}`", hint=BUILD_HINT) from None
+        data = _steady(folder, _frame_bytes)
+        if data is None:
+            raise UsageError(f"no city in `{folder}`: it holds no `{CITY_FILE}`", hint=BUILD_HINT)
+        city = msgspec.msgpack.decode(data, type=Document).city
+    except (FileNotFoundError, NotADirectoryError) as error:
+        is_file = isinstance(error, NotADirectoryError) and folder.exists()
+        what = "is a file, not a folder" if is_file else "does not exist"
+        raise UsageError(f"no city in `{folder}`: it {what}", hint=BUILD_HINT) from None
     except OSError as error:
-        raise UsageError(f"cannot read `{file}`: {error.strerror}") from None
+        raise UsageError(f"cannot read `{folder / CITY_FILE}`: {error.strerror}") from None
     except (msgspec.DecodeError, msgspec.ValidationError) as error:
         hint = "build it again: lingjing scene build"
         raise UsageError(f"the city in `{folder}` is damaged, or of another version: {error}", hint=hint) from None
@@ -94,9 +102,17 @@ def read_store(folder: Path) -> City:
 
 def check_free(folder: Path) -> None:
     """`UsageError` where no city may be written: a file, a folder of something else, a place that is not ours."""
-    if folder.exists() and not folder.is_dir():
-        raise UsageError(f"cannot write `{folder}`: it is a file", hint="name a folder")
-    if folder.is_dir() and not (folder / CITY_FILE).exists() and any(folder.iterdir()):
+    try:
+        names = _steady(folder, os.listdir)
+    except FileNotFoundError:
+        names = []
+    except NotADirectoryError:  # itself, or one of those above it, of which more below
+        if folder.exists():
+            raise UsageError(f"cannot write `{folder}`: it is a file", hint="name a folder") from None
+        names = []
+    except OSError as error:
+        raise _unwritable(folder, error) from None
+    if names and CITY_FILE not in names:
         raise UsageError(f"cannot write `{folder}`: it holds something that is no city", hint="name a new folder")
     around = next(place for place in folder.absolute().parents if place.exists())
     if not around.is_dir() or not os.access(around, os.W_OK):
@@ -107,19 +123,60 @@ def check_free(folder: Path) -> None:
 def whole(folder: Path) -> City | None:
     """The city of a folder if every byte that makes it is as it was written, else None: for caches, which may rot."""
     try:
-        city = read_store(folder)
-        index = msgspec.msgpack.decode((folder / INDEX_FILE).read_bytes(), type=Index)
-        digest = hashlib.sha256()
-        for key in city.tiles:
-            digest.update(hashlib.sha256((folder / tile_file(key)).read_bytes()).digest())
-        light = msgspec.structs.replace(city, store="", sha256="", network=NETWORK_FILE if city.network else "")
-        _close(digest, folder, light)
+        return _steady(folder, lambda _: _checked(folder))
     except (UsageError, OSError, msgspec.DecodeError):
         return None
-    return city if digest.hexdigest() == city.sha256 and index.keys == city.tiles else None
 
 
 # -- private
+
+
+def _steady(folder: Path, look: Callable[[int], FoundT]) -> FoundT:
+    """What `look` finds in the folder of that name, of which it gets a descriptor; anew if another writer put a new one
+    in its place meanwhile. The errors are those of a folder that stays: `FileNotFoundError` where there is none."""
+    while True:
+        here = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+        try:
+            found = look(here)
+            if _in_place(here, folder):
+                return found
+        except (OSError, UsageError, msgspec.DecodeError):
+            if _in_place(here, folder):
+                raise
+        finally:
+            os.close(here)
+
+
+def _in_place(descriptor: int, folder: Path) -> bool:
+    try:
+        return os.path.samestat(os.fstat(descriptor), folder.stat())
+    except (FileNotFoundError, NotADirectoryError):
+        return False
+
+
+def _frame_bytes(folder: int) -> bytes | None:
+    try:
+        descriptor = os.open(CITY_FILE, os.O_RDONLY, dir_fd=folder)
+    except FileNotFoundError:
+        return None
+    with os.fdopen(descriptor, "rb") as file:
+        return file.read()
+
+
+def _copied(source: Path, target: Path) -> None:
+    shutil.rmtree(target)  # what an attempt before left, of a city that is gone
+    shutil.copytree(source, target)
+
+
+def _checked(folder: Path) -> City | None:
+    city = read_store(folder)
+    index = msgspec.msgpack.decode((folder / INDEX_FILE).read_bytes(), type=Index)
+    digest = hashlib.sha256()
+    for key in city.tiles:
+        digest.update(hashlib.sha256((folder / tile_file(key)).read_bytes()).digest())
+    light = msgspec.structs.replace(city, store="", sha256="", network=NETWORK_FILE if city.network else "")
+    _close(digest, folder, light)
+    return city if digest.hexdigest() == city.sha256 and index.keys == city.tiles else None
 
 
 def _write_files(folder: Path, city: City, pieces: Pieces, extra: Mapping[str, bytes]) -> None:
@@ -161,19 +218,48 @@ def _close(digest: hashlib._Hash, folder: Path, light: City) -> None:
 def _placed(temporary: Path, folder: Path) -> City:
     """Put the written folder where it belongs and give its city, read before another writer can take it away."""
     city = read_store(temporary)
-    _replace(temporary, folder)
+    if not _is_there(city, temporary, folder):
+        _replace(temporary, folder)
     network = str(folder / NETWORK_FILE) if city.network else ""
     return msgspec.structs.replace(city, store=str(folder), network=network)
 
 
-def _replace(temporary: Path, folder: Path) -> None:
-    """Put the written folder where it belongs; an older city there goes away with what is left of the new one's place.
+def _is_there(city: City, temporary: Path, folder: Path) -> bool:
+    """Whether the folder holds the same city already, whole, with the same files beside it."""
+    there = whole(folder)
+    if there is None or there.sha256 != city.sha256:
+        return False
+    names = [path.name for path in temporary.iterdir() if path.is_file()]
+    same, _, _ = filecmp.cmpfiles(temporary, folder, names, shallow=False)
+    return len(same) == len(names)
 
-    Another writer may put its own there in between: then that is the older one.
-    """
+
+def _replace(temporary: Path, folder: Path) -> None:
+    """Put the written folder where it belongs; an older city there takes its place, to go away with it."""
+    try:
+        temporary.replace(folder)  # there is none yet, or an empty one
+    except OSError as error:
+        is_link = error.errno == errno.ENOTDIR and folder.is_dir()
+        if error.errno not in (errno.ENOTEMPTY, errno.EEXIST) and not is_link:
+            raise
+        if not _exchanged(temporary, folder):
+            _replace_in_two_steps(temporary, folder)
+
+
+def _exchanged(one: Path, other: Path) -> bool:
+    """Have two folders change places at once, as renameat2(2) does; False where the system or its disk cannot."""
+    renameat2 = getattr(ctypes.CDLL(None, use_errno=True), "renameat2", None)
+    if renameat2 is None:
+        return False
+    return bool(renameat2(_AT_FDCWD, os.fsencode(one), _AT_FDCWD, os.fsencode(other), _RENAME_EXCHANGE) == 0)
+
+
+def _replace_in_two_steps(temporary: Path, folder: Path) -> None:
+    """The same where folders cannot change places. Another writer may put its own there in between the steps: then that
+    is the older one."""
     for attempt in range(_ATTEMPTS):
         try:
-            if folder.exists() and any(folder.iterdir()):
+            if folder.exists():
                 folder.replace(temporary.with_name(f"old-{attempt}"))
             temporary.replace(folder)
         except OSError as error:

@@ -4,6 +4,7 @@ import os
 import shutil
 import subprocess
 import sys
+import threading
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -11,13 +12,15 @@ import pytest
 
 from lingjing.errors import UsageError
 from lingjing.mission.instance import SceneSpec
+from lingjing.scene import store
 from lingjing.scene.beside import beside
+from lingjing.scene.city import City, Pieces
 from lingjing.scene.network import StreetEdge, StreetNode, build_network
 from lingjing.scene.osm import read as reading
 from lingjing.scene.osm.build import Options, build, cities_folder
 from lingjing.scene.osm.provider import city_of
 from lingjing.scene.osm.tags import metres, number
-from lingjing.scene.store import copy_store, read_store, whole
+from lingjing.scene.store import check_free, copy_store, read_store, whole, write_store
 
 sys.path.insert(0, str(Path(__file__).parent))
 from osm_maps import Map, square
@@ -58,6 +61,53 @@ def test_writers_of_one_folder_at_once_leave_one_whole_city(tmp_path: Path, hut:
             done.result()
     assert whole(target) == read_store(target)
     assert not list(tmp_path.glob(".city*"))
+
+
+@pytest.mark.parametrize("can_exchange", [True, False])
+def test_a_folder_that_writers_fight_over_is_always_a_city(
+    tmp_path: Path, can_exchange: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two cities take turns in one place. Whoever looks there meanwhile finds one of them, whole, and may write."""
+    target, sources = tmp_path / "city", [tmp_path / "one", tmp_path / "two"]
+    cities = [write_store(source, frame_of(source.name), Pieces()) for source in sources]
+    if not can_exchange:
+        monkeypatch.setattr(store, "_exchanged", lambda one, other: False)
+    copy_store(sources[0], target)
+    stop = threading.Event()
+
+    def fight(source: Path) -> None:
+        while not stop.is_set():
+            copy_store(source, target)
+
+    with ThreadPoolExecutor(2) as pool:
+        fights = [pool.submit(fight, sources[number]) for number in range(2)]
+        try:
+            for _ in range(100):
+                check_free(target)
+                if can_exchange:
+                    assert read_store(target).id in {city.id for city in cities}
+        finally:
+            stop.set()
+        for done in fights:
+            done.result()
+    left = whole(target)
+    assert left is not None and left.sha256 in {city.sha256 for city in cities}
+    assert not list(tmp_path.glob(".city*"))
+
+
+def test_the_same_city_again_leaves_the_folder_to_who_plays_in_it(tmp_path: Path) -> None:
+    write_store(tmp_path / "one", frame_of("one"), Pieces())
+    copy_store(tmp_path / "one", tmp_path / "city")
+    before = (tmp_path / "city").stat().st_ino
+    copy_store(tmp_path / "one", tmp_path / "city")
+    assert (tmp_path / "city").stat().st_ino == before
+    (tmp_path / "city" / "tiles" / "index.msgpack").write_bytes(b"rotten")
+    copy_store(tmp_path / "one", tmp_path / "city")
+    assert whole(tmp_path / "city") is not None
+
+
+def frame_of(name: str) -> City:
+    return City(id=name, origin=(31.0, 121.5), bounds=(-100.0, -100.0, 100.0, 100.0), tile_m=50.0)
 
 
 def test_a_map_is_known_again_whatever_folder_it_is_asked_into(tmp_path: Path, hut: Path) -> None:
