@@ -273,7 +273,6 @@ def flight():
     """Digest of two turbulent flights: what two processes must agree on."""
     sys.path.insert(0, str(HERE.parent))
     from conftest import Player, build_instance, build_uav, square
-
     from lingjing.scene.city import City, Water
 
     sea = City(

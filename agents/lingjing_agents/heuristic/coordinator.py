@@ -108,7 +108,7 @@ class Coordinator:
         self, assignee: str, task: str, *, cell: str | None = None, position: tuple[float, float, float] | None = None
     ) -> Outgoing:
         assert self._assignment is not None
-        heard_by = self._searchers if task == "search" else (assignee,)  # who searches what, all searchers ought to know
+        heard_by = self._searchers if task == "search" else (assignee,)  # all searchers are to know who searches what
         body = {"assignee": assignee, "task": task, "cell": cell, "position": position}
         return compose(self._assignment, body, to=heard_by)
 
