@@ -51,6 +51,7 @@ CODES: dict[str, str] = {
     "LJ0206": "a number outside of its bounds, or an empty range",
     "LJ0207": "division by zero",
     "LJ0208": "an outline that encloses no area or crosses itself",
+    "LJ0209": "a number too large to compute with",
     # expressions
     "LJ0301": "a distribution is due",
     "LJ0302": "a draw where no draw can be",

@@ -34,6 +34,7 @@ from lingjing.mission.functions import (
 from lingjing.mission.units import (
     AREA,
     BY_DIMENSION,
+    LARGEST,
     LENGTH,
     NONE,
     TIME,
@@ -124,7 +125,7 @@ class Elaborator:
 
     def _number(self, node: s.Number, _environment: Environment) -> Value:
         if not node.unit:
-            return Value(ex.Number(node.value), NUMBER)
+            return UNKNOWN if self._too_large(node, node.value) else Value(ex.Number(node.value), NUMBER)
         unit = unit_of(node.unit)
         if unit is None:
             end, start = node.end, node.end - len(node.unit)
@@ -132,7 +133,20 @@ class Elaborator:
             hint = f"did you mean `{close}`?" if close else "compound units have no spaces: m/s, km/h, m^2"
             self.report("LJ0204", start, end, f"no unit is called `{node.unit}`", hint, replace=close)
             return UNKNOWN
-        return Value(ex.Number(si_value(node.value, node.unit), node.unit), Type("quantity", unit.dimension))
+        value = si_value(node.value, node.unit)
+        if self._too_large(node, value):
+            return UNKNOWN
+        return Value(ex.Number(value, node.unit), Type("quantity", unit.dimension))
+
+    def _too_large(self, node: s.Node, value: float) -> bool:
+        """Whether a number is beyond what is computed with; reports if it is."""
+        if abs(value) <= LARGEST:
+            return False
+        text = self.report.source.text[node.start : node.end]
+        shown = f"`{text}`" if len(text) <= 30 else "this"
+        hint = f"numbers go up to {LARGEST:g} in SI units"
+        self.report("LJ0209", node.start, node.end, f"{shown} is too large", hint)
+        return True
 
     def _name(self, node: s.Name, environment: Environment) -> Value:
         name = node.text
@@ -304,9 +318,17 @@ class Elaborator:
             spine.append(left_node)
             left_node = left_node.left
         left = self.value(left_node, environment)
+        known = self.constant(left.ir)
         for part in reversed(spine):
             left = self._combine(part, left, environment)
+            known = self._so_far(left.ir, known)
+            if known is not None and self._too_large(part, known):
+                left, known = UNKNOWN, None
         return left
+
+    def _so_far(self, ir: ex.Expr, left: float | None) -> float | None:
+        """What an operation gives if it is a constant; `left` is that of its left side, so that chains stay linear."""
+        return _folded(ir.operator, left, self.constant(ir.right)) if isinstance(ir, ex.Binary) else None
 
     def _combine(self, node: s.Binary, left: Value, environment: Environment) -> Value:
         operator = node.operator

@@ -12,6 +12,7 @@ from lingjing.dsl.suggest import did_you_mean, nearest
 from lingjing.dsl.typenames import with_article
 from lingjing.mission import expression as ex
 from lingjing.mission import model
+from lingjing.mission.clock import clock_fault
 from lingjing.mission.functions import DEGREES, FLAG, METRES, NUMBER, POSITIONS, REGION, TEXT, Type
 from lingjing.mission.units import DATA, LENGTH, MONEY, TICKS, TIME, TOKENS
 
@@ -124,11 +125,10 @@ class SettingsChecker:
             return None
         tick, sync = entries["tick"], entries["sync"]
         a, b = self.of.constant(tick.value.ir), self.of.constant(sync.value.ir)
-        if a is not None and b is not None and abs(a / b - round(a / b)) > 1e-9 * a / b:
+        fault = "" if a is None or b is None else clock_fault(a, b)
+        if fault:
             place = sync.node.value
-            self.report(
-                "LJ0501", place.start, place.end, f"a tick of {a:g} s is no whole multiple of a sync of {b:g} s"
-            )
+            self.report("LJ0501", place.start, place.end, fault)
             return None
         return model.Clock(tick=tick.value.ir, sync=sync.value.ir)
 

@@ -61,6 +61,8 @@ def text_of(token: Token) -> str:
 
 def _is_spaced(tokens: list[Token], at: int, colon_is_spaced: bool) -> bool:
     before, after = tokens[at - 1], tokens[at]
+    if before.type == "USE":  # `use .boats`: the dot begins a path here, and joins one elsewhere
+        return True
     if before.type in _TIGHT_AFTER or after.type in _TIGHT_BEFORE:
         return False
     if after.type == "COLON":

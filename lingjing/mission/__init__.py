@@ -11,7 +11,7 @@ Modules in the order a mission passes them:
   `reset_notes`: what is kept and not understood; `reset_emit`: the way back.
 - `seeding`, `draws`: named random streams, and what is drawn from them.
 - `geometry2d`, `grid`: polygons, and search cells cut from them.
-- `evaluate`: the value of an expression that is known before the first tick.
+- `evaluate`: the value of an expression that is known before the first tick. `clock`: how tick and macro-step fit.
 - `placing`, `roster`, `instantiate`: (mission, seed, mode, settings) to `instance.Instance`, the reset specification.
 - `feasibility`: proofs that a mission cannot be won. `course`, `speaker`, `wording`: routes, who speaks, texts.
 - `graph`, `draw`: the mission as typed nodes and edges, and pictures of that in SVG, Mermaid and DOT.

@@ -17,6 +17,7 @@ import msgspec
 from lingjing.errors import MissionError
 from lingjing.mission import expression as ex
 from lingjing.mission import geometry2d
+from lingjing.mission.units import LARGEST
 
 
 class Place(msgspec.Struct, frozen=True):
@@ -240,6 +241,12 @@ def _interval(low: float, high: float) -> Interval:
 
 # -- operators ------------------------------------------------------------------------------------------------------
 
+_OPERATIONS: dict[str, Callable[[float, float], float]] = {
+    "+": lambda a, b: a + b,
+    "-": lambda a, b: a - b,
+    "*": lambda a, b: a * b,
+    "/": lambda a, b: a / b,
+}
 _ORDER: dict[str, Callable[[float, float], bool]] = {
     "<": lambda a, b: a < b,
     "<=": lambda a, b: a <= b,
@@ -289,16 +296,14 @@ def _arithmetic(operator: str, left: Value, right: Value) -> Value:
 
 
 def _numbers(operator: str, left: float, right: float) -> float:
-    match operator:
-        case "+":
-            return left + right
-        case "-":
-            return left - right
-        case "*":
-            return left * right
-    if right == 0:
+    if operator == "/" and right == 0:
         raise MissionError("division by zero")
-    return left / right
+    value = _OPERATIONS[operator](left, right)
+    if not abs(value) <= LARGEST:
+        raise MissionError(
+            f"{left:g} {operator} {right:g} is too large", hint=f"numbers go up to {LARGEST:g} in SI units"
+        )
+    return value
 
 
 def _places(sign: float, left: Place, right: Place) -> Place:

@@ -17,6 +17,7 @@ from lingjing.errors import MissionError, UsageError
 from lingjing.mission import course, model, roster
 from lingjing.mission import expression as ex
 from lingjing.mission import grid as grids
+from lingjing.mission.clock import clock_fault
 from lingjing.mission.evaluate import Area, Interval, Place, Scope, Value, area, describe, evaluate, number, whole
 from lingjing.mission.instance import Budget, Cell, Clock, Datum, Entity, Instance, Region, SceneSpec, Weather
 from lingjing.mission.placing import at_path, datum, entities, holds, member_ids, single
@@ -206,13 +207,9 @@ def _suggestion(name: str, names: Iterable[str]) -> str:
 def _clock(mission: model.Mission, scope: Scope) -> Clock:
     with at_path(f"{mission.name}/clock"):
         tick, sync = number(mission.clock.tick, scope), number(mission.clock.sync, scope)
-        if not (tick > 0 and sync > 0):
-            raise MissionError(f"tick = {tick:g} s and sync = {sync:g} s must be above 0")
-        if round(tick / sync) < 1 or abs(tick / sync - round(tick / sync)) > 1e-9:
-            raise MissionError(
-                f"tick = {tick:g} s is no whole multiple of sync = {sync:g} s",
-                hint="choose sync so that it divides tick",
-            )
+        fault = clock_fault(tick, sync)
+        if fault:
+            raise MissionError(fault, hint="choose sync so that it divides tick")
         return Clock(tick_s=tick, sync_s=sync)
 
 

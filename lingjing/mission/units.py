@@ -72,6 +72,10 @@ BY_DIMENSION = {entry.dimension: entry for entry in NAMED}
 BY_NAME = {entry.name: entry for entry in NAMED}
 _SUFFIXES = tuple(sorted((entry.suffix for entry in NAMED if entry.suffix), key=len, reverse=True))
 
+LARGEST = 1e15
+"""Numbers beyond this, in SI units and degrees, are refused: no mission means them, and doubles no longer tell whole
+numbers or millimetres apart there."""
+
 _SYMBOLS = ("m", "s", "kg", "deg", "B", "tick", "USD", "token")
 
 

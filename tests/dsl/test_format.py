@@ -61,6 +61,13 @@ def test_spaces(given: str, due: str) -> None:
     assert inside(given) == due
 
 
+@pytest.mark.parametrize("given", ["use .boats", "use   .boats", "use .boats.tug{tug}"])
+def test_a_relative_use_keeps_its_space(given: str) -> None:
+    named = " { tug }" if "{" in given else ""
+    path = ".boats.tug" if "tug" in given else ".boats"
+    assert formatted(f"ljs 1\n{given}\n") == f"ljs 1\nuse {path}{named}\n"
+
+
 def test_the_authors_lines_stay() -> None:
     given = "actions {\n  takeoff, land,\n  stop\n}\nclock { tick = 1 s, sync = 1 s }\n"
     assert inside(given) == "actions {\n  takeoff, land\n  stop\n}\nclock { tick = 1 s, sync = 1 s }\n"

@@ -9,6 +9,9 @@ from lingjing.mission.feasibility.proof import Proof, spelled
 from lingjing.mission.feasibility.spread import Where
 from lingjing.mission.geometry2d import Point, Polygon, signed_area
 
+MILLIMETRE = 0.001
+"""Places are drawn in steps of this; a smaller distance between them asks for nothing."""
+
 
 def refute_places(outline: Outline) -> list[Proof]:
     """Groups whose drawn places cannot all lie in their region."""
@@ -35,7 +38,7 @@ def most_places(where: Where) -> float:
     Groemer (1960): a convex area A of perimeter P holds at most 2/√3 · A/d² + P/(2d) + 1 points with distances of d
     or more; the convex hull holds at least as many as what it is the hull of.
     """
-    if where.apart <= 0 or not where.drawn:
+    if where.apart < MILLIMETRE or not where.drawn:
         return math.inf
     hull = convex_hull(tuple(corner for outline in where.outlines for corner in outline))
     if len(hull) < 3:
