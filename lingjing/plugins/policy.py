@@ -98,7 +98,8 @@ class Brief(msgspec.Struct, frozen=True, kw_only=True):
 @dataclass(frozen=True, slots=True)
 class Picture:
     """A stored picture as the policy receives it: `rgb` is the decoded JPEG, (height, width, 3) uint8; `depth`
-    (height, width) float32 metres along the optical axis; `semantic` (height, width) uint8. No ground truth."""
+    (height, width) float32 metres along the optical axis in whole centimetres, inf where nothing is hit; `semantic`
+    (height, width) uint8 class ids, without what is hidden. No ground truth."""
 
     frame: str
     entity: str

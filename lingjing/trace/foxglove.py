@@ -3,8 +3,8 @@
 The only module that imports `foxglove_schemas_protobuf`. Every message is derived from the project's own records and
 never read back, except for the bytes of stored pictures.
 
-Frames of reference: `world` is east, north, up; an entity's frame is x forward, y left, z up; a camera's is x right,
-y down, z along the optical axis.
+Frames of reference: `world` is east, north, up; an entity's frame is x forward, y left, z up, and hangs from `world`; a
+camera's is x right, y down, z along the optical axis, and hangs from the entity that carries it.
 """
 
 from __future__ import annotations
@@ -87,11 +87,16 @@ def logs(record: BoundaryRecord) -> Iterator[Derived]:
 
 
 def frame_messages(
-    frame: FrameInfo, jpeg: bytes, depth: bytes | None = None, semantic: bytes | None = None
+    frame: FrameInfo,
+    jpeg: bytes,
+    depth: bytes | None = None,
+    semantic: bytes | None = None,
+    body: BodyState | None = None,
 ) -> Iterator[Derived]:
-    """A stored picture with its pose, its calibration and its ground-truth boxes."""
+    """A stored picture with its pose, its calibration and its ground-truth boxes. `body` is who carries the camera, at
+    the picture's time; a camera that nobody carries stands in the world."""
     camera = f"{frame.entity}/{frame.camera}"
-    yield _camera_transform(frame, camera)
+    yield _camera_transform(frame, camera, body)
     yield camera_topic(frame, "calibration"), _schema(CameraCalibration), _calibration(frame, camera)
     yield camera_topic(frame), _schema(CompressedImage), _image(frame, camera, jpeg, "jpeg")
     yield camera_topic(frame, "truth"), _schema(ImageAnnotations), _annotations(frame)
@@ -107,7 +112,7 @@ def image_bytes(message: bytes) -> bytes:
 
 
 def depth_bytes(message: bytes) -> tuple[bytes, int, int]:
-    """The 16-bit centimetres inside a `foxglove.RawImage`, with width and height in pixels."""
+    """The float32 metres inside a `foxglove.RawImage`, with width and height in pixels."""
     image = RawImage.FromString(message)
     return bytes(image.data), image.width, image.height
 
@@ -168,15 +173,39 @@ def _quaternion(axes: Axes) -> Turn:
     return (m21 - m12) / s, (m02 - m20) / s, (m10 - m01) / s, s / 4
 
 
-def _camera_transform(frame: FrameInfo, camera: str) -> Derived:
+def _camera_transform(frame: FrameInfo, camera: str, body: BodyState | None) -> Derived:
     message = FrameTransforms()
     transform = message.transforms.add()
     _stamp(transform.timestamp, frame.time_s)
-    transform.parent_frame_id = WORLD
     transform.child_frame_id = camera
-    _place(transform.translation, frame.pose.position)
-    _turn(transform.rotation, _quaternion(_camera_axes(frame)))
+    turn = _quaternion(_camera_axes(frame))
+    if body is None:
+        transform.parent_frame_id = WORLD
+        _place(transform.translation, frame.pose.position)
+        _turn(transform.rotation, turn)
+    else:
+        east, north, up = (there - here for there, here in zip(frame.pose.position, body.position, strict=True))
+        back = _inverse(_body_turn(body))
+        transform.parent_frame_id = body.id
+        _place(transform.translation, _product(_product(back, (east, north, up, 0.0)), _inverse(back))[:3])
+        _turn(transform.rotation, _product(back, turn))
     return "/tf", _schema(FrameTransforms), message.SerializeToString(deterministic=True)
+
+
+def _inverse(turn: Turn) -> Turn:
+    x, y, z, w = turn
+    return -x, -y, -z, w
+
+
+def _product(a: Turn, b: Turn) -> Turn:
+    """The Hamilton product of two (x, y, z, w): first `b`, then `a`."""
+    (ax, ay, az, aw), (bx, by, bz, bw) = a, b
+    return (
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+        aw * bw - ax * bx - ay * by - az * bz,
+    )
 
 
 def _calibration(frame: FrameInfo, camera: str) -> bytes:
@@ -215,9 +244,9 @@ def _annotations(frame: FrameInfo) -> bytes:
 
 
 def _depth(frame: FrameInfo, camera: str, data: bytes) -> bytes:
-    """`16UC1` as in ROS, but centimetres: millimetres would end at 65 m."""
+    """`32FC1`: metres, as ROS (REP 118), Foxglove and Rerun read it."""
     pose = frame.pose
-    message = RawImage(frame_id=camera, width=pose.width, height=pose.height, encoding="16UC1", step=2 * pose.width)
+    message = RawImage(frame_id=camera, width=pose.width, height=pose.height, encoding="32FC1", step=4 * pose.width)
     _stamp(message.timestamp, frame.time_s)
     message.data = data
     return bytes(message.SerializeToString(deterministic=True))

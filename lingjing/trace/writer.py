@@ -7,7 +7,7 @@ to its last complete boundary.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -19,7 +19,7 @@ from lingjing.errors import LingjingError, UsageError
 from lingjing.trace import foxglove, images
 from lingjing.trace.container import ContainerSchema, ContainerWriter
 from lingjing.trace.encoding import to_json
-from lingjing.trace.records import BoundaryRecord, FrameInfo, Header, Outcome, Value
+from lingjing.trace.records import BodyState, BoundaryRecord, FrameInfo, Header, Outcome, Value
 from lingjing.trace.schemas import RECORDS, schema_text
 
 Picture = tuple[FrameInfo, bytes, npt.NDArray[np.float32] | None, npt.NDArray[np.uint8] | None]
@@ -92,8 +92,9 @@ class TraceWriter:
         now = nanoseconds(record.time_s)
         for snapshot in record.snapshots:  # before the pictures, whose poses are later: each topic stays in time order
             self._derived(foxglove.transforms(snapshot), nanoseconds(snapshot.time_s))
+        bodies = {state.id: state for state in record.snapshots[-1].states} if record.snapshots else {}
         for picture in pictures:
-            self._picture(picture)
+            self._picture(picture, self._carrier(picture[0], bodies))
         for message in foxglove.positions(self._instance, record.snapshots[-1]) if record.snapshots else ():
             self._derived(message, now)
         for message in foxglove.logs(record):
@@ -101,14 +102,22 @@ class TraceWriter:
         self._own("boundary", record, now, record.tick)
         self._container.flush()
 
-    def _picture(self, picture: Picture) -> None:
+    def _carrier(self, frame: FrameInfo, bodies: Mapping[str, BodyState]) -> BodyState | None:
+        """The body that a picture's camera is mounted on; None for a reference picture, taken where nobody stands."""
+        mounted = any(
+            entity.id == frame.entity and any(camera.name == frame.camera for camera in entity.cameras)
+            for entity in self._instance.entities
+        )
+        return bodies.get(frame.entity) if mounted else None
+
+    def _picture(self, picture: Picture, body: BodyState | None) -> None:
         frame, jpeg, depth, semantic = picture
         self._pictures += 1
         time_ns = nanoseconds(frame.time_s)
         packed = None if depth is None else images.encode_depth(depth)
         ids = None if semantic is None else images.encode_semantic(semantic)
         self._own("frame", frame, time_ns, self._pictures)
-        for message in foxglove.frame_messages(frame, jpeg, packed, ids):
+        for message in foxglove.frame_messages(frame, jpeg, packed, ids, body):
             self._derived(message, time_ns, self._pictures)
 
     def _own(self, name: str, record: Value, time_ns: int, sequence: int = 0) -> None:

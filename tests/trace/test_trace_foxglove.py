@@ -1,11 +1,14 @@
 """What Foxglove is told: directions, projections and positions agree with the world frame."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
 from foxglove_schemas_protobuf.ImageAnnotations_pb2 import ImageAnnotations
+from foxglove_schemas_protobuf.RawImage_pb2 import RawImage
+from mcap.reader import make_reader
 
 from lingjing.trace import foxglove
 from lingjing.trace.reader import Trace
@@ -32,6 +35,55 @@ def test_a_body_looks_where_its_heading_points(heading: int, tilt: tuple[int, in
     left = rotate(transform.rotation, [0, 1, 0])
     assert left[2] == pytest.approx(math.sin(math.radians(tilt[1])) * level, abs=1e-9)
     assert transform.timestamp.seconds == 1 and transform.timestamp.nanos == 500_000_000
+
+
+@pytest.mark.parametrize("body", [(30, 0, 0), (120, 20, -35), (275, -80, 100), (0, 5, 180)])
+@pytest.mark.parametrize("camera", [(30, 90, 0), (215, 5, 12), (0, 0, -170)])
+def test_a_camera_hangs_from_its_body(body: tuple[int, int, int], camera: tuple[int, int, int]) -> None:
+    state = BodyState(id="uav[1]", position=(1.0, 2.0, 3.0), heading_deg=body[0], pitch_deg=body[1], roll_deg=body[2])
+    pose = CameraPose(position=(1.3, 1.8, 2.9), heading_deg=camera[0], tilt_deg=camera[1], roll_deg=camera[2])
+    frame = FrameInfo(id="f", entity="uav[1]", camera="front", tick=0, time_s=1.5, pose=pose, channels=("rgb",))
+    _, _, data = foxglove.transforms(Snapshot(time_s=1.5, states=(state,)))
+    (parent,) = FrameTransforms.FromString(data).transforms
+    _, _, data = next(iter(foxglove.frame_messages(frame, b"jpeg", body=state)))
+    (child,) = FrameTransforms.FromString(data).transforms
+    assert (child.parent_frame_id, child.child_frame_id) == (parent.child_frame_id, "uav[1]/front")
+    assert child.timestamp == parent.timestamp
+    away = np.array([child.translation.x, child.translation.y, child.translation.z])
+    assert np.allclose(np.array(state.position) + rotate(parent.rotation, away), pose.position, atol=1e-9)
+    axes = [rotate(parent.rotation, rotate(child.rotation, unit)) for unit in np.eye(3)]
+    assert np.allclose(axes, foxglove._camera_axes(frame), atol=1e-9)
+
+
+def test_other_readers_find_metres_and_a_tree_of_frames(trace: Trace, episode_path: Path) -> None:
+    """What `mcap` alone reads: depth as ROS's `32FC1`, and every camera hung from the body that carries it."""
+    parents: dict[str, str] = {}
+    depths = 0
+    with episode_path.open("rb") as file:
+        for _, channel, message in make_reader(file).iter_messages():
+            if channel.topic == "/tf":
+                transforms = FrameTransforms.FromString(message.data).transforms
+                parents |= {one.child_frame_id: one.parent_frame_id for one in transforms}
+            elif channel.topic.endswith("/depth"):
+                image = RawImage.FromString(message.data)
+                metres = np.frombuffer(image.data, "<f4").reshape(image.height, image.width)
+                assert (image.encoding, image.step) == ("32FC1", 4 * image.width)
+                frame = next(f for f in trace.frames.values() if f"{f.entity}/{f.camera}" == image.frame_id)
+                assert metres.max() == pytest.approx(frame.pose.position[2], rel=0.05)
+                depths += 1
+    assert depths
+    cameras = {name: parent for name, parent in parents.items() if "/" in name}
+    assert cameras and all(parent == name.rpartition("/")[0] for name, parent in cameras.items())
+    assert all(parents[parent] == foxglove.WORLD for parent in cameras.values())
+
+
+def test_a_camera_that_nobody_carries_stands_in_the_world() -> None:
+    pose = CameraPose(position=(5.0, 6.0, 7.0), heading_deg=0.0, tilt_deg=10.0)
+    frame = FrameInfo(id="f", entity="house", camera="reference", tick=0, time_s=0.0, pose=pose, channels=("rgb",))
+    _, _, data = next(iter(foxglove.frame_messages(frame, b"jpeg")))
+    (transform,) = FrameTransforms.FromString(data).transforms
+    assert transform.parent_frame_id == foxglove.WORLD
+    assert (transform.translation.x, transform.translation.z) == (5.0, 7.0)
 
 
 def test_the_truth_lies_on_the_projected_person(trace: Trace) -> None:
