@@ -69,6 +69,8 @@ class EpisodeResult:
     """What a reader of the score should know: replaced answers of policies, an overview that could not be written."""
     attribution: str = ""
     """Whose map was played on; `procedural` for nobody's."""
+    policy_seed: int = 0
+    """What the policies' own random streams started from."""
 
 
 class EpisodeInterrupted(KeyboardInterrupt):
@@ -101,12 +103,14 @@ class Session:
         mode: str | None = None,
         settings: Mapping[str, float] | None = None,
         out: str | Path | None = None,
+        policy_seed: int = 0,
         blank_pictures: bool = False,
         overview: bool = True,
         progress: Callable[[Progress], None] | None = None,
     ) -> EpisodeResult:
         """Play one episode; see `lingjing.run` for the arguments and the errors."""
         _check_seed(seed)
+        _check_seed(policy_seed)
         instance, city = self._stage.set(instantiate(mission, seed=seed, mode=mode, settings=settings))
         seats = _cast(instance, policy, policies_for or {}, dict(policy_args or {}), self.host)
         policies = {agent: build_policy(plugin, arguments) for agent, (plugin, arguments) in seats.items()}
@@ -118,10 +122,11 @@ class Session:
             privileged=frozenset(agent for agent, (plugin, _) in seats.items() if plugin.privileged),
             record=lambda record, frames: recorder[0].boundary(record, _stored(frames)),
             blank_pictures=blank_pictures,
+            policy_seed=policy_seed,
         )
         barrier = seat(kernel, policies)
         folder = Path(out) if out is not None else claim_run_folder(instance.mission, instance.mode, seed)
-        writer = _writer(folder, instance, city, seats, barrier.close)
+        writer = _writer(folder, instance, city, seats, policy_seed, barrier.close)
         recorder.append(writer)
         try:
             outcome = play(kernel, barrier, writer, progress)
@@ -161,6 +166,7 @@ def run(
     settings: Mapping[str, float] | None = None,
     out: str | Path | None = None,
     world: Literal["process", "inline"] = "process",
+    policy_seed: int = 0,
     blank_pictures: bool = False,
     overview: bool = True,
     progress: Callable[[Progress], None] | None = None,
@@ -168,7 +174,8 @@ def run(
     """Play `mission` once and return its score.
 
     `policy` plays every agent; `policies_for` overrides it by role or agent id; `policy_args` go to every policy
-    that takes them. `mode` and `settings` default to the mission's. `out` is a new or empty folder (default:
+    that takes them. `seed` draws the instance, `policy_seed` starts the policies' own random streams and tells them
+    nothing about it. `mode` and `settings` default to the mission's. `out` is a new or empty folder (default:
     a new one under `runs/`) that receives `trace.mcap` and `overview.png`. `blank_pictures` hands policies black
     pictures. `progress` is called at every boundary.
 
@@ -186,6 +193,7 @@ def run(
             mode=mode,
             settings=settings,
             out=out,
+            policy_seed=policy_seed,
             blank_pictures=blank_pictures,
             overview=overview,
             progress=progress,
@@ -243,6 +251,7 @@ def _hopeless(instance: Instance) -> tuple[str, ...]:
 
 
 def _check_seed(seed: object) -> None:
+    """`UsageError` for what is no whole number from 0 to 2**63 - 1."""
     if isinstance(seed, bool) or not isinstance(seed, int) or not 0 <= seed < 2**63:
         raise UsageError(f"{seed!r} is not a seed", hint="a seed is a whole number from 0 to 2**63 - 1")
 
@@ -252,7 +261,7 @@ def _stored(frames: Sequence[StoredFrame]) -> list[Picture]:
 
 
 def _writer(
-    folder: Path, instance: Instance, city: City, seats: Mapping[str, Seat], undo: Callable[[], None]
+    folder: Path, instance: Instance, city: City, seats: Mapping[str, Seat], policy_seed: int, undo: Callable[[], None]
 ) -> TraceWriter:
     header = Header(
         instance=instance,
@@ -264,6 +273,7 @@ def _writer(
         city_sha256=city.sha256 or hashlib.sha256(msgspec.json.encode(city)).hexdigest(),
         attribution=city.attribution,
         started_wall=dt.datetime.now(dt.UTC).isoformat(timespec="seconds"),
+        policy_seed=policy_seed,
     )
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -292,6 +302,7 @@ def _result(path: Path, folder: Path, city: City, *, overview: bool) -> EpisodeR
     return EpisodeResult(
         mission=instance.mission,
         seed=instance.seed,
+        policy_seed=trace.header.policy_seed,
         mode=instance.mode,
         success=outcome.success,
         reason=outcome.reason,

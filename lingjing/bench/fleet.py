@@ -41,6 +41,7 @@ class RunOptions:
     mode: str | None = None
     settings: Mapping[str, float] = field(default_factory=dict)
     world: Literal["process", "inline"] = "process"
+    policy_seed: int = 0
     blank_pictures: bool = False
     overview: bool = True
 
@@ -48,6 +49,7 @@ class RunOptions:
         """The command line that plays this one episode and prints its JSON object."""
         line = [sys.executable, "-m", "lingjing.cli.main", "run", str(self.path), "--json"]
         line += ["--seed", str(seed), "-o", str(folder), "--policy", self.policy, "--world", self.world]
+        line += ["--policy-seed", str(self.policy_seed)]
         line += ["--end-with", str(os.getpid())]
         line += ["--mode", self.mode] if self.mode else []
         line += ["--blank-pictures"] if self.blank_pictures else []
@@ -93,6 +95,7 @@ def _play(
                 mode=options.mode,
                 settings=options.settings,
                 out=folder,
+                policy_seed=options.policy_seed,
                 blank_pictures=options.blank_pictures,
                 overview=options.overview,
                 progress=progress,
@@ -118,6 +121,7 @@ def _report(options: RunOptions, result: EpisodeResult) -> EpisodeReport:
         detail=result.detail,
         warnings=result.warnings,
         attribution=result.attribution,
+        policy_seed=result.policy_seed,
     )
 
 
@@ -199,6 +203,7 @@ def _killed(task: Task, why: str) -> EpisodeReport:
     return EpisodeReport(
         mission=task.options.path.stem, seed=task.seed, mode=task.options.mode or "", policy=task.options.policy,
         success=False, reason=ABORTED, scr=0.0, ticks=0, digest="", trace=str(trace), metrics={}, detail=why,
+        policy_seed=task.options.policy_seed,
     )  # fmt: skip
 
 

@@ -16,7 +16,8 @@ class EpisodeReport(msgspec.Struct, frozen=True, kw_only=True):
     """One episode, as `lingjing run --json` prints it.
 
     `trace` is the path of the MCAP file (a `.part` if the episode was cut short), `detail` the cause of an abort.
-    `warnings` are what a reader of the score should know, a line each; `attribution` says whose map was played on.
+    `warnings` are what a reader of the score should know, a line each; `attribution` says whose map was played on;
+    `policy_seed` started the policies' random streams.
     """
 
     mission: str
@@ -33,6 +34,7 @@ class EpisodeReport(msgspec.Struct, frozen=True, kw_only=True):
     detail: str = ""
     warnings: tuple[str, ...] = ()
     attribution: str = ""
+    policy_seed: int = 0
 
 
 class SuiteReport(msgspec.Struct, frozen=True, kw_only=True):

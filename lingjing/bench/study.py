@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import fcntl
 import hashlib
+import secrets
 import shutil
 import sys
 import time
@@ -29,6 +30,7 @@ from lingjing.bench.folders import RUNS
 from lingjing.bench.report import ABORTED, INTERRUPTED, EpisodeReport
 from lingjing.data import data_path
 from lingjing.errors import ExitCode, LingjingError, UsageError
+from lingjing.mission.seeding import integer
 
 TRIES = 3
 """How often one episode is tried before the study gives it up as aborted."""
@@ -95,12 +97,31 @@ class Study:
         """(case, column, seed) of what need not be played again."""
         return {(row.case, row.column, row.report.seed) for row in self.rows}
 
+    def policy_seed(self, case: str, column: str, seed: int) -> int:
+        """What the policies of one row draw from. The study's own salt decides it, so that it tells a policy that has
+        the code nothing about the instance; a row that is played again has the same one."""
+        return integer(0, f"{self._salt()}/{case}/{column}/{seed}")
+
+    def _salt(self) -> str:
+        """The text in the folder's `salt`, made by chance where there is none yet."""
+        file = self.folder / "salt"
+        salt = file.read_text().strip() if file.is_file() else ""
+        if not salt:
+            salt = secrets.token_hex(16)
+            _replace(file, f"{salt}\n".encode())
+        return salt
+
     def add(self, row: Row) -> None:
         """Keep a row; the file is replaced whole, so that a stop in between loses nothing."""
         self.rows.append(row)
-        partial = self._file.with_suffix(".part")
-        partial.write_bytes(msgspec.json.format(msgspec.json.encode(self.rows), indent=1))
-        partial.replace(self._file)
+        _replace(self._file, msgspec.json.format(msgspec.json.encode(self.rows), indent=1))
+
+
+def _replace(file: Path, content: bytes) -> None:
+    """Write a file whole or not at all."""
+    partial = file.with_suffix(".part")
+    partial.write_bytes(content)
+    partial.replace(file)
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,7 +186,7 @@ def missing(
     """
     played = study.played()
     return [
-        Episode(case, column, _task(study.folder, case, column, seed, overview=overview))
+        Episode(case, column, _task(study, case, column, seed, overview=overview))
         for seed in seeds
         for column in wanted
         for case in cases
@@ -324,16 +345,17 @@ def _take_away(folder: Path) -> None:
             time.sleep(0.2)
 
 
-def _task(folder: Path, case: Case, column: Column, seed: int, *, overview: bool) -> Task:
+def _task(study: Study, case: Case, column: Column, seed: int, *, overview: bool) -> Task:
     options = RunOptions(
         path=column.path,
         policy=case.policy,
         mode=column.mode,
         settings=column.settings,
         blank_pictures=case.blank_pictures,
+        policy_seed=study.policy_seed(case.name, column.name, seed),
         overview=overview,
     )
-    return Task(options, seed, folder / f"{case.name}-{column.name}-{seed}")
+    return Task(options, seed, study.folder / f"{case.name}-{column.name}-{seed}")
 
 
 def _lines(rows: Sequence[Row]) -> Iterator[str]:

@@ -34,6 +34,9 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         "--policy-for", metavar="ROLE_OR_AGENT=NAME", action="append", default=[], help="who plays this role or agent"
     )
     parser.add_argument("--policy-arg", metavar="K=V", action="append", default=[], help="an option of the policy")
+    parser.add_argument(
+        "--policy-seed", metavar="N", default="0", help="what the policies' own random streams start from (default 0)"
+    )
     parser.add_argument("-o", "--output", metavar="DIR", help="a new or empty folder (default: a new one in runs/)")
     parser.add_argument("--world", choices=("process", "inline"), default="process", help="where the engines run")
     parser.add_argument("--blank-pictures", action="store_true", help="hand the policies black pictures (a control)")
@@ -78,6 +81,7 @@ def _options(args: argparse.Namespace, path: Path, mission: Mission) -> RunOptio
         mode=args.mode,
         settings=parse_settings(parse_pairs("--set", args.set), mission),
         world=args.world,
+        policy_seed=parse_seed(args.policy_seed),
         blank_pictures=args.blank_pictures,
         overview=not args.no_overview,
     )

@@ -48,11 +48,13 @@ class LingjingParallelEnv(ParallelEnv, EzPickle):  # type: ignore[misc] # the pa
         settings: Mapping[str, float] | None = None,
         picture_width: int = 160,
         world: World = "process",
+        policy_seed: int = 0,
     ) -> None:
         EzPickle.__init__(
-            self, mission, mode=mode, settings=settings, picture_width=picture_width, world=world
+            self, mission, mode=mode, settings=settings, picture_width=picture_width, world=world,
+            policy_seed=policy_seed,
         )  # fmt: skip
-        self._game = Game(_mission(mission), mode, settings or {}, "random", world)
+        self._game = Game(_mission(mission), mode, settings or {}, "random", world, _seed(policy_seed))
         self._instance = self._game.instance(0)
         self._codecs = codecs(self._instance, picture_width)
         self.possible_agents = list(self._codecs)
@@ -132,7 +134,8 @@ class LingjingParallelEnv(ParallelEnv, EzPickle):  # type: ignore[misc] # the pa
 
 
 class LingjingEnv(gymnasium.Env[dict[str, Any], dict[str, Any]], EzPickle):
-    """A mission for one of its agents (the first by default); `others` names the policy that plays the rest."""
+    """A mission for one of its agents (the first by default); `others` names the policy that plays the rest, on
+    random streams that start from `policy_seed`."""
 
     metadata: dict[str, Any] = {"render_modes": []}  # declared so by the base class
 
@@ -146,12 +149,13 @@ class LingjingEnv(gymnasium.Env[dict[str, Any], dict[str, Any]], EzPickle):
         settings: Mapping[str, float] | None = None,
         picture_width: int = 160,
         world: World = "process",
+        policy_seed: int = 0,
     ) -> None:
         EzPickle.__init__(
             self, mission, agent=agent, others=others, mode=mode, settings=settings, picture_width=picture_width,
-            world=world,
+            world=world, policy_seed=policy_seed,
         )  # fmt: skip
-        self._game = Game(_mission(mission), mode, settings or {}, others, world)
+        self._game = Game(_mission(mission), mode, settings or {}, others, world, _seed(policy_seed))
         instance = self._game.instance(0)
         each = codecs(instance, picture_width)
         self.agent = agent if agent is not None else next(iter(each))

@@ -34,6 +34,7 @@ class Game:
         settings: Mapping[str, float],
         others: str,
         world: Literal["process", "inline"],
+        policy_seed: int = 0,
     ) -> None:
         if world not in ("process", "inline"):
             raise UsageError(f"world={world!r}", hint='engines run in "process" or "inline"')
@@ -42,6 +43,7 @@ class Game:
         self._stage = Stage(self._host)
         self._others = load_policy(others, self._host)
         self._kind = world
+        self._policy_seed = policy_seed
         self._world: World | None = None
         self._kernel: Kernel | None = None
         self._barrier: PolicyBarrier | None = None
@@ -59,7 +61,9 @@ class Game:
             self._world = open_world(self._kind, host=self._host)
         played = [agent.id for agent in instance.agents if agent.id not in outside]
         privileged = frozenset(played) if self._others.privileged else frozenset()
-        self._kernel = Kernel(instance, city, self._world, privileged=privileged)
+        self._kernel = Kernel(
+            instance, city, self._world, privileged=privileged, policy_seed=self._policy_seed
+        )  # fmt: skip
         self._barrier = seat(self._kernel, {name: build_policy(self._others, {}) for name in played})
         self.published = self._kernel.reset()
         return self.published

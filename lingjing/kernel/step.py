@@ -106,6 +106,7 @@ class Kernel:
         evaluators: Sequence[Evaluator] = (),
         record: Record | None = None,
         blank_pictures: bool = False,
+        policy_seed: int = 0,
     ) -> None:
         check_playable(instance)
         self.instance = instance
@@ -117,7 +118,7 @@ class Kernel:
         self._router = Router(instance)
         self._gate = Gate(instance, city.bounds)
         self._adjudicator = Adjudicator(instance)
-        self._projector = Projector(instance)
+        self._projector = Projector(instance, policy_seed)
         self._relations = RelationTracker(instance)
         self._budgets = Budgets(instance)
         self._inspections = Inspections(instance)

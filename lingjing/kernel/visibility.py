@@ -39,10 +39,11 @@ RESOURCES, ROUTE, BUSY, ALL = "resources", "route", "busy", "*"
 
 
 class Projector:
-    """The projection of one instance; holds no run-time state."""
+    """The projection of one instance; holds no run-time state. Policies' random streams start from `policy_seed`."""
 
-    def __init__(self, instance: Instance) -> None:
+    def __init__(self, instance: Instance, policy_seed: int = 0) -> None:
         self._instance = instance
+        self._policy_seed = policy_seed
         self._entities = {entity.id: entity for entity in instance.entities}
         self._public = frozenset(entity.id for entity in instance.entities if "position" not in entity.hidden)
 
@@ -59,7 +60,7 @@ class Projector:
             hub=instance.comms.hub,
             tick_s=instance.clock.tick_s,
             ticks=instance.budget.ticks,
-            seed=integer(instance.seed, f"{instance.mission}/policy/{agent.id}"),
+            seed=integer(self._policy_seed, f"policy/{agent.id}"),
             resources=tuple(self._resource(agent, name) for name in agent.commands),
             peers=tuple(
                 Peer(id=peer.id, role=peer.role, resources=peer.controls)

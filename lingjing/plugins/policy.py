@@ -71,7 +71,8 @@ class Peer(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Brief(msgspec.Struct, frozen=True, kw_only=True):
-    """All an agent is told at reset. `seed` starts the policy's own random stream; `classes` are the names a
+    """All an agent is told at reset. `seed` starts the policy's own random stream and
+    says nothing about the instance's; `classes` are the names a
     report's `class` may have; `water_level_m` is the elevation of the scene's water surface."""
 
     agent: str

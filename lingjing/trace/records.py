@@ -367,7 +367,7 @@ class AgentBinding(Value, frozen=True, kw_only=True):
 
 
 class Header(Value, frozen=True, kw_only=True):
-    """The first record of a trace: what was played, by whom, on what."""
+    """The first record of a trace: what was played, by whom, on what; `policy_seed` started the policies' streams."""
 
     format: str = "lingjing-trace/1"
     instance: Instance
@@ -376,6 +376,7 @@ class Header(Value, frozen=True, kw_only=True):
     city_sha256: str = ""
     attribution: str = ""
     started_wall: str = ""
+    policy_seed: int = 0
 
 
 class Outcome(Value, frozen=True, kw_only=True):

@@ -129,6 +129,29 @@ def test_a_study_goes_on_where_it_was(child, tmp_path: Path) -> None:
     assert [(one.case.name, one.task.seed) for one in left] == [("heuristic", 1)]
 
 
+def policy_seeds(study: Study) -> dict[tuple[str, int], int]:
+    episodes = missing(study, CASES[:2], [STAR], range(50))
+    return {(one.case.name, one.task.seed): one.task.options.policy_seed for one in episodes}
+
+
+def test_policy_seeds_come_from_the_studys_own_salt(tmp_path: Path) -> None:
+    folders = [tmp_path / name for name in ("a", "b", "c")]
+    for folder in folders:
+        folder.mkdir()
+    first, other = policy_seeds(Study(folders[0])), policy_seeds(Study(folders[1]))
+    assert len({*first.values(), *other.values()}) == 200, "one of its own for every row of every study"
+    assert policy_seeds(Study(folders[0])) == first, "a study that goes on draws the same"
+    (folders[2] / "salt").write_text((folders[0] / "salt").read_text())
+    assert policy_seeds(Study(folders[2])) == first, "the same salt draws the same"
+
+
+def test_an_episode_is_told_its_policy_seed_and_its_row_keeps_it(tmp_path: Path) -> None:
+    options = RunOptions(path=Path("m.ljs"), policy="p", policy_seed=77)
+    command = options.command(3, tmp_path)
+    assert command[command.index("--policy-seed") + 1] == "77"
+    assert fleet._killed(Task(options, 3, tmp_path), "gone").policy_seed == 77
+
+
 def test_an_aborted_episode_is_played_again_with_its_seed(child, tmp_path: Path) -> None:
     marker = tmp_path / "tried"
     child(

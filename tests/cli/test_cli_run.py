@@ -19,6 +19,7 @@ from lingjing.bench.report import EpisodeReport
 from lingjing.cli.scoreboard import print_episode
 from lingjing.cli.scorecard import plain
 from lingjing.data import data_path
+from lingjing.trace.reader import read_trace
 
 KEYS = {"mission", "seed", "mode", "success", "reason", "scr", "ticks", "digest", "trace", "metrics"}
 RUN = (sys.executable, "-m", "lingjing.cli.main", "run")
@@ -48,13 +49,16 @@ def lingjing_run(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[s
 
 
 def test_json_is_one_object_with_the_promised_keys(short: Path, tmp_path: Path) -> None:
-    done = lingjing_run(short, "--seed", 3, "--mode", "star", "--policy", "random", "--json", cwd=tmp_path)
+    done = lingjing_run(
+        short, "--seed", 3, "--mode", "star", "--policy", "random", "--policy-seed", 8, "--json", cwd=tmp_path
+    )
     assert (done.returncode, unasked(done.stderr)) == (0, "")
     answer = json.loads(done.stdout)
     assert answer.keys() >= KEYS
     assert (answer["mission"], answer["seed"], answer["mode"], answer["ticks"]) == ("ssr", 3, "star", 3)
     assert (answer["reason"], answer["success"]) == ("budget", False)
     assert answer["trace"] == "runs/ssr-star-3-1/trace.mcap"
+    assert (answer["policy_seed"], read_trace(tmp_path / answer["trace"]).header.policy_seed) == (8, 8)
     assert sorted(path.name for path in (tmp_path / "runs/ssr-star-3-1").iterdir()) == ["overview.png", "trace.mcap"]
 
 
@@ -65,6 +69,20 @@ def test_without_an_overview_the_trace_is_the_same(short: Path, tmp_path: Path) 
     )
     assert with_it["digest"] == without["digest"]
     assert [path.name for path in (tmp_path / "without").iterdir()] == ["trace.mcap"]
+
+
+def test_the_policy_seed_alone_decides_what_a_policy_draws(short: Path, tmp_path: Path) -> None:
+    """The instance's seed changes none of it: `random` decides the same in two instances, and otherwise by seed."""
+
+    def decided(seed: int, policy_seed: int) -> list[object]:
+        done = lingjing_run(
+            short, "--seed", seed, "--policy-seed", policy_seed, "--policy", "random", "--json", "--no-overview",
+            "-o", f"{seed}-{policy_seed}", "--world", "inline", cwd=tmp_path,
+        )  # fmt: skip
+        first = read_trace(tmp_path / json.loads(done.stdout)["trace"]).boundaries[1]
+        return [made.decision for made in first.decisions]
+
+    assert decided(0, 4) == decided(1, 4) != decided(0, 5)
 
 
 def test_several_seeds_on_a_warm_world_equal_single_ones_in_processes(short: Path, tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lingjing.kernel.relations import RelationTracker
+from lingjing.mission.seeding import integer
 
 
 def inputs(published):
@@ -150,3 +151,23 @@ def test_relations_are_silent_when_nothing_happens():
     kernel.reset()
     before = kernel.state.registry
     assert RelationTracker(kernel.instance).occurrences(before, before, (), (), ()) == ()
+
+
+def test_a_policys_seed_says_nothing_about_the_instances():
+    """Equal policy seeds give equal briefs whatever the instance's seed; no instance seed gives a brief's seed."""
+    first = kit.make_kernel(policy_seed=5).briefs()
+    other = kit.make_kernel(msgspec.structs.replace(kit.make_instance(), seed=123_456), policy_seed=5).briefs()
+    assert first == other
+    seeds = {brief.seed for brief in first.values()}
+    assert len(seeds) == len(first), "every agent has a stream of its own"
+    assert seeds.isdisjoint(brief.seed for brief in kit.make_kernel(policy_seed=6).briefs().values())
+
+
+def test_an_instances_seed_cannot_be_tried_out_from_a_brief():
+    """Whoever tries instance seeds finds the policy seed's own stream at best, never the instance's."""
+    instance = msgspec.structs.replace(kit.make_instance(), seed=77)
+    for agent, brief in kit.make_kernel(instance).briefs().items():
+        paths = (f"{instance.mission}/policy/{agent}", f"policy/{agent}", agent)
+        assert brief.seed not in {integer(77, path) for path in paths}
+        tried = [seed for seed in range(2000) if brief.seed in {integer(seed, path) for path in paths}]
+        assert tried == [0], "the default policy seed, which everybody knows"
