@@ -16,6 +16,7 @@ from lingjing.dsl.agents import AgentChecker
 from lingjing.dsl.conduct import ConductChecker
 from lingjing.dsl.events import EventChecker
 from lingjing.dsl.inherit import inherited
+from lingjing.dsl.library import Files
 from lingjing.dsl.reporter import Reporter
 from lingjing.dsl.rules import RuleChecker
 from lingjing.dsl.scope import Scope
@@ -72,9 +73,10 @@ class Checked(msgspec.Struct, frozen=True, kw_only=True):
     sweeps: tuple[model.Sweep, ...]
 
 
-def check(tree: s.File, report: Reporter) -> Checked | None:
-    """Check a file. None if it holds no mission; that is an error unless it holds types."""
-    file = FileChecker(report)
+def check(tree: s.File, report: Reporter, files: Files | None = None) -> Checked | None:
+    """Check a file. None if it holds no mission; that is an error unless it holds types. `files` are those that the
+    compilation has read before."""
+    file = FileChecker(report, files=files)
     file.declarations(tree)
     checked = check_mission(file, tree)
     file.of.names.report_all()

@@ -37,7 +37,7 @@ CODES: dict[str, str] = {
     "LJ0117": "a version of the language that is not known",
     "LJ0118": "there is no such library",
     "LJ0119": "a library has errors of its own",
-    "LJ0120": "a file or a mission leads back to itself",
+    "LJ0120": "a file or a mission leads back to itself, or through too many others",
     "LJ0121": "a hole in a text that names nothing that can be shown",
     "LJ0122": "a path leads out of the project",
     "LJ0123": "there is nothing to override",

@@ -8,6 +8,8 @@ with the place in the base beside it.
 
 from __future__ import annotations
 
+import os
+
 import msgspec
 
 from lingjing.dsl import syntax as s
@@ -17,10 +19,13 @@ from lingjing.dsl.scope import MissionDecl
 from lingjing.dsl.source import JoinedSource, Source, read_source
 from lingjing.dsl.suggest import did_you_mean, nearest
 from lingjing.dsl.toplevel import FileChecker
-from lingjing.mission.diagnostics import Related
+from lingjing.mission.diagnostics import Diagnostic, Related, in_source_order
 
 DEEPEST = 8
 """Missions that extend each other in a row."""
+
+LONGEST_TEXT = 16 * 1024 * 1024
+"""Characters of a mission and of all that it extends."""
 
 Items = tuple[s.Statement, ...]
 
@@ -53,12 +58,16 @@ def _base(file: FileChecker, name: s.Name, chain: tuple[str, ...]) -> tuple[Miss
         why = "extends itself, through others" if decl.path in chain else f"is the end of more than {DEEPEST} in a row"
         file.report("LJ0120", name.start, name.end, f"`{name.text}` {why}")
         return None
-    if not _is_good(file.report, name, decl):
+    if not _is_good(file, name, decl):
         return None
     report = file.report
-    source = report.source
+    source, part = report.source, read_source(decl.path)
+    if len(source.text) + len(part.text) > LONGEST_TEXT:
+        message = f"with `{name.text}` the mission has more than {LONGEST_TEXT:,} characters"
+        report("LJ0120", name.start, name.end, message, "extend a shorter mission")
+        return None
     joined = source if isinstance(source, JoinedSource) else JoinedSource(source, name.start, name.end)
-    start = joined.append(read_source(decl.path))
+    start = joined.append(part)
     report.source = joined
     tree = parse(report, start)
     file.declarations(tree, decl.path)
@@ -66,14 +75,13 @@ def _base(file: FileChecker, name: s.Name, chain: tuple[str, ...]) -> tuple[Miss
     return None if block is None else (decl, block)
 
 
-def _is_good(report: Reporter, name: s.Name, decl: MissionDecl) -> bool:
-    """Whether the base compiles by itself; only then is it looked at here. Whether it can be won does not matter."""
-    from lingjing.dsl import compile_file
-
-    if len(report.source.text) > 16 * 1024 * 1024:
+def _is_good(file: FileChecker, name: s.Name, decl: MissionDecl) -> bool:
+    """Whether the base is good by itself; only then is it looked at here. Whether it can be won does not matter."""
+    report = file.report
+    found = _errors(file, decl.path)
+    if found is None:
+        report("LJ0120", name.start, name.end, f"`{name.text}` extends itself, through others")
         return False
-    faults = (item for item in compile_file(decl.path).diagnostics if item.severity == "error")
-    found = [item for item in faults if not item.code.startswith("LJ06")]
     if found:
         report(
             "LJ0119",
@@ -84,6 +92,24 @@ def _is_good(report: Reporter, name: s.Name, decl: MissionDecl) -> bool:
             related=(Related(found[0].span, found[0].message),),
         )
     return not found
+
+
+def _errors(file: FileChecker, path: str) -> tuple[Diagnostic, ...] | None:
+    """The errors of the mission in a file; None if it is being checked right now, so that it leads back to itself.
+
+    Each file is checked once in a compilation: a chain of missions costs what its members cost.
+    """
+    from lingjing.dsl.checker import check
+
+    bases = file.files.bases
+    bases.setdefault(file.chain[-1], None)
+    key = os.path.realpath(path)
+    if key not in bases:
+        bases[key] = None
+        report = Reporter(read_source(path))
+        check(parse(report), report, file.files)
+        bases[key] = tuple(item for item in in_source_order(tuple(report.diagnostics)) if item.severity == "error")
+    return bases[key]
 
 
 def _nothing_to_override(report: Reporter, node: s.MissionBlock) -> None:

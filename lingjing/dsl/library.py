@@ -18,9 +18,28 @@ from lingjing.dsl.scope import Library
 from lingjing.errors import PluginError
 from lingjing.mission.diagnostics import Diagnostic
 
+Loaded = tuple[Library, tuple[Diagnostic, ...]]
+"""The declarations of a library file and what is wrong with it."""
+
 GROUP = "lingjing.std"
 DEEPEST, LONGEST = 8, 100
 """Words of a path, letters of a word: beyond that no library is meant, and file systems begin to refuse."""
+
+LONGEST_CHAIN = 32
+"""Files that use each other in a row. Each takes a few Python frames; no library is built of so many storeys."""
+
+
+class Files:
+    """The files that one compilation reads: each is checked once, however many ways lead to it.
+
+    `bases` holds the errors of missions that others extend, by file; None while one is being checked.
+    """
+
+    __slots__ = ("bases", "libraries")
+
+    def __init__(self) -> None:
+        self.libraries: dict[str, Loaded] = {}
+        self.bases: dict[str, tuple[Diagnostic, ...] | None] = {}
 
 
 def standard_folder() -> str:
@@ -57,18 +76,36 @@ def known_paths(first: str, beside: str | None = None) -> list[str]:
     return [f"{first}.{name}" for name in _files(folder)]
 
 
-def load_library(file: str, chain: tuple[str, ...] = ()) -> tuple[Library, tuple[Diagnostic, ...]]:
-    """The declarations of a library file and what is wrong with it. `chain` are the files that led here."""
-    stat = Path(file).stat()
-    return _load(file, stat.st_mtime_ns, stat.st_size, chain)
+def load_library(file: str, chain: tuple[str, ...] = (), files: Files | None = None) -> Loaded:
+    """The declarations of a library file and what is wrong with it. `chain` are the files that led here, `files` those
+    that the compilation has read.
+
+    What is good is kept from one compilation to the next: it leads back to none of `chain`, for else it would lead to
+    itself. What is faulty may be so because of `chain`.
+    """
+    files = files or Files()
+    known = files.libraries.get(file)
+    if known is None:
+        stat = Path(file).stat()
+        good = _good(file, stat.st_mtime_ns, stat.st_size)
+        known = good[0] if good else _read(file, chain, files)
+        if not good and not known[1]:
+            good.append(known)
+        files.libraries[file] = known
+    return known
 
 
 @lru_cache(maxsize=128)
-def _load(file: str, _modified: int, _size: int, chain: tuple[str, ...]) -> tuple[Library, tuple[Diagnostic, ...]]:
+def _good(_file: str, _modified: int, _size: int) -> list[Loaded]:
+    """Where a library without errors is kept, once it has been read."""
+    return []
+
+
+def _read(file: str, chain: tuple[str, ...], files: Files) -> Loaded:
     from lingjing.dsl.source import read_source
     from lingjing.dsl.toplevel import check_library
 
-    return check_library(read_source(file), chain)
+    return check_library(read_source(file), chain, files)
 
 
 def _beside(folder: str, path: tuple[str, ...]) -> str | None:

@@ -17,17 +17,17 @@ from lingjing.dsl.settings import SettingsChecker
 from lingjing.dsl.source import Source
 from lingjing.dsl.suggest import did_you_mean, nearest
 from lingjing.dsl.types import TypeChecker
-from lingjing.mission.diagnostics import Diagnostic, Related
+from lingjing.mission.diagnostics import Related
 
 VERSION = 1
 
 
-def check_library(source: Source, chain: tuple[str, ...] = ()) -> tuple[Library, tuple[Diagnostic, ...]]:
+def check_library(source: Source, chain: tuple[str, ...], files: library.Files) -> library.Loaded:
     """Check the top of a file that another one uses. Its mission, if it has one, is only named: who extends it checks
     it."""
     report = Reporter(source)
     tree = parse(report)
-    file = FileChecker(report, chain)
+    file = FileChecker(report, chain, files)
     file.declarations(tree)
     file.of.names.report_all()
     own = dict(file.own)
@@ -39,10 +39,11 @@ def check_library(source: Source, chain: tuple[str, ...] = ()) -> tuple[Library,
 
 
 class FileChecker:
-    """Reads the top of a file into a scope. `chain` are the files whose `use` led here."""
+    """Reads the top of a file into a scope. `chain` are the files whose `use` led here, `files` those read so far."""
 
-    def __init__(self, report: Reporter, chain: tuple[str, ...] = ()) -> None:
+    def __init__(self, report: Reporter, chain: tuple[str, ...] = (), files: library.Files | None = None) -> None:
         self.report = report
+        self.files = files or library.Files()
         self.chain = (*chain, os.path.realpath(report.source.path))
         self.scope = Scope()
         self.of = Elaborator(report, self.scope)
@@ -109,7 +110,11 @@ class FileChecker:
             names = " → ".join(os.path.basename(part) for part in way)  # noqa: PTH119 - pathlib is not imported cold
             self.report("LJ0120", start, end, f"`{shown}` uses itself: {names}", "move what both need to a third file")
             return
-        found, faults = library.load_library(file, self.chain)
+        if len(self.chain) >= library.LONGEST_CHAIN:
+            message = f"`{shown}` is the end of more than {library.LONGEST_CHAIN} files in a row"
+            self.report("LJ0120", start, end, message, "let fewer files use each other")
+            return
+        found, faults = library.load_library(file, self.chain, self.files)
         first = next((fault for fault in faults if fault.severity == "error"), None)
         if first is not None:
             self.report(

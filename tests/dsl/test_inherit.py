@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from lingjing.dsl import Compilation, compile_file
+from lingjing.dsl import Compilation, compile_file, inherit
+from lingjing.dsl.parser import Parser
 from lingjing.mission import expression as ex
 from lingjing.mission.instantiate import instantiate
 
@@ -122,6 +124,70 @@ def test_a_circle_of_files_ends_in_a_diagnostic(project: Path) -> None:
     assert "one.ljs → two.ljs → one.ljs" in found.diagnostics[0].related[0].message
     (project / "me.ljs").write_text("ljs 1\nuse .me\nrecord a : other { }\n")
     assert [item.code for item in compile_file(str(project / "me.ljs")).diagnostics] == ["LJ0120"]
+
+
+def test_missions_that_extend_each_other_end_in_a_diagnostic(project: Path) -> None:
+    (project / "one.ljs").write_text("ljs 1\nuse .two\nmission one extends two {\n}\n")
+    (project / "two.ljs").write_text("ljs 1\nuse .one\nmission two extends one {\n}\n")
+    (project / "me.ljs").write_text("ljs 1\nuse .me\nmission me extends me {\n}\n")
+    assert codes(compile_file(str(project / "one.ljs"))) == [("LJ0119", 2), ("LJ0119", 3)]
+    assert codes(compile_file(str(project / "two.ljs"))) == [("LJ0119", 2), ("LJ0119", 3)]
+    assert codes(compile_file(str(project / "me.ljs")))[0] == ("LJ0120", 2)
+
+
+def _chain(project: Path, small: str, length: int) -> Path:
+    """`mission_N`, which extends `mission_N-1`, and so on to the small mission."""
+    (project / "mission_0.ljs").write_text(small.replace("mission small", "mission mission_0"))
+    for k in range(1, length + 1):
+        text = f"ljs 1\nuse .mission_{k - 1}\nmission mission_{k} extends mission_{k - 1} {{ param more_{k} = {k} }}\n"
+        (project / f"mission_{k}.ljs").write_text(text)
+    return project / f"mission_{length}.ljs"
+
+
+@pytest.fixture
+def parsed(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """The texts that were parsed, with repeats."""
+    texts: list[str] = []
+    run = Parser.run
+
+    def counted(self: Parser, *slabs: Any) -> Any:
+        texts.append(self.report.source.path)
+        return run(self, *slabs)
+
+    monkeypatch.setattr(Parser, "run", counted)
+    return texts
+
+
+def test_each_mission_of_a_chain_is_checked_once(project: Path, small: str, parsed: list[str]) -> None:
+    found = compile_file(str(_chain(project, small, 8)))
+    assert found.diagnostics == () and found.mission is not None
+    assert [p.name for p in found.mission.parameters][-1] == "more_8"
+    # each once as a library, once to be checked, and once in each of those that come after it
+    assert max(parsed.count(path) for path in set(parsed)) <= 2 + 8
+
+
+def test_a_chain_has_an_end(project: Path, small: str) -> None:
+    found = compile_file(str(_chain(project, small, 9))).diagnostics
+    assert [item.code for item in found] == ["LJ0120"] and "more than 8 in a row" in found[0].message
+    assert [item.code for item in compile_file(str(_chain(project, small, 60))).diagnostics] == ["LJ0119"] * 2
+
+
+@pytest.mark.parametrize("faulty", [False, True])
+def test_a_file_that_many_lead_to_is_read_once(project: Path, parsed: list[str], *, faulty: bool) -> None:
+    """Two files that both use two files, and so on: two to the twentieth ways lead to the last ones."""
+    for k in range(21):
+        uses = f"use .a{k - 1}\nuse .b{k - 1}\n" if k else "nonsense\n" if faulty else ""
+        for name in "ab":
+            (project / f"{name}{k}.ljs").write_text(f"ljs 1\n{uses}record {name}_{k} : other {{ place: position }}\n")
+    found = compile_file(str(project / "a20.ljs")).diagnostics
+    assert [item.code for item in found] == ["LJ0119", "LJ0119"] * faulty
+    assert len(parsed) == 41  # all but `b20`
+
+
+def test_missions_too_long_together(project: Path, small: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(inherit, "LONGEST_TEXT", 2_000)
+    found = compile_file(str(_chain(project, f"{small}{' ' * 2_000}", 2))).diagnostics
+    assert [item.code for item in found] == ["LJ0119"] and "2,000 characters" in found[0].related[0].message
 
 
 def test_neighbours_are_found_and_nothing_else(project: Path) -> None:
