@@ -10,7 +10,7 @@ Modules in the order a mission passes them:
   hidden fields and template; `reset_groups`, `reset_targets`, `reset`: what it places, into the template;
   `reset_notes`: what is kept and not understood; `reset_emit`: the way back.
 - `seeding`, `draws`: named random streams, and what is drawn from them.
-- `geometry2d`, `grid`: polygons, and search cells cut from them.
+- `geometry2d`, `grid`, `spacing`: polygons, search cells cut from them, and places that keep their distance.
 - `evaluate`: the value of an expression that is known before the first tick. `clock`: how tick and macro-step fit.
 - `placing`, `roster`, `instantiate`: (mission, seed, mode, settings) to `instance.Instance`, the reset specification.
 - `feasibility`: proofs that a mission cannot be won. `course`, `speaker`, `wording`: routes, who speaks, texts.

@@ -15,6 +15,7 @@ from lingjing.mission import expression as ex
 from lingjing.mission import geometry2d
 from lingjing.mission.evaluate import Area, Interval, Place, Scope, Value, area, describe, evaluate, number
 from lingjing.mission.seeding import Stream
+from lingjing.mission.spacing import Spacing
 
 SITE_TRIES = 2_000
 """Darts thrown for one site before an attempt is given up."""
@@ -60,29 +61,23 @@ def _throw(
 ) -> list[geometry2d.Point]:
     west, south, east, north = geometry2d.bounds(polygon)
     placed: list[geometry2d.Point] = []
+    spacing = Spacing(apart, max(abs(west), abs(south), abs(east), abs(north)))
     for _ in range(count):
         for _ in range(SITE_TRIES):
             dart = round(stream.uniform(west, east), 3), round(stream.uniform(south, north), 3)
-            if _fits(dart, polygon, apart, clear, placed):
+            if _lies_in(dart, polygon, clear) and spacing.is_free(*dart):
                 placed.append(dart)
+                spacing.add(*dart)
                 break
         else:
             break
     return placed
 
 
-def _fits(
-    dart: geometry2d.Point,
-    polygon: geometry2d.Polygon,
-    apart: float,
-    clear: float,
-    placed: list[geometry2d.Point],
-) -> bool:
+def _lies_in(dart: geometry2d.Point, polygon: geometry2d.Polygon, clear: float) -> bool:
     if not geometry2d.contains(polygon, *dart):
         return False
-    if clear > 0 and geometry2d.edge_distance(polygon, *dart) < clear:
-        return False
-    return all(math.hypot(dart[0] - x, dart[1] - y) >= apart for x, y in placed)
+    return clear <= 0 or geometry2d.edge_distance(polygon, *dart) >= clear
 
 
 def _sites(expr: ex.Draw, scope: Scope, seed: int, path: str, count: int) -> tuple[Value, ...]:

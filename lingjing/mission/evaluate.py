@@ -17,6 +17,7 @@ import msgspec
 from lingjing.errors import MissionError
 from lingjing.mission import expression as ex
 from lingjing.mission import geometry2d
+from lingjing.mission.spacing import Spacing
 from lingjing.mission.units import LARGEST
 
 
@@ -433,6 +434,9 @@ def further_place(places: tuple[Place, ...], spread: float, position: int) -> Pl
 @lru_cache(maxsize=64)
 def _ringed(places: tuple[Place, ...], spread: float, count: int) -> tuple[Place, ...]:
     taken = list(places)
+    spacing = Spacing(spread - 1e-3, max(max(abs(p.east), abs(p.north)) for p in places))
+    for place in places:
+        spacing.add(place.east, place.north)
     ring = 0
     while len(taken) < count:
         ring += 1
@@ -441,7 +445,8 @@ def _ringed(places: tuple[Place, ...], spread: float, count: int) -> tuple[Place
             for base in places:
                 east = round(base.east + ring * spread * math.cos(angle), 3)
                 north = round(base.north + ring * spread * math.sin(angle), 3)
-                if all(math.hypot(east - p.east, north - p.north) >= spread - 1e-3 for p in taken):
+                if spacing.is_free(east, north):
+                    spacing.add(east, north)
                     taken.append(Place(east, north, base.elevation))
     return tuple(taken)
 
