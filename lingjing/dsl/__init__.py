@@ -9,8 +9,8 @@ Phases, each a plain function, in the order a text passes them:
 - `toplevel`, `library`: the top of a file and what `use` finds; `inherit`: what `extends` brings.
   `scope`: what names mean; `unknown`: names nobody declared.
 - `elaborate`, `calls`, `aggregates`, `typenames`: expressions, typed, with the way hidden values take.
-- `blocks`, `types`, `settings`, `entities`, `equipment`, `agents`, `wording`, `rules`, `conduct`, `events`, `studies`,
-  `checker`: declarations → `Checked`.
+- `blocks`, `types`, `interactions`, `settings`, `entities`, `equipment`, `agents`, `wording`, `rules`, `conduct`,
+  `events`, `studies`, `checker`: declarations → `Checked`.
 - `properties`, `lower`: `Checked` → `lingjing.mission.model.Mission`. `infeasible`: why it cannot be won, if proved.
   `absent`: what it names and nobody here offers.
 - `render`, `sarif`, `codes`, `suggest`, `fixes`: diagnostics for people and programs, and what mends them.

@@ -199,6 +199,17 @@ class BlockReader:
                 self.leak(part.taint, item.value, f"`{name.text}` of {what}")
         entries[name.text] = Entry(item, key, parts)
 
+    def check_state(self, item: s.Property, kind: Type) -> None:
+        """A state is a number that changes in a run; places and headings change by themselves."""
+        if not item.state or kind.kind == "any":
+            return
+        if item.name.text in ("position", "heading"):
+            self.report("LJ0110", item.start, item.name.end, f"`{item.name.text}` changes by itself: it is no state")
+        elif kind.kind != "quantity":
+            self.report(
+                "LJ0201", item.value.start, item.value.end, f"a state is a number, this is {with_article(kind)}"
+            )
+
     def duplicate(self, node: s.Node, first: s.Node, message: str, code: str = "LJ0103") -> None:
         """Report a repeated declaration and point at the first."""
         from lingjing.mission.diagnostics import Related

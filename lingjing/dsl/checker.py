@@ -108,6 +108,7 @@ class MissionChecker:
         self.blocks = file.blocks
         self.settings = file.settings
         self.entities = file.entities
+        self.interactions = file.interactions
         self.agents = AgentChecker(file.blocks, file.settings, file.entities)
         self.rules = RuleChecker(file.blocks)
         self.conduct = ConductChecker(file.blocks, file.settings, self.rules)
@@ -166,6 +167,9 @@ class MissionChecker:
             events=_good([self.events.event(item) for item in _all(items, s.EventBlock)]),
             sweeps=_good([self.studies.sweep(item) for item in _all(items, s.SweepLine)]),
         )
+        for item in _all(items, s.EntityBlock):
+            if item.keyword == "target" and item.name.text in self.scope.groups:
+                self.interactions.between(item, self.scope.groups[item.name.text])
         self.rules.cycles(_all(items, s.RuleBlock))
         self.rules.unlocked_once(_all(items, s.UnlockLine))
         self._whole(node, checked)

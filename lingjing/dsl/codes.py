@@ -42,6 +42,8 @@ CODES: dict[str, str] = {
     "LJ0122": "a path leads out of the project",
     "LJ0123": "there is nothing to override",
     "LJ0124": "the base mission has this already",
+    "LJ0125": "an interaction by an engine that no asset has",
+    "LJ0126": "an interaction moves what is no declared state",
     # types and dimensions
     "LJ0201": "a value of another kind is due",
     "LJ0202": "a unit is missing",
@@ -52,6 +54,7 @@ CODES: dict[str, str] = {
     "LJ0207": "division by zero",
     "LJ0208": "an outline that encloses no area or crosses itself",
     "LJ0209": "a number too large to compute with",
+    "LJ0210": "an interaction moves one thing between two dimensions",
     # expressions
     "LJ0301": "a distribution is due",
     "LJ0302": "a draw where no draw can be",

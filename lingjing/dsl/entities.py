@@ -128,6 +128,8 @@ class EntityChecker:
             return None
         self._needs_position(node, decl)
         self._told_by_receipts(node, entries)
+        for entry in entries.values():
+            self.blocks.check_state(entry.node, entry.value.type)
         labels = self._labels(entries, count, node)
         own: list[model.Property] = []
         for name, entry in entries.items():

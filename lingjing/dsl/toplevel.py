@@ -10,9 +10,10 @@ from lingjing.dsl import syntax as s
 from lingjing.dsl.blocks import BlockReader
 from lingjing.dsl.elaborate import Elaborator
 from lingjing.dsl.entities import EntityChecker
+from lingjing.dsl.interactions import InteractionChecker
 from lingjing.dsl.parser import parse
 from lingjing.dsl.reporter import Reporter
-from lingjing.dsl.scope import Declaration, Library, MissionDecl, Scope
+from lingjing.dsl.scope import Declaration, Library, MissionDecl, Scope, TypeDecl
 from lingjing.dsl.settings import SettingsChecker
 from lingjing.dsl.source import Source
 from lingjing.dsl.suggest import did_you_mean, nearest
@@ -51,6 +52,7 @@ class FileChecker:
         self.settings = SettingsChecker(self.blocks)
         self.entities = EntityChecker(self.blocks, self.settings)
         self.types = TypeChecker(self.blocks)
+        self.interactions = InteractionChecker(self.blocks)
         self.own: dict[str, Declaration] = {}
 
     def declarations(self, tree: s.File, path: str | None = None) -> None:
@@ -72,8 +74,19 @@ class FileChecker:
                 self._enter(item.preset, self.types.weather(item))
             elif not isinstance(item, s.Use | s.Version | s.MissionBlock | s.Faulty):
                 self.blocks.misplaced(item, "a file outside of its mission")
+        self._interactions(tree)
 
     # -- private
+
+    def _interactions(self, tree: s.File) -> None:
+        """Once every type is known: an interaction may name the engine of one that is declared further down."""
+        for item in tree.items:
+            decl = self.own.get(item.name.text) if isinstance(item, s.EntityBlock) else None
+            if isinstance(item, s.EntityBlock) and isinstance(decl, TypeDecl):
+                nodes = [
+                    part for part in (item.block.items if item.block else ()) if isinstance(part, s.InteractionBlock)
+                ]
+                self.interactions.type(decl, nodes)
 
     def _version(self, tree: s.File) -> None:
         first = tree.items[0] if tree.items else None

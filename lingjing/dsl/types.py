@@ -13,6 +13,7 @@ import msgspec
 from lingjing.dsl import syntax as s
 from lingjing.dsl.blocks import BlockReader, Entry, Key
 from lingjing.dsl.equipment import CAMERA_KEYS
+from lingjing.dsl.interactions import declared
 from lingjing.dsl.properties import lowered
 from lingjing.dsl.scope import (
     STATIC,
@@ -20,6 +21,7 @@ from lingjing.dsl.scope import (
     Attribute,
     CameraDecl,
     Environment,
+    InteractionDecl,
     RecordDecl,
     Scope,
     TypeDecl,
@@ -27,10 +29,11 @@ from lingjing.dsl.scope import (
 )
 from lingjing.dsl.settings import WEATHER_KEYS
 from lingjing.dsl.suggest import did_you_mean, nearest
+from lingjing.dsl.typenames import with_article
 from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.functions import DEGREES, FIELD_TYPES, FLAG, NUMBER, POSITION, TEXT, Type
-from lingjing.mission.units import BY_NAME, LENGTH, TIME, dimension_unit
+from lingjing.mission.units import BY_NAME, LENGTH, NAMED, TIME, dimension_unit, without_unit
 
 CATEGORIES = ("report", "assignment", "target_status", "other")
 SURFACES = ("ground", "road", "roof", "facade", "water", "bridge", "pipe")
@@ -51,9 +54,9 @@ INTERACTION_KEYS = {
         Key("up_to", Type("name")),
     )
 }
-"""`by` names an engine, `status` the target's word afterwards, `aboard` whether it is taken along. `takes = demand,
-from = load` lowers the target's `demand` by what the actor's `load` allows; `gives = load, up_to = payload` raises the
-actor's `load` to its `payload`."""
+"""`by` names the engine of who acts, `status` the target's word afterwards, `aboard` whether it is taken along.
+`takes = demand, from = load` lowers the target's `demand` by what the actor's `load` allows; `gives = load, up_to =
+payload` raises the actor's `load` to its `payload`."""
 COMMON_KEYS = {
     key.name: key
     for key in (
@@ -91,7 +94,7 @@ class TypeChecker:
         base = self._base(node)
         attributes: dict[str, Attribute] = dict(base.attributes) if base else {}
         verbs: dict[str, model.Verb] = dict(base.verbs) if base else {}
-        interactions: list[str] = list(base.interactions) if base else []
+        interactions: dict[str, InteractionDecl] = dict(base.interactions) if base else {}
         engine = base.engine if base else ""
         own: list[model.Property] = []
         seen: dict[str, s.Property] = {}
@@ -102,13 +105,16 @@ class TypeChecker:
             elif isinstance(item, s.Property):
                 entry = self._type_property(item, seen, base)
                 if entry is not None:
-                    attributes[item.name.text] = _attribute(entry, self)
-                    own.extend(lowered(entry, inherited=True))
+                    known = attributes.get(item.name.text)
+                    attributes[item.name.text] = _attribute(entry, self, known)
+                    own.extend(lowered(entry, inherited=True, state=attributes[item.name.text].state))
             elif isinstance(item, s.VerbLine):
                 self._add_verb(item, verbs, said)
             elif isinstance(item, s.InteractionBlock):
-                interactions = [*(name for name in interactions if name != item.name.text), item.name.text]
-                own.extend(self._interaction(item))
+                entries = self._interaction(item)
+                name = item.name.text
+                interactions = {**interactions, name: declared(name, entries, interactions.pop(name, None))}
+                own.extend(part for e in entries.values() for part in lowered(e, prefix=f"{name}_", inherited=True))
             elif not isinstance(item, s.Faulty):
                 self.blocks.misplaced(
                     item, f"the {node.keyword} type `{node.name.text}`", ("engine", "verb", "interaction")
@@ -122,6 +128,7 @@ class TypeChecker:
                 f"the type `{node.name.text}` lacks `engine`",
                 "add `engine = …`: who moves it",
             )
+        self._crowd(node, attributes)
         given = {prop.name for prop in own}
         kept = tuple(prop for prop in (base.properties if base else ()) if prop.name not in given)
         return TypeDecl(
@@ -131,7 +138,7 @@ class TypeChecker:
             attributes,
             (*kept, *own),
             verbs,
-            tuple(interactions),
+            interactions,
             self.report.span(node.name.start, node.name.end),
             (base.name, *base.bases) if base else (),
         )
@@ -227,9 +234,28 @@ class TypeChecker:
         if key.type.kind == "any" and isinstance(item.value, s.Name) and item.value.text not in self.scope.symbols:
             key = Key(name.text, Type("name"), ANY_RELATION)
         parts = self.blocks.parts(item.value, key, item.relation, STATIC)
-        if any(part is UNKNOWN for part in parts):
+        if any(part is UNKNOWN for part in parts) or self._ends_like_a_unit(item, parts[0].type):
             return None
+        self.blocks.check_state(item, parts[0].type)
         return Entry(item, Key(name.text, parts[0].type, ANY_RELATION), parts)
+
+    def _ends_like_a_unit(self, item: s.Property, kind: Type) -> bool:
+        """`load_kg = 5` would be taken for the mass `load = 5 kg`, which is how the graph calls it."""
+        plain = without_unit(item.name.text)
+        if kind != NUMBER or plain == item.name.text:
+            return False
+        place, named = item.name, next(n for n in NAMED if n.suffix == item.name.text.removeprefix(plain))
+        message = f"`{place.text}` is how {with_article(Type('quantity', named.dimension))} `{plain}` is kept"
+        self.report("LJ0202", place.start, place.end, message, f"write `{plain} = … {named.unit}`")
+        return True
+
+    def _crowd(self, node: s.EntityBlock, attributes: dict[str, Attribute]) -> None:
+        """Who comes and goes is counted: rates change a state `people` without a unit."""
+        rate = next((name for name in ("arrivals", "departures") if name in attributes), None)
+        people = attributes.get("people")
+        if node.keyword == "target" and rate and (people is None or not people.state or people.type != NUMBER):
+            message = f"`{rate}` counts people, `{node.name.text}` lacks a state for them"
+            self.report("LJ0106", node.name.start, node.name.end, message, "add `state people = 0`, without a unit")
 
     def _add_verb(self, node: s.VerbLine, verbs: dict[str, model.Verb], said: set[str]) -> None:
         if node.name.text in said:
@@ -294,15 +320,13 @@ class TypeChecker:
             unit=dimension_unit(measured.dimension) if measured else "",
         )
 
-    def _interaction(self, node: s.InteractionBlock) -> list[model.Property]:
+    def _interaction(self, node: s.InteractionBlock) -> dict[str, Entry]:
         what = f"the interaction `{node.name.text}`"
-        entries = self.blocks.read(node.block, INTERACTION_KEYS, what, environment=Environment())
-        prefix = f"{node.name.text}_"
-        return [prop for entry in entries.values() for prop in lowered(entry, prefix=prefix, inherited=True)]
+        return self.blocks.read(node.block, INTERACTION_KEYS, what, environment=Environment())
 
 
-def _attribute(entry: Entry, checker: TypeChecker) -> Attribute:
+def _attribute(entry: Entry, checker: TypeChecker, base: Attribute | None) -> Attribute:
     item = entry.node
     taint = (checker.of.step(f"`{item.name.text}`", item),) if item.hidden else ()
     kind = entry.key.type if entry.key.type.kind != "any" else entry.value.type
-    return Attribute(kind, taint, item.state)
+    return Attribute(kind, taint, item.state or (base is not None and base.state))

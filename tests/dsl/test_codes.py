@@ -72,10 +72,10 @@ CASES = [
     ("LJ0502", "hub = commander when mode == star, ", "", 15, 3, "star mode has no hub"),
 ]  # fmt: skip
 ELSEWHERE = {"LJ0007", "LJ0008", "LJ0009", "LJ0119", "LJ0120", "LJ0124", "LJ0505", "LJ0506"} | {
-    code for code in CODES if code.startswith("LJ06")
+    code for code in CODES if code.startswith("LJ06") or code in ("LJ0125", "LJ0126", "LJ0210")
 }
 """Codes whose examples are files of their own; tested below, in `test_infeasible`, `test_inputs`,
-`test_absent`, `test_library`, `test_inherit` and `test_wide`."""
+`test_absent`, `test_interactions`, `test_library`, `test_inherit` and `test_wide`."""
 
 
 def test_the_small_mission_is_good(small: str) -> None:

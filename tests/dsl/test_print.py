@@ -53,7 +53,8 @@ def test_types_and_records_of_the_file_itself_are_written_out(small: str) -> Non
         "asset glider {\n  engine = multirotor\n  band = 1 m..9 m\n"
         "  hidden fuel ~ uniform(1 kg, 2 kg)\n  state load = 0 kg\n"
         "  verb go(x: length in 0 m..9 m, how: name optional)\n  verb stop()\n}\n"
-        "target fire { engine = city, heat = 3 kW, interaction douse { by = vessel, lasting = 3 s, status = out } }\n"
+        "target fire { engine = city, heat = 3 kW, "
+        "interaction douse { by = vessel, within = 9 m, lasting = 3 s, status = out } }\n"
         "record sighting : report { class: name, sure: number in 0..1 optional }\n"
     )
     changed = small.replace("mission small", types + "mission small").replace(
@@ -68,7 +69,7 @@ def test_types_and_records_of_the_file_itself_are_written_out(small: str) -> Non
     mission = compiled(changed)
     text = to_ljs(mission)
     assert canonical(compiled(text)) == canonical(mission)
-    assert "interaction douse { by = vessel, lasting = 3 s, status = out }" in text
+    assert "interaction douse { by = vessel, within = 9 m, lasting = 3 s, status = out }" in text
     assert lost(mission, text) == ()
 
 

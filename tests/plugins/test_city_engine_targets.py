@@ -311,3 +311,73 @@ def test_a_turn_of_the_weather_turns_the_drift(play, open_sea):
     assert east == approx(60.0, abs=25.0)
     played.run(60.0)
     assert played.state.position[0] == approx(east - 60.0, abs=35.0)
+
+
+def test_a_state_lives_until_something_declared_changes_it(play):
+    """Neither a name nor a unit does: people that nobody comes to and goes from are a stock, in numbers or by mass."""
+    for state, up_to in (
+        ("people", "seats"),
+        ("people_kg", "seats_kg"),
+        ("heat_kg", "seats_kg"),
+        ("flow_m3", "seats_m3"),
+    ):
+        about = {"board_by": "road", "board_within_m": 10.0, "board_gives": "riders", "board_up_to": "seats"}
+        stop = target("stop", state=(state,), board_from=state.partition("_")[0], **{state: 4.0}, **about)
+        riders = state.replace(state.partition("_")[0], "riders")
+        bus = actor("bus", "road", state=(riders,), **{riders: 0.0, up_to: 3.0})
+        played = play(stop, bus)
+        played.run(100.0)
+        plain = state.partition("_")[0]
+        assert played.state.resources == {plain: 4.0}
+        played.step((at("bus", 10.0),))
+        assert played.state.resources == {plain: 1.0, "riders@bus": 3.0}
+
+
+def test_who_boards_a_queue_leaves_it_and_it_grows_on(play):
+    about = {"board_by": "road", "board_within_m": 10.0, "board_gives": "riders", "board_from": "people"}
+    shop = target("shop", state=("people",), people=4, arrivals_hz=0.05, **about)
+    played = play(shop, actor("bus", "road", state=("riders",), riders=0.0))
+    played.run(1.0, (at("bus", 10.0),))
+    assert played.state.resources["people"] == 0.0
+    played.run(600.0)
+    assert played.state.resources["people"] > 10.0
+
+
+def test_two_interactions_work_off_two_states_and_goods_leave_a_fire_alone(play):
+    about = {"drop_by": "road", "drop_within_m": 10.0, "drop_takes": "demand", "drop_from": "load"}
+    also = {"cool_by": "quadruped", "cool_within_m": 2.0, "cool_takes": "heat", "cool_lasting_s": 10.0}
+    clean = {"wash_by": "quadruped", "wash_within_m": 2.0, "wash_takes": "soot", "wash_lasting_s": 20.0}
+    depot = target(
+        "depot",
+        state=("demand_kg", "heat", "soot_kg"),
+        demand_kg=300.0,
+        heat=1.0,
+        soot_kg=8.0,
+        **about,
+        **also,
+        **clean,
+    )
+    played = play(depot, van(1), DOG)
+    played.run(5.5, (at("van[1]", 5.0), at("dog", 1.0)))
+    assert played.state.resources == {
+        "demand": 100.0, "heat": approx(0.5), "soot": approx(6.0), "load@van[1]": -200.0
+    }  # fmt: skip
+    played.run(20.0, (at("dog", 1.0),))
+    assert [event.kind for event in played.events] == ["drop", "cool", "wash"]
+
+
+def test_who_has_not_declared_what_is_moved_takes_no_part(play):
+    played = play(point(), TRUCK)
+    played.run(5.0, (at("truck", 0.0),))
+    assert played.events == []
+    assert played.state.resources == {"demand": 250.0}
+
+
+def test_one_state_in_two_units_is_the_authors_mistake(instance_of):
+    crate = target("crate", state=("weight",), weight=5.0, load_by="road", load_within_m=9.0, load_gives="load")
+    for own in ({"load_from": "weight"}, {"load_up_to": "seats"}):
+        named = msgspec.structs.replace(crate, properties={**crate.properties, **own})
+        with pytest.raises(UsageError, match="`load` of `crate` moves `load` of `van\\[1\\]` in different units"):
+            seated = msgspec.structs.replace(van(1), properties={**van(1).properties, "seats": 4.0})
+            instance = instance_of([named, seated])
+            CityEngine().reset(EngineSpec(engine="city", instance=instance, owns=("crate",)), DRY, 1)

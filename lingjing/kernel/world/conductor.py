@@ -17,6 +17,7 @@ from lingjing.errors import UsageError
 from lingjing.kernel.world.coherence import check_apart
 from lingjing.kernel.world.contract import WorldBoundary
 from lingjing.kernel.world.ensemble import NO_MOVERS, Movers, Report
+from lingjing.kernel.world.stocks import Stocks
 from lingjing.mission.instance import Clock, Instance
 from lingjing.trace.records import BodyState, Command, EngineStatus, Receipt, Route, Snapshot, TaskEvent
 
@@ -74,6 +75,7 @@ class Conductor:
         self._order = tuple(entity.id for entity in instance.entities)
         self._seats = tuple(_seat(instance, part) for part in parts)
         self._states: dict[str, BodyState] = {}
+        self._stocks = Stocks(instance)
         self._ambient: dict[str, tuple[BodyState, ...]] = {}
         self._unheard: dict[str, tuple[tuple[str, str], ...]] = {}
         self._frames: dict[str, int] = {}
@@ -152,7 +154,8 @@ class Conductor:
             self._unheard[boundary.engine] = boundary.unheard
         if len(self._seats) > 1:
             check_apart(self._ambient)
-        return Snapshot(time_s=time_s, states=tuple([self._states[name] for name in self._order]))
+        kept = self._stocks.kept(self._states)
+        return Snapshot(time_s=time_s, states=tuple([kept.get(name) or self._states[name] for name in self._order]))
 
     def _around(self, seat: _Seat) -> Movers:
         """The background movers of the other parts' engines."""

@@ -7,10 +7,11 @@ from collections.abc import Sequence
 from lingjing.mission.instance import Vector
 from lingjing.plugins.engine import Boundary, CaptureRequest, EngineSpec, Frame
 from lingjing.plugins.engines.city.afloat import STEP_S, body_of
-from lingjing.plugins.engines.city.book import Book, check_bounded
+from lingjing.plugins.engines.city.book import Book, check_exchange, numbers
+from lingjing.plugins.engines.city.crowd import PEOPLE
 from lingjing.plugins.engines.city.interaction import UNLOCK, Interaction, actors_in_reach, moved_on
 from lingjing.plugins.engines.city.radio import Coverage
-from lingjing.plugins.engines.city.target import Target, target_of
+from lingjing.plugins.engines.city.target import Level, Target, target_of
 from lingjing.plugins.engines.clock import Clock
 from lingjing.plugins.engines.requests import Refusal, Requests
 from lingjing.plugins.engines.schedule import Schedule
@@ -44,7 +45,10 @@ class CityEngine:
         }
         for target in self._targets.values():
             for interaction in target.possible.values():
-                check_bounded(target.entity, interaction, instance.entities)
+                check_exchange(target.entity, interaction, instance.entities)
+            known = numbers(target.entity, tuple(target.entity.properties))
+            for level in target.levels.values():
+                self._book.put(target.id, level.name, known[level.name])
         self._bodies: dict[str, tuple[Vector, BodyState]] = {}
         self._show()
         self._coverage = Coverage(instance, terrain)
@@ -114,7 +118,8 @@ class CityEngine:
                 target.body.step()
         for target in self._targets.values():
             if target.crowd is not None:
-                target.crowd.advance(until)
+                count = target.crowd.after(self._book.amount(target.id, PEOPLE), until)
+                self._book.put(target.id, PEOPLE, count)
 
     def _show(self) -> None:
         for target in self._targets.values():
@@ -127,8 +132,9 @@ class CityEngine:
         for interaction in target.possible.values():
             open_now = interaction.name in target.unlocked and interaction.name not in target.done
             reached = self._in_reach(target, interaction) if open_now else []
-            if target.level is not None and interaction.name == target.level.interaction:
-                self._work_off(target, interaction, reached, elapsed_s)
+            level = target.levels.get(interaction.name)
+            if level is not None:
+                self._work_off(target, interaction, level, reached, elapsed_s)
             elif open_now:
                 self._attend(target, interaction, reached, elapsed_s)
 
@@ -142,11 +148,20 @@ class CityEngine:
         return actors_in_reach(interaction, here, actors)
 
     def _work_off(
-        self, target: Target, interaction: Interaction, reached: list[tuple[str, float]], elapsed_s: float
+        self,
+        target: Target,
+        interaction: Interaction,
+        level: Level,
+        reached: list[tuple[str, float]],
+        elapsed_s: float,
     ) -> None:
-        if target.level is None or interaction.name in target.done:
+        if interaction.name in target.done:
             return
-        if target.level.pass_time(elapsed_s, manned=bool(reached)) and reached:
+        tended = target.tended(level.name, besides=level)
+        before = self._book.amount(target.id, level.name)
+        left = level.after(before, elapsed_s, manned=bool(reached), tended=tended)
+        self._book.put(target.id, level.name, left)
+        if left <= 0.0 and reached:
             actor, distance_m = reached[0]
             target.finish(interaction, actor, target.nature.over)
             self._emit(target, interaction, actor, distance_m)
@@ -171,8 +186,7 @@ class CityEngine:
             return
         target.attended[interaction.name, actor] = 0.0
         self._emit(target, interaction, actor, distance_m, moved)
-        own = interaction.takes or interaction.source
-        if own and self._book.amount(target.id, own) <= 0.0:
+        if interaction.own and self._book.amount(target.id, interaction.own) <= 0.0:
             target.finish(interaction, actor)
 
     def _emit(
@@ -212,12 +226,7 @@ class CityEngine:
         )
 
     def _resources(self, target: Target) -> dict[str, float]:
-        stocks = dict(self._book.stocks(target.id))
-        if target.level is not None:
-            stocks[target.level.name] = target.level.value
-        if target.crowd is not None:
-            stocks["people"] = target.crowd.count
-        return stocks | self._book.accounts(target.id)
+        return self._book.stocks(target.id) | self._book.accounts(target.id)
 
     def _boundary(self) -> Boundary:
         events, self._events = tuple(self._events), []

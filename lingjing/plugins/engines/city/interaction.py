@@ -49,6 +49,21 @@ class Interaction:
         return bool(self.gives or (self.takes and self.source))
 
     @property
+    def works_off(self) -> bool:
+        """Whether it lowers a state of the target while the actor is there, and nobody gets what is taken."""
+        return bool(self.takes) and not self.source
+
+    @property
+    def carried(self) -> str:
+        """The state of the actor that goods are taken from or put into; "" if nothing changes hands."""
+        return self.source if self.takes else self.gives
+
+    @property
+    def own(self) -> str:
+        """The state of the target that goods come from or go to; "" for a supply that is not counted."""
+        return self.takes or self.source
+
+    @property
     def done_word(self) -> str:
         """The target's status afterwards."""
         return self.status or self.name + ("d" if self.name.endswith("e") else "ed")

@@ -1,7 +1,8 @@
 """What a target is without anybody's help, told from its properties: burning, leaking, adrift, waiting.
 
 A nature is a status word, what that word becomes when the matter is over, and for what can be worked off (`level`, the
-name of a declared state between 0 and 1 such as `heat`) how long that takes and how fast it comes back.
+name of a declared state between 0 and 1, without a unit, such as `heat`) how long that takes and how fast it comes
+back.
 A type may name its first status word itself (`status = …`).
 """
 
@@ -10,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from lingjing.mission.instance import Entity
-from lingjing.mission.units import without_unit
+from lingjing.plugins.engines.city.crowd import PEOPLE
 from lingjing.trace.records import DORMANT
 
 WAITING = "waiting"
@@ -54,16 +55,15 @@ def nature_of(entity: Entity) -> Nature:
 
 
 def _nature(entity: Entity) -> Nature:
-    states = {without_unit(name) for name in entity.state}
     properties = entity.properties
     for levelled in (FIRE, LEAK):
-        if levelled.level in states or levelled.level in properties:
+        if levelled.level in properties:
             return levelled
     if properties.get("blocks") is True:
         return BLOCKAGE
     if "drift_mps" in properties:
         return ADRIFT
-    if "people" in states:
+    if PEOPLE in entity.state:
         return QUEUE
     if properties.get("on") == "bridge" and "width_m" in properties:
         return BREAK

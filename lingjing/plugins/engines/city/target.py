@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from lingjing.mission.instance import Entity
-from lingjing.mission.units import without_unit
 from lingjing.plugins.engines.city.afloat import Body
-from lingjing.plugins.engines.city.book import DUST
-from lingjing.plugins.engines.city.crowd import PEOPLE, Crowd
+from lingjing.plugins.engines.city.book import DUST, numbers
+from lingjing.plugins.engines.city.crowd import PEOPLE, Crowd, rates
 from lingjing.plugins.engines.city.interaction import Interaction, interactions
 from lingjing.plugins.engines.city.nature import Nature, nature_of
 from lingjing.trace.records import DORMANT
@@ -16,45 +15,46 @@ from lingjing.trace.records import DORMANT
 
 @dataclass(slots=True)
 class Level:
-    """What an actor works off by being there: 1 is all of it (a fire's heat), 0 and it is over.
+    """How a state of the target is worked off by an actor that is there (a fire's heat); 0 and it is over.
 
-    `interaction` is the one that does it, within `work_s` from full to nothing; `growth_hz` is regained a second when
-    nobody is at it. `manned` says whether somebody was there at the end of the interval before.
+    `name` is the state, whose value the book keeps. An actor brings it from `full` to nothing within `work_s`;
+    `growth_hz` is regained a second when nobody is at it. `manned` says whether somebody was there at the end of the
+    interval before.
     """
 
     name: str
-    interaction: str
-    value: float
     full: float
     work_s: float
     growth_hz: float
     manned: bool = False
 
-    def pass_time(self, seconds: float, *, manned: bool) -> bool:
-        """Let an interval pass at whose end somebody is there or not; whether the level is 0 now."""
-        if self.value <= 0.0:
-            return True
-        if not manned:
-            self.value = max(self.value, min(self.full, self.value + self.growth_hz * self.full * seconds))
-        elif self.work_s <= 0.0:
-            self.value = 0.0
-        elif self.manned:
-            self.value -= self.full * seconds / self.work_s
+    def after(self, value: float, seconds: float, *, manned: bool, tended: bool) -> float:
+        """The value after an interval at whose end somebody is there or not. While another interaction works on the
+        same state (`tended`) nothing is regained."""
+        left = value
+        if value > 0.0 and manned:
+            left = self._worked(value, seconds)
+        elif value > 0.0 and not tended:
+            left = max(value, min(self.full, value + self.growth_hz * self.full * seconds))
         self.manned = manned
-        if self.value <= DUST:
-            self.value = 0.0
-        return self.value <= 0.0
+        return left if left > DUST else 0.0
+
+    def _worked(self, value: float, seconds: float) -> float:
+        if self.work_s <= 0.0:
+            return 0.0
+        return value - self.full * seconds / self.work_s if self.manned else value
 
 
 @dataclass(slots=True)
 class Target:
-    """The state of one target. `attended` is how long each actor has been within reach of an interaction, seconds."""
+    """The state of one target. `levels` holds what its interactions work off, by interaction; `attended` is how long
+    each actor has been within reach of an interaction, seconds."""
 
     entity: Entity
     nature: Nature
     body: Body
     possible: dict[str, Interaction]
-    level: Level | None = None
+    levels: dict[str, Level] = field(default_factory=dict)
     crowd: Crowd | None = None
     unlocked: list[str] = field(default_factory=list)
     done: list[str] = field(default_factory=list)
@@ -68,6 +68,10 @@ class Target:
     def id(self) -> str:
         """The entity's id."""
         return self.entity.id
+
+    def tended(self, state: str, besides: Level) -> bool:
+        """Whether somebody works off a state by another interaction than that of the level `besides`."""
+        return any(level.manned for level in self.levels.values() if level.name == state and level is not besides)
 
     @property
     def status(self) -> str:
@@ -100,34 +104,33 @@ class Target:
 def target_of(entity: Entity, body: Body, seed: int) -> Target:
     """The target that an entity's properties describe."""
     nature, possible = nature_of(entity), interactions(entity)
-    states = {without_unit(name): name for name in entity.state}
     return Target(
         entity=entity,
         nature=nature,
         body=body,
         possible=possible,
-        level=_level(entity, nature, possible),
-        crowd=Crowd(entity, seed) if PEOPLE in states else None,
+        levels=_levels(entity, nature, possible),
+        crowd=Crowd(entity, seed) if PEOPLE in entity.state and any(rates(entity)) else None,
         word=nature.word,
     )
 
 
-def _level(entity: Entity, nature: Nature, possible: dict[str, Interaction]) -> Level | None:
-    """The level that an interaction takes by name, or else the nature's, which the first interaction works off."""
-    named = next((one for one in possible.values() if one.takes and not one.moves_goods), None)
-    worker = named or (next(iter(possible.values()), None) if nature.level else None)
-    name = named.takes if named else nature.level
-    values = {without_unit(key): value for key, value in entity.properties.items()}
-    value = values.get(name)
-    if worker is None or isinstance(value, bool) or not isinstance(value, int | float):
-        return None
-    natural = name == nature.level
-    lasting = worker.lasting_s if worker.lasting_s is not None else nature.work_s
-    return Level(
-        name=name,
-        interaction=worker.name,
-        value=float(value),
-        full=1.0 if natural else float(value),
-        work_s=lasting,
-        growth_hz=nature.growth_hz if natural else 0.0,
-    )
+def _levels(entity: Entity, nature: Nature, possible: dict[str, Interaction]) -> dict[str, Level]:
+    """What each interaction works off: the state that it takes, or else the nature's, which falls to the first one
+    that takes and gives nothing."""
+    values = numbers(entity, tuple(entity.properties))
+    workers = {one.name: one.takes for one in possible.values() if one.works_off and one.takes in values}
+    idle = next((one.name for one in possible.values() if not one.takes and not one.gives), "")
+    if nature.level in values and nature.level not in workers.values() and idle:
+        workers[idle] = nature.level
+    growing = next((name for name, state in workers.items() if state == nature.level), "")
+    made = {}
+    for name, state in workers.items():
+        natural, lasting_s = state == nature.level, possible[name].lasting_s
+        made[name] = Level(
+            name=state,
+            full=1.0 if natural else values[state],
+            work_s=nature.work_s if lasting_s is None else lasting_s,
+            growth_hz=nature.growth_hz if name == growing else 0.0,
+        )
+    return made

@@ -11,6 +11,7 @@ import msgspec
 from lingjing.errors import InfrastructureError
 from lingjing.mission.instance import Entity
 from lingjing.mission.seeding import integer
+from lingjing.mission.units import without_unit
 from lingjing.plugins.engine import Boundary, EngineSpec
 from lingjing.plugins.engines.fleet import FleetEngine
 from lingjing.plugins.engines.requests import Refusal, Requests
@@ -183,11 +184,10 @@ class RoadEngine(FleetEngine):
         for state in mirrors:
             for key, amount in state.resources.items():
                 stock, _, name = key.partition("@")
-                if name in got and stock in (LOAD, "load"):
+                if name in got and stock in (LOAD, without_unit(LOAD)):
                     got[name] += amount
         for name, amount in got.items():
-            vehicle = self._vehicles[name]
-            vehicle.take_load(max(0.0, vehicle.first_load_kg + amount))
+            self._vehicles[name].take_load(amount)
 
     def _update_jams(self, time_s: float) -> None:
         for jam in self._congestion.jams:

@@ -115,7 +115,8 @@ class Vehicle:
         self._graph = graph
         self._speed_mps = _number(entity, "speed_mps", SPEED_MPS)
         self._payload_kg = _number(entity, "payload_kg", 0.0)
-        self.first_load_kg = self.load_kg = _number(entity, LOAD, 0.0)
+        self._first_load_kg = self.load_kg = self._felt_kg = _number(entity, LOAD, 0.0)
+        self._loads = LOAD in entity.state
         self._arrived = False
         self._waited = 0
         self._room: Room | None = None
@@ -290,10 +291,11 @@ class Vehicle:
             return (self.odometer_m - task.start_m) / max(task.total, 0.1)
         return 1.0 - min(max(self._left_m(task), 0.0) / task.total, 1.0)
 
-    def take_load(self, load_kg: float) -> None:
-        """Carry this much from now on."""
-        if abs(load_kg - self.load_kg) > _SAME_LOAD_KG:
-            self.load_kg = load_kg
+    def take_load(self, got_kg: float) -> None:
+        """Carry this much more than at the start from now on, if the load is a state of the vehicle."""
+        self.load_kg = max(0.0, self._first_load_kg + got_kg) if self._loads else self.load_kg
+        if abs(self.load_kg - self._felt_kg) > _SAME_LOAD_KG:
+            self._felt_kg = self.load_kg
             self._carry()
 
     def state(self, ahead_s: float) -> BodyState:

@@ -1,0 +1,173 @@
+"""Checks of interactions: who performs them, and what they move between which states.
+
+`type` looks at one target type by itself, once every type of the file is known; `between` at a mission's target and the
+assets that may act on it. What is moved must be declared as a state at both ends, and measured in one dimension.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+from lingjing.dsl import syntax as s
+from lingjing.dsl.absent import BUILTIN
+from lingjing.dsl.blocks import BlockReader, Entry
+from lingjing.dsl.scope import Attribute, GroupInfo, InteractionDecl, Scope, TypeDecl
+from lingjing.dsl.suggest import did_you_mean, nearest
+from lingjing.dsl.typenames import with_article
+from lingjing.mission import expression as ex
+
+NO_ACTORS = frozenset(("camera", "city"))
+"""Engines whose entities perform nothing: a camera owns none, the city's are what things are done to."""
+
+_Words = dict[str, s.Property]
+
+
+def declared(name: str, entries: dict[str, Entry], base: InteractionDecl | None) -> InteractionDecl:
+    """What an interaction's block says, over what the base type's interaction of that name says."""
+    words = {key: _word(entries, key) for key in ("by", "takes", "from", "gives", "up_to")}
+    old = base or InteractionDecl(name)
+    return InteractionDecl(
+        name,
+        by=words["by"] or old.by,
+        within="within" in entries or old.within,
+        takes=words["takes"] or old.takes,
+        source=words["from"] or old.source,
+        gives=words["gives"] or old.gives,
+        up_to=words["up_to"] or old.up_to,
+    )
+
+
+class InteractionChecker:
+    """The interactions of a file's target types, and of a mission's targets."""
+
+    def __init__(self, blocks: BlockReader) -> None:
+        self.report = blocks.report
+        self.scope: Scope = blocks.of.scope
+
+    def type(self, decl: TypeDecl, nodes: Iterable[s.InteractionBlock]) -> None:
+        """Check what a type of this file says of its interactions."""
+        for node in nodes:
+            one = decl.interactions.get(node.name.text)
+            if one is not None and not any(isinstance(item, s.Faulty) for item in node.block.items):
+                self._type(decl, one, node)
+
+    def between(self, node: s.EntityBlock, target: GroupInfo) -> None:
+        """Check that somebody in the mission has what the interactions of a target move."""
+        if target.type is None or node.type is None or self.scope.incomplete:
+            return
+        for one in target.type.interactions.values():
+            actors = [
+                group
+                for group in self.scope.groups.values()
+                if group.role == "asset" and group.type is not None and group.type.engine == one.by
+            ]
+            if one.carried and actors:
+                self._actors(node.type, target, one, actors)
+
+    # -- one type
+
+    def _type(self, decl: TypeDecl, one: InteractionDecl, node: s.InteractionBlock) -> None:
+        words = {item.name.text: item for item in node.block.items if isinstance(item, s.Property)}
+        what = f"the interaction `{one.name}`"
+        for key, given, hint in (("by", one.by, "an engine"), ("within", one.within, "a length")):
+            if not given and key not in words:
+                self.report("LJ0106", node.name.start, node.name.end, f"{what} lacks `{key}`", f"add `{key}`: {hint}")
+        if one.by and "by" in words:
+            self._actor(words["by"], one.by)
+        if self._parts_fit(node, one, words, what) and one.own:
+            self._own(decl, one, words.get("takes" if one.takes else "from") or node.name, what)
+
+    def _actor(self, item: s.Property, engine: str) -> None:
+        known = BUILTIN["engine"] - NO_ACTORS
+        known |= {decl.engine for decl in self.scope.types.values() if decl.role == "asset" and decl.engine}
+        if engine in known or self.scope.incomplete:
+            return
+        place, close = item.value, nearest(engine, known)
+        hint = did_you_mean(engine, known) or f"`by` names the engine of who acts: {', '.join(sorted(known))}"
+        decl = self.scope.types.get(engine)
+        if decl is not None and decl.role == "asset":
+            close, hint = decl.engine, f"`by` names the engine of who acts, here `{decl.engine}`"
+        message = f"no asset that is known here has the engine `{engine}`"
+        self.report("LJ0125", place.start, place.end, message, hint, replace=close)
+
+    def _parts_fit(self, node: s.InteractionBlock, one: InteractionDecl, words: _Words, what: str) -> bool:
+        """Whether the words that say what is moved make one meaning together."""
+        if one.takes and one.gives:
+            self._excess(words, ("gives", "takes"), f"{what} both takes and gives", "declare two interactions")
+        elif one.source and not (one.takes or one.gives):
+            self._excess(
+                words, ("from",), f"{what} takes and gives nothing `from` there", "say what: `takes` or `gives`"
+            )
+        elif one.up_to and not one.gives:
+            self._excess(words, ("up_to",), f"{what} gives nothing `up_to` there", "`up_to` bounds what is given")
+        elif one.gives and not (one.source or one.up_to):
+            name = node.name
+            message = f"{what} gives `{one.gives}` without end"
+            self.report("LJ0106", name.start, name.end, message, "add `up_to`, a limit of the actor, or `from`")
+        else:
+            return True
+        return False
+
+    def _excess(self, words: _Words, keys: tuple[str, ...], message: str, hint: str) -> None:
+        item = next((words[key] for key in keys if key in words), None)
+        if item is not None:  # else the base type has said it, and the fault was reported there
+            self.report("LJ0110", item.start, item.end, message, hint)
+
+    def _own(self, decl: TypeDecl, one: InteractionDecl, place: s.Property | s.Name, what: str) -> None:
+        attribute = decl.attributes.get(one.own)
+        if attribute is not None and attribute.state:
+            return
+        node: s.Node = place.value if isinstance(place, s.Property) else place
+        states = [name for name, known in decl.attributes.items() if known.state]
+        hint = did_you_mean(one.own, states) or f"declare it: `state {one.own} = …`"
+        self.report("LJ0126", node.start, node.end, f"{what} moves `{one.own}`, which is no state of it", hint)
+
+    # -- a mission's target and who acts on it
+
+    def _actors(self, place: s.Name, target: GroupInfo, one: InteractionDecl, actors: list[GroupInfo]) -> None:
+        what = f"`{one.name}` of `{target.name}`"
+        able = [group for group in actors if (known := group.attributes.get(one.carried)) is not None and known.state]
+        if not able:
+            verb = "takes from" if one.takes else "gives"
+            names = ", ".join(f"`{group.name}`" for group in actors)
+            message = f"{what} {verb} the `{one.carried}` of a `{one.by}` asset, which is no state of {names}"
+            states = [name for group in actors for name, known in group.attributes.items() if known.state]
+            hint = did_you_mean(one.carried, states) or f"declare it with their type: `state {one.carried} = …`"
+            self.report("LJ0126", place.start, place.end, message, hint)
+        for group in able:
+            self._measured(place, target, one, group, what)
+
+    def _measured(self, place: s.Name, target: GroupInfo, one: InteractionDecl, actor: GroupInfo, what: str) -> None:
+        limit = actor.attributes.get(one.up_to)
+        if one.up_to and limit is None:
+            message = f"{what} fills `{actor.name}` up to its `{one.up_to}`, which it has not"
+            hint = did_you_mean(one.up_to, list(actor.attributes)) or f"declare it with its type: `{one.up_to} = …`"
+            self.report("LJ0126", place.start, place.end, message, hint)
+        carried = (one.carried, actor, actor.attributes[one.carried])
+        for name, group, attribute in _others(target, one, actor, limit):
+            if not _comparable(carried[2], attribute):
+                pair = f"`{actor.name}.{one.carried}` is {with_article(carried[2].type)}"
+                other = f"`{group.name}.{name}` {with_article(attribute.type)}"
+                message = f"{what} moves one thing between two: {pair}, {other}"
+                self.report("LJ0210", place.start, place.end, message, "what is moved has one dimension at both ends")
+
+
+def _others(
+    target: GroupInfo, one: InteractionDecl, actor: GroupInfo, limit: Attribute | None
+) -> Iterator[tuple[str, GroupInfo, Attribute]]:
+    own = target.attributes.get(one.own)
+    if own is not None:
+        yield one.own, target, own
+    if limit is not None:
+        yield one.up_to, actor, limit
+
+
+def _comparable(one: Attribute, other: Attribute) -> bool:
+    if "any" in (one.type.kind, other.type.kind):
+        return True
+    return one.type.kind == other.type.kind == "quantity" and one.type.dimension == other.type.dimension
+
+
+def _word(entries: dict[str, Entry], key: str) -> str:
+    entry = entries.get(key)
+    return entry.value.ir.name if entry is not None and isinstance(entry.value.ir, ex.Symbol) else ""

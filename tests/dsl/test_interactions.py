@@ -1,0 +1,130 @@
+"""What an interaction says: who performs it, which declared states it moves, in one dimension; and what a state is."""
+
+from __future__ import annotations
+
+import pytest
+
+from lingjing.dsl import compile_text
+
+TYPES = """\
+ljs 1
+use std.ground { car }
+asset coach : car {
+  state riders = 0
+  seats = 30
+}
+target stop {
+  engine = city
+  state people = 4
+  state parcels = 9 kg
+  weight = 80 kg
+  interaction board { by = road, within = 20 m, gives = riders, up_to = seats, from = people }
+}
+"""
+MISSION = """\
+mission bus "A bus stop" {
+  goal "Fetch everybody."
+  scene residential { extent = 400 m }
+  clock { tick = 10 s, sync = 500 ms }
+  budget { ticks <= 20 }
+  target corner : stop { position = (50 m, 50 m) }
+  asset bus : coach { position = (0 m, 0 m) }
+  agent driver as driver controls bus { observes bus.* }
+  unlock board(s: corner) when now >= 0 s
+  success when corner.people <= 0
+}
+"""
+BOARD = "interaction board { by = road, within = 20 m, gives = riders, up_to = seats, from = people }"
+
+# what stands for the interaction; code, line, column, a part of the message
+OF_A_TYPE = [
+    ("{ by = rocket, within = 1 m }", "LJ0125", 12, 28, "no asset that is known here has the engine `rocket`"),
+    ("{ by = coach, within = 1 m }", "LJ0125", 12, 28, "the engine `coach`"),
+    ("{ by = city, within = 1 m }", "LJ0125", 12, 28, "the engine `city`"),
+    ("{ by = road }", "LJ0106", 12, 15, "lacks `within`"),
+    ("{ within = 1 m }", "LJ0106", 12, 15, "lacks `by`"),
+    ("{ by = road, within = 1 m, gives = riders, from = nothing }", "LJ0126", 12, 71, "`nothing`, which is no state"),
+    ("{ by = road, within = 1 m, gives = riders, from = weight }", "LJ0126", 12, 71, "`weight`, which is no state"),
+    ("{ by = road, within = 1 m, takes = peple }", "LJ0126", 12, 56, "`peple`, which is no state"),
+    ("{ by = road, within = 1 m, gives = riders }", "LJ0106", 12, 15, "gives `riders` without end"),
+    ("{ by = road, within = 1 m, gives = riders, takes = people }", "LJ0110", 12, 48, "both takes and gives"),
+    ("{ by = road, within = 1 m, from = people }", "LJ0110", 12, 48, "takes and gives nothing `from` there"),
+    ("{ by = road, within = 1 m, takes = people, up_to = seats }", "LJ0110", 12, 64, "gives nothing `up_to` there"),
+]  # fmt: skip
+IN_A_MISSION = [
+    ("gives = cargo_hold, from = people", "LJ0126", "`cargo_hold` of a `road` asset, which is no state"),
+    ("takes = people, from = hold", "LJ0126", "takes from the `hold` of a `road` asset"),
+    ("gives = riders, from = people, up_to = wings", "LJ0126", "up to its `wings`, which it has not"),
+    ("gives = load, from = people", "LJ0210", "`bus.load` is a mass, `corner.people` a bare number"),
+    ("gives = riders, from = parcels", "LJ0210", "`bus.riders` is a bare number, `corner.parcels` a mass"),
+    ("gives = riders, up_to = payload", "LJ0210", "`bus.riders` is a bare number, `bus.payload` a mass"),
+    ("gives = seats, from = people", "LJ0126", "`seats` of a `road` asset, which is no state of `bus`"),
+    ("takes = parcels, from = riders", "LJ0210", "`bus.riders` is a bare number, `corner.parcels` a mass"),
+]  # fmt: skip
+
+
+def found(text: str) -> list[tuple[str, int, int]]:
+    return [(item.code, item.span.line, item.span.column) for item in compile_text(text).diagnostics]
+
+
+def test_the_bus_stop_is_good() -> None:
+    assert compile_text(TYPES).diagnostics == ()
+    assert compile_text(TYPES + MISSION).diagnostics == ()
+
+
+@pytest.mark.parametrize(("block", "code", "line", "column", "part"), OF_A_TYPE, ids=lambda value: str(value)[:30])
+def test_a_type_by_itself(block: str, code: str, line: int, column: int, part: str) -> None:
+    text = TYPES.replace(BOARD, f"interaction board {block}")
+    (one,) = compile_text(text).diagnostics
+    assert (one.code, one.span.line, one.span.column) == (code, line, column)
+    assert part in one.message
+
+
+@pytest.mark.parametrize(("moves", "code", "part"), IN_A_MISSION, ids=lambda value: str(value)[:30])
+def test_a_target_and_who_acts_on_it(moves: str, code: str, part: str) -> None:
+    changed = f"interaction board {{ by = road, within = 20 m, {moves} }}"
+    assert compile_text(TYPES.replace(BOARD, changed)).diagnostics == ()
+    (one,) = compile_text(TYPES.replace(BOARD, changed) + MISSION).diagnostics
+    assert (one.code, one.span.line, one.span.column) == (code, 19, 19)
+    assert part in one.message
+
+
+def test_an_interaction_that_is_never_used_in_the_mission_is_nobodys_fault() -> None:
+    also = "\n  interaction shower { by = vessel, within = 9 m, gives = hold, from = people }"
+    assert compile_text(TYPES.replace(BOARD, BOARD + also) + MISSION).diagnostics == ()
+
+
+def test_it_is_enough_that_one_asset_has_the_state() -> None:
+    more = "  asset taxi : car { position = (9 m, 0 m) }\n  agent other as other controls taxi { observes taxi.* }\n"
+    assert compile_text(TYPES + MISSION.replace("  agent driver", f"{more}  agent driver")).diagnostics == ()
+
+
+def test_an_engine_that_an_asset_type_of_the_file_brings_is_known() -> None:
+    rocket = "asset rocket { engine = booster, verb launch() }\n"
+    by = BOARD.replace("by = road", "by = booster")
+    assert compile_text(TYPES.replace(BOARD, by) + rocket).diagnostics == ()
+
+
+def test_a_type_that_extends_another_says_what_differs() -> None:
+    wider = "target square : stop { people = 7, interaction board { within = 40 m } }\n"
+    compilation = compile_text(TYPES + wider + MISSION.replace(": stop", ": square"))
+    assert compilation.mission is not None and compilation.diagnostics == ()
+    (corner,) = (group for group in compilation.mission.groups if group.name == "corner")
+    assert next(prop for prop in corner.properties if prop.name == "people").state
+
+
+@pytest.mark.parametrize(
+    ("line", "code", "column"),
+    [
+        ("state colour = white", "LJ0201", 18),
+        ("state lit = true", "LJ0201", 15),
+        ("state reach = 1 m..2 m", "LJ0201", 17),
+        ("state heading = 3 deg", "LJ0110", 3),
+        ("state load_kg = 5", "LJ0202", 9),
+        ("arrivals = 0.1 Hz", "LJ0106", 8),
+    ],
+)
+def test_a_state_is_a_number_under_its_own_name(line: str, code: str, column: int) -> None:
+    number = 7 if code == "LJ0106" else 9
+    text = TYPES.replace("state people = 4\n", f"{line}\n").replace(f"\n  {BOARD}", "")
+    assert found(text) == [(code, number, column)]

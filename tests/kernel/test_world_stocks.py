@@ -1,0 +1,87 @@
+"""Declared states live on every asset, also where its engine knows nothing of them."""
+
+import sys
+from pathlib import Path
+
+import msgspec
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+import kernel_kit as kit
+
+import lingjing
+from lingjing.dsl import compile_text
+from lingjing.kernel.world.stocks import Stocks
+from lingjing.trace.reader import read_trace
+from lingjing.trace.records import BodyState
+
+BUS = """\
+ljs 1
+use std.ground { car }
+asset coach : car {
+  state riders = 0
+  state fuel = 4 kg
+  state weight = 0 kg
+  state load = 0.3 kg
+  seats = 3
+  hold = 100 kg
+}
+target stop {
+  engine = city
+  state people = 4
+  state parcels = 4 kg
+  state crate = 40 kg
+  interaction board { by = road, within = 400 m, gives = riders, up_to = seats, from = people }
+  interaction drain { by = road, within = 400 m, takes = crate, from = fuel }
+  interaction unload { by = road, within = 400 m, takes = parcels, from = load }
+  interaction stow { by = road, within = 400 m, gives = weight, up_to = hold }
+}
+mission bus "A bus stop" {
+  goal "Fetch everybody."
+  scene residential { extent = 300 m, blocks = 2 by 2 }
+  clock { tick = 2 s, sync = 500 ms }
+  budget { ticks <= 3 }
+  target corner : stop { position = (50 m, 50 m) }
+  asset bus : coach { position = (0 m, 0 m) }
+  agent driver as driver controls bus { observes bus.*, corner.* }
+  unlock board(s: corner) when now >= 0 s
+  unlock drain(s: corner) when now >= 0 s
+  unlock unload(s: corner) when now >= 0 s
+  unlock stow(s: corner) when now >= 0 s
+  success when bus.riders >= 3 and corner.people <= 1 and bus.fuel <= 0 kg and bus.weight >= 100 kg and bus.load <= 0 kg
+}
+"""
+
+
+def body(name, **resources):
+    return BodyState(id=name, position=(0.0, 0.0, 0.0), resources=resources)
+
+
+@pytest.mark.parametrize("engine", ["road", "plane", "satellite", "vessel", "somebody_elses"])
+def test_what_an_engine_leaves_out_is_kept(engine):
+    properties = {"water_kg": 5.0, "riders": 2.0, "load_kg": 8.0, "colour": "white"}
+    state = ("water_kg", "riders", "load_kg", "colour")
+    asset = msgspec.structs.replace(kit.entity("cart", 0.0, 0.0, properties=properties, state=state), engine=engine)
+    depot = kit.entity("depot", 0.0, 0.0, role="target")
+    stocks = Stocks(msgspec.structs.replace(kit.make_instance(), entities=(asset, depot)))
+    given = {"water@cart": 3.0, "water@other": 9.0, "load@cart": -8.0}
+    states = {"cart": body("cart", battery=0.5, load_kg=1.0), "depot": body("depot", **given)}
+    (kept,) = stocks.kept(states).values()
+    assert kept.resources == {"battery": 0.5, "load_kg": 1.0, "water": 8.0, "riders": 2.0}
+    whole = {"cart": body("cart", water=1.0, riders=1.0, load=1.0), "depot": states["depot"]}
+    assert stocks.kept(whole) == {}
+
+
+def test_a_road_vehicle_has_what_it_declared_until_interactions_change_it(tmp_path):
+    mission = compile_text(BUS).mission
+    assert mission is not None
+    result = lingjing.run(mission, policy="random", out=tmp_path / "run", world="inline", overview=False)
+    trace = read_trace(result.trace)
+    first, last = ({state.id: state.resources for state in trace.boundaries[k].snapshots[-1].states} for k in (0, -1))
+    names = ("riders", "fuel", "weight", "load_kg")
+    assert [first["bus"][name] for name in names] == [0.0, 4.0, 0.0, 0.3]
+    assert [last["bus"][name] for name in names] == [3.0, 0.0, 100.0, 0.0]
+    assert first["corner"] == {"people": 4.0, "parcels": 4.0, "crate": 40.0}
+    assert last["corner"]["parcels"] == pytest.approx(3.7)
+    assert (result.reason, result.ticks) == ("success", 1)
