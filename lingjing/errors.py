@@ -22,7 +22,7 @@ class ExitCode(IntEnum):
 class LingjingError(Exception):
     """Root of everything this project raises on purpose.
 
-    `str(error)` names the thing at fault; `hint` says what to do about it.
+    `str(error)` names the thing at fault; `hint` says what to do about it, which a traceback shows as a note.
     """
 
     exit_code = ExitCode.BUG
@@ -30,6 +30,8 @@ class LingjingError(Exception):
     def __init__(self, message: str, *, hint: str = "") -> None:
         super().__init__(message)
         self.hint = hint
+        if hint:
+            self.add_note(f"hint: {hint}")
 
 
 class UsageError(LingjingError):

@@ -10,7 +10,8 @@ import datetime as dt
 import hashlib
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from os import PathLike
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Literal, Self
@@ -63,7 +64,7 @@ class EpisodeResult:
     frames_digest: str
     trace: Path
     folder: Path
-    metrics: Metrics
+    metrics: Metrics = field(repr=False)
     detail: str = ""
     warnings: tuple[str, ...] = ()
     """What a reader of the score should know: replaced answers of policies, an overview that could not be written."""
@@ -94,7 +95,7 @@ class Session:
 
     def run(
         self,
-        mission: Mission,
+        mission: Mission | str | PathLike[str],
         *,
         policy: PolicySpec = "heuristic",
         policies_for: Mapping[str, PolicySpec] | None = None,
@@ -109,6 +110,7 @@ class Session:
         progress: Callable[[Progress], None] | None = None,
     ) -> EpisodeResult:
         """Play one episode; see `lingjing.run` for the arguments and the errors."""
+        mission = _mission(mission)
         _check_seed(seed)
         _check_seed(policy_seed)
         instance, city = self._stage.set(instantiate(mission, seed=seed, mode=mode, settings=settings))
@@ -156,7 +158,7 @@ class Session:
 
 
 def run(
-    mission: Mission,
+    mission: Mission | str | PathLike[str],
     *,
     policy: PolicySpec = "heuristic",
     policies_for: Mapping[str, PolicySpec] | None = None,
@@ -173,6 +175,7 @@ def run(
 ) -> EpisodeResult:
     """Play `mission` once and return its score.
 
+    `mission` is what `lingjing.compile` returns, the name of a file, or that of a shipped mission (`"ssr"`).
     `policy` plays every agent; `policies_for` overrides it by role or agent id; `policy_args` go to every policy
     that takes them. `seed` draws the instance, `policy_seed` starts the policies' own random streams and tells them
     nothing about it. `mode` and `settings` default to the mission's. `out` is a new or empty folder (default:
@@ -248,6 +251,20 @@ def _plugin(factory: Callable[..., Policy]) -> PolicyPlugin:
 def _hopeless(instance: Instance) -> tuple[str, ...]:
     """Proofs that this instance could not be won. It is played all the same: a study may mean to show just that."""
     return tuple(f"this could not be won ({proof.code}): {proof.message}" for proof in prove_instance(instance))
+
+
+def _mission(given: Mission | str | PathLike[str]) -> Mission:
+    """The mission, compiled if a file or a shipped name is given; `UsageError` if it is something else."""
+    if isinstance(given, Mission):
+        return given
+    if not isinstance(given, str | PathLike):
+        raise UsageError(
+            f"a mission is due, this is {type(given).__name__!r}",
+            hint="give what `lingjing.compile` returns, a file's name, or a shipped mission's",
+        )
+    from lingjing.dsl.load import load_mission
+
+    return load_mission(given)
 
 
 def _check_seed(seed: object) -> None:

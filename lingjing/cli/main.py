@@ -88,10 +88,10 @@ def _guarded(arguments: list[str]) -> int:
 
 
 def _dispatch(arguments: list[str]) -> int:
-    import argparse  # not above: an interrupt while it loads is met here
+    from lingjing.cli.parser import Parser  # not above: an interrupt while argparse loads is met here
 
     chosen = next((verb for verb in VERBS if verb.name == _first_word(arguments)), None)
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog="lingjing",
         description="Missions for heterogeneous unmanned systems: write, play, score, replay.",
         epilog="exit codes: 0 done, 1 mission errors, 2 usage, 3 infrastructure abort, 70 a bug, 130 interrupted",

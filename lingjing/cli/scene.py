@@ -39,13 +39,20 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     build._negative_number_matcher = re.compile(r"^-[\d.]")  # `--bbox -0.13,51.5,…` is a value, not an option
     build.set_defaults(handler=_build)
     info = actions.add_parser("info", help="say what a city holds", description=_info.__doc__)
-    info.add_argument("folder", metavar="DIR", help="a folder that `scene build` wrote")
+    _add_city(info)
     info.set_defaults(handler=_info)
     draw = actions.add_parser("draw", help="draw a city from above", description=_draw.__doc__)
-    draw.add_argument("folder", metavar="DIR", help="a folder that `scene build` wrote")
+    _add_city(draw)
     draw.add_argument("-o", "--output", metavar="OUT", required=True, help=f"ends in {', '.join(_PICTURES)}")
     draw.set_defaults(handler=_draw)
     parser.set_defaults(handler=handler)
+
+
+def _add_city(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "city", metavar="DIR|MISSION", help="a folder that `scene build` wrote, or a mission, whose scene is meant"
+    )
+    parser.add_argument("--seed", metavar="N", default="0", help="the episode's seed, for a mission (default 0)")
 
 
 def handler(args: argparse.Namespace) -> int:
@@ -71,26 +78,41 @@ def _build(args: argparse.Namespace) -> int:
 def _info(args: argparse.Namespace) -> int:
     """Say where a city is, what it holds, and whom to name for the map."""
     from lingjing.scene.osm.summary import read_summary
-    from lingjing.scene.store import read_store
 
-    folder = Path(args.folder)
-    _tell(read_store(folder), read_summary(folder))
+    folder = Path(args.city)
+    _tell(_city(args), read_summary(folder) if folder.is_dir() else None)
     return ExitCode.OK
 
 
 def _draw(args: argparse.Namespace) -> int:
     """Draw a city from above: waters, surfaces, roads, buildings (darker is higher), trees."""
     from lingjing.scene.plan import draw
-    from lingjing.scene.store import read_store
 
     target = Path(args.output)
     if target.suffix.lower() not in _PICTURES:
         raise UsageError(f"no picture is written to `{target.name}`", hint=f"end the name in {', '.join(_PICTURES)}")
     if not target.parent.is_dir():
         raise UsageError(f"cannot write `{target}`: its folder does not exist", hint="choose another place with -o")
-    draw(read_store(Path(args.folder)), target)
+    draw(_city(args), target)
     print(target)
     return ExitCode.OK
+
+
+def _city(args: argparse.Namespace) -> City:
+    """The city of a folder, or the one that a mission is played in."""
+    folder = Path(args.city)
+    if folder.is_dir():
+        from lingjing.scene.store import read_store
+
+        return read_store(folder)
+    from lingjing.cli.pairs import parse_seed
+    from lingjing.dsl.load import load_mission
+    from lingjing.mission.instantiate import instantiate
+    from lingjing.plugins.host import PluginHost
+
+    spec = instantiate(load_mission(args.city), seed=parse_seed(args.seed)).scene
+    with _phases(f"building the scene of {args.city}"):
+        return PluginHost().scene(spec.kind).build(spec)
 
 
 @contextmanager
@@ -123,6 +145,7 @@ def _tell(city: City, summary: Summary | None) -> None:
         for note in summary.notes:
             print(f"note      {note}")
         print(f"map       {summary.source.name}, sha256 {summary.source.sha256[:16]}…")
-    print(f"tiles     {len(city.tiles)} of {city.tile_m:g} m, content {city.sha256[:16]}…")
+    content = f", content {city.sha256[:16]}…" if city.sha256 else ""  # only what is stored has a digest
+    print(f"tiles     {len(city.tiles)} of {city.tile_m:g} m{content}")
     print(f"network   {Path(city.network).name if city.network else 'none: no traffic'}")
     print(f"credit    {city.attribution}")

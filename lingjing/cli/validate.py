@@ -75,10 +75,17 @@ def _conclude(args: argparse.Namespace, found: list[Diagnostic], *, unreadable: 
         data = args.diff or (_mends(args) and "-" in args.files)
         print(conclusion(found), file=sys.stderr if data else sys.stdout)
     elif sys.stdout.isatty() and not unreadable and not wrong:
-        print("no errors")
+        print(_all_is_well(args.files, found))
     if unreadable:
         return ExitCode.USAGE
     return ExitCode.MISSION if wrong or errors else ExitCode.OK
+
+
+def _all_is_well(files: list[str], found: list[Diagnostic]) -> str:
+    """What somebody who sits at a terminal is told, so that silence need not be interpreted."""
+    warnings = sum(item.severity == "warning" for item in found)
+    said = f"{len(files)} files are valid" if len(files) > 1 else f"{files[0]} is valid"
+    return f"{said}, with {warnings} warning{'s' * (warnings != 1)}" if warnings else said
 
 
 def _check(path: str, args: argparse.Namespace) -> Checked:

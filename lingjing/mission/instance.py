@@ -306,3 +306,8 @@ class Instance(Record, frozen=True, kw_only=True):
     def mode(self) -> str:
         """`star`, `broadcast` or `single`."""
         return self.comms.mode
+
+    def __repr__(self) -> str:
+        """One line; `lingjing.mission.document.encode_instance` writes the whole."""
+        held = f"{len(self.entities)} entities, {len(self.agents)} agents"
+        return f"<Instance {self.mission} seed {self.seed} {self.mode}: {held}>"

@@ -438,3 +438,9 @@ class Mission(Record, frozen=True, kw_only=True):
     inspections: tuple[Inspection, ...] = ()
     events: tuple[Event, ...] = ()
     sweeps: tuple[Sweep, ...] = ()
+
+    def __repr__(self) -> str:
+        """One line; `lingjing.mission.document.encode` writes the whole."""
+        counts = {"parameters": self.parameters, "groups": self.groups, "agents": self.agents, "rules": self.rules}
+        held = ", ".join(f"{len(parts)} {name}" for name, parts in counts.items())
+        return f"<Mission {self.name} {self.title[:60]!r}: {held}, {'/'.join(self.modes.allowed)}>"

@@ -56,8 +56,8 @@ class Trace:
     """
 
     path: Path
-    header: Header
-    boundaries: tuple[BoundaryRecord, ...]
+    header: Header = field(repr=False)
+    boundaries: tuple[BoundaryRecord, ...] = field(repr=False)
     outcome: Outcome | None
     complete: bool
     places: Mapping[str, Mapping[str, Place]] = field(repr=False, default_factory=dict)

@@ -88,6 +88,8 @@ def test_a_city_without_roads_says_so(folder: Path, capsys: pytest.CaptureFixtur
         (["draw", "full", "-o", "a.png"], "error: no city in `full`"),
         (["draw", "full", "-o", "a.doc"], "error: no picture is written to `a.doc`"),
         (["draw", "full", "-o", "nowhere/a.png"], "its folder does not exist"),
+        (["draw", "nowhere", "-o", "a.png"], "error: there is no mission `nowhere`"),
+        (["info", "ssr", "--seed", "x"], "is not a seed"),
     ],
 )
 def test_mistakes_give_one_message(
@@ -124,6 +126,14 @@ def test_a_city_is_drawn(folder: Path, capsys: pytest.CaptureFixture[str]) -> No
     assert high > wide
     assert main(["scene", "draw", "city", "-o", "plan.svg"]) == ExitCode.OK
     assert "OpenStreetMap" in (folder / "plan.svg").read_text(encoding="utf-8")
+
+
+def test_the_scene_of_a_mission_is_looked_at(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["scene", "info", "vdn", "--seed", "3"]) == ExitCode.OK
+    assert capsys.readouterr().out.startswith("city      residential-")
+    assert main(["scene", "draw", "vdn", "-o", "plan.png"]) == ExitCode.OK
+    with Image.open(folder / "plan.png") as picture:
+        assert len(set(picture.convert("RGB").resize((64, 64)).getdata())) > 20
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])

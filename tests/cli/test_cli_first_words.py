@@ -1,0 +1,82 @@
+"""What people meet first: a slip in a word, a file's name in Python, an error, a value printed."""
+
+from __future__ import annotations
+
+import sys
+import traceback
+from pathlib import Path
+
+import pytest
+
+import lingjing
+from lingjing.cli.main import main
+from lingjing.errors import ExitCode, MissionError, UsageError
+from lingjing.mission.instantiate import instantiate
+
+EXAMPLE = Path(__file__).parents[2] / "docs" / "errors" / "example.ljs"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "meant"),
+    [
+        (["rnu", "ssr"], "run"),
+        (["valdate", "x.ljs"], "validate"),
+        (["scene", "drwa", "city"], "draw"),
+        (["compile", "--emit", "misson", "ssr"], "mission"),
+    ],
+)
+def test_a_slip_in_a_word_is_met_with_the_word(
+    arguments: list[str], meant: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(arguments)
+    assert ended.value.code == ExitCode.USAGE
+    assert capsys.readouterr().err.rstrip().endswith(f"did you mean {meant}?")
+
+
+def test_a_word_that_is_near_to_none_proposes_none(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["zzzzzzzz"])
+    assert "did you mean" not in capsys.readouterr().err
+
+
+def test_validate_says_on_a_terminal_that_all_is_well(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["validate", str(EXAMPLE)]) == ExitCode.OK
+    assert capsys.readouterr().out == ""
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    assert main(["validate", "ssr"]) == ExitCode.OK
+    assert main(["validate", "ssr", str(EXAMPLE)]) == ExitCode.OK
+    assert capsys.readouterr().out == "ssr is valid\n2 files are valid\n"
+
+
+@pytest.mark.parametrize("as_path", [str, Path])
+def test_run_takes_a_file(tmp_path: Path, as_path: type[str | Path]) -> None:
+    broken = tmp_path / "broken.ljs"
+    broken.write_text(EXAMPLE.read_text().replace("  goal", "  gaol"))
+    with pytest.raises(MissionError, match=r"broken\.ljs:7:3"):
+        lingjing.run(as_path(broken))
+    with pytest.raises(UsageError, match="no policy is called `nobody`"):  # so the mission was read
+        lingjing.run(as_path(EXAMPLE), policy="nobody")
+
+
+def test_run_names_what_is_no_mission() -> None:
+    with pytest.raises(UsageError, match="a mission is due, this is 'int'"):
+        lingjing.run(3)  # type: ignore[arg-type]
+
+
+def test_a_traceback_shows_the_hint() -> None:
+    with pytest.raises(UsageError) as caught:
+        lingjing.compile("nowhere.ljs")
+    shown = "".join(traceback.format_exception(caught.value))
+    assert f"\nhint: {caught.value.hint}" in shown and "shipped missions" in caught.value.hint
+    assert not hasattr(UsageError("without"), "__notes__")
+
+
+def test_printed_values_are_short() -> None:
+    mission = lingjing.compile("ssr")
+    assert repr(mission) == (
+        "<Mission ssr 'Sea search and rescue': 5 parameters, 3 groups, 3 agents, 3 rules, star/broadcast>"
+    )
+    assert repr(instantiate(mission, seed=5)) == "<Instance ssr seed 5 broadcast: 7 entities, 4 agents>"
