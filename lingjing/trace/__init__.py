@@ -9,7 +9,8 @@ In the order in which an episode meets them:
 - `schemas`    JSON Schemas of the records, generated; `python -m lingjing.trace.schemas` writes them
 - `topics`     the names of the file's topics
 - `foxglove`   the same boundary in Foxglove's published schemas: poses, scene, images, logs, geo positions
-- `container`  the MCAP file itself; the only module that imports `mcap`
+- `container`  the MCAP file itself; it and `chunks` alone import `mcap`
+- `chunks`     one chunk of it, unpacked within bounds
 - `writer`     `TraceWriter`: header, boundaries, outcome
 - `undisturbed`  signals wait while a boundary is written
 - `reader`     `read_trace`: the records back, pictures on demand

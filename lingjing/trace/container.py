@@ -21,10 +21,9 @@ import mcap.writer
 import zstandard
 
 from lingjing.errors import UsageError
+from lingjing.trace.chunks import LIMIT, Bounds, contents
 
 CHUNK_BYTES = 4 * 1024 * 1024
-LIMIT = 2**28
-"""No record of ours is longer; a damaged length must not make the reader ask for gigabytes."""
 MAGIC = b"\x89MCAP0\r\n"
 
 
@@ -109,16 +108,18 @@ _CUT = (
 
 
 def scan(path: Path) -> Iterator[Stored]:
-    """Every message up to the file's end or its first damaged place, in file order.
+    """Every message up to the file's end or its first damaged place, in file order; a chunk that holds more than it may
+    is a damaged place.
 
     Raises `UsageError` if the file cannot be opened or does not begin as an MCAP file.
     """
     channels: dict[int, str] = {}
     with _opened(path) as file:
+        bounds = Bounds(path.stat().st_size)
         try:
             for record in mcap.stream_reader.StreamReader(file, emit_chunks=True, record_size_limit=LIMIT).records:
                 if isinstance(record, mcap.records.Chunk):
-                    yield from _messages(record, channels, file.tell() - _chunk_length(record))
+                    yield from _messages(record, channels, file.tell() - _chunk_length(record), bounds)
         except _CUT:
             return
 
@@ -130,7 +131,7 @@ def chunk_messages(path: Path, chunk_at: int) -> Iterator[Stored]:
         reader = mcap.stream_reader.StreamReader(file, skip_magic=True, emit_chunks=True, record_size_limit=LIMIT)
         chunk = next(iter(reader.records))
         if isinstance(chunk, mcap.records.Chunk):
-            yield from _messages(chunk, {}, chunk_at)
+            yield from _messages(chunk, {}, chunk_at, Bounds(path.stat().st_size))
 
 
 def ends_properly(path: Path) -> bool:
@@ -152,13 +153,13 @@ def _opened(path: Path) -> IO[bytes]:
     return file
 
 
-def _messages(chunk: mcap.records.Chunk, channels: dict[int, str], chunk_at: int) -> Iterator[Stored]:
-    for record in mcap.stream_reader.breakup_chunk(chunk, validate_crc=True):
+def _messages(chunk: mcap.records.Chunk, channels: dict[int, str], chunk_at: int, bounds: Bounds) -> Iterator[Stored]:
+    for record in contents(chunk, bounds):
         if isinstance(record, mcap.records.Channel):
             channels[record.id] = record.topic
-        elif isinstance(record, mcap.records.Message):
-            topic = channels.get(record.channel_id, "")
-            yield Stored(topic, record.channel_id, record.sequence, record.log_time, record.data, chunk_at)
+        else:
+            topic = channels.get(record.channel, "")
+            yield Stored(topic, record.channel, record.sequence, record.time_ns, record.data, chunk_at)
 
 
 def _chunk_length(chunk: mcap.records.Chunk) -> int:

@@ -22,6 +22,10 @@ from lingjing.trace.encoding import from_json
 from lingjing.trace.records import BoundaryRecord, FrameInfo, Header, Outcome
 from lingjing.trace.topics import BOUNDARY, CAMERAS, FRAME, HEADER, OUTCOME, camera_topic
 
+RECORD_RATIO = 200
+RECORD_BYTES = 2**26
+"""What all records of a file may hold as JSON: that many bytes, and so often its own size."""
+
 CUT_SHORT = ("infrastructure-abort", "interrupted")
 """Outcomes of episodes that did not end by themselves."""
 
@@ -126,6 +130,7 @@ class _Found:
 
     def __init__(self, path: Path) -> None:
         self.path = path
+        self.left = RECORD_BYTES + RECORD_RATIO * (path.stat().st_size if path.is_file() else 0)
         self.header: Header | None = None
         self.outcome: Outcome | None = None
         self.boundaries: list[BoundaryRecord] = []
@@ -147,9 +152,12 @@ class _Found:
             self.outcome = self._decoded(stored, Outcome)
 
     def _decoded(self, stored: Stored, kind: type[Record]) -> Record:
+        self.left -= len(stored.data)
+        if self.left < 0:
+            raise UsageError(f"{self.path} holds more records than a trace of its size", hint="it is another's file")
         try:
             return from_json(stored.data, kind)
-        except (msgspec.ValidationError, msgspec.DecodeError) as error:
+        except (msgspec.ValidationError, msgspec.DecodeError, RecursionError) as error:
             raise UsageError(
                 f"{self.path} holds a {stored.topic} record that this version cannot read: {error}",
                 hint="it was written by another version",

@@ -1,0 +1,168 @@
+"""A small file that unpacks to gigabytes is read as far as it is a trace, in little memory."""
+
+import json
+import struct
+import subprocess
+import sys
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+import zstandard
+
+from lingjing.errors import UsageError
+from lingjing.trace.chunks import LIMIT
+from lingjing.trace.container import MAGIC, scan
+from lingjing.trace.reader import Trace, read_trace
+
+READ = """
+import json, resource, sys
+from pathlib import Path
+from lingjing.trace.reader import read_trace
+before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+trace = read_trace(Path(sys.argv[1]))
+grown = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
+print(json.dumps({"boundaries": len(trace.boundaries), "complete": trace.complete, "grown": grown}))
+"""
+
+ROOM = 900_000
+"""Kilobytes by which reading may let a process grow: one chunk of the longest, packed and unpacked."""
+
+CHUNK, MESSAGE, CHANNEL, METADATA = 0x06, 0x05, 0x04, 0x0C
+
+
+def record(opcode: int, data: bytes) -> bytes:
+    return struct.pack("<BQ", opcode, len(data)) + data
+
+
+def text(value: str) -> bytes:
+    return struct.pack("<I", len(value)) + value.encode()
+
+
+def chunk(packed: bytes, size: int, *, crc: int = 0, compression: str = "zstd") -> bytes:
+    """A chunk record that declares `size` bytes."""
+    return record(
+        CHUNK, struct.pack("<QQQI", 0, 0, size, crc) + text(compression) + struct.pack("<Q", len(packed)) + packed
+    )
+
+
+def pack(pieces: Iterator[bytes]) -> bytes:
+    """One zstandard frame, made piece by piece."""
+    packer = zstandard.ZstdCompressor(level=3).compressobj()
+    return b"".join([*map(packer.compress, pieces), packer.flush()])
+
+
+def channel(number: int, topic: str) -> bytes:
+    return record(CHANNEL, struct.pack("<HH", number, 0) + text(topic) + text("json") + struct.pack("<I", 0))
+
+
+def message(number: int, data: bytes = b"") -> bytes:
+    return record(MESSAGE, struct.pack("<HIQQ", number, 0, 0, 0) + data)
+
+
+SPACES = b" " * (32 * 1024 * 1024)
+HUGE = 40
+"""Pieces of `SPACES`: 1.3 GB."""
+
+
+def one_huge_record() -> Iterator[bytes]:
+    yield struct.pack("<BQ", METADATA, HUGE * len(SPACES))
+    for _ in range(HUGE):
+        yield SPACES
+
+
+def messages_without_end(data: bytes, gigabytes: float) -> bytes:
+    some = message(99, data) * (len(SPACES) // len(message(99, data)))
+    return pack(some for _ in range(round(gigabytes * 2**30 / len(some))))
+
+
+def bombs() -> dict[str, bytes]:
+    huge = pack(one_huge_record())
+    size = 9 + HUGE * len(SPACES)
+    small = messages_without_end(b"", 0.2)
+    deep = channel(1, "/lingjing/boundary") + message(1, b"[" * 1_000_000)
+    many = zstandard.compress(SPACES)
+    return {
+        "a chunk of 1.3 GB": chunk(huge, size),
+        "one that does not say so": chunk(huge, 100),
+        "one that says that it is smaller": chunk(huge, LIMIT),
+        "a chunk of millions of messages": chunk(
+            small, len(zstandard.ZstdDecompressor().decompressobj().decompress(small))
+        ),
+        "hundreds of chunks": chunk(many, len(SPACES)) * 300,
+        "deep JSON": chunk(zstandard.compress(deep), len(deep)),
+        "an unknown compression": chunk(huge, size, compression="lz4"),
+        "a declared chunk that is not there": struct.pack("<BQ", CHUNK, 2**62),
+        "an attachment that is not there": struct.pack("<BQ", 0x09, LIMIT - 1),
+    }
+
+
+BOMBS = list(bombs())
+
+
+@pytest.fixture(scope="module")
+def hostile() -> dict[str, bytes]:
+    return bombs()
+
+
+@pytest.mark.parametrize("name", BOMBS)
+def test_a_bomb_after_good_boundaries_is_a_damaged_place(
+    name: str, hostile: dict[str, bytes], trace: Trace, tmp_path: Path
+) -> None:
+    """Without bounds each takes gigabytes or minutes, of which the suite's time limit is one."""
+    path = tmp_path / "t.mcap"
+    path.write_bytes(_before_the_summary(trace) + hostile[name] + MAGIC)
+    if name == "deep JSON":
+        with pytest.raises(UsageError, match="cannot read"):
+            read_trace(path)
+        return
+    done = subprocess.run([sys.executable, "-c", READ, str(path)], capture_output=True, text=True, check=True)
+    found = json.loads(done.stdout)
+    assert found["boundaries"] == len(trace.boundaries)
+    assert found["grown"] < ROOM
+
+
+def _before_the_summary(trace: Trace) -> bytes:
+    """The file up to the end of its last chunk, without the outcome's."""
+    data = trace.path.read_bytes()
+    last = max(stored.chunk_at for stored in scan(trace.path))
+    return data[:last]
+
+
+def test_records_that_unpack_to_more_than_a_trace_are_refused(trace: Trace, tmp_path: Path) -> None:
+    boundary = next(stored.data for stored in scan(trace.path) if stored.topic == "/lingjing/boundary")
+    padded = boundary[:-1] + b" " * (30 * 2**20) + b"}"
+    data = channel(9, "/lingjing/boundary") + message(9, padded) * 3
+    path = tmp_path / "t.mcap"
+    path.write_bytes(MAGIC + chunk(zstandard.compress(data), len(data)))
+    with pytest.raises(UsageError, match="more records than a trace of its size"):
+        read_trace(path)
+
+
+def test_a_chunk_is_checked_against_its_sum(tmp_path: Path) -> None:
+    data = channel(1, "/x") + message(1, b"hi")
+    for crc, expected in ((zlib.crc32(data), [b"hi"]), (1, [])):
+        path = tmp_path / f"{crc}.mcap"
+        path.write_bytes(MAGIC + chunk(zstandard.compress(data), len(data), crc=crc))
+        assert [stored.data for stored in scan(path)] == expected
+
+
+def test_an_unpacked_chunk_is_read(tmp_path: Path) -> None:
+    data = channel(1, "/x") + message(1, b"hi")
+    path = tmp_path / "t.mcap"
+    path.write_bytes(MAGIC + chunk(data, len(data), compression=""))
+    assert [(stored.topic, stored.data) for stored in scan(path)] == [("/x", b"hi")]
+    path.write_bytes(MAGIC + chunk(data, len(data) + 1, compression=""))
+    assert not list(scan(path))
+
+
+def test_a_long_trace_of_nothing_stays_within_the_bounds(synthetic: ModuleType, tmp_path: Path) -> None:
+    """The most compressible file that the writer makes: black pictures, nothing moves."""
+    path = tmp_path / "t.mcap"
+    synthetic.write_episode(path, ticks=40, depth=True)
+    packed = path.stat().st_size
+    plain = sum(len(stored.data) for stored in scan(path))
+    assert plain / packed < 500
+    assert sum(1 for _ in scan(path)) < packed / 16
