@@ -11,8 +11,8 @@ from lingjing.plugins.hookspecs import hookimpl
 from lingjing.plugins.policy import Policy, PolicyPlugin, UsageError
 
 REACT_OPTIONS = (
-    "model", "base_url", "api_key_env", "client", "temperature", "max_tokens", "deadline", "repairs", "tries",
-    "history", "image_side", "images", "vision", "schema", "price_in", "price_out",
+    "model", "base_url", "base_url_env", "api_key_env", "client", "temperature", "max_tokens", "deadline", "repairs",
+    "tries", "history", "image_side", "images", "vision", "schema", "price_in", "price_out",
 )  # fmt: skip
 
 

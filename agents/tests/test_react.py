@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from agent_kit import REPORT, Inbox, brief, envelope, observe, picture, view
 from chat_server import NOOP, Reply, serve, stopwatch
+from lingjing_agents.react.answer import StepError, step_text
 from lingjing_agents.react.policy import ReactError, ReactPolicy
 from lingjing_agents.react.schema import step_schema
-from lingjing_agents.react.step import StepError, json_object, read_step
+from lingjing_agents.react.step import read_step
 
 from lingjing.plugins.policy import UsageError
 
@@ -117,14 +118,16 @@ async def test_an_answer_that_cannot_be_used_is_sent_back_with_the_reason(bad: R
     assert complaint in server.requests[1]["messages"][-1]["content"]
 
 
-async def test_repairs_are_bounded_and_the_tokens_are_billed_later():
+async def test_repairs_are_bounded_and_their_tokens_are_billed_at_once():
     with serve([Reply("no"), Reply("no"), Reply("no"), Reply()]) as server:
         policy = await mind(server.url)
-        with pytest.raises(ReactError, match="no valid step after 2 repairs"):
+        with pytest.raises(ReactError, match="no valid step after 2 repairs") as failure:
             await policy.act(observe("scout[1]", 1, HERE), Inbox())
         decision = await policy.act(observe("scout[1]", 2, HERE), Inbox())
+    assert failure.value.usage is not None
+    assert (failure.value.usage.calls, failure.value.usage.prompt_tokens) == (3, 300)
     assert decision.usage is not None
-    assert (decision.usage.calls, decision.usage.prompt_tokens) == (4, 400)
+    assert (decision.usage.calls, decision.usage.prompt_tokens) == (1, 100)
 
 
 async def test_a_slow_model_is_given_up_at_the_policys_own_deadline():
@@ -174,7 +177,7 @@ def test_fences_and_prose_around_the_object_do_no_harm():
     text = 'Sure:\n```json\n{"thought": "a } in a \\"string\\"", "command": null, "messages": []}\n```'
     assert read_step(text, brief()).thought == 'a } in a "string"'
     with pytest.raises(StepError):
-        json_object("nothing here")
+        step_text("nothing here")
 
 
 def test_all_faults_of_a_step_are_told_at_once():

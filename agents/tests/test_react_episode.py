@@ -17,12 +17,13 @@ TICKS = 8
 
 FAILURES = {
     1: Reply(delay_s=60.0),
-    2: Reply("I would rather fly east."),
-    3: Reply(status=429, headers={"retry-after": "600"}),
+    2: Reply(status=429, headers={"retry-after": "600"}),
+    3: Reply("I would rather fly east."),
     4: Reply(status=500),
     5: Reply(drop=True),
     6: Reply({**NOOP, "command": {"verb": "dance", "arguments": {}, "resource": "uav[2]"}}),
 }
+"""The service itself never fails three ticks in a row: that would end the episode."""
 FLY = {
     "thought": "over the middle of the region",
     "command": {"verb": "setDestination", "arguments": {"x": 270, "y": -700, "z": 60}, "resource": "uav[1]"},
@@ -86,7 +87,7 @@ def test_an_episode_survives_every_failure_and_tells_each(client: str, tmp_path:
     }
     assert sorted(substituted) == sorted(FAILURES)
     assert {made.substituted for made in substituted.values()} == {"policy_error"}
-    for tick, says in {2: "no valid step", 3: "429", 4: "500", 6: "no verb `dance`"}.items():
+    for tick, says in {2: "429", 3: "no valid step", 4: "500", 6: "no verb `dance`"}.items():
         assert says in substituted[tick].detail
     receipts = [
         receipt for record in trace.boundaries for receipt in record.receipts if receipt.status == "substituted"

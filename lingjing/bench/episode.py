@@ -51,7 +51,7 @@ OVERVIEW_NAME = "overview.png"
 @dataclass(frozen=True, slots=True)
 class EpisodeResult:
     """What came of one episode. `trace` is the MCAP file (a `.part` if the episode was cut short), `scr` the subtask
-    completion rate in 0..1, `detail` the cause of an abort."""
+    completion rate in 0..1, `detail` the cause of an abort and `hint` what to do about it."""
 
     mission: str
     seed: int
@@ -66,6 +66,7 @@ class EpisodeResult:
     folder: Path
     metrics: Metrics = field(repr=False)
     detail: str = ""
+    hint: str = ""
     warnings: tuple[str, ...] = ()
     """What a reader of the score should know: replaced answers of policies, an overview that could not be written."""
     attribution: str = ""
@@ -331,6 +332,7 @@ def _result(path: Path, folder: Path, city: City, *, overview: bool) -> EpisodeR
         folder=folder,
         metrics=metrics(trace),
         detail=outcome.detail,
+        hint=outcome.hint,
         warnings=warnings,
         attribution=trace.header.attribution,
     )

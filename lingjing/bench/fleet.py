@@ -119,6 +119,7 @@ def _report(options: RunOptions, result: EpisodeResult) -> EpisodeReport:
         trace=str(result.trace),
         metrics=msgspec.to_builtins(result.metrics),
         detail=result.detail,
+        hint=result.hint,
         warnings=result.warnings,
         attribution=result.attribution,
         policy_seed=result.policy_seed,

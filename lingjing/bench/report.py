@@ -15,7 +15,8 @@ INTERRUPTED = "interrupted"
 class EpisodeReport(msgspec.Struct, frozen=True, kw_only=True):
     """One episode, as `lingjing run --json` prints it.
 
-    `trace` is the path of the MCAP file (a `.part` if the episode was cut short), `detail` the cause of an abort.
+    `trace` is the path of the MCAP file (a `.part` if the episode was cut short), `detail` the cause of an abort
+    and `hint` what to do about it.
     `warnings` are what a reader of the score should know, a line each; `attribution` says whose map was played on;
     `policy_seed` started the policies' random streams.
     """
@@ -32,6 +33,7 @@ class EpisodeReport(msgspec.Struct, frozen=True, kw_only=True):
     trace: str
     metrics: dict[str, object]
     detail: str = ""
+    hint: str = ""
     warnings: tuple[str, ...] = ()
     attribution: str = ""
     policy_seed: int = 0

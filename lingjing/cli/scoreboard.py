@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from rich.text import Text
 
 
+_LOOK = "the trace holds what happened before; `lingjing doctor` checks this machine"
 NARROWEST = 60
 """Columns of a terminal; in a narrower one lines are easier to read than a table."""
 
@@ -41,8 +42,8 @@ def explain(episodes: Sequence[EpisodeReport]) -> None:
             _say(f"interrupted: seed {episode.seed} at tick {episode.ticks}; the partial trace is {episode.trace}")
         if episode.reason == ABORTED:
             _say(f"error: seed {episode.seed} was aborted: {episode.detail}")
-    if any(episode.reason == ABORTED for episode in episodes):
-        _say("hint: the trace holds what happened before; `lingjing doctor` checks this machine")
+    for hint in dict.fromkeys(episode.hint or _LOOK for episode in episodes if episode.reason == ABORTED):
+        _say(f"hint: {hint}")
 
 
 def _say(line: str) -> None:

@@ -2,9 +2,9 @@
 
 Each agent has a worker thread with an event loop of its own, so a policy may block, await or run inside a notebook's
 kernel without touching the caller's loop. A call that raises, answers something else than a `Decision` or passes the
-deadline is replaced by (no-op, no messages) with a reason; a late answer is dropped. What is in the decision is looked
-at by `candidates`. A thread that stays blocked is
-left behind (it is a daemon) and the agent's next call starts in a fresh one.
+deadline is replaced by (no-op, no messages) with a reason; a late answer is dropped. `InfrastructureError` alone
+passes: the policy says that what it stands on is gone. What is in the decision is looked at by `candidates`. A thread
+that stays blocked is left behind (it is a daemon) and the agent's next call starts in a fresh one.
 """
 
 from __future__ import annotations
@@ -18,9 +18,10 @@ from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from lingjing.errors import InfrastructureError
 from lingjing.kernel.budgets import ALLOWANCE
-from lingjing.plugins.policy import Brief, Inbox, Observation, Policy
-from lingjing.trace.records import Decision, DecisionRecord
+from lingjing.plugins.policy import Brief, Inbox, NoDecisionError, Observation, Policy
+from lingjing.trace.records import Decision, DecisionRecord, Usage
 
 _ADDRESS = re.compile(r"0x[0-9a-fA-F]{4,}")
 
@@ -82,12 +83,13 @@ def _drain(loop: asyncio.AbstractEventLoop) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What came out of one call: a value, or the reason code and detail of its failure."""
+    """What came out of one call: a value, or the reason code and detail of its failure and what it spent."""
 
     value: Any = None
     reason: str = ""
     detail: str = ""
     wall_s: float = 0.0
+    usage: Usage | None = None
 
 
 class PolicyBarrier:
@@ -140,6 +142,8 @@ class PolicyBarrier:
             future.cancel()
             self._threads[name].abandon()
             return Answer(reason="policy_timeout", detail=f"no answer within {self._limit_s:g} s")
+        except InfrastructureError:
+            raise
         except Exception as error:  # noqa: BLE001 - whatever a policy raises is the policy's failure
             return _failure(error, started)
         return Answer(value=value, wall_s=wall_s)
@@ -148,7 +152,7 @@ class PolicyBarrier:
 def _decision_record(agent: str, answer: Answer) -> DecisionRecord:
     return DecisionRecord(
         agent=agent,
-        decision=Decision() if answer.reason else answer.value,
+        decision=Decision(usage=answer.usage) if answer.reason else answer.value,
         substituted=answer.reason,
         detail=answer.detail,
         policy_wall_s=answer.wall_s,
@@ -162,7 +166,9 @@ def _failure(error: Exception, started: float) -> Answer:
     except Exception:  # noqa: BLE001 - a message that cannot be made is the policy's failure too
         text = type(error).__name__
     text = text.encode("utf-8", "backslashreplace").decode()  # a lone surrogate cannot be stored
-    return Answer(reason="policy_error", detail=_ADDRESS.sub("0x…", text)[:300], wall_s=time.monotonic() - started)
+    usage = error.usage if isinstance(error, NoDecisionError) and isinstance(error.usage, Usage) else None
+    wall_s = time.monotonic() - started
+    return Answer(reason="policy_error", detail=_ADDRESS.sub("0x…", text)[:300], wall_s=wall_s, usage=usage)
 
 
 def _reset_call(policy: Policy, brief: Brief) -> Callable[[], Awaitable[Any]]:

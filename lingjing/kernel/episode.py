@@ -73,17 +73,17 @@ def play(
     from outside, a `KeyboardInterrupt` above all, is passed on after the trace is closed as a partial one.
     """
     started = time.perf_counter()
-    reason, detail = "error", ""
+    reason, detail, hint = "error", "", ""
     try:
         reason = _loop(kernel, barrier, progress, started)
     except InfrastructureError as error:
-        reason, detail = "infrastructure-abort", f"{error}"
+        reason, detail, hint = "infrastructure-abort", f"{error}", error.hint
     except KeyboardInterrupt:
         reason = "interrupted"
         raise
     finally:
         barrier.close()
-        outcome = _outcome(kernel, reason, detail, time.perf_counter() - started)
+        outcome = _outcome(kernel, reason, (detail, hint), time.perf_counter() - started)
         if recorder is not None:
             (recorder.finish if reason in ("success", "failure", "budget") else recorder.abandon)(outcome)
     return outcome
@@ -124,7 +124,7 @@ def _progress(kernel: Kernel, published: Published, last: str, started: float) -
     )
 
 
-def _outcome(kernel: Kernel, reason: str, detail: str, wall_s: float) -> Outcome:
+def _outcome(kernel: Kernel, reason: str, cause: tuple[str, str], wall_s: float) -> Outcome:
     state = kernel.state
     return Outcome(
         success=reason == "success",
@@ -133,6 +133,7 @@ def _outcome(kernel: Kernel, reason: str, detail: str, wall_s: float) -> Outcome
         ticks=state.registry.tick,
         digest=state.digest,
         frames_digest=state.frames_digest,
-        detail=detail,
+        detail=cause[0],
+        hint=cause[1],
         wall_s=wall_s,
     )

@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
-from lingjing.errors import UsageError
+from lingjing.errors import InfrastructureError, UsageError
 from lingjing.mission.instance import (
     ArgumentSpec,
     CameraSpec,
@@ -157,6 +157,18 @@ class Inbox(msgspec.Struct, frozen=True, kw_only=True):
     receipts: tuple[Receipt, ...] = ()
 
 
+class NoDecisionError(Exception):
+    """Raised by `act` if there is no decision this tick: the text says why, `usage` is what was spent all the same.
+
+    Whatever else `act` raises counts the same but for the usage; `InfrastructureError` ends the episode as an
+    infrastructure abort, which counts neither for nor against the policy.
+    """
+
+    def __init__(self, message: str, usage: Usage | None = None) -> None:
+        super().__init__(message)
+        self.usage = usage
+
+
 class Policy(Protocol):
     """An agent's mind. One object per agent and episode; each call runs in a worker thread with its own loop."""
 
@@ -200,9 +212,11 @@ __all__ = [
     "Field",
     "FrameInfo",
     "Inbox",
+    "InfrastructureError",
     "InspectionSpec",
     "Instance",
     "MessageSpec",
+    "NoDecisionError",
     "Observation",
     "Outgoing",
     "Peer",

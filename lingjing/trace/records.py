@@ -380,7 +380,8 @@ class Header(Value, frozen=True, kw_only=True):
 
 
 class Outcome(Value, frozen=True, kw_only=True):
-    """The last record: `reason` is success, failure, budget, infrastructure-abort or interrupted."""
+    """The last record: `reason` is success, failure, budget, infrastructure-abort or interrupted; `detail` the cause of
+    an abort, `hint` what to do about it."""
 
     success: bool
     reason: str
@@ -389,4 +390,5 @@ class Outcome(Value, frozen=True, kw_only=True):
     digest: str
     frames_digest: str
     detail: str = ""
+    hint: str = ""
     wall_s: float = 0.0

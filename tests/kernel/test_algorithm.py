@@ -22,8 +22,9 @@ from lingjing.errors import InfrastructureError, PluginError
 from lingjing.kernel.barrier import PolicyBarrier
 from lingjing.kernel.episode import play, seat
 from lingjing.mission.expression import Flag
+from lingjing.plugins.policy import NoDecisionError
 from lingjing.trace.digest import next_digest
-from lingjing.trace.records import Decision
+from lingjing.trace.records import Decision, Usage
 
 
 class Still:
@@ -265,6 +266,26 @@ def test_line_26_a_missing_or_malformed_return_becomes_a_no_op_with_a_reason(act
     (receipt,) = (r for r in log.records[1].receipts if r.status == "substituted")
     assert (receipt.sender, receipt.reason, receipt.by) == ("scout[1]", reason, "policy")
     assert log.records[4].decisions[0].substituted == reason  # the episode goes on
+
+
+def test_line_26_what_a_call_without_a_decision_has_spent_is_kept():
+    def act(observation, inbox):
+        raise NoDecisionError("nothing came", Usage(calls=3, prompt_tokens=70))
+
+    _, log = play_kit(policies={"scout[1]": Table(dict.fromkeys(range(9), act))})
+    made = log.records[1].decisions[0]
+    assert (made.substituted, made.detail) == ("policy_error", "NoDecisionError: nothing came")
+    assert made.decision == Decision(usage=Usage(calls=3, prompt_tokens=70))
+
+
+def test_line_26_a_policy_whose_service_is_gone_aborts_the_episode():
+    def act(observation, inbox):
+        raise InfrastructureError("the service is gone", hint="start it")
+
+    outcome, log = play_kit(policies={"scout[2]": Table({2: act})})
+    assert (outcome.reason, outcome.detail, outcome.hint) == ("infrastructure-abort", "the service is gone", "start it")
+    assert log.endings == [("abandon", outcome)]
+    assert [record.tick for record in log.records] == [0, 1, 2]
 
 
 def test_line_27_outputs_are_collected_by_name_in_declaration_order():

@@ -7,25 +7,35 @@ with status 400, and `react` then names the argument to set.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
+
+from lingjing_agents.llm.chat import TokenLimit
 
 
 @dataclass(frozen=True, slots=True)
 class Capability:
-    """Whether a model takes images and whether its service honours `response_format: json_schema`."""
+    """Whether a model takes images, whether its service honours `response_format: json_schema`, whether it takes a
+    temperature, and what it calls the bound on an answer's tokens."""
 
     vision: bool = True
     json_schema: bool = True
+    temperature: bool = True
+    limit_name: TokenLimit = "max_tokens"
 
 
+_REASONING = Capability(temperature=False, limit_name="max_completion_tokens")
 _TEXT_ONLY = Capability(vision=False)
 _PLAIN = Capability(vision=False, json_schema=False)
 
 TABLE: tuple[tuple[str, Capability], ...] = (
     ("gpt-3.5*", _PLAIN),
-    ("o1-mini*", _PLAIN),
-    ("o3-mini*", _TEXT_ONLY),
+    ("o1-mini*", replace(_REASONING, vision=False, json_schema=False)),
+    ("o3-mini*", replace(_REASONING, vision=False)),
+    ("o[134]", _REASONING),
+    ("o[134]-*", _REASONING),
+    ("gpt-5*chat*", Capability(limit_name="max_completion_tokens")),
+    ("gpt-5*", _REASONING),
     ("gpt-oss*", _TEXT_ONLY),
     ("deepseek-*", Capability(vision=False, json_schema=False)),
     ("smollm*", _TEXT_ONLY),

@@ -8,6 +8,11 @@ from typing import Literal, Protocol
 
 import msgspec
 
+TokenLimit = Literal["max_tokens", "max_completion_tokens"]
+"""How a bound on the tokens of an answer is spelled; the second one counts the reasoning too."""
+
+Fault = Literal["service", "model", "time"]
+
 
 @dataclass(frozen=True, slots=True)
 class ChatMessage:
@@ -20,13 +25,19 @@ class ChatMessage:
 
 @dataclass(frozen=True, slots=True)
 class ChatRequest:
-    """One completion to ask for. `schema` is a JSON Schema the answer must satisfy, as JSON text, or None."""
+    """One completion to ask for. `schema` is a JSON Schema the answer must satisfy, as JSON text, or None.
+
+    `temperature` is None where the model takes none; `insist` says that somebody asked for this one, so that it must
+    not be left out where a service refuses it. `limit_name` is what the model calls the bound of `max_tokens`.
+    """
 
     model: str
     messages: tuple[ChatMessage, ...]
-    temperature: float = 0.0
+    temperature: float | None = 0.0
     max_tokens: int = 2048
     schema: bytes | None = None
+    insist: bool = False
+    limit_name: TokenLimit = "max_tokens"
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,15 +54,26 @@ class Completion:
 
 class ModelError(Exception):
     """A call to a model failed. `transient` says whether trying again may help, `retry_after_s` when the service
-    said so, `status` is the HTTP status or None."""
+    said so, `status` is the HTTP status or None, `fault` whose failure it is: the service's (it refuses, or is not
+    there), the model's (it will not answer this), or that of time, which ran out. `adapted` says that the client has
+    changed its way of asking and the same request may now be taken."""
 
     def __init__(
-        self, message: str, *, transient: bool = False, retry_after_s: float | None = None, status: int | None = None
+        self,
+        message: str,
+        *,
+        transient: bool = False,
+        retry_after_s: float | None = None,
+        status: int | None = None,
+        fault: Fault = "service",
+        adapted: bool = False,
     ) -> None:
         super().__init__(message)
         self.transient = transient
         self.retry_after_s = retry_after_s
         self.status = status
+        self.fault = fault
+        self.adapted = adapted
 
 
 class ModelClient(Protocol):

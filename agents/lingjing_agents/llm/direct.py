@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+from base64 import b64encode
 from dataclasses import dataclass, field
+from typing import Annotated
 
+import httpx
 import msgspec
 
 from lingjing_agents.llm.chat import ChatRequest, Completion, ModelError, response_format, wire_messages
+from lingjing_agents.llm.dialect import Dialect
+from lingjing_agents.llm.wire import Answer, UnreadableAnswerError, exchange
 
 TRANSIENT_STATUS = frozenset({408, 409, 425, 429, 500, 502, 503, 504, 529})
+
+MOST_TOKENS = 2**40
+Count = Annotated[int, msgspec.Meta(ge=0, le=MOST_TOKENS)]
 
 
 class _Message(msgspec.Struct):
@@ -22,8 +30,8 @@ class _Choice(msgspec.Struct):
 
 
 class _Tokens(msgspec.Struct):
-    prompt_tokens: int = 0
-    completion_tokens: int = 0
+    prompt_tokens: Count | None = None
+    completion_tokens: Count | None = None
 
 
 class _Answer(msgspec.Struct):
@@ -33,71 +41,95 @@ class _Answer(msgspec.Struct):
 
 @dataclass(frozen=True, slots=True)
 class DirectClient:
-    """`base_url` ends where `/chat/completions` is appended. The key is sent as a bearer token if there is one."""
+    """`base_url` ends where `/chat/completions` is appended. The key is sent as a bearer token if there is one, else
+    `login` (`user:password`) as basic authorisation. What the service refuses to be told is remembered."""
 
     base_url: str
     api_key: str = field(default="", repr=False)
+    login: str = field(default="", repr=False)
+    dialect: Dialect = field(default_factory=Dialect, repr=False)
 
     async def complete(self, request: ChatRequest, timeout_s: float) -> Completion:
         """One POST. Raises `ModelError`; status, broken connections and time-outs say whether to try again."""
-        import httpx
-
-        url = self.base_url.rstrip("/") + "/chat/completions"
-        headers = {"content-type": "application/json"}
-        if self.api_key:
-            headers["authorization"] = f"Bearer {self.api_key}"
         try:
-            # One client a call: each policy call has an event loop of its own, and a pool belongs to one loop.
-            async with httpx.AsyncClient(timeout=timeout_s) as client:
-                response = await client.post(url, content=_payload(request), headers=headers)
+            post = httpx.Request(
+                "POST", self._url(), headers=self._headers(), content=_payload(self.dialect.spoken(request))
+            )
+            answer = await exchange(post, timeout_s)
         except httpx.TimeoutException as error:
-            raise ModelError(f"no answer from {self.base_url} within {timeout_s:.1f} s", transient=True) from error
-        except httpx.InvalidURL as error:
+            message = f"no answer from {self.base_url} within {timeout_s:.1f} s"
+            raise ModelError(message, transient=True, fault="time") from error
+        except (httpx.InvalidURL, httpx.UnsupportedProtocol) as error:
             raise ModelError(f"base_url {self.base_url} is not a URL: {error}") from error
         except httpx.HTTPError as error:
             raise ModelError(f"connection to {self.base_url} failed: {_reason(error)}", transient=True) from error
-        if response.status_code != httpx.codes.OK:
-            raise _refused(response.status_code, response.text, response.headers.get("retry-after"))
-        return _completion(response.content)
+        except UnreadableAnswerError as error:
+            raise ModelError(str(error), transient=True) from error
+        if answer.status != httpx.codes.OK:
+            raise self._refused(answer, request)
+        return _completion(answer.body)
+
+    def _url(self) -> str:
+        return self.base_url.rstrip("/") + "/chat/completions"
+
+    def _headers(self) -> dict[str, str]:
+        headers = {"content-type": "application/json"}
+        if self.api_key:
+            headers["authorization"] = f"Bearer {self.api_key}"
+        elif self.login:
+            headers["authorization"] = basic(self.login)
+        return headers
+
+    def _refused(self, answer: Answer, request: ChatRequest) -> ModelError:
+        text = answer.body.decode("utf-8", "replace")
+        return ModelError(
+            f"the model service answered {answer.status}: {' '.join(text.split())}",
+            transient=answer.status in TRANSIENT_STATUS,
+            retry_after_s=answer.retry_after_s,
+            status=answer.status,
+            fault="model" if answer.status == httpx.codes.BAD_REQUEST and filtered(text) else "service",
+            adapted=answer.status in (400, 422) and self.dialect.adapt(text, request),
+        )
+
+
+def basic(login: str) -> str:
+    """The `Authorization` of a `user:password`."""
+    return "Basic " + b64encode(login.encode()).decode()
+
+
+def filtered(refusal: str) -> bool:
+    """Whether a service refuses because of what the prompt is about, which is no fault of the service's."""
+    return "content_filter" in refusal or "content_policy" in refusal
 
 
 def _payload(request: ChatRequest) -> bytes:
     body: dict[str, object] = {
         "model": request.model,
         "messages": wire_messages(request.messages),
-        "temperature": request.temperature,
-        "max_tokens": request.max_tokens,
+        request.limit_name: request.max_tokens,
     }
+    if request.temperature is not None:
+        body["temperature"] = request.temperature
     form = response_format(request.schema)
     if form is not None:
         body["response_format"] = form
     return msgspec.json.encode(body)
 
 
-def _refused(status: int, text: str, retry_after: str | None) -> ModelError:
-    seconds = float(retry_after) if retry_after and retry_after.replace(".", "", 1).isdigit() else None
-    return ModelError(
-        f"the model service answered {status}: {' '.join(text.split())[:300]}",
-        transient=status in TRANSIENT_STATUS,
-        retry_after_s=seconds,
-        status=status,
-    )
-
-
 def _completion(content: bytes) -> Completion:
     try:
         answer = msgspec.json.decode(content, type=_Answer)
         choice = answer.choices[0]
-    except (msgspec.DecodeError, UnicodeDecodeError, IndexError) as error:
+    except (msgspec.DecodeError, UnicodeDecodeError, IndexError, RecursionError) as error:
         raise ModelError(f"the service's answer is not a chat completion: {error}", transient=True) from error
     if choice.message.refusal:
-        raise ModelError(f"the model refused: {choice.message.refusal[:300]}")
+        raise ModelError(f"the model refused: {choice.message.refusal}", fault="model")
     tokens = answer.usage or _Tokens()
     return Completion(
         text=choice.message.content or "",
         finish_reason=choice.finish_reason or "stop",
-        prompt_tokens=tokens.prompt_tokens,
-        completion_tokens=tokens.completion_tokens,
+        prompt_tokens=tokens.prompt_tokens or 0,
+        completion_tokens=tokens.completion_tokens or 0,
     )
 
 

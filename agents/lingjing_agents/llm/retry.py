@@ -36,25 +36,26 @@ async def complete_with_retries(
 ) -> Completion:
     """Ask until there is an answer, a failure that repeating cannot mend, `tries` failures, or no time left.
 
-    The pause doubles from half a second; a `Retry-After` that fits into the deadline is honoured instead.
+    The pause doubles from half a second; a `Retry-After` that fits into the deadline is honoured instead. A client
+    that has adapted to the service is asked again at once, which is no failure.
     """
-    pause = FIRST_PAUSE_S
-    for attempt in range(1, tries + 1):
-        left = deadline.left_s()
-        if left <= 0.0:
-            break
+    pause, failures = FIRST_PAUSE_S, 0
+    while (left := deadline.left_s()) > 0.0:
         attempts.calls += 1
         try:
             return await _ask(client, request, left)
         except ModelError as error:
-            if not error.transient or attempt == tries:
+            if error.adapted:
+                continue
+            failures += 1
+            if not error.transient or failures >= tries:
                 raise
             wait = error.retry_after_s if error.retry_after_s is not None else pause
             if wait >= deadline.left_s():
                 raise
             await asyncio.sleep(wait)
             pause = min(pause * 2, LONGEST_PAUSE_S)
-    raise ModelError(f"no usable answer within the deadline of {deadline.seconds:g} s")
+    raise ModelError(f"no usable answer within the deadline of {deadline.seconds:g} s", fault="time")
 
 
 async def _ask(client: ModelClient, request: ChatRequest, left_s: float) -> Completion:
@@ -62,4 +63,4 @@ async def _ask(client: ModelClient, request: ChatRequest, left_s: float) -> Comp
         async with asyncio.timeout(left_s):
             return await client.complete(request, left_s)
     except TimeoutError as error:
-        raise ModelError(f"no answer from the model within {left_s:.1f} s", transient=True) from error
+        raise ModelError(f"no answer from the model within {left_s:.1f} s", transient=True, fault="time") from error

@@ -1,7 +1,8 @@
 """Any service that litellm speaks to. litellm is imported here and nowhere else, and only when it is used.
 
 Its own retries stay off: some need undeclared packages, and ours keep to a deadline. The price map it would fetch at
-import is replaced by the local one: an import without a network has been seen to dead-lock.
+import is replaced by the local one: an import without a network has been seen to dead-lock. What it sends over httpx
+goes through `wire`, so that answers are bounded; providers with a library of their own (boto3, Google's) are not.
 """
 
 from __future__ import annotations
@@ -10,17 +11,24 @@ import os
 from dataclasses import dataclass, field
 from typing import Any
 
+import httpx
+
 from lingjing.plugins.policy import UsageError
-from lingjing_agents.llm.chat import ChatRequest, Completion, ModelError, response_format, wire_messages
-from lingjing_agents.llm.direct import TRANSIENT_STATUS
+from lingjing_agents.llm.chat import ChatRequest, Completion, Fault, ModelError, response_format, wire_messages
+from lingjing_agents.llm.direct import MOST_TOKENS, TRANSIENT_STATUS, basic, filtered
+from lingjing_agents.llm.wire import BoundedTransport, seconds
+
+_INSTALL = "pip install 'lingjing-agents[litellm]', or use client=direct"
 
 
 @dataclass(frozen=True, slots=True)
 class LitellmClient:
-    """`base_url` and `api_key` are optional: litellm finds a provider's own by the model's prefix."""
+    """`base_url` and `api_key` are optional: litellm finds a provider's own by the model's prefix. `login` is
+    `user:password` for basic authorisation."""
 
     base_url: str = ""
     api_key: str = field(default="", repr=False)
+    login: str = field(default="", repr=False)
 
     async def complete(self, request: ChatRequest, timeout_s: float) -> Completion:
         """One `acompletion` with `num_retries=0`. Raises `ModelError`."""
@@ -30,10 +38,11 @@ class LitellmClient:
                 model=request.model,
                 messages=wire_messages(request.messages),
                 temperature=request.temperature,
-                max_tokens=request.max_tokens,
+                **{request.limit_name: request.max_tokens},
                 response_format=response_format(request.schema),
                 api_base=self.base_url or None,
                 api_key=self.api_key or None,
+                extra_headers={"Authorization": basic(self.login)} if self.login and not self.api_key else None,
                 timeout=timeout_s,
                 num_retries=0,
                 max_retries=0,
@@ -52,11 +61,26 @@ def load_litellm() -> Any:
     except ImportError as error:
         raise UsageError(
             f"client=litellm cannot import litellm: {error}",
-            hint="pip install 'lingjing-agents[litellm]', or use client=direct",
+            hint=_INSTALL,
         ) from error
     litellm.suppress_debug_info = True
     litellm.telemetry = False
+    _bound(litellm)
     return litellm
+
+
+def _bound(litellm: Any) -> None:
+    """Have both of its ways to HTTP use `BoundedTransport`: the OpenAI library's client and its own handler."""
+    from litellm.llms.custom_httpx.http_handler import AsyncHTTPHandler
+
+    if isinstance(litellm.aclient_session, httpx.AsyncClient):
+        return
+    handler: Any = AsyncHTTPHandler
+    if not callable(getattr(handler, "_create_async_transport", None)):
+        raise UsageError("this version of litellm makes its connections in a way that cannot be bounded", hint=_INSTALL)
+    handler._create_async_transport = staticmethod(lambda *_, **__: BoundedTransport())
+    handler._create_httpx_proxy_mounts = staticmethod(lambda *_, **__: {})  # `wire` reads the proxies' variables itself
+    litellm.aclient_session = httpx.AsyncClient(transport=BoundedTransport())
 
 
 def _failed(error: Exception) -> ModelError:
@@ -64,11 +88,23 @@ def _failed(error: Exception) -> ModelError:
     status = status if isinstance(status, int) else None
     response = getattr(error, "response", None)
     retry_after = response.headers.get("retry-after") if response is not None else None
-    seconds = float(retry_after) if retry_after and str(retry_after).isdigit() else None
     # Connection faults carry 500 (InternalServerError) or none at all.
     transient = status in TRANSIENT_STATUS or "connection" in type(error).__name__.lower()
-    text = " ".join(str(error).split())[:300]
-    return ModelError(f"{type(error).__name__}: {text}", transient=transient, retry_after_s=seconds, status=status)
+    text = " ".join(str(error).split())
+    return ModelError(
+        f"{type(error).__name__}: {text}",
+        transient=transient,
+        retry_after_s=seconds(retry_after),
+        status=status,
+        fault=_fault(error, text),
+    )
+
+
+def _fault(error: Exception, text: str) -> Fault:
+    name = type(error).__name__
+    if name == "Timeout":
+        return "time"
+    return "model" if name == "ContentPolicyViolationError" or filtered(text) else "service"
 
 
 def _completion(answer: Any) -> Completion:
@@ -80,7 +116,12 @@ def _completion(answer: Any) -> Completion:
     return Completion(
         text=choice.message.content or "",
         finish_reason=choice.finish_reason or "stop",
-        prompt_tokens=int(getattr(usage, "prompt_tokens", 0) or 0),
-        completion_tokens=int(getattr(usage, "completion_tokens", 0) or 0),
+        prompt_tokens=_count(getattr(usage, "prompt_tokens", 0)),
+        completion_tokens=_count(getattr(usage, "completion_tokens", 0)),
         cost_usd=float(cost) if cost is not None else None,
     )
+
+
+def _count(tokens: object) -> int:
+    """A number of tokens; 0 for what cannot be one."""
+    return tokens if isinstance(tokens, int) and 0 <= tokens <= MOST_TOKENS else 0

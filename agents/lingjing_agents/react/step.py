@@ -10,13 +10,10 @@ import math
 import msgspec
 
 from lingjing.plugins.policy import Action, ArgumentSpec, Brief, Datum, Decision, Field, MessageSpec, Outgoing, Resource
+from lingjing_agents.react.answer import StepError, step_text
 from lingjing_agents.react.schema import sendable, takes_name
 
 Value = bool | float | str | None | list[bool | float | str]
-
-
-class StepError(Exception):
-    """An answer that cannot be used; the text says why, in words a model can act on."""
 
 
 class _Command(msgspec.Struct, forbid_unknown_fields=True):
@@ -40,8 +37,8 @@ class _Step(msgspec.Struct):
 def read_step(text: str, brief: Brief) -> Decision:
     """The decision in a model's answer. Raises `StepError`, which lists every fault found."""
     try:
-        step = msgspec.json.decode(json_object(text).encode(), type=_Step)
-    except msgspec.DecodeError as error:
+        step = msgspec.json.decode(step_text(text).encode("utf-8", "replace"), type=_Step)
+    except (msgspec.DecodeError, RecursionError) as error:
         raise StepError(f"not a step: {error}") from error
     faults: list[str] = []
     command = _check_command(step.command, brief, faults) if step.command is not None else None
@@ -49,26 +46,6 @@ def read_step(text: str, brief: Brief) -> Decision:
     if faults:
         raise StepError("; ".join(faults))
     return Decision(command=command, messages=messages, thought=step.thought)
-
-
-def json_object(text: str) -> str:
-    """The first balanced `{…}` of a text that may carry fences or prose around it. Raises `StepError`."""
-    start = text.find("{")
-    if start < 0:
-        raise StepError("no JSON object in the answer")
-    depth, quoted, escaped = 0, False, False
-    for index in range(start, len(text)):
-        char = text[index]
-        if quoted:
-            quoted = escaped or char != '"'
-            escaped = char == "\\" and not escaped
-        elif char == '"':
-            quoted = True
-        elif char in "{}":
-            depth += 1 if char == "{" else -1
-            if depth == 0:
-                return text[start : index + 1]
-    raise StepError("the JSON object does not end")
 
 
 def _check_command(command: _Command, brief: Brief, faults: list[str]) -> Action | None:

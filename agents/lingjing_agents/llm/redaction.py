@@ -1,0 +1,87 @@
+"""`Redactor`: texts without the keys and passwords that a service, a library or an exception may have put into them.
+
+A secret is found in any letter case, as any run of `RUN` of its characters or more, percent-encoded, as JSON or HTML
+escapes, in hexadecimal and in base64 (alone or inside a longer text, as in `Basic` authorisation). A secret shorter
+than `RUN` is found where it stands alone, one shorter than `SHORTEST` not at all: such texts are in every sentence.
+What a service ciphers in a way of its own cannot be found.
+"""
+
+from __future__ import annotations
+
+import html
+import json
+import re
+from base64 import b64encode, urlsafe_b64encode
+from collections.abc import Iterable, Iterator
+from urllib.parse import quote, quote_plus, unquote
+
+MARK = "***"
+RUN = 8
+SHORTEST = 4
+_ROUNDS = 3
+"""How many escapes inside one another are undone."""
+
+_USERINFO = re.compile(r"(?<=://)[^/\s@\"'<>]+@")
+_JSON_ESCAPE = re.compile(r"\\+(?:u([0-9a-fA-F]{4})|x([0-9a-fA-F]{2}))")
+_ASCII_LOWER = {upper: upper + 32 for upper in range(ord("A"), ord("Z") + 1)}
+
+
+class Redactor:
+    """A function from texts to texts that blanks `secrets`, and the user and password of every URL."""
+
+    def __init__(self, secrets: Iterable[str]) -> None:
+        spellings = {_lower(form) for secret in secrets if len(secret) >= SHORTEST for form in _spellings(secret)}
+        self._runs = frozenset(form[at : at + RUN] for form in spellings for at in range(len(form) - RUN + 1))
+        short = sorted(form for form in spellings if SHORTEST <= len(form) < RUN)
+        self._alone = re.compile(rf"(?<!\w)(?:{'|'.join(map(re.escape, short))})(?!\w)") if short else None
+
+    def __call__(self, text: str) -> str:
+        """`text` with `***` for every secret; one whose escapes hid a secret comes back without these escapes."""
+        text = self._plain(text)
+        for _ in range(_ROUNDS):
+            for unescaped in (unquote(text), html.unescape(text), _JSON_ESCAPE.sub(_character, text)):
+                if unescaped != text and any(True for _ in self._found(unescaped)):
+                    text = self._plain(unescaped)
+        return text
+
+    def _plain(self, text: str) -> str:
+        parts, end = [], 0
+        for first, last in self._found(text):
+            parts += [text[end:first], MARK]
+            end = last
+        return _USERINFO.sub(f"{MARK}@", "".join([*parts, text[end:]]))
+
+    def _found(self, text: str) -> Iterator[tuple[int, int]]:
+        """Where secrets stand, in order and apart."""
+        lowered = _lower(text)
+        spans = [match.span() for match in self._alone.finditer(lowered)] if self._alone else []
+        if self._runs:
+            runs = self._runs
+            spans += [(at, at + RUN) for at in range(len(lowered) - RUN + 1) if lowered[at : at + RUN] in runs]
+        joined: list[tuple[int, int]] = []
+        for first, last in sorted(spans):
+            if joined and first <= joined[-1][1]:
+                joined[-1] = (joined[-1][0], max(last, joined[-1][1]))
+            else:
+                joined.append((first, last))
+        return iter(joined)
+
+
+def _spellings(secret: str) -> Iterator[str]:
+    yield from (secret, quote(secret, safe=""), quote_plus(secret), json.dumps(secret)[1:-1], html.escape(secret))
+    data = secret.encode("utf-8", "surrogatepass")
+    yield data.hex()
+    for encode in (b64encode, urlsafe_b64encode):
+        for before in range(3):  # inside a longer text it may begin at any of three places of a group of four letters
+            letters = encode(b"\0" * before + data).decode().rstrip("=")
+            yield letters[(0, 2, 3)[before] : len(letters) - bool((before + len(data)) % 3)]
+
+
+def _lower(text: str) -> str:
+    """Lower case of the same length."""
+    lowered = text.lower()
+    return lowered if len(lowered) == len(text) else text.translate(_ASCII_LOWER)
+
+
+def _character(escape: re.Match[str]) -> str:
+    return chr(int(escape[1] or escape[2], 16))

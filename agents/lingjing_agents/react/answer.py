@@ -1,0 +1,91 @@
+"""The step in a model's answer: one JSON object among reasoning, fences and prose.
+
+Reasoning that a service leaves in the answer (`<think>…</think>` and its like) is told from what follows it. Of what
+is left the objects that look like a step count; two different ones are a fault, because nobody can say which is meant.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+
+_END_OF_REASONING = re.compile(
+    r"</(?:\w+:)?(?:think|thinking|thought|reasoning|analysis|scratchpad)>|\[/THINK\]|<\|channel\|>final<\|message\|>",
+    re.IGNORECASE,
+)
+_REASONING = re.compile(
+    r"\s*(?:<(?:\w+:)?(?:think|thinking|thought|reasoning|analysis|scratchpad)>|\[THINK\]|<\|channel\|>analysis)",
+    re.IGNORECASE,
+)
+_KEYS = frozenset({"thought", "command", "messages"})
+_TOO_DEEP = "not a step: the JSON object is nested too deeply"
+_DECODER = json.JSONDecoder()
+
+_BEGINNING = re.compile(r"\{\s*[\"}]")
+
+MOST_TRIES = 400
+SCANNED_LETTERS = 2_000_000
+"""How many beginnings of an object are followed, and how far in all: braces that lead nowhere cost time."""
+
+
+class StepError(Exception):
+    """An answer that cannot be used; the text says why, in words a model can act on."""
+
+
+def step_text(text: str) -> str:
+    """The JSON text of the one step in an answer. Raises `StepError`."""
+    try:
+        if text.lstrip().startswith("{"):  # a step's own texts may speak of reasoning
+            found, _ = _objects(text)
+            if len(found) == 1:
+                return found[0]
+        found, fault = _objects(after_reasoning(text))
+    except RecursionError:
+        raise StepError(_TOO_DEEP) from None
+    if len(found) > 1:
+        raise StepError(f"the answer holds {len(found)} different steps; give one")
+    if not found:
+        raise StepError(fault)
+    return found[0]
+
+
+def after_reasoning(text: str) -> str:
+    """What follows the reasoning; the whole text if there is none. Raises `StepError` if the reasoning does not end."""
+    ends = [match.end() for match in _END_OF_REASONING.finditer(text)]
+    if ends:
+        return text[ends[-1] :]
+    if _REASONING.match(text):
+        raise StepError("the reasoning does not end, and no answer follows it")
+    return text
+
+
+def _objects(text: str) -> tuple[list[str], str]:
+    """The different objects that look like a step, in order, and what is wrong if there is none."""
+    found: dict[str, str] = {}
+    fault = "no JSON object in the answer"
+    beginning, scanned, tries = _BEGINNING.search(text), 0, 0
+    while beginning is not None and scanned < SCANNED_LETTERS and tries < MOST_TRIES:
+        at = beginning.start()
+        value, end, wrong = _object(text, at)
+        if isinstance(value, dict) and _KEYS & value.keys():
+            found.setdefault(json.dumps(value, sort_keys=True), text[at:end])
+        elif not found:
+            fault = wrong or f"not a step: the object has none of the fields {', '.join(sorted(_KEYS))}"
+        scanned, tries = scanned + end - at, tries + 1
+        beginning = _BEGINNING.search(text, at + 1 if wrong else end)
+    return list(found.values()), fault
+
+
+def _object(text: str, at: int) -> tuple[object, int, str]:
+    """The object that begins at `at`, where reading ended, and what is wrong with it (the object is then None)."""
+    try:
+        value, end = _DECODER.raw_decode(text, at)
+    except json.JSONDecodeError as error:
+        ended = error.pos >= len(text.rstrip()) or error.msg.startswith("Unterminated")
+        wrong = "the JSON object does not end" if ended else f"not a step: JSON is malformed: {error.msg}"
+        return None, max(error.pos, at + 1), wrong
+    except RecursionError:
+        return None, len(text), _TOO_DEEP
+    except ValueError as error:  # a number with thousands of digits
+        return None, at + 1, f"not a step: {error}"
+    return value, end, ""

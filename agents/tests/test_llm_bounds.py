@@ -1,0 +1,192 @@
+"""What a hostile service sends is bounded in memory and in time, through both clients."""
+
+import resource
+import threading
+from collections.abc import Iterable, Iterator
+from importlib.util import find_spec
+
+import pytest
+from hostile_server import BLOCK, answered, completion, gzip_bomb, serve_raw
+from lingjing_agents.llm.chat import ChatMessage, ChatRequest, ModelClient, ModelError
+from lingjing_agents.llm.direct import DirectClient
+from lingjing_agents.llm.retry import Attempts, Deadline, complete_with_retries
+from lingjing_agents.llm.through_litellm import LitellmClient
+from lingjing_agents.llm.wire import ANSWER_BYTES, seconds
+
+ROOM = 400_000
+"""Kilobytes by which a client's process may grow at most: the bombs hold gigabytes."""
+
+BOMB = gzip_bomb()
+
+
+def once(data: bytes):
+    return lambda request: iter([data])
+
+
+def endless(head: bytes, piece: bytes):
+    def pieces(request: bytes) -> Iterator[bytes]:
+        yield head
+        while True:
+            yield piece
+
+    return pieces
+
+
+def dripping(head: bytes, piece: bytes):
+    """A piece now and then; the wait is what is tested."""
+
+    def pieces(request: bytes) -> Iterator[bytes]:
+        yield head
+        while True:
+            threading.Event().wait(0.2)
+            yield piece
+
+    return pieces
+
+
+CHUNK = b"%x\r\n%b\r\n" % (BLOCK, b" " * BLOCK)
+CHUNKED = b"HTTP/1.1 200 OK\r\ntransfer-encoding: chunked\r\n\r\n"
+ENDLESS_GZIP = CHUNKED.replace(b"\r\n\r\n", b"\r\ncontent-encoding: gzip\r\n\r\n")
+
+TOO_LONG = {
+    "a gzip bomb": once(BOMB),
+    "an endless stream": endless(CHUNKED, CHUNK),
+    "an endless answer to the end of the connection": endless(b"HTTP/1.1 200 OK\r\n\r\n", b" " * BLOCK),
+    "brotli, which was not asked for": once(answered("200 OK", b"\x0b" * 9, "content-encoding: br")),
+    "what is no gzip": once(answered("200 OK", b"{}", "content-encoding: gzip")),
+    "an endless header": endless(b"HTTP/1.1 200 OK\r\n", b"x: " + b"y" * 1000 + b"\r\n"),
+    "a header without an end": endless(b"HTTP/1.1 200 OK\r\nx: ", b"y" * BLOCK),
+    "no HTTP": endless(b"", b"\0" * BLOCK),
+    "a body that is too short": once(b"HTTP/1.1 200 OK\r\ncontent-length: 5000\r\n\r\n{}"),
+    "a body that is too long": once(b"HTTP/1.1 200 OK\r\ncontent-length: 5\r\n\r\n" + b"{}" * 5000),
+    "a length that is none": once(b"HTTP/1.1 200 OK\r\ncontent-length: -1\r\n\r\n{}"),
+    "two lengths": once(b"HTTP/1.1 200 OK\r\ncontent-length: 2\r\ncontent-length: 3\r\n\r\n{}"),
+    "deep JSON": once(answered("200 OK", b'{"choices":' + b"[" * 500_000)),
+    "a deep completion": once(answered("200 OK", b'{"choices":[{"message":{"content":"x","y":' + b"[" * 500_000)),
+    "numbers that are none": once(
+        answered("200 OK", b'{"choices":[{"message":{"content":"x"}}],"usage":{"prompt_tokens":-1e400}}')
+    ),
+    "half a character": once(answered("200 OK", b'{"choices":[{"message":{"content":"\xe4"}}]}')),
+}
+
+LATE = {
+    "a dripping body": dripping(CHUNKED, b"1\r\n \r\n"),
+    "a dripping header": dripping(b"HTTP/1.1 200 OK\r\n", b"x"),
+    "answers that announce an answer": dripping(b"", b"HTTP/1.1 102 Processing\r\n\r\n"),
+    "a flood of them": endless(b"", b"HTTP/1.1 102 Processing\r\n\r\n" * 2000),
+    "no answer": dripping(b"", b""),
+}
+
+
+def direct(url: str) -> ModelClient:
+    return DirectClient(url, "a-key")
+
+
+def through_litellm(url: str) -> ModelClient:
+    if find_spec("litellm") is None:
+        pytest.skip("litellm is an optional extra")
+    return LitellmClient(url, "a-key")
+
+
+CLIENTS = [direct, pytest.param(through_litellm, marks=pytest.mark.slow)]
+FEW = {"a gzip bomb", "an endless stream", "deep JSON", "a dripping body"}
+"""What is tried through litellm too: the rest of the way is the same."""
+
+
+def cases(names: Iterable[str]) -> list[object]:
+    return [
+        *(pytest.param(name, direct, id=name) for name in names),
+        *(
+            pytest.param(name, through_litellm, id=f"{name}, through litellm", marks=pytest.mark.slow)
+            for name in names
+            if name in FEW
+        ),
+    ]
+
+
+async def ask(client: ModelClient, seconds: float, tries: int = 1):
+    model = "openai/m" if isinstance(client, LitellmClient) else "m"
+    request = ChatRequest(model, (ChatMessage("user", "hello"),))
+    return await complete_with_retries(client, request, Deadline(seconds), Attempts(), tries=tries)
+
+
+@pytest.mark.parametrize(("what", "client"), cases(TOO_LONG))
+async def test_no_answer_is_read_beyond_its_bound(what: str, client):
+    with serve_raw(once(completion("hi"))) as url:
+        assert (await ask(client(url), 60)).text == "hi"  # what is loaded once is loaded now
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    with serve_raw(TOO_LONG[what]) as url, pytest.raises(ModelError) as failure:
+        await ask(client(url), 60)
+    assert failure.value.fault == "service"
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < ROOM
+
+
+@pytest.mark.parametrize(("what", "client"), cases(LATE))
+async def test_the_deadline_ends_what_never_ends(what: str, client):
+    if client is not direct:  # its import takes seconds of the first deadline
+        with serve_raw(once(completion("hi"))) as url:
+            await ask(client(url), 60)
+    with serve_raw(LATE[what]) as url, pytest.raises(ModelError) as failure:
+        await ask(client(url), 1.0)
+    assert failure.value.fault == "time"
+
+
+@pytest.mark.parametrize("client", CLIENTS)
+async def test_of_a_refusal_its_beginning_is_told(client):
+    refusal = endless(CHUNKED.replace(b"200 OK", b"402 Pay"), CHUNK.replace(b" ", b"$"))
+    with serve_raw(refusal) as url, pytest.raises(ModelError, match=r"\$\$\$") as failure:
+        await ask(client(url), 60)
+    assert failure.value.status == 402
+
+
+async def test_a_packed_refusal_keeps_its_status():
+    with serve_raw(once(gzip_bomb("401 No"))) as url, pytest.raises(ModelError) as failure:
+        await ask(direct(url), 60)
+    assert failure.value.status == 401
+
+
+@pytest.mark.parametrize("client", CLIENTS)
+async def test_redirects_are_not_followed_with_a_key(client):
+    asked = []
+
+    def elsewhere(request: bytes) -> Iterator[bytes]:
+        asked.append(request)
+        yield completion("stolen")
+
+    with serve_raw(elsewhere) as other:
+        away = once(answered("307 Temporary Redirect", b"", f"location: {other}/chat/completions"))
+        with serve_raw(away) as url, pytest.raises(ModelError, match="307"):
+            await ask(client(url), 60)
+    assert not asked
+
+
+async def test_a_packed_answer_of_a_service_that_packs_all_the_same_is_read():
+    import gzip
+
+    plain = completion("hi").split(b"\r\n\r\n", 1)[1]
+    with serve_raw(once(answered("200 OK", gzip.compress(plain), "content-encoding: GZIP"))) as url:
+        assert (await ask(direct(url), 60)).text == "hi"
+
+
+async def test_an_answer_up_to_the_bound_is_read():
+    text = "x" * (ANSWER_BYTES - 1000)
+    with serve_raw(once(completion(text))) as url:
+        assert (await ask(direct(url), 60)).text == text
+
+
+@pytest.mark.parametrize(
+    ("header", "found"),
+    [
+        ("2", 2.0), (" 1.5 ", 1.5), ("²", None), ("٣", None), ("", None), (None, None), ("-1", None), ("1e400", None),
+        ("9" * 400, None), ("nan", None), ("Fri, 31 Dec 1999 23:59:59 GMT", None), ("1.2.3", None),
+    ],
+)  # fmt: skip
+def test_retry_after_is_seconds_or_nothing(header: str | None, found: float | None):
+    assert seconds(header) == found
+
+
+@pytest.mark.parametrize("client", CLIENTS)
+async def test_a_retry_after_that_is_no_number_is_as_good_as_none(client):
+    answers = iter([answered("429 Busy", b"{}", "retry-after: \xb2"), completion("hi")])
+    with serve_raw(lambda request: iter([next(answers)])) as url:
+        assert (await ask(client(url), 60, tries=2)).text == "hi"

@@ -1,0 +1,217 @@
+"""Nothing that a service, a library or an exception says carries a key or a password out of a client."""
+
+import html
+import json
+import logging
+import os
+import re
+import subprocess
+import sys
+import traceback
+from base64 import b64encode
+from collections.abc import Callable, Iterator
+from importlib.util import find_spec
+from pathlib import Path
+from urllib.parse import quote, unquote
+
+import pytest
+from agent_kit import Inbox, brief, observe
+from hostile_server import answered, completion, header_of, serve_raw
+from lingjing_agents.llm.redaction import RUN, Redactor
+from lingjing_agents.react.policy import PATIENCE, ReactPolicy
+
+from lingjing.plugins.policy import InfrastructureError, NoDecisionError, UsageError
+from lingjing.trace.container import scan
+
+KEY = 'Zq8vT3kX9-mWn2bLs/7"Rü'
+PASSWORD = "hUn7er42 &co"
+LOGIN = f"planner:{PASSWORD}"
+SCENARIO = Path(__file__).parents[2] / "scenarios" / "ssr.ljs"
+
+SPELLINGS: dict[str, Callable[[str], str]] = {
+    "plain": str,
+    "lower case": str.lower,
+    "upper case": str.upper,
+    "bearer": lambda key: f"Bearer {key}",
+    "percent": lambda key: quote(key, safe=""),
+    "every letter in percent": lambda key: "".join(f"%{byte:02x}" for byte in key.encode()),
+    "percent twice": lambda key: quote(quote(key, safe=""), safe=""),
+    "json": json.dumps,
+    "every letter in json": lambda key: "".join(f"\\u{ord(letter):04x}" for letter in key),
+    "html": html.escape,
+    "json in json": lambda key: json.dumps(json.dumps("".join(f"\\u{ord(letter):04x}" for letter in key))),
+    "every letter in html": lambda key: "".join(f"&#{ord(letter)};" for letter in key),
+    "hexadecimal": lambda key: key.encode().hex(),
+    "base64": lambda key: b64encode(key.encode()).decode(),
+    "base64 of more": lambda key: b64encode(f"Bearer {key} of yours".encode()).decode(),
+    "the first half": lambda key: f"{key[: len(key) // 2]}…",
+    "the last half": lambda key: f"…{key[len(key) // 2 :]}",
+    "in a url": lambda key: f"https://{quote(key)}@host/v1",
+    "twice": lambda key: f"{key} and {key}",
+    "at the cut": lambda key: "x" * 230 + key,
+}
+
+
+def readable(text: str) -> Iterator[str]:
+    """The text as somebody who looks for keys reads it."""
+    for _ in range(3):
+        text = re.sub(r"\\+u([0-9a-f]{4})", lambda match: chr(int(match[1], 16)), html.unescape(unquote(text)))
+        yield text.lower()
+
+
+def told(text: str, secret: str, run: int = RUN + 2) -> str:
+    """A run of the secret's characters that a text tells, in whatever spelling; empty if it tells none."""
+    data = secret.encode()
+    forms = [secret.lower(), data.hex(), *(b64encode(b"?" * at + data).decode()[4:-4].lower() for at in range(3))]
+    for form in forms:
+        for at in range(max(1, len(form) - run + 1)):
+            if any(form[at : at + run] in view for view in readable(text)):
+                return form[at : at + run]
+    return ""
+
+
+@pytest.mark.parametrize("secret", [KEY, LOGIN, "sk-proj-0123456789abcdef", "correct horse battery staple"])
+@pytest.mark.parametrize("spelling", SPELLINGS)
+def test_a_secret_is_found_in_every_spelling(spelling: str, secret: str):
+    text = f"you sent {SPELLINGS[spelling](secret)} to us"
+    redacted = Redactor((secret,))(text)
+    assert not told(redacted, secret)
+    assert redacted.startswith("you sent ")
+    assert redacted.endswith(" to us")
+
+
+def test_short_secrets_are_found_where_they_stand_alone_and_shorter_ones_left():
+    assert Redactor(("EMPTY",))("the key EMPTY is not EMPTYING") == "the key *** is not EMPTYING"
+    assert Redactor(("x", ""))('{"x": 1}') == '{"x": 1}'
+    assert Redactor(())("http://me:pw@host") == "http://***@host"
+
+
+def test_other_texts_stay_as_they_are():
+    redact = Redactor((KEY, LOGIN))
+    for text in (json.dumps({"thought": "100 % sure, a&amp;b \\u00e9 %41", "x": [1, 2]}), "", "İstanbul" * 1000):
+        assert redact(text) == text
+
+
+def echo(status: str, spell: Callable[[str], str]):
+    """A service that sends back what it was sent as authorisation."""
+
+    def answer(request: bytes) -> Iterator[bytes]:
+        sent = header_of(request, "authorization").partition(" ")[2]
+        body = json.dumps({"error": {"message": f"wrong key: {spell(sent)}"}}, ensure_ascii=False).encode()
+        yield answered(status, body, f"x-your-key: {quote(sent)}", "content-type: application/json")
+
+    return answer
+
+
+def client_arguments(client: str) -> dict[str, str]:
+    if client == "litellm" and find_spec("litellm") is None:
+        pytest.skip("litellm is an optional extra")
+    return {"client": client, "model": "openai/m" if client == "litellm" else "m"}
+
+
+CLIENTS = ["direct", pytest.param("litellm", marks=pytest.mark.slow)]
+
+
+@pytest.mark.parametrize("client", CLIENTS)
+async def test_exceptions_their_causes_and_logs_hold_no_key(client, monkeypatch, caplog, capfd):
+    key = KEY.encode("ascii", "ignore").decode()
+    monkeypatch.setenv("SERVICE_KEY", key)
+    caplog.set_level(logging.DEBUG)
+    with serve_raw(echo("401 Unauthorized", str)) as url:
+        policy = ReactPolicy(base_url=url, api_key_env="SERVICE_KEY", deadline="60", **client_arguments(client))
+        await policy.reset(brief("scout[1]"))
+        for tick in range(PATIENCE):
+            with pytest.raises((NoDecisionError, InfrastructureError)) as failure:
+                await policy.act(observe("scout[1]", tick), Inbox())
+    report = "".join(traceback.TracebackException.from_exception(failure.value, capture_locals=False).format())
+    assert "wrong key" in report
+    for text in (report, _linked(failure.value), caplog.text, *capfd.readouterr()):
+        assert not told(text, key)
+    assert caplog.records
+
+
+def _linked(error: BaseException) -> str:
+    """Everything that hangs on to an exception, with its attributes."""
+    seen, texts, waiting = set(), [], [error]
+    while waiting:
+        one = waiting.pop()
+        if id(one) not in seen:
+            seen.add(id(one))
+            texts.append(f"{one!r} {vars(one)}")
+            waiting += [linked for linked in (one.__cause__, one.__context__) if linked is not None]
+    return "\n".join(texts)
+
+
+async def test_an_answer_that_tells_the_key_is_redacted_too(monkeypatch):
+    key = "Zq8vT3kX9-mWn2bLs77Rx"
+    monkeypatch.setenv("SERVICE_KEY", key)
+    step = {"thought": f"my key is {key}", "command": None, "messages": []}
+    with serve_raw(lambda request: iter([completion(json.dumps(step))])) as url:
+        policy = ReactPolicy(model="m", base_url=url, api_key_env="SERVICE_KEY")
+        await policy.reset(brief("scout[1]"))
+        assert (await policy.act(observe("scout[1]", 1), Inbox())).thought == "my key is ***"
+
+
+async def test_a_login_of_the_environment_is_sent_and_not_told(monkeypatch):
+    with serve_raw(echo("403 Forbidden", str)) as url:
+        monkeypatch.setenv("SERVICE_URL", url.replace("//", f"//{quote(LOGIN, safe=':')}@"))
+        policy = ReactPolicy(model="m", base_url_env="SERVICE_URL")
+        await policy.reset(brief("scout[1]"))
+        with pytest.raises(NoDecisionError, match="wrong key") as failure:
+            await policy.act(observe("scout[1]", 1), Inbox())
+    for secret in (LOGIN, PASSWORD):
+        assert not told(str(failure.value), secret)
+        assert not told(repr(vars(policy)), secret)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        ({"base_url": f"http://planner:{quote(PASSWORD)}@localhost/v1"}, "base_url_env"),
+        ({"base_url": f"http://{quote(PASSWORD)}@localhost/v1"}, "base_url_env"),
+        ({"base_url": f"planner:{PASSWORD}@localhost/v1"}, "http://localhost"),
+        ({"base_url": f"ftp://planner:{PASSWORD}@localhost/v1"}, "http://localhost"),
+        ({"base_url": f"http://localhost/v1?key={quote(PASSWORD)}"}, "query"),
+        ({"base_url": f"http://[{PASSWORD}]/v1"}, "http://localhost"),
+        ({"base_url": f"http://localhost:{PASSWORD}/v1"}, "http://localhost"),
+        ({"base_url": "http://localhost/v1", "api_key_env": f"{PASSWORD}"}, "takes the name of a variable"),
+        ({"base_url_env": "NO_SUCH_URL"}, "NO_SUCH_URL"),
+    ],
+)
+def test_secrets_do_not_go_into_arguments(arguments: dict[str, str], says: str):
+    with pytest.raises(UsageError) as failure:
+        ReactPolicy(model="m", **arguments)
+    assert says in f"{failure.value} {failure.value.hint}"
+    assert not told(f"{failure.value} {failure.value.hint} {_linked(failure.value)}", PASSWORD, 7)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("client", ["direct", "litellm"])
+def test_a_run_against_a_service_that_echoes_its_key_leaves_it_nowhere(client: str, tmp_path: Path):
+    key = "Zq8vT3kX9-mWn2bLs77Rx"
+    spellings = iter(list(SPELLINGS.values()) * 100)
+    with serve_raw(lambda request: echo("401 Unauthorized", next(spellings))(request)) as url:
+        arguments = {"base_url": url, "api_key_env": "SERVICE_KEY", **client_arguments(client)}
+        pairs = [part for name, value in arguments.items() for part in ("--policy-arg", f"{name}={value}")]
+        done = subprocess.run(
+            [
+                *(sys.executable, "-m", "lingjing.cli.main", "run", str(SCENARIO), "--mode", "star"),
+                *("--policy", "react", *pairs, "-o", "run", "--json"),
+            ],
+            cwd=tmp_path, env={**os.environ, "SERVICE_KEY": key, "LINGJING_TRACEBACK": "1"},
+            capture_output=True, text=True, timeout=280, check=False,
+        )  # fmt: skip
+    assert done.returncode == 3, done.stderr
+    report = json.loads(done.stdout)
+    assert report["metrics"]["calls"] > 0
+    assert report["reason"] == "infrastructure-abort"
+    assert "wrong key" in report["detail"]
+    assert "hint: another key" in done.stderr
+    left = [path for path in tmp_path.rglob("*") if path.is_file()]
+    assert left
+    stored = [stored.data for path in left if path.suffix == ".part" for stored in scan(path)]
+    assert stored
+    for text in (done.stdout, done.stderr, *(path.read_bytes().decode("latin-1") for path in left)):
+        assert not told(text, key)
+    for data in stored:
+        assert not told(data.decode("latin-1"), key)
