@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     Watch = Callable[[str], AbstractContextManager[Callable[[Progress], None]]]
 
-GRACE_S = 15.0
+GRACE_S = 60.0
 """How long an interrupted episode may take to close its workers."""
 
 

@@ -35,7 +35,7 @@ from lingjing.mission.seeding import integer
 TRIES = 3
 """How often one episode is tried before the study gives it up as aborted."""
 
-LINGERS_S = 20.0
+LINGERS_S = 60.0
 """How long an episode may take to end after its study was killed."""
 
 MODES = ("single", "broadcast", "star")

@@ -17,7 +17,7 @@ from lingjing.cli.libraries import SYSTEM_LIBRARIES, apt_line, missing_libraries
 from lingjing.errors import ExitCode, LingjingError
 
 PROBE_S = 60.0
-"""A probe that takes longer is reported as hanging."""
+"""A probe that takes longer, less what it waited for a processor, is reported as hanging."""
 ROOM_BYTES = 1 << 30
 """Free disk that ten long episodes with pictures fit in."""
 
@@ -137,6 +137,18 @@ def check_processes() -> Finding:
     return _probe("processes", _MEMFD_PROBE, "a sandbox forbids fork or memfd_create: allow them, or --world inline")
 
 
+def check_queues() -> Finding:
+    """Whether deadlines can leave out the time in which a busy machine had no processor for an engine."""
+    from lingjing.kernel.world.deadlines import is_counted
+
+    if is_counted():
+        return Finding(name="queues", ok=True, found="waits for a processor are counted, and part of no deadline")
+    found = "this kernel does not count waits for a processor (no CONFIG_SCHED_INFO): deadlines are wall-clock time"
+    return Finding(
+        name="queues", ok=True, found=found, advice="on a busy machine raise `engine` and `capture` in `budget`"
+    )
+
+
 def check_disk() -> Finding:
     """Room and permission for runs in the working folder."""
     try:
@@ -172,6 +184,7 @@ CHECKS: tuple[Callable[[], Finding], ...] = (
     check_road,
     check_dogs,
     check_processes,
+    check_queues,
     check_disk,
     check_plugins,
 )
@@ -179,15 +192,31 @@ CHECKS: tuple[Callable[[], Finding], ...] = (
 
 def _probe(name: str, code: str, advice: str) -> Finding:
     """Run `code` in a process of its own: a crash there is a finding, not our end."""
-    command = [sys.executable, "-c", code]
-    try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=PROBE_S, check=False)
-    except subprocess.TimeoutExpired:
+    process = subprocess.Popen(
+        [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )  # fmt: skip
+    with process:
+        said = _said(process)
+        process.kill()
+    if said is None:
         return Finding(name=name, ok=False, found=f"no answer within {PROBE_S:.0f} s", advice=advice)
-    if done.returncode == 0:
-        return Finding(name=name, ok=True, found=_last_line(done.stdout))
-    reason = _last_line(done.stderr) or f"ended with code {done.returncode}"
+    if process.returncode == 0:
+        return Finding(name=name, ok=True, found=_last_line(said[0]))
+    reason = _last_line(said[1]) or f"ended with code {process.returncode}"
     return Finding(name=name, ok=False, found=reason, advice=advice)
+
+
+def _said(process: subprocess.Popen[str]) -> tuple[str, str] | None:
+    """What a probe wrote; None if it did not end in time."""
+    from lingjing.kernel.world.deadlines import OwnDeadline
+
+    deadline = OwnDeadline(process.pid, PROBE_S)
+    while (left_s := deadline.left_s()) > 0.0:
+        try:
+            return process.communicate(timeout=left_s)
+        except subprocess.TimeoutExpired:
+            continue
+    return None
 
 
 def _last_line(text: str) -> str:

@@ -85,7 +85,7 @@ def test_killed_again_and_again_it_plays_everything_once(tmp_path: Path) -> None
     moments = random.Random(5)
     for _ in range(4):
         running = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        deadline = time.monotonic() + 20.0
+        deadline = time.monotonic() + 600
         while not (folder / "results.json").exists() and time.monotonic() < deadline:
             time.sleep(0.02)
         time.sleep(moments.uniform(0.0, 0.6))

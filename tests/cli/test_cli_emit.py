@@ -11,7 +11,7 @@ from lingjing.data import data_path
 
 def lingjing(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "lingjing.cli.main", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    return subprocess.run(command, capture_output=True, text=True, timeout=900, check=False)
 
 
 def test_text_and_json_go_round(tmp_path: Path) -> None:

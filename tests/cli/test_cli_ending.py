@@ -36,10 +36,10 @@ class P:
 
 @pytest.fixture(scope="module")
 def short(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The mission with a budget of two ticks, and two seconds for each policy."""
+    """The mission with a budget of two ticks, and a minute for each policy."""
     text = data_path("scenarios", "ssr.ljs").read_text(encoding="utf-8")
     path = tmp_path_factory.mktemp("mission") / "short.ljs"
-    text = text.replace("ticks <= 60, policy <= 90 s", "ticks <= 2, policy <= 2 s")
+    text = text.replace("ticks <= 60, policy <= 90 s", "ticks <= 2, policy <= 60 s")
     away, near = "(12.4 m, -1351.8 m)", "(270 m, -920 m)"  # so that two ticks are not proved too few
     assert away in text
     path.write_text(text.replace(away, near), encoding="utf-8")
@@ -53,7 +53,7 @@ def write_policy(folder: Path, init: str = "pass", reset: str = "pass", act: str
 
 def lingjing(*arguments: object, cwd: Path, **options: object) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [*COMMAND, *map(str, arguments)], cwd=cwd, capture_output=True, text=True, timeout=120, check=False, **options
+        [*COMMAND, *map(str, arguments)], cwd=cwd, capture_output=True, text=True, timeout=900, check=False, **options
     )  # type: ignore[call-overload]
 
 
@@ -97,7 +97,7 @@ def test_a_thread_that_a_policy_leaves_behind_does_not_hold_the_command(short: P
 def test_closed_streams_are_no_fault(closed: str, short: Path, tmp_path: Path) -> None:
     script = f'"$@" {closed}'
     command = ["sh", "-c", script, "sh", *COMMAND, "run", str(short), "--policy", "random", "-o", "out"]
-    assert subprocess.run(command, cwd=tmp_path, timeout=120, check=False, capture_output=True).returncode == 0
+    assert subprocess.run(command, cwd=tmp_path, timeout=900, check=False, capture_output=True).returncode == 0
     assert read_trace(tmp_path / "out" / "trace.mcap").complete
 
 
@@ -142,14 +142,14 @@ def ended(
         [*COMMAND, "run", "ssr", "--policy", "random", "-o", "out", "--json", *arguments], cwd=folder,
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
     )  # fmt: skip
-    deadline = time.monotonic() + 120
+    deadline = time.monotonic() + 600
     while sum(part.stat().st_size > 100_000 for part in folder.rglob("*.part")) < traces:
         assert process.poll() is None, process.communicate()
         assert time.monotonic() < deadline
         time.sleep(0.05)
     act(process)
-    out, err = process.communicate(timeout=60)
-    patience = time.monotonic() + 10
+    out, err = process.communicate(timeout=900)
+    patience = time.monotonic() + 600
     while not group_is_gone(process.pid) and time.monotonic() < patience:
         time.sleep(0.05)
     assert group_is_gone(process.pid)
@@ -204,7 +204,7 @@ def test_compiling_to_a_device_writes_to_it(tmp_path: Path) -> None:
     os.mkfifo(pipe)
     reader = subprocess.Popen(["cat", pipe], stdout=subprocess.PIPE, text=True)
     write_whole(str(pipe), "text")
-    assert reader.communicate(timeout=10)[0] == "text"
+    assert reader.communicate(timeout=900)[0] == "text"
     assert pipe.is_fifo()
 
 

@@ -14,7 +14,7 @@ NEAT = "ljs 1\nasset a { engine = vessel, speed = 3 m/s }\n"
 
 def fmt(*arguments: str | Path, stdin: str = "") -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "lingjing.cli.main", "fmt", *map(str, arguments)]
-    return subprocess.run(command, input=stdin, capture_output=True, text=True, timeout=120, check=False)
+    return subprocess.run(command, input=stdin, capture_output=True, text=True, timeout=900, check=False)
 
 
 def test_a_file_is_written_in_place_and_then_left(tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ from lingjing.errors import UsageError
 
 def lingjing(*arguments: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "lingjing.cli.main", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=280, check=False, cwd=cwd)
+    return subprocess.run(command, capture_output=True, text=True, timeout=900, check=False, cwd=cwd)
 
 
 def test_a_new_mission_compiles_and_is_formatted(tmp_path: Path) -> None:

@@ -20,7 +20,7 @@ def call(*command: object, cwd: Path, site: Path | None = None, code: int = 0) -
     if site is not None:
         env["PYTHONPATH"] = str(site)
     done = subprocess.run(
-        [sys.executable, *map(str, command)], cwd=cwd, env=env, capture_output=True, text=True, timeout=280, check=False
+        [sys.executable, *map(str, command)], cwd=cwd, env=env, capture_output=True, text=True, timeout=900, check=False
     )
     assert done.returncode == code, f"{command}\n{done.stdout}\n{done.stderr}"
     return done.stdout + done.stderr

@@ -144,7 +144,7 @@ def test_a_killed_build_leaves_no_half_city(folder: Path, number: int) -> None:
         build = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=dict(os.environ))
         time.sleep(delay)
         build.send_signal(number)
-        code = build.wait(timeout=30)
+        code = build.wait(timeout=900)
         if (folder / "city").exists():
             assert main(["scene", "info", "city"]) == ExitCode.OK  # it had been finished
             break

@@ -171,7 +171,7 @@ def test_drawing_keeps_to_its_share_of_the_time(trace: Trace, city: City, monkey
 
 def test_without_a_terminal_it_is_refused_with_a_way_out(tmp_path: Path) -> None:
     done = subprocess.run(
-        [*RUN, "ssr", "--watch", "--policy", "random"], cwd=tmp_path, capture_output=True, text=True, timeout=60
+        [*RUN, "ssr", "--watch", "--policy", "random"], cwd=tmp_path, capture_output=True, text=True, timeout=900
     )
     assert done.returncode == 2
     assert "error: --watch draws on the terminal" in done.stderr and "hint: leave --watch out" in done.stderr
@@ -180,7 +180,7 @@ def test_without_a_terminal_it_is_refused_with_a_way_out(tmp_path: Path) -> None
 
 def test_several_at_a_time_cannot_be_watched(tmp_path: Path) -> None:
     done = subprocess.run(
-        [*RUN, "ssr", "--watch", "--seeds", "0-1", "-j", "2"], cwd=tmp_path, capture_output=True, text=True, timeout=60
+        [*RUN, "ssr", "--watch", "--seeds", "0-1", "-j", "2"], cwd=tmp_path, capture_output=True, text=True, timeout=900
     )
     assert done.returncode == 2 and "one episode at a time" in done.stderr
 
@@ -225,7 +225,7 @@ class Terminal:
     def resize(self, rows: int, columns: int) -> None:
         fcntl.ioctl(self.fd, termios.TIOCSWINSZ, struct.pack("HHHH", rows, columns, 0, 0))
 
-    def read_until(self, found: bytes, limit_s: float = 120.0) -> None:
+    def read_until(self, found: bytes, limit_s: float = 900.0) -> None:
         deadline = time.monotonic() + limit_s
         while found not in self.output and time.monotonic() < deadline:
             if select.select([self.fd], [], [], 0.2)[0]:

@@ -20,7 +20,7 @@ def test_the_examples_run(tmp_path: Path) -> None:
     assert len(examples) == 2
     done = subprocess.run(
         [sys.executable, "-c", "\n".join(examples)], cwd=tmp_path, capture_output=True, text=True, check=False,
-        timeout=240,
+        timeout=900,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     first, second = done.stdout.splitlines()
@@ -36,7 +36,7 @@ def test_an_id_with_its_module_needs_no_import_of_ours() -> None:
         "print(env.spec.id, 'skipper' == env.unwrapped.agent)\n"
         "env.close()"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=120)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=900)
     assert done.stdout.split() == ["lingjing/ssr-broadcast-v0", "True"], done.stderr
 
 

@@ -335,7 +335,7 @@ def make_instance(mode="broadcast", victims=((100.0, 0.0), (-100.0, 0.0)), ticks
         settings={"victims": float(len(victims))},
         scene=SceneSpec(kind="kit"),
         clock=Clock(tick_s=10.0, sync_s=0.5),
-        budget=Budget(ticks=ticks, policy_s=5.0, engine_s=20.0, capture_s=20.0),
+        budget=Budget(ticks=ticks, policy_s=60.0, engine_s=20.0, capture_s=20.0),
         weather=Weather(),
         regions=(Region(name="search", polygon=square),),
         cells=(Cell(name="cells-1-1", grid="cells", row=1, column=1, polygon=square, centre=(0.0, 0.0)),),

@@ -34,6 +34,16 @@ from lingjing.trace.records import BodyState, Box, CameraPose, Command, FrameInf
 CITY = City(id="toy", origin=(31.0, 121.5), bounds=(-100.0, -100.0, 100.0, 100.0))
 
 
+BURNS_S = {"burn": 0.08, "burn_more": 0.2, "burn_much": 0.6}
+
+
+def burn(seconds):
+    """Compute for so long: what the thread ran, however long that takes."""
+    end = time.thread_time() + seconds
+    while time.thread_time() < end:
+        pass
+
+
 class Misbehaviour:
     """The faults that a toy may have, looked up from its entities' properties."""
 
@@ -59,6 +69,11 @@ class Misbehaviour:
             os.kill(os.getpid(), signal.SIGSEGV)
         if self.due("hang", time_s):
             time.sleep(3600.0)
+        for fault, seconds in BURNS_S.items():
+            if self.due(fault, time_s):
+                burn(seconds)
+        if self.due("spin", time_s):
+            burn(3600.0)
         if self.due("chatter", time_s):
             print("chatter " * 40_000, file=sys.stderr, flush=True)
 
@@ -241,6 +256,8 @@ class Painter:
 
     def reset(self, spec, city, seed):
         self.faults = Misbehaviour(spec)
+        if self.faults.due("slow_reset", 0.0):
+            time.sleep(1.5)
         self.cameras = {(e.id, c.name): c for e in spec.instance.entities for c in e.cameras}
         self.drawn = 0
         return Boundary(engine=spec.engine, time_s=0.0)

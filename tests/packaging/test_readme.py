@@ -69,7 +69,7 @@ def test_its_error_message_is_what_one_gets(tmp_path: Path) -> None:
     (tmp_path / "ssr.ljs").write_text(wrong, encoding="utf-8")
     done = subprocess.run(
         [sys.executable, "-m", "lingjing.cli.main", "validate", "ssr.ljs"],
-        cwd=tmp_path, capture_output=True, text=True, check=False, timeout=60,
+        cwd=tmp_path, capture_output=True, text=True, check=False, timeout=900,
     )  # fmt: skip
     assert done.returncode == 1
     assert (done.stdout + done.stderr).strip() == output.strip()
@@ -80,7 +80,7 @@ def test_its_python_runs(tmp_path: Path) -> None:
     (code,) = blocks("python")
     (tmp_path / "scenarios").symlink_to(ROOT / "scenarios")
     done = subprocess.run(
-        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False, timeout=280
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False, timeout=900
     )
     assert done.returncode == 0, done.stderr
     success, found, trace = done.stdout.split()

@@ -6,11 +6,11 @@ One camera may serve a world and its forks: a capture carries every entity's sta
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Sequence
 
 from lingjing.kernel.world.calling import absent
 from lingjing.kernel.world.contract import StoredFrame
+from lingjing.kernel.world.deadlines import OwnDeadline
 from lingjing.kernel.world.handle import Worker
 from lingjing.kernel.world.messages import Capture, Picture, encoded
 from lingjing.kernel.world.shared import load_frame
@@ -28,7 +28,7 @@ class Camera:
         self.worker = worker
         self._lock = threading.Lock()
         self._serial = 0
-        self._owed: dict[int, tuple[float, int]] = {}
+        self._owed: dict[int, tuple[OwnDeadline, int]] = {}
 
     @property
     def busy(self) -> bool:
@@ -38,7 +38,8 @@ class Camera:
     def capture(
         self, time_s: float, requests: Sequence[CaptureRequest], states: Sequence[BodyState], allowed_s: float
     ) -> tuple[StoredFrame | Absent, ...]:
-        """One answer per request; what has not come within `allowed_s` seconds is `late` and dropped when it comes."""
+        """One answer per request; what has not come within `allowed_s` seconds of the camera's own time is `late` and
+        dropped when it comes."""
         with self._lock:
             try:
                 return self._captured(time_s, requests, states, allowed_s)
@@ -49,13 +50,13 @@ class Camera:
     def _captured(
         self, time_s: float, requests: Sequence[CaptureRequest], states: Sequence[BodyState], allowed_s: float
     ) -> tuple[StoredFrame | Absent, ...]:
-        now = time.monotonic()
+        deadline = self.worker.deadline(allowed_s)
         self._serial += 1
-        self._owed[self._serial] = (now + _PATIENCE * allowed_s, len(requests))
+        self._owed[self._serial] = (self.worker.deadline(_PATIENCE * allowed_s), len(requests))
         message = Capture(serial=self._serial, time_s=time_s, requests=tuple(requests), states=tuple(states))
-        self.worker.send(encoded(message), now + allowed_s, allowed_s)
+        self.worker.send(encoded(message), deadline)
         answers: list[StoredFrame | Absent] = [absent(request, "late") for request in requests]
-        while self._serial in self._owed and self._collect(requests, answers, now + allowed_s, allowed_s):
+        while self._serial in self._owed and self._collect(requests, answers, deadline):
             pass
         return tuple(answers)
 
@@ -63,16 +64,16 @@ class Camera:
         self,
         requests: Sequence[CaptureRequest],
         answers: list[StoredFrame | Absent],
-        deadline: float,
-        allowed_s: float,
+        deadline: OwnDeadline,
     ) -> bool:
         """Take in one reply; False when the deadline has passed."""
-        hung_at = min(until for until, _ in self._owed.values())
+        patience, _ = next(iter(self._owed.values()))  # that of the oldest is the first to end
+        is_hanging = patience.left_s() < deadline.left_s()
         try:
-            reply, packet = self.worker.receive(min(deadline, hung_at))
+            reply, packet = self.worker.receive(patience if is_hanging else deadline)
         except TimeoutError:
-            if hung_at <= deadline:
-                raise self.worker.hung(_PATIENCE * allowed_s) from None
+            if is_hanging:
+                raise self.worker.hung(patience.allowed_s) from None
             return False
         try:
             if not isinstance(reply, Picture):

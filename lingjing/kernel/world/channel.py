@@ -1,6 +1,6 @@
 """Framing over a Unix stream socket: length-prefixed packets, each with a few file descriptors if need be.
 
-Both directions take a deadline (`time.monotonic()` seconds, None for ever). A packet that has come in part when the
+Both directions take a deadline (None: for ever). A packet that has come in part when the
 deadline passes is kept, so a late answer is read whole afterwards.
 """
 
@@ -10,11 +10,12 @@ import os
 import select
 import socket
 import struct
-import time
 from array import array
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
+
+from lingjing.kernel.world.deadlines import Deadline
 
 _HEADER = struct.Struct("<QB")
 _MAX_DESCRIPTORS = 8
@@ -64,7 +65,7 @@ class Channel:
         self,
         payload: bytes,
         descriptors: Sequence[int] = (),
-        deadline: float | None = None,
+        deadline: Deadline | None = None,
         also: Drain | None = None,
     ) -> None:
         """Send one packet; `TimeoutError` past the deadline, `ChannelClosedError` if nobody reads."""
@@ -81,7 +82,7 @@ class Channel:
                 rights = []
                 rest = _after(rest, sent)
 
-    def receive(self, deadline: float | None = None, also: Drain | None = None) -> Packet:
+    def receive(self, deadline: Deadline | None = None, also: Drain | None = None) -> Packet:
         """The next packet; `TimeoutError` past the deadline, `ChannelClosedError` at the end."""
         while (packet := self._pull()) is None:
             self._wait(select.POLLIN, deadline, also)
@@ -128,12 +129,12 @@ class Channel:
             raise ChannelClosedError("the other end closed")
         return data
 
-    def _wait(self, event: int, deadline: float | None, also: Drain | None) -> None:
+    def _wait(self, event: int, deadline: Deadline | None, also: Drain | None) -> None:
         poller = select.poll()
         poller.register(self._socket, event)
         if also is not None and also.fileno() >= 0:
             poller.register(also.fileno(), select.POLLIN)
-        left = None if deadline is None else deadline - time.monotonic()
+        left = None if deadline is None else deadline.left_s()
         if left is not None and left <= 0:
             raise TimeoutError
         # Rounded up: a poll of 0 ms would spin through the last millisecond.

@@ -12,6 +12,7 @@ from lingjing.kernel.world.ensemble import Ensemble, close_engines, start_engine
 from lingjing.kernel.world.messages import (
     Admitted,
     Advance,
+    Begin,
     Capture,
     Message,
     Picture,
@@ -95,7 +96,11 @@ class WorldDesk:
                 self._ensemble = self._conductor = None
                 return self._engines.prepare(request.engines)
             case Reset():
-                ready = self._reset(request)
+                self._ensemble = Ensemble(request.instance, request.city, self._engines.by_name, self._enter)
+                self._conductor = Conductor(request.instance, (self._ensemble,)) if request.coupled else None
+                return Ready()
+            case Begin() if self._ensemble is not None:
+                ready = self._begin(self._ensemble)
                 # What the episode is played on stays until its end: collections need not walk through a whole city
                 # again and again, and a forked copy shares its pages untouched.
                 gc.freeze()
@@ -108,11 +113,9 @@ class WorldDesk:
                 return Reported(reports=self._ensemble.advance(request.until, request.foreign, request.ambient))
         raise RuntimeError(f"{type(request).__name__} came out of turn to the world process")
 
-    def _reset(self, request: Reset) -> Message:
-        self._ensemble = Ensemble(request.instance, request.city, self._engines.by_name, self._enter)
-        if not request.coupled:
-            return Reported(reports=self._ensemble.reset())
-        self._conductor = Conductor(request.instance, (self._ensemble,))
+    def _begin(self, ensemble: Ensemble) -> Message:
+        if self._conductor is None:
+            return Reported(reports=ensemble.reset())
         return Stepped(boundary=self._conductor.reset())
 
 

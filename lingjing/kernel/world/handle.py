@@ -12,13 +12,13 @@ import select
 import signal
 import socket
 import subprocess
-import time
 import warnings
 from collections.abc import Sequence
 from typing import TypeVar
 
 from lingjing.errors import InfrastructureError
 from lingjing.kernel.world.channel import Channel, ChannelClosedError, Packet
+from lingjing.kernel.world.deadlines import Deadline, OwnDeadline, own_clock_of_s
 from lingjing.kernel.world.launch import LastWords, Place, Recipe, launch
 from lingjing.kernel.world.messages import (
     Close,
@@ -32,12 +32,13 @@ from lingjing.kernel.world.messages import (
     decoded_reply,
     encoded,
 )
-from lingjing.kernel.world.shared import Progress, progress_memory
+from lingjing.kernel.world.shared import Doing, Progress, progress_memory
 
 ReplyT = TypeVar("ReplyT", bound=Message)
 
 _CLOSE_S = 5.0
-_EXIT_S = 2.0
+_EXIT_S = 60.0
+"""How long the kernel may take to end a process that was killed, or that has closed its socket."""
 _DUMP_S = 2.0
 _QUIET_S = 0.3
 _SHOWN_LINES = 5
@@ -46,7 +47,7 @@ _CRASH = "Fatal Python error: "
 
 
 class Worker:
-    """One worker process. All deadlines are `time.monotonic()` seconds."""
+    """One worker process. Every deadline is in the worker's own time."""
 
     def __init__(
         self,
@@ -91,17 +92,21 @@ class Worker:
         if self.users == 0 and self.alive:
             self._end()
 
-    def send(self, payload: bytes, deadline: float, allowed_s: float, descriptors: Sequence[int] = ()) -> None:
-        """Send one encoded request; past the deadline (of `allowed_s` seconds) the worker is killed."""
+    def deadline(self, allowed_s: float) -> OwnDeadline:
+        """So many seconds of the worker's own time from now."""
+        return OwnDeadline(self.pid, allowed_s)
+
+    def send(self, payload: bytes, deadline: OwnDeadline, descriptors: Sequence[int] = ()) -> None:
+        """Send one encoded request; past the deadline the worker is killed."""
         self._check_alive()
         try:
             self._channel.send(payload, descriptors, deadline, self._words)
         except TimeoutError:
-            raise self.hung(allowed_s) from None
+            raise self.hung(deadline.allowed_s) from None
         except ChannelClosedError:
             raise self._died() from None
 
-    def receive(self, deadline: float) -> tuple[Reply, Packet]:
+    def receive(self, deadline: Deadline) -> tuple[Reply, Packet]:
         """The next reply and its packet; `TimeoutError` leaves the worker as it is."""
         self._check_alive()
         try:
@@ -110,21 +115,21 @@ class Worker:
             raise self._died() from None
         return decoded_reply(packet.payload), packet
 
-    def expect(self, kind: type[ReplyT], deadline: float, allowed_s: float) -> ReplyT:
-        """The next reply, which must be of `kind`; past the deadline (of `allowed_s` seconds) the worker is killed."""
+    def expect(self, kind: type[ReplyT], deadline: OwnDeadline) -> ReplyT:
+        """The next reply, which must be of `kind`; past the deadline the worker is killed."""
         try:
             reply, packet = self.receive(deadline)
         except TimeoutError:
-            raise self.hung(allowed_s) from None
+            raise self.hung(deadline.allowed_s) from None
         packet.close()
         if isinstance(reply, kind):
             return reply
         raise self.fault(reply)
 
-    def ask(self, message: Message, kind: type[ReplyT], deadline: float, allowed_s: float) -> ReplyT:
+    def ask(self, message: Message, kind: type[ReplyT], deadline: OwnDeadline) -> ReplyT:
         """One round trip."""
-        self.send(encoded(message), deadline, allowed_s)
-        return self.expect(kind, deadline, allowed_s)
+        self.send(encoded(message), deadline)
+        return self.expect(kind, deadline)
 
     def fault(self, reply: Message) -> InfrastructureError:
         """The error for a reply that is not the one expected."""
@@ -136,14 +141,14 @@ class Worker:
             return error
         return InfrastructureError(f"the {self.name} answered {type(reply).__name__} out of turn")
 
-    def fork(self, deadline: float, allowed_s: float) -> Worker:
+    def fork(self, deadline: OwnDeadline) -> Worker:
         """A copy of this worker, bit for bit, in a process of its own."""
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
         progress = progress_memory()
         try:
-            self.send(encoded(Fork()), deadline, allowed_s, (theirs.fileno(), progress))
+            self.send(encoded(Fork()), deadline, (theirs.fileno(), progress))
             theirs.close()
-            pid = self.expect(Forked, deadline, allowed_s).pid
+            pid = self.expect(Forked, deadline).pid
             pidfd = os.pidfd_open(pid)
         except BaseException as error:
             ours.close()
@@ -162,34 +167,40 @@ class Worker:
             self._dispose()
 
     def hung(self, allowed_s: float) -> InfrastructureError:
-        """Kill a worker that did not answer in time; the error names the engine it was in."""
-        engine, call = self._progress.read()
+        """Kill a worker that did not answer in time; the error names the engine that took the most of it."""
+        late = _late(self._progress.read(), own_clock_of_s(self.pid), f"the {self.name}", allowed_s)
         # Its stack, for who wrote the engine: the worker dumps it at this signal even from within a C call.
         self._signal(signal.SIGUSR2)
-        until = time.monotonic() + _DUMP_S
-        while self._words.wait(_QUIET_S) and time.monotonic() < until:
+        until = self.deadline(_DUMP_S)
+        while self._has_spoken(self.deadline(_QUIET_S)) and until.left_s() > 0.0:
             pass
         self.kill()
-        doing = f"engine `{engine}` ({call})" if engine else f"the {self.name}"
-        error = InfrastructureError(f"{doing} did not answer within {allowed_s:g} s; the {self.name} was killed")
+        error = InfrastructureError(f"{late}; the {self.name} was killed")
         error.add_note(_tail(self._words.text(), _DUMP_LINES))
         return error
+
+    def _has_spoken(self, deadline: OwnDeadline) -> bool:
+        """Wait for it to write something, and take that in."""
+        while self._words.fileno() >= 0 and (left_s := deadline.left_s()) > 0.0:
+            if self._words.wait(left_s):
+                return True
+        return False
 
     def _check_alive(self) -> None:
         if not self.alive:
             raise InfrastructureError(f"the {self.name} has ended")
 
     def _died(self) -> InfrastructureError:
-        engine, call = self._progress.read()
+        doing = self._progress.read()
         self._await_exit(_EXIT_S)
         self._words.drain()
         reason = self._exit_reason()
         self.kill()
-        doing = f" while engine `{engine}` was in {call}" if engine else ""
+        where = f" while engine `{doing.engine}` was in {doing.call}" if doing.engine else ""
         # What the interpreter dumps when it crashes is for who wrote the engine; the rest is for everybody.
         said, crash, dump = self._words.text().partition(_CRASH)
         last = f"; its last words: {_tail(said, _SHOWN_LINES)}" if said.strip() else ""
-        error = InfrastructureError(f"the {self.name} died{reason}{doing}{last}")
+        error = InfrastructureError(f"the {self.name} died{reason}{where}{last}")
         if crash:
             error.add_note(crash + dump)
         return error
@@ -217,7 +228,7 @@ class Worker:
         self._dispose()
 
     def _ask_to_close(self) -> None:
-        deadline = time.monotonic() + _CLOSE_S
+        deadline = self.deadline(_CLOSE_S)
         try:
             self._channel.send(encoded(Close()), (), deadline, self._words)
             while not isinstance(reply := self._late_reply(deadline), Closed):
@@ -228,7 +239,7 @@ class Worker:
         for problem in reply.problems:
             warnings.warn(problem, RuntimeWarning, stacklevel=2)
 
-    def _late_reply(self, deadline: float) -> Reply:
+    def _late_reply(self, deadline: OwnDeadline) -> Reply:
         packet = self._channel.receive(deadline, self._words)
         packet.close()
         return decoded_reply(packet.payload)
@@ -258,6 +269,16 @@ class Worker:
             self._words.close()
         else:
             self.parent.release()
+
+
+def _late(doing: Doing, now_s: float, name: str, allowed_s: float) -> str:
+    """Who did not answer: the engine it is in, unless another one took more of the time."""
+    if not doing.engine:
+        return f"{name} did not answer within {allowed_s:g} s"
+    if doing.slowest != doing.engine and doing.slowest_s > now_s - doing.since_s:
+        took = f"engine `{doing.slowest}` took {doing.slowest_s:.1f} of {allowed_s:g} s"
+        return f"{took}, so that engine `{doing.engine}` ({doing.call}) had no time left"
+    return f"engine `{doing.engine}` ({doing.call}) did not answer within {allowed_s:g} s"
 
 
 def _tail(text: str, count: int) -> str:

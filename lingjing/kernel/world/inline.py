@@ -1,12 +1,14 @@
 """`InlineWorld`: every engine in the caller. The same boundaries and pictures as `ProcessWorld`, for debuggers.
 
 Nothing can be killed here, so a deadline is judged after the call: a boundary that came too late is an
-infrastructure abort, a picture that came too late is absent. An engine that never returns hangs the caller.
+infrastructure abort, a picture that came too late is absent. An engine that never returns hangs the caller. As
+everywhere, the time in which this process stood in a run queue is nobody's, and making the camera ready is part of no
+budget.
 """
 
 from __future__ import annotations
 
-import time
+import os
 import warnings
 from collections.abc import Sequence
 
@@ -15,8 +17,10 @@ from lingjing.kernel.world.calling import absent, no_episode, no_sensor
 from lingjing.kernel.world.casting import cast
 from lingjing.kernel.world.conductor import Conductor, macro_steps
 from lingjing.kernel.world.contract import StoredFrame, World, WorldBoundary
+from lingjing.kernel.world.deadlines import OwnDeadline
 from lingjing.kernel.world.ensemble import Ensemble, close_engines, start_engines
 from lingjing.kernel.world.sensor import Sensor
+from lingjing.kernel.world.times import EngineTimes
 from lingjing.mission.instance import Instance
 from lingjing.plugins.engine import CaptureRequest, Engine
 from lingjing.plugins.host import PluginHost
@@ -35,6 +39,7 @@ class InlineWorld:
         self._instance: Instance | None = None
         self._conductor: Conductor | None = None
         self._sensor: Sensor | None = None
+        self._times = EngineTimes()
 
     def reset(self, instance: Instance, city: City) -> WorldBoundary:
         """Start an episode on fresh motion engines; the sensor engine keeps its graphics context."""
@@ -44,7 +49,7 @@ class InlineWorld:
         try:
             self._motion = start_engines(self._host, (*roles.local, *roles.remote))
             self._sensor = self._find_sensor(roles.sensor)
-            self._conductor = Conductor(instance, (Ensemble(instance, city, self._motion),))
+            self._conductor = Conductor(instance, (Ensemble(instance, city, self._motion, self._times.enter),))
             self._instance = instance
             return self._reset(instance, city, self._conductor)
         except BaseException:
@@ -54,13 +59,13 @@ class InlineWorld:
     def step(self, tick: int, commands: Sequence[Command]) -> WorldBoundary:
         """Advance to boundary `tick` in the caller."""
         instance, conductor = self._episode()
-        started = time.monotonic()
         try:
+            self._times.clear()
             boundary = conductor.step(tick, commands)
+            self._times.check(instance.budget.engine_s)
         except InfrastructureError:
             self.close()
             raise
-        self._judge(boundary, started, instance.budget.engine_s)
         return boundary
 
     def capture(
@@ -72,7 +77,7 @@ class InlineWorld:
             return ()
         if self._sensor is None:
             raise no_sensor()
-        deadline = time.monotonic() + instance.budget.capture_s
+        deadline = OwnDeadline(os.getpid(), instance.budget.capture_s, watched=True)
         self._sensor.settle(tick * instance.clock.tick_s, states)
         return tuple(self._draw(self._sensor, request, deadline) for request in requests)
 
@@ -99,29 +104,20 @@ class InlineWorld:
         return Sensor(name, self._drawing[name], self._quality)
 
     def _reset(self, instance: Instance, city: City, conductor: Conductor) -> WorldBoundary:
-        started = time.monotonic()
         if self._sensor is not None:
             self._sensor.reset(instance, city)
+        self._times.clear()
         boundary = conductor.reset()
-        self._judge(boundary, started, instance.budget.engine_s)
+        self._times.check(instance.budget.engine_s)
         return boundary
 
-    def _judge(self, boundary: WorldBoundary, started: float, budget_s: float) -> None:
-        taken = time.monotonic() - started
-        if taken <= budget_s:
-            return
-        self.close()
-        slowest = max(boundary.engines, key=lambda status: status.wait_wall_s, default=None)
-        blame = "" if slowest is None else f"; the slowest was `{slowest.engine}` with {slowest.wait_wall_s:.1f} s"
-        raise InfrastructureError(f"the engines took {taken:.1f} s of {budget_s:g} s for one boundary{blame}")
-
-    def _draw(self, sensor: Sensor, request: CaptureRequest, deadline: float) -> StoredFrame | Absent:
-        if time.monotonic() > deadline:
+    def _draw(self, sensor: Sensor, request: CaptureRequest, deadline: OwnDeadline) -> StoredFrame | Absent:
+        if deadline.left_s() <= 0.0:
             return absent(request, "late")
         frame = sensor.picture(request)
         if frame is None:
             return absent(request, "not_drawn")
-        return absent(request, "late") if time.monotonic() > deadline else frame
+        return absent(request, "late") if deadline.left_s() <= 0.0 else frame
 
     def _episode(self) -> tuple[Instance, Conductor]:
         if self._instance is None or self._conductor is None:

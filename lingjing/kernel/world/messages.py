@@ -24,12 +24,16 @@ class Prepare(Message, frozen=True, kw_only=True):
 
 
 class Reset(Message, frozen=True, kw_only=True):
-    """Start an episode on the prepared engines. `coupled`: the worker conducts whole ticks; otherwise the caller
-    drives each macro-step because it hosts other engines of the episode. A camera answers `Ready` either way."""
+    """Take in what an episode is played on. `coupled`: the worker conducts whole ticks; otherwise the caller drives
+    each macro-step because it hosts other engines of the episode. A camera makes its pictures ready as well."""
 
     instance: Instance
     city: City
     coupled: bool = True
+
+
+class Begin(Message, frozen=True, kw_only=True):
+    """Reset every prepared engine to the episode of the last `Reset`: boundary 0."""
 
 
 class Step(Message, frozen=True, kw_only=True):
@@ -130,7 +134,7 @@ class Failed(Message, frozen=True, kw_only=True):
     traceback: str = ""
 
 
-Request = Prepare | Reset | Step | Submit | Advance | Capture | Fork | Close
+Request = Prepare | Reset | Begin | Step | Submit | Advance | Capture | Fork | Close
 Reply = Ready | Stepped | Reported | Admitted | Picture | Forked | Closed | Refused | Failed
 
 _ENCODER = msgspec.msgpack.Encoder()

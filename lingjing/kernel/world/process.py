@@ -7,10 +7,9 @@ tick is one round trip.
 
 from __future__ import annotations
 
-import time
 import warnings
 import weakref
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from lingjing.errors import UsageError
@@ -19,13 +18,16 @@ from lingjing.kernel.world.camera import Camera
 from lingjing.kernel.world.casting import Cast, cast
 from lingjing.kernel.world.conductor import Conductor, Part, macro_steps
 from lingjing.kernel.world.contract import StoredFrame, WorldBoundary
+from lingjing.kernel.world.deadlines import OwnDeadline
 from lingjing.kernel.world.ensemble import NO_MOVERS, Ensemble, Movers, Report, close_engines, start_engines
 from lingjing.kernel.world.extras import host_with
-from lingjing.kernel.world.handle import Worker
+from lingjing.kernel.world.handle import ReplyT, Worker
 from lingjing.kernel.world.launch import Place, Recipe
 from lingjing.kernel.world.messages import (
     Admitted,
     Advance,
+    Begin,
+    Message,
     Prepare,
     Ready,
     Reported,
@@ -35,52 +37,76 @@ from lingjing.kernel.world.messages import (
     Submit,
     encoded,
 )
+from lingjing.kernel.world.times import EngineTimes
 from lingjing.mission.instance import Instance
 from lingjing.plugins.engine import CaptureRequest, Engine
 from lingjing.plugins.host import PluginHost
 from lingjing.scene.city import City
 from lingjing.trace.records import Absent, BodyState, Command, Receipt
 
-START_S = 60.0
-"""What a worker may take to come up and import its engines, and a camera to make a city's first pictures ready."""
+START_S = 300.0
+"""What a worker may take to come up and import its engines, or to take in a city, and a camera to make a city's first
+pictures ready: seconds of its own time, and no part of `budget.engine_s` or `budget.capture_s`."""
 
 
 class _FarPart:
-    """The world process as one part among others, when the caller conducts."""
+    """The world process as one part among others, when the caller conducts. Only what it takes itself is counted."""
 
-    def __init__(self, worker: Worker, engines: tuple[str, ...], payload: bytes, allowed_s: float) -> None:
+    def __init__(self, worker: Worker, engines: tuple[str, ...], allowed_s: float, remote: EngineTimes) -> None:
         self.engines = engines
-        self.deadline = 0.0
         self._worker = worker
-        self._payload = payload
+        self._remote = remote
         self._allowed_s = allowed_s
+        self._spent_s = 0.0
+
+    def begin(self) -> None:
+        """A barrier begins: all the time that is allowed is there again."""
+        self._spent_s = 0.0
 
     def reset(self) -> tuple[Report, ...]:
-        self._worker.send(self._payload, self.deadline, self._allowed_s)
-        return self._worker.expect(Reported, self.deadline, self._allowed_s).reports
+        return self._ask(Begin(), Reported).reports
 
     def submit(self, commands: Sequence[Command]) -> dict[str, Receipt]:
-        message = Submit(commands=tuple(commands))
-        return self._worker.ask(message, Admitted, self.deadline, self._allowed_s).receipts
+        return self._ask(Submit(commands=tuple(commands)), Admitted).receipts
 
     def advance(
         self, until: float, foreign: Sequence[BodyState] = (), ambient: Movers = NO_MOVERS
     ) -> tuple[Report, ...]:
-        message = Advance(until=until, foreign=tuple(foreign), ambient=dict(ambient))
-        return self._worker.ask(message, Reported, self.deadline, self._allowed_s).reports
+        return self._ask(Advance(until=until, foreign=tuple(foreign), ambient=dict(ambient)), Reported).reports
+
+    def _ask(self, message: Message, kind: type[ReplyT]) -> ReplyT:
+        self._remote.pause()
+        deadline = OwnDeadline(self._worker.pid, self._allowed_s, already_s=self._spent_s)
+        reply = self._worker.ask(message, kind, deadline)
+        self._spent_s = deadline.spent_s()
+        return reply
 
 
 @dataclass(slots=True)
 class _Driver:
-    """How an episode with remote engines is driven from here."""
+    """How an episode with remote engines is driven from here; `times` are those of the remote engines."""
 
     conductor: Conductor
     far: _FarPart | None
+    times: EngineTimes
+    allowed_s: float
 
-    def begin(self, deadline: float) -> None:
-        """Set the deadline of the boundary that comes next."""
+    def reset(self) -> WorldBoundary:
+        """Boundary 0."""
+        return self._judged(self.conductor.reset)
+
+    def step(self, tick: int, commands: Sequence[Command]) -> WorldBoundary:
+        """Boundary `tick`."""
+        return self._judged(lambda: self.conductor.step(tick, commands))
+
+    def _judged(self, barrier: Callable[[], WorldBoundary]) -> WorldBoundary:
+        """A remote engine cannot be killed, so whether it was too slow is judged afterwards."""
+        self.times.clear()
         if self.far is not None:
-            self.far.deadline = deadline
+            self.far.begin()
+        boundary = barrier()
+        self.times.check(self.allowed_s)
+        return boundary
 
 
 @dataclass(slots=True)
@@ -152,10 +178,8 @@ class ProcessWorld:
         episode = self._playing()
         if tick != episode.tick + 1:
             raise ValueError(f"boundary {tick} does not follow boundary {episode.tick}")
-        allowed_s = episode.instance.budget.engine_s
-        deadline = time.monotonic() + allowed_s
         try:
-            boundary = self._step(episode, tick, tuple(commands), deadline, allowed_s)
+            boundary = self._step(episode, tick, tuple(commands))
         except BaseException:
             self._episode = None
             self._staff.abandon_world()
@@ -186,8 +210,8 @@ class ProcessWorld:
         if self._staff.world is None or episode.driver is not None:
             names = ", ".join(episode.cast.remote) or "none"
             raise UsageError(f"a world with remote engines ({names}) cannot be forked")
-        allowed_s = episode.instance.budget.engine_s
-        copy = self._staff.world.fork(time.monotonic() + allowed_s, allowed_s)
+        world = self._staff.world
+        copy = world.fork(world.deadline(episode.instance.budget.engine_s))
         twin = ProcessWorld(
             plugins=self._recipe.plugins,
             paths=self._recipe.paths,
@@ -243,59 +267,54 @@ class ProcessWorld:
         staff = self._staff
         old, staff.remote = staff.remote, {}
         _warn(close_engines(old))
-        deadline = time.monotonic() + START_S
-        waiting: list[Worker] = []
+        waiting: list[tuple[Worker, OwnDeadline]] = []
         if staff.camera is not None and roles.sensor is not None:
-            staff.camera.worker.send(encoded(Prepare(engines=(roles.sensor,))), deadline, START_S)
-            waiting.append(staff.camera.worker)
+            waiting.append(_sent(staff.camera.worker, Prepare(engines=(roles.sensor,))))
         if staff.world is not None:
-            staff.world.send(encoded(Prepare(engines=roles.local)), deadline, START_S)
-            waiting.append(staff.world)
+            waiting.append(_sent(staff.world, Prepare(engines=roles.local)))
         staff.remote = start_engines(self._host, roles.remote)
-        for worker in waiting:
-            _warn(worker.expect(Ready, deadline, START_S).problems)
+        for worker, deadline in waiting:
+            _warn(worker.expect(Ready, deadline).problems)
 
     def _reset(self, episode: _Episode, city: City) -> WorldBoundary:
         staff, roles, instance = self._staff, episode.cast, episode.instance
-        allowed_s = instance.budget.engine_s
-        deadline = time.monotonic() + allowed_s
         coupled = not roles.remote and bool(roles.local)
-        payload = encoded(Reset(instance=instance, city=city, coupled=coupled))
-        camera = staff.camera.worker if staff.camera is not None and roles.sensor is not None else None
-        warmed_s = max(START_S, allowed_s)  # a camera makes its first pictures ready: a start rather than a boundary
-        warmed = time.monotonic() + warmed_s
-        if camera is not None:
-            camera.send(payload, warmed, warmed_s)
+        reset = Reset(instance=instance, city=city, coupled=coupled)
+        drawing = None
+        if staff.camera is not None and roles.sensor is not None:
+            drawing = _sent(staff.camera.worker, reset)
+        if staff.world is not None and roles.local:
+            worker, deadline = _sent(staff.world, reset)
+            worker.expect(Ready, deadline)
         if coupled and staff.world is not None:
-            staff.world.send(payload, deadline, allowed_s)
-            boundary = staff.world.expect(Stepped, deadline, allowed_s).boundary
+            boundary = staff.world.ask(Begin(), Stepped, staff.world.deadline(instance.budget.engine_s)).boundary
         else:
-            episode.driver = self._driver(episode, city, payload)
-            episode.driver.begin(deadline)
-            boundary = episode.driver.conductor.reset()
-        if camera is not None:
-            camera.expect(Ready, warmed, warmed_s)
+            episode.driver = self._driver(episode, city)
+            boundary = episode.driver.reset()
+        if drawing is not None:
+            worker, deadline = drawing
+            worker.expect(Ready, deadline)
         self._episode = episode
         return boundary
 
-    def _driver(self, episode: _Episode, city: City, payload: bytes) -> _Driver:
+    def _driver(self, episode: _Episode, city: City) -> _Driver:
         world, roles, instance = self._staff.world, episode.cast, episode.instance
-        parts: list[Part] = [Ensemble(instance, city, self._staff.remote)]
+        allowed_s, times = instance.budget.engine_s, EngineTimes()
+        parts: list[Part] = [Ensemble(instance, city, self._staff.remote, times.enter)]
         far = None
         if roles.local and world is not None:
-            far = _FarPart(world, roles.local, payload, instance.budget.engine_s)
+            far = _FarPart(world, roles.local, allowed_s, times)
             parts.append(far)
-        return _Driver(Conductor(instance, parts), far)
+        return _Driver(Conductor(instance, parts), far, times, allowed_s)
 
-    def _step(
-        self, episode: _Episode, tick: int, commands: tuple[Command, ...], deadline: float, allowed_s: float
-    ) -> WorldBoundary:
+    def _step(self, episode: _Episode, tick: int, commands: tuple[Command, ...]) -> WorldBoundary:
         if episode.driver is not None:
-            episode.driver.begin(deadline)
-            return episode.driver.conductor.step(tick, commands)
-        if self._staff.world is None:
+            return episode.driver.step(tick, commands)
+        world = self._staff.world
+        if world is None:
             raise no_episode()
-        return self._staff.world.ask(Step(tick=tick, commands=commands), Stepped, deadline, allowed_s).boundary
+        deadline = world.deadline(episode.instance.budget.engine_s)
+        return world.ask(Step(tick=tick, commands=commands), Stepped, deadline).boundary
 
     def _abandon_camera(self) -> None:
         camera, self._staff.camera = self._staff.camera, None
@@ -305,6 +324,13 @@ class ProcessWorld:
             camera.worker.kill()
         else:
             camera.worker.release()
+
+
+def _sent(worker: Worker, message: Message) -> tuple[Worker, OwnDeadline]:
+    """Have a worker begin what is part of no budget; with the deadline of its answer."""
+    deadline = worker.deadline(START_S)
+    worker.send(encoded(message), deadline)
+    return worker, deadline
 
 
 def _warn(problems: Sequence[str]) -> None:

@@ -17,11 +17,13 @@ import numpy as np
 import numpy.typing as npt
 
 from lingjing.kernel.world.contract import StoredFrame
+from lingjing.kernel.world.times import EngineTimes
 from lingjing.trace.records import FrameInfo
 
-_PROGRESS_BYTES = 256
+_PROGRESS_BYTES = 1024
+_NAME = 48
+"""Characters of an engine's name that are noted."""
 _SEALS = fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_GROW | fcntl.F_SEAL_WRITE
-_WAITING = ("", "")
 
 
 class Layout(msgspec.Struct, frozen=True):
@@ -57,25 +59,45 @@ def load_frame(info: FrameInfo, layout: Layout, descriptor: int) -> StoredFrame:
     return StoredFrame(info, bytes(jpeg), depth, semantic)
 
 
+class Doing(msgspec.Struct, frozen=True):
+    """What a worker is doing: the engine and the call it is in (empty: none) and since when on the worker's clock
+    (`own_clock_of_s`); the engine that has taken most of the barrier before, and its seconds."""
+
+    engine: str = ""
+    call: str = ""
+    since_s: float = 0.0
+    slowest: str = ""
+    slowest_s: float = 0.0
+
+
 class Progress:
-    """One word in shared memory: the engine and the call that a worker is in. Readable after it hangs or dies."""
+    """One word in shared memory: what a worker is doing. Readable after it hangs or dies."""
 
     def __init__(self, descriptor: int) -> None:
         self._memory = mmap.mmap(descriptor, _PROGRESS_BYTES)
+        self._times = EngineTimes()
 
     def enter(self, engine: str, call: str) -> None:
-        """Note the call. One slice assignment: a reader never sees an older word's tail."""
-        word = f"{engine}\0{call}".encode()[: _PROGRESS_BYTES - 1]
-        self._memory[:] = word.ljust(_PROGRESS_BYTES, b"\0")
+        """Note the call."""
+        self._times.enter(engine, call)
+        self._write(Doing(engine[:_NAME], call, self._times.since_s, *_short(self._times.slowest())))
 
     def rest(self) -> None:
-        """Note that no engine is being called."""
-        self.enter(*_WAITING)
+        """Note that no engine is being called: a barrier has ended."""
+        self._times.clear()
+        self._write(Doing())
 
-    def read(self) -> tuple[str, str]:
-        """(engine, call); empty when none is being called."""
-        engine, _, call = self._memory[:].rstrip(b"\0").partition(b"\0")
-        return engine.decode(errors="replace"), call.decode(errors="replace")
+    def read(self) -> Doing:
+        """What was noted last."""
+        word = self._memory[:].rstrip(b"\0")
+        try:
+            return msgspec.json.decode(word, type=Doing)
+        except msgspec.DecodeError:  # nothing has been noted, or it is being noted just now
+            return Doing()
+
+    def _write(self, doing: Doing) -> None:
+        # One slice assignment: a reader never sees an older word's tail.
+        self._memory[:] = msgspec.json.encode(doing).ljust(_PROGRESS_BYTES, b"\0")
 
     def rebind(self, descriptor: int) -> None:
         """Write into another memory from now on: a forked worker must not speak for its parent."""
@@ -92,6 +114,10 @@ def progress_memory() -> int:
     descriptor = os.memfd_create("lingjing-progress", os.MFD_CLOEXEC)
     os.ftruncate(descriptor, _PROGRESS_BYTES)
     return descriptor
+
+
+def _short(named: tuple[str, float]) -> tuple[str, float]:
+    return named[0][:_NAME], named[1]
 
 
 def _shape(array: npt.NDArray[np.generic] | None) -> tuple[int, int] | None:

@@ -15,7 +15,6 @@ import random
 import signal
 import socket
 import sys
-import time
 import traceback
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -24,6 +23,7 @@ from typing import NoReturn
 
 from lingjing.errors import LingjingError
 from lingjing.kernel.world.channel import Channel, ChannelClosedError, Packet
+from lingjing.kernel.world.deadlines import WallDeadline
 from lingjing.kernel.world.desks import CameraDesk, Desk, WorldDesk
 from lingjing.kernel.world.extras import host_with
 from lingjing.kernel.world.messages import (
@@ -134,7 +134,7 @@ def _attempt(desk: Desk, post: Post, request: Request) -> None:
 def _next(post: Post) -> Packet:
     while True:
         try:
-            return post.channel.receive(time.monotonic() + _PATROL_S)
+            return post.channel.receive(WallDeadline(_PATROL_S))
         except TimeoutError:
             if os.getppid() != post.parent:
                 os._exit(0)

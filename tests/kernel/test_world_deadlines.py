@@ -1,0 +1,222 @@
+"""Deadlines in a worker's own time: what it waits for a processor is nobody's; what it sleeps and spins is its own.
+
+The queue is real: the worker and spinning processes share one processor. Nothing here asserts how long anything takes.
+"""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))  # the toys are shared by these tests and by the workers
+
+import world_toys as toys
+
+from lingjing.errors import InfrastructureError
+from lingjing.kernel.world import deadlines, open_world
+from lingjing.kernel.world.deadlines import OwnDeadline, own_now_s
+from lingjing.trace.records import Absent
+
+TOYS = ("world_toys:plugin", "world_toys:painter")
+ENGINE_S = 1.5
+
+pytestmark = pytest.mark.skipif(not deadlines.is_counted(), reason="this kernel does not count waits in run queues")
+
+
+@pytest.fixture
+def crowd():
+    """Queue a process up: it shares one processor with three that spin, of which each gets as much as it does."""
+    one = {min(os.sched_getaffinity(0))}
+    started = []
+
+    def join(pid):
+        spin = [sys.executable, "-S", "-c", "import os; os.write(1, b'.')\nwhile True: pass"]
+        while len(started) < 3:
+            started.append(subprocess.Popen(spin, stdout=subprocess.PIPE))
+            started[-1].stdout.read(1)
+            os.sched_setaffinity(started[-1].pid, one)
+        for task in os.listdir(f"/proc/{pid}/task"):
+            os.sched_setaffinity(int(task), one)
+
+    yield join
+    for process in started:
+        process.kill()
+        process.communicate()
+
+
+@pytest.fixture(params=["process", "inline"])
+def kind(request):
+    return request.param
+
+
+@pytest.fixture
+def world():
+    world = open_world("process", plugins=TOYS, installed=False)
+    yield world
+    world.close()
+
+
+def faulty(fault, *, engine_s=ENGINE_S):
+    bee = toys.entity("bee", "toy_b", 2.0, fault=fault, fault_at=0.05)
+    return toys.instance(toys.entity("ant", "toy_a", 1.0), bee, engine_s=engine_s)
+
+
+def test_what_an_engine_waits_for_a_processor_is_not_its_own(world, crowd):
+    """It computes for eight tenths of a second in ten macro-steps, with a quarter of a processor: three on the wall."""
+    world.reset(faulty("burn"), toys.CITY)
+    pid = world._staff.world.pid
+    crowd(pid)
+    own = OwnDeadline(pid, 3600.0, watched=True)
+    assert world.step(1, ()).tick == 1
+    spent = own.spent_s()
+    assert own._last[str(pid)].waited_ns > own._first[str(pid)].waited_ns  # it did stand in the queue
+    assert 10 * toys.BURNS_S["burn"] <= spent  # and what it ran was counted
+
+
+def test_a_spinning_engine_in_a_queue_is_killed(world, crowd):
+    world.reset(faulty("spin", engine_s=0.3), toys.CITY)
+    crowd(world._staff.world.pid)
+    with pytest.raises(InfrastructureError, match=r"engine `toy_b` \(advance\) did not answer within 0.3 s"):
+        world.step(1, ())
+
+
+def test_a_stopped_worker_is_killed(world, crowd):
+    world.reset(faulty("none", engine_s=0.3), toys.CITY)
+    pid = world._staff.world.pid
+    crowd(pid)
+    os.kill(pid, signal.SIGSTOP)
+    with pytest.raises(InfrastructureError, match=r"the world process did not answer within 0.3 s"):
+        world.step(1, ())
+
+
+def test_a_picture_in_a_queue_is_not_late(world, crowd):
+    ant = toys.entity("ant", "toy_a", cameras=(toys.camera(),), fault="burn_much", fault_at=0.0, fault_in="camera")
+    ready = world.reset(toys.instance(ant, capture_s=ENGINE_S), toys.CITY)
+    camera = world._staff.camera.worker.pid
+    crowd(camera)
+    states = ready.snapshots[-1].states
+    answers = [world.capture(0, [toys.request(0, f"f{number}")], states)[0] for number in range(1)]
+    assert not [answer for answer in answers if isinstance(answer, Absent)]
+
+
+def test_a_wait_that_goes_on_counts_before_it_is_over(monkeypatch):
+    """The counters move when a wait ends. Until then a runnable thread that does not run is what there is to see."""
+    looks = iter([(5, 0), *[(5, 0)] * 6, (6, 10_000_000_000)])
+    seen = [(5, 0)]
+
+    def threads(pid):
+        seen[0] = next(looks, seen[0])
+        return {"7": deadlines._Thread(*seen[0])}
+
+    monkeypatch.setattr(deadlines, "_threads", threads)
+    monkeypatch.setattr(deadlines, "_is_runnable", lambda pid, thread: True)
+    own = OwnDeadline(7, 0.02, watched=True)
+    lefts = []
+    while not lefts or (lefts[-1] > 0.0 and len(lefts) < 50):
+        lefts.append(own.left_s())
+        toys.time.sleep(0.02)
+    assert len(lefts) == 50  # it was in the queue all the time, as it turned out
+
+
+def test_a_sleeper_is_late():
+    sleeper = subprocess.Popen(["sleep", "3600"])
+    try:
+        own = OwnDeadline(sleeper.pid, 0.1)
+        while own.left_s() > 0.0:
+            pass
+        assert own.spent_s() >= 0.1
+    finally:
+        sleeper.kill()
+        sleeper.wait()
+
+
+@pytest.mark.parametrize("fault", ["hang", "spin"])
+def test_the_engine_that_was_slow_is_blamed(world, fault):
+    """`toy_a` computes through nearly all of the time; `toy_b` is where it ran out."""
+    instance = toys.instance(
+        toys.entity("ant", "toy_a", 1.0, fault="burn_more", fault_at=0.05),
+        toys.entity("bee", "toy_b", 2.0, fault=fault, fault_at=0.95),
+        engine_s=3.0,
+    )
+    world.reset(instance, toys.CITY)
+    said = r"engine `toy_a` took \S+ of 3 s, so that engine `toy_b` \(advance\) had no time left; the world process"
+    with pytest.raises(InfrastructureError, match=said):
+        world.step(1, ())
+
+
+def test_making_the_camera_ready_is_part_of_no_budget(kind):
+    ant = toys.entity("ant", "toy_a", cameras=(toys.camera(),), fault="slow_reset", fault_in="camera")
+    world = open_world(kind, plugins=TOYS, installed=False)
+    try:
+        ready = world.reset(toys.instance(ant, engine_s=1.0), toys.CITY)
+        assert ready.tick == 0
+    finally:
+        world.close()
+
+
+def test_a_slow_remote_engine_is_blamed_and_nobody_else(world, monkeypatch):
+    """What the caller's own engines take is not the world process's, which is asked in between."""
+    usual = toys.Toy.advance
+
+    def slow(self, until, mirrors):
+        if self.spec.engine == "toy_remote":
+            toys.time.sleep(0.08)
+        return usual(self, until, mirrors)
+
+    monkeypatch.setattr(toys.Toy, "advance", slow)
+    far = toys.entity("far", "toy_remote", 4.0)
+    world.reset(toys.instance(*toys.trio().entities, far, engine_s=0.7), toys.CITY)
+    with pytest.raises(InfrastructureError, match=r"of 0.7 s for one boundary; the slowest was `toy_remote`"):
+        world.step(1, ())
+
+
+def test_in_the_caller_the_engine_that_was_slow_is_named():
+    world = open_world("inline", plugins=TOYS, installed=False)
+    world.reset(faulty("burn", engine_s=0.5), toys.CITY)
+    with pytest.raises(InfrastructureError, match=r"the engines took .* of 0.5 s .*; the slowest was `toy_b` with"):
+        world.step(1, ())
+
+
+def test_in_the_caller_too_a_wait_is_nobodys(crowd):
+    """A script of its own, because the crowd joins the process that hosts the engines."""
+    here = Path(__file__).parent
+    code = f"""
+import sys
+sys.path.insert(0, {str(here)!r})
+import world_toys as toys
+from lingjing.kernel.world import open_world
+world = open_world("inline", plugins={TOYS!r}, installed=False)
+bee = toys.entity("bee", "toy_b", 2.0, fault="burn", fault_at=0.05)
+world.reset(toys.instance(bee, engine_s={ENGINE_S}), toys.CITY)
+print("ready", flush=True)
+sys.stdin.readline()
+print(world.step(1, ()).tick)
+"""
+    process = subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    assert process.stdout.readline() == "ready\n"
+    crowd(process.pid)
+    assert process.communicate("go\n")[0] == "1\n"
+
+
+def test_a_kernel_that_does_not_count_leaves_the_wall_clock(monkeypatch):
+    monkeypatch.setattr(deadlines, "_threads", lambda pid: {})
+    assert not deadlines.is_counted()
+    own = OwnDeadline(os.getpid(), 0.02, watched=True)
+    while own.left_s() > 0.0:
+        pass
+    assert own.spent_s() >= 0.02
+
+
+def test_a_threads_own_clock_does_not_run_backwards_and_survives_a_fork():
+    before = own_now_s()
+    toys.burn(0.02)
+    assert own_now_s() - before >= 0.019
+    child = os.fork()
+    if child == 0:
+        started = own_now_s()
+        toys.burn(0.02)
+        os._exit(0 if own_now_s() - started >= 0.019 else 1)
+    assert os.waitpid(child, 0)[1] == 0
