@@ -13,7 +13,7 @@ from collections.abc import Iterable
 import msgspec
 
 from lingjing.analysis.completion import owed_kg
-from lingjing.analysis.detection import Detection, detect, ratio
+from lingjing.analysis.detection import Detection, detect, ratio, shots
 from lingjing.analysis.repetition import repeated_target_rate
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import DecisionRecord, Envelope, Usage
@@ -85,6 +85,8 @@ class Metrics(msgspec.Struct, frozen=True, kw_only=True):
     """Visited search cells over all search cells that agents observe; None where nobody observes any."""
     frames: int
     absent_frames: int
+    faint_targets: int
+    """Targets that were in a picture with too little contrast to be seen, summed over pictures (ADR 0012)."""
     stages: tuple[StageMetric, ...] = ()
 
 
@@ -134,6 +136,7 @@ def metrics(trace: Trace) -> Metrics:
         coverage=_coverage(trace),
         frames=len(trace.frames),
         absent_frames=_absent(trace),
+        faint_targets=_faint(trace),
         stages=_stages(trace),
     )
 
@@ -172,6 +175,11 @@ def _coverage(trace: Trace) -> float | None:
     cells = {cell.name for cell in instance.cells if cell.grid in grids}
     views = (view for record in trace.boundaries for seen in record.observations for view in seen.cells)
     return ratio(len(cells & {view.name for view in views if view.visited_tick is not None}), len(cells))
+
+
+def _faint(trace: Trace) -> int:
+    targets = {entity.id for entity in trace.header.instance.entities if entity.role == "target"}
+    return sum(box.entity in targets for frame in shots(trace) for box in frame.faint)
 
 
 def _absent(trace: Trace) -> int:

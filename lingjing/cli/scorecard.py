@@ -15,7 +15,8 @@ UNDEFINED = "N/A"
 _PLAIN: dict[str, tuple[tuple[str, str], ...]] = {
     "outcome": (("sim_s", "s"), ("wall_s", "s"), ("gap", "%"), ("coverage", "")),
     "perception": (
-        ("frames", ""), ("absent_frames", ""), ("first_discovery_tick", ""), ("targets_found", ""), ("reports", ""),
+        ("frames", ""), ("absent_frames", ""), ("faint_targets", ""), ("first_discovery_tick", ""),
+        ("targets_found", ""), ("reports", ""),
         ("detections", ""), ("false_positives", ""), ("misses", ""), ("precision", ""), ("recall", ""), ("f1", ""),
         ("miss_rate", ""), ("hallucination_rate", ""), ("localisation_error_m", "m"), ("calibration_error", ""),
     ),
@@ -91,6 +92,7 @@ def _perception(metrics: Mapping[str, object]) -> tuple[Row, ...]:
     rates = " / ".join(_number(metrics.get(name)) for name in ("precision", "recall", "f1"))
     return (
         ("pictures", f"{_number(metrics.get('frames'))}{late}"),
+        ("targets too faint to see", _number(metrics.get("faint_targets"))),
         ("targets found", f"{_number(metrics.get('targets_found'))}{when}"),
         ("reports", _of_them(metrics, "reports", "false_positives", "false")),
         ("precision / recall / F1", rates),

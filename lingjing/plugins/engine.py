@@ -67,10 +67,12 @@ class CaptureRequest(msgspec.Struct, frozen=True, kw_only=True):
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """A captured picture. `info.boxes` is the exact ground truth.
+    """A captured picture. `info.boxes` is the exact ground truth, without `info.faint`: targets that were drawn and
+    that nobody can see.
 
     `rgb` is (height, width, 3) uint8; `depth` (height, width) float32 metres along the optical axis, inf where
-    nothing is hit, or None if not declared; `semantic` (height, width) uint8 class ids, or None.
+    nothing is hit, or None if not declared; `semantic` (height, width) uint8 class ids, or None: policies get
+    it, so it shows what would be drawn without the entities that have a hidden value.
     """
 
     info: FrameInfo

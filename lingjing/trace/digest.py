@@ -49,10 +49,10 @@ def input_digest(
     """SHA-256 (hex) of one complete policy input, for `ObservationRecord.sha256`.
 
     `pictures` are the observation's frames: their id, pose, time and the hashes of all their channels count, their
-    ground-truth boxes do not.
+    ground truth does not.
     """
     whole = hashlib.sha256(to_json(settled(msgspec.structs.replace(observation, sha256=""))))
-    for record in (*messages, *receipts, *(msgspec.structs.replace(frame, boxes=()) for frame in pictures)):
+    for record in (*messages, *receipts, *(msgspec.structs.replace(frame, boxes=(), faint=()) for frame in pictures)):
         whole.update(b"\n" + to_json(settled(record)))
     return whole.hexdigest()
 

@@ -150,12 +150,17 @@ class Snapshot(Value, frozen=True, kw_only=True):
 
 
 class Box(Value, frozen=True, kw_only=True):
-    """Ground truth of one entity in one frame: a normalised image box, origin top left, and its visible pixels."""
+    """Ground truth of one entity in one frame: a normalised image box, origin top left, and its pixels.
+
+    `contrast` is how much a target changes of these pixels (0..255, root mean square; ADR 0012), None where that was
+    not measured.
+    """
 
     entity: str
     cls: str
     box: tuple[float, float, float, float]
     pixels: int
+    contrast: float | None = None
 
 
 class CameraPose(Value, frozen=True, kw_only=True):
@@ -175,7 +180,9 @@ class FrameInfo(Value, frozen=True, kw_only=True):
     """All that is known of a captured frame but its pixels. `id` is `f<tick>-<entity>-<camera>`.
 
     `sha256` is that of the stored JPEG, `channels_sha256` that of the raw depth and class ids (empty if there are
-    none); `renderer` is what drew it, part of the fingerprint that pixels are promised equal for.
+    none); `renderer` is what drew it, part of the fingerprint that pixels are promised equal for. `boxes` is what can
+    be seen; `faint` are the targets that were drawn with too little contrast for anybody to see: they have no visible
+    pixels, and no report can match them.
     """
 
     id: str
@@ -186,6 +193,7 @@ class FrameInfo(Value, frozen=True, kw_only=True):
     pose: CameraPose
     channels: tuple[str, ...]
     boxes: tuple[Box, ...] = ()
+    faint: tuple[Box, ...] = ()
     sha256: str = ""
     channels_sha256: str = ""
     renderer: str = ""

@@ -1,5 +1,6 @@
 """Every number of `metrics` against a count by hand."""
 
+import dataclasses
 import math
 from types import ModuleType
 
@@ -200,6 +201,25 @@ def test_decisions_receipts_and_absences(of) -> None:  # type: ignore[no-untyped
     )
     assert (found.substitutions, found.idle_fraction, found.conflicts, found.rejections) == (1, 1.0, 1, 2)
     assert found.absent_frames == 1
+
+
+def test_targets_too_faint_to_see_are_counted_and_not_missed(trace: Trace) -> None:
+    """One more target in every picture without any: missed where it can be seen, counted where it cannot."""
+    more = (Box(entity="victim[1]", cls="person_in_water", box=BOX, pixels=9, contrast=3.0),)
+
+    def told(field: str) -> Metrics:
+        boundaries = tuple(
+            replace(record, frames=tuple(f if f.boxes else replace(f, **{field: more}) for f in record.frames))
+            for record in trace.boundaries
+        )
+        return metrics(dataclasses.replace(trace, boundaries=boundaries))
+
+    empty = sum(not frame.boxes for frame in trace.frames.values())
+    assert empty > 0
+    seen, faint = told("boxes"), told("faint")
+    assert (seen.misses - metrics(trace).misses, seen.faint_targets) == (empty, 0)
+    assert (faint.misses, faint.faint_targets) == (metrics(trace).misses, empty)
+    assert faint.f1 == metrics(trace).f1
 
 
 def test_executors_and_their_reach_come_from_the_rules(trace: Trace) -> None:

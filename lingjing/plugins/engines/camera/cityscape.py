@@ -119,13 +119,16 @@ class Cityscape:
     """Owns the GL objects of one city; `release` frees them."""
 
     def __init__(self, context: moderngl.Context, city: City, under: Under) -> None:
-        self._context, self._city, self._under, self._dress = context, city, under, Dress()
+        self._context, self._city, self._under = context, city, under
+        self._dresses: tuple[Dress, ...] = (Dress(),)
         self._programs: dict[tuple[str, Mode], moderngl.Program] = {}
         self._caster = context.program(vertex_shader=shaders.CASTER_VERTEX, fragment_shader=shaders.CASTER_FRAGMENT)
         self.tiles = Tiles(city, KEPT_PIECES)
         self._skyline: Skyline = build_skyline(city, self.tiles)
         self._number = {key: k for k, key in enumerate(self._skyline.keys)}
-        self._residents: OrderedDict[Key, Resident] = OrderedDict()
+        self._residents: OrderedDict[tuple[Key, int], Resident] = OrderedDict()
+        self._differing: tuple[frozenset[Key], ...] = (frozenset(),)
+        self.worn = 0
         self.plate = build_plate(city)
         self._blocks = self._upload("wall", self._skyline.blocks, casts=False)
         self._block_planes = planes_of(self._skyline.blocks)
@@ -148,16 +151,20 @@ class Cityscape:
         self.shade_matrix = np.eye(4)
         self.light_uniform: tuple[float, ...] = ()
 
-    def dress(self, dress: Dress) -> None:
-        """Take over what a mission changes; tiles that may have changed are made anew."""
-        old, self._dress = self._dress, dress
-        if (old.tiles, old.faced) == (dress.tiles, dress.faced):
+    def dress(self, dresses: tuple[Dress, ...]) -> None:
+        """Take over what a mission changes; tiles that may have changed are made anew. Drawn is the first of the
+        dresses, or that of the number in `worn`."""
+        old, self._dresses, self.worn = self._dresses, dresses, 0
+        if [(d.tiles, d.faced) for d in old] == [(d.tiles, d.faced) for d in dresses]:
             return
-        anew = set(self._residents) if old.faced != dress.faced else {*old.tiles, *dress.tiles} & set(self._residents)
-        for key in anew:
-            for sheet in self._residents.pop(key).sheets.values():
-                sheet.release()
+        for key, number in list(self._residents):
+            if number or old[0].faced != dresses[0].faced or key in {*old[0].tiles, *dresses[0].tiles}:
+                self._drop(self._residents.pop((key, number)))
         self._shade_is = None
+        keys = {key for d in dresses for key in (*d.tiles, *d.places.values())}
+        self._differing = tuple(
+            frozenset(key for key in keys if d.content(key) != dresses[0].content(key)) for d in dresses
+        )
 
     # -- choosing
 
@@ -187,10 +194,11 @@ class Cityscape:
 
     def resident(self, key: Key) -> Resident:
         """A tile, made ready if it is not."""
-        found = self._residents.get(key)
+        known = key, self.worn if key in self._differing[self.worn] else 0
+        found = self._residents.get(known)
         if found is None:
-            found = self._residents[key] = self._ready(key)
-        self._residents.move_to_end(key)
+            found = self._residents[known] = self._ready(key)
+        self._residents.move_to_end(known)
         return found
 
     def warm(self, places: Sequence[tuple[float, float, float]]) -> None:
@@ -205,16 +213,19 @@ class Cityscape:
     def trim(self) -> None:
         """Let go of the tiles that were not used for longest; between pictures."""
         while len(self._residents) > KEPT_TILES:
-            _, old = self._residents.popitem(last=False)
-            for sheet in old.sheets.values():
-                sheet.release()
+            self._drop(self._residents.popitem(last=False)[1])
+
+    def _drop(self, resident: Resident) -> None:
+        for sheet in resident.sheets.values():
+            sheet.release()
 
     def _ready(self, key: Key) -> Resident:
-        pieces: Pieces = self._dress.tiles.get(key) or self.tiles.load(key)
+        dress = self._dresses[self.worn]
+        pieces: Pieces = dress.tiles.get(key) or self.tiles.load(key)
         near = self._around(key)
         crossings = crossings_of(tuple(junction for tile in near for junction in tile.junctions))
         ways = tuple(road for tile in near for road in tile.roads)
-        faced = {building: FIRST_ENTITY + number for building, number in self._dress.faced.items()}
+        faced = {building: FIRST_ENTITY + number for building, number in dress.faced.items()}
         mesh = mesh_tile(pieces, crossings, faced, self._under, middles_of(ways))
         sheets = {name: self._upload(name, part, casts=name in CASTERS) for name, part in mesh.parts.items()
                   if len(part.index)}  # fmt: skip

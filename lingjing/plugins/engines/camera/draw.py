@@ -38,7 +38,7 @@ from lingjing.plugins.engines.camera.ocean import RIPPLE_M, Surface
 from lingjing.plugins.engines.camera.ocean import SIZE as SEA_SIZE
 from lingjing.plugins.engines.camera.sight import blunt_from, near_plane, sky_bounds
 from lingjing.plugins.engines.camera.standins import standin
-from lingjing.plugins.engines.camera.targets import MAX_TARGETS, Buffers, Target
+from lingjing.plugins.engines.camera.targets import MAX_TARGETS, Buffers, Place, Target, overlap
 from lingjing.plugins.engines.camera.tilemesh import Under
 from lingjing.plugins.engines.camera.upload import Model, rows_array, upload, upload_still
 from lingjing.plugins.engines.camera.view import View
@@ -77,6 +77,8 @@ class Scenery:
     marks: npt.NDArray[np.void]
     billboards: npt.NDArray[np.void] = field(default_factory=lambda: np.zeros(0, BILLBOARD))
     decals: npt.NDArray[np.void] = field(default_factory=lambda: np.zeros(0, DECAL))
+    dress: int = 0
+    """Which of the dresses of the town it wears (`Cityscape.dress`)."""
 
 
 class Renderer:
@@ -163,11 +165,11 @@ class Renderer:
         west, south, east, north = ground.bounds
         self._bounds = west, south, 1.0 / (east - west), 1.0 / (north - south)
 
-    def dress(self, dress: Dress) -> None:
-        """Take over what a mission changes about a town."""
+    def dress(self, *dresses: Dress) -> None:
+        """Take over what a mission changes about a town: the dress that pictures show, then those for `redraw`."""
         if self._town is not None:
             with self.context:
-                self._town.dress(dress)
+                self._town.dress(dresses)
 
     def _load_town(self, city: City, under: Under) -> None:
         self._town = Cityscape(self.context, city, under)
@@ -217,19 +219,57 @@ class Renderer:
                 self._render(pose, scenery, depth)
             self._targets.pop((WARM_SIZE, depth)).release()
 
-    def render(self, pose: CameraPose, scenery: Scenery, depth: bool) -> Buffers:
-        """Draw one picture and read it back."""
+    def render(self, pose: CameraPose, scenery: Scenery, depth: bool, near_m: float | None = None) -> Buffers:
+        """Draw one picture and read it back; without a near plane with its own."""
         with self.context:
-            return self._render(pose, scenery, depth)
+            return self._render(pose, scenery, depth, near_m)
 
-    def _render(self, pose: CameraPose, scenery: Scenery, depth: bool) -> Buffers:
-        light = light_of(scenery.weather, pose.position[2] - self._level)
-        view = self._town.view(pose, scenery.weather.visibility_m, light) if self._town is not None else None
+    def near_plane(self, pose: CameraPose, scenery: Scenery) -> float:
+        """The near plane of a picture: what is nearest in it decides."""
+        with self.context:
+            return self._near(pose, scenery, self._view(pose, scenery))
+
+    def redraw(
+        self, pose: CameraPose, scenery: Scenery, depth: bool, place: Place, near_m: float
+    ) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint16]]:
+        """Colours and ids of a part of a picture, pixel for pixel those of the whole one with this near plane, after
+        `render` of the same pose. The town's shadows stay as that one left them."""
+        with self.context:
+            return self._draw(pose, scenery, depth, near_m, self._view(pose, scenery), place).read_part(place)
+
+    def _render(self, pose: CameraPose, scenery: Scenery, depth: bool, near_m: float | None = None) -> Buffers:
+        view = self._view(pose, scenery)
         if view is not None:
             self._shade(view)
+        near_m = self._near(pose, scenery, view) if near_m is None else near_m
+        return self._draw(pose, scenery, depth, near_m, view, None).read(near_m)
+
+    def _light(self, pose: CameraPose, scenery: Scenery) -> Light:
+        return light_of(scenery.weather, pose.position[2] - self._level)
+
+    def _view(self, pose: CameraPose, scenery: Scenery) -> View | None:
+        """What a picture needs of the town, which wears the scenery's dress from now on; None without a town."""
+        if self._town is None:
+            return None
+        self._town.worn = scenery.dress
+        return self._town.view(pose, scenery.weather.visibility_m, self._light(pose, scenery))
+
+    def _near(self, pose: CameraPose, scenery: Scenery, view: View | None) -> float:
+        if self._town is not None and view is not None:
+            return self._town.near_plane(view, pose, _closest(scenery, pose))
+        if pose.position[2] > HIGH_M:
+            return near_plane(pose, min(pose.position[2] - RELIEF_M, max(_closest(scenery, pose), TOUCHING_M)))
+        return uniforms.bay_near(pose)
+
+    def _draw(
+        self, pose: CameraPose, scenery: Scenery, depth: bool, near_m: float, view: View | None, place: Place | None
+    ) -> Target:
+        """Draw a picture, or again a part of the one that was drawn last."""
+        light = self._light(pose, scenery)
         target = self._target((pose.width, pose.height), depth)
-        self._prepare(pose, scenery, light, view)
+        self._prepare(pose, scenery, light, view, near_m)
         target.frame.use()
+        target.frame.scissor = place  # type: ignore[assignment] # None: the whole picture
         target.write(colour=True, alpha=True, rest=True)
         target.clear(uniforms.haze(light))
         self.context.enable_only(moderngl.DEPTH_TEST)
@@ -245,7 +285,7 @@ class Renderer:
         if self._town is not None and view is not None:
             self._town.floors(view, *weather)
         self._waters(high=pose.position[2] > HIGH_M)
-        self._heavens(target, pose)
+        self._heavens(target, pose, place)
         if pose.position[2] > HIGH_M:
             self._below_vao.render()
         scenery = self._enlivened(scenery, view, pose, light)
@@ -256,9 +296,10 @@ class Renderer:
                 model.lit.render(instances=count)
         self._effects.bodies(scenery.billboards)
         self._air(target, pose, scenery, light)
+        target.frame.scissor = None  # type: ignore[assignment] # the whole picture
         if self._town is not None:
             self._town.trim()
-        return target.read()
+        return target
 
     def _waters(self, high: bool) -> None:
         if self._town is None or self._town.plate.sea is not None:
@@ -268,13 +309,15 @@ class Renderer:
             lake["u_level"] = level
             array.render()
 
-    def _heavens(self, target: Target, pose: CameraPose) -> None:
+    def _heavens(self, target: Target, pose: CameraPose, place: Place | None) -> None:
         """The sky, where it can be: below that all is ground or water."""
-        place = sky_bounds(pose, self._level)
-        if place is not None:
-            target.frame.scissor = place
+        shown = sky_bounds(pose, self._level)
+        if shown is not None and place is not None:
+            shown = overlap(shown, place)
+        if shown is not None:
+            target.frame.scissor = shown
             self._sky_vao.render()
-            target.frame.scissor = None  # type: ignore[assignment] # the whole picture
+            target.frame.scissor = place  # type: ignore[assignment] # None: the whole picture
 
     def _air(self, target: Target, pose: CameraPose, scenery: Scenery, light: Light) -> None:
         """What the air carries: smoke, mist, glow, rain. It hides nothing from ids and depth."""
@@ -382,7 +425,7 @@ class Renderer:
     def _sea_texture(self) -> moderngl.Texture:
         return self.texture(np.zeros((SEA_SIZE, SEA_SIZE, 4), np.uint8))
 
-    def _prepare(self, pose: CameraPose, scenery: Scenery, light: Light, view: View | None) -> None:
+    def _prepare(self, pose: CameraPose, scenery: Scenery, light: Light, view: View | None, near_m: float) -> None:
         if self._sea_now is not scenery.sea:
             packed = [scenery.sea[0].packed(), scenery.sea[1].packed(self._lace)]
             for texture, (pixels, _) in zip(self._sea, packed, strict=True):
@@ -408,18 +451,14 @@ class Renderer:
             "u_silt": float(self._town is not None and self._town.plate.sea is None),
         }
         told: tuple[moderngl.Program, ...] = (*self._programs, *self._effects.programs)
-        near = uniforms.bay_near(pose)
-        if pose.position[2] > HIGH_M:
-            near = near_plane(pose, min(pose.position[2] - RELIEF_M, max(_closest(scenery, pose), TOUCHING_M)))
         if self._town is not None and view is not None:
             self._town.bind(view, pose, SHADE_UNIT, MAP_UNIT)
             self._noise.filter = moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR
             for texture in self._grains.values():
                 texture.filter = _grain_filter(pose)
-            near = self._town.near_plane(view, pose, _closest(scenery, pose))
             values |= {**self._town.values(view), "u_shadow": SHADE_UNIT, "u_map": MAP_UNIT}
             told = (*told, *self._town.programs(light.rain > 0.0, light.lamps, view.reaching, view.high))
-        values |= uniforms.view(pose, near)
+        values |= uniforms.view(pose, near_m)
         for program in told:
             own = {**values, **uniforms.space(light, pose.position[2])} if program is self._sky else values
             for name in program:

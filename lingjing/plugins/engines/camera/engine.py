@@ -8,7 +8,8 @@ mirror has come yet stands where the instance puts it. The context and static me
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from functools import partial
 
 import msgspec
 
@@ -16,7 +17,7 @@ from lingjing.errors import InfrastructureError
 from lingjing.mission.instance import CameraSpec, Entity, Vector, Weather
 from lingjing.plugins.engine import Boundary, CaptureRequest, EngineSpec, Frame
 from lingjing.plugins.engines.camera.boxes import entity_boxes
-from lingjing.plugins.engines.camera.classes import MAX_ENTITIES, semantic_picture
+from lingjing.plugins.engines.camera.classes import MAX_ENTITIES
 from lingjing.plugins.engines.camera.draw import Renderer, Scenery
 from lingjing.plugins.engines.camera.effects import Site, dress
 from lingjing.plugins.engines.camera.ground import build_ground, height_under, water_level
@@ -24,6 +25,7 @@ from lingjing.plugins.engines.camera.instances import Batch, prop_batches
 from lingjing.plugins.engines.camera.noise import noise_texture
 from lingjing.plugins.engines.camera.ocean import Ocean
 from lingjing.plugins.engines.camera.staging import stage
+from lingjing.plugins.engines.camera.withheld import ALL, Shot, Withheld
 from lingjing.plugins.engines.schedule import Schedule
 from lingjing.plugins.engines.terrain import Terrain
 from lingjing.plugins.geometry import mounted_camera_pose
@@ -52,6 +54,7 @@ class CameraEngine:
         self._schedule: Schedule | None = None
         self._terrain: Terrain | None = None
         self._sites: dict[str, Site] = {}
+        self._withheld = Withheld(())
         self._seed = 0
         self._states: dict[str, BodyState] = {}
         self._ambient: tuple[BodyState, ...] = ()
@@ -70,11 +73,9 @@ class CameraEngine:
             self._build(self._renderer, city)
         self._spec, self._time_s, self._seed = spec, 0.0, seed
         self._oceans, self._schedule = {}, Schedule(spec.instance)
-        self._sites = {}
+        self._sites, self._withheld = {}, Withheld(entities)
         if self._terrain is not None:
-            changed = dress(Tiles(city).near, self._terrain.surface, entities)
-            self._renderer.dress(changed)
-            self._sites = changed.sites
+            self._dress(self._renderer, self._terrain, Tiles(city), entities)
         self._states = {e.id: BodyState(id=e.id, position=e.position, heading_deg=e.heading_deg) for e in entities}
         self._ambient = ()
         self._warm(self._renderer, entities)
@@ -125,6 +126,16 @@ class CameraEngine:
             renderer.warm(places, scenery, depth)
             self._warmed = told
 
+    def _dress(self, renderer: Renderer, terrain: Terrain, tiles: Tiles, entities: Sequence[Entity]) -> None:
+        """What the entities do to the town, with all of them, without what is hidden and without any target."""
+        kept = self._withheld
+        whole = dress(tiles.near, terrain.surface, entities)
+        public = dress(tiles.near, terrain.surface, entities, kept.hidden)
+        bare = dress(tiles.near, terrain.surface, entities, kept.targets, razed=True)
+        renderer.dress(whole, public, bare)
+        kept.dressed((whole, public, bare), tiles.load, terrain.surface)
+        self._sites = whole.sites
+
     def _playing(self) -> EngineSpec:
         if self._spec is None:
             raise InfrastructureError("the camera engine was used before its reset")
@@ -143,8 +154,9 @@ class CameraEngine:
         entity, camera = self._mount(request)
         assert self._renderer is not None
         pose = self._above(mounted_camera_pose(self._states[entity.id], camera, entity.type, entity.bases))
-        buffers = self._renderer.render(pose, self._scenery(entity), "depth" in camera.channels)
-        entities = self._playing().instance.entities
+        depth, semantic = "depth" in camera.channels, "semantic" in camera.channels
+        shot = Shot(pose, depth, semantic, partial(self._scenery, entity))
+        shown = self._withheld.take(self._renderer, shot)
         info = FrameInfo(
             id=request.frame,
             entity=request.entity,
@@ -153,11 +165,11 @@ class CameraEngine:
             time_s=request.time_s,
             pose=pose,
             channels=camera.channels,
-            boxes=entity_boxes(buffers.ids, entities),
+            boxes=shown.boxes,
+            faint=shown.faint,
             renderer=self._renderer.name,
         )
-        semantic = semantic_picture(buffers.ids, entities) if "semantic" in camera.channels else None
-        return Frame(info=info, rgb=buffers.rgb, depth=buffers.depth, semantic=semantic)
+        return Frame(info=info, rgb=shown.rgb, depth=shown.depth, semantic=shown.semantic)
 
     def _above(self, pose: CameraPose) -> CameraPose:
         """The pose of a camera, lifted out of the ground or the deck that its body stands on."""
@@ -204,8 +216,9 @@ class CameraEngine:
             return height_under(self._city, east, north)
         return self._terrain.support(east, north, up + 0.5)
 
-    def _scenery(self, viewer: Entity | None) -> Scenery:
-        """Everything but the viewer's own body, if it has one; its shadow goes with it, the light it throws stays."""
+    def _scenery(self, viewer: Entity | None, without: Collection[str] = (), dressed: int = ALL) -> Scenery:
+        """Everything but the viewer's own body, if it has one, and the entities `without`; its shadow goes with it, the
+        light it throws stays. The town is `dressed` as one of `withheld`'s."""
         assert self._schedule is not None
         weather = self._schedule.weather(self._time_s)
         shown, own = [], None
@@ -214,12 +227,12 @@ class CameraEngine:
             here = state.status not in HIDDEN_STATUSES and self._schedule.present(entity.id, self._time_s)
             if here and viewer is not None and entity.id == viewer.id:
                 own = state, entity.type
-            elif here:
+            elif here and entity.id not in without:
                 shown.append((number, entity, state))
         cast = stage(shown, self._ambient, self._sites, self._time_s, weather, self._under, self._level, own)
         sea = self._ocean(weather).surfaces(self._time_s)
         return Scenery(self._time_s, weather, sea, (*self._props, *cast.batches), cast.marks,
-                       cast.billboards, cast.decals)  # fmt: skip
+                       cast.billboards, cast.decals, dressed)  # fmt: skip
 
     def _ocean(self, weather: Weather) -> Ocean:
         if weather not in self._oceans:

@@ -11,13 +11,26 @@ import numpy.typing as npt
 MAX_TARGETS = 4
 
 
+Place = tuple[int, int, int, int]
+"""A part of a picture: left, top, width, height (pixels)."""
+
+
+def overlap(one: Place, other: Place) -> Place | None:
+    """What two parts share; None if that is nothing."""
+    left, top = max(one[0], other[0]), max(one[1], other[1])
+    right, low = min(one[0] + one[2], other[0] + other[2]), min(one[1] + one[3], other[1] + other[3])
+    return (left, top, right - left, low - top) if left < right and top < low else None
+
+
 @dataclass(frozen=True, slots=True)
 class Buffers:
-    """What one pass drew, top row first: `rgb` uint8, `ids` uint16, `depth` float32 metres or None."""
+    """What one pass drew, top row first: `rgb` uint8, `ids` uint16, `depth` float32 metres or None; `near_m` is the
+    near plane that it was drawn with."""
 
     rgb: npt.NDArray[np.uint8]
     ids: npt.NDArray[np.uint16]
     depth: npt.NDArray[np.float32] | None
+    near_m: float
 
 
 class Target:
@@ -49,18 +62,21 @@ class Target:
             self.frame.depth_mask = False
         self.write(colour=True, alpha=True, rest=True)
 
-    def read(self) -> Buffers:
+    def read(self, near_m: float) -> Buffers:
         """Fresh arrays of the last drawing."""
-        width, height = self.size
-        rgb = np.empty((height, width, 3), np.uint8)
-        ids = np.empty((height, width), np.uint16)
-        self.frame.read_into(rgb, components=3)
-        self.frame.read_into(ids, components=1, attachment=1, dtype="u2")
+        rgb, ids = self.read_part((0, 0, *self.size))
         depth = None
         if self.has_depth:
-            depth = np.empty((height, width), np.float32)
+            depth = np.empty(ids.shape, np.float32)
             self.frame.read_into(depth, components=1, attachment=2, dtype="f4")
-        return Buffers(rgb, ids, depth)
+        return Buffers(rgb, ids, depth, near_m)
+
+    def read_part(self, place: Place) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint16]]:
+        """Colours and ids of a part of the last drawing."""
+        rgb, ids = np.empty((place[3], place[2], 3), np.uint8), np.empty(place[:1:-1], np.uint16)
+        self.frame.read_into(rgb, viewport=place, components=3)
+        self.frame.read_into(ids, viewport=place, components=1, attachment=1, dtype="u2")
+        return rgb, ids
 
     def release(self) -> None:
         """Free the GL objects."""

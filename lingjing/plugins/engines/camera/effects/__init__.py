@@ -26,7 +26,7 @@ is the same picture, whatever was drawn before.
 
 from __future__ import annotations
 
-from lingjing.plugins.engines.camera.effects.city import Dress, Site, dress, dressed, faced, site_of
+from lingjing.plugins.engines.camera.effects.city import Dress, Site, altered, dress, dressed, faced, site_of
 from lingjing.plugins.engines.camera.effects.particles import BILLBOARD, DECAL, Effects, Solid, joined
 from lingjing.plugins.engines.camera.effects.targets import SHOWING, effects_of, prop_effects
 
@@ -38,6 +38,7 @@ __all__ = [
     "Effects",
     "Site",
     "Solid",
+    "altered",
     "dress",
     "dressed",
     "effects_of",

@@ -6,7 +6,7 @@ changed tiles, the buildings whose pixels are an entity's, and what each effect 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from math import atan2, cos, degrees, hypot, inf, radians, sin
@@ -32,7 +32,11 @@ TILES_M = 80.0
 VERGE_M = 0.8
 """From a road's edge to the middle of what stands there."""
 GAP_M = 8.0
+BESIDE_M, OVER_M = 30.0, 6.0
+"""How far (m) a bridge reaches beside its path, and what stands on it above it."""
 Path = tuple[Vector, ...]
+Box = tuple[float, float, float, float, float, float]
+"""West, south, low, east, north, high (m)."""
 P = TypeVar("P", bound=Pieces)
 T = TypeVar("T")
 
@@ -55,21 +59,30 @@ class Site:
 
 @dataclass(frozen=True, slots=True)
 class Dress:
-    """What a mission changes: whole tiles by their key, building id → number of the entity that it is, entity id → its
-    surroundings."""
+    """What a mission changes: whole tiles by their key, building id → number of the entity that it is and that
+    building's tile, entity id → its surroundings."""
 
     tiles: dict[tuple[int, int], Pieces] = field(default_factory=dict)
     faced: dict[str, int] = field(default_factory=dict)
+    places: dict[str, tuple[int, int]] = field(default_factory=dict)
     sites: dict[str, Site] = field(default_factory=dict)
+
+    def content(self, key: tuple[int, int]) -> tuple[Pieces | None, dict[str, int]]:
+        """What it makes of a tile: the changed pieces, and the entities that buildings of the tile are."""
+        mine = {building: number for building, number in self.faced.items() if self.places[building] == key}
+        return self.tiles.get(key), mine
 
 
 def dress(
     near: Callable[[float, float, float], tuple[Tile, ...]],
     ground: Callable[[float, float], float],
     entities: Sequence[Entity],
+    without: Collection[str] = (),
+    razed: bool = False,
 ) -> Dress:
     """The dress of a city for the entities of a mission. `near` gives the tiles about a point (`Tiles.near`), `ground`
-    the elevation of ground or water at one."""
+    the elevation of ground or water at one. For the entities `without` the city stands as if they were not; if `razed`,
+    a building that is one of them is not there either."""
     made = Dress()
     for number, entity in enumerate(entities):
         if not any(is_a(entity, kind) for kind in AWARE):
@@ -78,13 +91,64 @@ def dress(
         tiles = near(x, y, TILES_M)
         made.sites[entity.id] = site_of(entity, tiles, ground(x, y))
         chosen = faced(Pieces(buildings=tuple(b for tile in tiles for b in tile.buildings)), (entity,))
-        made.faced.update((building, number) for building in chosen)
+        left_out = entity.id in without
+        if not left_out:
+            made.faced.update((building, number) for building in chosen)
+            made.places.update((b.id, tile.key) for tile in tiles for b in tile.buildings if b.id in chosen)
         for tile in tiles:
             before = made.tiles.get(tile.key, tile)
-            after = dressed(before, (entity,), chosen, made.sites)
+            if left_out:
+                after = _razed(before, chosen) if razed else before
+            else:
+                after = dressed(before, (entity,), chosen, made.sites)
             if after is not before:
                 made.tiles[tile.key] = after
     return made
+
+
+def altered(
+    one: Dress,
+    other: Dress,
+    load: Callable[[tuple[int, int]], Pieces],
+    ground: Callable[[float, float], float],
+) -> tuple[Box, ...]:
+    """Where two dresses of a city differ in shape: a box for each tile that does. `load` gives a tile as it is built
+    (`Tiles.load`), `ground` the elevation of ground or water at a place."""
+    found = []
+    for key in sorted({*one.tiles, *other.tiles}):
+        sides = [_spanning(side.tiles.get(key) or load(key)) for side in (one, other)]
+        points = [
+            (x, y, z)
+            for mine, others in (sides, sides[::-1])
+            for span in mine if span not in others
+            for x, y, z in _outline(span)
+        ]  # fmt: skip
+        if points:
+            low, high = ([pick(values) for values in zip(*points, strict=True)] for pick in (min, max))
+            floor = min(ground(x, y) for x, y, _ in points)
+            found.append((low[0] - BESIDE_M, low[1] - BESIDE_M, min(low[2], floor) - OVER_M,
+                          high[0] + BESIDE_M, high[1] + BESIDE_M, high[2] + OVER_M))  # fmt: skip
+    return tuple(found)
+
+
+def _spanning(pieces: Pieces) -> list[Bridge | Road | Solid]:
+    return [*pieces.bridges, *pieces.roads, *pieces.solids]
+
+
+def _outline(piece: Bridge | Road | Solid) -> Iterator[Vector]:
+    if isinstance(piece, Bridge):
+        yield from piece.path
+    elif isinstance(piece, Road):
+        for lane in piece.lanes:
+            yield from lane.shape
+    else:
+        yield from ((x, y, z) for x, y in piece.polygon for z in (piece.base_m, piece.top_m))
+
+
+def _razed(pieces: Pieces, gone: Mapping[str, Entity]) -> Pieces:
+    """The pieces without some buildings; the very same object if none of them is in it."""
+    left = tuple(building for building in pieces.buildings if building.id not in gone)
+    return pieces if len(left) == len(pieces.buildings) else msgspec.structs.replace(pieces, buildings=left)
 
 
 def is_a(entity: Entity, kind: str) -> bool:
@@ -314,4 +378,4 @@ def _outline_distance(polygon: Polygon, x: float, y: float) -> float:
     return 0.0 if crossings % 2 else _project(ring, x, y)[0]
 
 
-__all__ = ["Dress", "Site", "dress", "dressed", "faced", "gap_of", "is_a", "site_of", "split"]
+__all__ = ["Dress", "Site", "altered", "dress", "dressed", "faced", "gap_of", "is_a", "site_of", "split"]
