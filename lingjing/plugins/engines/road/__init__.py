@@ -6,6 +6,7 @@ In the order in which an episode meets them:
 - `graph` is what the network's edges, lanes and links are, and which lane is nearest to a point.
 - `routing` finds the quickest way on that graph around places to avoid; `waypoints` says where a route passes.
 - `kinds` are the vehicles: sizes, masses, accelerations, what a load does to them.
+- `kerb` is where vehicles park beside the road, and who comes by when one wants to pull out.
 - `vehicle` is one vehicle of the mission: where it is, what it is doing, what it carries; `sideways` shows its lane
   changes as motion.
 - `verbs` turns commands into what a vehicle does, or refuses them.

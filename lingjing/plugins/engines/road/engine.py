@@ -19,12 +19,14 @@ from lingjing.plugins.engines.road.congestion import Congestion, jam_of
 from lingjing.plugins.engines.road.contact import Contacts
 from lingjing.plugins.engines.road.foreign import Foreign
 from lingjing.plugins.engines.road.graph import Place, elevations, read_graph
+from lingjing.plugins.engines.road.kerb import Kerb
 from lingjing.plugins.engines.road.simulation import STEP_S, Simulation
 from lingjing.plugins.engines.road.traffic import Occupied, Traffic
 from lingjing.plugins.engines.road.vehicle import LOAD, Vehicle
 from lingjing.plugins.engines.road.verbs import PLANNING, Planner
 from lingjing.plugins.engines.schedule import Schedule
 from lingjing.scene.city import City
+from lingjing.scene.tiles import Tiles
 from lingjing.trace.records import BodyState, Command, Receipt
 
 WARM_UP_STEPS = 100
@@ -58,7 +60,8 @@ class RoadEngine(FleetEngine):
         instance = spec.instance
         self._plans = Requests(spec.engine)
         self._schedule = Schedule(instance)
-        self._vehicles = {entity.id: Vehicle(entity, sim, graph) for entity in owned}
+        kerb = Kerb(sim, graph, Tiles(city))
+        self._vehicles = {entity.id: Vehicle(entity, sim, graph, kerb) for entity in owned}
         lowest, highest = elevations(sim, graph)
         sim.level = lowest == highest
         strangers = [entity for entity in instance.entities if entity.id not in spec.owns]
@@ -197,21 +200,16 @@ class RoadEngine(FleetEngine):
                 self._traffic.keep_off(self._congestion.blocked)
 
     def _make_room(self) -> None:
-        """Let vehicles without a task move aside that somebody waited for each time in the last seconds."""
+        """Let vehicles without a task park that somebody waited for each time in the last seconds; who has arrived
+        and found no place then does so at once."""
+        held = {vehicle.held_by for vehicle in self._vehicles.values()}
         for vehicle in self._vehicles.values():
-            waiting = vehicle.task is None and not vehicle.is_aside and vehicle.is_waited_for() != ""
+            idle = vehicle.task is None and not vehicle.is_aside
+            waiting = idle and (vehicle.id in held or vehicle.is_waited_for() != "")
             self._waited_for[vehicle.id] = self._waited_for.get(vehicle.id, 0) + 1 if waiting else 0
-            if self._waited_for[vehicle.id] >= _ROOM_ROUNDS and self._has_room(vehicle):
-                vehicle.make_room()
-
-    def _has_room(self, vehicle: Vehicle) -> bool:
-        """Whether no other vehicle of the mission stands aside next to it."""
-        here = vehicle.state(0.0).position
-        aside = (other for other in self._vehicles.values() if other.is_aside and other is not vehicle)
-        return all(
-            math.dist(here, other.state(0.0).position) > (vehicle.size.length_m + other.size.length_m) / 2.0 + 2.5
-            for other in aside
-        )
+            waited_for = self._waited_for[vehicle.id] >= _ROOM_ROUNDS
+            if vehicle.is_stranded or waited_for:
+                vehicle.make_room(waited_for=waited_for)
 
     def _collided(self, mover: str, other: str, speed_mps: float) -> None:
         self.emit("collided", mover, other, speed_mps=speed_mps)

@@ -3,21 +3,23 @@
 SUMO's position is the middle of the front bumper; here and in every state it is the middle of the vehicle. A vehicle
 that is to stay somewhere has a stop of SUMO's that never ends; one that is held anywhere else has its speed set to 0.
 
-A vehicle without a task stands on its lane. When somebody has to wait behind it, it makes room: it moves aside to the
-kerb and the lane is free. A vehicle that finds others of the mission standing where it wants to stop has arrived behind
-them.
+A vehicle that has arrived is parked at the kerb and leaves its lane free; it goes back into the lane once nobody comes.
+Where there is no kerb, where a vehicle was halted on its way and where the mission put it, it stands on its lane; when
+somebody has to wait for it, it makes room: it moves to the kerb there or at the next free place ahead. A vehicle that
+finds others of the mission standing on the lane where it wants to stop has arrived behind them.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Container, Sequence
+from collections.abc import Container, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 from lingjing.mission.instance import Entity
 from lingjing.plugins.engines.bodies import SIZES
 from lingjing.plugins.engines.road.graph import Graph, Place
+from lingjing.plugins.engines.road.kerb import REACH_M, Kerb, Passing, Room
 from lingjing.plugins.engines.road.kinds import SPEED_MPS, declare, kind_of, top_speed
 from lingjing.plugins.engines.road.routing import Avoided, Way, onward
 from lingjing.plugins.engines.road.sideways import Sideways, shifted
@@ -39,9 +41,6 @@ _SAME_LOAD_KG = 0.5
 
 LOAD = "load_kg"
 
-ASIDE_M = 2.2
-"""How far to the right of its lane's middle a vehicle stands that has made room."""
-
 QUEUE_M = 40.0
 """Within this distance of its goal a vehicle that stands behind others of the mission has arrived."""
 
@@ -50,7 +49,11 @@ _WAIT_STEPS = 30
 _PARKING = 1
 _GAP_M = 2.5
 _HEADWAY_S = 2.5
+_REACTION_S = 0.3
+_DECEL_MPS2 = 4.5
 _PATIENCE_STEPS = 300
+_SAME_PLACE_M = 12.0
+"""Who is parked this far beyond where it is sent is there already: it does not drive around the block for it."""
 _KEEP_LANE, _CHANGE_LANES = 0, 1621
 """Lane change modes: none at all, and SUMO's default."""
 
@@ -70,23 +73,17 @@ class Plan:
 
 @dataclass(slots=True)
 class Task:
-    """What is being done: `drive` to a goal, cover a `distance` by the odometer, or `halt`."""
+    """What is being done: `drive` to a goal, cover a `distance` by the odometer, `halt`, or get `aside` for others."""
 
-    kind: Literal["drive", "distance", "halt"]
+    kind: Literal["drive", "distance", "halt", "aside"]
     total: float
     start_m: float = 0.0
     plan: Plan | None = None
     onto: str = ""
     edges: tuple[str, ...] = ()
     steps: int = 0
-
-
-@dataclass(frozen=True, slots=True)
-class Room:
-    """Where a vehicle made room: the lane, metres of its front along it."""
-
-    lane: str
-    at_m: float
+    stays: bool = False
+    """It is parked there already."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +98,7 @@ class Footing:
 class Vehicle:
     """A vehicle of the mission in the simulation."""
 
-    def __init__(self, entity: Entity, sim: Simulation, graph: Graph) -> None:
+    def __init__(self, entity: Entity, sim: Simulation, graph: Graph, kerb: Kerb) -> None:
         """Declare its type; `place` puts it on the road."""
         self.id = entity.id
         self.entity = entity
@@ -113,6 +110,7 @@ class Vehicle:
         self.routes = 0
         self._sim = sim
         self._graph = graph
+        self._kerb = kerb
         self._speed_mps = _number(entity, "speed_mps", SPEED_MPS)
         self._payload_kg = _number(entity, "payload_kg", 0.0)
         self._first_load_kg = self.load_kg = self._felt_kg = _number(entity, LOAD, 0.0)
@@ -120,6 +118,9 @@ class Vehicle:
         self._arrived = False
         self._waited = 0
         self._room: Room | None = None
+        self._bound: Room | None = None
+        self.held_by = ""
+        """Who stands in its way, while it waits at the kerb."""
         self._sideways = Sideways()
         self._offset_m = 0.0
         declare(
@@ -128,8 +129,7 @@ class Vehicle:
 
     def place(self, place: Place) -> None:
         """Stand on a lane from the next step on."""
-        lane = place.lane
-        front = min(max(place.at_m + self.size.length_m / 2.0, 0.1), lane.length_m)
+        lane, front = place.lane, self._front(place)
         name = f"route/{self.id}"
         self._sim.route.add(name, [lane.edge])
         self._sim.vehicle.add(
@@ -137,6 +137,18 @@ class Vehicle:
         )
         self._sim.vehicle.setStop(self.id, lane.edge, front, lane.index, FOREVER_S)
         self._carry()
+
+    def _kerbside(self, place: Place) -> Room | None:
+        """The free place at the kerb that is nearest to a point on a lane, promised to it; None: there is none."""
+        return self._kerb.promise(self.id, place.lane.edge, self._front(place), self.size.length_m)
+
+    def _front(self, place: Place) -> float:
+        return min(max(place.at_m + self.size.length_m / 2.0, 0.1), place.lane.length_m)
+
+    def _park(self, room: Room | None) -> None:
+        self._room = room
+        if room is not None:
+            self._kerb.take(self.id, room, self.size.length_m)
 
     @property
     def speed_mps(self) -> float:
@@ -176,17 +188,35 @@ class Vehicle:
     def drive(self, plan: Plan) -> None:
         """Drive along a plan that begins at the footing, and stay at its goal."""
         self._begin(Task("drive", max(plan.way.length_m, 1.0), self.odometer_m, plan))
+        assert self.task is not None
+        self.task.stays = self._is_at(plan.goal)
         if self._room is None:
             self._set_out(plan)
+
+    def _is_at(self, goal: Place) -> bool:
+        """Whether it is parked where it would park for a goal, or a little beyond."""
+        if self._room is None or self._room.lane.edge != goal.lane.edge:
+            return False
+        wanted = self._kerbside(goal)
+        there = wanted is not None and abs(wanted.at_m - self._room.at_m) <= 1.0
+        return there or -1.0 <= self._room.at_m - self._front(goal) <= _SAME_PLACE_M
 
     def _set_out(self, plan: Plan) -> None:
         footing, goal = self.footing(), plan.goal
         self._release()
         self._follow(footing, plan.way.edges)
+        here = len(plan.way.edges) == 1 and not footing.before
+        least = footing.at_m + self.braking_m() if here else 0.0
+        room = self._kerb.promise(self.id, goal.lane.edge, self._front(goal), self.size.length_m, least)
         front = min(goal.at_m + self.size.length_m / 2.0, goal.lane.length_m - 0.2)
         front = max(front, min(self.size.length_m, goal.lane.length_m - 0.2))
+        self._stop_at(room or Room(goal.lane, front), 0 if room is None else _PARKING)
+
+    def _stop_at(self, place: Room, flags: int) -> None:
+        """Make it stop with its front there."""
+        self._bound = place if flags == _PARKING else None
         try:
-            self._sim.vehicle.setStop(self.id, goal.lane.edge, front, goal.lane.index, FOREVER_S)
+            self._sim.vehicle.setStop(self.id, place.lane.edge, place.at_m, place.lane.index, FOREVER_S, flags)
         except SumoError:  # it is there, or so close that braking ends beyond it
             self._brake(0.0)
 
@@ -214,46 +244,91 @@ class Vehicle:
 
     @property
     def is_aside(self) -> bool:
-        """Whether it has made room."""
+        """Whether it is parked at the kerb."""
         return self._room is not None
+
+    @property
+    def is_stranded(self) -> bool:
+        """Whether it has arrived and stands on the lane."""
+        return self._arrived and self._room is None and self.task is None
 
     def prepare(self) -> None:
         """Before a step: stay held; or go back into the lane for a task once nobody comes, in a queue at a gap."""
-        if self.task is None and not self._sim.vehicle.isStopped(self.id):
+        self.held_by = ""
+        task, room = self.task, self._room
+        if task is None and not self._sim.vehicle.isStopped(self.id):
             self._brake(0.0)  # again, because SUMO has been seen to forget it
-        if self._room is None or self.task is None or self.task.kind == "halt":
+        if room is None or task is None or task.kind == "halt" or task.stays:
             return
-        self.task.steps += 1
-        if self._is_clear(self._room, self.task.steps > _PATIENCE_STEPS):
-            if self.task.plan is not None:
-                self._set_out(self.task.plan)
+        task.steps += 1
+        self.held_by = next(self._in_the_way(room, task.steps > _PATIENCE_STEPS), "")
+        if self.held_by == "":
+            if task.plan is not None:
+                self._set_out(task.plan)
             else:
-                self._set_out_along(self.task.edges)
+                self._set_out_along(task.edges)
 
-    def _is_clear(self, room: Room, impatient: bool) -> bool:
-        vehicles, length = self._sim.vehicle, self.size.length_m
-        for other in self._sim.lane.getLastStepVehicleIDs(room.lane):
-            front, speed = vehicles.getLanePosition(other), vehicles.getSpeed(other)
-            if other == self.id or front - vehicles.getLength(other) > room.at_m + _GAP_M:
-                continue
-            behind = room.at_m - length - front
-            if behind < (_GAP_M if impatient and speed < 2.0 else 2.0 * _GAP_M + speed * _HEADWAY_S):
-                return False
-        return True
+    def _in_the_way(self, room: Room, impatient: bool) -> Iterator[str]:
+        """Whom it would cut off by pulling out now; who is impatient asks others to brake comfortably."""
+        for other in self._kerb.passing(room.lane):
+            behind = room.at_m - self.size.length_m - other.front_m
+            ahead = other.front_m - other.length_m - room.at_m
+            if other.id != self.id and ahead <= _GAP_M and behind < _needed_m(other, impatient):
+                yield other.id
 
-    def make_room(self) -> None:
-        """Move aside to the kerb; ended by the next task. Within a junction there is none: it stays."""
-        vehicles = self._sim.vehicle
-        name, lane = vehicles.getLaneID(self.id), vehicles.getLaneIndex(self.id)
-        stops = vehicles.getStops(self.id, 1)
-        at_m = stops[0].endPos if stops else vehicles.getLanePosition(self.id)
-        if lane != 0 or name.startswith(":"):
-            return  # others have a lane to pass on, or there is no kerb
-        try:
-            vehicles.setStop(self.id, self.road, at_m, lane, FOREVER_S, _PARKING)
-        except SumoError:
+    def make_room(self, *, waited_for: bool) -> None:
+        """Park beside where it stands, or at the next free place ahead; ended by the next task.
+
+        Who is waited for also leaves its edge and stands aside where there is no kerb.
+        """
+        footing = self.footing()
+        lane = self._graph.edges[footing.edge].lanes[0]
+        if not footing.before and self._sim.vehicle.getLaneIndex(self.id) != lane.index:
+            return  # others have a lane to pass on
+        stops = self._sim.vehicle.getStops(self.id, 1)
+        at_m = stops[0].endPos if stops and stops[0].lane == lane.id else footing.at_m
+        ways = onward(self._graph, (footing.edge,), REACH_M) if waited_for else (footing.edge,)
+        found = self._room_ahead(ways, at_m)
+        if found is None and waited_for:
+            found = self._room_ahead(ways, at_m, bare=True)
+        if found is None:
             return
-        self._room = Room(name, at_m)
+        edges, room = found
+        if edges == (footing.edge,) and not footing.before and room.at_m - at_m < 0.1:
+            self._squeeze(room)
+        else:
+            self._move_up(footing, edges, room)
+
+    def _room_ahead(
+        self, edges: tuple[str, ...], at_m: float, *, bare: bool = False
+    ) -> tuple[tuple[str, ...], Room] | None:
+        """The next free place at the kerb of the edges ahead within reach, and those of them that lead there."""
+        ahead_m = -at_m
+        for number, name in enumerate(edges):
+            least = at_m if number == 0 else 0.0
+            room = self._kerb.promise(self.id, name, least, self.size.length_m, least, bare=bare)
+            if room is not None and ahead_m + room.at_m <= REACH_M + self.size.length_m:
+                return edges[: number + 1], room
+            ahead_m += self._graph.edges[name].length_m
+        self._kerb.forgo(self.id)
+        return None
+
+    def _squeeze(self, room: Room) -> None:
+        try:
+            self._sim.vehicle.setStop(self.id, room.lane.edge, room.at_m, room.lane.index, FOREVER_S, _PARKING)
+        except SumoError:
+            self._kerb.forgo(self.id)
+            return
+        self._park(room)
+
+    def _move_up(self, footing: Footing, edges: tuple[str, ...], room: Room) -> None:
+        arrived = self._arrived
+        self._begin(Task("aside", REACH_M, self.odometer_m))
+        self._arrived = arrived
+        self._release()
+        self._follow(footing, edges)
+        self._kerb.promise(self.id, room.lane.edge, room.at_m, self.size.length_m, room.at_m, bare=True)
+        self._stop_at(room, _PARKING)
 
     def is_waited_for(self) -> str:
         """Who stands right behind it, or ""."""
@@ -271,13 +346,15 @@ class Vehicle:
             outcome = self._driven(task, standing)
         elif task.kind == "distance":
             outcome = self._covered(task)
+        elif task.kind == "aside":
+            outcome = self._moved_up()
         else:
             outcome = self._halted()
         if outcome:
             self._sim.vehicle.setLaneChangeMode(self.id, _KEEP_LANE)
             self._brake(0.0)
             self.task = None
-            self._arrived = outcome == "arrived"
+            self._arrived = outcome == "arrived" or (task.kind == "aside" and self._arrived)
         return outcome
 
     def progress(self) -> float | None:
@@ -317,13 +394,16 @@ class Vehicle:
         self.task = task
         self._waited = 0
         self._arrived = False
+        self._bound = None
+        self._kerb.forgo(self.id)
 
     def _driven(self, task: Task, standing: Container[str]) -> Outcome:
         vehicles = self._sim.vehicle
         if self._room is not None:
-            return ""
+            return "arrived" if task.stays else ""
         self._waited = self._waited + 1 if self.speed_mps < STANDING_MPS else 0
         if vehicles.isStopped(self.id) or (self._waited > 0 and not vehicles.getStops(self.id, 1)):
+            self._park(self._bound if vehicles.isStoppedParking(self.id) else None)
             return "arrived"
         if self._waited >= _WAIT_STEPS and self._left_m(task) <= QUEUE_M:
             ahead = vehicles.getLeader(self.id, 10.0)
@@ -332,6 +412,13 @@ class Vehicle:
                 self._brake(0.0)
                 return "arrived"
         return ""
+
+    def _moved_up(self) -> Outcome:
+        vehicles = self._sim.vehicle
+        if vehicles.isStoppedParking(self.id):
+            self._park(self._bound)
+            return "done"
+        return "" if vehicles.getStops(self.id, 1) else "done"
 
     def _left_m(self, task: Task) -> float:
         """Metres to the goal; infinite where there is none on the way."""
@@ -343,7 +430,9 @@ class Vehicle:
 
     def _shift(self) -> None:
         """Follow what SUMO does sideways: lane changes, and parking a whole lane to the right."""
-        rest = ASIDE_M - _SUMO_ASIDE_M if self._sim.vehicle.isStoppedParking(self.id) else 0.0
+        rest = 0.0
+        if self._room is not None and self._sim.vehicle.isStoppedParking(self.id):
+            rest = (self._room.lane.width_m + self.size.width_m) / 2.0 - _SUMO_ASIDE_M
         body = body_state(self._sim, self.id, self.id, self.size.length_m, 0.0)
         self._offset_m = self._sideways.follow(body, STEP_S, rest)
 
@@ -384,6 +473,7 @@ class Vehicle:
             vehicles.replaceStop(self.id, 0, "")
         vehicles.setSpeed(self.id, -1)
         vehicles.setLaneChangeMode(self.id, _CHANGE_LANES)
+        self._kerb.leave(self.id)
         self._room = None
 
     def _carry(self) -> None:
@@ -414,6 +504,14 @@ def body_state(sim: Simulation, vehicle: str, name: str, length_m: float, ahead_
         status="driving" if speed > STANDING_MPS else "waiting",
         kind=kind,
     )
+
+
+def _needed_m(other: Passing, impatient: bool) -> float:
+    """The distance behind at which it does not matter to somebody in the lane that one pulls out."""
+    speed = other.speed_mps
+    if impatient:
+        return _GAP_M + speed * _REACTION_S + speed * speed / (2.0 * _DECEL_MPS2)
+    return 2.0 * _GAP_M + speed * _HEADWAY_S
 
 
 def _number(entity: Entity, name: str, default: float) -> float:
