@@ -283,3 +283,16 @@ def test_sightings_drift_with_the_current():
     x, y = go(sail(rules, 40, (12.4, -1351.8)))
     assert x > 50.0 + 0.15 * 400 * math.sin(math.radians(60)) - 1
     assert y > -1000.0
+
+
+def test_a_searcher_among_other_pads_climbs_straight_up_and_waits_for_who_is_overhead(monkeypatch):
+    rules = rules_for(brief("scout[1]"))
+    own, beside = view("uav[1]", (300.0, -620.0, 1.1), status="grounded"), view("uav[2]", (308.0, -620.0, 1.1))
+    assert go(rules.act(observe("scout[1]", 0, own, beside), Inbox()))[:2] == (300.0, -620.0)
+    overhead = view("uav[2]", (302.0, -621.0, 30.0))
+    assert rules.act(observe("scout[1]", 1, own, overhead), Inbox()).command is None
+    for tick in (2, 3, 4):
+        command = rules.act(observe("scout[1]", tick, own, overhead), Inbox()).command
+    assert command is not None and command.verb == "setDestination"
+    away = rules_for(brief("scout[1]"))
+    assert go(away.act(observe("scout[1]", 0, own, view("uav[2]", (340.0, -620.0, 1.1))), Inbox()))[:2] != (300.0, -620.0)

@@ -12,7 +12,8 @@ from itertools import pairwise
 
 from lingjing.plugins.geometry import box_to_plane
 from lingjing.plugins.policy import Action, Brief, Datum, Decision, Inbox, Observation, Outgoing, Picture, Resource
-from lingjing_agents.capability import compose, fly, may_send, nadir_camera, photo
+from lingjing_agents.airspace import Layers
+from lingjing_agents.capability import compose, fly, may_send, nadir_camera, photo, rated, team
 from lingjing_agents.heuristic.corridor import centreline, longest
 from lingjing_agents.heuristic.coverage import footprint
 from lingjing_agents.heuristic.events import view_of
@@ -37,7 +38,10 @@ class Follower:
         self._report = may_send(brief, "report")
         low, high = body.properties.get("band_low_m"), body.properties.get("band_high_m")
         height = brief.settings.get("altitude", 60.0)
-        self._z = brief.water_level_m + _clamped(height, low, high)
+        z = brief.water_level_m + _clamped(height, low, high)
+        mates = team(brief)
+        floor, ceiling = rated(body, "band_low_m", 0.0), rated(body, "band_high_m", math.inf)
+        self._z = Layers(mates.index(brief.agent), len(mates), floor, ceiling, anchor_m=z).level(z)
         self._line: list[tuple[float, float]] = []
         self._leg = 0
         self._looked = True

@@ -20,7 +20,8 @@ from lingjing.plugins.policy import (
     Picture,
     Resource,
 )
-from lingjing_agents.capability import compose, fly, nadir_camera, photo, rated, sends
+from lingjing_agents.airspace import Layers
+from lingjing_agents.capability import compose, fly, nadir_camera, photo, rated, sends, team
 from lingjing_agents.heuristic.events import view_of
 from lingjing_agents.heuristic.kinds import QUEUES
 from lingjing_agents.heuristic.queues import find_queues
@@ -53,7 +54,10 @@ class RouteInspector:
         self._brief, self._body, self._camera = brief, body, camera
         self._class = next((name for name in brief.classes if any(word in name for word in QUEUES)), QUEUES[0])
         self._status, self._report = sends(brief, "status"), sends(brief, "report")
-        self._z = brief.water_level_m + rated(body, "band_high_m", 100.0)
+        mates, ceiling = team(brief), rated(body, "band_high_m", 100.0)
+        z = brief.water_level_m + ceiling
+        # The first flies as high as it may, the others below it.
+        self._z = Layers(mates.index(brief.agent), len(mates), rated(body, "band_low_m", 0.0), z, anchor_m=z).level(z)
         self._reach_m = rated(body, "cruise_mps", 12.0) * max(1.0, brief.tick_s - SETTLE_S)
         self._aim: tuple[int, Place] | None = None
         self._route: list[Place] = []

@@ -23,6 +23,7 @@ from lingjing.plugins.policy import (
     Picture,
     Resource,
 )
+from lingjing_agents.airspace import LAYER_M, Layers, crowded, overhead
 from lingjing_agents.capability import compose, may_send, nadir_camera, natural, rated, team, vessel
 from lingjing_agents.heuristic.coverage import Waypoint
 from lingjing_agents.heuristic.detector import Find
@@ -36,8 +37,8 @@ CONFIRMED = 0.3
 REACHED_M = 12.0
 TURN_HOP_M = 5.0
 """A vehicle turns its nose only when it goes somewhere: a short hop along the lane is enough."""
-LEVEL_M = 2.5
-"""Each searcher keeps to a flight level of its own, so that two over one place do not collide."""
+PATIENCE_TICKS = 3
+"""How long one on the ground waits for who flies over it."""
 HUB_PATIENCE_TICKS = 3
 ATTEMPTS = 2
 LOOKS = 3
@@ -74,8 +75,8 @@ class Searcher:
         lowest = rated(body, "band_low_m", 20.0)
         self._lowest_m = lowest
         mates = team(brief)
-        self._level_m = LEVEL_M * mates.index(brief.agent)
-        highest = rated(body, "band_high_m", math.inf) - brief.water_level_m - LEVEL_M * (len(mates) - 1)
+        ceiling = rated(body, "band_high_m", math.inf)
+        highest = ceiling - brief.water_level_m - LAYER_M * (len(mates) - 1)
         self._sweep = Sweep(
             brief,
             camera,
@@ -83,6 +84,15 @@ class Searcher:
             max(lowest, self._kind.lowest * min(height, highest)),
             overlap=self._kind.overlap,
         )
+        self._layers = Layers(
+            index=mates.index(brief.agent),
+            count=len(mates),
+            low_m=lowest,
+            high_m=ceiling,
+            anchor_m=self._sweep.height_m + brief.water_level_m,
+        )
+        self._mates = frozenset(name for peer in brief.peers if peer.id in mates for name in peer.resources)
+        self._waited = 0
         self._goal: Goal | None = None
         self._second_looks: list[Goal] = []
         self._doubted: list[tuple[float, float]] = []
@@ -215,10 +225,30 @@ class Searcher:
             self._goal = self._choose(own.position[:2], observation.time_s)
         if self._goal is None:
             return None
+        if own.status == "grounded":
+            others = [
+                view.position
+                for view in observation.entities
+                if view.id in self._mates and view.position is not None and view.status != "dead"
+            ]
+            if crowded(own.position, others):
+                return self._take_off(self._goal, own.position, others)
         return self._pursue(self._goal, own.position, own.heading_deg)
 
+    def _take_off(
+        self, goal: Goal, here: tuple[float, float, float], others: list[tuple[float, float, float]]
+    ) -> Action | None:
+        """Straight up from between other pads, once nobody flies over it."""
+        if overhead(here, others) and self._waited < PATIENCE_TICKS:
+            self._waited += 1
+            return None
+        return self._fly(here[0], here[1], self._height(goal))
+
+    def _height(self, goal: Goal) -> float:
+        return self._layers.level(goal.waypoint.height_m + self._brief.water_level_m)
+
     def _pursue(self, goal: Goal, here: tuple[float, float, float], heading_deg: float | None) -> Action:
-        z = goal.waypoint.height_m + self._level_m + self._brief.water_level_m
+        z = self._height(goal)
         target = (goal.waypoint.x, goal.waypoint.y, z)
         if self._kind.raised_m > 0.0 and here[2] < self._lowest_m + self._brief.water_level_m - REACHED_M:
             return self._fly(here[0], here[1], z)

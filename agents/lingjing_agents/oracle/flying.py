@@ -17,6 +17,7 @@ from lingjing.plugins.policy import (
     Route,
     Vector,
 )
+from lingjing_agents.airspace import Layers, crowded, overhead
 from lingjing_agents.capability import has_verb, nadir_camera, photo, rated
 from lingjing_agents.oracle.ability import Ability
 from lingjing_agents.oracle.looking import Reporting
@@ -30,6 +31,8 @@ ABOVE_M = 40.0
 NEAR_M = 8.0
 OVER_ROOFS_M = 15.0
 STRAIGHT_M = 12.0
+PATIENCE_TICKS = 3
+"""How long one on the ground waits for who flies over it."""
 _LEAD_S, _LEAD_MPS = 60.0, 8.0
 
 
@@ -48,6 +51,8 @@ class Flight:
     def __init__(self, body: Resource, plan: Plan) -> None:
         self.body, self._plan = body, plan
         self._tallest: float | None = None
+        self._layers: Layers | None = None
+        self._waited = 0
         self.camera: CameraSpec | None = nadir_camera(body) if has_verb(body, "takePhoto") else None
 
     def altitude(self, truth: Truth, place: Place, target_m: float, above_m: float = ABOVE_M) -> float:
@@ -57,19 +62,36 @@ class Flight:
         roofs = self._roofs(truth)
         if roofs + OVER_ROOFS_M > high:
             roofs = _highest(truth, truth.place(self.body.id), place)
-        return min(max(low, target_m + above_m, roofs + OVER_ROOFS_M), high)
+        if self._layers is None:
+            fleet = [one.id for one in self._plan.bodies(self._plan.entities[self.body.id].engine)]
+            self._layers = Layers(fleet.index(self.body.id), len(fleet), low, high)
+        return self._layers.level(min(max(low, target_m + above_m, roofs + OVER_ROOFS_M), high))
 
-    def to(self, truth: Truth, x: float, y: float, z: float) -> Action:
-        """Go there; where roofs stand on the way, first straight up."""
+    def to(self, truth: Truth, x: float, y: float, z: float) -> Action | None:
+        """Go there; where roofs or other pads are near, first straight up, once nobody flies over it."""
         here = truth.states[self.body.id].position
+        others = self._others(truth)
+        if truth.states[self.body.id].status == "grounded" and crowded(here, others):
+            if overhead(here, others) and self._waited < PATIENCE_TICKS:
+                self._waited += 1
+                return None
+            return self._straight_to(*here[:2], z)
         roofs = _highest(truth, here[:2], (x, y))
         if here[2] + _STEEP_M < z and here[2] < roofs + _CLEAR_M:
             x, y = here[:2]
             z = min(z, roofs + OVER_ROOFS_M)
             if truth.states[self.body.id].status == "grounded" and has_verb(self.body, "takeoff"):
                 return Action(verb="takeoff", arguments={"altitude": z - here[2]}, resource=self.body.id)
+        return self._straight_to(x, y, z)
+
+    def _straight_to(self, x: float, y: float, z: float) -> Action:
         arguments: dict[str, Datum] = {"x": x, "y": y, "z": z}
         return Action(verb="setDestination", arguments=arguments, resource=self.body.id)
+
+    def _others(self, truth: Truth) -> list[Vector]:
+        """Where the rest of the fleet is."""
+        fleet = self._plan.bodies(self._plan.entities[self.body.id].engine)
+        return [truth.states[one.id].position for one in fleet if one.id != self.body.id and _alive(truth, one.id)]
 
     def _roofs(self, truth: Truth) -> float:
         """The top of the highest building."""
