@@ -295,4 +295,5 @@ def test_a_searcher_among_other_pads_climbs_straight_up_and_waits_for_who_is_ove
         command = rules.act(observe("scout[1]", tick, own, overhead), Inbox()).command
     assert command is not None and command.verb == "setDestination"
     away = rules_for(brief("scout[1]"))
-    assert go(away.act(observe("scout[1]", 0, own, view("uav[2]", (340.0, -620.0, 1.1))), Inbox()))[:2] != (300.0, -620.0)
+    far = view("uav[2]", (340.0, -620.0, 1.1))
+    assert go(away.act(observe("scout[1]", 0, own, far), Inbox()))[:2] != (300.0, -620.0)

@@ -110,6 +110,19 @@ def test_trees_stand_where_trees_can(tmp_path: Path) -> None:
     assert len({prop.id for prop in found}) == len(found)
 
 
+def test_a_large_wood_is_sown_all_over(tmp_path: Path) -> None:
+    made = Map(half_m=1000.0)
+    made.way(square(-900, -900, 1800), {"natural": "wood"})
+    features = made.features(tmp_path)
+    areas = ground.areas(features, water.wet(features))
+    places = [tree.position[:2] for tree in trees.trees(features, areas, shapely.Polygon(), 0)]
+    assert 0.9 * trees.MOST_PER_AREA < len(places) <= 1.1 * trees.MOST_PER_AREA
+    for axis in (0, 1):
+        strips = [[low <= place[axis] < low + 300 for place in places] for low in range(-900, 900, 300)]
+        shares = [sum(strip) / len(places) for strip in strips]
+        assert all(0.14 < share < 0.2 for share in shares), shares
+
+
 def test_piers_have_piles_and_walls_leave_roads_free(tmp_path: Path) -> None:
     made = Map()
     made.way([(0, 0), (0, 60)], {"man_made": "pier", "width": "4"})

@@ -6,7 +6,7 @@ No tree stands in water, in a building, on a road or on a pitch.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from math import ceil, floor
+from math import ceil, floor, sqrt
 from random import Random
 from typing import Any
 
@@ -27,7 +27,10 @@ FIELDS = ("pitch", "plaza", "parking", "asphalt", "sidewalk", "sand", "concrete"
 USUAL_M = 8.0
 """Height of a tree of scale 1, for those whose height is mapped."""
 
-MOST_PER_AREA = 4000
+MOST_PER_AREA = 10_000
+"""A larger wood is sown more thinly, all over."""
+
+_MOST_SPOTS = 1_000_000
 
 
 def trees(features: Features, areas: tuple[Area, ...], built: Any, seed: int) -> Iterator[Prop]:
@@ -92,7 +95,8 @@ def _sown(areas: tuple[Area, ...], built: Any, seed: int) -> Iterator[Prop]:
             continue
         west, south, *_ = shape.bounds
         chance = stream(seed, f"sown/{area.surface}/{west:.1f}/{south:.1f}")
-        spots = list(_spots(shape.bounds, *SOWN_M[area.surface], chance))[:MOST_PER_AREA]
+        _, share = SOWN_M[area.surface]
+        spots = list(_spots(shape.bounds, _side(shape, area.surface), share, chance))
         if not spots:
             continue
         xs, ys = [x for x, _ in spots], [y for _, y in spots]
@@ -104,6 +108,14 @@ def _sown(areas: tuple[Area, ...], built: Any, seed: int) -> Iterator[Prop]:
             tree = _tree(f"{area.surface}-{number}-{k}", x, y, {}, chance)
             if stands:
                 yield tree
+
+
+def _side(shape: Any, surface: str) -> float:
+    """Side of the square that one tree may stand in: the surface's, wider where there would be too many."""
+    side, share = SOWN_M[surface]
+    west, south, east, north = shape.bounds
+    many, spots = shape.area * share / side**2, (east - west) * (north - south) / side**2
+    return side * sqrt(max(1.0, many / MOST_PER_AREA, spots / _MOST_SPOTS))
 
 
 def _spots(bounds: tuple[float, ...], side: float, share: float, chance: Random) -> Iterator[tuple[float, float]]:
