@@ -1,6 +1,8 @@
+import bz2
 import gzip
 import os
 import sys
+from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 
@@ -265,6 +267,84 @@ def test_boxes_outside_too_large_and_across_the_antimeridian(tmp_path: Path) -> 
     with pytest.raises(UsageError, match="antimeridian") as caught:
         build(pacific, Options(), tmp_path / "out")
     assert "--bbox" in caught.value.hint
+
+
+BLANKS = b" " * (64 << 20)
+
+
+@pytest.mark.parametrize(("name", "packed"), [("bomb.osm.gz", gzip.compress), ("bomb.osm.bz2", bz2.compress)])
+def test_a_map_that_unpacks_without_end_is_refused(tmp_path: Path, name: str, packed: Callable[[bytes], bytes]) -> None:
+    (tmp_path / name).write_bytes(packed(b'<osm version="0.6">') + 6 * packed(BLANKS))
+    with pytest.raises(UsageError, match="it unpacks to more than 100 times its size"):
+        build(tmp_path / name, Options(), tmp_path / "out")
+
+
+def test_a_map_of_more_things_than_bytes_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "many.osm.pbf"
+    with osmium.SimpleWriter(str(path)) as writer:
+        for number in range(1, 150_001):
+            writer.add_node(osmium.osm.mutable.Node(id=number, location=(10.0, 50.0)))
+    assert path.stat().st_size < 100_000
+    with pytest.raises(UsageError, match="it holds more than it has bytes"):
+        reading.read(path)
+
+
+@pytest.mark.parametrize("latitude", [89.99, -89.99, 85.5])
+def test_a_map_at_a_pole_is_refused(tmp_path: Path, latitude: float) -> None:
+    path = tmp_path / "pole.osm"
+    path.write_text(house(latitude, 10.0))
+    with pytest.raises(UsageError, match=r"degrees of latitude .*; beyond 85 one frame does not fit"):
+        build(path, Options(), tmp_path / "out")
+
+
+def test_a_map_far_north_is_built(tmp_path: Path) -> None:
+    path = tmp_path / "north.osm"
+    path.write_text(house(78.22, 15.65))
+    assert build(path, Options(), tmp_path / "out").summary.counts["buildings"] == 1
+
+
+def test_an_empty_part_that_the_file_states_is_said_and_not_gone_by(tmp_path: Path) -> None:
+    path = tmp_path / "empty.osm"
+    bounds = '<bounds minlat="31.2" minlon="121.5" maxlat="31.2" maxlon="121.5"/>'
+    path.write_text(house(31.2, 121.5, bounds))
+    built = build(path, Options(), tmp_path / "out")
+    assert built.summary.counts["buildings"] == 1
+    assert any("states an empty part" in note for note in built.summary.notes)
+    path.write_text(house(31.2, 121.5, bounds.replace('="31.2" maxlon="121.5"', '="31.20001" maxlon="121.50001"')))
+    with pytest.raises(UsageError, match=r"the map is 1\.0 by 1\.1 m \(stated in the file\): too small"):
+        build(path, Options(), tmp_path / "out2")
+
+
+@pytest.mark.parametrize("value", ["nan", "inf", "999", "1e300"])
+def test_places_that_are_not_on_earth_are_refused(tmp_path: Path, value: str) -> None:
+    path = tmp_path / "odd.osm"
+    path.write_text(house(31.2, 121.5).replace('lat="31.2"', f'lat="{value}"', 1))
+    with pytest.raises(UsageError):
+        build(path, Options(), tmp_path / "out")
+
+
+@pytest.mark.parametrize("tag", ["lanes", "width", "building:levels", "height", "layer", "maxspeed"])
+@pytest.mark.parametrize("value", ["1e308", "999999", "nan", "-0.5"])
+def test_nonsense_in_a_tag_is_not_said(tmp_path: Path, tag: str, value: str) -> None:
+    made = Map()
+    said = {tag: value}
+    made.way(square(0, 0, 30), {"building": "yes", **said})
+    made.way([(-200, -50), (200, -50)], {"highway": "residential", **said})
+    built = build(made.write(tmp_path / "odd.osm"), Options(), tmp_path / "out")
+    assert built.summary.counts["buildings"] == 1
+    assert 1 <= sum(len(road.lanes) for tile in Tiles(built.city) for road in tile.roads) <= 4
+
+
+def house(latitude: float, longitude: float, bounds: str = "") -> str:
+    """A map of one house."""
+    corners = [(0, 0), (0, 1), (1, 1), (1, 0)]
+    nodes = "".join(
+        f'<node id="{k}" lat="{latitude + 0.0005 * north}" lon="{longitude + 0.0005 * east}"/>'
+        for k, (north, east) in enumerate(corners, 1)
+    )
+    refs = "".join(f'<nd ref="{k}"/>' for k in (1, 2, 3, 4, 1))
+    way = f'<way id="1">{refs}<tag k="building" v="yes"/></way>'
+    return f'<osm version="0.6">{bounds}{nodes}{way}</osm>'
 
 
 def test_a_part_of_a_map_is_cut_to_it(tmp_path: Path) -> None:

@@ -178,6 +178,47 @@ def test_untagged_blocks_look_like_the_tagged_ones_near_them(tmp_path: Path) -> 
     assert len({found[key].levels for key in low}) > 1
 
 
+def houses(made: Map, side: float, apart: float, count: int = 12, **tags: str) -> None:
+    """Rows of buildings, ten to a row."""
+    for number in range(10 * count):
+        row, column = divmod(number, 10)
+        made.way(square(-400 + column * apart, -400 + row * apart, side), {"building": "yes", **tags})
+
+
+def test_untagged_buildings_among_houses_are_no_towers(tmp_path: Path) -> None:
+    made = Map()
+    houses(made, 11.0, 28.0)
+    made.way(square(0, 0, 20, 40), {"building": "yes"})
+    made.way(square(50, 0, 15, 15), {"building": "yes"})
+    made.way(square(0, 60, 40), {"building": "yes"})
+    made.way(square(60, 60, 20, 20), {"building": "apartments"})
+    made.way(square(110, 60, 20, 20), {"building": "yes", "building:levels": "9"})
+    for x in (-250, -180, -110):
+        made.way([(x, 0), (x + 60, 0), (x + 60, 90), (x, 90), (x, 0)], {"landuse": "commercial"})
+        made.way(square(x + 5, 5, 40), {"building": "yes"})
+    built = {item.id: item.levels for item in buildings(made.features(tmp_path), 0)}
+    assert sorted(built.values())[-1] == 9
+    assert sum(levels > 3 for levels in built.values()) <= 2  # the flats may have four
+    assert all(levels >= 1 for levels in built.values())
+
+
+def test_untagged_buildings_among_blocks_are_blocks_and_deep_ones_are_halls(tmp_path: Path) -> None:
+    made = Map()
+    houses(made, 22.0, 60.0, count=6)
+    made.way(square(0, 300, 60, 80), {"building": "yes"})
+    *blocks, hall = (item.levels for item in buildings(made.features(tmp_path), 0))
+    assert sum(4 <= levels <= 14 for levels in blocks) == len(blocks)
+    assert hall <= 3
+
+
+def test_a_tower_says_so_wherever_it_stands(tmp_path: Path) -> None:
+    made = Map()
+    houses(made, 11.0, 28.0)
+    tower = made.way(square(0, 0, 25), {"building": "tower"})
+    levels = {item.id: item.levels for item in buildings(made.features(tmp_path), 0)}
+    assert levels[f"w{tower}"] >= 6
+
+
 def test_pieces_that_share_a_wall_are_set_apart(tmp_path: Path) -> None:
     made = Map()
     said = {"building:part": "yes", "building:levels": "10"}

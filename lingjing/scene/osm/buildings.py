@@ -137,7 +137,8 @@ def _raise(body: _Body, around: _Around, neighbours: Neighbours, seed: int) -> I
     use = looks.use_of(tags, around.use(body.shape))
     roof = looks.roof_of(tags, use, chance)
     near = neighbours.near(use, body.shape)
-    storeys = looks.storeys_of(tags, use, body.shape.area, chance, near)
+    area, rim = body.shape.area, body.shape.length
+    storeys = looks.storeys_of(tags, use, area, chance, near, 2.0 * area / rim)
     base, top, roof_m, levels = heights(tags, use, roof, storeys, _narrow(body.shape) if roof != "flat" else 0.0)
     kind = looks.kind_of(use, top, near)
     facade = looks.facade_of(tags, use, kind, top - base, chance)
@@ -191,7 +192,7 @@ def heights(
         base = max(0.0, top - roof_m - 0.5)  # a canopy: nothing under it
     base = base if 0.0 <= base < top else 0.0
     roof_m = min(roof_m, top - base)
-    count = levels if levels is not None and levels >= 1.0 else (top - base - roof_m) / storey
+    count = levels if levels is not None and 1.0 <= levels <= 200.0 else (top - base - roof_m) / storey
     return round(base, 2), round(top, 2), round(roof_m, 2), max(1, round(count))
 
 

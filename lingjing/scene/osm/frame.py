@@ -13,6 +13,12 @@ from lingjing.scene.osm.tags import VEHICLES
 LARGEST_M = 60_000.0
 """A side beyond that is no city, and the projection about one point no longer fits it."""
 
+SMALLEST_M = 5.0
+"""A side below that holds nothing."""
+
+FARTHEST_DEG = 85.0
+"""Nearer to a pole meridians run together so fast that a box in degrees is no rectangle; no town lies there."""
+
 MARGIN_DEG = 0.0006
 """Ground kept around the outermost buildings where nobody says what the map covers: about 60 m."""
 
@@ -59,7 +65,14 @@ def choose(data: MapData, box: Box | None) -> Frame:
     if box is not None:
         _check_data(data, box)
         return frame_of(box, "asked for")
-    return _around(data) if data.box is None else frame_of(data.box, "stated in the file")
+    if data.box is None:
+        return _around(data)
+    west, south, east, north = data.box
+    if west == east or south >= north:
+        said = f"the file states an empty part ({_text(data.box)}), which was not gone by"
+        frame = _around(data)
+        return replace(frame, notes=(*frame.notes, said))
+    return frame_of(data.box, "stated in the file")
 
 
 def _check_data(data: MapData, box: Box) -> None:
@@ -69,8 +82,14 @@ def _check_data(data: MapData, box: Box) -> None:
 
 
 def frame_of(box: Box, because: str) -> Frame:
-    """The frame about a box's middle. `UsageError` if it is too large for one city."""
+    """The frame about a box's middle. `UsageError` if it is too large or too small for a city, or next to a pole."""
     west, south, east, north = box
+    if max(abs(south), abs(north)) > FARTHEST_DEG:
+        raise UsageError(
+            f"the map reaches to {max(south, north, key=abs):.4f} degrees of latitude ({because}); beyond "
+            f"{FARTHEST_DEG:g} one frame does not fit",
+            hint="choose a part farther from the pole with --bbox=W,S,E,N",
+        )
     if east <= west or east - west > 180.0:
         raise UsageError(
             "the map lies on both sides of the antimeridian (180 degrees), where one frame does not fit",
@@ -85,6 +104,11 @@ def frame_of(box: Box, because: str) -> Frame:
         raise UsageError(
             f"{wide / 1000:.0f} by {high / 1000:.0f} km ({because}) is more than a city of {LARGEST_M / 1000:.0f} km",
             hint="choose a part of it with --bbox=W,S,E,N",
+        )
+    if min(wide, high) < SMALLEST_M:
+        raise UsageError(
+            f"the map is {wide:.1f} by {high:.1f} m ({because}): too small for a city",
+            hint="choose a larger part with --bbox=W,S,E,N",
         )
     west_m, south_m, east_m, north_m = (round(value, 3) for value in bounds)
     return Frame(box, because, origin, (west_m, south_m, east_m, north_m))

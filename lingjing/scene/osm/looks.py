@@ -7,6 +7,7 @@ few are tagged, round numbers for cities of our day, by use, which are no statis
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from random import Random
@@ -26,10 +27,14 @@ class Kind:
 
 @dataclass(frozen=True, slots=True)
 class Near:
-    """Median storeys of tagged buildings near a place: those of the same use, and all. None where too few are."""
+    """Median storeys of tagged buildings near a place: those of the same use, and all. None where too few are.
+
+    `footprint_m2` is the median footprint of all buildings there, tagged or not.
+    """
 
     alike: float | None = None
     all: float | None = None
+    footprint_m2: float = math.inf
 
 
 _PLASTER = (linear(214, 203, 184), linear(201, 186, 163), linear(222, 216, 205), linear(190, 170, 150))
@@ -51,6 +56,21 @@ KINDS: dict[str, Kind] = {
 
 _OLD_OFFICE = Kind(3.8, (3, 5, 7), ("punched", "punched", "ribbon"), (*_STONE, *_PLASTER[:2], _BRICK[2]))
 """How an office looks among low blocks: cities of towers clad theirs in glass, old towns do not."""
+
+HOUSES_M2, BLOCKS_M2 = 200.0, 400.0
+"""Median footprints of a town of houses and of one of blocks. A detached house covers 80 to 180 m², a terraced one
+less, a slab or a perimeter block 400 m² and more."""
+
+DEEP_M = 18.0
+"""Twice the area over the perimeter: daylight keeps flats below (a slab 12 m deep has 10, a tower of 30 by 30 m 15), a
+hall of 40 by 50 m has 22."""
+
+_LOW = (1.0, 2.0, 3.0)
+_LOW_FLATS = (2.0, 3.0, 4.0)
+"""(Fewest, usual, most) storeys in a town of houses: of what does not say what it is, and of what says flats, offices.
+Five in six residential buildings in Germany have one or two dwellings (Destatis)."""
+
+_TOWERS = {"tower", "skyscraper", "tower_block"}
 
 _LOW_TOWN = 9.0
 _OLD_TOP_M = 36.0
@@ -125,22 +145,40 @@ def use_of(tags: Mapping[str, str], around: str) -> str:
     return around or "residential"
 
 
-def storeys_of(tags: Mapping[str, str], use: str, area_m2: float, chance: Random, near: Near) -> int:
-    """Storeys of a building that does not say: like those near it, else by its use; fewer on a small footprint."""
+def storeys_of(
+    tags: Mapping[str, str], use: str, area_m2: float, chance: Random, near: Near, deep_m: float = 0.0
+) -> int:
+    """Storeys of a building that does not say: like those near it, else by its use; fewer on a small footprint.
+
+    `deep_m` is twice its area over its perimeter. What says nothing and is too deep for flats is a hall.
+    """
     if tags.get("building") in LOW or area_m2 < 25.0:
         return 1
-    fewest, usual, most = _spread(use, near)
+    said = tags.get("building", "")
+    hall = use == "residential" and said not in _USE_OF and deep_m > DEEP_M
+    fewest, usual, most = _LOW if hall else _spread(use, said, near)
     drawn = max(1, round(chance.triangular(fewest, most, usual)))
     return min(drawn, 1 + int(area_m2 / 40.0)) if area_m2 < 160.0 else drawn
 
 
-def _spread(use: str, near: Near) -> tuple[float, float, float]:
+def _spread(use: str, said: str, near: Near) -> tuple[float, float, float]:
     """(Fewest, usual, most) storeys to draw from."""
-    fewest, usual, most = KINDS[use].storeys
+    fewest, usual, most = _by_form(use, said, near)
     middle = min(near.alike, most) if near.alike is not None else near.all
     if middle is None or (near.alike is None and middle >= usual):
         return fewest, usual, most
     return 0.75 * middle, middle, 1.3 * middle
+
+
+def _by_form(use: str, said: str, near: Near) -> tuple[float, float, float]:
+    """The storeys of a use among blocks, those of a town of houses among houses, and between the two in between."""
+    high = KINDS[use].storeys
+    if said in _TOWERS:
+        return high
+    low = _LOW_FLATS if _USE_OF.get(said) in ("residential", "office") else _LOW
+    share = min(max((near.footprint_m2 - HOUSES_M2) / (BLOCKS_M2 - HOUSES_M2), 0.0), 1.0)
+    fewest, usual, most = (min(a, b) + share * (b - min(a, b)) for a, b in zip(low, high, strict=True))
+    return fewest, usual, most
 
 
 def kind_of(use: str, top_m: float, near: Near) -> Kind:

@@ -1,7 +1,9 @@
-"""How many storeys the buildings near a place have, by what the map says of them: what untagged ones go by.
+"""What is built near a place: how many storeys, by what the map says of them, and on what footprints.
 
 A map's mappers tag towers first. So neighbours of another use say how low a building stays, never how high it grows;
-that only neighbours of its own use do.
+that only neighbours of its own use do. Where nobody tags storeys the footprints tell: small ones side by side are
+houses, whatever stands among them. After Biljecki et al. (2017), who infer heights from footprints, their area and
+their surroundings.
 """
 
 from __future__ import annotations
@@ -26,22 +28,34 @@ class Neighbours:
     """The tagged buildings of a map: (tags, use, shape in metres) of each, parts of buildings not among them."""
 
     def __init__(self, buildings: Iterable[tuple[Mapping[str, str], str, Any]]) -> None:
+        import numpy as np
         import shapely
 
         places: list[Any] = []
         self._tagged: list[tuple[str, float]] = []
+        self._grounds: list[Any] = []
         for tags, use, shape in buildings:
+            if shape.area >= SMALLEST_M2 and tags.get("building") not in LOW:
+                self._grounds.append(shape)
             count = storeys_said(tags)
             if count is not None and shape.area >= SMALLEST_M2 and tags.get("building") not in LOW:
                 self._tagged.append((use, count))
                 places.append(shape.representative_point())
         self._tree = shapely.STRtree(places)
+        self._around = shapely.STRtree([shape.representative_point() for shape in self._grounds])
+        self._areas = np.array([shape.area for shape in self._grounds])
 
     def near(self, use: str, shape: Any) -> Near:
         """What stands within `NEAR_M` of a building of that use."""
         place = shape.representative_point()
         found = [self._tagged[int(k)] for k in self._tree.query(place, predicate="dwithin", distance=NEAR_M)]
-        return Near(_median([n for other, n in found if other == use]), _median([n for _, n in found]))
+        alike = _median([n for other, n in found if other == use])
+        return Near(alike, _median([n for _, n in found]), self._footprint(shape, place))
+
+    def _footprint(self, shape: Any, place: Any) -> float:
+        """The median footprint around a place, square metres; a building's own where it stands all but alone."""
+        near = self._around.query(place, predicate="dwithin", distance=NEAR_M)
+        return median(self._areas[near].tolist()) if len(near) >= FEWEST else float(shape.area)
 
 
 def storeys_said(tags: Mapping[str, str]) -> float | None:

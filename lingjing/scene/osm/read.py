@@ -6,7 +6,10 @@ its format make no difference.
 
 from __future__ import annotations
 
+import bz2
+import gzip
 import hashlib
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,6 +17,13 @@ from typing import Any
 from lingjing.errors import UsageError
 
 SUFFIXES = (".osm", ".osm.gz", ".osm.bz2", ".osm.pbf", ".pbf", ".osm.xml")
+STRETCH = 100
+"""How many times its own size a map may unpack to: map XML shrinks to a tenth or a twentieth, bombs to a thousandth."""
+
+_WINDOW = 64 << 20
+_CHUNK = 1 << 20
+_FEW = 100_000
+
 Box = tuple[float, float, float, float]
 """West, south, east, north in degrees."""
 
@@ -58,8 +68,10 @@ class MapData:
 
 
 def read(path: Path) -> MapData:
-    """The contents of a file. `UsageError` if it is missing, empty, or no OpenStreetMap data."""
+    """The contents of a file. `UsageError` if it is missing, empty, no OpenStreetMap data, or unpacks without end."""
     check(path)
+    _check_unpacked(path)
+    left = max(_FEW, path.stat().st_size)
     nodes: dict[int, tuple[float, float]] = {}
     spots, ways, relations = [], [], []
     try:
@@ -70,6 +82,9 @@ def read(path: Path) -> MapData:
         for item in osmium.FileProcessor(str(path)):
             if item.deleted:
                 continue
+            left -= 1 + len(item.tags) + _length(item)
+            if left < 0:  # before anything is made of it
+                raise _bomb(path, "it holds more than it has bytes")
             if item.is_node():
                 if not item.location.valid():
                     continue
@@ -128,6 +143,34 @@ def versions() -> dict[str, str]:
 # -- private
 
 _HINT = "give the map as it was downloaded (.osm, .osm.gz, .osm.bz2 or .osm.pbf)"
+
+
+def _check_unpacked(path: Path) -> None:
+    """`UsageError` if a packed file unpacks to far more than maps do; read to its end, never held."""
+    kind = path.suffix.lower()
+    if kind not in (".gz", ".bz2"):
+        return
+    try:
+        with path.open("rb") as packed:
+            plain = gzip.GzipFile(fileobj=packed) if kind == ".gz" else bz2.BZ2File(packed)
+            before = count = 0
+            while chunk := plain.read(_CHUNK):
+                count += len(chunk)
+                if count >= _WINDOW:
+                    if count > STRETCH * (packed.tell() - before):
+                        raise _bomb(path, f"it unpacks to more than {STRETCH} times its size")
+                    before, count = packed.tell(), 0
+    except (OSError, EOFError, zlib.error) as error:
+        raise UsageError(f"`{path}` is not OpenStreetMap data, it cannot be unpacked: {error}", hint=_HINT) from None
+
+
+def _bomb(path: Path, why: str) -> UsageError:
+    return UsageError(f"`{path}` is no map: {why}", hint=_HINT)
+
+
+def _length(item: Any) -> int:
+    """Nodes of a way, members of a relation."""
+    return len(item.nodes) if item.is_way() else len(item.members) if item.is_relation() else 0
 
 
 def _missing() -> UsageError:

@@ -6,7 +6,8 @@ once. (netconvert reads no `.pbf`, and finds no nodes in a file that begins with
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+import re
+from collections.abc import Iterable, Iterator, Mapping
 from xml.sax.saxutils import quoteattr
 
 from lingjing.scene.osm.elevation import heights
@@ -36,7 +37,7 @@ def streets_xml(data: MapData, features: Features) -> str:
         )
     for way in ways:
         refs = [f'<nd ref="{ref}"/>' for ref in way.nodes if ref in data.nodes]
-        lines += _element("way", f'id="{way.id}"', refs, way.tags)
+        lines += _element("way", f'id="{way.id}"', refs, _believable(way.tags))
     for relation in data.relations:
         if relation.tags["type"] != "restriction":
             continue
@@ -51,6 +52,22 @@ _KINDS = {"n": "node", "w": "way", "r": "relation"}
 
 def _member(kind: str, ref: int, role: str) -> str:
     return f'<member type="{_KINDS[kind]}" ref="{ref}" role={quoteattr(role)}/>'
+
+
+_MOST = {"lanes": 20.0, "width": 100.0, "maxspeed": 400.0}
+"""The most that a tag of that first word may say: toll plazas have twenty lanes; no road is as wide or fast as that."""
+
+
+_NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:[eE][+-]?\d+)?")
+
+
+def _believable(tags: Mapping[str, str]) -> dict[str, str]:
+    """Tags without those whose numbers are nonsense: a million lanes are a minute's work for netconvert."""
+    return {key: text for key, text in tags.items() if _fits(text, _MOST.get(key.split(":")[0]))}
+
+
+def _fits(text: str, most: float | None) -> bool:
+    return most is None or all(0.0 < float(value) <= most for value in _NUMBER.findall(text))
 
 
 def _element(name: str, attributes: str, children: Iterable[str], tags: dict[str, str]) -> Iterator[str]:
