@@ -122,10 +122,12 @@ def _check_document(source: Source, *, as_text: bool) -> Checked:
     from lingjing.dsl.load import read_document
     from lingjing.mission.diagnostics import Diagnostic
     from lingjing.mission.feasibility import prove
+    from lingjing.mission.trial import trial
 
     mission, notes = read_document(source)
     start = source.span(0, 0)
     found = [Diagnostic(proof.code, start, proof.message, proof.hint) for proof in prove(mission)]
+    found += [Diagnostic(item.code, start, item.message, item.hint) for item in trial(mission)]
     for kind, name, _ in missing(mission, offers):
         found.append(Diagnostic("LJ0505", start, f"no {kind} called `{name}` is installed", severity="warning"))
     shown = "".join(f"{source.path}: note: {note}\n" for note in notes)

@@ -11,7 +11,8 @@ Phases, each a plain function, in the order a text passes them:
 - `elaborate`, `calls`, `aggregates`, `typenames`: expressions, typed, with the way hidden values take.
 - `blocks`, `types`, `interactions`, `settings`, `entities`, `equipment`, `agents`, `wording`, `rules`, `conduct`,
   `events`, `studies`, `checker`: declarations → `Checked`.
-- `properties`, `lower`: `Checked` → `lingjing.mission.model.Mission`. `infeasible`: why it cannot be won, if proved.
+- `properties`, `lower`: `Checked` → `lingjing.mission.model.Mission`. `refused`: what playing it would refuse.
+  `infeasible`: why it cannot be won, if proved.
   `absent`: what it names and nobody here offers.
 - `render`, `sarif`, `codes`, `suggest`, `fixes`: diagnostics for people and programs, and what mends them.
 - `shipped`, `load`, `cache`: a file or a shipped name → `Mission`, kept by content. `collector`: speed for big trees.
@@ -74,6 +75,7 @@ def _compile(source: Source, offers: Offers | None) -> Compilation:
     from lingjing.dsl.infeasible import infeasible
     from lingjing.dsl.lower import lower
     from lingjing.dsl.parser import parse
+    from lingjing.dsl.refused import refused
     from lingjing.dsl.reporter import Reporter
     from lingjing.mission.diagnostics import has_errors, in_source_order
 
@@ -88,6 +90,7 @@ def _compile(source: Source, offers: Offers | None) -> Compilation:
         return Compilation(None, diagnostics, source)
     mission = lower(checked, report.source)
     infeasible(mission, tree, report)
+    refused(mission, tree, report)
     if offers is not None:
         from lingjing.dsl.absent import absent
 

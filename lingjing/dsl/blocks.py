@@ -38,6 +38,7 @@ class Key(msgspec.Struct, frozen=True):
     low: float | None = None
     high: float | None = None
     above: float | None = None
+    whole: bool = False
 
 
 class Entry(msgspec.Struct, frozen=True):
@@ -322,6 +323,10 @@ class BlockReader:
 
     def _in_bounds(self, item: s.Property, key: Key, parts: tuple[Value, ...]) -> bool:
         number = self.of.constant(parts[0].ir)
+        if number is not None and key.whole and number != int(number):
+            place = item.value
+            self.report("LJ0206", place.start, place.end, f"`{key.name}` counts in whole numbers, this is {number:g}")
+            return False
         if number is None or (key.low is None and key.high is None and key.above is None):
             return True
         below = (key.low is not None and number < key.low) or (key.above is not None and number <= key.above)

@@ -121,6 +121,7 @@ class MissionChecker:
         self.scope.poisoned.update(names_in_faults(items))
         self._misplaced(items)
         modes = self._mode(items)
+        self.scope.ceilings.update(_ceilings(_all(items, s.Param)))
         self._heads(items)
         self._taints(items)
         parameters = [self.settings.param(item) for item in _all(items, s.Param)]
@@ -357,3 +358,17 @@ def _good(parts: list[T | None]) -> tuple[T, ...]:
 def _hidden_count(scope: Scope) -> int:
     attributes = (attribute for info in scope.groups.values() for attribute in info.attributes.values())
     return len(scope.veiled) + sum(1 for attribute in attributes if attribute.taint)
+
+
+def _ceilings(nodes: list[s.Param]) -> dict[str, float]:
+    """The greatest value of each param whose bounds are written as bare numbers."""
+    found: dict[str, float] = {}
+    for node in nodes:
+        bounds = node.value.right if isinstance(node.value, s.Binary) and node.value.operator == "in" else None
+        items = bounds.items if isinstance(bounds, s.List) else ()
+        if isinstance(bounds, s.Binary) and bounds.operator == "..":
+            items = (bounds.right,)
+        values = [item.value for item in items if isinstance(item, s.Number) and not item.unit]
+        if values and len(values) == len(items):
+            found[node.name.text] = max(values)
+    return found

@@ -73,6 +73,9 @@ CODES: dict[str, str] = {
     "LJ0504": "the mode `single` with more than one agent",
     "LJ0505": "a scene or an engine that is not installed",
     "LJ0506": "pictures that are far wider than the scene",
+    "LJ0507": "a declaration that cannot be evaluated",
+    "LJ0508": "a scene that cannot be built as it is described",
+    "LJ0509": "the scene has nothing that this could stand on",
     # what cannot be won
     "LJ0601": "a place that cannot be reached in time",
     "LJ0602": "no schedule fits the budget",

@@ -238,9 +238,16 @@ class Elaborator:
         self._index_in_range(node, base.type.of, index)
         return Value(ex.Index(base.ir, index.ir), Type("entity", of=base.type.of), _taint(index))
 
-    def _index_in_range(self, node: s.Subscript, _group: str, index: Value) -> None:
-        if isinstance(index.ir, ex.Number) and (index.ir.value < 1 or index.ir.value != int(index.ir.value)):
+    def _index_in_range(self, node: s.Subscript, group: str, index: Value) -> None:
+        number = self.constant(index.ir)
+        if number is None:
+            return
+        most = self.scope.groups[group].most if group in self.scope.groups else None
+        if number < 1 or number != int(number):
             self.report("LJ0201", node.index.start, node.index.end, "members are counted 1, 2, 3, …")
+        elif most is not None and number > most:
+            there = f"has {most:g} {'member' if most == 1 else 'members'}"
+            self.report("LJ0206", node.index.start, node.index.end, f"`{group}` {there}, there is no {number:g}")
 
     def _attribute(self, node: s.Attribute, environment: Environment) -> Value:
         base = self.value(node.base, environment)

@@ -53,7 +53,8 @@ class EntityChecker:
         span = self.report.span(node.name.start, node.name.end)
         self.settings.declare(node.name, Symbol(kind, Type(kind, of=node.name.text), span))
         if node.name.text not in self.scope.groups:
-            self.scope.groups[node.name.text] = GroupInfo(node.name.text, node.keyword, decl, attributes, single)
+            most = None if node.index is None else self._most(node.index)
+            self.scope.groups[node.name.text] = GroupInfo(node.name.text, node.keyword, decl, attributes, single, most)
 
     def taints(self, node: s.EntityBlock) -> None:
         """Properties computed from hidden ones are hidden too; runs until nothing changes, over all entities."""
@@ -187,6 +188,14 @@ class EntityChecker:
         return value.ir.high, name
 
     # -- private
+
+    def _most(self, index: s.Expression) -> float | None:
+        """How many members `[1..n]` means at most; None if a param without bounds, or a computation, says it."""
+        range_node = index.right if isinstance(index, s.Binary) and index.operator == "in" else index
+        high = range_node.right if isinstance(range_node, s.Binary) and range_node.operator == ".." else None
+        if isinstance(high, s.Number) and not high.unit:
+            return high.value
+        return self.scope.ceilings.get(high.text) if isinstance(high, s.Name) else None
 
     def _type_of(self, node: s.EntityBlock) -> TypeDecl | None:
         if node.type is None:

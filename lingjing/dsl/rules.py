@@ -13,7 +13,9 @@ from lingjing.mission import model
 from lingjing.mission.diagnostics import Related
 from lingjing.mission.functions import AGGREGATES, FLAG, FUNCTIONS, NUMBER
 
-STAGE_KEYS = {key.name: key for key in (Key("ticks", NUMBER, ("<=",), low=1), Key("weight", NUMBER, above=0))}
+STAGE_KEYS = {
+    key.name: key for key in (Key("ticks", NUMBER, ("<=",), low=1, whole=True), Key("weight", NUMBER, above=0))
+}
 
 
 class RuleChecker:

@@ -149,13 +149,15 @@ class Symbol(msgspec.Struct, frozen=True):
 
 
 class GroupInfo(msgspec.Struct, frozen=True):
-    """What rules and agents need to know of a group: its type, its attributes, its count if it is constant."""
+    """What rules and agents need to know of a group: its type, its attributes, and how many members it has at most, if
+    that is written down: as a number, or as a param with bounds."""
 
     name: str
     role: str
     type: TypeDecl | None
     attributes: dict[str, Attribute]
     single: bool
+    most: float | None = None
 
 
 class RuleInfo(msgspec.Struct, frozen=True):
@@ -190,6 +192,8 @@ class Scope:
         """Group → the names of its cameras."""
         self.modes: tuple[str, ...] = ()
         self.constants: dict[str, float] = {}
+        self.ceilings: dict[str, float] = {}
+        """Param → the greatest value that its bounds allow: found before anything is checked."""
         self.poisoned: set[str] = set()
         """Names in faulty statements: they may have been declared there, so their absence is not reported."""
         self.left_behind: dict[str, str] = {}

@@ -36,7 +36,7 @@ SCENE_KEYS = _keys(
     Key("extent", METRES, above=0),
     Key("blocks", Type("size")),
     Key("height", Type("range", LENGTH)),
-    Key("layout", NUMBER, low=0),
+    Key("layout", NUMBER, low=0, whole=True),
     Key("traffic", NUMBER, _DRAWN, low=0),
     Key("shore", POSITIONS),
     Key("bridge", POSITIONS),
@@ -52,13 +52,13 @@ extent, blocks of houses, their heights, a number that picks another layout of t
 fence surrounds, and one whose blocks hold dwellings."""
 CLOCK_KEYS = _keys(Key("tick", SECONDS, above=0, required=True), Key("sync", SECONDS, above=0, required=True))
 BUDGET_KEYS = _keys(
-    Key("ticks", NUMBER, ("<=",), low=1, required=True),
+    Key("ticks", NUMBER, ("<=",), low=1, required=True, whole=True),
     Key("policy", SECONDS, ("<=",), above=0),
     Key("engine", SECONDS, ("<=",), above=0),
     Key("capture", SECONDS, ("<=",), above=0),
-    Key("tokens", Type("quantity", TOKENS), ("<=",), above=0),
+    Key("tokens", Type("quantity", TOKENS), ("<=",), above=0, whole=True),
     Key("money", Type("quantity", MONEY), ("<=",), above=0),
-    Key("messages", NUMBER, ("<=",), low=0),
+    Key("messages", NUMBER, ("<=",), low=0, whole=True),
 )
 ALLOWANCES = ("tokens", "money", "messages")
 WEATHER_KEYS = _keys(
@@ -76,7 +76,7 @@ WEATHER_KEYS = _keys(
 GRID_KEYS = _keys(Key("shape", Type("size"), required=True), Key("overlap", NUMBER, low=0, high=0.9))
 COMMS_KEYS = _keys(
     Key("hub", Type("name"), guarded=True),
-    Key("delay", Type("quantity", TICKS), low=1),
+    Key("delay", Type("quantity", TICKS), low=1, whole=True),
     Key("payload", Type("quantity", DATA), ("<=",), above=0),
     Key("range", METRES, ("<=",), above=0),
     Key("loss", NUMBER, low=0, high=1),
@@ -313,7 +313,14 @@ class SettingsChecker:
 
     def _default_in_bounds(self, node: s.Expression, default: Value, bounds: Value | None) -> None:
         number = self.of.constant(default.ir)
-        if bounds is None or number is None or not isinstance(bounds.ir, ex.Range):
+        if bounds is None or number is None:
+            return
+        if isinstance(bounds.ir, ex.Sequence):
+            allowed = [self.of.constant(item) for item in bounds.ir.items]
+            if None not in allowed and number not in allowed:
+                self.report("LJ0206", node.start, node.end, "the default is none of the values allowed")
+            return
+        if not isinstance(bounds.ir, ex.Range):
             return
         low, high = self.of.constant(bounds.ir.low), self.of.constant(bounds.ir.high)
         if (low is not None and number < low) or (high is not None and number > high):

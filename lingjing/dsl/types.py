@@ -36,7 +36,7 @@ from lingjing.mission.functions import DEGREES, FIELD_TYPES, FLAG, NUMBER, POSIT
 from lingjing.mission.units import BY_NAME, LENGTH, NAMED, TIME, dimension_unit, without_unit
 
 CATEGORIES = ("report", "assignment", "target_status", "other")
-SURFACES = ("ground", "road", "roof", "facade", "water", "bridge", "pipe")
+SURFACES = ("ground", "road", "roof", "facade", "bridge", "pipe")
 """Where the scene stands what is placed: `on = road` moves an entity to the nearest carriageway."""
 ANY_RELATION = ("=", "~", "<=")
 

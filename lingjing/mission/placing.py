@@ -19,13 +19,26 @@ FARTHEST_M = 1e6
 """A position beyond this is a slip of units: the scene's flat frame holds for some kilometres."""
 
 
+class NodeError(MissionError):
+    """A fault at one node of a mission: `path` names it (`ssr/boat`), `said` is the message without it."""
+
+    path: str
+    said: str
+
+    def __init__(self, path: str, error: MissionError) -> None:
+        super().__init__(f"{path}: {error}", hint=error.hint)
+        inner = error if isinstance(error, NodeError) else None
+        self.path = inner.path if inner else path
+        self.said = inner.said if inner else str(error)
+
+
 @contextmanager
 def at_path(path: str) -> Iterator[None]:
     """Put the node's path before the message of any `MissionError` raised inside."""
     try:
         yield
     except MissionError as error:
-        raise MissionError(f"{path}: {error}", hint=error.hint) from error
+        raise NodeError(path, error) from error
 
 
 def holds(guard: model.Guard | None, scope: Scope) -> bool:

@@ -20,7 +20,7 @@ asset taxi : car { payload = 300 kg }
 """
 MISSION = """mission race "Race" {
   goal "Wait."
-  scene bay
+  scene residential
   clock { tick = 1 s, sync = 500 ms }
   budget { ticks <= 10 }
   weather { wind = 1 m/s from 0 deg }

@@ -69,13 +69,15 @@ CASES = [
     ("LJ0501", "sync = 500 ms", "sync = 1e-9 ms", 9, 31, "at most 100,000 are possible"),
     ("LJ0503", "  success", "  sweep s over uavs in 1..10000000\n  success", 38, 24, "10,000,000 values"),
     ("LJ0504", "mode broadcast in { star, broadcast }", "mode single in { single, star }", 15, 18, "stands alone"),
+    ("LJ0507", "lifeboat {", "lifeboat when mode == star {", 27, 9, "in broadcast mode, there is no"),
+    ("LJ0508", "bay { datum = sea level at -3.5 m }", "coastal { datum = sea level at 0 m }", 8, 19, "flood"),
     ("LJ0502", "hub = commander when mode == star, ", "", 15, 3, "star mode has no hub"),
 ]  # fmt: skip
-ELSEWHERE = {"LJ0007", "LJ0008", "LJ0009", "LJ0119", "LJ0120", "LJ0124", "LJ0505", "LJ0506"} | {
+ELSEWHERE = {"LJ0007", "LJ0008", "LJ0009", "LJ0119", "LJ0120", "LJ0124", "LJ0505", "LJ0506", "LJ0509"} | {
     code for code in CODES if code.startswith("LJ06") or code in ("LJ0125", "LJ0126", "LJ0210")
 }
 """Codes whose examples are files of their own; tested below, in `test_infeasible`, `test_inputs`,
-`test_absent`, `test_interactions`, `test_library`, `test_inherit` and `test_wide`."""
+`test_absent`, `test_refused`, `test_interactions`, `test_library`, `test_inherit` and `test_wide`."""
 
 
 def test_the_small_mission_is_good(small: str) -> None:

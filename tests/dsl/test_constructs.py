@@ -24,6 +24,11 @@ def made(small: str, *lines: str, mode: str = "broadcast", use: str = "") -> Ins
     return instantiate(added(small, *lines, use=use), mode=mode)
 
 
+def in_town(small: str) -> str:
+    """The small mission where there are roads."""
+    return small.replace("scene bay {", "scene coastal {")
+
+
 def fault(small: str, *lines: str) -> tuple[str, str]:
     """Code and message of the only error that these statements cause."""
     text = small.replace("  success when", "\n".join(f"  {line}" for line in lines) + "\n  success when")
@@ -124,7 +129,7 @@ def test_inspections(small: str) -> None:
         "limit again <= 3 counts detection",
         "permit van.setDestination when inspected(check) and clear(check) and replans(check) <= 3 and used(again) < 3",
     )
-    (found,) = made(small, *lines, use=use).inspections
+    (found,) = made(in_town(small), *lines, use=use).inspections
     assert (found.asset, found.by, found.within_m, found.order, found.replan) == (
         "van", ("uav[1]", "uav[2]"), 25.0, "strict", "detection",
     )  # fmt: skip
@@ -160,7 +165,7 @@ def test_faulty_bounds(small: str, line: str, code: str) -> None:
 def test_aggregates(small: str) -> None:
     use = "use std.logistics { delivery_point }"
     mission = added(
-        small,
+        in_town(small),
         "target order[1..3] : delivery_point {",
         "position ~ sites(search), state demand = at(i, [250 kg], rest = 100 kg) }",
         "adjudicate done_all() {",
@@ -425,7 +430,7 @@ def test_the_instance_marks_what_is_revealed(small: str) -> None:
 def test_assets_of_all_six_kinds(small: str) -> None:
     use = "use std.air { fixed_wing }\nuse std.ground { car, robot_dog }\nuse std.orbit { satellite }"
     instance = made(
-        small,
+        in_town(small),
         "asset wing : fixed_wing { position = (0 m, 0 m, 300 m) }",
         "asset dog  : robot_dog  { position = (0 m, 0 m) }",
         "asset cab  : car        { position = (9 m, 0 m) }",

@@ -4,7 +4,19 @@ from __future__ import annotations
 
 import pytest
 
-from lingjing.dsl import compile_text
+from lingjing.dsl import Source, compile_text
+from lingjing.dsl.checker import Checked, check
+from lingjing.dsl.parser import parse
+from lingjing.dsl.reporter import Reporter
+
+
+def checked(text: str) -> Checked:
+    """What the checker makes of a text in which it finds no fault, whether or not it could be played."""
+    report = Reporter(Source(text, "m.ljs"))
+    found = check(parse(report), report)
+    assert found is not None and report.diagnostics == []
+    return found
+
 
 LEAKS = [
     ('"Find everybody."', '"Find {victim.position}."', 7, "`victim.position` → the goal's text"),
@@ -31,9 +43,8 @@ def test_what_reads_a_hidden_value_becomes_hidden(small: str) -> None:
     (leak,) = compile_text(seen).diagnostics
     assert leak.code == "LJ0401"
     assert leak.message.endswith("`victim.position` → `raft.position` → an observation")
-    unseen = compile_text(small.replace("  asset boat", raft + "  asset boat"))
-    assert unseen.mission is not None
-    group = next(group for group in unseen.mission.groups if group.name == "raft")
+    unseen = small.replace("  asset boat", raft + "  asset boat")
+    group = next(group for group in checked(unseen).groups if group.name == "raft")
     assert next(prop for prop in group.properties if prop.name == "position").hidden
 
 
@@ -54,9 +65,7 @@ COMPUTED = [
 @pytest.mark.parametrize(("old", "new", "field"), COMPUTED)
 def test_an_entity_named_without_a_field_is_read_as_its_place(small: str, old: str, new: str, field: str) -> None:
     text = small.replace(old, new, 1)
-    mission = compile_text(text).mission
-    assert mission is not None
-    boat = next(group for group in mission.groups if group.name == "boat")
+    boat = next(group for group in checked(text).groups if group.name == "boat")
     assert next(prop for prop in boat.properties if prop.name.startswith(field)).hidden
     (leak,) = compile_text(text.replace("boat.*, events", f"boat.{field}, events")).diagnostics
     assert leak.code == "LJ0401" and f"→ `boat.{field}` → an observation" in leak.message

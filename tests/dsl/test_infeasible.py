@@ -43,7 +43,7 @@ asset truck {
 target order { engine = city, state demand = 100 kg, split = true }
 mission cargo "One heavy order" {
   goal "Bring it."
-  scene bay { datum = sea level at -3.5 m }
+  scene logistics { extent = 1500 m }
   clock { tick = 10 s, sync = 500 ms }
   budget { ticks <= 60 }
   target heavy : order { position = (500 m, 0 m), demand = 250 kg, split = false }

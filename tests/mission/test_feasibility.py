@@ -20,7 +20,7 @@ target order { engine = city, split = true, state demand = 100 kg, interaction u
 target warehouse { engine = city, stock = 10 t, interaction load { by = road, within = 50 m } }
 mission m "M" {
   goal "G."
-  scene bay { datum = sea level at -3.5 m }
+  scene coastal { datum = sea level at -3.5 m }
   clock { tick = 10 s, sync = 500 ms }
 """
 SEEN = """
@@ -36,7 +36,8 @@ def found(body: str, ticks: int = 60) -> tuple[Diagnostic, ...]:
 
 
 def codes(body: str, ticks: int = 60) -> list[str]:
-    return [item.code for item in found(body, ticks)]
+    """The codes of proofs; whether darts find the room that there is, is another matter."""
+    return [item.code for item in found(body, ticks) if item.code.startswith("LJ06")]
 
 
 def sail(*places: str, asset: str = "lifeboat", controls: bool = True, extra: str = "") -> str:

@@ -15,25 +15,22 @@ import msgspec
 from lingjing.errors import UsageError
 from lingjing.mission.frames import from_geodetic
 from lingjing.mission.instance import SceneSpec
+from lingjing.mission.scenes import scene_faults
 from lingjing.scene.city import City
 from lingjing.scene.osm.build import Options, build
 from lingjing.scene.osm.frame import parse_box
 from lingjing.scene.store import read_store, whole
 
-KNOWN = ("bbox", "datum", "file", "folder", "map", "origin", "traffic")
 _HINT = 'write: scene map { folder = "DIR" } with a folder that `lingjing scene build MAP.osm -o DIR` wrote'
 
 
 def city_of(spec: SceneSpec) -> City:
     """The city of a spec. `UsageError` for options it does not know, or that name no city."""
-    unknown = sorted(set(spec.options) - set(KNOWN))
-    if unknown:
-        raise UsageError(f"scene `map` has no option `{unknown[0]}`", hint=f"known: {', '.join(KNOWN)}")
-    named = {name: _text(spec, name) for name in ("folder", "file", "map") if name in spec.options}
-    if len(named) != 1:
-        said = "names no map" if not named else f"names its map {len(named)} times ({', '.join(named)})"
-        raise UsageError(f"scene `map` {said}", hint=_HINT)
-    ((name, path),) = named.items()
+    fault = next(scene_faults(spec), None)
+    if fault is not None:
+        raise UsageError(fault.message, hint=fault.hint)
+    name = next(name for name in ("folder", "file", "map") if name in spec.options)
+    path = str(spec.options[name])
     stored = name == "folder" or Path(path).is_dir()
     if stored and "bbox" in spec.options:
         raise UsageError("scene `map`: a folder is a finished city, `bbox` cannot cut it", hint="name the map's `file`")

@@ -1,0 +1,122 @@
+"""`trial`: what would be refused when a mission is played, found by making its instances without playing them.
+
+Every mode is tried at the default settings, then every setting that a sweep asks for. What only a machine, a map or a
+plug-in can tell is not looked at; nor is a mission with very many members, whose check must stay fast.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Mapping
+
+import msgspec
+
+from lingjing.errors import LingjingError, MissionError
+from lingjing.mission import model
+from lingjing.mission.evaluate import Scope, number
+from lingjing.mission.instance import Instance
+from lingjing.mission.instantiate import instantiate, parameters
+from lingjing.mission.placing import NodeError, count_of, holds
+from lingjing.mission.scenes import lacks, scene_faults
+
+MEMBERS_MOST = 2_000
+"""A mission with more entities or agents is not tried: compiling it must stay fast."""
+
+COMBINATIONS_MOST = 64
+"""So many combinations of a sweep's values are tried; beyond, each value once."""
+
+ROAD = "road"
+
+
+class Refusal(msgspec.Struct, frozen=True):
+    """What is refused: a code, the node's path as in `<mission>/boat/speed_mps`, what is said and the way out."""
+
+    code: str
+    path: str
+    message: str
+    hint: str = ""
+
+
+def trial(mission: model.Mission) -> tuple[Refusal, ...]:
+    """Everything that is refused of a mission, each once; with the mode where not all modes of a mission refuse it."""
+    found: dict[Refusal, list[str]] = {}
+    modes = mission.modes.allowed
+    for mode in modes:
+        for refusal in dict.fromkeys(_in_mode(mission, mode)):
+            found.setdefault(refusal, []).append(mode)
+    return tuple(
+        refusal
+        if len(where) == len(modes)
+        else msgspec.structs.replace(refusal, message=f"in {' and '.join(where)} mode, {refusal.message}")
+        for refusal, where in found.items()
+    )
+
+
+# -- private
+
+
+def _in_mode(mission: model.Mission, mode: str) -> Iterator[Refusal]:
+    refused = tuple(_with_settings(mission, mode, {}))
+    yield from refused
+    if not refused:
+        for settings in _swept(mission, mode):
+            yield from _with_settings(mission, mode, settings)
+
+
+def _with_settings(mission: model.Mission, mode: str, settings: Mapping[str, float]) -> Iterator[Refusal]:
+    chosen = ", ".join(f"{name} = {value:g}" for name, value in settings.items())
+    where = f"with {chosen}, " if chosen else ""
+    try:
+        if _size(mission, mode, settings) > MEMBERS_MOST:
+            return
+        instance = instantiate(mission, mode=mode, settings=settings)
+    except NodeError as error:
+        yield Refusal("LJ0507", error.path, f"{where}{error.said}", error.hint)
+    except LingjingError as error:
+        yield Refusal("LJ0507", mission.name, f"{where}{error}", error.hint)
+    else:
+        yield from _of_scene(mission, instance)
+
+
+def _size(mission: model.Mission, mode: str, settings: Mapping[str, float]) -> int:
+    """How many entities and agents there are."""
+    scope = Scope(parameters=parameters(mission, mode, settings), mode=mode)
+    counted = [(group.count, group.when) for group in mission.groups]
+    counted += [(agent.count, agent.when) for agent in mission.agents]
+    try:
+        return sum(count_of(count, scope) for count, guard in counted if holds(guard, scope))
+    except MissionError:
+        return 0  # the instance says where it is wrong
+
+
+def _swept(mission: model.Mission, mode: str) -> Iterator[dict[str, float]]:
+    """The settings of every sweep that is played in this mode."""
+    scope = Scope(parameters=parameters(mission, mode, {}), mode=mode)
+    for sweep in mission.sweeps:
+        try:
+            if not holds(sweep.when, scope):
+                continue
+            columns = [[number(value, scope) for value in column] for column in sweep.values]
+        except MissionError:
+            continue
+        most = max((len(column) for column in columns), default=0)
+        rows: Iterator[tuple[float, ...]] = itertools.product(*columns)
+        if math.prod(len(column) for column in columns) > COMBINATIONS_MOST:
+            turns = range(min(most, COMBINATIONS_MOST))
+            rows = iter([tuple(column[turn % len(column)] for column in columns) for turn in turns])
+        for row in rows:
+            yield dict(zip(sweep.parameters, row, strict=True))
+
+
+def _of_scene(mission: model.Mission, instance: Instance) -> Iterator[Refusal]:
+    for fault in scene_faults(instance.scene):
+        yield Refusal("LJ0508", f"{mission.name}/scene/{fault.option}", fault.message, fault.hint)
+    kind = instance.scene.kind
+    for entity in instance.entities:
+        surface = entity.properties.get("on")
+        wanted = str(surface) if surface is not None else ROAD if entity.engine == ROAD else ""
+        if wanted and lacks(instance.scene, wanted):
+            path = f"{mission.name}/{entity.group}{'/on' if surface is not None else ''}"
+            message = f"`{entity.group}` is on a {wanted}, and the scene `{kind}` has none"
+            yield Refusal("LJ0509", path, message, "choose a scene that has one, or another place")

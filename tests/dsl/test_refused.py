@@ -1,0 +1,122 @@
+"""What validates runs: a text that playing would refuse is refused where it says so, in the modes that refuse it."""
+
+from __future__ import annotations
+
+import itertools
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from lingjing.dsl import compile_file, compile_text
+from lingjing.errors import LingjingError
+from lingjing.mission.instance import Entity, Instance, SceneSpec
+from lingjing.mission.instantiate import instantiate
+from lingjing.mission.scenes import DISTRICTS, lacks, scene_faults
+from lingjing.mission.trial import trial
+from lingjing.scene.anchor import anchor
+from lingjing.scene.city import City
+from lingjing.scene.districts import build
+from lingjing.scene.districts.options import plan
+
+# what is replaced in the small mission, by what, code, line, column, a part of the message
+CASES = [
+    ("param uavs = 2 in 1..10", "param uavs = 7 in [1, 2]", "LJ0206", 13, 16, "none of the values allowed"),
+    ("ticks <= 60", "ticks <= 5.5", "LJ0206", 10, 21, "counts in whole numbers, this is 5.5"),
+    ("ticks <= 60", "ticks <= uavs / 4", "LJ0206", 10, 21, "this is 0.5"),
+    ("done when rescued(v)", "done when rescued(v), ticks <= 2.5", "LJ0206", 36, 66, "whole numbers"),
+    ("delay = 1 tick", "delay = 1.5 tick", "LJ0206", 12, 54, "whole numbers"),
+    ("distance_xy(boat, v)", "distance_xy(boat, victim[9])", "LJ0206", 34, 88, "`victim` has 3 members, there is no 9"),
+    ("distance_xy(boat, v)", "distance_xy(uav[11], v)", "LJ0206", 34, 79, "`uav` has 10 members, there is no 11"),
+    ("distance_xy(boat, v)", "distance_xy(boat, victim[3/2])", "LJ0201", 34, 88, "members are counted 1, 2, 3"),
+    ("  asset boat", "  event e at 9 tick { vanish victim[4] }\n  asset boat", "LJ0206", 26, 37, "there is no 4"),
+    ("position = (12.4 m, -51.8 m)", "position = victim[1].position", "LJ0507", 26, 27, "before the mission runs"),
+    ("lifeboat {", "lifeboat when mode == star {", "LJ0507", 27, 9, "in broadcast mode, there is no entity 'boat'"),
+    ("(1 m, 2 m), (3 m, 4 m)], spread 8 m", "(1 m, 2 m)]", "LJ0507", 22, 5, "member 2 has no place"),
+    ("  param alt", "  sweep all over uavs in [1, 5]\n  param alt", "LJ0507", 23, 5, "with uavs = 5, m"),
+    ("speed <= 3 m/s }", "speed <= 3 m/s, on = water }", "LJ0109", 26, 96, "`on` cannot be `water`"),
+    ("speed <= 3 m/s }", "speed <= 3 m/s, on = road }", "LJ0509", 26, 91, "the scene `bay` has none"),
+    ("bay {", "coastal { pipeline = [(0 m, 0 m)],", "LJ0508", 8, 19, "no line of 2 or more points"),
+    ("bay {", "residential { bridge = [(0 m, 0 m), (9 m, 0 m)],", "LJ0508", 8, 23, "has no `bridge`"),
+    ("bay {", "bay { extent = 3 km,", "LJ0508", 8, 15, "has no option `extent`"),
+    ("bay {", "commercial { deck = 2 m,", "LJ0508", 8, 22, "`deck` is 2.0"),
+    ("bay {", "map {", "LJ0508", 8, 9, "names no map"),
+    ("bay { datum = sea level at -3.5 m", "city { datum = 0 m", "LJ0508", 8, 16, "flood"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("old", "new", "code", "line", "column", "part"), CASES, ids=lambda value: str(value)[:30])
+def test_what_run_refuses(small: str, old: str, new: str, code: str, line: int, column: int, part: str) -> None:
+    text = small.replace(", spread 8 m", "") if "sweep" in new else small
+    found = compile_text(text.replace(old, new, 1)).diagnostics
+    assert [(item.code, item.span.line, item.span.column) for item in found] == [(code, line, column)]
+    assert part in found[0].message
+
+
+def test_a_fault_of_a_base_mission_is_shown_where_that_is_named(small: str, tmp_path: Path) -> None:
+    (tmp_path / "base.ljs").write_text(small.replace("lifeboat {", "lifeboat when mode == star {"))
+    (tmp_path / "m.ljs").write_text("ljs 1\nuse .base { small }\nmission more extends small {}\n")
+    (found,) = compile_file(str(tmp_path / "m.ljs")).diagnostics
+    assert (found.code, found.span.line, found.span.column) == ("LJ0507", 3, 22)
+
+
+SHORE, SQUARE = (0.0, -90.0, 0.0, 90.0), (0.0, 0.0, 9.0, 0.0, 9.0, 9.0)
+OPTIONS = [
+    {},
+    {"extent_m": 100.0},
+    {"extent_m": 300.0, "traffic": 2.0},
+    {"blocks_rows": 2.5, "blocks_columns": 900.0},
+    {"height_low_m": 50.0, "height_high_m": 10.0},
+    {"height_high_m": 3.0},
+    {"shore": SHORE},
+    {"shore": SHORE, "bridge": SHORE},
+    {"bridge": SHORE},
+    {"inside": SQUARE},
+    {"homes": SQUARE[:4]},
+    {"pipeline": (1.0,)},
+    {"deck_m": 5.0},
+    {"colour": "white"},
+    {"map": "x.osm"},
+]
+
+
+def test_a_scene_is_refused_for_what_the_checker_says_and_for_nothing_else() -> None:
+    """The planner, which builds districts, raises exactly where the data name a fault."""
+    for kind, options, level in itertools.product((*DISTRICTS, "city"), OPTIONS, (0.0, -3.0)):
+        spec = SceneSpec(kind=kind, options=options, datum_m=level)
+        faults = list(scene_faults(spec))
+        try:
+            plan(spec)
+        except LingjingError as error:
+            assert faults and f"{error}" == faults[0].message
+        else:
+            assert faults == []
+
+
+@pytest.mark.parametrize("kind", ["residential", "coastal", "industrial"])
+def test_what_a_scene_lacks_it_lacks(kind: str, small: str) -> None:
+    """The anchor, which puts things on surfaces, finds none where the data say that there is none."""
+    spec = SceneSpec(kind=kind, options={"extent_m": 300.0}, datum_m=-3.0)
+    city: City = build(spec)
+    mission = compile_text(small).mission
+    assert mission is not None
+    instance = instantiate(mission)
+    boat = next(entity for entity in instance.entities if entity.id == "boat")
+    for surface in ("bridge", "pipe", "road"):
+        alone = _alone(instance, boat, surface)
+        if lacks(spec, surface):
+            with pytest.raises(LingjingError, match=f"there is no {surface}"):
+                anchor(alone, city)
+    assert not lacks(spec, "road")
+    anchor(_alone(instance, boat, "road"), city)
+
+
+def _alone(instance: Instance, entity: Entity, surface: str) -> Instance:
+    there = msgspec.structs.replace(entity, position=(0.0, 0.0, 0.0), properties={"on": surface})
+    return msgspec.structs.replace(instance, entities=(there,))
+
+
+def test_a_mission_with_very_many_members_is_not_tried(small: str) -> None:
+    many = small.replace("victim[1..3]", "victim[1..50000]").replace("apart >= 10 m", "apart >= 0.01 m")
+    mission = compile_text(many).mission
+    assert mission is not None and trial(mission) == ()
