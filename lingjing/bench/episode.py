@@ -51,7 +51,8 @@ OVERVIEW_NAME = "overview.png"
 @dataclass(frozen=True, slots=True)
 class EpisodeResult:
     """What came of one episode. `trace` is the MCAP file (a `.part` if the episode was cut short), `scr` the subtask
-    completion rate in 0..1, `detail` the cause of an abort and `hint` what to do about it."""
+    completion rate in 0..1, `detail` the cause of an abort, or what is to be known of a success, and `hint` what to do
+    about it."""
 
     mission: str
     seed: int
@@ -309,7 +310,7 @@ def _result(path: Path, folder: Path, city: City, *, overview: bool) -> EpisodeR
     from lingjing.analysis.overview import draw_overview
 
     trace = read_trace(path)
-    warnings = _warnings(trace)
+    warnings = _at_start(trace) + _warnings(trace)
     if overview:
         try:
             draw_overview(trace, folder / OVERVIEW_NAME, city)
@@ -348,6 +349,12 @@ def _warnings(trace: Trace) -> tuple[str, ...]:
     asked = sum(len(record.decisions) for record in trace.boundaries)
     counted = f"{len(replaced)} of {asked} policy answers were replaced by doing nothing ({reasons})"
     return (f"{counted}; the first was `{first.agent}`: {first.detail}",)
+
+
+def _at_start(trace: Trace) -> tuple[str, ...]:
+    """That nobody had to do anything for this success."""
+    outcome = trace.outcome
+    return (outcome.detail,) if outcome is not None and outcome.success and outcome.detail else ()
 
 
 def _unknown(trace: Trace) -> Outcome:

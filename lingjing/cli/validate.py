@@ -126,7 +126,10 @@ def _check_document(source: Source, *, as_text: bool) -> Checked:
 
     mission, notes = read_document(source)
     start = source.span(0, 0)
-    found = [Diagnostic(proof.code, start, proof.message, proof.hint) for proof in prove(mission)]
+    found = [
+        Diagnostic(one.code, start, one.message, one.hint, severity="warning" if one.partly else "error")
+        for one in prove(mission)
+    ]
     found += [Diagnostic(item.code, start, item.message, item.hint) for item in trial(mission)]
     for kind, name, _ in missing(mission, offers):
         found.append(Diagnostic("LJ0505", start, f"no {kind} called `{name}` is installed", severity="warning"))

@@ -1,6 +1,7 @@
 """`infeasible`: what `lingjing.mission.feasibility` proves becomes diagnostics at the declarations it is about.
 
-Runs over a mission without errors. What is no more than a hint (`feasibility.wide`) becomes a warning. A declaration
+Runs over a mission without errors. What is no more than a hint (`feasibility.wide`, `feasibility.start`), or holds in
+some modes only while another can be won, becomes a warning. A declaration
 that stands in a base mission is shown where that is named.
 """
 
@@ -10,6 +11,7 @@ from lingjing.dsl import syntax as s
 from lingjing.dsl.reporter import Reporter
 from lingjing.mission.diagnostics import Related, Severity
 from lingjing.mission.feasibility import Proof, prove
+from lingjing.mission.feasibility.start import won_at_start
 from lingjing.mission.feasibility.wide import too_wide
 from lingjing.mission.model import Mission
 
@@ -18,7 +20,7 @@ _Place = tuple[int, int]
 
 def infeasible(mission: Mission, tree: s.File, report: Reporter) -> None:
     """Report every proof that the mission cannot be won, and every hint."""
-    proofs, hints = prove(mission), too_wide(mission)
+    proofs, hints = prove(mission), (*too_wide(mission), *won_at_start(mission))
     node = next((item for item in tree.items if isinstance(item, s.MissionBlock)), None)
     if not (proofs or hints) or node is None:
         return
@@ -27,7 +29,7 @@ def infeasible(mission: Mission, tree: s.File, report: Reporter) -> None:
     for proof in (*proofs, *hints):
         start, end = places.get(proof.at, (head.start, head.end))
         related = _related(proof, places, report)
-        severity: Severity = "warning" if proof in hints else "error"
+        severity: Severity = "warning" if proof in hints or proof.partly else "error"
         report(proof.code, start, end, proof.message, proof.hint, related=related, severity=severity)
 
 

@@ -17,6 +17,9 @@ from lingjing.kernel.step import Kernel, Published
 from lingjing.plugins.policy import Policy
 from lingjing.trace.records import BoundaryRecord, Outcome
 
+WON_AT_START = "success held at the start, before anybody acted"
+"""The detail of an episode that was won at boundary 0."""
+
 
 @dataclass(frozen=True, slots=True)
 class Progress:
@@ -76,6 +79,7 @@ def play(
     reason, detail, hint = "error", "", ""
     try:
         reason = _loop(kernel, barrier, progress, started)
+        detail = WON_AT_START if reason == "success" and kernel.state.registry.tick == 0 else ""
     except InfrastructureError as error:
         reason, detail, hint = "infrastructure-abort", f"{error}", error.hint
     except KeyboardInterrupt:

@@ -14,7 +14,7 @@ CASES = [
     ("LJ0602", "ticks <= 60", "ticks <= 1", 38, 3, "takes at least 2 ticks, the budget is 1 tick"),
     ("LJ0605", "report from searcher", "report from coordinator", 33, 10, "in broadcast mode, nobody can send"),
     ("LJ0606", "per v\n  success", "per v\n  relation dependency execute -> detect\n  success", 37, 23, "`detect` ->"),
-    ("LJ0607", "{ done when rescued(v) }", "{ done when assigned(uav[1], v) }", 36, 9, "nobody can assign `uav[1]`"),
+    ("LJ0607", "emitted(rescue, v)", "emitted(rescue, v) and assigned(uav[1], v)", 34, 14, "nobody can assign"),
     ("LJ0608", "    camera", "    band = 2 km..3 km\n    camera", 33, 14, "1.007 px at most, 2 px are needed"),
     ("LJ0609", ", takePhoto }", " }", 32, 14, "`takePhoto` is not among its actions"),
     ("LJ0610", "  unlock", "  limit talk <= 2 counts detection\n  unlock", 33, 9, "(3 `detection`), `talk` allows 2"),
@@ -62,7 +62,9 @@ def test_code(small: str, code: str, old: str, new: str, line: int, column: int,
     (found,) = compilation.diagnostics
     assert (found.code, found.span.line, found.span.column) == (code, line, column)
     assert part in found.message
-    assert compilation.mission is None
+    lost_in_one_mode_alone = " mode, " in found.message
+    assert found.severity == ("warning" if lost_in_one_mode_alone else "error")
+    assert (compilation.mission is not None) == lost_in_one_mode_alone
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 from lingjing.dsl import compile_text
 from lingjing.mission.diagnostics import Diagnostic
 
@@ -11,6 +13,7 @@ use std.air { quadrotor }
 use std.sea { lifeboat, person_in_water }
 use std.messages { report, assignment }
 asset hound { engine = quadruped, speed = 1 m/s, verb forward(distance: length in 0 m..10 m), verb left(angle: angle) }
+asset barge : lifeboat { state cargo = 3 kg }
 asset truck { engine = road, speed = 10 m/s, capacity = 200 kg, verb setDestination(x: length, y: length) }
 asset airship { engine = balloon, speed = 1 m/s, verb setDestination(x: length, y: length) }
 asset glider { engine = multirotor, cruise = 12 m/s, verb setDestination(x: length, y: length, z: length) }
@@ -324,3 +327,61 @@ def test_empty_group() -> None:
     assert none.code == "LJ0612" and none.message == "in broadcast mode, there is no `b` in this mission"
     assert codes(exists.replace("exists b", "forall b")) == []
     assert codes(exists.replace(" when mode == star {", " {")) == []
+
+
+SAIL = sail("(380 m, 0 m)")
+
+
+def test_a_stage_that_success_does_not_need_proves_nothing() -> None:
+    bonus = "\n  target far : buoy { position = (90 km, 0 m) }\n  stage bonus { done when distance_xy(boat, far) <= 9 m"
+    assert codes(SAIL + bonus + " }") == []
+    assert codes(SAIL + bonus + ", ticks <= 10 }") == []  # success may come first
+    assert codes(SAIL + bonus + ", ticks <= 9 }") == ["LJ0601"]  # the stage is late before success can hold
+
+
+def test_an_interaction_that_success_does_not_need_may_wait_for_itself() -> None:
+    body = """
+  target v : person_in_water { position = (0 m, 0 m) }
+  target w : person_in_water { position = (300 m, 0 m) }
+  asset boat : lifeboat { position = (0 m, 0 m) }
+  agent pilot as pilot controls boat { observes boat.* }
+  unlock rescue(v: v) when emitted(rescue, v)
+  success when distance_xy(boat, w) <= 50 m"""
+    assert codes(body) == []
+    assert codes(body.replace("success when ", "success when emitted(rescue, v) and ")) == ["LJ0606"]
+
+
+WINS_ITSELF = [
+    "now >= 0 s",
+    "true",
+    "not emitted(rescue, v)",
+    "v.drift <= 1 m/s and boat.cargo >= 3 kg",
+    "count(distance_xy(boat, w) <= 350 m for w in v) >= 1",
+    "forall m in detection: m.confidence > 2",
+    "near()",
+]
+PERHAPS = [
+    "now >= 1 s",
+    "boat.cargo >= 4 kg",
+    "boat.speed >= 0 m/s",
+    "distance_xy(boat, v) <= 200 m",
+    "emitted(rescue, v) or distance_xy(boat, v) <= 9 m",
+    "exists m in detection: m.confidence > 0",
+    "not near()",
+    "now > 0 s",
+]
+
+
+@pytest.mark.parametrize("condition", WINS_ITSELF + PERHAPS)
+def test_a_success_that_holds_at_the_start_is_said(condition: str) -> None:
+    body = f"""
+  target v : person_in_water {{ position = (300 m, 0 m) }}
+  asset boat : barge {{ position = (0 m, 0 m) }}
+  agent pilot as pilot controls boat {{ observes boat.* }}
+  message detection : report from pilot to all
+  adjudicate near() {{ when distance_xy(boat, v) <= 301 m }}
+  unlock rescue(v: v) when now >= 0 s
+  success when {condition}"""
+    text = f"{TYPES.replace('coastal', 'bay')}  budget {{ ticks <= 60 }}\n{body}\n}}\n"
+    said = [(one.code, one.severity) for one in compile_text(text).diagnostics]
+    assert said == ([("LJ0510", "warning")] if condition in WINS_ITSELF else [])

@@ -12,10 +12,12 @@ In the order of the work:
 - `travel`, `tour`: time and energy of one visit and of several. `seeing`: pictures. `speech`: messages and
   assignments. `payload`: loads and trips. `counting`: counted budgets. `order`: circles. `placing`: room for draws.
 - `wide`: pictures from orbit in which the scene is lost, no proof but a hint.
-- `refutation`: the checks over one tree. Here: over success and every stage, in each mode.
+- `refutation`: the checks over one tree. `start`: whether success holds before anybody acts, no proof but a
+  hint. Here: over success, in each mode.
 
-Missions are judged at their default settings, in each of their modes; a setting is judged by its instance. Pictures
-from below an asset's altitude band do not count (on the way up one may be taken by chance).
+Only what success needs counts: a stage that nobody can end matters where its own budget of ticks would end the episode
+before success can hold. Missions are judged at their default settings, in each of their modes; a setting is judged by
+its instance. Pictures from below an asset's altitude band do not count (on the way up one may be taken by chance).
 """
 
 from __future__ import annotations
@@ -26,12 +28,12 @@ from lingjing.errors import LingjingError
 from lingjing.mission import model
 from lingjing.mission.evaluate import number
 from lingjing.mission.feasibility.limits import Limit, episode, of_stage
-from lingjing.mission.feasibility.needs import needs, some_member
+from lingjing.mission.feasibility.needs import Need, needs, some_member
 from lingjing.mission.feasibility.order import refute_order
 from lingjing.mission.feasibility.outline import ENTITIES_MOST, Outline, of_instance, of_mission, too_large
 from lingjing.mission.feasibility.placing import refute_places
 from lingjing.mission.feasibility.proof import Proof, gathered
-from lingjing.mission.feasibility.refutation import refute, refute_each
+from lingjing.mission.feasibility.refutation import refute
 from lingjing.mission.instance import Instance
 
 __all__ = ["Proof", "prove", "prove_instance", "prove_outline"]
@@ -40,10 +42,12 @@ __all__ = ["Proof", "prove", "prove_instance", "prove_outline"]
 def prove(mission: model.Mission) -> tuple[Proof, ...]:
     """Why the mission cannot be won at its default settings, for any seed, in one or more of its modes.
 
+    A proof is `partly` one where the mission can be won in another mode for all that is known.
     Nothing if that is not proved: also for a mission that cannot be evaluated, or is too large to be looked at.
     """
     modes = mission.modes.allowed
     found: dict[Proof, list[str]] = {}
+    lost: set[str] = set()
     for mode in modes:
         try:
             if too_large(mission, mode):
@@ -53,7 +57,8 @@ def prove(mission: model.Mission) -> tuple[Proof, ...]:
             continue
         for proof in prove_outline(outline):
             found.setdefault(proof, []).append(mode)
-    return tuple(_in_modes(proof, where, modes) for proof, where in found.items())
+            lost.add(mode)
+    return tuple(_in_modes(proof, where, modes, len(lost)) for proof, where in found.items())
 
 
 def prove_instance(instance: Instance) -> tuple[Proof, ...]:
@@ -67,20 +72,23 @@ def prove_outline(outline: Outline) -> tuple[Proof, ...]:
     if places:
         return tuple(places)
     success = needs(outline.instance.success, outline, "success")
-    proofs = [*refute_order(outline), *refute(success, episode(outline), outline, "success"), *_stages(outline)]
-    return gathered(proofs)
+    whole = episode(outline)
+    return gathered([*refute_order(outline), *refute(success, whole, outline, "success"), *_stages(outline, success)])
 
 
-def _stages(outline: Outline) -> list[Proof]:
-    """Stages that nobody can end for any member of their group; with a budget of their own if nothing precedes them."""
+def _stages(outline: Outline, success: Need) -> list[Proof]:
+    """Stages that nobody can end within their own budget, which ends the episode before success can hold; of those
+    that begin at once."""
     found = []
     followers = {r.target for r in outline.instance.relations if r.kind == "dependency"}
     for stage in outline.instance.stages:
-        at = f"stage/{stage.name}"
+        if stage.ticks is None or stage.name in followers:
+            continue
+        at, own = f"stage/{stage.name}", _own(stage, outline)
         need = some_member(stage.condition, stage.variable, stage.domain, outline, at)
-        found.extend(refute_each(need, episode(outline), outline))
-        if stage.ticks is not None and stage.name not in followers:
-            found.extend(refute(need, _own(stage, outline), outline, at))
+        late = refute(need, own, outline, at)
+        if late and own.ticks < outline.ticks and refute(success, own, outline, "success"):
+            found.extend(late)
     return found
 
 
@@ -93,8 +101,9 @@ def _own(stage: model.Stage, outline: Outline) -> Limit:
         return episode(outline)
 
 
-def _in_modes(proof: Proof, where: list[str], modes: tuple[str, ...]) -> Proof:
-    """The proof with the modes it holds in, if the mission has others."""
+def _in_modes(proof: Proof, where: list[str], modes: tuple[str, ...], lost: int) -> Proof:
+    """The proof with the modes it holds in, if the mission has others; `lost` modes cannot be won at all."""
     if len(where) == len(modes):
         return proof
-    return msgspec.structs.replace(proof, message=f"in {' and '.join(where)} mode, {proof.message}")
+    message = f"in {' and '.join(where)} mode, {proof.message}"
+    return msgspec.structs.replace(proof, message=message, partly=lost < len(modes))

@@ -43,6 +43,18 @@ def _walk(start: str, edges: Mapping[str, Iterable[str]], done: set[str]) -> tup
     return ()
 
 
+def _reachable(starts: list[str], edges: Mapping[str, list[str]]) -> list[str]:
+    """All that is waited for, directly or through others."""
+    found = dict.fromkeys(starts)
+    waiting = list(starts)
+    while waiting:
+        for name in edges[waiting.pop(0)]:
+            if name not in found:
+                found[name] = None
+                waiting.append(name)
+    return list(found)
+
+
 def _stages(outline: Outline) -> list[Proof]:
     """`dependency a -> b`: b begins when a has ended."""
     relations = [relation for relation in outline.instance.relations if relation.kind == "dependency"]
@@ -67,7 +79,8 @@ def _stages(outline: Outline) -> list[Proof]:
 
 
 def _unlocks(outline: Outline) -> list[Proof]:
-    """An interaction is performed only after its unlocking; that must not take an earlier one of the same kind."""
+    """An interaction is performed only after its unlocking; that must not take an earlier one of the same kind. Only
+    interactions that success needs count."""
     rules = {rule.name: rule for rule in outline.instance.rules}
     conditions: dict[str, list[ex.Expr]] = {}
     for unlock in outline.instance.unlocks:
@@ -76,7 +89,8 @@ def _unlocks(outline: Outline) -> list[Proof]:
         name: sorted(_before(found[0], rules, outline) & conditions.keys()) if len(found) == 1 else []
         for name, found in conditions.items()
     }
-    found = circle(edges)
+    needed = sorted(_before(outline.instance.success, rules, outline) & conditions.keys())
+    found = circle({name: edges[name] for name in _reachable(needed, edges)})
     if not found:
         return []
     way = " -> ".join(f"`{name}`" for name in found)

@@ -18,7 +18,8 @@ class Proof(msgspec.Struct, frozen=True):
 
     `at` is the path of the declaration at fault: `success`, `rule/rescued`, `stage/detect`, `asset/boat`,
     `target/victim`, `budget/ticks`, `relation/2` (counted from 0), `unlock/rescue`, `limit/moves`. `related` holds
-    further paths, each with what it has to do with it. `subject` is the entity or message it is about.
+    further paths, each with what it has to do with it. `subject` is the entity or message it is about. `partly` says
+    that it holds in some modes of the mission and not in others.
     """
 
     code: str
@@ -27,6 +28,7 @@ class Proof(msgspec.Struct, frozen=True):
     hint: str = ""
     related: tuple[tuple[str, str], ...] = ()
     subject: str = ""
+    partly: bool = False
 
 
 def gathered(proofs: Iterable[Proof]) -> tuple[Proof, ...]:
