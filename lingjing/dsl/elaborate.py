@@ -6,7 +6,8 @@ lowered expression. Every fault is reported once; what is faulty becomes `UNKNOW
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from lingjing.dsl import syntax as s
@@ -59,6 +60,8 @@ class Elaborator:
         self.scope = scope
         self.names = UnknownNames(report, scope)
         self.calls = CallChecker(self)
+        self.before_clock = False
+        """Whether what is read is evaluated before the clock: params, their sweeps, the clock itself."""
         self._handlers: dict[type, Callable[[Any, Environment], Value]] = {
             s.Number: self._number,
             s.Name: self._name,
@@ -75,6 +78,15 @@ class Elaborator:
             s.Binary: self._binary,
             s.Quantified: self._quantified,
         }
+
+    @contextmanager
+    def without_clock(self) -> Iterator[None]:
+        """Read what is evaluated before the clock."""
+        self.before_clock = True
+        try:
+            yield
+        finally:
+            self.before_clock = False
 
     def value(self, node: s.Expression, environment: Environment) -> Value:
         """The checked expression."""
@@ -163,6 +175,9 @@ class Elaborator:
                 return UNKNOWN
             return Value(ex.Ref("now", "clock"), Type("quantity", TIME))
         if name == "tick":
+            if self.before_clock:
+                self.report("LJ0304", node.start, node.end, "how long a `tick` is, is not known before the clock is")
+                return UNKNOWN
             return Value(ex.Ref("tick", "clock"), Type("quantity", TIME))
         if name in self.scope.types:
             return Value(ex.Symbol(name), Type("name", of="type"))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import msgspec
+
 from lingjing.dsl import syntax as s
 from lingjing.dsl.blocks import BlockReader
 from lingjing.dsl.scope import STATIC, UNKNOWN, Scope, Value
@@ -71,7 +73,8 @@ class EventChecker:
             self.report("LJ0206", node.at.start, node.at.end, "nothing happens before the mission begins")
             return None
         self.blocks.leak(value.taint, node.at, f"the time of the event `{node.name.text}`")
-        return value
+        counted_in = "s" if value.type.dimension == TIME else "tick"
+        return msgspec.structs.replace(value, ir=_in_unit(value.ir, counted_in))
 
     def _change(self, item: s.Statement, node: s.EventBlock) -> model.Change | None:
         if isinstance(item, s.Section) and item.keyword == "weather":
@@ -93,3 +96,19 @@ class EventChecker:
         if isinstance(value.ir, ex.Index):
             self.blocks.leak(value.taint, item.entity, f"the event `{node.name.text}`")
         return model.Change(kind="appear" if item.keyword == "appear" else "vanish", entity=value.ir)
+
+
+def _in_unit(ir: ex.Expr, unit: str) -> ex.Expr:
+    """The time with the unit it is counted in where it can be read off: `wait` becomes `wait + 0 s`."""
+    if isinstance(ir, ex.Number):
+        return ir
+    if isinstance(ir, ex.Draw):
+        first, *others = ir.arguments
+        return msgspec.structs.replace(ir, arguments=(_in_unit(first, unit), *others))
+    if isinstance(ir, ex.Sequence) and ir.items:
+        return ex.Sequence((_in_unit(ir.items[0], unit), *ir.items[1:]))
+    return ir if _says_unit(ir) else ex.Binary("+", ir, ex.Number(0.0, unit))
+
+
+def _says_unit(ir: ex.Expr) -> bool:
+    return isinstance(ir, ex.Binary) and isinstance(ir.right, ex.Number) and ir.operator == "+"

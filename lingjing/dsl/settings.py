@@ -120,7 +120,8 @@ class SettingsChecker:
 
     def clock(self, node: s.Section) -> model.Clock | None:
         """`clock { tick = …, sync = … }`; the tick must be a whole multiple of the macro-step."""
-        entries = self.blocks.read(node.block, CLOCK_KEYS, "`clock`", owner=node)
+        with self.of.without_clock():
+            entries = self.blocks.read(node.block, CLOCK_KEYS, "`clock`", owner=node)
         if len(entries) < 2:
             return None
         tick, sync = entries["tick"], entries["sync"]
@@ -196,6 +197,10 @@ class SettingsChecker:
 
     def param(self, node: s.Param) -> model.Parameter | None:
         """`param name = default in low..high`."""
+        with self.of.without_clock():
+            return self._param(node)
+
+    def _param(self, node: s.Param) -> model.Parameter | None:
         default_node, bounds_node = node.value, None
         if isinstance(node.value, s.Binary) and node.value.operator == "in":
             default_node, bounds_node = node.value.left, node.value.right

@@ -38,13 +38,14 @@ class StudyChecker:
                 "LJ0104", node.name.start, node.name.end, f"the sweep `{node.name.text}` is declared twice",
                 "choose another name", related=(Related(first, "first declared here"),),
             )  # fmt: skip
-        axes = [self._axis(axis) for axis in node.axes]
+        with self.of.without_clock():
+            axes = [self._axis(axis) for axis in node.axes]
+            guard = self.settings.guard(node.guard)
         names = [axis.name for axis in node.axes]
         for position, name in enumerate(names):
             if any(name.text == other.text for other in names[:position]):
                 self.report("LJ0103", name.start, name.end, f"`{name.text}` is swept twice")
                 return None
-        guard = self.settings.guard(node.guard)
         if None in axes:
             return None
         values = tuple(axis for axis in axes if axis is not None)

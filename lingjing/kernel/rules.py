@@ -41,6 +41,9 @@ from lingjing.mission.instance import Entity
 from lingjing.mission.model import Rule
 from lingjing.trace.records import Box
 
+TICK = "tick"
+"""The length of a decision tick: the one word of the clock that stands still; `now` is the time."""
+
 
 def identity(value: Entity | Report) -> str:
     """What stands for a bound value in an event's binding."""
@@ -89,7 +92,7 @@ def _ref(expr: Ref, scope: Locals, at: Instant) -> Value:
     if expr.kind == "mode":
         return at.instance.mode
     if expr.kind == "clock":
-        return at.time_s
+        return at.instance.clock.tick_s if expr.name == TICK else at.time_s
     if expr.kind == "region":
         return _region(expr.name, at)
     members = at.groups.get(expr.name, ())
@@ -281,7 +284,8 @@ def moving(expr: Expr, rules: Mapping[str, Rule], entities: frozenset[str], kind
             return True
         return any(moving(item, rules, entities, kinds) for item in expr.arguments if not isinstance(item, Ref))
     if isinstance(expr, Ref):
-        return expr.kind in ("group", "entity", "clock") or expr.name in entities
+        flows = expr.kind == "clock" and expr.name != TICK
+        return flows or expr.kind in ("group", "entity") or expr.name in entities
     if isinstance(expr, Quantified | Aggregate) and expr.domain not in kinds:
         entities = entities | {expr.variable}
     return any(moving(child, rules, entities, kinds) for child in children(expr))

@@ -9,6 +9,7 @@ import msgspec
 import pytest
 
 from lingjing.dsl import compile_file, compile_text
+from lingjing.dsl.print import to_ljs
 from lingjing.errors import LingjingError
 from lingjing.mission.instance import Entity, Instance, SceneSpec
 from lingjing.mission.instantiate import instantiate
@@ -120,3 +121,43 @@ def test_a_mission_with_very_many_members_is_not_tried(small: str) -> None:
     many = small.replace("victim[1..3]", "victim[1..50000]").replace("apart >= 10 m", "apart >= 0.01 m")
     mission = compile_text(many).mission
     assert mission is not None and trial(mission) == ()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "column"),
+    [
+        ("param uavs = 2 in 1..10", "param uavs = 2 in 1..10\n  param wait = 3 * tick", 14, 20),
+        ("param uavs = 2 in 1..10", "param uavs = 2 in 1..10\n  param wait = 3 s in 1 s..tick", 14, 28),
+        ("sync = 500 ms", "sync = tick / 20", 9, 31),
+        ("  success", "  sweep s over uavs in [1] when tick > 3 s\n  success", 38, 33),
+    ],
+)
+def test_a_ticks_length_is_not_known_before_the_clock(small: str, old: str, new: str, line: int, column: int) -> None:
+    found = compile_text(small.replace(old, new, 1)).diagnostics
+    assert [(item.code, item.span.line, item.span.column) for item in found] == [("LJ0304", line, column)]
+
+
+@pytest.mark.parametrize(
+    ("at", "tick"),
+    [
+        ("12 tick", 12),
+        ("35 s", 4),
+        ("wait", 3),
+        ("2 * wait", 6),
+        ("1.5 * tick", 2),
+        ("tick + wait", 4),
+        ("late", 7),
+        ("(3 m / 1 m) * 2 tick", 6),
+        ("~ choice([wait])", 3),
+        ("~ uniform(late, late)", 7),
+        ("~ uniform(wait, wait + 0 s)", 3),
+    ],
+)
+def test_an_event_happens_at_a_time_or_after_a_number_of_ticks(small: str, at: str, tick: int) -> None:
+    params = "  param wait = 30 s\n  param late = 7 tick\n  event turn at"
+    text = small.replace("  success", f"{params} {at} {{ weather {{ visibility = 1 km }} }}\n  success")
+    mission = compile_text(text).mission
+    assert mission is not None
+    assert instantiate(mission).events[0].tick == tick
+    again = compile_text(to_ljs(mission)).mission
+    assert again is not None and again.events == mission.events

@@ -13,7 +13,7 @@ import kernel_kit as kit
 from lingjing.errors import UsageError
 from lingjing.kernel.adjudication import Adjudicator
 from lingjing.kernel.registry import initial
-from lingjing.kernel.rules import evaluate
+from lingjing.kernel.rules import evaluate, moving
 from lingjing.mission.expression import Aggregate, Attr, Binary, Call, Number, Ref
 from lingjing.mission.instance import Region
 
@@ -60,3 +60,13 @@ def test_a_mission_that_says_more_than_the_kernel_plays_does_not_start():
     inspected = kit.make_instance(success=Call(function="levitates", arguments=()))
     with pytest.raises(UsageError, match=r"`levitates\(…\)` in rules"):
         kit.make_kernel(inspected)
+
+
+def test_a_tick_is_as_long_in_rules_as_in_declarations_and_now_is_the_time():
+    instance = kit.make_instance()
+    at = Adjudicator(instance).instant(initial(instance), initial(instance).states, 37.0)
+    later = Binary(operator=">", left=Ref("now", "clock"), right=Binary("*", Number(value=3.0), Ref("tick", "clock")))
+    assert evaluate(Ref("tick", "clock"), {}, at) == instance.clock.tick_s == 10.0
+    assert evaluate(Ref("now", "clock"), {}, at) == 37.0
+    assert evaluate(later, {}, at) is True
+    assert moving(later, {}, frozenset(), frozenset()) and not moving(later.right, {}, frozenset(), frozenset())
