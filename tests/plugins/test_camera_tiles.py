@@ -2,14 +2,18 @@
 
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lingjing.mission.instance import Weather
 from lingjing.plugins.engines.camera.cityscape import KEPT_TILES
 from lingjing.plugins.engines.camera.engine import CameraEngine
+from lingjing.plugins.engines.camera.light import light_of
 from lingjing.plugins.engines.camera.masonry import building
 from lingjing.plugins.engines.camera.mesh_rows import triangles
 from lingjing.plugins.engines.camera.paving import CENTRE, EDGE, areas, lanes, middles_of
@@ -21,6 +25,7 @@ from lingjing.plugins.engines.camera.sight import (
     near_plane,
     shade_window,
 )
+from lingjing.plugins.engines.camera.view import choose
 from lingjing.plugins.geometry import world_to_pixel
 from lingjing.scene.city import Area, Building, City, Lane, Pieces, Prop, Road
 from lingjing.scene.store import write_store
@@ -64,6 +69,33 @@ def test_the_shadow_window_holds_the_ground_in_sight(
         occluder = middle[:3] + 60.0 * np.array(sun)
         around = np.array([[*(occluder - 1.0), *(occluder + 1.0)]])
         assert casters(around, window)[0], "what stands between it and the sun may shade it"
+
+
+def town_of_squares(tallest_m: float) -> tuple[SimpleNamespace, SimpleNamespace]:
+    """What `choose` asks of a skyline and a plate: squares of 250 m over 3 km, one of them with a tower."""
+    keys = [(column, row) for column in range(-6, 6) for row in range(-6, 6)]
+    boxes = np.array([(250.0 * c, 250.0 * r, 0.0, 250.0 * c + 250.0, 250.0 * r + 250.0, 12.0 + (7 * c + 5 * r) % 40)
+                      for c, r in keys])  # fmt: skip
+    boxes[len(keys) // 2 + 6, 5] = tallest_m
+    ranges = np.zeros((len(keys), 2), np.int64)
+    none = {"ranges": ranges[:0], "boxes": boxes[:0], "land_ranges": ranges[:0], "land_boxes": boxes[:0]}
+    return SimpleNamespace(keys=keys, boxes=boxes, ranges=(ranges, ranges)), SimpleNamespace(**none)
+
+
+@pytest.mark.parametrize("tallest_m", [60.0, 240.0])
+@pytest.mark.parametrize("up", [60.0, 150.0, 260.0, 280.0, 300.0, 405.0, 430.0, 520.0, 545.0, 570.0, 700.0, 1400.0])
+def test_a_picture_from_straight_above_has_one_level_of_detail(up: float, tallest_m: float) -> None:
+    """No edge between a street drawn in full and one painted, in grain or in details, stands in it."""
+    sky, plate = town_of_squares(tallest_m)
+    light = light_of(Weather(), up)
+    pose = CameraPose(position=(100.0, 60.0, up), heading_deg=20.0, tilt_deg=90.0)
+    view = choose(sky, plate, pose, 10_000.0, light)
+    seen = {key for key, shown in zip(sky.keys, boxes_in_sight(sky.boxes, pose), strict=True) if shown}
+    assert len(seen) > 1 or up < 100.0
+    assert set(view.full) in (seen, set()) and len(view.full) <= KEPT_TILES
+    assert view.detailed in (set(view.full), set()) and view.blunt in (set(view.full), set())
+    far = choose(sky, plate, msgspec.structs.replace(pose, position=(0.0, 0.0, 60.0), tilt_deg=5.0), 10_000.0, light)
+    assert 0 < len(far.full) < len(sky.keys) // 2, "ahead, what is far off is drawn less finely"
 
 
 def test_neighbouring_poses_share_their_shadow_map() -> None:

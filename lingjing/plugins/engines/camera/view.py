@@ -35,6 +35,9 @@ MAPPED_FROM = 0.55
 """From this share of the reach of full tiles on the ground begins to wear the map."""
 DETAIL_PX = 4.0
 """Details show where a metre is this many pixels or more."""
+STEEP_DEG, LEVELLED = 80.0, 2.0
+"""From this tilt on a picture has one level of detail, for what is within so many reaches of full tiles: only towers of
+half a kilometre bring the closest tile that much closer than the others."""
 LARGE_NEAR_M = 100.0
 """How close to the eye the cells of lands and ground are `close`."""
 
@@ -79,7 +82,8 @@ def choose(sky: Skyline, plate: Plate, pose: CameraPose, visibility_m: float, li
     away = distances(sky.boxes, eye)
     seen = boxes_in_sight(sky.boxes, pose)
     reach = full_reach(pose, visibility_m)
-    near = seen & (away <= reach)
+    counted = _levelled(away, seen, pose, reach)
+    near = seen & (counted <= reach)
     order = [k for k in np.argsort(away, kind="stable").tolist() if near[k]]
     window = shade_window(pose, light.sun)
     reached = casters(sky.boxes, window)
@@ -96,8 +100,8 @@ def choose(sky: Skyline, plate: Plate, pose: CameraPose, visibility_m: float, li
     return View(
         full=tuple(sky.keys[k] for k in order),
         shaded=frozenset(sky.keys[k] for k in order if reached[k]),
-        detailed=frozenset(sky.keys[k] for k in order if away[k] <= focal_px(pose) / DETAIL_PX),
-        blunt=frozenset(sky.keys[k] for k in order if away[k] >= blunt_m),
+        detailed=frozenset(sky.keys[k] for k in order if counted[k] <= focal_px(pose) / DETAIL_PX),
+        blunt=frozenset(sky.keys[k] for k in order if counted[k] >= blunt_m),
         far=_filled(blocks[:sharp]),
         farther=_filled(blocks[sharp:]),
         casters=tuple(sky.keys[k] for k in np.flatnonzero(cast).tolist()),
@@ -107,6 +111,16 @@ def choose(sky: Skyline, plate: Plate, pose: CameraPose, visibility_m: float, li
         reach_m=reach,
         high=high,
     )
+
+
+def _levelled(
+    away: npt.NDArray[np.float64], seen: npt.NDArray[np.bool_], pose: CameraPose, reach: float
+) -> npt.NDArray[np.float64]:
+    """The distances that decide how finely tiles are drawn. Seen from straight above all of a city is about as far, and
+    an edge between two levels would cross the middle of the picture: there the closest tile decides for all."""
+    if pose.tilt_deg <= STEEP_DEG or not seen.any():
+        return away
+    return np.where(seen & (away <= LEVELLED * reach), away[seen].min(), away)
 
 
 def _filled(ranges: npt.NDArray[np.int64]) -> tuple[tuple[int, int], ...]:
