@@ -380,3 +380,18 @@ def test_a_truck_drives_to_a_fire_once_and_hears_that_it_is_out():
     decision = rules.act(observe("driver", 4, there, events=out), Inbox())
     assert decision.command is None
     assert [note.body["state"] for note in decision.messages] == ["rescued"]
+
+
+def test_a_driver_asks_once_for_a_place_that_no_road_leads_to():
+    told_ = told("driver", van(), messages=INSPECTION, classes=("building_fire",), regions=brief().regions)
+    driver = Rescuer(told_, van())
+    here = view("van", (0.0, -430.0, 0.0))
+    refusal = Receipt(request="c0-1", tick=0, sender="driver", resource="van", status="rejected", reason="unreachable")
+    assert driver.act(observe("driver", 0, here), Inbox()).command is not None
+    assert driver.act(observe("driver", 1, here), Inbox(receipts=(refusal,))).command is None
+    assert driver.act(observe("driver", 2, here), Inbox()).command is None
+    seen = envelope("eye", SEE, {"position": (500.0, -430.0, 0.0), "confidence": 1.0})
+    command = driver.act(observe("driver", 3, here), Inbox(messages=(seen,))).command
+    assert command is not None and command.arguments["x"] == 500.0
+    assert driver.act(observe("driver", 4, here), Inbox(receipts=(refusal,))).command is None
+    assert driver.act(observe("driver", 5, here), Inbox()).command is None

@@ -37,10 +37,12 @@ class Rescuer:
         self._target: Sighting | None = None
         self._arrived_tick: int | None = None
         self._status = may_send(brief, "target_status")
+        self._stages = True
 
     def act(self, observation: Observation, inbox: Inbox) -> Decision:
         """Listen, settle the current target, then go on."""
         self._listen(observation, inbox)
+        self._heed(inbox)
         own = view_of(observation, self._body.id)
         if own is None or own.position is None:
             return Decision()
@@ -60,6 +62,15 @@ class Rescuer:
             if envelope.category == "report" or self._is_order(envelope.category, name_in(envelope.body, "assignee")):
                 time_s = observation.time_s - self._brief.tick_s
                 self._sightings.add(Sighting(*place, time_s, confidence_in(envelope.body)))
+
+    def _heed(self, inbox: Inbox) -> None:
+        """Where no road leads is not asked for again: neither a place to wait at nor a target."""
+        for receipt in () if self._afloat else inbox.receipts:
+            if receipt.resource == self._body.id and receipt.reason == "unreachable":
+                if self._target is None:
+                    self._stages = False
+                else:
+                    self._target.state = "missed"
 
     def _is_order(self, category: str, assignee: str | None) -> bool:
         return category == "assignment" and assignee in {self._brief.agent, self._body.id}
@@ -112,7 +123,7 @@ class Rescuer:
 
     def _stage(self, here: tuple[float, float]) -> Action | None:
         corners = [corner for region in self._brief.regions for corner in region.polygon]
-        if not corners or self._log.rescues:
+        if not self._stages or not corners or self._log.rescues:
             return None
         middle = (sum(x for x, _ in corners) / len(corners), sum(y for _, y in corners) / len(corners))
         distance = math.dist(here, middle)
