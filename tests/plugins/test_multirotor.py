@@ -11,7 +11,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from lingjing.mission.instance import EventSpec, Weather
+from lingjing.mission.instance import Entity, EventSpec, Weather
 from lingjing.plugins.engines.multirotor.engine import MultirotorEngine
 from lingjing.plugins.engines.multirotor.power import hover_power
 from lingjing.scene.city import Building
@@ -381,6 +381,30 @@ def test_a_truck_below_beside_or_not_there_is_not(fly, quay, body):
     play.command("uav[1]", "setDestination", x=30.0, y=0.0, z=3.5)
     play.run(30.0, [body])
     assert [event.kind for event in play.events] == ["arrived"]
+
+
+@pytest.mark.parametrize(
+    ("role", "sizes", "aside_m", "hit"),
+    [
+        ("asset", {}, 0.0, True),
+        ("asset", {}, 1.0, False),
+        ("asset", {"length_m": 4.0, "width_m": 3.0, "height_m": 2.0}, 1.0, True),
+        ("target", {}, 0.0, False),
+    ],
+)
+def test_a_strangers_asset_is_a_body_and_a_target_of_no_known_type_is_none(
+    player, instance_of, uav, open_sea, role, sizes, aside_m, hit
+):
+    crane = Entity(
+        id="crane", group="crane", index=1, role=role, type="crane", engine="yard", position=(20.0, 0.0, 30.0),
+        properties=sizes,
+    )  # fmt: skip
+    instance = instance_of([uav(position=(0.0, 0.0, 30.0))])
+    instance = msgspec.structs.replace(instance, entities=(*instance.entities, crane))
+    play = player(MultirotorEngine(), instance, open_sea, "multirotor", 5)
+    play.command("uav[1]", "setDestination", x=40.0, y=0.0, z=30.2)
+    play.run(20.0, [BodyState(id="crane", position=(20.0, aside_m, 30.0), heading_deg=90.0)])
+    assert [event.kind for event in play.events] == ["collided" if hit else "arrived"]
 
 
 def energy(player, instance_of, uav, city, weather, events=(), **more):

@@ -1,7 +1,8 @@
 """The others as obstacles: which mirrors are solid bodies, how large they are, and whether one is touched.
 
-Only kinds and types whose size is known (`bodies.SIZES`) are solid: a fire, a leak or a place where goods are wanted is
-nothing to bump into. Mirrors are states at an interval's start and move on along their velocity.
+Background traffic, assets and targets of a listed type are solid (`bodies.mirror_size`): a fire, a leak or a place
+where goods are wanted is nothing to bump into. Mirrors are states at an interval's start and move on along their
+velocity.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lingjing.mission.instance import Instance, Vector
-from lingjing.plugins.engines.bodies import UNKNOWN, Size, size_of
+from lingjing.plugins.engines.bodies import mirror_size
 from lingjing.trace.records import DORMANT, BodyState
 
 ABSENT = frozenset({DORMANT, "rescued"})
@@ -59,8 +60,7 @@ class Neighbours:
     """All mirrors of an interval; `near` picks those that one body could meet within it."""
 
     def __init__(self, instance: Instance) -> None:
-        sizes = {entity.id: (entity.type, size_of(entity.type, entity.bases)) for entity in instance.entities}
-        self._sizes = {name: found for name, found in sizes.items() if found[1] is not UNKNOWN}
+        self._entities = {entity.id: entity for entity in instance.entities}
         self._horizon_s = max(instance.clock.sync_s, _LONGEST_S)
         self._states: tuple[BodyState, ...] = ()
         self._places: Array | None = None
@@ -86,11 +86,15 @@ class Neighbours:
         return tuple(neighbour for neighbour in met if neighbour is not None)
 
     def _neighbour(self, state: BodyState) -> Neighbour | None:
-        kind, size = self._size(state)
+        entity = self._entities.get(state.id)
+        if entity is None and not state.kind:
+            return None
+        size = mirror_size(state, entity)
         if size is None or state.status in ABSENT:
             return None
         heading = math.radians(state.heading_deg)
-        sunk = size.height_m / 2.0 if kind in _HOVERING else 0.0
+        kinds = (state.kind,) if state.kind or entity is None else (entity.type, *entity.bases)
+        sunk = size.height_m / 2.0 if not _HOVERING.isdisjoint(kinds) else 0.0
         return Neighbour(
             id=state.id,
             position=state.position,
@@ -102,9 +106,3 @@ class Neighbours:
             high_m=size.height_m - sunk,
             time_s=self._time_s,
         )
-
-    def _size(self, state: BodyState) -> tuple[str, Size | None]:
-        if state.kind:
-            size = size_of(state.kind)
-            return state.kind, None if size is UNKNOWN else size
-        return self._sizes.get(state.id, ("", None))

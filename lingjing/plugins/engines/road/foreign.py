@@ -14,7 +14,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from lingjing.mission.instance import Entity
-from lingjing.plugins.engines.bodies import SIZES, Size
+from lingjing.plugins.engines.bodies import Size, mirror_size
 from lingjing.plugins.engines.road.graph import Graph, Place
 from lingjing.plugins.engines.road.simulation import FOREVER_S, Simulation, SumoError
 from lingjing.trace.records import DORMANT, BodyState
@@ -57,7 +57,7 @@ class Foreign:
         self.bodies: dict[str, Body] = {}
         self._sim = sim
         self._graph = graph
-        self._names = {entity.id: (entity.type, *entity.bases) for entity in entities}
+        self._entities = {entity.id: entity for entity in entities}
         self._present: dict[str, bool] = {}
         self._time_s = 0.0
         self._entries = 0
@@ -95,11 +95,13 @@ class Foreign:
             x, y, z = state.position
             if z > self._highest_m + _HEIGHT_M or state.status in ABSENT or not self._graph.is_near_road(x, y):
                 continue
-            kind = next((name for name in self._kinds(state) if name in SIZES), None)
-            if kind is None or kind in _AFLOAT or abs(z - self._road_height(x, y)) > _HEIGHT_M:
+            entity = self._entities.get(state.id)
+            size = None if entity is None and not state.kind else mirror_size(state, entity)
+            kinds = self._kinds(state)
+            if size is None or not _AFLOAT.isdisjoint(kinds) or abs(z - self._road_height(x, y)) > _HEIGHT_M:
                 continue
-            drives = SIZES[kind].length_m >= _VEHICLE_LENGTH_M and kind != "bicycle"
-            yield Body(state, SIZES[kind], drives, (0.0,) if drives else (0.0, *self._heralds(state)))
+            drives = size.length_m >= _VEHICLE_LENGTH_M and "bicycle" not in kinds
+            yield Body(state, size, drives, (0.0,) if drives else (0.0, *self._heralds(state)))
 
     def _heralds(self, state: BodyState) -> tuple[float, ...]:
         """The leads at which a walking body will be on a lane."""
@@ -112,7 +114,8 @@ class Foreign:
         return any(place.off_m <= place.lane.width_m / 2.0 for place in self._graph.places(x, y, _LANE_REACH_M))
 
     def _kinds(self, state: BodyState) -> tuple[str, ...]:
-        return (state.kind,) if state.kind else self._names.get(state.id, ())
+        entity = self._entities.get(state.id)
+        return (state.kind,) if state.kind or entity is None else (entity.type, *entity.bases)
 
     def _road_height(self, x: float, y: float) -> float:
         near = self._graph.nearest(x, y, most_m=_ROAD_M)
