@@ -23,6 +23,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("file", metavar="FILE", help="a .ljs or .json file; - reads standard input")
     parser.add_argument("-o", "--output", metavar="OUT", help="where to write (default: standard output)")
     parser.add_argument("--emit", choices=("mission", "reset-scenario", "ljs"), default="mission", help="what to write")
+    parser.add_argument("--plain", action="store_true", help="a resetScenario without the `lingjing` object")
     drawn = parser.add_argument_group("what a resetScenario document is drawn with (it holds places and no draws)")
     drawn.add_argument("--seed", metavar="N", help="the episode's seed (default 0)")
     drawn.add_argument("--mode", choices=MODES, help="communication mode (default: the mission's)")
@@ -36,6 +37,8 @@ def handler(args: argparse.Namespace) -> int:
         raise UsageError(
             f"--emit {args.emit} holds every seed, mode and setting", hint="leave out --seed, --mode and --set"
         )
+    if args.plain and args.emit != "reset-scenario":
+        raise UsageError(f"--plain is for resetScenario documents, not for --emit {args.emit}")
     from lingjing.dsl.load import load_noted
 
     mission, notes = load_noted(args.file)
@@ -66,7 +69,10 @@ def _reset_scenario(mission: Mission, args: argparse.Namespace) -> str:
             hint=f"compile the mission itself: lingjing compile {mission.name} --emit reset-scenario --seed …",
         )
     settings = parse_settings(parse_pairs("--set", args.set), mission)
-    return emit(mission, seed=parse_seed(args.seed or "0"), mode=args.mode, settings=settings)
+    text = emit(mission, seed=parse_seed(args.seed or "0"), mode=args.mode, settings=settings, plain=args.plain)
+    if mission.origin.document not in ("", text):
+        print("note: the object 'lingjing' was added, which names the template; --plain leaves it out", file=sys.stderr)
+    return text
 
 
 def _ljs(mission: Mission) -> str:

@@ -119,18 +119,12 @@ def _check_document(source: Source, *, as_text: bool) -> Checked:
     """A JSON document: its notes, and errors for what cannot be won or is not installed, at its first line."""
     from lingjing.cli.installed import offers
     from lingjing.dsl.absent import missing
-    from lingjing.dsl.load import read_document
+    from lingjing.dsl.load import proofs, read_document
     from lingjing.mission.diagnostics import Diagnostic
-    from lingjing.mission.feasibility import prove
-    from lingjing.mission.trial import trial
 
     mission, notes = read_document(source)
     start = source.span(0, 0)
-    found = [
-        Diagnostic(one.code, start, one.message, one.hint, severity="warning" if one.partly else "error")
-        for one in prove(mission)
-    ]
-    found += [Diagnostic(item.code, start, item.message, item.hint) for item in trial(mission)]
+    found = [*proofs(mission, source)]
     for kind, name, _ in missing(mission, offers):
         found.append(Diagnostic("LJ0505", start, f"no {kind} called `{name}` is installed", severity="warning"))
     shown = "".join(f"{source.path}: note: {note}\n" for note in notes)

@@ -55,6 +55,7 @@ CODES: dict[str, str] = {
     "LJ0208": "an outline that encloses no area or crosses itself",
     "LJ0209": "a number too large to compute with",
     "LJ0210": "an interaction moves one thing between two dimensions",
+    "LJ0211": "a place where nothing can be",
     # expressions
     "LJ0301": "a distribution is due",
     "LJ0302": "a draw where no draw can be",

@@ -16,6 +16,7 @@ from lingjing.dsl.types import ANY_RELATION, COMMON_KEYS
 from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.functions import DEGREES, NUMBER, POSITION, Type
+from lingjing.mission.placing import place_fault
 from lingjing.mission.units import NONE
 
 
@@ -128,6 +129,7 @@ class EntityChecker:
         if decl is None:
             return None
         self._needs_position(node, decl)
+        self._possible_places(entries.get("position"), decl.engine)
         self._told_by_receipts(node, entries)
         for entry in entries.values():
             self.blocks.check_state(entry.node, entry.value.type)
@@ -259,6 +261,19 @@ class EntityChecker:
                 f"`{node.name.text}` lacks `position`",
                 "add `position = (… m, … m)` or `position ~ sites(…)`",
             )
+
+    def _possible_places(self, entry: Entry | None, engine: str) -> None:
+        """Report points that no scene has, as far as they are constants."""
+        for part in ex.parts(entry.value.ir) if entry else ():
+            if entry is None or not isinstance(part, ex.Point):
+                continue
+            place = tuple(number for item in part.items if (number := self.of.constant(item)) is not None)
+            fault = place_fault(place, engine) if len(place) == len(part.items) else ""
+            if fault:
+                value = entry.node.value
+                hint = "look at the sign and the unit of the elevation"
+                self.report("LJ0211", value.start, value.end, fault, hint)
+                return
 
     def _labels(self, entries: dict[str, Entry], count: ex.Expr | None, node: s.EntityBlock) -> tuple[str, ...]:
         entry = entries.get("labels") or entries.get("label")

@@ -6,6 +6,7 @@ import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from lingjing.dsl import Compilation, compile_file
 from lingjing.dsl.cache import compile_cached
@@ -14,6 +15,9 @@ from lingjing.dsl.shipped import find_mission
 from lingjing.dsl.source import Source, decode_source, read_source
 from lingjing.errors import MissionError, UsageError
 from lingjing.mission.model import Mission
+
+if TYPE_CHECKING:
+    from lingjing.mission.diagnostics import Diagnostic
 
 STDIN = "-"
 
@@ -29,7 +33,9 @@ def load_noted(path: str) -> tuple[Mission, tuple[str, ...]]:
     """The mission of a file or of a shipped name and, for a document, notes on how it was understood."""
     source = source_of(str(find_mission(path)))
     if is_document(source):
-        return read_document(source)
+        mission, notes = read_document(source)
+        _winnable(mission, source)
+        return mission, notes
     return mission_of(compile_cached(source)), ()
 
 
@@ -52,6 +58,29 @@ def read_document(source: Source) -> tuple[Mission, tuple[str, ...]]:
     from lingjing.mission.document import read
 
     return read(source.text, source.path, templates_beside(Path(source.path).parent))
+
+
+def proofs(mission: Mission, source: Source) -> tuple[Diagnostic, ...]:
+    """Why the mission of a document cannot be won or played, at the document's first line."""
+    from lingjing.mission.diagnostics import Diagnostic
+    from lingjing.mission.feasibility import prove
+    from lingjing.mission.trial import trial
+
+    start = source.span(0, 0)
+    found = [
+        Diagnostic(one.code, start, one.message, one.hint, severity="warning" if one.partly else "error")
+        for one in prove(mission)
+    ]
+    return (*found, *(Diagnostic(item.code, start, item.message, item.hint) for item in trial(mission)))
+
+
+def _winnable(mission: Mission, source: Source) -> None:
+    """`MissionError` for the mission of a document that cannot be won, as for one written in the language."""
+    from lingjing.mission.diagnostics import has_errors
+
+    found = proofs(mission, source)
+    if has_errors(found):
+        raise MissionError(f"{summary(found)}\n\n{render_text(found, source).rstrip()}")
 
 
 def templates_beside(folder: Path) -> Callable[[str], Mission]:

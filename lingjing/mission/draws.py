@@ -32,6 +32,13 @@ def draw(expr: ex.Draw, scope: Scope, *, seed: int, path: str, count: int) -> tu
     return _DISTRIBUTIONS[expr.distribution](expr, scope, seed, path, count)
 
 
+def outline(expr: ex.Expr, scope: Scope) -> geometry2d.Polygon:
+    """What `sites(…)` draws from; empty for any other expression."""
+    if not isinstance(expr, ex.Draw) or expr.distribution != "sites":
+        return ()
+    return area(_one(expr), scope).polygon
+
+
 def sites(
     polygon: geometry2d.Polygon, apart: float, *, seed: int, path: str, count: int, clear: float = 0.0
 ) -> tuple[geometry2d.Point, ...]:

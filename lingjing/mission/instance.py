@@ -126,7 +126,8 @@ class Entity(Record, frozen=True, kw_only=True):
     type say beyond the named fields, in SI units (`drift_mps`, `speed_mps`, …: see `lingjing.mission.instantiate`).
     `hidden` names the properties (and `position`) that must never reach a policy, `state` those that the engine
     changes while the mission runs. A `dormant` entity is not there until an event lets it appear. `bases` are the
-    types that its type extends, nearest first.
+    types that its type extends, nearest first. `drawn_in` is the outline its place is drawn from, metres: the scene
+    does not move it out of there.
     """
 
     id: str
@@ -145,6 +146,7 @@ class Entity(Record, frozen=True, kw_only=True):
     state: tuple[str, ...] = ()
     dormant: bool = False
     bases: tuple[str, ...] = ()
+    drawn_in: tuple[tuple[float, float], ...] = ()
 
 
 class ChannelSpec(Record, frozen=True, kw_only=True):

@@ -303,7 +303,14 @@ def _entities(mission: model.Mission, scope: Scope, seed: int, datum_m: float) -
         entity
         for group in mission.groups
         if group.name in scope.members
-        for entity in entities(group, scope, mission=mission.name, seed=seed, datum_m=datum_m)
+        for entity in entities(
+            group,
+            scope,
+            mission=mission.name,
+            seed=seed,
+            datum_m=datum_m,
+            template_draw=mission.origin.draws.get(group.name),
+        )
     )
     return tuple(msgspec.structs.replace(e, dormant=True) if e.id in asleep else e for e in made)
 

@@ -396,11 +396,15 @@ class Reveal(Record, frozen=True, kw_only=True):
 
 
 class Origin(Record, frozen=True, kw_only=True):
-    """Where the mission came from: the file, its digest, and the untouched document it was read from, if JSON."""
+    """Where the mission came from: the file, its digest, and the untouched document it was read from, if JSON.
+
+    `draws` is how the document's template places each group that it draws; the document may give the places itself.
+    """
 
     file: str = ""
     sha256: str = ""
     document: str = ""
+    draws: dict[str, Expr] = {}
 
 
 class Mission(Record, frozen=True, kw_only=True):

@@ -7,8 +7,8 @@ from contextlib import contextmanager
 
 from lingjing.errors import MissionError
 from lingjing.mission import expression as ex
-from lingjing.mission import model
-from lingjing.mission.draws import draw
+from lingjing.mission import geometry2d, model
+from lingjing.mission.draws import draw, outline
 from lingjing.mission.evaluate import Interval, Members, Place, Scope, Value, describe, evaluate, number, whole
 from lingjing.mission.instance import ArgumentSpec, CameraSpec, Datum, Entity, Scalar, Vector, VerbSpec
 
@@ -17,6 +17,23 @@ _FIELDS = ("position", "heading_deg")
 
 FARTHEST_M = 1e6
 """A position beyond this is a slip of units: the scene's flat frame holds for some kilometres."""
+
+LOWEST_M, HIGHEST_M = -500.0, 30_000.0
+"""Elevations outside of this are slips of a sign or a unit: the lowest shore lies at -430 m (the Dead Sea's), and what
+has wings or rotors flies below 30 km. What orbits is exempt."""
+
+ORBITING = "satellite"
+"""The engine of what orbits: its elements place it, and its position is where it is drawn."""
+
+
+def place_fault(place: tuple[float, ...], engine: str) -> str:
+    """Why nothing that an engine owns can be at a place (east, north and, if given, elevation in metres), or ""."""
+    shown = f"({', '.join(f'{metres:g} m' for metres in place)})"
+    if not all(abs(metres) <= FARTHEST_M for metres in place):
+        return f"{shown} is beyond every scene: coordinates are metres from its origin, {FARTHEST_M:,.0f} at most"
+    if engine != ORBITING and len(place) == 3 and not LOWEST_M <= place[2] <= HIGHEST_M:
+        return f"{shown} is no place: elevations lie within {LOWEST_M:g} m and {HIGHEST_M:,.0f} m"
+    return ""
 
 
 class NodeError(MissionError):
@@ -72,8 +89,11 @@ def member_ids(name: str, count: ex.Expr | None, scope: Scope) -> tuple[str, ...
     return tuple(f"{name}[{k}]" for k in range(1, count_of(count, scope) + 1))
 
 
-def entities(group: model.Group, scope: Scope, *, mission: str, seed: int, datum_m: float) -> tuple[Entity, ...]:
-    """The members of one group. `scope.members` must already know every group; `mission` names the draws' streams."""
+def entities(
+    group: model.Group, scope: Scope, *, mission: str, seed: int, datum_m: float, template_draw: ex.Expr | None = None
+) -> tuple[Entity, ...]:
+    """The members of one group. `scope.members` must already know every group; `mission` names the draws' streams.
+    `template_draw` is how a document's template places a group whose places the document gives."""
     ids = scope.members[group.name]
     columns = {
         prop.name: _values(group, prop, scope, seed=seed, path=f"{mission}/{group.name}/{prop.name}", count=len(ids))
@@ -85,6 +105,8 @@ def entities(group: model.Group, scope: Scope, *, mission: str, seed: int, datum
     verbs = tuple(_verb(verb, scope, f"{mission}/{group.name}/{verb.name}") for verb in group.verbs)
     hidden = tuple(sorted({prop.name for prop in group.properties if prop.hidden}))
     state = tuple(prop.name for prop in group.properties if prop.state)
+    with at_path(f"{mission}/{group.name}/position"):
+        drawn_in = _drawn_in(group, template_draw, columns["position"], scope)
     made = []
     for k, entity_id in enumerate(ids):
         path = f"{mission}/{entity_id}"
@@ -98,7 +120,7 @@ def entities(group: model.Group, scope: Scope, *, mission: str, seed: int, datum
                     role=group.role,
                     type=group.type,
                     engine=group.engine,
-                    position=_vector(values["position"], datum_m),
+                    position=_position(values["position"], datum_m, group.engine),
                     heading_deg=_heading(values.get("heading_deg", 0.0)),
                     label=group.labels[k] if k < len(group.labels) else "",
                     properties={name: datum(v, datum_m) for name, v in values.items() if name not in _FIELDS},
@@ -107,9 +129,23 @@ def entities(group: model.Group, scope: Scope, *, mission: str, seed: int, datum
                     verbs=verbs,
                     state=state,
                     bases=group.bases,
+                    drawn_in=drawn_in,
                 )
             )
     return tuple(made)
+
+
+def _drawn_in(
+    group: model.Group, template_draw: ex.Expr | None, places: tuple[Value, ...], scope: Scope
+) -> geometry2d.Polygon:
+    """The outline that the members' places are drawn from; of a document's places, that of its template's draw if all
+    of them lie in it: so a document that was written from a draw is played as that draw."""
+    value = next((prop.value for prop in group.properties if prop.name == "position"), None)
+    if isinstance(value, ex.Draw) or template_draw is None:
+        return () if value is None else outline(value, scope)
+    polygon = outline(template_draw, scope)
+    inside = (isinstance(place, Place) and geometry2d.contains(polygon, place.east, place.north) for place in places)
+    return polygon if polygon and all(inside) else ()
 
 
 def single(prop: model.Property, scope: Scope, *, seed: int, path: str) -> Value:
@@ -164,6 +200,14 @@ def _vector(value: Value, datum_m: float) -> Vector:
             f"a position of ({', '.join(f'{metres:g}' for metres in place)}) m is beyond the scene",
             hint=f"coordinates are metres from the scene's origin, {FARTHEST_M:g} at most",
         )
+    return place
+
+
+def _position(value: Value, datum_m: float, engine: str) -> Vector:
+    place = _vector(value, datum_m)
+    fault = place_fault(place, engine)
+    if fault:
+        raise MissionError(fault, hint="look at the sign and the unit of the elevation")
     return place
 
 

@@ -52,7 +52,10 @@ def instantiate_document(
     mission = _placed(template, parsed, found, notes)
     notes.extend(leftovers(text, parsed, found))
     digest = hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
-    origin = model.Origin(file=path, sha256=digest, document=text)
+    draws: dict[str, ex.Expr] = {
+        group.name: drawn for group in template.groups if (drawn := draw_of(group)) is not None
+    }
+    origin = model.Origin(file=path, sha256=digest, document=text, draws=draws)
     return msgspec.structs.replace(mission, origin=origin), tuple(notes)
 
 

@@ -83,10 +83,15 @@ class Target(Coordinates, frozen=True, kw_only=True):
         return self.data or self.position or self
 
     @property
+    def key(self) -> str:
+        """The id that tells it from the others of its list; "" if it has none."""
+        given = (self.person_id, self.target_id, self.fire_id, self.point_id, self.id)
+        return next((str(code) for code in given if code != ""), "")
+
+    @property
     def code(self) -> str:
         """The document's own name for it."""
-        given = (self.person_id, self.target_id, self.fire_id, self.point_id, self.id, self.name)
-        return next((str(code) for code in given if code != ""), "")
+        return self.key or self.name
 
 
 Places = tuple[Annotated[Target, PLACED_DEEPER], ...] | Annotated[Target, PLACED_DEEPER]
@@ -169,9 +174,10 @@ class Task(Part, frozen=True, kw_only=True):
     initial_state: InitialState = msgspec.field(default=InitialState(), name="initial_state")
 
 
-class Lingjing(Part, frozen=True, kw_only=True):
+class Lingjing(Part, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """What this project adds to a document so that the way back is exact: the template, how it was set, and
-    the places of target groups that no field of the document stands for."""
+    the places of target groups that no field of the document stands for. It is this project's own, so an unknown key
+    is an error."""
 
     mission: str
     mode: Literal["star", "broadcast", "single"] | None = None
@@ -302,6 +308,8 @@ def _readable(message: str) -> str:
 
 
 def _way_out(message: str) -> str:
+    if "unknown field" in message:
+        return "the object 'lingjing' knows mission, mode, settings, seed and targets"
     if "missing required field" in message:
         return "add the field; schemas/reset-scenario.schema.json describes the document"
     if "`float" in message and "got `str`" in message:

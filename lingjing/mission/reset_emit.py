@@ -38,17 +38,33 @@ def emit(
     seed: int = 0,
     mode: str | None = None,
     settings: Mapping[str, float] | None = None,
+    plain: bool = False,
 ) -> str:
-    """The mission as a `resetScenario` document; seed, mode and settings matter to a template only."""
+    """The mission as a `resetScenario` document; seed, mode and settings matter to a template only.
+
+    `plain` adds no `lingjing` object: a document comes back to the letter, and `MissionError` says which places of a
+    template only that object can hold.
+    """
     if mission.origin.document:
-        return with_template(mission.origin.document, mission.name)
+        return mission.origin.document if plain else with_template(mission.origin.document, mission.name)
     instance = instantiate(mission, seed=seed, mode=mode, settings=settings)
-    document: Json = {
-        "commandType": "resetScenario",
-        "taskId": f"{mission.name}-{seed}",
-        "scenario": _scenario(mission, instance, dict(settings or {})),
-    }
+    scenario = _scenario(mission, instance, dict(settings or {}))
+    if plain:
+        _without_template(mission, scenario)
+    document: Json = {"commandType": "resetScenario", "taskId": f"{mission.name}-{seed}", "scenario": scenario}
     return msgspec.json.format(msgspec.json.encode(document), indent=2).decode() + "\n"
+
+
+def _without_template(mission: model.Mission, scenario: dict[str, Json]) -> None:
+    """Take the `lingjing` object out of a scenario that was made here."""
+    added = scenario.pop("lingjing")
+    targets = added.get("targets") if isinstance(added, dict) else None
+    if isinstance(targets, dict):
+        names = " and ".join(f"'{name}'" for name in targets)
+        raise MissionError(
+            f"no field of a plain document can hold the places of {names} of mission '{mission.name}'",
+            hint="leave out --plain: the `lingjing` object holds them",
+        )
 
 
 def with_template(text: str, name: str) -> str:

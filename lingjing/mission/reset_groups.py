@@ -12,7 +12,7 @@ from lingjing.mission import expression as ex
 from lingjing.mission import frames, model
 from lingjing.mission.evaluate import Scope
 from lingjing.mission.instantiate import parameters, scene_spec
-from lingjing.mission.placing import FARTHEST_M, holds
+from lingjing.mission.placing import FARTHEST_M, holds, place_fault
 from lingjing.mission.reset_document import Coordinates, Parsed
 from lingjing.mission.reset_elements import elements_fault
 
@@ -150,7 +150,12 @@ def _positioned(
     origin = origin_of(mission)
     notes.extend(note for note in (contradiction(spot, origin) for spot in spots) if note)
     notes.extend(note for note in (far_off(spot, origin, parsed) for spot in spots) if note)
-    points = tuple(point(world(spot, origin, parsed)) for spot in spots)
+    given = tuple(world(spot, origin, parsed) for spot in spots)
+    for spot, place in zip(spots, given, strict=True):
+        fault = place_fault(place, group.engine)
+        if fault:
+            raise parsed.fault(spot.path, fault, "X, Y and Z are centimetres, alt is metres")
+    points = tuple(point(place) for place in given)
     return _set(group.properties, "position", _indexed(group, points, "position"))
 
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from lingjing.mission import geometry2d, model
 from lingjing.mission.reset_document import Parsed, Target
 from lingjing.mission.reset_fields import Found
-from lingjing.mission.reset_groups import Spot, allows_none, filled, is_hidden, origin_of, plays, world
+from lingjing.mission.reset_groups import Spot, allows_none, draw_of, filled, is_hidden, origin_of, plays, world
 
 PERSONS = "person_in_water"
 
@@ -27,13 +27,14 @@ def targeted(
         if group is None:
             raise parsed.fault(where, f"mission '{mission.name}' has no target group '{name}'", "name one it has")
         paths = [f"{where}[{k}]" for k in range(len(targets))]
+        _told_apart(parsed, targets, paths)
         mission = filled(mission, group, _spots(targets, paths), parsed, where, notes)
         claimed[name] = where
     # Fields with something in them claim first: an empty one says little beside a full one of the same kind.
     for one in sorted(found, key=lambda one: not one.targets):
         mission = _claimed(mission, parsed, one, claimed, outline, notes)
-    hidden = (g for g in mission.groups if g.role == "target" and is_hidden(g) and plays(mission, g))
-    silent = [group.name for group in hidden if group.name not in claimed]
+    drawn = (g for g in mission.groups if g.role == "target" and (is_hidden(g) or draw_of(g)) and plays(mission, g))
+    silent = [group.name for group in drawn if group.name not in claimed]
     notes.extend(f"{parsed.state_path}: says nothing of '{name}'; the template places it" for name in silent)
     return mission
 
@@ -58,15 +59,26 @@ def _claimed(
             why = f"'{groups[0].name}' is given by {claimed[groups[0].name]}" if groups else _nothing(mission, one)
             notes.append(f"{one.path}: {why}; {len(one.targets)} kept, not played")
         return mission
-    if not one.targets and not (group.count is not None and allows_none(mission, group)):
-        return mission
     claimed[group.name] = one.path
-    spots = _spots(one.targets, [one.at(k) for k in range(len(one.targets))])
+    if not one.targets and not (group.count is not None and allows_none(mission, group)):
+        notes.append(f"{one.path}: is empty; the template places '{group.name}'")
+        return mission
+    paths = [one.at(k) for k in range(len(one.targets))]
+    _told_apart(parsed, one.targets, paths)
+    spots = _spots(one.targets, paths)
     if group.type == PERSONS and outline is not None:
         origin = origin_of(mission)
         outside = (spot for spot in spots if not geometry2d.contains(outline, *world(spot, origin, parsed)[:2]))
         notes.extend(f"{spot.path}: lies outside of rescueRange, where no report of it counts" for spot in outside)
     return filled(mission, group, spots, parsed, one.path, notes)
+
+
+def _told_apart(parsed: Parsed, targets: Sequence[Target], paths: Sequence[str]) -> None:
+    """`MissionError` where two entries of a list have one id: a report of one could not be told from the other's."""
+    first: dict[str, str] = {}
+    for target, path in zip(targets, paths, strict=True):
+        if target.key and first.setdefault(target.key, path) != path:
+            raise parsed.fault(path, f"has the id '{target.key}' of {first[target.key]}", "give it one of its own")
 
 
 def _nothing(mission: model.Mission, one: Found) -> str:

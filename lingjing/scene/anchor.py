@@ -5,20 +5,22 @@ suitable place, its elevation becomes that of what it stands on, and its heading
 (of two directions of a road the one nearer to the declared heading). No two share a roof or a facade, vehicles keep a
 length apart. Where an interaction names who performs it and from how far, the place is one such a body can reach: a
 fire on a roof lies near enough to a road for the truck. What has no `on` stays where it is, but for what would begin
-inside a building or, on the ground, in the middle of a road. Regions made of roads get their outlines.
+inside a building or, on the ground, in the middle of a road. What is drawn from a region stays in it. What is outside
+of the city or under its ground is refused. Regions made of roads get their outlines.
 
 A pure function of its arguments; the order is that of declaration.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from math import cos, hypot, radians, sin
 from typing import TypeVar
 
 import msgspec
 
 from lingjing.errors import MissionError
+from lingjing.mission.feasibility.standing import ANYWHERE, LANDBOUND, UNDER_M
 from lingjing.mission.geometry2d import contains, edge_distance
 from lingjing.mission.instance import Entity, Instance, Vector
 from lingjing.scene.city import Building, City, Tile
@@ -33,6 +35,9 @@ VEHICLES_APART_M = 9.0
 WALKERS_APART_M = 1.0
 LANE_END_M = 6.0
 """Vehicles and what stands on roads keep this far from the ends of a lane, out of the crossings."""
+
+ALONG_M = 3.0
+"""Steps in which a line is searched for a place that suits."""
 
 OTHER_LANE_M = 7.0
 """A lane that is farther than the nearest by no more than this may be taken for its direction."""
@@ -54,15 +59,15 @@ _RADII_M = (40.0, 120.0, REACH_M)
 def anchor(instance: Instance, city: City) -> Instance:
     """The instance with its entities and regions on the city.
 
-    Raises `MissionError` where nothing suitable lies within `REACH_M` of a declared place, or where no road has the
-    name that a region asks for.
+    Raises `MissionError` where nothing suitable lies within `REACH_M` of a declared place and in the region it is drawn
+    from, where a place is outside of the city or under its ground, or where no road has the name a region asks for.
     """
     from lingjing.scene.regions import resolved
 
     anchoring = _Anchoring(city)
     # Hidden ones last: what is public must not give way to them, or its place would tell of theirs.
     order = sorted(instance.entities, key=lambda entity: "position" in entity.hidden)
-    placed = {entity.id: anchoring.placed(entity) for entity in order}
+    placed = {entity.id: anchoring.standing(anchoring.placed(entity)) for entity in order}
     entities = tuple(placed[entity.id] for entity in instance.entities)
     regions = tuple(
         region if region.on_map is None else resolved(region, instance, city) for region in instance.regions
@@ -105,10 +110,33 @@ class _Anchoring:
             raise MissionError(f"`{entity.id}` is on '{on}', which no scene has", hint=f"known: {known}")
         return rule(entity)
 
+    def standing(self, entity: Entity) -> Entity:
+        """The entity, if it is in the city and not under its ground; `MissionError` else."""
+        x, y, z = entity.position
+        west, south, east, north = self._city.bounds
+        if entity.engine not in ANYWHERE and not (west <= x <= east and south <= y <= north):
+            raise MissionError(
+                f"`{entity.id}` begins {_where(entity)}, outside of the scene `{self._city.id}`, "
+                f"which lies within ({west:g} m, {south:g} m) and ({east:g} m, {north:g} m)",
+                hint="move it into the scene, or choose a larger one",
+            )
+        if entity.role == "asset" and entity.engine in LANDBOUND and z < self._surface(x, y) - UNDER_M:
+            raise MissionError(
+                f"`{entity.id}` begins {_where(entity)} at an elevation of {z:g} m, under the surface of the scene, "
+                f"which lies at {self._surface(x, y):g} m there",
+                hint="give it the elevation it begins at",
+            )
+        return entity
+
+    def _surface(self, x: float, y: float) -> float:
+        """Elevation of the ground, or of the water where there is water."""
+        if self._footing.is_water(x, y):
+            return min(water.level_m for water in self._city.waters if contains(water.polygon, x, y))
+        return self._footing.height(x, y)
+
     # -- roads
 
     def _on_road(self, entity: Entity) -> Entity:
-        x, y, _ = entity.position
         vehicle = entity.role == "asset"
         ways = sorted(self._lanes(entity), key=lambda way: way[:2])
         if not ways:
@@ -117,7 +145,7 @@ class _Anchoring:
         if vehicle:
             near.sort(key=lambda way: (round(_turn(way[3], entity.heading_deg) / 60.0), way[0], way[1]))
         for _, _, line, _ in (*near, *ways):
-            found = self._free_on(line, x, y) if vehicle else _kept_inside(line, nearest(line, x, y)[1])
+            found = self._free_on(line, entity, self._vehicles if vehicle else ())
             if found is not None:
                 place, heading = point_at(line, found)
                 if vehicle:
@@ -139,15 +167,20 @@ class _Anchoring:
 
         yield from self._around(entity, lanes, lambda way: way[0])
 
-    def _free_on(self, line: tuple[Vector, ...], x: float, y: float) -> float | None:
-        """The place on a lane nearest to (x, y) that keeps its distance from the vehicles already placed."""
+    def _free_on(
+        self, line: tuple[Vector, ...], entity: Entity, vehicles: Sequence[tuple[float, float]]
+    ) -> float | None:
+        """The place on a lane nearest to an entity, in its region, that keeps its distance from vehicles."""
+        x, y, _ = entity.position
         wanted = _kept_inside(line, nearest(line, x, y)[1])
-        for step in range(int(length(line) / 3.0) + 1):
-            for at in (wanted + 3.0 * step, wanted - 3.0 * step) if step else (wanted,):
+        for step in range(int(length(line) / ALONG_M) + 1):
+            for at in (wanted + ALONG_M * step, wanted - ALONG_M * step) if step else (wanted,):
                 if at != _kept_inside(line, at):
                     continue
                 (px, py, _), _ = point_at(line, at)
-                if all(hypot(px - vx, py - vy) >= _apart(vx - px, vy - py, line, at) for vx, vy in self._vehicles):
+                if not _in_region(entity, px, py):
+                    continue
+                if all(hypot(px - vx, py - vy) >= _apart(vx - px, vy - py, line, at) for vx, vy in vehicles):
                     return at
         return None
 
@@ -163,14 +196,15 @@ class _Anchoring:
                     yield _distance(building, x, y), building.id, building
 
         for _, _, building in sorted(self._around(entity, roofs, lambda item: item[0]), key=lambda item: item[:2]):
-            spot = self._roof_spot(building, x, y, within)
+            spot = self._roof_spot(building, entity, within)
             if spot is not None:
                 self._roofs.add(building.id)
                 return _with_building(_moved(entity, (*spot, building.top_m)), building)
         raise self._nothing(entity, "flat roof" if within is None else f"flat roof within {within:g} m of a road")
 
-    def _roof_spot(self, building: Building, x: float, y: float, within: float | None) -> tuple[float, float] | None:
-        """The place on a roof nearest to (x, y): away from its edge, under no other building, in reach of a road."""
+    def _roof_spot(self, building: Building, entity: Entity, within: float | None) -> tuple[float, float] | None:
+        """The place on a roof nearest to an entity: away from its edge, under no other building, in reach of a road."""
+        x, y, _ = entity.position
         west, south = (min(axis) for axis in zip(*building.polygon, strict=True))
         east, north = (max(axis) for axis in zip(*building.polygon, strict=True))
         columns, rows = max(1, int((east - west) / 2.0)), max(1, int((north - south) / 2.0))
@@ -181,7 +215,7 @@ class _Anchoring:
         for px, py in sorted(spots, key=lambda spot: (hypot(spot[0] - x, spot[1] - y), spot)):
             if not contains(building.polygon, px, py) or edge_distance(building.polygon, px, py) < ROOF_EDGE_M:
                 continue
-            if self._footing.roof_over(px, py) != building.top_m:
+            if self._footing.roof_over(px, py) != building.top_m or not _in_region(entity, px, py):
                 continue
             if within is None or any(nearest(line, px, py)[0] <= within - SLACK_M for line in lanes):
                 return round(px, 3), round(py, 3)
@@ -215,6 +249,8 @@ class _Anchoring:
                 continue
             ex, ey, bearing = building.entrance
             out = round(ex + 0.3 * sin(radians(bearing)), 3), round(ey + 0.3 * cos(radians(bearing)), 3)
+            if not _in_region(entity, *out):
+                continue
             before = ex + 3.0 * sin(radians(bearing)), ey + 3.0 * cos(radians(bearing))
             if self._footing.is_clear(*before, BODY_CLEAR_M):
                 self._facades.add(building.id)
@@ -229,7 +265,7 @@ class _Anchoring:
         x, y, _ = entity.position
         spot = self._footing.nearest_clear(
             x, y, BODY_CLEAR_M if body else TARGET_CLEAR_M, REACH_M / 2.0, off_road=not body,
-            apart=self._walkers, apart_m=WALKERS_APART_M,
+            apart=self._walkers, apart_m=WALKERS_APART_M, inside=entity.drawn_in,
         )  # fmt: skip
         if spot is None:
             raise self._nothing(entity, "free ground")
@@ -240,6 +276,9 @@ class _Anchoring:
         """What has no `on`: left where it is, unless it would begin inside a building or stand on a road."""
         x, y, z = entity.position
         roof, floor = self._footing.roof_over(x, y), self._footing.height(x, y)
+        if entity.role == "asset" and z == self._city.datum_m < floor and not self._footing.is_water(x, y):
+            z = floor  # no elevation was given: on land that means the ground, not the water's level
+            entity = _moved(entity, (x, y, z))
         buried = roof is not None and z < roof - 0.01
         stands = entity.role == "asset" and floor <= z <= floor + STANDS_M
         if not buried and (not stands or self._footing.is_clear(x, y, BODY_CLEAR_M, off_road=True)):
@@ -247,8 +286,9 @@ class _Anchoring:
         if self._footing.is_water(x, y):
             return entity
         spot = self._footing.nearest_clear(
-            x, y, STAND_CLEAR_M, REACH_M / 2.0, off_road=True, apart=self._walkers, apart_m=2.0 * STAND_CLEAR_M
-        )
+            x, y, STAND_CLEAR_M, REACH_M / 2.0, off_road=True, apart=self._walkers, apart_m=2.0 * STAND_CLEAR_M,
+            inside=entity.drawn_in,
+        )  # fmt: skip
         if spot is None:
             raise self._nothing(entity, "free ground")
         self._walkers.append(spot)
@@ -273,11 +313,12 @@ class _Anchoring:
                     yield nearest(line, x, y)[0], name, line
 
         found = sorted(self._around(entity, ways, lambda item: item[0]), key=lambda item: item[:2])
-        if not found:
-            raise self._nothing(entity, what)
-        line = found[0][2]
-        place, heading = point_at(line, nearest(line, x, y)[1])
-        return _moved(entity, place, heading)
+        for _, _, line in found:
+            at = _nearest_in_region(entity, line)
+            if at is not None:
+                place, heading = point_at(line, at)
+                return _moved(entity, place, heading)
+        raise self._nothing(entity, what)
 
     # -- all of them
 
@@ -295,10 +336,11 @@ class _Anchoring:
         return found
 
     def _nothing(self, entity: Entity, what: str) -> MissionError:
-        x, y, _ = entity.position
-        where = "its place" if "position" in entity.hidden else f"({x:g} m, {y:g} m)"
+        where = _where(entity).removeprefix("at ")
+        region = " and in the region it is drawn from" if entity.drawn_in else ""
         return MissionError(
-            f"there is no {what} for `{entity.id}` within {REACH_M:g} m of {where} in the scene `{self._city.id}`",
+            f"there is no {what} for `{entity.id}` within {REACH_M:g} m of {where}{region} "
+            f"in the scene `{self._city.id}`",
             hint="move its position, change what it is `on`, or choose a scene that has one",
         )
 
@@ -311,6 +353,27 @@ def _moved(entity: Entity, place: Vector, heading: float | None = None) -> Entit
     x, y, z = (round(value, 3) for value in place)
     turned = entity.heading_deg if heading is None else round(heading, 3) % 360.0
     return msgspec.structs.replace(entity, position=(x, y, z), heading_deg=turned)
+
+
+def _where(entity: Entity) -> str:
+    x, y, _ = entity.position
+    return "at its place" if "position" in entity.hidden else f"at ({x:g} m, {y:g} m)"
+
+
+def _in_region(entity: Entity, x: float, y: float) -> bool:
+    """Whether a place, to the millimetre that is kept, is in the region that the entity's is drawn from."""
+    return not entity.drawn_in or contains(entity.drawn_in, round(x, 3), round(y, 3))
+
+
+def _nearest_in_region(entity: Entity, line: tuple[Vector, ...]) -> float | None:
+    """How far along a line the place nearest to an entity lies that is in its region; None if there is none."""
+    x, y, _ = entity.position
+    wanted, total = nearest(line, x, y)[1], length(line)
+    for step in range(int(total / ALONG_M) + 1):
+        for at in (wanted + ALONG_M * step, wanted - ALONG_M * step) if step else (wanted,):
+            if 0.0 <= at <= total and _in_region(entity, *point_at(line, at)[0][:2]):
+                return at
+    return None
 
 
 def _with_building(entity: Entity, building: Building) -> Entity:

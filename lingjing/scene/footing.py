@@ -83,11 +83,13 @@ class Footing:
 
     def nearest_clear(
         self, x: float, y: float, margin: float, reach_m: float, *, off_road: bool = False,
-        apart: Sequence[tuple[float, float]] = (), apart_m: float = 0.0,
+        apart: Sequence[tuple[float, float]] = (), apart_m: float = 0.0, inside: Sequence[tuple[float, float]] = (),
     ) -> tuple[float, float] | None:  # fmt: skip
-        """The nearest free place on rings a metre apart, at least `apart_m` from the places in `apart`; None if there
-        is none within `reach_m`."""
+        """The nearest free place on rings a metre apart, at least `apart_m` from the places in `apart` and within the
+        outline `inside`, if one is given; None if there is none within `reach_m`."""
         for px, py in rings(x, y, reach_m):
+            if inside and not contains(inside, px, py):
+                continue
             if all(hypot(px - ax, py - ay) >= apart_m for ax, ay in apart) and self.is_clear(
                 px, py, margin, off_road=off_road
             ):

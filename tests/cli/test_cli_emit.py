@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -30,3 +31,27 @@ def test_what_is_left_out_is_said(tmp_path: Path) -> None:
     assert done.returncode == 0
     assert done.stdout.startswith("ljs 1\n")
     assert "note: $.origin.document has no place in .ljs text and is left out" in done.stderr
+
+
+def test_the_object_that_is_added_is_said_and_can_be_left_out() -> None:
+    listing = data_path("scenarios", "reset", "ssr-001.json")
+    done = lingjing("compile", listing, "--emit", "reset-scenario")
+    assert done.stdout != listing.read_text() and "note: the object 'lingjing' was added" in done.stderr
+    done = lingjing("compile", listing, "--emit", "reset-scenario", "--plain")
+    assert done.stdout == listing.read_text() and "was added" not in done.stderr
+    assert lingjing("compile", listing, "--plain").returncode == 2
+
+
+def test_compile_refuses_what_validate_refuses(tmp_path: Path) -> None:
+    """A document whose mission cannot be won: the boat's three metres a second do not reach 40 km away."""
+    far = tmp_path / "far.json"
+    listing = json.loads(data_path("scenarios", "reset", "ssr-001.json").read_text())
+    state = listing["scenario"]["taskMatrix"][0]["initial_state"]
+    state["rescueRange"] = [{**c, "Y": c["Y"] + 5.0e5 if c["Y"] > 9.0e4 else 9.0e4} for c in state["rescueRange"]]
+    listing["scenario"]["equipmentList"]["shipEntityList"][0]["data"]["Y"] = -2.9e5
+    far.write_text(json.dumps(listing))
+    checked = lingjing("validate", far)
+    assert checked.returncode == 1 and "LJ060" in checked.stdout
+    for verb in (("compile",), ("graph",), ("docs",), ("compile", "--emit", "reset-scenario")):
+        done = lingjing(*verb, far)
+        assert done.returncode == 1 and done.stdout == "" and "LJ060" in done.stderr

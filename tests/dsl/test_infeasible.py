@@ -9,7 +9,7 @@ from lingjing.dsl.codes import CODES
 
 # code, what is replaced in the small mission, by what, line, column, a part of the message
 CASES = [
-    ("LJ0601", "-51.8 m", "-5051.8 m", 34, 14, "5,001.8 m at 3.5 m/s at most, margins included, take at least 1,429 s"),
+    ("LJ0601", "-51.8 m", "-2951.8 m", 34, 14, "2,901.8 m at 3.5 m/s at most, margins included, take at least 829 s"),
     ("LJ0601", "ticks <= 60", "ticks <= 2", 34, 14, "the budget is 2 ticks of 10 s = 20 s"),
     ("LJ0602", "ticks <= 60", "ticks <= 1", 38, 3, "takes at least 2 ticks, the budget is 1 tick"),
     ("LJ0605", "report from searcher", "report from coordinator", 33, 10, "in broadcast mode, nobody can send"),
@@ -87,12 +87,12 @@ def test_every_code_is_here() -> None:
 
 
 def test_related_places_are_the_budget_the_vehicle_and_the_goal(small: str) -> None:
-    (found,) = compile_text(small.replace("-51.8 m", "-5051.8 m")).diagnostics
+    (found,) = compile_text(small.replace("-51.8 m", "-2951.8 m")).diagnostics
     assert [(item.span.line, item.message) for item in found.related] == [
         (10, "the budget"), (26, "the vehicle"), (18, "where it must go")
     ]  # fmt: skip
 
 
 def test_nothing_is_proved_of_a_mission_with_other_errors(small: str) -> None:
-    broken = small.replace("-51.8 m", "-5051.8 m").replace("hfov = 84 deg", "hfov = 84 m")
+    broken = small.replace("-51.8 m", "-2951.8 m").replace("hfov = 84 deg", "hfov = 84 m")
     assert [item.code for item in compile_text(broken).diagnostics] == ["LJ0203"]

@@ -177,6 +177,28 @@ def test_what_was_decided_or_kept_is_noted(ssr: m.Mission, edit: Edit, note: str
     assert instantiate(mission).mission == "ssr"
 
 
+def test_targets_that_the_template_places_are_noted(ssr: m.Mission) -> None:
+    """Whether they are hidden or not, and whether their field is empty, missing or spelt in a way nobody knows."""
+    public = replace(
+        ssr,
+        groups=tuple(
+            replace(g, properties=tuple(replace(p, hidden=False) if p.name == "position" else p for p in g.properties))
+            for g in ssr.groups
+        ),
+    )
+    for template in (ssr, public):
+        for edit, note in (
+            (lambda s: state(s).update(rescuePersonPosition=[]), "rescuePersonPosition: is empty; the template places"),
+            (lambda s: state(s).pop("rescuePersonPosition"), "initial_state: says nothing of 'victim'; the template"),
+            (
+                lambda s: state(s).update(goalDelPosition=state(s).pop("rescuePersonPosition")),
+                "initial_state: says nothing of 'victim'; the template",
+            ),
+        ):
+            text = edited(lambda s, edit=edit: (s.update(taskType="ssr"), edit(s)))
+            assert sum(note in line for line in read(template, text)[1]) == 1
+
+
 def test_weather_changes_only_where_it_contradicts(ssr: m.Mission) -> None:
     clear, foggy = (read(ssr, edited(lambda s, w=w: state(s).update(weather=w)))[0] for w in ("clear", "Fog"))  # type: ignore[misc]
     assert clear.weather == ssr.weather
@@ -248,6 +270,28 @@ FAULTS: list[tuple[Edit, str]] = [
     (lambda s: state(s)["rescueRange"].insert(1, state(s)["rescueRange"].pop(2)), "crosses itself"),
     (lambda s: s.update(lingjing={"mission": "tea"}), "$.scenario.lingjing.mission: there is no template 'tea'"),
     (lambda s: s.update(lingjing={"mission": "ssr", "settings": {"uav": 3}}), "lingjing: mission 'ssr' has no param"),
+    (
+        lambda s: s.update(lingjing={"mission": "ssr", "policy": "oracle"}),
+        "$.scenario.lingjing: object contains unknown field 'policy'",
+    ),
+    (
+        lambda s: state(s)["rescuePersonPosition"].append(state(s)["rescuePersonPosition"][0]),
+        f"{STATE}.rescuePersonPosition[1]: has the id 'PERSON-001' of {STATE}.rescuePersonPosition[0]",
+    ),
+    (
+        lambda s: s.update(
+            lingjing={"mission": "ssr", "targets": {"victim": [{"id": 7, "X": 1, "Y": 1}, {"id": "7", "X": 2, "Y": 1}]}}
+        ),
+        "$.scenario.lingjing.targets.victim[1]: has the id '7'",
+    ),
+    (
+        lambda s: s["equipmentList"]["droneEntityList"][0]["data"].update(Z=-243100.0),
+        f"{LISTS}.droneEntityList[0].data: (306.6 m, -620.2 m, -2431 m) is no place",
+    ),
+    (
+        lambda s: state(s)["rescuePersonPosition"][0].update(Z=9.9e7),
+        f"{STATE}.rescuePersonPosition[0]: (319.2 m, -963.2 m, 990000 m) is no place",
+    ),
     (lambda s: s.update(commandType="moveTo"), "$.scenario.commandType: invalid enum value 'moveTo'"),
 ]
 

@@ -8,7 +8,9 @@ import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
+from lingjing.errors import MissionError
 from lingjing.mission import document
 from lingjing.mission import model as m
 from lingjing.mission.instantiate import instantiate
@@ -33,6 +35,16 @@ def test_a_document_comes_back_to_the_letter(ssr: m.Mission) -> None:
     assert out.replace('\n    "lingjing": {"mission": "ssr"},', "", 1) == LISTING
     assert emit(read(ssr, out)) == out
     assert instantiate(read(ssr, out), seed=4) == instantiate(read(ssr, LISTING), seed=4)
+
+
+def test_a_plain_document_has_no_object_of_this_project(ssr: m.Mission) -> None:
+    assert emit(read(ssr, LISTING), plain=True) == LISTING
+    text = emit(ssr, seed=3, plain=True)
+    assert "lingjing" not in json.loads(text)["scenario"]
+    assert instantiate(read(ssr, text), seed=3).entities == instantiate(ssr, seed=3).entities
+    unknown = replace(ssr, groups=tuple(replace(g, type="flotsam") if g.name == "victim" else g for g in ssr.groups))
+    with pytest.raises(MissionError, match="can hold the places of 'victim'"):
+        emit(unknown, plain=True)
 
 
 @pytest.mark.parametrize(

@@ -16,11 +16,13 @@ import shapely
 from lingjing.dsl import compile_source
 from lingjing.dsl.source import Source, read_source
 from lingjing.errors import MissionError
+from lingjing.mission.feasibility import standing
 from lingjing.mission.instance import Entity, Instance
 from lingjing.mission.instantiate import instantiate
 from lingjing.plugins.engines import builtin
 from lingjing.scene.anchor import anchor
 from lingjing.scene.city import City
+from lingjing.scene.districts.district import OUTSKIRTS_M
 from lingjing.scene.districts.palette import WHITE
 from lingjing.scene.footing import Footing
 from lingjing.scene.lines import nearest, point_at
@@ -251,6 +253,67 @@ def test_a_scene_without_what_is_needed_is_named() -> None:
     odd = msgspec.structs.replace(base.entities[0], properties={"on": "cloud"})
     with pytest.raises(MissionError, match="on 'cloud'"):
         anchor(msgspec.structs.replace(base, entities=(odd,)), city_of("cr", 0))
+
+
+@pytest.mark.parametrize("kind", ["road", "roof", "facade", "ground", ""])
+def test_what_is_drawn_from_a_region_stays_in_it(kind: str) -> None:
+    """Small regions, whose nearest road, roof or door often lies outside: the next one inside is taken, or none."""
+    base, city = instantiate(mission("ufr"), seed=0), city_of("ufr", 0)
+    fire = next(entity for entity in base.entities if entity.group == "fire")
+    found = refused = 0
+    for step in range(24):
+        x, y = -430.0 + 37.0 * step, 300.0 - 29.0 * step
+        region = ((x, y), (x + 40.0, y), (x + 40.0, y + 40.0), (x, y + 40.0))
+        odd = msgspec.structs.replace(
+            fire, position=(x + 39.0, y + 39.0, 0.0), drawn_in=region, properties={"on": kind} if kind else {}
+        )
+        try:
+            (placed,) = anchor(msgspec.structs.replace(base, entities=(odd,)), city).entities
+        except MissionError as error:
+            assert "in the region it is drawn from" in str(error) and f"{x:g}" not in str(error)
+            refused += 1
+            continue
+        assert shapely.Polygon(region).covers(shapely.Point(placed.position[:2]))
+        found += 1
+    assert found >= 5 and (refused >= 1 or kind in ("ground", ""))
+
+
+@pytest.mark.parametrize("name", NINE)
+def test_drawn_places_of_the_missions_stay_in_their_regions(name: str) -> None:
+    for entity in anchored(name, 1)[0].entities:
+        assert not entity.drawn_in or shapely.Polygon(entity.drawn_in).covers(shapely.Point(entity.position[:2]))
+
+
+@pytest.mark.parametrize(
+    ("position", "words"),
+    [
+        ((5000.0, 20.0, 30.0), r"begins at \(5000 m, 20 m\), outside of the scene `commercial-"),
+        ((0.0, -420.0, -30.0), "at an elevation of -30 m, under the surface of the scene, which lies at 0"),
+    ],
+)
+def test_an_asset_outside_of_the_city_or_under_it_is_refused(position: tuple[float, float, float], words: str) -> None:
+    base, city = instantiate(mission("ufr"), seed=0), city_of("ufr", 0)
+    entities = tuple(msgspec.structs.replace(e, position=position) if e.id == "uav[1]" else e for e in base.entities)
+    with pytest.raises(MissionError, match=words):
+        anchor(msgspec.structs.replace(base, entities=entities), city)
+
+
+def test_an_asset_without_an_elevation_stands_on_the_ground_and_not_at_the_waters_level() -> None:
+    spec = msgspec.structs.replace(instantiate(mission("ufr"), seed=0), scene=instantiate(mission("bi"), seed=0).scene)
+    uav = msgspec.structs.replace(spec.entities[-1], id="uav", role="asset", engine="multirotor", properties={})
+    city = city_of("bi", 0)
+    assert city.datum_m < -1.0
+    low = msgspec.structs.replace(uav, position=(-150.0, 0.0, city.datum_m))
+    (placed,) = anchor(msgspec.structs.replace(spec, entities=(low,)), city).entities
+    assert placed.position[2] == Footing(city).height(*placed.position[:2]) > -0.5
+
+
+def test_the_proofs_about_places_know_how_far_the_scenes_span() -> None:
+    assert city_of("ssr", 0).bounds == (-standing.BAY_M, -standing.BAY_M, standing.BAY_M, standing.BAY_M)
+    assert standing.OUTSKIRTS_M == OUTSKIRTS_M
+    for name in ("cd", "ufr", "cr"):
+        extent = instantiate(mission(name), seed=0).scene.options["extent_m"]
+        assert isinstance(extent, float) and city_of(name, 0).bounds[2] <= extent / 2.0 + standing.OUTSKIRTS_M
 
 
 def test_a_stored_city_anchors_as_the_same_city_held_inline(tmp_path) -> None:

@@ -11,6 +11,7 @@ In the order of the work:
 - `needs`: a condition → the tree of what must have happened. `limits`: the time there is for it.
 - `travel`, `tour`: time and energy of one visit and of several. `seeing`: pictures. `speech`: messages and
   assignments. `payload`: loads and trips. `counting`: counted budgets. `order`: circles. `placing`: room for draws.
+  `standing`: where assets begin.
 - `wide`: pictures from orbit in which the scene is lost, no proof but a hint.
 - `refutation`: the checks over one tree. `start`: whether success holds before anybody acts, no proof but a
   hint. Here: over success, in each mode.
@@ -34,6 +35,7 @@ from lingjing.mission.feasibility.outline import ENTITIES_MOST, Outline, of_inst
 from lingjing.mission.feasibility.placing import refute_places
 from lingjing.mission.feasibility.proof import Proof, gathered
 from lingjing.mission.feasibility.refutation import refute
+from lingjing.mission.feasibility.standing import refute_standing
 from lingjing.mission.instance import Instance
 
 __all__ = ["Proof", "prove", "prove_instance", "prove_outline"]
@@ -68,9 +70,9 @@ def prove_instance(instance: Instance) -> tuple[Proof, ...]:
 
 def prove_outline(outline: Outline) -> tuple[Proof, ...]:
     """All checks over one outline; what is proved of several members of a group is said once."""
-    places = refute_places(outline)
+    places = [*refute_places(outline), *refute_standing(outline)]
     if places:
-        return tuple(places)
+        return gathered(places)
     success = needs(outline.instance.success, outline, "success")
     whole = episode(outline)
     return gathered([*refute_order(outline), *refute(success, whole, outline, "success"), *_stages(outline, success)])

@@ -1,0 +1,69 @@
+"""Assets that begin outside of the scene or under its ground, as far as the text decides that.
+
+Only scenes whose size and ground the text gives are looked at: the bay, and the built-in towns without a bridge or an
+inner region, which may reach farther. What the scene moves (`on = road`) is the scene's to place. All else is found
+when the city is there (`lingjing.scene.anchor`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from lingjing.mission.feasibility.outline import Body, Outline
+from lingjing.mission.feasibility.proof import Proof, spelled
+from lingjing.mission.instance import SceneSpec
+
+BAY_M = 3000.0
+"""How far the bay spans from its origin."""
+
+TOWNS = ("residential", "industrial", "commercial", "campus", "logistics", "coastal")
+OUTSKIRTS_M = 60.0
+"""How far a town spans beyond its extent."""
+
+UNDER_M = 1.0
+"""So far below the lowest surface an asset is under it, and not a leg's length short."""
+
+LANDBOUND = ("multirotor", "plane", "quadruped", "road")
+"""Engines whose bodies are never under the ground or the sea. A plug-in's may dive."""
+
+ANYWHERE = ("satellite", "plane")
+"""Engines whose bodies may begin outside of the scene: they cross it at once."""
+
+
+def refute_standing(outline: Outline) -> list[Proof]:
+    """Assets at places where they cannot begin."""
+    return [proof for body in outline.bodies.values() if _is_fixed(body) for proof in _proofs(body, outline)]
+
+
+def _is_fixed(body: Body) -> bool:
+    where = body.where
+    known = len(where.outlines) == 1 and len(where.outlines[0]) == 1 and not where.drawn
+    return body.entity.role == "asset" and known and where.loose_m == 0.0
+
+
+def _proofs(body: Body, outline: Outline) -> Iterator[Proof]:
+    scene, engine = outline.instance.scene, body.entity.engine
+    reach = _reach(scene)
+    if reach is None:
+        return
+    east, north, up = body.entity.position
+    shown = f"`{body.id}` begins at ({spelled(east)} m, {spelled(north)} m, {spelled(up)} m)"
+    if max(abs(east), abs(north)) > reach and engine not in ANYWHERE:
+        hint = "move it into the scene, or give the scene a larger `extent`"
+        message = f"{shown}, outside of the scene, which spans {spelled(reach)} m to every side"
+        yield Proof("LJ0211", body.path, message, hint, subject=body.id)
+    lowest = min(0.0, scene.datum_m)
+    if up < lowest - UNDER_M and engine in LANDBOUND:
+        message = f"{shown}, below everything in the scene, whose lowest surface lies at {spelled(lowest)} m"
+        yield Proof("LJ0211", body.path, message, "give it the elevation it begins at", subject=body.id)
+
+
+def _reach(scene: SceneSpec) -> float | None:
+    """How far the scene spans from its origin, if the text says so."""
+    if scene.kind == "bay":
+        return BAY_M
+    extent = scene.options.get("extent_m")
+    wider = {"bridge", "inside", "homes", "pipeline"} & scene.options.keys()
+    if scene.kind not in TOWNS or wider or not isinstance(extent, int | float):
+        return None
+    return float(extent) / 2.0 + OUTSKIRTS_M
