@@ -36,7 +36,7 @@ from lingjing.plugins.policy import Policy, PolicyPlugin
 from lingjing.scene.city import City
 from lingjing.trace.reader import Trace, read_trace
 from lingjing.trace.records import AgentBinding, BoundaryRecord, Header, Outcome
-from lingjing.trace.writer import Picture, TraceWriter
+from lingjing.trace.writer import Picture, TraceWriter, gone
 
 if TYPE_CHECKING:
     from lingjing.analysis.metrics import Metrics
@@ -184,9 +184,12 @@ def run(
     a new one under `runs/`) that receives `trace.mcap` and `overview.png`. `blank_pictures` hands policies black
     pictures. `progress` is called at every boundary.
 
+    Policies are trusted here: they run in this process and can end or ruin it. The command line plays them in a child
+    that it watches over.
+
     Raises `UsageError` for wrong arguments and unwritable folders, `MissionError` for a mission that cannot be
-    instantiated, `EpisodeInterrupted` on Ctrl-C. An engine that fails is no exception: the result's `reason` is
-    `infrastructure-abort` and `detail` says which engine and why.
+    instantiated, `EpisodeInterrupted` on Ctrl-C, `InfrastructureError` if the trace was removed meanwhile. An engine
+    that fails is no exception: the result's `reason` is `infrastructure-abort` and `detail` says which engine and why.
     """
     with Session(world) as session:
         return session.run(
@@ -309,6 +312,8 @@ def _result(path: Path, folder: Path, city: City, *, overview: bool) -> EpisodeR
     from lingjing.analysis.metrics import metrics
     from lingjing.analysis.overview import draw_overview
 
+    if not path.is_file():
+        raise gone(path)
     trace = read_trace(path)
     warnings = _at_start(trace) + _warnings(trace)
     if overview:

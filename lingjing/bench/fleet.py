@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     Watch = Callable[[str], AbstractContextManager[Callable[[Progress], None]]]
 
-GRACE_S = 60.0
+GRACE_S = 90.0
 """How long an interrupted episode may take to close its workers."""
 
 
@@ -186,19 +186,21 @@ def _finish(child: _Child) -> EpisodeReport:
     child.output.seek(0)
     child.errors.seek(0)
     printed, complaint = child.output.read(), child.errors.read().decode(errors="replace").strip()
-    if printed:
+    with suppress(msgspec.DecodeError):  # nothing, or half of it
         return msgspec.json.decode(printed, type=EpisodeReport)
     release_if_empty(child.task.folder)
     code = child.process.returncode
     if code == ExitCode.INTERRUPTED:
         raise KeyboardInterrupt
     if code < 0:
-        return _killed(child.task, f"its process was killed by signal {-code}")
+        return without_result(child.task, f"its process was killed by signal {-code}")
+    if code == ExitCode.OK:
+        return without_result(child.task, "its process ended without a result (exit code 0)")
     kinds: dict[int, type[LingjingError]] = {ExitCode.USAGE: UsageError, ExitCode.INFRASTRUCTURE: InfrastructureError}
     raise kinds.get(code, LingjingError)(complaint.removeprefix("error: ") or f"an episode ended with code {code}")
 
 
-def _killed(task: Task, why: str) -> EpisodeReport:
+def without_result(task: Task, why: str) -> EpisodeReport:
     """What can be said of an episode whose process is gone: nothing was scored."""
     trace = next(task.folder.glob("*.part"), task.folder)
     return EpisodeReport(

@@ -110,6 +110,13 @@ def _turn_descriptor(stdout: object) -> int | None:
     return kept
 
 
+def restore_terminal() -> None:
+    """Give a terminal its cursor and its own screen back, which a process that was killed had taken."""
+    if sys.stderr.isatty() and os.environ.get("TERM", "dumb") not in ("dumb", "unknown", ""):
+        sys.stderr.write("\x1b[?1049l\x1b[?25h\r\x1b[K")
+        sys.stderr.flush()
+
+
 def silence_stdout() -> None:
     """Keep the interpreter from complaining when it flushes a closed or full output at exit."""
     with suppress(OSError, ValueError):

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-from lingjing.bench.fleet import RunOptions, Task, play_apart, play_here
+import msgspec
+
+from lingjing.bench.fleet import RunOptions, Task, play_apart, play_here, without_result
 from lingjing.bench.folders import RUNS, claim_folder, claim_run_folder, release_if_empty
 from lingjing.bench.report import EpisodeReport, summarise
+from lingjing.bench.supervision import Place, can_supervise, play_supervised
 from lingjing.cli.pairs import MODES, parse_pairs, parse_seed, parse_seeds, parse_settings
-from lingjing.cli.process import end_with, results_alone
+from lingjing.cli.process import end_with, restore_terminal, results_alone
 from lingjing.cli.progress import LiveProgress
 from lingjing.cli.scoreboard import exit_code, explain, print_episode, print_json, print_suite
 from lingjing.dsl.shipped import find_mission
@@ -100,13 +103,12 @@ def _check_settings(given: list[str], mission: Mission, options: RunOptions, see
 
 
 def _run_one(args: argparse.Namespace, mission: Mission, options: RunOptions, seed: int) -> int:
-    folder = claim_folder(Path(args.output)) if args.output else None
+    given = claim_folder(Path(args.output)) if args.output else None
     try:
         with results_alone():
-            (episode,) = _played(args, mission, options, [(seed, folder)])
+            (episode,) = _played(args, mission, options, (seed,), lambda seed: given or _claim(mission, options, seed))
     finally:
-        if folder is not None:
-            release_if_empty(folder)
+        release_if_empty(given or RUNS)
     if args.json:
         print_json(episode)
     else:
@@ -117,11 +119,10 @@ def _run_one(args: argparse.Namespace, mission: Mission, options: RunOptions, se
 
 def _run_many(args: argparse.Namespace, mission: Mission, options: RunOptions, seeds: tuple[int, ...]) -> int:
     root = claim_folder(Path(args.output)) if args.output else RUNS
-    mode = options.mode or mission.modes.default
-    places = ((seed, claim_run_folder(mission.name, mode, seed, root)) for seed in seeds)
     try:
         with results_alone():
-            episodes, interrupted = _until_interrupted(_played(args, mission, options, places))
+            played = _played(args, mission, options, seeds, lambda seed: _claim(mission, options, seed, root))
+            episodes, interrupted = _until_interrupted(played)
     finally:
         release_if_empty(root)
     if not episodes:
@@ -146,18 +147,39 @@ def _until_interrupted(played: Iterator[EpisodeReport]) -> tuple[list[EpisodeRep
     return sorted(episodes, key=lambda report: report.seed), interrupted
 
 
-def _played(
-    args: argparse.Namespace, mission: Mission, options: RunOptions, places: Iterable[tuple[int, Path | None]]
-) -> Iterator[EpisodeReport]:
-    if args.jobs > 1:
-        tasks = (Task(options, seed, folder) for seed, folder in places if folder is not None)
-        return (report for _, report in play_apart(tasks, args.jobs))
-    if not _watched(args):
-        return play_here(mission, options, places, LiveProgress)
-    from lingjing.cli.watch import Audience
+def _claim(mission: Mission, options: RunOptions, seed: int, root: Path = RUNS) -> Path:
+    return claim_run_folder(mission.name, options.mode or mission.modes.default, seed, root)
 
-    audience = Audience(mission, options, truth=args.watch_truth)
-    return play_here(mission, options, audience.follow(places), audience)
+
+def _played(
+    args: argparse.Namespace,
+    mission: Mission,
+    options: RunOptions,
+    seeds: Sequence[int],
+    claim: Callable[[int], Path],
+) -> Iterator[EpisodeReport]:
+    """The episodes, each played in a process that a policy may ruin; in this one where it cannot be watched over."""
+    if args.jobs > 1:
+        tasks = (Task(options, seed, claim(seed)) for seed in seeds)
+        return (report for _, report in play_apart(tasks, args.jobs))
+
+    def play(places: Iterator[Place]) -> Iterator[EpisodeReport]:
+        if not _watched(args):
+            return play_here(mission, options, places, LiveProgress)
+        from lingjing.cli.watch import Audience
+
+        audience = Audience(mission, options, truth=args.watch_truth)
+        return play_here(mission, options, audience.follow(places), audience)
+
+    if not can_supervise():
+        return play((seed, claim(seed)) for seed in seeds)
+
+    def abort(seed: int, folder: Path, why: str) -> EpisodeReport:
+        restore_terminal()
+        report = without_result(Task(options, seed, folder), why)
+        return msgspec.structs.replace(report, mission=mission.name, mode=options.mode or mission.modes.default)
+
+    return play_supervised(seeds, claim, play, abort)
 
 
 def _watched(args: argparse.Namespace) -> bool:

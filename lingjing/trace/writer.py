@@ -15,7 +15,7 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 
-from lingjing.errors import LingjingError, UsageError
+from lingjing.errors import InfrastructureError, LingjingError, UsageError
 from lingjing.trace import foxglove, images
 from lingjing.trace.container import ContainerSchema, ContainerWriter
 from lingjing.trace.encoding import to_json
@@ -31,6 +31,14 @@ PART = ".part"
 def part_path(path: Path) -> Path:
     """What a trace is called while its episode runs, and for good if the episode was cut short."""
     return path.with_name(path.name + PART)
+
+
+def gone(part: Path) -> InfrastructureError:
+    """The error for a trace that somebody took away while its episode was played."""
+    return InfrastructureError(
+        f"the trace {part} is gone: it, or its folder, was removed while the episode was played",
+        hint="leave the folder of a run alone until it has ended",
+    )
 
 
 class TraceWriter:
@@ -56,7 +64,12 @@ class TraceWriter:
     def finish(self, outcome: Outcome) -> Path:
         """Write the outcome, close the file, give it its name, and return that."""
         self._guarded(lambda: self._end(outcome))
-        self.part.rename(self.path)
+        try:
+            self.part.rename(self.path)
+        except FileNotFoundError:
+            raise gone(self.part) from None
+        except OSError as error:
+            raise UsageError(f"cannot name the trace {self.path}: {error.strerror}") from error
         return self.path
 
     def abandon(self, outcome: Outcome | None = None) -> Path:

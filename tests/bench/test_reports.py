@@ -86,6 +86,13 @@ def test_a_child_that_fails_speaks_for_itself(child, tmp_path: Path, code: int, 
         list(play_apart(tasks(1, tmp_path), jobs=1))
 
 
+@pytest.mark.parametrize("code", ["pass", "print('{')"])
+def test_a_child_without_a_result_is_an_abort(child, tmp_path: Path, code: str) -> None:
+    child(code)
+    ((_, report),) = play_apart(tasks(1, tmp_path), jobs=1)
+    assert (report.reason, report.detail) == (ABORTED, "its process ended without a result (exit code 0)")
+
+
 def test_no_child_is_left_behind(child, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     child("import time; time.sleep(600)")
     started: list[subprocess.Popen[bytes]] = []

@@ -1,0 +1,251 @@
+"""What a policy does to its process ends its episode and nothing else; what it started ends with it."""
+
+from __future__ import annotations
+
+import errno
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from lingjing.bench.descendants import _children_by_parent, adopting, children
+from lingjing.bench.report import ABORTED, INTERRUPTED, EpisodeReport
+from lingjing.bench.supervision import Place, play_supervised
+from lingjing.errors import InfrastructureError, LingjingError, MissionError, UsageError
+
+
+def report(seed: int, reason: str = "success", detail: str = "") -> EpisodeReport:
+    return EpisodeReport(
+        mission="m", seed=seed, mode="star", policy="p", success=reason == "success", reason=reason, scr=1.0, ticks=3,
+        digest="d", trace="t", metrics={"a": 1.0, "b": None}, detail=detail,
+    )  # fmt: skip
+
+
+def played(act: Callable[[int], object], folder: Path, seeds: tuple[int, ...] = (0, 1, 2)) -> dict[int, EpisodeReport]:
+    """The reports by seed of episodes that are nothing but `act`, each in a folder of its own."""
+
+    def claim(seed: int) -> Path:
+        made = folder / str(seed)
+        made.mkdir()
+        return made
+
+    def play(places: Iterator[Place]) -> Iterator[EpisodeReport]:
+        for seed, _ in places:
+            act(seed)
+            yield report(seed)
+
+    def abort(seed: int, folder: Path, why: str) -> EpisodeReport:
+        return report(seed, ABORTED, f"{folder.name}: {why}")
+
+    found = play_supervised(seeds, claim, play, abort)
+    return {each.seed: each for each in found}
+
+
+def exhaust() -> None:
+    kept = []
+    while True:
+        kept.append(os.dup(0))
+
+
+HOSTILE: list[tuple[str, Callable[[], object], str]] = [
+    ("exit", lambda: os._exit(0), "its process ended without a result (exit code 0)"),
+    ("exit_3", lambda: os._exit(3), "its process ended without a result (exit code 3)"),
+    ("kill", lambda: os.kill(os.getpid(), signal.SIGKILL), "its process was killed by signal 9"),
+    ("abort", os.abort, "its process was killed by signal 6"),
+    ("close", lambda: (os.closerange(0, 4096), os._exit(0)), "its process ended without a result (exit code 0)"),
+    ("exhaust", exhaust, "a policy left its process unable to go on: OSError: [Errno 24] Too many open files"),
+]
+
+
+@pytest.mark.parametrize(("act", "why"), [case[1:] for case in HOSTILE], ids=[case[0] for case in HOSTILE])
+def test_a_ruined_process_is_an_abort_of_its_episode(act: Callable[[], object], why: str, tmp_path: Path) -> None:
+    """Seed 1 ruins the process it is played in; what was played before stays, and what comes later is played."""
+    found = played(lambda seed: act() if seed == 1 else None, tmp_path)
+    assert [found[seed].reason for seed in (0, 1, 2)] == ["success", ABORTED, "success"]
+    assert found[1].detail.startswith(f"1: {why}")
+    assert found[2].metrics == {"a": 1.0, "b": None}
+    assert not (tmp_path / "1").exists()  # nothing had been written into it
+
+
+def test_a_process_that_closes_everything_and_stays_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("lingjing.bench.supervision.MUTE_MS", 50)
+    found = played(lambda seed: (os.closerange(3, 4096), time.sleep(3600)), tmp_path, (7,))
+    assert found[7].detail == "7: its process closed what it reports through"
+
+
+def test_nonsense_in_the_pipe_is_no_result(tmp_path: Path) -> None:
+    def scribble(seed: int) -> None:
+        for number in range(3, 256):
+            try:
+                os.write(number, b"\x03\0\0\0\0\0\0\0{x}")
+            except OSError:
+                continue
+        os._exit(0)
+
+    assert played(scribble, tmp_path, (1,))[1].reason == ABORTED
+
+
+@pytest.mark.parametrize(
+    ("error", "kind"),
+    [
+        (UsageError("no such policy", hint="choose another"), UsageError),
+        (MissionError("beyond the scene"), MissionError),
+        (OSError(errno.ENOSPC, "No space left on device", "out/trace"), OSError),
+        (ValueError("ours"), LingjingError),
+    ],
+)
+def test_other_errors_are_the_callers(error: Exception, kind: type[Exception], tmp_path: Path) -> None:
+    def fail(seed: int) -> None:
+        raise error
+
+    with pytest.raises(kind) as caught:
+        played(fail, tmp_path)
+    if isinstance(error, ValueError):
+        assert type(caught.value) is LingjingError
+        assert str(caught.value).startswith("ValueError: ours [test_supervision.py:")
+    else:
+        assert str(caught.value) == str(error)
+    assert getattr(caught.value, "hint", "") == getattr(error, "hint", "")
+    assert getattr(caught.value, "errno", None) == getattr(error, "errno", None)
+
+
+def test_an_error_of_the_infrastructure_is_an_abort(tmp_path: Path) -> None:
+    def fail(seed: int) -> None:
+        if seed == 0:
+            raise InfrastructureError("the trace is gone")
+
+    found = played(fail, tmp_path)
+    assert [found[seed].reason for seed in (0, 1, 2)] == [ABORTED, "success", "success"]
+    assert found[0].detail == "0: the trace is gone"
+
+
+def test_a_child_that_ends_before_an_episode_is_no_endless_story(tmp_path: Path) -> None:
+    def claim(seed: int) -> Path:
+        os._exit(5)
+
+    with pytest.raises(InfrastructureError, match=r"no episode could begin: .*\(exit code 5\)"):
+        list(play_supervised((1, 2), claim, lambda places: (report(seed) for seed, _ in places), lambda *_: report(0)))
+
+
+def runs(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
+    except OSError:
+        return False
+
+
+def settle(folder: Path) -> None:
+    """Start a process in a session of its own below one that ends at once."""
+    script = f"sleep 3600 & echo $! > {folder}/pid.part && mv {folder}/pid.part {folder}/pid"
+    subprocess.run(["setsid", "sh", "-c", script], check=True, stdout=subprocess.DEVNULL)
+
+
+def settled(folder: Path) -> int:
+    while not (folder / "pid").exists():
+        time.sleep(0.02)
+    return int((folder / "pid").read_text())
+
+
+@pytest.mark.parametrize("last", [lambda: None, lambda: os._exit(0), lambda: os.kill(os.getpid(), signal.SIGKILL)])
+def test_what_a_policy_started_ends_with_it(last: Callable[[], object], tmp_path: Path) -> None:
+    mine = subprocess.Popen(["sleep", "3600"])
+    try:
+        played(lambda seed: (settle(tmp_path), last()), tmp_path, (1,))
+        assert not runs(settled(tmp_path))
+        assert runs(mine.pid)  # what the caller had started is the caller's
+    finally:
+        mine.kill()
+        mine.wait()
+
+
+def test_only_what_is_new_is_ended() -> None:
+    with subprocess.Popen(["sleep", "3600"]) as before:
+        with adopting():
+            later = subprocess.Popen(["sleep", "3600"])
+            assert {before.pid, later.pid} <= set(children()) == set(_children_by_parent())
+        assert later.pid not in children()
+        assert before.poll() is None
+        before.kill()
+    later.wait()
+
+
+def interrupted_by(number: signal.Signals, act: Callable[[int], object], folder: Path) -> dict[int, EpisodeReport]:
+    def shoot() -> None:
+        while not (folder / "begun").exists():
+            time.sleep(0.02)
+        for _ in range(3):
+            os.kill(os.getpid(), number)
+
+    threading.Thread(target=shoot).start()
+    return played(act, folder)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_ends_the_episode_once(number: signal.Signals, tmp_path: Path) -> None:
+    """However often it comes; here the episode answers with what it has."""
+
+    def play(places: Iterator[Place]) -> Iterator[EpisodeReport]:
+        for seed, _ in places:
+            try:
+                (tmp_path / "begun").touch()
+                time.sleep(3600)
+            except KeyboardInterrupt:
+                time.sleep(0.2)
+                yield report(seed, INTERRUPTED)
+                return
+
+    def shoot() -> None:
+        while not (tmp_path / "begun").exists():
+            time.sleep(0.02)
+        for _ in range(5):
+            os.kill(os.getpid(), number)
+            time.sleep(0.01)
+
+    before = signal.getsignal(number)
+    threading.Thread(target=shoot).start()
+    found = list(play_supervised((1, 2), lambda seed: tmp_path, play, lambda *_: report(0)))
+    assert [(each.seed, each.reason) for each in found] == [(1, INTERRUPTED)]
+    assert signal.getsignal(number) == before
+
+
+def test_an_interrupt_without_a_report_is_one_for_the_caller(tmp_path: Path) -> None:
+    def wait(seed: int) -> None:
+        (tmp_path / "begun").touch()
+        time.sleep(3600)
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted_by(signal.SIGINT, wait, tmp_path)
+
+
+CALLER = """
+import os, sys, time
+from pathlib import Path
+sys.path.insert(0, {here!r})
+import test_supervision as t
+folder = Path({folder!r})
+def act(seed):
+    t.settle(folder)
+    (folder / "player").write_text(str(os.getpid()))
+    (folder / "begun").touch()
+    time.sleep(3600)
+t.played(act, folder, (1,))
+"""
+
+
+def test_nothing_outlives_a_killed_caller(tmp_path: Path) -> None:
+    code = CALLER.format(here=str(Path(__file__).parent), folder=str(tmp_path))
+    caller = subprocess.Popen([sys.executable, "-c", code])
+    while not (tmp_path / "begun").exists():
+        time.sleep(0.02)
+    below = [settled(tmp_path), int((tmp_path / "player").read_text())]
+    assert all(map(runs, below))
+    caller.kill()
+    caller.wait()
+    while any(map(runs, below)):  # for ever, if it did not hold
+        time.sleep(0.02)

@@ -1,0 +1,140 @@
+"""Policies that ruin the process they play in: one abort each, nothing left running, and the later seeds play on."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from lingjing.data import data_path
+from lingjing.trace.reader import read_trace
+
+RUN = (sys.executable, "-m", "lingjing.cli.main", "run")
+
+POLICY = """
+import os, pathlib, shutil, subprocess, sys, threading, time
+from lingjing.plugins.policy import Decision
+
+HERE = pathlib.Path(__file__).parent
+
+def leave(): os._exit(0)
+def vanish(): shutil.rmtree(next((HERE / "out").iterdir()))
+def close(): os.closerange(0, 4096)
+def deepen(): sys.setrecursionlimit(20)
+def settle():
+    subprocess.run(["setsid", "sh", "-c", f"sleep 3600 & echo $! > {HERE}/settled"], stdout=subprocess.DEVNULL)
+def stay(): time.sleep(3600)
+
+class P:
+    async def reset(self, brief):
+        self.first = brief.agent == "boat" or brief.role == "rescuer"
+
+    async def act(self, observation, inbox):
+        plan = HERE / "plan"
+        if self.first and observation.tick == 1 and plan.exists():
+            todo, _, rest = plan.read_text().partition("\\n")
+            plan.write_text(rest)
+            for word in todo.split():
+                globals()[word]()
+        return Decision()
+"""
+
+
+@pytest.fixture
+def short(tmp_path: Path) -> Path:
+    """The mission with a budget of three ticks, and a policy that does what the lines of `plan` say."""
+    text = data_path("scenarios", "ssr.ljs").read_text(encoding="utf-8")
+    text = text.replace("ticks <= 60", "ticks <= 3").replace("(12.4 m, -1351.8 m)", "(270 m, -920 m)")
+    (tmp_path / "short.ljs").write_text(text, encoding="utf-8")
+    (tmp_path / "p.py").write_text(POLICY, encoding="utf-8")
+    return tmp_path
+
+
+def run(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    line = [*RUN, "short.ljs", "--policy", "./p.py:P", "--no-overview", "--json", "-o", "out", *arguments]
+    return subprocess.run(line, cwd=folder, capture_output=True, text=True, check=False, timeout=1500)
+
+
+def runs(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
+    except OSError:
+        return False
+
+
+@pytest.mark.slow
+def test_each_ruined_process_is_one_abort_and_the_later_seeds_play_on(short: Path) -> None:
+    (short / "plan").write_text("settle leave\nclose\ndeepen\n")
+    done = run(short, "--seeds", "0-3")
+    assert done.returncode == 3, done.stderr
+    episodes = json.loads(done.stdout)["episodes"]
+    assert [episode["reason"] for episode in episodes] == [*["infrastructure-abort"] * 3, "budget"]
+    assert [(episode["mission"], episode["mode"], episode["seed"]) for episode in episodes] == [
+        ("ssr", "broadcast", seed) for seed in range(4)
+    ]
+    assert episodes[0]["detail"] == "its process ended without a result (exit code 0)"
+    assert "Traceback" not in done.stderr
+    assert done.stderr.count("was aborted: ") == 3
+    for episode in episodes:  # what there was before is there
+        assert len(read_trace(short / episode["trace"]).boundaries) >= 2
+    assert not runs(int((short / "settled").read_text()))
+
+
+def test_at_two_at_a_time_too(short: Path) -> None:
+    (short / "plan").write_text("leave\n")
+    done = run(short, "--seeds", "0-1", "-j", "2")
+    assert done.returncode == 3, done.stderr
+    reasons = sorted(episode["reason"] for episode in json.loads(done.stdout)["episodes"])
+    assert reasons == ["budget", "infrastructure-abort"]
+
+
+def player_of(pid: int) -> int:
+    """The command's child that plays: the parent of the workers."""
+    while True:
+        for line in subprocess.run(["ps", "-eo", "pid,ppid,args"], capture_output=True, text=True).stdout.splitlines():
+            child, parent, words = line.split(None, 2)
+            if parent == str(pid) and "lingjing.cli.main" in words:
+                return int(child)
+        time.sleep(0.05)
+
+
+def test_an_output_folder_that_vanishes_is_an_abort_of_its_episode(short: Path) -> None:
+    (short / "plan").write_text("vanish\n")
+    done = run(short, "--seeds", "0-1")
+    assert done.returncode == 3, done.stderr
+    first, second = json.loads(done.stdout)["episodes"]
+    assert (first["reason"], second["reason"]) == ("infrastructure-abort", "budget")
+    said = "the trace out/ssr-broadcast-0-1/trace.mcap.part is gone: it, or its folder, was removed"
+    assert first["detail"].startswith(said)
+    assert f"error: seed 0 was aborted: {said}" in done.stderr
+    assert read_trace(short / second["trace"]).complete
+
+
+@pytest.mark.parametrize("victim", ["command", "player"])
+def test_a_killed_process_leaves_none(short: Path, victim: str) -> None:
+    (short / "plan").write_text("settle stay\n")
+    line = [*RUN, "short.ljs", "--policy", "./p.py:P", "--no-overview", "--json", "-o", "out"]
+    process = subprocess.Popen(line, cwd=short, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    while not ((short / "settled").exists() and (short / "settled").read_text().strip()):
+        assert process.poll() is None
+        time.sleep(0.05)
+    player = player_of(process.pid)
+    below = {player, int((short / "settled").read_text()), *(int(pid) for pid in _workers(player))}
+    assert len(below) >= 3
+    os.kill(process.pid if victim == "command" else player, signal.SIGKILL)
+    out, err = process.communicate(timeout=1500)
+    if victim == "player":
+        assert (process.returncode, json.loads(out)["detail"]) == (3, "its process was killed by signal 9"), err
+    while any(map(runs, below)):  # for ever, if one stayed
+        time.sleep(0.05)
+
+
+def _workers(player: int) -> list[str]:
+    listed = subprocess.run(["ps", "-eo", "pid,ppid,args"], capture_output=True, text=True).stdout.splitlines()
+    return [line.split()[0] for line in listed if line.split()[1] == str(player) and "world.worker" in line]
