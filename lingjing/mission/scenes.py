@@ -19,7 +19,8 @@ DRY_M = 1.0
 """The sea lies at least this far under the ground, which is at elevation 0."""
 
 EXTENT_M: Mapping[str, float] = {"city": 3000.0}
-"""How wide a scene is that names no `extent`; 800 m where nothing is said here."""
+"""How wide a scene is that names no `extent`, where that is not usual."""
+USUAL_EXTENT_M = 800.0
 
 HEIGHT_M: Mapping[str, tuple[float, float]] = {
     "residential": (9.0, 24.0),
@@ -66,6 +67,9 @@ _BOUNDS: Mapping[str, tuple[float, float]] = {
 }
 _POINTS = {"inside": 3, "homes": 3, "pipeline": 2, "shore": 2, "bridge": 2}
 """Option → how many points it has at least."""
+
+LINE_MOST_M = 25_000.0
+"""How far from the origin a line or an outline may lead: the widest scene's extent and as much again."""
 
 _MAPS = ("folder", "file", "map")
 
@@ -136,8 +140,21 @@ def _made_up_faults(spec: SceneSpec, known: Mapping[str, str]) -> Iterator[Scene
         if name in _POINTS and name in known and not _is_line(value, _POINTS[name]):
             message = f"scene `{spec.kind}`: `{name}` is no line of {_POINTS[name]} or more points"
             yield SceneFault(name, message, "write [(0 m, 0 m), (10 m, 0 m)]")
+        elif name in _POINTS and name in known:
+            yield from _far(spec, name, value)
     if spec.kind in HEIGHT_M:
         yield from _contradictions(spec)
+
+
+def _far(spec: SceneSpec, name: str, value: Datum) -> Iterator[SceneFault]:
+    """A site lies in its scene: no farther from the origin than the scene is wide."""
+    extent = spec.options.get("extent_m", EXTENT_M.get(spec.kind, USUAL_EXTENT_M))
+    most = extent if name in ("inside", "homes") and isinstance(extent, float) else LINE_MOST_M
+    numbers = value if isinstance(value, tuple | list) else ()
+    reach = max((abs(item) for item in numbers if isinstance(item, int | float)), default=0.0)
+    if reach > most:
+        message = f"scene `{spec.kind}`: `{name}` reaches {reach:g} m from the origin"
+        yield SceneFault(name, message, f"{most:g} m at most")
 
 
 def _contradictions(spec: SceneSpec) -> Iterator[SceneFault]:

@@ -13,11 +13,13 @@ from collections.abc import Iterator, Mapping
 import msgspec
 
 from lingjing.errors import LingjingError, MissionError
+from lingjing.mission import expression as ex
 from lingjing.mission import model
-from lingjing.mission.evaluate import Scope, number
+from lingjing.mission.evaluate import Area, Scope, number
+from lingjing.mission.feasibility.spread import places
 from lingjing.mission.instance import Instance
 from lingjing.mission.instantiate import instantiate, parameters
-from lingjing.mission.placing import NodeError, count_of, holds
+from lingjing.mission.placing import FARTHEST_M, NodeError, count_of, holds
 from lingjing.mission.scenes import lacks, scene_faults
 
 MEMBERS_MOST = 2_000
@@ -76,6 +78,7 @@ def _with_settings(mission: model.Mission, mode: str, settings: Mapping[str, flo
     except LingjingError as error:
         yield Refusal("LJ0507", mission.name, f"{where}{error}", error.hint)
     else:
+        yield from _of_draws(mission, instance)
         yield from _of_scene(mission, instance)
 
 
@@ -107,6 +110,25 @@ def _swept(mission: model.Mission, mode: str) -> Iterator[dict[str, float]]:
             rows = iter([tuple(column[turn % len(column)] for column in columns) for turn in turns])
         for row in rows:
             yield dict(zip(sweep.parameters, row, strict=True))
+
+
+def _of_draws(mission: model.Mission, instance: Instance) -> Iterator[Refusal]:
+    """Places that another seed would draw, and that lie beyond the scene."""
+    areas = {region.name: Area(region.polygon) for region in instance.regions if region.polygon}
+    scope = Scope(parameters=instance.settings, mode=instance.mode, areas=areas, tick_s=instance.clock.tick_s)
+    there = {entity.group for entity in instance.entities}
+    for group in mission.groups:
+        for prop in group.properties if group.name in there else ():
+            if prop.name != "position" or not isinstance(prop.value, ex.Draw):
+                continue
+            try:
+                where = places(prop.value, scope, group.name)
+            except MissionError:
+                continue
+            if any(abs(metres) > FARTHEST_M for outline in where.outlines for point in outline for metres in point):
+                message = f"a place that `{group.name}` may be drawn at is beyond the scene"
+                hint = f"coordinates are metres from the scene's origin, {FARTHEST_M:g} at most"
+                yield Refusal("LJ0507", f"{mission.name}/{group.name}/position", message, hint)
 
 
 def _of_scene(mission: model.Mission, instance: Instance) -> Iterator[Refusal]:

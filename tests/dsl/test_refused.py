@@ -20,6 +20,9 @@ from lingjing.scene.city import City
 from lingjing.scene.districts import build
 from lingjing.scene.districts.options import plan
 
+FAR = "subset([(0 m, 2 m), (1 m, 2 m), (1e7 m, 0 m), (3 m, 2 m), (4 m, 2 m), (5 m, 2 m)])"
+"""Not drawn with seed 0."""
+
 # what is replaced in the small mission, by what, code, line, column, a part of the message
 CASES = [
     ("param uavs = 2 in 1..10", "param uavs = 7 in [1, 2]", "LJ0206", 13, 16, "none of the values allowed"),
@@ -41,6 +44,7 @@ CASES = [
     ("bay {", "residential { bridge = [(0 m, 0 m), (9 m, 0 m)],", "LJ0508", 8, 23, "has no `bridge`"),
     ("bay {", "bay { extent = 3 km,", "LJ0508", 8, 15, "has no option `extent`"),
     ("bay {", "commercial { deck = 2 m,", "LJ0508", 8, 22, "`deck` is 2.0"),
+    ("~ sites(search, apart >= 10 m)", f"~ {FAR}", "LJ0507", 19, 12, "`victim` may be drawn at is beyond the scene"),
     ("bay {", "map {", "LJ0508", 8, 9, "names no map"),
     ("bay { datum = sea level at -3.5 m", "city { datum = 0 m", "LJ0508", 8, 16, "flood"),
 ]  # fmt: skip
@@ -75,6 +79,8 @@ OPTIONS = [
     {"inside": SQUARE},
     {"homes": SQUARE[:4]},
     {"pipeline": (1.0,)},
+    {"inside": (-4e2, -4e2, 9e2, -4e2, 9e2, 9e2)},
+    {"pipeline": (0.0, 0.0, 1e7, 0.0)},
     {"deck_m": 5.0},
     {"colour": "white"},
     {"map": "x.osm"},

@@ -274,3 +274,9 @@ def test_the_kinds_are_declared_as_scenes() -> None:
     assert {*KINDS, "city"} <= set(scenes)
     assert scenes["campus"].build(SceneSpec(kind="campus", layout=1)).id == "campus-1"
     assert msgspec.msgpack.decode(msgspec.msgpack.encode(district("campus")), type=City) == district("campus")
+
+
+def test_a_large_compound_has_more_houses_than_there_are_colours() -> None:
+    wide = (-800.0, -800.0, 700.0, -800.0, 700.0, 700.0, -800.0, 700.0)
+    city = district("residential", 3, extent_m=2000.0, blocks_rows=8.0, blocks_columns=8.0, inside=wide)
+    assert len(city.buildings) > 300

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from lingjing.errors import UsageError
 from lingjing.mission.instance import SceneSpec
-from lingjing.mission.scenes import DISTRICTS, EXTENT_M, HEIGHT_M, scene_faults
+from lingjing.mission.scenes import DISTRICTS, EXTENT_M, HEIGHT_M, USUAL_EXTENT_M, scene_faults
 from lingjing.scene.city import Polygon
 from lingjing.scene.districts.boxes import Box, bounds
 
@@ -59,7 +59,7 @@ def plan(spec: SceneSpec) -> Plan:
     fault = next(scene_faults(spec), None)
     if fault is not None:
         raise UsageError(fault.message, hint=fault.hint)
-    extent = _number(spec, "extent_m", EXTENT_M.get(spec.kind, 800.0))
+    extent = _number(spec, "extent_m", EXTENT_M.get(spec.kind, USUAL_EXTENT_M))
     default = max(2.0, round(extent / _SPACING_M.get(spec.kind, 200.0)))
     rows = _number(spec, "blocks_rows", default)
     columns = _number(spec, "blocks_columns", default)

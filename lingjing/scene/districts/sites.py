@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import cycle
 from random import Random
 
 from lingjing.scene.city import Pipe
@@ -46,7 +47,7 @@ def compound(draft: Draft, site: Box, heights: Heights, chance: Random, openings
         flat = side in ("west", "east")
         draft.area(around(x, y, 24.0 if flat else 7.0, 7.0 if flat else 24.0), "plaza", 0.014)
     colours = chance.sample(HOMES, len(HOMES))
-    painted = iter(colours * 4)
+    painted = cycle(colours)
     for lot in lots:
         draft.area(lot, "grass", 0.01)
         style = chance.random()
