@@ -156,7 +156,7 @@ def test_an_episode_is_told_its_policy_seed_and_its_row_keeps_it(tmp_path: Path)
     options = RunOptions(path=Path("m.ljs"), policy="p", policy_seed=77)
     command = options.command(3, tmp_path)
     assert command[command.index("--policy-seed") + 1] == "77"
-    assert fleet._killed(Task(options, 3, tmp_path), "gone").policy_seed == 77
+    assert fleet.without_result(Task(options, 3, tmp_path), "gone").policy_seed == 77
 
 
 def test_an_aborted_episode_is_played_again_with_its_seed(child, tmp_path: Path) -> None:
