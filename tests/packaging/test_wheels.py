@@ -56,6 +56,13 @@ def test_the_wheel_carries_the_library_the_missions_and_the_schemas(wheels: tupl
     assert not {name for name in names if name.startswith(("tests/", "agents/", "scenarios/"))}
 
 
+def test_every_wheel_carries_the_licence(wheels: tuple[Path, Path]) -> None:
+    for wheel in wheels:
+        held = zipfile.ZipFile(wheel)
+        (name,) = [name for name in held.namelist() if name.endswith(".dist-info/licenses/LICENSE")]
+        assert held.read(name) == (ROOT / "LICENSE").read_bytes()
+
+
 def test_the_mission_validates_and_plays_without_the_repository(bare: Path, tmp_path: Path) -> None:
     lingjing = bare / "lingjing"
     source = ROOT / "scenarios" / "ssr.ljs"
