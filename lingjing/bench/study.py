@@ -31,6 +31,7 @@ from lingjing.bench.report import ABORTED, INTERRUPTED, EpisodeReport
 from lingjing.data import data_path
 from lingjing.errors import ExitCode, LingjingError, UsageError
 from lingjing.mission.seeding import integer
+from lingjing.terminal import guard_streams
 
 TRIES = 3
 """How often one episode is tried before the study gives it up as aborted."""
@@ -234,6 +235,8 @@ def seeds_of(text: str) -> range:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Play the study and print its table; exit codes as everywhere."""
+    if argv is None:
+        guard_streams()
     parser = argparse.ArgumentParser(prog="python -m lingjing.bench.study", description=__doc__)
     parser.add_argument("--missions", nargs="+", help="names of shipped missions or .ljs files (default: all shipped)")
     parser.add_argument("--seeds", default="20", help="a number of seeds from 0, or a range A-B (default 20)")

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from lingjing.cli.pairs import MODES
 from lingjing.errors import ExitCode, UsageError
+from lingjing.terminal import write_data
 
 if TYPE_CHECKING:
     from lingjing.mission.model import Mission
@@ -53,7 +54,7 @@ def handler(args: argparse.Namespace) -> int:
     else:
         text = _reset_scenario(mission, args)
     if args.output in (None, "-"):
-        sys.stdout.write(text)
+        write_data(text)
     else:
         write_whole(args.output, text)
     return ExitCode.OK

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from lingjing.errors import ExitCode, UsageError
 from lingjing.mission.model import Mission
+from lingjing.terminal import write_data
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -54,7 +55,7 @@ def _text(args: argparse.Namespace, mission: Mission) -> None:
 
     text = page(mission)
     if args.output in (None, "-"):
-        sys.stdout.write(text)
+        write_data(text)
     else:
         from lingjing.cli.compile import write_whole
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lingjing.errors import ExitCode, UsageError
+from lingjing.terminal import write_data, write_styled
 
 if TYPE_CHECKING:
     from lingjing.dsl.source import Source
@@ -61,14 +62,14 @@ def _file(name: str, *, check: bool, diff: bool) -> int:
     formatted = format_source(source)
     if formatted.text is None:
         color = sys.stderr.isatty() and "NO_COLOR" not in os.environ
-        sys.stderr.write(render_text(formatted.diagnostics, source, color=color))
+        write_styled(sys.stderr, render_text(formatted.diagnostics, source, color=color))
         print(f"{name}: left as it is: {summary(formatted.diagnostics)}", file=sys.stderr)
         return ExitCode.MISSION
     changes = name != "-" and formatted.text.encode() != Path(name).read_bytes()
     if diff:
-        sys.stdout.write(_diff(source, formatted.text))
+        write_data(_diff(source, formatted.text))
     elif name == "-" and not check:
-        sys.stdout.write(formatted.text)
+        write_data(formatted.text)
     elif check and (changes or formatted.text != source.text):
         print(f"would reformat {name}")
     elif changes:

@@ -8,6 +8,7 @@ from pathlib import PurePath
 from typing import TYPE_CHECKING
 
 from lingjing.errors import ExitCode, UsageError
+from lingjing.terminal import write_data
 
 if TYPE_CHECKING:
     from lingjing.mission.graph import MissionGraph
@@ -37,7 +38,7 @@ def handler(args: argparse.Namespace) -> int:
         print(f"note: {note}", file=sys.stderr)
     text = render(graph(mission, args.mode), chosen)
     if args.output in (None, "-"):
-        sys.stdout.write(text)
+        write_data(text)
     else:
         from lingjing.cli.compile import write_whole
 

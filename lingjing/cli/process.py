@@ -12,20 +12,20 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
 
+from lingjing.terminal import Visible, guard_streams
+
 _ENDING = ("SIGTERM", "SIGHUP")
 _PR_SET_PDEATHSIG = 1
 
 
 def open_streams() -> None:
-    """Give closed standard streams (`>&-`) a null device, lest a trace is opened as descriptor 1; print whatever the
-    encoding lacks as an escape."""
+    """Give closed standard streams (`>&-`) a null device, lest a trace is opened as descriptor 1; print as an escape
+    whatever the encoding lacks or a terminal would follow."""
     for number, name in enumerate(("stdin", "stdout", "stderr")):
         if getattr(sys, name) is None:
             descriptor = os.open(os.devnull, os.O_RDWR)  # the lowest one free, so this very one
             setattr(sys, name, open(descriptor, "w" if number else "r", encoding="utf-8"))  # noqa: PTH123, SIM115
-    for stream in (sys.stdout, sys.stderr):
-        with suppress(AttributeError, ValueError):  # not a text file of ours
-            stream.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
+    guard_streams()
 
 
 @contextmanager
@@ -87,7 +87,8 @@ def results_alone() -> Iterator[None]:
     stdout = sys.stdout
     stdout.flush()
     kept = _turn_descriptor(stdout)
-    with open(os.dup(2), "w", encoding="utf-8", errors="backslashreplace", buffering=1) as aside:  # noqa: PTH123
+    raw = open(os.dup(2), "wb")  # noqa: PTH123, SIM115 - the stream around it closes it
+    with Visible(raw, encoding="utf-8", errors="backslashreplace", line_buffering=True) as aside:
         sys.stdout = aside
         try:
             yield

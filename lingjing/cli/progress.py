@@ -58,8 +58,11 @@ class LiveProgress:
 
     def __enter__(self) -> Self:
         if sys.stderr.isatty():
+            from lingjing.cli.console import spell_proxies
+
             self._bar = _bar()
             self._bar.start()
+            spell_proxies()
             self._bar.add_task(self._title, total=None, text="starting")
         return self
 
@@ -78,14 +81,15 @@ class LiveProgress:
 
 
 def _bar() -> Bar:
-    from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
+    from lingjing.cli.console import console
+
     return Progress(
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(bar_width=24),
         MofNCompleteColumn(),
         TextColumn("{task.fields[text]}", markup=False),
-        console=Console(stderr=True),
+        console=console(sys.stderr),
         transient=True,
     )

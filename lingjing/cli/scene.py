@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lingjing.errors import ExitCode, UsageError
+from lingjing.terminal import visible
 
 if TYPE_CHECKING:
     from lingjing.scene.city import City
@@ -121,10 +122,12 @@ def _phases(title: str) -> Iterator[Callable[[str], None]]:
     if not sys.stderr.isatty():
         yield lambda phase: None
         return
-    from rich.console import Console
+    from rich.text import Text
 
-    with Console(stderr=True).status(title) as status:
-        yield lambda phase: status.update(f"{title}: {phase}")
+    from lingjing.cli.console import console
+
+    with console(sys.stderr).status(Text(visible(title))) as status:
+        yield lambda phase: status.update(Text(visible(f"{title}: {phase}")))
 
 
 def _tell(city: City, summary: Summary | None) -> None:

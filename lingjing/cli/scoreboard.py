@@ -14,6 +14,7 @@ from lingjing.analysis.credit import credit
 from lingjing.bench.report import ABORTED, INTERRUPTED, EpisodeReport, SuiteReport
 from lingjing.cli.scorecard import plain, scorecard
 from lingjing.errors import ExitCode
+from lingjing.terminal import visible
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -116,7 +117,7 @@ def _card(report: EpisodeReport) -> Table:
     from rich.table import Table
     from rich.text import Text  # values are text, not markup: a path may hold brackets
 
-    title = Text(f"{report.mission} · seed {report.seed} · {report.mode} · {report.policy}")
+    title = Text(visible(f"{report.mission} · seed {report.seed} · {report.mode} · {report.policy}"))
     table = Table(title=title, title_justify="left", show_header=False, box=box.SIMPLE, pad_edge=False)
     table.add_column(style="bold", no_wrap=True)
     table.add_column(style="dim", overflow="fold")
@@ -124,7 +125,9 @@ def _card(report: EpisodeReport) -> Table:
     for group, rows in scorecard(report):
         for number, (name, value) in enumerate(rows):
             last = number == len(rows) - 1
-            table.add_row("" if number else group, name, _coloured(name, Text(value), report), end_section=last)
+            table.add_row(
+                "" if number else group, name, _coloured(name, Text(visible(value)), report), end_section=last
+            )
     return table
 
 
@@ -143,17 +146,17 @@ def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
     for column in table.columns:
         column.overflow = "fold"
     for row in rows:
-        table.add_row(*map(Text, row))
+        table.add_row(*(Text(visible(cell)) for cell in row))
     return table
 
 
 def _width() -> int:
-    from rich.console import Console
+    from lingjing.cli.console import console
 
-    return Console().width
+    return console().width
 
 
 def _print_table(table: Table) -> None:
-    from rich.console import Console
+    from lingjing.cli.console import console
 
-    Console().print(table)
+    console().print(table)

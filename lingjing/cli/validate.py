@@ -8,6 +8,7 @@ import sys
 from typing import TYPE_CHECKING, NamedTuple
 
 from lingjing.errors import ExitCode, MissionError, UsageError
+from lingjing.terminal import visible, write_data, write_styled
 
 if TYPE_CHECKING:
     from lingjing.dsl import Compilation
@@ -53,7 +54,10 @@ def handler(args: argparse.Namespace) -> int:
                 found.append(_as_diagnostic(error, path))
             continue
         found.extend(checked.diagnostics)
-        sys.stdout.write(checked.shown)
+        if args.diff or (_mends(args) and path == "-"):
+            write_data(checked.shown)
+        else:
+            write_styled(sys.stdout, checked.shown)
     return _conclude(args, found, unreadable=unreadable, wrong=wrong)
 
 
@@ -127,7 +131,7 @@ def _check_document(source: Source, *, as_text: bool) -> Checked:
     found = [*proofs(mission, source)]
     for kind, name, _ in missing(mission, offers):
         found.append(Diagnostic("LJ0505", start, f"no {kind} called `{name}` is installed", severity="warning"))
-    shown = "".join(f"{source.path}: note: {note}\n" for note in notes)
+    shown = visible("".join(f"{source.path}: note: {note}\n" for note in notes))
     return Checked(tuple(found), shown + _text(tuple(found), source) if as_text else "")
 
 
@@ -149,12 +153,12 @@ def _fix(path: str, source: Source, args: argparse.Namespace) -> Checked:
 
     fixed = fix_source(source, _compile, unsafe=args.unsafe_fixes)
     left, now = fixed.compilation.diagnostics, fixed.compilation.source
-    done = "".join(f"{source.path}:{item.line}: fixed {item.code}: {item.title}\n" for item in fixed.applied)
+    done = visible("".join(f"{source.path}:{item.line}: fixed {item.code}: {item.title}\n" for item in fixed.applied))
     if args.diff:
         shown, left = unified_diff(source.text, fixed.text, source.path), _compile(source).diagnostics
     elif path == STDIN:
         shown = fixed.text
-        sys.stderr.write(done + _text(left, now))
+        write_styled(sys.stderr, done + _text(left, now))
     else:
         if fixed.text != source.text:
             write_text(path, fixed.text)

@@ -8,6 +8,7 @@ import msgspec
 
 from lingjing.dsl.source import Source
 from lingjing.mission.diagnostics import Diagnostic, Span
+from lingjing.terminal import visible
 
 WIDEST = 140
 """Columns of a snippet; a longer line is cut around the error."""
@@ -17,7 +18,7 @@ _COLOURS = {"error": "1;31", "warning": "1;33", "note": "1;36", "frame": "1;34",
 
 def render_text(diagnostics: Iterable[Diagnostic], source: Source, *, color: bool = False) -> str:
     """One block a diagnostic: place, code, message, the line with carets, related places, hint. Ends with a newline
-    if there is anything."""
+    if there is anything. What the mission says is spelled out: no escape sequence but ours is in it."""
     paint = _Ansi if color else _Plain
     return "".join(_one(item, source, paint) for item in diagnostics)
 
@@ -61,21 +62,24 @@ def diagnostics_schema() -> bytes:
 
 
 def _one(item: Diagnostic, source: Source, paint: type[_Plain]) -> str:
-    place = f"{item.span.path}:{item.span.line}:{item.span.column}"
-    lines = [f"{paint.put('bold', place)}: {paint.put(item.severity, f'{item.severity}[{item.code}]')}: {item.message}"]
+    place = visible(f"{item.span.path}:{item.span.line}:{item.span.column}")
+    kind = paint.put(item.severity, f"{item.severity}[{item.code}]")
+    lines = [f"{paint.put('bold', place)}: {kind}: {visible(item.message)}"]
     width = max([item.span.end_line, *(related.span.line for related in item.related)])
     margin = " " * len(str(width))
     if item.span.path == source.path:
         lines += _snippet(item.span, source, margin, paint, item.severity, "^")
     for related in item.related:
-        where = f"{related.span.path}:{related.span.line}:{related.span.column}"
-        lines.append(f"{margin} {paint.put('frame', '=')} {paint.put('note', 'note')}: {related.message} ({where})")
+        where = visible(f"{related.span.path}:{related.span.line}:{related.span.column}")
+        lines.append(
+            f"{margin} {paint.put('frame', '=')} {paint.put('note', 'note')}: {visible(related.message)} ({where})"
+        )
         if related.span.path == source.path and related.span.line != item.span.line:
             lines += _snippet(related.span, source, margin, paint, "note", "-")
     if item.hint:
-        lines.append(f"{margin} {paint.put('frame', '=')} {paint.put('hint', 'hint')}: {item.hint}")
+        lines.append(f"{margin} {paint.put('frame', '=')} {paint.put('hint', 'hint')}: {visible(item.hint)}")
     if item.fix is not None and item.fix.safe:
-        lines.append(f"{margin} {paint.put('frame', '=')} {paint.put('hint', 'safe fix')}: {item.fix.title}")
+        lines.append(f"{margin} {paint.put('frame', '=')} {paint.put('hint', 'safe fix')}: {visible(item.fix.title)}")
     return "\n".join(lines) + "\n\n"
 
 

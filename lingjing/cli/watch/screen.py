@@ -13,6 +13,7 @@ from rich.text import Text
 from lingjing.cli.progress import factor
 from lingjing.cli.watch.chart import SIGHTS, Chart, Colour, asset_colour
 from lingjing.cli.watch.state import Doing, Line, Watched
+from lingjing.terminal import visible
 
 MAP_FROM = (56, 16)
 """Columns and rows from which on there is room for a map."""
@@ -53,8 +54,8 @@ class Screen:
 
     def _head(self, width: int) -> Text:
         watched = self._watched.instance
-        left = Text(f" {watched.title or watched.mission}", style="bold")
-        right = Text(f"{self._title} ", style="dim")
+        left = Text(visible(f" {watched.title or watched.mission}"), style="bold")
+        right = Text(visible(f"{self._title} "), style="dim")
         return _apart(left, right, width)
 
     def _clock(self, width: int) -> Text:
@@ -71,7 +72,7 @@ class Screen:
         line = Text(" ")
         for name, done, of in self._watched.stage_counts():
             line.append(f"{name} {done}/{of}  ", style="bold green" if done >= of else "bold" if done else "dim")
-        signs = Text(f"{self._credit} ", style="dim")
+        signs = Text(visible(f"{self._credit} "), style="dim")
         for sight, (sign, colour) in SIGHTS.items():
             if sight != "truth" or self._watched.truth:
                 signs.append(sign, style=_ink(colour)).append(f" {sight}  ", style="dim")
@@ -91,8 +92,8 @@ class Screen:
         head = Text().append(one.agent, style=_ink(self._colour(one.agent))).append(" ")
         asset, _, what = one.command.partition(".")
         narrow = head.cell_len + len(one.command) > width and len(self._held(one.agent)) == 1
-        head.append(what if narrow and asset in self._held(one.agent) else one.command)
-        status = Text("  ").append(one.status, style="red" if one.refused else "dim")
+        head.append(visible(what if narrow and asset in self._held(one.agent) else one.command))
+        status = Text("  ").append(visible(one.status), style="red" if one.refused else "dim")
         if lines == 1:
             return [_row(head.append_text(status), width)]
         return [_row(head, width), _row(status, width)]
@@ -126,7 +127,11 @@ def _ticker(name: str, lines: Iterable[Line], width: int, height: int) -> list[R
 
 
 def _said(line: Line) -> Text:
-    return Text().append(f"{line.tick:>3} ", style="dim").append(line.text, style="bold green" if line.good else "")
+    return (
+        Text()
+        .append(f"{line.tick:>3} ", style="dim")
+        .append(visible(line.text), style="bold green" if line.good else "")
+    )
 
 
 def _apart(left: Text, right: Text, width: int) -> Text:

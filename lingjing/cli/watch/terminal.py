@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import io
 import os
-import shutil
 import signal
 import sys
 import tempfile
@@ -11,6 +11,8 @@ from collections.abc import Callable
 from contextlib import suppress
 from types import FrameType, TracebackType
 from typing import IO, TYPE_CHECKING, Self
+
+from lingjing.terminal import visible
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
@@ -32,7 +34,7 @@ class Borrowed:
         self._late = False
 
     def __enter__(self) -> Self:
-        from rich.console import Console
+        from lingjing.cli.console import VisibleConsole
 
         _flush()
         self._aside: IO[bytes] = tempfile.TemporaryFile()
@@ -40,7 +42,7 @@ class Borrowed:
         for number in self._kept:
             os.dup2(self._aside.fileno(), number)
         self._out: IO[str] = open(self._kept[2], "w", encoding="utf-8", closefd=False)
-        self._console: Console = Console(file=self._out, force_terminal=True)
+        self._console: Console = VisibleConsole(file=self._out, force_terminal=True)
         self._before = self._listen()
         self._console.set_alt_screen(True)
         self._console.show_cursor(False)
@@ -60,9 +62,10 @@ class Borrowed:
             os.dup2(kept, number)
             os.close(kept)
         self._aside.seek(0)
-        with suppress(OSError), os.fdopen(os.dup(2), "wb") as terminal:
-            shutil.copyfileobj(self._aside, terminal)
-        self._aside.close()
+        with suppress(OSError), io.TextIOWrapper(self._aside, encoding="utf-8", errors="backslashreplace") as said:
+            for line in said:
+                sys.stderr.write(visible(line))
+            sys.stderr.flush()
 
     def draw(self, renderable: RenderableType) -> None:
         """Fill the screen, as large as the terminal is now."""
@@ -77,10 +80,10 @@ class Borrowed:
     @staticmethod
     def leave(renderable: RenderableType) -> None:
         """Print a last picture where the terminal was, to stay; after the screen was given back."""
-        from rich.console import Console
+        from lingjing.cli.console import console
 
-        console = Console(stderr=True)
-        console.print(renderable, height=min(_LEFT_ROWS, console.height - 1), end="\n")
+        shown = console(sys.stderr)
+        shown.print(renderable, height=min(_LEFT_ROWS, shown.height - 1), end="\n")
 
     # -- parts
 

@@ -40,6 +40,7 @@ from lingjing.kernel.world.messages import (
 )
 from lingjing.kernel.world.shared import Progress
 from lingjing.plugins.host import PluginHost
+from lingjing.terminal import guard_streams
 
 _PATROL_S = 1.0
 _PR_SET_PDEATHSIG = 1
@@ -69,6 +70,7 @@ class Post:
 def main() -> NoReturn:
     """Serve until told to close or left alone."""
     options = _options()
+    guard_streams()
     _die_with(options.parent)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     faulthandler.enable()

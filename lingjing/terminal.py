@@ -1,0 +1,109 @@
+"""The one place where text goes to a terminal: what steers one, or turns the order of letters, is shown as an escape.
+
+Names, messages and errors come from missions, policies, services and models. `visible` spells their control characters
+(C0 but for newline and tab, DEL, C1) and the marks that hide or reorder text; `Visible` is a stream that does so with
+everything that is written to it, which `guard_streams` makes of the standard ones. What is meant to reach a terminal
+as it is (our own colours, rich's drawing) goes through `write_styled` and `unguarded`, what is data through
+`write_data`. Traces, files and JSON values keep what was said: inside of JSON the escapes are JSON's own.
+
+A policy in the caller's process could still write to the descriptor; one that prints or logs does not get through.
+"""
+
+from __future__ import annotations
+
+import io
+import sys
+from contextlib import suppress
+from typing import TextIO
+
+_KEPT = "\n\t"
+_CONTROLS = (*range(0x20), *range(0x7F, 0xA0))
+_MARKS = (
+    0x00AD, 0x061C, 0x180E, *range(0x200B, 0x200C), *range(0x200E, 0x2010), *range(0x2028, 0x202F),
+    *range(0x2060, 0x2070), 0xFEFF, *range(0xFFF9, 0xFFFC), *range(0xE0000, 0xE0080),
+)  # fmt: skip
+"""Invisible, reordering or breaking a line: bidirectional marks, zero-width spaces, separators, tags. The joiners that
+scripts and emoji need (U+200C, U+200D) stay."""
+
+
+def _spelled(code: int) -> str:
+    if code < 0x20:
+        return f"\\x{code:02x}"
+    units = chr(code).encode("utf-16-be")
+    return "".join(f"\\u{units[at]:02x}{units[at + 1]:02x}" for at in range(0, len(units), 2))
+
+
+_SPELLED = {code: _spelled(code) for code in (*_CONTROLS, *_MARKS) if chr(code) not in _KEPT}
+
+
+def visible(text: str) -> str:
+    """`text` with an escape in hexadecimal for whatever steers a terminal."""
+    if text.isascii() and text.isprintable():
+        return text
+    return text.replace("\r\n", "\n").translate(_SPELLED)
+
+
+class Visible(io.TextIOWrapper):
+    """A text stream that writes `visible` text."""
+
+    def write(self, text: str) -> int:
+        """Write the text, spelled out; returns its length."""
+        super().write(visible(text))
+        return len(text)
+
+    def write_exactly(self, text: str) -> int:
+        """Write the text as it is."""
+        return super().write(text)
+
+
+class _Unguarded:
+    """The same stream without the spelling, for a library that draws."""
+
+    def __init__(self, stream: Visible) -> None:
+        self._stream = stream
+        self.encoding = stream.encoding
+
+    def write(self, text: str) -> int:
+        return self._stream.write_exactly(text)
+
+    def flush(self) -> None:
+        self._stream.flush()
+
+    def isatty(self) -> bool:
+        return self._stream.isatty()
+
+    def fileno(self) -> int:
+        return self._stream.fileno()
+
+
+def guard_streams() -> None:
+    """Make standard output and standard error `Visible`, whoever holds them."""
+    for name in ("stdout", "stderr"):
+        guarded = _guarded(getattr(sys, name))
+        setattr(sys, name, guarded)
+        setattr(sys, f"__{name}__", guarded)
+
+
+def _guarded(stream: TextIO) -> TextIO:
+    if type(stream) is not io.TextIOWrapper:
+        return stream  # not ours to change: a test's or a notebook's, or guarded already
+    with suppress(OSError, ValueError):
+        stream.flush()
+    buffered, encoding = stream.line_buffering, stream.encoding
+    return Visible(stream.detach(), encoding=encoding, errors="backslashreplace", line_buffering=buffered)
+
+
+def write_styled(stream: TextIO, text: str) -> None:
+    """Write text that holds escape sequences of ours, and nobody else's."""
+    (stream.write_exactly if isinstance(stream, Visible) else stream.write)(text)
+
+
+def write_data(text: str) -> None:
+    """Write a file's worth of text to standard output: exactly, unless that is a terminal."""
+    stream = sys.stdout
+    (stream.write_exactly if isinstance(stream, Visible) and not stream.isatty() else stream.write)(text)
+
+
+def unguarded(stream: TextIO) -> TextIO:
+    """The stream for a library that draws and spells out foreign text itself."""
+    return _Unguarded(stream) if isinstance(stream, Visible) else stream  # type: ignore[return-value]

@@ -1,0 +1,176 @@
+"""What missions, policies, models and file names say never steers the terminal."""
+
+import json
+import os
+import pty
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from lingjing.terminal import visible
+
+EVIL = [
+    "\x1b]0;EVIL\x07",
+    "\x1b[31mEVIL",
+    "\x1bPEVIL",
+    "\x9b31mEVIL",
+    "\x9d0;EVIL",
+    "\u202eEVIL",
+    "\u2066EVIL",
+    "\rEVIL",
+    "\x08EVIL",
+]
+LINE = "".join(EVIL) + "DONE"
+
+POLICY = f"""
+import logging, sys, warnings
+from lingjing.plugins.policy import Action, Decision, Outgoing
+
+EVIL = {LINE!r}
+
+class Evil:
+    async def reset(self, brief):
+        self.brief = brief
+        print("reset", EVIL)
+
+    async def act(self, observation, inbox):
+        print("stdout", EVIL)
+        print("stderr", EVIL, file=sys.stderr)
+        logging.getLogger("evil").error("log " + EVIL)
+        warnings.warn("warn " + EVIL)
+        sys.__stderr__.write("original " + EVIL + "\\n")
+        if observation.tick == 1:
+            raise ValueError("raised " + EVIL)
+        kinds = [message.kind for message in self.brief.messages]
+        body = {{"task": EVIL, "state": EVIL, EVIL: EVIL}}
+        messages = tuple(Outgoing(kind=kind, body=body) for kind in (*kinds, EVIL))
+        command = Action(verb=EVIL, arguments={{EVIL: EVIL}}, resource=EVIL)
+        return Decision(command=command, messages=messages, thought=EVIL)
+"""
+
+MISSION = """ljs 1
+mission tiny "T" {
+  goal "Nothing."
+  scene bay {}
+  clock { tick = 1 s, sync = 500 ms }
+  budget { ticks <= 3 }
+  asset boat : no_such_%s { position = (0 m, 0 m) }
+}
+"""
+
+
+def on_terminal(*arguments: str, cwd: Path, stdin: bytes | None = None) -> str:
+    """What a terminal gets from `lingjing …`, both streams, with its newlines as they were written."""
+    primary, secondary = pty.openpty()
+    try:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "lingjing.cli.main", *arguments],
+            stdin=subprocess.PIPE if stdin is not None else secondary, stdout=secondary, stderr=secondary, cwd=cwd,
+            env={**os.environ, "TERM": "xterm-256color", "COLUMNS": "120", "LINES": "40"},
+        )  # fmt: skip
+        os.close(secondary)
+        if stdin is not None:
+            assert process.stdin is not None
+            process.stdin.write(stdin)
+            process.stdin.close()
+        shown = b""
+        while piece := _read(primary):
+            shown += piece
+        process.wait()
+    finally:
+        os.close(primary)
+    return shown.decode("utf-8", "surrogateescape").replace("\r\n", "\n")
+
+
+def _read(descriptor: int) -> bytes:
+    try:
+        return os.read(descriptor, 65536)
+    except OSError:  # the other side is closed
+        return b""
+
+
+def harmless(shown: str) -> bool:
+    return not any(evil in shown for evil in EVIL) and not any("\x80" <= letter <= "\x9f" for letter in shown)
+
+
+def test_what_is_spelled_out_and_what_stays():
+    assert visible("a\tb\nc\r\nd é 中 👩\u200d🚀") == "a\tb\nc\nd é 中 👩\u200d🚀"
+    assert visible("\x1b[2J\x07\x7f\x85\u202e\ufeff\U000e0041") == r"\x1b[2J\x07\u007f\u0085\u202e\ufeff\udb40\udc41"
+    assert json.loads(visible(json.dumps("\x9b\u202e\U000e0041\x7f", ensure_ascii=False))) == "\x9b\u202e\U000e0041\x7f"
+    for code in range(0x110000):
+        shown = visible(chr(code))
+        assert len(shown) == 1 or shown.isascii()
+
+
+@pytest.fixture
+def here(tmp_path: Path) -> Path:
+    (tmp_path / "evil.py").write_text(POLICY)
+    (tmp_path / f"{LINE}.ljs").write_text(MISSION % "type")
+    (tmp_path / "inside.ljs").write_text((MISSION % "type").replace("Nothing.", LINE).replace("{}", "{} # " + LINE))
+    (tmp_path / "names.json").write_text(json.dumps({"taskType": LINE, "lingjing": {"mission": LINE}, LINE: LINE}))
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("validate", f"{LINE}.ljs"),
+        ("validate", "inside.ljs"),
+        ("validate", "names.json"),
+        ("validate", f"no such {LINE}"),
+        ("validate", "--diff", f"{LINE}.ljs"),
+        ("run", f"{LINE}.ljs"),
+        ("run", "ssr", "--policy", f"./{LINE}.py:X"),
+        ("run", "ssr", "--set", f"{LINE}=1"),
+        ("run", "ssr", "--mode", LINE),
+        ("run", "ssr", "--policy-arg", LINE),
+        ("run", "ssr", "-o", f"evil.py/{LINE}"),
+        ("fmt", "--diff", "inside.ljs"),
+        ("explain", LINE),
+        ("graph", "inside.ljs"),
+        ("compile", "--emit", "ljs", "ssr", "-o", f"{LINE}/x"),
+        ("scene", "info", LINE),
+        ("docs", "ssr", "--trace", LINE, "-o", LINE),
+        ("new", "agent", LINE),
+        (LINE,),
+    ],
+    ids=lambda arguments: " ".join(arguments).replace(LINE, "EVIL"),
+)
+def test_no_verb_hands_a_mission_or_a_name_through(arguments: tuple[str, ...], here: Path):
+    shown = on_terminal(*arguments, cwd=here)
+    assert harmless(shown), shown
+    assert shown
+
+
+def test_a_formatted_text_is_spelled_on_a_terminal_and_exact_in_a_pipe(here: Path):
+    comment = f"# {EVIL[0]} {EVIL[1]} {EVIL[3]}"  # others are errors of the language
+    text = f'ljs 1\nmission tiny "T" {{\n  goal "Nothing."\n  {comment}\n}}\n'.encode()
+    assert harmless(on_terminal("fmt", "-", cwd=here, stdin=text))
+    piped = subprocess.run(
+        [sys.executable, "-m", "lingjing.cli.main", "fmt", "-"], input=text, capture_output=True, check=True
+    )
+    assert comment.encode() in piped.stdout
+
+
+def test_colours_are_ours(here: Path):
+    shown = on_terminal("validate", "inside.ljs", cwd=here)
+    assert "\x1b[1;31merror" in shown
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("option", ["--watch", "--no-overview"])
+def test_nothing_that_a_policy_says_steers_the_terminal(option: str, here: Path):
+    mission = (Path(__file__).parents[2] / "scenarios" / "ssr.ljs").read_text().replace("ticks  <= 60", "ticks <= 3")
+    (here / "short.ljs").write_text(mission)
+    shown = on_terminal("run", "short.ljs", "--policy", "./evil.py:Evil", option, cwd=here)
+    assert harmless(shown), shown
+    for said in ("reset", "stdout", "stderr", "log", "warn", "original"):
+        assert f"{said} \\x1b]0;EVIL\\x07" in shown.replace("\n", ""), said
+    assert "raised \\x1b" in shown.replace("\n", "")
+    piped = subprocess.run(
+        [sys.executable, "-m", "lingjing.cli.main", "run", "short.ljs", "--policy", "./evil.py:Evil", "--no-overview"],
+        cwd=here, capture_output=True, check=False,
+    )  # fmt: skip
+    assert harmless((piped.stdout + piped.stderr).decode())
