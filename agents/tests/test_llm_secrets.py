@@ -92,6 +92,16 @@ def test_other_texts_stay_as_they_are():
         assert redact(text) == text
 
 
+@pytest.mark.parametrize(
+    "piece", ["x", "%41", "&#65;", "\\u0041", "\\", "%", "&", "://", "://a", "Zq8vT3kX", "é", "%25", "@"]
+)
+def test_a_long_answer_is_searched_in_one_go(piece: str):
+    """Under the suite's time limit: a search that grows with the square of the text would take hours."""
+    key = "Zq8vT3kX9-mWn2bLs77Rx"
+    redacted = Redactor((key, LOGIN))(piece * (2_000_000 // len(piece)) + f" {key} {quote(KEY)} {key[:12]}")
+    assert not told(redacted[-200:], key)
+
+
 def echo(status: str, spell: Callable[[str], str]):
     """A service that sends back what it was sent as authorisation."""
 

@@ -15,14 +15,19 @@ from base64 import b64encode, urlsafe_b64encode
 from collections.abc import Iterable, Iterator
 from urllib.parse import quote, quote_plus, unquote
 
+import numpy as np
+import numpy.typing as npt
+
 MARK = "***"
 RUN = 8
 SHORTEST = 4
+_LONG = 1000
+_FACTOR = 1_000_003
 _ROUNDS = 3
 """How many escapes inside one another are undone."""
 
 _USERINFO = re.compile(r"(?<=://)[^/\s@\"'<>]+@")
-_JSON_ESCAPE = re.compile(r"\\+(?:u([0-9a-fA-F]{4})|x([0-9a-fA-F]{2}))")
+_JSON_ESCAPE = re.compile(r"(?<!\\)\\++(?:u([0-9a-fA-F]{4})|x([0-9a-fA-F]{2}))")
 _ASCII_LOWER = {upper: upper + 32 for upper in range(ord("A"), ord("Z") + 1)}
 
 
@@ -32,16 +37,22 @@ class Redactor:
     def __init__(self, secrets: Iterable[str]) -> None:
         spellings = {_lower(form) for secret in secrets if len(secret) >= SHORTEST for form in _spellings(secret)}
         self._runs = frozenset(form[at : at + RUN] for form in spellings for at in range(len(form) - RUN + 1))
+        self._sums = np.unique([_sums(run)[0] for run in self._runs] or [0])
         short = sorted(form for form in spellings if SHORTEST <= len(form) < RUN)
         self._alone = re.compile(rf"(?<!\w)(?:{'|'.join(map(re.escape, short))})(?!\w)") if short else None
 
     def __call__(self, text: str) -> str:
         """`text` with `***` for every secret; one whose escapes hid a secret comes back without these escapes."""
         text = self._plain(text)
+        view = text
         for _ in range(_ROUNDS):
-            for unescaped in (unquote(text), html.unescape(text), _JSON_ESCAPE.sub(_character, text)):
-                if unescaped != text and any(True for _ in self._found(unescaped)):
-                    text = self._plain(unescaped)
+            before = view
+            for unescape in (unquote, html.unescape, _without_json_escapes):
+                view = unescape(view)
+            if view == before:
+                break
+            if self._found(view):
+                text = view = self._plain(view)
         return text
 
     def _plain(self, text: str) -> str:
@@ -51,20 +62,24 @@ class Redactor:
             end = last
         return _USERINFO.sub(f"{MARK}@", "".join([*parts, text[end:]]))
 
-    def _found(self, text: str) -> Iterator[tuple[int, int]]:
+    def _found(self, text: str) -> list[tuple[int, int]]:
         """Where secrets stand, in order and apart."""
         lowered = _lower(text)
         spans = [match.span() for match in self._alone.finditer(lowered)] if self._alone else []
-        if self._runs:
-            runs = self._runs
-            spans += [(at, at + RUN) for at in range(len(lowered) - RUN + 1) if lowered[at : at + RUN] in runs]
+        spans += [(at, at + RUN) for at in self._candidates(lowered) if lowered[at : at + RUN] in self._runs]
         joined: list[tuple[int, int]] = []
         for first, last in sorted(spans):
             if joined and first <= joined[-1][1]:
                 joined[-1] = (joined[-1][0], max(last, joined[-1][1]))
             else:
                 joined.append((first, last))
-        return iter(joined)
+        return joined
+
+    def _candidates(self, lowered: str) -> list[int]:
+        """Where a run may begin: everywhere in a short text, where its sum is a run's in a long one."""
+        if len(lowered) < _LONG or not self._runs:
+            return list(range(max(0, len(lowered) - RUN + 1)))
+        return [int(at) for at in np.flatnonzero(np.isin(_sums(lowered), self._sums))]
 
 
 def _spellings(secret: str) -> Iterator[str]:
@@ -75,6 +90,19 @@ def _spellings(secret: str) -> Iterator[str]:
         for before in range(3):  # inside a longer text it may begin at any of three places of a group of four letters
             letters = encode(b"\0" * before + data).decode().rstrip("=")
             yield letters[(0, 2, 3)[before] : len(letters) - bool((before + len(data)) % 3)]
+
+
+def _sums(text: str) -> npt.NDArray[np.uint64]:
+    """A number for each run of `RUN` characters; equal runs have equal ones."""
+    letters = np.frombuffer(text.encode("utf-32-le", "surrogatepass"), "<u4").astype(np.uint64)
+    sums = np.zeros(len(letters) - RUN + 1, np.uint64)
+    for at in range(RUN):
+        sums = sums * np.uint64(_FACTOR) + letters[at : at + len(sums)]
+    return sums
+
+
+def _without_json_escapes(text: str) -> str:
+    return _JSON_ESCAPE.sub(_character, text)
 
 
 def _lower(text: str) -> str:

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import httpx
 import msgspec
 
-ANSWER_BYTES = 8 * 1024 * 1024
-"""Of an answer, unpacked: a million tokens of text and their reasoning are less."""
+ANSWER_BYTES = 4 * 1024 * 1024
+"""Of an answer, unpacked: half a million tokens of text with their reasoning."""
 
 REFUSAL_BYTES = 64 * 1024
 """Of an answer whose status is no success: its beginning says why."""
