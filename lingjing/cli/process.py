@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
 
-from lingjing.terminal import Visible, guard_streams
+from lingjing.terminal import Visible, guard_streams, write_styled
 
 _ENDING = ("SIGTERM", "SIGHUP")
 _PR_SET_PDEATHSIG = 1
@@ -114,7 +114,7 @@ def _turn_descriptor(stdout: object) -> int | None:
 def restore_terminal() -> None:
     """Give a terminal its cursor and its own screen back, which a process that was killed had taken."""
     if sys.stderr.isatty() and os.environ.get("TERM", "dumb") not in ("dumb", "unknown", ""):
-        sys.stderr.write("\x1b[?1049l\x1b[?25h\r\x1b[K")
+        write_styled(sys.stderr, "\x1b[?1049l\x1b[?25h\r\x1b[K")
         sys.stderr.flush()
 
 

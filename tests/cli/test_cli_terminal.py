@@ -3,12 +3,14 @@
 import json
 import os
 import pty
+import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
+import lingjing
 from lingjing.terminal import visible
 
 EVIL = [
@@ -174,3 +176,22 @@ def test_nothing_that_a_policy_says_steers_the_terminal(option: str, here: Path)
         cwd=here, capture_output=True, check=False,
     )  # fmt: skip
     assert harmless((piped.stdout + piped.stderr).decode())
+
+
+@pytest.mark.slow
+def test_a_screen_whose_process_is_gone_is_given_back(here: Path):
+    (here / "gone.py").write_text(
+        "import os\n" + POLICY.replace("if observation.tick == 1:", "os._exit(0)\n        if 0:")
+    )
+    shown = on_terminal("run", "ssr", "--policy", "./gone.py:Evil", "--watch", cwd=here)
+    assert shown.count("\x1b[?1049h") == 1
+    assert "\x1b[?1049l" in shown.split("\x1b[?1049h")[1]
+    assert harmless(shown), shown
+
+
+def test_drawing_goes_through_one_console():
+    sources = {path: path.read_text(encoding="utf-8") for path in Path(lingjing.__file__).parent.rglob("*.py")}
+    drawing = {
+        path.name for path, text in sources.items() if re.search(r"\bConsole\(", text.replace("VisibleConsole(", ""))
+    }
+    assert not drawing - {"console.py"}
