@@ -29,7 +29,7 @@ ENDURANCE_S = 5400.0
 """What an entity without these properties gets, and the fastest that the legs keep up with."""
 
 DOWN_S = 3.0
-CAREFUL_MPS = 0.9
+CAREFUL_MPS = 1.2
 """Speed over kerbs, stairs and steep slopes. At it, all of 12 tries at six steps of 12 cm reached the top; at 1.5 m/s,
 8 did and one fell."""
 
@@ -207,7 +207,8 @@ class Dog:
         task = self._ending or self.task
         assert task is not None
         if isinstance(task, Walk):
-            task.cruise = self.cruise_mps if task.best > self._careful_m else min(self.cruise_mps, CAREFUL_MPS)
+            task.climbing = task.best <= self._careful_m
+            task.cruise = min(self.cruise_mps, CAREFUL_MPS) if task.climbing else self.cruise_mps
         wanted: Velocity = task.wanted(here)
         if task.done and isinstance(task, Halt):
             return self._end(pack, Notice("done"))

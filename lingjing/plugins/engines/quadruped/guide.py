@@ -2,7 +2,9 @@
 
 A walk holds its heading and comes back to its line; it slows down before its end, and what a dog cannot do slower than
 at a slow walk it does by stopping. A dog that pushes against something waits a moment and tries again; a request that
-has come no further for `PATIENCE_S` is given up by whoever asks `stuck`.
+has come no further for `PATIENCE_S` is given up by whoever asks `stuck`. On steps a walk is given up later: the policy
+does not see them, a foot that meets a riser stays there, and the way up is to step back and come again. Each time it
+steps back by another distance, so that the feet meet the riser in another phase of the gait.
 """
 
 from __future__ import annotations
@@ -14,6 +16,9 @@ from lingjing.plugins.engines.quadruped.gait import PERIOD_S
 from lingjing.plugins.engines.quadruped.pack import Sense
 
 PATIENCE_S = 4.0
+CLIMBING_PATIENCE_S = 24.0
+"""How long a walk may come no further on level ground, and on steps: a dozen tries."""
+
 WAIT_S = 1.0
 
 Velocity = tuple[float, float, float]
@@ -34,8 +39,9 @@ _CALM_MPS, _CALM_STIR, _CALM_PERIODS = 0.1, 1.5, 3
 _NEAR_M, _STOP_S = 0.13, 0.37
 _CALM_RADPS = 0.2
 _CALM_LIMIT_S, _LATE_MPS, _PUSHED_S = 2.0, 0.3, 8.0
-_RETREAT_S, _RETREAT_MPS = (1.3, 1.9), 0.5
-"""When a walk that comes no further steps back to take a step anew, seconds since it last came further."""
+_RETREAT_MPS = 0.5
+_PUSH_S, _RETREATS_S = 1.4, (0.7, 1.0, 0.5, 1.2)
+"""A walk that comes no further pushes on for so long, then steps back for the next of these, in turn."""
 
 _GAINED_M, _GAINED_RAD = 0.1, math.radians(5.0)
 
@@ -57,6 +63,7 @@ class Walk:
     best: float = 0.0
     stalled_s: float = 0.0
     waiting_s: float = 0.0
+    climbing: bool = False
     done: bool = False
     status: str = "walking"
 
@@ -68,7 +75,7 @@ class Walk:
     @property
     def stuck(self) -> bool:
         """Whether it has come no further for too long."""
-        return self.stalled_s > PATIENCE_S
+        return self.stalled_s > (CLIMBING_PATIENCE_S if self.climbing else PATIENCE_S)
 
     def end(self, here: Sense) -> Halt:
         """How to stop once the end is reached."""
@@ -93,7 +100,7 @@ class Walk:
             self.waiting_s -= PERIOD_S
             return _REST
         off = wrapped(self.yaw - here.yaw)
-        if _RETREAT_S[0] < self.stalled_s < _RETREAT_S[1]:
+        if _steps_back(self.stalled_s):
             return -_RETREAT_MPS, 0.0, _HEADING_GAIN * off
         turn = min(max(_HEADING_GAIN * off, -_HEADING_RADPS), _HEADING_RADPS)
         side = min(max(-_LINE_GAIN * left, -_LINE_MPS), _LINE_MPS)
@@ -189,6 +196,16 @@ class Halt:
         self.done = self.calm >= _CALM_PERIODS or late
         ahead, side = _hold(self.x, self.y, here)
         return ahead, side, min(max(_HEADING_GAIN * off, -_HELD_RADPS), _HELD_RADPS)
+
+
+def _steps_back(stalled_s: float) -> bool:
+    """Whether a walk that has come no further for so long is stepping back just now."""
+    left = stalled_s % sum(_PUSH_S + retreat for retreat in _RETREATS_S)
+    for retreat in _RETREATS_S:
+        if left < _PUSH_S + retreat:
+            return left > _PUSH_S
+        left -= _PUSH_S + retreat
+    return False
 
 
 def stopping(here: Sense) -> Halt:
