@@ -52,11 +52,13 @@ INTERACTION_KEYS = {
         Key("from", Type("name")),
         Key("gives", Type("name")),
         Key("up_to", Type("name")),
+        Key("told", Type("name"), choices=("all", "actor", "none")),
     )
 }
 """`by` names the engine of who acts, `status` the target's word afterwards, `aboard` whether it is taken along.
 `takes = demand, from = load` lowers the target's `demand` by what the actor's `load` allows; `gives = load, up_to =
-payload` raises the actor's `load` to its `payload`."""
+payload` raises the actor's `load` to its `payload`. `told` says which agents learn of it
+(`lingjing.kernel.announcements`)."""
 COMMON_KEYS = {
     key.name: key
     for key in (

@@ -1,8 +1,8 @@
 """ProjectVisible: what an agent may see at a boundary, and what it may know before the first.
 
 An agent sees its declared channels and nothing else. A property that the mission marks hidden is never read here,
-and an entity with a hidden position is never listed, whatever a channel says; of events it gets the public
-projection (id, kind, public entities). So instances that differ only in hidden values give identical inputs until a
+and an entity with a hidden position is never listed, whatever a channel says; which events it is told is said in
+`announcements`. So instances that differ only in hidden values give identical inputs until a
 sensor or an admitted message makes the difference.
 """
 
@@ -12,6 +12,7 @@ from collections.abc import Iterable, Sequence
 
 import msgspec
 
+from lingjing.kernel.announcements import Announcements
 from lingjing.kernel.registry import Registry
 from lingjing.kernel.stocks import public, stocks
 from lingjing.mission.instance import AgentSpec, ChannelSpec, Entity, Instance
@@ -45,6 +46,7 @@ class Projector:
         self._instance = instance
         self._policy_seed = policy_seed
         self._entities = {entity.id: entity for entity in instance.entities}
+        self._announcements = Announcements(instance)
         self._public = frozenset(entity.id for entity in instance.entities if "position" not in entity.hidden)
 
     def brief(self, agent: AgentSpec, classes: Sequence[str]) -> Brief:
@@ -95,7 +97,7 @@ class Projector:
             if channel.source == "grid":
                 cells.extend(self._cells(channel, registry))
             elif channel.source == "events":
-                events = self._events(task_events, adjudicated, registry.tick)
+                events = self._announcements.of(agent, task_events, adjudicated, registry.tick)
             else:
                 self._entities_of(agent, channel, registry, entities)
         eyes = frozenset(channel.name for channel in agent.observes if channel.source == "entity")
@@ -171,22 +173,6 @@ class Projector:
                     visited_tick=visit.tick if visit else None,
                     visited_by=visit.entity if visit else None,
                 )
-
-    def _events(
-        self, task_events: Sequence[TaskEvent], adjudicated: Sequence[Event], tick: int
-    ) -> tuple[EventView, ...]:
-        engine = tuple(
-            EventView(id=f"t{tick}-{number}", kind=event.kind, tick=tick, entities=self._named(event.entities))
-            for number, event in enumerate(task_events, 1)
-        )
-        judged = tuple(
-            EventView(id=event.id, kind=event.kind, tick=event.tick, entities=self._named(event.bindings))
-            for event in adjudicated
-        )
-        return engine + judged
-
-    def _named(self, names: Iterable[str]) -> tuple[str, ...]:
-        return tuple(name for name in names if name in self._public)
 
 
 def _shown(entity: Entity, state: BodyState, fields: Sequence[str]) -> dict[str, object]:

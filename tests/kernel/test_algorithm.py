@@ -21,10 +21,16 @@ import msgspec
 from lingjing.errors import InfrastructureError, PluginError
 from lingjing.kernel.barrier import PolicyBarrier
 from lingjing.kernel.episode import play, seat
-from lingjing.mission.expression import Flag
+from lingjing.mission.expression import Binary, Call, Flag, Number, Point, Ref
 from lingjing.plugins.policy import NoDecisionError
 from lingjing.trace.digest import next_digest
 from lingjing.trace.records import Decision, Usage
+
+MET = kit.rule(
+    "met",
+    Binary("<=", Call("distance_xy", (Ref("boat", "entity"), Point((Number(0.0), Number(-60.0))))), Number(1.0)),
+)
+"""The boat has been at a place that everybody knows."""
 
 
 class Still:
@@ -457,18 +463,18 @@ def test_line_48_completion_releases_the_resource():
 
 
 def test_line_49_an_adjudicated_event_is_seen_one_boundary_later():
-    kernel = kit.make_kernel()
+    """Told are those that agents may know; verdicts about reports are for the trace."""
+    instance = kit.make_instance()
+    kernel = kit.make_kernel(msgspec.structs.replace(instance, rules=(*instance.rules, MET)))
     kernel.reset()
     kernel.step(kit.decisions(scout_1=kit.does("takePhoto")))
-    judged = kernel.step(kit.decisions(scout_1=kit.report("f1-uav[1]-nadir")))
+    step = kit.does("go", x=0.0, y=-60.0)
+    judged = kernel.step(kit.decisions(scout_1=kit.report("f1-uav[1]-nadir"), skipper=step))
     later = kernel.step(kit.decisions())
-    assert [event.kind for event in judged.record.events] == ["matched", "reported"]
-    assert judged.observations["skipper"].events == ()
+    assert [event.kind for event in judged.record.events] == ["met", "matched", "reported"]
+    assert [event.kind for event in judged.observations["skipper"].events] == ["arrived"]
     shown = later.observations["skipper"].events
-    assert [(event.id, event.kind, event.entities) for event in shown] == [
-        ("e2-1", "matched", ()),
-        ("e2-2", "reported", ()),
-    ]
+    assert [(event.id, event.kind, event.entities) for event in shown] == [("e2-1", "met", ())]
 
 
 def test_line_49_a_task_event_is_seen_at_its_own_boundary():

@@ -295,3 +295,34 @@ def test_wherever_hidden_things_are_inputs_are_the_same(name, mode, seed, east, 
             digests = [[seen.sha256 for seen in one.record.observations] for one in play.all]
         seen.append((briefs, rows, digests))
     assert seen[0] == seen[1]
+
+
+@pytest.mark.parametrize(("name", "mode"), [("cr", "star"), ("ld", "star")])
+def test_who_flies_over_a_jam_is_not_told_so_by_an_event(name, mode):
+    """The engine records the congestion, and only the trace knows: the UAV learns of it by looking."""
+    first, second = pair(name, mode)
+    jams = [entity.id for entity in first.entities if entity.type == "congestion"]
+    elsewhere = msgspec.structs.replace(
+        first,
+        entities=tuple(
+            msgspec.structs.replace(entity, position=(-400.0, -400.0, entity.position[2]))
+            if entity.id in jams
+            else entity
+            for entity in second.entities
+        ),
+    )
+    seen, emitted = [], []
+    for instance in (first, elsewhere):
+        strings = kit.Strings(routes=[((300.0, 0.0, 0.0),)])
+        with kit.playing(name, mode, instance=instance, strings=strings) as play:
+            play.strings.places["uav"] = (*next(e.position for e in first.entities if e.id == jams[0])[:2], 60.0)
+            play.wait(3)
+            emitted.append({event for event in play.emitted() if event.startswith("record ")})
+            seen.append(
+                [
+                    {name: told(one.observations[name], one.inboxes[name]) for name in one.observations}
+                    for one in play.all
+                ]
+            )
+    assert emitted == [{f"record {jams[0]}"}, set()]
+    assert seen[0] == seen[1]

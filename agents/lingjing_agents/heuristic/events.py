@@ -7,14 +7,13 @@ from lingjing.plugins.policy import EntityView, EventView, Observation
 
 class EventLog:
     """Remembers which events have been seen. One happening may come as a task event and as an adjudicated event
-    (`rescue`, then `rescued`): the first of the two kinds that is met is the one that counts."""
+    (`serve`, then `served`): the first of the two kinds that is met is the one that counts."""
 
     def __init__(self, stem: str = "rescue") -> None:
         self._stem = stem
         self._signal: str | None = None
         self._seen: set[str] = set()
         self.rescues = 0
-        self.reported = 0
 
     def fresh_rescues(self, events: tuple[EventView, ...]) -> int:
         """How many rescues these events tell of that were not known before."""
@@ -27,8 +26,6 @@ class EventLog:
         return self.rescues - before
 
     def _count(self, kind: str) -> None:
-        if kind == "reported":
-            self.reported += 1
         if not self._stem or not kind.startswith(self._stem):
             return
         self._signal = self._signal or kind

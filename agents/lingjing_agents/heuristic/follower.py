@@ -1,7 +1,7 @@
 """The inspector's rules: follow a long thing from its near end and look at every picture for what is wrong with it.
 
 Pictures overlap, so that a gap that one cuts off is whole in the next; it is reported from every picture that shows it
-whole until an event says that the report was believed. At the far end the inspector turns and comes back, half a step
+whole: nobody says whether a report was believed. At the far end the inspector turns and comes back, half a step
 aside of where it looked before.
 """
 

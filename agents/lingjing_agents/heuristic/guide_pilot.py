@@ -1,8 +1,8 @@
 """The guiding pilot's rules: find the leak from above, say where it is, then lead somebody who does not see to it.
 
 It flies from place to place over the narrowest region until a picture shows a leak, goes down to look closer, reports,
-and once the place is accepted sends one step at a time: a turn or a walk, around what its depth pictures show
-standing on the ground. What steps are left is counted: each must be worth its message.
+and sends one step at a time: a turn or a walk, around what its depth pictures show standing on the ground. Nobody says
+what a report was worth: if the first walk is not even begun, it goes down and reports again. What steps are left is counted: each must be worth its message.
 """
 
 from __future__ import annotations
@@ -42,10 +42,12 @@ REACHED_M = 4.0
 PASSES_M = (45.0, 30.0, 20.0)
 """Heights of the search, lower with each pass."""
 
+BEGUN_M = 0.5
+"""A walk of this much was allowed."""
 CLOSER_M = 26.0
 SURE = 0.4
 ANSWER_TICKS = 3
-"""How long a report is left to be accepted, and a step to be carried out when nobody says how it ended."""
+"""How long it waits between reports, and for a step to be carried out when nobody says how it ended."""
 
 SAMPLE_M = 6.0
 EYE_M = 0.33
@@ -54,10 +56,10 @@ EYE_M = 0.33
 
 @dataclass(slots=True)
 class Believed:
-    """The leak as known: its place, whether the report was accepted, when it was sent."""
+    """The leak as known: its place, whether its last report is trusted, when that was sent, how many there were."""
 
     place: tuple[float, float, float]
-    accepted: bool = False
+    trusted: bool = False
     told: int = -99
     reports: int = 0
 
@@ -86,6 +88,7 @@ class GuidingPilot:
         self._goal: tuple[float, float, float] | None = None
         self._flights = 0
         self._mapped: set[tuple[int, int]] = set()
+        self._walked = False
         self._step: tuple[int, Place, float, str, float] | None = None
 
     def act(self, observation: Observation, inbox: Inbox) -> Decision:
@@ -101,7 +104,7 @@ class GuidingPilot:
             if picture.entity == self._body.id and picture.camera == self._camera.name:
                 said += self._look(picture, observation)
         self._hear(observation, inbox, dog)
-        if self._leak is not None and self._leak.accepted and dog is not None:
+        if self._leak is not None and self._leak.trusted and dog is not None:
             said += self._lead(observation, dog)
         command = None if own.busy else self._fly(observation, own, dog)
         return Decision(command=command, messages=said)
@@ -117,17 +120,17 @@ class GuidingPilot:
             self._left = [place for place in self._left if not inside(footprint, place)]
         finds = [leak for leak in find_leaks(picture.rgb, picture.pose, self._ground) if self._plausible(leak)]
         if not finds:
-            if self._leak is not None and not self._leak.accepted and self._leak.told < 0:
+            if self._leak is not None and not self._leak.trusted and self._leak.told < 0:
                 self._leak = None  # from nearer there is nothing
             return ()
         leak = finds[0]
         near = picture.pose.position[2] - self._ground < CLOSER_M + 4.0
-        if self._leak is None or not self._leak.accepted:
+        if self._leak is None or not self._leak.trusted:
             told, reports = (self._leak.told, self._leak.reports) if self._leak is not None else (-99, 0)
             self._leak = Believed(leak.place, False, told, reports)
         if not near and leak.confidence < 0.9 and self._leak.reports == 0:
             return ()
-        if self._leak.accepted or observation.tick - self._leak.told < ANSWER_TICKS:
+        if self._leak.trusted or observation.tick - self._leak.told < ANSWER_TICKS:
             return ()
         return self._say(picture, leak, observation.tick)
 
@@ -153,8 +156,8 @@ class GuidingPilot:
         return next((name for name in self._brief.classes if "leak" in name), (*self._brief.classes, "leak")[0])
 
     def _hear(self, observation: Observation, inbox: Inbox, dog: EntityView | None) -> None:
-        if self._leak is not None and any(event.kind == "located" for event in observation.events):
-            self._leak.accepted = True
+        if self._leak is not None and 0 <= self._leak.told < observation.tick:
+            self._leak.trusted = True
         if self._step is None or dog is None or dog.position is None or dog.heading_deg is None:
             return
         since, start, heading, verb, amount = self._step
@@ -167,7 +170,10 @@ class GuidingPilot:
         ended = observation.tick - since >= ANSWER_TICKS and ("done" in states or "blocked" in states)
         if not (carried_out or ended or late):
             return
-        if verb == "forward" and gone < amount - 1.0:
+        self._walked = self._walked or (verb == "forward" and gone > BEGUN_M)
+        if verb == "forward" and not self._walked and self._leak is not None:
+            self._leak = Believed(self._leak.place, False, -ANSWER_TICKS, self._leak.reports)
+        elif verb == "forward" and gone < amount - 1.0:
             self._map.bump(dog.position[:2], dog.heading_deg)
         self._step = None
 
@@ -202,7 +208,7 @@ class GuidingPilot:
     def _fly(self, observation: Observation, own: EntityView, dog: EntityView | None) -> Action | None:
         assert own.position is not None
         leak = self._leak
-        if leak is not None and leak.accepted:
+        if leak is not None and leak.trusted:
             return self._map_the_way(own, dog)
         if leak is not None:
             if observation.tick - leak.told < ANSWER_TICKS:

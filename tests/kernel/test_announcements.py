@@ -1,0 +1,137 @@
+"""Which events agents are told: what somebody did, never what a report was worth or what is hidden and near."""
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+import kernel_kit as kit
+import msgspec
+import pytest
+
+from lingjing.kernel.announcements import Announcements
+from lingjing.mission.expression import Binary, Call, Number, Point, Quantified, Ref, Symbol
+from lingjing.mission.instance import ChannelSpec
+from lingjing.mission.model import Constraint
+from lingjing.trace.records import Event, TaskEvent
+
+RESCUE = TaskEvent(kind="rescue", entities=("victim[1]", "boat"), time_s=10.0)
+PAST = Binary(
+    "<=", Call("distance_xy", (Ref("boat", "entity"), Point((Number(0.0), Number(-60.0))))), Number(1.0)
+)  # fmt: skip
+
+
+def instance(told=None, **changes):
+    made = kit.make_instance("star", **changes)
+    word = {} if told is None else {"rescue_told": told}
+    properties = {"rescue_by": "glider", "rescue_within_m": 50.0, **word}
+    entities = tuple(
+        msgspec.structs.replace(entity, properties=properties) if entity.role == "target" else entity
+        for entity in made.entities
+    )
+    agents = tuple(
+        msgspec.structs.replace(agent, observes=(*agent.observes, ChannelSpec(source="events")))
+        for agent in made.agents
+    )
+    return msgspec.structs.replace(made, entities=entities, agents=agents)
+
+
+def told(of, task_events=(), judged=()):
+    """By agent, what it is told."""
+    announcements = Announcements(of)
+    return {agent.id: announcements.of(agent, task_events, judged, 4) for agent in of.agents}
+
+
+def listeners(views):
+    return {agent for agent, seen in views.items() if seen}
+
+
+EVERYBODY = {"scout[1]", "scout[2]", "skipper", "commander"}
+
+
+@pytest.mark.parametrize(("word", "who"), [("all", EVERYBODY), ("actor", {"skipper"}), ("none", set()), (None, set())])
+def test_an_interaction_with_somebody_hidden_is_told_as_its_type_says(word, who):
+    views = told(instance(word), (RESCUE,))
+    assert listeners(views) == who
+    assert all(view.entities == ("boat",) for seen in views.values() for view in seen), "the victim is not named"
+
+
+def test_what_is_done_to_somebody_in_plain_sight_is_told_to_all():
+    plain = instance()
+    plain = msgspec.structs.replace(
+        plain, entities=tuple(msgspec.structs.replace(entity, hidden=()) for entity in plain.entities)
+    )
+    views = told(plain, (RESCUE,))
+    assert listeners(views) == EVERYBODY
+    assert views["skipper"][0].entities == ("victim[1]", "boat")
+
+
+def test_a_collision_with_somebody_hidden_is_felt_by_who_collides():
+    assert listeners(told(instance(), (TaskEvent(kind="collided", entities=("uav[2]", "victim[1]"), time_s=1.0),))) == {
+        "scout[2]"
+    }
+    assert listeners(told(instance(), (TaskEvent(kind="arrived", entities=("uav[2]",), time_s=1.0),))) == EVERYBODY
+
+
+def test_numbers_do_not_count_what_was_not_told():
+    """An id that skips one would say that something happened."""
+    arrived = TaskEvent(kind="arrived", entities=("boat",), time_s=10.0)
+    rules = (*kit.make_instance().rules, kit.rule("met", PAST))
+    quiet, busy = (
+        told(instance("none", rules=rules), events, verdicts)
+        for events, verdicts in (
+            ((arrived,), (judged("met", 1),)),
+            ((RESCUE, arrived, RESCUE), (judged("matched", 1), judged("met", 2))),
+        )
+    )
+    assert [view.id for view in quiet["skipper"]] == ["t4-1", "e3-1"]
+    assert quiet == busy
+
+
+def judged(kind, number, *bindings):
+    return Event(id=f"e3-{number}", kind=kind, tick=3, time_s=30.0, bindings=bindings)
+
+
+@pytest.mark.parametrize(
+    ("rule", "is_told"),
+    [
+        (kit.rule("known", PAST), True),
+        (kit.rule("known", PAST, ("c", "uav")), True),
+        (kit.rule("known", kit.NEAR, ("v", "victim")), False),
+        (kit.rule("known", PAST, ("r", "detection")), False),
+        (kit.rule("known", Quantified("exists", "v", "victim", kit.NEAR)), False),
+        (kit.rule("known", Quantified("exists", "r", "detection", PAST)), False),
+        (kit.rule("known", kit.both(PAST, kit.called("rescued", "v"))), False),
+        (kit.rule("known", Call("emitted", (Symbol("rescue"),))), False),
+        (kit.rule("known", Call("clear", (Symbol("check"),))), False),
+        (
+            kit.rule("known", kit.both(PAST, Call("distance_xy", (Ref("victim", "group"), Ref("boat", "entity"))))),
+            False,
+        ),
+    ],
+)
+def test_a_rule_is_told_if_it_reads_nothing_hidden_and_no_message(rule, is_told):
+    made = instance(rules=(*kit.make_instance().rules, rule))
+    assert listeners(told(made, judged=(judged("known", 1),))) == (EVERYBODY if is_told else set())
+
+
+@pytest.mark.parametrize(("condition", "domain", "is_told"), [(PAST, None, True), (kit.NEAR, "victim", False)])
+def test_a_broken_constraint_is_told_alike(condition, domain, is_told):
+    keep = Constraint(name="keep", kind="soft", condition=condition, variable="v", domain=domain, penalty=Number(0.1))
+    views = told(instance(constraints=(keep,)), judged=(judged("keep", 1),))
+    assert listeners(views) == (EVERYBODY if is_told else set())
+
+
+def test_a_report_that_was_right_looks_like_one_that_was_wrong():
+    """The same picture is reported rightly and wrongly: until somebody acts, nobody is told which it was."""
+    inputs = []
+    for box in (kit.TRUE_BOX, (0.0, 0.0, 0.1, 0.1)):
+        kernel = kit.make_kernel(instance("all"))
+        kernel.reset()
+        kernel.step(kit.decisions(scout_1=kit.does("takePhoto")))
+        judged_now = kernel.step(kit.decisions(scout_1=kit.report("f1-uav[1]-nadir", box=box)))
+        later = kernel.step(kit.decisions())
+        inputs.append(([event.kind for event in judged_now.record.events], later.observations, later.inboxes))
+    right, wrong = inputs
+    assert (right[0], wrong[0]) == (["matched", "reported"], [])
+    assert right[1] == wrong[1]
