@@ -44,7 +44,7 @@ class EntityChecker:
                 state = item.state or (known is not None and known.state)
                 attributes[item.name.text] = Attribute(known.type if known else Type("any"), (step,), state)
             elif isinstance(item, s.Property) and item.state and item.name.text in attributes:
-                attributes[item.name.text] = Attribute(attributes[item.name.text].type, (), state=True)
+                attributes[item.name.text] = msgspec.structs.replace(attributes[item.name.text], state=True)
         cameras = [
             item.name.text for item in (node.block.items if node.block else ()) if isinstance(item, s.CameraBlock)
         ]

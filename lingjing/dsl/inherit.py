@@ -215,15 +215,29 @@ def _amended(old: s.Statement, new: s.Statement) -> s.Statement:
         return s.Section(new.start, new.end, new.keyword, block, new.preset or old.preset)
     if isinstance(old, s.SceneBlock) and isinstance(new, s.SceneBlock) and old.kind.text == new.kind.text:
         return msgspec.structs.replace(new, block=_joined(old.block, new.block))
-    if isinstance(old, s.EntityBlock) and isinstance(new, s.EntityBlock) and new.type is None:
-        return msgspec.structs.replace(
-            new,
-            index=new.index or old.index,
-            type=old.type,
-            guard=new.guard or old.guard,
-            block=_joined(old.block, new.block),
-        )
+    if isinstance(old, s.EntityBlock) and isinstance(new, s.EntityBlock):
+        new = msgspec.structs.replace(new, block=_veiled(old.block, new.block))
+        if new.type is None:
+            return msgspec.structs.replace(
+                new,
+                index=new.index or old.index,
+                type=old.type,
+                guard=new.guard or old.guard,
+                block=_joined(old.block, new.block),
+            )
     return new
+
+
+def _veiled(old: s.Block | None, new: s.Block | None) -> s.Block | None:
+    """The new lines, of which those are hidden that the old ones hid: another value is no reason to show it."""
+    if old is None or new is None:
+        return new
+    hidden = {_line(item) for item in old.items if isinstance(item, s.Property) and item.hidden}
+    items = tuple(
+        msgspec.structs.replace(item, hidden=True) if isinstance(item, s.Property) and _line(item) in hidden else item
+        for item in new.items
+    )
+    return msgspec.structs.replace(new, items=items)
 
 
 def _joined(old: s.Block | None, new: s.Block | None) -> s.Block | None:

@@ -107,9 +107,8 @@ class TypeChecker:
             elif isinstance(item, s.Property):
                 entry = self._type_property(item, seen, base)
                 if entry is not None:
-                    known = attributes.get(item.name.text)
-                    attributes[item.name.text] = _attribute(entry, self, known)
-                    own.extend(lowered(entry, inherited=True, state=attributes[item.name.text].state))
+                    attribute = attributes[item.name.text] = _attribute(entry, self, attributes.get(item.name.text))
+                    own.extend(lowered(entry, inherited=True, hidden=bool(attribute.taint), state=attribute.state))
             elif isinstance(item, s.VerbLine):
                 self._add_verb(item, verbs, said)
             elif isinstance(item, s.InteractionBlock):
@@ -328,7 +327,9 @@ class TypeChecker:
 
 
 def _attribute(entry: Entry, checker: TypeChecker, base: Attribute | None) -> Attribute:
+    """What the base hides stays hidden whatever value it is given, and what changes in a run goes on changing."""
     item = entry.node
-    taint = (checker.of.step(f"`{item.name.text}`", item),) if item.hidden else ()
+    taint = base.taint if base is not None else ()
+    taint = (checker.of.step(f"`{item.name.text}`", item),) if item.hidden else taint
     kind = entry.key.type if entry.key.type.kind != "any" else entry.value.type
     return Attribute(kind, taint, item.state or (base is not None and base.state))

@@ -59,7 +59,7 @@ class Codec:
         self._words = Vocabulary.of(instance)
         self._bodies = _visible(instance, agent)
         watched = {channel.name for channel in agent.observes if channel.source == "grid"}
-        self._cells = tuple(cell.name for cell in instance.cells if cell.grid in watched)
+        self._cells = tuple(cell.name for cell in instance.cells if cell.grid in watched and not cell.hidden)
         self._eyes = _eyes(instance, agent, picture_width)
         self._commands = tuple(
             (entity, verb)

@@ -62,7 +62,7 @@ class Vocabulary:
                     *(entity.type for entity in instance.entities),
                     *(agent.id for agent in instance.agents),
                     *(entity.id for entity in entities),
-                    *(cell.name for cell in instance.cells),
+                    *(cell.name for cell in instance.cells if not cell.hidden),
                 )
             ),
             events=Words.of(

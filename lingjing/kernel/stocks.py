@@ -2,7 +2,9 @@
 
 A declared state (`state demand = 100 kg`) is a property with a unit in its name. The engine that changes it reports
 its current value among the resources under the author's name, which carries no unit (or under the graph's); until it
-does, the declared value holds. Resources with an `@` are the engines' own book-keeping and nobody's to see.
+does, the declared value holds. Resources with an `@` are the engines' own book-keeping and nobody's to see. What an
+engine reports beside the declared states it has worked out from the entity's properties, as a battery's watt-hours from
+its endurance: where one of those is hidden, it is not shown.
 """
 
 from __future__ import annotations
@@ -12,6 +14,9 @@ from lingjing.mission.units import without_unit
 from lingjing.trace.records import BodyState
 
 _INTERNAL = "@"
+
+_PLACE = frozenset({"position", "heading"})
+"""Hidden properties that no stock is worked out from."""
 
 
 def current(entity: Entity, state: BodyState, name: str) -> Datum:
@@ -27,7 +32,10 @@ def stocks(entity: Entity, state: BodyState) -> dict[str, float]:
     """All that an entity has in stock and that is not hidden: its engine's resources, then states as declared."""
     hidden = {without_unit(name) for name in entity.hidden} | set(entity.hidden)
     unseen = {*hidden, *entity.state}
-    shown = {name: value for name, value in public(state).items() if name not in unseen}
+    own = {} if set(entity.hidden) - _PLACE - set(entity.state) else public(state)
+    stated = {without_unit(name) for name in entity.state}
+    shown = {name: value for name, value in own.items() if name not in unseen}
+    shown |= {name: value for name, value in public(state).items() if name in stated - unseen}
     for name in entity.state:
         value = current(entity, state, name)
         if name not in hidden and isinstance(value, int | float):

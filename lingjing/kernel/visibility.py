@@ -15,7 +15,7 @@ import msgspec
 from lingjing.kernel.announcements import Announcements
 from lingjing.kernel.registry import Registry
 from lingjing.kernel.stocks import public, stocks
-from lingjing.mission.instance import AgentSpec, ChannelSpec, Entity, Instance
+from lingjing.mission.instance import AgentSpec, Cell, ChannelSpec, Entity, Instance
 from lingjing.mission.seeding import integer
 from lingjing.mission.units import without_unit
 from lingjing.plugins.policy import Brief, Observation, Peer, Picture, Privileged, Resource
@@ -71,7 +71,7 @@ class Projector:
             ),
             messages=instance.messages,
             regions=tuple(region for region in instance.regions if not region.hidden),
-            cells=instance.cells,
+            cells=self._grid_of(agent),
             classes=tuple(classes),
             weather=instance.weather,
             water_level_m=instance.scene.datum_m,
@@ -136,6 +136,11 @@ class Projector:
             city=city,
         )
 
+    def _grid_of(self, agent: AgentSpec) -> tuple[Cell, ...]:
+        """The cells of the grids that the agent observes."""
+        watched = {channel.name for channel in agent.observes if channel.source == "grid"}
+        return tuple(cell for cell in self._instance.cells if cell.grid in watched and not cell.hidden)
+
     def _resource(self, agent: AgentSpec, name: str) -> Resource:
         entity = self._entities[name]
         return Resource(
@@ -166,7 +171,7 @@ class Projector:
 
     def _cells(self, channel: ChannelSpec, registry: Registry) -> Iterable[CellView]:
         for cell in self._instance.cells:
-            if cell.grid == channel.name:
+            if cell.grid == channel.name and not cell.hidden:
                 visit = registry.visits.get(cell.name)
                 yield CellView(
                     name=cell.name,

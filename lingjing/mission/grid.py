@@ -12,8 +12,11 @@ from lingjing.mission import geometry2d
 from lingjing.mission.instance import Cell
 
 
-def cells(grid: str, region: geometry2d.Polygon, rows: int, columns: int, overlap: float) -> tuple[Cell, ...]:
-    """The cells of a grid over an anticlockwise region, row by row from the south-west; `overlap` in 0..1."""
+def cells(
+    grid: str, region: geometry2d.Polygon, rows: int, columns: int, overlap: float, *, hidden: bool = False
+) -> tuple[Cell, ...]:
+    """The cells of a grid over an anticlockwise region, row by row from the south-west; `overlap` in 0..1. Those over
+    something `hidden` are hidden too."""
     west, south, east, north = geometry2d.bounds(region)
     width, height = (east - west) / columns, (north - south) / rows
     made: list[Cell] = []
@@ -23,7 +26,9 @@ def cells(grid: str, region: geometry2d.Polygon, rows: int, columns: int, overla
             outline = geometry2d.clipped(region, _widened(centre, (width, height), overlap))
             if outline:
                 name = f"{grid}-{row}-{column}"
-                made.append(Cell(name=name, grid=grid, row=row, column=column, polygon=outline, centre=centre))
+                made.append(
+                    Cell(name=name, grid=grid, row=row, column=column, polygon=outline, centre=centre, hidden=hidden)
+                )
     return tuple(made)
 
 

@@ -78,7 +78,8 @@ class Region(Record, frozen=True, kw_only=True):
 
 
 class Cell(Record, frozen=True, kw_only=True):
-    """One search cell, named `<grid>-<row>-<column>` from 1 at the south-west; the polygon includes the overlap."""
+    """One search cell, named `<grid>-<row>-<column>` from 1 at the south-west; the polygon includes the overlap.
+    Those of a `hidden` region must never reach a policy."""
 
     name: str
     grid: str
@@ -86,6 +87,7 @@ class Cell(Record, frozen=True, kw_only=True):
     column: int
     polygon: tuple[tuple[float, float], ...]
     centre: tuple[float, float]
+    hidden: bool = False
 
 
 class CameraSpec(Record, frozen=True, kw_only=True):

@@ -276,6 +276,7 @@ def region_on_map(shape: ex.Expr) -> bool:
 
 def _cells(mission: model.Mission, scope: Scope) -> tuple[Cell, ...]:
     made: list[Cell] = []
+    veiled = {region.name for region in mission.regions if region.hidden}
     for grid in mission.grids:
         with at_path(f"{mission.name}/{grid.name}"):
             region = area(ex.Ref(grid.region, "region"), scope)
@@ -284,7 +285,8 @@ def _cells(mission: model.Mission, scope: Scope) -> tuple[Cell, ...]:
                 raise MissionError(f"{rows} by {columns} cells", hint=f"1 by 1 up to {CELLS_MOST} cells are possible")
             if not 0 <= overlap <= 1:
                 raise MissionError(f"an overlap of {overlap:.0%}", hint="choose 0 % to 100 %")
-            made.extend(grids.cells(grid.name, region.polygon, rows, columns, overlap))
+            hidden = grid.region in veiled
+            made.extend(grids.cells(grid.name, region.polygon, rows, columns, overlap, hidden=hidden))
     return tuple(made)
 
 

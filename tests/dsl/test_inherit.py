@@ -200,3 +200,43 @@ def test_neighbours_are_found_and_nothing_else(project: Path) -> None:
     (project / "link.ljs").symlink_to(outside)
     (project / "main.ljs").write_text("ljs 1\nuse .link\nrecord a : other { }\n")
     assert [item.code for item in compile_file(str(project / "main.ljs")).diagnostics] == ["LJ0118"]
+
+
+HEAD = "use std.sea { person_in_water }\nuse .base { small }"
+
+
+@pytest.mark.parametrize("head", ["victim", "victim[1..3] : person_in_water"])
+def test_what_the_base_hides_stays_hidden(project: Path, head: str) -> None:
+    """Another value, without the word again, is no reason to show it."""
+    override = f"  override target {head} {{ position ~ sites(search) }}"
+    found = compiled(project, override, head=HEAD)
+    assert found.diagnostics == () and found.mission is not None
+    group = next(group for group in found.mission.groups if group.name == "victim")
+    assert [prop.name for prop in group.properties if prop.hidden] == ["position"]
+    told = compiled(project, override + '\n  override goal "They are at {victim[1].position}."', head=HEAD)
+    assert ("LJ0401", 6) in codes(told)
+
+
+TYPES = """
+target box_of_secrets { engine = city
+  hidden secret = 5 m }
+target other_box : box_of_secrets { secret = 6 m }
+"""
+
+
+@pytest.mark.parametrize(
+    "declared",
+    [
+        "kept : box_of_secrets { position = (1 m, 1 m) }",
+        "kept : box_of_secrets { position = (1 m, 1 m), secret = 7 m }",
+        "kept : box_of_secrets { position = (1 m, 1 m), state secret = 7 m }",
+        "kept : other_box { position = (1 m, 1 m) }",
+        "kept : other_box { position = (1 m, 1 m), secret = 8 m }",
+    ],
+)
+def test_what_a_type_hides_stays_hidden(project: Path, declared: str) -> None:
+    """In an entity with another value, in a type that begins with it, and in an entity of that."""
+    found = compiled(project, f"  target {declared}", head=f"use .base {{ small }}{TYPES}")
+    assert found.diagnostics == () and found.mission is not None
+    group = next(group for group in found.mission.groups if group.name == "kept")
+    assert [prop.name for prop in group.properties if prop.hidden] == ["secret_m"]

@@ -133,3 +133,11 @@ def test_rules_sum_and_compare_current_states():
     kernel = kit.make_kernel(instance, kit.KitPlugin(glider=Porter))
     assert not kernel.reset().evaluation.done  # 400 kg as declared
     assert kernel.step(()).evaluation.reason == "success"  # 190 and 190
+
+
+def test_stocks_that_an_engine_works_out_of_a_hidden_property_are_not_shown():
+    """Watt-hours at the start are the endurance; a declared state is the author's to show."""
+    closed = msgspec.structs.replace(VAN, hidden=("position", "endurance_s"))
+    assert stocks(closed, state(load=1.0, battery_wh=120.0, battery=1.0)) == {"load": 1.0}
+    placed = msgspec.structs.replace(VAN, hidden=("position",))
+    assert stocks(placed, state(load=1.0, battery_wh=120.0)) == {"load": 1.0, "battery_wh": 120.0}

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lingjing.kernel.relations import RelationTracker
+from lingjing.mission.instance import ChannelSpec
 from lingjing.mission.seeding import integer
 
 
@@ -171,3 +172,21 @@ def test_an_instances_seed_cannot_be_tried_out_from_a_brief():
         assert brief.seed not in {integer(77, path) for path in paths}
         tried = [seed for seed in range(2000) if brief.seed in {integer(seed, path) for path in paths}]
         assert tried == [0], "the default policy seed, which everybody knows"
+
+
+def test_a_brief_holds_the_cells_that_its_agent_observes_and_none_over_something_hidden():
+    made = kit.make_instance()
+    secret = msgspec.structs.replace(made.cells[0], name="near-1-1", grid="near", hidden=True)
+    unobserved = msgspec.structs.replace(made.cells[0], name="idle-1-1", grid="idle")
+    watching = tuple(
+        msgspec.structs.replace(agent, observes=(*agent.observes, ChannelSpec(source="grid", name="near")))
+        for agent in made.agents
+    )
+    kernel = kit.make_kernel(msgspec.structs.replace(made, cells=(*made.cells, secret, unobserved), agents=watching))
+    briefs, seen = kernel.briefs(), kernel.reset().observations
+    assert {name: [cell.name for cell in brief.cells] for name, brief in briefs.items()} == {
+        "scout[1]": ["cells-1-1"],
+        "scout[2]": ["cells-1-1"],
+        "skipper": [],
+    }
+    assert all([cell.name for cell in briefs[name].cells] == [cell.name for cell in seen[name].cells] for name in seen)

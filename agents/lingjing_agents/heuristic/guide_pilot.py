@@ -2,7 +2,8 @@
 
 It flies from place to place over the narrowest region until a picture shows a leak, goes down to look closer, reports,
 and sends one step at a time: a turn or a walk, around what its depth pictures show standing on the ground. Nobody says
-what a report was worth: if the first walk is not even begun, it goes down and reports again. What steps are left is counted: each must be worth its message.
+what a report was worth: if the first walk is not even begun, it goes down and reports again. What steps are left is
+counted: each must be worth its message.
 """
 
 from __future__ import annotations
