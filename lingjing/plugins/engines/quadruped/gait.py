@@ -38,9 +38,7 @@ class Gait:
     """The policy over `count` dogs and the memory of what it answered last."""
 
     def __init__(self, path: Path, count: int) -> None:
-        self._layers = tuple(
-            (weight.astype(np.float64), bias.astype(np.float64)) for weight, bias in read_layers(path)
-        )
+        self._layers = tuple((weight.astype(np.float64), bias.astype(np.float64)) for weight, bias in read_layers(path))
         self.answer = np.zeros((count, len(JOINTS)))
 
     def targets(
