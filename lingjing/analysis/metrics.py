@@ -14,7 +14,9 @@ import msgspec
 
 from lingjing.analysis.completion import owed_kg
 from lingjing.analysis.detection import Detection, detect, ratio, shots
+from lingjing.analysis.idleness import idle_fraction
 from lingjing.analysis.repetition import repeated_target_rate
+from lingjing.kernel.subtasks import required_groups
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import DecisionRecord, Envelope, Usage
 
@@ -33,7 +35,10 @@ class Metrics(msgspec.Struct, frozen=True, kw_only=True):
 
     success: bool
     scr: float | None
-    """Subtask completion rate."""
+    """The paper's subtask completion rate: "Number of required targets, deliveries, rescues, repairs, or other task
+    components completed, divided by the number required in that episode." """
+    score: float | None
+    """The mission's own score, 0..1: its weights and penalties count."""
     ticks: int
     sim_s: float
     wall_s: float | None
@@ -65,9 +70,10 @@ class Metrics(msgspec.Struct, frozen=True, kw_only=True):
     rounds: int
     """Ticks with an assignment or a target-status message."""
     gap: float | None
-    """Percent of the requirement that is incomplete at the end; None without a requirement."""
+    """The paper's: "percentage of the initial requirement that remains incomplete at episode end. The requirement is
+    delivery mass for CD and target count for UFR and SSR." None without a requirement."""
     rep: float | None
-    """Repeated target events over all target events."""
+    """Repeated target events over all target events: see `lingjing.analysis.repetition`."""
     conflicts: int
     rejections: int
     """Commands and messages refused for any reason, conflicts included."""
@@ -79,7 +85,7 @@ class Metrics(msgspec.Struct, frozen=True, kw_only=True):
     substitutions: int
     """Policy outputs that had to be replaced."""
     idle_fraction: float | None
-    """Agent steps without a command."""
+    """The paper's "agent steps with no assigned or executed task action" over all: see `lingjing.analysis.idleness`."""
 
     coverage: float | None
     """Visited search cells over all search cells that agents observe; None where nobody observes any."""
@@ -104,6 +110,7 @@ def metrics(trace: Trace) -> Metrics:
     return Metrics(
         success=outcome is not None and outcome.success,
         scr=scr,
+        score=None if outcome is None else outcome.score,
         ticks=trace.boundaries[-1].tick if trace.boundaries else 0,
         sim_s=trace.boundaries[-1].time_s if trace.boundaries else 0.0,
         wall_s=None if outcome is None else outcome.wall_s,
@@ -124,7 +131,7 @@ def metrics(trace: Trace) -> Metrics:
         messages=len(edges),
         kilobytes=sum(edge.bytes for edge in edges) / 1000,
         rounds=_rounds(edges),
-        gap=_gap(trace, scr),
+        gap=_gap(trace),
         rep=repeated_target_rate(trace),
         conflicts=refusals["conflict"],
         rejections=refusals.total(),
@@ -132,7 +139,7 @@ def metrics(trace: Trace) -> Metrics:
         tokens=usage.prompt_tokens + usage.completion_tokens,
         cost_usd=usage.cost_usd,
         substitutions=sum(bool(made.substituted) for made in decisions),
-        idle_fraction=ratio(sum(made.decision.command is None for made in decisions), len(decisions)),
+        idle_fraction=idle_fraction(trace),
         coverage=_coverage(trace),
         frames=len(trace.frames),
         absent_frames=_absent(trace),
@@ -149,13 +156,17 @@ def _rounds(edges: Iterable[Envelope]) -> int:
     return len({edge.tick for edge in edges if edge.category in ("assignment", "target_status")})
 
 
-def _gap(trace: Trace, scr: float | None) -> float | None:
-    """Mass as the requirement where goods are to be brought, else target count, which is what `scr` counts."""
+def _gap(trace: Trace) -> float | None:
+    """Mass as the requirement where goods are to be brought, else the count of required targets: those of the groups
+    that success asks for, or one where it asks for no group."""
     owed = owed_kg(trace)
     if owed is not None:
         return 100.0 * owed[1] / owed[0]
-    required = any(entity.role == "target" for entity in trace.header.instance.entities)
-    return 100.0 * (1.0 - scr) if required and scr is not None else None
+    instance, outcome = trace.header.instance, trace.outcome
+    if outcome is None or not any(entity.role == "target" for entity in instance.entities):
+        return None
+    share = outcome.scr if required_groups(instance) else float(outcome.success)
+    return 100.0 * (1.0 - share)
 
 
 def _usage(decisions: Iterable[DecisionRecord]) -> Usage:

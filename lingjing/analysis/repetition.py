@@ -1,5 +1,10 @@
 """Rep: the share of target events that were unnecessary (the paper's repeated target rate).
 
+The paper (its table of communication metrics): "Number of repeated target events divided by all valid target events in
+the matched episodes. A valid event is an assignment request or target-region entry for a target in the scenario. It is
+repeated when the target was already assigned or completed. Continuous presence in one target region counts as one
+entry. If no valid target event occurs, Rep is reported as N/A."
+
 A target event is an assignment request that means a target of the scenario, or an executor's entry into a target's
 region. Executors and regions are read from the mission: `distance_xy(boat, v) <= 50 m` in a rule makes `boat` an
 executor of `v` within 50 m, and so does an interaction of the target's type (`extinguish { by = road, within = 30 m }`)
@@ -12,8 +17,8 @@ target at one tick are one event.
 A request is repeated when its target is already assigned or completed; an entry is repeated when the target is
 completed or assigned to somebody else, since the assignee's own arrival is what was asked for. So is the assignee's
 first answer that it takes what another gave it. A demand larger than one executor's load may be assigned to as many as
-it takes. To enter is to stop there or to act on the target: who drives past visits nothing. Staying inside is one
-entry.
+it takes. To enter is to come within the radius, as seen at every macro-step, whether to stop there or to drive past; to
+act on the target from farther away is an entry too. Staying inside is one entry.
 """
 
 from __future__ import annotations
@@ -30,8 +35,6 @@ from lingjing.plugins.tasks import Task, possible
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import BodyState, BoundaryRecord, TaskEvent
 
-STOPPED_MPS = 0.5
-"""What is slower than this stands still."""
 _STEP = "step"
 """The field of a message that guides somebody by one step."""
 _LEFT = "left_"
@@ -182,10 +185,30 @@ def _requests(instance: Instance, record: BoundaryRecord, reaches: tuple[Reach, 
     found: dict[tuple[str, str], dict[str, None]] = {}
     for sender, named, body in said:
         assignee = controls.get(named, named)
-        for target in _meant(instance, record, body, [one for one in reaches if _serves(one, assignee, instance)]):
+        for target in _targets_of(instance, record, body, assignee, reaches):
             found.setdefault((sender, target), {})[assignee] = None
     for (sender, target), assignees in found.items():
         yield _Request(sender, target, tuple(assignees))
+
+
+def assignments_at(instance: Instance, record: BoundaryRecord) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """The bodies that assignment messages of one boundary are for, each with the targets that are meant. A message
+    that names no assignee is for its recipient."""
+    controls = {agent.id: agent.controls for agent in instance.agents}
+    reaches = reaches_of(instance)
+    seen: set[tuple[str, str]] = set()
+    for message in record.messages:
+        named = str(message.body.get("assignee") or message.recipient)
+        if message.category == "assignment" and (message.id, named) not in seen:
+            seen.add((message.id, named))
+            for body in controls.get(named, (named,)):
+                yield body, _targets_of(instance, record, message.body, body, reaches)
+
+
+def _targets_of(
+    instance: Instance, record: BoundaryRecord, body: dict[str, Datum], assignee: str, reaches: tuple[Reach, ...]
+) -> tuple[str, ...]:
+    return _meant(instance, record, body, [one for one in reaches if _serves(one, assignee, instance)])
 
 
 def _serves(reach: Reach, assignee: str, instance: Instance) -> bool:
@@ -238,7 +261,7 @@ def _presence(count: _Count, body: BodyState, target: BodyState, radius_m: float
     pair = (body.id, target.id)
     if math.dist(body.position[:2], target.position[:2]) > radius_m:
         count.inside.discard(pair)
-    elif pair not in count.inside and math.hypot(*body.velocity) < STOPPED_MPS:
+    elif pair not in count.inside:
         count.inside.add(pair)
         count.entry(target.id, body.id)
 

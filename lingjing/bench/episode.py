@@ -51,8 +51,8 @@ OVERVIEW_NAME = "overview.png"
 @dataclass(frozen=True, slots=True)
 class EpisodeResult:
     """What came of one episode. `trace` is the MCAP file (a `.part` if the episode was cut short), `scr` the subtask
-    completion rate in 0..1, `detail` the cause of an abort, or what is to be known of a success, and `hint` what to do
-    about it."""
+    completion rate in 0..1, `score` the mission's own with weights and penalties, `detail` the cause of an abort, or
+    what is to be known of a success, and `hint` what to do about it."""
 
     mission: str
     seed: int
@@ -72,6 +72,7 @@ class EpisodeResult:
     """What a reader of the score should know: replaced answers of policies, an overview that could not be written."""
     attribution: str = ""
     """Whose map was played on; `procedural` for nobody's."""
+    score: float = 0.0
     policy_seed: int = 0
     """What the policies' own random streams started from."""
 
@@ -331,6 +332,7 @@ def _result(path: Path, folder: Path, city: City, *, overview: bool) -> EpisodeR
         success=outcome.success,
         reason=outcome.reason,
         scr=outcome.scr,
+        score=outcome.score,
         ticks=outcome.ticks,
         digest=outcome.digest,
         frames_digest=outcome.frames_digest,
@@ -367,7 +369,8 @@ def _unknown(trace: Trace) -> Outcome:
     return Outcome(
         success=False,
         reason="interrupted",
-        scr=last.reward if last else 0.0,
+        scr=last.scr if last else 0.0,
+        score=last.reward if last else 0.0,
         ticks=last.tick if last else 0,
         digest=last.digest if last else "",
         frames_digest="",

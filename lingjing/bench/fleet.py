@@ -123,6 +123,7 @@ def _report(options: RunOptions, result: EpisodeResult) -> EpisodeReport:
         warnings=result.warnings,
         attribution=result.attribution,
         policy_seed=result.policy_seed,
+        score=result.score,
     )
 
 

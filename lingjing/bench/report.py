@@ -18,7 +18,8 @@ class EpisodeReport(msgspec.Struct, frozen=True, kw_only=True):
     `trace` is the path of the MCAP file (a `.part` if the episode was cut short), `detail` the cause of an abort
     and `hint` what to do about it.
     `warnings` are what a reader of the score should know, a line each; `attribution` says whose map was played on;
-    `policy_seed` started the policies' random streams.
+    `policy_seed` started the policies' random streams; `scr` is the subtask completion rate, `score` the mission's own
+    with its weights and penalties.
     """
 
     mission: str
@@ -37,6 +38,7 @@ class EpisodeReport(msgspec.Struct, frozen=True, kw_only=True):
     warnings: tuple[str, ...] = ()
     attribution: str = ""
     policy_seed: int = 0
+    score: float = 0.0
 
 
 class SuiteReport(msgspec.Struct, frozen=True, kw_only=True):

@@ -58,6 +58,7 @@ def plain(report: EpisodeReport) -> tuple[Group, ...]:
     outcome = [
         ("success", f"{'yes' if report.success else 'no'} ({report.reason})"),
         ("SCR", f"{report.scr:.2f}"),
+        ("score", f"{report.score:.2f}"),
         ("stages", _stages(metrics.get("stages"))),
         ("ticks", str(report.ticks)),
     ]
@@ -79,6 +80,7 @@ def _outcome(report: EpisodeReport) -> tuple[Row, ...]:
     return (
         ("success", verdict(report)),
         ("subtasks done (SCR)", f"{report.scr:.2f}"),
+        ("score, weights and penalties", f"{report.score:.2f}"),
         ("stages", _stages(metrics.get("stages"))),
         ("ticks", f"{report.ticks} = {_number(metrics.get('sim_s'))} s simulated in {_seconds(metrics.get('wall_s'))}"),
         ("area searched", _share(metrics.get("coverage"))),
@@ -115,7 +117,7 @@ def _cost(metrics: Mapping[str, object]) -> tuple[Row, ...]:
         ("model calls", f"{_number(metrics.get('calls'))}, {_number(metrics.get('tokens'))} tokens"),
         ("cost", f"${dollars:.4f}" if isinstance(dollars, int | float) else UNDEFINED),
         ("answers replaced", _number(metrics.get("substitutions"))),
-        ("steps without a command", _share(metrics.get("idle_fraction"))),
+        ("idle steps", _share(metrics.get("idle_fraction"))),
     )
 
 

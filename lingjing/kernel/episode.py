@@ -133,7 +133,8 @@ def _outcome(kernel: Kernel, reason: str, cause: tuple[str, str], wall_s: float)
     return Outcome(
         success=reason == "success",
         reason=reason,
-        scr=state.evaluation.reward,
+        scr=state.scr,
+        score=state.evaluation.reward,
         ticks=state.registry.tick,
         digest=state.digest,
         frames_digest=state.frames_digest,

@@ -1,11 +1,11 @@
 """Evaluate: the score r and the flag d of a boundary, and why an episode ended.
 
-The built-in evaluator reads the mission's own success and failure conditions. Its score is the subtask completion
-rate: the share of the success condition's parts that hold, where `forall v in victim: rescued(v)` has one part for
-each victim and a conjunction adds up the parts of its sides; or, where stages have weights, the weighted share of the
-stages that are done. A mission that is won has completed all that it requires, even where a stage on the way was
-skipped: goods may be left at a place that nobody was sent to. Broken soft constraints take their penalties off the
-score. A broken hard constraint fails the episode; a stage that is late has used up the budget.
+The built-in evaluator reads the mission's own success and failure conditions. Its score is the share of the success
+condition's parts that hold, where `forall v in victim: rescued(v)` has one part for each victim and a conjunction adds
+up the parts of its sides; or, where stages have weights, the weighted share of the stages that are done; 1 when the
+mission is won. Broken soft constraints take their penalties off the score. The paper's subtask completion rate knows
+neither weights nor penalties: see `subtasks`. A broken hard constraint fails the episode; a stage that is late has used
+up the budget.
 """
 
 from __future__ import annotations

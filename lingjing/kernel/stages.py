@@ -33,6 +33,11 @@ class StageBook:
         self._weights = {stage.name: _number(stage.weight, 1.0) for stage in instance.stages}
         self._weighted = any(stage.weight is not None for stage in instance.stages)
 
+    @property
+    def parts(self) -> tuple[tuple[str, str], ...]:
+        """Every stage with each of its subjects."""
+        return tuple((name, subject) for name, subjects in self._subjects.items() for subject in subjects)
+
     def begin(self, registry: Registry) -> Registry:
         """The registry that knows which stages have begun by its boundary."""
         fresh = {

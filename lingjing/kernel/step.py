@@ -30,6 +30,7 @@ from lingjing.kernel.recording import inbox_record, observation_record, substitu
 from lingjing.kernel.references import References, is_reference
 from lingjing.kernel.registry import UNLOCK, Registry, Report, initial
 from lingjing.kernel.relations import RelationTracker
+from lingjing.kernel.subtasks import Subtasks
 from lingjing.kernel.visibility import Projector
 from lingjing.kernel.world.contract import StoredFrame, World, WorldBoundary
 from lingjing.mission.instance import Instance
@@ -67,6 +68,7 @@ class KernelState:
     digest: str = START
     frames_digest: str = START
     evaluation: Evaluation = field(default_factory=lambda: Evaluation(0.0, False))
+    scr: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,6 +122,7 @@ class Kernel:
         self._adjudicator = Adjudicator(instance)
         self._projector = Projector(instance, policy_seed)
         self._relations = RelationTracker(instance)
+        self._subtasks = Subtasks(instance, self._adjudicator)
         self._budgets = Budgets(instance)
         self._inspections = Inspections(instance)
         self._references = References(instance)
@@ -213,6 +216,7 @@ class Kernel:
             digest=digest,
             frames_digest=next_frames_digest(self.state.frames_digest, record.frames),
             evaluation=evaluation,
+            scr=record.scr,
         )
         self._log(state, record, frames)  # line 52: Log
         return Published(observations, inboxes, evaluation, record)
@@ -373,6 +377,7 @@ class Kernel:
             relations=self._relations.occurrences(before, after, inputs.envelopes, receipts, verdict.stages),
             reward=evaluation.reward,
             done=evaluation.done,
+            scr=self._subtasks.share(after),
             routes=boundary.routes,
             unheard=boundary.unheard,
         )

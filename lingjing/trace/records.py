@@ -335,7 +335,8 @@ class EngineStatus(Value, frozen=True, kw_only=True):
 
 
 class BoundaryRecord(Value, frozen=True, kw_only=True):
-    """One committed boundary, everything Algorithm 1's `Log` receives, in the paper's order.
+    """One committed boundary, everything Algorithm 1's `Log` receives, in the paper's order. `reward` is the score so
+    far, `scr` the subtask completion rate.
 
     `snapshots` are the macro-steps since the boundary before, the last one is this boundary's state [T];
     `frames` are the pictures captured at this boundary (pixels in their own topics); `digest` chains: SHA-256 over
@@ -359,6 +360,7 @@ class BoundaryRecord(Value, frozen=True, kw_only=True):
     relations: tuple[RelationRecord, ...]
     reward: float
     done: bool
+    scr: float = 0.0
     digest: str = ""
     wall_s: float = 0.0
     routes: tuple[Route, ...] = ()
@@ -388,8 +390,9 @@ class Header(Value, frozen=True, kw_only=True):
 
 
 class Outcome(Value, frozen=True, kw_only=True):
-    """The last record: `reason` is success, failure, budget, infrastructure-abort or interrupted; `detail` the cause of
-    an abort, `hint` what to do about it."""
+    """The last record: `reason` is success, failure, budget, infrastructure-abort or interrupted; `scr` the subtask
+    completion rate, `score` the mission's own with weights and penalties; `detail` the cause of an abort, `hint` what
+    to do about it."""
 
     success: bool
     reason: str
@@ -400,3 +403,4 @@ class Outcome(Value, frozen=True, kw_only=True):
     detail: str = ""
     hint: str = ""
     wall_s: float = 0.0
+    score: float = 0.0

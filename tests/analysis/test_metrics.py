@@ -199,7 +199,7 @@ def test_decisions_receipts_and_absences(of) -> None:  # type: ignore[no-untyped
             )
         )
     )
-    assert (found.substitutions, found.idle_fraction, found.conflicts, found.rejections) == (1, 1.0, 1, 2)
+    assert (found.substitutions, found.idle_fraction, found.conflicts, found.rejections) == (1, None, 1, 2)
     assert found.absent_frames == 1
 
 
@@ -433,9 +433,23 @@ def test_rep_of_a_tour_that_splits_an_order(of, trace: Trace) -> None:  # type: 
     assert repeated_target_rate(of(plan, taken, again, header=header)) == 1 / 3
 
 
-def test_rep_counts_who_stops_or_acts_and_not_who_drives_past(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]
+def test_rep_counts_every_entry_once_while_it_lasts(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]
+    """Driving past is an entry: the paper's region asks for no stop. 31 m away is none."""
     header = courier_service(trace)
-    assert repeated_target_rate(of(boundary(1, snapshots=(vans(1, 0.0, 500.0, 9.0),)), header=header)) is None
+    past = boundary(1, snapshots=(vans(1, 0.0, 500.0, 9.0), vans(1, 29.0, 500.0, 9.0), vans(1, 31.0, 500.0, 9.0)))
+    assert repeated_target_rate(of(past, header=header)) == 0.0
+    assert repeated_target_rate(of(boundary(1, snapshots=(vans(1, 31.0, 500.0),)), header=header)) is None
+    mine = boundary(
+        0, snapshots=(vans(0, 500.0, 500.0),), messages=(assignment(0, "planner", "driver[2]", stop="point[2]"),)
+    )
+    back = boundary(2, snapshots=(vans(2, 990.0, 500.0, 9.0), vans(2, 500.0, 500.0), vans(2, 990.0, 500.0)))
+    assert repeated_target_rate(of(mine, back, header=header)) == 2 / 3, (
+        "an assignment, and twice another in its region"
+    )
+
+
+def test_rep_of_what_is_completed(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]
+    header = courier_service(trace)
     part = TaskEvent(kind="deliver", entities=("point[1]", "van[1]"), time_s=10.0, values={"left_kg": 50.0})
     first = boundary(1, snapshots=(vans(1, 0.0, 500.0, 9.0),), task_events=(part,))
     rest = boundary(2, snapshots=(vans(2, 500.0, 5.0),))

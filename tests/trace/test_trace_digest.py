@@ -77,6 +77,7 @@ def test_every_other_field_counts(rich: BoundaryRecord) -> None:
         "tick": 999,
         "time_s": 1e6,
         "reward": 7.5,
+        "scr": 0.5,
         "done": not rich.done,
         "relations": (records.RelationRecord(kind="k", source="a", target="b", by="c", tick=1),),
         "task_events": (records.TaskEvent(kind="x", entities=(), time_s=0.0),),

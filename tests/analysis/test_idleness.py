@@ -1,0 +1,140 @@
+"""The idle fraction against counts by hand: who has a body, nothing under way and nothing assigned is idle."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from lingjing.analysis.idleness import idle_fraction
+from lingjing.mission.expression import Flag, Quantified
+from lingjing.mission.instance import AgentSpec, Entity
+from lingjing.mission.model import Stage
+from lingjing.trace.reader import Trace
+from lingjing.trace.records import (
+    BoundaryRecord,
+    Command,
+    Decision,
+    DecisionRecord,
+    Envelope,
+    Receipt,
+    StageChange,
+    TaskEvent,
+)
+
+replace = msgspec.structs.replace
+PATH = Path("trace.mcap")
+AGENTS = {"hub": (), "pilot": ("uav",), "driver": ("truck",)}
+
+
+@pytest.fixture
+def header(trace: Trace):  # type: ignore[no-untyped-def]
+    """A hub, a UAV and a truck that puts fires out within 30 m; success asks for one fire."""
+
+    def thing(name: str, role: str, engine: str, **properties: object) -> Entity:
+        return Entity(
+            id=name, group=name.partition("[")[0], index=1, role=role, type=name, engine=engine,  # type: ignore[arg-type]
+            position=(0.0, 0.0, 0.0), properties=properties,  # type: ignore[arg-type]
+        )  # fmt: skip
+
+    agents = tuple(
+        AgentSpec(id=name, name=name, index=1, role=name, controls=body, commands=body, observes=())
+        for name, body in AGENTS.items()
+    )
+    fire = thing("fire", "target", "city", extinguish_by="road", extinguish_within_m=30.0)
+    entities = (fire, thing("uav", "asset", "multirotor"), thing("truck", "asset", "road"))
+    instance = replace(trace.header.instance, agents=agents, entities=entities, rules=(), unlocks=(), stages=())
+    return replace(trace.header, instance=instance)
+
+
+@pytest.fixture
+def idle(trace: Trace, header):  # type: ignore[no-untyped-def]
+    """The idle fraction of an episode with these steps."""
+
+    def of(*records: BoundaryRecord) -> float | None:
+        return idle_fraction(Trace(trace.path, header, records, trace.outcome, True))
+
+    return of
+
+
+def step(tick: int, **fields: object) -> BoundaryRecord:
+    """A boundary at which all three were asked."""
+    names = [field.name for field in msgspec.structs.fields(BoundaryRecord) if field.required]
+    empty: dict[str, object] = dict.fromkeys(names, ())
+    made = tuple(DecisionRecord(agent=agent, decision=Decision()) for agent in AGENTS)
+    empty.update(tick=tick, time_s=10.0 * tick, reward=0.0, done=False, decisions=made)
+    return BoundaryRecord(**{**empty, **fields})  # type: ignore[arg-type]
+
+
+def command(number: int, resource: str) -> Command:
+    return Command(id=f"c{number}", tick=number, sender="x", resource=resource, verb="go")
+
+
+def answer(number: int, resource: str, status: str) -> Receipt:
+    return Receipt(request=f"c{number}", tick=number, sender="x", resource=resource, status=status)  # type: ignore[arg-type]
+
+
+def order(tick: int, assignee: str, kind: str = "assignment", **body: object) -> Envelope:
+    return Envelope(
+        id=f"m{tick}", tick=tick, sender="hub", recipient=assignee, kind=kind, category=kind,
+        body={"assignee": assignee, **body}, bytes=9, deliver_at=tick + 1,  # type: ignore[arg-type]
+    )  # fmt: skip
+
+
+def test_nobody_does_anything_and_the_hub_has_no_step(idle) -> None:  # type: ignore[no-untyped-def]
+    assert idle(step(1), step(2)) == 1.0
+    only_hub = step(1, decisions=(DecisionRecord(agent="hub", decision=Decision()),))
+    assert idle(only_hub) is None
+
+
+def test_a_command_is_at_work_until_it_ends(idle) -> None:  # type: ignore[no-untyped-def]
+    """The UAV flies in steps 1 to 3 and its flight ends in the third; the truck does nothing: 1 + 4 of 8 are idle."""
+    first = step(1, commands=(command(1, "uav"),), receipts=(answer(1, "uav", "accepted"), answer(1, "uav", "running")))
+    third = step(3, receipts=(answer(1, "uav", "completed"),))
+    assert idle(first, step(2), third, step(4)) == 5 / 8
+
+
+def test_what_is_done_within_a_step_is_done(idle) -> None:  # type: ignore[no-untyped-def]
+    """A picture is asked for and taken in one step: 1 + 2 of 4 are idle."""
+    photo = step(
+        1, commands=(command(1, "uav"),), receipts=(answer(1, "uav", "accepted"), answer(1, "uav", "completed"))
+    )
+    assert idle(photo, step(2)) == 3 / 4
+
+
+@pytest.mark.parametrize("status", ["rejected", "timed_out"])
+def test_what_an_engine_refuses_is_not_done(idle, status: str) -> None:  # type: ignore[no-untyped-def]
+    assert idle(step(1, commands=(command(1, "uav"),), receipts=(answer(1, "uav", status),))) == 1.0
+
+
+def test_a_target_is_assigned_until_it_is_completed(header) -> None:  # type: ignore[no-untyped-def]
+    """The truck is at the fire from step 1 until the stage of step 3: UAV 4 and truck 1 of 8 are idle."""
+    out = Stage(name="out", condition=Flag(value=False), variable="f", domain="fire")
+    success = Quantified("forall", "f", "fire", Flag(value=False))
+    with_stage = replace(header, instance=replace(header.instance, stages=(out,), success=success))
+    done = StageChange(stage="out", subject="fire", tick=3, time_s=30.0)
+    steps = (step(1, messages=(order(1, "driver", what="fire"),)), step(2), step(3, stages=(done,)), step(4))
+    assert idle_fraction(Trace(PATH, with_stage, steps, None, True)) == 5 / 8
+    again = (*steps, step(5, messages=(order(5, "driver", what="fire"),)))
+    assert idle_fraction(Trace(PATH, with_stage, again, None, True)) == 7 / 10, "it is out already"
+
+
+def test_an_errand_is_open_until_what_was_begun_for_it_ends(idle) -> None:  # type: ignore[no-untyped-def]
+    """Sent to a cell in step 1, off in step 2, there in step 3: 1 of 4 of the UAV's and 4 of the truck's are idle."""
+    steps = (
+        step(1, messages=(order(1, "pilot", cell="cells-1-1"),)),
+        step(2, commands=(command(2, "uav"),), receipts=(answer(2, "uav", "accepted"),)),
+        step(3, receipts=(answer(2, "uav", "completed"),)),
+        step(4),
+    )
+    assert idle(*steps) == 5 / 8
+
+
+def test_an_errand_ends_when_its_agent_says_that_it_is_done(idle) -> None:  # type: ignore[no-untyped-def]
+    said = replace(order(2, "hub", kind="target_status", state="done"), sender="pilot")
+    assert idle(step(1, messages=(order(1, "pilot", cell="x"),)), step(2, messages=(said,)), step(3)) == (1 + 3) / 6
+
+
+def test_an_event_about_nobody_known_changes_nothing(idle) -> None:  # type: ignore[no-untyped-def]
+    assert idle(step(1, task_events=(TaskEvent(kind="arrived", entities=("uav",), time_s=1.0),))) == 1.0

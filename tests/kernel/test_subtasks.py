@@ -1,0 +1,106 @@
+"""The subtask completion rate against counts by hand: targets or stages, never weights or penalties."""
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+import kernel_kit as kit
+import pytest
+
+from lingjing.kernel.subtasks import required_groups
+from lingjing.mission.expression import Binary, Call, Flag, Number, Point, Quantified, Ref
+from lingjing.mission.model import Constraint, Stage
+
+NEVER = Flag(value=False)
+THREE = ((100.0, 0.0), (0.0, -100.0), (-100.0, 0.0))
+
+
+def reached():
+    """The boat has been within 5 m of somebody."""
+    return kit.rule(
+        "reached",
+        Binary("<=", Call("distance_xy", (Ref("boat", "entity"), kit.local("v"))), Number(5.0)),
+        ("v", "victim"),
+    )
+
+
+def each(body):
+    return Quantified(quantifier="forall", variable="v", domain="victim", body=body)
+
+
+def after(seconds):
+    return Binary(operator=">=", left=Ref(name="now", kind="clock"), right=Number(value=seconds))
+
+
+def played(*moves, **changes):
+    """Boundaries of an episode in which the boat goes from place to place."""
+    base = {"rules": (reached(),), "unlocks": (), "stages": (), "relations": (), "victims": THREE}
+    kernel = kit.make_kernel(kit.make_instance(**{**base, **changes}))
+    yield kernel.reset()
+    for x, y in moves:
+        yield kernel.step(kit.decisions(skipper=kit.does("go", x=x, y=y)))
+
+
+def rates(boundaries):
+    return [round(one.record.scr, 6) for one in boundaries]
+
+
+SUCCESS = each(kit.called("reached", "v"))
+
+
+def test_two_of_three_targets_are_two_thirds_whatever_the_stages_weigh():
+    """Detecting is weighed and not required."""
+    stages = (
+        Stage(name="detect", condition=after(0.0), variable="v", domain="victim"),
+        Stage(name="execute", condition=kit.called("reached", "v"), variable="v", domain="victim", weight=Number(2.0)),
+    )
+    boundaries = list(played((50.0, -50.0), (100.0, 0.0), success=SUCCESS, stages=stages))
+    assert rates(boundaries) == [round(1 / 3, 6), round(1 / 3, 6), round(2 / 3, 6)]
+    assert boundaries[-1].evaluation.reward == pytest.approx((1 + 2 * 2 / 3) / 3)  # 0.778
+
+
+def test_all_that_is_delivered_is_delivered_whatever_else_success_asks():
+    """Twenty of twenty served is 1, although a vehicle is not where it should be and the score says less."""
+    home = Binary("<=", Call("distance_xy", (Ref("boat", "entity"), Point((Number(0.0), Number(0.0))))), Number(1.0))
+    success = kit.both(SUCCESS, Quantified("forall", "u", "uav", home))
+    boundaries = list(played((100.0, 0.0), *[(-100.0, 0.0)] * 4, success=success))
+    assert (boundaries[-1].record.scr, boundaries[-1].evaluation.done) == (1.0, False)
+    assert boundaries[-1].evaluation.reward == pytest.approx(3 / 5)
+
+
+def test_a_penalty_and_a_broken_hard_constraint_leave_it_alone():
+    soft = Constraint(name="late", kind="soft", condition=NEVER, penalty=Number(0.2))
+    hard = Constraint(name="fence", kind="hard", condition=NEVER)
+    for constraint, score in ((soft, 1 / 3 - 0.2), (hard, 1 / 3)):
+        (first,) = played(success=SUCCESS, constraints=(constraint,))
+        assert first.record.scr == pytest.approx(1 / 3)
+        assert first.evaluation.reward == pytest.approx(score)
+    assert first.evaluation.reason != ""
+
+
+def test_a_mission_of_one_target_is_one_of_stages():
+    stages = (
+        Stage(name="one", condition=after(10.0), weight=Number(3.0)),
+        Stage(name="two", condition=after(20.0)),
+        Stage(name="each", condition=kit.called("reached", "v"), variable="v", domain="victim"),
+        Stage(name="never", condition=NEVER),
+    )
+    boundaries = list(played((0.0, -100.0), (0.0, -100.0), success=NEVER, stages=stages))
+    assert rates(boundaries) == [round(1 / 6, 6), round(2 / 6, 6), round(3 / 6, 6)]
+
+
+def test_without_stages_the_parts_of_success_are_counted():
+    assert rates(played((0.0, 0.0), success=kit.both(after(0.0), after(100.0)))) == [0.5, 0.5]
+
+
+def test_what_is_won_is_complete_even_with_a_stage_skipped():
+    stages = (Stage(name="skipped", condition=NEVER),)
+    boundaries = list(played((0.0, 0.0), success=after(10.0), stages=stages))
+    assert rates(boundaries) == [0.0, 1.0]
+
+
+def test_only_groups_of_targets_are_required():
+    vehicles = Quantified("forall", "u", "uav", after(0.0))
+    assert required_groups(kit.make_instance(success=kit.both(vehicles, SUCCESS))) == (SUCCESS,)
+    assert required_groups(kit.make_instance(success=kit.called("reached", "v"))) == ()
