@@ -131,7 +131,7 @@ async def test_repairs_are_bounded_and_their_tokens_are_billed_at_once():
 
 
 async def test_a_slow_model_is_given_up_at_the_policys_own_deadline():
-    with serve([Reply(delay_s=30.0)]) as server:
+    with serve([Reply(delay_s=3600.0)]) as server:
         policy = await mind(server.url, deadline="0.5")
         with pytest.raises(ReactError, match=r"within|deadline"):
             await policy.act(observe("scout[1]", 1, HERE), Inbox())

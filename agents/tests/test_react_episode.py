@@ -16,7 +16,7 @@ SCENARIO = Path(__file__).parents[2] / "scenarios" / "ssr.ljs"
 TICKS = 8
 
 FAILURES = {
-    1: Reply(delay_s=60.0),
+    1: Reply(delay_s=3600.0),
     2: Reply(status=429, headers={"retry-after": "600"}),
     3: Reply("I would rather fly east."),
     4: Reply(status=500),
@@ -69,7 +69,7 @@ def test_an_episode_survives_every_failure_and_tells_each(client: str, tmp_path:
                 "base_url": server.url,
                 "client": client,
                 "api_key_env": "REACT_TEST_KEY",
-                "deadline": "4",
+                "deadline": "15",
                 "tries": "2",
                 "price_in": "1",
                 "vision": "yes",

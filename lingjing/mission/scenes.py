@@ -47,7 +47,7 @@ _MADE_UP = {
     "deck_m": "deck",
     "traffic": "traffic",
 }
-_OPTIONS: Mapping[str, Mapping[str, str]] = {
+OPTIONS: Mapping[str, Mapping[str, str]] = {
     "bay": {"distractors": "distractors"},
     "map": {name: name for name in ("bbox", "file", "folder", "map", "traffic")},
     "city": _MADE_UP,
@@ -84,7 +84,7 @@ class SceneFault(msgspec.Struct, frozen=True):
 
 def scene_faults(spec: SceneSpec) -> Iterator[SceneFault]:
     """Everything for which a built-in scene would be refused, whatever the machine; nothing for another scene."""
-    known = _OPTIONS.get(spec.kind)
+    known = OPTIONS.get(spec.kind)
     if known is None:
         return
     for name in sorted(set(spec.options) - set(known) - {"datum", "origin"}):

@@ -61,22 +61,27 @@ def trial(mission: model.Mission) -> tuple[Refusal, ...]:
 def _in_mode(mission: model.Mission, mode: str) -> Iterator[Refusal]:
     refused = tuple(_with_settings(mission, mode, {}))
     yield from refused
-    if not refused:
-        for settings in _swept(mission, mode):
-            yield from _with_settings(mission, mode, settings)
+    told: set[tuple[str, str]] = set()
+    for settings in () if refused else _swept(mission, mode):
+        chosen = ", ".join(f"{name} = {value:g}" for name, value in settings.items())
+        for refusal in _with_settings(mission, mode, settings):
+            if (
+                refusal.code,
+                refusal.path,
+            ) not in told:  # the first value at fault stands for all
+                told.add((refusal.code, refusal.path))
+                yield msgspec.structs.replace(refusal, message=f"with {chosen}, {refusal.message}")
 
 
 def _with_settings(mission: model.Mission, mode: str, settings: Mapping[str, float]) -> Iterator[Refusal]:
-    chosen = ", ".join(f"{name} = {value:g}" for name, value in settings.items())
-    where = f"with {chosen}, " if chosen else ""
     try:
         if _size(mission, mode, settings) > MEMBERS_MOST:
             return
         instance = instantiate(mission, mode=mode, settings=settings)
     except NodeError as error:
-        yield Refusal("LJ0507", error.path, f"{where}{error.said}", error.hint)
+        yield Refusal("LJ0507", error.path, error.said, error.hint)
     except LingjingError as error:
-        yield Refusal("LJ0507", mission.name, f"{where}{error}", error.hint)
+        yield Refusal("LJ0507", mission.name, str(error), error.hint)
     else:
         yield from _of_draws(mission, instance)
         yield from _of_scene(mission, instance)

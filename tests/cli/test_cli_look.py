@@ -83,7 +83,20 @@ def test_doctor_finds_this_machine_fit(capsys) -> None:
     assert main(["doctor", "--output-format", "json"]) == 0
     findings = json.loads(capsys.readouterr().out)
     assert {finding["name"]: finding["ok"] for finding in findings} == dict.fromkeys(
-        ("python", "system", "libraries", "rendering", "flight", "road", "dogs", "processes", "disk", "plugins"), True
+        (
+            "python",
+            "system",
+            "libraries",
+            "rendering",
+            "flight",
+            "road",
+            "dogs",
+            "processes",
+            "queues",
+            "disk",
+            "plugins",
+        ),
+        True,
     )
     assert "OpenGL" in next(finding["found"] for finding in findings if finding["name"] == "rendering")
 

@@ -197,25 +197,7 @@ def test_a_new_agent_plays_at_once(short: Path, tmp_path: Path) -> None:
     assert (answer.policy, answer.reason, answer.metrics["substitutions"]) == ("./mine.py:Mine", "budget", 0)
 
 
-def descendants(pid: int) -> set[int]:
-    """Process ids below `pid`, from /proc."""
-    children: dict[int, list[int]] = {}
-    for entry in Path("/proc").iterdir():
-        if entry.name.isdigit():
-            try:
-                parent = int((entry / "stat").read_text().rpartition(")")[2].split()[1])
-            except (OSError, ValueError):
-                continue
-            children.setdefault(parent, []).append(int(entry.name))
-    found: set[int] = set()
-    frontier = [pid]
-    while frontier:
-        frontier = [child for parent in frontier for child in children.get(parent, []) if child not in found]
-        found.update(frontier)
-    return found
-
-
-def test_control_c_ends_with_a_partial_trace_and_no_process(tmp_path: Path) -> None:
+def test_control_c_ends_with_a_partial_trace_and_no_process(tmp_path: Path, descendants) -> None:
     mission = data_path("scenarios", "ssr.ljs")
     process = subprocess.Popen(
         [*RUN, str(mission), "--policy", "random", "-o", "out", "--json"], cwd=tmp_path,

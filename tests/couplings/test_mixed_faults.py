@@ -21,17 +21,16 @@ POLICY = f"{kit.HERE / 'restless.py'}:Restless"
 WORKER = "lingjing.kernel.world.worker"
 
 
-def workers(parent: int) -> dict[str, int]:
-    """The worker processes of a process by their place: `world`, `camera`."""
+def places(pids: set[int]) -> dict[str, int]:
+    """The worker processes among these by their place: `world`, `camera`."""
     found = {}
-    for entry in Path("/proc").iterdir():
+    for pid in filter(runs, pids):
         try:
-            words = (entry / "cmdline").read_bytes().decode().split("\0")
-            state, of = (entry / "stat").read_text().rpartition(")")[2].split()[:2]
-        except (OSError, ValueError):
+            words = Path(f"/proc/{pid}/cmdline").read_bytes().decode().split("\0")
+        except OSError:
             continue
-        if of == str(parent) and WORKER in words and state not in "ZX":
-            found[next(place for place in ("world", "camera") if place in words)] = int(entry.name)
+        if WORKER in words:
+            found[next(place for place in ("world", "camera") if place in words)] = pid
     return found
 
 
@@ -50,7 +49,7 @@ def boundaries(part: Path):
 
 
 @pytest.fixture
-def episode(tmp_path):
+def episode(tmp_path, descendants):
     """The mixed mission on the command line with engines that have ten seconds a boundary, some ticks old."""
     mission = tmp_path / "mixed.ljs"
     mission.write_text(kit.MIXED.read_text("utf-8").replace("engine <= 120 s", "engine <= 10 s"), "utf-8")
@@ -63,7 +62,7 @@ def episode(tmp_path):
     part = tmp_path / "out" / "trace.mcap.part"
     deadline = time.monotonic() + 600
     while time.monotonic() < deadline and run.poll() is None:
-        if len(workers(run.pid)) == 2 and part.is_file() and len(boundaries(part)) > 1:
+        if len(places(descendants(run.pid))) == 2 and part.is_file() and len(boundaries(part)) > 1:
             break
         time.sleep(0.2)
     yield run, part
@@ -80,9 +79,9 @@ def episode(tmp_path):
         ("world", signal.SIGSTOP, "did not answer within 10 s; the world process was killed"),
     ],
 )
-def test_a_worker_that_dies_or_hangs_is_an_abort_with_its_trace_and_no_orphan(episode, place, blow, words):
+def test_a_worker_that_dies_or_hangs_is_an_abort_with_its_trace_and_no_orphan(episode, descendants, place, blow, words):
     run, part = episode
-    staff = workers(run.pid)
+    staff = places(descendants(run.pid))
     assert set(staff) == {"world", "camera"}, run.communicate()
     os.kill(staff[place], blow)
     output, errors = run.communicate(timeout=900)

@@ -20,8 +20,8 @@ from lingjing.scene.city import City
 from lingjing.scene.districts import build
 from lingjing.scene.districts.options import plan
 
-FAR = "subset([(0 m, 2 m), (1 m, 2 m), (1e7 m, 0 m), (3 m, 2 m), (4 m, 2 m), (5 m, 2 m)])"
-"""Not drawn with seed 0."""
+FAR = "subset([(0 m, 2 m), (1 m, 2 m), ({}, 0 m), (3 m, 2 m), (4 m, 2 m), (5 m, 2 m)])"
+"""Places one of which, not drawn with seed 0, may be too far."""
 
 # what is replaced in the small mission, by what, code, line, column, a part of the message
 CASES = [
@@ -44,7 +44,7 @@ CASES = [
     ("bay {", "residential { bridge = [(0 m, 0 m), (9 m, 0 m)],", "LJ0508", 8, 23, "has no `bridge`"),
     ("bay {", "bay { extent = 3 km,", "LJ0508", 8, 15, "has no option `extent`"),
     ("bay {", "commercial { deck = 2 m,", "LJ0508", 8, 22, "`deck` is 2.0"),
-    ("~ sites(search, apart >= 10 m)", f"~ {FAR}", "LJ0507", 19, 12, "`victim` may be drawn at is beyond the scene"),
+    ("~ sites(search, apart >= 10 m)", f"~ {FAR.format('uavs * 1e6 m')}", "LJ0211", 19, 23, "is beyond every scene"),
     ("bay {", "map {", "LJ0508", 8, 9, "names no map"),
     ("bay { datum = sea level at -3.5 m", "city { datum = 0 m", "LJ0508", 8, 16, "flood"),
 ]  # fmt: skip
@@ -56,6 +56,15 @@ def test_what_run_refuses(small: str, old: str, new: str, code: str, line: int, 
     found = compile_text(text.replace(old, new, 1)).diagnostics
     assert [(item.code, item.span.line, item.span.column) for item in found] == [(code, line, column)]
     assert part in found[0].message
+
+
+def test_a_place_that_only_a_sweep_puts_too_far_is_refused(small: str) -> None:
+    far = small.replace("~ sites(search, apart >= 10 m)", f"~ {FAR.format('(uavs - 2) * 1e6 m')}")
+    assert compile_text(far).diagnostics == ()
+    swept = far.replace("  param alt", "  sweep all over uavs in [1, 4]\n  param alt")
+    (found,) = compile_text(swept).diagnostics
+    assert (found.code, found.span.line) == ("LJ0507", 20)
+    assert "with uavs = 4, a place that `victim` may be drawn at is beyond the scene" in found.message
 
 
 def test_a_fault_of_a_base_mission_is_shown_where_that_is_named(small: str, tmp_path: Path) -> None:

@@ -38,7 +38,7 @@ class Editor(LanguageClient):
         """The diagnostics after the first `beyond` publications."""
         while len(self.published.get(uri, [])) <= beyond:
             self.told.clear()
-            await asyncio.wait_for(self.told.wait(), 60)
+            await asyncio.wait_for(self.told.wait(), 600)
         return list(self.published[uri][-1].diagnostics)
 
     def open(self, text: str, uri: str = URI) -> None:
@@ -82,9 +82,9 @@ async def editor() -> AsyncIterator[Editor]:
     client.initialized(lsp.InitializedParams())
     yield client
     if client._server is not None and client._server.returncode is None:
-        await asyncio.wait_for(client.shutdown_async(None), 30)
+        await asyncio.wait_for(client.shutdown_async(None), 600)
         client.exit(None)
-        assert await asyncio.wait_for(client._server.wait(), 30) == 0
+        assert await asyncio.wait_for(client._server.wait(), 600) == 0
     await client.stop()
 
 
@@ -262,11 +262,11 @@ async def test_a_cancelled_question_leaves_the_server_well(editor: Editor) -> No
 async def test_shutdown_during_a_check_leaves_nothing(editor: Editor) -> None:
     editor.open(long_mission(3000))
     await asyncio.sleep(0.1)
-    await asyncio.wait_for(editor.shutdown_async(None), 60)
+    await asyncio.wait_for(editor.shutdown_async(None), 600)
     editor.exit(None)
     server = editor._server
     assert server is not None
-    assert await asyncio.wait_for(server.wait(), 60) == 0
+    assert await asyncio.wait_for(server.wait(), 600) == 0
     assert not Path(f"/proc/{server.pid}").exists()
 
 
@@ -276,5 +276,5 @@ async def test_a_client_that_goes_away_ends_the_server(editor: Editor) -> None:
     editor.open(SSR)
     await editor.diagnostics()
     server.stdin.close()
-    await asyncio.wait_for(server.wait(), 60)
+    await asyncio.wait_for(server.wait(), 600)
     assert not Path(f"/proc/{server.pid}").exists()
