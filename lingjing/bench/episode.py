@@ -51,8 +51,8 @@ OVERVIEW_NAME = "overview.png"
 @dataclass(frozen=True, slots=True)
 class EpisodeResult:
     """What came of one episode. `trace` is the MCAP file (a `.part` if the episode was cut short), `scr` the subtask
-    completion rate in 0..1, `score` the mission's own with weights and penalties, `detail` the cause of an abort, or
-    what is to be known of a success, and `hint` what to do about it."""
+    completion rate in 0..1, `score` the mission's own with weights and penalties, `detail` the cause of the ending
+    where `reason` leaves it open, or what is to be known of a success, and `hint` what to do about an abort."""
 
     mission: str
     seed: int

@@ -15,8 +15,8 @@ INTERRUPTED = "interrupted"
 class EpisodeReport(msgspec.Struct, frozen=True, kw_only=True):
     """One episode, as `lingjing run --json` prints it.
 
-    `trace` is the path of the MCAP file (a `.part` if the episode was cut short), `detail` the cause of an abort
-    and `hint` what to do about it.
+    `trace` is the path of the MCAP file (a `.part` if the episode was cut short), `detail` the cause of an ending that
+    the reason leaves open (which stage was late, which engine failed) and `hint` what to do about an abort.
     `warnings` are what a reader of the score should know, a line each; `attribution` says whose map was played on;
     `policy_seed` started the policies' random streams; `scr` is the subtask completion rate, `score` the mission's own
     with its weights and penalties.

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from lingjing.bench.study import Row
     from lingjing.trace.reader import Trace
 
-ENDINGS = {"success": "won", "failure": "lost", "budget": "out of time"}
+ENDINGS = {"success": "won", "failure": "lost", "budget": "out of time", "late": "late", "constraint": "lost"}
 
 
 def write_page(mission: Mission, traces: Sequence[Path], results: Path | None, folder: Path) -> Path:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from lingjing.bench.report import EpisodeReport
+from lingjing.trace.records import CUT_SHORT
 
 Row = tuple[str, str]
 Group = tuple[str, tuple[Row, ...]]
@@ -32,6 +33,8 @@ _PLAIN: dict[str, tuple[tuple[str, str], ...]] = {
 _REASONS = {
     "budget": "the budget of ticks ran out",
     "failure": "the mission's failure condition holds",
+    "constraint": "a hard constraint was broken",
+    "late": "a stage ran out of its own ticks",
     "infrastructure-abort": "aborted by the infrastructure",
     "interrupted": "interrupted",
 }
@@ -57,6 +60,7 @@ def plain(report: EpisodeReport) -> tuple[Group, ...]:
     episode = [(name, str(getattr(report, name))) for name in ("mission", "seed", "mode", "policy")]
     outcome = [
         ("success", f"{'yes' if report.success else 'no'} ({report.reason})"),
+        ("detail", report.detail or UNDEFINED),
         ("SCR", f"{report.scr:.2f}"),
         ("score", f"{report.score:.2f}"),
         ("stages", _stages(metrics.get("stages"))),
@@ -71,8 +75,11 @@ def plain(report: EpisodeReport) -> tuple[Group, ...]:
 
 
 def verdict(report: EpisodeReport) -> str:
-    """`yes`, or `no: the budget of ticks ran out`."""
-    return "yes" if report.success else f"no: {_REASONS.get(report.reason, report.reason)}"
+    """`yes`, or `no: the budget of ticks ran out`; the detail where an episode that ran to its end has one."""
+    if report.success:
+        return "yes"
+    detail = "" if report.reason in CUT_SHORT else report.detail
+    return f"no: {detail or _REASONS.get(report.reason, report.reason)}"
 
 
 def _outcome(report: EpisodeReport) -> tuple[Row, ...]:

@@ -11,6 +11,7 @@ from lingjing.kernel.rules import bindings, holds, identity
 from lingjing.mission.expression import Number
 from lingjing.mission.instance import Instance
 from lingjing.mission.model import Constraint
+from lingjing.mission.wording import some
 from lingjing.trace.records import BodyState, Event, Snapshot
 
 At = Callable[[Registry, Mapping[str, BodyState], float], Instant]
@@ -39,10 +40,18 @@ class Watch:
             return registry, ()
         return replace(registry, course=replace(registry.course, broken=broken)), tuple(events)
 
-    def broke_a_hard_one(self, registry: Registry) -> bool:
-        """Whether the episode can be no success any more."""
-        hard = {constraint.name for constraint in self._constraints if constraint.kind == "hard"}
-        return any(name in hard for name, _ in registry.course.broken)
+    def broken(self, registry: Registry) -> str:
+        """Which hard constraint was broken, when and by whom, or "": then the episode can be no success any more."""
+        hard = [constraint.name for constraint in self._constraints if constraint.kind == "hard"]
+        name = next((one for one, _ in registry.course.broken if one in hard), None)
+        if name is None:
+            return ""
+        acts = [
+            f"at {time_s:g} s" + (f" by {subject}" if subject else "")
+            for (one, subject), time_s in registry.course.broken.items()
+            if one == name
+        ]
+        return f"the constraint `{name}` was broken {some(acts)}"
 
     def penalty(self, registry: Registry) -> float:
         """What the broken soft constraints take off the score."""

@@ -15,7 +15,7 @@ from lingjing.errors import InfrastructureError, PluginError
 from lingjing.kernel.barrier import PolicyBarrier
 from lingjing.kernel.step import Kernel, Published
 from lingjing.plugins.policy import Policy
-from lingjing.trace.records import BoundaryRecord, Outcome
+from lingjing.trace.records import CUT_SHORT, BoundaryRecord, Outcome, Reason
 
 WON_AT_START = "success held at the start, before anybody acted"
 """The detail of an episode that was won at boundary 0."""
@@ -76,10 +76,10 @@ def play(
     from outside, a `KeyboardInterrupt` above all, is passed on after the trace is closed as a partial one.
     """
     started = time.perf_counter()
-    reason, detail, hint = "error", "", ""
+    reason: Reason = "error"
+    detail, hint = "", ""
     try:
-        reason = _loop(kernel, barrier, progress, started)
-        detail = WON_AT_START if reason == "success" and kernel.state.registry.tick == 0 else ""
+        reason, detail = _loop(kernel, barrier, progress, started)
     except InfrastructureError as error:
         reason, detail, hint = "infrastructure-abort", f"{error}", error.hint
     except KeyboardInterrupt:
@@ -89,21 +89,27 @@ def play(
         barrier.close()
         outcome = _outcome(kernel, reason, (detail, hint), time.perf_counter() - started)
         if recorder is not None:
-            (recorder.finish if reason in ("success", "failure", "budget") else recorder.abandon)(outcome)
+            (recorder.abandon if reason in CUT_SHORT else recorder.finish)(outcome)
     return outcome
 
 
-def _loop(kernel: Kernel, barrier: PolicyBarrier, progress: Callable[[Progress], None] | None, started: float) -> str:
+def _loop(
+    kernel: Kernel, barrier: PolicyBarrier, progress: Callable[[Progress], None] | None, started: float
+) -> tuple[Reason, str]:
+    """Why the episode ended by itself, and the detail of it."""
     published = kernel.reset()
     last = ""
     while True:
         last = _last_event(published, last)
         if progress is not None:
             progress(_progress(kernel, published, last, started))
-        if published.evaluation.done:
-            return published.evaluation.reason
+        ended = published.evaluation
+        if ended.done:
+            at_start = ended.reason == "success" and published.record.tick == 0
+            # an evaluator of somebody's own that ends an episode without a reason has seen no success
+            return ended.reason or "failure", ended.detail or (WON_AT_START if at_start else "")
         if published.record.tick >= kernel.instance.budget.ticks:
-            return "budget"
+            return "budget", ""
         inputs = {name: (published.observations[name], published.inboxes[name]) for name in published.observations}
         published = kernel.step(barrier.act(inputs, kernel.exhausted()))
 
@@ -128,7 +134,7 @@ def _progress(kernel: Kernel, published: Published, last: str, started: float) -
     )
 
 
-def _outcome(kernel: Kernel, reason: str, cause: tuple[str, str], wall_s: float) -> Outcome:
+def _outcome(kernel: Kernel, reason: Reason, cause: tuple[str, str], wall_s: float) -> Outcome:
     state = kernel.state
     return Outcome(
         success=reason == "success",

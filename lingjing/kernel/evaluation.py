@@ -4,14 +4,17 @@ The built-in evaluator reads the mission's own success and failure conditions. I
 condition's parts that hold, where `forall v in victim: rescued(v)` has one part for each victim and a conjunction adds
 up the parts of its sides; or, where stages have weights, the weighted share of the stages that are done; 1 when the
 mission is won. Broken soft constraints take their penalties off the score. The paper's subtask completion rate knows
-neither weights nor penalties: see `subtasks`. A broken hard constraint fails the episode; a stage that is late has used
-up the budget.
+neither weights nor penalties: see `subtasks`.
+
+What holds first of these at a boundary ends the episode there: a broken hard constraint, success, failure, a stage that
+is late. The mission's own ticks are the loop's to count and come last, so a stage that is late at the very last tick is
+`late`: it would have ended a longer mission as well.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, Protocol
 
 from lingjing.kernel.adjudication import Adjudicator
@@ -19,21 +22,21 @@ from lingjing.kernel.constraints import Watch
 from lingjing.kernel.instant import Instant, Locals
 from lingjing.kernel.registry import Registry
 from lingjing.kernel.rules import holds
-from lingjing.kernel.stages import StageBook
+from lingjing.kernel.stages import Late, StageBook
 from lingjing.mission.expression import Binary, Expr, Quantified
 from lingjing.mission.instance import Instance
-from lingjing.trace.records import Event
-
-Reason = Literal["", "success", "failure", "budget"]
+from lingjing.mission.wording import some
+from lingjing.trace.records import Event, Reason
 
 
 @dataclass(frozen=True, slots=True)
 class Evaluation:
-    """r and d, with the reason if d: `success`, `failure`, or `budget` when the loop stops at the tick limit."""
+    """r and d, with the reason if d and, where the reason leaves it open, which stage or constraint it was."""
 
     reward: float
     done: bool
-    reason: Reason = ""
+    reason: Reason | Literal[""] = ""
+    detail: str = ""
 
 
 class Evaluator(Protocol):
@@ -54,19 +57,19 @@ class MissionEvaluator:
         self._book = StageBook(instance)
 
     def evaluate(self, registry: Registry, events: Sequence[Event]) -> Evaluation:
-        """Success before failure: a mission won at the boundary where it would be lost is won."""
+        """Success before failure and lateness: a mission won at the boundary where it would be lost is won."""
         at = self._adjudicator.instant(registry, registry.states, registry.time_s)
         won = holds(self._instance.success, {}, at)
         score = max(0.0, (1.0 if won else self._share(registry, at)) - self._watch.penalty(registry))
-        if self._watch.broke_a_hard_one(registry):
-            return Evaluation(score, True, "failure")
+        broken = self._watch.broken(registry)
+        if broken:
+            return Evaluation(score, True, "constraint", broken)
         if won:
             return Evaluation(score, True, "success")
         if self._instance.failure is not None and holds(self._instance.failure, {}, at):
             return Evaluation(score, True, "failure")
-        if next(self._book.late(registry), None) is not None:
-            return Evaluation(score, True, "budget")
-        return Evaluation(score, False)
+        late = tuple(self._book.late(registry))
+        return Evaluation(score, True, "late", _lateness(late, registry.tick)) if late else Evaluation(score, False)
 
     def _share(self, registry: Registry, at: Instant) -> float:
         score = self._book.score(registry)
@@ -74,6 +77,13 @@ class MissionEvaluator:
             return score
         parts = list(parts_of(self._instance.success, {}, at))
         return sum(parts) / len(parts) if parts else 0.0
+
+
+def _lateness(late: Sequence[Late], tick: int) -> str:
+    first, *others = late
+    had = f"{first.ticks} tick{'s' * (first.ticks != 1)}"
+    told = f"the stage {first.name} was not done in the {had} it had (from tick {first.began} to tick {tick})"
+    return told + (f"; so were {some([one.name for one in others])}" if others else "")
 
 
 def parts_of(condition: Expr, scope: Locals, at: Instant) -> Iterator[bool]:
@@ -89,9 +99,9 @@ def parts_of(condition: Expr, scope: Locals, at: Instant) -> Iterator[bool]:
 
 
 def combine(results: Sequence[Evaluation]) -> Evaluation:
-    """Several evaluators: the mean score; done when any says so, with the first one's reason."""
+    """Several evaluators: the mean score; done when any says so, with the first one's reason and detail."""
     if not results:
         return Evaluation(0.0, False)
     reward = sum(result.reward for result in results) / len(results)
     ended = next((result for result in results if result.done), None)
-    return Evaluation(reward, ended is not None, ended.reason if ended else "")
+    return Evaluation(reward, False) if ended is None else replace(ended, reward=reward)

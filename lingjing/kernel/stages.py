@@ -2,14 +2,14 @@
 
 A stage begins when the stages it depends on are done, for the same subject where both have subjects; one that depends
 on nothing begins with the episode. A stage with `ticks` that is not done that many ticks after its beginning is late,
-and the episode has run out of its budget. Where any stage has a weight, the score is the weighted share of the stages
-that are done, each by the share of its subjects; otherwise it is that of the success condition.
+which ends the episode, whether success needs the stage or not. Where any stage has a weight, the score is the weighted
+share of the stages that are done, each by the share of its subjects; otherwise it is that of the success condition.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from lingjing.kernel.registry import Registry
 from lingjing.mission.expression import Number
@@ -18,6 +18,21 @@ from lingjing.mission.model import Stage
 
 EVERYONE = ""
 """The subject of a stage that has none."""
+
+
+@dataclass(frozen=True, slots=True)
+class Late:
+    """A stage that one subject has not done in the `ticks` it had since the tick at which it `began`."""
+
+    stage: str
+    subject: str
+    ticks: int
+    began: int
+
+    @property
+    def name(self) -> str:
+        """`detect` of victim[1], in words."""
+        return f"`{self.stage}` of {self.subject}" if self.subject else f"`{self.stage}`"
 
 
 class StageBook:
@@ -50,16 +65,16 @@ class StageBook:
             return registry
         return replace(registry, course=replace(registry.course, began={**registry.course.began, **fresh}))
 
-    def late(self, registry: Registry) -> Iterator[tuple[str, str]]:
-        """Stage and subject of what has passed its own bound of ticks without being done."""
+    def late(self, registry: Registry) -> Iterator[Late]:
+        """What has passed its own bound of ticks without being done, in declaration order."""
         for stage in self._stages:
             if stage.ticks is None:
                 continue
+            most = int(_number(stage.ticks, 0.0))
             for subject in self._subjects[stage.name]:
                 began = registry.course.began.get((stage.name, subject))
-                over = began is not None and registry.tick - began >= _number(stage.ticks, 0.0)
-                if over and (stage.name, subject) not in registry.stages:
-                    yield stage.name, subject
+                if began is not None and registry.tick - began >= most and (stage.name, subject) not in registry.stages:
+                    yield Late(stage.name, subject, most, began)
 
     def score(self, registry: Registry) -> float | None:
         """The weighted share of what is done, 0..1; None if no stage has a weight."""

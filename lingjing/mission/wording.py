@@ -1,4 +1,4 @@
-"""Fill the holes of goals and prompts: `Fly at {altitude}.` becomes `Fly at 100 m`.
+"""Fill the holes of goals and prompts: `Fly at {altitude}.` becomes `Fly at 100 m`; and say values in words.
 
 What a hole may name is checked by `lingjing.dsl.wording`. Numbers are shown in the author's unit, positions as
 `(east, north)` in metres, a group as the ids of its members, a region as its corners, a grid as its cells' names.
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from lingjing.mission.instance import Datum, Entity
 
@@ -35,6 +35,12 @@ def fill(text: str, look_up: Callable[[str, str | None, str | None], str | None]
         return hole[0] if found is None else found
 
     return HOLE.sub(put, text)
+
+
+def some(words: Sequence[str], most: int = 6) -> str:
+    """`a, b, c and 12 more`: the first of many."""
+    rest = len(words) - most
+    return ", ".join(words) if rest <= 0 else f"{', '.join(words[:most])} and {rest} more"
 
 
 def shown_number(value: float, unit: str = "", factor: float = 1.0) -> str:

@@ -19,15 +19,12 @@ from lingjing.errors import UsageError
 from lingjing.trace import images
 from lingjing.trace.container import Stored, chunk_messages, ends_properly, scan
 from lingjing.trace.encoding import from_json
-from lingjing.trace.records import BoundaryRecord, FrameInfo, Header, Outcome
+from lingjing.trace.records import CUT_SHORT, BoundaryRecord, FrameInfo, Header, Outcome
 from lingjing.trace.topics import BOUNDARY, CAMERAS, FRAME, HEADER, OUTCOME, camera_topic
 
 RECORD_RATIO = 200
 RECORD_BYTES = 2**26
 """What all records of a file may hold as JSON: that many bytes, and so often its own size."""
-
-CUT_SHORT = ("infrastructure-abort", "interrupted")
-"""Outcomes of episodes that did not end by themselves."""
 
 Record = TypeVar("Record", bound=msgspec.Struct)
 

@@ -20,6 +20,14 @@ class Value(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     """Base of every record: frozen, keyword-only."""
 
 
+Reason = Literal["success", "failure", "constraint", "late", "budget", "infrastructure-abort", "interrupted", "error"]
+"""Why an episode ended: the mission's success or failure condition holds; a hard constraint was broken; a stage used up
+its own ticks; the mission's ticks ran out; the world or what a policy stands on failed; somebody stopped it; a program
+has a fault."""
+
+CUT_SHORT: tuple[Reason, ...] = ("infrastructure-abort", "interrupted", "error")
+"""Reasons of episodes that did not end by themselves: they count neither for nor against a policy."""
+
 DORMANT = "dormant"
 """The status of an entity that has not appeared yet or is gone: not drawn, not hit, seen by nobody."""
 
@@ -390,12 +398,12 @@ class Header(Value, frozen=True, kw_only=True):
 
 
 class Outcome(Value, frozen=True, kw_only=True):
-    """The last record: `reason` is success, failure, budget, infrastructure-abort or interrupted; `scr` the subtask
-    completion rate, `score` the mission's own with weights and penalties; `detail` the cause of an abort, `hint` what
-    to do about it."""
+    """The last record: `scr` is the subtask completion rate, `score` the mission's own with weights and penalties;
+    `detail` the cause of the ending where the reason leaves one open (which stage, which constraint, which engine),
+    `hint` what to do about an abort."""
 
     success: bool
-    reason: str
+    reason: Reason
     scr: float
     ticks: int
     digest: str

@@ -12,6 +12,7 @@ import kernel_kit as kit
 from kernel_kit import decisions, does, make_instance, make_kernel, says
 
 from lingjing.kernel.barrier import PolicyBarrier
+from lingjing.kernel.episode import play
 from lingjing.kernel.rules import evaluate
 from lingjing.mission.expression import Binary, Call, Number, Ref, Symbol
 from lingjing.mission.instance import (
@@ -163,7 +164,16 @@ def test_a_broken_hard_constraint_fails_the_episode_at_the_macro_step_it_was_bro
     out = kernel.step(decisions(skipper=does("go", x=0, y=-200)))
     (broken,) = [event for event in out.record.events if event.kind == "leash"]
     assert broken.time_s == pytest.approx(1.5)  # 148.7 m apart after 1 s, 152.4 m after 1.5 s
-    assert (out.evaluation.done, out.evaluation.reason) == (True, "failure")
+    assert (out.evaluation.done, out.evaluation.reason) == (True, "constraint")
+    assert out.evaluation.detail == "the constraint `leash` was broken at 1.5 s"
+
+
+def test_who_broke_a_hard_constraint_is_said_and_a_success_at_the_same_boundary_is_none():
+    here = Constraint(name="early", kind="hard", condition=ALWAYS_FALSE, variable="u", domain="uav")
+    kernel = make_kernel(make_instance(constraints=(here,), success=after(0.0)))
+    ended = kernel.reset().evaluation
+    assert (ended.done, ended.reason) == (True, "constraint")
+    assert ended.detail == "the constraint `early` was broken at 0 s by uav[1], at 0 s by uav[2]"
 
 
 def test_a_soft_constraint_costs_its_penalty_once_for_each_that_broke_it():
@@ -183,10 +193,41 @@ def test_a_soft_constraint_costs_its_penalty_once_for_each_that_broke_it():
 # -- stages
 
 
-def test_a_late_stage_has_used_up_the_budget():
+def test_a_late_stage_ends_the_episode_with_its_own_reason():
     stage = Stage(name="soon", condition=ALWAYS_FALSE, ticks=Number(value=3.0))
     kernel = started(stages=(stage,), relations=())
-    assert [kernel.step(()).evaluation.reason for _ in range(3)] == ["", "", "budget"]
+    ended = [kernel.step(()).evaluation for _ in range(3)]
+    assert [each.reason for each in ended] == ["", "", "late"]
+    assert ended[-1].detail == "the stage `soon` was not done in the 3 ticks it had (from tick 0 to tick 3)"
+
+
+def test_a_stage_that_is_done_in_its_last_tick_is_not_late_and_a_success_then_is_one():
+    stage = Stage(name="soon", condition=after(30.0), ticks=Number(value=3.0))
+    kernel = started(stages=(stage,), relations=())
+    assert [kernel.step(()).evaluation.reason for _ in range(4)] == [""] * 4
+    never = msgspec.structs.replace(stage, condition=ALWAYS_FALSE)
+    kernel = started(stages=(never,), relations=(), success=after(30.0))
+    assert [kernel.step(()).evaluation.reason for _ in range(3)] == ["", "", "success"]
+
+
+def test_all_who_are_late_at_once_are_named():
+    each = Stage(name="find", condition=ALWAYS_FALSE, variable="v", domain="victim", ticks=Number(value=1.0))
+    other = Stage(name="go", condition=ALWAYS_FALSE, ticks=Number(value=1.0))
+    ended = started(stages=(each, other), relations=()).step(()).evaluation
+    assert ended.detail == (
+        "the stage `find` of victim[1] was not done in the 1 tick it had (from tick 0 to tick 1); "
+        "so were `find` of victim[2], `go`"
+    )
+
+
+@pytest.mark.parametrize(("ticks", "reason"), [(2.0, "late"), (3.0, "late"), (4.0, "budget")])
+def test_a_stage_that_is_late_at_the_last_tick_is_what_ended_it(ticks, reason):
+    """It would have ended a mission of more ticks as well; also a stage that success does not need."""
+    stage = Stage(name="bonus", condition=ALWAYS_FALSE, ticks=Number(value=ticks))
+    kernel = make_kernel(make_instance(stages=(stage,), relations=(), ticks=3))
+    outcome = play(kernel, PolicyBarrier({}, 5.0))
+    assert (outcome.reason, outcome.ticks, outcome.success) == (reason, min(3, int(ticks)), False)
+    assert outcome.detail.startswith("the stage `bonus`") == (reason == "late")
 
 
 def test_a_stage_counts_its_ticks_from_the_end_of_what_it_depends_on():
@@ -195,7 +236,7 @@ def test_a_stage_counts_its_ticks_from_the_end_of_what_it_depends_on():
         Stage(name="second", condition=ALWAYS_FALSE, ticks=Number(value=2.0)),
     )
     kernel = started(stages=stages, relations=(Relation(kind="dependency", source="first", target="second"),))
-    assert [kernel.step(()).evaluation.reason for _ in range(4)] == ["", "", "", "budget"]
+    assert [kernel.step(()).evaluation.reason for _ in range(4)] == ["", "", "", "late"]
 
 
 def test_weights_make_the_score():

@@ -22,7 +22,7 @@ from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from lingjing.errors import ExitCode, LingjingError, UsageError
 from lingjing.trace.digest import verify
 from lingjing.trace.reader import Trace, read_trace
-from lingjing.trace.records import Outcome
+from lingjing.trace.records import CUT_SHORT, Outcome, Reason
 from lingjing.trace.writer import TraceWriter, part_path
 
 
@@ -126,17 +126,16 @@ def _plain_boundaries(path: Path) -> int:
     return count
 
 
-def test_an_abandoned_episode_keeps_part_and_reads_whole(synthetic: ModuleType, tmp_path: Path) -> None:
+@pytest.mark.parametrize("reason", CUT_SHORT)
+def test_an_abandoned_episode_keeps_part_and_reads_whole(synthetic: ModuleType, tmp_path: Path, reason: Reason) -> None:
     path = tmp_path / "trace.mcap"
-    outcome = Outcome(success=False, reason="infrastructure-abort", scr=0.0, ticks=4, digest="", frames_digest="")
+    outcome = Outcome(success=False, reason=reason, scr=0.0, ticks=4, digest="", frames_digest="")
     with TraceWriter(path, synthetic.header()) as writer:
         records = []
         for record, pictures in synthetic.episode(4):
             writer.boundary(record, pictures)
             records.append(record)
-        outcome = msgspec.structs.replace(
-            synthetic.outcome_of(records), reason="infrastructure-abort", detail="camera died"
-        )
+        outcome = msgspec.structs.replace(synthetic.outcome_of(records), reason=reason, detail="camera died")
         assert writer.abandon(outcome) == part_path(path)
     back = read_trace(part_path(path))
     assert not path.exists() and back.outcome == outcome and not back.complete

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from lingjing.analysis.metrics import Metrics
 from lingjing.analysis.overview import style
 
-ENDINGS = {"budget": "out of time"}
+ENDINGS = {"budget": "out of time", "late": "stage late", "constraint": "constraint broken", "error": "cut short"}
 """Reasons that read better in other words."""
 
 
