@@ -20,6 +20,7 @@ from lingjing.mission import grid as grids
 from lingjing.mission.clock import clock_fault
 from lingjing.mission.evaluate import Area, Interval, Place, Scope, Value, area, describe, evaluate, number, whole
 from lingjing.mission.instance import Budget, Cell, Clock, Datum, Entity, Instance, Region, SceneSpec, Weather
+from lingjing.mission.interactions import allowed_from_the_start
 from lingjing.mission.placing import at_path, datum, entities, holds, member_ids, single
 from lingjing.mission.seeding import integer
 from lingjing.mission.speaker import Speaker
@@ -77,7 +78,7 @@ def instantiate(
         messages=roster.messages(mission, scope, crew),
         comms=roster.comms(mission, scope, crew),
         rules=mission.rules,
-        unlocks=mission.unlocks,
+        unlocks=mission.unlocks + allowed_from_the_start(members, mission.unlocks),
         stages=course.stages(mission, scope),
         relations=tuple(relation for relation in mission.relations if holds(relation.when, scope)),
         success=mission.success,

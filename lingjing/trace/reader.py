@@ -101,11 +101,12 @@ class Trace:
         return None if place is None else _read(self.path, place)
 
 
-def read_trace(path: Path) -> Trace:
+def read_trace(path: str | Path) -> Trace:
     """Read a `trace.mcap` or a `.part`, whole or cut.
 
     Raises `UsageError` for a file that cannot be read, is no trace, or was cut before its header ended.
     """
+    path = Path(path)
     found = _Found(path)
     for stored in scan(path):
         found.take(stored)

@@ -85,3 +85,16 @@ def test_a_road_vehicle_has_what_it_declared_until_interactions_change_it(tmp_pa
     assert first["corner"] == {"people": 4.0, "parcels": 4.0, "crate": 40.0}
     assert last["corner"]["parcels"] == pytest.approx(3.7)
     assert (result.reason, result.ticks) == ("success", 1)
+
+
+def test_an_interaction_that_nothing_unlocks_is_allowed_from_the_start(tmp_path):
+    free = "".join(line for line in BUS.splitlines(keepends=True) if "unlock stow" not in line and "board(" not in line)
+    played, barred = (
+        lingjing.run(compile_text(text).mission, policy="random", out=tmp_path / name, world="inline", overview=False)
+        for name, text in (
+            ("free", free),
+            ("barred", BUS.replace("stow(s: corner) when now >= 0 s", "stow(s: corner) when now >= 9 s")),
+        )
+    )
+    assert (played.reason, played.ticks) == ("success", 1)
+    assert barred.reason == "budget"

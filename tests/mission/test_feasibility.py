@@ -342,7 +342,7 @@ def test_a_stage_that_success_does_not_need_proves_nothing() -> None:
 def test_an_interaction_that_success_does_not_need_may_wait_for_itself() -> None:
     body = """
   target v : person_in_water { position = (0 m, 0 m) }
-  target w : person_in_water { position = (300 m, 0 m) }
+  target w : buoy { position = (300 m, 0 m) }
   asset boat : lifeboat { position = (0 m, 0 m) }
   agent pilot as pilot controls boat { observes boat.* }
   unlock rescue(v: v) when emitted(rescue, v)
@@ -385,3 +385,14 @@ def test_a_success_that_holds_at_the_start_is_said(condition: str) -> None:
     text = f"{TYPES.replace('coastal', 'bay')}  budget {{ ticks <= 60 }}\n{body}\n}}\n"
     said = [(one.code, one.severity) for one in compile_text(text).diagnostics]
     assert said == ([("LJ0510", "warning")] if condition in WINS_ITSELF else [])
+
+
+def test_an_interaction_that_another_group_may_have_from_the_start_may_be_waited_for() -> None:
+    body = """
+  target v : person_in_water { position = (0 m, 0 m) }
+  target w : person_in_water { position = (300 m, 0 m) }
+  asset boat : lifeboat { position = (0 m, 0 m) }
+  agent pilot as pilot controls boat { observes boat.* }
+  unlock rescue(v: v) when emitted(rescue, w)
+  success when emitted(rescue, v)"""
+    assert codes(body) == []

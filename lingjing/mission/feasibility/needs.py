@@ -14,8 +14,9 @@ import msgspec
 from lingjing.errors import MissionError
 from lingjing.mission import expression as ex
 from lingjing.mission.evaluate import Area, Place, evaluate
-from lingjing.mission.feasibility.outline import Body, Outline, interactions
+from lingjing.mission.feasibility.outline import Body, Outline
 from lingjing.mission.feasibility.spread import ANYTHING, Bounds, Where, outlines_of, point
+from lingjing.mission.interactions import interactions
 from lingjing.mission.model import Rule, Unlock
 
 NODES_MOST = 20_000
@@ -121,7 +122,8 @@ class Unfolding:
         self.rules: dict[str, Rule] = {rule.name: rule for rule in outline.instance.rules}
         self.unlocks: dict[str, list[Unlock]] = {}
         for unlock in outline.instance.unlocks:
-            self.unlocks.setdefault(unlock.interaction, []).append(unlock)
+            if unlock.condition != ex.Flag(value=True):  # which asks for nothing
+                self.unlocks.setdefault(unlock.interaction, []).append(unlock)
         self.kinds = outline.kinds
         self.left = NODES_MOST
         self.open: set[str] = set()

@@ -6,8 +6,6 @@ and leaves every draw open: what is proved of it holds for every seed. All check
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import msgspec
 
 from lingjing.mission import expression as ex
@@ -17,6 +15,7 @@ from lingjing.mission.feasibility.motion import Air, bounds, ceiling, drives, fl
 from lingjing.mission.feasibility.spread import Bounds, Where, numbers, places, point
 from lingjing.mission.instance import Entity, Instance
 from lingjing.mission.instantiate import instantiate, parameters
+from lingjing.mission.interactions import interactions
 from lingjing.mission.placing import count_of
 
 ENTITIES_MOST = 150
@@ -108,15 +107,6 @@ def too_large(mission: model.Mission, mode: str) -> bool:
     return any(
         sum(count_of(part.count, scope) for part in parts) > ENTITIES_MOST for parts in (mission.groups, mission.agents)
     )
-
-
-def interactions(entity: Entity) -> Iterator[tuple[str, str, float]]:
-    """(name, engine that may do it, radius in metres) of what may be done to a target."""
-    for key, engine in entity.properties.items():
-        name = key.removesuffix("_by")
-        within = entity.properties.get(f"{name}_within_m")
-        if key.endswith("_by") and isinstance(engine, str) and isinstance(within, int | float):
-            yield name, engine, float(within)
 
 
 _Opened = tuple[Where | None, dict[str, Bounds]]

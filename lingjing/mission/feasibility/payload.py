@@ -13,9 +13,10 @@ from collections.abc import Sequence
 
 from lingjing.mission.feasibility.limits import Limit
 from lingjing.mission.feasibility.needs import Leaf, Supply
-from lingjing.mission.feasibility.outline import Body, Outline, interactions
+from lingjing.mission.feasibility.outline import Body, Outline
 from lingjing.mission.feasibility.proof import Proof, both, exceeds, spelled
 from lingjing.mission.feasibility.spread import gap
+from lingjing.mission.interactions import interactions
 
 CAPACITIES = ("capacity_kg", "payload_kg")
 STOCK = "stock_kg"
