@@ -25,9 +25,10 @@ def judging(mission: model.Mission) -> Iterator[tuple[str, ...]]:
         by = "a report" if rule.matching else "the kernel"
         bounds = ", ".join(dict.fromkeys(_bounds(rule.condition, _Given(mission, rule.parameters), printer)))
         yield f"**{rule.name}** ({over})" if over else f"**{rule.name}**", by, bounds, words.sentence(rule.condition)
-    for group in mission.groups:
-        if group.role == "target":
-            yield from _interactions(mission, group, printer, words)
+    for group, verb, actor, within, before in interactions(mission):
+        awaited = [words.sentence(condition) for condition in before if not _at_once(condition)]
+        allowed = f"allowed when {awaited[0]}" if awaited else "allowed from the start"
+        yield f"{verb} ({group.name})", f"the `{printer.text(actor)}` engine", f"≤ {printer.text(within)}", allowed
     for one in mission.inspections:
         near = " or ".join(f"`{printer.text(by)}`" for by in one.by)
         order = "in their order" if one.order == "strict" else "in any order"
@@ -35,23 +36,20 @@ def judging(mission: model.Mission) -> Iterator[tuple[str, ...]]:
         yield f"**{one.name}** (route)", "the kernel", f"≤ {printer.text(one.within)}", said
 
 
-def _interactions(
-    mission: model.Mission, group: model.Group, printer: Printer, words: Words
-) -> Iterator[tuple[str, ...]]:
-    values = {prop.name: prop.value for prop in group.properties}
-    for name, by in values.items():
-        verb = name.removesuffix(_BY)
-        within = values.get(verb + _WITHIN)
-        if name.endswith(_BY) and within is not None:
-            unlocks = [
-                words.sentence(unlock.condition)
-                for unlock in mission.unlocks
-                if unlock.interaction == verb
-                and not _at_once(unlock.condition)
-                and group.name in {given.domain for given in unlock.parameters}
-            ]
-            allowed = f"allowed when {unlocks[0]}" if unlocks else "allowed from the start"
-            yield f"{verb} ({group.name})", f"the `{printer.text(by)}` engine", f"≤ {printer.text(within)}", allowed
+def interactions(mission: model.Mission) -> Iterator[tuple[model.Group, str, ex.Expr, ex.Expr, tuple[ex.Expr, ...]]]:
+    """(group, interaction, who may do it, within what, what must be true before) of what targets offer."""
+    for group in mission.groups:
+        values = {prop.name: prop.value for prop in group.properties if group.role == "target"}
+        for name, by in values.items():
+            verb = name.removesuffix(_BY)
+            within = values.get(verb + _WITHIN)
+            if name.endswith(_BY) and within is not None:
+                before = tuple(
+                    unlock.condition
+                    for unlock in mission.unlocks
+                    if unlock.interaction == verb and group.name in {given.domain for given in unlock.parameters}
+                )
+                yield group, verb, by, within, before
 
 
 def _at_once(condition: ex.Expr) -> bool:

@@ -63,4 +63,6 @@ def test_a_mission_with_little_has_few_sections() -> None:
         unlocks=(), success=ex.Flag(True), title="A | B",
     )  # fmt: skip
     text = page(bare)
+    assert "**rescue** of `victim` is allowed from the start." in text
+    text = page(msgspec.structs.replace(bare, groups=tuple(group for group in bare.groups if group.role == "asset")))
     assert "## Stages" not in text and "## Who may say what" not in text and "## How it is judged" not in text
