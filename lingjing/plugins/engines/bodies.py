@@ -64,8 +64,8 @@ def solid_size(entity: Entity) -> Size | None:
 
 
 def mirror_size(state: BodyState, entity: Entity | None) -> Size | None:
-    """Dimensions of a mirrored body that one can bump into: background traffic, or an entity."""
-    return solid_size(entity) if entity is not None and not state.kind else size_of(state.kind)
+    """Dimensions of a mirrored body that one can bump into: an entity, or background traffic of a listed kind."""
+    return solid_size(entity) if entity is not None and not state.kind else SIZES.get(state.kind)
 
 
 def _given(entity: Entity, name: str) -> float:
