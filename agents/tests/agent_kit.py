@@ -29,6 +29,7 @@ from lingjing.plugins.policy import (
 )
 
 WEST, SOUTH, EAST, NORTH = -123.7, -1090.0, 665.1, -752.0
+WEATHER = Weather(wind_mps=4.0, wind_from_deg=220.0, current_mps=0.15, current_to_deg=60.0)
 NADIR = CameraSpec(
     name="nadir", view="nadir", width=1920, height=1080, hfov_deg=84.0, channels=("rgb",), capture="on_request"
 )
@@ -209,7 +210,7 @@ def brief(agent: str = "scout[1]", mode: str = "broadcast", uavs: int = 3, **cha
         "regions": (Region(name="search", polygon=((WEST, SOUTH), (EAST, SOUTH), (EAST, NORTH), (WEST, NORTH))),),
         "cells": grid(),
         "classes": ("person_in_water",),
-        "weather": Weather(wind_mps=4.0, wind_from_deg=220.0, current_mps=0.15, current_to_deg=60.0),
+        "weather": WEATHER,
         "water_level_m": -3.5,
         "settings": {"altitude": 100.0, "victims": 3.0, "uavs": float(uavs)},
     }
@@ -226,6 +227,7 @@ def view(
 
 
 def observe(agent: str, tick: int, *entities: EntityView, **parts: object) -> Observation:
+    parts = {"weather": WEATHER, **parts}
     return Observation(agent=agent, tick=tick, time_s=10.0 * tick, entities=entities, **parts)  # type: ignore[arg-type]
 
 

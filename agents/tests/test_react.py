@@ -4,12 +4,14 @@ import json
 from importlib.util import find_spec
 
 import jsonschema
+import msgspec
 import numpy as np
 import pytest
-from agent_kit import REPORT, Inbox, brief, envelope, observe, picture, view
+from agent_kit import REPORT, WEATHER, Inbox, brief, envelope, observe, picture, view
 from chat_server import NOOP, Reply, serve
 from lingjing_agents.react.answer import StepError, step_text
 from lingjing_agents.react.policy import ReactError, ReactPolicy
+from lingjing_agents.react.prompt import observation_text, system_prompt
 from lingjing_agents.react.schema import step_schema
 from lingjing_agents.react.step import read_step
 
@@ -235,3 +237,13 @@ async def test_litellm_speaks_to_the_same_server(monkeypatch: pytest.MonkeyPatch
     assert server.requests[1]["messages"][1]["content"][1]["type"] == "image_url"
     assert server.requests[1]["response_format"]["type"] == "json_schema"
     assert server.keys[-1] == "Bearer a-key"
+
+
+def test_the_prompt_has_the_weather_and_an_observation_what_it_has_become() -> None:
+    storm = msgspec.structs.replace(WEATHER, wind_mps=14.0, visibility_m=800.0)
+    told = brief("skipper")
+    assert '"weather":{"wind_mps":4.0,"wind_from_deg":220.0' in system_prompt(told, with_schema=False)
+    same = json.loads(observation_text(observe("skipper", 3), Inbox(), told, ()))
+    other = json.loads(observation_text(observe("skipper", 3, weather=storm), Inbox(), told, ()))
+    assert "weather" not in same
+    assert (other["weather"]["wind_mps"], other["weather"]["visibility_m"]) == (14.0, 800.0)

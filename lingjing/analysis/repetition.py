@@ -239,7 +239,9 @@ def _entries(count: _Count, instance: Instance, record: BoundaryRecord, reaches:
     groups = _targets(instance)
     kinds = {unlock.interaction for unlock in instance.unlocks}
     acts = [
-        task for task in record.task_events if task.kind in kinds and task.entities[:1] and task.entities[0] in groups
+        task
+        for task in record.task_events
+        if task.kind in kinds and not task.name and task.entities[:1] and task.entities[0] in groups
     ]
     for snapshot in record.snapshots:
         states = {state.id: state for state in snapshot.states}

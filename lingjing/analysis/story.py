@@ -134,7 +134,8 @@ def _happened(trace: Trace) -> tuple[Happened, ...]:
 
 def _dealt_with(trace: Trace) -> dict[str, str]:
     """What assets did, as the engines say, with each target but take what it hands out: `recorded`."""
-    done = {(task.kind, name) for record in trace.boundaries for task in record.task_events for name in task.entities}
+    acts = [task for record in trace.boundaries for task in record.task_events if not task.name]
+    done = {(task.kind, name) for task in acts for name in task.entities}
     found: dict[str, str] = {}
     for entity in trace.header.instance.entities:
         for task in possible(entity) if entity.role == "target" else ():

@@ -11,13 +11,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import msgspec
 import numpy as np
 import numpy.typing as npt
 from gymnasium import spaces
 
 from lingjing.envs.vocabulary import STATUSES, Vocabulary
 from lingjing.errors import UsageError
-from lingjing.mission.instance import AgentSpec, ArgumentSpec, CameraSpec, Datum, Entity, Instance, MessageSpec
+from lingjing.mission.instance import AgentSpec, ArgumentSpec, CameraSpec, Datum, Entity, Instance, MessageSpec, Weather
 from lingjing.mission.model import Field
 from lingjing.plugins.policy import Inbox, Observation
 from lingjing.trace.records import Action, Decision, EntityView, Envelope, Outgoing
@@ -79,6 +80,7 @@ class Codec:
         visited = {cell.name for cell in observation.cells if cell.visited_tick is not None}
         out: dict[str, Any] = {
             "time": np.array([observation.time_s, self._instance.budget.ticks - observation.tick], np.float32),
+            "weather": np.array(msgspec.structs.astuple(observation.weather), np.float32),
             "events": self._events(observation),
             "inbox": self._inbox(inbox.messages),
             "receipt": np.int64(self._receipt(inbox)),
@@ -114,6 +116,7 @@ class Codec:
     def _observation_space(self) -> spaces.Dict:
         parts: dict[str, spaces.Space[Any]] = {
             "time": _box(2, low=0.0),
+            "weather": _box(len(Weather.__struct_fields__)),
             "events": _box(len(self._words.events), low=0.0),
             "inbox": _box(INBOX, 2 + self._width),
             "receipt": spaces.Discrete(len(STATUSES) + 1),

@@ -9,13 +9,14 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from lingjing.kernel.happenings import APPEARED, VANISHED, WEATHER
 from lingjing.mission.instance import Instance
 
 STATUSES = ("accepted", "running", "completed", "rejected", "timed_out", "substituted")
 """Words of receipts, from 1."""
 
-EVENT_KINDS = ("arrived", "collided", "battery_empty", "aground", "blocked")
-"""Task events of engines that concern whoever sees them; those of the mission's own interactions follow."""
+EVENT_KINDS = ("arrived", "collided", "battery_empty", "fuel_empty", "fell", "drowned", WEATHER, APPEARED, VANISHED)
+"""Events of engines, and those that happen by themselves; those of the mission's interactions and rules follow."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,6 +8,7 @@ In the order control flows:
 - `world` hosts and couples the engines (`contract` is all the kernel knows of it);
 - `assignments` reads destinations out of commands and messages;
 - `registry` is G, the shared state: an immutable value that `Update` replaces;
+- `happenings` are the mission's own events (weather, who comes and goes) at their boundaries;
 - `pictures` turns captures into what is stored and what policies receive;
 - `stocks` finds a declared state among an engine's resources (`p.demand`);
 - `visibility` projects what an agent may see (ProjectVisible) and may know (the brief);

@@ -4,8 +4,9 @@ An event reaches only agents that observe `events`. Of the adjudicator's, those 
 message: a verdict about a report is for the trace. Of the engines', an interaction is told as its type declares
 (`told = all`, `actor` or `none`); without a word everybody is told of what is done to a target that hides nothing, and
 nobody of what is done to another. Anything else that involves somebody whose place is hidden, as a collision does, is
-felt by whoever controls a body in it. A told event names no entity with a hidden place, and its number counts what its
-agent was told alone.
+felt by whoever controls a body in it. Of the mission's own events everybody is told of the weather, and of those who
+come and go by themselves only of whose place is public. A told event names no entity with a hidden place, and its
+number counts what its agent was told alone.
 """
 
 from __future__ import annotations
@@ -37,7 +38,8 @@ class Announcements:
     def of(
         self, agent: AgentSpec, task_events: Sequence[TaskEvent], adjudicated: Sequence[Event], tick: int
     ) -> tuple[EventView, ...]:
-        """The agent's share: the engines' events of this boundary `tick`, then the adjudicator's of the one before."""
+        """The agent's share: the mission's and the engines' events of this boundary `tick`, then the adjudicator's of
+        the one before."""
         acted = [(event.kind, event.entities) for event in task_events if self._tells(agent, event)]
         judged = [event for event in adjudicated if event.kind in self._open]
         return (
@@ -53,6 +55,8 @@ class Announcements:
         return word == ALL or (word == ACTOR and not set(agent.commands).isdisjoint(event.entities))
 
     def _word(self, event: TaskEvent) -> str:
+        if event.name:
+            return NONE if event.entities and self._unplaced.issuperset(event.entities) else ALL
         entities = [self._entities[name] for name in event.entities if name in self._entities]
         for entity in entities:
             if event.kind + _BY in entity.properties:

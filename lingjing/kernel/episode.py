@@ -119,7 +119,7 @@ def _last_event(published: Published, before: str) -> str:
     for event in reversed(record.events):
         return f"{event.kind}({', '.join(event.bindings)})"
     for happened in reversed(record.task_events):
-        return f"{happened.kind} {' '.join(happened.entities)}"
+        return happened.line
     return before
 
 

@@ -26,6 +26,7 @@ def observation_record(
         frames=tuple(picture.frame for picture in observation.pictures),
         absent=observation.absent,
         privileged=observation.privileged is not None,
+        weather=observation.weather,
     )
     shown = [msgspec.structs.replace(frames[one.frame], pose=one.pose) for one in observation.pictures]
     if blank:

@@ -24,6 +24,7 @@ from lingjing.kernel.candidates import received
 from lingjing.kernel.commands import PHOTO, Gate, Resolution
 from lingjing.kernel.course import Course
 from lingjing.kernel.evaluation import Evaluation, Evaluator, MissionEvaluator, combine
+from lingjing.kernel.happenings import Happenings
 from lingjing.kernel.inspections import Inspections, commands_of
 from lingjing.kernel.playable import check_playable
 from lingjing.kernel.recording import inbox_record, observation_record, substitutions
@@ -45,6 +46,7 @@ from lingjing.trace.records import (
     Envelope,
     Event,
     Receipt,
+    TaskEvent,
 )
 from lingjing.trace.undisturbed import undisturbed
 
@@ -125,6 +127,7 @@ class Kernel:
         self._subtasks = Subtasks(instance, self._adjudicator)
         self._budgets = Budgets(instance)
         self._inspections = Inspections(instance)
+        self._happenings = Happenings(instance)
         self._references = References(instance)
         self._evaluators = tuple(evaluators) or (MissionEvaluator(instance, self._adjudicator),)
         self.state = KernelState(registry=initial(instance))
@@ -202,10 +205,11 @@ class Kernel:
         receipts = inputs.receipts + self._engine_receipts(boundary, inputs, answers)  # lines 44 and 45
         inboxes = self._inboxes(delivered, receipts)  # lines 46 and 47
         registry = self._update(before, boundary, inputs, receipts, frames)  # line 48: Update
-        observations = self._observe(registry, boundary, answers)  # line 49: ProjectVisible
+        happened = self._happenings.at(boundary.tick) + boundary.events
+        observations = self._observe(registry, happened, answers)  # line 49: ProjectVisible
         verdict = self._adjudicator.adjudicate(before, registry, boundary.snapshots)  # line 50: Adjudicate
         evaluation = combine([one.evaluate(verdict.registry, verdict.events) for one in self._evaluators])  # line 51
-        record = self._draft(boundary, inputs, receipts, frames, verdict, evaluation, observations, inboxes)
+        record = self._draft(boundary, happened, inputs, receipts, frames, verdict, evaluation, observations, inboxes)
         digest = next_digest(self.state.digest, record)
         record = _with_digest(record, digest, inputs.started)
         state = KernelState(
@@ -309,7 +313,7 @@ class Kernel:
         return self._inspections.follow(registry, updated, boundary.snapshots)
 
     def _observe(
-        self, registry: Registry, boundary: WorldBoundary, answers: Sequence[StoredFrame | Absent]
+        self, registry: Registry, happened: Sequence[TaskEvent], answers: Sequence[StoredFrame | Absent]
     ) -> dict[str, Observation]:
         frames = [answer for answer in answers if isinstance(answer, StoredFrame)]
         shown = [pictures.seen(frame, blank=self._blank) for frame in frames]
@@ -322,7 +326,7 @@ class Kernel:
                 registry,
                 pictures=shown,
                 absent=absent,
-                task_events=boundary.events,
+                task_events=happened,
                 adjudicated=self.state.adjudicated,
             )
             revealed = self._references.shown_to(agent, shown)
@@ -346,6 +350,7 @@ class Kernel:
     def _draft(
         self,
         boundary: WorldBoundary,
+        happened: tuple[TaskEvent, ...],
         inputs: _Inputs,
         receipts: Sequence[Receipt],
         frames: Sequence[StoredFrame],
@@ -361,7 +366,7 @@ class Kernel:
             time_s=boundary.time_s,
             snapshots=boundary.snapshots,
             engines=boundary.engines,
-            task_events=boundary.events,
+            task_events=happened,
             frames=tuple(infos.values()),
             observations=tuple(
                 observation_record(observations[agent.id], inboxes[agent.id], infos, blank=self._blank)

@@ -16,6 +16,7 @@ from lingjing.kernel.announcements import Announcements
 from lingjing.kernel.registry import Registry
 from lingjing.kernel.stocks import public, stocks
 from lingjing.mission.instance import AgentSpec, Cell, ChannelSpec, Entity, Instance
+from lingjing.mission.schedule import Schedule
 from lingjing.mission.seeding import integer
 from lingjing.mission.units import without_unit
 from lingjing.plugins.policy import Brief, Observation, Peer, Picture, Privileged, Resource
@@ -47,6 +48,7 @@ class Projector:
         self._policy_seed = policy_seed
         self._entities = {entity.id: entity for entity in instance.entities}
         self._announcements = Announcements(instance)
+        self._schedule = Schedule(instance)
         self._public = frozenset(entity.id for entity in instance.entities if "position" not in entity.hidden)
 
     def brief(self, agent: AgentSpec, classes: Sequence[str]) -> Brief:
@@ -73,7 +75,7 @@ class Projector:
             regions=tuple(region for region in instance.regions if not region.hidden),
             cells=self._grid_of(agent),
             classes=tuple(classes),
-            weather=instance.weather,
+            weather=self._schedule.weather(0.0),
             water_level_m=instance.scene.datum_m,
             settings=dict(instance.settings),
         )
@@ -111,6 +113,7 @@ class Projector:
             pictures=tuple(picture for picture in pictures if picture.entity in eyes),
             absent=tuple(item for item in absent if item.entity in eyes),
             privileged=privileged,
+            weather=self._schedule.weather(registry.time_s),
         )
 
     def privileged(

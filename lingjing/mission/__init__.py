@@ -13,6 +13,7 @@ Modules in the order a mission passes them:
 - `geometry2d`, `grid`, `spacing`: polygons, search cells cut from them, and places that keep their distance.
 - `evaluate`: the value of an expression that is known before the first tick. `clock`: how tick and macro-step fit.
 - `placing`, `roster`, `instantiate`: (mission, seed, mode, settings) to `instance.Instance`, the reset specification.
+- `schedule`: the weather at a time, and who is there.
 - `feasibility`: proofs that a mission cannot be won. `course`, `speaker`, `wording`: routes, who speaks, texts.
 - `graph`, `draw`: the mission as typed nodes and edges, and pictures of that in SVG, Mermaid and DOT.
 

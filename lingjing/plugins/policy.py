@@ -73,7 +73,8 @@ class Peer(msgspec.Struct, frozen=True, kw_only=True):
 class Brief(msgspec.Struct, frozen=True, kw_only=True):
     """All an agent is told at reset. `seed` starts the policy's own random stream and
     says nothing about the instance's; `classes` are the names a
-    report's `class` may have; `water_level_m` is the elevation of the scene's water surface."""
+    report's `class` may have; `water_level_m` is the elevation of the scene's water surface; `weather` is that of
+    boundary 0."""
 
     agent: str
     role: str
@@ -137,7 +138,10 @@ class Privileged(msgspec.Struct, frozen=True, kw_only=True):
 
 @dataclass(frozen=True, slots=True)
 class Observation:
-    """What an agent sees at boundary `tick`. Immutable; the same object is what the trace records."""
+    """What an agent sees at boundary `tick`. Immutable; the same object is what the trace records.
+
+    `weather` is that of this boundary, whether an event has changed it since the brief's or not.
+    """
 
     agent: str
     tick: int
@@ -148,6 +152,7 @@ class Observation:
     pictures: tuple[Picture, ...] = ()
     absent: tuple[Absent, ...] = ()
     privileged: Privileged | None = None
+    weather: Weather = Weather()  # noqa: RUF009 - a frozen value
 
 
 class Inbox(msgspec.Struct, frozen=True, kw_only=True):

@@ -261,7 +261,7 @@ def _lines(record: BoundaryRecord) -> Iterator[tuple[str, str, str]]:
             text = f"{receipt.request} on {receipt.resource}: {receipt.status}, {receipt.reason} {receipt.detail}"
             yield "WARNING", receipt.sender, text.rstrip()
     for task in record.task_events:
-        yield "INFO", "engine", f"{task.kind} {', '.join(task.entities)} at {task.time_s:g} s"
+        yield "INFO", "mission" if task.name else "engine", f"{task.line} at {task.time_s:g} s"
     for event in record.events:
         yield "INFO", "kernel", f"{event.kind}({', '.join(event.bindings)})"
     for stage in record.stages:

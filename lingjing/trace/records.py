@@ -13,7 +13,7 @@ from typing import Literal
 
 import msgspec
 
-from lingjing.mission.instance import Datum, Instance, Vector
+from lingjing.mission.instance import Datum, Instance, Vector, Weather
 
 
 class Value(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -124,12 +124,26 @@ class Receipt(Value, frozen=True, kw_only=True):
 
 
 class TaskEvent(Value, frozen=True, kw_only=True):
-    """Something an engine did or saw: `arrived`, `rescue`, `collided`, `battery_empty`, … at an instant."""
+    """Something an engine did or saw: `arrived`, `rescue`, `collided`, `battery_empty`, … at an instant.
+
+    One with a `name` is an event of the mission that happens by itself: `weather`, whose values are the fields that
+    change, `appeared` or `vanished` (`lingjing.kernel.happenings`).
+    """
 
     kind: str
     entities: tuple[str, ...]
     time_s: float
     values: dict[str, float] = {}
+    name: str = ""
+
+    @property
+    def line(self) -> str:
+        """In words: `collided uav[1] uav[2]`, `weather front: visibility_m 800, wind_mps 12`."""
+        who = " ".join(self.entities)
+        if not self.name:
+            return f"{self.kind} {who}".rstrip()
+        what = who or ", ".join(f"{key} {value:g}" for key, value in sorted(self.values.items())) or "nothing changes"
+        return f"{self.kind} {self.name}: {what}"
 
 
 class Route(Value, frozen=True, kw_only=True):
@@ -291,7 +305,8 @@ class ObservationRecord(Value, frozen=True, kw_only=True):
     """What one agent saw at a boundary [o]; pictures by frame id (`frames`), the pixels are stored once.
 
     `sha256` covers the complete policy input (observation, inbox and decoded pixels): two episodes whose agents
-    saw the same have the same value. `privileged` says that the truth was handed over too.
+    saw the same have the same value. `privileged` says that the truth was handed over too, `weather` is that of the
+    boundary (None in older traces).
     """
 
     agent: str
@@ -302,6 +317,7 @@ class ObservationRecord(Value, frozen=True, kw_only=True):
     absent: tuple[Absent, ...] = ()
     privileged: bool = False
     sha256: str = ""
+    weather: Weather | None = None
 
 
 class InboxRecord(Value, frozen=True, kw_only=True):

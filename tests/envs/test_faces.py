@@ -16,6 +16,7 @@ from pettingzoo.test import parallel_api_test, parallel_seed_test
 import lingjing
 from lingjing.bench.columns import columns, shipped
 from lingjing.envs import LingjingParallelEnv, parallel_env
+from lingjing.envs.vocabulary import EVENT_KINDS
 from lingjing.errors import UsageError
 
 pytestmark = pytest.mark.slow
@@ -142,6 +143,20 @@ def test_a_copy_is_an_environment_made_alike(env: LingjingParallelEnv) -> None:
         assert np.array_equal(mine["skipper"]["entities"]["boat"], theirs["skipper"]["entities"]["boat"])
     finally:
         copied.close()
+
+
+def test_a_change_of_the_weather_is_observed(short: str) -> None:
+    file = Path(short).with_name("front.ljs")
+    front = "event front at 2 tick { weather { visibility = 800 m } }\n  success when"
+    file.write_text(Path(short).read_text().replace("success when", front, 1))
+    made = parallel_env(str(file), mode="broadcast", picture_width=0, world="inline")
+    try:
+        seen = [observed["skipper"] for observed in (made.reset(seed=3)[0], *(made.step({})[0] for _ in range(3)))]
+        assert [float(one["weather"][3]) for one in seen] == [8000.0, 8000.0, 800.0, 800.0]
+        assert [float(one["events"][EVENT_KINDS.index("weather")]) for one in seen] == [0.0, 0.0, 1.0, 0.0]
+        assert all(one in made.observation_space("skipper") for one in seen)
+    finally:
+        made.close()
 
 
 def test_closing_leaves_no_process(short: str) -> None:

@@ -37,6 +37,7 @@ class Coordinator:
         """Cells first; then listen, settle the rescue under way and order the next one."""
         if self._assignment is None:
             return Decision()
+        self._sightings.heed(observation.weather, observation.time_s)
         messages = self._first_cells() if not self._owner else ()
         for envelope in inbox.messages:
             place = position_in(envelope.body)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lingjing.plugins.policy import Brief, CameraPose, Weather
+from lingjing.plugins.policy import Brief, CameraPose
 from lingjing_agents.heuristic.detector import Find, find_people
 from lingjing_agents.heuristic.flames import find_flames
 from lingjing_agents.heuristic.gap import find_gaps
@@ -49,7 +49,7 @@ class Kind:
 
     def sightings(self, brief: Brief) -> Sightings:
         """An empty memory of such targets; what floats moves with the water's current."""
-        return Sightings(brief.weather if self.drifts else Weather(), merge_m=self.merge_m)
+        return Sightings(brief.weather, merge_m=self.merge_m, drifts=self.drifts)
 
 
 PEOPLE = Kind(("person", "victim"), find_people, drifts=True, done="rescue", task="rescue", counts=("victims",))

@@ -41,6 +41,7 @@ class Rescuer:
 
     def act(self, observation: Observation, inbox: Inbox) -> Decision:
         """Listen, settle the current target, then go on."""
+        self._sightings.heed(observation.weather, observation.time_s)
         self._listen(observation, inbox)
         self._heed(inbox)
         own = view_of(observation, self._body.id)

@@ -104,6 +104,7 @@ class Searcher:
 
     def act(self, observation: Observation, inbox: Inbox) -> Decision:
         """Listen and look first, then speak, then move."""
+        self._sightings.heed(observation.weather, observation.time_s)
         self._listen(observation, inbox)
         self._log.fresh_rescues(observation.events)
         messages: tuple[Outgoing, ...] = ()

@@ -26,14 +26,27 @@ class Sighting:
 
 @dataclass(slots=True)
 class Sightings:
-    """All sightings of one agent. Positions move with the water's current, which the brief's weather tells."""
+    """All sightings of one agent. Positions move with the water's current as `weather` has it; `drifts` says whether
+    such targets float at all."""
 
     weather: Weather
     merge_m: float = 35.0
+    drifts: bool = True
     known: list[Sighting] = field(default_factory=list)
+
+    def heed(self, weather: Weather, time_s: float) -> None:
+        """Take on the weather of `time_s`: what floats has drifted with the current before until then."""
+        if weather == self.weather:
+            return
+        for sighting in self.known:
+            sighting.x, sighting.y = self.where(sighting, time_s)
+            sighting.time_s = time_s
+        self.weather = weather
 
     def where(self, sighting: Sighting, time_s: float) -> tuple[float, float]:
         """Where a sighting has drifted to by `time_s`."""
+        if not self.drifts:
+            return sighting.x, sighting.y
         bearing = math.radians(self.weather.current_to_deg)
         run = self.weather.current_mps * (time_s - sighting.time_s)
         return sighting.x + run * math.sin(bearing), sighting.y + run * math.cos(bearing)

@@ -318,7 +318,7 @@ def drift(truth: Truth, target: str, first: Place, since_s: float) -> Place:
     if "drift_mps" not in truth.plan.entities[target].properties:
         return 0.0, 0.0
     if truth.time_s - since_s < truth.brief.tick_s:
-        weather = truth.brief.weather
+        weather = truth.observation.weather
         bearing = math.radians(weather.current_to_deg)
         return weather.current_mps * math.sin(bearing), weather.current_mps * math.cos(bearing)
     here, passed = truth.place(target), truth.time_s - since_s

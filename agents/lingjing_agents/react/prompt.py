@@ -9,11 +9,12 @@ from lingjing.plugins.policy import Brief, EntityView, Inbox, Observation, Pictu
 from lingjing_agents.react.schema import sendable, step_schema
 
 RULES = """\
-World frame: east, north, elevation in metres; headings in degrees clockwise from north. At each tick you may give at \
-most one command and send messages. A command that takes longer than a tick keeps its resource busy; a new one is then \
-rejected (`busy`) unless it is `stop`. A picture asked for with takePhoto arrives with the next observation. In a \
-nadir picture image-up is the camera's heading; `ground` gives the positions (east, north) of the picture's corners on \
-the water, clockwise from top left: interpolate between them to turn a pixel into a position. Boxes are normalised \
+World frame: east, north, elevation in metres; headings in degrees clockwise from north; wind comes from, a current \
+goes to its direction; an observation has the weather if it is another than at the start. At each tick you may give \
+at most one command and send messages. A command that takes longer than a tick keeps its resource busy; a new one is \
+then rejected (`busy`) unless it is `stop`. A picture asked for with takePhoto arrives with the next observation. In \
+a nadir picture image-up is the camera's heading; `ground` gives the positions (east, north) of the picture's corners \
+on the water, clockwise from top left: interpolate between them to turn a pixel into a position. Boxes are normalised \
 [x_min, y_min, x_max, y_max], origin top left, tight around what they show. Report only what you see in a picture.
 
 Answer with one JSON object and nothing else: {"thought": string, "command": {"verb", "arguments", "resource"} or \
@@ -45,6 +46,7 @@ def observation_text(observation: Observation, inbox: Inbox, brief: Brief, image
     state: dict[str, object] = {
         "tick": observation.tick,
         "of": brief.ticks,
+        "weather": observation.weather if observation.weather != brief.weather else (),
         "entities": [_entity(view) for view in observation.entities],
         "cells": cells,
         "events": [{"kind": event.kind, "entities": event.entities} for event in observation.events],
@@ -97,8 +99,7 @@ def _common(brief: Brief) -> dict[str, object]:
         "classes": brief.classes,
         "water_level_m": brief.water_level_m,
         "settings": brief.settings,
-        "wind": [brief.weather.wind_mps, brief.weather.wind_from_deg],
-        "current": [brief.weather.current_mps, brief.weather.current_to_deg],
+        "weather": brief.weather,
     }
 
 

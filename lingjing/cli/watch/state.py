@@ -8,11 +8,13 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
+import msgspec
+
 from lingjing.analysis.completion import completed_at
 from lingjing.analysis.spoken import Spoken, categories_of, spoken_at
 from lingjing.kernel.episode import Progress
 from lingjing.mission.instance import Datum, Entity, Instance
-from lingjing.trace.records import Action, BodyState, BoundaryRecord, Receipt
+from lingjing.trace.records import Action, BodyState, BoundaryRecord, Receipt, TaskEvent
 
 KEPT_LINES = 64
 _REFUSED = ("rejected", "timed_out", "substituted")
@@ -149,9 +151,16 @@ class Watched:
                     receipt.status in ("rejected", "timed_out", "substituted"),
                 )
 
+    def _told(self, task: TaskEvent) -> TaskEvent:
+        """The event, `?` for those who come or go by themselves, hidden and not found."""
+        if not task.name or not task.entities:
+            return task
+        seen = {entity.id for entity in self.instance.entities if self._sight(entity) is not None}
+        return msgspec.structs.replace(task, entities=tuple(one if one in seen else "?" for one in task.entities))
+
     def _happened(self, record: BoundaryRecord) -> Iterable[Line]:
         for task in record.task_events:
-            yield Line(record.tick, f"{task.kind} {' '.join(task.entities)}")
+            yield Line(record.tick, self._told(task).line)
         for event in record.events:
             shown = [name for name in event.bindings if name in self.states or name in self.doing]
             yield Line(record.tick, f"{event.kind} {' '.join(shown)}".rstrip(), good=True)

@@ -33,7 +33,8 @@ def check_policy(
 ) -> None:
     """Run every check of a policy; without observations it is shown three empty ones."""
     shown = tuple(observations) or tuple(
-        Observation(agent=brief.agent, tick=tick, time_s=tick * brief.tick_s) for tick in range(3)
+        Observation(agent=brief.agent, tick=tick, time_s=tick * brief.tick_s, weather=brief.weather)
+        for tick in range(3)
     )
     pairs = tuple(sorted((arguments or {}).items()))
     run_all(f"policy `{plugin.name}`", POLICY_CHECKS, PolicyCase(plugin, brief, shown, deterministic, pairs))

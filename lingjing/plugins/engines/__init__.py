@@ -13,7 +13,6 @@ Packages, one for each kind of motion or seeing:
 Shared by them, from the contract inwards:
 
 - `fleet`        the five methods over bodies that step together ← `requests` (admission, receipts), `clock` (steps)
-- `schedule`     what the mission says for later: weather, who is there
 - `stock`        goods on board, from the city's book
 - `bodies`, `neighbours`, `pairs`   sizes of mirrors, which of them are touched, who is close to whom
 - `terrain` ← `blocks`, `outlines`   what a place of the city is to a body: water, ground, what stands there

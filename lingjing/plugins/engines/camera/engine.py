@@ -15,6 +15,7 @@ import msgspec
 
 from lingjing.errors import InfrastructureError
 from lingjing.mission.instance import CameraSpec, Entity, Vector, Weather
+from lingjing.mission.schedule import Schedule
 from lingjing.plugins.engine import Boundary, CaptureRequest, EngineSpec, Frame
 from lingjing.plugins.engines.camera.boxes import entity_boxes
 from lingjing.plugins.engines.camera.classes import MAX_ENTITIES
@@ -26,7 +27,6 @@ from lingjing.plugins.engines.camera.noise import noise_texture
 from lingjing.plugins.engines.camera.ocean import Ocean
 from lingjing.plugins.engines.camera.staging import stage
 from lingjing.plugins.engines.camera.withheld import ALL, Shot, Withheld
-from lingjing.plugins.engines.schedule import Schedule
 from lingjing.plugins.engines.terrain import Terrain
 from lingjing.plugins.geometry import mounted_camera_pose
 from lingjing.scene.city import City

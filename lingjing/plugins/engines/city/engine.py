@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from lingjing.mission.instance import Vector
+from lingjing.mission.schedule import Schedule
 from lingjing.plugins.engine import Boundary, CaptureRequest, EngineSpec, Frame
 from lingjing.plugins.engines.city.afloat import STEP_S, body_of
 from lingjing.plugins.engines.city.book import Book, check_exchange, numbers
@@ -14,7 +15,6 @@ from lingjing.plugins.engines.city.radio import Coverage
 from lingjing.plugins.engines.city.target import Level, Target, target_of
 from lingjing.plugins.engines.clock import Clock
 from lingjing.plugins.engines.requests import Refusal, Requests
-from lingjing.plugins.engines.schedule import Schedule
 from lingjing.plugins.engines.terrain import Terrain
 from lingjing.scene.city import City
 from lingjing.trace.records import DORMANT, BodyState, Command, Receipt, TaskEvent

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 
+from lingjing.mission.schedule import Schedule
 from lingjing.plugins.engine import EngineSpec
 from lingjing.plugins.engines.aloft import Notice, collide
 from lingjing.plugins.engines.fixed_wing.aeroplane import REACH_M, Aeroplane
@@ -11,7 +12,6 @@ from lingjing.plugins.engines.fixed_wing.control import PERIOD_S
 from lingjing.plugins.engines.fleet import FleetEngine
 from lingjing.plugins.engines.neighbours import Neighbours
 from lingjing.plugins.engines.requests import STOP, Refusal, number
-from lingjing.plugins.engines.schedule import Schedule
 from lingjing.plugins.engines.terrain import Terrain
 from lingjing.scene.city import City
 from lingjing.trace.records import BodyState, Command

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 
+from lingjing.mission.schedule import Schedule
 from lingjing.plugins.engine import EngineSpec
 from lingjing.plugins.engines.aloft import Notice, collide
 from lingjing.plugins.engines.fleet import FleetEngine
@@ -12,7 +13,6 @@ from lingjing.plugins.engines.multirotor.drone import RADIUS_M, Drone
 from lingjing.plugins.engines.multirotor.verbs import plan
 from lingjing.plugins.engines.neighbours import Neighbours
 from lingjing.plugins.engines.requests import STOP, Refusal
-from lingjing.plugins.engines.schedule import Schedule
 from lingjing.plugins.engines.terrain import Terrain
 from lingjing.scene.city import City
 from lingjing.trace.records import BodyState, Command

@@ -10,6 +10,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 
 from lingjing.mission.instance import Vector
+from lingjing.mission.schedule import Schedule
 from lingjing.plugins.engine import EngineSpec
 from lingjing.plugins.engines.fleet import FleetEngine
 from lingjing.plugins.engines.quadruped.assets import Assets, locate
@@ -21,7 +22,6 @@ from lingjing.plugins.engines.quadruped.pack import Memory, Pack, Sense, Spot
 from lingjing.plugins.engines.quadruped.physics import Mover, Touch
 from lingjing.plugins.engines.quadruped.surroundings import Surroundings
 from lingjing.plugins.engines.requests import Refusal
-from lingjing.plugins.engines.schedule import Schedule
 from lingjing.plugins.engines.terrain import Terrain
 from lingjing.scene.city import City
 from lingjing.trace.records import DORMANT, BodyState, Command

@@ -10,6 +10,7 @@ import msgspec
 
 from lingjing.errors import InfrastructureError
 from lingjing.mission.instance import Entity
+from lingjing.mission.schedule import Schedule
 from lingjing.mission.seeding import integer
 from lingjing.mission.units import without_unit
 from lingjing.plugins.engine import Boundary, EngineSpec
@@ -24,7 +25,6 @@ from lingjing.plugins.engines.road.simulation import STEP_S, Simulation
 from lingjing.plugins.engines.road.traffic import Occupied, Traffic
 from lingjing.plugins.engines.road.vehicle import LOAD, Vehicle
 from lingjing.plugins.engines.road.verbs import PLANNING, Planner
-from lingjing.plugins.engines.schedule import Schedule
 from lingjing.scene.city import City
 from lingjing.scene.tiles import Tiles
 from lingjing.trace.records import BodyState, Command, Receipt

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 
+from lingjing.mission.schedule import Schedule
 from lingjing.plugins.engine import EngineSpec
 from lingjing.plugins.engines.fleet import FleetEngine
 from lingjing.plugins.engines.requests import STOP, Refusal, number
-from lingjing.plugins.engines.schedule import Schedule
 from lingjing.plugins.engines.terrain import Terrain
 from lingjing.plugins.engines.vessel.boat import Boat
 from lingjing.plugins.engines.vessel.hull import STEP_S

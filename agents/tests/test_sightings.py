@@ -1,0 +1,45 @@
+"""What is believed of places that drift."""
+
+import pytest
+from agent_kit import REPORT as SPEC
+from agent_kit import Inbox, brief, envelope, observe
+from lingjing_agents.heuristic.kinds import FIRES, PEOPLE
+from lingjing_agents.heuristic.rescuer import Rescuer
+from lingjing_agents.heuristic.sightings import Sighting, Sightings
+
+from lingjing.plugins.policy import Weather
+
+EAST = Weather(current_mps=1.0, current_to_deg=90.0)
+NORTH = Weather(current_mps=2.0, current_to_deg=0.0)
+
+
+def test_what_floats_drifts_with_each_current_for_as_long_as_it_runs():
+    known = Sightings(EAST)
+    seen = known.add(Sighting(0.0, 0.0, 0.0, 0.9))
+    assert known.where(seen, 10.0) == pytest.approx((10.0, 0.0))
+    known.heed(NORTH, 10.0)
+    assert known.where(seen, 15.0) == pytest.approx((10.0, 10.0))
+    known.heed(NORTH, 15.0)
+    assert known.where(seen, 20.0) == pytest.approx((10.0, 20.0))
+
+
+@pytest.mark.parametrize(("kind", "moved"), [(PEOPLE, True), (FIRES, False)])
+def test_what_stands_stays_whatever_the_weather(kind, moved):
+    known = kind.sightings(brief("skipper"))
+    seen = known.add(Sighting(0.0, 0.0, 0.0, 0.9))
+    known.heed(NORTH, 0.0)
+    assert (known.where(seen, 10.0) != (0.0, 0.0)) == moved
+
+
+def test_a_rescuer_goes_where_the_new_current_takes_somebody():
+    told = brief("skipper")
+    ways = []
+    for weather in (told.weather, NORTH):
+        rules = Rescuer(told, told.resources[0])
+        body = {"position": (0.0, -900.0, -3.5), "confidence": 0.9, "class": "person_in_water"}
+        heard = Inbox(messages=(envelope("scout[1]", SPEC, body),))
+        rules.act(observe("skipper", 1, weather=told.weather), heard)
+        rules.act(observe("skipper", 2, weather=weather), Inbox())
+        (sighting,) = rules._sightings.known
+        ways.append(rules._sightings.where(sighting, 30.0))
+    assert ways[1][1] - ways[0][1] > 15.0

@@ -1,0 +1,169 @@
+"""What happens by itself is in the trace and the log and told to agents, but for what is hidden in it."""
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+import kernel_kit as kit
+import msgspec
+import pytest
+
+from lingjing.dsl import compile_text
+from lingjing.kernel.barrier import PolicyBarrier
+from lingjing.kernel.episode import play
+from lingjing.kernel.happenings import Happenings
+from lingjing.mission.expression import Call, Ref, Symbol
+from lingjing.mission.instance import ChannelSpec, EventSpec, Weather
+from lingjing.trace.encoding import from_json, to_json
+from lingjing.trace.foxglove import logs
+from lingjing.trace.records import BoundaryRecord, ObservationRecord, TaskEvent
+
+CALM = Weather(wind_mps=4.0)
+STORM = Weather(wind_mps=14.0, visibility_m=800.0, rain=0.5)
+FRONT = EventSpec(name="front", tick=2, weather=STORM)
+
+
+def instance(*events, public=(), dormant=(), **changes):
+    """Everybody hears of events; who is `public` hides nothing."""
+    made = kit.make_instance(weather=CALM, events=events, **changes)
+    entities = tuple(
+        msgspec.structs.replace(
+            entity, hidden=() if entity.id in public else entity.hidden, dormant=entity.id in dormant
+        )
+        for entity in made.entities
+    )
+    return msgspec.structs.replace(made, entities=entities)
+
+
+def played(ticks, *events, **changes):
+    kernel = kit.make_kernel(instance(*events, **changes))
+    return [kernel.reset(), *(kernel.step(()) for _ in range(ticks))]
+
+
+def kinds(published, agent="skipper"):
+    return [[(event.kind, event.entities) for event in one.observations[agent].events] for one in published]
+
+
+def test_the_weather_is_that_of_the_boundary_in_every_observation_and_its_record():
+    published = played(3, FRONT)
+    for agent in ("scout[1]", "skipper"):
+        assert [one.observations[agent].weather for one in published] == [CALM, CALM, STORM, STORM]
+    for one in published:
+        assert {seen.weather for seen in one.record.observations} == {one.observations["skipper"].weather}
+
+
+def test_a_change_of_the_weather_is_a_task_event_of_its_boundary_and_a_line_of_the_log():
+    published = played(3, FRONT)
+    changed = {"wind_mps": 14.0, "visibility_m": 800.0, "rain": 0.5}
+    event = TaskEvent(kind="weather", name="front", entities=(), time_s=20.0, values=changed)
+    assert [one.record.task_events for one in published] == [(), (), (event,), ()]
+    assert kinds(published) == [[], [], [("weather", ())], []]
+    said = [data for _, _, data in logs(published[2].record)]
+    assert any(b"weather front: rain 0.5, visibility_m 800, wind_mps 14 at 20 s" in data for data in said)
+
+
+def test_an_event_at_boundary_0_is_there_and_in_the_brief():
+    now = msgspec.structs.replace(FRONT, tick=0)
+    kernel = kit.make_kernel(instance(now))
+    assert kernel.briefs()["skipper"].weather == STORM
+    start = kernel.reset()
+    assert [event.name for event in start.record.task_events] == ["front"]
+    assert start.observations["skipper"].weather == STORM
+
+
+def test_events_of_one_tick_each_leave_a_mark_of_what_they_change():
+    first = EventSpec(name="rain", tick=1, weather=Weather(wind_mps=4.0, rain=1.0))
+    second = EventSpec(name="gale", tick=1, weather=Weather(wind_mps=20.0, rain=1.0))
+    same = EventSpec(name="again", tick=1, weather=Weather(wind_mps=20.0, rain=1.0))
+    events = Happenings(instance(first, second, same)).at(1)
+    assert [event.line for event in events] == [
+        "weather rain: rain 1", "weather gale: wind_mps 20", "weather again: nothing changes",
+    ]  # fmt: skip
+
+
+def test_who_comes_and_goes_leaves_a_mark_once():
+    come = EventSpec(name="late", tick=1, appear=("victim[2]",))
+    again = EventSpec(name="twice", tick=2, appear=("victim[1]", "victim[2]"))
+    go = EventSpec(name="gone", tick=3, vanish=("victim[2]",))
+    empty = EventSpec(name="nobody", tick=3)
+    published = played(3, come, again, go, empty, public=("victim[1]", "victim[2]"), dormant=("victim[2]",))
+    lines = [[event.line for event in one.record.task_events] for one in published]
+    assert lines == [[], ["appeared late: victim[2]"], [], ["vanished gone: victim[2]"]]
+    assert kinds(published) == [[], [("appeared", ("victim[2]",))], [], [("vanished", ("victim[2]",))]]
+
+
+def test_who_is_hidden_comes_and_goes_in_the_trace_alone():
+    """Two missions that differ only in when somebody hidden comes give everybody the same input."""
+    both = [
+        played(
+            4,
+            EventSpec(name="late", tick=tick, appear=("victim[2]",)),
+            EventSpec(name="all", tick=4, vanish=("victim[1]", "boat")),
+            dormant=("victim[2]",),
+        )
+        for tick in (1, 3)
+    ]
+    for one in both:
+        assert [event.line for each in one for event in each.record.task_events] == [
+            "appeared late: victim[2]", "vanished all: victim[1] boat",
+        ]  # fmt: skip
+        assert kinds(one)[4] == [("vanished", ("boat",))]
+    early, late = ([seen.sha256 for each in one for seen in each.record.observations] for one in both)
+    assert early == late
+
+
+def test_no_rule_takes_what_happens_by_itself_for_something_done():
+    """An event and an interaction may have one name: nobody has rescued who has only appeared."""
+    come = EventSpec(name="rescue", tick=1, appear=("victim[2]",), weather=STORM)
+    for kind, who in (("appeared", "victim[2]"), ("weather", "victim[2]")):
+        done = Call(function="emitted", arguments=(Symbol(name=kind), Ref(name=who, kind="entity")))
+        kernel = kit.make_kernel(instance(come, success=done, dormant=("victim[2]",), ticks=3))
+        assert play(kernel, PolicyBarrier({}, 5.0)).reason == "budget"
+    assert kernel.state.registry.emitted == {}
+
+
+def test_older_records_still_read():
+    (record, *_) = (one.record for one in played(2, FRONT)[2:])
+    plain = msgspec.json.decode(to_json(record))
+    for event in plain["task_events"]:
+        del event["name"]
+    for seen in plain["observations"]:
+        del seen["weather"]
+    back = from_json(msgspec.json.encode(plain), BoundaryRecord)
+    assert {event.name for event in back.task_events} == {""}
+    assert {seen.weather for seen in back.observations} == {None}
+    assert isinstance(back.observations[0], ObservationRecord)
+
+
+def test_agents_without_the_channel_of_events_still_feel_the_weather():
+    made = instance(FRONT)
+    agents = tuple(
+        msgspec.structs.replace(one, observes=(ChannelSpec(source="entity", name="boat"),)) for one in made.agents
+    )
+    kernel = kit.make_kernel(msgspec.structs.replace(made, agents=agents))
+    kernel.reset(), kernel.step(())
+    out = kernel.step(()).observations["skipper"]
+    assert (out.weather, out.events) == (STORM, ())
+
+
+@pytest.mark.parametrize("where", ["", "event front at 1 tick "])
+def test_weather_that_comes_from_something_hidden_is_refused(where):
+    """What observations carry can hold nothing hidden."""
+    text = f"""
+ljs 1
+use std.sea {{ lifeboat, person_in_water }}
+mission raft "A raft" {{
+  goal "Wait."
+  scene bay {{ datum = sea level at -3.5 m }}
+  clock {{ tick = 1 s, sync = 500 ms }}
+  budget {{ ticks <= 2 }}
+  region search = box((-600 m, -1100 m), (600 m, -800 m))
+  target victim : person_in_water {{ hidden position ~ sites(search) }}
+  asset boat : lifeboat {{ position = (0 m, -900 m) }}
+  {where}{"{" if where else ""} weather {{ visibility = distance_xy(boat, victim) }} {"}" if where else ""}
+  agent skipper as skipper controls boat {{ observes boat.* }}
+  success when distance_xy(boat, victim) <= 10 m
+}}
+"""
+    assert "LJ0401" in [found.code for found in compile_text(text).diagnostics]
