@@ -15,6 +15,7 @@ import msgspec
 from lingjing.analysis.completion import owed_kg
 from lingjing.analysis.detection import Detection, detect, ratio, shots
 from lingjing.analysis.idleness import idle_fraction
+from lingjing.analysis.incidents import incidents
 from lingjing.analysis.repetition import repeated_target_rate
 from lingjing.kernel.subtasks import required_groups
 from lingjing.trace.reader import Trace
@@ -43,6 +44,8 @@ class Metrics(msgspec.Struct, frozen=True, kw_only=True):
     sim_s: float
     wall_s: float | None
     reason: str
+    incidents: int
+    """Crashes, collisions, falls, empty stores and other losses: see `lingjing.analysis.incidents`."""
 
     reports: int
     """Detection reports, each counted once."""
@@ -115,6 +118,7 @@ def metrics(trace: Trace) -> Metrics:
         sim_s=trace.boundaries[-1].time_s if trace.boundaries else 0.0,
         wall_s=None if outcome is None else outcome.wall_s,
         reason="" if outcome is None else outcome.reason,
+        incidents=len(incidents(trace)),
         reports=len(detection.reports),
         detections=sum(report.target is not None for report in detection.reports),
         targets_found=len({report.target for report in detection.reports} - {None}),

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from lingjing.analysis.completion import asked_groups, completion_ticks
 from lingjing.analysis.detection import Report, detect, judged_kinds, shots
+from lingjing.analysis.incidents import Incident, incidents
 from lingjing.analysis.spoken import Spoken, spoken
 from lingjing.mission.instance import Instance
 from lingjing.plugins.tasks import possible
@@ -29,7 +30,8 @@ class Track:
 
 @dataclass(frozen=True, slots=True)
 class Happened:
-    """One adjudicated event: its rule, tick, and the entity it is about ("" if none)."""
+    """One adjudicated event, or one of the mission's own (`weather`): its kind, tick, and the entity it is about ("" if
+    none)."""
 
     kind: str
     tick: int
@@ -53,6 +55,7 @@ class Story:
     judging: bool
     said: tuple[Spoken, ...]
     happened: tuple[Happened, ...]
+    incidents: tuple[Incident, ...]
     refusals: tuple[tuple[int, str], ...]
     visited: frozenset[str]
     fate: dict[str, str]
@@ -80,6 +83,7 @@ def tell(trace: Trace) -> Story:
         judging=bool(judged_kinds(trace)),
         said=spoken(trace),
         happened=_happened(trace),
+        incidents=incidents(trace),
         refusals=tuple(
             (receipt.tick, receipt.sender)
             for record in trace.boundaries
@@ -125,11 +129,19 @@ def _track(trace: Trace, entity: str, role: str) -> Track:
 
 def _happened(trace: Trace) -> tuple[Happened, ...]:
     entities = {entity.id for entity in trace.header.instance.entities}
-    return tuple(
+    by_itself = [
+        Happened(event.kind, record.tick, name)
+        for record in trace.boundaries
+        for event in record.task_events
+        if event.name
+        for name in event.entities or ("",)
+    ]
+    judged = (
         Happened(event.kind, event.tick, next((name for name in event.bindings if name in entities), ""))
         for record in trace.boundaries
         for event in record.events
     )
+    return (*by_itself, *judged)
 
 
 def _dealt_with(trace: Trace) -> dict[str, str]:

@@ -35,10 +35,11 @@ from lingjing.plugins.loading import build_policy, load_policy, share_arguments
 from lingjing.plugins.policy import Policy, PolicyPlugin
 from lingjing.scene.city import City
 from lingjing.trace.reader import Trace, read_trace
-from lingjing.trace.records import AgentBinding, BoundaryRecord, Header, Outcome
+from lingjing.trace.records import AgentBinding, BoundaryRecord, Header, Outcome, TaskEvent
 from lingjing.trace.writer import Picture, TraceWriter, gone
 
 if TYPE_CHECKING:
+    from lingjing.analysis.incidents import Incident
     from lingjing.analysis.metrics import Metrics
 
 PolicySpec = str | Callable[..., Policy]
@@ -75,6 +76,10 @@ class EpisodeResult:
     score: float = 0.0
     policy_seed: int = 0
     """What the policies' own random streams started from."""
+    incidents: tuple[Incident, ...] = ()
+    """Who crashed, fell or ran out of energy, in order of time."""
+    happened: tuple[TaskEvent, ...] = ()
+    """The mission's own events: weather, who came and went."""
 
 
 class EpisodeInterrupted(KeyboardInterrupt):
@@ -310,6 +315,7 @@ def _writer(
 
 
 def _result(path: Path, folder: Path, city: City, *, overview: bool) -> EpisodeResult:
+    from lingjing.analysis.incidents import incidents
     from lingjing.analysis.metrics import metrics
     from lingjing.analysis.overview import draw_overview
 
@@ -343,6 +349,8 @@ def _result(path: Path, folder: Path, city: City, *, overview: bool) -> EpisodeR
         hint=outcome.hint,
         warnings=warnings,
         attribution=trace.header.attribution,
+        incidents=incidents(trace),
+        happened=tuple(event for record in trace.boundaries for event in record.task_events if event.name),
     )
 
 

@@ -118,6 +118,8 @@ def _report(options: RunOptions, result: EpisodeResult) -> EpisodeReport:
         digest=result.digest,
         trace=str(result.trace),
         metrics=msgspec.to_builtins(result.metrics),
+        incidents=result.incidents,
+        happened=result.happened,
         detail=result.detail,
         hint=result.hint,
         warnings=result.warnings,

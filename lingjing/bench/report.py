@@ -8,6 +8,9 @@ from collections.abc import Sequence
 
 import msgspec
 
+from lingjing.analysis.incidents import Incident
+from lingjing.trace.records import TaskEvent
+
 ABORTED = "infrastructure-abort"
 INTERRUPTED = "interrupted"
 
@@ -19,7 +22,8 @@ class EpisodeReport(msgspec.Struct, frozen=True, kw_only=True):
     the reason leaves open (which stage was late, which engine failed) and `hint` what to do about an abort.
     `warnings` are what a reader of the score should know, a line each; `attribution` says whose map was played on;
     `policy_seed` started the policies' random streams; `scr` is the subtask completion rate, `score` the mission's own
-    with its weights and penalties.
+    with its weights and penalties; `incidents` say who crashed, fell or ran out of energy, `happened` are the
+    mission's own events.
     """
 
     mission: str
@@ -39,6 +43,8 @@ class EpisodeReport(msgspec.Struct, frozen=True, kw_only=True):
     attribution: str = ""
     policy_seed: int = 0
     score: float = 0.0
+    incidents: tuple[Incident, ...] = ()
+    happened: tuple[TaskEvent, ...] = ()
 
 
 class SuiteReport(msgspec.Struct, frozen=True, kw_only=True):

@@ -13,8 +13,11 @@ Group = tuple[str, tuple[Row, ...]]
 UNDEFINED = "N/A"
 """Shown for a rate over nothing, as the paper's tables do."""
 
+MOST_ROWS = 8
+"""Incidents that are shown, and events."""
+
 _PLAIN: dict[str, tuple[tuple[str, str], ...]] = {
-    "outcome": (("sim_s", "s"), ("wall_s", "s"), ("gap", "%"), ("coverage", "")),
+    "outcome": (("sim_s", "s"), ("wall_s", "s"), ("gap", "%"), ("coverage", ""), ("incidents", "")),
     "perception": (
         ("frames", ""), ("absent_frames", ""), ("faint_targets", ""), ("first_discovery_tick", ""),
         ("targets_found", ""), ("reports", ""),
@@ -41,10 +44,12 @@ _REASONS = {
 
 
 def scorecard(report: EpisodeReport) -> tuple[Group, ...]:
-    """Outcome, perception, communication and cost, a few rows each."""
+    """Outcome, perception, communication and cost, a few rows each; incidents and the mission's events if any."""
     metrics = report.metrics
     return (
         ("Outcome", _outcome(report)),
+        *(("Incidents", _few(rows)) for rows in (_incidents(report),) if rows),
+        *(("Events", _few(rows)) for rows in (_events(report),) if rows),
         ("Perception", _perception(metrics)),
         ("Communication", _communication(metrics)),
         ("Cost", _cost(metrics)),
@@ -66,6 +71,7 @@ def plain(report: EpisodeReport) -> tuple[Group, ...]:
         ("stages", _stages(metrics.get("stages"))),
         ("ticks", str(report.ticks)),
     ]
+    outcome += [("incident_log", _log(_incidents(report))), ("event_log", _log(_events(report)))]
     rows = {name: [(key, _exact(metrics.get(key), unit)) for key, unit in keys] for name, keys in _PLAIN.items()}
     return (
         ("episode", tuple(episode)),
@@ -92,6 +98,25 @@ def _outcome(report: EpisodeReport) -> tuple[Row, ...]:
         ("ticks", f"{report.ticks} = {_number(metrics.get('sim_s'))} s simulated in {_seconds(metrics.get('wall_s'))}"),
         ("area searched", _share(metrics.get("coverage"))),
     )
+
+
+def _incidents(report: EpisodeReport) -> tuple[Row, ...]:
+    return tuple((f"{one.time_s:.1f} s, tick {one.tick}", one.line) for one in report.incidents)
+
+
+def _events(report: EpisodeReport) -> tuple[Row, ...]:
+    return tuple((f"{event.time_s:.1f} s", event.line) for event in report.happened)
+
+
+def _few(rows: tuple[Row, ...]) -> tuple[Row, ...]:
+    """The first of many, and how many more there are."""
+    more = len(rows) - MOST_ROWS
+    return rows if more <= 0 else (*rows[:MOST_ROWS], ("", f"and {more} more (--json has all)"))
+
+
+def _log(rows: tuple[Row, ...]) -> str:
+    """`37.0 s, tick 4: uav[1] and uav[2] collided …; 60.0 s: …` on one line."""
+    return "; ".join(f"{when}: {what}".removeprefix(": ") for when, what in _few(rows)) or UNDEFINED
 
 
 def _perception(metrics: Mapping[str, object]) -> tuple[Row, ...]:

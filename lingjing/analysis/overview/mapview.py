@@ -43,6 +43,7 @@ def draw_map(axes: Axes, story: Story, city: City | None = None, credit: str = "
     _assets(axes, story, labels)
     _reports(axes, story, (west, south, east, north), labels)
     _targets(axes, story, labels)
+    _incidents(axes, story, labels)
     _names(axes, story, labels)
     _scale(axes, west, south, east - west, north - south)
     _legend(axes, story, legend_columns)
@@ -127,6 +128,18 @@ def _targets(axes: Axes, story: Story, labels: style.Labels) -> None:
         place = _fate_place(story, track)
         axes.plot(*place, "*", ms=15, mfc=colour, mec="white", mew=1.0, zorder=8)
         labels.block(place, 10)
+
+
+def _incidents(axes: Axes, story: Story, labels: style.Labels) -> None:
+    """A cross for each, with the time of the first few."""
+    for incident in story.incidents:
+        if incident.position is not None:
+            axes.plot(*incident.position[:2], "X", ms=10, mfc=style.INCIDENT, mec="white", mew=0.9, zorder=9)
+            labels.block(incident.position[:2], 6)
+    for incident in story.incidents[: style.CROWD]:
+        if incident.position is not None:
+            said = f"{incident.kind.replace('_', ' ')} {incident.time_s:.0f} s"
+            labels.add(said, incident.position[:2], style.INCIDENT, 8.0)
 
 
 def _fate_place(story: Story, track: Track) -> tuple[float, float]:
@@ -241,6 +254,7 @@ def _legend(axes: Axes, story: Story, columns: int) -> None:
             if fate in story.fate.values() or (fate != "aside" and story.judging)
         ),
         *([mark("+", "report, line to truth", mec=style.CLAIM, ms=8, mew=1.4)] if story.reporting else []),
+        *([mark("X", "incident", mfc=style.INCIDENT, mec="white", ms=9)] if story.incidents else []),
         *([mark("x", "false report", mec=style.FATES["missed"], ms=6, mew=1.4)] if story.judging else []),
     ]
     axes.legend(

@@ -22,6 +22,7 @@ FATES = {"completed": "#1a8f4b", "found": "#e08a00", "missed": "#d1344b", "aside
 CATEGORIES = {"report": "#8a3ffc", "assignment": "#0f62fe", "target_status": "#009d9a", "other": "#6f7b87"}
 TRUTH = "#18c56b"
 CLAIM = "#ff2fa0"
+INCIDENT = "#111111"
 CROWD = 8
 """More targets than this are named by their index alone, and not in legends."""
 _ASSETS = ("#1f6fd1", "#c2410c", "#6d28d9", "#0f766e", "#a16207", "#be185d", "#4d7c0f", "#334155")

@@ -37,9 +37,11 @@ def draw_messages(axes: Axes, story: Story) -> None:
 
 def draw_events(axes: Axes, story: Story) -> None:
     """A lane for each kind of event, a dot for each, in its target's colour and with its own number: a group's members
-    have their numbers, with the group's letter where several groups have some; who has no number has its letter."""
+    have their numbers, with the group's letter where several groups have some; who has no number has its letter. The
+    mission's own events are grey dots, incidents crosses in a lane of their own."""
     kinds = [rule.name for rule in story.instance.rules]
     kinds += [event.kind for event in story.happened if event.kind not in kinds]
+    kinds += ["incident"] if story.incidents else []
     lanes = {kind: place for place, kind in enumerate(dict.fromkeys(kinds))}
     targets = [track.entity for track in story.tracks_of("target")]
     marks = _marks(story)
@@ -59,10 +61,17 @@ def draw_events(axes: Axes, story: Story) -> None:
                     x, lanes[kind], marks[entity], color="white", fontsize=7, ha="center", va="center_baseline",
                     fontweight="bold", zorder=4,
                 )  # fmt: skip
+    for incident in story.incidents:
+        x = incident.time_s / story.instance.clock.tick_s
+        axes.plot(x, lanes["incident"], "X", ms=9, mfc=style.INCIDENT, mec="white", mew=0.7, zorder=5)
     axes.set_yticks(list(lanes.values()), list(lanes))
     axes.set_ylim(len(lanes) - 0.4, -0.6) if lanes else axes.set_yticks([])
     few = targets if len(targets) <= style.CROWD else []  # a crowd is told apart by the numbers in the dots
     entries = [_dot(style.target_colour(place), name) for place, name in enumerate(few)]
+    if story.incidents:
+        entries.append(
+            Line2D([], [], linestyle="none", marker="X", mfc=style.INCIDENT, mec="white", ms=8, label="incident")
+        )
     _finish(axes, story, "Events", entries)
 
 
