@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import takewhile
 
 import msgspec
 
@@ -66,12 +67,12 @@ def incidents(trace: Trace) -> tuple[Incident, ...]:
     )
     for record in trace.boundaries:
         search.take(record)
-    return tuple(sorted(search.found, key=lambda one: one.time_s))
+    return tuple(search.found)
 
 
 @dataclass(slots=True)
 class _Search:
-    """What has been found up to a boundary; `status` is everybody's at the macro-step `since_s`."""
+    """What has been found up to a boundary, in order of time; `status` is everybody's at the macro-step `since_s`."""
 
     entities: Mapping[str, Entity]
     same_s: float
@@ -81,6 +82,7 @@ class _Search:
 
     def take(self, record: BoundaryRecord) -> None:
         """One more boundary."""
+        first = len(self.found)
         told = [_told(event, record, self.entities) for event in record.task_events if self._counts(event)]
         for one in sorted(told, key=lambda each: each.time_s):
             if not self._is_other_side(one):
@@ -89,6 +91,7 @@ class _Search:
             for state in snapshot.states:
                 self._look(state, snapshot, record.tick)
             self.since_s = snapshot.time_s
+        self.found[first:] = sorted(self.found[first:], key=lambda one: one.time_s)
 
     def _counts(self, event: TaskEvent) -> bool:
         known = [self.entities[name] for name in event.entities if name in self.entities]
@@ -96,11 +99,9 @@ class _Search:
         return event.kind in (COLLIDED, *_WORDS) and not event.name and bool(known) and not declared
 
     def _is_other_side(self, one: Incident) -> bool:
+        recent = takewhile(lambda other: one.time_s - other.time_s <= self.same_s, reversed(self.found))
         return one.kind == COLLIDED and any(
-            other.kind == COLLIDED
-            and other.entities[:2] == one.entities[1::-1]
-            and one.time_s - other.time_s <= self.same_s
-            for other in self.found
+            other.kind == COLLIDED and other.entities[:2] == one.entities[1::-1] for other in recent
         )
 
     def _look(self, state: BodyState, snapshot: Snapshot, tick: int) -> None:

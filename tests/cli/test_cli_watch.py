@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import fcntl
 import importlib.util
 import os
@@ -15,6 +16,7 @@ import termios
 import time
 from pathlib import Path
 
+import msgspec
 import pytest
 from rich.console import Console
 
@@ -31,7 +33,7 @@ from lingjing.kernel.episode import Progress
 from lingjing.plugins.host import PluginHost
 from lingjing.scene.city import City
 from lingjing.trace.reader import Trace, read_trace
-from lingjing.trace.records import BodyState
+from lingjing.trace.records import BodyState, TaskEvent
 
 RUN = (sys.executable, "-m", "lingjing.cli.main", "run")
 
@@ -68,6 +70,16 @@ def watched(trace: Trace, until: int, *, truth: bool = False) -> Watched:
     for boundary in boundaries(trace, until):
         state.take(boundary)
     return state
+
+
+def test_what_happens_by_itself_names_nobody_who_is_hidden_but_to_who_may_see_the_truth(trace: Trace) -> None:
+    front = TaskEvent(kind="weather", name="front", entities=(), time_s=10.0, values={"rain": 0.5})
+    come = TaskEvent(kind="appeared", name="late", entities=("victim[1]", "boat"), time_s=10.0)
+    for truth, who in ((False, "? boat"), (True, "victim[1] boat")):
+        state = Watched(trace.header.instance, truth=truth)
+        (first, *_) = boundaries(trace, 0)
+        state.take(dataclasses.replace(first, record=msgspec.structs.replace(first.record, task_events=(front, come))))
+        assert [line.text for line in state.events][:2] == ["weather front: rain 0.5", f"appeared late: {who}"]
 
 
 def screen_text(state: Watched, city: City, width: int, height: int, colours: str | None = "truecolor") -> list[str]:
