@@ -52,7 +52,8 @@ def test_each_subtask_has_forty_ticks():
         play.wait(39)
         assert not play.done
         play.do()
-        assert play.published.evaluation.reason == "budget"
+        assert play.published.evaluation.reason == "late"
+        assert play.published.evaluation.detail.startswith("the stage `enter` was not done in the 40 ticks")
 
 
 def test_a_subtask_done_in_its_last_tick_is_in_time():
