@@ -48,7 +48,10 @@ _REMEMBERED_S = 5.0
 _BEYOND_M = 0.6
 _OPPOSED, _BELLY_M = 0.5, 0.08
 _MOVING_MPS, _PUSHED_MPS, _KNOCK_MPS = 0.3, 0.2, 12.0
-_LYING_M, _LYING_PERIODS = 0.14, 25
+_LYING_M, _LYING_S, _LYING_PERIODS = 0.14, 2.0, 25
+"""A trunk so low over what is below it, for so long, lies: one that is pulled over the edge of a step is low for a
+moment. Looked at every so many periods."""
+
 _LOOK_PERIODS, _DIP_PERIODS = 5, 25
 
 
@@ -87,6 +90,7 @@ class Dog:
         self._careful_m = -math.inf
         self._before: Vector = (0.0, 0.0, 0.0)
         self._tilted_s = 0.0
+        self._low_s = 0.0
         self._down_s = 0.0
         self._met: dict[str, float] = {}
         self._hit = ("", -math.inf)
@@ -173,7 +177,7 @@ class Dog:
         """Stand up again where it lies."""
         x, y, z = here.position
         pack.put(self.row, x, y, z, here.yaw)
-        self.phase, self._tilted_s, self._down_s = Phase.STANDING, 0.0, 0.0
+        self.phase, self._tilted_s, self._low_s, self._down_s = Phase.STANDING, 0.0, 0.0, 0.0
 
     @property
     def rested(self) -> bool:
@@ -225,8 +229,7 @@ class Dog:
                 self.task, self._ending = None, stopping(here)
                 pack.ease(self.row)
                 return Notice("unreachable", view.hazard)
-            if view.step:
-                self._careful_m = task.best + view.ahead_m + _BEYOND_M
+            self._careful_m = max(self._careful_m, task.best + view.step_m + _BEYOND_M)
         pack.walk(self.row, wanted)
         return None
 
@@ -246,10 +249,11 @@ class Dog:
         if self.phase is Phase.FALLEN:
             self._down_s += PERIOD_S
             return None
-        if self._period % _LYING_PERIODS == 0 and footing.height(here.position) < _LYING_M:
-            return self._drop(pack, Phase.FALLEN, Notice("fell"))
+        if self._period % _LYING_PERIODS == 0:
+            low = footing.height(here.position) < _LYING_M
+            self._low_s = self._low_s + _LYING_PERIODS * PERIOD_S if low else 0.0
         self._tilted_s = self._tilted_s + PERIOD_S if here.upright < _FALLEN else 0.0
-        if self._tilted_s >= _FALLEN_S:
+        if self._tilted_s >= _FALLEN_S or self._low_s >= _LYING_S:
             return self._drop(pack, Phase.FALLEN, Notice("fell"))
         return None
 

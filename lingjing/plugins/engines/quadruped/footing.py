@@ -23,11 +23,11 @@ _STANDING_M = 0.5
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """What is `ahead_m` ahead: a `hazard` (`water`, `drop` or nothing), and whether there is a step to take."""
+    """What is ahead: a `hazard` (`water`, `drop` or nothing) and how far away the last step to take before it is, metres
+    (minus infinity: there is none)."""
 
     hazard: str
-    step: bool
-    ahead_m: float
+    step_m: float
 
 
 class Footing:
@@ -38,22 +38,27 @@ class Footing:
         self._pack = pack
 
     def look(self, here: Sense, yaw: float, remaining_m: float) -> View:
-        """What a dog that goes on along `yaw` comes to by the time it could stop."""
+        """What a dog that goes on along `yaw` comes to before it could stop: every edge of the way there."""
         speed = max(here.ahead_mps, 0.0)
-        ahead = NOSE_M + min(speed * speed / (2.0 * _BRAKE_MPS2) + _REACTION_S * speed, max(remaining_m, 0.0))
+        far = NOSE_M + min(speed * speed / (2.0 * _BRAKE_MPS2) + _REACTION_S * speed, max(remaining_m, 0.0))
+        count = math.ceil((far - NOSE_M) / _EDGE_M) + 1
         x, y, z = here.position
         east, north = math.cos(yaw), math.sin(yaw)
-        point = x + ahead * east, y + ahead * north
-        floor = self._pack.floor(*point, z + _ABOVE_M)
-        if floor.z == math.inf:  # inside of something that stands there: a wall, not a hole
-            return View("", False, ahead)
-        if self._wet(*point, floor):
-            return View("water", False, ahead)
-        before = self._pack.floor(point[0] - _EDGE_M * east, point[1] - _EDGE_M * north, z + _ABOVE_M)
-        if not math.isfinite(before.z):
-            return View("", False, ahead)
-        hazard = "drop" if before.z - floor.z > _DROP_M else ""
-        return View(hazard, abs(before.z - floor.z) > _STEP_M, ahead)
+        before, step_m = math.inf, -math.inf
+        for ahead in (far - _EDGE_M * (count - number) for number in range(count + 1)):
+            point = x + ahead * east, y + ahead * north
+            floor = self._pack.floor(*point, z + _ABOVE_M)
+            if floor.z == math.inf:  # inside of something that stands there: a wall, not a hole
+                break
+            if self._wet(*point, floor):
+                return View("water", step_m)
+            if math.isfinite(before):
+                if before - floor.z > _DROP_M:
+                    return View("drop", step_m)
+                if abs(before - floor.z) > _STEP_M:
+                    step_m = ahead
+            before = floor.z
+        return View("", step_m)
 
     def height(self, at: Vector) -> float:
         """How high a trunk is over what is below it."""
