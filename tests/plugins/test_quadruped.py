@@ -110,34 +110,66 @@ def test_stop_preempts_and_comes_to_rest(play):
     assert session.state.position == pytest.approx(still, abs=0.03)
 
 
-@pytest.mark.parametrize("where", ["kerb", "stairs", "slope"])
-def test_climbs(play, where):
-    far = rectangle(3.0, -3.0, 30.0, 3.0)
-    if where == "kerb":
-        city = city_of(solids=(Solid(id="kerb", polygon=far, base_m=-0.2, top_m=0.12),))
-        top = 0.12
-    elif where == "stairs":
-        steps = (rectangle(3.0 + 0.4 * k, -3.0, 30.0, 3.0) for k in range(5))
-        city = city_of(
-            solids=tuple(
-                Solid(id=f"step-{k}", polygon=step, base_m=-0.2, top_m=0.12 * (k + 1)) for k, step in enumerate(steps)
-            )
-        )
-        top = 0.6
-    else:
-        rise = 4.0 * math.tan(math.radians(15.0))
-        ramp = ((2.0, -3.0, 0.0), (6.0, -3.0, rise), (6.0, 3.0, rise), (2.0, 3.0, 0.0))
-        city = city_of(
-            slopes=(Slope(id="ramp", top=ramp),),
-            solids=(Solid(id="deck", polygon=rectangle(6.0, -3.0, 30.0, 3.0), base_m=-0.2, top_m=rise),),
-        )
-        top = rise
-    session = play(city, dog(heading=90.0))
-    receipt = session.command("dog[1]", "forward", distance=10.0)
-    assert ended(session, receipt.request).status == "completed"
-    assert session.state.position[0] == pytest.approx(10.0, abs=0.2)
+def stairs(rise: float, tread: float = 0.4) -> City:
+    edges = (rectangle(3.0 + tread * k, -6.0, 30.0, 6.0) for k in range(5))
+    steps = (Solid(id=f"step-{k}", polygon=edge, base_m=-0.2, top_m=rise * (k + 1)) for k, edge in enumerate(edges))
+    return city_of(solids=tuple(steps))
+
+
+def slope(angle_deg: float) -> City:
+    rise = 4.0 * math.tan(math.radians(angle_deg))
+    ramp = ((2.0, -6.0, 0.0), (6.0, -6.0, rise), (6.0, 6.0, rise), (2.0, 6.0, 0.0))
+    deck = Solid(id="deck", polygon=rectangle(6.0, -6.0, 30.0, 6.0), base_m=-0.2, top_m=rise)
+    return city_of(slopes=(Slope(id="ramp", top=ramp),), solids=(deck,))
+
+
+KERB = city_of(solids=(Solid(id="kerb", polygon=rectangle(3.0, -6.0, 30.0, 6.0), base_m=-0.2, top_m=0.12),))
+
+APPROACHES = [(heading, back) for heading in (80.0, 89.5, 90.0, 95.0) for back in (0.0, 0.37)]
+"""Compass headings and how much farther back the walk begins: the feet meet the edge in other phases of the gait."""
+
+
+@pytest.mark.parametrize(("heading", "back"), APPROACHES)
+@pytest.mark.parametrize(
+    ("city", "top"),
+    [
+        pytest.param(KERB, 0.12, id="kerb"),
+        pytest.param(stairs(0.12), 0.6, id="stairs"),
+        pytest.param(stairs(0.12, 0.3), 0.6, id="steep-stairs"),
+        pytest.param(slope(15.0), 4.0 * math.tan(math.radians(15.0)), id="slope"),
+    ],
+)
+def test_climbs_from_every_approach(play, city, top, heading, back):
+    session = play(city, dog(x=-back, y=-0.5 * (6.0 + back) * math.tan(math.radians(90.0 - heading)), heading=heading))
+    receipt = session.command("dog[1]", "forward", distance=10.0 + back)
+    assert ended(session, receipt.request, limit_s=90.0).status == "completed"
+    assert session.state.position[0] > 9.5
     assert 0.2 < session.state.position[2] - top < 0.4
     assert not [event for event in session.events if event.kind == "fell"]
+
+
+@pytest.mark.parametrize("heading", [80.0, 90.0, 95.0])
+@pytest.mark.parametrize(("city", "top"), [(stairs(0.14), 0.7), (slope(20.0), 4.0 * math.tan(math.radians(20.0)))])
+def test_climbs_more_than_it_has_to(play, city, top, heading):
+    """The margin: higher steps and steeper slopes than the documented 12 cm and 15 degrees."""
+    session = play(city, dog(y=-3.0 * math.tan(math.radians(90.0 - heading)), heading=heading))
+    receipt = session.command("dog[1]", "forward", distance=10.0)
+    assert ended(session, receipt.request, limit_s=120.0).status == "completed"
+    assert 0.2 < session.state.position[2] - top < 0.4
+
+
+@pytest.mark.parametrize("start", [0.0, 0.04, 0.08, 0.12])
+def test_no_edge_is_stepped_over_between_two_looks(play, start):
+    """A rib narrower than the way between two looks slows the dog before it, wherever the looks fall."""
+    rib = Solid(id="rib", polygon=rectangle(6.0, -6.0, 6.08, 6.0), base_m=-0.2, top_m=0.1)
+    session = play(city_of(solids=(rib,)), dog(x=start, heading=90.0))
+    receipt = session.command("dog[1]", "forward", distance=10.0)
+    assert ended(session, receipt.request).status == "completed"
+    states = [boundary.states[0] for boundary in session.history]
+    free = [state.velocity[0] for state in states if 2.0 < state.position[0] < 4.0]
+    before = [state.velocity[0] for state in states if 5.5 < state.position[0] < 6.0]
+    assert min(free) > 1.2
+    assert max(before) < 1.1
 
 
 def test_walls_hold_and_are_named(play):
@@ -234,21 +266,22 @@ def test_the_world_follows_a_long_walk(play):
     assert (end.reason, "wall" in end.detail) == ("blocked", True)
     assert session.state.position[:2] == pytest.approx((0.0, 149.5), abs=0.5)
     speeds = [boundary.states[0].velocity[1] for boundary in session.history if 5.0 < boundary.time_s < 90.0]
-    assert sum(speeds) / len(speeds) == pytest.approx(1.5, abs=0.03)
+    assert sum(speeds) / len(speeds) == pytest.approx(1.5, rel=0.06)  # the policy's gait follows to within 4 %
 
 
-def test_the_battery_pays_for_walking_and_ends_it(play):
-    session = play(city_of(), dog(properties={"endurance_s": 20.0}))
+@pytest.mark.parametrize("endurance", [8.1, 8.2, 8.3, 20.0])
+def test_the_battery_pays_for_walking_and_ends_it(play, endurance):
+    session = play(city_of(), dog(properties={"endurance_s": endurance}))
     receipt = session.command("dog[1]", "forward", distance=100.0)
     end = ended(session, receipt.request)
     assert end.reason == "battery"
-    assert end.time_s == pytest.approx(20.0, rel=0.1)
+    assert end.time_s == pytest.approx(endurance, rel=0.1)
     assert session.state.resources == {"battery": 0.0, "battery_wh": 0.0}
     assert session.state.status == "dead"
     assert [event.kind for event in session.events] == ["battery_empty"]
     assert session.command("dog[1]", "left", angle=10.0).reason == "battery"
     session.run(3.0)
-    assert session.state.position[2] < 0.2
+    assert session.state.position[2] < 0.14  # its belly is on the ground, in whatever stride the motors lost power
 
 
 def test_a_load_slows_it_and_costs_more(play):

@@ -29,9 +29,11 @@ ENDURANCE_S = 5400.0
 """What an entity without these properties gets, and the fastest that the legs keep up with."""
 
 DOWN_S = 3.0
-CAREFUL_MPS = 1.2
-"""Speed over kerbs, stairs and steep slopes. At it, all of 12 tries at six steps of 12 cm reached the top; at 1.5 m/s,
-8 did and one fell."""
+CAREFUL_MPS = 0.7
+"""Speed over kerbs, stairs and steep slopes. At it, all of 165 walks at five steps of 12 cm (eleven headings; ten
+distances at treads of 40 cm, five at 30 cm) reached the top without a fall. At 13.2 cm one of 55 fell; at 14 cm all of
+33 reached the top, at 15 cm 31, at 16 cm 21; at slopes of 20 degrees all of 33, at 25 degrees 21. At 1.2 m/s it was 141
+of 147 for the steps of 12 cm."""
 
 HARD_MPS = 0.5
 """A touch of the trunk at this closing speed or more is a collision."""

@@ -23,8 +23,8 @@ _STANDING_M = 0.5
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """What is ahead: a `hazard` (`water`, `drop` or nothing) and how far away the last step to take before it is, metres
-    (minus infinity: there is none)."""
+    """What is ahead: a `hazard` (`water`, `drop` or nothing) and how far away the last step before it is, metres (minus
+    infinity: there is none)."""
 
     hazard: str
     step_m: float

@@ -31,6 +31,9 @@ _SLOWEST_MPS = 0.35
 _THERE_M = 0.02
 _LINE_GAIN, _LINE_MPS = 1.0, 0.3
 _HEADING_GAIN, _HEADING_RADPS = 2.0, 1.0
+_CLIMBING_LINE_GAIN, _CLIMBING_HEADING_GAIN = 0.3, 1.0
+"""On steps: a dog whose foot is held by a riser is twisted over by stronger ones."""
+
 _TURN_GAIN, _TURN_RADPS, _SLOWEST_RADPS = 2.2, 1.2, 0.3
 _TURNED_RAD = math.radians(1.5)
 _HELD_GAIN, _HELD_MPS = 1.0, 0.25
@@ -100,10 +103,13 @@ class Walk:
             self.waiting_s -= PERIOD_S
             return _REST
         off = wrapped(self.yaw - here.yaw)
+        line_gain, heading_gain = _LINE_GAIN, _HEADING_GAIN
+        if self.climbing:
+            line_gain, heading_gain = _CLIMBING_LINE_GAIN, _CLIMBING_HEADING_GAIN
         if _steps_back(self.stalled_s):
-            return -_RETREAT_MPS, 0.0, _HEADING_GAIN * off
-        turn = min(max(_HEADING_GAIN * off, -_HEADING_RADPS), _HEADING_RADPS)
-        side = min(max(-_LINE_GAIN * left, -_LINE_MPS), _LINE_MPS)
+            return -_RETREAT_MPS, 0.0, heading_gain * off
+        turn = min(max(heading_gain * off, -_HEADING_RADPS), _HEADING_RADPS)
+        side = min(max(-line_gain * left, -_LINE_MPS), _LINE_MPS)
         speed = min(self.cruise, math.sqrt(2.0 * _BRAKE_MPS2 * remaining))
         speed = max(speed, min(self.cruise, _SLOWEST_MPS)) * max(math.cos(off), 0.0)
         return speed, side, turn

@@ -149,8 +149,7 @@ class Pack:
     def limp(self, dog: int) -> None:
         """Take the power from a dog's motors."""
         self._forget(dog)
-        self._herd.unlock(dog)
-        self._herd.aim(np.array([dog]), self._herd.angles[[dog]])
+        self._herd.limp(dog)
 
     def step(self) -> None:
         """One period."""

@@ -28,7 +28,6 @@ STEP_S = 0.005
 """Integration step; tracking is the same from 2.5 to 10 ms, falls are rarer up to 5."""
 
 _SUBSTEPS = round(PERIOD_S / STEP_S)
-_WALKING, _LOCKED = (20.0, 0.5), (100.0, 3.0)
 _ARMATURE, _JOINT_DAMPING, _JOINT_FRICTION = 0.00712, 0.285, 0.365
 _TRUNK_MASS, _TRUNK_INERTIA, _TRUNK_SHIFT_M, _LEG_MASS = 0.9412, 0.8601, -0.006845, 1.616
 _FOOT_FRICTION, _FOOT_TORSION = 0.786, 0.006134
@@ -50,6 +49,17 @@ _AWAY_M = -1000.0
 _NOTHING = -1
 
 
+class Servo(NamedTuple):
+    """How stiffly a dog's motors hold what they are told, N m/rad, and how they brake, N m s/rad."""
+
+    gain: float
+    damping: float
+
+
+_WALKING, _LOCKED, _LIMP = Servo(20.0, 0.5), Servo(100.0, 3.0), Servo(0.0, 2.0)
+"""Under the policy, standing, and without power, when the motors only brake: the trunk sinks to the ground."""
+
+
 @dataclass(frozen=True, slots=True)
 class Mover:
     """Something of another engine: an upright box with a velocity. `base` is the middle of its underside."""
@@ -69,7 +79,7 @@ class Carry:
     qvel: Array
     warmstart: Array
     ctrl: Array
-    locked: bool = False
+    servo: Servo = _WALKING
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +112,7 @@ class Herd:
         self._model = _build(model, len(self.ids), shapes, ground_m, pool)
         self._data = mujoco.MjData(self._model)
         self._index(shapes, pool)
-        self.locked = np.zeros(len(self.ids), bool)
+        self._servos = [_WALKING] * len(self.ids)
         self._movers: tuple[Mover, ...] = ()
         self.drive(())
 
@@ -116,7 +126,7 @@ class Herd:
             qvel=data.qvel[dofs],
             warmstart=data.qacc_warmstart[dofs],
             ctrl=data.ctrl[motors],
-            locked=bool(self.locked[dog]),
+            servo=self._servos[dog],
         )
 
     def resume(self, dog: int, carry: Carry) -> None:
@@ -126,7 +136,7 @@ class Herd:
         data.qpos[np.concatenate((self._free_qpos[dog], self._joint_qpos[dog]))] = carry.qpos
         data.qvel[dofs], data.qacc_warmstart[dofs] = carry.qvel, carry.warmstart
         data.ctrl[self._motors[dog]] = carry.ctrl
-        self._stiffen(dog, carry.locked)
+        self._hold(dog, carry.servo)
 
     def knock(self, dog: int, change: Vector) -> None:
         """Change a dog's velocity at once."""
@@ -145,17 +155,21 @@ class Herd:
         """Let a dog stand at rest with its feet on a floor."""
         upright = np.array((x, y, floor_m + _STANDING_M, math.cos(0.5 * yaw), 0.0, 0.0, math.sin(0.5 * yaw)))
         still = np.zeros(6 + len(JOINTS))
-        self.resume(dog, Carry(np.concatenate((upright, STANCE)), still, still, STANCE, locked=True))
+        self.resume(dog, Carry(np.concatenate((upright, STANCE)), still, still, STANCE, _LOCKED))
 
     def lock(self, dog: int) -> None:
         """Hold the joints where they are, stiffly, with the load they carry: how a dog stands still."""
         motors = self._motors[dog]
-        self._data.ctrl[motors] = self._data.qpos[self._joint_qpos[dog]] + self.torques[dog] / _LOCKED[0]
-        self._stiffen(dog, True)
+        self._data.ctrl[motors] = self._data.qpos[self._joint_qpos[dog]] + self.torques[dog] / _LOCKED.gain
+        self._hold(dog, _LOCKED)
 
     def unlock(self, dog: int) -> None:
         """Give the joints back to the policy."""
-        self._stiffen(dog, False)
+        self._hold(dog, _WALKING)
+
+    def limp(self, dog: int) -> None:
+        """Take the power from the motors."""
+        self._hold(dog, _LIMP)
 
     def drive(self, movers: Sequence[Mover], elapsed_s: float = 0.0) -> None:
         """Say what moves nearby and where it was `elapsed_s` ago; as many as the pool holds."""
@@ -319,13 +333,12 @@ class Herd:
             hips = [trunks[dog], *(model.body(f"{dog}/{leg}_hip").id for leg in LEGS)]
             self._trunk |= np.isin(model.geom_bodyid, hips)
 
-    def _stiffen(self, dog: int, locked: bool) -> None:
-        gain, damping = _LOCKED if locked else _WALKING
+    def _hold(self, dog: int, servo: Servo) -> None:
         motors = self._motors[dog]
-        self._model.actuator_gainprm[motors, 0] = gain
-        self._model.actuator_biasprm[motors, 1] = -gain
-        self._model.actuator_biasprm[motors, 2] = -damping
-        self.locked[dog] = locked
+        self._model.actuator_gainprm[motors, 0] = servo.gain
+        self._model.actuator_biasprm[motors, 1] = -servo.gain
+        self._model.actuator_biasprm[motors, 2] = -servo.damping
+        self._servos[dog] = servo
 
     def _resize(self, slot: int, half: Vector, foresight_m: float) -> None:
         """Give a box of the pool other sizes, its bounds in MuJoCo's broad phase included. It is noticed `foresight_m`
