@@ -16,15 +16,17 @@ if TYPE_CHECKING:
     from lingjing.bench.episode import EpisodeResult, run
     from lingjing.dsl.load import load_mission as compile  # noqa: A004 - `lingjing.compile` is the public name
     from lingjing.mission.model import Mission
+    from lingjing.numerics import pin
 
     __version__: str
 
-__all__ = ["EpisodeResult", "Mission", "__version__", "compile", "run"]
+__all__ = ["EpisodeResult", "Mission", "__version__", "compile", "pin", "run"]
 
 _EXPORTS = {
     "EpisodeResult": ("lingjing.bench.episode", "EpisodeResult"),
     "Mission": ("lingjing.mission.model", "Mission"),
     "compile": ("lingjing.dsl.load", "load_mission"),
+    "pin": ("lingjing.numerics", "pin"),
     "run": ("lingjing.bench.episode", "run"),
 }
 

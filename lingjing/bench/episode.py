@@ -21,7 +21,6 @@ import msgspec
 from lingjing.bench.folders import claim_run_folder
 from lingjing.errors import UsageError
 from lingjing.kernel.episode import Progress, play, seat
-from lingjing.kernel.fingerprint import fingerprint
 from lingjing.kernel.staging import Stage
 from lingjing.kernel.step import Kernel
 from lingjing.kernel.world import open_world
@@ -30,6 +29,7 @@ from lingjing.mission.feasibility import prove_instance
 from lingjing.mission.instance import AgentSpec, Instance
 from lingjing.mission.instantiate import instantiate
 from lingjing.mission.model import Mission
+from lingjing.numerics import versions, withdrawn
 from lingjing.plugins.host import PluginHost
 from lingjing.plugins.loading import build_policy, load_policy, share_arguments
 from lingjing.plugins.policy import Policy, PolicyPlugin
@@ -44,6 +44,9 @@ if TYPE_CHECKING:
 
 PolicySpec = str | Callable[..., Policy]
 """A policy's name, `FILE.py:CLASS`, or anything that returns a policy object when called."""
+
+NOT_PROMISED = "this digest is not promised on other processors"
+PIN_FIRST = "`lingjing.pin()` before numpy is imported, or `lingjing run`, pins what can be pinned"
 
 TRACE_NAME = "trace.mcap"
 OVERVIEW_NAME = "overview.png"
@@ -80,6 +83,8 @@ class EpisodeResult:
     """Who crashed, fell or ran out of energy, in order of time."""
     happened: tuple[TaskEvent, ...] = ()
     """The mission's own events: weather, who came and went."""
+    withdrawn: tuple[str, ...] = ()
+    """What computed otherwise than the promise of one digest on every processor asks, by process; empty: it holds."""
 
 
 class EpisodeInterrupted(KeyboardInterrupt):
@@ -297,7 +302,7 @@ def _writer(
             AgentBinding(agent=agent, policy=plugin.name, privileged=plugin.privileged, arguments=arguments)
             for agent, (plugin, arguments) in seats.items()
         ),
-        fingerprint=fingerprint(),
+        fingerprint=versions(),
         city_sha256=city.sha256 or hashlib.sha256(msgspec.json.encode(city)).hexdigest(),
         attribution=city.attribution,
         started_wall=dt.datetime.now(dt.UTC).isoformat(timespec="seconds"),
@@ -323,12 +328,15 @@ def _result(path: Path, folder: Path, city: City, *, overview: bool) -> EpisodeR
         raise gone(path)
     trace = read_trace(path)
     warnings = _at_start(trace) + _warnings(trace)
+    outcome = trace.outcome or _unknown(trace)
+    deviations = withdrawn(outcome.processes)
+    if deviations:
+        warnings += (f"{NOT_PROMISED}: {'; '.join(deviations)}; {PIN_FIRST}",)
     if overview:
         try:
             draw_overview(trace, folder / OVERVIEW_NAME, city)
         except UsageError as error:  # the trace holds everything; a score is not lost for want of its picture
             warnings += (f"no overview: {error}",)
-    outcome = trace.outcome or _unknown(trace)
     instance = trace.header.instance
     return EpisodeResult(
         mission=instance.mission,
@@ -350,6 +358,7 @@ def _result(path: Path, folder: Path, city: City, *, overview: bool) -> EpisodeR
         warnings=warnings,
         attribution=trace.header.attribution,
         incidents=incidents(trace),
+        withdrawn=deviations,
         happened=tuple(event for record in trace.boundaries for event in record.task_events if event.name),
     )
 

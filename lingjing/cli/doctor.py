@@ -8,13 +8,14 @@ import platform
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import msgspec
 
 from lingjing.cli.libraries import SYSTEM_LIBRARIES, apt_line, missing_libraries
-from lingjing.errors import ExitCode, LingjingError
+from lingjing.errors import ExitCode, InfrastructureError, LingjingError
+from lingjing.numerics import deviations, pin, taken, worker_environment
 
 PROBE_S = 60.0
 """A probe that takes longer, less what it waited for a processor, is reported as hanging."""
@@ -73,14 +74,17 @@ class Finding(msgspec.Struct, frozen=True, kw_only=True):
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Declare the verb and its options."""
     parser = subparsers.add_parser("doctor", help="check that this machine can play missions", description=__doc__)
+    parser.add_argument(
+        "--numerics", action="store_true", help="say what computes, and play a tiny episode against its stored digest"
+    )
     parser.add_argument("--output-format", choices=("text", "json"), default="text")
 
 
 def handler(args: argparse.Namespace) -> int:
     """Print every finding; 0 if all are well, else 3."""
+    pin()
     findings: list[Finding] = []
-    for check in CHECKS:
-        finding = check()
+    for finding in check_numerics() if args.numerics else (check() for check in CHECKS):
         findings.append(finding)
         if args.output_format == "text":
             _print(finding)
@@ -100,6 +104,19 @@ def check_system() -> Finding:
     ok = sys.platform == "linux"
     advice = "" if ok else "play missions on Linux or WSL2; validate and compile work here"
     return Finding(name="system", ok=ok, found=platform.platform(terse=True), advice=advice)
+
+
+def check_processor() -> Finding:
+    """Whether digests are those of other machines; missions play either way."""
+    table = taken()
+    found = ", ".join(f"{name} {said}" for name, said in table.items())
+    wrong = deviations(table)
+    if not wrong:
+        return Finding(name="numbers", ok=True, found="this processor and C library compute what others do")
+    advice = (
+        "scores count, digests are this machine's own: only x86-64 with AVX2, FMA and the same libc has the same"
+    )
+    return Finding(name="numbers", ok=True, found=f"{'; '.join(wrong)} ({found})", advice=advice)
 
 
 def check_libraries() -> Finding:
@@ -178,6 +195,7 @@ def check_plugins() -> Finding:
 CHECKS: tuple[Callable[[], Finding], ...] = (
     check_python,
     check_system,
+    check_processor,
     check_libraries,
     check_rendering,
     check_flight,
@@ -190,10 +208,34 @@ CHECKS: tuple[Callable[[], Finding], ...] = (
 )
 
 
+def check_numerics() -> Iterator[Finding]:
+    """What each process of an episode computes with, and whether the stored episode comes out as stored."""
+    from lingjing.bench.selfcheck import check
+
+    try:
+        result = check()
+    except InfrastructureError as error:
+        yield Finding(name="episode", ok=False, found=str(error), advice=error.hint or "`lingjing doctor` looks closer")
+        return
+    for place, table in result.processes.items():
+        found = ", ".join(f"{name} {said}" for name, said in table.items())
+        wrong = deviations(table)
+        yield Finding(name=place, ok=not wrong, found=found, advice="; ".join(wrong))
+    computed, stored = result.computed, result.stored
+    found = f"digest {computed.digest[:16]}, stored {stored.digest[:16]}"
+    if result.is_same_renderer:
+        found += f"; pictures {computed.frames_digest[:16]}, stored {stored.frames_digest[:16]}, by {computed.renderer}"
+    else:
+        found += f"; pictures are not compared: {computed.renderer} draws here, {stored.renderer} drew them"
+    suspects = "; ".join(result.suspects) or "nothing is known to differ: please report this, with these lines"
+    yield Finding(name="episode", ok=result.agrees, found=found, advice="" if result.agrees else suspects)
+
+
 def _probe(name: str, code: str, advice: str) -> Finding:
     """Run `code` in a process of its own: a crash there is a finding, not our end."""
     process = subprocess.Popen(
-        [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        env=worker_environment(os.environ),
     )  # fmt: skip
     with process:
         said = _said(process)

@@ -14,7 +14,11 @@ policy is shown, nothing more; rewards are what the score gained in the step.
 
 from __future__ import annotations
 
-from lingjing.envs.faces import LingjingEnv, LingjingParallelEnv, parallel_env, register_missions
+from lingjing.numerics import pin
+
+pin()  # for what is not loaded yet
+
+from lingjing.envs.faces import LingjingEnv, LingjingParallelEnv, parallel_env, register_missions  # noqa: E402
 
 __all__ = ["LingjingEnv", "LingjingParallelEnv", "parallel_env", "register_missions"]
 

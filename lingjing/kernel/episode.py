@@ -14,6 +14,7 @@ from typing import Protocol
 from lingjing.errors import InfrastructureError, PluginError
 from lingjing.kernel.barrier import PolicyBarrier
 from lingjing.kernel.step import Kernel, Published
+from lingjing.numerics import taken
 from lingjing.plugins.policy import Policy
 from lingjing.trace.records import CUT_SHORT, BoundaryRecord, Outcome, Reason
 
@@ -147,4 +148,5 @@ def _outcome(kernel: Kernel, reason: Reason, cause: tuple[str, str], wall_s: flo
         detail=cause[0],
         hint=cause[1],
         wall_s=wall_s,
+        processes={"caller": taken(), **{name: dict(table) for name, table in kernel.world.processes.items()}},
     )

@@ -416,7 +416,8 @@ class Header(Value, frozen=True, kw_only=True):
 class Outcome(Value, frozen=True, kw_only=True):
     """The last record: `scr` is the subtask completion rate, `score` the mission's own with weights and penalties;
     `detail` the cause of the ending where the reason leaves one open (which stage, which constraint, which engine),
-    `hint` what to do about an abort."""
+    `hint` what to do about an abort; `processes` what each process that decided this ran
+    (`lingjing.numerics.taken`)."""
 
     success: bool
     reason: Reason
@@ -428,3 +429,4 @@ class Outcome(Value, frozen=True, kw_only=True):
     hint: str = ""
     wall_s: float = 0.0
     score: float = 0.0
+    processes: dict[str, dict[str, str]] = {}

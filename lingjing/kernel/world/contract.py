@@ -8,7 +8,7 @@ missing admission receipt is not one of these: it is reported in `missing`.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -64,7 +64,12 @@ class StoredFrame:
 
 
 class World(Protocol):
-    """Engines behind one door. One `World` plays one episode at a time; `reset` starts the next on warm workers."""
+    """Engines behind one door. One `World` plays one episode at a time; `reset` starts the next on warm workers.
+
+    `processes` are those that the last episode's engines run in beside the caller, by name, with what each of them
+    runs (`lingjing.numerics.taken`)."""
+
+    processes: Mapping[str, Mapping[str, str]]
 
     def reset(self, instance: Instance, city: City) -> WorldBoundary:
         """Reset every engine in parallel within `budget.engine_s` and return boundary 0."""

@@ -27,6 +27,7 @@ from lingjing.kernel.world.messages import (
 )
 from lingjing.kernel.world.sensor import Sensor
 from lingjing.kernel.world.shared import Progress, store_frame
+from lingjing.numerics import taken
 from lingjing.plugins.engine import CaptureRequest, Engine
 from lingjing.plugins.host import PluginHost
 
@@ -54,6 +55,15 @@ class _Engines:
         self._host: PluginHost | None = None
         self._progress = progress
         self.by_name: dict[str, Engine] = {}
+        self._taken: dict[tuple[str, ...], dict[str, str]] = {}
+
+    @property
+    def taken(self) -> dict[str, str]:
+        """What this process runs with these engines: read once, what they load is loaded for good."""
+        names = tuple(self.by_name)
+        if names not in self._taken:
+            self._taken[names] = taken()
+        return self._taken[names]
 
     def prepare(self, names: tuple[str, ...]) -> Ready:
         """Close the old ones and create the new."""
@@ -98,7 +108,7 @@ class WorldDesk:
             case Reset():
                 self._ensemble = Ensemble(request.instance, request.city, self._engines.by_name, self._enter)
                 self._conductor = Conductor(request.instance, (self._ensemble,)) if request.coupled else None
-                return Ready()
+                return Ready(taken=self._engines.taken)
             case Begin() if self._ensemble is not None:
                 ready = self._begin(self._ensemble)
                 # What the episode is played on stays until its end: collections need not walk through a whole city
@@ -138,7 +148,7 @@ class CameraDesk:
                 yield self._prepare(request), ()
             case Reset() if self._sensor is not None:
                 self._sensor.reset(request.instance, request.city)
-                yield Ready(), ()
+                yield Ready(taken=self._engines.taken), ()
             case Capture() if self._sensor is not None:
                 yield from self._capture(self._sensor, request)
             case _:

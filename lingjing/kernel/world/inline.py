@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from lingjing.errors import InfrastructureError, UsageError
 from lingjing.kernel.world.calling import absent, no_episode, no_sensor
@@ -36,6 +36,7 @@ class InlineWorld:
         self._quality = quality
         self._motion: dict[str, Engine] = {}
         self._drawing: dict[str, Engine] = {}
+        self.processes: Mapping[str, Mapping[str, str]] = {}
         self._instance: Instance | None = None
         self._conductor: Conductor | None = None
         self._sensor: Sensor | None = None

@@ -1,7 +1,8 @@
 """Starting a worker process: its command, its environment, its standard error, and a thread that outlives it.
 
 Rules learnt by trying (DESIGN section 4): `Popen` over a socket pair, because `multiprocessing` breaks scripts
-without a main guard; thread counts fixed in the environment before any import; a process group of its own, so that a
+without a main guard; what chooses code by processor and thread counts fixed in the
+environment before any import; a process group of its own, so that a
 terminal's Ctrl-C reaches the caller alone. A parent-death signal follows the *thread* that started a child, so each
 worker is started by a thread that then waits for it to end: it dies with the caller and not with whichever thread
 happened to ask for it, and it never stays a zombie.
@@ -24,19 +25,12 @@ from typing import Literal
 
 from lingjing.errors import InfrastructureError
 from lingjing.kernel.world.shared import progress_memory
+from lingjing.numerics import worker_environment
 
 Place = Literal["world", "camera"]
 
 _TAIL_BYTES = 16_384
 _PIPE_BYTES = 1_048_576
-_ONE_THREAD = (
-    "OPENBLAS_NUM_THREADS",
-    "OMP_NUM_THREADS",
-    "MKL_NUM_THREADS",
-    "NUMEXPR_NUM_THREADS",
-    "BLIS_NUM_THREADS",
-    "VECLIB_MAXIMUM_THREADS",
-)
 _QUIET = {"MUJOCO_GL": "disable", "JSBSIM_DEBUG": "0"}
 """MuJoCo would load a windowing library, which a process that is to be forked must not hold; JSBSim is loud."""
 
@@ -154,8 +148,8 @@ def _command(descriptors: tuple[int, int]) -> list[str]:
 
 def _environment(paths: Sequence[str]) -> dict[str, str]:
     search = [*paths, *(path or os.getcwd() for path in sys.path)]  # noqa: PTH109 - an entry of PYTHONPATH
-    fixed = {**dict.fromkeys(_ONE_THREAD, "1"), **_QUIET}
-    return {**os.environ, **fixed, "PYTHONPATH": os.pathsep.join(dict.fromkeys(search)), "PYTHONUNBUFFERED": "1"}
+    fixed = {**_QUIET, "PYTHONPATH": os.pathsep.join(dict.fromkeys(search)), "PYTHONUNBUFFERED": "1"}
+    return worker_environment({**os.environ, **fixed})
 
 
 def _started(

@@ -76,9 +76,11 @@ class Close(Message, frozen=True, kw_only=True):
 
 
 class Ready(Message, frozen=True, kw_only=True):
-    """Done. `problems` are engines of the episode before that failed to close."""
+    """Done. `problems` are engines of the episode before that failed to close; after a `Reset`, `taken` is what the
+    process runs (`lingjing.numerics.taken`)."""
 
     problems: tuple[str, ...] = ()
+    taken: dict[str, str] = {}
 
 
 class Stepped(Message, frozen=True, kw_only=True):

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import warnings
 import weakref
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from lingjing.errors import UsageError
@@ -157,6 +157,7 @@ class ProcessWorld:
         self._recipe = Recipe(plugins, paths, installed, quality)
         self._host = host if host is not None else host_with(plugins, installed=installed)
         self._episode: _Episode | None = None
+        self.processes: Mapping[str, Mapping[str, str]] = {}
         self._hire(_Staff())
 
     def reset(self, instance: Instance, city: City) -> WorldBoundary:
@@ -224,6 +225,7 @@ class ProcessWorld:
             camera.worker.share()
         twin._hire(_Staff(copy, camera))
         twin._episode = _Episode(episode.instance, episode.cast, episode.tick)
+        twin.processes = self.processes
         return twin
 
     def close(self) -> None:
@@ -280,12 +282,13 @@ class ProcessWorld:
         staff, roles, instance = self._staff, episode.cast, episode.instance
         coupled = not roles.remote and bool(roles.local)
         reset = Reset(instance=instance, city=city, coupled=coupled)
+        processes: dict[str, dict[str, str]] = {}
         drawing = None
         if staff.camera is not None and roles.sensor is not None:
             drawing = _sent(staff.camera.worker, reset)
         if staff.world is not None and roles.local:
             worker, deadline = _sent(staff.world, reset)
-            worker.expect(Ready, deadline)
+            processes["world"] = worker.expect(Ready, deadline).taken
         if coupled and staff.world is not None:
             boundary = staff.world.ask(Begin(), Stepped, staff.world.deadline(instance.budget.engine_s)).boundary
         else:
@@ -293,8 +296,8 @@ class ProcessWorld:
             boundary = episode.driver.reset()
         if drawing is not None:
             worker, deadline = drawing
-            worker.expect(Ready, deadline)
-        self._episode = episode
+            processes["camera"] = worker.expect(Ready, deadline).taken
+        self._episode, self.processes = episode, processes
         return boundary
 
     def _driver(self, episode: _Episode, city: City) -> _Driver:

@@ -1,0 +1,221 @@
+"""What decides the last bits of an episode's numbers beside its inputs, and how it is held still.
+
+numpy, OpenBLAS, OpenCV and the C library choose their code by the processor they find, and each choice rounds
+differently. `pins` are the environment variables that let the libraries choose what every x86-64 processor with AVX2
+and FMA has; they count for a process in which the libraries have not been loaded yet. `taken` reads what was really
+chosen, and `deviations` says where that is not what the promise of one digest stands on (ADR 0013).
+"""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import importlib.metadata
+import math
+import os
+import platform
+import re
+import sys
+from collections.abc import Iterator, Mapping, MutableMapping
+from functools import cache
+from pathlib import Path
+from types import ModuleType
+
+PACKAGES = (
+    "lingjing", "lingjing-agents", "numpy", "scipy", "jsbsim", "mujoco", "libsumo", "sgp4", "shapely", "moderngl",
+    "pillow", "opencv-python-headless", "msgspec",
+)  # fmt: skip
+
+CORE, GROUP, LIBM = "Haswell", "X86_V3", "4c8c82235ff46463"
+"""The kernels of OpenBLAS, the highest group of instructions of numpy and the values of the C library's functions
+(`libm`) that the promise stands on."""
+
+_TELLING = (23, 66, 153, 453, 548, 628, 640, 651, 705, 790, 795, 827, 1093, 1175, 2410, 4363, 5942, 6362)
+"""Among 20,000 numbers some of the few where glibc's functions differ with FMA and without."""
+
+_NEEDED = ("avx2", "fma")
+_THREADS = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS", "VECLIB_MAXIMUM_THREADS", "BLIS_NUM_THREADS")
+_LATER_GROUPS = (("X86_V4", "avx512vl"), ("AVX512_ICL", "avx512_bitalg"), ("AVX512_SPR", "avx512_fp16"))
+_EARLIER_GROUPS = (
+    ("AVX512F", "avx512f"), ("AVX512CD", "avx512cd"), ("AVX512_SKX", "avx512vl"), ("AVX512_CLX", "avx512_vnni"),
+    ("AVX512_CNL", "avx512_vbmi"), ("AVX512_ICL", "avx512_bitalg"), ("AVX512_SPR", "avx512_fp16"),
+)  # fmt: skip
+"""Groups of instructions that numpy from 2.4 and before it chooses its code by, and the flag of the kernel's that tells
+whether the processor has them: numpy warns of the name of a group that is not there."""
+
+_REGROUPED = (2, 4)
+_OPENCV_GROUP = ("AVX512-SKX", "avx512vl")
+_CORE_NAMES = ("scipy_openblas_get_corename64_", "scipy_openblas_get_corename", "openblas_get_corename")
+_THREAD_NAMES = ("scipy_openblas_get_num_threads64_", "scipy_openblas_get_num_threads", "openblas_get_num_threads")
+
+
+def pins(flags: frozenset[str] | None = None) -> dict[str, str]:
+    """Environment variables that fix what code is chosen, by the processor's `flags` (default: this one's). An empty
+    value is to be unset: what is in force without it is right, and a setting of the user's would not be."""
+    have = processor_flags() if flags is None else flags
+    opencv, flag = _OPENCV_GROUP
+    groups = _LATER_GROUPS if _numpy_version() >= _REGROUPED else _EARLIER_GROUPS
+    return {
+        "OPENBLAS_NUM_THREADS": "1",
+        "OPENBLAS_CORETYPE": CORE if have.issuperset(_NEEDED) else "",
+        "NPY_DISABLE_CPU_FEATURES": " ".join(name for name, told_by in groups if told_by in have),
+        "NPY_ENABLE_CPU_FEATURES": "",
+        "OPENCV_CPU_DISABLE": opencv if flag in have else "",
+        "OPENCV_IPP": "avx2" if "avx2" in have else "",
+        "LP_NATIVE_VECTOR_WIDTH": "256" if "avx2" in have else "",
+    }
+
+
+def pin() -> bool:
+    """Pin this process, and those that it starts: call it before numpy is imported. False if that is too late."""
+    _apply(pins(), os.environ)
+    return "numpy" not in sys.modules and "cv2" not in sys.modules
+
+
+def worker_environment(environment: Mapping[str, str]) -> dict[str, str]:
+    """`environment` with the pins, one thread for every library, and the C library's own choice of code."""
+    pinned = dict(environment)
+    _apply({**pins(), **dict.fromkeys(_THREADS, "1")}, pinned)
+    tunables = (part for part in pinned.get("GLIBC_TUNABLES", "").split(":") if not part.startswith("glibc.cpu."))
+    _apply({"GLIBC_TUNABLES": ":".join(tunables)}, pinned)
+    return pinned
+
+
+def taken() -> dict[str, str]:
+    """What this process really runs, for the libraries that it has loaded: names and values as text."""
+    flags = processor_flags()
+    missing = [name for name in _NEEDED if name not in flags]
+    table = {"processor": f"without {', '.join(missing)}" if missing else "avx2, fma", "libm": _libm()}
+    numpy, cv2 = sys.modules.get("numpy"), sys.modules.get("cv2")
+    if numpy is not None:
+        table["numpy"] = " ".join(_numpy_groups()) or "none"
+        table |= {f"openblas of {owner}": said for owner, said in _openblas()}
+    if cv2 is not None:
+        table["opencv"] = _opencv(cv2)
+    return table
+
+
+def deviations(table: Mapping[str, str]) -> tuple[str, ...]:
+    """Where a process's `taken` is not what the promise stands on, each as library, what it runs and what is due."""
+    if "processor" not in table:
+        return ()
+    found = []
+    if table["processor"].startswith("without"):
+        found.append(f"the processor is {table['processor']}")
+    if table["libm"] != LIBM:
+        found.append(f"the C library's functions compute {table['libm']}, not {LIBM}")
+    if "numpy" in table:
+        above = [name for name in table["numpy"].split() if _is_above(name)]
+        if above or not {GROUP, "AVX2"}.intersection(table["numpy"].split()):
+            found.append(f"numpy runs {table['numpy']}, not {GROUP}")
+        blas = [name for name in table if name.startswith("openblas")]
+        found += [f"{name} runs {table[name]}, not {_due()}" for name in blas if table[name] != _due()]
+        if not blas:
+            found.append("numpy computes with another library than OpenBLAS")
+    if "opencv" in table and ("AVX512" in table["opencv"] or "AVX2" not in table["opencv"]):
+        found.append(f"OpenCV runs {table['opencv']}, not AVX2")
+    return tuple(found)
+
+
+def withdrawn(processes: Mapping[str, Mapping[str, str]]) -> tuple[str, ...]:
+    """The deviations of all processes of an episode, each with the process's name."""
+    return tuple(f"{place}: {said}" for place, table in processes.items() for said in deviations(table))
+
+
+def versions() -> dict[str, str]:
+    """Versions of what computes: Python, the C library and the packages; the same on every call in one environment."""
+    table = {"python": platform.python_version(), "machine": platform.machine(), "system": platform.system()}
+    table["libc"] = " ".join(platform.libc_ver()).strip() or "unknown"
+    return table | {name: _version(name) for name in PACKAGES}
+
+
+def processor_flags() -> frozenset[str]:
+    """The processor's features as the kernel names them; none where it does not say."""
+    try:
+        with Path("/proc/cpuinfo").open(encoding="utf-8") as file:
+            line = next((line for line in file if line.startswith(("flags", "Features"))), "")
+    except OSError:
+        return frozenset()
+    return frozenset(line.partition(":")[2].split())
+
+
+def _apply(wanted: Mapping[str, str], environment: MutableMapping[str, str]) -> None:
+    for name, value in wanted.items():
+        if value:
+            environment[name] = value
+        else:
+            environment.pop(name, None)
+
+
+def _due() -> str:
+    return f"{CORE}, {_threads(1)}"
+
+
+def _is_above(group: str) -> bool:
+    """Whether a group of numpy's holds instructions that not every processor with AVX2 has."""
+    return group.startswith("AVX512") or group == "X86_V4"
+
+
+def _numpy_groups() -> list[str]:
+    parts = ("numpy._core._multiarray_umath", "numpy.core._multiarray_umath")  # the second before numpy 2.0
+    umath = next(sys.modules[name] for name in parts if name in sys.modules)
+    return [name for name in umath.__cpu_dispatch__ if umath.__cpu_features__.get(name)]
+
+
+def _openblas() -> Iterator[tuple[str, str]]:
+    """Each copy of OpenBLAS in this process: the package that brought it, its kernels and threads."""
+    mapped = Path("/proc/self/maps")
+    lines = mapped.read_text(encoding="utf-8", errors="replace").splitlines() if mapped.exists() else []
+    for path in sorted({line.split(maxsplit=5)[-1] for line in lines if "openblas" in line and ".so" in line}):
+        library = _library(path)
+        name_of_core = next((name for name in _CORE_NAMES if hasattr(library, name)), "")
+        name_of_threads = next((name for name in _THREAD_NAMES if hasattr(library, name)), "")
+        if not name_of_core or not name_of_threads:
+            continue
+        core = library[name_of_core]
+        core.restype = ctypes.c_char_p
+        count = int(library[name_of_threads]())
+        yield Path(path).parent.name.removesuffix(".libs"), f"{core().decode()}, {_threads(count)}"
+
+
+@cache
+def _library(path: str) -> ctypes.CDLL:
+    """A library that is loaded already; each handle would take memory for good."""
+    return ctypes.CDLL(path)
+
+
+def _threads(count: int) -> str:
+    return f"{count} thread{'s' if count != 1 else ''}"
+
+
+def _opencv(cv2: ModuleType) -> str:
+    """The groups of instructions that OpenCV dispatches on, and the code of Intel's library within it."""
+    groups = [word[1:] for word in cv2.getCPUFeaturesLine().split() if word.startswith("*") and not word.endswith("?")]
+    ipp = re.sub(r"^ippIP | \(.*", "", cv2.ipp.getIppVersion()) if cv2.ipp.useIPP() else "none"
+    return f"{' '.join(groups)}, IPP {ipp}"
+
+
+@cache
+def _libm() -> str:
+    """The C library's functions over `_TELLING`, as a short hash: without FMA it computes other last bits there."""
+    total = hashlib.sha256()
+    for k in _TELLING:
+        x = 0.00731 * k + 0.001
+        inverse, below = 1.0 / x, 1.0 / (1.0 + x)
+        values = (
+            math.sin(x), math.cos(x), math.tan(x), math.asin(below), math.acos(below), math.atan2(x, 3.3),
+            math.exp(-x), math.expm1(inverse), math.log(x), math.log1p(x), math.log2(x), x**0.7, math.tanh(inverse),
+        )  # fmt: skip
+        total.update(repr(values).encode())
+    return total.hexdigest()[:16]
+
+
+def _numpy_version() -> tuple[int, ...]:
+    return tuple(int(part) for part in re.findall(r"\d+", _version("numpy"))[:2])
+
+
+def _version(name: str) -> str:
+    try:
+        return importlib.metadata.version(name)
+    except importlib.metadata.PackageNotFoundError:
+        return "absent"
