@@ -3,7 +3,7 @@ PYTHON3 ?= python3
 BIN := .venv/bin
 PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile -q
 
-.PHONY: help setup demo test check bench study pictures missions clean
+.PHONY: help setup demo test check bench study pictures missions selfcheck clean
 
 help:
 	@echo 'make demo    play the sea rescue, seed 5, broadcast, with the heuristic agents'
@@ -12,6 +12,7 @@ help:
 	@echo 'make bench   compare with others, side by side'
 	@echo 'make study   seeds 0-19, every mission in every mode, all reference agents: hours (STUDY="--sweeps --seeds 5")'
 	@echo 'make pictures  draw the contact sheet in docs/images'
+	@echo 'make selfcheck  store the digest of the self-check anew, after a change of what engines compute'
 	@echo 'make missions  play every mission and write its page in docs/missions (RESULTS=results.json of a study)'
 
 setup:
@@ -36,6 +37,9 @@ bench: setup
 
 study: setup
 	@$(BIN)/python -m lingjing.bench.study $(STUDY)
+
+selfcheck: setup
+	@$(BIN)/python -m lingjing.bench.selfcheck
 
 pictures: setup
 	@$(BIN)/python tools/contact_sheet.py

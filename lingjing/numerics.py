@@ -45,6 +45,9 @@ whether the processor has them: numpy warns of the name of a group that is not t
 
 _REGROUPED = (2, 4)
 _OPENCV_GROUP = ("AVX512-SKX", "avx512vl")
+_IDLE = ("libsumo",)
+"""Whose copy of OpenBLAS decides nothing: SUMO brings one for GDAL, which a simulation does not call."""
+
 _CORE_NAMES = ("scipy_openblas_get_corename64_", "scipy_openblas_get_corename", "openblas_get_corename")
 _THREAD_NAMES = ("scipy_openblas_get_num_threads64_", "scipy_openblas_get_num_threads", "openblas_get_num_threads")
 
@@ -170,12 +173,13 @@ def _openblas() -> Iterator[tuple[str, str]]:
         library = _library(path)
         name_of_core = next((name for name in _CORE_NAMES if hasattr(library, name)), "")
         name_of_threads = next((name for name in _THREAD_NAMES if hasattr(library, name)), "")
-        if not name_of_core or not name_of_threads:
+        owner = Path(path).parent.name.removesuffix(".libs")
+        if not name_of_core or not name_of_threads or owner in _IDLE:
             continue
         core = library[name_of_core]
         core.restype = ctypes.c_char_p
         count = int(library[name_of_threads]())
-        yield Path(path).parent.name.removesuffix(".libs"), f"{core().decode()}, {_threads(count)}"
+        yield owner, f"{core().decode()}, {_threads(count)}"
 
 
 @cache

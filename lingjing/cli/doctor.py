@@ -113,9 +113,7 @@ def check_processor() -> Finding:
     wrong = deviations(table)
     if not wrong:
         return Finding(name="numbers", ok=True, found="this processor and C library compute what others do")
-    advice = (
-        "scores count, digests are this machine's own: only x86-64 with AVX2, FMA and the same libc has the same"
-    )
+    advice = "scores count, digests are this machine's own: only x86-64 with AVX2, FMA and the same libc has the same"
     return Finding(name="numbers", ok=True, found=f"{'; '.join(wrong)} ({found})", advice=advice)
 
 

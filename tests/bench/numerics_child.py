@@ -1,0 +1,46 @@
+"""Plays two short episodes and prints what came of them; a test starts it on several processors' terms.
+
+`numerics_child.py WORLD [unpinned]`: a dog, a van and a UAV with fixed commands, then a heuristic that reads pictures.
+"""
+
+import json
+import re
+import sys
+import tempfile
+from pathlib import Path
+
+from lingjing import numerics
+
+if "unpinned" in sys.argv:
+    numerics.pins = lambda flags=None: {}
+    numerics.worker_environment = dict
+
+from lingjing.bench import selfcheck
+from lingjing.bench.episode import Session
+from lingjing.data import data_path
+from lingjing.trace.reader import read_trace
+
+
+def main() -> None:
+    with tempfile.TemporaryDirectory() as name, Session(sys.argv[1]) as session:
+        folder = Path(name)
+        played = [session.run(selfcheck.MISSION, policy=selfcheck.Scripted, seed=7, out=folder / "a", overview=False)]
+        if "short" not in sys.argv:
+            search = folder / "search.ljs"
+            whole = data_path("scenarios", "ssr.ljs").read_text()
+            search.write_text(re.sub(r"ticks <= \d+", "ticks <= 8", whole, count=1))
+            played.append(session.run(search, policy="heuristic", seed=5, out=folder / "b", overview=False))
+        print(
+            json.dumps(
+                {
+                    "reasons": [result.reason for result in played],
+                    "digests": [result.digest for result in played],
+                    "frames": [result.frames_digest for result in played],
+                    "withdrawn": [list(result.withdrawn) for result in played],
+                    "processes": [read_trace(result.trace).outcome.processes for result in played],
+                }
+            )
+        )
+
+
+main()

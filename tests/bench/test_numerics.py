@@ -1,0 +1,251 @@
+"""What chooses code by processor is pinned where outcomes are decided, or the promise is withdrawn by name."""
+
+import json
+import os
+import subprocess
+import sys
+from functools import cache
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from lingjing import numerics
+from lingjing.bench import selfcheck
+
+CHILD = Path(__file__).with_name("numerics_child.py")
+AVX2 = frozenset({"avx2", "fma"})
+SKYLAKE = AVX2 | {"avx512f", "avx512cd", "avx512bw", "avx512dq", "avx512vl"}
+ZEN4 = SKYLAKE | {"avx512_vnni", "avx512_bitalg", "avx512ifma", "avx512vbmi"}
+
+needs_avx2 = pytest.mark.skipif(
+    not numerics.processor_flags().issuperset(AVX2), reason="no digest is promised without AVX2 and FMA"
+)
+
+PROCESSORS = (
+    {"OPENBLAS_CORETYPE": "Nehalem"},
+    {"OPENBLAS_CORETYPE": "Sandybridge"},
+    {"OPENBLAS_CORETYPE": "Haswell"},
+    {"OPENBLAS_CORETYPE": "SkylakeX"},
+    {"NPY_DISABLE_CPU_FEATURES": "X86_V3"},
+    {"NPY_DISABLE_CPU_FEATURES": "X86_V4"},
+    {"OPENCV_CPU_DISABLE": "AVX2", "OPENCV_IPP": "disabled", "OPENBLAS_NUM_THREADS": "2"},
+)
+"""How each is tried on one machine: by what its libraries would choose there."""
+
+
+def python(*arguments: str, check: bool = True, **settings: str) -> subprocess.CompletedProcess[str]:
+    """A fresh process in which these settings decide what is chosen, and nothing that a test has set before."""
+    names = {*numerics.pins(), *settings, "GLIBC_TUNABLES"}
+    environment = {name: value for name, value in os.environ.items() if name not in names} | settings
+    return subprocess.run([sys.executable, *arguments], env=environment, capture_output=True, text=True, check=check)
+
+
+def played(*arguments: str, **settings: str) -> dict:
+    return json.loads(python(str(CHILD), *arguments, **settings).stdout)
+
+
+@cache
+def plain() -> dict:
+    return played("process")
+
+
+def libm_here() -> bool:
+    """Whether this C library computes what the stored digest was made with."""
+    return numerics.taken()["libm"] == numerics.LIBM
+
+
+@needs_avx2
+@pytest.mark.slow
+@pytest.mark.parametrize("settings", PROCESSORS, ids=lambda settings: "-".join(settings.values()))
+def test_one_digest_on_every_processor(settings):
+    """A dog, a van and a UAV with commands, and UAVs that look for what pictures show: the same to the last bit, and
+    every process really ran the pinned code."""
+    assert plain()["reasons"] == ["budget", "budget"]
+    found = played("process", **settings)
+    assert found == plain()
+    for processes in found["processes"]:
+        assert set(processes) == {"caller", "world", "camera"}
+        for table in processes.values():
+            assert table["numpy"] == "X86_V3"
+            blas = [said for name, said in table.items() if name.startswith("openblas")]
+            assert set(blas) == {"Haswell, 1 thread"}
+    heuristic = found["processes"][1]["caller"]
+    assert heuristic["opencv"] == "SSE4.1 SSE4.2 AVX FP16 AVX2, IPP AVX2"
+    if libm_here():
+        assert found["withdrawn"] == [[], []]
+
+
+@needs_avx2
+def test_engines_in_the_caller_are_pinned_as_well():
+    inline = played("inline", "short", OPENBLAS_CORETYPE="Nehalem")
+    assert (inline["digests"], inline["frames"]) == (plain()["digests"][:1], plain()["frames"][:1])
+    assert set(inline["processes"][0]) == {"caller"}
+    assert inline["withdrawn"] == plain()["withdrawn"][:1]
+
+
+_PRODUCTS = """
+import hashlib, sys
+from lingjing import numerics
+if len(sys.argv) > 1:
+    numerics.pin()
+import numpy as np
+draw = np.random.default_rng(1)
+value = draw.standard_normal((1, 45)).astype(np.float32)
+for size in (512, 256, 128, 12):
+    value = np.tanh(value @ draw.standard_normal((value.shape[1], size)).astype(np.float32))
+print(hashlib.sha256(value.tobytes()).hexdigest())
+"""
+
+
+@needs_avx2
+def test_without_the_pins_a_network_answers_otherwise():
+    """What a perceptron of the dog's size answers in 32 bits: it decides the next step, and a walk grows its last bit.
+    (The dog's own is summed in 64 bits, and an episode of its engines does not differ any more.)"""
+    pinned = {python("-c", _PRODUCTS, "pin", **settings).stdout for settings in PROCESSORS}
+    free = {python("-c", _PRODUCTS, **settings).stdout for settings in PROCESSORS}
+    assert len(pinned) == 1
+    assert len(free) > 1
+
+
+@needs_avx2
+@pytest.mark.skipif(not libm_here(), reason="another C library than the stored digest was made with")
+def test_without_the_pins_an_episode_has_another_digest():
+    """The C library without FMA: pinned, the workers run what the processor has; unpinned, they take what they are
+    given."""
+    without_fma = {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-FMA"}
+    pinned, free = (played("process", "short", *more, **without_fma) for more in ((), ("unpinned",)))
+    assert pinned["digests"] == plain()["digests"][:1]
+    assert free["digests"] != pinned["digests"]
+    (said,) = pinned["withdrawn"]
+    assert said == [line for line in said if line.startswith("caller: the C library's functions")] != []
+    assert {line.partition(":")[0] for line in free["withdrawn"][0]} == {"caller", "world", "camera"}
+
+
+_NUMPY_FIRST = """
+import numpy, sys
+import lingjing
+from lingjing.bench import selfcheck
+result = lingjing.run(selfcheck.MISSION, policy=selfcheck.Scripted, seed=7, out=sys.argv[1], overview=False)
+print(*result.withdrawn, *result.warnings, sep="\\n")
+"""
+
+
+@needs_avx2
+def test_the_promise_is_withdrawn_by_name_where_numpy_was_there_first(tmp_path):
+    lines = python("-c", _NUMPY_FIRST, str(tmp_path / "run"), OPENBLAS_CORETYPE="Nehalem").stdout.splitlines()
+    named = [line for line in lines if line.startswith("caller: openblas of numpy runs Nehalem, ")]
+    assert len(named) == 1
+    assert lines[-1].startswith("this digest is not promised on other processors: caller: ")
+    assert "`lingjing.pin()` before numpy is imported" in lines[-1]
+
+
+@needs_avx2
+def test_pin_says_whether_it_came_in_time():
+    code = "import lingjing; print(lingjing.pin()); import numpy; print(lingjing.pin(), lingjing.numerics.taken())"
+    lines = python("-c", code, OPENBLAS_CORETYPE="Nehalem").stdout.splitlines()
+    assert lines[0] == "True"
+    assert lines[1].startswith("False ")
+    assert "'openblas of numpy': 'Haswell, 1 thread'" in lines[1]
+
+
+@needs_avx2
+def test_the_stored_episode_comes_out_as_stored():
+    """What `lingjing doctor --numerics` does."""
+    done = python("-m", "lingjing.cli.main", "doctor", "--numerics", "--output-format", "json", check=False)
+    findings = {finding["name"]: finding for finding in json.loads(done.stdout)}
+    assert list(findings) == ["caller", "camera", "world", "episode"]
+    if not libm_here():
+        pytest.skip(f"another C library: {findings['caller']['found']}")
+    assert findings["episode"]["ok"], findings
+    assert done.returncode == 0
+
+
+_DOCTOR = """
+import sys
+from pathlib import Path
+from lingjing.bench import selfcheck
+from lingjing.cli.main import main
+selfcheck.STORED = Path(sys.argv[1])
+sys.exit(main(["doctor", "--numerics"]))
+"""
+
+
+def test_a_stored_episode_that_does_not_come_out_is_told_with_what_is_known_to_differ(tmp_path):
+    stored = msgspec.json.decode(selfcheck.STORED.read_bytes(), type=selfcheck.Computed)
+    other = msgspec.structs.replace(stored, digest="0" * 64, versions={**stored.versions, "mujoco": "2.9"})
+    (tmp_path / "other.json").write_bytes(msgspec.json.encode(other))
+    done = python("-c", _DOCTOR, str(tmp_path / "other.json"), check=False)
+    assert done.returncode == 3
+    assert "BAD episode: digest " in done.stdout
+    assert "mujoco is 3.17.0, was 2.9" in done.stdout
+    missing = python("-c", _DOCTOR, str(tmp_path / "none.json"), check=False)
+    assert missing.returncode == 3
+    assert "cannot be read" in missing.stdout
+
+
+def test_pins_name_only_what_the_processor_has():
+    """numpy warns of groups that are not there, OpenCV writes of them to standard error."""
+    assert numerics.pins(AVX2)["NPY_DISABLE_CPU_FEATURES"] == numerics.pins(AVX2)["OPENCV_CPU_DISABLE"] == ""
+    assert numerics.pins(SKYLAKE)["NPY_DISABLE_CPU_FEATURES"] == "X86_V4"
+    assert numerics.pins(ZEN4)["NPY_DISABLE_CPU_FEATURES"] == "X86_V4 AVX512_ICL"
+    assert numerics.pins(ZEN4)["OPENCV_CPU_DISABLE"] == "AVX512-SKX"
+    assert numerics.pins(frozenset({"sse4_2"}))["OPENBLAS_CORETYPE"] == ""
+
+
+def test_numpy_before_its_groups_were_renamed(monkeypatch):
+    monkeypatch.setattr(numerics, "_version", lambda name: "1.26.4")
+    assert numerics.pins(SKYLAKE)["NPY_DISABLE_CPU_FEATURES"] == "AVX512F AVX512CD AVX512_SKX"
+
+
+def test_nothing_of_a_users_setting_is_left_in_a_worker():
+    mine = {"OPENBLAS_CORETYPE": "Nehalem", "NPY_ENABLE_CPU_FEATURES": "X86_V4", "PATH": "/bin",
+            "GLIBC_TUNABLES": "glibc.malloc.check=1:glibc.cpu.hwcaps=-FMA"}  # fmt: skip
+    pinned = numerics.worker_environment(mine)
+    assert pinned["OPENBLAS_CORETYPE"] == numerics.pins()["OPENBLAS_CORETYPE"]
+    assert "NPY_ENABLE_CPU_FEATURES" not in pinned
+    assert (pinned["PATH"], pinned["GLIBC_TUNABLES"]) == ("/bin", "glibc.malloc.check=1")
+    assert pinned["OMP_NUM_THREADS"] == "1"
+    assert mine["OPENBLAS_CORETYPE"] == "Nehalem"
+
+
+GOOD = {"processor": "avx2, fma", "libm": numerics.LIBM, "numpy": "X86_V3", "openblas of numpy": "Haswell, 1 thread"}
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({}, ()),
+        ({"opencv": "SSE4.1 AVX2, IPP AVX2"}, ()),
+        ({"numpy": "SSE42 AVX F16C FMA3 AVX2"}, ()),
+        ({"numpy": "X86_V3 X86_V4"}, ("numpy runs X86_V3 X86_V4, not X86_V3",)),
+        ({"numpy": "none"}, ("numpy runs none, not X86_V3",)),
+        ({"openblas of scipy": "Zen, 2 threads"}, ("openblas of scipy runs Zen, 2 threads, not Haswell, 1 thread",)),
+        ({"opencv": "AVX2 AVX512-SKX, IPP AVX2"}, ("OpenCV runs AVX2 AVX512-SKX, IPP AVX2, not AVX2",)),
+        ({"processor": "without fma"}, ("the processor is without fma",)),
+        ({"libm": "other"}, (f"the C library's functions compute other, not {numerics.LIBM}",)),
+    ],
+)
+def test_deviations_are_named(change, said):
+    assert numerics.deviations({**GOOD, **change}) == said
+
+
+def test_another_library_than_openblas_is_named():
+    table = {name: said for name, said in GOOD.items() if not name.startswith("openblas")}
+    assert numerics.deviations(table) == ("numpy computes with another library than OpenBLAS",)
+    assert numerics.withdrawn({"caller": table, "world": GOOD}) == (
+        "caller: numpy computes with another library than OpenBLAS",
+    )
+
+
+_VALIDATE = """
+import sys
+from lingjing.cli.main import main
+main(["validate", sys.argv[1]])
+print("lingjing.numerics" in sys.modules)
+"""
+
+
+def test_a_check_loads_nothing_of_this():
+    """`lingjing validate` plays nothing, and pins nothing."""
+    assert python("-c", _VALIDATE, str(selfcheck.MISSION)).stdout.splitlines()[-1] == "False"
