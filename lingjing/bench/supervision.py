@@ -11,7 +11,9 @@ from __future__ import annotations
 import atexit
 import contextlib
 import errno
+import itertools
 import json
+import mmap
 import os
 import select
 import signal
@@ -37,6 +39,7 @@ from lingjing.errors import (
     MissionError,
     UsageError,
 )
+from lingjing.kernel.world.deadlines import OwnDeadline
 
 GRACE_S = 60.0
 """How long a child may take to end when it was interrupted, or when it has nothing more to say."""
@@ -44,6 +47,11 @@ GRACE_S = 60.0
 MUTE_MS = 5000
 """How long a child that closed its pipe in the middle of an episode may take to end."""
 
+SILENCE_S = 600.0
+"""How long a child may have no thread of Python's running, seconds of its own time: a policy that stays in one call of
+foreign code, such as a regular expression that never ends, keeps the interpreter and every deadline in it waiting."""
+
+_BEAT_S = 0.5
 _HEADER = struct.Struct("<Q")
 _ENDING = ("SIGINT", "SIGTERM", "SIGHUP")
 _SPOILT = {errno.EBADF, errno.EMFILE, errno.ENFILE, errno.ENOMEM}
@@ -200,6 +208,32 @@ class _Interrupts:
         return self._come
 
 
+class _Pulse:
+    """What a child writes as long as its interpreter runs, and its parent reads."""
+
+    def __init__(self) -> None:
+        self._memory = mmap.mmap(-1, 8)
+        self._seen = b""
+        self._deadline: OwnDeadline | None = None
+
+    def beat(self) -> None:
+        """Begin, in the child: from a thread, for as long as it lives."""
+
+        def go_on() -> None:
+            for count in itertools.count(1):
+                self._memory[:] = count.to_bytes(8, "little")
+                time.sleep(_BEAT_S)
+
+        threading.Thread(target=go_on, name="lingjing-pulse", daemon=True).start()
+
+    def has_stopped(self, pid: int) -> bool:
+        """Whether the child has not written for too long; asked every second or so, by the parent."""
+        now = self._memory[:]
+        if now != self._seen or self._deadline is None:
+            self._seen, self._deadline = now, OwnDeadline(pid, SILENCE_S, watched=True)
+        return self._deadline.left_s() <= 0.0
+
+
 class _Child:
     """A forked child, and what it says. `began` is the episode that has no result yet."""
 
@@ -212,9 +246,11 @@ class _Child:
         parent = os.getpid()
         for stream in (sys.stdout, sys.stderr):
             stream.flush()
+        self._pulse = _Pulse()
         self._pid = os.fork()
         if self._pid == 0:
             os.close(reading)
+            self._pulse.beat()
             _serve(parent, writing, tuple(seeds), claim, play)
         os.close(writing)
         self._pidfd = os.pidfd_open(self._pid)
@@ -222,6 +258,7 @@ class _Child:
         self._until: float | None = None
         self._status = 0
         self._is_mute = False
+        self._is_held = False
         interrupts.tell = self._interrupt
         if interrupts.have_come():
             self._interrupt()
@@ -244,6 +281,8 @@ class _Child:
 
     def end(self) -> str:
         """How it ended, for one who waited for more."""
+        if self._is_held:
+            return f"a policy let nothing else run for {SILENCE_S:.0f} s, in one call that held the interpreter"
         if self._is_mute:
             return "its process closed what it reports through"
         if os.WIFSIGNALED(self._status):
@@ -259,6 +298,9 @@ class _Child:
         if left_s is not None and left_s <= 0.0:
             return False
         poller.poll(1000)  # a signal between the line above and this one is met within a second
+        if self._pulse.has_stopped(self._pid):
+            self._is_held = True
+            signal.pidfd_send_signal(self._pidfd, signal.SIGKILL)
         try:
             while data := os.read(self._pipe, 1 << 16):
                 buffer += data

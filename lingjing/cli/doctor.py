@@ -110,7 +110,9 @@ def check_processor() -> Finding:
     """Whether digests are those of other machines; missions play either way."""
     table = taken()
     found = ", ".join(f"{name} {said}" for name, said in table.items())
-    wrong = deviations(table)
+    wrong = list(deviations(table))
+    if table["libm"] not in {"fma", "no fma"}:
+        wrong.append("this C library computes otherwise than glibc")
     if not wrong:
         return Finding(name="numbers", ok=True, found="this processor and C library compute what others do")
     advice = "scores count, digests are this machine's own: only x86-64 with AVX2, FMA and the same libc has the same"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -72,6 +73,14 @@ def test_a_ruined_process_is_an_abort_of_its_episode(act: Callable[[], object], 
     assert found[1].detail.startswith(f"1: {why}")
     assert found[2].metrics == {"a": 1.0, "b": None}
     assert not (tmp_path / "1").exists()  # nothing had been written into it
+
+
+def test_a_process_whose_interpreter_is_held_for_ever_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A regular expression that backtracks for years never lets go of the interpreter, so no deadline in it passes."""
+    monkeypatch.setattr("lingjing.bench.supervision.SILENCE_S", 2.0)
+    found = played(lambda seed: re.match("(a+)+$", "a" * 60 + "b") if seed == 1 else None, tmp_path)
+    assert [found[seed].reason for seed in (0, 1, 2)] == ["success", ABORTED, "success"]
+    assert found[1].detail == "1: a policy let nothing else run for 2 s, in one call that held the interpreter"
 
 
 def test_a_process_that_closes_everything_and_stays_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
