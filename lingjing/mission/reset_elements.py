@@ -1,12 +1,10 @@
-"""Two-line elements of satellites: the many keys they stand under in a `resetScenario`, and what makes a line one.
-
-The format of the lines is NORAD's (Hoots and Roehrich, Spacetrack Report No. 3): 69 characters, a line number first and
-a checksum last, the sum of all digits, with 1 for each minus, modulo 10.
-"""
+"""Two-line elements of satellites: the keys they stand under in a `resetScenario`, and what is wrong with a pair."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+
+from lingjing.mission.elements import line_fault
 
 KEYS = {
     **dict.fromkeys(("tle1", "tleline1", "line1"), "tle1"),
@@ -14,8 +12,6 @@ KEYS = {
     **dict.fromkeys(("tle", "tlelines"), "tle"),
 }
 """Spellings of the keys, without underscores and in lower case."""
-
-LINE_LENGTH = 69
 
 
 def unify(root: object) -> object:
@@ -52,9 +48,7 @@ def elements_fault(lines: Sequence[str]) -> str:
     if len(lines) != 2:
         return f"has {len(lines)} line of elements, not two"
     for number, line in enumerate(lines, start=1):
-        if not (len(line) == LINE_LENGTH and line.isascii() and line.startswith(f"{number} ") and line[-1].isdigit()):
-            return f"line {number} of its elements is not 69 characters that begin with '{number} ' and end in a digit"
-        total = sum(int(c) if c.isdigit() else c == "-" for c in line[:-1]) % 10
-        if total != int(line[-1]):
-            return f"the checksum of line {number} of its elements is {line[-1]}, its digits give {total}"
+        fault, _ = line_fault(number, line)
+        if fault:
+            return f"line {number} of its elements {fault}"
     return ""

@@ -13,13 +13,13 @@ from collections.abc import Iterator, Mapping
 import msgspec
 
 from lingjing.errors import LingjingError, MissionError
+from lingjing.mission import elements, model
 from lingjing.mission import expression as ex
-from lingjing.mission import model
 from lingjing.mission.evaluate import Area, Scope, number
 from lingjing.mission.feasibility.spread import places
 from lingjing.mission.instance import Instance
 from lingjing.mission.instantiate import instantiate, parameters
-from lingjing.mission.placing import FARTHEST_M, NodeError, count_of, holds
+from lingjing.mission.placing import FARTHEST_M, ORBITING, NodeError, count_of, holds
 from lingjing.mission.scenes import lacks, scene_faults
 
 MEMBERS_MOST = 2_000
@@ -141,6 +141,8 @@ def _of_scene(mission: model.Mission, instance: Instance) -> Iterator[Refusal]:
         yield Refusal("LJ0508", f"{mission.name}/scene/{fault.option}", fault.message, fault.hint)
     kind = instance.scene.kind
     for entity in instance.entities:
+        for name, message, hint in elements.faults(entity.properties) if entity.engine == ORBITING else ():
+            yield Refusal("LJ0507", f"{mission.name}/{entity.group}/{name}", message, hint)
         surface = entity.properties.get("on")
         wanted = str(surface) if surface is not None else ROAD if entity.engine == ROAD else ""
         if wanted and lacks(instance.scene, wanted):

@@ -58,6 +58,20 @@ def test_what_run_refuses(small: str, old: str, new: str, code: str, line: int, 
     assert part in found[0].message
 
 
+@pytest.mark.parametrize(
+    ("given", "column", "said"),
+    [
+        ('tle1 = "1 25544U", tle2 = "2 xyz"', 27, "line 1 of the elements is not 69 characters that begin with `1 `"),
+        ('epoch = "yesterday"', 27, "`yesterday` is no epoch of a satellite"),
+    ],
+)
+def test_satellites_that_cannot_fly(small: str, given: str, column: int, said: str) -> None:
+    text = small.replace("use std.sea", "use std.orbit { satellite }\nuse std.sea")
+    text = text.replace("  asset boat", f"  asset eye : satellite {{ {given} }}\n  asset boat")
+    found = [item for item in compile_text(text).diagnostics if said in item.message]
+    assert [(item.code, item.span.line, item.span.column) for item in found] == [("LJ0507", 27, column)]
+
+
 def test_a_place_that_only_a_sweep_puts_too_far_is_refused(small: str) -> None:
     far = small.replace("~ sites(search, apart >= 10 m)", f"~ {FAR.format('(uavs - 2) * 1e6 m')}")
     assert compile_text(far).diagnostics == ()

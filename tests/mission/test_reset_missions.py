@@ -370,7 +370,7 @@ def test_satellites_fly_by_their_elements(nine: Nine, lines: Scenario) -> None:
         (ISS, ""),
         (ISS[:1], "has 1 line of elements, not two"),
         ((ISS[1], ISS[0]), "line 1 of its elements is not"),
-        ((ISS[0][:-1] + "8", ISS[1]), "the checksum of line 1 of its elements is 8, its digits give 7"),
+        ((ISS[0][:-1] + "8", ISS[1]), "line 1 of its elements has the checksum 8, its digits give 7"),
         ((ISS[0], ISS[1][:50]), "line 2 of its elements is not 69 characters"),
     ],
 )

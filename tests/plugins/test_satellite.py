@@ -200,7 +200,7 @@ def test_the_next_pass_of_the_station_is_where_its_elevation_says(watch):
     [
         ({"tle1": ISS[0][:40], "tle2": ISS[1]}, "line 1 of the elements of `eye.1.` is not 69 characters"),
         ({"tle1": ISS[0], "tle2": ""}, "line 2 of the elements"),
-        ({"tle1": ISS[0][:-1] + "0", "tle2": ISS[1]}, "checksum of line 1"),
+        ({"tle1": ISS[0][:-1] + "0", "tle2": ISS[1]}, "has the checksum 0, its digits give 1"),
         ({"epoch": "next Tuesday"}, "`next Tuesday` is no epoch"),
     ],
 )

@@ -10,13 +10,12 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 
 from sgp4.api import SGP4_ERRORS, WGS72, Satrec
-from sgp4.io import compute_checksum
 
 from lingjing.errors import InfrastructureError, UsageError
+from lingjing.mission.elements import epoch_fault, line_fault
 from lingjing.mission.instance import Vector
 
 DAY_S = 86_400.0
-_LINE_LENGTH = 69
 _J1949_JD = 2_433_281.5
 _UNIX_JD = 2_440_587.5
 _EARTH_KM, _EARTH_MU = 6378.135, 398_600.8
@@ -41,11 +40,10 @@ class Instant:
 
 def instant(text: str) -> Instant:
     """An instant from ISO 8601 (UTC where it names no zone); `UsageError` for anything else."""
-    try:
-        moment = datetime.fromisoformat(text)
-    except ValueError:
-        hint = "write a UTC date and time such as 2026-03-20T12:00:00Z"
-        raise UsageError(f"`{text}` is no epoch of a satellite", hint=hint) from None
+    message, hint = epoch_fault(text)
+    if message:
+        raise UsageError(f"`{text}` {message}", hint=hint)
+    moment = datetime.fromisoformat(text)
     moment = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
     seconds = (moment - datetime(1970, 1, 1, tzinfo=UTC)).total_seconds()
     whole = math.floor(seconds / DAY_S)
@@ -71,15 +69,9 @@ class Orbit:
 def from_lines(name: str, line1: str, line2: str) -> Orbit:
     """The orbit of two-line elements; `UsageError` if they are none."""
     for number, line in enumerate((line1.strip(), line2.strip()), start=1):
-        if len(line) != _LINE_LENGTH or not line.startswith(f"{number} "):
-            raise UsageError(
-                f"line {number} of the elements of `{name}` is not {_LINE_LENGTH} characters from `{number} ` on",
-                hint=f"copy the whole line into `tle{number}`, or leave `tle1` and `tle2` empty",
-            )
-        if not line[-1].isdigit() or compute_checksum(line) != int(line[-1]):
-            raise UsageError(
-                f"the checksum of line {number} of the elements of `{name}` is wrong", hint="copy the line again"
-            )
+        message, hint = line_fault(number, line)
+        if message:
+            raise UsageError(f"line {number} of the elements of `{name}` {message}", hint=hint)
     try:
         return Orbit(name, Satrec.twoline2rv(line1.strip(), line2.strip()))
     except ValueError as error:

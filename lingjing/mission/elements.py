@@ -1,0 +1,49 @@
+"""Two-line elements and epochs as texts: what is wrong with one, without the library that flies by them.
+
+The format of the lines is NORAD's (Hoots and Roehrich, Spacetrack Report No. 3): 69 characters, a line number first and
+a checksum last, the sum of all digits, with 1 for each minus, modulo 10.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from datetime import datetime
+
+from lingjing.mission.instance import Datum
+
+LENGTH = 69
+
+
+def line_fault(number: int, line: str) -> tuple[str, str]:
+    """What is wrong with line 1 or 2 of a satellite's elements, and the way out; ("", "") if nothing is."""
+    if len(line) != LENGTH or not line.isascii() or not line.startswith(f"{number} ") or not line[-1].isdigit():
+        return (
+            f"is not {LENGTH} characters that begin with `{number} ` and end in a digit",
+            f"copy the whole line into `tle{number}`, or leave `tle1` and `tle2` empty",
+        )
+    total = sum(int(letter) if letter.isdigit() else letter == "-" for letter in line[:-1]) % 10
+    if line[-1] != str(total):
+        return f"has the checksum {line[-1]}, its digits give {total}", "copy the line again"
+    return "", ""
+
+
+def epoch_fault(text: str) -> tuple[str, str]:
+    """What is wrong with an epoch, and the way out; ("", "") if it is a date and time in ISO 8601."""
+    try:
+        datetime.fromisoformat(text)
+    except ValueError:
+        return "is no epoch of a satellite", "write a UTC date and time such as 2026-03-20T12:00:00Z"
+    return "", ""
+
+
+def faults(properties: Mapping[str, Datum]) -> Iterator[tuple[str, str, str]]:
+    """Property, message and way out of what a satellite's texts have wrong."""
+    lines = {number: str(properties.get(f"tle{number}") or "").strip() for number in (1, 2)}
+    for number, line in lines.items() if any(lines.values()) else ():
+        message, hint = line_fault(number, line)
+        if message:
+            yield f"tle{number}", f"line {number} of the elements {message}", hint
+    epoch = str(properties.get("epoch") or "")
+    message, hint = epoch_fault(epoch) if epoch else ("", "")
+    if message:
+        yield "epoch", f"`{epoch}` {message}", hint
