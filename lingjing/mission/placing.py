@@ -11,6 +11,7 @@ from lingjing.mission import geometry2d, model
 from lingjing.mission.draws import draw, outline
 from lingjing.mission.evaluate import Interval, Members, Place, Scope, Value, describe, evaluate, number, whole
 from lingjing.mission.instance import ArgumentSpec, CameraSpec, Datum, Entity, Scalar, Vector, VerbSpec
+from lingjing.mission.units import without_unit
 
 MEMBERS_MOST = 100_000
 _FIELDS = ("position", "heading_deg")
@@ -22,8 +23,19 @@ LOWEST_M, HIGHEST_M = -500.0, 30_000.0
 """Elevations outside of this are slips of a sign or a unit: the lowest shore lies at -430 m (the Dead Sea's), and what
 has wings or rotors flies below 30 km. What orbits is exempt."""
 
+GROUND_REACH_M = 200.0
+"""How far the scene moves what is `on = ground`, or stands in something, to the nearest free ground."""
+
 ORBITING = "satellite"
 """The engine of what orbits: its elements place it, and its position is where it is drawn."""
+
+
+BODIES = ("multirotor", "plane", "quadruped", "road", "vessel", "satellite", "city")
+"""The built-in engines: what their properties mean is known here."""
+
+ABOVE_ZERO = ("cruise_mps", "endurance_s", "swath_m")
+NOT_BELOW_ZERO = ("speed_mps", "drift_mps", "payload_kg", "load_kg", "demand_kg", "people", "radius_m")
+"""Abilities of bodies: those that must be more than nothing, and those that may be nothing."""
 
 
 def place_fault(place: tuple[float, ...], engine: str) -> str:
@@ -112,6 +124,9 @@ def entities(
         path = f"{mission}/{entity_id}"
         with at_path(path):
             values = {name: column[k] for name, column in columns.items()}
+            for name, value in values.items():
+                with at_path(f"{mission}/{group.name}/{name}"):
+                    _check_ability(name, value, group.engine)
             made.append(
                 Entity(
                     id=entity_id,
@@ -133,6 +148,16 @@ def entities(
                 )
             )
     return tuple(made)
+
+
+def _check_ability(name: str, value: Value, engine: str) -> None:
+    """Raise `MissionError` for a speed, an endurance or a load that no body of the built-in engines can have."""
+    if engine not in BODIES or isinstance(value, bool) or not isinstance(value, float):
+        return
+    if name in ABOVE_ZERO and value <= 0.0:
+        raise MissionError(f"`{without_unit(name)}` is {value:g}", hint="it must be more than nothing")
+    if name in NOT_BELOW_ZERO and value < 0.0:
+        raise MissionError(f"`{without_unit(name)}` is {value:g}", hint="it cannot be less than nothing")
 
 
 def _drawn_in(

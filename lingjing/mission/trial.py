@@ -17,6 +17,7 @@ from lingjing.mission import elements, model
 from lingjing.mission import expression as ex
 from lingjing.mission.evaluate import Area, Scope, number
 from lingjing.mission.feasibility.spread import places
+from lingjing.mission.feasibility.standing import ANYWHERE, reach_m
 from lingjing.mission.instance import Instance
 from lingjing.mission.instantiate import instantiate, parameters
 from lingjing.mission.placing import FARTHEST_M, ORBITING, NodeError, count_of, holds
@@ -130,9 +131,10 @@ def _of_draws(mission: model.Mission, instance: Instance) -> Iterator[Refusal]:
                 where = places(prop.value, scope, group.name)
             except MissionError:
                 continue
-            if any(abs(metres) > FARTHEST_M for outline in where.outlines for point in outline for metres in point):
+            most = FARTHEST_M if group.engine in ANYWHERE else reach_m(instance.scene) or FARTHEST_M
+            if any(abs(metres) > most for outline in where.outlines for point in outline for metres in point[:2]):
                 message = f"a place that `{group.name}` may be drawn at is beyond the scene"
-                hint = f"coordinates are metres from the scene's origin, {FARTHEST_M:g} at most"
+                hint = f"coordinates are metres from the scene's origin, {most:g} at most to every side here"
                 yield Refusal("LJ0507", f"{mission.name}/{group.name}/position", message, hint)
 
 

@@ -23,6 +23,7 @@ from lingjing.errors import MissionError
 from lingjing.mission.feasibility.standing import ANYWHERE, LANDBOUND, UNDER_M
 from lingjing.mission.geometry2d import contains, edge_distance
 from lingjing.mission.instance import Entity, Instance, Vector
+from lingjing.mission.placing import GROUND_REACH_M
 from lingjing.scene.city import Building, City, Tile
 from lingjing.scene.footing import Footing
 from lingjing.scene.lines import length, nearest, point_at
@@ -264,11 +265,11 @@ class _Anchoring:
         body = entity.role == "asset"
         x, y, _ = entity.position
         spot = self._footing.nearest_clear(
-            x, y, BODY_CLEAR_M if body else TARGET_CLEAR_M, REACH_M / 2.0, off_road=not body,
+            x, y, BODY_CLEAR_M if body else TARGET_CLEAR_M, GROUND_REACH_M, off_road=not body,
             apart=self._walkers, apart_m=WALKERS_APART_M, inside=entity.drawn_in,
         )  # fmt: skip
         if spot is None:
-            raise self._nothing(entity, "free ground")
+            raise self._nothing(entity, "free ground", GROUND_REACH_M)
         self._walkers.append(spot)
         return _moved(entity, (*spot, self._footing.height(*spot)))
 
@@ -286,11 +287,11 @@ class _Anchoring:
         if self._footing.is_water(x, y):
             return entity
         spot = self._footing.nearest_clear(
-            x, y, STAND_CLEAR_M, REACH_M / 2.0, off_road=True, apart=self._walkers, apart_m=2.0 * STAND_CLEAR_M,
+            x, y, STAND_CLEAR_M, GROUND_REACH_M, off_road=True, apart=self._walkers, apart_m=2.0 * STAND_CLEAR_M,
             inside=entity.drawn_in,
         )  # fmt: skip
         if spot is None:
-            raise self._nothing(entity, "free ground")
+            raise self._nothing(entity, "free ground", GROUND_REACH_M)
         self._walkers.append(spot)
         return _moved(entity, (*spot, self._footing.height(*spot) + max(0.0, z - floor)))
 
@@ -335,11 +336,11 @@ class _Anchoring:
                 break
         return found
 
-    def _nothing(self, entity: Entity, what: str) -> MissionError:
+    def _nothing(self, entity: Entity, what: str, reach_m: float = REACH_M) -> MissionError:
         where = _where(entity).removeprefix("at ")
         region = " and in the region it is drawn from" if entity.drawn_in else ""
         return MissionError(
-            f"there is no {what} for `{entity.id}` within {REACH_M:g} m of {where}{region} "
+            f"there is no {what} for `{entity.id}` within {reach_m:g} m of {where}{region} "
             f"in the scene `{self._city.id}`",
             hint="move its position, change what it is `on`, or choose a scene that has one",
         )

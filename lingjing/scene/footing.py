@@ -85,9 +85,12 @@ class Footing:
         self, x: float, y: float, margin: float, reach_m: float, *, off_road: bool = False,
         apart: Sequence[tuple[float, float]] = (), apart_m: float = 0.0, inside: Sequence[tuple[float, float]] = (),
     ) -> tuple[float, float] | None:  # fmt: skip
-        """The nearest free place on rings a metre apart, at least `apart_m` from the places in `apart` and within the
-        outline `inside`, if one is given; None if there is none within `reach_m`."""
+        """The nearest free place in the city on rings a metre apart, at least `apart_m` from the places in `apart` and
+        within the outline `inside`, if one is given; None if there is none within `reach_m`."""
+        west, south, east, north = self._city.bounds
         for px, py in rings(x, y, reach_m):
+            if not (west <= px <= east and south <= py <= north):
+                continue
             if inside and not contains(inside, px, py):
                 continue
             if all(hypot(px - ax, py - ay) >= apart_m for ax, ay in apart) and self.is_clear(

@@ -428,16 +428,18 @@ def test_the_instance_marks_what_is_revealed(small: str) -> None:
 
 
 def test_assets_of_all_six_kinds(small: str) -> None:
+    line1 = "1 25544U 98067A   19343.69339541  .00001764  00000-0  38792-4 0  9991"
+    line2 = "2 25544  51.6439 211.2001 0007417  17.6667  85.6398 15.50103472202482"
     use = "use std.air { fixed_wing }\nuse std.ground { car, robot_dog }\nuse std.orbit { satellite }"
     instance = made(
         in_town(small),
         "asset wing : fixed_wing { position = (0 m, 0 m, 300 m) }",
         "asset dog  : robot_dog  { position = (0 m, 0 m) }",
         "asset cab  : car        { position = (9 m, 0 m) }",
-        'asset eye  : satellite  { tle1 = "1 25544U", tle2 = "2 25544" }',
+        f'asset eye  : satellite  {{ tle1 = "{line1}", tle2 = "{line2}" }}',
         use=use,
     )
     engines = {entity.engine for entity in instance.entities if entity.role == "asset"}
     assert engines == {"multirotor", "plane", "quadruped", "road", "vessel", "satellite"}
     eye = next(entity for entity in instance.entities if entity.id == "eye")
-    assert eye.properties["tle1"] == "1 25544U" and eye.position[2] == 550_000.0
+    assert eye.properties["tle1"] == line1 and eye.position[2] == 550_000.0

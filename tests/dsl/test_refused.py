@@ -45,6 +45,8 @@ CASES = [
     ("bay {", "bay { extent = 3 km,", "LJ0508", 8, 15, "has no option `extent`"),
     ("bay {", "commercial { deck = 2 m,", "LJ0508", 8, 22, "`deck` is 2.0"),
     ("~ sites(search, apart >= 10 m)", f"~ {FAR.format('uavs * 1e6 m')}", "LJ0211", 19, 23, "is beyond every scene"),
+    ("speed <= 3 m/s }", "speed = -3 m/s }", "LJ0507", 26, 75, "`speed` is -3"),
+    ("    camera nadir", "    endurance = 0 s\n    camera nadir", "LJ0507", 23, 5, "`endurance` is 0"),
     ("bay {", "map {", "LJ0508", 8, 9, "names no map"),
     ("bay { datum = sea level at -3.5 m", "city { datum = 0 m", "LJ0508", 8, 16, "flood"),
 ]  # fmt: skip
@@ -73,12 +75,49 @@ def test_satellites_that_cannot_fly(small: str, given: str, column: int, said: s
 
 
 def test_a_place_that_only_a_sweep_puts_too_far_is_refused(small: str) -> None:
-    far = small.replace("~ sites(search, apart >= 10 m)", f"~ {FAR.format('(uavs - 2) * 1e6 m')}")
+    far = small.replace("~ sites(search, apart >= 10 m)", f"~ {FAR.format('(uavs - 1) * 2e3 m')}")
     assert compile_text(far).diagnostics == ()
     swept = far.replace("  param alt", "  sweep all over uavs in [1, 4]\n  param alt")
     (found,) = compile_text(swept).diagnostics
     assert (found.code, found.span.line) == ("LJ0507", 20)
     assert "with uavs = 4, a place that `victim` may be drawn at is beyond the scene" in found.message
+
+
+PLACES = [
+    ("position = (600 m, 0 m), on = ground", "LJ0211", "outside of the scene, which spans 160 m to every side"),
+    ("position ~ subset([(0 m, 0 m), (0 m, 161 m)])", "LJ0507", "may be drawn at is beyond the scene"),
+    ("position ~ sites(wide)", "LJ0507", "may be drawn at is beyond the scene"),
+    ("position = (170 m, 0 m), on = ground", "", ""),
+    ("position ~ subset([(0 m, 0 m), (0 m, 159 m)])", "", ""),
+]
+TOWN = """ljs 1
+use std.ground {{ robot_dog }}
+mission walk "A walk" {{
+  goal "Walk."
+  scene residential {{ extent = 200 m, blocks = 2 by 2 }}
+  clock {{ tick = 5 s, sync = 500 ms }}
+  budget {{ ticks <= 300 }}
+  region wide = box((-10 m, -10 m), (10 m, 300 m))
+  asset dog : robot_dog {{ {} }}
+  agent walker as walker controls dog {{ observes dog.*, events }}
+  success when dog in wide
+}}
+"""
+
+
+@pytest.mark.parametrize(("place", "code", "said"), PLACES)
+def test_places_outside_of_a_town_are_refused_as_they_are_when_it_is_built(place: str, code: str, said: str) -> None:
+    compilation = compile_text(TOWN.format(place))
+    found = compilation.diagnostics
+    assert [item.code for item in found] == ([code] if code else []), found
+    assert all(said in item.message for item in found)
+    if code or compilation.mission is None:
+        return
+    for seed in range(4):
+        instance = instantiate(compilation.mission, seed=seed)
+        city = build(instance.scene)
+        placed = anchor(instance, city)
+        assert max(abs(metres) for metres in placed.entities[0].position[:2]) <= 160.0
 
 
 def test_a_fault_of_a_base_mission_is_shown_where_that_is_named(small: str, tmp_path: Path) -> None:

@@ -16,12 +16,12 @@ from lingjing.mission.feasibility.spread import Bounds, Where, numbers, places, 
 from lingjing.mission.instance import Entity, Instance
 from lingjing.mission.instantiate import instantiate, parameters
 from lingjing.mission.interactions import interactions
-from lingjing.mission.placing import count_of
+from lingjing.mission.placing import GROUND_REACH_M, count_of
 
 ENTITIES_MOST = 150
 """A mission with more entities, or agents, is not looked at: compiling it must stay fast."""
 
-MOVED_M = {"ground": 100.0} | dict.fromkeys(("road", "water", "roof", "facade", "bridge", "pipe"), 1000.0)
+MOVED_M = {"ground": GROUND_REACH_M} | dict.fromkeys(("road", "water", "roof", "facade", "bridge", "pipe"), 1000.0)
 """How far at most the scene moves what is declared `on` a surface: only the built city knows where that is."""
 
 

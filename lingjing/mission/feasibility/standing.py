@@ -1,8 +1,8 @@
-"""Assets that begin outside of the scene or under its ground, as far as the text decides that.
+"""What begins outside of the scene, and assets under its ground, as far as the text decides that.
 
 Only scenes whose size and ground the text gives are looked at: the bay, and the built-in towns without a bridge or an
-inner region, which may reach farther. What the scene moves (`on = road`) is the scene's to place. All else is found
-when the city is there (`lingjing.scene.anchor`).
+inner region, which may reach farther. What the scene moves (`on = road`) is out only if it is so far out that it could
+not be moved in. All else is found when the city is there (`lingjing.scene.anchor`).
 """
 
 from __future__ import annotations
@@ -31,34 +31,35 @@ ANYWHERE = ("satellite", "plane")
 
 
 def refute_standing(outline: Outline) -> list[Proof]:
-    """Assets at places where they cannot begin."""
-    return [proof for body in outline.bodies.values() if _is_fixed(body) for proof in _proofs(body, outline)]
+    """What stands at places where it cannot begin."""
+    return [proof for body in outline.bodies.values() if _is_known(body) for proof in _proofs(body, outline)]
 
 
-def _is_fixed(body: Body) -> bool:
+def _is_known(body: Body) -> bool:
     where = body.where
-    known = len(where.outlines) == 1 and len(where.outlines[0]) == 1 and not where.drawn
-    return body.entity.role == "asset" and known and where.loose_m == 0.0
+    return len(where.outlines) == 1 and len(where.outlines[0]) == 1 and not where.drawn
 
 
 def _proofs(body: Body, outline: Outline) -> Iterator[Proof]:
     scene, engine = outline.instance.scene, body.entity.engine
-    reach = _reach(scene)
+    reach = reach_m(scene)
     if reach is None:
         return
     east, north, up = body.entity.position
     shown = f"`{body.id}` begins at ({spelled(east)} m, {spelled(north)} m, {spelled(up)} m)"
-    if max(abs(east), abs(north)) > reach and engine not in ANYWHERE:
+    loose = body.where.loose_m
+    if max(abs(east), abs(north)) > reach + loose and engine not in ANYWHERE:
         hint = "move it into the scene, or give the scene a larger `extent`"
         message = f"{shown}, outside of the scene, which spans {spelled(reach)} m to every side"
         yield Proof("LJ0211", body.path, message, hint, subject=body.id)
     lowest = min(0.0, scene.datum_m)
-    if up < lowest - UNDER_M and engine in LANDBOUND:
+    is_placed = body.entity.role == "asset" and loose == 0.0
+    if is_placed and up < lowest - UNDER_M and engine in LANDBOUND:
         message = f"{shown}, below everything in the scene, whose lowest surface lies at {spelled(lowest)} m"
         yield Proof("LJ0211", body.path, message, "give it the elevation it begins at", subject=body.id)
 
 
-def _reach(scene: SceneSpec) -> float | None:
+def reach_m(scene: SceneSpec) -> float | None:
     """How far the scene spans from its origin, if the text says so."""
     if scene.kind == "bay":
         return BAY_M
