@@ -217,6 +217,26 @@ def test_the_same_city_in_another_process_whatever_the_hash_seed() -> None:
     assert run.stdout.strip() == district("logistics", 1).sha256
 
 
+@pytest.mark.parametrize("kind", ["residential", "industrial", "logistics", "coastal"])
+@pytest.mark.parametrize("blocks", [(1.0, 1.0), (1.0, 2.0), (3.0, 1.0), (2.0, 2.0)])
+@pytest.mark.parametrize("inside_m", [0.0, 30.0, 145.0])
+def test_a_road_runs_around_what_leaves_no_room_for_streets(
+    kind: str, blocks: tuple[float, float], inside_m: float
+) -> None:
+    """One block, a site as large as its scene, a strip by the sea: each has a road, and no building stands on it."""
+    options: dict[str, object] = {"extent_m": 300.0, "blocks_rows": blocks[0], "blocks_columns": blocks[1]}
+    if inside_m:
+        h = inside_m
+        options["inside"] = (-h, -h, h, -h, h, h, -h, h)
+    city = build(SceneSpec(kind=kind, options=options, datum_m=-3.0 if kind == "coastal" else 0.0))
+    lanes = [lane for road in city.roads for lane in road.lanes if lane.kind == "car"]
+    assert lanes
+    houses = shapely.union_all([shapely.Polygon(building.polygon) for building in city.buildings])
+    for lane in lanes:
+        assert shapely.LineString(lane.shape).distance(houses) > lane.width_m / 2.0
+        assert not any(Footing(city).is_water(*place) for place in ((x, y) for x, y, *_ in lane.shape))
+
+
 def test_streets_carry_names_and_lights() -> None:
     city = district("commercial", 1)
     names = {road.name for road in city.roads}

@@ -2,7 +2,8 @@
 
 Streets run along every multiple of the spacing. Every second one is a main street (two lanes each way, lights where
 two of them cross); the others have one lane each way. A site (`Plan.site`) has no public streets: they end in front
-of its gates, or at the crossing before. Water and what `blocked` names have none either.
+of its gates, or at the crossing before. Water and what `blocked` names have none either. Where that leaves no street
+at all, a road runs around the site, or around the one block.
 """
 
 from __future__ import annotations
@@ -16,6 +17,9 @@ from lingjing.scene.network import LANE_WIDTH_M, StreetEdge, StreetNode
 
 APRON_M = 12.0
 """Streets keep this far from a site's edge."""
+
+RING_M = APRON_M / 2.0
+"""How far the axis of a road around a site lies from its edge: between that and the blocks, on the apron."""
 
 BLOCK_LEAST_M = 25.0
 
@@ -106,7 +110,7 @@ def _gaps(lines: tuple[Line, ...], half_m: float) -> tuple[tuple[float, float], 
 def network(
     made: Grid, site: Box | None = None, gates: Sequence[Point] = (), blocked: Blocked | None = None
 ) -> tuple[list[StreetNode], list[StreetEdge]]:
-    """Nodes and edges of the grid's net."""
+    """Nodes and edges of the grid's net; none only where `blocked` leaves no way around either."""
     closed = None if site is None else site.inset(-APRON_M)
     sections = [
         (start, end, line)
@@ -115,6 +119,11 @@ def network(
     ]  # fmt: skip
     kept = [item for item in sections if closed is None or not _enters(item[0][1], item[1][1], closed)]
     stubs = [] if closed is None else list(_stubs(sections, closed, gates))
+    if not kept and not stubs:
+        square = Box(-made.half_m, -made.half_m, made.half_m, made.half_m)
+        rings = ([item for item in _ring(box) if blocked is None or not blocked(item[0][1], item[1][1])]
+                 for box in (site, square) if box is not None)  # fmt: skip
+        kept = next((ring for ring in rings if ring), [])
     edges = [edge for section in (*kept, *stubs) for edge in _edges(*section)]
     degree: dict[str, int] = {}
     for edge in edges:
@@ -143,6 +152,16 @@ def _sections(made: Grid) -> Iterator[_Section]:
         for i, (west, east) in enumerate(pairwise(made.avenues)):
             start, end = (west.at_m, street.at_m), (east.at_m, street.at_m)
             yield (_node_id(i, j), start), (_node_id(i + 1, j), end), street
+
+
+def _ring(inner: Box) -> Iterator[_Section]:
+    """The four sides of a road around a box, half an apron away from it."""
+    box = inner.inset(-RING_M)
+    corners = (("sw", box.west, box.south), ("se", box.east, box.south), ("ne", box.east, box.north),
+               ("nw", box.west, box.north))  # fmt: skip
+    nodes = [(f"ring_{name}", (x, y)) for name, x, y in corners]
+    for start, end in zip(nodes, (*nodes[1:], nodes[0]), strict=True):
+        yield start, end, Line(at_m=0.0, lanes=1, name="Ring Road")
 
 
 def _enters(start: Point, end: Point, box: Box) -> bool:
