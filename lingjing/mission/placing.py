@@ -14,6 +14,9 @@ from lingjing.mission.instance import ArgumentSpec, CameraSpec, Datum, Entity, S
 from lingjing.mission.units import without_unit
 
 MEMBERS_MOST = 100_000
+DRAWN_MOST = 4096
+"""So many entities at most where there are cameras."""
+
 _FIELDS = ("position", "heading_deg")
 
 FARTHEST_M = 1e6

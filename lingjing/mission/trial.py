@@ -20,7 +20,7 @@ from lingjing.mission.feasibility.spread import places
 from lingjing.mission.feasibility.standing import ANYWHERE, reach_m
 from lingjing.mission.instance import Instance
 from lingjing.mission.instantiate import instantiate, parameters
-from lingjing.mission.placing import FARTHEST_M, ORBITING, NodeError, count_of, holds
+from lingjing.mission.placing import DRAWN_MOST, FARTHEST_M, ORBITING, NodeError, count_of, holds
 from lingjing.mission.scenes import lacks, scene_faults
 
 MEMBERS_MOST = 2_000
@@ -76,7 +76,11 @@ def _in_mode(mission: model.Mission, mode: str) -> Iterator[Refusal]:
 
 def _with_settings(mission: model.Mission, mode: str, settings: Mapping[str, float]) -> Iterator[Refusal]:
     try:
-        if _size(mission, mode, settings) > MEMBERS_MOST:
+        entities, agents = _sizes(mission, mode, settings)
+        if entities > DRAWN_MOST and any(group.cameras for group in mission.groups):
+            hint = f"with a camera among them there may be {DRAWN_MOST}"
+            yield Refusal("LJ0507", mission.name, f"there are {entities} entities for cameras to draw", hint)
+        if entities + agents > MEMBERS_MOST:
             return
         instance = instantiate(mission, mode=mode, settings=settings)
     except NodeError as error:
@@ -88,15 +92,18 @@ def _with_settings(mission: model.Mission, mode: str, settings: Mapping[str, flo
         yield from _of_scene(mission, instance)
 
 
-def _size(mission: model.Mission, mode: str, settings: Mapping[str, float]) -> int:
-    """How many entities and agents there are."""
+def _sizes(mission: model.Mission, mode: str, settings: Mapping[str, float]) -> tuple[int, int]:
+    """How many entities and how many agents there are."""
     scope = Scope(parameters=parameters(mission, mode, settings), mode=mode)
-    counted = [(group.count, group.when) for group in mission.groups]
-    counted += [(agent.count, agent.when) for agent in mission.agents]
+    entities = [(group.count, group.when) for group in mission.groups]
+    agents = [(agent.count, agent.when) for agent in mission.agents]
     try:
-        return sum(count_of(count, scope) for count, guard in counted if holds(guard, scope))
+        numbers = [
+            sum(count_of(count, scope) for count, guard in part if holds(guard, scope)) for part in (entities, agents)
+        ]
     except MissionError:
-        return 0  # the instance says where it is wrong
+        return 0, 0  # the instance says where it is wrong
+    return numbers[0], numbers[1]
 
 
 def _swept(mission: model.Mission, mode: str) -> Iterator[dict[str, float]]:

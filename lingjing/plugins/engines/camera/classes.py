@@ -70,7 +70,6 @@ CLASSES: dict[str, int] = {
 """Class name → value in a `semantic` picture. `prop` and `entity` stand for what has no class of its own."""
 
 FIRST_ENTITY = 256
-MAX_ENTITIES = 4096
 
 
 def prop_class(cls: str) -> int:

@@ -15,10 +15,10 @@ import msgspec
 
 from lingjing.errors import InfrastructureError
 from lingjing.mission.instance import CameraSpec, Entity, Vector, Weather
+from lingjing.mission.placing import DRAWN_MOST
 from lingjing.mission.schedule import Schedule
 from lingjing.plugins.engine import Boundary, CaptureRequest, EngineSpec, Frame
 from lingjing.plugins.engines.camera.boxes import entity_boxes
-from lingjing.plugins.engines.camera.classes import MAX_ENTITIES
 from lingjing.plugins.engines.camera.draw import Renderer, Scenery
 from lingjing.plugins.engines.camera.effects import Site, dress
 from lingjing.plugins.engines.camera.ground import build_ground, height_under, water_level
@@ -65,8 +65,8 @@ class CameraEngine:
     def reset(self, spec: EngineSpec, city: City, seed: int) -> Boundary:
         """Open the context if need be, build the city's meshes if it changed, forget the last episode."""
         entities = spec.instance.entities
-        if len(entities) > MAX_ENTITIES:
-            raise InfrastructureError(f"the camera draws at most {MAX_ENTITIES} entities, not {len(entities)}")
+        if len(entities) > DRAWN_MOST:
+            raise InfrastructureError(f"the camera draws at most {DRAWN_MOST} entities, not {len(entities)}")
         if self._renderer is None:
             self._renderer = Renderer()
         if city != self._city:
