@@ -41,12 +41,8 @@ END = """\
 
 
 def mission(assets: int, *, rich: bool) -> str:
-    """That many explicit assets; `rich` ones have a band and a camera besides a place and a heading."""
-    more = (
-        "\n    band = 20 m..120 m\n    camera nadir { size = 1280 by 720, hfov = 84 deg, channels = [rgb] }\n  "
-        if rich
-        else ""
-    )
+    """That many explicit assets; `rich` ones have a band and verbs besides a place and a heading."""
+    more = "\n    band = 20 m..120 m\n    actions { takeoff, forward <= 50 m, up <= 20 m, stop }\n  " if rich else ""
     lines = [
         f"  asset a{k} : quadrotor {{ position = ({x:.1f} m, {y:.1f} m, 10 m), heading = {k % 360} deg{more} }}\n"
         for k, x, y in places(assets)
