@@ -92,16 +92,17 @@ def worker_environment(environment: Mapping[str, str]) -> dict[str, str]:
 
 
 def taken() -> dict[str, str]:
-    """What this process really runs, for the libraries that it has loaded: names and values as text."""
+    """What this process really runs, for the libraries that it has loaded: names and values as text. Never raises: what
+    stands in the place of a library may be a policy's doing."""
     flags = processor_flags()
     missing = [name for name in _NEEDED if name not in flags]
     table = {"processor": f"without {', '.join(missing)}" if missing else "avx2, fma", "libm": _libm()}
     numpy, cv2 = sys.modules.get("numpy"), sys.modules.get("cv2")
     if numpy is not None:
-        table["numpy"] = " ".join(_numpy_groups()) or "none"
+        table["numpy"] = _told(lambda: " ".join(_numpy_groups()) or "none")
         table |= {f"openblas of {owner}": said for owner, said in _openblas()}
     if cv2 is not None:
-        table["opencv"] = _opencv(cv2)
+        table["opencv"] = _told(lambda: _opencv(cv2))
     return table
 
 
@@ -112,7 +113,7 @@ def deviations(table: Mapping[str, str]) -> tuple[str, ...]:
     found = []
     if table["processor"].startswith("without"):
         found.append(f"the processor is {table['processor']}")
-    if table["libm"] == "no fma":
+    if table.get("libm") == "no fma":
         found.append("the C library computes without FMA")
     if "numpy" in table:
         above = [name for name in table["numpy"].split() if _is_above(name)]
@@ -166,6 +167,13 @@ def _is_above(group: str) -> bool:
     return group.startswith("AVX512") or group == "X86_V4"
 
 
+def _told(ask: Callable[[], str]) -> str:
+    try:
+        return ask()
+    except Exception as error:  # noqa: BLE001 - see `taken`
+        return f"what cannot be told ({type(error).__name__})"
+
+
 def _numpy_groups() -> list[str]:
     parts = ("numpy._core._multiarray_umath", "numpy.core._multiarray_umath")  # the second before numpy 2.0
     umath = next(sys.modules[name] for name in parts if name in sys.modules)
@@ -178,6 +186,8 @@ def _openblas() -> Iterator[tuple[str, str]]:
     lines = mapped.read_text(encoding="utf-8", errors="replace").splitlines() if mapped.exists() else []
     for path in sorted({line.split(maxsplit=5)[-1] for line in lines if "openblas" in line and ".so" in line}):
         library = _library(path)
+        if library is None:
+            continue
         name_of_core = next((name for name in _CORE_NAMES if hasattr(library, name)), "")
         name_of_threads = next((name for name in _THREAD_NAMES if hasattr(library, name)), "")
         owner = Path(path).parent.name.removesuffix(".libs")
@@ -190,9 +200,12 @@ def _openblas() -> Iterator[tuple[str, str]]:
 
 
 @cache
-def _library(path: str) -> ctypes.CDLL:
-    """A library that is loaded already; each handle would take memory for good."""
-    return ctypes.CDLL(path)
+def _library(path: str) -> ctypes.CDLL | None:
+    """A loaded library (each handle would take memory for good); None for a file that is only mapped."""
+    try:
+        return ctypes.CDLL(path, mode=os.RTLD_NOLOAD)
+    except OSError:
+        return None
 
 
 def _threads(count: int) -> str:

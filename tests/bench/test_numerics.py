@@ -231,6 +231,13 @@ def test_deviations_are_named(change, said):
     assert numerics.deviations({**GOOD, **change}) == said
 
 
+def test_what_a_policy_puts_in_a_librarys_place_is_told(monkeypatch):
+    monkeypatch.setitem(sys.modules, "cv2", object())
+    table = numerics.taken()
+    assert table["opencv"] == "what cannot be told (AttributeError)"
+    assert any(said.startswith("OpenCV runs what cannot be told") for said in numerics.deviations(table))
+
+
 def test_another_library_than_openblas_is_named():
     table = {name: said for name, said in GOOD.items() if not name.startswith("openblas")}
     assert numerics.deviations(table) == ("numpy computes with another library than OpenBLAS",)
