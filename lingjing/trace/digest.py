@@ -1,8 +1,8 @@
 """What two episodes are compared by: a hash chain over boundaries, one over pictures, one value per policy input.
 
-`next_digest` covers decisions, states, receipts, messages and events, but no wall clock and no pixels: fields whose
-name ends in `_wall_s`, `wall_s`, `digest` itself, what `FrameInfo` says of pixels and renderer, and
-`ObservationRecord.sha256` are blanked.
+`next_digest` covers decisions, states, receipts, messages and events, but no wall clock, no pixels and nothing that is
+derived from the rest: fields whose name ends in `_wall_s`, `wall_s`, `digest` itself, what `FrameInfo` says of pixels
+and renderer, `ObservationRecord.sha256` and the occurrences of coordination relations are blanked.
 `next_frames_digest` covers the pixels. Both chains start from `START`.
 """
 
@@ -25,7 +25,7 @@ START = ""
 
 
 def next_digest(previous: str, record: BoundaryRecord) -> str:
-    """SHA-256 (hex) over the digest before and this record without wall clock and pixels.
+    """SHA-256 (hex) over the digest before and this record without wall clock, pixels and relations.
 
     Raises `InfrastructureError` if the record holds a number that is not finite.
     """
@@ -106,6 +106,7 @@ def _timeless(record: BoundaryRecord) -> BoundaryRecord:
         frames=tuple(replace(frame, sha256="", channels_sha256="", renderer="") for frame in record.frames),
         observations=tuple(replace(seen, sha256="") for seen in record.observations),
         decisions=tuple(replace(made, policy_wall_s=0.0) for made in record.decisions),
+        relations=(),
         digest="",
         wall_s=0.0,
     )

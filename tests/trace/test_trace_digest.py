@@ -79,14 +79,19 @@ def test_every_other_field_counts(rich: BoundaryRecord) -> None:
         "reward": 7.5,
         "scr": 0.5,
         "done": not rich.done,
-        "relations": (records.RelationRecord(kind="k", source="a", target="b", by="c", tick=1),),
         "task_events": (records.TaskEvent(kind="x", entities=(), time_s=0.0),),
     }
     for field in typing.get_type_hints(BoundaryRecord):
-        if field in ("digest", "wall_s"):
+        if field in ("digest", "wall_s", "relations"):
             continue
         value = changed.get(field, getattr(rich, field)[1:] if field not in changed else None)
         assert next_digest("p", replace(rich, **{field: value})) != before, field
+
+
+def test_coordination_relations_do_not_count(rich: BoundaryRecord) -> None:
+    occurred = (records.RelationRecord(kind="k", source="a", target="b", by="c", tick=1),)
+    assert rich.relations != occurred
+    assert next_digest("p", replace(rich, relations=occurred)) == next_digest("p", rich)
 
 
 def test_whole_numbers_and_lists_do_not_change_it(rich: BoundaryRecord) -> None:
