@@ -73,7 +73,7 @@ class Ours:
     """The camera engine with all channels over a city."""
 
     def __init__(self, given: Instance, city: City) -> None:
-        from lingjing.plugins.engines.camera.engine import CameraEngine
+        from lingjing.engines.camera.engine import CameraEngine
 
         self.engine = CameraEngine()
         self.engine.reset(EngineSpec(engine="camera", instance=given, owns=()), city, 7)
@@ -115,9 +115,9 @@ class Mujoco:
         self.renderer = mujoco.Renderer(self.model, SIZE[1], SIZE[0], max_geom=20_000)
 
     def _city(self, city: City) -> None:
-        from lingjing.plugins.engines.camera.plate import build_plate
-        from lingjing.plugins.engines.camera.tilemesh import crossings_of, mesh_tile
-        from lingjing.plugins.engines.terrain import Terrain
+        from lingjing.engines.camera.plate import build_plate
+        from lingjing.engines.camera.tilemesh import crossings_of, mesh_tile
+        from lingjing.scene.terrain import Terrain
 
         plate, surface = build_plate(city), Terrain(city).surface
         self._geom("ground", plate.ground)
@@ -132,7 +132,7 @@ class Mujoco:
                 self._prop(prop)
 
     def _prop(self, prop: Prop) -> None:
-        from lingjing.plugins.engines.camera.models import prop_model
+        from lingjing.engines.camera.models import prop_model
 
         key, mesh = prop_model(prop.model, int(prop.options.get("variant", 0)))
         key = f"{key}-{prop.scale:.1f}"
@@ -291,7 +291,7 @@ def busiest(city: City, folder: Path) -> tuple[tuple[float, float], str]:
 
 def fly(store: str, centre: tuple[float, float]) -> dict[str, float]:
     """Median CPU milliseconds of a picture, down and ahead, on a flight across; memory held by camera and dogs."""
-    from lingjing.plugins.engines.quadruped.engine import QuadrupedEngine
+    from lingjing.engines.quadruped.engine import QuadrupedEngine
 
     city = read_store(Path(store))
     given = instance(WIDE)

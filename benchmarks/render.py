@@ -21,13 +21,13 @@ os.environ["MUJOCO_GL"] = "egl"
 import mujoco
 import numpy as np
 
+from lingjing.engines.camera.engine import CameraEngine
+from lingjing.engines.camera.ground import build_ground
+from lingjing.engines.camera.models import entity_model, prop_model
+from lingjing.engines.camera.noise import noise_texture
 from lingjing.mission.expression import Flag
 from lingjing.mission.instance import Budget, CameraSpec, Clock, CommsSpec, Entity, Instance, SceneSpec, Weather
 from lingjing.plugins.engine import CaptureRequest, EngineSpec
-from lingjing.plugins.engines.camera.engine import CameraEngine
-from lingjing.plugins.engines.camera.ground import build_ground
-from lingjing.plugins.engines.camera.models import entity_model, prop_model
-from lingjing.plugins.engines.camera.noise import noise_texture
 from lingjing.plugins.geometry import body_camera_pose, camera_axes
 from lingjing.scene.bay import build
 from lingjing.trace.records import BodyState

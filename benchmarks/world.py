@@ -140,7 +140,7 @@ def counted(kernel: Kernel, instance: Instance, ticks: range) -> dict[str, float
     calls: dict[str, float] = {"": 0.0}
     for entry in profile.getstats():
         file = "" if isinstance(entry.code, str) else entry.code.co_filename
-        folder = Path(file).parent.name if "/plugins/engines/" in file else ""
+        folder = Path(file).parent.name if "/engines/" in file else ""
         for name in {"", folder}:
             calls[name] = calls.get(name, 0.0) + entry.callcount / len(ticks)
     return calls

@@ -21,10 +21,10 @@ import numpy.typing as npt
 from PIL import Image, ImageDraw, ImageFont
 
 from lingjing.dsl.load import load_mission
+from lingjing.engines.camera.engine import CameraEngine
 from lingjing.mission.instance import CameraSpec, Entity, Instance, Vector
 from lingjing.mission.instantiate import instantiate
 from lingjing.plugins.engine import CaptureRequest, EngineSpec
-from lingjing.plugins.engines.camera.engine import CameraEngine
 from lingjing.plugins.host import PluginHost
 from lingjing.scene.anchor import anchor
 from lingjing.scene.city import City

@@ -3,11 +3,12 @@
 import math
 
 import pytest
-from agent_kit import EAST, NADIR, NORTH, SOUTH, WEST, brief, grid
 from lingjing_agents.capability import natural, team
 from lingjing_agents.heuristic.coverage import footprint, lattice, partition
 from lingjing_agents.heuristic.coverage_map import CoverageMap
 from lingjing_agents.heuristic.sweep import Sweep, off_course_deg
+
+from agents.tests.agent_kit import EAST, NADIR, NORTH, SOUTH, WEST, brief, grid
 
 
 @pytest.mark.parametrize("height", [40.0, 70.0, 100.0, 160.0])

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from agent_kit import NADIR
 from lingjing_agents.heuristic.detector import find_people
 
 import lingjing
+from agents.tests.agent_kit import NADIR
 from lingjing.errors import InfrastructureError
 from lingjing.mission.instantiate import instantiate
 from lingjing.plugins.engine import BodyState, CaptureRequest, EngineSpec

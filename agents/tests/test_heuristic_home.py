@@ -5,7 +5,6 @@ import math
 import msgspec
 import numpy as np
 import pytest
-from agent_kit import ASSIGNMENT, GUIDANCE, JAM, STATUS, Inbox, brief, dog, envelope, observe, sent_by, view
 from lingjing_agents.heuristic.guide_home import HomeGuide
 from lingjing_agents.heuristic.homes import View, find_walls, reference_signature
 from lingjing_agents.heuristic.policy import rules_for
@@ -13,6 +12,19 @@ from lingjing_agents.heuristic.route_coordinator import RouteCoordinator
 from lingjing_agents.heuristic.walk_map import Bounds
 from lingjing_agents.heuristic.walk_plan import Ground, fewest_commands, ground_of
 
+from agents.tests.agent_kit import (
+    ASSIGNMENT,
+    GUIDANCE,
+    JAM,
+    STATUS,
+    Inbox,
+    brief,
+    dog,
+    envelope,
+    observe,
+    sent_by,
+    view,
+)
 from lingjing.plugins.geometry import bearing_deg, camera_axes, focal_px
 from lingjing.plugins.policy import (
     CameraPose,

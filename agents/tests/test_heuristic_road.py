@@ -6,22 +6,6 @@ from itertools import pairwise
 
 import msgspec
 import pytest
-from agent_kit import (
-    ASSIGNMENT,
-    JAM,
-    NADIR,
-    REPORT,
-    STATUS,
-    EventView,
-    Inbox,
-    brief,
-    envelope,
-    observe,
-    picture,
-    sent_by,
-    verb,
-    view,
-)  # fmt: skip
 from lingjing_agents.heuristic import follower as following
 from lingjing_agents.heuristic import route_inspector as inspecting
 from lingjing_agents.heuristic.corridor import centreline, longest
@@ -38,6 +22,22 @@ from lingjing_agents.heuristic.route_driver import RouteDriver
 from lingjing_agents.heuristic.route_inspector import RouteInspector
 from lingjing_agents.heuristic.tours import shared_out, street_m, tours
 
+from agents.tests.agent_kit import (
+    ASSIGNMENT,
+    JAM,
+    NADIR,
+    REPORT,
+    STATUS,
+    EventView,
+    Inbox,
+    brief,
+    envelope,
+    observe,
+    picture,
+    sent_by,
+    verb,
+    view,
+)  # fmt: skip
 from lingjing.plugins.policy import EntityView, Field, MessageSpec, Peer, Receipt, Region, Resource
 
 

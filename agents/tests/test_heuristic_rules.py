@@ -5,7 +5,6 @@ from dataclasses import replace
 from itertools import pairwise
 
 import pytest
-from agent_kit import ASSIGNMENT, REPORT, STATUS, EventView, Inbox, brief, envelope, observe, picture, view
 from lingjing_agents.heuristic import searcher as searching
 from lingjing_agents.heuristic.coordinator import Coordinator
 from lingjing_agents.heuristic.detector import Find
@@ -14,6 +13,7 @@ from lingjing_agents.heuristic.policy import rules_for
 from lingjing_agents.heuristic.rescuer import Rescuer
 from lingjing_agents.heuristic.searcher import Searcher
 
+from agents.tests.agent_kit import ASSIGNMENT, REPORT, STATUS, EventView, Inbox, brief, envelope, observe, picture, view
 from lingjing.plugins.policy import Absent, Decision
 
 CENTRE = (0.497, 0.495, 0.503, 0.505)

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from agent_kit import NADIR
 from lingjing_agents.heuristic.flames import find_flames
 from lingjing_agents.heuristic.gap import find_gaps
 from lingjing_agents.heuristic.queues import corners, find_queues
 
 import lingjing
+from agents.tests.agent_kit import NADIR
 from lingjing.errors import InfrastructureError
 from lingjing.mission.instantiate import instantiate
 from lingjing.plugins.engine import BodyState, CaptureRequest, EngineSpec

@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from agent_kit import EYE, GUIDANCE, REPORT, STATUS, Inbox, brief, dog, envelope, observe, quadrotor, sent_by, view
 from lingjing_agents.capability import photo
 from lingjing_agents.heuristic.dog_facade import Facade
 from lingjing_agents.heuristic.guide_pilot import GuidingPilot
@@ -19,6 +18,20 @@ from lingjing_agents.heuristic.walk_searcher import WalkingSearcher
 from lingjing_agents.heuristic.walk_views import OTHERS_M, Views
 from lingjing_agents.heuristic.walk_way import Way
 
+from agents.tests.agent_kit import (
+    EYE,
+    GUIDANCE,
+    REPORT,
+    STATUS,
+    Inbox,
+    brief,
+    dog,
+    envelope,
+    observe,
+    quadrotor,
+    sent_by,
+    view,
+)
 from lingjing.plugins.policy import (
     CameraPose,
     Peer,

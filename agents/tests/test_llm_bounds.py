@@ -6,12 +6,13 @@ from collections.abc import Iterable, Iterator
 from importlib.util import find_spec
 
 import pytest
-from hostile_server import BLOCK, answered, completion, gzip_bomb, serve_raw
 from lingjing_agents.llm.chat import ChatMessage, ChatRequest, ModelClient, ModelError
 from lingjing_agents.llm.direct import DirectClient
 from lingjing_agents.llm.retry import Attempts, Deadline, complete_with_retries
 from lingjing_agents.llm.through_litellm import LitellmClient
 from lingjing_agents.llm.wire import ANSWER_BYTES, seconds
+
+from agents.tests.hostile_server import BLOCK, answered, completion, gzip_bomb, serve_raw
 
 ROOM = 400_000
 """Kilobytes by which a client's process may grow at most: the bombs hold gigabytes."""

@@ -4,11 +4,11 @@ import json
 from typing import Any
 
 import pytest
-from agent_kit import Inbox, brief, observe
-from chat_server import Reply, serve
 from lingjing_agents.llm.capabilities import capability_of
 from lingjing_agents.react.policy import ReactError, ReactPolicy
 
+from agents.tests.agent_kit import Inbox, brief, observe
+from agents.tests.chat_server import Reply, serve
 from lingjing.plugins.policy import Usage
 
 

@@ -3,10 +3,11 @@
 import socket
 
 import pytest
-from chat_server import Reply, serve, stopwatch
 from lingjing_agents.llm.chat import ChatMessage, ChatRequest, ModelError
 from lingjing_agents.llm.direct import DirectClient
 from lingjing_agents.llm.retry import Attempts, Deadline, complete_with_retries
+
+from agents.tests.chat_server import Reply, serve, stopwatch
 
 HELLO = ChatRequest("test-model", (ChatMessage("user", "hello", (b"\xff\xd8jpeg",)),), schema=b'{"type":"object"}')
 

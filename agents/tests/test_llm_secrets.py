@@ -15,11 +15,11 @@ from pathlib import Path
 from urllib.parse import quote, unquote
 
 import pytest
-from agent_kit import Inbox, brief, observe
-from hostile_server import answered, completion, header_of, serve_raw
 from lingjing_agents.llm.redaction import RUN, Redactor
 from lingjing_agents.react.policy import PATIENCE, ReactPolicy
 
+from agents.tests.agent_kit import Inbox, brief, observe
+from agents.tests.hostile_server import answered, completion, header_of, serve_raw
 from lingjing.plugins.policy import InfrastructureError, NoDecisionError, UsageError
 from lingjing.trace.container import scan
 

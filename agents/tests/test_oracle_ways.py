@@ -11,8 +11,8 @@ from lingjing_agents.oracle import dispatching
 from lingjing_agents.oracle.paths import NARROW_M, find_way
 from lingjing_agents.oracle.tours import shares, shortest
 
-from lingjing.plugins.obstacles import ObstacleMap
 from lingjing.plugins.tasks import Task
+from lingjing.plugins.terrain import ObstacleMap
 
 
 def ground(*walls: tuple[float, float, float, float]) -> ObstacleMap:

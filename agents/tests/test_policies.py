@@ -5,11 +5,11 @@ import json
 
 import numpy as np
 import pytest
-from agent_kit import ASSIGNMENT, REPORT, STATUS, EventView, Inbox, brief, envelope, observe, picture, view
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from lingjing_agents.plugin import lingjing_policies
 
+from agents.tests.agent_kit import ASSIGNMENT, REPORT, STATUS, EventView, Inbox, brief, envelope, observe, picture, view
 from lingjing.plugins.conformance import check_policy
 from lingjing.plugins.host import PluginHost
 from lingjing.plugins.policy import Absent, Decision, EntityView, Observation, PolicyPlugin, UsageError

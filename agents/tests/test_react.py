@@ -7,14 +7,14 @@ import jsonschema
 import msgspec
 import numpy as np
 import pytest
-from agent_kit import REPORT, WEATHER, Inbox, brief, envelope, observe, picture, view
-from chat_server import NOOP, Reply, serve
 from lingjing_agents.react.answer import StepError, step_text
 from lingjing_agents.react.policy import ReactError, ReactPolicy
 from lingjing_agents.react.prompt import observation_text, system_prompt
 from lingjing_agents.react.schema import step_schema
 from lingjing_agents.react.step import read_step
 
+from agents.tests.agent_kit import REPORT, WEATHER, Inbox, brief, envelope, observe, picture, view
+from agents.tests.chat_server import NOOP, Reply, serve
 from lingjing.plugins.policy import UsageError
 
 STEP = {

@@ -3,9 +3,10 @@
 import json
 
 import pytest
-from agent_kit import brief
 from lingjing_agents.react.answer import StepError, after_reasoning, step_text
 from lingjing_agents.react.step import read_step
+
+from agents.tests.agent_kit import brief
 
 EAST = '{"thought": "east", "command": null, "messages": []}'
 WEST = '{"thought": "west", "command": null, "messages": []}'

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import msgspec
 import pytest
-from chat_server import NOOP, Reply, serve
 
 import lingjing
+from agents.tests.chat_server import NOOP, Reply, serve
 from lingjing.mission.expression import Number
 from lingjing.trace.reader import read_trace
 

@@ -3,10 +3,10 @@
 import json
 
 import pytest
-from agent_kit import Inbox, brief, observe
-from chat_server import NOOP, Reply, serve
 from lingjing_agents.react.policy import PATIENCE, ReactError, ReactPolicy
 
+from agents.tests.agent_kit import Inbox, brief, observe
+from agents.tests.chat_server import NOOP, Reply, serve
 from lingjing.plugins.policy import InfrastructureError
 
 

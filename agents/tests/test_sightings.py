@@ -1,12 +1,12 @@
 """What is believed of places that drift."""
 
 import pytest
-from agent_kit import REPORT as SPEC
-from agent_kit import Inbox, brief, envelope, observe
 from lingjing_agents.heuristic.kinds import FIRES, PEOPLE
 from lingjing_agents.heuristic.rescuer import Rescuer
 from lingjing_agents.heuristic.sightings import Sighting, Sightings
 
+from agents.tests.agent_kit import REPORT as SPEC
+from agents.tests.agent_kit import Inbox, brief, envelope, observe
 from lingjing.plugins.policy import Weather
 
 EAST = Weather(current_mps=1.0, current_to_deg=90.0)

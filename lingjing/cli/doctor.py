@@ -44,7 +44,7 @@ import libsumo
 print("SUMO", libsumo.getVersion()[1].removeprefix("SUMO "))
 """
 _DOGS_PROBE = """
-from lingjing.plugins.engines.quadruped.assets import locate
+from lingjing.engines.quadruped.assets import locate
 from lingjing.plugins.host import PluginHost
 locate()
 PluginHost().engine("quadruped").factory()

@@ -235,8 +235,8 @@ def test_an_interrupt_without_a_report_is_one_for_the_caller(tmp_path: Path) -> 
 CALLER = """
 import os, sys, time
 from pathlib import Path
-sys.path.insert(0, {here!r})
-import test_supervision as t
+sys.path.insert(0, {root!r})
+import tests.bench.test_supervision as t
 folder = Path({folder!r})
 def act(seed):
     t.settle(folder)
@@ -248,7 +248,7 @@ t.played(act, folder, (1,))
 
 
 def test_nothing_outlives_a_killed_caller(tmp_path: Path) -> None:
-    code = CALLER.format(here=str(Path(__file__).parent), folder=str(tmp_path))
+    code = CALLER.format(root=str(Path(__file__).parents[2]), folder=str(tmp_path))
     caller = subprocess.Popen([sys.executable, "-c", code])
     while not (tmp_path / "begun").exists():
         time.sleep(0.02)

@@ -41,7 +41,7 @@ def test_a_broken_plugin_is_found_among_the_others(capsys, monkeypatch) -> None:
     monkeypatch.setattr(hosts.PluginHost, "_load_entry_points", broken)
     assert main(["plugins"]) == 2
     said = capsys.readouterr().err
-    assert "builtin  lingjing.plugins.engines.builtin  lingjing 0." in said
+    assert "builtin  lingjing.engines.builtin  lingjing 0." in said
     assert "error: a plug-in could not be loaded: boom" in said
 
 

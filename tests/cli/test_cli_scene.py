@@ -14,9 +14,7 @@ from PIL import Image
 
 from lingjing.cli.main import main
 from lingjing.errors import ExitCode
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "scene"))
-from osm_maps import Map, square, town
+from tests.scene.osm_maps import Map, square, town
 
 
 @pytest.fixture(autouse=True)

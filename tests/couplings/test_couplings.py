@@ -1,25 +1,20 @@
 """Engines that meet: what one of them does to the bodies of another, with all of them real and in one world."""
 
-import sys
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any
 
 import msgspec
 import numpy as np
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parent))
-
-import couplings_kit as kit
-from couplings_kit import Play
-
+import tests.couplings.couplings_kit as kit
 from lingjing.kernel.step import Kernel
 from lingjing.kernel.world import open_world
 from lingjing.kernel.world.contract import World
 from lingjing.mission.instance import EventSpec, Weather
 from lingjing.trace.images import decode_jpeg
 from lingjing.trace.records import Action, Decision, DecisionRecord
+from tests.couplings.couplings_kit import Play
 
 STREET = kit.HERE / "street.ljs"
 CROSSING = (-80.0, -201.65)

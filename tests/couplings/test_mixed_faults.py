@@ -9,10 +9,7 @@ from pathlib import Path
 
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parent))
-
-import couplings_kit as kit
-
+import tests.couplings.couplings_kit as kit
 from lingjing.errors import LingjingError
 from lingjing.trace.digest import verify
 from lingjing.trace.reader import read_trace

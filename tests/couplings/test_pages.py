@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from lingjing.dsl.load import load_mission
+from lingjing.engines import builtin
 from lingjing.mission.scenes import OPTIONS
-from lingjing.plugins.engines import builtin
 
 ROOT = Path(__file__).parents[2]
 ENGINES = (ROOT / "docs" / "engines.md").read_text("utf-8")

@@ -6,15 +6,11 @@ Recovery was tuned on seeds below 100. The full run is `benchmarks/language.py`;
 from __future__ import annotations
 
 import random
-import sys
-from pathlib import Path
 
 import pytest
 
 from lingjing.dsl import compile_text
-
-sys.path.insert(0, str(Path(__file__).parent))
-import corpus
+from tests.dsl import corpus
 
 HELD_OUT = 1001
 

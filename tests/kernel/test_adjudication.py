@@ -1,15 +1,9 @@
 """What counts: box matching one to one, closed radii, unlocks, latching, evidence."""
 
-import sys
-from pathlib import Path
-
 import msgspec
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parent))
-
-import kernel_kit as kit
-
+import tests.kernel.kernel_kit as kit
 from lingjing.kernel.predicates import overlap
 from lingjing.trace.records import Box
 

@@ -1,15 +1,9 @@
 """Numbers over groups in rules, and what the kernel refuses to play."""
 
-import sys
-from pathlib import Path
-
 import msgspec
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parent))
-
-import kernel_kit as kit
-
+import tests.kernel.kernel_kit as kit
 from lingjing.errors import UsageError
 from lingjing.kernel.adjudication import Adjudicator
 from lingjing.kernel.registry import initial

@@ -1,15 +1,9 @@
 """What gets through between agents: radio out of range, lost edges, and whose receipts are seen."""
 
-import sys
-from pathlib import Path
-
 import msgspec
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parent))
-
-import kernel_kit as kit
-
+import tests.kernel.kernel_kit as kit
 from lingjing.kernel.bus import Router
 
 FAR = (("uav[1]", "uav[2]"), ("boat", "uav[1]"))

@@ -9,15 +9,11 @@ import signal
 import sys
 import threading
 import time
-from pathlib import Path
 
+import msgspec
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parent))  # the kit is shared by the kernel's tests
-
-import kernel_kit as kit
-import msgspec
-
+import tests.kernel.kernel_kit as kit
 from lingjing.errors import InfrastructureError, PluginError
 from lingjing.kernel.barrier import PolicyBarrier
 from lingjing.kernel.episode import play, seat

@@ -1,14 +1,9 @@
 """Which events agents are told: what somebody did, never what a report was worth or what is hidden and near."""
 
-import sys
-from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).parent))
-
-import kernel_kit as kit
 import msgspec
 import pytest
 
+import tests.kernel.kernel_kit as kit
 from lingjing.kernel.announcements import Announcements
 from lingjing.mission.expression import Binary, Call, Number, Point, Quantified, Ref, Symbol
 from lingjing.mission.instance import ChannelSpec

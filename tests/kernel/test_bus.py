@@ -1,15 +1,9 @@
 """Message routing and timing under star and broadcast, to the tick."""
 
-import sys
-from pathlib import Path
-
 import msgspec
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parent))
-
-import kernel_kit as kit
-
+import tests.kernel.kernel_kit as kit
 from lingjing.kernel.bus import MESSAGES_PER_CALL, Router
 
 

@@ -1,17 +1,12 @@
 """What a policy may throw at the kernel: every odd value is refused with a receipt and none of it reaches a trace."""
 
 import asyncio
-import sys
-from pathlib import Path
 
 import msgspec
 import numpy as np
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parent))
-
-import kernel_kit as kit
-
+import tests.kernel.kernel_kit as kit
 from lingjing.kernel.barrier import PolicyBarrier
 from lingjing.kernel.candidates import DECISION_BYTES, THOUGHT_LETTERS, plain
 from lingjing.trace.encoding import to_json

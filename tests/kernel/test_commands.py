@@ -1,15 +1,9 @@
 """Validation and conflict resolution of physical commands."""
 
-import sys
-from pathlib import Path
-
 import msgspec
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parent))
-
-import kernel_kit as kit
-
+import tests.kernel.kernel_kit as kit
 from lingjing.trace.records import Action, Decision
 
 

@@ -1,16 +1,9 @@
 """What binds agents while a mission runs: permits, counted budgets, allowances, constraints, inspections, stages."""
 
-import sys
-from pathlib import Path
-
 import msgspec
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parent))
-
-import kernel_kit as kit
-from kernel_kit import decisions, does, make_instance, make_kernel, says
-
+import tests.kernel.kernel_kit as kit
 from lingjing.kernel.barrier import PolicyBarrier
 from lingjing.kernel.episode import play
 from lingjing.kernel.rules import evaluate
@@ -26,6 +19,7 @@ from lingjing.mission.instance import (
 )
 from lingjing.mission.model import Constraint, Relation, Stage
 from lingjing.trace.records import Decision, Route, Usage
+from tests.kernel.kernel_kit import decisions, does, make_instance, make_kernel, says
 
 BOAT = Ref(name="boat", kind="entity")
 NOW = Ref(name="now", kind="clock")

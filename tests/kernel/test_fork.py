@@ -1,11 +1,8 @@
 """A fork in mid-episode: the branch that changes nothing ends with its parent's digest; one that does, does not."""
 
-import sys
 from pathlib import Path
 
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parent))
 
 from lingjing.dsl.load import load_mission
 from lingjing.kernel.step import Kernel

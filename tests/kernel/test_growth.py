@@ -1,12 +1,10 @@
 """A boundary costs what happens at it, not what has happened since the episode began."""
 
 import sys
-from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parent))
-
-import kernel_kit as kit
 import msgspec
+
+import tests.kernel.kernel_kit as kit
 
 
 def chatter(tick):

@@ -1,14 +1,9 @@
 """What happens by itself is in the trace and the log and told to agents, but for what is hidden in it."""
 
-import sys
-from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).parent))
-
-import kernel_kit as kit
 import msgspec
 import pytest
 
+import tests.kernel.kernel_kit as kit
 from lingjing.dsl import compile_text
 from lingjing.kernel.barrier import PolicyBarrier
 from lingjing.kernel.episode import play

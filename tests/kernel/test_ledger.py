@@ -1,10 +1,5 @@
 """A mapping that only grows behaves as a value, whoever continues it."""
 
-import sys
-from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).parent))
-
 from hypothesis import given
 from hypothesis import strategies as st
 

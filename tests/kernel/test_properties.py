@@ -1,16 +1,12 @@
 """Whatever policies decide, the kernel keeps its promises: random decisions over thirty ticks."""
 
 import random
-import sys
-from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parent))
-
-import kernel_kit as kit
 import msgspec
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import tests.kernel.kernel_kit as kit
 from lingjing.trace.encoding import from_json, to_json
 from lingjing.trace.records import Action, BoundaryRecord, Decision, DecisionRecord, Outgoing
 

@@ -3,15 +3,9 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parent))
-
-import kernel_kit as kit
-
+import tests.kernel.kernel_kit as kit
 from lingjing.kernel.registry import Registry, Report
 from lingjing.kernel.relations import RelationTracker
 from lingjing.mission.model import Relation

@@ -1,15 +1,9 @@
 """State values in rules and observations: demand and load as the engines have them, routes, nothing internal."""
 
-import sys
-from pathlib import Path
-
 import msgspec
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parent))
-
-import kernel_kit as kit
-
+import tests.kernel.kernel_kit as kit
 from lingjing.kernel.stocks import current, stocks
 from lingjing.mission.expression import Aggregate, Attr, Binary, Number
 from lingjing.mission.instance import ChannelSpec

@@ -1,13 +1,8 @@
 """The subtask completion rate against counts by hand: targets or stages, never weights or penalties."""
 
-import sys
-from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).parent))
-
-import kernel_kit as kit
 import pytest
 
+import tests.kernel.kernel_kit as kit
 from lingjing.kernel.subtasks import required_groups
 from lingjing.mission.expression import Binary, Call, Flag, Number, Point, Quantified, Ref
 from lingjing.mission.model import Constraint, Stage

@@ -1,15 +1,10 @@
 """What an agent may see: its channels, never a hidden value; instances that differ only there look the same."""
 
-import sys
-from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).parent))
-
-import kernel_kit as kit
 import msgspec
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import tests.kernel.kernel_kit as kit
 from lingjing.kernel.relations import RelationTracker
 from lingjing.mission.instance import ChannelSpec
 from lingjing.mission.seeding import integer

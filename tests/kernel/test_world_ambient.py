@@ -1,19 +1,14 @@
 """Background movers, routes and radio silence on their way from an engine to the others, the camera and the kernel."""
 
 import cProfile
-import sys
 from dataclasses import replace
-from pathlib import Path
 from typing import ClassVar
 
 import msgspec
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parent))  # the toys are shared by these tests and by the workers
-
-import kernel_kit as kit
-import world_toys as toys
-
+import tests.kernel.kernel_kit as kit
+import tests.kernel.world_toys as toys
 from lingjing.errors import InfrastructureError
 from lingjing.kernel.world import open_world
 from lingjing.kernel.world.casting import cast
@@ -22,7 +17,7 @@ from lingjing.plugins.engine import Boundary
 from lingjing.plugins.host import PluginHost
 from lingjing.trace.records import BodyState, Route
 
-TOYS = ("world_toys:plugin", "world_toys:painter")
+TOYS = ("tests.kernel.world_toys:plugin", "tests.kernel.world_toys:painter")
 
 
 @pytest.fixture

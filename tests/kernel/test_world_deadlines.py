@@ -11,16 +11,13 @@ from pathlib import Path
 
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parent))  # the toys are shared by these tests and by the workers
-
-import world_toys as toys
-
+import tests.kernel.world_toys as toys
 from lingjing.errors import InfrastructureError
 from lingjing.kernel.world import deadlines, open_world
 from lingjing.kernel.world.deadlines import OwnDeadline, own_now_s
 from lingjing.trace.records import Absent
 
-TOYS = ("world_toys:plugin", "world_toys:painter")
+TOYS = ("tests.kernel.world_toys:plugin", "tests.kernel.world_toys:painter")
 ENGINE_S = 1.5
 
 pytestmark = pytest.mark.skipif(not deadlines.is_counted(), reason="this kernel does not count waits in run queues")
@@ -182,11 +179,11 @@ def test_in_the_caller_the_engine_that_was_slow_is_named():
 
 def test_in_the_caller_too_a_wait_is_nobodys(crowd):
     """A script of its own, because the crowd joins the process that hosts the engines."""
-    here = Path(__file__).parent
+    here = Path(__file__).parents[2]
     code = f"""
 import sys
 sys.path.insert(0, {str(here)!r})
-import world_toys as toys
+import tests.kernel.world_toys as toys
 from lingjing.kernel.world import open_world
 world = open_world("inline", plugins={TOYS!r}, installed=False)
 bee = toys.entity("bee", "toy_b", 2.0, fault="burn", fault_at=0.05)

@@ -1,15 +1,11 @@
 """The built-in engines in both worlds: a flight over the bay, its pictures, and a fork in mid-flight."""
 
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parent))  # the toys' instance builder is shared
-
-import world_toys as toys
-
+import tests.kernel.world_toys as toys
 from lingjing.kernel.world import open_world
 from lingjing.mission.instance import CameraSpec, Entity, SceneSpec, Weather
 from lingjing.plugins.host import PluginHost

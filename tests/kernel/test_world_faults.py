@@ -2,7 +2,6 @@
 
 import os
 import signal
-import sys
 import threading
 import time
 from pathlib import Path
@@ -10,10 +9,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parent))  # the toys are shared by these tests and by the workers
-
-import world_toys as toys
-
+import tests.kernel.world_toys as toys
 from lingjing.kernel.episode import play, seat
 from lingjing.kernel.step import Kernel
 from lingjing.kernel.world import open_world
@@ -24,7 +20,8 @@ from lingjing.trace.records import Action, Decision, Header
 from lingjing.trace.writer import TraceWriter
 
 TICKS = 4
-HERE = str(Path(__file__).parent)
+ROOT = str(Path(__file__).parents[2])
+TOYS = ("tests.kernel.world_toys:plugin", "tests.kernel.world_toys:painter")
 
 
 class Goer:
@@ -63,7 +60,12 @@ def episode(fault="nothing", at=2.05, fault_in="toy_b", engine_s=20.0, capture_s
 
 @pytest.fixture
 def world():
-    world = open_world("process", plugins=("world_toys:plugin", "world_toys:painter"), paths=(HERE,), installed=False)
+    world = open_world(
+        "process",
+        plugins=("tests.kernel.world_toys:plugin", "tests.kernel.world_toys:painter"),
+        paths=(ROOT,),
+        installed=False,
+    )
     yield world
     world.close()
 
@@ -176,7 +178,7 @@ def fire(number):
 
 def test_five_hundred_resets_leave_memory_flat():
     """Fresh engines each time in warm workers; what is left over after warming up must not grow."""
-    world = open_world("process", plugins=("world_toys:plugin",), paths=(HERE,))
+    world = open_world("process", plugins=("tests.kernel.world_toys:plugin",), paths=(ROOT,))
     crowd = {"crowd": 20.0}
     bare = toys.instance(toys.entity("ant", "toy_a"), *(fire(n) for n in range(1, 9)), tick_s=0.2, **crowd)
     instance = msgspec.structs.replace(bare, comms=msgspec.structs.replace(bare.comms, range_m=100.0))

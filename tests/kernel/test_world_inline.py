@@ -1,16 +1,11 @@
 """The coupling and its faults, in the caller."""
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parent))  # the toys are shared by these tests and by the workers
-
-import world_toys as toys
-
+import tests.kernel.world_toys as toys
 from lingjing.errors import InfrastructureError, UsageError
 from lingjing.kernel.world.conductor import macro_steps, macro_time_s
 from lingjing.kernel.world.inline import InlineWorld

@@ -1,17 +1,12 @@
 """All motion engines in one world process: one thread, one answer in every process, forks to the last bit."""
 
 import os
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import msgspec
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parent))
-
-import world_mixed as mixed
-
+import tests.kernel.world_mixed as mixed
 from lingjing.kernel.stocks import current
 from lingjing.kernel.world import open_world
 from lingjing.kernel.world.messages import Stepped, encoded

@@ -15,16 +15,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parent))  # the toys are shared by these tests and by the workers
-
-import world_toys as toys
-
+import tests.kernel.world_toys as toys
 from lingjing.errors import InfrastructureError, UsageError
 from lingjing.kernel.world import open_world
 from lingjing.trace.records import Absent
 
-HERE = str(Path(__file__).parent)
-TOYS = ("world_toys:plugin", "world_toys:painter")
+ROOT = str(Path(__file__).parents[2])
+TOYS = ("tests.kernel.world_toys:plugin", "tests.kernel.world_toys:painter")
 
 
 def opened(kind="process"):
@@ -507,8 +504,8 @@ def test_an_interrupt_in_a_step_leaves_no_stale_answer(world):
 
 CALLER = """
 import sys, time
-sys.path.insert(0, {here!r})
-import world_toys as toys
+sys.path.insert(0, {root!r})
+import tests.kernel.world_toys as toys
 from lingjing.kernel.world import open_world
 world = open_world("process", plugins={toys!r}, installed=False)
 world.reset({instance}, toys.CITY)
@@ -520,7 +517,7 @@ print(*{{w.pid for w in [*workers, twin._staff.world]}}, flush=True)
 
 
 def caller(then, instance="toys.trio()"):
-    code = textwrap.dedent(CALLER).format(here=HERE, toys=TOYS, then=then, instance=instance)
+    code = textwrap.dedent(CALLER).format(root=ROOT, toys=TOYS, then=then, instance=instance)
     process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
     return process, [int(word) for word in process.stdout.readline().split()]
 

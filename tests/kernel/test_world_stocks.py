@@ -1,16 +1,10 @@
 """Declared states live on every asset, also where its engine knows nothing of them."""
 
-import sys
-from pathlib import Path
-
 import msgspec
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parent))
-
-import kernel_kit as kit
-
 import lingjing
+import tests.kernel.kernel_kit as kit
 from lingjing.dsl import compile_text
 from lingjing.kernel.world.stocks import Stocks
 from lingjing.trace.reader import read_trace

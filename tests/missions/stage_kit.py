@@ -18,17 +18,17 @@ import msgspec
 import numpy as np
 
 from lingjing.dsl.load import load_mission
+from lingjing.engines import builtin
 from lingjing.kernel.staging import Stage
 from lingjing.kernel.step import Kernel, Published
 from lingjing.kernel.world.inline import InlineWorld
 from lingjing.mission.instance import Instance, Weather
 from lingjing.mission.instantiate import instantiate
 from lingjing.plugins.engine import Boundary, EnginePlugin, Frame
-from lingjing.plugins.engines import builtin
-from lingjing.plugins.engines.requests import Requests
-from lingjing.plugins.engines.stock import Stock
 from lingjing.plugins.hookspecs import hookimpl
 from lingjing.plugins.host import PluginHost
+from lingjing.plugins.requests import Requests
+from lingjing.plugins.stock import Stock
 from lingjing.scene.city import City
 from lingjing.trace.records import (
     Action,

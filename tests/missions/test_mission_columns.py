@@ -3,15 +3,9 @@ graph and becomes typed records, each of which says who, whom, by what and when,
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parent))
-
-import stage_kit as kit
-
+import tests.missions.stage_kit as kit
 from lingjing.mission.graph import graph
 
 SAID = ("information_handoff", "guidance")

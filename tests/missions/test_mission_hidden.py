@@ -10,18 +10,13 @@ from __future__ import annotations
 
 import functools
 import math
-import sys
-from pathlib import Path
 
 import msgspec
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-sys.path.insert(0, str(Path(__file__).parent))
-
-import stage_kit as kit
-
+import tests.missions.stage_kit as kit
 from lingjing.kernel.staging import Stage
 from lingjing.mission.instance import Instance, MessageSpec
 from lingjing.mission.instantiate import instantiate

@@ -6,16 +6,12 @@ from __future__ import annotations
 import functools
 import hashlib
 import itertools
-import sys
 from pathlib import Path
 
 import msgspec
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parent))
-
-import stage_kit as kit
-
+import tests.missions.stage_kit as kit
 from lingjing.errors import UsageError
 from lingjing.mission.evaluate import Scope, number
 from lingjing.mission.instantiate import instantiate

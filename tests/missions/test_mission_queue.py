@@ -2,16 +2,10 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import msgspec
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parent))
-
-import stage_kit as kit
-
+import tests.missions.stage_kit as kit
 from lingjing.kernel.episode import seat
 from lingjing.mission.expression import Aggregate, Attr, Binary, Call, Number, Ref, Symbol
 from lingjing.plugins.choice import declared, meant

@@ -3,15 +3,9 @@ through its hub in two ticks, broadcast reaches everybody, and one truck or boat
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parent))
-
-import stage_kit as kit
-
+import tests.missions.stage_kit as kit
 from lingjing.mission.graph import graph
 
 FIVE = ("information_handoff", "cooperation", "competition", "guidance", "dependency")

@@ -4,21 +4,16 @@ apart, and whether a jam stands at one of them."""
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import pairwise
-from pathlib import Path
 
 import msgspec
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parent))
-
-import stage_kit as kit
-
+import tests.missions.stage_kit as kit
+from lingjing.engines.road.engine import RoadEngine
 from lingjing.plugins.engine import EngineSpec
-from lingjing.plugins.engines.road.engine import RoadEngine
 from lingjing.trace.records import Command
 
 SEEDS = range(10)

@@ -6,15 +6,11 @@ the radii are inclusive to the last bit.
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass
-from pathlib import Path
 
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parent))
-
-import stage_kit as kit
+import tests.missions.stage_kit as kit
 
 
 @dataclass(frozen=True)

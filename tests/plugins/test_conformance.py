@@ -8,10 +8,10 @@ import msgspec
 import numpy as np
 import pytest
 
+from lingjing.engines import builtin
 from lingjing.mission.instance import ArgumentSpec, CameraSpec, Field, MessageSpec, SceneSpec, VerbSpec, Weather
 from lingjing.plugins import conformance as kit
 from lingjing.plugins.engine import Boundary, EnginePlugin, Frame
-from lingjing.plugins.engines import builtin
 from lingjing.plugins.host import PluginHost
 from lingjing.plugins.policy import Brief, PolicyPlugin, Resource
 from lingjing.trace.records import (
@@ -710,7 +710,7 @@ def test_nothing_heavy_is_loaded_to_declare_the_built_in_plug_ins():
     import subprocess
     import sys
 
-    code = "import sys, lingjing.plugins.engines.builtin as b; b.lingjing_engines(); b.lingjing_scenes(); "
+    code = "import sys, lingjing.engines.builtin as b; b.lingjing_engines(); b.lingjing_scenes(); "
     code += "heavy = ('jsbsim', 'sgp4', 'mujoco', 'libsumo', 'cv2', 'moderngl', 'scipy', 'shapely'); "
     code += "print([m for m in heavy if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -3,10 +3,10 @@
 import msgspec
 import pytest
 
+from lingjing.engines import builtin
 from lingjing.kernel.world.casting import cast
 from lingjing.mission.instance import CommsSpec, EventSpec, SceneSpec, Weather
 from lingjing.mission.schedule import Schedule
-from lingjing.plugins.engines import builtin
 from lingjing.plugins.host import PluginHost
 
 FOG, STORM = Weather(visibility_m=100.0), Weather(wind_mps=14.0)

@@ -15,11 +15,11 @@ import shapely
 
 from lingjing.dsl import compile_source
 from lingjing.dsl.source import Source, read_source
+from lingjing.engines import builtin
 from lingjing.errors import MissionError
 from lingjing.mission.feasibility import standing
 from lingjing.mission.instance import Entity, Instance
 from lingjing.mission.instantiate import instantiate
-from lingjing.plugins.engines import builtin
 from lingjing.scene.anchor import anchor
 from lingjing.scene.city import City
 from lingjing.scene.districts.district import OUTSKIRTS_M

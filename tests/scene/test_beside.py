@@ -21,9 +21,7 @@ from lingjing.scene.osm.build import Options, build, cities_folder
 from lingjing.scene.osm.provider import city_of
 from lingjing.scene.osm.tags import metres, number
 from lingjing.scene.store import check_free, copy_store, read_store, whole, write_store
-
-sys.path.insert(0, str(Path(__file__).parent))
-from osm_maps import Map, square
+from tests.scene.osm_maps import Map, square
 
 
 @pytest.fixture(autouse=True)

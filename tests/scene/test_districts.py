@@ -10,10 +10,10 @@ import pytest
 import shapely
 
 from lingjing.dsl import compile_text
+from lingjing.engines import builtin
 from lingjing.errors import UsageError
 from lingjing.mission.instance import SceneSpec
 from lingjing.mission.instantiate import instantiate
-from lingjing.plugins.engines import builtin
 from lingjing.scene.city import City
 from lingjing.scene.districts import build
 from lingjing.scene.districts.draft import KERB_M

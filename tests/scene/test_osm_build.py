@@ -1,7 +1,6 @@
 import bz2
 import gzip
 import os
-import sys
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
@@ -20,9 +19,7 @@ from lingjing.scene.osm.frame import choose, parse_box
 from lingjing.scene.osm.provider import city_of
 from lingjing.scene.osm.summary import read_summary, reason_text
 from lingjing.scene.tiles import Tiles
-
-sys.path.insert(0, str(Path(__file__).parent))
-from osm_maps import Map, square, town
+from tests.scene.osm_maps import Map, square, town
 
 
 @pytest.fixture(autouse=True)

@@ -1,4 +1,3 @@
-import sys
 from pathlib import Path
 
 import pytest
@@ -7,9 +6,7 @@ import shapely
 from lingjing.scene.city import Building
 from lingjing.scene.osm.buildings import buildings, heights
 from lingjing.scene.osm.tags import colour, layer, metres
-
-sys.path.insert(0, str(Path(__file__).parent))
-from osm_maps import Map, square
+from tests.scene.osm_maps import Map, square
 
 
 def built(made: Map, folder: Path, seed: int = 0) -> dict[str, Building]:

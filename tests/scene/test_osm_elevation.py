@@ -1,4 +1,3 @@
-import sys
 from itertools import pairwise
 from pathlib import Path
 
@@ -8,9 +7,7 @@ from lingjing.scene.osm.elevation import GRADE, bridge_heights, heights
 from lingjing.scene.osm.features import collect
 from lingjing.scene.osm.frame import choose
 from lingjing.scene.osm.read import read
-
-sys.path.insert(0, str(Path(__file__).parent))
-from osm_maps import Map
+from tests.scene.osm_maps import Map
 
 STREET, BRIDGE = {"highway": "primary"}, {"highway": "primary", "bridge": "yes", "layer": "1"}
 TUNNEL = {"highway": "primary", "tunnel": "yes", "layer": "-1"}

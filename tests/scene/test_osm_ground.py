@@ -1,4 +1,3 @@
-import sys
 from pathlib import Path
 
 import pytest
@@ -7,9 +6,7 @@ import shapely
 from lingjing.scene.city import Lane, Road
 from lingjing.scene.osm import ground, structures, trees, water
 from lingjing.scene.osm.footbridges import LEVEL_M, footbridges
-
-sys.path.insert(0, str(Path(__file__).parent))
-from osm_maps import Map, square
+from tests.scene.osm_maps import Map, square
 
 
 def is_wet(made: Map, folder: Path, *places: tuple[float, float]) -> list[bool]:

@@ -6,7 +6,7 @@ import heapq
 import math
 from collections.abc import Sequence
 
-from lingjing.plugins.obstacles import ObstacleMap
+from lingjing.plugins.terrain import ObstacleMap
 from lingjing_agents.oracle.truth import Place
 
 NARROW_M = 0.45

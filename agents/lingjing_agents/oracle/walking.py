@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 from lingjing.plugins.geometry import bearing_deg, turn_deg
-from lingjing.plugins.obstacles import ObstacleMap, obstacle_map
 from lingjing.plugins.policy import Action, Brief, CameraSpec, Datum, Entity, Outgoing, VerbSpec
 from lingjing.plugins.tasks import Task
+from lingjing.plugins.terrain import ObstacleMap, obstacle_map
 from lingjing_agents.oracle.ability import Ability
 from lingjing_agents.oracle.looking import Reporting
 from lingjing_agents.oracle.paths import find_way

@@ -1,0 +1,97 @@
+"""What an eye high over a city sees of the country and the sea around it, as far as there is anything to see.
+
+The plate of a city ends `plate.REACH_M` away, and its lands where the scene cut them off: enough for an eye in the air,
+an island in the sky for one in orbit. Here all of it goes on: a land that leaves the bounds runs on the way its borders
+run out, ground and sea spread as they do on the plate. Drawn only for eyes above `HIGH_M`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+
+from lingjing.engines.camera.classes import CLASSES
+from lingjing.engines.camera.ground import is_flat
+from lingjing.engines.camera.mesh_rows import Part, joined, polygons, sheet
+from lingjing.engines.camera.paving import SURFACES, surface_id
+from lingjing.engines.camera.plate import Plate, outwards, shape_of
+from lingjing.scene.city import City, Land
+
+HIGH_M = 3000.0
+"""Eyes above this see what is here; nothing that flies in the air does."""
+SPAN_M = 2_000_000.0
+"""How far country and sea are drawn: from 550 km up that is 15 degrees below the horizontal, where haze hides all."""
+LEAVES_M = -1.0
+"""Corners this far beyond the bounds, or as good as on them, are where the scene cut a land off: it does not end."""
+LAP_M = 40.0
+"""How far what goes on laps over what it goes on from, so that no gap shows between them."""
+OVER = 3.0
+"""The layer of country: over the plate's own ground, which is no country."""
+
+
+@dataclass(frozen=True, slots=True)
+class Beyond:
+    """`lands` (flat) around the plate's own, `waters` by level that reach farther than the plate's."""
+
+    lands: Part
+    waters: tuple[tuple[float, Part], ...]
+
+
+def build_beyond(city: City, plate: Plate) -> Beyond:
+    """The country and the waters around a city."""
+    bounds = shapely.box(*city.bounds)
+    cut = [(land, shape) for land in reversed(city.lands) for shape in _onward(city, land)]
+    lands = [_flat(shape.difference(bounds).difference(_own(land).buffer(-LAP_M)), land.surface, land.top_m)
+             for land, shape in cut]  # fmt: skip
+    if plate.sea is not None:
+        return Beyond(joined(lands), ())
+    far = [outwards(city, shape_of(water), SPAN_M) for water in city.waters]
+    flat = [_own(land) for land in city.lands if is_flat(land)]
+    around = shapely.box(-SPAN_M, -SPAN_M, SPAN_M, SPAN_M).difference(bounds)
+    around = around.difference(shapely.union_all([*far, *flat, *(shape for _, shape in cut)]))
+    levels: dict[float, list[Part]] = {}
+    for water, shape in zip(city.waters, far, strict=True):
+        parts = [sheet(rings, water.level_m, (0.0, 0.0, 0.0), CLASSES["water"]) for rings in polygons(shape)]
+        levels.setdefault(water.level_m, []).extend(parts)
+    waters = tuple((level, joined(parts)) for level, parts in sorted(levels.items()) if parts)
+    return Beyond(joined([*lands, _flat(around, "grass", 0.0)]), waters)
+
+
+def _own(land: Land) -> shapely.Geometry:
+    return shapely.make_valid(shapely.Polygon(land.polygon))
+
+
+def _onward(city: City, land: Land) -> Iterator[shapely.Geometry]:
+    """A land as far as it goes, if the scene cut it off; nothing if it ends by itself."""
+    west, south, east, north = city.bounds
+    corners, centre = np.asarray(land.polygon, np.float64), np.array([(west + east) / 2.0, (south + north) / 2.0])
+    half = np.array([(east - west) / 2.0, (north - south) / 2.0])
+    out = (np.abs(corners - centre) - half).max(axis=1)
+    if is_flat(land) and land.surface != "concrete" and out.max() >= LEAVES_M:
+        yield shapely.make_valid(shapely.Polygon(_pushed(corners, out >= LEAVES_M, centre)))
+
+
+def _pushed(
+    corners: npt.NDArray[np.float64], out: npt.NDArray[np.bool_], centre: npt.NDArray[np.float64]
+) -> npt.NDArray[np.float64]:
+    """A land's outline with the corners that lie out moved away: the end of a border that comes from within along that
+    border, others from the centre."""
+    before, after = np.roll(corners, 1, axis=0), np.roll(corners, -1, axis=0)
+    from_before, from_after = ~np.roll(out, 1) & np.roll(out, -1), np.roll(out, 1) & ~np.roll(out, -1)
+    start = np.where(from_before[:, None], before, np.where(from_after[:, None], after, centre))
+    way = corners - start
+    pushed = corners + way / np.maximum(np.linalg.norm(way, axis=1), 1.0)[:, None] * SPAN_M
+    return np.where(out[:, None], pushed, corners)
+
+
+def _flat(shape: shapely.Geometry, surface: str, height: float) -> Part:
+    colour, style = SURFACES.get(surface, SURFACES["concrete"])
+    number = surface_id(surface)
+    return joined(sheet(rings, height, colour, number, style=style, layer=OVER) for rings in polygons(shape))
+
+
+__all__ = ["HIGH_M", "SPAN_M", "Beyond", "build_beyond"]

@@ -1,0 +1,443 @@
+"""`Cityscape`: the static city on the GPU. Tiles come and go; pictures do not notice.
+
+Per picture: `view` picks tiles by pose, `shade` draws their shadow map unless the last one will do, then
+`structures` and `floors` draw materials near to far, top to bottom. What a tile needs is kept for the latest
+`KEPT_TILES` tiles; it is made again, the same, when it is needed again.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import moderngl
+import numpy as np
+import numpy.typing as npt
+
+from lingjing.engines.camera import city_shaders as shaders
+from lingjing.engines.camera import programs
+from lingjing.engines.camera.beyond import build_beyond
+from lingjing.engines.camera.classes import FIRST_ENTITY
+from lingjing.engines.camera.effects import SHOWING, Dress
+from lingjing.engines.camera.facing import Walls, planes_of, walls_of
+from lingjing.engines.camera.instances import Batch, prop_batches
+from lingjing.engines.camera.light import Light
+from lingjing.engines.camera.mesh_rows import LAYOUT, Index, Part, empty
+from lingjing.engines.camera.nightlights import lamp_heads
+from lingjing.engines.camera.paving import middles_of
+from lingjing.engines.camera.plate import build_plate
+from lingjing.engines.camera.sight import (
+    Window,
+    boxes_in_sight,
+    distances,
+    light_matrix,
+    near_plane,
+)
+from lingjing.engines.camera.skyline import Skyline, build_skyline
+from lingjing.engines.camera.tilemesh import CASTERS, TileMesh, Under, crossings_of, mesh_tile
+from lingjing.engines.camera.view import MAPPED_FROM, View, choose
+from lingjing.plugins.geometry import focal_px
+from lingjing.scene.city import City, Pieces, Prop, Tile
+from lingjing.scene.tiles import Key, Tiles
+from lingjing.trace.records import CameraPose
+
+KEPT_TILES, KEPT_PIECES = 48, 12
+"""Tiles that stay ready to draw, and those whose pieces are held to make the next ones ready."""
+WARM_M = 400.0
+"""How far about a place tiles are made ready before the first picture."""
+ALOFT_M, TOUCHING_M = 5.0, 0.8
+SHADE_PX, SHADE_RIM_PX = 2048, 2
+CROSSINGS_REACH_M = 60.0
+STEEP_DEG, NEAREST_PX = 80.0, 1.4
+LAYER = 2.0e-6
+"""Clip-space step (of w) between coplanar layers; the near plane is chosen so that it stays under a decimetre."""
+
+LARGE_BACK = 1.0
+"""How far lands, and twice as far the ground, are set back where they are close to the eye, in depth per pixel: the
+depth of triangles that are that large is not exact enough there to tell layers from one another. Farther off it is, and
+ground that is set back would lie under the water beside it."""
+LAYERED = ("road", "paving", "soil")
+SOURCES = {
+    "wall": shaders.WALL,
+    "plain": shaders.PLAIN,
+    "road": shaders.ROAD,
+    "paving": shaders.PAVING,
+    "soil": shaders.SOIL,
+    "ground": shaders.GROUND,
+}
+
+
+class Mode(NamedTuple):
+    """Which variant of a material's program draws: in rain, after dark, where the shadow map reaches, where the ground
+    wears the map, what is turned away from the sun, what is too far off to show its grain, and its panes,
+    country from high up."""
+
+    wet: bool
+    night: bool
+    sunlit: bool
+    mapped: bool = False
+    averted: bool = False
+    even: bool = False
+    blunt: bool = False
+    aloft: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Sheet:
+    """A part on the GPU: the arrays that draw it by `Mode`, and one for the shadow map."""
+
+    buffers: tuple[moderngl.Buffer, ...]
+    lit: dict[Mode, moderngl.VertexArray]
+    cast: moderngl.VertexArray | None
+    count: int
+
+    def release(self) -> None:
+        """Free the GL objects."""
+        for array in self.lit.values():
+            array.release()
+        if self.cast is not None:
+            self.cast.release()
+        for buffer in self.buffers:
+            buffer.release()
+
+
+@dataclass(frozen=True, slots=True)
+class Resident:
+    """A tile that is ready to draw."""
+
+    mesh: TileMesh
+    sheets: Mapping[str, Sheet]
+    walls: Walls | None
+    props: tuple[Batch, ...]
+    lively: tuple[Prop, ...]
+    lamps: npt.NDArray[np.float64]
+
+
+class Cityscape:
+    """Owns the GL objects of one city; `release` frees them."""
+
+    def __init__(self, context: moderngl.Context, city: City, under: Under) -> None:
+        self._context, self._city, self._under = context, city, under
+        self._dresses: tuple[Dress, ...] = (Dress(),)
+        self._programs: dict[tuple[str, Mode], moderngl.Program] = {}
+        self._caster = context.program(vertex_shader=shaders.CASTER_VERTEX, fragment_shader=shaders.CASTER_FRAGMENT)
+        self.tiles = Tiles(city, KEPT_PIECES)
+        self._skyline: Skyline = build_skyline(city, self.tiles)
+        self._number = {key: k for k, key in enumerate(self._skyline.keys)}
+        self._residents: OrderedDict[tuple[Key, int], Resident] = OrderedDict()
+        self._differing: tuple[frozenset[Key], ...] = (frozenset(),)
+        self.worn = 0
+        self.plate = build_plate(city)
+        self._blocks = self._upload("wall", self._skyline.blocks, casts=False)
+        self._block_planes = planes_of(self._skyline.blocks)
+        self._skyline = replace(self._skyline, blocks=empty())
+        self._ground = self._upload("ground", self.plate.ground, casts=False)
+        self._quays = self._upload("plain", self.plate.quays, casts=False)
+        self._lands = self._upload("paving", self.plate.lands, casts=False)
+        self.beyond = build_beyond(city, self.plate)
+        self._far_lands = self._upload("paving", self.beyond.lands, casts=False)
+        self._map = context.texture(self._skyline.map.shape[1::-1], 3, self._skyline.map.tobytes())
+        self._map.repeat_x = self._map.repeat_y = False
+        self._map.build_mipmaps()
+        self._map.filter = moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR
+        self._shade = context.depth_texture((SHADE_PX, SHADE_PX))
+        self._shade.compare_func = "<="
+        self._shade.filter = moderngl.LINEAR, moderngl.LINEAR
+        self._shade.repeat_x = self._shade.repeat_y = False
+        self._shade_frame = context.framebuffer(depth_attachment=self._shade)
+        self._shade_is: tuple[Window, tuple[Key, ...]] | None = None
+        self.shade_matrix = np.eye(4)
+        self.light_uniform: tuple[float, ...] = ()
+
+    def dress(self, dresses: tuple[Dress, ...]) -> None:
+        """Take over what a mission changes; tiles that may have changed are made anew. Drawn is the first of the
+        dresses, or that of the number in `worn`."""
+        old, self._dresses, self.worn = self._dresses, dresses, 0
+        if [(d.tiles, d.faced) for d in old] == [(d.tiles, d.faced) for d in dresses]:
+            return
+        for key, number in list(self._residents):
+            if number or old[0].faced != dresses[0].faced or key in {*old[0].tiles, *dresses[0].tiles}:
+                self._drop(self._residents.pop((key, number)))
+        self._shade_is = None
+        keys = {key for d in dresses for key in (*d.tiles, *d.places.values())}
+        self._differing = tuple(
+            frozenset(key for key in keys if d.content(key) != dresses[0].content(key)) for d in dresses
+        )
+
+    # -- choosing
+
+    def view(self, pose: CameraPose, visibility_m: float, light: Light) -> View:
+        """What a picture needs."""
+        return choose(self._skyline, self.plate, pose, visibility_m, light)
+
+    def _closest(self, full: tuple[Key, ...], pose: CameraPose) -> float:
+        """A lower bound of the distance to anything that stands still and is in sight."""
+        found = [max(pose.position[2] - 0.15, 0.1)]
+        sky = self._skyline
+        if len(sky.boxes):
+            found.append(float(distances(sky.boxes[:, :], pose.position).min()) if not full else np.inf)
+        for key in full:
+            boxes = self.resident(key).mesh.boxes
+            if len(boxes):
+                shown = boxes[boxes_in_sight(boxes, pose)]
+                found.append(float(distances(shown, pose.position).min(initial=np.inf)))
+        return min(found)
+
+    def near_plane(self, view: View, pose: CameraPose, others_m: float) -> float:
+        """The near plane of a picture, `others_m` being the distance of the closest thing that moves. One that almost
+        touches a camera in the air does not count: layers of the ground far below would run into one another."""
+        if pose.position[2] > ALOFT_M:
+            others_m = max(others_m, TOUCHING_M)
+        return near_plane(pose, min(self._closest(view.full, pose), others_m))
+
+    def resident(self, key: Key) -> Resident:
+        """A tile, made ready if it is not."""
+        known = key, self.worn if key in self._differing[self.worn] else 0
+        found = self._residents.get(known)
+        if found is None:
+            found = self._residents[known] = self._ready(key)
+        self._residents.move_to_end(known)
+        return found
+
+    def warm(self, places: Sequence[tuple[float, float, float]]) -> None:
+        """Make the tiles around some places ready, the first places' first."""
+        for place in places:
+            away = distances(self._skyline.boxes, place)
+            for k in np.argsort(away, kind="stable").tolist():
+                if away[k] > WARM_M or len(self._residents) >= KEPT_TILES:
+                    break
+                self.resident(self._skyline.keys[k])
+
+    def trim(self) -> None:
+        """Let go of the tiles that were not used for longest; between pictures."""
+        while len(self._residents) > KEPT_TILES:
+            self._drop(self._residents.popitem(last=False)[1])
+
+    def _drop(self, resident: Resident) -> None:
+        for sheet in resident.sheets.values():
+            sheet.release()
+
+    def _ready(self, key: Key) -> Resident:
+        dress = self._dresses[self.worn]
+        pieces: Pieces = dress.tiles.get(key) or self.tiles.load(key)
+        near = self._around(key)
+        crossings = crossings_of(tuple(junction for tile in near for junction in tile.junctions))
+        ways = tuple(road for tile in near for road in tile.roads)
+        faced = {building: FIRST_ENTITY + number for building, number in dress.faced.items()}
+        mesh = mesh_tile(pieces, crossings, faced, self._under, middles_of(ways))
+        sheets = {name: self._upload(name, part, casts=name in CASTERS) for name, part in mesh.parts.items()
+                  if len(part.index)}  # fmt: skip
+        bare = TileMesh({}, mesh.coarse, mesh.boxes, mesh.low, mesh.high)
+        lively = tuple(prop for prop in pieces.props if prop.model in SHOWING)
+        walls = walls_of(mesh.parts["wall"]) if "wall" in sheets else None
+        return Resident(bare, sheets, walls, prop_batches(pieces), lively, lamp_heads(pieces.props))
+
+    def _around(self, key: Key) -> tuple[Tile, ...]:
+        west, south, _, east, north, _ = self._skyline.boxes[self._number[key]].tolist()
+        radius = float(np.hypot(east - west, north - south)) / 2.0 + CROSSINGS_REACH_M
+        return self.tiles.near((west + east) / 2.0, (south + north) / 2.0, radius)
+
+    # -- drawing
+
+    def shade(self, view: View) -> bool:
+        """Begin the shadow map of a view with all that is not a prop; False if the last one will do.
+
+        What is drawn next with the matrix `light_uniform` becomes part of it."""
+        wanted = view.window, view.casters
+        if self._shade_is == wanted:
+            return False
+        sky = self._skyline
+        boxes = sky.boxes[[self._number[key] for key in view.casters]]
+        matrix = light_matrix(view.window, boxes)
+        self._shade_frame.use()
+        self._shade_frame.scissor = 0, 0, SHADE_PX, SHADE_PX
+        self._shade_frame.clear(depth=1.0)
+        inner = SHADE_PX - 2 * SHADE_RIM_PX  # what lies outside of the map reads its rim, which nothing shades
+        self._shade_frame.scissor = SHADE_RIM_PX, SHADE_RIM_PX, inner, inner
+        self._context.enable_only(moderngl.DEPTH_TEST)
+        self._context.depth_func = "<"
+        self.light_uniform = tuple(matrix.T.ravel().tolist())
+        self._caster["u_light"] = self.light_uniform
+        for key in view.casters:
+            for name in CASTERS:
+                sheet = self.resident(key).sheets.get(name)
+                if sheet is not None and sheet.cast is not None:
+                    sheet.cast.render(moderngl.TRIANGLES)
+        half = np.array([[0.5, 0, 0, 0.5], [0, 0.5, 0, 0.5], [0, 0, 0.5, 0.5], [0, 0, 0, 1.0]])
+        self.shade_matrix = half @ matrix
+        self._shade_is = wanted
+        return True
+
+    def values(self, view: View) -> dict[str, object]:
+        """Uniforms of the city's programs, and of any program with shadows."""
+        texel = view.window.side_m / SHADE_PX
+        matrix = self.shade_matrix
+        west, south, east, north = self._city.bounds
+        return {
+            "u_shade": tuple(matrix.T.ravel().tolist()),
+            "u_shade_step": 1.8 * texel + 0.02,
+            "u_layer": LAYER,
+            "u_map_bounds": (west, south, 1.0 / (east - west), 1.0 / (north - south)),
+            "u_map_range": (MAPPED_FROM * view.reach_m, view.reach_m),
+        }
+
+    def bind(self, view: View, pose: CameraPose, shade_unit: int, map_unit: int) -> None:
+        """Bind the textures. Where a texel of the shadow map is about a pixel, the nearest one says as much as four."""
+        steep = pose.tilt_deg > STEEP_DEG
+        pixel = pose.position[2] / focal_px(pose)
+        coarse = steep and view.window.side_m / SHADE_PX < NEAREST_PX * pixel
+        self._shade.filter = (moderngl.NEAREST,) * 2 if coarse else (moderngl.LINEAR,) * 2
+        self._shade.use(shade_unit)
+        self._map.use(map_unit)
+
+    def programs(self, wet: bool, night: bool, blunt: bool, high: bool) -> tuple[moderngl.Program, ...]:
+        """The programs of one kind of weather; if `blunt` for what is far off as well, if `high` for country."""
+        modes = [Mode(wet, night, sunlit) for sunlit in (False, True)]
+        found = [self._program(name, mode) for name in SOURCES for mode in modes]
+        mapped, averted = Mode(wet, night, True, mapped=True), Mode(wet, night, False, averted=True)
+        if blunt:
+            even = [mode._replace(even=True) for mode in (*modes, averted)]
+            wanted = [*(("wall", mode) for mode in even), *(("plain", mode) for mode in even[:2])]
+            found += [self._program(name, mode) for name, mode in wanted]
+            found.append(self._program("wall", even[0]._replace(blunt=True)))
+        if high:
+            aloft = [mode._replace(aloft=True) for mode in (modes[1], mapped)]
+            found += [self._program("paving", mode) for mode in aloft]
+        return (*found, *(self._program(name, mapped) for name in ("ground", "paving")), self._program("wall", averted))
+
+    def structures(self, view: View, eye: tuple[float, float, float], wet: bool, night: bool) -> None:
+        """Walls and everything else that stands up."""
+        for key in view.full:
+            mode = Mode(wet, night, key in view.shaded, even=key in view.blunt)
+            resident = self.resident(key)
+            if resident.walls is not None:
+                order = resident.walls.ordered(eye, view.window.sun)
+                self._draw_walls(resident.sheets["wall"], *order, mode)
+            count = -1 if key in view.detailed else resident.mesh.coarse
+            self._draw(resident.sheets, "plain", mode, one_sided=False, count=count)
+        for blunt, ranges in ((False, view.far), (True, view.farther)):
+            if ranges:
+                self._draw_blocks(ranges, eye, Mode(wet, night, False, even=view.reaching, blunt=blunt))
+        self._context.disable(moderngl.CULL_FACE)
+
+    def floors(self, view: View, wet: bool, night: bool) -> None:
+        """Roads, pavings and the ground, top to bottom."""
+        for name in ("road", "paving", "soil"):
+            for key in view.full:
+                mode = Mode(wet, night, key in view.shaded)
+                self._draw(self.resident(key).sheets, name, mode, one_sided=True)
+        mode = Mode(wet, night, True)
+        if self._quays.count:
+            self._quays.lit[mode].render(moderngl.TRIANGLES)
+        aloft = mode._replace(aloft=view.high)
+        layers = (1.0, self._lands, view.lands, aloft), (2.0, self._ground, view.ground, mode)
+        for back, sheet, cells, look in layers:
+            if not sheet.count:
+                continue
+            for some in cells:
+                self._context.polygon_offset = back * LARGE_BACK * some.close, 0.0
+                _draw_runs(sheet.lit[look._replace(mapped=some.mapped)], some.runs)
+        self._context.polygon_offset = 0.0, 0.0
+        if view.high and self._far_lands.count:
+            self._far_lands.lit[aloft].render(moderngl.TRIANGLES)
+        self._context.disable(moderngl.CULL_FACE)
+
+    def _draw(self, sheets: Mapping[str, Sheet], name: str, mode: Mode, one_sided: bool, count: int = -1) -> None:
+        if name in sheets and count:
+            if one_sided:
+                self._one_sided()
+            else:
+                self._context.disable(moderngl.CULL_FACE)
+            sheets[name].lit[mode].render(moderngl.TRIANGLES, vertices=count)
+
+    def _draw_walls(self, sheet: Sheet, index: Index, lit: int, seen: int, mode: Mode) -> None:
+        self._one_sided()
+        sheet.buffers[1].write(index.tobytes())
+        if not mode.sunlit:
+            if seen:
+                sheet.lit[mode].render(moderngl.TRIANGLES, vertices=seen)
+            return
+        if lit:
+            sheet.lit[mode].render(moderngl.TRIANGLES, vertices=lit)
+        if lit < seen:
+            averted = mode._replace(sunlit=False, averted=True)
+            sheet.lit[averted].render(moderngl.TRIANGLES, vertices=seen - lit, first=lit)
+
+    def _draw_blocks(self, ranges: Sequence[tuple[int, int]], eye: tuple[float, float, float], mode: Mode) -> None:
+        self._one_sided()
+        index = self._block_planes.among(ranges, eye)
+        if not len(index):
+            return
+        self._blocks.buffers[1].write(index.tobytes())
+        self._blocks.lit[mode].render(moderngl.TRIANGLES, vertices=len(index))
+
+    def _one_sided(self) -> None:
+        """Leave out what faces away; pictures are upside down in GL terms, so what faces the eye turns clockwise."""
+        self._context.front_face = "cw"
+        self._context.enable(moderngl.CULL_FACE)
+
+    # -- GL objects
+
+    def release(self) -> None:
+        """Free everything."""
+        sheets = [sheet for resident in self._residents.values() for sheet in resident.sheets.values()]
+        for sheet in (*sheets, self._blocks, self._ground, self._lands, self._quays, self._far_lands):
+            sheet.release()
+        for program in (self._caster, *self._programs.values()):
+            program.release()
+        self._shade_frame.release()
+        for texture in (self._map, self._shade):
+            texture.release()
+        self._residents.clear()
+
+    def _program(self, name: str, mode: Mode) -> moderngl.Program:
+        if (name, mode) not in self._programs:
+            switches = {"layered": name in LAYERED, name: True, **mode._asdict()}
+            self._programs[name, mode] = programs.build(
+                self._context,
+                shaders.variant(shaders.VERTEX, **switches),
+                shaders.variant(SOURCES[name], **switches),
+            )
+        return self._programs[name, mode]
+
+    def _upload(self, name: str, part: Part, casts: bool) -> Sheet:
+        if not len(part.index):
+            return Sheet((), {}, None, 0)
+        vertices, index = self._context.buffer(part.vertices.tobytes()), self._context.buffer(part.index.tobytes())
+        cast = None
+        if casts:
+            layout = _layout(self._caster)
+            cast = self._context.vertex_array(self._caster, [(vertices, *layout)], index, 4)
+        return Sheet((vertices, index), _Lit(self, name, vertices, index), cast, len(part.index))
+
+    def array_of(
+        self, name: str, vertices: moderngl.Buffer, index: moderngl.Buffer, mode: Mode
+    ) -> moderngl.VertexArray:
+        """A vertex array of a material for one mode."""
+        program = self._program(name, mode)
+        return self._context.vertex_array(program, [(vertices, *_layout(program))], index, 4)
+
+
+class _Lit(dict[Mode, moderngl.VertexArray]):
+    """Vertex arrays by mode, made when first asked for."""
+
+    def __init__(self, owner: Cityscape, name: str, vertices: moderngl.Buffer, index: moderngl.Buffer) -> None:
+        super().__init__()
+        self._make = owner, name, vertices, index
+
+    def __missing__(self, key: Mode) -> moderngl.VertexArray:
+        owner, name, vertices, index = self._make
+        self[key] = owner.array_of(name, vertices, index, key)
+        return self[key]
+
+
+def _layout(program: moderngl.Program) -> tuple[str, ...]:
+    sizes = [size if name in program else f"{4 * int(size[0])}x" for size, name in LAYOUT]
+    return (" ".join(sizes), *(name for _, name in LAYOUT if name in program))
+
+
+def _draw_runs(array: moderngl.VertexArray, runs: tuple[tuple[int, int], ...]) -> None:
+    for first, count in runs:
+        array.render(moderngl.TRIANGLES, vertices=count, first=first)

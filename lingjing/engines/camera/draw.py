@@ -1,0 +1,610 @@
+"""`Renderer`: one picture from a pose, a sea and the instances, in one pass over the scene.
+
+Order: what stands (a city's buildings and props), ground, solids, water, sky (each pixel shaded about once), then
+shadows, blots and marks blended into the colour alone, then objects, flames and spray, at last smoke and rain. What
+moves has planar shadows: a mesh pressed along the sun's rays onto its plane, drawn twice so that overlaps darken once
+(first its alpha is marked, then colour is multiplied by the mark and the mark removed). A city and what stands in it
+have a shadow map (`cityscape`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import moderngl
+import numpy as np
+import numpy.typing as npt
+
+from lingjing.engines.camera import city_shaders, programs, shaders, uniforms
+from lingjing.engines.camera.beyond import HIGH_M, SPAN_M
+from lingjing.engines.camera.cityscape import TOUCHING_M, Cityscape
+from lingjing.engines.camera.classes import CLASSES
+from lingjing.engines.camera.context import open_context, renderer_name
+from lingjing.engines.camera.effects import Dress, prop_effects
+from lingjing.engines.camera.effects.drawing import EffectPass
+from lingjing.engines.camera.effects.particles import BILLBOARD, DECAL
+from lingjing.engines.camera.ground import SHORE_REACH_M, Ground
+from lingjing.engines.camera.ground import Surface as Land
+from lingjing.engines.camera.instances import Batch, Rows, afloat, in_sight, visible
+from lingjing.engines.camera.light import Light, light_of
+from lingjing.engines.camera.looks import Gathered, looks_of, merged
+from lingjing.engines.camera.mesh_rows import Part
+from lingjing.engines.camera.meshes import indexed
+from lingjing.engines.camera.nightlights import lamp_rows
+from lingjing.engines.camera.noise import GRAIN, cloud_texture, grain_texture, lace_texture, noise_texture
+from lingjing.engines.camera.ocean import RIPPLE_M, Surface
+from lingjing.engines.camera.ocean import SIZE as SEA_SIZE
+from lingjing.engines.camera.sight import blunt_from, near_plane, sky_bounds
+from lingjing.engines.camera.standins import standin
+from lingjing.engines.camera.targets import MAX_TARGETS, Buffers, Place, Target, overlap
+from lingjing.engines.camera.tilemesh import Under
+from lingjing.engines.camera.upload import Model, rows_array, upload, upload_still
+from lingjing.engines.camera.view import View
+from lingjing.mission.instance import Vector, Weather
+from lingjing.plugins.geometry import focal_px
+from lingjing.scene.city import City
+from lingjing.trace.records import CameraPose
+
+SHADE_UNIT, MAP_UNIT, CLOUD_UNIT, GRAIN_UNIT = 4, 5, 6, 7
+GRAINS = {"u_grain": slice(0, 4), "u_paved": slice(0, 2), "u_street": slice(2, 4), "u_tone": slice(2, 3)}
+"""Which parts of the grain a texture holds: a software renderer pays for every byte that it does not need."""
+WARM_SIZE, WARM_UP_M = (320, 180), 60.0
+GRAIN_M = 64.0
+"""What the grain's texture spans (`city_shaders`)."""
+MIPMAPPED = moderngl.LINEAR_MIPMAP_LINEAR
+RELIEF_M = 500.0
+"""No land rises higher."""
+SEA_SPAN_M = 30_000.0
+"""How far `shaders.WATER_VERTEX` spreads the sea."""
+SEA_FLOOR, GROUND_FLOOR = (0.013, 0.065, 0.08), (0.09, 0.10, 0.05)
+"""Colours of sea and country at the horizon of an eye high up."""
+GROUND_CLASSES = tuple(CLASSES[name] for name in ("sand", "grass", "rock", "concrete"))
+
+
+Lake = tuple[float, moderngl.VertexArray, tuple[moderngl.Buffer, ...]]
+"""Level, array and its buffers."""
+
+
+@dataclass(frozen=True, slots=True)
+class Scenery:
+    """What a picture shows besides the static ground: the sea at a time, all instances, marks on the water."""
+
+    time_s: float
+    weather: Weather
+    sea: tuple[Surface, Surface]
+    batches: Sequence[Batch]
+    marks: npt.NDArray[np.void]
+    billboards: npt.NDArray[np.void] = field(default_factory=lambda: np.zeros(0, BILLBOARD))
+    decals: npt.NDArray[np.void] = field(default_factory=lambda: np.zeros(0, DECAL))
+    dress: int = 0
+    """Which of the dresses of the town it wears (`Cityscape.dress`)."""
+
+
+class Renderer:
+    """Owns the GL context and everything in it. Not thread-safe; `close` frees all."""
+
+    def __init__(self) -> None:
+        self.context = open_context()
+        self.name = renderer_name(self.context)
+        self._objects = self._pair(shaders.OBJECT_VERTEX, shaders.OBJECT_FRAGMENT)
+        self._dull = self._pair(shaders.OBJECT_VERTEX, shaders.dull(shaders.OBJECT_FRAGMENT))
+        self._grounds = {cls: self._pair(shaders.OBJECT_VERTEX, shaders.ground_fragment(cls)) for cls in GROUND_CLASSES}
+        self._water = self._program(shaders.WATER_VERTEX, shaders.WATER_FRAGMENT)
+        self._lake = self._program(shaders.LAKE_VERTEX, shaders.WATER_FRAGMENT)
+        far_water = shaders.aloft(shaders.WATER_FRAGMENT)
+        self._far_water = self._program(shaders.WATER_VERTEX, far_water)
+        self._far_lake = self._program(shaders.LAKE_VERTEX, far_water)
+        self._sky = self._program(shaders.SKY_VERTEX, shaders.SKY_FRAGMENT)
+        self._below = self._program(shaders.BELOW_VERTEX, shaders.BELOW_FRAGMENT)
+        self._shadow = self._program(shaders.SHADOW_VERTEX, shaders.SHADOW_FRAGMENT)
+        self._mark = self._program(shaders.MARK_VERTEX, shaders.MARK_FRAGMENT)
+        self._rain = self._program(shaders.SKY_VERTEX, city_shaders.RAIN_FRAGMENT)
+        self._tree_shade = self._program(city_shaders.CASTER_INSTANCED, city_shaders.CASTER_FRAGMENT)
+        self._effects = EffectPass(self.context)
+        self._programs = (
+            *self._objects, *self._dull, *(p for pair in self._grounds.values() for p in pair), self._water, self._lake,
+            self._far_water, self._far_lake,
+            self._sky, self._below, self._shadow, self._mark, self._rain, self._tree_shade,
+        )  # fmt: skip
+        corners = np.array([-1, -1, 1, -1, 1, 1, -1, -1, 1, 1, -1, 1], "f4")
+        self._corners = self.context.buffer(corners.tobytes())
+        self._far_corners = self.context.buffer((corners * np.float32(SPAN_M / SEA_SPAN_M)).tobytes())
+        noise = noise_texture()
+        self._noise, self._lace = self.texture(noise), lace_texture()
+        grain = grain_texture()
+        self._grains = {name: self.texture(np.ascontiguousarray(grain[..., part])) for name, part in GRAINS.items()}
+        self._clouds = self.texture(cloud_texture())
+        self._clouds.filter = moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR
+        self._sea = (self._sea_texture(), self._sea_texture())
+        self._sea_scales = ((1.0, 1.0), (1.0, 1.0))
+        self._sea_now: tuple[Surface, Surface] | None = None
+        self._shore = self.context.texture((1, 1), 2, b"\xff\x80")
+        self._water_vao = self.context.vertex_array(self._water, [(self._corners, "2f", "in_corner")])
+        self._far_water_vao = self.context.vertex_array(self._far_water, [(self._far_corners, "2f", "in_corner")])
+        self._below_vao = self.context.vertex_array(self._below, [(self._corners, "2f", "in_corner")])
+        self._sky_vao = self.context.vertex_array(self._sky, [(self._corners, "2f", "in_corner")])
+        self._rain_vao = self.context.vertex_array(self._rain, [(self._corners, "2f", "in_corner")])
+        self._town: Cityscape | None = None
+        self._lakes: list[Lake] = []
+        self._far_lakes: list[Lake] = []
+        self._casting: dict[str, tuple[Model, moderngl.VertexArray]] = {}
+        self._standing = Gathered()
+        self._surfaces: list[tuple[Land, Model]] = []
+        self._solids: list[Model] = []
+        self._models: dict[str, Model] = {}
+        self._targets: dict[tuple[tuple[int, int], bool], Target] = {}
+        self._level = 0.0
+        self._bounds = (0.0, 0.0, 1.0, 1.0)
+
+    def texture(self, pixels: npt.NDArray[np.uint8]) -> moderngl.Texture:
+        """A repeating, mipmapped texture of (rows, columns, components) bytes."""
+        texture = self.context.texture(pixels.shape[1::-1], pixels.shape[2], pixels.tobytes())
+        texture.filter = MIPMAPPED, moderngl.LINEAR
+        texture.build_mipmaps()
+        return texture
+
+    def load(self, ground: Ground, town: tuple[City, Under] | None = None) -> None:
+        """Replace the static geometry; `town` is a city with streets and buildings."""
+        with self.context:
+            self._unload()
+            self._load(ground)
+            if town is not None:
+                self._load_town(*town)
+
+    def _load(self, ground: Ground) -> None:
+        self._surfaces = [(land, self._land(land, ground.level_m)) for land in ground.surfaces]
+        self._solids = [
+            upload_still(self.context, (self._objects[0], self._shadow), indexed(mesh), plane, CLASSES["structure"])
+            for plane, mesh in ground.solids
+        ]
+        rows, columns, parts = ground.shore.shape
+        self._shore = self.context.texture((columns, rows), parts, ground.shore.tobytes())
+        self._shore.repeat_x = self._shore.repeat_y = False
+        self._level = ground.level_m
+        west, south, east, north = ground.bounds
+        self._bounds = west, south, 1.0 / (east - west), 1.0 / (north - south)
+
+    def dress(self, *dresses: Dress) -> None:
+        """Take over what a mission changes about a town: the dress that pictures show, then those for `redraw`."""
+        if self._town is not None:
+            with self.context:
+                self._town.dress(dresses)
+
+    def _load_town(self, city: City, under: Under) -> None:
+        self._town = Cityscape(self.context, city, under)
+        self._surfaces = [(land, self._shaded_land(model, land)) for land, model in self._surfaces]
+        near, far = self._town.plate.waters, self._town.beyond.waters
+        self._lakes = [self._lake_of(self._lake, *water) for water in near]
+        self._far_lakes = [self._lake_of(self._far_lake, *water) for water in (*near, *far)]
+
+    def _lake_of(self, program: moderngl.Program, level: float, part: Part) -> Lake:
+        vertices = self.context.buffer(np.ascontiguousarray(part.vertices["position"]).tobytes())
+        index = self.context.buffer(part.index.tobytes())
+        array = self.context.vertex_array(program, [(vertices, "3f", "in_position")], index, 4)
+        return level, array, (vertices, index)
+
+    def _shaded_land(self, old: Model, land: Land) -> Model:
+        old.release()
+        return self._land(land, self._level, shaded=True)
+
+    def _unload(self) -> None:
+        for model in [*(m for _, m in self._surfaces), *self._solids, *self._models.values()]:
+            model.release()
+        for model, array in self._casting.values():
+            array.release()
+            model.release()
+        for _, array, buffers in (*self._lakes, *self._far_lakes):
+            array.release()
+            for buffer in buffers:
+                buffer.release()
+        if self._town is not None:
+            self._town.release()
+        self._shore.release()
+        self._surfaces, self._solids, self._models, self._casting, self._lakes = [], [], {}, {}, []
+        self._far_lakes = []
+        self._standing = Gathered()
+        self._town = None
+
+    def warm(self, places: Sequence[Vector], scenery: Scenery, depth: bool) -> None:
+        """Make ready what pictures near some places need: tiles, programs for this weather, their machine code. A small
+        picture is drawn and thrown away: pictures do not depend on the ones before."""
+        with self.context:
+            if self._town is not None:
+                self._town.warm(places)
+            for tilt in (90.0, 10.0):
+                east, north, up = places[0]
+                pose = CameraPose(position=(east, north, up + WARM_UP_M), heading_deg=0.0, tilt_deg=tilt, roll_deg=0.0,
+                                  hfov_deg=84.0, width=WARM_SIZE[0], height=WARM_SIZE[1])  # fmt: skip
+                self._render(pose, scenery, depth)
+            self._targets.pop((WARM_SIZE, depth)).release()
+
+    def render(self, pose: CameraPose, scenery: Scenery, depth: bool, near_m: float | None = None) -> Buffers:
+        """Draw one picture and read it back; without a near plane with its own."""
+        with self.context:
+            return self._render(pose, scenery, depth, near_m)
+
+    def near_plane(self, pose: CameraPose, scenery: Scenery) -> float:
+        """The near plane of a picture: what is nearest in it decides."""
+        with self.context:
+            return self._near(pose, scenery, self._view(pose, scenery))
+
+    def redraw(
+        self, pose: CameraPose, scenery: Scenery, depth: bool, place: Place, near_m: float
+    ) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint16]]:
+        """Colours and ids of a part of a picture, pixel for pixel those of the whole one with this near plane, after
+        `render` of the same pose. The town's shadows stay as that one left them."""
+        with self.context:
+            return self._draw(pose, scenery, depth, near_m, self._view(pose, scenery), place).read_part(place)
+
+    def _render(self, pose: CameraPose, scenery: Scenery, depth: bool, near_m: float | None = None) -> Buffers:
+        view = self._view(pose, scenery)
+        if view is not None:
+            self._shade(view)
+        near_m = self._near(pose, scenery, view) if near_m is None else near_m
+        return self._draw(pose, scenery, depth, near_m, view, None).read(near_m)
+
+    def _light(self, pose: CameraPose, scenery: Scenery) -> Light:
+        return light_of(scenery.weather, pose.position[2] - self._level)
+
+    def _view(self, pose: CameraPose, scenery: Scenery) -> View | None:
+        """What a picture needs of the town, which wears the scenery's dress from now on; None without a town."""
+        if self._town is None:
+            return None
+        self._town.worn = scenery.dress
+        return self._town.view(pose, scenery.weather.visibility_m, self._light(pose, scenery))
+
+    def _near(self, pose: CameraPose, scenery: Scenery, view: View | None) -> float:
+        if self._town is not None and view is not None:
+            return self._town.near_plane(view, pose, _closest(scenery, pose))
+        if pose.position[2] > HIGH_M:
+            return near_plane(pose, min(pose.position[2] - RELIEF_M, max(_closest(scenery, pose), TOUCHING_M)))
+        return uniforms.bay_near(pose)
+
+    def _draw(
+        self, pose: CameraPose, scenery: Scenery, depth: bool, near_m: float, view: View | None, place: Place | None
+    ) -> Target:
+        """Draw a picture, or again a part of the one that was drawn last."""
+        light = self._light(pose, scenery)
+        target = self._target((pose.width, pose.height), depth)
+        self._prepare(pose, scenery, light, view, near_m)
+        target.frame.use()
+        target.frame.scissor = place  # type: ignore[assignment] # None: the whole picture
+        target.write(colour=True, alpha=True, rest=True)
+        target.clear(uniforms.haze(light))
+        self.context.enable_only(moderngl.DEPTH_TEST)
+        self.context.depth_func = "<="
+        weather = light.rain > 0.0, light.lamps
+        if self._town is not None and view is not None:
+            self._town.structures(view, pose.position, *weather)
+            self._stand(pose, view)
+        for land, model in self._surfaces:
+            _draw_land(land, model, pose)
+        for model in self._solids:
+            model.lit.render(instances=1)
+        if self._town is not None and view is not None:
+            self._town.floors(view, *weather)
+        self._waters(high=pose.position[2] > HIGH_M)
+        self._heavens(target, pose, place)
+        if pose.position[2] > HIGH_M:
+            self._below_vao.render()
+        scenery = self._enlivened(scenery, view, pose, light)
+        drawn = self._fill(pose, scenery, light)
+        self._blend(target, drawn, scenery, light)
+        for model, _, count in drawn:
+            if count:
+                model.lit.render(instances=count)
+        self._effects.bodies(scenery.billboards)
+        self._air(target, pose, scenery, light)
+        target.frame.scissor = None  # type: ignore[assignment] # the whole picture
+        if self._town is not None:
+            self._town.trim()
+        return target
+
+    def _waters(self, high: bool) -> None:
+        if self._town is None or self._town.plate.sea is not None:
+            (self._far_water_vao if high else self._water_vao).render()
+        lake = self._far_lake if high else self._lake
+        for level, array, _ in self._far_lakes if high else self._lakes:
+            lake["u_level"] = level
+            array.render()
+
+    def _heavens(self, target: Target, pose: CameraPose, place: Place | None) -> None:
+        """The sky, where it can be: below that all is ground or water."""
+        shown = sky_bounds(pose, self._level)
+        if shown is not None and place is not None:
+            shown = overlap(shown, place)
+        if shown is not None:
+            target.frame.scissor = shown
+            self._sky_vao.render()
+            target.frame.scissor = place  # type: ignore[assignment] # None: the whole picture
+
+    def _air(self, target: Target, pose: CameraPose, scenery: Scenery, light: Light) -> None:
+        """What the air carries: smoke, mist, glow, rain. It hides nothing from ids and depth."""
+        target.write(colour=True, alpha=False, rest=False)
+        self._effects.clouds(scenery.billboards, pose.position)
+        if light.rain > 0.0:
+            self.context.enable_only(moderngl.BLEND)
+            self.context.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
+            self._rain_vao.render()
+        self.context.enable_only(moderngl.DEPTH_TEST)
+        target.write(colour=True, alpha=True, rest=True)
+
+    def _enlivened(self, scenery: Scenery, view: View | None, pose: CameraPose, light: Light) -> Scenery:
+        """The scenery with the effects of the tiles' props and, after dark, with their lamps."""
+        if self._town is None or view is None:
+            return scenery
+        tiles = [self._town.resident(key) for key in view.full]
+        props = [prop for tile in tiles for prop in tile.lively]
+        found = [prop_effects(prop, scenery.time_s, scenery.weather) for prop in props]
+        lamps = [lamp_rows(tile.lamps, pose.position, light.dark) for tile in tiles] if light.lamps else []
+        return replace(
+            scenery,
+            billboards=np.concatenate([scenery.billboards, *(_soft(effects.billboards) for effects in found), *lamps]),
+            decals=np.concatenate([scenery.decals, *(effects.decals for effects in found)]),
+        )
+
+    def _shade(self, view: View) -> None:
+        """Bring the shadow map up to date, plants and other props included."""
+        assert self._town is not None
+        if not self._town.shade(view):
+            return
+        self._tree_shade["u_light"] = self._town.light_uniform
+        for batch in merged([self._town.resident(key).props for key in view.casters]):
+            mesh = standin(batch)
+            key = f"shade/{batch.key}"
+            model, array = self._caster(key, batch.mesh if mesh is None else mesh, len(batch.rows))
+            model.place(batch.rows)
+            array.render(instances=len(batch.rows))
+
+    def _caster(self, key: str, mesh: npt.NDArray[np.float32], needed: int) -> tuple[Model, moderngl.VertexArray]:
+        found = self._casting.get(key)
+        if found is None or found[0].capacity < needed:
+            if found is not None:
+                found[1].release()
+                found[0].release()
+            model = upload(self.context, (self._objects[1], self._shadow), indexed(mesh), max(needed, 64))
+            found = self._casting[key] = model, rows_array(self.context, self._tree_shade, model)
+        return found
+
+    def _stand(self, pose: CameraPose, view: View) -> None:
+        """Trees, lamps and other props of the tiles in sight, small plants as stand-ins."""
+        assert self._town is not None
+        lump_m, _ = blunt_from(view.reach_m)
+        for batch in self._standing.of([self._town.resident(key).props for key in sorted(view.full)]):
+            for look in looks_of(batch, pose, lump_m):
+                model = self._loaded(look.key, look.mesh, len(look.rows), look.dull)
+                model.place(look.rows)
+                model.lit.render(instances=len(look.rows))
+
+    def close(self) -> None:
+        """Release every GL object, then the context."""
+        with self.context:
+            self._release()
+        self.context.release()
+
+    def _release(self) -> None:
+        self._unload()
+        for target in self._targets.values():
+            target.release()
+        self._targets = {}
+        self._effects.release()
+        for texture in (self._noise, *self._grains.values(), self._clouds, *self._sea):
+            texture.release()
+        for array in (self._water_vao, self._far_water_vao, self._below_vao, self._sky_vao, self._rain_vao):
+            array.release()
+        for buffer in (self._corners, self._far_corners):
+            buffer.release()
+        for program in self._programs:
+            program.release()
+
+    def _target(self, size: tuple[int, int], depth: bool) -> Target:
+        key = size, depth
+        if key not in self._targets:
+            if len(self._targets) >= MAX_TARGETS:
+                self._targets.pop(next(iter(self._targets))).release()
+            self._targets[key] = Target(self.context, size, depth)
+        return self._targets[key]
+
+    def _pair(self, vertex: str, fragment: str) -> tuple[moderngl.Program, moderngl.Program]:
+        """A program without and with shadows from the shadow map."""
+        program = self.context.program  # many small triangles: varyings cost them more than uniforms
+        return (
+            program(vertex_shader=vertex, fragment_shader=fragment),
+            program(vertex_shader=shaders.shaded(vertex), fragment_shader=shaders.shaded(fragment)),
+        )
+
+    def _program(self, vertex: str, fragment: str) -> moderngl.Program:
+        return programs.build(self.context, vertex, fragment)
+
+    def _land(self, land: Land, level: float, shaded: bool = False) -> Model:
+        program = self._grounds.get(land.cls, self._grounds[CLASSES["concrete"]])[shaded]
+        index = np.concatenate([patch.triangles.ravel() for patch in land.patches])
+        return upload_still(self.context, (program, self._shadow), (land.vertices, index), level, land.cls)
+
+    def _sea_texture(self) -> moderngl.Texture:
+        return self.texture(np.zeros((SEA_SIZE, SEA_SIZE, 4), np.uint8))
+
+    def _prepare(self, pose: CameraPose, scenery: Scenery, light: Light, view: View | None, near_m: float) -> None:
+        if self._sea_now is not scenery.sea:
+            packed = [scenery.sea[0].packed(), scenery.sea[1].packed(self._lace)]
+            for texture, (pixels, _) in zip(self._sea, packed, strict=True):
+                texture.write(pixels.tobytes())
+                texture.build_mipmaps()
+            self._sea_scales = packed[0][1], packed[1][1]
+            self._sea_now = scenery.sea
+        for unit, texture in enumerate((*self._sea, self._shore, self._noise)):
+            texture.use(unit)
+        self._clouds.use(CLOUD_UNIT)
+        for unit, texture in enumerate(self._grains.values(), GRAIN_UNIT):
+            texture.use(unit)
+        self._noise.filter = MIPMAPPED, moderngl.LINEAR
+        for texture in self._sea:
+            texture.filter = (moderngl.LINEAR if _close(pose, self._level) else MIPMAPPED), moderngl.LINEAR
+        values: dict[str, object] = {**uniforms.air(light, scenery.time_s, scenery.weather.wind_mps)}
+        values |= {
+            **self._sea_values(scenery),
+            "u_level": self._level,
+            "u_layer": 0.0,
+            "u_rain": light.rain,
+            **self._floor(),
+            "u_silt": float(self._town is not None and self._town.plate.sea is None),
+        }
+        told: tuple[moderngl.Program, ...] = (*self._programs, *self._effects.programs)
+        if self._town is not None and view is not None:
+            self._town.bind(view, pose, SHADE_UNIT, MAP_UNIT)
+            self._noise.filter = moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR
+            for texture in self._grains.values():
+                texture.filter = _grain_filter(pose)
+            values |= {**self._town.values(view), "u_shadow": SHADE_UNIT, "u_map": MAP_UNIT}
+            told = (*told, *self._town.programs(light.rain > 0.0, light.lamps, view.reaching, view.high))
+        values |= uniforms.view(pose, near_m)
+        for program in told:
+            own = {**values, **uniforms.space(light, pose.position[2])} if program is self._sky else values
+            for name in program:
+                if name in own:
+                    program[name] = own[name]
+
+    def _floor(self) -> dict[str, object]:
+        """What is at the horizon of an eye high up."""
+        if self._town is None or self._town.plate.sea is not None:
+            return {"u_floor": (*SEA_FLOOR, 1.0), "u_floor_is": (self._level, float(CLASSES["water"]))}
+        return {"u_floor": (*GROUND_FLOOR, 0.0), "u_floor_is": (0.0, float(CLASSES["grass"]))}
+
+    def _sea_values(self, scenery: Scenery) -> dict[str, object]:
+        return {
+            "u_swell": 0,
+            "u_ripple": 1,
+            "u_shore": 2,
+            "u_noise": 3,
+            "u_clouds": CLOUD_UNIT,
+            **{name: GRAIN_UNIT + number for number, name in enumerate(GRAINS)},
+            "u_swell_scale": self._sea_scales[0],
+            "u_ripple_scale": self._sea_scales[1],
+            "u_lengths": (scenery.sea[0].length_m, scenery.sea[1].length_m),
+            "u_bounds": self._bounds,
+            "u_reach": SHORE_REACH_M,
+        }
+
+    def _fill(self, pose: CameraPose, scenery: Scenery, light: Light) -> list[tuple[Model, int, int]]:
+        """Per mesh: (model, instances whose shadow may show, of these the first so many are themselves visible)."""
+        drawn = []
+        slack = 1.0 + 2.0 / max(light.sun[2], 0.2)
+        for batch in scenery.batches:
+            near = visible(batch.rows, batch.radius, pose, slack) | _casts_far(batch)
+            if not near.any():
+                continue
+            rows = afloat(batch, scenery.sea[0])
+            seen = visible(rows, batch.radius, pose) & near
+            ordered: Rows = np.concatenate([rows[seen], rows[near & ~seen]])
+            model = self._loaded(batch.key, batch.mesh, len(batch.rows))
+            model.place(ordered)
+            drawn.append((model, len(ordered), int(seen.sum())))
+        return drawn
+
+    def _loaded(self, key: str, mesh: npt.NDArray[np.float32], needed: int, dull: bool = False) -> Model:
+        model = self._models.get(key)
+        if model is None or model.capacity < needed:
+            if model is not None:
+                model.release()
+            lit = (self._dull if dull else self._objects)[self._town is not None]
+            room = needed if self._town is None else max(64, 2 * needed)
+            model = self._models[key] = upload(self.context, (lit, self._shadow), indexed(mesh), room)
+        return model
+
+    def _blend(self, target: Target, drawn: list[tuple[Model, int, int]], scenery: Scenery, light: Light) -> None:
+        self.context.enable(moderngl.BLEND)
+        self._marks(target, scenery)
+        if len(scenery.decals):
+            target.write(colour=True, alpha=False, rest=False)
+            self._effects.decals(scenery.decals)
+            self.context.enable(moderngl.BLEND)
+        casters = [(model, count) for model, count, _ in drawn] + [(model, 1) for model in self._solids]
+        target.write(colour=False, alpha=True, rest=False)
+        self._cast(casters, _shade(light), (moderngl.ONE, moderngl.ZERO))
+        target.write(colour=True, alpha=True, rest=False)
+        self._cast(casters, 1.0, (moderngl.ZERO, moderngl.DST_ALPHA, moderngl.ONE, moderngl.ZERO))
+        target.write(colour=True, alpha=True, rest=True)
+        self.context.disable(moderngl.BLEND)
+
+    def _cast(self, casters: list[tuple[Model, int]], alpha: float, blend: tuple[int, ...]) -> None:
+        self._shadow["u_shade_left"] = alpha
+        self.context.blend_func = blend  # type: ignore[assignment] # two or four factors
+        for model, count in casters:
+            model.shadow.render(instances=count)
+
+    def _marks(self, target: Target, scenery: Scenery) -> None:
+        if not len(scenery.marks):
+            return
+        target.write(colour=True, alpha=False, rest=False)
+        self.context.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
+        buffer = self.context.buffer(scenery.marks.tobytes())
+        array = self.context.vertex_array(
+            self._mark, [(self._corners, "2f", "in_corner"), (buffer, "4f 2f/i", "in_place", "in_kind")]
+        )
+        array.render(instances=len(scenery.marks))
+        array.release()
+        buffer.release()
+
+
+def _close(pose: CameraPose, level: float) -> bool:
+    """Whether no pixel of the picture spans much more than a ripple's texel: then the sea needs no mipmaps, which
+    cost a software renderer twice the look-ups."""
+    steepest = pose.tilt_deg > 80.0 and pose.hfov_deg < 100.0
+    return steepest and (pose.position[2] - level) / focal_px(pose) < 1.7 * RIPPLE_M / SEA_SIZE
+
+
+def _grain_filter(pose: CameraPose) -> tuple[int, int]:
+    """Where a pixel of the ground spans most of a texel of its grain, the nearest texel does: reading one costs a
+    software renderer a third of four."""
+    coarse = pose.position[2] / focal_px(pose) > 0.6 * GRAIN_M / GRAIN
+    return (
+        (moderngl.NEAREST_MIPMAP_NEAREST, moderngl.NEAREST)
+        if coarse
+        else (moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR)
+    )
+
+
+def _draw_land(land: Land, model: Model, pose: CameraPose) -> None:
+    """Only the patches that the picture can show, neighbours in one call."""
+    centres = np.array([patch.centre for patch in land.patches])
+    radius = np.array([patch.radius for patch in land.patches])
+    seen = in_sight(centres, radius, pose)
+    counts = [patch.triangles.size for patch in land.patches]
+    first = run = 0
+    for count, shown in zip([*counts, 0], [*seen.tolist(), False], strict=True):
+        if shown:
+            run += count
+        else:
+            if run:
+                model.lit.render(vertices=run, first=first, instances=1)
+            first, run = first + run + count, 0
+
+
+def _casts_far(batch: Batch) -> npt.NDArray[np.bool_]:
+    """Instances high over their shadow's plane, whose shadow lies far from themselves."""
+    high = batch.rows["rows"][:, 2, 3] - batch.rows["plane"]
+    return np.asarray(high > 2.0 * batch.radius)
+
+
+def _shade(light: Light) -> float:
+    """What a shadow leaves of the developed colour."""
+    return 0.60 + 0.32 * light.cloud + (0.40 - 0.32 * light.cloud) * light.dark
+
+
+def _closest(scenery: Scenery, pose: CameraPose) -> float:
+    """Distance of the nearest thing of the scenery that is in sight, metres."""
+    eye, nearest = np.array(pose.position), np.inf
+    for batch in scenery.batches:
+        at = batch.rows["rows"][:, :, 3].astype(np.float64)
+        seen = in_sight(at, batch.radius, pose)
+        away = np.linalg.norm(at - eye, axis=1)[seen] - batch.radius[seen]
+        nearest = min(nearest, float(away.min(initial=np.inf)))
+    return max(nearest, 0.0)
+
+
+def _soft(rows: npt.NDArray[np.void]) -> npt.NDArray[np.void]:
+    """Billboards of a prop: what is a body there has the id of props."""
+    rows = rows.copy()
+    rows["id"] *= CLASSES["prop"]
+    return rows

@@ -1,0 +1,381 @@
+"""What targets do to the static city: a gap in a bridge, a building in the colour that its mission names.
+
+All are pure functions of tiles and the mission's entities: `dress` looks at the tiles near each of them and gives the
+changed tiles, the buildings whose pixels are an entity's, and what each effect must know of its surroundings.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from math import atan2, cos, degrees, hypot, inf, radians, sin
+from typing import TypeVar
+
+import msgspec
+
+from lingjing.engines.camera.effects.standing import facing, inward
+from lingjing.engines.camera.models.places import KERB_M
+from lingjing.mission.instance import Entity, Vector
+from lingjing.scene.city import Bridge, Building, Lane, Pieces, Polygon, Road, Solid, Tile
+from lingjing.scene.districts.palette import NAMED
+
+AWARE = (
+    "bridge_fracture", "pipeline_leak", "reference_building", "destination", "delivery_point", "warehouse",
+    "queue_of_people", "building_fire",
+)  # fmt: skip
+"""Types whose looks depend on what they stand on."""
+NEAR_M = 40.0
+"""A target belongs to the bridge or building within this distance of it, the nearest one."""
+TILES_M = 80.0
+"""How far around a target tiles are looked at: an anchored building's first corner may be as far."""
+VERGE_M = 0.8
+"""From a road's edge to the middle of what stands there."""
+GAP_M = 8.0
+BESIDE_M, OVER_M = 30.0, 6.0
+"""How far (m) a bridge reaches beside its path, and what stands on it above it."""
+Path = tuple[Vector, ...]
+Box = tuple[float, float, float, float, float, float]
+"""West, south, low, east, north, high (m)."""
+P = TypeVar("P", bound=Pieces)
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class Site:
+    """Surroundings of a target: the ground's elevation under it; for one on a bridge the deck's axis, width, thickness
+    and top; for one on a pipe the pipe's axis and radius; for a queue the bearing in which it has room; for one on a
+    road how far to its right the road ends; for one on a roof how far (m, east and north) to be off its edges."""
+
+    ground_m: float = 0.0
+    heading_deg: float | None = None
+    width_m: float = 12.0
+    thickness_m: float = 1.2
+    deck_m: float | None = None
+    radius_m: float = 0.4
+    kerb_m: float = KERB_M
+    inward: tuple[float, float] = (0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Dress:
+    """What a mission changes: whole tiles by their key, building id → number of the entity that it is and that
+    building's tile, entity id → its surroundings."""
+
+    tiles: dict[tuple[int, int], Pieces] = field(default_factory=dict)
+    faced: dict[str, int] = field(default_factory=dict)
+    places: dict[str, tuple[int, int]] = field(default_factory=dict)
+    sites: dict[str, Site] = field(default_factory=dict)
+
+    def content(self, key: tuple[int, int]) -> tuple[Pieces | None, dict[str, int]]:
+        """What it makes of a tile: the changed pieces, and the entities that buildings of the tile are."""
+        mine = {building: number for building, number in self.faced.items() if self.places[building] == key}
+        return self.tiles.get(key), mine
+
+
+def dress(
+    near: Callable[[float, float, float], tuple[Tile, ...]],
+    ground: Callable[[float, float], float],
+    entities: Sequence[Entity],
+    without: Collection[str] = (),
+    razed: bool = False,
+) -> Dress:
+    """The dress of a city for the entities of a mission. `near` gives the tiles about a point (`Tiles.near`), `ground`
+    the elevation of ground or water at one. For the entities `without` the city stands as if they were not; if `razed`,
+    a building that is one of them is not there either."""
+    made = Dress()
+    for number, entity in enumerate(entities):
+        if not any(is_a(entity, kind) for kind in AWARE):
+            continue
+        x, y, _ = entity.position
+        tiles = near(x, y, TILES_M)
+        made.sites[entity.id] = site_of(entity, tiles, ground(x, y))
+        chosen = faced(Pieces(buildings=tuple(b for tile in tiles for b in tile.buildings)), (entity,))
+        left_out = entity.id in without
+        if not left_out:
+            made.faced.update((building, number) for building in chosen)
+            made.places.update((b.id, tile.key) for tile in tiles for b in tile.buildings if b.id in chosen)
+        for tile in tiles:
+            before = made.tiles.get(tile.key, tile)
+            if left_out:
+                after = _razed(before, chosen) if razed else before
+            else:
+                after = dressed(before, (entity,), chosen, made.sites)
+            if after is not before:
+                made.tiles[tile.key] = after
+    return made
+
+
+def altered(
+    one: Dress,
+    other: Dress,
+    load: Callable[[tuple[int, int]], Pieces],
+    ground: Callable[[float, float], float],
+) -> tuple[Box, ...]:
+    """Where two dresses of a city differ in shape: a box for each tile that does. `load` gives a tile as it is built
+    (`Tiles.load`), `ground` the elevation of ground or water at a place."""
+    found = []
+    for key in sorted({*one.tiles, *other.tiles}):
+        sides = [_spanning(side.tiles.get(key) or load(key)) for side in (one, other)]
+        points = [
+            (x, y, z)
+            for mine, others in (sides, sides[::-1])
+            for span in mine if span not in others
+            for x, y, z in _outline(span)
+        ]  # fmt: skip
+        if points:
+            low, high = ([pick(values) for values in zip(*points, strict=True)] for pick in (min, max))
+            floor = min(ground(x, y) for x, y, _ in points)
+            found.append((low[0] - BESIDE_M, low[1] - BESIDE_M, min(low[2], floor) - OVER_M,
+                          high[0] + BESIDE_M, high[1] + BESIDE_M, high[2] + OVER_M))  # fmt: skip
+    return tuple(found)
+
+
+def _spanning(pieces: Pieces) -> list[Bridge | Road | Solid]:
+    return [*pieces.bridges, *pieces.roads, *pieces.solids]
+
+
+def _outline(piece: Bridge | Road | Solid) -> Iterator[Vector]:
+    if isinstance(piece, Bridge):
+        yield from piece.path
+    elif isinstance(piece, Road):
+        for lane in piece.lanes:
+            yield from lane.shape
+    else:
+        yield from ((x, y, z) for x, y in piece.polygon for z in (piece.base_m, piece.top_m))
+
+
+def _razed(pieces: Pieces, gone: Mapping[str, Entity]) -> Pieces:
+    """The pieces without some buildings; the very same object if none of them is in it."""
+    left = tuple(building for building in pieces.buildings if building.id not in gone)
+    return pieces if len(left) == len(pieces.buildings) else msgspec.structs.replace(pieces, buildings=left)
+
+
+def is_a(entity: Entity, kind: str) -> bool:
+    """Whether an entity is of a type or of one that extends it."""
+    return entity.type == kind or kind in entity.bases
+
+
+def site_of(entity: Entity, near: Iterable[Pieces], ground_m: float) -> Site:
+    """The surroundings of an entity among the pieces near it; `ground_m` is the elevation that things fall to."""
+    x, y, _ = entity.position
+    if is_a(entity, "bridge_fracture"):
+        found = _nearest([(bridge, bridge.path) for piece in near for bridge in piece.bridges], x, y)
+        if found is not None:
+            bridge, foot, heading = found
+            return Site(ground_m, heading, bridge.width_m, bridge.thickness_m, foot[2])
+    if is_a(entity, "pipeline_leak"):
+        pipe = _nearest([(pipe, pipe.path) for piece in near for pipe in piece.pipes], x, y)
+        if pipe is not None:
+            return Site(ground_m, pipe[2], radius_m=pipe[0].radius_m)
+    if is_a(entity, "building_fire"):
+        return Site(ground_m, inward=inward(entity.position, near))
+    if is_a(entity, "queue_of_people"):
+        return Site(ground_m, facing(entity, near))
+    if entity.properties.get("on") == "road":
+        return Site(ground_m, kerb_m=_kerb(near, entity))
+    return Site(ground_m)
+
+
+def dressed(
+    pieces: P,
+    entities: Sequence[Entity],
+    painted: Mapping[str, Entity] | None = None,
+    sites: Mapping[str, Site] | None = None,
+) -> P:
+    """The pieces with broken bridges and painted buildings (id → entity); the very same object if none changes.
+
+    Without `painted` and `sites` these are what the pieces themselves tell.
+    """
+    made = pieces
+    for entity in entities:
+        if is_a(entity, "bridge_fracture") and not entity.dormant:
+            known = sites.get(entity.id) if sites is not None else None
+            made = _broken(made, entity, known or site_of(entity, [pieces], 0.0))
+    chosen = faced(pieces, entities) if painted is None else painted
+    here = {building.id for building in pieces.buildings}
+    named = {name: entity for name, entity in chosen.items() if name in here and _paint(entity) is not None}
+    if not named:
+        return made
+    buildings = tuple(_painted(building, named.get(building.id)) for building in pieces.buildings)
+    return msgspec.structs.replace(made, buildings=buildings)
+
+
+def faced(pieces: Pieces, entities: Sequence[Entity]) -> dict[str, Entity]:
+    """Building id → the reference building's entity: the one that it was anchored to, else the nearest of these."""
+    found: dict[str, Entity] = {}
+    for entity in entities:
+        if not is_a(entity, "reference_building"):
+            continue
+        anchored = entity.properties.get("building")
+        if isinstance(anchored, str):
+            found.update((b.id, entity) for b in pieces.buildings if b.id == anchored)
+            continue
+        x, y, _ = entity.position
+        away, building = min(((_outline_distance(b.polygon, x, y), b.id) for b in pieces.buildings), default=(inf, ""))
+        if away <= NEAR_M:
+            found[building] = entity
+    return found
+
+
+def gap_of(entity: Entity) -> float:
+    """Length of the gap of a fracture along its bridge, m."""
+    given = entity.properties.get("width_m", GAP_M)
+    return max(2.0, float(given)) if isinstance(given, int | float) else GAP_M
+
+
+def split(path: Path, x: float, y: float, gap_m: float) -> tuple[Path, ...]:
+    """The path without the `gap_m` of it about the point nearest to (x, y): up to two pieces."""
+    _, at, _, _ = _project(path, x, y)
+    return tuple(part for part in (_until(path, at - 0.5 * gap_m), _from(path, at + 0.5 * gap_m)) if len(part) > 1)
+
+
+def _kerb(near: Iterable[Pieces], entity: Entity) -> float:
+    """From an entity on a lane over the lanes to its right to what stands at the kerb, m."""
+    x, y, _ = entity.position
+    best = (NEAR_M, KERB_M)
+    for road in (road for pieces in near for road in pieces.roads):
+        run = VERGE_M
+        for lane in road.lanes:
+            if len(lane.shape) > 1:
+                best = min(best, (_project(lane.shape, x, y)[0], run + 0.5 * lane.width_m))
+            run += lane.width_m
+    return best[1]
+
+
+def _broken(pieces: P, entity: Entity, site: Site) -> P:
+    """The pieces without what lay in the gap: deck, lanes, railings."""
+    gap = gap_of(entity)
+    bridges = tuple(part for bridge in pieces.bridges for part in _cut_bridge(bridge, entity, gap))
+    roads = tuple(part for road in pieces.roads for part in (_cut_road(road, entity, gap) if road.bridge else (road,)))
+    solids = tuple(part for solid in pieces.solids for part in _cut_solid(solid, entity, site, gap))
+    if (bridges, roads, solids) == (pieces.bridges, pieces.roads, pieces.solids):
+        return pieces
+    return msgspec.structs.replace(pieces, bridges=bridges, roads=roads, solids=solids)
+
+
+def _cut_solid(solid: Solid, entity: Entity, site: Site, gap: float) -> tuple[Solid, ...]:
+    """What stands on the deck (a railing, a kerb) on both sides of the gap."""
+    if site.deck_m is None or site.heading_deg is None or not site.deck_m - 0.3 <= solid.base_m <= site.deck_m + 3.0:
+        return (solid,)
+    x, y, _ = entity.position
+    east, north = sin(radians(site.heading_deg)), cos(radians(site.heading_deg))
+    along = [(px - x) * east + (py - y) * north for px, py in solid.polygon]
+    aside = [abs((px - x) * north - (py - y) * east) for px, py in solid.polygon]
+    if max(along) <= -0.5 * gap or min(along) >= 0.5 * gap or min(aside) > 0.5 * site.width_m + 1.0:
+        return (solid,)
+    sides = [_clipped(solid.polygon, [sign * s - 0.5 * gap for s in along]) for sign in (-1.0, 1.0)]
+    return tuple(
+        msgspec.structs.replace(solid, id=f"{solid.id}-{end}", polygon=side)
+        for end, side in zip("ab", sides, strict=True) if len(side) > 2
+    )  # fmt: skip
+
+
+def _clipped(polygon: Polygon, inside: list[float]) -> Polygon:
+    """The part of a convex polygon whose corners' values are positive (Sutherland and Hodgman, one edge)."""
+    out = []
+    for k, (here, value) in enumerate(zip(polygon, inside, strict=True)):
+        (bx, by), after = polygon[(k + 1) % len(polygon)], inside[(k + 1) % len(polygon)]
+        if value >= 0.0:
+            out.append(here)
+        if value * after < 0.0:
+            t = value / (value - after)
+            out.append((here[0] + t * (bx - here[0]), here[1] + t * (by - here[1])))
+    return tuple(out)
+
+
+def _cut_bridge(bridge: Bridge, entity: Entity, gap: float) -> tuple[Bridge, ...]:
+    x, y, _ = entity.position
+    if _project(bridge.path, x, y)[0] > NEAR_M:
+        return (bridge,)
+    return tuple(msgspec.structs.replace(bridge, path=path) for path in split(bridge.path, x, y, gap))
+
+
+def _cut_road(road: Road, entity: Entity, gap: float) -> tuple[Road, ...]:
+    x, y, _ = entity.position
+    if not road.lanes or _project(road.lanes[0].shape, x, y)[0] > NEAR_M:
+        return (road,)
+    halves: tuple[list[Lane], list[Lane]] = ([], [])
+    for lane in road.lanes:
+        _, at, _, _ = _project(lane.shape, x, y)
+        for half, shape in zip(
+            halves, (_until(lane.shape, at - 0.5 * gap), _from(lane.shape, at + 0.5 * gap)), strict=True
+        ):
+            if len(shape) > 1:
+                half.append(msgspec.structs.replace(lane, shape=shape))
+    return tuple(msgspec.structs.replace(road, lanes=tuple(half)) for half in halves if half)
+
+
+def _painted(building: Building, entity: Entity | None) -> Building:
+    paint = None if entity is None else _paint(entity)
+    return building if paint is None else msgspec.structs.replace(building, colour=paint)
+
+
+def _paint(entity: Entity) -> tuple[float, float, float] | None:
+    given = entity.properties.get("colour")
+    return NAMED.get(given) if isinstance(given, str) else None
+
+
+def _nearest(things: list[tuple[T, Path]], x: float, y: float) -> tuple[T, Vector, float] | None:
+    """The thing whose path comes nearest, the point on it and the path's bearing there."""
+    best: tuple[float, T, Vector, float] | None = None
+    for thing, path in things:
+        if len(path) > 1:
+            away, _, foot, heading = _project(path, x, y)
+            if away <= NEAR_M and (best is None or away < best[0]):
+                best = away, thing, foot, heading
+    return None if best is None else best[1:]
+
+
+def _project(path: Path, x: float, y: float) -> tuple[float, float, Vector, float]:
+    """(distance, length along the path, the point on it, its bearing there) of the nearest point of a path."""
+    best, run = (inf, 0.0, path[0], 0.0), 0.0
+    for a, b in pairwise(path):
+        east, north = b[0] - a[0], b[1] - a[1]
+        long = hypot(east, north)
+        if long < 1e-9:
+            continue
+        t = min(1.0, max(0.0, ((x - a[0]) * east + (y - a[1]) * north) / long**2))
+        foot = a[0] + t * east, a[1] + t * north, a[2] + t * (b[2] - a[2])
+        away = hypot(foot[0] - x, foot[1] - y)
+        if away < best[0]:
+            best = away, run + t * long, foot, degrees(atan2(east, north)) % 360.0
+        run += long
+    return best
+
+
+def _until(path: Path, length: float) -> Path:
+    """The first `length` metres of a path."""
+    out, run = [path[0]], 0.0
+    for a, b in pairwise(path):
+        long = hypot(b[0] - a[0], b[1] - a[1])
+        if run + long >= length:
+            if length - run > 1e-6:
+                out.append(_between(a, b, (length - run) / long))
+            break
+        out.append(b)
+        run += long
+    return tuple(out) if length > 1e-6 else ()
+
+
+def _from(path: Path, length: float) -> Path:
+    """A path without its first `length` metres."""
+    total = sum(hypot(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(path))
+    return tuple(reversed(_until(tuple(reversed(path)), total - length)))
+
+
+def _between(a: Vector, b: Vector, t: float) -> Vector:
+    return a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1]), a[2] + t * (b[2] - a[2])
+
+
+def _outline_distance(polygon: Polygon, x: float, y: float) -> float:
+    """From a point to a building's outline; 0 inside."""
+    ring = tuple((east, north, 0.0) for east, north in (*polygon, polygon[0]))
+    crossings = sum(
+        1 for (ax, ay, _), (bx, by, _) in pairwise(ring)
+        if (ay > y) != (by > y) and x < ax + (y - ay) * (bx - ax) / (by - ay)
+    )  # fmt: skip
+    return 0.0 if crossings % 2 else _project(ring, x, y)[0]
+
+
+__all__ = ["Dress", "Site", "altered", "dress", "dressed", "faced", "gap_of", "is_a", "site_of", "split"]

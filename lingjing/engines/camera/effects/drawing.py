@@ -1,0 +1,86 @@
+"""`EffectPass`: draws rows of billboards and decals with the camera's uniforms.
+
+The owner of the GL context sets the uniforms of `programs` as it does for its own, binds the noise texture, and chooses
+what drawing may write: colour, ids and depth for `bodies`; colour alone (no alpha) for `clouds` and `decals`.
+"""
+
+from __future__ import annotations
+
+import moderngl
+import numpy as np
+
+from lingjing.engines.camera.effects import shaders
+from lingjing.engines.camera.effects.particles import POOL, Rows
+
+_BILLBOARD = ("3f 3f 1f 4f 4f 1u/i", "in_place", "in_axis", "in_size", "in_paint", "in_style", "in_id")
+_CLOUD = ("3f 3f 1f 4f 4f 4x/i", *_BILLBOARD[1:-1])
+_DECAL = ("3f 3f 4f 2f/i", "in_place", "in_lie", "in_paint", "in_style")
+LIFT = 0.09
+"""What a light adds to the developed colour at its middle."""
+
+
+class EffectPass:
+    """Owns three programs and a unit quad; `release` frees them."""
+
+    def __init__(self, context: moderngl.Context) -> None:
+        self._context = context
+        self._body = context.program(vertex_shader=shaders.BILLBOARD_VERTEX, fragment_shader=shaders.BODY_FRAGMENT)
+        self._cloud = context.program(vertex_shader=shaders.BILLBOARD_VERTEX, fragment_shader=shaders.CLOUD_FRAGMENT)
+        self._decal = context.program(vertex_shader=shaders.DECAL_VERTEX, fragment_shader=shaders.DECAL_FRAGMENT)
+        corners = np.array([-1, -1, 1, -1, 1, 1, -1, -1, 1, 1, -1, 1], "f4")
+        self._corners = context.buffer(corners.tobytes())
+
+    @property
+    def programs(self) -> tuple[moderngl.Program, ...]:
+        """Whose uniforms the owner sets before each picture."""
+        return self._body, self._cloud, self._decal
+
+    def bodies(self, rows: Rows) -> None:
+        """Flames and spray, opaque, with their ids; `rows["id"]` holds what the id buffer shall hold."""
+        self._context.disable(moderngl.BLEND)
+        self._draw(self._body, rows[rows["id"] > 0], _BILLBOARD)
+
+    def clouds(self, rows: Rows, eye: tuple[float, float, float]) -> None:
+        """Smoke, mist and glow, farthest first."""
+        soft = rows[rows["id"] == 0]
+        away = np.linalg.norm(soft["place"] - np.asarray(eye, np.float32), axis=1)
+        self._blended(self._cloud, soft[np.argsort(-away, kind="stable")], _CLOUD)
+
+    def decals(self, rows: Rows) -> None:
+        """Wet and scorched ground, in order; then the light on it, which makes what is there brighter."""
+        shining = rows["kind"] >= POOL
+        self._decal["u_lift"] = 1.0
+        self._blended(self._decal, rows[~shining], _DECAL)
+        if shining.any():
+            self._shine(rows[shining])
+
+    def _shine(self, rows: Rows) -> None:
+        """Light on the ground: twice up to doubled, so that dark ground keeps its texture, and lifted a little, so
+        that black ground shows it."""
+        self._context.enable(moderngl.BLEND)
+        for lift, source in ((1.0, moderngl.DST_COLOR), (1.0, moderngl.DST_COLOR), (LIFT, moderngl.ONE)):
+            self._decal["u_lift"] = lift
+            self._context.blend_func = source, moderngl.ONE
+            self._draw(self._decal, rows, _DECAL)
+        self._context.disable(moderngl.BLEND)
+
+    def release(self) -> None:
+        """Free the GL objects."""
+        for program in self.programs:
+            program.release()
+        self._corners.release()
+
+    def _blended(self, program: moderngl.Program, rows: Rows, layout: tuple[str, ...]) -> None:
+        self._context.enable(moderngl.BLEND)
+        self._context.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
+        self._draw(program, rows, layout)
+        self._context.disable(moderngl.BLEND)
+
+    def _draw(self, program: moderngl.Program, rows: Rows, layout: tuple[str, ...]) -> None:
+        if not len(rows):
+            return
+        buffer = self._context.buffer(rows.tobytes())
+        array = self._context.vertex_array(program, [(self._corners, "2f", "in_corner"), (buffer, *layout)])
+        array.render(instances=len(rows))
+        array.release()
+        buffer.release()

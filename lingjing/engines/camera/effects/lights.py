@@ -1,0 +1,35 @@
+"""Blue lights that flash by turns on a fire engine's roof."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lingjing.engines.camera.effects.night import darkness, pool
+from lingjing.engines.camera.effects.particles import DROP, Effects, Floats, ahead, billboards
+from lingjing.mission.instance import Weather
+
+FLASH_HZ = 2.2
+LAMPS = ((-0.66, 3.35, 3.16), (0.66, 3.35, 3.16), (1.05, -4.15, 3.18), (-1.05, -4.15, 3.18))
+"""In the body's frame, m; the first and third flash together."""
+BLUE = (0.10, 0.30, 0.80)
+ON_GROUND = (0.20, 0.45, 1.0)
+POOL_M = 11.0
+
+
+def blue_lights(place: Floats, heading_deg: float, time_s: float, weather: Weather) -> Effects:
+    """Bright lamps and their halos; after dark also what they throw on the street."""
+    right, along = ahead(heading_deg)
+    points = np.array([place + right * x + along * y + np.array([0.0, 0.0, z]) for x, y, z in LAMPS])
+    first = int(time_s * 2.0 * FLASH_HZ) % 2
+    lit = np.array([1.0 if k % 2 == first else 0.0 for k in range(len(LAMPS))])
+    lamps = billboards(points, 0.30, BLUE, 0.9 * lit, soft=0.5, glow=1.0, shape=DROP)
+    halos = billboards(points, 1.3, BLUE, 0.30 * lit, soft=1.0, glow=1.0, shape=DROP)
+    shown = np.concatenate([halos, lamps])[np.concatenate([lit, lit]) > 0.0]
+    dark = darkness(weather)
+    if dark <= 0.0:
+        return Effects(shown)
+    burning = points[lit > 0.0]
+    wide = billboards(burning, 3.2, BLUE, 0.16 * dark, soft=1.0, glow=1.0, shape=DROP)
+    ground = burning * (1.0, 1.0, 0.0) + (0.0, 0.0, float(place[2]))
+    pools = [pool(spot, POOL_M, ON_GROUND, 0.8 * dark) for spot in ground]
+    return Effects(np.concatenate([wide, shown]), np.concatenate(pools))

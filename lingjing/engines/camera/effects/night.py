@@ -1,0 +1,117 @@
+"""What shines after dark: pools of light on the ground, halos, the lights that vehicles, vessels and aircraft carry.
+
+By day and at dusk (`darkness` 0) there is nothing of it, and a picture is the same as without. A pool (`POOL`, `BEAM`)
+multiplies what is drawn under it, so that what lies in it keeps its texture.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import radians
+
+import numpy as np
+
+from lingjing.engines.camera.effects.particles import (
+    BEAM,
+    DECAL,
+    DROP,
+    POOL,
+    Effects,
+    Floats,
+    Rows,
+    ahead,
+    billboards,
+    decal,
+)
+from lingjing.engines.camera.light import light_of
+from lingjing.engines.camera.meshes import Colour
+from lingjing.mission.instance import Weather
+from lingjing.scene.sizes import SIZES
+from lingjing.trace.records import BodyState
+
+FIRST_DARK = 0.10
+"""Share of the night (`Light.dark`) that must have come before anything of this shows: at sunset none has."""
+DRIVEN = ("car", "taxi", "delivery_van", "truck", "bus", "fire_truck", "motorcycle")
+LOW_BEAM_M, BEAM_WIDE_M = 13.0, 2.9
+HEADLIGHT: Colour = (0.95, 0.90, 0.72)
+TAIL_GLOW: Colour = (0.60, 0.05, 0.03)
+RED, GREEN, WHITE = (0.80, 0.03, 0.02), (0.03, 0.70, 0.20), (0.80, 0.78, 0.70)
+
+
+@dataclass(frozen=True, slots=True)
+class Lamp:
+    """A light that a body carries: place in its frame (m), colour, half width of lamp and of halo (m), and whether it
+    blinks."""
+
+    place: tuple[float, float, float]
+    colour: Colour
+    lamp_m: float
+    halo_m: float
+    blinks: bool = False
+
+
+CARRIED: dict[str, tuple[Lamp, ...]] = {
+    "lifeboat": (
+        Lamp((0.0, -1.9, 3.66), WHITE, 0.10, 0.9),
+        Lamp((-0.98, -0.4, 2.05), RED, 0.08, 0.5),
+        Lamp((0.98, -0.4, 2.05), GREEN, 0.08, 0.5),
+    ),
+    "quadrotor": (
+        Lamp((-0.24, 0.24, 0.10), RED, 0.035, 0.16),
+        Lamp((0.24, 0.24, 0.10), GREEN, 0.035, 0.16),
+        Lamp((0.0, -0.2, -0.08), WHITE, 0.045, 0.28, blinks=True),
+    ),
+}
+"""Type → its lights after dark: red to port, green to starboard."""
+BLINK_S, BLINK_ON = 1.0, 0.3
+
+
+def darkness(weather: Weather) -> float:
+    """How much of the night has come: 0 by day and until sunset, 1 in the dark."""
+    dark = light_of(weather, 1.0).dark
+    return max(0.0, (dark - FIRST_DARK) / (1.0 - FIRST_DARK))
+
+
+def pool(place: Floats, radius_m: float, colour: Colour, strength: float) -> Rows:
+    """A round pool of light on what is drawn at a place; `strength` 0..1."""
+    return decal((float(place[0]), float(place[1]), float(place[2])), (radius_m, radius_m), 0.0, colour, strength,
+                 POOL, 0.0)  # fmt: skip
+
+
+def carried(kind: str, state: BodyState, time_s: float, weather: Weather) -> Effects:
+    """The lights that a body of a type carries after dark."""
+    dark = darkness(weather)
+    lamps = [lamp for lamp in CARRIED[kind] if not lamp.blinks or time_s % BLINK_S < BLINK_ON]
+    if dark <= 0.0:
+        return Effects()
+    right, along = ahead(state.heading_deg)
+    points = np.array([np.array(state.position) + right * lamp.place[0] + along * lamp.place[1]
+                       + np.array([0.0, 0.0, lamp.place[2]]) for lamp in lamps])  # fmt: skip
+    colours = np.array([lamp.colour for lamp in lamps])
+    halos = billboards(points, [lamp.halo_m for lamp in lamps], colours, 0.34 * dark, soft=1.0, glow=1.0, shape=DROP)
+    cores = billboards(points, [lamp.lamp_m for lamp in lamps], colours, 0.95, soft=0.4, glow=1.0, shape=DROP)
+    return Effects(np.concatenate([halos, cores]))
+
+
+def road_light(bodies: Sequence[tuple[BodyState, str]], weather: Weather) -> Rows:
+    """What headlights and tail lights of vehicles throw on the road after dark: rows of `DECAL`."""
+    dark = darkness(weather)
+    driven = [(state, SIZES.get(kind, SIZES["car"])) for state, kind in bodies if kind in DRIVEN]
+    if dark <= 0.0 or not driven:
+        return np.zeros(0, DECAL)
+    heading = np.array([radians(state.heading_deg) for state, _ in driven])
+    along = np.stack([np.sin(heading), np.cos(heading), np.zeros(len(driven))], axis=1)
+    place = np.array([state.position for state, _ in driven])
+    half_long = np.array([0.5 * size.length_m for _, size in driven])
+    beams, tails = np.zeros(len(driven), DECAL), np.zeros(len(driven), DECAL)
+    beams["place"] = place + along * (half_long + 0.5 * LOW_BEAM_M)[:, None]
+    beams["half"], beams["colour"], beams["kind"] = (BEAM_WIDE_M, 0.5 * LOW_BEAM_M), HEADLIGHT, BEAM
+    tails["place"] = place - along * (half_long + 0.6)[:, None]
+    tails["half"], tails["colour"], tails["kind"] = (1.5, 1.5), TAIL_GLOW, POOL
+    for rows, strength in ((beams, 0.85), (tails, 0.5)):
+        rows["heading"], rows["alpha"] = heading, strength * dark
+    return np.concatenate([beams, tails])
+
+
+__all__ = ["CARRIED", "carried", "darkness", "pool", "road_light"]

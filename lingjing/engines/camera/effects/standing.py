@@ -1,0 +1,113 @@
+"""What has room where: which way a queue faces, so that nobody stands in a wall, a parked car or a road; how far from
+the edge of a roof what lies on it must be."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from itertools import pairwise
+from math import cos, hypot, radians, sin
+
+from lingjing.engines.camera.models.catalogue import SPACING_M, people_in_line
+from lingjing.mission.geometry2d import contains, edge_distance
+from lingjing.mission.instance import Entity, Vector
+from lingjing.scene.city import Pieces, Polygon
+from lingjing.scene.footing import BODIES_M, HEAD_M, STEP_M
+
+ELBOW_M = 0.6
+"""Room that somebody needs on each side."""
+SHUNNED_M = {"steam_vent": 1.4}
+"""Radius about things that block no way but that nobody would queue at, by class."""
+TURN_DEG = 15.0
+TURNS_DEG = tuple(sign * TURN_DEG * k for k in range(13) for sign in (1.0, -1.0))
+"""From the queue's own heading to the opposite one, small turns first."""
+
+ROOF_MARGIN_M = 4.8
+"""What a fire scorches about itself on a roof ends within this."""
+
+_KEPT_FREE_M = {**BODIES_M, **SHUNNED_M}
+
+Spot = tuple[float, float]
+
+
+def facing(entity: Entity, near: Iterable[Pieces]) -> float:
+    """Bearing (deg) that a queue faces: its entity's own if all of its people have room behind it, else the nearest one
+    to it for which they have; if there is none, the one for which most have."""
+    x, y, _ = entity.position
+    count = people_in_line(entity.properties.get("people"))
+    obstacles = _Obstacles(near, (x, y), SPACING_M * count + ELBOW_M)
+
+    def room(turn: float) -> int:
+        h = radians(entity.heading_deg + turn)
+        line = ((x - SPACING_M * k * sin(h), y - SPACING_M * k * cos(h)) for k in range(1, count + 1))
+        return sum(obstacles.free(spot) for spot in line)
+
+    best = max(TURNS_DEG, key=lambda turn: (room(turn), -abs(turn)))
+    return (entity.heading_deg + best) % 360.0
+
+
+def inward(position: Vector, near: Iterable[Pieces]) -> Spot:
+    """How far (m, east and north) a place on a roof is moved to be `ROOF_MARGIN_M` from its edges, if the roof is wide
+    enough; (0, 0) for one on none."""
+    x, y, z = position
+    roofs = (b.polygon for p in near for b in p.buildings if abs(b.top_m - z) < STEP_M and contains(b.polygon, x, y))
+    roof = next(roofs, ())
+    east = north = 0.0
+    for a, b in pairwise((*roof, *roof[:1])):
+        away, foot = _nearest_on((a, b), (x, y))
+        if 0.0 < away < ROOF_MARGIN_M:
+            share = (ROOF_MARGIN_M - away) / away
+            dx, dy = share * (x - foot[0]), share * (y - foot[1])
+            east, north = max(east, dx, key=abs), max(north, dy, key=abs)
+    return (east, north) if roof and contains(roof, x + east, y + north) else (0.0, 0.0)
+
+
+class _Obstacles:
+    """What nobody stands in, of pieces near a place."""
+
+    def __init__(self, near: Iterable[Pieces], about: Spot, reach_m: float) -> None:
+        self._walls: list[Polygon] = []
+        self._round: list[tuple[Spot, float]] = []
+        self._strips: list[tuple[tuple[Spot, Spot], float]] = []
+        for pieces in near:
+            self._walls += [b.polygon for b in pieces.buildings if _touches(b.polygon, about, reach_m)]
+            blocks = (s.polygon for s in pieces.solids if s.top_m > STEP_M and s.base_m < HEAD_M)
+            self._walls += [block for block in blocks if _touches(block, about, reach_m)]
+            self._round += [(prop.position[:2], _KEPT_FREE_M[prop.cls] * prop.scale)
+                            for prop in pieces.props if prop.cls in _KEPT_FREE_M]  # fmt: skip
+            for lane in (lane for road in pieces.roads for lane in road.lanes if lane.kind != "foot"):
+                self._strips += [((a[:2], b[:2]), 0.5 * lane.width_m) for a, b in pairwise(lane.shape)]
+
+    def free(self, spot: Spot) -> bool:
+        """Whether somebody can stand there."""
+        x, y = spot
+        return (
+            not any(contains(wall, x, y) or edge_distance(wall, x, y) < ELBOW_M for wall in self._walls)
+            and all(hypot(px - x, py - y) >= reach + ELBOW_M for (px, py), reach in self._round)
+            and all(_apart(strip, spot) >= half for strip, half in self._strips)
+        )
+
+
+def _touches(polygon: Polygon, about: Spot, reach_m: float) -> bool:
+    """Whether a polygon's bounds come within reach of a place."""
+    return all(
+        min(values) <= here + reach_m and max(values) >= here - reach_m
+        for values, here in zip(zip(*polygon, strict=True), about, strict=True)
+    )
+
+
+def _apart(strip: tuple[Spot, Spot], spot: Spot) -> float:
+    """From a place to a piece of a line, m."""
+    return _nearest_on(strip, spot)[0]
+
+
+def _nearest_on(strip: tuple[Spot, Spot], spot: Spot) -> tuple[float, Spot]:
+    """(distance, point) of a piece of a line nearest to a place."""
+    (ax, ay), (bx, by) = strip
+    east, north = bx - ax, by - ay
+    square = east * east + north * north
+    t = min(1.0, max(0.0, ((spot[0] - ax) * east + (spot[1] - ay) * north) / square)) if square else 0.0
+    foot = ax + t * east, ay + t * north
+    return hypot(foot[0] - spot[0], foot[1] - spot[1]), foot
+
+
+__all__ = ["facing", "inward"]

@@ -1,0 +1,95 @@
+"""Which entity and which prop shows which effect."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from lingjing.engines.camera.effects import fire, lights, night, water
+from lingjing.engines.camera.effects.city import Site, gap_of
+from lingjing.engines.camera.effects.fracture import fracture
+from lingjing.engines.camera.effects.particles import Effects, Floats, seed_of
+from lingjing.mission.instance import Entity, Weather
+from lingjing.scene.city import Prop
+from lingjing.trace.records import BodyState
+
+NOTHING = Effects()
+HERE = Site()
+
+
+def effects_of(entity: Entity, state: BodyState, time_s: float, weather: Weather, site: Site = HERE) -> Effects:
+    """What an entity in a state shows at a time beside its model; `site` is what it stands on (`city.site_of`)."""
+    build = next((ENTITIES[kind] for kind in (entity.type, *entity.bases) if kind in ENTITIES), None)
+    return NOTHING if build is None else build(entity, state, time_s, weather, site)
+
+
+SHOWING = frozenset({"steam", "steam_vent", "fountain"})
+"""Prop models that have an effect."""
+
+
+def prop_effects(prop: Prop, time_s: float, weather: Weather) -> Effects:
+    """What a prop shows beside its model."""
+    place = np.array(prop.position, float)
+    if prop.model in ("steam", "steam_vent"):
+        return water.steam(seed_of(prop.id), place, 1.4 * prop.scale, time_s, weather)
+    if prop.model == "fountain":
+        return water.fountain(seed_of(prop.id), place, time_s)
+    return NOTHING
+
+
+def _place(state: BodyState) -> Floats:
+    return np.array(state.position, float)
+
+
+def _share(state: BodyState, entity: Entity, name: str) -> float:
+    """A stock of 0..1 that the engine tells, else what it starts with."""
+    for given in (state.resources.get(name), entity.properties.get(name), entity.properties.get(f"{name}_share")):
+        if isinstance(given, int | float):
+            return min(max(float(given), 0.0), 1.0)
+    return 1.0
+
+
+def _fire(blaze: fire.Blaze) -> Callable[[Entity, BodyState, float, Weather, Site], Effects]:
+    def show(entity: Entity, state: BodyState, time_s: float, weather: Weather, site: Site) -> Effects:
+        heat = 0.0 if state.status in ("out", "extinguished") else _share(state, entity, "heat")
+        return fire.fire(seed_of(entity.id), _place(state), blaze, heat, time_s, weather, site.inward)
+
+    return show
+
+
+def _leak(entity: Entity, state: BodyState, time_s: float, weather: Weather, site: Site) -> Effects:
+    flow = 0.0 if state.status == "sealed" else _share(state, entity, "flow")
+    heading = state.heading_deg if site.heading_deg is None else site.heading_deg
+    return water.leak(seed_of(entity.id), _place(state), heading, site.ground_m, flow, time_s, weather)
+
+
+def _fracture(entity: Entity, state: BodyState, time_s: float, weather: Weather, site: Site) -> Effects:
+    place = _place(state)
+    if site.deck_m is not None:
+        place[2] = site.deck_m
+    heading = state.heading_deg if site.heading_deg is None else site.heading_deg
+    drop = max(1.5, float(place[2]) - site.ground_m)
+    return fracture(seed_of(entity.id), place, heading, gap_of(entity), site.width_m, site.thickness_m, drop)
+
+
+def _lights(entity: Entity, state: BodyState, time_s: float, weather: Weather, site: Site) -> Effects:
+    return lights.blue_lights(_place(state), state.heading_deg, time_s, weather)
+
+
+def _carried(kind: str) -> Callable[[Entity, BodyState, float, Weather, Site], Effects]:
+    def show(entity: Entity, state: BodyState, time_s: float, weather: Weather, site: Site) -> Effects:
+        return night.carried(kind, state, time_s, weather)
+
+    return show
+
+
+ENTITIES: dict[str, Callable[[Entity, BodyState, float, Weather, Site], Effects]] = {
+    "building_fire": _fire(fire.BUILDING),
+    "fire_source": _fire(fire.GROUND),
+    "pipeline_leak": _leak,
+    "bridge_fracture": _fracture,
+    "fire_truck": _lights,
+    **{kind: _carried(kind) for kind in night.CARRIED},
+}
+"""Type → its effects."""

@@ -1,0 +1,243 @@
+"""`CameraEngine`: the sensor engine that draws the city with all entities and answers captures.
+
+It owns nothing: every entity of the instance reaches it as a mirror through `advance`, and a picture shows the
+states of the last one. A picture is a function of (city, instance, states, time, pose) alone, whatever was drawn
+before. An entity is not drawn while its status is in `HIDDEN_STATUSES`, nor by its own cameras; one for which no
+mirror has come yet stands where the instance puts it. The context and static meshes stay warm between resets.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from functools import partial
+
+import msgspec
+
+from lingjing.engines.camera.boxes import entity_boxes
+from lingjing.engines.camera.draw import Renderer, Scenery
+from lingjing.engines.camera.effects import Site, dress
+from lingjing.engines.camera.ground import build_ground, height_under, water_level
+from lingjing.engines.camera.instances import Batch, prop_batches
+from lingjing.engines.camera.noise import noise_texture
+from lingjing.engines.camera.ocean import Ocean
+from lingjing.engines.camera.staging import stage
+from lingjing.engines.camera.withheld import ALL, Shot, Withheld
+from lingjing.errors import InfrastructureError
+from lingjing.mission.instance import CameraSpec, Entity, Vector, Weather
+from lingjing.mission.placing import DRAWN_MOST
+from lingjing.mission.schedule import Schedule
+from lingjing.plugins.engine import Boundary, CaptureRequest, EngineSpec, Frame
+from lingjing.plugins.geometry import mounted_camera_pose
+from lingjing.scene.city import City
+from lingjing.scene.terrain import Terrain
+from lingjing.scene.tiles import Tiles
+from lingjing.trace.records import DORMANT, BodyState, CameraPose, Command, FrameInfo, Receipt
+
+HIDDEN_STATUSES = frozenset({"rescued", DORMANT, "cleared"})
+WARM_PLACES = 4
+"""So many places, at most, are made ready at a reset."""
+STUCK_M, CLEARANCE_M, HIGH_M = 0.2, 0.06, 2000.0
+"""A camera this deep in the ground is lifted this far over it."""
+TOWN = ("buildings", "roads", "junctions", "areas", "bridges", "pipes", "slopes")
+"""Pieces that only a city with streets and buildings has; one without any is drawn as open country and sea."""
+
+
+class CameraEngine:
+    """The five engine methods over a `Renderer`."""
+
+    def __init__(self) -> None:
+        self._renderer: Renderer | None = None
+        self._city: City | None = None
+        self._props: tuple[Batch, ...] = ()
+        self._spec: EngineSpec | None = None
+        self._oceans: dict[Weather, Ocean] = {}
+        self._schedule: Schedule | None = None
+        self._terrain: Terrain | None = None
+        self._sites: dict[str, Site] = {}
+        self._withheld = Withheld(())
+        self._seed = 0
+        self._states: dict[str, BodyState] = {}
+        self._ambient: tuple[BodyState, ...] = ()
+        self._time_s = 0.0
+        self._level = 0.0
+        self._warmed: tuple[tuple[Vector, ...], Weather, bool] | None = None
+
+    def reset(self, spec: EngineSpec, city: City, seed: int) -> Boundary:
+        """Open the context if need be, build the city's meshes if it changed, forget the last episode."""
+        entities = spec.instance.entities
+        if len(entities) > DRAWN_MOST:
+            raise InfrastructureError(f"the camera draws at most {DRAWN_MOST} entities, not {len(entities)}")
+        if self._renderer is None:
+            self._renderer = Renderer()
+        if city != self._city:
+            self._build(self._renderer, city)
+        self._spec, self._time_s, self._seed = spec, 0.0, seed
+        self._oceans, self._schedule = {}, Schedule(spec.instance)
+        self._sites, self._withheld = {}, Withheld(entities)
+        if self._terrain is not None:
+            self._dress(self._renderer, self._terrain, Tiles(city), entities)
+        self._states = {e.id: BodyState(id=e.id, position=e.position, heading_deg=e.heading_deg) for e in entities}
+        self._ambient = ()
+        self._warm(self._renderer, entities)
+        return Boundary(engine=spec.engine, time_s=0.0)
+
+    def submit(self, commands: Sequence[Command]) -> tuple[Receipt, ...]:
+        """A camera obeys no command: pictures are asked for through `capture`."""
+        return tuple(
+            Receipt(request=c.id, tick=c.tick, sender=c.sender, resource=c.resource, status="rejected",
+                    reason="unknown_verb", by="camera", time_s=self._time_s)
+            for c in commands
+        )  # fmt: skip
+
+    def advance(self, until: float, mirrors: Sequence[BodyState]) -> Boundary:
+        """Take over all states at `until`."""
+        spec = self._playing()
+        self._states.update((state.id, state) for state in mirrors if state.id in self._states)
+        self._ambient = tuple(state for state in mirrors if state.id not in self._states)
+        self._time_s = until
+        return Boundary(engine=spec.engine, time_s=until)
+
+    def capture(self, requests: Sequence[CaptureRequest]) -> tuple[Frame, ...]:
+        """One picture for each request, in order."""
+        return tuple(self._picture(request) for request in requests)
+
+    def fingerprint(self) -> dict[str, str]:
+        """The GL renderer and version behind the pictures; {} before the first reset."""
+        return {"gl": self._renderer.name} if self._renderer is not None else {}
+
+    def close(self) -> None:
+        """Free everything; the engine may be reset again."""
+        renderer, self._renderer = self._renderer, None
+        self._city, self._props, self._spec, self._oceans, self._states = None, (), None, {}, {}
+        self._terrain, self._schedule, self._ambient, self._warmed = None, None, (), None
+        if renderer is not None:
+            renderer.close()
+
+    def _warm(self, renderer: Renderer, entities: Sequence[Entity]) -> None:
+        """Make ready what the first pictures need, where those with cameras begin: else the first one is late."""
+        looking = [e for e in entities if e.cameras and e.position[2] < HIGH_M]
+        if not looking:
+            return
+        places = tuple(dict.fromkeys(e.position for e in looking))[:WARM_PLACES]
+        depth = any("depth" in camera.channels for entity in looking for camera in entity.cameras)
+        scenery = self._scenery(None)
+        told = places, scenery.weather, depth
+        if told != self._warmed:
+            renderer.warm(places, scenery, depth)
+            self._warmed = told
+
+    def _dress(self, renderer: Renderer, terrain: Terrain, tiles: Tiles, entities: Sequence[Entity]) -> None:
+        """What the entities do to the town, with all of them, without what is hidden and without any target."""
+        kept = self._withheld
+        whole = dress(tiles.near, terrain.surface, entities)
+        public = dress(tiles.near, terrain.surface, entities, kept.hidden)
+        bare = dress(tiles.near, terrain.surface, entities, kept.targets, razed=True)
+        renderer.dress(whole, public, bare)
+        kept.dressed((whole, public, bare), tiles.load, terrain.surface)
+        self._sites = whole.sites
+
+    def _playing(self) -> EngineSpec:
+        if self._spec is None:
+            raise InfrastructureError("the camera engine was used before its reset")
+        return self._spec
+
+    def _mount(self, request: CaptureRequest) -> tuple[Entity, CameraSpec]:
+        for entity in self._playing().instance.entities:
+            for camera in entity.cameras:
+                if (entity.id, camera.name) == (request.entity, request.camera):
+                    return entity, camera
+        raise InfrastructureError(f"`{request.entity}` has no camera `{request.camera}` to take `{request.frame}` with")
+
+    def _picture(self, request: CaptureRequest) -> Frame:
+        if request.pose is not None:
+            return self._picture_from(request.pose, request)
+        entity, camera = self._mount(request)
+        assert self._renderer is not None
+        pose = self._above(mounted_camera_pose(self._states[entity.id], camera, entity.type, entity.bases))
+        depth, semantic = "depth" in camera.channels, "semantic" in camera.channels
+        shot = Shot(pose, depth, semantic, partial(self._scenery, entity))
+        shown = self._withheld.take(self._renderer, shot)
+        info = FrameInfo(
+            id=request.frame,
+            entity=request.entity,
+            camera=request.camera,
+            tick=request.tick,
+            time_s=request.time_s,
+            pose=pose,
+            channels=camera.channels,
+            boxes=shown.boxes,
+            faint=shown.faint,
+            renderer=self._renderer.name,
+        )
+        return Frame(info=info, rgb=shown.rgb, depth=shown.depth, semantic=shown.semantic)
+
+    def _above(self, pose: CameraPose) -> CameraPose:
+        """The pose of a camera, lifted out of the ground or the deck that its body stands on."""
+        if self._terrain is None or pose.position[2] > HIGH_M:
+            return pose
+        east, north, up = pose.position
+        least = self._terrain.support(east, north, up + STUCK_M) + CLEARANCE_M
+        return pose if up >= least else msgspec.structs.replace(pose, position=(east, north, least))
+
+    def _picture_from(self, pose: CameraPose, request: CaptureRequest) -> Frame:
+        """A picture from a place where nobody stands, of what its request names: colours alone, nobody left out."""
+        assert self._renderer is not None
+        buffers = self._renderer.render(pose, self._scenery(None), False)
+        info = FrameInfo(
+            id=request.frame,
+            entity=request.entity,
+            camera=request.camera,
+            tick=request.tick,
+            time_s=request.time_s,
+            pose=pose,
+            channels=("rgb",),
+            boxes=entity_boxes(buffers.ids, self._playing().instance.entities),
+            renderer=self._renderer.name,
+        )
+        return Frame(info=info, rgb=buffers.rgb)
+
+    def _build(self, renderer: Renderer, city: City) -> None:
+        """The static world: open country is drawn whole, a town by tiles with its solids and props in them."""
+        self._city, self._level, self._terrain, self._warmed = None, water_level(city), None, None
+        noise = noise_texture()[::4, ::4, 0]
+        if city.store or any(getattr(city, kind) for kind in TOWN):
+            terrain = self._terrain = Terrain(city)
+            renderer.load(build_ground(city, noise, town=True), (city, terrain.surface))
+            self._props = ()
+        else:
+            renderer.load(build_ground(city, noise))
+            self._props = prop_batches(city)
+        self._city = city
+
+    def _under(self, east: float, north: float, up: float) -> float:
+        """Elevation of the plane that the shadow of something at a point falls on."""
+        assert self._city is not None
+        if self._terrain is None:
+            return height_under(self._city, east, north)
+        return self._terrain.support(east, north, up + 0.5)
+
+    def _scenery(self, viewer: Entity | None, without: Collection[str] = (), dressed: int = ALL) -> Scenery:
+        """Everything but the viewer's own body, if it has one, and the entities `without`; its shadow goes with it, the
+        light it throws stays. The town is `dressed` as one of `withheld`'s."""
+        assert self._schedule is not None
+        weather = self._schedule.weather(self._time_s)
+        shown, own = [], None
+        for number, entity in enumerate(self._playing().instance.entities):
+            state = self._states[entity.id]
+            here = state.status not in HIDDEN_STATUSES and self._schedule.present(entity.id, self._time_s)
+            if here and viewer is not None and entity.id == viewer.id:
+                own = state, entity.type
+            elif here and entity.id not in without:
+                shown.append((number, entity, state))
+        cast = stage(shown, self._ambient, self._sites, self._time_s, weather, self._under, self._level, own)
+        sea = self._ocean(weather).surfaces(self._time_s)
+        return Scenery(self._time_s, weather, sea, (*self._props, *cast.batches), cast.marks,
+                       cast.billboards, cast.decals, dressed)  # fmt: skip
+
+    def _ocean(self, weather: Weather) -> Ocean:
+        if weather not in self._oceans:
+            self._oceans[weather] = Ocean(weather, self._seed)
+        return self._oceans[weather]
+
+
+__all__ = ["CameraEngine"]

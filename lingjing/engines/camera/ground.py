@@ -1,0 +1,255 @@
+"""City → what is drawn once: ground meshes by class, solids with the plane their shadows fall on, the shore map.
+
+Natural land (`sand`, `grass`, `rock`) becomes a height field that rises from just under the water at the polygon's
+edge to `top_m`; the polygon is its outermost extent, the top is flat but for a tenth of relief. Concrete becomes a
+prism with quay walls, exactly as high as the city says.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import msgspec
+import numpy as np
+import numpy.typing as npt
+import shapely
+from scipy import ndimage
+
+from lingjing.engines.camera.classes import CLASSES, prop_class
+from lingjing.engines.camera.meshes import Array, Colour, flat, indexed, merge, prism
+from lingjing.scene.city import City, Land, Polygon
+
+SURFACES: dict[str, tuple[Colour, float]] = {
+    "sand": ((0.42, 0.33, 0.21), 1.0 / 14.0),
+    "grass": ((0.085, 0.12, 0.035), 1.0 / 5.0),
+    "rock": ((0.17, 0.155, 0.14), 1.0 / 1.4),
+    "concrete": ((0.30, 0.30, 0.29), 1.0),
+}
+"""Surface → (linear colour, slope of its edge)."""
+
+MATERIALS: dict[str, Colour] = {
+    "wood": (0.26, 0.17, 0.10),
+    "plaster": (0.62, 0.57, 0.48),
+    "tile": (0.36, 0.11, 0.06),
+    "metal": (0.34, 0.38, 0.42),
+    "iron": (0.05, 0.05, 0.055),
+    "white": (0.80, 0.80, 0.78),
+    "red": (0.55, 0.04, 0.03),
+    "blue": (0.05, 0.13, 0.30),
+    "green": (0.05, 0.17, 0.10),
+    "paint": (0.62, 0.46, 0.08),
+}
+SHORE_SIZE = 1024
+PATCH_CELLS = 24
+BURIED_M = 3.0
+SHORE_REACH_M = 160.0
+FLAT_M = 0.3
+
+Grid = npt.NDArray[np.floating]
+
+
+@dataclass(frozen=True, slots=True)
+class Patch:
+    """A piece of ground drawn or left out as one: triangles (n, 3) over the shared vertices, a bounding sphere."""
+
+    triangles: npt.NDArray[np.uint32]
+    centre: npt.NDArray[np.float64]
+    radius: float
+
+
+@dataclass(frozen=True, slots=True)
+class Surface:
+    """The ground of one land: its class id, vertices (n, 10) and patches."""
+
+    cls: int
+    vertices: Array
+    patches: tuple[Patch, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Ground:
+    """Static meshes: the ground of every land, shadow plane (m) → mesh of solids standing on it, the shore map."""
+
+    level_m: float
+    surfaces: tuple[Surface, ...]
+    solids: tuple[tuple[float, Array], ...]
+    shore: npt.NDArray[np.uint8]
+    bounds: tuple[float, float, float, float]
+
+
+def water_level(city: City) -> float:
+    """Elevation of the open water, the datum where the city has none."""
+    return city.waters[0].level_m if city.waters else city.datum_m
+
+
+def build_ground(city: City, noise: npt.NDArray[np.uint8], town: bool = False) -> Ground:
+    """All static geometry of a city; of a town only the lands that rise over its plate (`plate`), and no solids."""
+    level = water_level(city)
+    shown = msgspec.structs.replace(city, lands=tuple(land for land in city.lands if not is_flat(land)))
+    surfaces = _surfaces(shown if town else city, level)
+    solids = () if town else _solids(city, level)
+    return Ground(level, surfaces, solids, _shore_map(city, noise), city.bounds)
+
+
+def is_flat(land: Land) -> bool:
+    """Whether a land of a town is part of its even ground."""
+    return abs(land.top_m) <= FLAT_M
+
+
+def height_under(city: City, east: float, north: float) -> float:
+    """Elevation of the ground or water under a point: the highest land there, else the water."""
+    tops = [land.top_m for land in city.lands if shapely.contains_xy(shapely.Polygon(land.polygon), east, north)]
+    return max(tops, default=water_level(city))
+
+
+def fill(polygon: Polygon, xs: Grid, ys: Grid) -> npt.NDArray[np.bool_]:
+    """Even-odd membership of the grid points (len(ys), len(xs))."""
+    a = np.array(polygon)
+    b = np.roll(a, -1, axis=0)
+    mask = np.zeros((len(ys), len(xs)), bool)
+    for row, y in enumerate(ys):
+        hit = (a[:, 1] > y) != (b[:, 1] > y)
+        if hit.any():
+            p, q = a[hit], b[hit]
+            crossings = np.sort(p[:, 0] + (y - p[:, 1]) * (q[:, 0] - p[:, 0]) / (q[:, 1] - p[:, 1]))
+            mask[row] = np.searchsorted(crossings, xs) % 2 == 1
+    return mask
+
+
+def _surfaces(city: City, level: float) -> tuple[Surface, ...]:
+    return tuple(
+        _quay(land, level) if land.surface == "concrete" else _height_field(land, level, number, _buried(city, land))
+        for number, land in enumerate(city.lands)
+    )
+
+
+def _quay(land: Land, level: float) -> Surface:
+    mesh = _prism(land.polygon, level - 3.0, land.top_m, SURFACES["concrete"][0])
+    vertices, index = indexed(mesh)
+    return Surface(prop_class(land.surface), vertices, (_patch(vertices, index.reshape(-1, 3)),))
+
+
+def _buried(city: City, land: Land) -> shapely.Geometry:
+    """Where higher land lies on this one so deep inside its own edge that this one cannot show."""
+    rise = land.top_m - water_level(city) + 1.0
+    over = [
+        shapely.Polygon(other.polygon).buffer(-BURIED_M - rise / SURFACES.get(other.surface, SURFACES["grass"])[1])
+        for other in city.lands
+        if other.top_m > land.top_m
+    ]
+    return shapely.union_all(over)
+
+
+def _patch(vertices: Array, triangles: npt.NDArray[np.uint32]) -> Patch:
+    points = vertices[np.unique(triangles), :3].astype(np.float64)
+    centre = (points.min(axis=0) + points.max(axis=0)) / 2.0
+    return Patch(triangles, centre, float(np.linalg.norm(points - centre, axis=1).max()))
+
+
+def _prism(polygon: Polygon, base: float, top: float, colour: Colour) -> Array:
+    """A prism over any simple polygon."""
+    shape = shapely.Polygon(polygon)
+    if shapely.equals(shape, shape.convex_hull):
+        return prism(shapely.get_coordinates(shapely.orient_polygons(shape))[:-1], base, top, colour)
+    walls = [
+        corner
+        for (ax, ay), (bx, by) in zip(polygon, (*polygon[1:], polygon[0]), strict=True)
+        for corner in ((ax, ay, base), (bx, by, base), (bx, by, top), (ax, ay, base), (bx, by, top), (ax, ay, top))
+    ]
+    lid = [
+        (x, y, top)
+        for triangle in shapely.get_parts(shapely.constrained_delaunay_triangles(shape))
+        for x, y in shapely.get_coordinates(shapely.orient_polygons(triangle))[:3]
+    ]
+    return flat(np.array([*walls, *lid]), colour)
+
+
+def _height_field(land: Land, level: float, number: int, buried: shapely.Geometry) -> Surface:
+    colour, slope = SURFACES.get(land.surface, SURFACES["grass"])
+    west, south, east, north = shapely.Polygon(land.polygon).bounds
+    step = max(3.0, (east - west) / 140.0)
+    xs, ys = np.arange(west - step, east + 2 * step, step), np.arange(south - step, north + 2 * step, step)
+    mask = fill(land.polygon, xs, ys)
+    into = ndimage.distance_transform_edt(mask) - ndimage.distance_transform_edt(~mask)
+    into = (into - np.sign(into) * 0.5) * step
+    height = _profile(into, land.top_m - level, slope, xs, ys, number) + level
+    keep = (into > -1.5 * step) & ~shapely.contains_xy(buried, *np.meshgrid(xs, ys))
+    return _surface_of(prop_class(land.surface), xs, ys, height, keep, colour)
+
+
+def _profile(into: Grid, rise: float, slope: float, xs: Grid, ys: Grid, number: int) -> Grid:
+    """Height over the water from the distance inside the polygon, with relief that fades at the edge."""
+    x, y = np.meshgrid(xs, ys)
+    relief = np.sin(x / 17.0 + number) * np.sin(y / 13.0 + 2.0 * number) + 0.6 * np.sin(x / 7.3 - y / 9.1 + number)
+    ramp = -0.15 + slope * (into + 0.6 * relief)
+    rise = max(rise, 1e-3)
+    hills = 0.5 * np.sin(x / 210.0 + 0.7) * np.sin(y / 170.0 + np.sin(x / 330.0)) if rise > 15.0 else 0.0
+    top = rise * (1.0 + 0.05 * relief + hills)
+    smooth = np.minimum(ramp, top)
+    return np.asarray(np.where(ramp > 0.7 * top, smooth - 0.05 * top * np.clip(1.7 - ramp / top, 0.0, 1.0), smooth))
+
+
+def _surface_of(cls: int, xs: Grid, ys: Grid, height: Grid, keep: npt.NDArray[np.bool_], colour: Colour) -> Surface:
+    step = xs[1] - xs[0]
+    dy, dx = np.gradient(height, step)
+    normal = np.stack([-dx, -dy, np.ones_like(dx)], axis=-1)
+    normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+    x, y = np.meshgrid(xs, ys)
+    shade = 1.0 + 0.12 * np.sin(x / 23.0 + 1.3 * np.sin(y / 19.0))
+    paint = np.concatenate([np.array(colour) * shade[..., None], np.zeros((*shade.shape, 1))], axis=-1)
+    rows = np.concatenate([np.stack([x, y, height], -1), normal, paint], axis=-1).astype(np.float32)
+    vertices = rows.reshape(-1, rows.shape[-1])
+    number = np.arange(len(vertices), dtype=np.uint32).reshape(height.shape)
+    a, b, c, d = number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]
+    wanted = keep[:-1, :-1] & keep[:-1, 1:] & keep[1:, 1:] & keep[1:, :-1]
+    patches = []
+    for row in range(0, wanted.shape[0], PATCH_CELLS):
+        for column in range(0, wanted.shape[1], PATCH_CELLS):
+            part = np.s_[row : row + PATCH_CELLS, column : column + PATCH_CELLS]
+            here = wanted[part]
+            if here.any():
+                corners = [np.stack([p[part][here] for p in t], axis=1) for t in ((a, b, c), (a, c, d))]
+                patches.append(_patch(vertices, np.concatenate(corners)))
+    return Surface(cls, vertices, tuple(patches))
+
+
+def _solids(city: City, level: float) -> tuple[tuple[float, Array], ...]:
+    parts: dict[float, list[Array]] = {}
+    for solid in city.solids:
+        x, y = np.array(solid.polygon).mean(axis=0)
+        plane = height_under(city, float(x), float(y))
+        colour = MATERIALS.get(solid.material, SURFACES["concrete"][0])
+        parts.setdefault(plane, []).append(_prism(solid.polygon, solid.base_m, solid.top_m, colour))
+    return tuple((plane, merge(*meshes)) for plane, meshes in sorted(parts.items()))
+
+
+def _wet(city: City, xs: Grid, ys: Grid) -> npt.NDArray[np.bool_]:
+    """Where waters lie; a city without any is drawn in the sea."""
+    wet = np.zeros((len(ys), len(xs)), bool)
+    for water in city.waters:
+        here = fill(water.polygon, xs, ys)
+        for hole in water.holes:
+            here &= ~fill(hole, xs, ys)
+        wet |= here
+    return wet if city.waters else ~wet
+
+
+def _shore_map(city: City, noise: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
+    """(SHORE_SIZE, SHORE_SIZE, 2) bytes: square root of the distance to land over `SHORE_REACH_M`, slow patches."""
+    west, south, east, north = city.bounds
+    cell = (east - west) / SHORE_SIZE
+    xs = west + cell * (np.arange(SHORE_SIZE) + 0.5)
+    ys = south + (north - south) / SHORE_SIZE * (np.arange(SHORE_SIZE) + 0.5)
+    land = ~_wet(city, xs, ys)
+    for part in city.lands:
+        land |= fill(part.polygon, xs, ys)
+    reach = np.full(land.shape, SHORE_REACH_M)
+    if land.any():
+        reach = np.minimum(ndimage.distance_transform_edt(~land) * cell, SHORE_REACH_M)
+    near = np.sqrt(reach / SHORE_REACH_M) * 255.0
+    patches = np.kron(noise, np.ones((SHORE_SIZE // len(noise), SHORE_SIZE // len(noise)), np.uint8))
+    patches = ndimage.uniform_filter(patches.astype(np.float32), SHORE_SIZE // len(noise) * 2, mode="wrap")
+    return np.stack([np.rint(near), patches], axis=-1).astype(np.uint8)
+
+
+__all__ = ["CLASSES", "Ground", "build_ground", "height_under", "water_level"]

@@ -1,0 +1,142 @@
+"""What is drawn many times: instance rows of props and entities, culled to what a camera can see."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from math import cos, radians, sin
+
+import numpy as np
+import numpy.typing as npt
+
+from lingjing.engines.camera.classes import prop_class
+from lingjing.engines.camera.meshes import Array
+from lingjing.engines.camera.models import prop_model
+from lingjing.engines.camera.ocean import Surface
+from lingjing.plugins.geometry import camera_axes, focal_px
+from lingjing.scene.city import Pieces
+from lingjing.trace.records import BodyState, CameraPose
+
+ROW = np.dtype([("rows", "f4", (3, 4)), ("plane", "f4"), ("id", "u4")])
+"""An instance: model-to-world rows, the elevation its shadow falls on (m), its id."""
+
+Rows = npt.NDArray[np.void]
+
+
+@dataclass(frozen=True, slots=True)
+class Batch:
+    """Instances of one mesh: rows (n,), bounding radius of each (m), and which of them ride the waves."""
+
+    key: str
+    mesh: Array
+    rows: Rows
+    radius: npt.NDArray[np.float64]
+    floating: npt.NDArray[np.bool_]
+
+
+def matrix(
+    position: tuple[float, float, float], heading_deg: float, pitch_deg: float, roll_deg: float, scale: float = 1.0
+) -> npt.NDArray[np.float64]:
+    """(3, 4) model-to-world; positive pitch lifts the bow, positive roll lowers the right side."""
+    h, p, r = radians(heading_deg), radians(pitch_deg), radians(roll_deg)
+    turn = np.array([[cos(h), sin(h), 0.0], [-sin(h), cos(h), 0.0], [0.0, 0.0, 1.0]])
+    nod = np.array([[1.0, 0.0, 0.0], [0.0, cos(p), -sin(p)], [0.0, sin(p), cos(p)]])
+    lean = np.array([[cos(r), 0.0, sin(r)], [0.0, 1.0, 0.0], [-sin(r), 0.0, cos(r)]])
+    return np.hstack([turn @ nod @ lean * scale, np.array(position)[:, None]])
+
+
+def row(rows: npt.NDArray[np.float64], plane: float, number: int) -> Rows:
+    """One instance as an array of length 1."""
+    out = np.zeros(1, ROW)
+    out["rows"], out["plane"], out["id"] = rows, plane, number
+    return out
+
+
+def mesh_radius(mesh: Array) -> float:
+    """Radius of a mesh about its origin."""
+    return float(np.linalg.norm(mesh[:, :3], axis=1).max()) if len(mesh) else 0.0
+
+
+def prop_batches(city: Pieces) -> tuple[Batch, ...]:
+    """All props of a city or a tile, one batch a mesh."""
+    found: dict[str, tuple[Array, list[tuple[Rows, float, bool]]]] = {}
+    for prop in city.props:
+        variant = prop.options.get("variant", 0)
+        key, mesh = prop_model(prop.model, variant if isinstance(variant, int) else 0)
+        place = matrix(prop.position, prop.heading_deg, 0.0, 0.0, prop.scale)
+        item = row(place, prop.position[2], prop_class(prop.cls)), mesh_radius(mesh) * prop.scale, prop.floating
+        found.setdefault(key, (mesh, []))[1].append(item)
+    return tuple(
+        Batch(key, mesh, np.concatenate([i[0] for i in items]), np.array([i[1] for i in items]),
+              np.array([i[2] for i in items]))
+        for key, (mesh, items) in sorted(found.items())
+    )  # fmt: skip
+
+
+def entity_batches(drawn: Iterable[tuple[npt.NDArray[np.float64], str, Array, int, float]]) -> tuple[Batch, ...]:
+    """What moves as batches: (model-to-world (3, 4), mesh key, mesh, id, shadow plane)."""
+    found: dict[str, tuple[Array, list[Rows]]] = {}
+    for place, key, mesh, number, plane in drawn:
+        found.setdefault(key, (mesh, []))[1].append(row(place, plane, number))
+    return tuple(
+        Batch(key, mesh, np.concatenate(rows), np.full(len(rows), mesh_radius(mesh)), np.zeros(len(rows), bool))
+        for key, (mesh, rows) in sorted(found.items())
+    )
+
+
+def afloat(batch: Batch, swell: Surface) -> Rows:
+    """The batch's rows with floating ones tilted by the waves; the drawn sea is flat, so they stay on its plane."""
+    if not batch.floating.any():
+        return batch.rows
+    rows = batch.rows.copy()
+    which = np.flatnonzero(batch.floating)
+    at = rows["rows"][which].astype(np.float64)
+    _, east, north = swell.at(at[:, 0, 3], at[:, 1, 3])
+    lean = np.broadcast_to(np.eye(3), (len(which), 3, 3)).copy()
+    lean[:, 2, 0], lean[:, 2, 1], lean[:, 0, 2], lean[:, 1, 2] = east, north, -east, -north
+    at[:, :, :3] = lean @ at[:, :, :3]
+    rows["rows"][which] = at.astype(np.float32)
+    return rows
+
+
+def visible(rows: Rows, radius: npt.NDArray[np.float64], pose: CameraPose, slack: float = 0.0) -> npt.NDArray[np.bool_]:
+    """Which instances may touch the picture: inside the frustum (spheres grown by `slack` radii), a third of a
+    pixel or more."""
+    at = rows["rows"][:, :, 3].astype(np.float64)
+    away = np.linalg.norm(at - np.array(pose.position), axis=1)
+    sized: npt.NDArray[np.bool_] = radius * focal_px(pose) > 0.17 * np.maximum(away, 1.0)
+    return sized & in_sight(at, radius * (1.0 + slack), pose)
+
+
+def in_sight(
+    centres: npt.NDArray[np.float64], reach: npt.NDArray[np.float64], pose: CameraPose
+) -> npt.NDArray[np.bool_]:
+    """Which spheres (n, 3), (n,) touch the camera's frustum, ignoring its far end."""
+    right, down, axis = (np.array(a) for a in camera_axes(pose))
+    offset = centres - np.array(pose.position)
+    focal = focal_px(pose)
+    z = offset @ axis
+    keep: npt.NDArray[np.bool_] = z > -reach
+    for across, half in ((right, pose.width / 2.0), (down, pose.height / 2.0)):
+        keep &= np.abs(offset @ across) <= z * half / focal + reach * np.hypot(1.0, half / focal)
+    return keep
+
+
+MARK = np.dtype([("place", "f4", (4,)), ("kind", "f4", (2,))])
+
+
+def marks(states: Sequence[tuple[BodyState, str]]) -> npt.NDArray[np.void]:
+    """Marks on the water: rings around people, the wake of a boat under way."""
+    out = []
+    for state, kind in states:
+        east, north, _ = state.position
+        speed = float(np.hypot(state.velocity[0], state.velocity[1]))
+        heading = radians(state.heading_deg)
+        if kind == "person_in_water":
+            out.append(((east, north, 1.3, heading), (0.0, 0.5)))
+        elif kind == "lifeboat" and speed > 0.3:
+            size = 6.0 + 6.0 * speed
+            back = 0.97 * size - 4.1
+            at = (east - back * sin(heading), north - back * cos(heading), size, heading)
+            out.append((at, (1.0, min(1.0, 0.3 + 0.25 * speed))))
+    return np.array(out, MARK)

@@ -1,0 +1,94 @@
+"""The props of the tiles in a picture: gathered by mesh, and each drawn as finely as its size there asks for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from lingjing.engines.camera.instances import Batch, Rows, in_sight
+from lingjing.engines.camera.meshes import Array
+from lingjing.engines.camera.standins import (
+    FAR_M,
+    FAR_PX,
+    FULL_PX,
+    LUMP_PX,
+    SPECK,
+    SPECK_PX,
+    TINY,
+    TINY_FAR_PX,
+    TINY_PX,
+    coarsened,
+    plant,
+    slight,
+    standin,
+)
+from lingjing.plugins.geometry import focal_px
+from lingjing.trace.records import CameraPose
+
+LEAST_PROP_PX = 1.2
+
+
+class Look(NamedTuple):
+    """Instances that are drawn with one mesh; `dull` without gloss."""
+
+    key: str
+    mesh: Array
+    rows: Rows
+    dull: bool
+
+
+class Gathered:
+    """The props of several tiles, kept as long as the tiles are the same: most pictures show those of the last one."""
+
+    def __init__(self) -> None:
+        self._groups: list[Sequence[Batch]] = []
+        self._batches: list[Batch] = []
+
+    def of(self, groups: list[Sequence[Batch]]) -> list[Batch]:
+        """`merged` of the groups."""
+        known = self._groups
+        if len(groups) != len(known) or any(a is not b for a, b in zip(groups, known, strict=True)):
+            self._groups, self._batches = groups, merged(groups)
+        return self._batches
+
+
+def merged(groups: Sequence[Sequence[Batch]]) -> list[Batch]:
+    """Batches of several tiles, one a mesh, in key order."""
+    found: dict[str, list[Batch]] = {}
+    for group in groups:
+        for batch in group:
+            found.setdefault(batch.key, []).append(batch)
+    return [
+        Batch(key, some[0].mesh, np.concatenate([b.rows for b in some]), np.concatenate([b.radius for b in some]),
+              np.concatenate([b.floating for b in some]))
+        for key, some in sorted(found.items())
+    ]  # fmt: skip
+
+
+def looks_of(batch: Batch, pose: CameraPose, lump_m: float) -> Iterator[Look]:
+    """What of a batch is in sight, by the mesh that it is drawn with. From `lump_m` metres on, in pictures that reach
+    so far, meshes are the coarsest and what is slight is left out."""
+    at = batch.rows["rows"][:, :, 3].astype(np.float64)
+    away = np.linalg.norm(at - np.array(pose.position), axis=1)
+    size = batch.radius * focal_px(pose) / np.maximum(away, 0.1)
+    seen = in_sight(at, batch.radius, pose) & (size > LEAST_PROP_PX)
+    if slight(batch):
+        seen &= away <= lump_m
+    small_mesh, coarse = standin(batch), coarsened(batch)
+    near = seen & (size >= FULL_PX) if small_mesh is not None else seen
+    tiny = seen & ~near & (size < np.where(away > FAR_M, TINY_FAR_PX, TINY_PX))
+    speck = tiny & (away > lump_m) & (size < SPECK_PX)
+    far = seen & (away > FAR_M) & (size < FAR_PX) if coarse is not None else np.zeros(len(seen), bool)
+    lump = far & (away > lump_m) & (size < LUMP_PX)
+    for suffix, mesh, which in (
+        ("", batch.mesh, near & ~far), ("/small", small_mesh, seen & ~near & ~tiny),
+        ("/tiny", standin(batch, TINY), tiny & ~speck), ("/speck", standin(batch, SPECK), speck),
+        ("/far", coarse, far & ~lump), ("/lump", coarsened(batch, lump=True), lump),
+    ):  # fmt: skip
+        if mesh is not None and which.any():
+            yield Look(batch.key + suffix, mesh, batch.rows[which], plant(batch) or suffix == "/lump")
+
+
+__all__ = ["Gathered", "Look", "looks_of", "merged"]

@@ -1,0 +1,250 @@
+"""Names → models: what an entity, a body of the background traffic or a prop looks like.
+
+An entity's model is looked up by its type, else by the nearest type that its own extends, else it is a grey metre cube,
+so that a new plug-in's entity is seen before it has a look. Chance (colours, clothes) comes from the entity's index or
+a hash of a body's id. Some targets have no model of their own: `congestion` is its vehicles, a fire or spray is an
+effect, a reference building is the building and people before its door.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cache
+from math import cos, hypot, radians, sin
+
+from lingjing.engines.camera.meshes import Array, box, merge
+from lingjing.engines.camera.models import air, dog, nature, people, places, sea, street, vehicles
+from lingjing.engines.camera.models.shapes import Part, at, turned
+from lingjing.mission.instance import Datum, Entity
+from lingjing.trace.records import BodyState
+
+MOST_IN_LINE = 40
+SPACING_M = 0.8
+PIPE_RADIUS_M = 0.4
+STROLL_M = 2.5
+"""Somebody who walks up and down before a house goes so far to both sides."""
+STROLL_MPS = 1.1
+
+
+@dataclass(frozen=True, slots=True)
+class Subject:
+    """Who is drawn: `number` feeds its looks, `properties` are its entity's; `kerb_m` is how far to its right the road
+    ends, `pipe_m` the radius of the pipe it is on, `facing_deg` the bearing that it is drawn facing, where its
+    surroundings leave it no room for its own."""
+
+    number: int
+    state: BodyState
+    time_s: float
+    properties: Mapping[str, Datum]
+    kerb_m: float = places.KERB_M
+    pipe_m: float = PIPE_RADIUS_M
+    facing_deg: float | None = None
+
+    @property
+    def speed_mps(self) -> float:
+        """Over the ground."""
+        return hypot(self.state.velocity[0], self.state.velocity[1])
+
+
+Parts = tuple[Part, ...]
+
+
+def entity_parts(
+    entity: Entity, state: BodyState, time_s: float, kerb_m: float = places.KERB_M, pipe_m: float = PIPE_RADIUS_M,
+    facing_deg: float | None = None,
+) -> Parts:  # fmt: skip
+    """The meshes of an entity in its body's frame (x right, y ahead, z up); () for what shows itself otherwise.
+
+    `kerb_m`, `pipe_m` and `facing_deg` are what its surroundings are (`effects.city.Site`).
+    """
+    build = next((ENTITIES[kind] for kind in (entity.type, *entity.bases) if kind in ENTITIES), _unknown)
+    return build(Subject(entity.index - 1, state, time_s, entity.properties, kerb_m, pipe_m, facing_deg))
+
+
+def ambient_parts(state: BodyState, time_s: float) -> Parts:
+    """The meshes of a body of the background traffic, by its `kind`."""
+    build = ENTITIES.get(state.kind, _unknown)
+    return build(Subject(zlib.crc32(state.id.encode()), state, time_s, {}))
+
+
+def entity_model(kind: str, index: int, time_s: float) -> tuple[str, Array]:
+    """(key, mesh) of the `index`-th entity of a type at a time, standing still."""
+    build = ENTITIES.get(kind, _unknown)
+    parts = build(Subject(index - 1, BodyState(id=kind, position=(0.0, 0.0, 0.0)), time_s, {}))
+    if len(parts) == 1:
+        return parts[0].key, parts[0].mesh
+    return f"{kind}-{index}", merge(*(turned(part.mesh, part.rows) for part in parts))
+
+
+def prop_model(model: str, variant: int) -> tuple[str, Array]:
+    """(key, mesh) of a prop's model."""
+    if model in VARIED:
+        build, count = VARIED[model]
+        return f"{model}-{variant % count}", build(variant % count)
+    if model in SINGLE:
+        return model, SINGLE[model]()
+    return "unknown", unknown()
+
+
+@cache
+def unknown() -> Array:
+    """What has no model: a grey metre cube standing on its position."""
+    return box((0.0, 0.0, 0.5), (1.0, 1.0, 1.0), (0.4, 0.4, 0.4))
+
+
+def _unknown(who: Subject) -> Parts:
+    return (Part("unknown", unknown()),)
+
+
+def _nothing(who: Subject) -> Parts:
+    return ()
+
+
+def _one(key: str, build: Callable[[], Array]) -> Callable[[Subject], Parts]:
+    return lambda who: (Part(key, build()),)
+
+
+def _painted(key: str, build: Callable[[int], Array], count: int) -> Callable[[Subject], Parts]:
+    def look(who: Subject) -> Parts:
+        paint = who.number % count
+        return (Part(f"{key}-{paint}", build(paint)),)
+
+    return look
+
+
+def _car(who: Subject) -> Parts:
+    shape = vehicles.SHAPES[who.number // 7 % len(vehicles.SHAPES)]
+    paint = who.number % len(vehicles.PAINTS)
+    return (Part(f"car-{shape}-{paint}", vehicles.motorcar(shape, paint)),)
+
+
+def _person(who: Subject) -> Parts:
+    look = who.number % len(people.OUTFITS)
+    pose = people.pose_of(who.speed_mps, who.time_s, 0.37 * who.number)
+    return (Part(f"pedestrian-{look}-{pose}", people.pedestrian(look, pose)),)
+
+
+def _swimmer(who: Subject) -> Parts:
+    look = who.number % len(sea.CLOTHES)
+    pose = int((who.time_s / sea.WAVE_PERIOD_S + 0.37 * (who.number + 1)) * sea.POSES) % sea.POSES
+    return (Part(f"person-{look}-{pose}", sea.person(look, pose)),)
+
+
+def people_in_line(given: object) -> int:
+    """How many people a queue shows that is said to have so many."""
+    count = int(given) if isinstance(given, int | float) else 4
+    return max(0, min(count, MOST_IN_LINE))
+
+
+def _queue(who: Subject) -> Parts:
+    """People in a line behind the position, who sway a little."""
+    turn_deg = 0.0 if who.facing_deg is None else who.facing_deg - who.state.heading_deg
+    line = [Part("barrier", places.crowd_barrier(), at((0.0, 0.0, 0.0), turn_deg))]
+    behind = radians(turn_deg)
+    for k in range(people_in_line(who.state.resources.get("people", who.properties.get("people", 4)))):
+        look = (3 * k + who.number) % len(people.OUTFITS)
+        aside = 0.12 * ((5 * k + 3 * who.number) % 7 - 3) / 3.0
+        turn = turn_deg + 11.0 * ((3 * k + who.number) % 5 - 2)
+        back = -SPACING_M * (k + 1)
+        place = aside * cos(behind) + back * sin(behind), back * cos(behind) - aside * sin(behind), 0.0
+        line.append(Part(f"pedestrian-{look}-{people.STAND}", people.pedestrian(look, people.STAND), at(place, turn)))
+    return tuple(line)
+
+
+def _residents(who: Subject) -> Parts:
+    """Two people who talk before a house's door and one who walks up and down beside them (the paper's VDN profile)."""
+    looks = [(3 * who.number + k) % len(people.OUTFITS) for k in (0, 2, 5)]
+    round_m = 4.0 * STROLL_M
+    gone = (STROLL_MPS * who.time_s) % round_m
+    back = gone > 0.5 * round_m
+    place = STROLL_M - abs(gone - 0.5 * round_m)
+    pose = people.pose_of(STROLL_MPS, who.time_s, 0.0)
+    return (
+        Part(
+            f"pedestrian-{looks[0]}-{people.STAND}",
+            people.pedestrian(looks[0], people.STAND),
+            at((1.5, 2.4, 0.0), -66.0),
+        ),
+        Part(
+            f"pedestrian-{looks[1]}-{people.STAND}",
+            people.pedestrian(looks[1], people.STAND),
+            at((0.6, 2.8, 0.0), 114.0),
+        ),
+        Part(
+            f"pedestrian-{looks[2]}-{pose}",
+            people.pedestrian(looks[2], pose),
+            at((place, 3.6, 0.0), -90.0 if back else 90.0),
+        ),
+    )
+
+
+def _leak(who: Subject) -> Parts:
+    radius = round(who.pipe_m, 2)
+    if who.state.status == "sealed":
+        return (Part(f"clamp-{radius}", places.clamp(radius)),)
+    return (Part(f"cracked-{radius}", places.cracked_pipe(radius)),)
+
+
+def _kerbside(look: Callable[[Subject], Parts]) -> Callable[[Subject], Parts]:
+    """Moved from where kerbs are by default to where this one is."""
+
+    def moved(who: Subject) -> Parts:
+        rows = at((who.kerb_m - places.KERB_M, 0.0, 0.0))
+        return tuple(Part(part.key, part.mesh, rows) for part in look(who))
+
+    return moved
+
+
+def _served(key: str, build: Callable[[bool], Array]) -> Callable[[Subject], Parts]:
+    def look(who: Subject) -> Parts:
+        served = who.state.status == "served"
+        return (Part(f"{key}-{int(served)}", build(served)),)
+
+    return look
+
+
+ENTITIES: dict[str, Callable[[Subject], Parts]] = {
+    "quadrotor": _one("quadrotor", air.quadrotor),
+    "fixed_wing": _one("fixed_wing", air.fixed_wing),
+    "satellite": _one("satellite", air.satellite),
+    "robot_dog": lambda who: dog.dog_parts(who.state.joints),
+    "car": _car,
+    "taxi": _one("taxi", vehicles.taxi),
+    "delivery_van": _painted("van", vehicles.van, len(vehicles.VAN_PAINTS)),
+    "truck": _painted("truck", vehicles.truck, 4),
+    "bus": _painted("bus", vehicles.bus, len(vehicles.BUS_PAINTS)),
+    "fire_truck": _one("fire_truck", vehicles.fire_truck),
+    "motorcycle": _painted("motorcycle", vehicles.motorcycle, 3),
+    "bicycle": _painted("bicycle", vehicles.bicycle, 4),
+    "person": _person,
+    "lifeboat": _one("lifeboat", sea.lifeboat),
+    "person_in_water": _swimmer,
+    "building_fire": _nothing,
+    "fire_source": _one("embers", places.embers),
+    "pipeline_leak": _leak,
+    "bridge_fracture": _nothing,
+    "congestion": _nothing,
+    "destination": _kerbside(_one("parking_sign", places.parking_sign)),
+    "delivery_point": _kerbside(_served("parcel_station", places.parcel_station)),
+    "delivery_door": _served("doorstep", places.doorstep),
+    "warehouse": _kerbside(_one("dock", places.dock)),
+    "reference_building": _residents,
+    "queue_of_people": _queue,
+}
+"""Type or kind → its meshes."""
+
+_PARKED: dict[str, tuple[Callable[[int], Array], int]] = {
+    "car": (lambda v: vehicles.motorcar(vehicles.SHAPES[v % 3], v // 3), 3 * len(vehicles.PAINTS)),
+    "delivery_van": (vehicles.van, len(vehicles.VAN_PAINTS)),
+    "truck": (vehicles.truck, 4),
+    "bus": (vehicles.bus, len(vehicles.BUS_PAINTS)),
+    "motorcycle": (vehicles.motorcycle, 3),
+    "person": (lambda v: people.pedestrian(v, people.STAND), len(people.OUTFITS)),
+}
+_PARKED |= {"parked_car": _PARKED["car"], "parked_truck": _PARKED["truck"], "parked_van": _PARKED["delivery_van"]}
+VARIED = sea.VARIED | nature.VARIED | street.VARIED | _PARKED
+"""Prop models that come in several looks, picked by the prop's option `variant`."""
+SINGLE = sea.SINGLE | nature.SINGLE | street.SINGLE | {"taxi": vehicles.taxi, "steam_vent": street.SINGLE["steam"]}
+"""Prop models of one look."""

@@ -1,0 +1,115 @@
+"""Shapes that models are put together from, beside the primitives of `camera.meshes`, and `Part`, what they give."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from math import cos, radians, sin
+
+import numpy as np
+import numpy.typing as npt
+
+from lingjing.engines.camera.meshes import Array, Colour, Point, cylinder, ellipsoid, flat, loft, merge
+from lingjing.engines.camera.models.palette import BLACK
+
+Rows = npt.NDArray[np.float64]
+HERE: Rows = np.eye(3, 4)
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A mesh of an entity: `key` names it for good, `rows` (3, 4) puts it into the body's frame."""
+
+    key: str
+    mesh: Array
+    rows: Rows = field(default_factory=lambda: HERE)
+
+
+def turned(mesh: Array, rows: Rows) -> Array:
+    """The mesh carried by a rigid (3, 4) transformation."""
+    moved = mesh.copy()
+    moved[:, :3] = mesh[:, :3] @ rows[:, :3].T + rows[:, 3]
+    moved[:, 3:6] = mesh[:, 3:6] @ rows[:, :3].T
+    return moved
+
+
+def at(place: Point, yaw_deg: float = 0.0, pitch_deg: float = 0.0, roll_deg: float = 0.0) -> Rows:
+    """(3, 4): rolled about y, pitched about x (up), turned clockwise about z, then moved."""
+    y, p, r = radians(yaw_deg), radians(pitch_deg), radians(roll_deg)
+    yaw = np.array([[cos(y), sin(y), 0.0], [-sin(y), cos(y), 0.0], [0.0, 0.0, 1.0]])
+    nod = np.array([[1.0, 0.0, 0.0], [0.0, cos(p), -sin(p)], [0.0, sin(p), cos(p)]])
+    lean = np.array([[cos(r), 0.0, sin(r)], [0.0, 1.0, 0.0], [-sin(r), 0.0, cos(r)]])
+    return np.hstack([yaw @ nod @ lean, np.array(place, float)[:, None]])
+
+
+def shell(sections: Sequence[tuple[float, Sequence[tuple[float, float]]]], colour: Colour, gloss: float = 0.0) -> Array:
+    """A skin through open cross-sections as `loft`, with flat ends."""
+    ends = []
+    for y, ring in (sections[0], sections[-1]):
+        corners = [(x, y, z) for x, z in ring]
+        ends += [(corners[0], corners[k], corners[k + 1]) for k in range(1, len(corners) - 1)]
+    return merge(loft(sections, colour, gloss), flat(np.array(ends), colour, gloss))
+
+
+def quad(a: Point, b: Point, c: Point, d: Point, colour: Colour, gloss: float = 0.0) -> Array:
+    """Two triangles over four corners in order."""
+    return flat([(a, b, c), (a, c, d)], colour, gloss)
+
+
+def pane(
+    corners: Sequence[Point],
+    colour: Colour,
+    gloss: float,
+    share: float = 0.86,
+    lift: float = 0.012,
+    away: Point = (0.0, 0.0, 0.0),
+) -> Array:
+    """A quad shrunk to a share about its middle and lifted off its plane, away from a point inside the model."""
+    p = np.array(corners, float)
+    middle = p.mean(axis=0)
+    normal = np.cross(p[1] - p[0], p[2] - p[0])
+    normal /= max(float(np.linalg.norm(normal)), 1e-9)
+    if normal @ (middle - np.array(away)) < 0.0:
+        normal = -normal
+    p = middle + share * (p - middle) + lift * normal
+    return flat(np.array([(p[0], p[1], p[2]), (p[0], p[2], p[3])]), colour, gloss)
+
+
+def wheel(x: float, y: float, radius: float, width: float, sides: int = 9) -> Array:
+    """A wheel that stands on z = 0, its axle across, with a grey hub."""
+    out = x + (0.5 * width + 0.005) * (1.0 if x > 0 else -1.0)
+    angle = np.linspace(0.0, 2.0 * np.pi, 7)
+    rim = [(out, y + 0.55 * radius * cos(a), radius + 0.55 * radius * sin(a)) for a in angle]
+    hub = [((out, y, radius), rim[k], rim[k + 1]) for k in range(6)]
+    tyre = cylinder((x - width / 2, y, radius), (x + width / 2, y, radius), (radius, radius), BLACK, 0.05, sides=sides)
+    return merge(tyre, flat(np.array(hub), (0.34, 0.34, 0.36), 0.5))
+
+
+def limb(start: Point, end: Point, radii: tuple[float, float], colour: Colour, sides: int = 6) -> Array:
+    """An arm, a leg or a strut without its end caps."""
+    return cylinder(start, end, radii, colour, sides=sides)[: 6 * sides]
+
+
+def blob(centre: Point, radii: Point, colour: Colour, seed: int, rows: int = 4, sides: int = 7) -> Array:
+    """A lumpy, leafy ellipsoid, darker underneath and inside."""
+    mesh = ellipsoid((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), colour, rows=rows, sides=sides)
+    p = mesh[:, :3].astype(np.float64)
+    bump = (
+        1.0
+        + 0.13 * np.sin(p @ np.array([5.3, 3.1, 4.7]) + 1.7 * seed)
+        + 0.09 * np.sin(p @ np.array([-3.7, 6.1, 2.9]) + 2.9 * seed)
+    )
+    mesh[:, :3] = p * bump[:, None] * np.array(radii) + np.array(centre)
+    mesh[:, 6:9] *= (0.62 + 0.38 * (0.5 + 0.5 * p[:, 2:]) + 0.10 * (bump[:, None] - 1.0)).astype(np.float32)
+    return mesh
+
+
+def mirrored(mesh: Array) -> Array:
+    """The mesh and its mirror image across x = 0."""
+    other = mesh.copy()
+    other[:, 0] *= -1.0
+    other[:, 3] *= -1.0
+    return merge(mesh, other)
+
+
+__all__ = ["HERE", "Part", "at", "blob", "limb", "mirrored", "pane", "quad", "shell", "turned", "wheel"]

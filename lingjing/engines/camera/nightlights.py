@@ -1,0 +1,67 @@
+"""Lamps that are on: street lamps by their props, vehicles' head and tail lights, as glowing billboards."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from lingjing.engines.camera.effects.particles import DROP, Rows, ahead, billboards
+from lingjing.engines.camera.light import LAMPS_DEG
+from lingjing.mission.instance import Weather
+from lingjing.scene.city import Prop
+from lingjing.scene.sizes import SIZES, Size
+from lingjing.trace.records import BodyState
+
+HEADS: dict[str, tuple[float, float, float]] = {"lamp": (0.0, 1.9, 7.95), "park_lamp": (0.0, 0.0, 3.4)}
+"""Prop model → where its light is, in the model's frame."""
+
+WARM, WHITE, RED = (0.80, 0.62, 0.36), (0.80, 0.78, 0.70), (0.75, 0.03, 0.02)
+VEHICLES = ("car", "taxi", "delivery_van", "truck", "bus", "fire_truck", "motorcycle")
+MURKY_M = 1000.0
+REACH_M = 450.0
+
+
+def vehicles_lit(weather: Weather) -> bool:
+    """Whether drivers have their lights on: in the dark, in fog, in rain."""
+    return weather.sun_elevation_deg < LAMPS_DEG or weather.visibility_m < MURKY_M or weather.rain > 0.2
+
+
+def lamp_heads(props: Iterable[Prop]) -> npt.NDArray[np.float64]:
+    """(n, 3): where the lamps among props shine."""
+    found = []
+    for prop in props:
+        if prop.model in HEADS:
+            right, along = ahead(prop.heading_deg)
+            x, y, z = HEADS[prop.model]
+            found.append(np.array(prop.position) + (right * x + along * y + np.array([0.0, 0.0, z])) * prop.scale)
+    return np.array(found).reshape(-1, 3)
+
+
+def lamp_rows(heads: npt.NDArray[np.float64], eye: tuple[float, float, float], dark: float) -> Rows:
+    """The glow of lamps near the eye; `dark` 0..1 is how much of it the sky leaves."""
+    near = heads[np.linalg.norm(heads - np.asarray(eye), axis=1) < REACH_M]
+    strength = 0.35 + 0.65 * dark
+    halos = billboards(near, 1.1, WARM, 0.34 * strength, soft=1.0, glow=1.0, shape=DROP)
+    return np.concatenate([halos, billboards(near, 0.30, (0.80, 0.74, 0.60), 0.95, soft=0.4, glow=1.0, shape=DROP)])
+
+
+def vehicle_rows(bodies: Sequence[tuple[BodyState, str]]) -> Rows:
+    """Head and tail lights of bodies of the kinds that have them."""
+    rows = [_lights(state, SIZES.get(kind, SIZES["car"])) for state, kind in bodies if kind in VEHICLES]
+    return np.concatenate([billboards(np.zeros((0, 3)), 0.0, 0.0, 0.0), *rows])
+
+
+def _lights(state: BodyState, size: Size) -> Rows:
+    right, along = ahead(state.heading_deg)
+    place = np.array(state.position) + np.array([0.0, 0.0, min(0.75, 0.45 * size.height_m)])
+    side, front = right * 0.36 * size.width_m, along * (0.5 * size.length_m + 0.10)
+    heads = np.array([place + front - side, place + front + side])
+    tails = np.array([place - front - side, place - front + side])
+    return np.concatenate([
+        billboards(heads, 0.55, WHITE, 0.30, soft=1.0, glow=1.0, shape=DROP),
+        billboards(tails, 0.36, RED, 0.30, soft=1.0, glow=1.0, shape=DROP),
+        billboards(heads, 0.13, WHITE, 0.95, soft=0.3, glow=1.0, shape=DROP),
+        billboards(tails, 0.11, RED, 0.95, soft=0.3, glow=1.0, shape=DROP),
+    ])  # fmt: skip

@@ -1,0 +1,173 @@
+"""What a picture needs of a city: the tiles in sight by level of detail, the window of its shadow map.
+
+Pure functions of the pose and the tiles' boxes, so a picture never depends on what was drawn before. Near tiles are
+drawn in full as far as a metre is `METRE_PX` pixels; beyond them blocks and the painted map stand in. The shadow map
+covers what is in sight within `SHADE_REACH_M`, in steps of size and place, so that neighbouring poses share it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import hypot
+
+import numpy as np
+import numpy.typing as npt
+
+from lingjing.engines.camera.beyond import HIGH_M
+from lingjing.plugins.geometry import camera_axes, focal_px
+from lingjing.trace.records import CameraPose
+
+Boxes = npt.NDArray[np.float64]
+"""(n, 6): west, south, low, east, north, high."""
+
+FULL_M = (400.0, 900.0)
+"""Least and greatest distance to which tiles are drawn in full."""
+METRE_PX = 2.0
+SHARP_M, SHARP_FAR_M = 400.0, 1100.0
+"""From these distances on tiles show no grain and far blocks no panes either, in pictures that reach beyond the least
+distance."""
+GROUND_REACH_M = 20_000.0
+SHADE_REACH_M = 480.0
+SHADE_SIZES_M = (192.0, 256.0, 384.0, 512.0, 768.0, 1024.0, 1536.0, 2048.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Window:
+    """A square of the sun's view: its axes, its lower corner and side along them (m)."""
+
+    right: tuple[float, float, float]
+    up: tuple[float, float, float]
+    sun: tuple[float, float, float]
+    corner: tuple[float, float]
+    side_m: float
+
+
+def full_reach(pose: CameraPose, visibility_m: float) -> float:
+    """How far tiles are drawn in full, metres."""
+    return min(max(focal_px(pose) / METRE_PX, FULL_M[0]), FULL_M[1], 1.3 * visibility_m)
+
+
+def blunt_from(reach_m: float) -> tuple[float, float]:
+    """The distances (m) from which on full tiles show no grain, and far blocks no panes; a picture that does not
+    reach beyond the least distance has its tiles sharp to the end."""
+    return (SHARP_M, SHARP_FAR_M) if reach_m > SHARP_M else (np.inf, np.inf)
+
+
+def distances(boxes: Boxes, eye: tuple[float, float, float]) -> npt.NDArray[np.float64]:
+    """Distance of each box from a point; 0 inside."""
+    at = np.asarray(eye)
+    off = np.maximum(np.maximum(boxes[:, :3] - at, at - boxes[:, 3:]), 0.0)
+    return np.asarray(np.linalg.norm(off, axis=1))
+
+
+def boxes_in_sight(boxes: Boxes, pose: CameraPose) -> npt.NDArray[np.bool_]:
+    """Which boxes touch the camera's frustum (never fewer than do), ignoring its far end."""
+    right, down, axis = (np.asarray(a) for a in camera_axes(pose))
+    focal = focal_px(pose)
+    x, y = pose.width / 2.0 / focal, pose.height / 2.0 / focal
+    planes = np.stack([axis * x - right, axis * x + right, axis * y - down, axis * y + down, axis])
+    eye = np.asarray(pose.position)
+    middle, half = (boxes[:, 3:] + boxes[:, :3]) / 2.0 - eye, (boxes[:, 3:] - boxes[:, :3]) / 2.0
+    return np.asarray((middle @ planes.T + half @ np.abs(planes).T >= 0.0).all(axis=1))
+
+
+def near_plane(pose: CameraPose, closest_m: float) -> float:
+    """The nearest depth that anything `closest_m` away or farther can have in the picture, with a reserve."""
+    focal = focal_px(pose)
+    slant = hypot(1.0, pose.width / 2.0 / focal, pose.height / 2.0 / focal)
+    return max(0.8 * closest_m / slant, 0.06)
+
+
+def sky_bounds(pose: CameraPose, level_m: float) -> tuple[int, int, int, int] | None:
+    """The part of a picture (left, top, width, height; pixels) that can show the sky; None if no part can.
+
+    Ground or water reach `GROUND_REACH_M` at least, and farther than an eye high above can see to the end of."""
+    right, down, axis = camera_axes(pose)
+    width, height, focal = pose.width, pose.height, focal_px(pose)
+    over = pose.position[2] - level_m
+    if over > HIGH_M or over <= 0.0:
+        return 0, 0, width, height
+    least = -(over + 50.0) / GROUND_REACH_M
+
+    def rise(x: float, y: float) -> float:
+        """How far above the limit a pixel's ray goes."""
+        return axis[2] + ((x - width / 2.0) * right[2] + (y - height / 2.0) * down[2]) / focal - least
+
+    ring = [(0.0, 0.0), (float(width), 0.0), (float(width), float(height)), (0.0, float(height))]
+    shown = [corner for corner in ring if rise(*corner) >= 0.0]
+    for one, other in zip(ring, ring[1:] + ring[:1], strict=True):
+        a, b = rise(*one), rise(*other)
+        if (a < 0.0) != (b < 0.0):
+            part = a / (a - b)
+            shown.append((one[0] + part * (other[0] - one[0]), one[1] + part * (other[1] - one[1])))
+    if not shown:
+        return None
+    left, top = (max(int(min(p[k] for p in shown)) - 1, 0) for k in (0, 1))
+    end, low = (min(int(max(p[k] for p in shown)) + 2, size) for k, size in ((0, width), (1, height)))
+    return left, top, end - left, low - top
+
+
+def shade_window(pose: CameraPose, sun: tuple[float, float, float]) -> Window:
+    """The window that holds what the picture shows of the ground and of 40 m above it."""
+    z = np.asarray(sun)
+    flat = hypot(sun[0], sun[1])
+    right = np.array([-sun[1], sun[0], 0.0]) / flat if flat > 1e-6 else np.array([1.0, 0.0, 0.0])
+    up = np.cross(z, right)
+    points = _shown(pose)
+    spread = np.column_stack([points @ right, points @ up])
+    low, high = spread.min(axis=0), spread.max(axis=0)
+    need = float((high - low).max()) * 8.0 / 7.0
+    side = next((s for s in SHADE_SIZES_M if s >= need), SHADE_SIZES_M[-1])
+    step = side / 8.0
+    corner = np.floor(((low + high - side) / 2.0) / step + 0.5) * step
+    return Window(_tuple(right), _tuple(up), sun, (float(corner[0]), float(corner[1])), side)
+
+
+def _shown(pose: CameraPose) -> npt.NDArray[np.float64]:
+    """Points on the ground and 40 m above it around what is in sight, cut off at `SHADE_REACH_M`."""
+    right, down, axis = (np.asarray(a) for a in camera_axes(pose))
+    focal, eye = focal_px(pose), np.asarray(pose.position)
+    reach = max(SHADE_REACH_M, 1.6 * eye[2]) if pose.tilt_deg > 30.0 else SHADE_REACH_M
+    found = []
+    for u in (-1.0, 0.0, 1.0):
+        for v in (-1.0, 0.0, 1.0):
+            ray = axis + right * (u * pose.width / 2.0 / focal) + down * (v * pose.height / 2.0 / focal)
+            ray = ray / np.linalg.norm(ray)
+            for level in (0.0, min(40.0, max(eye[2] - 3.0, 0.0))):
+                t = (level - eye[2]) / ray[2] if ray[2] < -1e-3 else reach
+                found.append(eye + ray * min(max(t, 0.0), reach))
+    return np.array(found)
+
+
+def casters(boxes: Boxes, window: Window) -> npt.NDArray[np.bool_]:
+    """Which boxes may throw a shadow into the window: those that it holds along the sun's rays."""
+    keep = np.ones(len(boxes), bool)
+    for axis, start in ((window.right, window.corner[0]), (window.up, window.corner[1])):
+        a = np.asarray(axis)
+        low = np.where(a > 0.0, boxes[:, :3], boxes[:, 3:]) @ a
+        high = np.where(a > 0.0, boxes[:, 3:], boxes[:, :3]) @ a
+        keep &= (high >= start) & (low <= start + window.side_m)
+    return keep
+
+
+def light_matrix(window: Window, boxes: Boxes) -> npt.NDArray[np.float64]:
+    """(4, 4) world → clip space of the shadow map, deep enough for all boxes (the casters)."""
+    z = np.asarray(window.sun)
+    corner = np.asarray(window.corner) + window.side_m / 2.0
+    far = np.where(z > 0.0, boxes[:, :3], boxes[:, 3:]) @ z
+    near = np.where(z > 0.0, boxes[:, 3:], boxes[:, :3]) @ z
+    low, high = float(far.min(initial=0.0)) - 5.0, float(near.max(initial=1.0)) + 5.0
+    matrix = np.zeros((4, 4))
+    matrix[0, :3], matrix[0, 3] = np.asarray(window.right) * 2.0 / window.side_m, -corner[0] * 2.0 / window.side_m
+    matrix[1, :3], matrix[1, 3] = np.asarray(window.up) * 2.0 / window.side_m, -corner[1] * 2.0 / window.side_m
+    matrix[2, :3], matrix[2, 3] = -z * 2.0 / (high - low), (high + low) / (high - low)
+    matrix[3, 3] = 1.0
+    return matrix
+
+
+def _tuple(values: npt.NDArray[np.float64]) -> tuple[float, float, float]:
+    return float(values[0]), float(values[1]), float(values[2])
+
+
+__all__ = ["Window", "blunt_from", "boxes_in_sight", "casters", "distances", "full_reach", "light_matrix",
+           "near_plane", "shade_window", "sky_bounds"]  # fmt: skip

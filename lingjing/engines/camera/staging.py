@@ -1,0 +1,93 @@
+"""Who is on stage: the states at a boundary → batches of meshes, marks on the water, rows of effects."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import msgspec
+import numpy as np
+import numpy.typing as npt
+
+from lingjing.engines.camera.classes import CLASSES, FIRST_ENTITY
+from lingjing.engines.camera.effects import BILLBOARD, DECAL, Site, effects_of
+from lingjing.engines.camera.effects.night import road_light
+from lingjing.engines.camera.instances import Batch, entity_batches, marks, matrix
+from lingjing.engines.camera.meshes import Array
+from lingjing.engines.camera.models import Part, ambient_parts, entity_parts
+from lingjing.engines.camera.nightlights import vehicle_rows, vehicles_lit
+from lingjing.mission.instance import Entity, Weather
+from lingjing.trace.records import BodyState
+
+AFLOAT = frozenset({"person_in_water", "lifeboat"})
+"""Types that are drawn on the water's plane: the drawn sea is flat (waves live in its shading), so a body that an
+engine heaves with its waves would sink out of sight or hover."""
+
+Support = Callable[[float, float, float], float]
+"""Elevation of what lies under a point (east, north, elevation)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cast:
+    """Everything that moves in a picture."""
+
+    batches: tuple[Batch, ...]
+    marks: npt.NDArray[np.void]
+    billboards: npt.NDArray[np.void]
+    decals: npt.NDArray[np.void]
+
+
+def stage(
+    entities: Iterable[tuple[int, Entity, BodyState]],
+    ambient: Sequence[BodyState],
+    sites: Mapping[str, Site],
+    time_s: float,
+    weather: Weather,
+    under: Support,
+    level_m: float,
+    own: tuple[BodyState, str] | None = None,
+) -> Cast:
+    """The cast of the entities (with their numbers in the instance) and of background traffic; `sites` says by entity
+    what lies about it, where that matters. `own` is who looks and is not drawn, with its type: the road in front of it
+    lies in its headlights all the same."""
+    drawn: list[tuple[npt.NDArray[np.float64], str, Array, int, float]] = []
+    wet = []
+    billboards, decals = [np.zeros(0, BILLBOARD)], [np.zeros(0, DECAL)]
+    cast = tuple(entities)
+    for number, entity, state in cast:
+        plane = under(*state.position)
+        if entity.type in AFLOAT and plane == level_m:
+            state = msgspec.structs.replace(state, position=(*state.position[:2], plane))
+            wet.append((state, entity.type))
+        site = sites.get(entity.id, Site(plane))
+        parts = entity_parts(entity, state, time_s, site.kerb_m, site.radius_m, site.heading_deg)
+        drawn += _placed(state, parts, "entity", FIRST_ENTITY + number, plane)
+        effects = effects_of(entity, state, time_s, weather, site)
+        drawn += [(s.rows, f"effect/{s.key}", s.mesh, FIRST_ENTITY + number, s.plane) for s in effects.solids]
+        rows = effects.billboards.copy()
+        rows["id"] *= FIRST_ENTITY + number
+        billboards.append(rows)
+        decals.append(effects.decals)
+    if vehicles_lit(weather):
+        lit = [(state, entity.type) for _, entity, state in cast] + [(state, state.kind) for state in ambient]
+        billboards.append(vehicle_rows(lit))
+        decals.append(road_light(lit if own is None else [*lit, own], weather))
+    for state in ambient:
+        number = CLASSES.get(state.kind, CLASSES["entity"])
+        drawn += _placed(state, ambient_parts(state, time_s), "entity", number, state.position[2])
+    return Cast(entity_batches(drawn), marks(wet), np.concatenate(billboards), np.concatenate(decals))
+
+
+def _placed(
+    state: BodyState, parts: Iterable[Part], group: str, number: int, plane: float
+) -> list[tuple[npt.NDArray[np.float64], str, Array, int, float]]:
+    body = matrix(state.position, state.heading_deg, state.pitch_deg, state.roll_deg)
+    whole = np.vstack([np.eye(4)[:3], [0.0, 0.0, 0.0, 1.0]])
+    found = []
+    for part in parts:
+        whole[:3] = part.rows
+        found.append((body @ whole, f"{group}/{part.key}", part.mesh, number, plane))
+    return found
+
+
+__all__ = ["Cast", "stage"]

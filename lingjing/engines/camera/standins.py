@@ -1,0 +1,130 @@
+"""Cheap meshes that stand in for what is small in a picture: for trees, in the shadow map too, for others far off."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+
+from lingjing.engines.camera.instances import Batch
+from lingjing.engines.camera.meshes import Array, cylinder, ellipsoid, merge
+
+SLIGHT = ("lamp", "bench")
+PLANTS = ("tree", "pine", "palm", "bush", "hedge")
+FULL_PX = 38.0
+"""Radius in the picture from which a plant shows all its leaves."""
+
+
+TINY_PX, TINY_FAR_PX = 12.0, 17.0
+"""Radius in the picture under which a plant is a bare lump, and beyond `FAR_M`."""
+SPECK_PX = 12.0
+"""Under this radius it has eight sides, in pictures that show tiles beyond the least distance in full."""
+SPECK_WIDER = 1.1
+"""What is lost between the corners of eight sides, made up for by their size."""
+
+
+class Fineness(NamedTuple):
+    """Rows and sides of a stand-in's crown, its size by the plant's, and whether it has a trunk."""
+
+    rows: int
+    sides: int
+    size: float
+    trunk: bool
+
+
+SMALL, TINY, SPECK = Fineness(4, 7, 0.94, True), Fineness(3, 4, 0.94, False), Fineness(2, 4, 0.94 * SPECK_WIDER, False)
+
+
+def standin(batch: Batch, fineness: Fineness = SMALL) -> Array | None:
+    """A few triangles in the shape and the colours of a plant; None for what has no stand-in."""
+    if not plant(batch) or len(batch.mesh) < 240:
+        return None
+    return _made(batch.key, fineness, _Key(batch.mesh))
+
+
+FAR_M, FAR_PX = 250.0, 9.0
+"""From this distance on props of less than this radius in the picture are `coarsened`."""
+LUMP_PX = 5.0
+"""Under this radius they are lumps, in pictures that show tiles beyond the least distance in full."""
+COARSE_FROM, COARSE_CELLS, LUMP_CELLS = 240, 3.5, 2.5
+"""Vertices of a mesh that is worth it, and cells along a prop's radius."""
+
+
+def coarsened(batch: Batch, lump: bool = False) -> Array | None:
+    """The mesh of a prop with corners that are close together (if `lump`, farther apart) made one; None for plants and
+    for simple meshes."""
+    if plant(batch) or len(batch.mesh) < COARSE_FROM:
+        return None
+    return _coarse(batch.key, LUMP_CELLS if lump else COARSE_CELLS, _Key(batch.mesh))
+
+
+def plant(batch: Batch) -> bool:
+    """Whether a prop is a plant: it has no gloss."""
+    return batch.key.startswith(PLANTS)
+
+
+def slight(batch: Batch) -> bool:
+    """Whether a prop is too slender to be told, in pictures that reach far, beyond the distance that lumps begin at:
+    there a lamp's post is a third of a pixel."""
+    return batch.key.startswith(SLIGHT)
+
+
+class _Key:
+    """A mesh as an argument of a cached function: equal to every other, for the name says which it is."""
+
+    def __init__(self, mesh: Array) -> None:
+        self.mesh = mesh
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Key)
+
+    def __hash__(self) -> int:
+        return 0
+
+
+@cache
+def _made(name: str, fineness: Fineness, key: _Key) -> Array:
+    points, colours = key.mesh[:, :3].astype(np.float64), key.mesh[:, 6:9].astype(np.float64)
+    top = points[:, 2].max()
+    crown = (colours[:, 1] > 1.15 * colours[:, 0]) if (colours[:, 1] > 1.15 * colours[:, 0]).any() else points[:, 2] > 0
+    low, high = points[crown].min(axis=0), points[crown].max(axis=0)
+    paint = colours[crown].mean(axis=0)
+    colour = float(paint[0]), float(paint[1]), float(paint[2])
+    centre, radii = (low + high) / 2.0, (high - low) / 2.0
+    if name.startswith("pine"):
+        shape = cylinder((0.0, 0.0, float(low[2])), (0.0, 0.0, float(top)), (float(radii[0]), 0.05), colour,
+                         sides=6 if fineness.trunk else 4)  # fmt: skip
+    else:
+        size = radii * (fineness.size, fineness.size, 1.0)
+        shape = ellipsoid(_point(centre), _point(size), colour, rows=fineness.rows, sides=fineness.sides)
+        shape[:, 6:9] *= (0.80 + 0.35 * (shape[:, 2:3] - low[2]) / max(high[2] - low[2], 0.1)).astype(np.float32)
+    if not fineness.trunk:
+        return shape
+    trunk = cylinder((0.0, 0.0, 0.0), (0.0, 0.0, float(low[2]) + 0.3), (0.18, 0.14), (0.16, 0.11, 0.07), sides=4)
+    return merge(shape, trunk)
+
+
+@cache
+def _coarse(name: str, cells: float, key: _Key) -> Array:
+    """Each corner moved to the mean of its cell; of triangles with the same corners the largest is left."""
+    points = key.mesh[:, :3].astype(np.float64)
+    cell = float(np.linalg.norm(points.max(axis=0) - points.min(axis=0))) / 2.0 / cells
+    _, group = np.unique(np.floor(points / cell), axis=0, return_inverse=True)
+    group = group.ravel()
+    count = np.bincount(group)
+    means = np.stack([np.bincount(group, points[:, k]) / count for k in range(3)], axis=1)
+    corners = points.reshape(-1, 3, 3)
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    order = np.argsort(-area, kind="stable")
+    triples = np.sort(group.reshape(-1, 3), axis=1)[order]
+    _, first = np.unique(triples, axis=0, return_index=True)
+    flat = (triples[first, 0] != triples[first, 1]) & (triples[first, 1] != triples[first, 2])
+    kept = np.sort(order[first[flat]])
+    mesh = key.mesh.copy()
+    mesh[:, :3] = means[group]
+    return np.ascontiguousarray(mesh.reshape(-1, 3, mesh.shape[1])[kept].reshape(-1, mesh.shape[1]))
+
+
+def _point(values: np.ndarray) -> tuple[float, float, float]:
+    return float(values[0]), float(values[1]), float(values[2])

@@ -1,0 +1,80 @@
+"""One tile of a city → meshes by material, the props on it, and what it takes to leave it out of a picture."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from lingjing.engines.camera.classes import CLASSES, prop_class
+from lingjing.engines.camera.masonry import building
+from lingjing.engines.camera.mesh_rows import Part, joined
+from lingjing.engines.camera.paving import Middles, areas, junctions, lanes, middles_of, pavements
+from lingjing.engines.camera.spans import bridge, pipe, slope, solid
+from lingjing.scene.city import Junction, Pieces, Polygon
+
+Under = Callable[[float, float], float]
+MATERIALS = ("wall", "plain", "road", "paving", "soil")
+CASTERS = ("wall", "plain")
+
+
+@dataclass(frozen=True, slots=True)
+class TileMesh:
+    """Vertices by material (`MATERIALS`), of "plain" the first `coarse` indices without the details that only show
+    from near by, and the boxes (west, south, low, east, north, high) of its buildings."""
+
+    parts: Mapping[str, Part]
+    coarse: int
+    boxes: npt.NDArray[np.float64]
+    low: npt.NDArray[np.float64]
+    high: npt.NDArray[np.float64]
+
+
+def mesh_tile(
+    pieces: Pieces,
+    crossings: tuple[Polygon, ...],
+    faced: Mapping[str, int],
+    under: Under,
+    middles: Middles | None = None,
+) -> TileMesh:
+    """All that stands still in a tile. `crossings` are the junctions in and around it that have crossings, `faced` the
+    ids of buildings that are drawn as an entity's, `under` the elevation of the ground at a place, `middles` the left
+    edges of the roads in and around it (`paving`; without: of its own roads)."""
+    middles = middles_of(pieces.roads) if middles is None else middles
+    structure, concrete = _id("structure", "concrete"), CLASSES["concrete"]
+    built = [building(b, faced.get(b.id, _id("building", "structure"))) for b in pieces.buildings]
+    span = _id("bridge", "structure")
+    others = [roof for _, roof, _ in built]
+    others += [bridge(b, span, under) for b in pieces.bridges if len(b.path) > 1]
+    others += [solid(s, structure) for s in pieces.solids if len(s.polygon) > 2]
+    others += [slope(s, concrete) for s in pieces.slopes if len(s.top) > 2]
+    others += [pipe(p, _id("pipe", "structure")) for p in pieces.pipes]
+    paved, soil = areas(pieces.areas)
+    parts = {
+        "wall": joined(wall for wall, _, _ in built),
+        "plain": joined((*others, *(details for _, _, details in built))),
+        "road": joined((lanes(pieces.roads, crossings, middles), junctions(pieces.junctions))),
+        "paving": joined((pavements(pieces.roads), paved)),
+        "soil": soil,
+    }
+    boxes = np.array([_box(b.polygon, b.base_m, b.top_m) for b in pieces.buildings]).reshape(-1, 6)
+    some = [part.vertices["position"] for part in parts.values() if len(part.vertices)]
+    points = np.concatenate(some) if some else np.zeros((1, 3), np.float32)
+    coarse = sum(len(part.index) for part in others)
+    return TileMesh(parts, coarse, boxes, points.min(axis=0).astype(float), points.max(axis=0).astype(float))
+
+
+def crossings_of(given: tuple[Junction, ...]) -> tuple[Polygon, ...]:
+    """The outlines of junctions where people cross: those with lights."""
+    return tuple(junction.polygon for junction in given if junction.lights and len(junction.polygon) > 2)
+
+
+def _id(name: str, other: str) -> int:
+    return prop_class(name) if name in CLASSES else CLASSES[other]
+
+
+def _box(ring: Polygon, base: float, top: float) -> tuple[float, ...]:
+    xs, ys = [p[0] for p in ring], [p[1] for p in ring]
+    return min(xs), min(ys), base, max(xs), max(ys), top

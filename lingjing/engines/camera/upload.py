@@ -1,0 +1,91 @@
+"""Meshes on the GPU: vertices, indices, room for instances, and the vertex arrays that draw them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+import numpy.typing as npt
+
+from lingjing.engines.camera.instances import ROW, Rows, matrix, row
+from lingjing.engines.camera.meshes import Array
+
+VERTEX = (("3f", "in_position"), ("3f", "in_normal"), ("4f", "in_colour"))
+INSTANCE = (("4f", "in_row0"), ("4f", "in_row1"), ("4f", "in_row2"), ("1f", "in_plane"), ("1u", "in_id"))
+Index = npt.NDArray[np.uint32]
+
+
+@dataclass(frozen=True, slots=True)
+class Model:
+    """An indexed mesh with room for `capacity` instances; `lit` draws it, `shadow` its shadow."""
+
+    buffers: tuple[moderngl.Buffer, ...]
+    instances: moderngl.Buffer
+    lit: moderngl.VertexArray
+    shadow: moderngl.VertexArray
+    capacity: int
+
+    def place(self, rows: Rows) -> None:
+        """Write the instances of the next drawing."""
+        self.instances.write(rows.tobytes())
+
+    def release(self) -> None:
+        """Free the GL objects."""
+        for array in (self.lit, self.shadow):
+            array.release()
+        for buffer in (*self.buffers, self.instances):
+            buffer.release()
+
+
+def upload(
+    context: moderngl.Context,
+    programs: tuple[moderngl.Program, moderngl.Program],
+    mesh: tuple[Array, Index],
+    capacity: int,
+) -> Model:
+    """A mesh of (vertices, indices) for (lit, shadow) programs."""
+    vertices = context.buffer(np.ascontiguousarray(mesh[0], np.float32).tobytes())
+    indices = context.buffer(np.ascontiguousarray(mesh[1], np.uint32).tobytes())
+    instances = context.buffer(reserve=capacity * ROW.itemsize)
+    lit, shadow = (
+        context.vertex_array(
+            program,
+            [(vertices, *_layout(program, VERTEX, "")), (instances, *_layout(program, INSTANCE, "/i"))],
+            index_buffer=indices,
+            index_element_size=4,
+        )
+        for program in programs
+    )
+    return Model((vertices, indices), instances, lit, shadow, capacity)
+
+
+def upload_still(
+    context: moderngl.Context,
+    programs: tuple[moderngl.Program, moderngl.Program],
+    mesh: tuple[Array, Index],
+    plane: float,
+    number: int,
+) -> Model:
+    """A mesh in world coordinates: one instance whose shadow falls on `plane` (m) and whose id is `number`."""
+    model = upload(context, programs, mesh, 1)
+    model.place(row(matrix((0.0, 0.0, 0.0), 0.0, 0.0, 0.0), plane, number))
+    return model
+
+
+def rows_array(context: moderngl.Context, program: moderngl.Program, model: Model) -> moderngl.VertexArray:
+    """A vertex array of a model's instances for another program."""
+    vertices, indices = model.buffers
+    return context.vertex_array(
+        program,
+        [(vertices, *_layout(program, VERTEX, "")), (model.instances, *_layout(program, INSTANCE, "/i"))],
+        index_buffer=indices,
+        index_element_size=4,
+    )
+
+
+def _layout(program: moderngl.Program, parts: Sequence[tuple[str, str]], rate: str) -> tuple[str, ...]:
+    """Buffer format and names, with padding for attributes the program does not read."""
+    sizes = [size if name in program else f"{4 * int(size[0])}x" for size, name in parts]
+    return (" ".join(sizes) + rate, *(name for _, name in parts if name in program))

@@ -1,0 +1,163 @@
+"""What one picture shows of a city: which tiles in full and how finely, which blocks, which cells of the ground.
+
+Pure functions of the pose, the light and what the skyline and the plate say of the city, so a picture never depends on
+what was drawn before.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from lingjing.engines.camera.beyond import HIGH_M
+from lingjing.engines.camera.light import Light
+from lingjing.engines.camera.plate import Plate
+from lingjing.engines.camera.sight import (
+    Window,
+    blunt_from,
+    boxes_in_sight,
+    casters,
+    distances,
+    full_reach,
+    shade_window,
+)
+from lingjing.engines.camera.skyline import Skyline
+from lingjing.plugins.geometry import focal_px
+from lingjing.scene.tiles import Key
+from lingjing.trace.records import CameraPose
+
+FAR_REACH_M, BLOCKS_REACH_M = 14_000.0, 2600.0
+"""How far towers and lower blocks are drawn."""
+MAPPED_FROM = 0.55
+"""From this share of the reach of full tiles on the ground begins to wear the map."""
+DETAIL_PX = 4.0
+"""Details show where a metre is this many pixels or more."""
+STEEP_DEG, LEVELLED = 80.0, 2.0
+"""From this tilt on a picture has one level of detail, for what is within so many reaches of full tiles: only towers of
+half a kilometre bring the closest tile that much closer than the others."""
+LARGE_NEAR_M = 100.0
+"""How close to the eye the cells of lands and ground are `close`."""
+
+
+class Cells(NamedTuple):
+    """Ranges of a sheet's indices that are drawn alike: close to the eye or not, with the map on them or not."""
+
+    close: bool
+    mapped: bool
+    runs: tuple[tuple[int, int], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """What one picture shows: full tiles near to far, which of them the shadow map reaches, which show their details
+    and which no grain, ranges of far blocks near to far and of those still farther, tiles that may throw shadows into
+    it, ranges of the ground and of the lands on it; `high`: whether the eye sees the country around the city as well.
+    Such an eye looks down through the air: how far it sees does not depend on the visibility at the ground."""
+
+    full: tuple[Key, ...]
+    shaded: frozenset[Key]
+    detailed: frozenset[Key]
+    blunt: frozenset[Key]
+    far: tuple[tuple[int, int], ...]
+    farther: tuple[tuple[int, int], ...]
+    casters: tuple[Key, ...]
+    ground: tuple[Cells, ...]
+    lands: tuple[Cells, ...]
+    window: Window
+    reach_m: float
+    high: bool
+
+    @property
+    def reaching(self) -> bool:
+        """Whether anything in it is too far off to show its grain: far blocks show none then."""
+        return bool(self.blunt or self.farther)
+
+
+def choose(sky: Skyline, plate: Plate, pose: CameraPose, visibility_m: float, light: Light) -> View:
+    """What a picture needs."""
+    eye = pose.position
+    away = distances(sky.boxes, eye)
+    seen = boxes_in_sight(sky.boxes, pose)
+    reach = full_reach(pose, visibility_m)
+    counted = _levelled(away, seen, pose, reach)
+    near = seen & (counted <= reach)
+    order = [k for k in np.argsort(away, kind="stable").tolist() if near[k]]
+    window = shade_window(pose, light.sun)
+    reached = casters(sky.boxes, window)
+    cast = reached & (away <= 3.0 * reach) if light.dark < 0.95 else np.zeros(len(away), bool)
+    high = eye[2] > HIGH_M
+    far = seen & ~near & (high | (away < min(visibility_m, FAR_REACH_M)))
+    some = far & (high | (away < BLOCKS_REACH_M))
+    blocks = np.concatenate([sky.ranges[0][far], sky.ranges[1][some]])
+    off = np.concatenate([away[far], away[some]])
+    by_distance = np.argsort(off, kind="stable")
+    blocks, off = blocks[by_distance], off[by_distance]
+    blunt_m, blunt_blocks_m = blunt_from(reach)
+    sharp = int(np.searchsorted(off, blunt_blocks_m))
+    return View(
+        full=tuple(sky.keys[k] for k in order),
+        shaded=frozenset(sky.keys[k] for k in order if reached[k]),
+        detailed=frozenset(sky.keys[k] for k in order if counted[k] <= focal_px(pose) / DETAIL_PX),
+        blunt=frozenset(sky.keys[k] for k in order if counted[k] >= blunt_m),
+        far=_filled(blocks[:sharp]),
+        farther=_filled(blocks[sharp:]),
+        casters=tuple(sky.keys[k] for k in np.flatnonzero(cast).tolist()),
+        ground=_cells(plate.ranges, plate.boxes, pose, reach),
+        lands=_cells(plate.land_ranges, plate.land_boxes, pose, reach),
+        window=window,
+        reach_m=reach,
+        high=high,
+    )
+
+
+def _levelled(
+    away: npt.NDArray[np.float64], seen: npt.NDArray[np.bool_], pose: CameraPose, reach: float
+) -> npt.NDArray[np.float64]:
+    """The distances that decide how finely tiles are drawn. Seen from straight above all of a city is about as far, and
+    an edge between two levels would cross the middle of the picture: there the closest tile decides for all."""
+    if pose.tilt_deg <= STEEP_DEG or not seen.any():
+        return away
+    return np.where(seen & (away <= LEVELLED * reach), away[seen].min(), away)
+
+
+def _filled(ranges: npt.NDArray[np.int64]) -> tuple[tuple[int, int], ...]:
+    return tuple((first, count) for first, count in ranges.tolist() if count)
+
+
+def _farthest(boxes: npt.NDArray[np.float64], eye: tuple[float, float, float]) -> npt.NDArray[np.float64]:
+    """Distance of the farthest corner of each box from a point."""
+    at = np.asarray(eye)
+    off = np.maximum(np.abs(boxes[:, :3] - at), np.abs(boxes[:, 3:] - at))
+    return np.asarray(np.linalg.norm(off, axis=1))
+
+
+def _cells(
+    ranges: npt.NDArray[np.int64], boxes: npt.NDArray[np.float64], pose: CameraPose, reach: float
+) -> tuple[Cells, ...]:
+    """The cells of a sheet in sight; those whose every point is nearer than the map do without it."""
+    shown = boxes_in_sight(boxes, pose)
+    mapped = _farthest(boxes, pose.position) > MAPPED_FROM * reach
+    close = distances(boxes, pose.position) < LARGE_NEAR_M
+    kinds = [
+        (near, far, _runs(ranges, shown & (close == near) & (mapped == far)))
+        for near in (True, False)
+        for far in (False, True)
+    ]
+    return tuple(Cells(near, far, tuple(runs)) for near, far, runs in kinds if runs)
+
+
+def _runs(ranges: npt.NDArray[np.int64], wanted: npt.NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """The wanted ranges (first, count), neighbours joined."""
+    runs: list[tuple[int, int]] = []
+    for first, count in ranges[wanted & (ranges[:, 1] > 0)].tolist():
+        if runs and sum(runs[-1]) == first:
+            runs[-1] = runs[-1][0], runs[-1][1] + count
+        else:
+            runs.append((first, count))
+    return runs
+
+
+__all__ = ["MAPPED_FROM", "Cells", "View", "choose"]

@@ -1,0 +1,116 @@
+"""Where a target is: fixed where it was put, or adrift: carried by current and wind, wandering a little, riding the
+waves, never washed ashore."""
+
+from __future__ import annotations
+
+import math
+from typing import Protocol
+
+from lingjing.engines import sea
+from lingjing.mission.instance import Entity, Vector, Weather
+from lingjing.mission.seeding import Stream
+from lingjing.scene.terrain import Terrain
+
+STEP_S = 0.1
+"""Step of the drift."""
+
+_LEEWAY = 0.03
+"""Share of the wind's speed that a person in the water makes, as search planners assume."""
+_WANDER = 0.25
+"""Standard deviation of the wander, as a share of the drift."""
+_WANDER_TIME_S = 30.0
+
+
+class Body(Protocol):
+    """A target's whereabouts."""
+
+    def blow(self, weather: Weather) -> None:
+        """The weather from now on."""
+        ...
+
+    def step(self) -> None:
+        """Move by `STEP_S`."""
+        ...
+
+    def pose(self, time_s: float, remainder_s: float) -> tuple[Vector, Vector]:
+        """Position and velocity at `time_s`, `remainder_s` after the last step."""
+        ...
+
+
+def body_of(entity: Entity, terrain: Terrain, weather: Weather, seed: int) -> Body:
+    """A body adrift for what drifts or stands on water, else one that stays where it is (on a bridge, say)."""
+    x, y, _ = entity.position
+    floating = "drift_mps" in entity.properties or entity.properties.get("on") == "water"
+    level = terrain.water_level(x, y) if floating else None
+    return Fixed(entity.position) if level is None else Afloat(entity, terrain, level, weather, seed)
+
+
+class Fixed:
+    """A target that does not move by itself."""
+
+    def __init__(self, position: Vector) -> None:
+        self._position = position
+
+    def blow(self, weather: Weather) -> None:
+        """Nothing moves it."""
+
+    def step(self) -> None:
+        """It stays."""
+
+    def pose(self, time_s: float, remainder_s: float) -> tuple[Vector, Vector]:
+        """Where it was put."""
+        return self._position, (0.0, 0.0, 0.0)
+
+
+class Afloat:
+    """A drifting target. Its mean speed is the declared drift, its course that of the current plus leeway."""
+
+    def __init__(self, entity: Entity, terrain: Terrain, level_m: float, weather: Weather, seed: int) -> None:
+        drift = entity.properties.get("drift_mps", 0.0)
+        self._speed = float(drift) if isinstance(drift, int | float) else 0.0
+        self._terrain = terrain
+        self._level = level_m
+        self._keep = math.exp(-STEP_S / _WANDER_TIME_S)
+        self._kick = _WANDER * self._speed * math.sqrt(1.0 - self._keep**2)
+        self._stream = Stream(seed, f"city/{entity.id}/drift")
+        self._wander = (0.0, 0.0)
+        self._position = entity.position[:2]
+        self._velocity = (0.0, 0.0)
+        self.blow(weather)
+
+    def blow(self, weather: Weather) -> None:
+        """The waves it rides and the course it takes from now on."""
+        self._waves = sea.waves(weather)
+        self._mean = _course(weather, self._speed)
+
+    def step(self) -> None:
+        """Drift by `STEP_S`; against the shore only along the free axis, or not at all."""
+        if self._mean == (0.0, 0.0):
+            self._velocity = (0.0, 0.0)
+            return
+        east, north = (self._keep * part + self._kick * self._stream.normal(0.0, 1.0) for part in self._wander)
+        self._wander = (east, north)
+        velocity = (self._mean[0] + east, self._mean[1] + north)
+        for candidate in (velocity, (velocity[0], 0.0), (0.0, velocity[1])):
+            x, y = self._position[0] + STEP_S * candidate[0], self._position[1] + STEP_S * candidate[1]
+            if self._terrain.water_level(x, y) is not None:
+                self._position, self._velocity = (x, y), candidate
+                return
+        self._velocity = (0.0, 0.0)
+
+    def pose(self, time_s: float, remainder_s: float) -> tuple[Vector, Vector]:
+        """Position and velocity at `time_s`, `remainder_s` after the last step; the height is the waves'."""
+        east, north = self._velocity
+        x, y = self._position[0] + remainder_s * east, self._position[1] + remainder_s * north
+        slope_east, slope_north = sea.slope(self._waves, x, y, time_s)
+        rise = sea.rise(self._waves, x, y, time_s) + slope_east * east + slope_north * north
+        return (x, y, self._level + sea.elevation(self._waves, x, y, time_s)), (east, north, rise)
+
+
+def _course(weather: Weather, speed: float) -> tuple[float, float]:
+    wind, current = sea.wind_velocity(weather), sea.current_velocity(weather)
+    east, north = current[0] + _LEEWAY * wind[0], current[1] + _LEEWAY * wind[1]
+    whole = math.hypot(east, north)
+    if whole == 0.0:  # no current and no wind: nothing carries it
+        return 0.0, 0.0
+    return speed * east / whole, speed * north / whole

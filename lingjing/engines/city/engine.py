@@ -1,0 +1,240 @@
+"""The city engine: all targets of an episode, the goods, and who hears whom, behind the five-method contract."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from lingjing.engines.city.afloat import STEP_S, body_of
+from lingjing.engines.city.book import Book, check_exchange, numbers
+from lingjing.engines.city.crowd import PEOPLE
+from lingjing.engines.city.interaction import UNLOCK, Interaction, actors_in_reach, moved_on
+from lingjing.engines.city.radio import Coverage
+from lingjing.engines.city.target import Level, Target, target_of
+from lingjing.mission.instance import Vector
+from lingjing.mission.schedule import Schedule
+from lingjing.plugins.clock import Clock
+from lingjing.plugins.engine import Boundary, CaptureRequest, EngineSpec, Frame
+from lingjing.plugins.requests import Refusal, Requests
+from lingjing.scene.city import City
+from lingjing.scene.terrain import Terrain
+from lingjing.trace.records import DORMANT, BodyState, Command, Receipt, TaskEvent
+
+_IDLE = (DORMANT, "dead")
+"""Who is not there, or is there as a wreck, does nothing."""
+
+
+class CityEngine:
+    """Lets targets burn, leak, drift and wait, at 10 Hz; performs unlocked interactions at the end of each macro-step;
+    says at each decision boundary which assets do not hear each other."""
+
+    def reset(self, spec: EngineSpec, city: City, seed: int) -> Boundary:
+        """Put the targets where the instance says, open the book and learn which engine owns whom."""
+        instance = spec.instance
+        self._name = spec.engine
+        self._tick_s = instance.clock.tick_s
+        self._clock = Clock(STEP_S)
+        self._requests = Requests(spec.engine)
+        self._events: list[TaskEvent] = []
+        self._owners = {entity.id: entity.engine for entity in instance.entities}
+        self._schedule = Schedule(instance)
+        self._weather = self._schedule.weather(0.0)
+        self._book = Book(instance)
+        terrain = Terrain(city)
+        self._targets = {
+            entity.id: target_of(entity, body_of(entity, terrain, self._weather, seed), seed) for entity in spec.owned()
+        }
+        for target in self._targets.values():
+            for interaction in target.possible.values():
+                check_exchange(target.entity, interaction, instance.entities)
+            known = numbers(target.entity, tuple(target.entity.properties))
+            for level in target.levels.values():
+                self._book.put(target.id, level.name, known[level.name])
+        self._bodies: dict[str, tuple[Vector, BodyState]] = {}
+        self._show()
+        self._coverage = Coverage(instance, terrain)
+        self._unheard = self._coverage.unheard({e.id: e.position for e in instance.entities}, self._weather)
+        return self._boundary()
+
+    def submit(self, commands: Sequence[Command]) -> tuple[Receipt, ...]:
+        """Take the kernel's unlocks; they last for the episode and are complete with their admission."""
+        return tuple(self._admit(command) for command in commands)
+
+    def advance(self, until: float, mirrors: Sequence[BodyState]) -> Boundary:
+        """Live on to `until`, then look who has come into reach by then."""
+        elapsed = until - self._clock.time_s
+        self._blow()
+        self._step(until)
+        self._show()
+        self._bodies = {body.id: (moved_on(body, elapsed), body) for body in mirrors if body.id in self._owners}
+        for target in self._targets.values():
+            self._interact(target, elapsed)
+        if self._clock.is_boundary(self._tick_s):
+            places = {name: place for name, (place, _) in self._bodies.items()}
+            self._unheard = self._coverage.unheard(places, self._schedule.weather(until))
+        return self._boundary()
+
+    def capture(self, requests: Sequence[CaptureRequest]) -> tuple[Frame, ...]:
+        """No sensors here."""
+        return ()
+
+    def close(self) -> None:
+        """Let go of the targets."""
+        self._targets = {}
+
+    def _admit(self, command: Command) -> Receipt:
+        receipt = self._requests.admit(command, self._clock.time_s, self._unlock)
+        if receipt.status == "accepted":
+            self._requests.complete(command.resource, self._clock.time_s)
+        return receipt
+
+    def _unlock(self, command: Command) -> None:
+        target = self._targets.get(command.resource)
+        if target is None:
+            raise Refusal("unknown_resource", f"`{command.resource}` is no target of `{self._name}`")
+        if not command.verb.startswith(UNLOCK):
+            raise Refusal("unknown_verb", f"a target takes no command `{command.verb}`")
+        if command.origin != "kernel":
+            raise Refusal("no_authority", "only the kernel unlocks an interaction")
+        name = command.verb.removeprefix(UNLOCK)
+        if name not in target.possible:
+            known = ", ".join(target.possible) or "none"
+            raise Refusal("unknown_verb", f"`{target.id}` has no interaction `{name}` (it has: {known})")
+        if name not in target.unlocked:
+            target.unlocked.append(name)
+
+    def _blow(self) -> None:
+        """Follow the weather, which changes at decision boundaries."""
+        weather = self._schedule.weather(self._clock.time_s)
+        if weather != self._weather:
+            self._weather = weather
+            for target in self._targets.values():
+                target.body.blow(weather)
+
+    def _step(self, until: float) -> None:
+        moving = [target for target in self._targets.values() if target.present and target.carrier is None]
+        for _ in range(self._clock.steps_until(until)):
+            self._clock.done += 1
+            for target in moving:
+                target.body.step()
+        for target in self._targets.values():
+            if target.crowd is not None:
+                count = target.crowd.after(self._book.amount(target.id, PEOPLE), until)
+                self._book.put(target.id, PEOPLE, count)
+
+    def _show(self) -> None:
+        for target in self._targets.values():
+            target.show(self._schedule.present(target.id, self._clock.time_s))
+
+    def _interact(self, target: Target, elapsed_s: float) -> None:
+        if not target.present:
+            target.attended.clear()
+            return
+        for interaction in target.possible.values():
+            open_now = interaction.name in target.unlocked and interaction.name not in target.done
+            reached = self._in_reach(target, interaction) if open_now else []
+            level = target.levels.get(interaction.name)
+            if level is not None:
+                self._work_off(target, interaction, level, reached, elapsed_s)
+            elif open_now:
+                self._attend(target, interaction, reached, elapsed_s)
+
+    def _in_reach(self, target: Target, interaction: Interaction) -> list[tuple[str, float]]:
+        here, _ = self._pose(target)
+        actors = [
+            (name, place)
+            for name, (place, body) in self._bodies.items()
+            if self._owners[name] == interaction.by_engine and body.status not in _IDLE
+        ]
+        return actors_in_reach(interaction, here, actors)
+
+    def _work_off(
+        self,
+        target: Target,
+        interaction: Interaction,
+        level: Level,
+        reached: list[tuple[str, float]],
+        elapsed_s: float,
+    ) -> None:
+        if interaction.name in target.done:
+            return
+        tended = target.tended(level.name, besides=level)
+        before = self._book.amount(target.id, level.name)
+        left = level.after(before, elapsed_s, manned=bool(reached), tended=tended)
+        self._book.put(target.id, level.name, left)
+        if left <= 0.0 and reached:
+            actor, distance_m = reached[0]
+            target.finish(interaction, actor, target.nature.over)
+            self._emit(target, interaction, actor, distance_m)
+
+    def _attend(
+        self, target: Target, interaction: Interaction, reached: list[tuple[str, float]], elapsed_s: float
+    ) -> None:
+        times = target.attend(interaction.name, [actor for actor, _ in reached], elapsed_s)
+        lasting_s = interaction.lasting_s or 0.0
+        ready = [(actor, far) for actor, far in reached if times[actor] >= lasting_s - 1e-9]
+        if interaction.moves_goods:
+            for actor, distance_m in ready:
+                self._trade(target, interaction, actor, distance_m)
+        elif ready:
+            actor, distance_m = ready[0]
+            target.finish(interaction, actor)
+            self._emit(target, interaction, actor, distance_m)
+
+    def _trade(self, target: Target, interaction: Interaction, actor: str, distance_m: float) -> None:
+        moved = self._book.transfer(target.id, actor, interaction)
+        if not moved:
+            return
+        target.attended[interaction.name, actor] = 0.0
+        self._emit(target, interaction, actor, distance_m, moved)
+        if interaction.own and self._book.amount(target.id, interaction.own) <= 0.0:
+            target.finish(interaction, actor)
+
+    def _emit(
+        self,
+        target: Target,
+        interaction: Interaction,
+        actor: str,
+        distance_m: float,
+        values: dict[str, float] | None = None,
+    ) -> None:
+        self._events.append(
+            TaskEvent(
+                kind=interaction.name,
+                entities=(target.id, actor),
+                time_s=self._clock.time_s,
+                values={"distance_m": distance_m, **(values or {})},
+            )
+        )
+
+    def _pose(self, target: Target) -> tuple[Vector, Vector]:
+        """Position and velocity: its own, or those of the actor that has taken it along."""
+        if target.carrier is not None and target.carrier in self._bodies:
+            place, carrier = self._bodies[target.carrier]
+            return place, carrier.velocity
+        return target.body.pose(self._clock.time_s, self._clock.remainder_s)
+
+    def _state(self, target: Target) -> BodyState:
+        position, velocity = self._pose(target)
+        carrier = self._bodies.get(target.carrier) if target.carrier is not None else None
+        return BodyState(
+            id=target.id,
+            position=position,
+            velocity=velocity,
+            heading_deg=target.entity.heading_deg if carrier is None else carrier[1].heading_deg,
+            status=target.status,
+            resources=self._resources(target),
+        )
+
+    def _resources(self, target: Target) -> dict[str, float]:
+        return self._book.stocks(target.id) | self._book.accounts(target.id)
+
+    def _boundary(self) -> Boundary:
+        events, self._events = tuple(self._events), []
+        return Boundary(
+            engine=self._name,
+            time_s=self._clock.time_s,
+            states=tuple(self._state(target) for target in self._targets.values()),
+            receipts=self._requests.drain(),
+            events=events,
+            unheard=self._unheard,
+        )

@@ -1,0 +1,73 @@
+"""What a target is without anybody's help, told from its properties: burning, leaking, adrift, waiting.
+
+A nature is a status word, what that word becomes when the matter is over, and for what can be worked off (`level`, the
+name of a declared state between 0 and 1, without a unit, such as `heat`) how long that takes and how fast it comes
+back.
+A type may name its first status word itself (`status = …`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from lingjing.engines.city.crowd import PEOPLE
+from lingjing.mission.instance import Entity
+from lingjing.trace.records import DORMANT
+
+WAITING = "waiting"
+
+_GIVES = "_gives"
+
+
+@dataclass(frozen=True, slots=True)
+class Nature:
+    """What a target is by itself.
+
+    `word` is its status, `over` the status when its level is 0 ("" : the interaction's own word), `gone` the status
+    after it has vanished, `lasts` whether the word stays whatever is done to it. `work_s` is the time within which an
+    actor brings the level from 1 to 0 unless the interaction says how long it takes, `growth_hz` what the level regains
+    a second when nobody is at it.
+    """
+
+    word: str = WAITING
+    level: str = ""
+    over: str = ""
+    gone: str = DORMANT
+    lasts: bool = False
+    work_s: float = 0.0
+    growth_hz: float = 0.0
+
+
+FIRE = Nature("burning", level="heat", over="out", work_s=10.0, growth_hz=1.0 / 60.0)
+LEAK = Nature("leaking", level="flow", over="sealed", work_s=5.0)
+BLOCKAGE = Nature("blocking", gone="cleared", lasts=True)
+BREAK = Nature("fractured", lasts=True)
+ADRIFT = Nature("adrift")
+QUEUE = Nature("queueing")
+STORE = Nature("open", lasts=True)
+
+
+def nature_of(entity: Entity) -> Nature:
+    """The nature of a target; its own `status` property goes before the usual word."""
+    found = _nature(entity)
+    word = entity.properties.get("status")
+    return replace(found, word=word) if isinstance(word, str) else found
+
+
+def _nature(entity: Entity) -> Nature:
+    properties = entity.properties
+    for levelled in (FIRE, LEAK):
+        if levelled.level in properties:
+            return levelled
+    if properties.get("blocks") is True:
+        return BLOCKAGE
+    if "drift_mps" in properties:
+        return ADRIFT
+    if PEOPLE in entity.state:
+        return QUEUE
+    if properties.get("on") == "bridge" and "width_m" in properties:
+        return BREAK
+    giving = [name.removesuffix(_GIVES) for name in properties if name.endswith(_GIVES)]
+    if any(f"{name}_from" not in properties for name in giving):
+        return STORE  # inexhaustible: what it gives comes out of nothing that is counted
+    return Nature()

@@ -1,0 +1,81 @@
+"""The autopilot: from a bank angle, a climb rate and an airspeed to stick and throttle, 50 times a second.
+
+Three loops that each own one control, as light aircraft's autopilots have them: bank by aileron, climb by elevator
+(through pitch), airspeed by throttle. With a dead engine the elevator keeps the airspeed and the aircraft glides.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from lingjing.engines.fixed_wing.airframe import Sample
+
+PERIOD_S = 0.02
+"""Control period: 50 Hz."""
+
+_BANK_GAIN, _BANK_INTEGRAL, _BANK_DAMPING = 2.0, 0.3, 0.5
+_CLIMB_GAIN, _CLIMB_INTEGRAL = 0.025, 0.006
+_PITCH_GAIN, _PITCH_INTEGRAL, _PITCH_DAMPING = 2.5, 1.0, 0.8
+_MAX_PITCH = 0.26
+_GLIDE_GAIN = 0.02
+_THROTTLE_GAIN, _THROTTLE_INTEGRAL = 0.12, 0.03
+_SLOW_SHARE = 0.92
+
+
+@dataclass(frozen=True, slots=True)
+class Demand:
+    """Stick (-1..1) and throttle (0..1)."""
+
+    aileron: float
+    elevator: float
+    throttle: float
+
+
+class Autopilot:
+    """Controller state of one aircraft: what its loops have learnt about trim."""
+
+    def __init__(self) -> None:
+        self._aileron = 0.0
+        self._pitch = 0.05
+        self._elevator = -0.1
+        self._throttle = 0.65
+
+    def fly(self, sample: Sample, bank: float, climb: float, airspeed: float, *, powered: bool) -> Demand:
+        """One period: bank in radians (right wing down), climb and true airspeed in m/s."""
+        pitch = self._climb(sample, climb, airspeed) if powered else self._glide(sample, airspeed)
+        return Demand(
+            aileron=self._roll(sample, bank),
+            elevator=self._nose(sample, pitch),
+            throttle=self._power(sample, airspeed) if powered else 0.0,
+        )
+
+    def _roll(self, sample: Sample, bank: float) -> float:
+        error = bank - sample.attitude[0]
+        self._aileron = _within(self._aileron + PERIOD_S * _BANK_INTEGRAL * error, 0.4)
+        return _within(_BANK_GAIN * error + self._aileron - _BANK_DAMPING * sample.rates[0], 1.0)
+
+    def _climb(self, sample: Sample, climb: float, airspeed: float) -> float:
+        if sample.airspeed < _SLOW_SHARE * airspeed:  # speed before height
+            climb = min(climb, 0.0)
+        error = climb - sample.velocity[2]
+        self._pitch = _within(self._pitch + PERIOD_S * _CLIMB_INTEGRAL * error, _MAX_PITCH)
+        return _within(_CLIMB_GAIN * error + self._pitch, _MAX_PITCH)
+
+    def _glide(self, sample: Sample, airspeed: float) -> float:
+        return _within(_GLIDE_GAIN * (sample.airspeed - airspeed) - 0.05, _MAX_PITCH)
+
+    def _nose(self, sample: Sample, pitch: float) -> float:
+        error = pitch - sample.attitude[1]
+        self._elevator = _within(self._elevator + PERIOD_S * _PITCH_INTEGRAL * error, 0.6)
+        # A banked aircraft turns its nose through the horizon; damping acts on what is more than that turn.
+        return _within(-_PITCH_GAIN * error - self._elevator + _PITCH_DAMPING * sample.rates[1], 1.0)
+
+    def _power(self, sample: Sample, airspeed: float) -> float:
+        error = airspeed - sample.airspeed
+        self._throttle = min(max(self._throttle + PERIOD_S * _THROTTLE_INTEGRAL * error, 0.0), 1.0)
+        return min(max(self._throttle + _THROTTLE_GAIN * error, 0.0), 1.0)
+
+
+def _within(value: float, most: float) -> float:
+    return math.copysign(min(abs(value), most), value)

@@ -1,0 +1,120 @@
+"""The autopilot: from a destination to roll, pitch, yaw rate and thrust, 50 times a second.
+
+A cascade, as flight stacks have it: the distance left gives a speed that can still be braked away (linear near the
+goal, a square root beyond), limited in acceleration; the speed error gives an acceleration (PI, with the drag of the
+wanted speed fed forward); the acceleration gives tilt and thrust. The integral finds the wind by itself.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from lingjing.engines.multirotor.airframe import MASS_KG
+from lingjing.engines.sea import GRAVITY
+from lingjing.mission.instance import Vector
+
+PERIOD_S = 0.02
+"""Control period: 50 Hz."""
+
+BRAKE_MPS2 = 2.0
+"""Deceleration that the speed profile plans with."""
+
+_ACCELERATE_MPS2 = 3.0
+_CLIMB_MPS = 4.0
+_SINK_MPS = 3.0
+_LIFT_MPS2 = 2.0
+_POSITION_GAIN = 1.0
+_VELOCITY_GAIN = 2.0
+_INTEGRAL_GAIN = 1.0
+_MAX_TILT = math.radians(40.0)
+_MAX_LIFT_MPS2 = 4.0
+_YAW_GAIN = 1.5
+_MAX_YAW_RATE = 1.2
+_DRAG = 0.5 * 1.225 * 0.05
+
+
+class Demand(NamedTuple):
+    """What the attitude loops are told: radians, radians per second, newtons."""
+
+    roll: float
+    pitch: float
+    yaw_rate: float
+    thrust_n: float
+
+
+def braking_speed(distance: float, brake: float) -> float:
+    """The speed from which `distance` metres suffice to stop, m/s; proportional within the last metres."""
+    knee = brake / (_POSITION_GAIN * _POSITION_GAIN)
+    if distance <= knee:
+        return _POSITION_GAIN * distance
+    return math.sqrt(2.0 * brake * (distance - 0.5 * knee))
+
+
+def wanted_velocity(position: Vector, goal: Vector, cruise: float) -> Vector:
+    """The velocity to have now on the way to `goal`; climbing and travelling end together."""
+    east, north, up = goal[0] - position[0], goal[1] - position[1], goal[2] - position[2]
+    level = math.hypot(east, north)
+    limit = _CLIMB_MPS if up > 0.0 else _SINK_MPS
+    speed = min(cruise, braking_speed(level, BRAKE_MPS2))
+    if abs(up) > 1.0:
+        speed = min(speed, max(level * limit / abs(up), _POSITION_GAIN * min(level, 1.0)))
+    vertical = min(limit, braking_speed(abs(up), _LIFT_MPS2))
+    if level > 5.0:
+        vertical = min(vertical, max(abs(up) * cruise / level, _POSITION_GAIN * min(abs(up), 1.0)))
+    scale = speed / level if level > 1e-9 else 0.0
+    return east * scale, north * scale, math.copysign(vertical, up)
+
+
+def tilt(east: float, north: float, up: float, heading: float) -> tuple[float, float]:
+    """Roll and pitch (rad) that accelerate by (east, north) m/s^2 while lifting `up`, with the nose at `heading`."""
+    forward = east * math.sin(heading) + north * math.cos(heading)
+    right = east * math.cos(heading) - north * math.sin(heading)
+    pitch = -math.atan2(forward, up + GRAVITY)
+    return math.atan2(right * math.cos(pitch), up + GRAVITY), pitch
+
+
+class Autopilot:
+    """Controller state of one vehicle: the limited velocity demand and the wind it has learnt to lean against.
+    `mass_kg` is what flies, the load included."""
+
+    def __init__(self) -> None:
+        self.mass_kg = MASS_KG
+        self._demand: Vector = (0.0, 0.0, 0.0)
+        self._trim: Vector = (0.0, 0.0, 0.0)
+
+    def fly(
+        self, position: Vector, velocity: Vector, attitude: Vector, goal: Vector, cruise: float, face: float
+    ) -> Demand:
+        """One period. `attitude` is (roll, pitch, heading) and `face` the heading wanted, in radians."""
+        before = self._demand
+        demand = self._demand = self._limited(wanted_velocity(position, goal, cruise))
+        error = (demand[0] - velocity[0], demand[1] - velocity[1], demand[2] - velocity[2])
+        trim, drag = self._trim, _DRAG / self.mass_kg * math.hypot(demand[0], demand[1])
+        east = _VELOCITY_GAIN * error[0] + trim[0] + (demand[0] - before[0]) / PERIOD_S + drag * demand[0]
+        north = _VELOCITY_GAIN * error[1] + trim[1] + (demand[1] - before[1]) / PERIOD_S + drag * demand[1]
+        up = _VELOCITY_GAIN * error[2] + trim[2] + (demand[2] - before[2]) / PERIOD_S
+        up = min(max(up, -_MAX_LIFT_MPS2), _MAX_LIFT_MPS2)
+        level, most = math.hypot(east, north), (GRAVITY + up) * math.tan(_MAX_TILT)
+        if level > most:  # leaning as far as allowed: do not wind up against what cannot be reached
+            east, north = east * most / level, north * most / level
+            self._learn((0.0, 0.0, error[2]))
+        else:
+            self._learn(error)
+        roll, pitch = tilt(east, north, up, attitude[2])
+        thrust = self.mass_kg * (GRAVITY + up) / max(math.cos(attitude[0]) * math.cos(attitude[1]), 0.5)
+        turn = (face - attitude[2] + math.pi) % (2.0 * math.pi) - math.pi
+        return Demand(roll, pitch, min(max(_YAW_GAIN * turn, -_MAX_YAW_RATE), _MAX_YAW_RATE), thrust)
+
+    def _limited(self, wanted: Vector) -> Vector:
+        east, north = wanted[0] - self._demand[0], wanted[1] - self._demand[1]
+        change, most = math.hypot(east, north), _ACCELERATE_MPS2 * PERIOD_S
+        scale = min(1.0, most / change) if change > 0.0 else 0.0
+        up = min(max(wanted[2] - self._demand[2], -most), most)
+        return self._demand[0] + east * scale, self._demand[1] + north * scale, self._demand[2] + up
+
+    def _learn(self, error: Vector) -> None:
+        east, north, up = self._trim
+        share = _INTEGRAL_GAIN * PERIOD_S
+        up += share * error[2]
+        self._trim = (east + share * error[0], north + share * error[1], min(max(up, -3.0), 3.0))

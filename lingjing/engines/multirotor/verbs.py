@@ -1,0 +1,119 @@
+"""From a command to a task: the points to fly to, in order, or a refusal with its reason.
+
+Moves are metres in the heading's frame; destinations are world metres. A grounded vehicle that is given a destination
+climbs first. Whether a path is free is not promised: flying into a wall is the pilot's mistake to make.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from lingjing.engines.multirotor.power import hover_power
+from lingjing.mission.instance import Vector
+from lingjing.plugins.requests import Refusal, number, optional_number
+from lingjing.scene.terrain import Terrain
+from lingjing.trace.records import Command
+
+TAKEOFF_M = 10.0
+"""Height above the take-off point that `takeoff` reaches by default and a destination from the ground passes."""
+
+_CLEARANCE_M = 0.5
+_FACING_M = 3.0
+_BEST_MPS = 21.0
+_BEST_POWER_SHARE = 0.6
+_DIRECTIONS = {"forward": 0.0, "right": 90.0, "backward": 180.0, "left": 270.0}
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """Points to fly to, in order; `face_rad` is the heading to turn to, None to keep it. `arrives` if reaching the
+    last one is worth an event."""
+
+    legs: tuple[Vector, ...]
+    face_rad: float | None = None
+    arrives: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Situation:
+    """What planning needs to know of a vehicle."""
+
+    position: Vector
+    heading_rad: float
+    grounded: bool
+    left_wh: float
+
+
+def plan(command: Command, here: Situation, terrain: Terrain) -> Task:
+    """The task of a command other than `stop`, or `Refusal`: `unknown_verb`, `bad_argument`, `grounded`, `airborne`,
+    `unreachable`, `battery`."""
+    if command.verb == "takeoff":
+        return _takeoff(command, here)
+    if command.verb == "setDestination":
+        task = _destination(command, here)
+    elif command.verb in _DIRECTIONS or command.verb in ("up", "down"):
+        task = _move(command, here)
+    else:
+        raise Refusal("unknown_verb", f"a multirotor has no verb `{command.verb}`")
+    _check_free(task.legs[-1], terrain)
+    _check_range(task, here)
+    return task
+
+
+def _takeoff(command: Command, here: Situation) -> Task:
+    if not here.grounded:
+        raise Refusal("airborne", f"`{command.resource}` is flying already")
+    altitude = optional_number(command, "altitude")
+    if altitude is not None and altitude < 1.0:
+        raise Refusal("bad_argument", f"`altitude` of `takeoff` must be at least 1 m, not {altitude:g}")
+    return Task(legs=(_raised(here.position, altitude or TAKEOFF_M),), arrives=False)
+
+
+def _destination(command: Command, here: Situation) -> Task:
+    goal = number(command, "x"), number(command, "y"), number(command, "z")
+    east, north = goal[0] - here.position[0], goal[1] - here.position[1]
+    face = math.atan2(east, north) if math.hypot(east, north) > _FACING_M else None
+    if not here.grounded:
+        return Task(legs=(goal,), face_rad=face)
+    climb = min(max(goal[2] - here.position[2], 2.0), TAKEOFF_M)
+    return Task(legs=(_raised(here.position, climb), goal), face_rad=face)
+
+
+def _move(command: Command, here: Situation) -> Task:
+    distance = number(command, "distance")
+    if distance < 0.0:
+        raise Refusal("bad_argument", f"`distance` of `{command.verb}` must not be negative")
+    if here.grounded and command.verb != "up":
+        raise Refusal("grounded", f"`{command.resource}` is on the ground: `takeoff` or `setDestination` first")
+    if command.verb in ("up", "down"):
+        return Task(legs=(_raised(here.position, distance if command.verb == "up" else -distance),))
+    course = here.heading_rad + math.radians(_DIRECTIONS[command.verb])
+    x, y, z = here.position
+    return Task(legs=((x + distance * math.sin(course), y + distance * math.cos(course), z),))
+
+
+def _raised(position: Vector, height: float) -> Vector:
+    return position[0], position[1], position[2] + height
+
+
+def _check_free(goal: Vector, terrain: Terrain) -> None:
+    x, y, z = goal
+    lowest = terrain.surface(x, y) + _CLEARANCE_M
+    if z < lowest:
+        raise Refusal("unreachable", f"({x:.1f}, {y:.1f}, {z:.1f}) is under the surface: at least z = {lowest:.1f} m")
+    for solid in terrain.solids_at(x, y, z - _CLEARANCE_M, z + _CLEARANCE_M, _CLEARANCE_M):
+        raise Refusal("unreachable", f"({x:.1f}, {y:.1f}, {z:.1f}) is inside `{solid.id}`")
+
+
+def _check_range(task: Task, here: Situation) -> None:
+    # A lower bound (top speed at the least power), so that nothing possible is refused.
+    length = path_length(here.position, task.legs)
+    least = length / _BEST_MPS * _BEST_POWER_SHARE * hover_power() / 3600.0
+    if least > here.left_wh:
+        raise Refusal("battery", f"{length:.0f} m need at least {least:.1f} Wh, {here.left_wh:.1f} Wh are left")
+
+
+def path_length(start: Vector, legs: tuple[Vector, ...]) -> float:
+    """Length of the way from `start` through all `legs`, metres."""
+    return sum(math.dist(a, b) for a, b in zip((start, *legs), legs, strict=False))

@@ -1,0 +1,330 @@
+"""One dog: what it is told, how it stands, what it bumps into, what is left in its battery.
+
+A dog that falls lies for `DOWN_S` and is then set upright where it lies, if nothing is in the way. One in the water or
+with an empty battery takes no more commands.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+
+from lingjing.engines.quadruped.footing import Footing
+from lingjing.engines.quadruped.gait import PERIOD_S
+from lingjing.engines.quadruped.guide import Halt, Task, Turn, Velocity, Walk, stopping
+from lingjing.engines.quadruped.pack import Pack, Sense
+from lingjing.engines.quadruped.physics import Touch
+from lingjing.engines.quadruped.power import Battery
+from lingjing.mission.instance import Entity, Vector
+from lingjing.plugins.requests import Refusal, number
+from lingjing.plugins.stock import Stock
+from lingjing.scene.outlines import compass
+from lingjing.trace.records import BodyState, Command
+
+SPEED_MPS = 1.5
+TOP_MPS = 1.7
+ENDURANCE_S = 5400.0
+"""What an entity without these properties gets, and the fastest that the legs keep up with."""
+
+DOWN_S = 3.0
+CAREFUL_MPS = 0.7
+"""Speed over kerbs, stairs and steep slopes. At it, all of 165 walks at five steps of 12 cm (eleven headings; ten
+distances at treads of 40 cm, five at 30 cm) reached the top without a fall. At 13.2 cm one of 55 fell; at 14 cm all of
+33 reached the top, at 15 cm 31, at 16 cm 21; at slopes of 20 degrees all of 33, at 25 degrees 21. At 1.2 m/s it was 141
+of 147 for the steps of 12 cm."""
+
+HARD_MPS = 0.5
+"""A touch of the trunk at this closing speed or more is a collision."""
+
+PAYLOAD_KG = 8.0
+"""What a Go2 carries by its data sheet; at most that much slows it by `_SLOWED`."""
+
+_SLOWED = 0.4
+_FALLEN = 0.4
+_FALLEN_S = 0.2
+_SHOVED_MPS, _LEANING = 0.35, 0.9
+_AGAIN_S = 2.0
+_REMEMBERED_S = 5.0
+_BEYOND_M = 0.6
+_OPPOSED, _BELLY_M = 0.5, 0.08
+_MOVING_MPS, _PUSHED_MPS, _KNOCK_MPS = 0.3, 0.2, 12.0
+_LYING_M, _LYING_S, _LYING_PERIODS = 0.14, 2.0, 25
+"""A trunk so low over what is below it, for so long, lies: one that is pulled over the edge of a step is low for a
+moment. Looked at every so many periods."""
+
+_LOOK_PERIODS, _DIP_PERIODS = 5, 25
+
+
+class Phase(Enum):
+    """What the dog is doing."""
+
+    STANDING = "standing"
+    MOVING = "moving"
+    FALLEN = "fallen"
+    DEAD = "dead"
+
+
+@dataclass(frozen=True, slots=True)
+class Notice:
+    """Something that happened in a period: `done`, `collided`, `blocked`, `unreachable`, `fell`, `drowned` or
+    `battery_empty`. `what` names the other thing or the reason."""
+
+    kind: str
+    what: str = ""
+    speed_mps: float = 0.0
+
+
+class Dog:
+    """One member of a pack; `row` is its number there and is set anew with each pack."""
+
+    def __init__(self, entity: Entity) -> None:
+        self.id = entity.id
+        self.row = -1
+        self.phase = Phase.STANDING
+        self.task: Task | None = None
+        self.battery = Battery.lasting(_property(entity, "endurance_s", ENDURANCE_S))
+        self.stock = Stock(entity)
+        self._payload_kg = _property(entity, "payload_kg", PAYLOAD_KG)
+        self._speed_mps = min(_property(entity, "speed_mps", SPEED_MPS), TOP_MPS)
+        self._ending: Halt | None = None
+        self._careful_m = -math.inf
+        self._before: Vector = (0.0, 0.0, 0.0)
+        self._tilted_s = 0.0
+        self._low_s = 0.0
+        self._down_s = 0.0
+        self._met: dict[str, float] = {}
+        self._hit = ("", -math.inf)
+        self._time_s = 0.0
+        self._period = 0
+
+    @property
+    def resources(self) -> dict[str, float]:
+        """Battery (0..1 and watt-hours) and what is on board."""
+        return {"battery": self.battery.share, "battery_wh": self.battery.left_wh, **self.stock.amounts}
+
+    @property
+    def cruise_mps(self) -> float:
+        """How fast it walks with what it carries."""
+        share = min(self.stock.load_kg / self._payload_kg, 1.0) if self._payload_kg > 0.0 else 0.0
+        return self._speed_mps * (1.0 - _SLOWED * share)
+
+    @property
+    def idle(self) -> bool:
+        """Whether nothing of the dog will move by itself."""
+        return self.phase is Phase.STANDING or self.phase is Phase.DEAD
+
+    @property
+    def progress(self) -> float:
+        """How much of the request is done, 0..1."""
+        return self.task.share if self.task is not None else 0.0
+
+    @property
+    def status(self) -> str:
+        """`standing`, `walking`, `turning`, `fallen` or `dead`."""
+        if self.phase is Phase.MOVING and self.task is not None:
+            return self.task.status
+        return self.phase.value if self.phase is not Phase.MOVING else "standing"
+
+    def start(self, command: Command, here: Sense, pack: Pack, footing: Footing) -> None:
+        """Begin what a command says, or `Refusal`: `battery`, `dead`, `fallen`, `unknown_verb`, `bad_argument`,
+        `unreachable`."""
+        if self.battery.empty:
+            raise Refusal("battery", f"the battery of `{self.id}` is empty")
+        if self.phase is Phase.DEAD:
+            raise Refusal("dead", f"`{self.id}` is lost")
+        if self.phase is Phase.FALLEN:
+            raise Refusal("fallen", f"`{self.id}` has fallen and is getting up")
+        if command.verb == "stop":
+            self.task = stopping(here)
+            pack.ease(self.row)
+        elif command.verb == "forward":
+            self.task = self._walk(number(command, "distance"), here, footing)
+        elif command.verb in ("left", "right"):
+            angle = math.radians(_positive(command, "angle"))
+            self.task = Turn(here.position[0], here.position[1], angle if command.verb == "left" else -angle)
+        else:
+            raise Refusal("unknown_verb", f"a robot dog has no verb `{command.verb}`")
+        self._careful_m = -math.inf
+        self._ending = self.task if isinstance(self.task, Halt) else None
+        self.phase = Phase.MOVING
+
+    def step(
+        self, here: Sense, touches: Sequence[Touch], speeds: Mapping[str, Vector], pack: Pack, footing: Footing
+    ) -> list[Notice]:
+        """Decide on the coming period after the last one ended `here`. `speeds` are those of what may be touched."""
+        self._time_s += PERIOD_S
+        self._period += 1
+        self.battery.drain(here.watts, PERIOD_S)
+        notices = self._bumps(here, touches, speeds, pack)
+        self._before = here.velocity
+        ended = self._mishap(here, pack, footing)
+        if ended is None and self.phase is Phase.MOVING:
+            ended = self._go(here, pack, footing)
+        elif ended is None and self.phase is Phase.STANDING:
+            self._balance(here, pack)
+        return [*notices, ended] if ended is not None else notices
+
+    def rest(self, watts: float) -> Notice | None:
+        """A period in which nothing stirs."""
+        self._time_s += PERIOD_S
+        self._period += 1
+        if self.phase is Phase.DEAD:
+            return None
+        self.battery.drain(watts, PERIOD_S)
+        return self._exhausted()
+
+    def rise(self, here: Sense, pack: Pack) -> None:
+        """Stand up again where it lies."""
+        x, y, z = here.position
+        pack.put(self.row, x, y, z, here.yaw)
+        self.phase, self._tilted_s, self._low_s, self._down_s = Phase.STANDING, 0.0, 0.0, 0.0
+
+    @property
+    def rested(self) -> bool:
+        """Whether a fallen dog has lain long enough."""
+        return self.phase is Phase.FALLEN and self._down_s >= DOWN_S
+
+    def state(self, here: Sense, joints: tuple[float, ...], remainder_s: float) -> BodyState:
+        """The dog `remainder_s` after its last step."""
+        x, y, z = (at + remainder_s * rate for at, rate in zip(here.position, here.velocity, strict=True))
+        return BodyState(
+            id=self.id,
+            position=(x, y, z),
+            velocity=here.velocity,
+            heading_deg=compass(90.0 - math.degrees(here.yaw)),
+            pitch_deg=math.degrees(here.pitch),
+            roll_deg=math.degrees(here.roll),
+            status=self.status,
+            resources=self.resources,
+            joints=joints,
+        )
+
+    def _walk(self, distance: float, here: Sense, footing: Footing) -> Walk:
+        if distance < 0.0:
+            raise Refusal("bad_argument", "`distance` of `forward` must not be negative")
+        hazard = footing.look(here, here.yaw, distance).hazard if distance > 0.0 else ""
+        if hazard:
+            raise Refusal("unreachable", f"`{self.id}` does not go on: {_HAZARDS[hazard]}")
+        return Walk(here.position[0], here.position[1], here.yaw, distance, self.cruise_mps)
+
+    def _go(self, here: Sense, pack: Pack, footing: Footing) -> Notice | None:
+        task = self._ending or self.task
+        assert task is not None
+        if isinstance(task, Walk):
+            task.climbing = task.best <= self._careful_m
+            task.cruise = min(self.cruise_mps, CAREFUL_MPS) if task.climbing else self.cruise_mps
+        wanted: Velocity = task.wanted(here)
+        if task.done and isinstance(task, Halt):
+            return self._end(pack, Notice("done"))
+        if task.done and not isinstance(task, Halt):
+            self._ending = task.end(here)
+            pack.ease(self.row)
+            wanted = self._ending.wanted(here)
+        elif task.stuck:
+            what, when = self._hit
+            return self._end(pack, Notice("blocked", what if self._time_s - when < _REMEMBERED_S else ""))
+        elif isinstance(task, Walk) and self._period % _LOOK_PERIODS == 0:
+            view = footing.look(here, task.yaw, task.length - task.best)
+            if view.hazard:
+                self.task, self._ending = None, stopping(here)
+                pack.ease(self.row)
+                return Notice("unreachable", view.hazard)
+            self._careful_m = max(self._careful_m, task.best + view.step_m + _BEYOND_M)
+        pack.walk(self.row, wanted)
+        return None
+
+    def _end(self, pack: Pack, notice: Notice) -> Notice:
+        pack.lock(self.row)
+        self.phase, self.task, self._ending = Phase.STANDING, None, None
+        return notice
+
+    def _mishap(self, here: Sense, pack: Pack, footing: Footing) -> Notice | None:
+        if self.phase is Phase.DEAD:
+            return None
+        exhausted = self._exhausted()
+        if exhausted is not None:
+            return self._drop(pack, Phase.DEAD, exhausted)
+        if self._period % _DIP_PERIODS == 0 and footing.drowns(here.position):
+            return self._drop(pack, Phase.DEAD, Notice("drowned"))
+        if self.phase is Phase.FALLEN:
+            self._down_s += PERIOD_S
+            return None
+        if self._period % _LYING_PERIODS == 0:
+            low = footing.height(here.position) < _LYING_M
+            self._low_s = self._low_s + _LYING_PERIODS * PERIOD_S if low else 0.0
+        self._tilted_s = self._tilted_s + PERIOD_S if here.upright < _FALLEN else 0.0
+        if self._tilted_s >= _FALLEN_S or self._low_s >= _LYING_S:
+            return self._drop(pack, Phase.FALLEN, Notice("fell"))
+        return None
+
+    def _drop(self, pack: Pack, phase: Phase, notice: Notice) -> Notice:
+        pack.limp(self.row)
+        self.phase, self.task, self._ending, self._down_s = phase, None, None, 0.0
+        return notice
+
+    def _exhausted(self) -> Notice | None:
+        return Notice("battery_empty") if self.battery.empty and self.phase is not Phase.DEAD else None
+
+    def _balance(self, here: Sense, pack: Pack) -> None:
+        """A standing dog that is shoved lets its legs catch it."""
+        if math.hypot(*here.velocity) > _SHOVED_MPS or (here.upright < _LEANING and here.stir > 1.0):
+            self._ending, self.phase = stopping(here), Phase.MOVING
+            pack.walk(self.row, (0.0, 0.0, 0.0))
+
+    def _bumps(self, here: Sense, touches: Sequence[Touch], speeds: Mapping[str, Vector], pack: Pack) -> list[Notice]:
+        notices = []
+        knocked: set[str] = set()
+        for touch in touches:
+            other = speeds.get(touch.thing, (0.0, 0.0, 0.0))
+            if touch.mover and not _met(touch, here, other):
+                continue
+            if touch.mover and touch.thing not in knocked and math.hypot(other[0], other[1]) > _MOVING_MPS:
+                knocked.add(touch.thing)
+                self._give_way(touch, here, other, pack)
+            if touch.trunk or self._hit[0] != touch.thing:
+                self._hit = (touch.thing, self._time_s)
+            if not touch.trunk and touch.thing not in knocked:
+                continue
+            ahead = touch.normal[0] * math.cos(here.yaw) + touch.normal[1] * math.sin(here.yaw)
+            high = touch.z > here.position[2] - _BELLY_M  # what is lower is a step to climb
+            if ahead > _OPPOSED and high and self.task is not None:
+                self.task.bump()
+            fresh = self._time_s - self._met.get(touch.thing, -math.inf) > _AGAIN_S
+            self._met[touch.thing] = self._time_s
+            closing = _closing(self._before, other, touch)
+            if fresh and closing >= HARD_MPS:
+                notices.append(Notice("collided", touch.thing, closing))
+        return notices
+
+    def _give_way(self, touch: Touch, here: Sense, other: Vector, pack: Pack) -> None:
+        """What is pushed by a heavy thing goes along with it: boxes that are moved by hand have no momentum."""
+        closing = min(_closing(here.velocity, other, touch), _KNOCK_MPS)
+        if closing > _PUSHED_MPS:
+            pack.knock(self.row, (-closing * touch.normal[0], -closing * touch.normal[1], 0.0))
+
+
+def _met(touch: Touch, here: Sense, other: Vector) -> bool:
+    """Whether a mover is met in this period; it is noticed before."""
+    return touch.gap_m <= max(_closing(here.velocity, other, touch), 0.0) * PERIOD_S
+
+
+def _closing(mine: Vector, other: Vector, touch: Touch) -> float:
+    """How fast the two come together, m/s."""
+    return (mine[0] - other[0]) * touch.normal[0] + (mine[1] - other[1]) * touch.normal[1]
+
+
+_HAZARDS = {"water": "there is water ahead", "drop": "the ground ends ahead"}
+
+
+def _positive(command: Command, name: str) -> float:
+    value = number(command, name)
+    if value < 0.0:
+        raise Refusal("bad_argument", f"`{name}` of `{command.verb}` must not be negative")
+    return value
+
+
+def _property(entity: Entity, name: str, default: float) -> float:
+    value = entity.properties.get(name, default)
+    return float(value) if isinstance(value, int | float) else default

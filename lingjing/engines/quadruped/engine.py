@@ -1,0 +1,184 @@
+"""The quadruped engine: all robot dogs of an episode behind the five-method contract.
+
+It holds the pack of the dogs that are there now, gives it a new model when dogs come to a place whose shapes it does
+not hold, come in or go, and lets time pass without physics while every dog stands and nothing comes near.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+
+from lingjing.engines.quadruped.assets import Assets, locate
+from lingjing.engines.quadruped.dog import Dog, Notice
+from lingjing.engines.quadruped.footing import Footing
+from lingjing.engines.quadruped.gait import PERIOD_S
+from lingjing.engines.quadruped.movers import POOL, Lookout
+from lingjing.engines.quadruped.pack import Memory, Pack, Sense, Spot
+from lingjing.engines.quadruped.physics import Mover, Touch
+from lingjing.engines.quadruped.surroundings import Surroundings
+from lingjing.mission.instance import Vector
+from lingjing.mission.schedule import Schedule
+from lingjing.plugins.engine import EngineSpec
+from lingjing.plugins.fleet import FleetEngine
+from lingjing.plugins.requests import Refusal
+from lingjing.scene.city import City
+from lingjing.scene.terrain import Terrain
+from lingjing.trace.records import DORMANT, BodyState, Command
+
+_ZONE_PERIODS = 25
+_ALERT_M = 3.0
+_CLEAR_M = 0.6
+
+
+class QuadrupedEngine(FleetEngine):
+    """Walks every dog at 50 Hz (200 Hz inside MuJoCo) through what stands and moves around it."""
+
+    step_s = PERIOD_S
+
+    def build(self, spec: EngineSpec, city: City, seed: int) -> None:
+        """Find the model and let the dogs stand. Nothing here is drawn at random, so the seed is not needed."""
+        self._assets: Assets = locate()
+        self._schedule = Schedule(spec.instance)
+        self._terrain = Terrain(city)
+        self._around = Surroundings(city)
+        self._lookout = Lookout(spec.instance, spec.owns)
+        self._entities = {entity.id: entity for entity in spec.owned()}
+        self._dogs = {entity.id: Dog(entity) for entity in spec.owned()}
+        self._movers: tuple[Mover, ...] = ()
+        self._pack: Pack | None = None
+        self._senses: list[Sense] = []
+        self._gather(0.0)
+
+    def start(self, command: Command) -> None:
+        """Begin a command, or `Refusal`."""
+        dog = self._dogs.get(command.resource)
+        if dog is None:
+            raise Refusal("unknown_resource", f"`{command.resource}` is no robot dog of `{self.name}`")
+        if dog.row < 0 or self._pack is None:
+            raise Refusal("dormant", f"`{dog.id}` is not there yet")
+        dog.start(command, self._senses[dog.row], self._pack, self._footing)
+
+    def look(self, mirrors: Sequence[BodyState]) -> None:
+        """See what moves nearby, and who of the dogs is there."""
+        self._gather(self.clock.time_s)
+        for dog in self._dogs.values():
+            dog.stock.read(mirrors)
+        if self._pack is not None:
+            self._burden(self._pack)
+            self._movers = self._lookout.nearest(mirrors, [here.position for here in self._senses])
+            self._pack.drive(self._movers)
+
+    def step(self) -> None:
+        """One period of all dogs."""
+        pack = self._pack
+        if pack is None:
+            return
+        members = [self._dogs[name] for name in pack.ids]
+        if pack.quiet and all(dog.idle for dog in members) and pack.clearances().min() > _ALERT_M:
+            pack.wait()
+            for dog in members:
+                self._tell(dog, dog.rest(self._senses[dog.row].watts))
+            return
+        pack.step()
+        self._senses = pack.senses()
+        self._decide(pack, members)
+        if self.clock.done % _ZONE_PERIODS == 0 and not self._around.suffices(self._points()):
+            self._renew([(dog.id, pack.remember(dog.row)) for dog in members])
+
+    def states(self) -> Iterable[BodyState]:
+        """Every dog; those that are not there keep their declared place."""
+        for dog in self._dogs.values():
+            if dog.row < 0 or self._pack is None or not self._schedule.present(dog.id, self.clock.time_s):
+                entity = self._entities[dog.id]
+                yield BodyState(
+                    id=dog.id,
+                    position=entity.position,
+                    heading_deg=entity.heading_deg % 360.0 % 360.0,
+                    status=DORMANT,
+                    resources=dog.resources,
+                )
+            else:
+                yield dog.state(self._senses[dog.row], self._pack.joints(dog.row), self.clock.remainder_s)
+
+    def progress(self) -> Mapping[str, float]:
+        """How far each dog's request has come."""
+        return {dog.id: dog.progress for dog in self._dogs.values()}
+
+    def close(self) -> None:
+        """Let go of the dogs and their model."""
+        self._dogs, self._pack = {}, None
+
+    def _decide(self, pack: Pack, members: Sequence[Dog]) -> None:
+        touched: dict[int, list[Touch]] = {}
+        for touch in pack.touches():
+            touched.setdefault(touch.dog, []).append(touch)
+        speeds: dict[str, Vector] = {mover.thing: mover.velocity for mover in self._movers}
+        speeds.update((dog.id, self._senses[dog.row].velocity) for dog in members if touched)
+        for dog in members:
+            here = self._senses[dog.row]
+            for notice in dog.step(here, touched.get(dog.row, ()), speeds, pack, self._footing):
+                self._tell(dog, notice)
+            if dog.rested and pack.clearances()[dog.row] > _CLEAR_M:
+                dog.rise(here, pack)
+                self._senses[dog.row] = pack.senses()[dog.row]
+
+    def _tell(self, dog: Dog, notice: Notice | None) -> None:
+        if notice is None:
+            return
+        now = self.clock.now_s
+        if notice.kind == "done":
+            self.requests.complete(dog.id, now)
+        elif notice.kind == "collided":
+            self.emit("collided", dog.id, notice.what, speed_mps=notice.speed_mps)
+        elif notice.kind == "blocked":
+            what = f"`{notice.what}` is in the way" if notice.what else "it comes no further"
+            self.requests.fail(dog.id, now, "blocked", f"`{dog.id}` stopped: {what}")
+        elif notice.kind == "unreachable":
+            self.requests.fail(dog.id, now, "unreachable", f"`{dog.id}` stopped: {notice.what} ahead")
+        elif notice.kind == "battery_empty":
+            self.requests.fail(dog.id, now, "battery", f"the battery of `{dog.id}` is empty")
+            self.emit("battery_empty", dog.id)
+        else:
+            self.requests.fail(dog.id, now, notice.kind, f"`{dog.id}` {notice.kind}")
+            self.emit(notice.kind, dog.id)
+
+    def _gather(self, time_s: float) -> None:
+        """Let the pack be those who are there at a time."""
+        there = [name for name in self._dogs if self._schedule.present(name, time_s)]
+        pack = self._pack
+        if (pack is not None and list(pack.ids) == there) or (pack is None and not there):
+            return
+        old = {name: pack.remember(row) for row, name in enumerate(pack.ids)} if pack is not None else {}
+        self._renew([(name, old.get(name) or self._spot(name)) for name in there])
+
+    def _renew(self, members: Sequence[tuple[str, Memory | Spot]]) -> None:
+        """A new model for these dogs, where they are."""
+        for dog in self._dogs.values():
+            dog.row = -1
+        if not members:
+            self._pack, self._senses, self._movers = None, [], ()
+            return
+        elapsed_s = self._pack.driven_s if self._pack is not None else 0.0
+        places = [state.place if isinstance(state, Memory) else state.position for _, state in members]
+        self._pack = Pack(self._assets, members, self._around.load(places), self._around.ground_m, POOL)
+        self._footing = Footing(self._terrain, self._pack)
+        self._pack.drive(self._movers, elapsed_s)
+        self._senses = self._pack.senses()
+        for row, (name, _) in enumerate(members):
+            self._dogs[name].row = row
+        self._burden(self._pack)
+
+    def _burden(self, pack: Pack) -> None:
+        for row, name in enumerate(pack.ids):
+            pack.burden(row, self._dogs[name].stock.load_kg)
+
+    def _spot(self, name: str) -> Spot:
+        entity = self._entities[name]
+        return Spot(entity.position, math.radians(90.0 - entity.heading_deg))
+
+    def _points(self) -> list[tuple[float, float]]:
+        return [(here.position[0], here.position[1]) for here in self._senses]
+
+
+__all__ = ["QuadrupedEngine"]

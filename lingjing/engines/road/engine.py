@@ -1,0 +1,231 @@
+"""The road engine: the mission's vehicles, background traffic and queues in one SUMO simulation at 10 Hz."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Container, Iterable, Mapping, Sequence
+from dataclasses import replace
+
+import msgspec
+
+from lingjing.engines.road.congestion import Congestion, jam_of
+from lingjing.engines.road.contact import Contacts
+from lingjing.engines.road.foreign import Foreign
+from lingjing.engines.road.graph import Place, elevations, read_graph
+from lingjing.engines.road.kerb import Kerb
+from lingjing.engines.road.simulation import STEP_S, Simulation
+from lingjing.engines.road.traffic import Occupied, Traffic
+from lingjing.engines.road.vehicle import LOAD, Vehicle
+from lingjing.engines.road.verbs import PLANNING, Planner
+from lingjing.errors import InfrastructureError
+from lingjing.mission.instance import Entity
+from lingjing.mission.schedule import Schedule
+from lingjing.mission.seeding import integer
+from lingjing.mission.units import without_unit
+from lingjing.plugins.engine import Boundary, EngineSpec
+from lingjing.plugins.fleet import FleetEngine
+from lingjing.plugins.requests import Refusal, Requests
+from lingjing.scene.city import City
+from lingjing.scene.tiles import Tiles
+from lingjing.trace.records import BodyState, Command, Receipt
+
+WARM_UP_STEPS = 100
+"""Steps before time 0 in which background traffic gets going; the mission's vehicles stand."""
+
+FARTHEST_ROAD_M = 2000.0
+_CLEARED = "cleared"
+_ROOM_STEPS = 10
+_ROOM_ROUNDS = 3
+
+
+class RoadEngine(FleetEngine):
+    """All vehicles of an episode behind the five methods."""
+
+    step_s = STEP_S
+
+    def __init__(self) -> None:
+        self._sim: Simulation | None = None
+
+    def build(self, spec: EngineSpec, city: City, seed: int) -> None:
+        """Load the network, put everyone on the road, let the traffic get going."""
+        self.close()
+        owned = spec.owned()
+        if not city.network:
+            raise InfrastructureError(
+                f"the scene `{city.id}` has no roads for {', '.join(spec.owns) or 'traffic'}",
+                hint="choose a scene with streets, such as `residential`, `commercial` or `map`",
+            )
+        sim = self._sim = Simulation(city.network, integer(seed, "road/simulation", bits=31))
+        graph = read_graph(sim)
+        instance = spec.instance
+        self._plans = Requests(spec.engine)
+        self._schedule = Schedule(instance)
+        kerb = Kerb(sim, graph, Tiles(city))
+        self._vehicles = {entity.id: Vehicle(entity, sim, graph, kerb) for entity in owned}
+        lowest, highest = elevations(sim, graph)
+        sim.level = lowest == highest
+        strangers = [entity for entity in instance.entities if entity.id not in spec.owns]
+        self._foreign = Foreign(sim, graph, strangers, highest)
+        self._contacts = Contacts(sim, self._collided)
+        blockers = (entity for entity in instance.entities if entity.properties.get("blocks") is True)
+        self._congestion = Congestion(sim, graph, tuple(jam_of(entity, seed) for entity in blockers))
+        self._planner = Planner(sim, graph, self._congestion, self.publish)
+        self._graph = graph
+        self._cleared: set[str] = set()
+        self._waited_for: dict[str, int] = {}
+        self._looked_s = self._shown_s = 0.0
+        occupied = Occupied()
+        for entity in owned:
+            self._put(entity, occupied)
+        count = int(_number(instance.scene.options.get("traffic")))
+        self._traffic = Traffic(sim, graph, seed)
+        for jam in self._congestion.jams:
+            if self._schedule.present(jam.id, 0.0):
+                self._congestion.appear(jam, occupied)
+        self._traffic.populate(count, occupied)
+        self._traffic.keep_off(self._congestion.blocked)
+        for _ in range(WARM_UP_STEPS if count else 3):
+            sim.step()
+            self._traffic.step()
+
+    def close(self) -> None:
+        """End the simulation."""
+        if self._sim is not None:
+            self._sim.close()
+            self._sim = None
+
+    def submit(self, commands: Sequence[Command]) -> tuple[Receipt, ...]:
+        """Admit or reject each command. What only plans is done at once and holds nobody up."""
+        return tuple(self._admit(command) for command in commands)
+
+    def start(self, command: Command) -> None:
+        """Begin a command, or refuse it."""
+        vehicle = self._vehicles.get(command.resource)
+        if vehicle is None:
+            raise Refusal("unknown_resource", f"`{command.resource}` is no vehicle of `{self.name}`")
+        self._planner.start(vehicle, command, self.clock.time_s)
+
+    def look(self, mirrors: Sequence[BodyState]) -> None:
+        """Take the others' bodies, what they have loaded or unloaded, and which targets have been cleared."""
+        self._foreign.look(mirrors, self.clock.time_s)
+        self._looked_s = self.clock.time_s
+        self._cleared = {state.id for state in mirrors if state.status == _CLEARED}
+        self._balance(mirrors)
+        self._update_jams(self.clock.time_s)
+
+    def step(self) -> None:
+        """One step of the simulation with everyone in it."""
+        assert self._sim is not None
+        now = self.clock.now_s
+        self._update_jams(now - STEP_S)
+        self._foreign.step(now)
+        if self.clock.done % _ROOM_STEPS == 0:
+            self._make_room()
+        for vehicle in self._vehicles.values():
+            vehicle.prepare()
+        self._sim.step()
+        self._traffic.step()
+        self._contacts.step(self._vehicles, self._foreign.bodies.values(), now - self._looked_s, now)
+        standing = {vehicle.id for vehicle in self._vehicles.values() if vehicle.task is None}
+        for vehicle in self._vehicles.values():
+            self._report(vehicle, standing, now)
+
+    def states(self) -> Iterable[BodyState]:
+        """Every vehicle of the mission."""
+        ahead = self.clock.remainder_s
+        return [vehicle.state(ahead) for vehicle in self._vehicles.values()]
+
+    def ambient(self) -> Iterable[BodyState]:
+        """Background traffic, then the queues."""
+        ahead, after = self.clock.remainder_s, self.clock.time_s - self._shown_s
+        self._shown_s = self.clock.time_s
+        return [*self._traffic.states(ahead, after), *self._congestion.states(ahead)]
+
+    def progress(self) -> Mapping[str, float]:
+        """By remaining length of the route, distance or speed."""
+        shares = ((vehicle.id, vehicle.progress()) for vehicle in self._vehicles.values())
+        return {name: max(0.0, share) for name, share in shares if share is not None}
+
+    def _admit(self, command: Command) -> Receipt:
+        now = self.clock.time_s
+        if command.verb not in PLANNING:
+            return self.requests.admit(command, now, self.start)
+        receipt = self._plans.admit(command, now, self.start)
+        self._plans.complete(command.resource, now)
+        return receipt
+
+    def _boundary(self) -> Boundary:
+        plans = self._plans.drain()
+        boundary = super()._boundary()
+        return msgspec.structs.replace(boundary, receipts=(*plans, *boundary.receipts)) if plans else boundary
+
+    def _report(self, vehicle: Vehicle, standing: Container[str], now_s: float) -> None:
+        outcome = vehicle.step(standing)
+        if outcome == "":
+            return
+        self.requests.complete(vehicle.id, now_s)
+        if outcome == "arrived":
+            self.emit("arrived", vehicle.id, odometer_m=vehicle.odometer_m)
+
+    def _put(self, entity: Entity, occupied: Occupied) -> None:
+        x, y, _ = entity.position
+        vehicle = self._vehicles[entity.id]
+        place = self._graph.nearest(x, y, entity.heading_deg, FARTHEST_ROAD_M)
+        if place is None:
+            raise InfrastructureError(
+                f"`{entity.id}` stands at ({x:.0f}, {y:.0f}), more than {FARTHEST_ROAD_M:g} m away from every road",
+                hint="move it onto the map's roads, or let `on = road` find one",
+            )
+        place = _free_place(place, vehicle.size.length_m, occupied)
+        vehicle.place(place)
+
+    def _balance(self, mirrors: Sequence[BodyState]) -> None:
+        """What each vehicle carries: what it began with and what the accounts of others say it got."""
+        if not self._vehicles:
+            return
+        got = dict.fromkeys(self._vehicles, 0.0)
+        for state in mirrors:
+            for key, amount in state.resources.items():
+                stock, _, name = key.partition("@")
+                if name in got and stock in (LOAD, without_unit(LOAD)):
+                    got[name] += amount
+        for name, amount in got.items():
+            self._vehicles[name].take_load(amount)
+
+    def _update_jams(self, time_s: float) -> None:
+        for jam in self._congestion.jams:
+            wanted = jam.id not in self._cleared and self._schedule.present(jam.id, time_s)
+            if wanted != jam.blocking:
+                (self._congestion.appear if wanted else self._congestion.clear)(jam)
+                self._traffic.keep_off(self._congestion.blocked)
+
+    def _make_room(self) -> None:
+        """Let vehicles without a task park that somebody waited for each time in the last seconds; who has arrived
+        and found no place then does so at once."""
+        held = {vehicle.held_by for vehicle in self._vehicles.values()}
+        for vehicle in self._vehicles.values():
+            idle = vehicle.task is None and not vehicle.is_aside
+            waiting = idle and (vehicle.id in held or vehicle.is_waited_for() != "")
+            self._waited_for[vehicle.id] = self._waited_for.get(vehicle.id, 0) + 1 if waiting else 0
+            waited_for = self._waited_for[vehicle.id] >= _ROOM_ROUNDS
+            if vehicle.is_stranded or waited_for:
+                vehicle.make_room(waited_for=waited_for)
+
+    def _collided(self, mover: str, other: str, speed_mps: float) -> None:
+        self.emit("collided", mover, other, speed_mps=speed_mps)
+
+
+def _free_place(place: Place, length_m: float, occupied: Occupied) -> Place:
+    """The place itself, or the nearest free one along its lane where somebody stands there already."""
+    lane = place.lane
+    for number in range(200):
+        offset = (number + 1) // 2 * (1.0 if number % 2 else -1.0)
+        at = place.at_m + offset
+        if 0.0 <= at <= lane.length_m and occupied.take(lane.id, at + length_m / 2.0, length_m, gap_m=0.5):
+            return place if number == 0 else replace(place, at_m=at)
+    occupied.add(lane.id, place.at_m + length_m / 2.0, length_m)
+    return place
+
+
+def _number(value: object) -> float:
+    return float(value) if isinstance(value, int | float) and math.isfinite(value) else 0.0

@@ -1,0 +1,276 @@
+"""The network as the engine asks for it: edges, their lanes, the links between them, and the nearest lane to a point.
+
+Read once from the running simulation. Only what a passenger car may use counts. Positions along a lane are SUMO's:
+metres from its start, scaled where a lane's length is not that of its drawn shape.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+from lingjing.engines.road.simulation import Simulation
+
+Point = tuple[float, float]
+
+CAR = "passenger"
+_CELL_M = 50.0
+_NEAR_CELL_M = 4.0
+_BESIDE_M = 12.0
+_ALONG_DEG = 75.0
+
+
+@dataclass(frozen=True, slots=True)
+class Link:
+    """A way from the end of an edge onto another: SUMO's direction (`s`, `l`, `r`, `L`, `R`, `t`), metres between."""
+
+    edge: str
+    direction: str
+    length_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Lane:
+    """One lane that cars may use; `index` counts from the right, `shape` is its centre line."""
+
+    id: str
+    edge: str
+    index: int
+    shape: tuple[Point, ...]
+    length_m: float
+    width_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Edge:
+    """One direction of a street. `lanes` are those that cars may use; `links` one to each edge that follows."""
+
+    id: str
+    lanes: tuple[Lane, ...]
+    links: tuple[Link, ...]
+    length_m: float
+    speed_mps: float
+
+    @property
+    def time_s(self) -> float:
+        """How long it takes to drive along at the permitted speed."""
+        return self.length_m / max(self.speed_mps, 0.1)
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A point on a lane: metres from the lane's start, how far the point asked for lies off, the lane's heading."""
+
+    lane: Lane
+    at_m: float
+    off_m: float
+    heading_deg: float
+    point: Point
+
+
+@dataclass(frozen=True)
+class Graph:
+    """All edges by id in the network's order, and an index of their lanes by squares."""
+
+    edges: Mapping[str, Edge]
+    _cells: Mapping[tuple[int, int], tuple[Lane, ...]]
+    _near: dict[tuple[int, int], bool] = field(default_factory=dict)
+
+    @cached_property
+    def core(self) -> tuple[str, ...]:
+        """The edges of the largest part of the network in which every edge can be reached from every other."""
+        return max(_components(self.edges), key=len, default=())
+
+    def places(self, x: float, y: float, within_m: float) -> tuple[Place, ...]:
+        """The nearest point of each lane within a distance, nearest first (ties in the network's order)."""
+        found = (locate(lane, x, y) for lane in self._lanes_near(x, y, within_m))
+        return tuple(sorted((place for place in found if place.off_m <= within_m), key=lambda place: place.off_m))
+
+    def nearest(self, x: float, y: float, heading_deg: float | None = None, most_m: float = 2000.0) -> Place | None:
+        """The nearest lane point within `most_m`; with a heading, of the lanes beside it one that leads that way."""
+        reach = min(_CELL_M, most_m)
+        while not (near := self.places(x, y, reach)):
+            if reach >= most_m:
+                return None
+            reach = min(2.0 * reach, most_m)
+        close = (place for place in near if place.off_m <= near[0].off_m + _BESIDE_M)
+        along = (place for place in close if heading_deg is not None and _agrees(place.heading_deg, heading_deg))
+        return next(along, near[0])
+
+    def is_near_road(self, x: float, y: float) -> bool:
+        """Whether a lane's edge is within a few metres; answers come from a memory of small squares."""
+        cell = (math.floor(x / _NEAR_CELL_M), math.floor(y / _NEAR_CELL_M))
+        known = self._near.get(cell)
+        if known is None:
+            middle = ((cell[0] + 0.5) * _NEAR_CELL_M, (cell[1] + 0.5) * _NEAR_CELL_M)
+            known = any(place.off_m <= place.lane.width_m / 2.0 + 8.0 for place in self.places(*middle, within_m=12.0))
+            self._near[cell] = known
+        return known
+
+    def _lanes_near(self, x: float, y: float, within_m: float) -> Iterator[Lane]:
+        columns = range(math.floor((x - within_m) / _CELL_M), math.floor((x + within_m) / _CELL_M) + 1)
+        rows = range(math.floor((y - within_m) / _CELL_M), math.floor((y + within_m) / _CELL_M) + 1)
+        lanes = (lane for column in columns for row in rows for lane in self._cells.get((column, row), ()))
+        return iter({lane.id: lane for lane in lanes}.values())
+
+
+def read_graph(sim: Simulation) -> Graph:
+    """The graph of the network that the simulation has loaded."""
+    lanes: dict[str, list[Lane]] = {}
+    links: dict[str, dict[str, Link]] = {}
+    speeds: dict[str, float] = {}
+    for name in sim.lane.getIDList():
+        if name.startswith(":") or not _drivable(sim, name):
+            continue
+        edge = sim.lane.getEdgeID(name)
+        lanes.setdefault(edge, []).append(_lane(sim, name, edge))
+        speeds[edge] = sim.lane.getMaxSpeed(name)
+        following = links.setdefault(edge, {})
+        for to, _, _, _, via, _, direction, _ in sim.lane.getLinks(name):
+            if not to.startswith(":") and _drivable(sim, to):
+                target = sim.lane.getEdgeID(to)
+                following.setdefault(target, Link(target, direction, _through(sim, via)))
+    edges = _without_traps(
+        {
+            name: Edge(name, tuple(own), tuple(links[name].values()), min(lane.length_m for lane in own), speeds[name])
+            for name, own in lanes.items()
+        }
+    )
+    return Graph(edges, _indexed(lane for edge in edges.values() for lane in edge.lanes))
+
+
+def elevations(sim: Simulation, graph: Graph) -> tuple[float, float]:
+    """Elevations of the lowest and the highest point of all lanes, metres."""
+    found = [0.0] if not graph.edges else []
+    for lane in (lane for edge in graph.edges.values() for lane in edge.lanes):
+        steps = [math.dist(*pair) for pair in itertools.pairwise(lane.shape)]
+        scale = lane.length_m / (sum(steps) or 1.0)
+        for at_m in (0.0, *itertools.accumulate(steps)):
+            at = min(at_m * scale, lane.length_m)
+            found.append(float(sim.simulation.convert3D(lane.edge, at, lane.index)[2]))
+    return min(found), max(found)
+
+
+def locate(lane: Lane, x: float, y: float) -> Place:
+    """The point of a lane that is nearest to (x, y)."""
+    off_m, at_m, heading, nearest, before = math.inf, 0.0, 0.0, lane.shape[0], 0.0
+    for (ax, ay), (bx, by) in itertools.pairwise(lane.shape):
+        along_x, along_y = bx - ax, by - ay
+        length = math.hypot(along_x, along_y)
+        if length == 0.0:
+            continue
+        share = min(max(((x - ax) * along_x + (y - ay) * along_y) / (length * length), 0.0), 1.0)
+        point = (ax + share * along_x, ay + share * along_y)
+        away = math.hypot(x - point[0], y - point[1])
+        if away < off_m:
+            off_m, at_m, heading, nearest = away, before + share * length, bearing(along_x, along_y), point
+        before += length
+    return Place(lane, min(at_m * lane.length_m / (before or 1.0), lane.length_m), off_m, heading, nearest)
+
+
+def bearing(east: float, north: float) -> float:
+    """Compass degrees of a direction."""
+    return math.degrees(math.atan2(east, north)) % 360.0 % 360.0
+
+
+def _agrees(lane_deg: float, heading_deg: float) -> bool:
+    return abs((lane_deg - heading_deg + 180.0) % 360.0 - 180.0) < _ALONG_DEG
+
+
+def _drivable(sim: Simulation, lane: str) -> bool:
+    allowed = sim.lane.getAllowed(lane)
+    return (CAR in allowed) if allowed else CAR not in sim.lane.getDisallowed(lane)
+
+
+def _through(sim: Simulation, via: str) -> float:
+    """Length of the lanes within a junction that begin with `via`: where one waits for others there are two."""
+    length = 0.0
+    while via:
+        length += sim.lane.getLength(via)
+        following = sim.lane.getLinks(via)
+        via = following[0][4] if following else ""
+    return length
+
+
+def _lane(sim: Simulation, name: str, edge: str) -> Lane:
+    index = int(name.rsplit("_", 1)[1])
+    shape = tuple((float(point[0]), float(point[1])) for point in sim.lane.getShape(name))
+    return Lane(name, edge, index, shape, sim.lane.getLength(name), sim.lane.getWidth(name))
+
+
+def _indexed(lanes: Iterator[Lane]) -> dict[tuple[int, int], tuple[Lane, ...]]:
+    cells: dict[tuple[int, int], list[Lane]] = {}
+    for lane in lanes:
+        for cell in _crossed(lane.shape):
+            cells.setdefault(cell, []).append(lane)
+    return {cell: tuple(found) for cell, found in cells.items()}
+
+
+def _crossed(shape: Sequence[Point]) -> Iterator[tuple[int, int]]:
+    """The squares in which a line has a point, taken each half square."""
+    seen: dict[tuple[int, int], None] = {}
+    for (ax, ay), (bx, by) in itertools.pairwise(shape):
+        parts = max(1, math.ceil(math.hypot(bx - ax, by - ay) / (_CELL_M / 4.0)))
+        for part in range(parts + 1):
+            x, y = ax + (bx - ax) * part / parts, ay + (by - ay) * part / parts
+            seen[math.floor(x / _CELL_M), math.floor(y / _CELL_M)] = None
+    return iter(seen)
+
+
+def _components(edges: Mapping[str, Edge]) -> Iterator[tuple[str, ...]]:
+    """Strongly connected components (Kosaraju): finish order on the graph, then floods against it."""
+    order: list[str] = []
+    seen: set[str] = set()
+    for root in edges:
+        stack = [(root, iter(edges[root].links))] if root not in seen else []
+        seen.add(root)
+        while stack:
+            name, links = stack[-1]
+            following = next((link.edge for link in links if link.edge not in seen), None)
+            if following is None:
+                order.append(name)
+                stack.pop()
+            else:
+                seen.add(following)
+                stack.append((following, iter(edges[following].links)))
+    before: dict[str, list[str]] = {name: [] for name in edges}
+    for name, edge in edges.items():
+        for link in edge.links:
+            before[link.edge].append(name)
+    left = dict.fromkeys(order)
+    for root in reversed(order):
+        if root in left:
+            yield _flood(root, before, left)
+
+
+def _without_traps(edges: Mapping[str, Edge]) -> dict[str, Edge]:
+    """Without the edges from which there is no way back, such as one-way streets that leave the map."""
+    core = max(_components(edges), key=len, default=())
+    before: dict[str, list[str]] = {name: [] for name in edges}
+    for name, edge in edges.items():
+        for link in edge.links:
+            before[link.edge].append(name)
+    left = dict.fromkeys(name for name in edges if name not in core)
+    kept = {
+        *core,
+        *(name for root in core for other in before[root] if other in left for name in _flood(other, before, left)),
+    }
+    return {
+        name: replace(edge, links=tuple(link for link in edge.links if link.edge in kept))
+        for name, edge in edges.items()
+        if name in kept
+    }
+
+
+def _flood(root: str, before: Mapping[str, Sequence[str]], left: dict[str, None]) -> tuple[str, ...]:
+    del left[root]
+    found = [root]
+    for name in found:
+        for neighbour in before[name]:
+            if neighbour in left:
+                del left[neighbour]
+                found.append(neighbour)
+    return tuple(found)

@@ -1,0 +1,519 @@
+"""One vehicle of the mission: where it is, what it is doing, what it carries.
+
+SUMO's position is the middle of the front bumper; here and in every state it is the middle of the vehicle. A vehicle
+that is to stay somewhere has a stop of SUMO's that never ends; one that is held anywhere else has its speed set to 0.
+
+A vehicle that has arrived is parked at the kerb and leaves its lane free; it goes back into the lane once nobody comes.
+Where there is no kerb, where a vehicle was halted on its way and where the mission put it, it stands on its lane; when
+somebody has to wait for it, it makes room: it moves to the kerb there or at the next free place ahead. A vehicle that
+finds others of the mission standing on the lane where it wants to stop has arrived behind them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Container, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from lingjing.engines.road.graph import Graph, Place
+from lingjing.engines.road.kerb import REACH_M, Kerb, Passing, Room
+from lingjing.engines.road.kinds import SPEED_MPS, declare, kind_of, top_speed
+from lingjing.engines.road.routing import Avoided, Way, onward
+from lingjing.engines.road.sideways import Sideways, shifted
+from lingjing.engines.road.simulation import FOREVER_S, STEP_S, Simulation, SumoError
+from lingjing.mission.instance import Entity
+from lingjing.scene.sizes import SIZES
+from lingjing.trace.records import BodyState
+
+BRAKING_MPS2 = 2.0
+"""Comfortable braking of `stop`, `forward` and turns."""
+
+RESERVE_M = 300.0
+"""How far a route leads beyond where its vehicle is to stop."""
+
+STANDING_MPS = 0.05
+NOWHERE_M = -1e8
+"""Farther west than every map: where SUMO says a vehicle is that is on no road."""
+
+_STILL_MPS = 1e-3
+_SAME_LOAD_KG = 0.5
+
+LOAD = "load_kg"
+
+QUEUE_M = 40.0
+"""Within this distance of its goal a vehicle that stands behind others of the mission has arrived."""
+
+_SUMO_ASIDE_M = 3.2
+_WAIT_STEPS = 30
+_PARKING = 1
+_GAP_M = 2.5
+_HEADWAY_S = 2.5
+_REACTION_S = 0.3
+_DECEL_MPS2 = 4.5
+_PATIENCE_STEPS = 300
+_SAME_PLACE_M = 12.0
+"""Who is parked this far beyond where it is sent is there already: it does not drive around the block for it."""
+_KEEP_LANE, _CHANGE_LANES = 0, 1621
+"""Lane change modes: none at all, and SUMO's default."""
+
+Status = Literal["parked", "driving", "waiting", "arrived"]
+Outcome = Literal["", "done", "arrived"]
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """A way to a destination that was asked for: the point named, the lane point nearest to it, the edges."""
+
+    x: float
+    y: float
+    goal: Place
+    way: Way
+
+
+@dataclass(slots=True)
+class Task:
+    """What is being done: `drive` to a goal, cover a `distance` by the odometer, `halt`, or get `aside` for others."""
+
+    kind: Literal["drive", "distance", "halt", "aside"]
+    total: float
+    start_m: float = 0.0
+    plan: Plan | None = None
+    onto: str = ""
+    edges: tuple[str, ...] = ()
+    steps: int = 0
+    stays: bool = False
+    """It is parked there already."""
+
+
+@dataclass(frozen=True, slots=True)
+class Footing:
+    """Where a vehicle's route may change: edges that it must still follow first, then an edge and metres along it."""
+
+    before: tuple[str, ...]
+    edge: str
+    at_m: float
+
+
+class Vehicle:
+    """A vehicle of the mission in the simulation."""
+
+    def __init__(self, entity: Entity, sim: Simulation, graph: Graph, kerb: Kerb) -> None:
+        """Declare its type; `place` puts it on the road."""
+        self.id = entity.id
+        self.entity = entity
+        self.kind = kind_of(entity)
+        self.size = SIZES[self.kind.name]
+        self.task: Task | None = None
+        self.plan: Plan | None = None
+        self.avoided: tuple[Avoided, ...] = ()
+        self.routes = 0
+        self._sim = sim
+        self._graph = graph
+        self._kerb = kerb
+        self._speed_mps = _number(entity, "speed_mps", SPEED_MPS)
+        self._payload_kg = _number(entity, "payload_kg", 0.0)
+        self._first_load_kg = self.load_kg = self._felt_kg = _number(entity, LOAD, 0.0)
+        self._loads = LOAD in entity.state
+        self._arrived = False
+        self._waited = 0
+        self._room: Room | None = None
+        self._bound: Room | None = None
+        self.held_by = ""
+        """Who stands in its way, while it waits at the kerb."""
+        self._sideways = Sideways()
+        self._offset_m = 0.0
+        declare(
+            sim, f"type/{self.id}", self.kind, self._speed_mps, blue_light=bool(entity.properties.get("blue_light"))
+        )
+
+    def place(self, place: Place) -> None:
+        """Stand on a lane from the next step on."""
+        lane, front = place.lane, self._front(place)
+        name = f"route/{self.id}"
+        self._sim.route.add(name, [lane.edge])
+        self._sim.vehicle.add(
+            self.id, name, f"type/{self.id}", departLane=str(lane.index), departPos=str(front), departSpeed="0"
+        )
+        self._sim.vehicle.setStop(self.id, lane.edge, front, lane.index, FOREVER_S)
+        self._carry()
+
+    def _kerbside(self, place: Place) -> Room | None:
+        """The free place at the kerb that is nearest to a point on a lane, promised to it; None: there is none."""
+        return self._kerb.promise(self.id, place.lane.edge, self._front(place), self.size.length_m)
+
+    def _front(self, place: Place) -> float:
+        return min(max(place.at_m + self.size.length_m / 2.0, 0.1), place.lane.length_m)
+
+    def _park(self, room: Room | None) -> None:
+        self._room = room
+        if room is not None:
+            self._kerb.take(self.id, room, self.size.length_m)
+
+    @property
+    def speed_mps(self) -> float:
+        """Speed along the road."""
+        return float(self._sim.vehicle.getSpeed(self.id))
+
+    @property
+    def road(self) -> str:
+        """The edge it is on; an internal one (`:…`) within a junction."""
+        return str(self._sim.vehicle.getRoadID(self.id))
+
+    @property
+    def odometer_m(self) -> float:
+        """Metres driven since the episode began."""
+        return max(0.0, float(self._sim.vehicle.getDistance(self.id)))
+
+    @property
+    def status(self) -> Status:
+        """`driving` and `waiting` (standing on the way) while something is being done."""
+        if self.task is not None:
+            return "waiting" if self.task.kind != "halt" and self.speed_mps < STANDING_MPS else "driving"
+        return "arrived" if self._arrived else "parked"
+
+    def footing(self) -> Footing:
+        """From where a new route may start. Within a junction that is the edge being entered."""
+        vehicles = self._sim.vehicle
+        road, at_m = vehicles.getRoadID(self.id), vehicles.getLanePosition(self.id)
+        if not road.startswith(":"):
+            return Footing((), road, at_m)
+        route, index = vehicles.getRoute(self.id), vehicles.getRouteIndex(self.id)
+        return Footing((route[index],), route[index + 1], 0.0)
+
+    def braking_m(self) -> float:
+        """The distance that a comfortable halt takes now."""
+        return self.speed_mps**2 / (2.0 * BRAKING_MPS2)
+
+    def drive(self, plan: Plan) -> None:
+        """Drive along a plan that begins at the footing, and stay at its goal."""
+        self._begin(Task("drive", max(plan.way.length_m, 1.0), self.odometer_m, plan))
+        assert self.task is not None
+        self.task.stays = self._is_at(plan.goal)
+        if self._room is None:
+            self._set_out(plan)
+
+    def _is_at(self, goal: Place) -> bool:
+        """Whether it is parked where it would park for a goal, or a little beyond."""
+        if self._room is None or self._room.lane.edge != goal.lane.edge:
+            return False
+        wanted = self._kerbside(goal)
+        there = wanted is not None and abs(wanted.at_m - self._room.at_m) <= 1.0
+        return there or -1.0 <= self._room.at_m - self._front(goal) <= _SAME_PLACE_M
+
+    def _set_out(self, plan: Plan) -> None:
+        footing, goal = self.footing(), plan.goal
+        self._release()
+        self._follow(footing, plan.way.edges)
+        here = len(plan.way.edges) == 1 and not footing.before
+        least = footing.at_m + self.braking_m() if here else 0.0
+        room = self._kerb.promise(self.id, goal.lane.edge, self._front(goal), self.size.length_m, least)
+        front = min(goal.at_m + self.size.length_m / 2.0, goal.lane.length_m - 0.2)
+        front = max(front, min(self.size.length_m, goal.lane.length_m - 0.2))
+        self._stop_at(room or Room(goal.lane, front), 0 if room is None else _PARKING)
+
+    def _stop_at(self, place: Room, flags: int) -> None:
+        """Make it stop with its front there."""
+        self._bound = place if flags == _PARKING else None
+        try:
+            self._sim.vehicle.setStop(self.id, place.lane.edge, place.at_m, place.lane.index, FOREVER_S, flags)
+        except SumoError:  # it is there, or so close that braking ends beyond it
+            self._brake(0.0)
+
+    def cover(self, edges: tuple[str, ...], distance_m: float, onto: str = "") -> None:
+        """Drive a distance along edges that begin at the footing's, and halt there; `onto`: not before that edge."""
+        self._begin(Task("distance", distance_m, self.odometer_m, None, onto, edges))
+        if self._room is None:
+            self._set_out_along(edges)
+
+    def _set_out_along(self, edges: tuple[str, ...]) -> None:
+        footing = self.footing()
+        self._release()
+        self._follow(footing, edges)
+
+    def halt(self) -> None:
+        """Brake comfortably to a standstill."""
+        speed = self.speed_mps
+        if not self._sim.vehicle.isStopped(self.id):
+            footing = self.footing()
+            route = self._sim.vehicle.getRoute(self.id)[self._sim.vehicle.getRouteIndex(self.id) :]
+            self._release()
+            self._follow(footing, route[len(footing.before) :])
+        self._begin(Task("halt", max(speed, STANDING_MPS)))
+        self._arrived = False
+
+    @property
+    def is_aside(self) -> bool:
+        """Whether it is parked at the kerb."""
+        return self._room is not None
+
+    @property
+    def is_stranded(self) -> bool:
+        """Whether it has arrived and stands on the lane."""
+        return self._arrived and self._room is None and self.task is None
+
+    def prepare(self) -> None:
+        """Before a step: stay held; or go back into the lane for a task once nobody comes, in a queue at a gap."""
+        self.held_by = ""
+        task, room = self.task, self._room
+        if task is None and not self._sim.vehicle.isStopped(self.id):
+            self._brake(0.0)  # again, because SUMO has been seen to forget it
+        if room is None or task is None or task.kind == "halt" or task.stays:
+            return
+        task.steps += 1
+        self.held_by = next(self._in_the_way(room, task.steps > _PATIENCE_STEPS), "")
+        if self.held_by == "":
+            if task.plan is not None:
+                self._set_out(task.plan)
+            else:
+                self._set_out_along(task.edges)
+
+    def _in_the_way(self, room: Room, impatient: bool) -> Iterator[str]:
+        """Whom it would cut off by pulling out now; who is impatient asks others to brake comfortably."""
+        for other in self._kerb.passing(room.lane):
+            behind = room.at_m - self.size.length_m - other.front_m
+            ahead = other.front_m - other.length_m - room.at_m
+            if other.id != self.id and ahead <= _GAP_M and behind < _needed_m(other, impatient):
+                yield other.id
+
+    def make_room(self, *, waited_for: bool) -> None:
+        """Park beside where it stands, or at the next free place ahead; ended by the next task.
+
+        Who is waited for also leaves its edge and stands aside where there is no kerb.
+        """
+        footing = self.footing()
+        lane = self._graph.edges[footing.edge].lanes[0]
+        if not footing.before and self._sim.vehicle.getLaneIndex(self.id) != lane.index:
+            return  # others have a lane to pass on
+        stops = self._sim.vehicle.getStops(self.id, 1)
+        at_m = stops[0].endPos if stops and stops[0].lane == lane.id else footing.at_m
+        ways = onward(self._graph, (footing.edge,), REACH_M) if waited_for else (footing.edge,)
+        found = self._room_ahead(ways, at_m)
+        if found is None and waited_for:
+            found = self._room_ahead(ways, at_m, bare=True)
+        if found is None:
+            return
+        edges, room = found
+        if edges == (footing.edge,) and not footing.before and room.at_m - at_m < 0.1:
+            self._squeeze(room)
+        else:
+            self._move_up(footing, edges, room)
+
+    def _room_ahead(
+        self, edges: tuple[str, ...], at_m: float, *, bare: bool = False
+    ) -> tuple[tuple[str, ...], Room] | None:
+        """The next free place at the kerb of the edges ahead within reach, and those of them that lead there."""
+        ahead_m = -at_m
+        for number, name in enumerate(edges):
+            least = at_m if number == 0 else 0.0
+            room = self._kerb.promise(self.id, name, least, self.size.length_m, least, bare=bare)
+            if room is not None and ahead_m + room.at_m <= REACH_M + self.size.length_m:
+                return edges[: number + 1], room
+            ahead_m += self._graph.edges[name].length_m
+        self._kerb.forgo(self.id)
+        return None
+
+    def _squeeze(self, room: Room) -> None:
+        try:
+            self._sim.vehicle.setStop(self.id, room.lane.edge, room.at_m, room.lane.index, FOREVER_S, _PARKING)
+        except SumoError:
+            self._kerb.forgo(self.id)
+            return
+        self._park(room)
+
+    def _move_up(self, footing: Footing, edges: tuple[str, ...], room: Room) -> None:
+        arrived = self._arrived
+        self._begin(Task("aside", REACH_M, self.odometer_m))
+        self._arrived = arrived
+        self._release()
+        self._follow(footing, edges)
+        self._kerb.promise(self.id, room.lane.edge, room.at_m, self.size.length_m, room.at_m, bare=True)
+        self._stop_at(room, _PARKING)
+
+    def is_waited_for(self) -> str:
+        """Who stands right behind it, or ""."""
+        follower, gap = self._sim.vehicle.getFollower(self.id, 5.0)
+        standing = follower and 0.0 <= gap < 5.0 and self._sim.vehicle.getSpeed(follower) < STANDING_MPS
+        return str(follower) if standing else ""
+
+    def step(self, standing: Container[str]) -> Outcome:
+        """Look after the task behind a step of the simulation; says when it is done. `standing`: who has no task."""
+        self._shift()
+        task = self.task
+        if task is None:
+            return ""
+        if task.kind == "drive":
+            outcome = self._driven(task, standing)
+        elif task.kind == "distance":
+            outcome = self._covered(task)
+        elif task.kind == "aside":
+            outcome = self._moved_up()
+        else:
+            outcome = self._halted()
+        if outcome:
+            self._sim.vehicle.setLaneChangeMode(self.id, _KEEP_LANE)
+            self._brake(0.0)
+            self.task = None
+            self._arrived = outcome == "arrived" or (task.kind == "aside" and self._arrived)
+        return outcome
+
+    def progress(self) -> float | None:
+        """The share of the task that is done; None: there is no task."""
+        task = self.task
+        if task is None:
+            return None
+        if task.kind == "halt":
+            return 1.0 - self.speed_mps / task.total
+        if task.plan is None:
+            return (self.odometer_m - task.start_m) / max(task.total, 0.1)
+        return 1.0 - min(max(self._left_m(task), 0.0) / task.total, 1.0)
+
+    def take_load(self, got_kg: float) -> None:
+        """Carry this much more than at the start from now on, if the load is a state of the vehicle."""
+        self.load_kg = max(0.0, self._first_load_kg + got_kg) if self._loads else self.load_kg
+        if abs(self.load_kg - self._felt_kg) > _SAME_LOAD_KG:
+            self._felt_kg = self.load_kg
+            self._carry()
+
+    def state(self, ahead_s: float) -> BodyState:
+        """The state `ahead_s` after the last step, moved on along its velocity."""
+        vehicles = self._sim.vehicle
+        speed = self.speed_mps
+        body = body_state(self._sim, self.id, self.id, self.size.length_m, ahead_s)
+        return BodyState(
+            id=self.id,
+            position=shifted(body, self._offset_m).position,
+            velocity=body.velocity,
+            heading_deg=body.heading_deg,
+            pitch_deg=float(vehicles.getSlope(self.id)),
+            status=self.status,
+            resources={LOAD: self.load_kg, "speed_mps": speed, "odometer_m": self.odometer_m},
+        )
+
+    def _begin(self, task: Task) -> None:
+        self.task = task
+        self._waited = 0
+        self._arrived = False
+        self._bound = None
+        self._kerb.forgo(self.id)
+
+    def _driven(self, task: Task, standing: Container[str]) -> Outcome:
+        vehicles = self._sim.vehicle
+        if self._room is not None:
+            return "arrived" if task.stays else ""
+        self._waited = self._waited + 1 if self.speed_mps < STANDING_MPS else 0
+        if vehicles.isStopped(self.id) or (self._waited > 0 and not vehicles.getStops(self.id, 1)):
+            self._park(self._bound if vehicles.isStoppedParking(self.id) else None)
+            return "arrived"
+        if self._waited >= _WAIT_STEPS and self._left_m(task) <= QUEUE_M:
+            ahead = vehicles.getLeader(self.id, 10.0)
+            if ahead and ahead[0] in standing:
+                self._release()
+                self._brake(0.0)
+                return "arrived"
+        return ""
+
+    def _moved_up(self) -> Outcome:
+        vehicles = self._sim.vehicle
+        if vehicles.isStoppedParking(self.id):
+            self._park(self._bound)
+            return "done"
+        return "" if vehicles.getStops(self.id, 1) else "done"
+
+    def _left_m(self, task: Task) -> float:
+        """Metres to the goal; infinite where there is none on the way."""
+        if task.plan is None:
+            return math.inf
+        goal = task.plan.goal
+        left = float(self._sim.vehicle.getDrivingDistance(self.id, goal.lane.edge, goal.at_m, goal.lane.index))
+        return math.inf if left < -1e6 else left
+
+    def _shift(self) -> None:
+        """Follow what SUMO does sideways: lane changes, and parking a whole lane to the right."""
+        rest = 0.0
+        if self._room is not None and self._sim.vehicle.isStoppedParking(self.id):
+            rest = (self._room.lane.width_m + self.size.width_m) / 2.0 - _SUMO_ASIDE_M
+        body = body_state(self._sim, self.id, self.id, self.size.length_m, 0.0)
+        self._offset_m = self._sideways.follow(body, STEP_S, rest)
+
+    def _covered(self, task: Task) -> Outcome:
+        if self._room is not None:
+            return ""
+        left = task.total - (self.odometer_m - task.start_m)
+        there = task.onto == "" or self._sim.vehicle.getRoadID(self.id) == task.onto
+        speed = self.speed_mps
+        if left <= 0.3 and speed < _STILL_MPS and there:
+            self._brake(0.0)
+            return "done"
+        if left <= speed * speed / (2.0 * BRAKING_MPS2) + speed * STEP_S + 0.5:
+            reachable = math.sqrt(2.0 * BRAKING_MPS2 * max(left - speed * STEP_S, 0.0))
+            self._brake(reachable if left > 0.3 and there else (0.0 if there else 2.0))
+        return ""
+
+    def _halted(self) -> Outcome:
+        speed = self.speed_mps
+        if speed < _STILL_MPS:
+            return "done"
+        self._brake(max(0.0, speed - BRAKING_MPS2 * STEP_S))
+        return ""
+
+    def _brake(self, speed_mps: float) -> None:
+        self._sim.vehicle.setSpeed(self.id, speed_mps)
+
+    def _follow(self, footing: Footing, edges: Sequence[str]) -> None:
+        """Take a route. It goes on behind its end, for at the very end of one SUMO removes a vehicle."""
+        self._sim.vehicle.setRoute(self.id, [*footing.before, *onward(self._graph, edges, RESERVE_M)])
+
+    def _release(self) -> None:
+        """Leave every stop and take the speed back."""
+        vehicles = self._sim.vehicle
+        if vehicles.isStopped(self.id):
+            vehicles.resume(self.id)
+        for _ in vehicles.getStops(self.id):
+            vehicles.replaceStop(self.id, 0, "")
+        vehicles.setSpeed(self.id, -1)
+        vehicles.setLaneChangeMode(self.id, _CHANGE_LANES)
+        self._kerb.leave(self.id)
+        self._room = None
+
+    def _carry(self) -> None:
+        vehicles = self._sim.vehicle
+        vehicles.setAccel(self.id, self.kind.acceleration(self.load_kg))
+        vehicles.setMaxSpeed(self.id, top_speed(self._speed_mps, self.load_kg, self._payload_kg))
+
+
+def body_state(sim: Simulation, vehicle: str, name: str, length_m: float, ahead_s: float, kind: str = "") -> BodyState:
+    """Any vehicle of the simulation as a body: its middle, `ahead_s` after the last step."""
+    vehicles = sim.vehicle
+    x, y, z = vehicles.getPosition3D(vehicle)
+    heading = vehicles.getAngle(vehicle) % 360.0 % 360.0
+    speed = vehicles.getSpeed(vehicle)
+    slope_deg = 0.0 if sim.level else vehicles.getSlope(vehicle)
+    angle = math.radians(heading)
+    east, north, up = math.sin(angle), math.cos(angle), 0.0
+    if slope_deg != 0.0:
+        slope = math.radians(slope_deg)
+        east, north, up = east * math.cos(slope), north * math.cos(slope), math.sin(slope)
+    on = speed * ahead_s - length_m / 2.0
+    return BodyState(
+        id=name,
+        position=(x + east * on, y + north * on, z + up * on),
+        velocity=(east * speed, north * speed, up * speed),
+        heading_deg=heading,
+        pitch_deg=slope_deg,
+        status="driving" if speed > STANDING_MPS else "waiting",
+        kind=kind,
+    )
+
+
+def _needed_m(other: Passing, impatient: bool) -> float:
+    """The distance behind at which it does not matter to somebody in the lane that one pulls out."""
+    speed = other.speed_mps
+    if impatient:
+        return _GAP_M + speed * _REACTION_S + speed * speed / (2.0 * _DECEL_MPS2)
+    return 2.0 * _GAP_M + speed * _HEADWAY_S
+
+
+def _number(entity: Entity, name: str, default: float) -> float:
+    value = entity.properties.get(name)
+    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else default

@@ -1,0 +1,198 @@
+"""Commands to vehicles: what each verb starts, or why it is refused.
+
+`setDestination` follows the route published last where it leads there; `forward` goes straight on at junctions; `left`
+and `right` turn at the next junction that leaves a choice and halt just behind it; `stop` brakes. `route` and `replan`
+come from the kernel: they plan and publish, and nothing moves (but a vehicle on its way follows its new route).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from lingjing.engines.road.congestion import Congestion
+from lingjing.engines.road.graph import Graph, Link
+from lingjing.engines.road.routing import Avoided, edges_at, find_way, measure, straight_on
+from lingjing.engines.road.simulation import Simulation
+from lingjing.engines.road.vehicle import Footing, Plan, Vehicle
+from lingjing.engines.road.waypoints import waypoints
+from lingjing.mission.instance import Vector
+from lingjing.plugins.requests import STOP, Refusal, number
+from lingjing.trace.records import Command, Route
+
+PLANNING = ("route", "replan")
+"""Verbs that only plan: they need nobody to stand still, and end at once."""
+
+SAME_PLACE_M = 5.0
+"""A destination this close to the planned one is the planned one."""
+
+FARTHEST_M = 150.0
+"""A destination farther than this from every road cannot be reached by road."""
+
+AVOID_M = 25.0
+"""The radius around a place to avoid at which nothing is known to block."""
+
+_OTHER_SIDE_M = 20.0
+_BEHIND_TURN_M = 8.0
+_MOST_EDGES = 50
+_TURNS = {"left": "lL", "right": "rR"}
+_NAMES = {"l": "left", "L": "left", "r": "right", "R": "right", "s": "straight on", "t": "back"}
+
+
+class Planner:
+    """Plans for vehicles on one network; `publish` is told of each route."""
+
+    def __init__(
+        self,
+        sim: Simulation,
+        graph: Graph,
+        congestion: Congestion,
+        publish: Callable[[Route], None],
+    ) -> None:
+        self._sim = sim
+        self._graph = graph
+        self._publish = publish
+        self._congestion = congestion
+
+    def start(self, vehicle: Vehicle, command: Command, time_s: float) -> None:
+        """Begin a command. Raises `Refusal`."""
+        if command.verb == "setDestination":
+            self._set_destination(vehicle, command, time_s)
+        elif command.verb == "forward":
+            self._forward(vehicle, command)
+        elif command.verb in _TURNS:
+            self._turn(vehicle, command.verb)
+        elif command.verb == STOP:
+            vehicle.halt()
+        elif command.verb in PLANNING:
+            self._plan_only(vehicle, command, time_s)
+        else:
+            raise Refusal("unknown_verb", f"a road vehicle has no verb `{command.verb}`")
+
+    def _set_destination(self, vehicle: Vehicle, command: Command, time_s: float) -> None:
+        x, y = number(command, "x"), number(command, "y")
+        planned = vehicle.plan
+        if planned is not None and math.dist((x, y), (planned.x, planned.y)) <= SAME_PLACE_M:
+            followed = self._from_here(vehicle, planned)
+            if followed is not None:
+                vehicle.drive(followed)
+                return
+        plan = self._plan(vehicle, x, y)
+        self._announce(vehicle, plan, command.id, time_s)
+        vehicle.drive(plan)
+
+    def _plan_only(self, vehicle: Vehicle, command: Command, time_s: float) -> None:
+        if command.origin != "kernel" and all(verb.name != command.verb for verb in vehicle.entity.verbs):
+            raise Refusal("no_authority", f"only the kernel asks for `{command.verb}`")
+        x, y = number(command, "x"), number(command, "y")
+        if command.verb == "route":
+            plan = self._plan(vehicle, x, y)
+        else:
+            plan = self._replan(vehicle, x, y)
+        self._announce(vehicle, plan, command.id, time_s)
+        if vehicle.task is not None and vehicle.task.kind == "drive":
+            vehicle.drive(plan)
+
+    def _replan(self, vehicle: Vehicle, x: float, y: float) -> Plan:
+        planned = vehicle.plan
+        if planned is None:
+            raise Refusal("no_route", f"`{vehicle.id}` has no route yet that could be replaced")
+        before = vehicle.avoided
+        jam = self._congestion.at(x, y)
+        named = Avoided(x, y, AVOID_M) if jam is None else Avoided(jam.x, jam.y, jam.radius_m, jam.id)
+        vehicle.avoided = (*before, named)
+        try:
+            return self._plan(vehicle, planned.x, planned.y)
+        except Refusal:
+            vehicle.avoided = before
+            raise
+
+    def _plan(self, vehicle: Vehicle, x: float, y: float) -> Plan:
+        near = self._graph.nearest(x, y, most_m=FARTHEST_M)
+        if near is None:
+            raise Refusal("unreachable", f"there is no road within {FARTHEST_M:g} m of ({x:.1f}, {y:.1f})")
+        footing = vehicle.footing()
+        start = (footing.edge, _middle(vehicle, footing))
+        vehicle.avoided = tuple(place for place in vehicle.avoided if not self._congestion.is_over(place.because))
+        for goal in self._graph.places(x, y, near.off_m + _OTHER_SIDE_M):
+            avoid = {name for place in vehicle.avoided for name in edges_at(self._graph, place, goal)}
+            if footing.edge in avoid:  # it stands there: by one of these edges it must leave
+                avoid -= {link.edge for link in self._graph.edges[footing.edge].links}
+            way = find_way(self._graph, start, (goal.lane.edge, goal.at_m), avoid, vehicle.braking_m())
+            if way is not None:
+                return Plan(x, y, goal, way)
+        around = " around the places to avoid" if vehicle.avoided else ""
+        raise Refusal("unreachable", f"no road leads from `{vehicle.id}` to ({x:.1f}, {y:.1f}){around}")
+
+    def _from_here(self, vehicle: Vehicle, planned: Plan) -> Plan | None:
+        """The rest of a plan from where the vehicle is, or None if it has left it."""
+        footing, edges, goal = vehicle.footing(), planned.way.edges, planned.goal
+        if footing.edge not in edges:
+            return None
+        rest = edges[edges.index(footing.edge) :]
+        if len(rest) == 1 and goal.at_m < _middle(vehicle, footing) + vehicle.braking_m() - 1.0:
+            return None
+        way = measure(self._graph, rest, _middle(vehicle, footing), goal.at_m)
+        return Plan(planned.x, planned.y, goal, way)
+
+    def _announce(self, vehicle: Vehicle, plan: Plan, request: str, time_s: float) -> None:
+        vehicle.plan = plan
+        vehicle.routes += 1
+        footing = vehicle.footing()
+        points: tuple[Vector, ...] = waypoints(
+            self._sim, self._graph, plan.way, _middle(vehicle, footing), plan.goal.at_m
+        )
+        self._publish(
+            Route(
+                entity=vehicle.id,
+                number=vehicle.routes,
+                waypoints=points,
+                length_m=plan.way.length_m,
+                duration_s=plan.way.duration_s,
+                time_s=time_s,
+                request=request,
+            )
+        )
+
+    def _forward(self, vehicle: Vehicle, command: Command) -> None:
+        distance = number(command, "distance")
+        if distance <= 0.0:
+            raise Refusal("bad_argument", f"`distance` of `forward` must be positive, not {distance:g}")
+        footing = vehicle.footing()
+        edges, ahead = [footing.edge], self._graph.edges[footing.edge].length_m - footing.at_m
+        while ahead < distance:
+            link = straight_on(self._graph, edges[-1])
+            if link is None:
+                break
+            edges.append(link.edge)
+            ahead += link.length_m + self._graph.edges[link.edge].length_m
+        if ahead < distance:
+            raise Refusal("unreachable", f"the road ends {ahead:.0f} m ahead of `{vehicle.id}`")
+        vehicle.cover(tuple(edges), distance)
+
+    def _turn(self, vehicle: Vehicle, verb: str) -> None:
+        footing = vehicle.footing()
+        edges, ahead = [footing.edge], self._graph.edges[footing.edge].length_m - footing.at_m
+        links = self._forward_links(edges[-1])
+        while len(links) == 1 and links[0].direction == "s" and len(edges) <= _MOST_EDGES:
+            edges.append(links[0].edge)
+            ahead += links[0].length_m + self._graph.edges[links[0].edge].length_m
+            links = self._forward_links(edges[-1])
+        turns = [link for link in links if link.direction in _TURNS[verb]]
+        if not turns:
+            raise Refusal("no_turn", f"no way leads {verb} at the next junction; it leads {_possible(links)}")
+        turn = min(turns, key=lambda link: _TURNS[verb].index(link.direction))
+        behind = min(vehicle.size.length_m + _BEHIND_TURN_M, self._graph.edges[turn.edge].length_m - 0.5)
+        vehicle.cover((*edges, turn.edge), ahead + turn.length_m + behind, onto=turn.edge)
+
+    def _forward_links(self, edge: str) -> list[Link]:
+        return [link for link in self._graph.edges[edge].links if link.direction != "t"]
+
+
+def _middle(vehicle: Vehicle, footing: Footing) -> float:
+    return max(0.0, footing.at_m - vehicle.size.length_m / 2.0)
+
+
+def _possible(links: list[Link]) -> str:
+    names = dict.fromkeys(_NAMES.get(link.direction, link.direction) for link in links)
+    return " and ".join(names) or "nowhere but back"

@@ -1,0 +1,131 @@
+"""The satellite engine: all satellites of an episode behind the five-method contract."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+from lingjing.engines.satellite.orbit import DAY_S, Instant, Orbit, from_lines, instant
+from lingjing.engines.satellite.passes import Watch, passing
+from lingjing.engines.satellite.sky import Horizon
+from lingjing.mission.instance import Entity, Instance
+from lingjing.plugins.engine import EngineSpec
+from lingjing.plugins.fleet import FleetEngine
+from lingjing.plugins.requests import Refusal
+from lingjing.scene.city import City
+from lingjing.scene.outlines import compass
+from lingjing.trace.records import BodyState, Command
+
+DEFAULT_EPOCH = "2026-03-20T12:00:00Z"
+SWATH_M = 20_000.0
+"""What an entity without this property gets."""
+
+PHOTO = "takePhoto"
+
+
+class SatelliteEngine(FleetEngine):
+    """Positions are exact at every time asked for; passes are noticed at whole seconds. No seed: nothing is random."""
+
+    step_s = 1.0
+
+    def build(self, spec: EngineSpec, city: City, seed: int) -> None:
+        """Read the elements, or make orbits that pass."""
+        owned = spec.owned()
+        given = {entity.id: _given(entity) for entity in owned}
+        start = _start(spec.instance, owned, [orbit for orbit in given.values() if orbit is not None])
+        origin = Horizon.at(*city.origin)
+        region = origin.moved(*_aim(spec.instance))
+        whole = spec.instance.budget.ticks * spec.instance.clock.tick_s
+        ownless = [entity.id for entity in owned if given[entity.id] is None]
+        self._watches: dict[str, Watch] = {}
+        for entity in owned:
+            orbit = given[entity.id]
+            if orbit is None:
+                share = (ownless.index(entity.id) + 1) / (len(ownless) + 1)
+                orbit = passing(entity.id, start, origin, city.origin[0], share * whole)
+            swath = _number(entity, "swath_m", SWATH_M)
+            self._watches[entity.id] = Watch(orbit, start, origin, region, swath / 1000.0)
+        self._in_view = {name: watch.sees(watch.view(0.0)) for name, watch in self._watches.items()}
+
+    def start(self, command: Command) -> None:
+        """A picture is the camera's to take; one without a view is refused as `not_in_view`."""
+        watch = self._watches.get(command.resource)
+        if watch is None:
+            raise Refusal("unknown_resource", f"`{command.resource}` is no satellite of `{self.name}`")
+        if command.verb != PHOTO:
+            raise Refusal("unknown_verb", f"a satellite has no verb `{command.verb}`")
+        now = self.clock.time_s
+        view = watch.view(now)
+        if not watch.sees(view):
+            wait = watch.next_pass_s(now)
+            when = f"for the next {DAY_S / 3600.0:.0f} h" if wait >= DAY_S else f"for another {wait:.0f} s"
+            raise Refusal("not_in_view", f"`{command.resource}` does not see the region {when}")
+
+    def step(self) -> None:
+        """Notice passes that begin and end; a picture that was asked for is taken within the step."""
+        now = self.clock.now_s
+        for name, watch in self._watches.items():
+            self.requests.complete(name, now)
+            sees = watch.sees(watch.view(now))
+            if sees != self._in_view[name]:
+                self._in_view[name] = sees
+                self.emit("in_view" if sees else "out_of_view", name)
+
+    def states(self) -> Iterable[BodyState]:
+        """Every satellite where it is now."""
+        return (self._state(name, watch) for name, watch in self._watches.items())
+
+    def close(self) -> None:
+        """Let go of the orbits."""
+        self._watches = {}
+
+    def _state(self, name: str, watch: Watch) -> BodyState:
+        time_s = self.clock.time_s
+        view = watch.view(time_s)
+        east, north, up = view.region
+        risen = view.elevation_deg > 0.0
+        course = math.atan2(-east, -north) if risen else math.atan2(view.velocity[0], view.velocity[1])
+        x, y, z = (1000.0 * part for part in view.position)
+        vx, vy, vz = (1000.0 * part for part in view.velocity)
+        return BodyState(
+            id=name,
+            position=(x, y, z),
+            velocity=(vx, vy, vz),
+            heading_deg=compass(math.degrees(course)),
+            pitch_deg=-view.elevation_deg if risen else 0.0,
+            status="in_view" if watch.sees(view) else "out_of_view" if risen else "below_horizon",
+            resources={
+                "elevation_deg": view.elevation_deg,
+                "range_m": 1000.0 * math.hypot(east, north, up),
+                "next_pass_s": watch.next_pass_s(time_s),
+            },
+        )
+
+
+def _given(entity: Entity) -> Orbit | None:
+    """The orbit of an entity's elements; None if it has none."""
+    lines = [str(entity.properties.get(name) or "") for name in ("tle1", "tle2")]
+    return from_lines(entity.id, *lines) if any(lines) else None
+
+
+def _start(instance: Instance, owned: Iterable[Entity], orbits: Iterable[Orbit]) -> Instant:
+    """When simulation time 0 is (see the package's docstring)."""
+    for said in (instance.scene.options.get("epoch"), *(entity.properties.get("epoch") for entity in owned)):
+        if said:
+            return instant(str(said))
+    epochs = [orbit.epoch for orbit in orbits]
+    return max(epochs, key=lambda epoch: epoch.day + epoch.fraction, default=instant(DEFAULT_EPOCH))
+
+
+def _aim(instance: Instance) -> tuple[float, float]:
+    """The middle of the mission's regions, (east, north) metres; hidden ones are left out."""
+    points = [point for region in instance.regions if not region.hidden for point in region.polygon]
+    if not points:
+        return 0.0, 0.0
+    xs, ys = [x for x, _ in points], [y for _, y in points]
+    return 0.5 * (min(xs) + max(xs)), 0.5 * (min(ys) + max(ys))
+
+
+def _number(entity: Entity, name: str, default: float) -> float:
+    value = entity.properties.get(name, default)
+    return float(value) if isinstance(value, int | float) else default

@@ -1,0 +1,85 @@
+"""The vessel engine: all boats of an episode behind the five-method contract."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+from lingjing.engines.vessel.boat import Boat
+from lingjing.engines.vessel.hull import STEP_S
+from lingjing.mission.schedule import Schedule
+from lingjing.plugins.engine import EngineSpec
+from lingjing.plugins.fleet import FleetEngine
+from lingjing.plugins.requests import STOP, Refusal, number
+from lingjing.scene.city import City
+from lingjing.scene.terrain import Terrain
+from lingjing.trace.records import BodyState, Command
+
+
+class VesselEngine(FleetEngine):
+    """Steps every boat at 10 Hz; boats do not see each other. Nothing is drawn at random: the seed is not needed."""
+
+    step_s = STEP_S
+
+    def build(self, spec: EngineSpec, city: City, seed: int) -> None:
+        """Put the boats on the water."""
+        terrain = Terrain(city)
+        self._schedule = Schedule(spec.instance)
+        self._boats = {entity.id: Boat(entity, terrain, self._schedule.weather(0.0)) for entity in spec.owned()}
+
+    def start(self, command: Command) -> None:
+        """Begin a voyage, or `Refusal`: `unknown_resource`, `aground`, `unknown_verb`, `bad_argument`,
+        `unreachable`."""
+        boat = self._boats.get(command.resource)
+        if boat is None:
+            raise Refusal("unknown_resource", f"`{command.resource}` is no vessel of `{self.name}`")
+        if boat.aground:
+            raise Refusal("aground", f"`{boat.id}` is aground")
+        if command.verb == STOP:
+            boat.halt()
+        elif command.verb == "moveTo":
+            boat.head_for((number(command, "x"), number(command, "y")))
+        else:
+            raise Refusal("unknown_verb", f"a vessel has no verb `{command.verb}`")
+
+    def look(self, mirrors: Sequence[BodyState]) -> None:
+        """What the book says is on board."""
+        for boat in self._boats.values():
+            boat.stock.read(mirrors)
+            boat.carry()
+
+    def step(self) -> None:
+        """One step of every boat."""
+        weather = self._schedule.weather(self.clock.now_s - self.step_s)
+        for boat in self._boats.values():
+            boat.feel(weather)
+            boat.step()
+            self._report(boat)
+
+    def states(self) -> Iterable[BodyState]:
+        """Every boat, on the sea of its time."""
+        time_s = self.clock.time_s
+        weather = self._schedule.weather(time_s)
+        for boat in self._boats.values():
+            boat.feel(weather)
+            yield boat.state(time_s, self.clock.remainder_s)
+
+    def progress(self) -> Mapping[str, float]:
+        """How much of each way is behind."""
+        return {boat.id: boat.progress for boat in self._boats.values()}
+
+    def close(self) -> None:
+        """Let go of the boats."""
+        self._boats = {}
+
+    def _report(self, boat: Boat) -> None:
+        now = self.clock.now_s
+        if boat.aground:
+            self.requests.fail(boat.id, now, "aground", f"`{boat.id}` ran aground")
+        elif boat.arrived():
+            self.requests.complete(boat.id, now)
+            self.emit("arrived", boat.id)
+        elif boat.stopped():
+            self.requests.complete(boat.id, now)
+        elif boat.goal is not None and boat.land_ahead():
+            boat.halt()
+            self.requests.fail(boat.id, now, "unreachable", f"`{boat.id}` stopped: there is land ahead")

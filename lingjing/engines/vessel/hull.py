@@ -1,0 +1,114 @@
+"""The hull: how a small lifeboat of 6 m moves through moving water.
+
+Fossen's 3-DOF manoeuvring model in velocities relative to the water (a steady current carries the hull without a
+force of its own): surge and sway with linear and quadratic damping, keel lift, yaw with what a skeg leaves of the Munk
+moment, wind on the hull's sides, added resistance in waves. Integrated by classical Runge-Kutta. Angles in radians,
+heading clockwise from north, yaw rate and sway positive to starboard; forces in newtons.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from lingjing.engines.sea import current_velocity, wind_velocity
+from lingjing.mission.instance import Weather
+
+STEP_S = 0.1
+"""Integration step."""
+
+LENGTH_M = 6.0
+HALF_LENGTH_M = LENGTH_M / 2.0
+
+_SURGE_MASS = 1680.0
+_SWAY_MASS = 2880.0
+YAW_INERTIA = 5040.0
+"""Yaw inertia with the added water, kg m^2."""
+_SURGE_DRAG = (60.0, 90.0)
+_SWAY_DRAG = (400.0, 1200.0)
+_YAW_DRAG = (2500.0, 6000.0)
+_KEEL_LIFT = 1500.0
+"""Side force of keel and skeg, N per m^2/s^2 of surge times sway."""
+_MUNK_SHARE = 0.3
+"""What the skeg, far aft, leaves of the Munk moment."""
+_AIR_FORCE = 0.5 * 1.225 * 0.9
+_FRONT_M2 = 2.5
+_SIDE_M2 = 6.0
+_WAVE_DRAG = 80.0
+"""Added resistance in head seas, N per metre of significant wave height squared; none in following seas."""
+
+State = tuple[float, float, float, float, float, float]
+"""east, north (m), heading (rad), surge, sway (m/s through the water), yaw rate (rad/s)."""
+
+
+def surge_drag(speed: float) -> float:
+    """Resistance at a speed through still water, N; what a propeller must push."""
+    return (_SURGE_DRAG[0] + _SURGE_DRAG[1] * abs(speed)) * speed
+
+
+@dataclass(frozen=True, slots=True)
+class Surroundings:
+    """What wind, current and waves are for a hull during an episode."""
+
+    wind: tuple[float, float]
+    current: tuple[float, float]
+    wave_height_m: float
+    wave_to_rad: float
+
+    @classmethod
+    def of(cls, weather: Weather) -> Surroundings:
+        """The surroundings of a weather."""
+        towards = math.radians(weather.wind_from_deg + 180.0)
+        return cls(wind_velocity(weather), current_velocity(weather), weather.wave_height_m, towards)
+
+
+def ground_velocity(state: State, around: Surroundings) -> tuple[float, float]:
+    """Velocity over ground (east, north), m/s."""
+    _, _, heading, surge, sway, _ = state
+    sine, cosine = math.sin(heading), math.cos(heading)
+    return (
+        surge * sine + sway * cosine + around.current[0],
+        surge * cosine - sway * sine + around.current[1],
+    )
+
+
+def advance(state: State, thrust: float, moment: float, around: Surroundings) -> State:
+    """The state `STEP_S` later under constant thrust (N) and steering moment (N m)."""
+    first = _rates(state, thrust, moment, around)
+    second = _rates(_moved(state, first, STEP_S / 2.0), thrust, moment, around)
+    third = _rates(_moved(state, second, STEP_S / 2.0), thrust, moment, around)
+    fourth = _rates(_moved(state, third, STEP_S), thrust, moment, around)
+    mean = tuple((a + 2.0 * b + 2.0 * c + d) / 6.0 for a, b, c, d in zip(first, second, third, fourth, strict=True))
+    return _moved(state, mean, STEP_S)
+
+
+def _moved(state: State, rates: tuple[float, ...], seconds: float) -> State:
+    east, north, heading, surge, sway, yaw = (x + seconds * dx for x, dx in zip(state, rates, strict=True))
+    return east, north, heading, surge, sway, yaw
+
+
+def _rates(state: State, thrust: float, moment: float, around: Surroundings) -> State:
+    _, _, heading, surge, sway, yaw = state
+    east, north = ground_velocity(state, around)
+    air_surge, air_sway = _air_force(heading, around.wind[0] - east, around.wind[1] - north)
+    head_on = 0.5 * (1.0 - math.cos(heading - around.wave_to_rad))
+    waves = _WAVE_DRAG * around.wave_height_m**2 * head_on * min(abs(surge), 1.0)
+    x_force = thrust - surge_drag(surge) + air_surge - math.copysign(waves, surge)
+    y_force = air_sway - (_SWAY_DRAG[0] + _SWAY_DRAG[1] * abs(sway) + _KEEL_LIFT * abs(surge)) * sway
+    munk = _MUNK_SHARE * (_SURGE_MASS - _SWAY_MASS) * surge * sway
+    n_moment = moment + munk - (_YAW_DRAG[0] + _YAW_DRAG[1] * abs(yaw)) * yaw
+    return (
+        east,
+        north,
+        yaw,
+        (x_force + _SWAY_MASS * sway * yaw) / _SURGE_MASS,
+        (y_force - _SURGE_MASS * surge * yaw) / _SWAY_MASS,
+        n_moment / YAW_INERTIA,
+    )
+
+
+def _air_force(heading: float, east: float, north: float) -> tuple[float, float]:
+    ahead = east * math.sin(heading) + north * math.cos(heading)
+    abeam = east * math.cos(heading) - north * math.sin(heading)
+    speed = math.hypot(ahead, abeam)
+    return _AIR_FORCE * _FRONT_M2 * speed * ahead, _AIR_FORCE * _SIDE_M2 * speed * abeam

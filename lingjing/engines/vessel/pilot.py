@@ -1,0 +1,107 @@
+"""The helmsman: line-of-sight guidance over ground, heading and speed control through the water.
+
+The line from where the order was given to the goal is followed with a fixed lookahead. What the hull makes over ground
+beyond its own surge is measured as drift (current, leeway, swing) and allowed for by steering into it.
+"""
+
+from __future__ import annotations
+
+import math
+
+from lingjing.engines.vessel.hull import STEP_S, YAW_INERTIA, State, Surroundings, ground_velocity, surge_drag
+
+Point = tuple[float, float]
+
+ARRIVED_M = 5.0
+"""A move is complete this close to its goal."""
+
+_LOOKAHEAD_M = 20.0
+_BRAKE_MPS2 = 0.3
+_STANDOFF_M = 2.0
+_CREEP_MPS = 0.3
+_THRUST_MARGIN = 1.8
+_REVERSE = 0.5
+_SURGE_GAIN = 1500.0
+_HEADING_GAIN = 0.64
+_YAW_DAMPING = 1.5
+_MAX_HEADING_ERROR = 0.8
+_MAX_MOMENT = 2500.0
+_DRIFT_TIME_S = 10.0
+_IDLE_M = 2.5
+_STATION_GAIN = 0.3
+_STATION_MPS = 1.0
+
+
+class Pilot:
+    """Steers one hull of top speed `speed_mps` (through the water) and remembers the drift it has measured."""
+
+    def __init__(self, speed_mps: float, around: Surroundings) -> None:
+        self.around = around
+        self._drift: Point = around.current
+        self.drive(speed_mps)
+
+    def drive(self, speed_mps: float) -> None:
+        """Set the top speed, and the power that goes with it."""
+        self._speed = speed_mps
+        self._most = _THRUST_MARGIN * surge_drag(speed_mps)
+
+    def follow(self, state: State, start: Point, goal: Point) -> tuple[float, float]:
+        """Thrust (N) and moment (N m) on the way along the line from `start` to `goal`."""
+        self._measure(state)
+        left = math.dist(state[:2], goal)
+        speed = min(self._speed, math.sqrt(2.0 * _BRAKE_MPS2 * max(left - _STANDOFF_M, 0.0)) + _CREEP_MPS)
+        return self._steer(state, line_of_sight(state[:2], start, goal), speed)
+
+    def keep(self, state: State, station: Point) -> tuple[float, float]:
+        """Thrust and moment that stay near a point with little power."""
+        self._measure(state)
+        left = math.dist(state[:2], station)
+        if left < _IDLE_M:
+            return self._surge(state, 0.0), self._turn(state, state[2])
+        course = math.atan2(station[0] - state[0], station[1] - state[1])
+        need = _STATION_GAIN * left + math.hypot(*self._drift)
+        return self._steer(state, course, min(need, _STATION_MPS, self._speed))
+
+    def stop(self, state: State) -> tuple[float, float]:
+        """Thrust and moment that take the way off the hull."""
+        self._measure(state)
+        return self._surge(state, 0.0), self._turn(state, state[2])
+
+    def _steer(self, state: State, course: float, speed: float) -> tuple[float, float]:
+        abeam = self._drift[0] * math.cos(course) - self._drift[1] * math.sin(course)
+        heading = course - math.asin(min(max(abeam / max(speed, 0.1), -0.95), 0.95))
+        off = _wrapped(heading - state[2])
+        return self._surge(state, speed * max(math.cos(off), 0.2)), self._turn(state, heading)
+
+    def _surge(self, state: State, speed: float) -> float:
+        return min(max(surge_drag(speed) + _SURGE_GAIN * (speed - state[3]), -_REVERSE * self._most), self._most)
+
+    def _turn(self, state: State, heading: float) -> float:
+        error = min(max(_wrapped(heading - state[2]), -_MAX_HEADING_ERROR), _MAX_HEADING_ERROR)
+        moment = YAW_INERTIA * (_HEADING_GAIN * error - _YAW_DAMPING * state[5])
+        return min(max(moment, -_MAX_MOMENT), _MAX_MOMENT)
+
+    def _measure(self, state: State) -> None:
+        east, north = ground_velocity(state, self.around)
+        share = STEP_S / _DRIFT_TIME_S
+        self._drift = (
+            self._drift[0] + share * (east - state[3] * math.sin(state[2]) - self._drift[0]),
+            self._drift[1] + share * (north - state[3] * math.cos(state[2]) - self._drift[1]),
+        )
+
+
+def line_of_sight(here: Point, start: Point, goal: Point) -> float:
+    """Course over ground (rad) that leads back to the line and along it; close to the goal, straight to it."""
+    along = math.atan2(goal[0] - start[0], goal[1] - start[1])
+    if math.dist(here, goal) < _LOOKAHEAD_M or math.dist(start, goal) < _LOOKAHEAD_M:
+        return math.atan2(goal[0] - here[0], goal[1] - here[1])
+    east, north = here[0] - start[0], here[1] - start[1]
+    passed = east * math.sin(along) + north * math.cos(along)
+    if passed > math.dist(start, goal):
+        return math.atan2(goal[0] - here[0], goal[1] - here[1])
+    off = east * math.cos(along) - north * math.sin(along)
+    return along - math.atan2(off, _LOOKAHEAD_M)
+
+
+def _wrapped(angle: float) -> float:
+    return (angle + math.pi) % (2.0 * math.pi) - math.pi

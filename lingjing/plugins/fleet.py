@@ -1,0 +1,104 @@
+"""What every engine of moving bodies does the same way: admission, the step clock, receipts, the boundary.
+
+A concrete engine says how its world is built (`build`), how a command starts (`start`), what one step does (`step`),
+how far each body has come (`progress`) and where it is (`states`). It reports through `self.requests` and `self.emit`.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Mapping, Sequence
+
+from lingjing.plugins.clock import Clock
+from lingjing.plugins.engine import Boundary, CaptureRequest, EngineSpec, Frame
+from lingjing.plugins.requests import Requests
+from lingjing.scene.city import City
+from lingjing.trace.records import BodyState, Command, Receipt, Route, TaskEvent
+
+
+class FleetEngine(ABC):
+    """The five methods over a fleet of bodies that step together every `step_s` seconds."""
+
+    step_s: float
+    """The engine's own step; set by the class, or in `build` before it returns."""
+
+    def reset(self, spec: EngineSpec, city: City, seed: int) -> Boundary:
+        """Build the fleet; READY(0)."""
+        self.name = spec.engine
+        self.tick_s = spec.instance.clock.tick_s
+        self.requests = Requests(spec.engine)
+        self._events: list[TaskEvent] = []
+        self._routes: list[Route] = []
+        self.build(spec, city, seed)
+        self.clock = Clock(self.step_s)
+        return self._boundary()
+
+    def submit(self, commands: Sequence[Command]) -> tuple[Receipt, ...]:
+        """Admit or reject each command; admitted ones start at once."""
+        return tuple(self.requests.admit(command, self.clock.time_s, self.start) for command in commands)
+
+    def advance(self, until: float, mirrors: Sequence[BodyState]) -> Boundary:
+        """Step to `until`; progress of what goes on is reported at decision boundaries."""
+        self.look(mirrors)
+        for _ in range(self.clock.steps_until(until)):
+            self.clock.done += 1
+            self.step()
+        if self.clock.is_boundary(self.tick_s):
+            for body, share in self.progress().items():
+                self.requests.run(body, until, share)
+        return self._boundary()
+
+    def capture(self, requests: Sequence[CaptureRequest]) -> tuple[Frame, ...]:
+        """No sensors here."""
+        return ()
+
+    def close(self) -> None:  # noqa: B027 - most fleets hold nothing that needs closing
+        """Let go of the fleet."""
+
+    @abstractmethod
+    def build(self, spec: EngineSpec, city: City, seed: int) -> None:
+        """Make the bodies. May set `step_s`."""
+
+    @abstractmethod
+    def start(self, command: Command) -> None:
+        """Begin a command, or raise `Refusal`."""
+
+    @abstractmethod
+    def step(self) -> None:
+        """One step of `step_s`; `self.clock.now_s` is the time at its end."""
+
+    @abstractmethod
+    def states(self) -> Iterable[BodyState]:
+        """Every owned entity at `self.clock.time_s`, which lies `self.clock.remainder_s` after the last step."""
+
+    def progress(self) -> Mapping[str, float]:
+        """How far each body with a pending request has come, 0..1."""
+        return {}
+
+    def look(self, mirrors: Sequence[BodyState]) -> None:  # noqa: B027 - blind is a fine default
+        """The others at the interval's start (time `self.clock.time_s`). Blind by default."""
+
+    def ambient(self) -> Iterable[BodyState]:
+        """Movers that are nobody's entity: background traffic."""
+        return ()
+
+    def emit(self, kind: str, *entities: str, **values: float) -> None:
+        """A task event at the current step."""
+        self._events.append(TaskEvent(kind=kind, entities=entities, time_s=self.clock.now_s, values=values))
+
+    def publish(self, route: Route) -> None:
+        """A route that was planned."""
+        self._routes.append(route)
+
+    def _boundary(self) -> Boundary:
+        events, self._events = tuple(self._events), []
+        routes, self._routes = tuple(self._routes), []
+        return Boundary(
+            engine=self.name,
+            time_s=self.clock.time_s,
+            states=tuple(self.states()),
+            receipts=self.requests.drain(),
+            events=events,
+            routes=routes,
+            ambient=tuple(self.ambient()),
+        )

@@ -1,0 +1,108 @@
+"""The others as obstacles: which mirrors are solid bodies, how large they are, and whether one is touched.
+
+Background traffic, assets and targets of a listed type are solid (`bodies.mirror_size`): a fire, a leak or a place
+where goods are wanted is nothing to bump into. Mirrors are states at an interval's start and move on along their
+velocity.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from lingjing.mission.instance import Instance, Vector
+from lingjing.plugins.bodies import mirror_size
+from lingjing.trace.records import DORMANT, BodyState
+
+ABSENT = frozenset({DORMANT, "rescued"})
+"""Status words of what is not there to be touched."""
+
+_HOVERING = frozenset({"quadrotor", "fixed_wing"})
+"""Bodies whose position is their middle; that of the others is where they stand."""
+
+_LONGEST_S = 1.0
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Neighbour:
+    """A solid body of another engine at `time_s`."""
+
+    id: str
+    position: Vector
+    velocity: Vector
+    along: tuple[float, float]
+    half_length_m: float
+    half_width_m: float
+    low_m: float
+    high_m: float
+    time_s: float
+
+    def touches(self, position: Vector, radius_m: float, half_height_m: float, now_s: float) -> bool:
+        """Whether a body of that size at `position` is in touch with it at `now_s`."""
+        passed = now_s - self.time_s
+        up = position[2] - self.position[2] - passed * self.velocity[2]
+        if not (self.low_m - half_height_m < up < self.high_m + half_height_m):
+            return False
+        east = position[0] - self.position[0] - passed * self.velocity[0]
+        north = position[1] - self.position[1] - passed * self.velocity[1]
+        ahead = east * self.along[0] + north * self.along[1]
+        abeam = east * self.along[1] - north * self.along[0]
+        return abs(ahead) < self.half_length_m + radius_m and abs(abeam) < self.half_width_m + radius_m
+
+
+class Neighbours:
+    """All mirrors of an interval; `near` picks those that one body could meet within it."""
+
+    def __init__(self, instance: Instance) -> None:
+        self._entities = {entity.id: entity for entity in instance.entities}
+        self._horizon_s = max(instance.clock.sync_s, _LONGEST_S)
+        self._states: tuple[BodyState, ...] = ()
+        self._places: Array | None = None
+        self._time_s = 0.0
+
+    def look(self, mirrors: Iterable[BodyState], time_s: float) -> None:
+        """Take over the mirrors of the interval that starts at `time_s`."""
+        self._states = tuple(mirrors)
+        self._places = None
+        self._time_s = time_s
+
+    def near(self, position: Vector, speed_mps: float) -> tuple[Neighbour, ...]:
+        """The solid bodies that something at `position` could reach at `speed_mps` before the next look."""
+        if not self._states:
+            return ()
+        if self._places is None:  # once for the whole fleet: mirrors are many, flyers too
+            self._places = np.array([state.position for state in self._states])
+            rates = np.abs(np.array([state.velocity for state in self._states]))
+            self._ways = self._horizon_s * rates.sum(axis=1)
+        away = np.abs(self._places - position).max(axis=1)
+        close = np.flatnonzero(away < self._ways + (speed_mps * self._horizon_s + 10.0))
+        met = (self._neighbour(self._states[number]) for number in close.tolist())
+        return tuple(neighbour for neighbour in met if neighbour is not None)
+
+    def _neighbour(self, state: BodyState) -> Neighbour | None:
+        entity = self._entities.get(state.id)
+        if entity is None and not state.kind:
+            return None
+        size = mirror_size(state, entity)
+        if size is None or state.status in ABSENT:
+            return None
+        heading = math.radians(state.heading_deg)
+        kinds = (state.kind,) if state.kind or entity is None else (entity.type, *entity.bases)
+        sunk = size.height_m / 2.0 if not _HOVERING.isdisjoint(kinds) else 0.0
+        return Neighbour(
+            id=state.id,
+            position=state.position,
+            velocity=state.velocity,
+            along=(math.sin(heading), math.cos(heading)),
+            half_length_m=size.length_m / 2.0,
+            half_width_m=size.width_m / 2.0,
+            low_m=-sunk,
+            high_m=size.height_m - sunk,
+            time_s=self._time_s,
+        )

@@ -1,0 +1,136 @@
+"""`Terrain`: what a place of the city is to a body that moves there: water, ground, what stands on it and how high.
+
+The ground and the waters of the whole city are a few large polygons. What stands on them (`blocks`) is read through
+the city's tiles, square by square and only where somebody asks, and the latest squares are held: neither a lookup nor
+the memory grows with the city.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections import OrderedDict
+from collections.abc import Iterable
+
+from lingjing.scene.blocks import Block, blocks
+from lingjing.scene.city import City
+from lingjing.scene.outlines import Area, inside
+from lingjing.scene.tiles import Tiles
+
+REACH_M = 8.0
+"""The largest `margin_m` that a body may ask with: half the span of a light aircraft and some."""
+
+_CELL_M = 50.0
+_KEPT_SQUARES = 128
+
+Key = tuple[int, int]
+
+
+class Terrain:
+    """A city as an obstacle course. Points are world metres; elevations are over the datum's zero."""
+
+    def __init__(self, city: City) -> None:
+        self.datum_m = city.datum_m
+        self._waters = tuple((Area.of(water.polygon), water) for water in city.waters)
+        self._lands = tuple((Area.of(land.polygon), land.top_m) for land in city.lands)
+        levels = [city.datum_m, *(top for _, top in self._lands), *(water.level_m for water in city.waters)]
+        self._highest_ground_m = max(levels)
+        self._tiles = Tiles(city)
+        self.tile_m = city.tile_m
+        self._squares: OrderedDict[Key, Square] = OrderedDict()
+
+    def water_level(self, x: float, y: float) -> float | None:
+        """Still-water elevation at a point that is afloat, or None on dry land and off every water."""
+        level = max((water.level_m for area, water in self._waters if _wet(area, water.holes, x, y)), default=None)
+        if level is None or any(top > level and area.holds(x, y) for area, top in self._lands):
+            return None
+        return level
+
+    def surface(self, x: float, y: float) -> float:
+        """Elevation of the ground or the still water at a point; the datum where the map holds neither."""
+        tops = [top for area, top in self._lands if area.holds(x, y)]
+        tops += [water.level_m for area, water in self._waters if _wet(area, water.holes, x, y)]
+        return max(tops, default=self.datum_m)
+
+    def support(self, x: float, y: float, below_m: float) -> float:
+        """Elevation of what something falling from `below_m` comes to rest on: ground, water, roof, deck or slope."""
+        tops = [block.top_at(x, y) for block in self._near(x, y) if block.covers(x, y)]
+        return max([self.surface(x, y), *(top for top in tops if top <= below_m)])
+
+    def solids_at(self, x: float, y: float, low_m: float, high_m: float, margin_m: float = 0.0) -> tuple[Block, ...]:
+        """What a body of radius `margin_m` (at most `REACH_M`) between two elevations is in touch with."""
+        return tuple(
+            block
+            for block in self._near(x, y)
+            if block.area.bounds_hold(x, y, margin_m)  # rules out most, and quickly
+            and block.base_at(x, y) < high_m
+            and block.top_at(x, y) > low_m
+            and block.covers(x, y, margin_m)
+        )
+
+    def ceiling_m(self, x: float, y: float) -> float:
+        """An elevation above which there is nothing near a point; the quick answer for what flies high."""
+        return max(self._highest_ground_m, self._square(x, y).highest_m)
+
+    def _near(self, x: float, y: float) -> tuple[Block, ...]:
+        return self._square(x, y).near(x, y)
+
+    def _square(self, x: float, y: float) -> Square:
+        return self.square((math.floor(x / self.tile_m), math.floor(y / self.tile_m)))
+
+    def square(self, key: Key) -> Square:
+        """The square of a column and a row of `tile_m` side."""
+        square = self._squares.get(key)
+        if square is None:
+            square = self._squares[key] = self._read(key)
+            if len(self._squares) > _KEPT_SQUARES:
+                self._squares.popitem(last=False)
+        return square
+
+    def _read(self, key: Key) -> Square:
+        side = self.tile_m
+        west, south = key[0] * side, key[1] * side
+        reach = side * math.sqrt(0.5) + REACH_M  # the corners are that far from the middle
+        tiles = self._tiles.near(west + side / 2.0, south + side / 2.0, reach)
+        return Square((west, south, west + side, south + side), itertools.chain.from_iterable(map(blocks, tiles)))
+
+
+class Square:
+    """The `blocks` that a body in one square can touch, by cells of 50 m. `highest_m` is the top of the highest."""
+
+    def __init__(self, bounds: tuple[float, float, float, float], found: Iterable[Block]) -> None:
+        self.highest_m = -math.inf
+        self._cells: dict[Key, tuple[Block, ...]] = {}
+        limits = _cells(*bounds)
+        reaching: list[Block] = []
+        for block in found:
+            area = block.area
+            reached = _cells(area.west - REACH_M, area.south - REACH_M, area.east + REACH_M, area.north + REACH_M)
+            columns, rows = _common(reached[0], limits[0]), _common(reached[1], limits[1])
+            if not columns or not rows:
+                continue
+            reaching.append(block)
+            self.highest_m = max(self.highest_m, *(block.top_at(x, y) for x, y in area.polygon))
+            for cell in itertools.product(columns, rows):
+                self._cells[cell] = (*self._cells.get(cell, ()), block)
+        self.blocks = tuple(reaching)
+
+    def near(self, x: float, y: float) -> tuple[Block, ...]:
+        """The blocks within reach of a point of this square."""
+        return self._cells.get((math.floor(x / _CELL_M), math.floor(y / _CELL_M)), ())
+
+
+def _cells(west: float, south: float, east: float, north: float) -> tuple[range, range]:
+    return _span(west, east), _span(south, north)
+
+
+def _span(low: float, high: float) -> range:
+    return range(math.floor(low / _CELL_M), math.floor(high / _CELL_M) + 1)
+
+
+def _common(one: range, other: range) -> range:
+    return range(max(one.start, other.start), min(one.stop, other.stop))
+
+
+def _wet(area: Area, holes: Iterable[tuple[tuple[float, float], ...]], x: float, y: float) -> bool:
+    return area.holds(x, y) and not any(inside(hole, x, y) for hole in holes)

@@ -1,0 +1,29 @@
+"""The built-in engines and scenes: each is there, and what an extra brings is named where it is missing."""
+
+from __future__ import annotations
+
+import pytest
+
+from lingjing.engines.builtin import _extra
+from lingjing.errors import InfrastructureError
+from lingjing.plugins.host import PluginHost
+
+
+@pytest.mark.parametrize("name", ["camera", "city", "multirotor", "plane", "quadruped", "road", "satellite", "vessel"])
+def test_every_engine_can_be_made(name: str) -> None:
+    engine = PluginHost().engine(name).factory()
+    assert all(hasattr(engine, method) for method in ("reset", "submit", "advance", "capture", "close"))
+
+
+def test_a_missing_extra_is_named_with_the_command() -> None:
+    with (
+        pytest.raises(InfrastructureError, match="`nosuchpackage` is not installed") as caught,
+        _extra("road", "nosuchpackage"),
+    ):
+        import nosuchpackage  # noqa: F401
+    assert caught.value.hint == "`pip install 'lingjing[road]'`"
+
+
+def test_a_fault_in_an_engine_is_not_taken_for_a_missing_extra() -> None:
+    with pytest.raises(ModuleNotFoundError), _extra("road", "libsumo"):
+        import nosuchpackage  # noqa: F401

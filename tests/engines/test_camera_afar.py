@@ -1,0 +1,129 @@
+"""What lies far off keeps its place and its look: ground before water, lands under their map, props, rivers."""
+
+import numpy as np
+import pytest
+
+from lingjing.engines.camera import view as choosing
+from lingjing.engines.camera.classes import CLASSES
+from lingjing.engines.camera.engine import CameraEngine
+from lingjing.engines.camera.instances import prop_batches
+from lingjing.engines.camera.light import light_of
+from lingjing.engines.camera.plate import REACH_M, build_plate
+from lingjing.engines.camera.sight import FULL_M, blunt_from
+from lingjing.engines.camera.standins import COARSE_CELLS, coarsened, standin
+from lingjing.plugins.geometry import camera_axes, focal_px
+from lingjing.scene.city import Area, City, Land, Pieces, Prop, Water
+from tests.engines.camera_town import WHY_NOT, box, instance, look, ready, seen_at, town
+
+EVERYWHERE = Water(polygon=box(-5000, -5000, 5000, 5000), level_m=-3.0)
+COAST = Land(polygon=box(-3000, -3000, 0, 3000), top_m=0.0, surface="grass")
+
+
+def shore() -> City:
+    """Land in the west with a field of asphalt on it, the sea in the east."""
+    return City(id="shore", origin=(31.0, 121.5), bounds=(-3000.0, -3000.0, 3000.0, 3000.0), lands=(COAST,),
+                waters=(EVERYWHERE,), areas=(Area(polygon=box(-900, -100, -700, 100), surface="asphalt"),))  # fmt: skip
+
+
+@pytest.mark.skipif(bool(WHY_NOT), reason=WHY_NOT)
+@pytest.mark.parametrize("height", [30.0, 150.0, 900.0])
+def test_far_land_lies_before_the_water_under_it(height: float) -> None:
+    engine = CameraEngine()
+    ready(engine, instance(), shore())
+    frame = look(engine, (-200.0, 0.0, height), "front", heading=270.0)
+    engine.close()
+    pose = frame.info.pose
+    right, down, axis = (np.asarray(a) for a in camera_axes(pose))
+    x, y = np.meshgrid(np.arange(pose.width) + 0.5 - pose.width / 2, np.arange(pose.height) + 0.5 - pose.height / 2)
+    rays = axis + (x[..., None] * right + y[..., None] * down) / focal_px(pose)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ground = np.asarray(pose.position) + rays * (-pose.position[2] / rays[..., 2:])
+    inland = (rays[..., 2] < 0.0) & (ground[..., 0] > -2700.0) & (np.abs(ground[..., 1]) < 2700.0)
+    assert inland.sum() > 1000
+    assert not (frame.semantic[inland] == CLASSES["water"]).any()
+    distance = np.where(inland, -pose.position[2] / rays[..., 2], 0.0)
+    assert np.allclose(frame.depth[inland], distance[inland], rtol=2e-3, atol=0.05)
+
+
+@pytest.mark.skipif(bool(WHY_NOT), reason=WHY_NOT)
+def test_far_lands_wear_the_map() -> None:
+    engine = CameraEngine()
+    ready(engine, instance(), shore())
+    frame = look(engine, (-800.0, 0.0, 2000.0))
+    engine.close()
+    field, meadow = (seen_at(frame, -800.0, north, 0.0)[2] for north in (0.0, 500.0))
+    assert meadow[1] > meadow[2] + 10, "grass is green"
+    assert abs(field[1] - field[2]) < 10, "asphalt is grey"
+
+
+@pytest.mark.skipif(bool(WHY_NOT), reason=WHY_NOT)
+def test_a_body_that_touches_a_camera_aloft_leaves_the_depth_its_exactness() -> None:
+    engine = CameraEngine()
+    ready(engine)
+    renderer = engine._renderer
+    assert renderer is not None and renderer._town is not None
+    near = {}
+    for height in (1.0, 100.0):
+        pose = look(engine, (-400.0, -300.0, height)).info.pose
+        with renderer.context:
+            view = renderer._town.view(pose, 10_000.0, light_of(instance().weather, height))
+        near[height] = renderer._town.near_plane(view, pose, 0.0)
+    assert near[1.0] < 0.1, "close to the ground what touches is still drawn"
+    assert near[100.0] > 0.3
+    engine.close()
+
+
+@pytest.mark.skipif(bool(WHY_NOT), reason=WHY_NOT)
+def test_what_is_drawn_blunt_keeps_its_place_and_its_mean_colour(monkeypatch: pytest.MonkeyPatch) -> None:
+    engine = CameraEngine()
+    ready(engine)
+    place = (0.0, 0.0, 150.0)
+    sharp = look(engine, place)
+    monkeypatch.setattr(choosing, "blunt_from", lambda reach: (0.0, 0.0))
+    blunt = look(engine, place)
+    engine.close()
+    assert np.array_equal(sharp.depth, blunt.depth) and np.array_equal(sharp.semantic, blunt.semantic)
+    assert not np.array_equal(sharp.rgb, blunt.rgb)
+    off = sharp.rgb.reshape(-1, 3).mean(axis=0) - blunt.rgb.reshape(-1, 3).mean(axis=0)
+    assert np.abs(off).max() < 2.0
+
+
+def test_a_picture_that_does_not_reach_far_is_sharp_to_its_end() -> None:
+    assert blunt_from(FULL_M[0]) == (np.inf, np.inf)
+    assert max(blunt_from(FULL_M[1])) < np.inf
+
+
+def test_a_prop_far_off_is_fewer_triangles_in_the_same_place() -> None:
+    car = Prop(id="c", cls="car", model="parked_car", position=(0.0, 0.0, 0.0))
+    tree = Prop(id="t", cls="tree", model="tree", position=(9.0, 0.0, 0.0))
+    batches = {batch.key.split("-")[0]: batch for batch in prop_batches(Pieces(props=(car, tree)))}
+    coarse, full = coarsened(batches["parked_car"]), batches["parked_car"].mesh
+    assert coarse is not None
+    assert 12 <= len(coarse) // 3 < len(full) // 3 // 2
+    cell = np.linalg.norm(np.ptp(full[:, :3], axis=0)) / 2.0 / COARSE_CELLS
+    assert np.abs(coarse[:, :3].min(axis=0) - full[:, :3].min(axis=0)).max() < cell
+    assert np.abs(coarse[:, :3].max(axis=0) - full[:, :3].max(axis=0)).max() < cell
+    lump = coarsened(batches["parked_car"], lump=True)
+    assert lump is not None and len(lump) < len(coarse)
+    assert coarsened(batches["tree"]) is None and standin(batches["tree"]) is not None
+
+
+def test_a_river_ends_beyond_the_bounds_and_a_sea_does_not() -> None:
+    river = build_plate(town())
+    assert 500.0 < np.abs(river.waters[0][1].vertices["position"][:, 0]).max() < 1000.0
+    coast = Water(polygon=box(-500, -500, 500, -40), level_m=-1.5)
+    sea = build_plate(town(waters=(coast,)))
+    assert np.abs(sea.waters[0][1].vertices["position"][:, 1]).max() > 0.9 * REACH_M
+
+
+def test_lands_and_ground_are_cut_into_cells_that_hold_them_whole() -> None:
+    plate = build_plate(shore())
+    for part, ranges, boxes in (
+        (plate.lands, plate.land_ranges, plate.land_boxes),
+        (build_plate(town()).ground, build_plate(town()).ranges, build_plate(town()).boxes),
+    ):
+        assert len(ranges) > 100
+        assert ranges[:, 1].sum() == len(part.index)
+        for (first, count), cell in zip(ranges.tolist(), boxes, strict=True):
+            points = part.vertices["position"][part.index[first : first + count]]
+            assert (points >= cell[:3] - 1e-3).all() and (points <= cell[3:] + 1e-3).all()

@@ -1,0 +1,331 @@
+"""The camera engine on the real renderer: ids, boxes, depth, occlusion, determinism."""
+
+import hashlib
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+from lingjing.engines.camera import context
+from lingjing.engines.camera.classes import CLASSES, semantic_table
+from lingjing.engines.camera.engine import CameraEngine
+from lingjing.errors import InfrastructureError
+from lingjing.mission.expression import Flag
+from lingjing.mission.instance import (
+    Budget,
+    CameraSpec,
+    Clock,
+    CommsSpec,
+    Entity,
+    Instance,
+    SceneSpec,
+    Weather,
+)
+from lingjing.plugins.conformance import ENGINE_CHECKS, EngineCase
+from lingjing.plugins.engine import BodyState, CaptureRequest, City, Command, EnginePlugin, EngineSpec, Frame
+from lingjing.plugins.geometry import pixel_to_world, world_to_pixel
+from lingjing.scene.bay import build
+from lingjing.scene.city import Solid, Water
+
+LEVEL = -3.5
+
+
+def missing() -> str:
+    """Why no picture can be drawn here, or nothing."""
+    try:
+        context.open_context().release()
+    except InfrastructureError as error:
+        return f"{error}; {error.hint}"
+    return ""
+
+
+WHY_NOT = missing()
+pytestmark = pytest.mark.skipif(bool(WHY_NOT), reason=WHY_NOT)
+
+
+def mounts(size: tuple[int, int] = (960, 540)) -> tuple[CameraSpec, ...]:
+    def mount(view: str, channels: tuple[str, ...]) -> CameraSpec:
+        return CameraSpec(
+            name=view, view=view, width=size[0], height=size[1], hfov_deg=84.0, channels=channels, capture="on_request"
+        )
+
+    return mount("nadir", ("rgb", "depth", "semantic")), mount("front", ("rgb",)), mount("oblique", ("rgb", "depth"))
+
+
+def entity(name: str, kind: str, position: tuple[float, float, float], **more: object) -> Entity:
+    group, _, rest = name.partition("[")
+    return Entity(id=name, group=group, index=int(rest[:-1]) if rest else 1, type=kind, engine="x",
+                  role="target" if kind == "person_in_water" else "asset", position=position, **more)  # fmt: skip
+
+
+def instance(weather: Weather | None = None) -> Instance:
+    entities = (
+        entity("uav[1]", "quadrotor", (100.0, -900.0, 96.5), cameras=mounts()),
+        entity("uav[2]", "quadrotor", (310.0, -590.1, 1.1), cameras=mounts()),
+        entity("boat", "lifeboat", (120.0, -920.0, LEVEL), heading_deg=30.0),
+        entity("victim[1]", "person_in_water", (110.0, -890.0, LEVEL)),
+        entity("victim[2]", "person_in_water", (80.0, -910.0, LEVEL), heading_deg=70.0),
+        entity("gizmo", "weather_vane", (95.0, -880.0, LEVEL)),
+    )
+    return Instance(
+        mission="t", title="", goal="", seed=3, settings={}, scene=SceneSpec(kind="bay", datum_m=LEVEL, seed=3),
+        clock=Clock(tick_s=10, sync_s=0.5), budget=Budget(ticks=9, policy_s=9, engine_s=9, capture_s=9),
+        weather=weather or Weather(wind_mps=4, wind_from_deg=220, wave_height_m=0.5), regions=(), cells=(),
+        entities=entities, agents=(), messages=(), comms=CommsSpec(mode="broadcast", hub=None), rules=(), unlocks=(),
+        stages=(), relations=(), success=Flag(value=True),
+    )  # fmt: skip
+
+
+def states(given: Instance, **changes: dict[str, object]) -> list[BodyState]:
+    """All entities where the instance puts them; `changes` by id with brackets left out (uav1)."""
+    out = []
+    for e in given.entities:
+        state = BodyState(id=e.id, position=e.position, heading_deg=e.heading_deg)
+        out.append(msgspec.structs.replace(state, **changes.get(e.id.replace("[", "").replace("]", ""), {})))
+    return out
+
+
+def take(engine: CameraEngine, camera: str = "nadir", viewer: str = "uav[1]", time_s: float = 10.0) -> Frame:
+    (frame,) = engine.capture(
+        [CaptureRequest(frame=f"f1-{viewer}-{camera}", entity=viewer, camera=camera, tick=1, time_s=time_s)]
+    )
+    return frame
+
+
+def ready(engine: CameraEngine, given: Instance, city: City | None = None) -> None:
+    engine.reset(EngineSpec(engine="camera", instance=given, owns=()), city or build(given.scene), 3)
+    engine.advance(10.0, states(given))
+
+
+@pytest.fixture(scope="module")
+def warm() -> Iterator[CameraEngine]:
+    engine = CameraEngine()
+    yield engine
+    engine.close()
+
+
+@pytest.fixture
+def engine(warm: CameraEngine) -> CameraEngine:
+    ready(warm, instance())
+    return warm
+
+
+def boxes(frame: Frame) -> dict[str, tuple[float, float, float, float]]:
+    return {box.entity: box.box for box in frame.info.boxes}
+
+
+def test_frame_has_the_declared_channels_and_shapes(engine: CameraEngine) -> None:
+    nadir, front = take(engine), take(engine, "front")
+    assert nadir.rgb.shape == (540, 960, 3) and nadir.rgb.dtype == np.uint8
+    assert nadir.depth is not None and nadir.depth.dtype == np.float32 and nadir.depth.shape == (540, 960)
+    assert nadir.semantic is not None and nadir.semantic.dtype == np.uint8
+    assert front.depth is None and front.semantic is None
+    assert nadir.info.id == "f1-uav[1]-nadir" and nadir.info.pose.tilt_deg == 90.0
+    assert nadir.info.renderer == engine.fingerprint()["gl"]
+
+
+def test_boxes_enclose_the_drawn_pixels_exactly(engine: CameraEngine) -> None:
+    frame = take(engine)
+    found = {box.entity: box for box in frame.info.boxes}
+    assert set(found) == {"boat", "victim[1]", "victim[2]", "gizmo"}
+    assert {found[name].cls for name in ("boat", "victim[1]", "gizmo")} == {
+        "lifeboat", "person_in_water", "weather_vane"
+    }  # fmt: skip
+    assert frame.semantic is not None
+    for name, cls in (("boat", "lifeboat"), ("gizmo", "entity")):
+        rows, columns = np.nonzero(frame.semantic == CLASSES[cls])
+        tight = columns.min() / 960, rows.min() / 540, (columns.max() + 1) / 960, (rows.max() + 1) / 540
+        assert found[name].box == tight and found[name].pixels == len(rows)
+    people = found["victim[1]"].pixels + found["victim[2]"].pixels
+    assert people == int((frame.semantic == CLASSES["person_in_water"]).sum())
+
+
+def test_projected_entity_lies_in_its_box(engine: CameraEngine) -> None:
+    for camera, north, expected in (("nadir", -905.0, 4), ("front", -985.0, 4)):
+        engine.advance(10.0, states(instance(), uav1={"position": (100.0, north, 50.0)}))
+        frame = take(engine, camera)
+        found = boxes(frame)
+        assert len(found) == expected
+        for state in states(instance()):
+            seen = world_to_pixel(frame.info.pose, (*state.position[:2], state.position[2] + 0.1))
+            if state.id in found and seen is not None:
+                x0, y0, x1, y1 = found[state.id]
+                assert x0 - 2 / 960 <= seen[0] / 960 <= x1 + 2 / 960
+                assert y0 - 2 / 540 <= seen[1] / 540 <= y1 + 2 / 540
+
+
+def test_depth_of_the_sea_is_the_geometry_of_its_plane(engine: CameraEngine) -> None:
+    frame = take(engine)
+    assert frame.depth is not None and frame.semantic is not None
+    sea = frame.depth[frame.semantic == CLASSES["water"]]
+    assert np.allclose(sea, 96.4 - LEVEL, atol=1e-3)
+    oblique = take(engine, "oblique")
+    assert oblique.depth is not None
+    for row, column in ((30, 20), (270, 480), (520, 930)):
+        east, north, up = pixel_to_world(oblique.info.pose, column + 0.5, row + 0.5, float(oblique.depth[row, column]))
+        assert abs(up - LEVEL) < 0.01, (east, north)
+
+
+def test_sky_has_no_depth() -> None:
+    given = instance()
+    first = msgspec.structs.replace(given.entities[0], cameras=tuple(
+        msgspec.structs.replace(c, channels=("rgb", "depth", "semantic")) for c in mounts((320, 180))))  # fmt: skip
+    engine = CameraEngine()
+    ready(engine, msgspec.structs.replace(given, entities=(first, *given.entities[1:])))
+    frame = take(engine, "front")
+    engine.close()
+    assert frame.depth is not None and frame.semantic is not None
+    assert np.isinf(frame.depth[0]).all() and (frame.semantic[0] == CLASSES["sky"]).all()
+    assert np.isfinite(frame.depth[-1]).all() and np.array_equal(np.isinf(frame.depth), frame.semantic == 0)
+
+
+def test_what_is_out_of_sight_or_rescued_has_no_box(engine: CameraEngine) -> None:
+    given = instance()
+    engine.advance(10.0, states(given, victim1={"position": (900.0, -900.0, LEVEL)}, victim2={"status": "rescued"}))
+    frame = take(engine)
+    assert set(boxes(frame)) == {"boat", "gizmo"}
+    assert frame.semantic is not None and not (frame.semantic == CLASSES["person_in_water"]).any()
+
+
+def test_a_solid_hides_what_is_under_it(warm: CameraEngine) -> None:
+    given = instance()
+    roof = Solid(id="roof", polygon=((105, -895), (115, -895), (115, -885), (105, -885)), base_m=0.0, top_m=0.5)
+    open_water = City(id="w", origin=(0.0, 0.0), bounds=(-3000, -3000, 3000, 3000), datum_m=LEVEL,
+                      waters=(Water(polygon=((-3000, -3000), (3000, -3000), (3000, 3000), (-3000, 3000)),
+                                    level_m=LEVEL),))  # fmt: skip
+    ready(warm, given, open_water)
+    assert "victim[1]" in boxes(take(warm))
+    ready(warm, given, msgspec.structs.replace(open_water, solids=(roof,)))
+    assert set(boxes(take(warm))) == {"boat", "victim[2]", "gizmo"}
+
+
+def test_partly_hidden_by_a_closer_entity(engine: CameraEngine) -> None:
+    given = instance()
+    alone = {b.entity: b.pixels for b in take(engine).info.boxes}["victim[1]"]
+    engine.advance(10.0, states(given, boat={"position": (110.0, -891.0, LEVEL), "heading_deg": 0.0}))
+    under = {b.entity: b.pixels for b in take(engine).info.boxes}.get("victim[1]", 0)
+    assert under < alone
+
+
+def test_a_camera_does_not_see_its_own_body_but_that_of_others(engine: CameraEngine) -> None:
+    given = instance()
+    near = {"position": (100.0, -890.0, 96.4)}
+    engine.advance(10.0, states(given, uav2=near))
+    assert set(boxes(take(engine, "front"))) == {"uav[2]"}
+    engine.advance(10.0, states(given))
+    assert "uav[1]" not in boxes(take(engine))
+    assert "uav[2]" not in boxes(take(engine, viewer="uav[2]"))
+
+
+def test_grounded_on_the_apron_sees_concrete(engine: CameraEngine) -> None:
+    frame = take(engine, viewer="uav[2]")
+    assert frame.semantic is not None and frame.depth is not None
+    assert (frame.semantic == CLASSES["concrete"]).mean() > 0.9
+    assert abs(float(np.median(frame.depth)) - 0.1) < 0.03
+
+
+def test_gimbal_ignores_pitch_and_roll(engine: CameraEngine) -> None:
+    level = take(engine)
+    engine.advance(10.0, states(instance(), uav1={"pitch_deg": 12.0, "roll_deg": -8.0}))
+    assert take(engine).rgb.tobytes() == level.rgb.tobytes()
+
+
+def test_pictures_do_not_depend_on_earlier_ones(engine: CameraEngine) -> None:
+    given = instance()
+    first = take(engine)
+    take(engine, "front")
+    engine.advance(400.0, states(given, uav1={"position": (300.0, -640.0, 80.0)}, boat={"position": (0, 0, LEVEL)}))
+    other = take(engine)
+    ready(engine, instance(Weather(wind_mps=12, wave_height_m=2.0)))
+    rough = take(engine)
+    ready(engine, given)
+    again = take(engine)
+    assert first.rgb.tobytes() == again.rgb.tobytes() and first.info == again.info
+    assert first.depth is not None and again.depth is not None and first.depth.tobytes() == again.depth.tobytes()
+    assert first.rgb.tobytes() != other.rgb.tobytes() and first.rgb.tobytes() != rough.rgb.tobytes()
+
+
+def test_waves_move_with_time_and_only_with_time(engine: CameraEngine) -> None:
+    a = take(engine).rgb
+    engine.advance(11.0, states(instance()))
+    b = take(engine).rgb
+    engine.advance(10.0, states(instance()))
+    assert np.mean(a != b) > 0.2 and np.array_equal(take(engine).rgb, a)
+
+
+def test_two_engines_in_one_process_do_not_disturb_each_other(engine: CameraEngine) -> None:
+    before = take(engine).rgb.tobytes()
+    other = CameraEngine()
+    ready(other, instance())
+    assert take(other).rgb.tobytes() == before
+    other.close()
+    assert take(engine).rgb.tobytes() == before
+
+
+def test_an_engine_can_be_closed_twice_and_used_again() -> None:
+    engine = CameraEngine()
+    engine.close()
+    ready(engine, instance())
+    first = take(engine).rgb.tobytes()
+    engine.close()
+    engine.close()
+    ready(engine, instance())
+    assert take(engine).rgb.tobytes() == first
+    engine.close()
+
+
+def digest() -> str:
+    engine = CameraEngine()
+    ready(engine, instance())
+    frames = [take(engine), take(engine, "front"), take(engine, "oblique")]
+    engine.close()
+    return hashlib.sha256(b"".join(f.rgb.tobytes() + msgspec.json.encode(f.info) for f in frames)).hexdigest()
+
+
+def test_same_pictures_in_two_other_processes_silent_at_exit() -> None:
+    root = str(Path(__file__).parents[2])
+    code = f"import sys; sys.path.insert(0, {root!r}); import tests.engines.test_camera_engine as t; print(t.digest())"
+    runs = [
+        subprocess.run([sys.executable, "-c", code], env={**os.environ, "PYTHONHASHSEED": h}, check=True,
+                       capture_output=True, text=True)
+        for h in ("1", "2")
+    ]  # fmt: skip
+    assert {run.stdout.strip() for run in runs} == {digest()}
+    assert [run.stderr for run in runs] == ["", ""]
+
+
+def test_misuse_is_named(engine: CameraEngine) -> None:
+    with pytest.raises(InfrastructureError, match="before its reset"):
+        CameraEngine().advance(1.0, ())
+    with pytest.raises(InfrastructureError, match=r"`boat` has no camera `nadir`"):
+        take(engine, viewer="boat")
+    (receipt,) = engine.submit([Command(id="c1-1", tick=1, sender="a", resource="uav[1]", verb="stop")])
+    assert (receipt.status, receipt.reason, receipt.request) == ("rejected", "unknown_verb", "c1-1")
+
+
+def test_missing_egl_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(**_: object) -> None:
+        raise RuntimeError("libEGL.so.1: cannot open shared object file")
+
+    monkeypatch.setattr(context.moderngl, "create_context", broken)
+    with pytest.raises(InfrastructureError) as error:
+        CameraEngine().reset(EngineSpec(engine="camera", instance=instance(), owns=()), build(instance().scene), 1)
+    assert "libEGL" in str(error.value) and "apt-get install -y libegl1 libgl1" in error.value.hint
+
+
+@pytest.mark.parametrize("check", ENGINE_CHECKS, ids=lambda check: check.__name__)
+def test_conformance(check: Callable[[EngineCase], None]) -> None:
+    plugin = EnginePlugin(name="camera", factory=CameraEngine, place="camera", sensor=True)
+    given = instance()
+    check(EngineCase(plugin, given, build(given.scene), mirrors=tuple(states(given))))
+
+
+def test_semantic_table() -> None:
+    table = semantic_table(instance().entities)
+    assert table[:256].tolist() == list(range(256))
+    assert table[256:].tolist() == [18, 18, 17, 16, 16, 31]

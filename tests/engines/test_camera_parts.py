@@ -1,0 +1,143 @@
+"""The camera's parts that need no GL: the sea, the ground, the id buffer, the models."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lingjing.engines.camera.boxes import entity_boxes
+from lingjing.engines.camera.classes import CLASSES
+from lingjing.engines.camera.ground import build_ground, height_under
+from lingjing.engines.camera.instances import in_sight, matrix
+from lingjing.engines.camera.meshes import indexed
+from lingjing.engines.camera.models import CLOTHES, POSES, entity_model, prop_model
+from lingjing.engines.camera.noise import lace_texture, noise_texture
+from lingjing.engines.camera.ocean import SIZE, Ocean
+from lingjing.mission.instance import Entity, SceneSpec, Weather
+from lingjing.plugins.geometry import world_to_pixel
+from lingjing.scene.bay import build
+from lingjing.trace.records import CameraPose
+
+BAY = build(SceneSpec(kind="bay", datum_m=-3.5, seed=7))
+
+
+@pytest.mark.parametrize("height", [0.0, 0.2, 0.8, 2.0])
+def test_significant_wave_height_is_the_weathers(height: float) -> None:
+    ocean = Ocean(Weather(wind_mps=5, wave_height_m=height, wave_period_s=5), 1)
+    found = np.mean([4.0 * ocean.surfaces(10.0 * k)[0].height.std() for k in range(6)])
+    assert abs(found - height) < 0.06 * height + 1e-9
+
+
+def test_slopes_are_the_gradient_of_the_height() -> None:
+    swell = Ocean(Weather(wave_height_m=1.0, wave_period_s=9.0), 1).surfaces(3.0)[0]
+    step = swell.length_m / SIZE
+    east = (np.roll(swell.height, -1, axis=1) - np.roll(swell.height, 1, axis=1)) / (2 * step)
+    north = (np.roll(swell.height, -1, axis=0) - np.roll(swell.height, 1, axis=0)) / (2 * step)
+    assert np.corrcoef(east.ravel(), swell.slope_x.ravel())[0, 1] > 0.99
+    assert np.corrcoef(north.ravel(), swell.slope_y.ravel())[0, 1] > 0.99
+
+
+def test_waves_travel_downwind() -> None:
+    ocean = Ocean(Weather(wave_height_m=1.0, wave_period_s=6.0, wind_from_deg=270.0), 2)
+    now, later = ocean.surfaces(0.0)[0].height, ocean.surfaces(0.25)[0].height
+    match = {shift: float((np.roll(now, shift, axis=1) * later).sum()) for shift in (-4, 4)}
+    assert match[4] > match[-4]
+
+
+def test_sea_is_a_function_of_weather_seed_and_time() -> None:
+    weather = Weather(wave_height_m=0.5, wind_mps=12)
+    a, b = Ocean(weather, 1), Ocean(weather, 1)
+    b.surfaces(99.0)
+    assert np.array_equal(a.surfaces(5.0)[0].height, b.surfaces(5.0)[0].height)
+    assert not np.array_equal(a.surfaces(5.0)[0].height, Ocean(weather, 2).surfaces(5.0)[0].height)
+
+
+def test_whitecaps_grow_with_the_wind() -> None:
+    cover = [Ocean(Weather(wave_height_m=0.5, wind_mps=u), 1).surfaces(5.0)[0].foam.mean() for u in (0, 6, 12)]
+    assert cover[0] == 0.0 and cover[0] < cover[1] < cover[2] < 0.1
+
+
+def test_ground_keeps_the_citys_elevations() -> None:
+    ground = build_ground(BAY, noise_texture()[::4, ::4, 0])
+    assert ground.level_m == -3.5
+    by_class = {surface.cls: surface for surface in ground.surfaces}
+    assert by_class[CLASSES["concrete"]].vertices[:, 2].max() == np.float32(0.9)
+    for surface in ground.surfaces:
+        assert surface.patches and max(p.triangles.max() for p in surface.patches) < len(surface.vertices)
+    sand = by_class[CLASSES["sand"]].vertices
+    assert sand[:, 2].min() < -3.5 < sand[:, 2].max()
+    assert height_under(BAY, 306.6, -620.2) == 0.9 and height_under(BAY, 200.0, -900.0) == -3.5
+
+
+def test_shore_map_knows_land_and_sea() -> None:
+    shore = build_ground(BAY, noise_texture()[::4, ::4, 0]).shore
+
+    def near(east: float, north: float) -> int:
+        return int(shore[int((north + 3000) / 6000 * 1024), int((east + 3000) / 6000 * 1024), 0])
+
+    assert near(300, -560) == 0 and near(0, -1300) == 255 and 0 < near(300, -700) < 255
+
+
+def test_textures_are_seamless_and_constant() -> None:
+    noise = noise_texture()
+    assert np.array_equal(noise, noise_texture()) and noise.shape == (256, 256, 4)
+    smooth = noise[..., 0].astype(int)
+    assert np.abs(smooth[:, 0] - smooth[:, -1]).max() <= np.abs(np.diff(smooth, axis=1)).max()
+    assert 100 < lace_texture().mean() < 155
+
+
+def test_models_have_unit_normals_and_sane_sizes() -> None:
+    meshes = [prop_model(p.model, k)[1] for p in BAY.props[:400] for k in (0, 1)]
+    meshes += [entity_model(kind, 1, 0.0)[1] for kind in ("lifeboat", "quadrotor", "anything")]
+    for mesh in meshes:
+        assert len(mesh) % 3 == 0 and np.isfinite(mesh).all() and np.abs(mesh[:, :3]).max() < 15.0
+        assert np.allclose(np.linalg.norm(mesh[:, 3:6], axis=1), 1.0, atol=1e-3)
+    for index in range(1, len(CLOTHES) + 1):
+        keys = {entity_model("person_in_water", index, 0.5 * t)[0] for t in range(8)}
+        assert len(keys) == POSES
+        mesh = entity_model("person_in_water", index, 0.0)[1]
+        assert 1.0 < np.ptp(mesh[:, 0]) < 1.6 and mesh[:, 2].max() < 0.6
+
+
+def test_indexed_mesh_draws_the_same_triangles() -> None:
+    mesh = entity_model("lifeboat", 1, 0.0)[1]
+    vertices, index = indexed(mesh)
+    assert len(vertices) < len(mesh) and np.array_equal(vertices[index], mesh)
+
+
+def test_rotation_follows_the_compass_and_the_body() -> None:
+    ahead, right, up = np.array([0, 1, 0, 1.0]), np.array([1, 0, 0, 1.0]), np.array([0, 0, 1, 1.0])
+    at = (5.0, 6.0, 7.0)
+    assert np.allclose(matrix(at, 90, 0, 0) @ ahead, (6, 6, 7))
+    assert np.allclose(matrix(at, 0, 90, 0) @ ahead, (5, 6, 8))
+    assert np.allclose(matrix(at, 0, 0, 90) @ right, (5, 6, 6))
+    assert np.allclose(matrix(at, 180, 0, 0) @ up, (5, 6, 8))
+
+
+@given(st.floats(-300, 300), st.floats(-300, 300), st.floats(-3, 120))
+def test_culling_never_drops_what_projects_into_the_picture(x: float, y: float, z: float) -> None:
+    for tilt in (10.0, 45.0, 90.0):
+        pose = CameraPose(position=(0, 0, 100), heading_deg=30.0, tilt_deg=tilt)
+        seen = world_to_pixel(pose, (x, y, z))
+        inside = seen is not None and 0 <= seen[0] <= 1920 and 0 <= seen[1] <= 1080
+        kept = bool(in_sight(np.array([[x, y, z]]), np.array([0.01]), pose)[0])
+        assert kept or not inside
+
+
+@given(st.lists(st.tuples(st.integers(0, 39), st.integers(0, 29), st.integers(0, 3)), max_size=60))
+def test_boxes_equal_brute_force(spots: list[tuple[int, int, int]]) -> None:
+    entities = [
+        Entity(id=f"e{k}", group="e", index=k, role="asset", type="t", engine="x", position=(0, 0, 0)) for k in range(4)
+    ]
+    ids = np.ones((30, 40), np.uint16)
+    for x, y, k in spots:
+        ids[y, x] = 256 + k
+    found = {box.entity: box for box in entity_boxes(ids, entities)}
+    for k in range(4):
+        where = [(x, y) for y in range(30) for x in range(40) if ids[y, x] == 256 + k]
+        assert (f"e{k}" in found) == bool(where)
+        if where:
+            xs, ys = [w[0] for w in where], [w[1] for w in where]
+            box = found[f"e{k}"]
+            assert box.box == (min(xs) / 40, min(ys) / 30, (max(xs) + 1) / 40, (max(ys) + 1) / 30)
+            assert box.pixels == len(where)

@@ -1,0 +1,182 @@
+"""What pictures keep back: names of what is hidden, and boxes of what nobody could see."""
+
+from collections.abc import Iterator
+
+import msgspec
+import numpy as np
+import pytest
+
+from lingjing.engines.camera.classes import CLASSES
+from lingjing.engines.camera.contrast import LEAST_CONTRAST, contrast, spanned
+from lingjing.engines.camera.engine import CameraEngine
+from lingjing.mission.instance import Entity, Instance, Weather
+from lingjing.plugins.engine import Frame
+from lingjing.scene.city import City, Pipe, Solid, Water
+from lingjing.trace.records import CameraPose
+from tests.engines.camera_town import WHY_NOT, box, entity, instance, look, ready, town
+
+pytestmark = pytest.mark.skipif(bool(WHY_NOT), reason=WHY_NOT)
+
+PLACES = {
+    "person_in_water": [(30.0, -70.0, -1.5), (-60.0, -90.0, -1.5)],
+    "building_fire": [(-45.0, 55.0, 36.0), (15.0, 55.0, 12.0)],
+    "fire_source": [(20.0, -14.0, 0.0), (-20.0, 20.0, 0.0)],
+    "queue_of_people": [(40.0, 30.0, 0.0), (-40.0, 20.0, 0.0)],
+    "delivery_door": [(-45.0, 38.0, 0.0), (18.0, 38.0, 0.0)],
+    "bridge_fracture": [(0.0, -60.0, 8.0), (0.0, -120.0, 8.0)],
+    "pipeline_leak": [(-30.0, -20.0, 1.0), (25.0, -20.0, 1.0)],
+    "reference_building": [(-45.0, 55.0, 0.0), (15.0, 55.0, 0.0)],
+}
+"""Two places of each kind of target that can be hidden."""
+VIEWS = [
+    ("nadir", (0.0, -10.0, 130.0), 0.0),
+    ("nadir", (3.0, -110.0, 60.0), 40.0),
+    ("front", (0.0, -90.0, 30.0), 0.0),
+    ("oblique", (10.0, 20.0, 40.0), 180.0),
+]
+"""(camera, place of the body, heading)."""
+
+
+@pytest.fixture(scope="module")
+def engine() -> Iterator[CameraEngine]:
+    camera = CameraEngine()
+    yield camera
+    camera.close()
+
+
+def city() -> City:
+    """The town with a pipe along its bank and railings on its bridge."""
+    railing = tuple(
+        Solid(id=f"rail{side}", polygon=box(4.2 * side - 0.1, -170, 4.2 * side + 0.1, -8), base_m=8.0, top_m=9.0)
+        for side in (-1, 1)
+    )
+    pipe = Pipe(id="pipe", path=((-100.0, -20.0, 1.0), (100.0, -20.0, 1.0)), radius_m=0.4)
+    return town(pipes=(pipe,), solids=railing)
+
+
+def target(kind: str, at: tuple[float, float, float], **more: object) -> Entity:
+    properties = {"colour": "red"} if kind == "reference_building" else {}
+    made = entity("goal", kind, at, hidden=("position",), properties=properties)
+    return msgspec.structs.replace(made, role="target", **more)
+
+
+def shots(engine: CameraEngine, given: Instance) -> list[Frame]:
+    ready(engine, given, city())
+    return [look(engine, at, view, heading) for view, at, heading in VIEWS]
+
+
+@pytest.fixture(scope="module")
+def bare(engine: CameraEngine) -> list[Frame]:
+    """The pictures without any target."""
+    return shots(engine, instance())
+
+
+@pytest.mark.parametrize(("kind", "place"), [(kind, k) for kind in PLACES for k in range(2)])
+def test_classes_do_not_name_what_is_hidden(kind: str, place: int, engine: CameraEngine, bare: list[Frame]) -> None:
+    """Instances that differ in a hidden target alone have the same class pictures, which is that without it."""
+    with_it = shots(engine, instance(target(kind, PLACES[kind][place])))
+    assert any(frame.info.boxes for frame in with_it), "the target is in none of the pictures"
+    for mine, other in zip(with_it, bare, strict=True):
+        assert np.array_equal(mine.semantic, other.semantic)
+        if mine.info.boxes:
+            assert not np.array_equal(mine.rgb, other.rgb)
+
+
+def test_what_is_public_is_named(engine: CameraEngine) -> None:
+    """A hidden target in front of a public one shows the public one's class; depth shows what is there."""
+    parcels = msgspec.structs.replace(entity("shop", "delivery_point", (20.0, 20.0, 0.0)), role="target")
+    person = target("fire_source", (22.4, 20.0, 2.1))
+    frames = {}
+    for name, others in (("both", (parcels, person)), ("public", (parcels,))):
+        ready(engine, instance(*others), city())
+        frames[name] = look(engine, (22.0, 20.0, 30.0))
+    both, public = frames["both"], frames["public"]
+    assert {seen.entity for seen in both.info.boxes} == {"shop", "goal"}
+    assert np.array_equal(both.semantic, public.semantic)
+    assert (both.semantic == CLASSES["delivery_point"]).sum() > 20
+    assert (both.semantic != CLASSES["fire_source"]).all()
+    assert (both.depth < public.depth - 0.05).any()
+
+
+def test_a_number_that_is_hidden_is_not_outlined(engine: CameraEngine, bare: list[Frame]) -> None:
+    """A queue whose place is known and whose length is not."""
+    for people in (3, 17):
+        queue = target("queue_of_people", (40.0, 30.0, 0.0), hidden=("people",), properties={"people": people})
+        (frame, *_) = shots(engine, instance(queue))
+        assert frame.info.boxes and np.array_equal(frame.semantic, bare[0].semantic)
+
+
+def test_a_hidden_target_at_the_lens_changes_no_class(engine: CameraEngine) -> None:
+    """What is nearest decides how finely layers of the ground are told apart: not where that is hidden."""
+    at = (0.0, 0.0, 30.0)
+    ready(engine, instance(), city())
+    bare = look(engine, at)
+    for off in (0.0, 0.6):
+        ready(engine, instance(target("fire_source", (off, off, 27.0))), city())
+        frame = look(engine, at)
+        assert frame.info.boxes and np.array_equal(frame.semantic, bare.semantic)
+
+
+def test_open_country_keeps_it_back_too(engine: CameraEngine) -> None:
+    sea = City(id="sea", origin=(31.0, 121.5), bounds=(-500.0, -500.0, 500.0, 500.0),
+               waters=(Water(polygon=box(-500, -500, 500, 500), level_m=0.0),))  # fmt: skip
+    frames = []
+    for others in ((), (target("person_in_water", (5.0, 5.0, 0.0)),), (target("person_in_water", (-9.0, 3.0, 0.0)),)):
+        ready(engine, instance(*others), sea)
+        frames.append(look(engine, (0.0, 0.0, 40.0)))
+    assert [len(frame.info.boxes) for frame in frames] == [0, 1, 1]
+    assert all(np.array_equal(frame.semantic, frames[0].semantic) for frame in frames)
+
+
+@pytest.mark.parametrize("view", ["nadir", "front"])
+def test_a_part_is_drawn_again_as_the_whole_was(engine: CameraEngine, view: str) -> None:
+    """Pixel for pixel, in rain and after dark too."""
+    weather = Weather(sun_azimuth_deg=180.0, sun_elevation_deg=-10.0, rain=0.6, wind_mps=4.0)
+    people = [target("fire_source", (12.0 * k, 20.0, 0.0), id=f"f{k}") for k in range(3)]
+    given = instance(*people, weather=weather)
+    ready(engine, given, city())
+    whole = look(engine, (10.0, -60.0, 25.0), view)
+    renderer, scenery = engine._renderer, engine._scenery(given.entities[0])
+    assert renderer is not None
+    near_m = renderer.near_plane(whole.info.pose, scenery)
+    for place in ((0, 0, 480, 270), (100, 37, 211, 101), (479, 269, 1, 1)):
+        left, top, width, height = place
+        rgb, _ = renderer.redraw(whole.info.pose, scenery, True, place, near_m)
+        assert np.array_equal(rgb, whole.rgb[top : top + height, left : left + width])
+
+
+def test_a_picture_does_not_depend_on_what_was_drawn_again(engine: CameraEngine) -> None:
+    ready(engine, instance(target("bridge_fracture", PLACES["bridge_fracture"][0])), city())
+    first, second = (look(engine, (0.0, -60.0, 50.0)) for _ in range(2))
+    assert np.array_equal(first.rgb, second.rgb) and first.info == second.info
+    middle = first.semantic[:, 200:280], first.depth[:, 200:280]
+    assert ((middle[0] == CLASSES["road"]) & (middle[1] > 50.0)).any(), "water is seen where the road would be"
+
+
+@pytest.mark.parametrize(("visibility", "seen"), [(4000.0, True), (150.0, True), (55.0, False)])
+@pytest.mark.parametrize("kind", ["person_in_water", "reference_building", "delivery_door"])
+def test_fog_takes_targets_out_of_the_truth(kind: str, visibility: float, seen: bool, engine: CameraEngine) -> None:
+    """Below the least contrast a target has no visible pixels; that it was drawn is recorded."""
+    place = PLACES[kind][0]
+    weather = Weather(sun_azimuth_deg=180.0, visibility_m=visibility)
+    ready(engine, instance(target(kind, place), weather=weather), city())
+    frame = look(engine, (place[0], place[1] - 20.0, 95.0))
+    (told,) = (*frame.info.boxes, *frame.info.faint)
+    assert bool(frame.info.boxes) == seen and told.pixels > 0
+    assert told.contrast is not None and (told.contrast >= LEAST_CONTRAST) == seen
+
+
+def test_contrast_is_a_root_mean_square_of_the_largest_difference() -> None:
+    base = np.full((4, 3), 100, np.uint8)
+    other = base.copy()
+    other[0] = (90, 103, 100)
+    assert contrast(base, base) == 0.0 and contrast(base[:0], base[:0]) == 0.0
+    assert contrast(other, base) == 5.0 == contrast(base, other)
+
+
+def test_a_box_in_the_world_is_never_wider_than_its_part() -> None:
+    pose = CameraPose(position=(0.0, 0.0, 50.0), heading_deg=30.0, tilt_deg=60.0, width=480, height=270)
+    part = spanned((-5.0, -5.0, 0.0, 5.0, 20.0, 3.0), pose)
+    assert part is not None and 0 < part[2] < 480
+    assert spanned((-5.0, -5.0, 40.0, 5.0, 5.0, 60.0), pose) == (0, 0, 480, 270)
+    assert spanned((-500.0, -400.0, 0.0, -490.0, -390.0, 3.0), pose) is None

@@ -1,0 +1,160 @@
+"""The city engine: targets drift and bob, stay in the water, and are served once unlocked and reached."""
+
+import math
+
+import pytest
+from pytest import approx
+
+from lingjing.engines import sea
+from lingjing.engines.city.engine import CityEngine
+from lingjing.engines.city.interaction import interactions
+from lingjing.mission.instance import Weather
+from lingjing.trace.records import BodyState
+
+CURRENT = Weather(current_mps=0.15, current_to_deg=60.0, wave_height_m=0.5)
+
+
+@pytest.fixture
+def drift(player, instance_of, boat, uav, victim, open_sea):
+    def start(weather=CURRENT, city=open_sea, seed=1, victims=None):
+        entities = [boat(), uav(), *(victims or [victim()])]
+        return player(CityEngine(), instance_of(entities, weather), city, "city", seed)
+
+    return start
+
+
+def afloat(east, velocity=(0.0, 0.0, 0.0), who="boat"):
+    return BodyState(id=who, position=(east, 0.0, -3.5), velocity=velocity, heading_deg=33.0)
+
+
+def unlock(play, name="rescue", target="victim[1]"):
+    return play.command(target, f"unlock.{name}", origin="kernel")
+
+
+def test_drifts_with_the_current_at_its_own_speed(drift):
+    play = drift()
+    play.run(600.0)
+    x, y, _ = play.state.position
+    assert math.hypot(x, y) == approx(60.0, abs=15.0)
+    assert math.degrees(math.atan2(x, y)) == approx(60.0, abs=15.0)
+    assert play.state.status == "adrift"
+
+
+def test_follows_the_wind_where_there_is_no_current(drift):
+    play = drift(Weather(wind_mps=5.0, wind_from_deg=270.0))
+    play.run(300.0)
+    assert play.state.position[0] == approx(30.0, abs=10.0)
+
+
+def test_stays_where_nothing_moves_it(drift):
+    play = drift(Weather())
+    assert play.run(60.0).states[0].position == (0.0, 0.0, -3.5)
+
+
+def test_wanders_differently_by_seed_and_target(drift, victim):
+    pair = [victim(1), victim(2, (0.0, 0.0, -3.5))]
+    ends = [state.position for seed in (1, 2) for state in drift(seed=seed, victims=pair).run(100.0).states]
+    assert len(set(ends)) == 4
+
+
+def test_bobs_with_the_sea(drift):
+    play = drift()
+    play.run(20.0)
+    x, y, z = play.state.position
+    assert z == approx(-3.5 + sea.elevation(sea.waves(CURRENT), x, y, 20.0))
+
+
+def test_is_not_washed_ashore(drift, quay, victim):
+    play = drift(
+        Weather(current_mps=0.5, current_to_deg=90.0), quay, victims=[victim(1, (-45.0, 0.0, -3.5), drift_mps=0.5)]
+    )
+    play.run(300.0)
+    for boundary in play.history:
+        x, y, _ = boundary.states[0].position
+        assert not (abs(x) < 40.0 and abs(y) < 40.0)
+
+
+def test_nothing_happens_without_an_unlock(drift):
+    play = drift()
+    play.run(20.0, (afloat(5.0),))
+    assert play.events == []
+    assert play.state.status == "adrift"
+
+
+def test_an_unlocked_interaction_happens_when_the_actor_is_there(drift):
+    play = drift()
+    assert unlock(play).status == "accepted"
+    play.run(5.0, (afloat(80.0),))
+    assert play.events == []
+    play.step((afloat(40.0),))
+    (event,) = play.events
+    assert (event.kind, event.entities, event.time_s) == ("rescue", ("victim[1]", "boat"), 5.5)
+    assert event.values["distance_m"] == approx(40.0, abs=1.0)
+    assert play.state.status == "rescued"
+    play.run(10.0, (afloat(20.0),))
+    assert len(play.events) == 1
+
+
+def test_an_unlock_completes_and_may_be_repeated(drift):
+    play = drift()
+    first, second = unlock(play), unlock(play)
+    assert (first.status, second.status) == ("accepted", "accepted")
+    play.step()
+    assert [(r.request, r.status) for r in play.receipts] == [
+        (first.request, "completed"),
+        (second.request, "completed"),
+    ]
+
+
+@pytest.mark.parametrize(("east", "happens"), [(50.0, True), (50.001, False)])
+def test_the_radius_is_inclusive(drift, east, happens):
+    play = drift(Weather())
+    unlock(play)
+    play.step((afloat(east),))
+    assert bool(play.events) == happens
+
+
+def test_mirrors_are_moved_on_to_the_end_of_the_interval(drift):
+    play = drift(Weather())
+    unlock(play)
+    play.step((afloat(51.0, velocity=(-3.0, 0.0, 0.0)),))
+    assert play.events[0].values["distance_m"] == approx(49.5)
+
+
+def test_only_what_the_named_engine_owns_counts(drift):
+    play = drift(Weather())
+    unlock(play)
+    play.step((afloat(1.0, who="uav[1]"), afloat(60.0)))
+    assert play.events == []
+
+
+def test_the_rescued_are_taken_along(drift):
+    play = drift()
+    unlock(play)
+    play.step((afloat(10.0),))
+    play.step((afloat(100.0, velocity=(2.0, 0.0, 0.0)),))
+    assert play.state.position == (101.0, 0.0, -3.5)
+    assert play.state.velocity == (2.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("verb", "origin", "target", "reason"),
+    [
+        ("unlock.rescue", "agent", "victim[1]", "no_authority"),
+        ("unlock.extinguish", "kernel", "victim[1]", "unknown_verb"),
+        ("takeoff", "kernel", "victim[1]", "unknown_verb"),
+        ("unlock.rescue", "kernel", "victim[9]", "unknown_resource"),
+    ],
+)
+def test_what_is_no_unlock_is_refused(drift, verb, origin, target, reason):
+    receipt = drift().command(target, verb, origin=origin)
+    assert (receipt.status, receipt.reason) == ("rejected", reason)
+
+
+def test_interactions_are_read_from_properties(victim):
+    both = victim(1, extinguish_by="road", extinguish_within_m=12.0, extinguish_aboard=False, rescue_status="safe")
+    found = interactions(both)
+    assert set(found) == {"rescue", "extinguish"}
+    assert (found["rescue"].status, found["rescue"].takes_aboard) == ("safe", True)
+    assert (found["extinguish"].done_word, found["extinguish"].takes_aboard) == ("extinguished", False)
+    assert (found["extinguish"].by_engine, found["extinguish"].within_m) == ("road", 12.0)

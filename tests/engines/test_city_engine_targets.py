@@ -1,0 +1,383 @@
+"""What targets are by themselves and what is done to them: fires, leaks, goods, queues, jams, late comers, seas."""
+
+import msgspec
+import pytest
+from pytest import approx
+
+from lingjing.engines.city.engine import CityEngine
+from lingjing.engines.city.nature import nature_of
+from lingjing.errors import UsageError
+from lingjing.mission.instance import Clock, Entity, EventSpec, Weather
+from lingjing.plugins.engine import EngineSpec
+from lingjing.scene.city import City
+from lingjing.trace.records import BodyState
+
+DRY = City(id="dry", origin=(31.0, 121.5), bounds=(-1000.0, -1000.0, 1000.0, 1000.0))
+
+
+def target(name, position=(0.0, 0.0, 0.0), state=(), dormant=False, **properties):
+    return Entity(
+        id=name,
+        group=name.partition("[")[0],
+        index=0,
+        role="target",
+        type="thing",
+        engine="city",
+        position=position,
+        properties=properties,
+        state=state,
+        dormant=dormant,
+    )
+
+
+def actor(name, engine, state=(), **properties):
+    return Entity(
+        id=name,
+        group=name.partition("[")[0],
+        index=0,
+        role="asset",
+        type="mover",
+        engine=engine,
+        position=(500.0, 0.0, 0.0),
+        properties=properties,
+        state=state,
+    )
+
+
+def fire(**more):
+    about = {"heat": 1.0, "extinguish_by": "road", "extinguish_within_m": 30.0}
+    return target("fire", state=("heat",), **{**about, **more})
+
+
+def leak(**more):
+    return target("leak", state=("flow",), flow=1.0, seal_by="quadruped", seal_within_m=5.0, **more)
+
+
+def point(name="point[1]", demand=250.0, x=0.0):
+    return target(
+        name,
+        (x, 0.0, 0.0),
+        state=("demand_kg",),
+        demand_kg=demand,
+        deliver_by="road",
+        deliver_within_m=30.0,
+        deliver_takes="demand",
+        deliver_from="load",
+        deliver_status="served",
+    )
+
+
+def depot():
+    return target(
+        "depot",
+        (300.0, 0.0, 0.0),
+        restock_by="road",
+        restock_within_m=50.0,
+        restock_gives="load",
+        restock_up_to="payload",
+        restock_status="open",
+    )
+
+
+def van(number):
+    return actor(f"van[{number}]", "road", state=("load_kg",), load_kg=200.0, payload_kg=200.0)
+
+
+TRUCK, DOG = actor("truck", "road"), actor("dog", "quadruped")
+
+
+@pytest.fixture
+def play(player, instance_of):
+    def start(*entities, weather=None, city=DRY, sync_s=0.5, seed=1, **changes):
+        instance = msgspec.structs.replace(instance_of(entities, weather, sync_s), **changes)
+        played = player(CityEngine(), instance, city, "city", seed)
+        for entity in entities:
+            for name in [key.removesuffix("_by") for key in entity.properties if key.endswith("_by")]:
+                assert played.command(entity.id, f"unlock.{name}", origin="kernel").status == "accepted"
+        return played
+
+    return start
+
+
+def at(name, x, y=0.0, velocity=(0.0, 0.0, 0.0), status=""):
+    return BodyState(id=name, position=(x, y, 0.0), velocity=velocity, status=status)
+
+
+def states(played):
+    return {state.id: state for state in played.boundary.states}
+
+
+@pytest.mark.parametrize(("x", "reached"), [(29.999, True), (30.0, True), (30.001, False)])
+def test_a_fire_goes_out_while_the_truck_stays_within_reach(play, x, reached):
+    played = play(fire(), TRUCK)
+    assert (played.state.status, played.state.resources) == ("burning", {"heat": 1.0})
+    played.step((at("truck", x),))
+    assert played.state.resources["heat"] == 1.0  # it may have come at the interval's very end
+    played.run(5.0, (at("truck", x),))
+    assert played.state.resources["heat"] == (approx(0.5) if reached else 1.0)
+    played.run(20.0, (at("truck", x),))
+    assert [(event.kind, event.entities, event.time_s) for event in played.events] == (
+        [("extinguish", ("fire", "truck"), approx(10.5))] if reached else []
+    )
+    assert played.state.status == ("out" if reached else "burning")
+    assert played.state.resources["heat"] == (0.0 if reached else 1.0)
+
+
+def test_a_fire_left_alone_burns_up_again_and_no_further(play):
+    played = play(fire(), TRUCK)
+    played.run(5.5, (at("truck", 10.0),))
+    assert played.state.resources["heat"] == approx(0.5)
+    played.run(15.0)
+    assert played.state.resources["heat"] == approx(0.75)
+    played.run(60.0)
+    assert played.state.resources["heat"] == 1.0
+    assert played.events == []
+
+
+def test_driving_past_a_fire_does_not_put_it_out(play):
+    played = play(fire(), TRUCK)
+    for step in range(40):
+        played.step((at("truck", -140.0 + 7.0 * step, velocity=(14.0, 0.0, 0.0)),))
+    assert played.events == []
+
+
+def test_how_long_an_interaction_lasts_is_the_types_to_say(play):
+    played = play(fire(extinguish_lasting_s=0.0), TRUCK)
+    played.step((at("truck", 30.0),))
+    assert [event.time_s for event in played.events] == [0.5]
+    slow = play(fire(extinguish_lasting_s=60.0, heat=0.5), TRUCK)
+    slow.run(40.0, (at("truck", 30.0),))
+    assert [event.time_s for event in slow.events] == [approx(30.5)]
+
+
+def test_a_leak_flows_until_it_is_sealed_and_keeps_what_was_done(play):
+    played = play(leak(), DOG)
+    played.run(3.0, (at("dog", 5.0),))
+    assert (played.state.status, played.state.resources["flow"]) == ("leaking", approx(0.5))
+    played.run(30.0)
+    assert played.state.resources["flow"] == approx(0.5)
+    played.run(3.0, (at("dog", 5.0),))
+    assert (played.state.status, played.state.resources["flow"]) == ("sealed", 0.0)
+    assert [event.kind for event in played.events] == ["seal"]
+
+
+def test_lasting_counts_for_one_actor_at_a_time(play):
+    door = target("door", receive_by="road", receive_within_m=15.0, receive_lasting_s=4.0, receive_status="served")
+    played = play(door, van(1), van(2))
+    for number in range(20):  # the two take turns of two seconds
+        played.step((at(f"van[{1 + number // 4 % 2}]", 5.0),))
+    assert played.events == []
+    played.run(5.0, (at("van[2]", 5.0),))
+    assert [event.entities for event in played.events] == [("door", "van[2]")]
+    assert played.state.status == "served"
+
+
+def test_an_order_that_no_van_holds_is_split_and_served_when_nothing_is_wanted(play):
+    played = play(point(), depot(), van(1), van(2))
+    played.step((at("van[1]", 30.0), at("van[2]", 30.001)))
+    assert [(e.entities, e.values["amount_kg"], e.values["left_kg"]) for e in played.events] == [
+        (("point[1]", "van[1]"), 200.0, 50.0)
+    ]
+    order = states(played)["point[1]"]
+    assert (order.status, order.resources) == ("waiting", {"demand": 50.0, "load@van[1]": -200.0})
+    played.run(5.0, (at("van[1]", 0.0),))
+    assert len(played.events) == 1  # an empty van has nothing to give
+    played.step((at("van[2]", 30.0),))
+    order = states(played)["point[1]"]
+    assert played.events[-1].values["amount_kg"] == 50.0
+    assert (order.status, order.resources["demand"]) == ("served", 0.0)
+    assert order.resources["load@van[2]"] == -50.0
+
+
+@pytest.mark.parametrize(("x", "filled"), [(250.0, True), (249.999, False)])
+def test_a_van_is_filled_at_the_warehouse_up_to_its_payload(play, x, filled):
+    played = play(point(demand=120.0), depot(), van(1))
+    played.step((at("van[1]", 0.0),))
+    played.step((at("van[1]", x),))
+    restocks = [event for event in played.events if event.kind == "restock"]
+    assert [event.values["amount_kg"] for event in restocks] == ([120.0] if filled else [])
+    assert states(played)["depot"].resources == ({"load@van[1]": 120.0} if filled else {})
+    assert states(played)["depot"].status == "open"
+    played.run(5.0, (at("van[1]", x),))
+    assert len([event for event in played.events if event.kind == "restock"]) == len(restocks)
+
+
+def test_the_nearest_of_two_vans_serves_and_equally_near_ones_go_by_declaration(play):
+    near = play(point(demand=100.0), van(1), van(2))
+    near.step((at("van[1]", 20.0), at("van[2]", -10.0)))
+    assert near.events[0].entities == ("point[1]", "van[2]")
+    same = play(point(demand=100.0), van(1), van(2))
+    same.step((at("van[1]", 20.0), at("van[2]", -20.0)))
+    assert same.events[0].entities == ("point[1]", "van[1]")
+
+
+def test_one_load_is_never_given_to_two_points_in_reach_at_once(play):
+    points = [point("point[1]", 150.0), point("point[2]", 150.0, x=10.0)]
+    played = play(*points, van(1))
+    played.run(3.0, (at("van[1]", 5.0),))
+    assert [event.values["amount_kg"] for event in played.events] == [150.0, 50.0]
+    assert sum(state.resources["load@van[1]"] for state in played.boundary.states) == -200.0
+
+
+def test_a_stock_of_the_target_runs_out(play):
+    about = {"collect_by": "vessel", "collect_within_m": 20.0, "collect_lasting_s": 2.0, "collect_gives": "cargo"}
+    barrel = target(
+        "barrel", state=("content_kg",), content_kg=200.0, collect_from="content", collect_status="collected", **about
+    )
+    played = play(barrel, actor("boat", "vessel", state=("cargo_kg",), cargo_kg=0.0))
+    played.run(2.0, (at("boat", 20.0),))
+    assert played.events == []
+    played.run(1.0, (at("boat", 20.0),))
+    assert [event.values["amount_kg"] for event in played.events] == [200.0]
+    assert (played.state.status, played.state.resources) == ("collected", {"content": 0.0, "cargo@boat": 200.0})
+
+
+def test_giving_without_end_is_the_authors_mistake(instance_of):
+    spring = target("spring", fill_by="road", fill_within_m=10.0, fill_gives="load")
+    instance = instance_of([spring, van(1)])
+    with pytest.raises(UsageError, match="`fill` of `spring` gives `van\\[1\\]` `load` without end"):
+        CityEngine().reset(EngineSpec(engine="city", instance=instance, owns=("spring",)), DRY, 1)
+
+
+def test_a_jam_blocks_whatever_is_recorded_and_is_cleared_by_its_event(play):
+    jam = target("jam", blocks=True, record_by="multirotor", record_within_m=25.0, record_status="recorded")
+    clears = EventSpec(name="clears", tick=2, vanish=("jam",))
+    played = play(jam, actor("uav", "multirotor"), events=(clears,))
+    played.run(10.0, (at("uav", 25.0),))
+    assert [event.kind for event in played.events] == ["record"]
+    assert played.state.status == "blocking"
+    played.run(9.5)
+    assert played.state.status == "blocking"
+    played.step()
+    assert played.state.status == "cleared"
+
+
+def test_what_has_not_appeared_is_dormant_and_left_alone(play):
+    late = msgspec.structs.replace(point(demand=50.0), dormant=True)
+    comes = EventSpec(name="order", tick=1, appear=("point[1]",))
+    played = play(late, van(1), events=(comes,))
+    played.run(9.5, (at("van[1]", 0.0),))
+    assert (played.state.status, played.events) == ("dormant", [])
+    played.step((at("van[1]", 0.0),))
+    assert played.time_s == 10.0
+    assert (played.state.status, [event.time_s for event in played.events]) == ("served", [10.0])
+
+
+@pytest.mark.parametrize("status", ["dormant", "dead"])
+def test_an_actor_that_is_not_there_or_a_wreck_does_nothing(play, status):
+    played = play(leak(), DOG)
+    played.run(20.0, (at("dog", 0.0, status=status),))
+    assert played.events == []
+
+
+def test_a_queue_grows_and_shrinks_by_its_seed(play):
+    def shop(**rates):
+        return target("shop", state=("people",), people=4, join_by="quadruped", join_within_m=5.0, **rates)
+
+    def counts(seed, **rates):
+        played = play(shop(**rates), DOG, seed=seed)
+        played.run(600.0)
+        return [boundary.states[0].resources["people"] for boundary in played.history]
+
+    assert set(counts(1)) == {4.0}
+    grown = counts(1, arrivals_hz=0.05)
+    assert grown == counts(1, arrivals_hz=0.05) != counts(2, arrivals_hz=0.05)
+    assert grown[-1] == approx(4 + 30, abs=20)
+    assert min(counts(3, departures_hz=0.1)) == 0.0
+    assert play(shop(), DOG).state.status == "queueing"
+
+
+def test_a_broken_span_stays_broken_where_it_is(play, open_sea):
+    about = {"on": "bridge", "width_m": 8.0, "inspect_by": "multirotor", "inspect_within_m": 25.0}
+    span = target("span", (0.0, 0.0, 12.0), **about)
+    played = play(span, actor("uav", "multirotor"), city=open_sea, weather=Weather(wave_height_m=1.0))
+    played.run(2.0, (at("uav", 25.0),))
+    assert [event.kind for event in played.events] == ["inspect"]
+    assert (played.state.status, played.state.position) == ("fractured", (0.0, 0.0, 12.0))
+
+
+def test_a_type_may_name_its_first_status_word():
+    assert nature_of(target("hydrant", status="frozen")).word == "frozen"
+    assert nature_of(target("goal")).word == "waiting"
+
+
+def test_a_turn_of_the_weather_turns_the_drift(play, open_sea):
+    swimmer = target("swimmer", (0.0, 0.0, -3.5), drift_mps=1.0)
+    turn = EventSpec(name="tide", tick=1, weather=Weather(current_mps=0.5, current_to_deg=270.0))
+    weather = Weather(current_mps=0.5, current_to_deg=90.0)
+    played = play(swimmer, weather=weather, city=open_sea, events=(turn,), clock=Clock(tick_s=60.0, sync_s=0.5))
+    played.run(60.0)
+    east = played.state.position[0]
+    assert east == approx(60.0, abs=25.0)
+    played.run(60.0)
+    assert played.state.position[0] == approx(east - 60.0, abs=35.0)
+
+
+def test_a_state_lives_until_something_declared_changes_it(play):
+    """Neither a name nor a unit does: people that nobody comes to and goes from are a stock, in numbers or by mass."""
+    for state, up_to in (
+        ("people", "seats"),
+        ("people_kg", "seats_kg"),
+        ("heat_kg", "seats_kg"),
+        ("flow_m3", "seats_m3"),
+    ):
+        about = {"board_by": "road", "board_within_m": 10.0, "board_gives": "riders", "board_up_to": "seats"}
+        stop = target("stop", state=(state,), board_from=state.partition("_")[0], **{state: 4.0}, **about)
+        riders = state.replace(state.partition("_")[0], "riders")
+        bus = actor("bus", "road", state=(riders,), **{riders: 0.0, up_to: 3.0})
+        played = play(stop, bus)
+        played.run(100.0)
+        plain = state.partition("_")[0]
+        assert played.state.resources == {plain: 4.0}
+        played.step((at("bus", 10.0),))
+        assert played.state.resources == {plain: 1.0, "riders@bus": 3.0}
+
+
+def test_who_boards_a_queue_leaves_it_and_it_grows_on(play):
+    about = {"board_by": "road", "board_within_m": 10.0, "board_gives": "riders", "board_from": "people"}
+    shop = target("shop", state=("people",), people=4, arrivals_hz=0.05, **about)
+    played = play(shop, actor("bus", "road", state=("riders",), riders=0.0))
+    played.run(1.0, (at("bus", 10.0),))
+    assert played.state.resources["people"] == 0.0
+    played.run(600.0)
+    assert played.state.resources["people"] > 10.0
+
+
+def test_two_interactions_work_off_two_states_and_goods_leave_a_fire_alone(play):
+    about = {"drop_by": "road", "drop_within_m": 10.0, "drop_takes": "demand", "drop_from": "load"}
+    also = {"cool_by": "quadruped", "cool_within_m": 2.0, "cool_takes": "heat", "cool_lasting_s": 10.0}
+    clean = {"wash_by": "quadruped", "wash_within_m": 2.0, "wash_takes": "soot", "wash_lasting_s": 20.0}
+    depot = target(
+        "depot",
+        state=("demand_kg", "heat", "soot_kg"),
+        demand_kg=300.0,
+        heat=1.0,
+        soot_kg=8.0,
+        **about,
+        **also,
+        **clean,
+    )
+    played = play(depot, van(1), DOG)
+    played.run(5.5, (at("van[1]", 5.0), at("dog", 1.0)))
+    assert played.state.resources == {
+        "demand": 100.0, "heat": approx(0.5), "soot": approx(6.0), "load@van[1]": -200.0
+    }  # fmt: skip
+    played.run(20.0, (at("dog", 1.0),))
+    assert [event.kind for event in played.events] == ["drop", "cool", "wash"]
+
+
+def test_who_has_not_declared_what_is_moved_takes_no_part(play):
+    played = play(point(), TRUCK)
+    played.run(5.0, (at("truck", 0.0),))
+    assert played.events == []
+    assert played.state.resources == {"demand": 250.0}
+
+
+def test_one_state_in_two_units_is_the_authors_mistake(instance_of):
+    crate = target("crate", state=("weight",), weight=5.0, load_by="road", load_within_m=9.0, load_gives="load")
+    for own in ({"load_from": "weight"}, {"load_up_to": "seats"}):
+        named = msgspec.structs.replace(crate, properties={**crate.properties, **own})
+        with pytest.raises(UsageError, match="`load` of `crate` moves `load` of `van\\[1\\]` in different units"):
+            seated = msgspec.structs.replace(van(1), properties={**van(1).properties, "seats": 4.0})
+            instance = instance_of([named, seated])
+            CityEngine().reset(EngineSpec(engine="city", instance=instance, owns=("crate",)), DRY, 1)

@@ -1,0 +1,459 @@
+"""The multirotor engine on the real JSBSim: it arrives, holds, pays for wind, runs out, crashes, and repeats itself."""
+
+import hashlib
+import math
+import os
+import subprocess
+import sys
+from itertools import pairwise
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from lingjing.engines.multirotor.engine import MultirotorEngine
+from lingjing.engines.multirotor.power import hover_power
+from lingjing.mission.instance import Entity, EventSpec, Weather
+from lingjing.scene.city import Building
+from lingjing.trace.records import BodyState
+
+HERE = Path(__file__)
+
+
+@pytest.fixture
+def fly(player, instance_of, uav, open_sea):
+    def start(weather=None, city=open_sea, sync_s=0.5, seed=1, **kwargs):
+        instance = instance_of([uav(**kwargs)], weather, sync_s)
+        return player(MultirotorEngine(), instance, city, "multirotor", seed)
+
+    return start
+
+
+def wind(speed, turbulence=0.0):
+    return Weather(wind_mps=speed, wind_from_deg=220.0, turbulence=turbulence)
+
+
+@pytest.mark.parametrize(("speed", "turbulence"), [(0.0, 0.0), (4.0, 0.1), (10.0, 0.1)])
+def test_arrives_within_two_metres_and_holds_in_wind(fly, speed, turbulence):
+    play = fly(wind(speed, turbulence))
+    receipt = play.command("uav[1]", "setDestination", x=150.0, y=80.0, z=60.0)
+    assert receipt.status == "accepted"
+    assert play.until_ended(receipt.request).status == "completed"
+    goal = (150.0, 80.0, 60.0)
+    assert math.dist(play.state.position, goal) < 2.0
+    assert [event.kind for event in play.events] == ["arrived"]
+    play.run(10.0)  # settle
+    away = [math.dist(play.step().states[0].position, goal) for _ in range(60)]
+    assert max(away) < 0.3
+    assert play.state.status == "hovering"
+
+
+def test_flies_263_metres_at_cruise_speed_without_overshoot(fly):
+    play = fly(wind(4.0), position=(0.0, 0.0, 100.0))
+    receipt = play.command("uav[1]", "setDestination", x=263.0, y=0.0, z=100.0)
+    assert 20.0 < play.until_ended(receipt.request).time_s < 35.0
+    speeds = [math.hypot(*boundary.states[0].velocity) for boundary in play.history]
+    assert 11.5 < max(speeds) < 12.8
+    steps = [abs(b - a) / 0.5 for a, b in pairwise(speeds)]
+    assert max(steps) < 4.0
+    play.run(5.0)
+    assert max(boundary.states[0].position[0] for boundary in play.history) < 263.5
+    assert max(abs(boundary.states[0].position[1]) for boundary in play.history) < 2.0
+
+
+def test_takeoff_from_the_ground_and_word_for_each_phase(fly, quay):
+    play = fly(city=quay)
+    assert play.state.status == "grounded"
+    receipt = play.command("uav[1]", "takeoff")
+    play.run(1.0)
+    assert play.state.status == "moving"
+    assert play.until_ended(receipt.request).status == "completed"
+    assert play.state.status == "hovering"
+    assert play.run(10.0).states[0].position[2] == pytest.approx(11.1, abs=0.3)
+    assert play.command("uav[1]", "takeoff").reason == "airborne"
+
+
+def test_a_destination_from_the_ground_climbs_first(fly, quay):
+    play = fly(city=quay)
+    play.command("uav[1]", "setDestination", x=0.0, y=200.0, z=50.0)
+    play.run(40.0)
+    left = next(b.states[0].position for b in play.history if b.states[0].position[1] > 2.0)
+    assert left[2] > 8.0
+    assert play.state.heading_deg == pytest.approx(0.0, abs=2.0) or play.state.heading_deg > 358.0
+
+
+@pytest.mark.parametrize(
+    ("verb", "moved"),
+    [
+        ("forward", (20.0, 0.0, 0.0)),
+        ("backward", (-20.0, 0.0, 0.0)),
+        ("left", (0.0, 20.0, 0.0)),
+        ("right", (0.0, -20.0, 0.0)),
+        ("up", (0.0, 0.0, 20.0)),
+        ("down", (0.0, 0.0, -20.0)),
+    ],
+)
+def test_moves_are_metres_in_the_headings_frame_and_keep_the_heading(
+    fly, uav, instance_of, player, open_sea, verb, moved
+):
+    entity = msgspec.structs.replace(uav(position=(10.0, 20.0, 80.0)), heading_deg=90.0)
+    play = player(MultirotorEngine(), instance_of([entity]), open_sea, "multirotor")
+    receipt = play.command("uav[1]", verb, distance=20.0)
+    play.until_ended(receipt.request)
+    play.run(5.0)
+    wanted = tuple(a + b for a, b in zip((10.0, 20.0, 80.0), moved, strict=True))
+    assert math.dist(play.state.position, wanted) < 0.3
+    assert play.state.heading_deg == pytest.approx(90.0, abs=1.0)
+
+
+def test_stop_brakes_and_pre_empts(fly):
+    play = fly(position=(0.0, 0.0, 100.0))
+    first = play.command("uav[1]", "setDestination", x=500.0, y=0.0, z=100.0)
+    play.run(10.0)
+    before = play.state.position[0]
+    assert play.command("uav[1]", "forward", distance=10.0).reason == "busy"
+    stop = play.command("uav[1]", "stop")
+    assert play.until_ended(stop.request).status == "completed"
+    ended = {receipt.request: receipt for receipt in play.receipts if receipt.status != "running"}
+    assert (ended[first.request].status, ended[first.request].reason) == ("rejected", "preempted")
+    play.run(5.0)
+    assert math.hypot(*play.state.velocity) < 0.1
+    assert 20.0 < play.state.position[0] - before < 60.0
+
+
+def test_wind_costs_energy_on_a_round_trip(fly):
+    spent = []
+    for weather in (wind(0.0), wind(8.0)):
+        play = fly(weather, position=(0.0, 0.0, 100.0))
+        for x, y in ((-160.0, -190.0), (0.0, 0.0)):  # into the wind and back
+            play.until_ended(play.command("uav[1]", "setDestination", x=x, y=y, z=100.0).request)
+        spent.append(play.history[0].states[0].resources["battery_wh"] - play.state.resources["battery_wh"])
+    assert spent[1] > 1.1 * spent[0]
+
+
+def test_hovering_lasts_as_long_as_the_mission_says(fly):
+    play = fly(position=(0.0, 0.0, 100.0), endurance_s=600.0)
+    full = play.state.resources["battery_wh"]
+    assert full == pytest.approx(hover_power() * 600.0 / 3600.0)
+    play.run(60.0)
+    assert play.state.resources["battery"] == pytest.approx(0.9, abs=0.005)
+
+
+def test_an_empty_battery_brings_it_down_and_ends_it(fly):
+    play = fly(position=(0.0, 0.0, 30.0), endurance_s=20.0)
+    receipt = play.command("uav[1]", "setDestination", x=100.0, y=0.0, z=30.0)
+    play.run(10.0)
+    other = play.command("uav[1]", "stop")
+    assert (receipt.status, other.status) == ("accepted", "accepted")
+    play.run(40.0)
+    assert [event.kind for event in play.events] == ["battery_empty"]
+    assert play.state.status == "dead"
+    assert play.state.resources["battery"] == 0.0
+    assert play.state.position[2] == pytest.approx(-3.5, abs=0.3)
+    assert play.state.velocity == (0.0, 0.0, 0.0)
+    refused = play.command("uav[1]", "takeoff")
+    assert (refused.status, refused.reason) == ("rejected", "battery")
+
+
+def test_a_battery_that_ends_on_the_way_ends_the_request(fly):
+    play = fly(position=(0.0, 0.0, 30.0), endurance_s=20.0)
+    receipt = play.command("uav[1]", "setDestination", x=300.0, y=0.0, z=30.0)
+    ended = play.until_ended(receipt.request)
+    assert (ended.status, ended.reason) == ("rejected", "battery")
+
+
+def test_flying_into_a_tower_is_a_collision_and_a_fall(fly, quay):
+    play = fly(city=quay, position=(60.0, 0.0, 30.0))
+    receipt = play.command("uav[1]", "setDestination", x=160.0, y=0.0, z=30.0)
+    ended = play.until_ended(receipt.request)
+    assert (ended.status, ended.reason) == ("rejected", "collided")
+    assert [(event.kind, event.entities) for event in play.events] == [("collided", ("uav[1]", "tower"))]
+    assert play.state.position[0] == pytest.approx(94.7, abs=0.5)
+    play.run(10.0)
+    assert play.state.status == "dead"
+    assert play.state.position[2] == pytest.approx(-3.5)
+    assert play.command("uav[1]", "stop").reason == "dead"
+
+
+def test_two_that_meet_in_the_air_both_fall(player, instance_of, uav, open_sea):
+    pair = [uav(1, (0.0, 0.0, 50.0)), uav(2, (100.0, 0.0, 50.0)), uav(3, (50.0, 10.0, 50.0))]
+    play = player(MultirotorEngine(), instance_of(pair), open_sea, "multirotor")
+    play.command("uav[1]", "setDestination", x=100.0, y=0.0, z=50.0)
+    play.command("uav[2]", "setDestination", x=0.0, y=0.0, z=50.0)
+    play.run(20.0)
+    assert [event.entities for event in play.events] == [("uav[1]", "uav[2]"), ("uav[2]", "uav[1]")]
+    assert [state.status for state in play.boundary.states] == ["dead", "dead", "hovering"]
+
+
+def test_it_comes_down_on_a_roof_and_not_through_it(fly, quay):
+    play = fly(city=quay, position=(100.0, 0.0, 90.0), endurance_s=5.0)
+    play.run(40.0)
+    assert play.state.status == "dead"
+    assert play.state.position[2] == pytest.approx(60.0, abs=0.5)
+
+
+@pytest.mark.parametrize(
+    ("verb", "arguments", "reason"),
+    [
+        ("dance", {}, "unknown_verb"),
+        ("setDestination", {"x": 1.0, "y": 2.0}, "bad_argument"),
+        ("setDestination", {"x": 1.0, "y": 2.0, "z": "high"}, "bad_argument"),
+        ("setDestination", {"x": math.nan, "y": 2.0, "z": 50.0}, "bad_argument"),
+        ("setDestination", {"x": 0.0, "y": 0.0, "z": -3.0}, "unreachable"),
+        ("setDestination", {"x": 100.0, "y": 0.0, "z": 30.0}, "unreachable"),
+        ("setDestination", {"x": 1e6, "y": 0.0, "z": 50.0}, "battery"),
+        ("forward", {"distance": -5.0}, "bad_argument"),
+        ("takeoff", {"altitude": 0.0}, "bad_argument"),
+    ],
+)
+def test_what_cannot_be_done_is_refused_with_a_reason(fly, quay, verb, arguments, reason):
+    receipt = fly(city=quay).command("uav[1]", verb, **arguments)
+    assert (receipt.status, receipt.reason) == ("rejected", reason)
+    assert receipt.detail
+    assert receipt.by == "multirotor"
+
+
+def test_strafing_on_the_ground_and_foreign_vehicles_are_refused(fly, quay):
+    play = fly(city=quay)
+    assert play.command("uav[1]", "forward", distance=5.0).reason == "grounded"
+    assert play.command("uav[2]", "takeoff").reason == "unknown_resource"
+
+
+def test_progress_is_reported_at_decision_boundaries(fly):
+    play = fly(position=(0.0, 0.0, 50.0))
+    play.command("uav[1]", "setDestination", x=300.0, y=0.0, z=50.0)
+    play.run(25.0)
+    running = [(receipt.time_s, receipt.progress) for receipt in play.receipts if receipt.status == "running"]
+    assert [time for time, _ in running] == [10.0, 20.0]
+    assert 0.2 < running[0][1] < running[1][1] < 0.9
+
+
+def test_position_is_the_integral_of_velocity_over_two_kilometres(fly):
+    play = fly(wind(4.0, 0.2), position=(0.0, 0.0, 100.0), sync_s=0.02)
+    play.command("uav[1]", "setDestination", x=1500.0, y=1400.0, z=100.0)
+    reckoned = list(play.state.position)
+    before = play.state.velocity
+    for _ in range(round(190.0 / 0.02)):
+        now = play.step().states[0].velocity
+        for axis in range(3):
+            reckoned[axis] += 0.01 * (before[axis] + now[axis])
+        before = now
+    assert math.dist(play.state.position, (1500.0, 1400.0, 100.0)) < 2.0
+    assert math.dist(reckoned, play.state.position) < 0.01
+
+
+def test_how_an_episode_is_cut_into_steps_changes_nothing(fly):
+    ends = []
+    for sync_s in (0.1, 0.5):
+        play = fly(wind(4.0, 0.2), sync_s=sync_s)
+        play.command("uav[1]", "setDestination", x=50.0, y=20.0, z=40.0)
+        ends.append(play.run(20.0).states)
+    assert ends[0] == ends[1]
+
+
+def test_a_step_off_the_control_grid_is_answered_for_its_own_time(fly):
+    play = fly(position=(0.0, 0.0, 50.0), sync_s=0.25)
+    play.command("uav[1]", "setDestination", x=100.0, y=0.0, z=50.0)
+    play.run(6.25)
+    assert play.boundary.time_s == 6.25
+    east = [boundary.states[0].position[0] for boundary in play.history[-3:]]
+    assert east[2] - east[1] == pytest.approx(0.25 * play.state.velocity[0], abs=0.05)
+
+
+SCRIPT = """
+import importlib.util, sys
+spec = importlib.util.spec_from_file_location("multirotor_flight", sys.argv[1])
+module = importlib.util.module_from_spec(spec)
+spec.loader.exec_module(module)
+print(module.flight())
+"""
+
+
+def flight():
+    """Digest of two turbulent flights: what two processes must agree on."""
+    sys.path.insert(0, str(HERE.parents[2]))
+    from lingjing.scene.city import City, Water
+    from tests.conftest import Player, build_instance, build_uav, square
+
+    sea = City(
+        id="sea",
+        origin=(31.0, 121.5),
+        bounds=(-5e3, -5e3, 5e3, 5e3),
+        waters=(Water(polygon=square(0.0, 0.0, 5e3), level_m=-3.5),),
+    )
+    vehicles = [build_uav(1), build_uav(2, (8.0, 0.0, 1.1))]
+    play = Player(MultirotorEngine(), build_instance(vehicles, wind(6.0, 0.2)), sea, "multirotor", 7)
+    play.command("uav[1]", "setDestination", x=120.0, y=60.0, z=80.0)
+    play.command("uav[2]", "takeoff")
+    play.run(30.0)
+    return hashlib.sha256(msgspec.msgpack.encode(play.history)).hexdigest()
+
+
+def test_bit_equal_over_two_processes():
+    digests = []
+    for hash_seed in ("1", "2"):
+        done = subprocess.run(
+            [sys.executable, "-c", SCRIPT, str(HERE)],
+            capture_output=True,
+            text=True,
+            check=True,
+            env={**os.environ, "PYTHONHASHSEED": hash_seed},
+            cwd="/",
+        )
+        assert done.stderr == ""
+        digests.append(done.stdout)
+    assert len(digests[0]) == 65  # silent apart from the digest
+    assert digests[0] == digests[1]
+
+
+def test_gusts_depend_on_the_seed(fly):
+    places = []
+    for seed in (1, 2):
+        play = fly(wind(8.0, 0.3), position=(0.0, 0.0, 50.0), seed=seed)
+        places.append(play.run(5.0).states[0].position)
+    assert places[0] != places[1]
+
+
+def tower(**more):
+    outline = ((90.0, -10.0), (110.0, -10.0), (110.0, 10.0), (90.0, 10.0))
+    return Building(**{"id": "way/4711", "polygon": outline, "base_m": 0.0, "top_m": 60.0, **more})
+
+
+@pytest.fixture
+def street(quay):
+    return msgspec.structs.replace(quay, solids=(), buildings=(tower(),))
+
+
+def test_flying_into_a_building_names_both(fly, street):
+    play = fly(city=street, position=(60.0, 0.0, 30.0))
+    ended = play.until_ended(play.command("uav[1]", "setDestination", x=160.0, y=0.0, z=30.0).request)
+    assert (ended.status, ended.reason) == ("rejected", "collided")
+    (hit,) = play.events
+    assert (hit.kind, hit.entities) == ("collided", ("uav[1]", "way/4711"))
+    assert hit.values["speed_mps"] > 5.0
+    assert play.command("uav[1]", "setDestination", x=100.0, y=0.0, z=30.0).reason == "dead"
+
+
+def test_a_courtyard_is_free_to_fly_in(fly, street):
+    yard = ((93.0, -7.0), (107.0, -7.0), (107.0, 7.0), (93.0, 7.0))
+    open_city = msgspec.structs.replace(street, buildings=(tower(holes=(yard,)),))
+    play = fly(city=open_city, position=(100.0, 0.0, 90.0))
+    receipt = play.command("uav[1]", "setDestination", x=100.0, y=0.0, z=20.0)
+    assert play.until_ended(receipt.request).status == "completed"
+
+
+def test_it_starts_from_a_roof_and_comes_down_on_one_softly(fly, street):
+    play = fly(city=street, position=(100.0, 0.0, 60.1))
+    assert play.state.status == "grounded"
+    assert play.until_ended(play.command("uav[1]", "takeoff").request).status == "completed"
+    low = fly(city=street, position=(100.0, 0.0, 75.0), endurance_s=5.0)
+    low.run(40.0)
+    assert [event.kind for event in low.events] == ["battery_empty"]  # no crash
+    assert low.state.status == "dead"
+    assert low.state.position[2] == pytest.approx(60.0, abs=0.3)
+
+
+def truck(position, **more):
+    return BodyState(id="traffic/17", kind="truck", position=position, heading_deg=90.0, **more)
+
+
+def test_a_truck_in_its_way_is_hit_where_it_will_be(fly, quay):
+    play = fly(city=quay, position=(0.0, 0.0, 3.0))
+    play.command("uav[1]", "takeoff", altitude=1.0)
+    play.until_ended("c0-1")
+    play.command("uav[1]", "setDestination", x=30.0, y=0.0, z=3.0)
+    for step in range(20):  # it comes from the east at 5 m/s
+        play.step([truck((40.0 - 2.5 * step, 0.0, 0.9), velocity=(-5.0, 0.0, 0.0))])
+    assert [(event.kind, event.entities) for event in play.events][-1] == ("collided", ("uav[1]", "traffic/17"))
+
+
+@pytest.mark.parametrize(
+    "body", [truck((20.0, 0.0, -3.5)), truck((20.0, 5.0, 0.9)), truck((20.0, 0.0, 0.9), status="dormant")]
+)
+def test_a_truck_below_beside_or_not_there_is_not(fly, quay, body):
+    play = fly(city=quay, position=(0.0, 0.0, 3.0))
+    play.command("uav[1]", "setDestination", x=30.0, y=0.0, z=3.5)
+    play.run(30.0, [body])
+    assert [event.kind for event in play.events] == ["arrived"]
+
+
+@pytest.mark.parametrize(
+    ("role", "sizes", "aside_m", "hit"),
+    [
+        ("asset", {}, 0.0, True),
+        ("asset", {}, 1.0, False),
+        ("asset", {"length_m": 4.0, "width_m": 3.0, "height_m": 2.0}, 1.0, True),
+        ("target", {}, 0.0, False),
+    ],
+)
+def test_a_strangers_asset_is_a_body_and_a_target_of_no_known_type_is_none(
+    player, instance_of, uav, open_sea, role, sizes, aside_m, hit
+):
+    crane = Entity(
+        id="crane", group="crane", index=1, role=role, type="crane", engine="yard", position=(20.0, 0.0, 30.0),
+        properties=sizes,
+    )  # fmt: skip
+    instance = instance_of([uav(position=(0.0, 0.0, 30.0))])
+    instance = msgspec.structs.replace(instance, entities=(*instance.entities, crane))
+    play = player(MultirotorEngine(), instance, open_sea, "multirotor", 5)
+    play.command("uav[1]", "setDestination", x=40.0, y=0.0, z=30.2)
+    play.run(20.0, [BodyState(id="crane", position=(20.0, aside_m, 30.0), heading_deg=90.0)])
+    assert [event.kind for event in play.events] == ["collided" if hit else "arrived"]
+
+
+def energy(player, instance_of, uav, city, weather, events=(), **more):
+    instance = instance_of([uav(position=(0.0, 0.0, 100.0), **more)], weather)
+    play = player(MultirotorEngine(), msgspec.structs.replace(instance, events=events), city, "multirotor", 5)
+    full = play.state.resources["battery_wh"]
+    play.command("uav[1]", "setDestination", x=200.0, y=100.0, z=100.0)
+    play.run(60.0)
+    return full - play.state.resources["battery_wh"], play
+
+
+def test_gusts_cost_energy(player, instance_of, uav, open_sea):
+    def mean(weather):  # a gust is now with a vehicle and now against it: it takes several to see what they cost
+        fleet = [uav(index=number, position=(0.0, 100.0 * number, 100.0)) for number in range(1, 6)]
+        play = player(MultirotorEngine(), instance_of(fleet, weather), open_sea, "multirotor", 5)
+        full = sum(state.resources["battery_wh"] for state in play.boundary.states)
+        play.run(100.0)
+        return (full - sum(state.resources["battery_wh"] for state in play.boundary.states)) / len(fleet)
+
+    assert mean(wind(8.0, 0.4)) > 1.01 * mean(wind(8.0))
+
+
+def test_the_wind_changes_when_the_mission_says_and_not_before(player, instance_of, uav, open_sea):
+    front = EventSpec(name="front", tick=3, weather=wind(14.0, 0.2))
+    calm, quiet = energy(player, instance_of, uav, open_sea, wind(0.0))
+    stormy, storm = energy(player, instance_of, uav, open_sea, wind(0.0), (front,))
+    before, after = 60, 61  # macro-steps of half a second: 30 s is boundary 3
+    assert quiet.history[before].states == storm.history[before].states
+    assert quiet.history[after].states != storm.history[after].states
+    assert stormy > 1.05 * calm
+
+
+def test_a_load_makes_it_slower_and_hungrier(player, instance_of, uav, open_sea):
+    def flight(load_kg):
+        entity = msgspec.structs.replace(uav(position=(0.0, 0.0, 100.0), load_kg=load_kg), state=("load_kg",))
+        play = player(MultirotorEngine(), instance_of([entity]), open_sea, "multirotor")
+        assert play.state.resources["load_kg"] == load_kg
+        full = play.state.resources["battery_wh"]
+        ended = play.until_ended(play.command("uav[1]", "setDestination", x=300.0, y=0.0, z=100.0).request)
+        return ended.time_s, full - play.state.resources["battery_wh"]
+
+    light, heavy = flight(0.0), flight(0.8)
+    assert heavy[0] > 1.1 * light[0]
+    assert heavy[1] > 1.3 * light[1]
+
+
+def test_what_the_book_says_is_on_board_and_too_much_is_refused(player, instance_of, uav, open_sea):
+    entity = msgspec.structs.replace(uav(load_kg=0.2), state=("load_kg",))
+    play = player(MultirotorEngine(), instance_of([entity]), open_sea, "multirotor")
+    depot = BodyState(id="depot", position=(0.0, 0.0, 0.0), resources={"load@uav[1]": 0.5, "load@uav[2]": 9.0})
+    play.run(0.5, [depot])
+    assert play.state.resources["load_kg"] == pytest.approx(0.7)
+    assert play.command("uav[1]", "takeoff").status == "accepted"
+    play.until_ended("c0-1")
+    play.run(0.5, [msgspec.structs.replace(depot, resources={"load@uav[1]": 5.0})])
+    assert play.command("uav[1]", "forward", distance=5.0).reason == "overloaded"
+    play.run(0.5, [msgspec.structs.replace(depot, resources={"load@uav[1]": -0.2})])
+    assert play.state.resources["load_kg"] == 0.0
