@@ -14,6 +14,7 @@ from lingjing.mission.instance import (
     CommsSpec,
     Entity,
     Instance,
+    InteractionSpec,
     SceneSpec,
     VerbSpec,
     Weather,
@@ -93,7 +94,8 @@ def build_victim(index: int = 1, position: tuple[float, float, float] = (0.0, 0.
         type="person_in_water",
         engine="city",
         position=position,
-        properties={"drift_mps": 0.1, "rescue_by": "vessel", "rescue_within_m": 50.0, **more},
+        properties={"drift_mps": 0.1, **more},
+        interactions=(InteractionSpec(name="rescue", by="vessel", within_m=50.0, aboard=True),),
         hidden=("position",),
     )
 

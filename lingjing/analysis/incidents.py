@@ -95,7 +95,7 @@ class _Search:
 
     def _counts(self, event: TaskEvent) -> bool:
         known = [self.entities[name] for name in event.entities if name in self.entities]
-        declared = any(f"{event.kind}_by" in entity.properties for entity in known)
+        declared = any(one.name == event.kind for entity in known for one in entity.interactions)
         return event.kind in (COLLIDED, *_WORDS) and not event.name and bool(known) and not declared
 
     def _is_other_side(self, one: Incident) -> bool:

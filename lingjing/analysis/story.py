@@ -10,7 +10,6 @@ from lingjing.analysis.detection import Report, detect, judged_kinds, shots
 from lingjing.analysis.incidents import Incident, incidents
 from lingjing.analysis.spoken import Spoken, spoken
 from lingjing.mission.instance import Instance
-from lingjing.plugins.tasks import possible
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import FrameInfo
 
@@ -150,10 +149,9 @@ def _dealt_with(trace: Trace) -> dict[str, str]:
     done = {(task.kind, name) for task in acts for name in task.entities}
     found: dict[str, str] = {}
     for entity in trace.header.instance.entities:
-        for task in possible(entity) if entity.role == "target" else ():
-            if not task.gives and (task.name, entity.id) in done:
-                word = entity.properties.get(f"{task.name}_status")
-                found[entity.id] = word if isinstance(word, str) else f"{task.name.removesuffix('e')}ed"
+        for one in entity.interactions:
+            if not one.gives and (one.name, entity.id) in done:
+                found[entity.id] = one.done_word
     return found
 
 

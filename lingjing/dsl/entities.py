@@ -159,6 +159,7 @@ class EntityChecker:
             labels=labels,
             when=guard,
             bases=decl.bases,
+            interactions=tuple(decl.interactions.values()),
         )
 
     def count(self, index: s.Expression | None) -> tuple[ex.Expr | None, str]:

@@ -13,7 +13,6 @@ import msgspec
 
 from lingjing.dsl import library
 from lingjing.dsl.scope import Library, RecordDecl, TypeDecl
-from lingjing.dsl.types import INTERACTION_KEYS
 from lingjing.mission import expression as ex
 from lingjing.mission import model
 
@@ -27,7 +26,7 @@ class LocalType:
     engine: str
     properties: tuple[model.Property, ...]
     verbs: tuple[model.Verb, ...]
-    interactions: tuple[str, ...] = ()
+    interactions: tuple[model.Interaction, ...] = ()
     base: str = ""
 
 
@@ -113,6 +112,8 @@ def _gives(decl: TypeDecl, group: model.Group) -> bool:
     own = {prop.name for prop in group.properties if not prop.inherited}
     due = [_shown(prop) for prop in decl.properties if prop.name not in own]
     given = [_shown(prop) for prop in group.properties if prop.inherited]
+    if group.interactions != tuple(decl.interactions.values()):
+        return False
     return due == given and all(_is_verb_of(verb, decl.verbs.get(verb.name)) for verb in group.verbs)
 
 
@@ -149,15 +150,9 @@ def _put_together(name: str, groups: list[model.Group], mission: model.Mission, 
         for verb in map(_without_default, group.verbs):
             known = verbs.get(verb.name)
             verbs[verb.name] = verb if known is None else _wider(known, verb)
-    unlocked = tuple(dict.fromkeys(unlock.interaction for unlock in mission.unlocks))
-    own = tuple(name for name in unlocked if any(is_part(prop, name) for prop in properties.values()))
-    return LocalType(name, first.role, first.engine, tuple(properties.values()), tuple(verbs.values()), own, base)
-
-
-def is_part(prop: model.Property, interaction: str) -> bool:
-    """Whether the property is one of an interaction's: its name, a key, and the unit behind it."""
-    key = prop.name.removeprefix(f"{interaction}_")
-    return key != prop.name and any(key == name or key.startswith(f"{name}_") for name in INTERACTION_KEYS)
+    return LocalType(
+        name, first.role, first.engine, tuple(properties.values()), tuple(verbs.values()), first.interactions, base
+    )
 
 
 def _wider(a: model.Verb, b: model.Verb) -> model.Verb:

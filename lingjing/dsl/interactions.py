@@ -8,33 +8,36 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
+import msgspec
+
 from lingjing.dsl import syntax as s
 from lingjing.dsl.absent import BUILTIN
 from lingjing.dsl.blocks import BlockReader, Entry
-from lingjing.dsl.scope import Attribute, GroupInfo, InteractionDecl, Scope, TypeDecl
+from lingjing.dsl.scope import Attribute, GroupInfo, Scope, TypeDecl
 from lingjing.dsl.suggest import did_you_mean, nearest
 from lingjing.dsl.typenames import with_article
 from lingjing.mission import expression as ex
+from lingjing.mission import model
 
 NO_ACTORS = frozenset(("camera", "city"))
 """Engines whose entities perform nothing: a camera owns none, the city's are what things are done to."""
 
+_WORDS = {name: name for name in ("by", "status", "takes", "gives", "up_to", "told")} | {"source": "from"}
+"""The names that an interaction is made of → the author's words for them."""
+
 _Words = dict[str, s.Property]
 
 
-def declared(name: str, entries: dict[str, Entry], base: InteractionDecl | None) -> InteractionDecl:
+UNSAID = ex.Number(value=0.0)
+"""The radius of an interaction whose type has said none yet; a declared one is more than nothing."""
+
+
+def declared(name: str, entries: dict[str, Entry], base: model.Interaction | None) -> model.Interaction:
     """What an interaction's block says, over what the base type's interaction of that name says."""
-    words = {key: _word(entries, key) for key in ("by", "takes", "from", "gives", "up_to")}
-    old = base or InteractionDecl(name)
-    return InteractionDecl(
-        name,
-        by=words["by"] or old.by,
-        within="within" in entries or old.within,
-        takes=words["takes"] or old.takes,
-        source=words["from"] or old.source,
-        gives=words["gives"] or old.gives,
-        up_to=words["up_to"] or old.up_to,
-    )
+    old = base or model.Interaction(name=name, by="", within=UNSAID)
+    words = {to: _word(entries, key) for to, key in _WORDS.items() if key in entries}
+    values = {key: entries[key].value.ir for key in ("within", "lasting", "aboard") if key in entries}
+    return msgspec.structs.replace(old, **words, **values)
 
 
 class InteractionChecker:
@@ -66,10 +69,10 @@ class InteractionChecker:
 
     # -- one type
 
-    def _type(self, decl: TypeDecl, one: InteractionDecl, node: s.InteractionBlock) -> None:
+    def _type(self, decl: TypeDecl, one: model.Interaction, node: s.InteractionBlock) -> None:
         words = {item.name.text: item for item in node.block.items if isinstance(item, s.Property)}
         what = f"the interaction `{one.name}`"
-        for key, given, hint in (("by", one.by, "an engine"), ("within", one.within, "a length")):
+        for key, given, hint in (("by", bool(one.by), "an engine"), ("within", one.within != UNSAID, "a length")):
             if not given and key not in words:
                 self.report("LJ0106", node.name.start, node.name.end, f"{what} lacks `{key}`", f"add `{key}`: {hint}")
         if one.by and "by" in words:
@@ -90,7 +93,7 @@ class InteractionChecker:
         message = f"no asset that is known here has the engine `{engine}`"
         self.report("LJ0125", place.start, place.end, message, hint, replace=close)
 
-    def _parts_fit(self, node: s.InteractionBlock, one: InteractionDecl, words: _Words, what: str) -> bool:
+    def _parts_fit(self, node: s.InteractionBlock, one: model.Interaction, words: _Words, what: str) -> bool:
         """Whether the words that say what is moved make one meaning together."""
         if one.takes and one.gives:
             self._excess(words, ("gives", "takes"), f"{what} both takes and gives", "declare two interactions")
@@ -113,7 +116,7 @@ class InteractionChecker:
         if item is not None:  # else the base type has said it, and the fault was reported there
             self.report("LJ0110", item.start, item.end, message, hint)
 
-    def _own(self, decl: TypeDecl, one: InteractionDecl, place: s.Property | s.Name, what: str) -> None:
+    def _own(self, decl: TypeDecl, one: model.Interaction, place: s.Property | s.Name, what: str) -> None:
         attribute = decl.attributes.get(one.own)
         if attribute is not None and attribute.state:
             return
@@ -124,7 +127,7 @@ class InteractionChecker:
 
     # -- a mission's target and who acts on it
 
-    def _actors(self, place: s.Name, target: GroupInfo, one: InteractionDecl, actors: list[GroupInfo]) -> None:
+    def _actors(self, place: s.Name, target: GroupInfo, one: model.Interaction, actors: list[GroupInfo]) -> None:
         what = f"`{one.name}` of `{target.name}`"
         able = [group for group in actors if (known := group.attributes.get(one.carried)) is not None and known.state]
         if not able:
@@ -137,7 +140,7 @@ class InteractionChecker:
         for group in able:
             self._measured(place, target, one, group, what)
 
-    def _measured(self, place: s.Name, target: GroupInfo, one: InteractionDecl, actor: GroupInfo, what: str) -> None:
+    def _measured(self, place: s.Name, target: GroupInfo, one: model.Interaction, actor: GroupInfo, what: str) -> None:
         limit = actor.attributes.get(one.up_to)
         if one.up_to and limit is None:
             message = f"{what} fills `{actor.name}` up to its `{one.up_to}`, which it has not"
@@ -153,7 +156,7 @@ class InteractionChecker:
 
 
 def _others(
-    target: GroupInfo, one: InteractionDecl, actor: GroupInfo, limit: Attribute | None
+    target: GroupInfo, one: model.Interaction, actor: GroupInfo, limit: Attribute | None
 ) -> Iterator[tuple[str, GroupInfo, Attribute]]:
     own = target.attributes.get(one.own)
     if own is not None:

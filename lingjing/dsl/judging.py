@@ -13,7 +13,6 @@ HEADS = ("Event", "Made true by", "Bounds", "In words")
 """The table's heads; `judging` gives its rows."""
 
 _DISTANCES = ("distance", "distance_xy")
-_BY, _WITHIN = "_by", "_within_m"
 
 
 def judging(mission: model.Mission) -> Iterator[tuple[str, ...]]:
@@ -25,31 +24,27 @@ def judging(mission: model.Mission) -> Iterator[tuple[str, ...]]:
         by = "a report" if rule.matching else "the kernel"
         bounds = ", ".join(dict.fromkeys(_bounds(rule.condition, _Given(mission, rule.parameters), printer)))
         yield f"**{rule.name}** ({over})" if over else f"**{rule.name}**", by, bounds, words.sentence(rule.condition)
-    for group, verb, actor, within, before in interactions(mission):
+    for group, one, before in interactions(mission):
         awaited = [words.sentence(condition) for condition in before if not _at_once(condition)]
         allowed = f"allowed when {awaited[0]}" if awaited else "allowed from the start"
-        yield f"{verb} ({group.name})", f"the `{printer.text(actor)}` engine", f"≤ {printer.text(within)}", allowed
-    for one in mission.inspections:
-        near = " or ".join(f"`{printer.text(by)}`" for by in one.by)
-        order = "in their order" if one.order == "strict" else "in any order"
-        said = f"{near} comes to every waypoint of the route of `{printer.text(one.asset)}`, {order}"
-        yield f"**{one.name}** (route)", "the kernel", f"≤ {printer.text(one.within)}", said
+        yield f"{one.name} ({group.name})", f"the `{one.by}` engine", f"≤ {printer.text(one.within)}", allowed
+    for route in mission.inspections:
+        near = " or ".join(f"`{printer.text(by)}`" for by in route.by)
+        order = "in their order" if route.order == "strict" else "in any order"
+        said = f"{near} comes to every waypoint of the route of `{printer.text(route.asset)}`, {order}"
+        yield f"**{route.name}** (route)", "the kernel", f"≤ {printer.text(route.within)}", said
 
 
-def interactions(mission: model.Mission) -> Iterator[tuple[model.Group, str, ex.Expr, ex.Expr, tuple[ex.Expr, ...]]]:
-    """(group, interaction, who may do it, within what, what must be true before) of what targets offer."""
+def interactions(mission: model.Mission) -> Iterator[tuple[model.Group, model.Interaction, tuple[ex.Expr, ...]]]:
+    """(group, interaction, what must be true before) of what targets offer."""
     for group in mission.groups:
-        values = {prop.name: prop.value for prop in group.properties if group.role == "target"}
-        for name, by in values.items():
-            verb = name.removesuffix(_BY)
-            within = values.get(verb + _WITHIN)
-            if name.endswith(_BY) and within is not None:
-                before = tuple(
-                    unlock.condition
-                    for unlock in mission.unlocks
-                    if unlock.interaction == verb and group.name in {given.domain for given in unlock.parameters}
-                )
-                yield group, verb, by, within, before
+        for one in group.interactions:
+            before = tuple(
+                unlock.condition
+                for unlock in mission.unlocks
+                if unlock.interaction == one.name and group.name in {given.domain for given in unlock.parameters}
+            )
+            yield group, one, before
 
 
 def _at_once(condition: ex.Expr) -> bool:

@@ -141,9 +141,9 @@ class _Page:
             yield f"**{rule.name}**{f' of {over}' if over else ''}: {self.words.sentence(rule.condition)}.{once}\n"
         for unlock in self.mission.unlocks:
             yield f"**{unlock.interaction}** is allowed when {self.words.sentence(unlock.condition)}.\n"
-        for group, interaction, _, _, before in interactions(self.mission):
+        for group, one, before in interactions(self.mission):
             if not before:
-                yield f"**{interaction}** of `{group.name}` is allowed from the start.\n"
+                yield f"**{one.name}** of `{group.name}` is allowed from the start.\n"
         yield from self._code(self.printer.rules())
 
     def stages(self) -> Iterator[str]:

@@ -7,13 +7,13 @@ records come back as `use` lines (`lingjing.dsl.imports`), expressions through `
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 import msgspec
 
 from lingjing.dsl.format import format_text
-from lingjing.dsl.imports import Imports, LocalType, find_imports, is_part
+from lingjing.dsl.imports import Imports, LocalType, find_imports
 from lingjing.dsl.phrases import RANGE, SUM, Locals, Phrases, long_text, quoted
 from lingjing.errors import MissionError
 from lingjing.mission import expression as ex
@@ -96,16 +96,21 @@ class Printer:
 
     def _type(self, local: LocalType) -> str:
         lines = [f"engine = {local.engine}"]
-        parts = {name: [p for p in local.properties if is_part(p, name)] for name in local.interactions}
-        taken = {prop.name for own in parts.values() for prop in own}
-        plain = [prop for prop in local.properties if prop.name not in taken]
-        lines.extend(self.properties(plain))
+        lines.extend(self.properties(local.properties))
         lines.extend(self.verb(verb) for verb in local.verbs)
-        for name, own in parts.items():
-            short = [msgspec.structs.replace(prop, name=prop.name.removeprefix(f"{name}_")) for prop in own]
-            lines.append(_block(f"interaction {name}", self.properties(short)))
+        lines.extend(_block(f"interaction {one.name}", self._interaction(one)) for one in local.interactions)
         head = f"{local.role} {local.name} : {local.base}" if local.base else f"{local.role} {local.name}"
         return _block(head, lines, spread=True)
+
+    def _interaction(self, one: model.Interaction) -> Iterator[str]:
+        yield f"by = {one.by}"
+        for key, value in (("within", one.within), ("lasting", one.lasting), ("aboard", one.aboard)):
+            if value is not None:
+                yield f"{key} = {self.text(value)}"
+        said = {"takes": one.takes, "from": one.source, "gives": one.gives, "up_to": one.up_to}
+        for key, word in {**said, "status": one.status, "told": one.told}.items():
+            if word:
+                yield f"{key} = {word}"
 
     def verb(self, verb: model.Verb) -> str:
         """`verb name(…)` of a type."""

@@ -22,10 +22,10 @@ def suffix_of(dimension: Dimension | None) -> str:
 
 
 def lowered(
-    entry: Entry, *, prefix: str = "", inherited: bool = False, hidden: bool = False, state: bool = False
+    entry: Entry, *, inherited: bool = False, hidden: bool = False, state: bool = False
 ) -> tuple[model.Property, ...]:
     """The graph's properties for one read entry."""
-    name, kind = prefix + entry.node.name.text, entry.key.type
+    name, kind = entry.node.name.text, entry.key.type
     hides = hidden or entry.node.hidden
     changes = state or entry.node.state
     relation = entry.relation

@@ -47,29 +47,6 @@ class Attribute(msgspec.Struct, frozen=True):
     state: bool = False
 
 
-class InteractionDecl(msgspec.Struct, frozen=True):
-    """An interaction of a target type, with what its base types say of it: the actor's engine, whether it has a reach,
-    and the names of the states and the limit that goods move between ("" where there is none)."""
-
-    name: str
-    by: str = ""
-    within: bool = False
-    takes: str = ""
-    source: str = ""
-    gives: str = ""
-    up_to: str = ""
-
-    @property
-    def carried(self) -> str:
-        """The actor's state."""
-        return self.source if self.takes else self.gives
-
-    @property
-    def own(self) -> str:
-        """The target's state."""
-        return self.takes or self.source
-
-
 class TypeDecl(msgspec.Struct, frozen=True):
     """An asset or target type. `properties` are already lowered and marked as inherited; `bases` are the types it
     extends, nearest first."""
@@ -80,7 +57,7 @@ class TypeDecl(msgspec.Struct, frozen=True):
     attributes: dict[str, Attribute]
     properties: tuple[model.Property, ...]
     verbs: dict[str, model.Verb]
-    interactions: dict[str, InteractionDecl]
+    interactions: dict[str, model.Interaction]
     span: Span
     bases: tuple[str, ...] = ()
 

@@ -21,7 +21,6 @@ from lingjing.dsl.scope import (
     Attribute,
     CameraDecl,
     Environment,
-    InteractionDecl,
     RecordDecl,
     Scope,
     TypeDecl,
@@ -96,7 +95,7 @@ class TypeChecker:
         base = self._base(node)
         attributes: dict[str, Attribute] = dict(base.attributes) if base else {}
         verbs: dict[str, model.Verb] = dict(base.verbs) if base else {}
-        interactions: dict[str, InteractionDecl] = dict(base.interactions) if base else {}
+        interactions: dict[str, model.Interaction] = dict(base.interactions) if base else {}
         engine = base.engine if base else ""
         own: list[model.Property] = []
         seen: dict[str, s.Property] = {}
@@ -114,8 +113,7 @@ class TypeChecker:
             elif isinstance(item, s.InteractionBlock):
                 entries = self._interaction(item)
                 name = item.name.text
-                interactions = {**interactions, name: declared(name, entries, interactions.pop(name, None))}
-                own.extend(part for e in entries.values() for part in lowered(e, prefix=f"{name}_", inherited=True))
+                interactions[name] = declared(name, entries, interactions.get(name))
             elif not isinstance(item, s.Faulty):
                 self.blocks.misplaced(
                     item, f"the {node.keyword} type `{node.name.text}`", ("engine", "verb", "interaction")

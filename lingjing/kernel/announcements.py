@@ -14,14 +14,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 
 from lingjing.mission.expression import Aggregate, Call, Expr, Quantified, Ref, Symbol, children
-from lingjing.mission.instance import AgentSpec, Entity, Instance
+from lingjing.mission.instance import AgentSpec, Instance
 from lingjing.mission.model import Rule
 from lingjing.trace.records import Event, EventView, TaskEvent
 
 ALL, ACTOR, NONE = "all", "actor", "none"
 """Whoever observes events; of them who commands a body that took part; nobody."""
 
-_BY = "_by"
 
 _READS_TRUTH = frozenset({"truth", "clear"})
 """Functions whose answer comes from hidden entities that their arguments do not name."""
@@ -59,8 +58,9 @@ class Announcements:
             return NONE if event.entities and self._unplaced.issuperset(event.entities) else ALL
         entities = [self._entities[name] for name in event.entities if name in self._entities]
         for entity in entities:
-            if event.kind + _BY in entity.properties:
-                return _declared(entity, event.kind)
+            for one in entity.interactions:
+                if one.name == event.kind:
+                    return one.told or (NONE if entity.hidden else ALL)
         return ACTOR if any(entity.id in self._unplaced for entity in entities) else ALL
 
     def _view(self, name: str, tick: int, kind: str, entities: Iterable[str]) -> EventView:
@@ -68,17 +68,12 @@ class Announcements:
         return EventView(id=name, kind=kind, tick=tick, entities=named)
 
 
-def _declared(entity: Entity, interaction: str) -> str:
-    word = entity.properties.get(f"{interaction}_told")
-    return word if isinstance(word, str) else NONE if entity.hidden else ALL
-
-
 def _open_kinds(instance: Instance) -> Iterable[str]:
     """The rules and constraints that read nothing hidden and no message."""
     secret = {name for entity in instance.entities if entity.hidden for name in (entity.group, entity.id)}
     secret |= {region.name for region in instance.regions if region.hidden}
     secret |= {message.kind for message in instance.messages}
-    secret |= {word for entity in instance.entities if entity.hidden for word in _interactions(entity)}
+    secret |= {one.name for entity in instance.entities if entity.hidden for one in entity.interactions}
     rules = {rule.name: rule for rule in instance.rules}
     for rule in instance.rules:
         if not _rule_reads(rule, rules, secret):
@@ -86,11 +81,6 @@ def _open_kinds(instance: Instance) -> Iterable[str]:
     for constraint in instance.constraints:
         if constraint.domain not in secret and not _reads(constraint.condition, rules, secret):
             yield constraint.name
-
-
-def _interactions(entity: Entity) -> Iterable[str]:
-    """The interactions of a type, which `emitted(record)` may ask for without naming whose."""
-    return (name.removesuffix(_BY) for name in entity.properties if name.endswith(_BY))
 
 
 def _rule_reads(rule: Rule, rules: Mapping[str, Rule], secret: set[str]) -> bool:

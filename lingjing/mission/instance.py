@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import Literal
 
 from lingjing.mission.expression import Expr
-from lingjing.mission.model import Constraint, Field, Record, Relation, Rule, Stage, Unlock
+from lingjing.mission.model import Constraint, Exchange, Field, Record, Relation, Rule, Stage, Unlock
 
 Vector = tuple[float, float, float]
 Scalar = bool | int | float | str
@@ -121,6 +121,17 @@ class VerbSpec(Record, frozen=True, kw_only=True):
     doc: str = ""
 
 
+class InteractionSpec(Exchange, frozen=True, kw_only=True):
+    """What an actor may do to one target (`lingjing.mission.model.Interaction`), in metres and seconds.
+
+    `lasting_s` None means at once, or as long as the target's nature takes.
+    """
+
+    within_m: float
+    lasting_s: float | None = None
+    aboard: bool = False
+
+
 class Entity(Record, frozen=True, kw_only=True):
     """An asset or a target with one owning engine.
 
@@ -128,8 +139,8 @@ class Entity(Record, frozen=True, kw_only=True):
     type say beyond the named fields, in SI units (`drift_mps`, `speed_mps`, …: see `lingjing.mission.instantiate`).
     `hidden` names the properties (and `position`) that must never reach a policy, `state` those that the engine
     changes while the mission runs. A `dormant` entity is not there until an event lets it appear. `bases` are the
-    types that its type extends, nearest first. `drawn_in` is the outline its place is drawn from, metres: the scene
-    does not move it out of there.
+    types that its type extends, nearest first, `interactions` what may be done to it. `drawn_in` is the outline its
+    place is drawn from, metres: the scene does not move it out of there.
     """
 
     id: str
@@ -148,6 +159,7 @@ class Entity(Record, frozen=True, kw_only=True):
     state: tuple[str, ...] = ()
     dormant: bool = False
     bases: tuple[str, ...] = ()
+    interactions: tuple[InteractionSpec, ...] = ()
     drawn_in: tuple[tuple[float, float], ...] = ()
 
 

@@ -143,6 +143,68 @@ class Verb(Record, frozen=True, kw_only=True):
     doc: str = ""
 
 
+class Exchange(Record, frozen=True, kw_only=True):
+    """What an interaction moves and says, the same in a mission and in its instances.
+
+    `by` names the engine of who acts. `takes`, `source` (the author's `from`), `gives` and `up_to` are names of states
+    and limits without units, "" where there is none: `takes` and `source` lower the target's state by what the actor's
+    allows, `takes` alone works it off, `gives` raises the actor's state as far as its `up_to` and out of the target's
+    `source`. `status` is the target's word afterwards, "" for the past participle of the name; `told` says which agents
+    learn of it (`lingjing.kernel.announcements`), "" for the usual.
+    """
+
+    name: str
+    by: str
+    status: str = ""
+    takes: str = ""
+    source: str = ""
+    gives: str = ""
+    up_to: str = ""
+    told: Literal["", "all", "actor", "none"] = ""
+
+    @property
+    def moves_goods(self) -> bool:
+        """Whether something changes hands; then it may happen again and again."""
+        return bool(self.gives or (self.takes and self.source))
+
+    @property
+    def works_off(self) -> bool:
+        """Whether it lowers a state of the target while the actor is there, and nobody gets what is taken."""
+        return bool(self.takes) and not self.source
+
+    @property
+    def hands_out(self) -> bool:
+        """Whether it gives the actor something, as a depot does."""
+        return bool(self.gives)
+
+    @property
+    def carried(self) -> str:
+        """The state of the actor that goods are taken from or put into; "" if nothing changes hands."""
+        return self.source if self.takes else self.gives
+
+    @property
+    def own(self) -> str:
+        """The state of the target that goods come from or go to; "" for a supply that is not counted."""
+        return self.takes or self.source
+
+    @property
+    def done_word(self) -> str:
+        """The target's status afterwards."""
+        return self.status or self.name + ("d" if self.name.endswith("e") else "ed")
+
+
+class Interaction(Exchange, frozen=True, kw_only=True):
+    """`interaction rescue { by = vessel, within = 50 m, lasting = 20 s }` of a target's type: what an actor does to it.
+
+    `within` is an inclusive radius in metres, `lasting` how long the actor stays there in seconds. `aboard` says
+    whether the actor takes the target along; None: if it drifts.
+    """
+
+    within: Expr
+    lasting: Expr | None = None
+    aboard: Expr | None = None
+
+
 class Group(Record, frozen=True, kw_only=True):
     """A declared entity or an indexed group of them: `asset uav[1..uavs] : quadrotor` or `target victim[…] : …`.
 
@@ -163,6 +225,7 @@ class Group(Record, frozen=True, kw_only=True):
     labels: tuple[str, ...] = ()
     when: Guard | None = None
     bases: tuple[str, ...] = ()
+    interactions: tuple[Interaction, ...] = ()
 
 
 class Channel(Record, frozen=True, kw_only=True):

@@ -9,8 +9,8 @@ from lingjing.errors import MissionError
 from lingjing.mission import expression as ex
 from lingjing.mission import geometry2d, model
 from lingjing.mission.draws import draw, outline
-from lingjing.mission.evaluate import Interval, Members, Place, Scope, Value, describe, evaluate, number, whole
-from lingjing.mission.instance import ArgumentSpec, CameraSpec, Datum, Entity, Scalar, Vector, VerbSpec
+from lingjing.mission.evaluate import Interval, Members, Place, Scope, Value, describe, evaluate, flag_of, number, whole
+from lingjing.mission.instance import ArgumentSpec, CameraSpec, Datum, Entity, InteractionSpec, Scalar, Vector, VerbSpec
 from lingjing.mission.units import without_unit
 
 MEMBERS_MOST = 100_000
@@ -120,6 +120,10 @@ def entities(
     verbs = tuple(_verb(verb, scope, f"{mission}/{group.name}/{verb.name}") for verb in group.verbs)
     hidden = tuple(sorted({prop.name for prop in group.properties if prop.hidden}))
     state = tuple(prop.name for prop in group.properties if prop.state)
+    drifts = "drift_mps" in columns
+    interactions = tuple(
+        _interaction(one, scope, f"{mission}/{group.name}/{one.name}", drifts) for one in group.interactions
+    )
     with at_path(f"{mission}/{group.name}/position"):
         drawn_in = _drawn_in(group, template_draw, columns["position"], scope)
     made = []
@@ -147,10 +151,22 @@ def entities(
                     verbs=verbs,
                     state=state,
                     bases=group.bases,
+                    interactions=interactions,
                     drawn_in=drawn_in,
                 )
             )
     return tuple(made)
+
+
+def _interaction(one: model.Interaction, scope: Scope, path: str, drifts: bool) -> InteractionSpec:
+    said = {name: getattr(one, name) for name in model.Exchange.__struct_fields__}
+    with at_path(path):
+        return InteractionSpec(
+            within_m=number(one.within, scope),
+            lasting_s=None if one.lasting is None else number(one.lasting, scope),
+            aboard=drifts if one.aboard is None else flag_of(one.aboard, scope),
+            **said,
+        )
 
 
 def _check_ability(name: str, value: Value, engine: str) -> None:

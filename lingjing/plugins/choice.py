@@ -22,7 +22,6 @@ _COMPARED: Mapping[str, Callable[[float, float], bool]] = {
     "==": operator.eq,
     "!=": operator.ne,
 }
-_CHANGED = ("_takes", "_gives", "_from")
 _RECKONED: Mapping[str, Callable[[float, float], float]] = {"+": operator.add, "-": operator.sub, "*": operator.mul}
 _OVER: Mapping[str, Callable[[Sequence[float]], float]] = {"min": min, "max": max, "sum": sum}
 
@@ -38,7 +37,7 @@ def meant(condition: Expr, variable: str, members: Sequence[Entity], instance: I
 
 def declared(entity: Entity, name: str) -> float | None:
     """A declared number of an entity by its name without a unit; None for a stock that interactions change."""
-    if any(key.endswith(_CHANGED) and value == name for key, value in entity.properties.items()):
+    if any(name in (one.takes, one.gives, one.source) for one in entity.interactions):
         return None
     for key, value in entity.properties.items():
         if without_unit(key) == name and isinstance(value, int | float) and not isinstance(value, bool):

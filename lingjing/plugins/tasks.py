@@ -15,7 +15,6 @@ from lingjing.mission.model import Rule
 from lingjing.plugins.choice import meant
 
 _EMITTED = "emitted"
-_BY = "_by"
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,17 +41,10 @@ class Task:
 
 def possible(entity: Entity) -> tuple[Task, ...]:
     """Every interaction that an entity's type declares."""
-    found = []
-    for key, engine in entity.properties.items():
-        name = key.removesuffix(_BY)
-        within = entity.properties.get(f"{name}_within_m")
-        if key.endswith(_BY) and isinstance(engine, str) and isinstance(within, int | float):
-            words = {word: entity.properties.get(f"{name}_{word}") for word in ("takes", "from", "gives", "up_to")}
-            text = {word: value if isinstance(value, str) else "" for word, value in words.items()}
-            found.append(
-                Task(name, entity.id, engine, float(within), text["takes"], text["from"], text["gives"], text["up_to"])
-            )
-    return tuple(found)
+    return tuple(
+        Task(one.name, entity.id, one.by, one.within_m, one.takes, one.source, one.gives, one.up_to)
+        for one in entity.interactions
+    )
 
 
 def asked(instance: Instance) -> tuple[Task, ...]:

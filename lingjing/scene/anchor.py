@@ -407,11 +407,4 @@ def _distance(building: Building, x: float, y: float) -> float:
 
 def _reach_of(entity: Entity, engine: str) -> float | None:
     """The smallest distance from which bodies of an engine interact with an entity, if any do."""
-    found = [
-        float(within)
-        for name, value in entity.properties.items()
-        if name.endswith("_by") and value == engine
-        for within in (entity.properties.get(f"{name.removesuffix('_by')}_within_m"),)
-        if isinstance(within, int | float)
-    ]
-    return min(found, default=None)
+    return min((one.within_m for one in entity.interactions if one.by == engine), default=None)

@@ -9,7 +9,7 @@ import pytest
 
 from lingjing.analysis.idleness import idle_fraction
 from lingjing.mission.expression import Flag, Quantified
-from lingjing.mission.instance import AgentSpec, Entity
+from lingjing.mission.instance import AgentSpec, Entity, InteractionSpec
 from lingjing.mission.model import Stage
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import (
@@ -25,6 +25,7 @@ from lingjing.trace.records import (
 
 replace = msgspec.structs.replace
 PATH = Path("trace.mcap")
+EXTINGUISH = InteractionSpec(name="extinguish", by="road", within_m=30.0)
 AGENTS = {"hub": (), "pilot": ("uav",), "driver": ("truck",)}
 
 
@@ -42,7 +43,7 @@ def header(trace: Trace):  # type: ignore[no-untyped-def]
         AgentSpec(id=name, name=name, index=1, role=name, controls=body, commands=body, observes=())
         for name, body in AGENTS.items()
     )
-    fire = thing("fire", "target", "city", extinguish_by="road", extinguish_within_m=30.0)
+    fire = replace(thing("fire", "target", "city"), interactions=(EXTINGUISH,))
     entities = (fire, thing("uav", "asset", "multirotor"), thing("truck", "asset", "road"))
     instance = replace(trace.header.instance, agents=agents, entities=entities, rules=(), unlocks=(), stages=())
     return replace(trace.header, instance=instance)

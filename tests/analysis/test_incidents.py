@@ -20,7 +20,7 @@ from lingjing.bench.fleet import RunOptions, play_here
 from lingjing.cli.progress import LiveProgress
 from lingjing.cli.scorecard import MOST_ROWS, plain, scorecard
 from lingjing.dsl.load import load_mission
-from lingjing.mission.instance import Entity
+from lingjing.mission.instance import Entity, InteractionSpec
 from lingjing.plugins.policy import Action, Brief, Decision, Inbox, Observation
 from lingjing.trace.reader import Trace, read_trace
 from lingjing.trace.records import BodyState, Snapshot, TaskEvent
@@ -118,7 +118,10 @@ def test_a_bump_long_before_explains_no_death_but_an_empty_battery_does(of) -> N
 
 def test_what_is_no_incident(of) -> None:  # type: ignore[no-untyped-def]
     """Strangers among themselves, a target's status, an interaction and an event of the mission that are called so."""
-    known = (entity("a"), entity("tree", "target", fell_by="a"))
+    known = (
+        entity("a"),
+        replace(entity("tree", "target"), interactions=(InteractionSpec(name="fell", by="a", within_m=1.0),)),
+    )
     seen = (snapshot(10.0, tree="dead", raft="dead", stranger="dead"),)
     events = (
         happened("collided", 1.0, "car-1", "car-2"),

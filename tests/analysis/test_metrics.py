@@ -11,7 +11,7 @@ from lingjing.analysis.detection import detect, numbers
 from lingjing.analysis.metrics import Metrics, metrics
 from lingjing.analysis.repetition import Reach, reaches_of, repeated_target_rate
 from lingjing.mission.expression import Attr, Binary, Call, Number, Quantified, Ref
-from lingjing.mission.instance import AgentSpec, Entity
+from lingjing.mission.instance import AgentSpec, Entity, InteractionSpec
 from lingjing.mission.model import Rule, RuleParameter, Unlock
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import (
@@ -370,19 +370,19 @@ def test_reports_that_no_rule_judges_are_neither_true_nor_false(of, trace: Trace
 
 def courier_service(trace: Trace) -> object:
     """The header of a delivery: two vans of 200 kg, stops of 250 kg and 100 kg that are served within 30 m, a depot."""
-    deliver = {"deliver_by": "road", "deliver_within_m": 30.0, "deliver_takes": "demand", "deliver_from": "load"}
-    restock = {"restock_by": "road", "restock_within_m": 50.0, "restock_gives": "load"}
+    deliver = InteractionSpec(name="deliver", by="road", within_m=30.0, takes="demand", source="load")
+    restock = InteractionSpec(name="restock", by="road", within_m=50.0, gives="load")
 
-    def thing(name: str, group: str, role: str, **properties: object) -> Entity:
+    def thing(name: str, group: str, role: str, *acts: InteractionSpec, **properties: object) -> Entity:
         return Entity(
             id=name, group=group, index=1, role=role, type=group, engine="road" if role == "asset" else "city",
-            position=(0.0, 0.0, 0.0), properties=properties,  # type: ignore[arg-type]
+            position=(0.0, 0.0, 0.0), properties=properties, interactions=acts,  # type: ignore[arg-type]
         )  # fmt: skip
 
     entities = (
-        thing("depot", "depot", "target", **restock),
-        thing("point[1]", "point", "target", demand_kg=250.0, **deliver),
-        thing("point[2]", "point", "target", demand_kg=100.0, **deliver),
+        thing("depot", "depot", "target", restock),
+        thing("point[1]", "point", "target", deliver, demand_kg=250.0),
+        thing("point[2]", "point", "target", deliver, demand_kg=100.0),
         thing("van[1]", "van", "asset", payload_kg=200.0),
         thing("van[2]", "van", "asset", payload_kg=200.0),
     )

@@ -20,6 +20,7 @@ from lingjing.analysis.overview.score import draw_score
 from lingjing.analysis.overview.timeline import draw_events
 from lingjing.analysis.story import Happened, Story, tell
 from lingjing.errors import UsageError
+from lingjing.mission.instance import InteractionSpec
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import Outcome, TaskEvent
 
@@ -211,8 +212,8 @@ def test_what_the_engine_recorded_looks_found(trace: Trace) -> None:
     """A jam of which success asks nothing, over which somebody flew."""
     instance = trace.header.instance
     victim = next(entity for entity in instance.entities if entity.group == "victim")
-    jam = {"record_by": "multirotor", "record_within_m": 25.0, "record_status": "recorded"}
-    jams = tuple(replace(victim, id=f"jam[{n}]", group="jam", index=n, properties=jam) for n in (1, 2))
+    record = InteractionSpec(name="record", by="multirotor", within_m=25.0, status="recorded")
+    jams = tuple(replace(victim, id=f"jam[{n}]", group="jam", index=n, interactions=(record,)) for n in (1, 2))
     header = replace(trace.header, instance=replace(instance, entities=(*instance.entities, *jams)))
     event = TaskEvent(kind="record", entities=("jam[1]", "uav[1]"), time_s=10.0)
     first = replace(trace.boundaries[1], task_events=(*trace.boundaries[1].task_events, event))

@@ -83,6 +83,12 @@ def test_engines_in_the_caller_are_pinned_as_well():
     assert inline["withdrawn"] == plain()["withdrawn"][:1]
 
 
+def runs_here(settings: dict[str, str]) -> bool:
+    """Whether this processor has the instructions of the kernels that are asked for; without them it stops."""
+    asked = settings.get("OPENBLAS_CORETYPE")
+    return asked != "SkylakeX" or numerics.processor_flags().issuperset(SKYLAKE)
+
+
 _PRODUCTS = """
 import hashlib, sys
 from lingjing import numerics
@@ -102,7 +108,7 @@ def test_without_the_pins_a_network_answers_otherwise():
     """What a perceptron of the dog's size answers in 32 bits: it decides the next step, and a walk grows its last bit.
     (The dog's own is summed in 64 bits, and an episode of its engines does not differ any more.)"""
     pinned = {python("-c", _PRODUCTS, "pin", **settings).stdout for settings in PROCESSORS}
-    free = {python("-c", _PRODUCTS, **settings).stdout for settings in PROCESSORS}
+    free = {python("-c", _PRODUCTS, **settings).stdout for settings in PROCESSORS if runs_here(settings)}
     assert len(pinned) == 1
     assert len(free) > 1
 

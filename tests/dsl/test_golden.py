@@ -42,7 +42,8 @@ def test_types_are_merged_so_that_the_graph_stands_alone(ssr: Mission) -> None:
     assert given["position"].hidden and given["position"].relation == "~"
     assert isinstance(given["position"].value, ex.Draw)
     assert given["drift_mps"].value == ex.Number(0.1, "m/s") and not given["drift_mps"].inherited
-    assert given["rescue_within_m"].value == ex.Number(50.0, "m") and given["rescue_within_m"].inherited
+    (rescue,) = victim.interactions
+    assert (rescue.name, rescue.by, rescue.within) == ("rescue", "vessel", ex.Number(50.0, "m"))
 
 
 def test_units_are_lowered_to_si(ssr: Mission) -> None:

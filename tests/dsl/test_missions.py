@@ -92,8 +92,8 @@ def test_the_papers_tables(
 
 @pytest.mark.parametrize(("name", "interaction", "radius"), RADII)
 def test_the_papers_radii(nine: dict[str, Mission], name: str, interaction: str, radius: float) -> None:
-    found = [e.properties.get(f"{interaction}_within_m") for e in instantiate(nine[name]).entities]
-    assert {value for value in found if value is not None} == {float(radius)}
+    acts = [one for entity in instantiate(nine[name]).entities for one in entity.interactions]
+    assert {one.within_m for one in acts if one.name == interaction} == {float(radius)}
 
 
 @pytest.mark.parametrize(("name", "sweep", "param", "values"), SWEEPS)

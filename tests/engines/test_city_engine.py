@@ -7,7 +7,6 @@ from pytest import approx
 
 from lingjing.engines import sea
 from lingjing.engines.city.engine import CityEngine
-from lingjing.engines.city.interaction import interactions
 from lingjing.mission.instance import Weather
 from lingjing.trace.records import BodyState
 
@@ -149,12 +148,3 @@ def test_the_rescued_are_taken_along(drift):
 def test_what_is_no_unlock_is_refused(drift, verb, origin, target, reason):
     receipt = drift().command(target, verb, origin=origin)
     assert (receipt.status, receipt.reason) == ("rejected", reason)
-
-
-def test_interactions_are_read_from_properties(victim):
-    both = victim(1, extinguish_by="road", extinguish_within_m=12.0, extinguish_aboard=False, rescue_status="safe")
-    found = interactions(both)
-    assert set(found) == {"rescue", "extinguish"}
-    assert (found["rescue"].status, found["rescue"].takes_aboard) == ("safe", True)
-    assert (found["extinguish"].done_word, found["extinguish"].takes_aboard) == ("extinguished", False)
-    assert (found["extinguish"].by_engine, found["extinguish"].within_m) == ("road", 12.0)

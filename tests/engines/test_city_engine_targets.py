@@ -7,7 +7,7 @@ from pytest import approx
 from lingjing.engines.city.engine import CityEngine
 from lingjing.engines.city.nature import nature_of
 from lingjing.errors import UsageError
-from lingjing.mission.instance import Clock, Entity, EventSpec, Weather
+from lingjing.mission.instance import Clock, Entity, EventSpec, InteractionSpec, Weather
 from lingjing.plugins.engine import EngineSpec
 from lingjing.scene.city import City
 from lingjing.trace.records import BodyState
@@ -15,7 +15,11 @@ from lingjing.trace.records import BodyState
 DRY = City(id="dry", origin=(31.0, 121.5), bounds=(-1000.0, -1000.0, 1000.0, 1000.0))
 
 
-def target(name, position=(0.0, 0.0, 0.0), state=(), dormant=False, **properties):
+def act(name, by, within_m, **more):
+    return InteractionSpec(name=name, by=by, within_m=within_m, **more)
+
+
+def target(name, *acts, position=(0.0, 0.0, 0.0), state=(), dormant=False, **properties):
     return Entity(
         id=name,
         group=name.partition("[")[0],
@@ -27,6 +31,7 @@ def target(name, position=(0.0, 0.0, 0.0), state=(), dormant=False, **properties
         properties=properties,
         state=state,
         dormant=dormant,
+        interactions=acts,
     )
 
 
@@ -44,38 +49,30 @@ def actor(name, engine, state=(), **properties):
     )
 
 
-def fire(**more):
-    about = {"heat": 1.0, "extinguish_by": "road", "extinguish_within_m": 30.0}
-    return target("fire", state=("heat",), **{**about, **more})
+def fire(lasting_s=None, **more):
+    put_out = act("extinguish", "road", 30.0, lasting_s=lasting_s)
+    return target("fire", put_out, state=("heat",), **{"heat": 1.0, **more})
 
 
 def leak(**more):
-    return target("leak", state=("flow",), flow=1.0, seal_by="quadruped", seal_within_m=5.0, **more)
+    return target("leak", act("seal", "quadruped", 5.0), state=("flow",), flow=1.0, **more)
 
 
 def point(name="point[1]", demand=250.0, x=0.0):
     return target(
         name,
-        (x, 0.0, 0.0),
+        act("deliver", "road", 30.0, takes="demand", source="load", status="served"),
+        position=(x, 0.0, 0.0),
         state=("demand_kg",),
         demand_kg=demand,
-        deliver_by="road",
-        deliver_within_m=30.0,
-        deliver_takes="demand",
-        deliver_from="load",
-        deliver_status="served",
     )
 
 
 def depot():
     return target(
         "depot",
-        (300.0, 0.0, 0.0),
-        restock_by="road",
-        restock_within_m=50.0,
-        restock_gives="load",
-        restock_up_to="payload",
-        restock_status="open",
+        act("restock", "road", 50.0, gives="load", up_to="payload", status="open"),
+        position=(300.0, 0.0, 0.0),
     )
 
 
@@ -92,8 +89,8 @@ def play(player, instance_of):
         instance = msgspec.structs.replace(instance_of(entities, weather, sync_s), **changes)
         played = player(CityEngine(), instance, city, "city", seed)
         for entity in entities:
-            for name in [key.removesuffix("_by") for key in entity.properties if key.endswith("_by")]:
-                assert played.command(entity.id, f"unlock.{name}", origin="kernel").status == "accepted"
+            for one in entity.interactions:
+                assert played.command(entity.id, f"unlock.{one.name}", origin="kernel").status == "accepted"
         return played
 
     return start
@@ -142,10 +139,10 @@ def test_driving_past_a_fire_does_not_put_it_out(play):
 
 
 def test_how_long_an_interaction_lasts_is_the_types_to_say(play):
-    played = play(fire(extinguish_lasting_s=0.0), TRUCK)
+    played = play(fire(lasting_s=0.0), TRUCK)
     played.step((at("truck", 30.0),))
     assert [event.time_s for event in played.events] == [0.5]
-    slow = play(fire(extinguish_lasting_s=60.0, heat=0.5), TRUCK)
+    slow = play(fire(lasting_s=60.0, heat=0.5), TRUCK)
     slow.run(40.0, (at("truck", 30.0),))
     assert [event.time_s for event in slow.events] == [approx(30.5)]
 
@@ -162,7 +159,7 @@ def test_a_leak_flows_until_it_is_sealed_and_keeps_what_was_done(play):
 
 
 def test_lasting_counts_for_one_actor_at_a_time(play):
-    door = target("door", receive_by="road", receive_within_m=15.0, receive_lasting_s=4.0, receive_status="served")
+    door = target("door", act("receive", "road", 15.0, lasting_s=4.0, status="served"))
     played = play(door, van(1), van(2))
     for number in range(20):  # the two take turns of two seconds
         played.step((at(f"van[{1 + number // 4 % 2}]", 5.0),))
@@ -220,10 +217,8 @@ def test_one_load_is_never_given_to_two_points_in_reach_at_once(play):
 
 
 def test_a_stock_of_the_target_runs_out(play):
-    about = {"collect_by": "vessel", "collect_within_m": 20.0, "collect_lasting_s": 2.0, "collect_gives": "cargo"}
-    barrel = target(
-        "barrel", state=("content_kg",), content_kg=200.0, collect_from="content", collect_status="collected", **about
-    )
+    collect = act("collect", "vessel", 20.0, lasting_s=2.0, gives="cargo", source="content", status="collected")
+    barrel = target("barrel", collect, state=("content_kg",), content_kg=200.0)
     played = play(barrel, actor("boat", "vessel", state=("cargo_kg",), cargo_kg=0.0))
     played.run(2.0, (at("boat", 20.0),))
     assert played.events == []
@@ -233,14 +228,14 @@ def test_a_stock_of_the_target_runs_out(play):
 
 
 def test_giving_without_end_is_the_authors_mistake(instance_of):
-    spring = target("spring", fill_by="road", fill_within_m=10.0, fill_gives="load")
+    spring = target("spring", act("fill", "road", 10.0, gives="load"))
     instance = instance_of([spring, van(1)])
     with pytest.raises(UsageError, match="`fill` of `spring` gives `van\\[1\\]` `load` without end"):
         CityEngine().reset(EngineSpec(engine="city", instance=instance, owns=("spring",)), DRY, 1)
 
 
 def test_a_jam_blocks_whatever_is_recorded_and_is_cleared_by_its_event(play):
-    jam = target("jam", blocks=True, record_by="multirotor", record_within_m=25.0, record_status="recorded")
+    jam = target("jam", act("record", "multirotor", 25.0, status="recorded"), blocks=True)
     clears = EventSpec(name="clears", tick=2, vanish=("jam",))
     played = play(jam, actor("uav", "multirotor"), events=(clears,))
     played.run(10.0, (at("uav", 25.0),))
@@ -272,7 +267,7 @@ def test_an_actor_that_is_not_there_or_a_wreck_does_nothing(play, status):
 
 def test_a_queue_grows_and_shrinks_by_its_seed(play):
     def shop(**rates):
-        return target("shop", state=("people",), people=4, join_by="quadruped", join_within_m=5.0, **rates)
+        return target("shop", act("join", "quadruped", 5.0), state=("people",), people=4, **rates)
 
     def counts(seed, **rates):
         played = play(shop(**rates), DOG, seed=seed)
@@ -288,8 +283,7 @@ def test_a_queue_grows_and_shrinks_by_its_seed(play):
 
 
 def test_a_broken_span_stays_broken_where_it_is(play, open_sea):
-    about = {"on": "bridge", "width_m": 8.0, "inspect_by": "multirotor", "inspect_within_m": 25.0}
-    span = target("span", (0.0, 0.0, 12.0), **about)
+    span = target("span", act("inspect", "multirotor", 25.0), position=(0.0, 0.0, 12.0), on="bridge", width_m=8.0)
     played = play(span, actor("uav", "multirotor"), city=open_sea, weather=Weather(wave_height_m=1.0))
     played.run(2.0, (at("uav", 25.0),))
     assert [event.kind for event in played.events] == ["inspect"]
@@ -302,7 +296,7 @@ def test_a_type_may_name_its_first_status_word():
 
 
 def test_a_turn_of_the_weather_turns_the_drift(play, open_sea):
-    swimmer = target("swimmer", (0.0, 0.0, -3.5), drift_mps=1.0)
+    swimmer = target("swimmer", position=(0.0, 0.0, -3.5), drift_mps=1.0)
     turn = EventSpec(name="tide", tick=1, weather=Weather(current_mps=0.5, current_to_deg=270.0))
     weather = Weather(current_mps=0.5, current_to_deg=90.0)
     played = play(swimmer, weather=weather, city=open_sea, events=(turn,), clock=Clock(tick_s=60.0, sync_s=0.5))
@@ -321,8 +315,8 @@ def test_a_state_lives_until_something_declared_changes_it(play):
         ("heat_kg", "seats_kg"),
         ("flow_m3", "seats_m3"),
     ):
-        about = {"board_by": "road", "board_within_m": 10.0, "board_gives": "riders", "board_up_to": "seats"}
-        stop = target("stop", state=(state,), board_from=state.partition("_")[0], **{state: 4.0}, **about)
+        board = act("board", "road", 10.0, gives="riders", source=state.partition("_")[0], up_to="seats")
+        stop = target("stop", board, state=(state,), **{state: 4.0})
         riders = state.replace(state.partition("_")[0], "riders")
         bus = actor("bus", "road", state=(riders,), **{riders: 0.0, up_to: 3.0})
         played = play(stop, bus)
@@ -334,8 +328,8 @@ def test_a_state_lives_until_something_declared_changes_it(play):
 
 
 def test_who_boards_a_queue_leaves_it_and_it_grows_on(play):
-    about = {"board_by": "road", "board_within_m": 10.0, "board_gives": "riders", "board_from": "people"}
-    shop = target("shop", state=("people",), people=4, arrivals_hz=0.05, **about)
+    board = act("board", "road", 10.0, gives="riders", source="people")
+    shop = target("shop", board, state=("people",), people=4, arrivals_hz=0.05)
     played = play(shop, actor("bus", "road", state=("riders",), riders=0.0))
     played.run(1.0, (at("bus", 10.0),))
     assert played.state.resources["people"] == 0.0
@@ -344,18 +338,15 @@ def test_who_boards_a_queue_leaves_it_and_it_grows_on(play):
 
 
 def test_two_interactions_work_off_two_states_and_goods_leave_a_fire_alone(play):
-    about = {"drop_by": "road", "drop_within_m": 10.0, "drop_takes": "demand", "drop_from": "load"}
-    also = {"cool_by": "quadruped", "cool_within_m": 2.0, "cool_takes": "heat", "cool_lasting_s": 10.0}
-    clean = {"wash_by": "quadruped", "wash_within_m": 2.0, "wash_takes": "soot", "wash_lasting_s": 20.0}
     depot = target(
         "depot",
+        act("drop", "road", 10.0, takes="demand", source="load"),
+        act("cool", "quadruped", 2.0, takes="heat", lasting_s=10.0),
+        act("wash", "quadruped", 2.0, takes="soot", lasting_s=20.0),
         state=("demand_kg", "heat", "soot_kg"),
         demand_kg=300.0,
         heat=1.0,
         soot_kg=8.0,
-        **about,
-        **also,
-        **clean,
     )
     played = play(depot, van(1), DOG)
     played.run(5.5, (at("van[1]", 5.0), at("dog", 1.0)))
@@ -374,9 +365,8 @@ def test_who_has_not_declared_what_is_moved_takes_no_part(play):
 
 
 def test_one_state_in_two_units_is_the_authors_mistake(instance_of):
-    crate = target("crate", state=("weight",), weight=5.0, load_by="road", load_within_m=9.0, load_gives="load")
-    for own in ({"load_from": "weight"}, {"load_up_to": "seats"}):
-        named = msgspec.structs.replace(crate, properties={**crate.properties, **own})
+    for own in ({"source": "weight"}, {"up_to": "seats"}):
+        named = target("crate", act("load", "road", 9.0, gives="load", **own), state=("weight",), weight=5.0)
         with pytest.raises(UsageError, match="`load` of `crate` moves `load` of `van\\[1\\]` in different units"):
             seated = msgspec.structs.replace(van(1), properties={**van(1).properties, "seats": 4.0})
             instance = instance_of([named, seated])

@@ -6,7 +6,7 @@ import pytest
 import tests.kernel.kernel_kit as kit
 from lingjing.kernel.announcements import Announcements
 from lingjing.mission.expression import Binary, Call, Number, Point, Quantified, Ref, Symbol
-from lingjing.mission.instance import ChannelSpec
+from lingjing.mission.instance import ChannelSpec, InteractionSpec
 from lingjing.mission.model import Constraint
 from lingjing.trace.records import Event, TaskEvent
 
@@ -18,10 +18,9 @@ PAST = Binary(
 
 def instance(told=None, **changes):
     made = kit.make_instance("star", **changes)
-    word = {} if told is None else {"rescue_told": told}
-    properties = {"rescue_by": "glider", "rescue_within_m": 50.0, **word}
+    rescue = InteractionSpec(name="rescue", by="glider", within_m=50.0, told=told or "")
     entities = tuple(
-        msgspec.structs.replace(entity, properties=properties) if entity.role == "target" else entity
+        msgspec.structs.replace(entity, interactions=(rescue,)) if entity.role == "target" else entity
         for entity in made.entities
     )
     agents = tuple(

@@ -7,7 +7,7 @@ import pytest
 
 import tests.kernel.world_toys as toys
 from lingjing.kernel.world import open_world
-from lingjing.mission.instance import CameraSpec, Entity, SceneSpec, Weather
+from lingjing.mission.instance import CameraSpec, Entity, InteractionSpec, SceneSpec, Weather
 from lingjing.plugins.host import PluginHost
 from lingjing.trace.records import Command
 
@@ -59,7 +59,8 @@ def victim():
         type="person_in_water",
         engine="city",
         position=(300.0, -850.0, -3.5),
-        properties={"drift_mps": 0.1, "rescue_by": "vessel", "rescue_within_m": 50.0},
+        properties={"drift_mps": 0.1},
+        interactions=(InteractionSpec(name="rescue", by="vessel", within_m=50.0, aboard=True),),
     )
 
 

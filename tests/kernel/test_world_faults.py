@@ -13,7 +13,7 @@ import tests.kernel.world_toys as toys
 from lingjing.kernel.episode import play, seat
 from lingjing.kernel.step import Kernel
 from lingjing.kernel.world import open_world
-from lingjing.mission.instance import AgentSpec, ChannelSpec, Entity, VerbSpec
+from lingjing.mission.instance import AgentSpec, ChannelSpec, Entity, InteractionSpec, VerbSpec
 from lingjing.trace.digest import verify
 from lingjing.trace.reader import read_trace
 from lingjing.trace.records import Action, Decision, Header
@@ -171,7 +171,8 @@ def fire(number):
         type="building_fire",
         engine="city",
         position=(10.0 * number, 0.0, 0.0),
-        properties={"heat": 1.0, "extinguish_by": "toy_a", "extinguish_within_m": 5.0},
+        properties={"heat": 1.0},
+        interactions=(InteractionSpec(name="extinguish", by="toy_a", within_m=5.0),),
         state=("heat",),
     )
 

@@ -10,6 +10,7 @@ from lingjing.mission.instance import (
     CommsSpec,
     Entity,
     Instance,
+    InteractionSpec,
     SceneSpec,
     VerbSpec,
     Weather,
@@ -53,7 +54,18 @@ def _house(column: int, row: int) -> Building:
     return Building(id=f"house-{column}-{row}", polygon=corners, base_m=0.0, top_m=25.0)
 
 
-def entity(name: str, kind: str, engine: str, position: tuple[float, float, float], **properties: object) -> Entity:
+EXTINGUISH = InteractionSpec(name="extinguish", by="road", within_m=30.0)
+DELIVER = InteractionSpec(name="deliver", by="road", within_m=30.0, takes="demand", source="load")
+
+
+def entity(
+    name: str,
+    kind: str,
+    engine: str,
+    position: tuple[float, float, float],
+    acts: tuple[InteractionSpec, ...] = (),
+    **properties: object,
+) -> Entity:
     group, _, number = name.partition("[")
     return Entity(
         id=name,
@@ -65,6 +77,7 @@ def entity(name: str, kind: str, engine: str, position: tuple[float, float, floa
         position=position,
         properties=properties,
         verbs=() if engine == "city" else tuple(VerbSpec(name=verb) for verb in VERBS),
+        interactions=acts,
         state=tuple(name for name in ("heat", "load_kg", "demand_kg") if name in properties),
     )
 
@@ -84,19 +97,14 @@ def instance(uavs: int = 2, dogs: int = 1, vans: int = 1, traffic: int = 20, syn
         entity("boat", "lifeboat", "vessel", (100.0, -300.0, -2.0), speed_mps=3.0),
     ]
     targets = [
-        entity(
-            "fire", "building_fire", "city", (70.0, 20.0, 0.0), heat=1.0, extinguish_by="road", extinguish_within_m=30.0
-        ),
+        entity("fire", "building_fire", "city", (70.0, 20.0, 0.0), heat=1.0, acts=(EXTINGUISH,)),
         entity(
             "point",
             "delivery_point",
             "city",
             (400.0, 0.0, 0.0),
             demand_kg=250.0,
-            deliver_by="road",
-            deliver_within_m=30.0,
-            deliver_takes="demand",
-            deliver_from="load",
+            acts=(DELIVER,),
         ),
     ]
     agents = tuple(
@@ -156,5 +164,5 @@ def _order(one: Entity) -> tuple[str, dict[str, float]]:
         "quadruped": ("forward", {"distance": 20.0}),
         "road": ("setDestination", {"x": 600.0, "y": 400.0}),
         "vessel": ("moveTo", {"x": 600.0, "y": -500.0}),
-        "city": (next(f"unlock.{key[:-3]}" for key in (*one.properties, "_by") if key.endswith("_by")), {}),
+        "city": (f"unlock.{one.interactions[0].name}" if one.interactions else "unlock.", {}),
     }[one.engine]

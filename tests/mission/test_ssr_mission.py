@@ -52,8 +52,8 @@ def test_instances_of_the_file_and_of_the_graph_built_by_hand_share_their_draws(
 def test_what_the_engines_need_is_there(compiled: m.Mission) -> None:
     by_id = {entity.id: entity for entity in instantiate(compiled).entities}
     assert {"band_low_m", "band_high_m", "cruise_mps", "endurance_s"} <= by_id["uav[1]"].properties.keys()
-    assert by_id["victim[1]"].properties["rescue_by"] == "vessel"
-    assert by_id["victim[1]"].properties["rescue_within_m"] == 50.0
+    (rescue,) = by_id["victim[1]"].interactions
+    assert (rescue.name, rescue.by, rescue.within_m, rescue.aboard) == ("rescue", "vessel", 50.0, True)
     assert by_id["boat"].properties["speed_mps"] == 3.0
     assert {verb.name for verb in by_id["uav[1]"].verbs} >= {"takeoff", "setDestination", "takePhoto"}
     assert by_id["victim[1]"].hidden == ("position",)

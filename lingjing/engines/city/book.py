@@ -9,9 +9,8 @@ from __future__ import annotations
 
 import math
 
-from lingjing.engines.city.interaction import Interaction
 from lingjing.errors import UsageError
-from lingjing.mission.instance import Entity, Instance
+from lingjing.mission.instance import Entity, Instance, InteractionSpec
 from lingjing.mission.units import without_unit
 
 DUST = 1e-9
@@ -47,12 +46,12 @@ class Book:
         """Let an entity have so much of a stock from now on."""
         self._stocks.setdefault(entity, {})[stock] = amount
 
-    def takes_part(self, actor: str, interaction: Interaction) -> bool:
+    def takes_part(self, actor: str, interaction: InteractionSpec) -> bool:
         """Whether an actor has declared the state, and the limit, that goods are moved by."""
         declared = interaction.carried in self._stocks.get(actor, {})
         return declared and (not interaction.up_to or interaction.up_to in self._limits[actor])
 
-    def transfer(self, target: str, actor: str, interaction: Interaction) -> dict[str, float]:
+    def transfer(self, target: str, actor: str, interaction: InteractionSpec) -> dict[str, float]:
         """Move what both ends allow; the amount and what the target has left, by names with units, {} for nothing.
 
         Inexhaustible is what a target gives without naming where from.
@@ -79,7 +78,7 @@ class Book:
         left = {f"left{unit}": self.amount(target, own)} if own else {}
         return {f"amount{unit}": amount, **left}
 
-    def _room(self, actor: str, interaction: Interaction) -> float:
+    def _room(self, actor: str, interaction: InteractionSpec) -> float:
         if not interaction.up_to:
             return math.inf
         return self._limits[actor][interaction.up_to] - self.amount(actor, interaction.gives)
@@ -90,13 +89,13 @@ class Book:
         stocks[stock] = 0.0 if abs(after) <= DUST else after
 
 
-def check_exchange(entity: Entity, interaction: Interaction, actors: tuple[Entity, ...]) -> None:
+def check_exchange(entity: Entity, interaction: InteractionSpec, actors: tuple[Entity, ...]) -> None:
     """`UsageError` if an interaction would give without end (it names neither a source nor a limit), or if what changes
     hands is not measured in one unit at both ends."""
     what = f"`{interaction.name}` of `{entity.id}`"
     for actor in actors:
         units = _units(actor)
-        if actor.engine != interaction.by_engine or not interaction.moves_goods or interaction.carried not in units:
+        if actor.engine != interaction.by or not interaction.moves_goods or interaction.carried not in units:
             continue
         if interaction.gives and not interaction.source and interaction.up_to not in units:
             raise UsageError(

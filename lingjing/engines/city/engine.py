@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from lingjing.engines.city.afloat import STEP_S, body_of
 from lingjing.engines.city.book import Book, check_exchange, numbers
 from lingjing.engines.city.crowd import PEOPLE
-from lingjing.engines.city.interaction import UNLOCK, Interaction, actors_in_reach, moved_on
+from lingjing.engines.city.interaction import UNLOCK, actors_in_reach, moved_on
 from lingjing.engines.city.radio import Coverage
 from lingjing.engines.city.target import Level, Target, target_of
-from lingjing.mission.instance import Vector
+from lingjing.mission.instance import InteractionSpec, Vector
 from lingjing.mission.schedule import Schedule
 from lingjing.plugins.clock import Clock
 from lingjing.plugins.engine import Boundary, CaptureRequest, EngineSpec, Frame
@@ -138,19 +138,19 @@ class CityEngine:
             elif open_now:
                 self._attend(target, interaction, reached, elapsed_s)
 
-    def _in_reach(self, target: Target, interaction: Interaction) -> list[tuple[str, float]]:
+    def _in_reach(self, target: Target, interaction: InteractionSpec) -> list[tuple[str, float]]:
         here, _ = self._pose(target)
         actors = [
             (name, place)
             for name, (place, body) in self._bodies.items()
-            if self._owners[name] == interaction.by_engine and body.status not in _IDLE
+            if self._owners[name] == interaction.by and body.status not in _IDLE
         ]
         return actors_in_reach(interaction, here, actors)
 
     def _work_off(
         self,
         target: Target,
-        interaction: Interaction,
+        interaction: InteractionSpec,
         level: Level,
         reached: list[tuple[str, float]],
         elapsed_s: float,
@@ -167,7 +167,7 @@ class CityEngine:
             self._emit(target, interaction, actor, distance_m)
 
     def _attend(
-        self, target: Target, interaction: Interaction, reached: list[tuple[str, float]], elapsed_s: float
+        self, target: Target, interaction: InteractionSpec, reached: list[tuple[str, float]], elapsed_s: float
     ) -> None:
         times = target.attend(interaction.name, [actor for actor, _ in reached], elapsed_s)
         lasting_s = interaction.lasting_s or 0.0
@@ -180,7 +180,7 @@ class CityEngine:
             target.finish(interaction, actor)
             self._emit(target, interaction, actor, distance_m)
 
-    def _trade(self, target: Target, interaction: Interaction, actor: str, distance_m: float) -> None:
+    def _trade(self, target: Target, interaction: InteractionSpec, actor: str, distance_m: float) -> None:
         moved = self._book.transfer(target.id, actor, interaction)
         if not moved:
             return
@@ -192,7 +192,7 @@ class CityEngine:
     def _emit(
         self,
         target: Target,
-        interaction: Interaction,
+        interaction: InteractionSpec,
         actor: str,
         distance_m: float,
         values: dict[str, float] | None = None,

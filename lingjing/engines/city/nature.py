@@ -16,8 +16,6 @@ from lingjing.trace.records import DORMANT
 
 WAITING = "waiting"
 
-_GIVES = "_gives"
-
 
 @dataclass(frozen=True, slots=True)
 class Nature:
@@ -67,7 +65,6 @@ def _nature(entity: Entity) -> Nature:
         return QUEUE
     if properties.get("on") == "bridge" and "width_m" in properties:
         return BREAK
-    giving = [name.removesuffix(_GIVES) for name in properties if name.endswith(_GIVES)]
-    if any(f"{name}_from" not in properties for name in giving):
+    if any(one.gives and not one.source for one in entity.interactions):
         return STORE  # inexhaustible: what it gives comes out of nothing that is counted
     return Nature()

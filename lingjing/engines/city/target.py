@@ -7,9 +7,8 @@ from dataclasses import dataclass, field
 from lingjing.engines.city.afloat import Body
 from lingjing.engines.city.book import DUST, numbers
 from lingjing.engines.city.crowd import PEOPLE, Crowd, rates
-from lingjing.engines.city.interaction import Interaction, interactions
 from lingjing.engines.city.nature import Nature, nature_of
-from lingjing.mission.instance import Entity
+from lingjing.mission.instance import Entity, InteractionSpec
 from lingjing.trace.records import DORMANT
 
 
@@ -53,7 +52,7 @@ class Target:
     entity: Entity
     nature: Nature
     body: Body
-    possible: dict[str, Interaction]
+    possible: dict[str, InteractionSpec]
     levels: dict[str, Level] = field(default_factory=dict)
     crowd: Crowd | None = None
     unlocked: list[str] = field(default_factory=list)
@@ -92,18 +91,18 @@ class Target:
         self.attended = kept | {(name, actor): value for actor, value in now.items()}
         return now
 
-    def finish(self, interaction: Interaction, actor: str, over: str = "") -> None:
+    def finish(self, interaction: InteractionSpec, actor: str, over: str = "") -> None:
         """An interaction is done for good: its word holds unless the nature's lasts; the actor may take the target."""
         self.done.append(interaction.name)
         if not self.nature.lasts:
             self.word = interaction.status or over or interaction.done_word
-        if interaction.takes_aboard:
+        if interaction.aboard:
             self.carrier = actor
 
 
 def target_of(entity: Entity, body: Body, seed: int) -> Target:
     """The target that an entity's properties describe."""
-    nature, possible = nature_of(entity), interactions(entity)
+    nature, possible = nature_of(entity), {one.name: one for one in entity.interactions}
     return Target(
         entity=entity,
         nature=nature,
@@ -115,7 +114,7 @@ def target_of(entity: Entity, body: Body, seed: int) -> Target:
     )
 
 
-def _levels(entity: Entity, nature: Nature, possible: dict[str, Interaction]) -> dict[str, Level]:
+def _levels(entity: Entity, nature: Nature, possible: dict[str, InteractionSpec]) -> dict[str, Level]:
     """What each interaction works off: the state that it takes, or else the nature's, which falls to the first one
     that takes and gives nothing."""
     values = numbers(entity, tuple(entity.properties))

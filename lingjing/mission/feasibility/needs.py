@@ -16,7 +16,6 @@ from lingjing.mission import expression as ex
 from lingjing.mission.evaluate import Area, Place, evaluate
 from lingjing.mission.feasibility.outline import Body, Outline
 from lingjing.mission.feasibility.spread import ANYTHING, Bounds, Where, outlines_of, point
-from lingjing.mission.interactions import interactions
 from lingjing.mission.model import Rule, Unlock
 
 NODES_MOST = 20_000
@@ -231,9 +230,9 @@ class Unfolding:
         if not isinstance(name, ex.Symbol) or target is None or target.entity.engine != "city":
             return NOTHING
         visits = [
-            self._visit(engine, target, within, word, at)
-            for word, engine, within in interactions(target.entity)
-            if word == name.name
+            self._visit(one.by, target, one.within_m, one.name, at)
+            for one in target.entity.interactions
+            if one.name == name.name
         ]
         return _all((*visits, self._unlocked(name.name, target)))
 

@@ -15,7 +15,6 @@ from lingjing.mission.feasibility.motion import Air, bounds, ceiling, drives, fl
 from lingjing.mission.feasibility.spread import Bounds, Where, numbers, places, point
 from lingjing.mission.instance import Entity, Instance
 from lingjing.mission.instantiate import instantiate, parameters
-from lingjing.mission.interactions import interactions
 from lingjing.mission.placing import GROUND_REACH_M, count_of
 
 ENTITIES_MOST = 150
@@ -150,10 +149,10 @@ def _carriers(entity: Entity, engines: dict[str, list[str]]) -> tuple[frozenset[
     """Who may take the entity aboard, and from how far."""
     carriers: set[str] = set()
     reach = 0.0
-    for name, engine, within in interactions(entity):
-        if entity.properties.get(f"{name}_aboard", "drift_mps" in entity.properties) is not False:
-            carriers.update(engines.get(engine, ()))
-            reach = max(reach, within)
+    for one in entity.interactions:
+        if one.aboard:
+            carriers.update(engines.get(one.by, ()))
+            reach = max(reach, one.within_m)
     return frozenset(carriers), reach
 
 

@@ -16,7 +16,6 @@ from lingjing.mission.feasibility.needs import Leaf, Supply
 from lingjing.mission.feasibility.outline import Body, Outline
 from lingjing.mission.feasibility.proof import Proof, both, exceeds, spelled
 from lingjing.mission.feasibility.spread import gap
-from lingjing.mission.interactions import interactions
 
 CAPACITIES = ("capacity_kg", "payload_kg")
 STOCK = "stock_kg"
@@ -121,9 +120,9 @@ def _shortest_way(supplies: list[Supply], outline: Outline) -> float:
 
 def _gives(body: Body) -> bool:
     """Whether a vehicle may be loaded there: it has a stock, or an interaction that `gives`."""
-    return any(name == STOCK or name.endswith(_GIVES) for name in body.entity.properties)
+    return STOCK in body.entity.properties or any(one.gives for one in body.entity.interactions)
 
 
 def _reach(body: Body) -> float:
     """From how far it can be loaded or unloaded; infinity if it does not say."""
-    return max((within for _, _, within in interactions(body.entity)), default=math.inf)
+    return max((one.within_m for one in body.entity.interactions), default=math.inf)

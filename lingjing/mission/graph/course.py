@@ -33,10 +33,10 @@ def add_events(mission: model.Mission, draft: Draft) -> None:
             performers.setdefault(group.engine, []).append(f"asset:{group.name}")
     for group in mission.groups:
         target = draft.find(group.name, "asset", "target")
-        for interaction, by in _interactions(group) if target else ():
-            event = draft.find(interaction, "event") or draft.node("event", interaction, detail=f"performed by {by}")
+        for one in group.interactions if target else ():
+            event = draft.find(one.name, "event") or draft.node("event", one.name, detail=f"performed by {one.by}")
             draft.edge("requires", event, str(target))
-            for performer in performers.get(by, ()):
+            for performer in performers.get(one.by, ()):
                 draft.edge("requires", event, performer)
 
 
@@ -136,13 +136,6 @@ def _outcomes(mission: model.Mission) -> tuple[tuple[str, ex.Expr], ...]:
 
 def _domains(condition: ex.Expr) -> Iterator[str]:
     return (part.domain for part in parts(condition) if isinstance(part, ex.Quantified))
-
-
-def _interactions(group: model.Group) -> Iterator[tuple[str, str]]:
-    """(interaction, performing engine) of a group, from the properties its type's `interaction` blocks became."""
-    for item in group.properties:
-        if item.name.endswith("_by") and isinstance(item.value, ex.Symbol):
-            yield item.name.removesuffix("_by"), item.value.name
 
 
 def _absent(relation: model.Relation, mission: model.Mission, draft: Draft) -> bool:
