@@ -39,7 +39,7 @@ study: setup
 	@$(BIN)/python -m lingjing.bench.study $(STUDY)
 
 selfcheck: setup
-	@$(BIN)/python -m lingjing.bench.selfcheck
+	@$(BIN)/python -m lingjing.play.selfcheck
 
 pictures: setup
 	@$(BIN)/python tools/contact_sheet.py

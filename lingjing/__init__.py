@@ -1,8 +1,9 @@
 """Missions for heterogeneous unmanned systems: write one, play it, score it, see why.
 
 The tree is the pipeline: `dsl` (text → mission) → `mission` (the typed graph) → `scene` (the city) → `plugins`
-(engines and policies) → `kernel` (the episode) → `trace` (what happened) → `analysis` (what it means); `cli` is the
-command line. The public surface is this module, `lingjing.plugins` and the command `lingjing`; the rest may change.
+(the contract) and `engines` → `kernel` (the episode) → `trace` (what happened) → `analysis` (what it means). `play`
+plays one episode, `bench` many, `causal` runs traces again; `cli` is the command line. The public surface is this
+module, `lingjing.plugins` and the command `lingjing`; the rest may change.
 
 Exports are lazy: importing this package loads nothing but itself.
 """
@@ -13,21 +14,21 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from lingjing.bench.episode import EpisodeResult, run
     from lingjing.dsl.load import load_mission as compile  # noqa: A004 - `lingjing.compile` is the public name
     from lingjing.mission.model import Mission
     from lingjing.numerics import pin
+    from lingjing.play.episode import EpisodeResult, run
 
     __version__: str
 
 __all__ = ["EpisodeResult", "Mission", "__version__", "compile", "pin", "run"]
 
 _EXPORTS = {
-    "EpisodeResult": ("lingjing.bench.episode", "EpisodeResult"),
+    "EpisodeResult": ("lingjing.play.episode", "EpisodeResult"),
     "Mission": ("lingjing.mission.model", "Mission"),
     "compile": ("lingjing.dsl.load", "load_mission"),
     "pin": ("lingjing.numerics", "pin"),
-    "run": ("lingjing.bench.episode", "run"),
+    "run": ("lingjing.play.episode", "run"),
 }
 
 

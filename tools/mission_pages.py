@@ -15,11 +15,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from lingjing.bench.columns import shipped
-from lingjing.bench.episode import TRACE_NAME, run
 from lingjing.cli.missionpage import write_page
 from lingjing.dsl.load import load_mission
 from lingjing.errors import LingjingError
 from lingjing.mission.model import Mission
+from lingjing.play.episode import TRACE_NAME, run
 from lingjing.trace.reader import read_trace
 
 ROOT = Path(__file__).parents[1]

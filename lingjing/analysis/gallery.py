@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,11 +16,14 @@ from PIL import Image, ImageDraw
 
 from lingjing.analysis.credit import credit
 from lingjing.analysis.groundplan import city_of
-from lingjing.analysis.lookback import look_back
 from lingjing.kernel.references import CAMERA as REFERENCE
+from lingjing.kernel.world.contract import StoredFrame
 from lingjing.mission.instance import AgentSpec, Entity, Instance
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import BoundaryRecord, Box, FrameInfo, Snapshot
+
+LookBack = Callable[[Trace, Sequence[tuple[str, str, BoundaryRecord]]], Iterable[StoredFrame]]
+"""What draws the picture of each (entity, camera, boundary) that nobody took."""
 
 MAP_IN, MAP_DPI = (9.6, 7.4), 120
 FRAME_WIDTH, FRAME_QUALITY = 800, 84
@@ -86,9 +89,10 @@ def best_frames(traces: Iterable[Trace]) -> list[Shown]:
     return _best(shown for trace in traces for shown in _frames(trace))
 
 
-def unasked_frames(trace: Trace, shown: Iterable[Shown]) -> list[Shown]:
+def unasked_frames(trace: Trace, shown: Iterable[Shown], look_back: LookBack) -> list[Shown]:
     """A frame of each kind of camera that is mounted in the episode and not among `shown`, the best of a few moments;
-    [] if the city is no longer to be had. Raises `InfrastructureError` if no picture can be drawn here."""
+    [] if the city is no longer to be had. `look_back` is that of `lingjing.causal.lookback`. Raises
+    `InfrastructureError` if no picture can be drawn here."""
     have = {_kind(one) for one in shown}
     lacking: dict[tuple[str, str], list[Entity]] = {}
     for entity in trace.header.instance.entities:

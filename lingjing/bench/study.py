@@ -25,12 +25,12 @@ import msgspec
 import lingjing
 from lingjing.bench.columns import Column, columns, shipped
 from lingjing.bench.countdown import Countdown
-from lingjing.bench.fleet import RunOptions, Task, play_apart
-from lingjing.bench.folders import RUNS
-from lingjing.bench.report import ABORTED, INTERRUPTED, EpisodeReport
 from lingjing.data import data_path
 from lingjing.errors import ExitCode, LingjingError, UsageError
 from lingjing.mission.seeding import integer
+from lingjing.play.folders import RUNS
+from lingjing.play.parallel import RunOptions, Task, play_apart
+from lingjing.play.report import ABORTED, INTERRUPTED, EpisodeReport
 from lingjing.terminal import guard_streams
 
 TRIES = 3

@@ -210,7 +210,7 @@ CHECKS: tuple[Callable[[], Finding], ...] = (
 
 def check_numerics() -> Iterator[Finding]:
     """What each process of an episode computes with, and whether the stored episode comes out as stored."""
-    from lingjing.bench.selfcheck import check
+    from lingjing.play.selfcheck import check
 
     try:
         result = check()

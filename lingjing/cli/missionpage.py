@@ -104,10 +104,11 @@ def _told(trace: Trace) -> str:
 
 def _sights(mission: Mission, traces: Sequence[Trace], folder: Path) -> Iterator[str]:
     from lingjing.analysis.gallery import best_frames, in_order, unasked_frames, write_frame
+    from lingjing.causal.lookback import look_back
 
     frames = best_frames(traces)
     try:
-        frames = in_order([*frames, *(unasked_frames(traces[0], frames) if traces else ())])
+        frames = in_order([*frames, *(unasked_frames(traces[0], frames, look_back) if traces else ())])
     except InfrastructureError as error:
         print(f"note: only the cameras that were used are shown: {error}", file=sys.stderr)
     if traces and not frames:

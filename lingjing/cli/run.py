@@ -8,10 +8,6 @@ from pathlib import Path
 
 import msgspec
 
-from lingjing.bench.fleet import RunOptions, Task, play_apart, play_here, without_result
-from lingjing.bench.folders import RUNS, claim_folder, claim_run_folder, release_if_empty
-from lingjing.bench.report import EpisodeReport, summarise
-from lingjing.bench.supervision import Place, can_supervise, play_supervised
 from lingjing.cli.pairs import MODES, parse_pairs, parse_seed, parse_seeds, parse_settings
 from lingjing.cli.process import end_with, restore_terminal, results_alone
 from lingjing.cli.progress import LiveProgress
@@ -19,6 +15,10 @@ from lingjing.cli.scoreboard import exit_code, explain, print_episode, print_jso
 from lingjing.dsl.shipped import find_mission
 from lingjing.errors import ExitCode, MissionError, UsageError
 from lingjing.mission.model import Mission
+from lingjing.play.folders import RUNS, claim_folder, claim_run_folder, release_if_empty
+from lingjing.play.parallel import RunOptions, Task, play_apart, play_here, without_result
+from lingjing.play.report import EpisodeReport, summarise
+from lingjing.play.supervision import Place, can_supervise, play_supervised
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:

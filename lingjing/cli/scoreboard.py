@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from lingjing.analysis.credit import credit
-from lingjing.bench.report import ABORTED, INTERRUPTED, EpisodeReport, SuiteReport
 from lingjing.cli.scorecard import plain, scorecard
 from lingjing.errors import ExitCode
+from lingjing.play.report import ABORTED, INTERRUPTED, EpisodeReport, SuiteReport
 from lingjing.terminal import visible
 
 if TYPE_CHECKING:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from lingjing.bench.report import EpisodeReport
+from lingjing.play.report import EpisodeReport
 from lingjing.trace.records import CUT_SHORT
 
 Row = tuple[str, str]

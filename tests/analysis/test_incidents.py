@@ -16,11 +16,11 @@ from lingjing.analysis.metrics import metrics
 from lingjing.analysis.overview.mapview import draw_map
 from lingjing.analysis.overview.timeline import draw_events
 from lingjing.analysis.story import tell
-from lingjing.bench.fleet import RunOptions, play_here
 from lingjing.cli.progress import LiveProgress
 from lingjing.cli.scorecard import MOST_ROWS, plain, scorecard
 from lingjing.dsl.load import load_mission
 from lingjing.mission.instance import Entity, InteractionSpec
+from lingjing.play.parallel import RunOptions, play_here
 from lingjing.plugins.policy import Action, Brief, Decision, Inbox, Observation
 from lingjing.trace.reader import Trace, read_trace
 from lingjing.trace.records import BodyState, Snapshot, TaskEvent

@@ -10,13 +10,13 @@ from pathlib import Path
 
 import pytest
 
-from lingjing.bench import fleet
 from lingjing.bench.columns import Column, columns, shipped
 from lingjing.bench.countdown import Countdown
-from lingjing.bench.fleet import RunOptions, Task, play_apart
-from lingjing.bench.report import ABORTED, EpisodeReport, summarise
 from lingjing.bench.study import CASES, Row, Study, _bar, missing, play, table
 from lingjing.errors import InfrastructureError, UsageError
+from lingjing.play import parallel
+from lingjing.play.parallel import RunOptions, Task, play_apart
+from lingjing.play.report import ABORTED, EpisodeReport, summarise
 
 STAR = Column(Path("m.ljs"), "m", "star")
 
@@ -96,14 +96,14 @@ def test_a_child_without_a_result_is_an_abort(child, tmp_path: Path, code: str) 
 def test_no_child_is_left_behind(child, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     child("import time; time.sleep(600)")
     started: list[subprocess.Popen[bytes]] = []
-    real = fleet._start
+    real = parallel._start
 
-    def start(task: Task) -> fleet._Child:
+    def start(task: Task) -> parallel._Child:
         made = real(task)
         started.append(made.process)
         return made
 
-    monkeypatch.setattr(fleet, "_start", start)
+    monkeypatch.setattr(parallel, "_start", start)
 
     def interrupt(*_: object) -> None:
         raise KeyboardInterrupt
@@ -156,7 +156,7 @@ def test_an_episode_is_told_its_policy_seed_and_its_row_keeps_it(tmp_path: Path)
     options = RunOptions(path=Path("m.ljs"), policy="p", policy_seed=77)
     command = options.command(3, tmp_path)
     assert command[command.index("--policy-seed") + 1] == "77"
-    assert fleet.without_result(Task(options, 3, tmp_path), "gone").policy_seed == 77
+    assert parallel.without_result(Task(options, 3, tmp_path), "gone").policy_seed == 77
 
 
 def test_an_aborted_episode_is_played_again_with_its_seed(child, tmp_path: Path) -> None:

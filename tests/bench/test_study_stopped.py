@@ -15,10 +15,10 @@ from pathlib import Path
 import pytest
 
 from lingjing.bench.columns import Column
-from lingjing.bench.fleet import RunOptions, Task, play_apart
-from lingjing.bench.report import ABORTED, INTERRUPTED
 from lingjing.bench.study import CASES, Study, main, missing, play
 from lingjing.errors import ExitCode, UsageError
+from lingjing.play.parallel import RunOptions, Task, play_apart
+from lingjing.play.report import ABORTED, INTERRUPTED
 
 STAR = Column(Path("m.ljs"), "m", "star")
 
@@ -34,7 +34,7 @@ print(json.dumps({"mission": "m", "seed": int(options["--seed"]), "mode": "star"
 
 STUDY = f"""
 import sys
-from lingjing.bench import fleet, study
+from lingjing.play import parallel, study
 answer = {ANSWER!r}.replace("REASON", "'success'")
 def command(self, seed, folder):
     return [sys.executable, "-S", "-c", answer, "--seed", str(seed), "-o", str(folder)]

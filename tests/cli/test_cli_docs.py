@@ -10,9 +10,9 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from lingjing.bench.report import EpisodeReport
 from lingjing.bench.study import Row
 from lingjing.cli.main import main
+from lingjing.play.report import EpisodeReport
 
 
 @pytest.fixture(scope="module")

@@ -10,12 +10,12 @@ from typing import cast
 
 import pytest
 
-from lingjing.bench.folders import claim_folder, claim_run_folder
 from lingjing.cli.pairs import parse_pairs, parse_seeds, parse_settings
 from lingjing.dsl.shipped import find_mission, shipped_missions
 from lingjing.errors import UsageError
 from lingjing.mission.expression import Number
 from lingjing.mission.model import Mission, Parameter
+from lingjing.play.folders import claim_folder, claim_run_folder
 
 
 def mission_with_altitude() -> Mission:

@@ -15,10 +15,10 @@ import msgspec
 import pytest
 
 from lingjing.analysis.metrics import Metrics
-from lingjing.bench.report import EpisodeReport
 from lingjing.cli.scoreboard import print_episode
 from lingjing.cli.scorecard import plain
 from lingjing.data import data_path
+from lingjing.play.report import EpisodeReport
 from lingjing.trace.reader import read_trace
 
 KEYS = {"mission", "seed", "mode", "success", "reason", "scr", "ticks", "digest", "trace", "metrics"}

@@ -20,7 +20,6 @@ import msgspec
 import pytest
 from rich.console import Console
 
-from lingjing.bench.fleet import RunOptions
 from lingjing.cli.watch import Audience
 from lingjing.cli.watch.audience import SHARE, Watching
 from lingjing.cli.watch.chart import SIGHTS, Chart, window_around
@@ -30,6 +29,7 @@ from lingjing.data import data_path
 from lingjing.dsl.load import load_mission
 from lingjing.errors import UsageError
 from lingjing.kernel.episode import Progress
+from lingjing.play.parallel import RunOptions
 from lingjing.plugins.host import PluginHost
 from lingjing.scene.city import City
 from lingjing.trace.reader import Trace, read_trace

@@ -11,10 +11,10 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
-from lingjing.bench.fleet import RunOptions
 from lingjing.cli.progress import LiveProgress
 from lingjing.errors import UsageError
 from lingjing.mission.model import Mission
+from lingjing.play.parallel import RunOptions
 
 if TYPE_CHECKING:
     from lingjing.cli.watch.screen import Screen

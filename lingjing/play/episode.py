@@ -18,7 +18,6 @@ from typing import TYPE_CHECKING, Literal, Self
 
 import msgspec
 
-from lingjing.bench.folders import claim_run_folder
 from lingjing.errors import UsageError
 from lingjing.kernel.episode import Progress, play, seat
 from lingjing.kernel.staging import Stage
@@ -30,6 +29,7 @@ from lingjing.mission.instance import AgentSpec, Instance
 from lingjing.mission.instantiate import instantiate
 from lingjing.mission.model import Mission
 from lingjing.numerics import versions, withdrawn
+from lingjing.play.folders import claim_run_folder
 from lingjing.plugins.host import PluginHost
 from lingjing.plugins.loading import build_policy, load_policy, share_arguments
 from lingjing.plugins.policy import Policy, PolicyPlugin

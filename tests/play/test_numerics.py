@@ -11,7 +11,7 @@ import msgspec
 import pytest
 
 from lingjing import numerics
-from lingjing.bench import selfcheck
+from lingjing.play import selfcheck
 
 CHILD = Path(__file__).with_name("numerics_child.py")
 AVX2 = frozenset({"avx2", "fma"})
@@ -130,7 +130,7 @@ def test_without_the_pins_an_episode_has_another_digest():
 _NUMPY_FIRST = """
 import numpy, sys
 import lingjing
-from lingjing.bench import selfcheck
+from lingjing.play import selfcheck
 result = lingjing.run(selfcheck.MISSION, policy=selfcheck.Scripted, seed=7, out=sys.argv[1], overview=False)
 print(*result.withdrawn, *result.warnings, sep="\\n")
 """
@@ -170,7 +170,7 @@ def test_the_stored_episode_comes_out_as_stored():
 _DOCTOR = """
 import sys
 from pathlib import Path
-from lingjing.bench import selfcheck
+from lingjing.play import selfcheck
 from lingjing.cli.main import main
 selfcheck.STORED = Path(sys.argv[1])
 sys.exit(main(["doctor", "--numerics"]))

@@ -2,7 +2,7 @@
 
 `selfcheck.ljs` is played with fixed commands and compared with `selfcheck.json`, which holds the digest, and the
 digest of the pictures with the renderer that drew them. Whatever changes what an engine, the kernel or a scene computes
-changes them: `python -m lingjing.bench.selfcheck` plays it and writes them anew.
+changes them: `python -m lingjing.play.selfcheck` plays it and writes them anew.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from pathlib import Path
 
 import msgspec
 
-from lingjing.bench.episode import run
 from lingjing.errors import ExitCode, InfrastructureError
 from lingjing.numerics import withdrawn
+from lingjing.play.episode import run
 from lingjing.plugins.policy import Action, Brief, Decision, Inbox, Observation
 from lingjing.trace.reader import read_trace
 

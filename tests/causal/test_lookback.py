@@ -6,12 +6,12 @@ import msgspec
 import pytest
 
 from lingjing.analysis.gallery import best_frames, in_order, unasked_frames
-from lingjing.analysis.lookback import look_back
 from lingjing.bench.columns import shipped
-from lingjing.bench.episode import run
+from lingjing.causal.lookback import look_back
 from lingjing.cli import missionpage
 from lingjing.dsl.load import load_mission
 from lingjing.mission.expression import Number
+from lingjing.play.episode import run
 from lingjing.trace.reader import Trace, read_trace
 
 replace = msgspec.structs.replace
@@ -38,8 +38,8 @@ def test_it_is_the_picture_that_the_trace_holds(walk: Trace) -> None:
 def test_a_camera_through_which_nobody_looked_is_shown_all_the_same(walk: Trace) -> None:
     taken = best_frames([walk])
     assert [shown.info.camera for shown in in_order(taken)] == ["front", "reference"]
-    assert unasked_frames(walk, taken) == []
-    (shown,) = unasked_frames(walk, [one for one in taken if one.info.camera != "front"])
+    assert unasked_frames(walk, taken, look_back) == []
+    (shown,) = unasked_frames(walk, [one for one in taken if one.info.camera != "front"], look_back)
     assert (shown.info.entity, shown.info.camera, shown.agent) == ("dog", "front", "navigator")
     assert shown.jpeg.startswith(b"\xff\xd8") and "nobody asked" in shown.caption
     assert "nobody asked" not in next(one for one in taken if one.info.camera == "front").caption
@@ -47,7 +47,7 @@ def test_a_camera_through_which_nobody_looked_is_shown_all_the_same(walk: Trace)
 
 def test_a_city_that_is_gone_gives_no_pictures(walk: Trace) -> None:
     other = Trace(walk.path, replace(walk.header, city_sha256="0"), walk.boundaries, walk.outcome, True, walk.places)
-    assert unasked_frames(other, []) == []
+    assert unasked_frames(other, [], look_back) == []
 
 
 def test_a_page_shows_the_camera_that_nobody_used(walk: Trace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,9 +15,9 @@ if "unpinned" in sys.argv:
     numerics.pins = lambda flags=None: {}
     numerics.worker_environment = dict
 
-from lingjing.bench import selfcheck
-from lingjing.bench.episode import Session
 from lingjing.data import data_path
+from lingjing.play import selfcheck
+from lingjing.play.episode import Session
 from lingjing.trace.reader import read_trace
 
 

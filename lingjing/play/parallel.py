@@ -15,14 +15,14 @@ from typing import IO, TYPE_CHECKING, Literal, NamedTuple
 
 import msgspec
 
-from lingjing.bench.folders import release_if_empty
-from lingjing.bench.report import ABORTED, EpisodeReport
 from lingjing.errors import ExitCode, InfrastructureError, LingjingError, UsageError
 from lingjing.mission.model import Mission
+from lingjing.play.folders import release_if_empty
+from lingjing.play.report import ABORTED, EpisodeReport
 
 if TYPE_CHECKING:
-    from lingjing.bench.episode import EpisodeResult, Session
     from lingjing.kernel.episode import Progress
+    from lingjing.play.episode import EpisodeResult, Session
 
     Watch = Callable[[str], AbstractContextManager[Callable[[Progress], None]]]
 
@@ -70,7 +70,7 @@ def play_here(
 
     A folder of None is a new one under `runs/`. `watch` opens a progress display for each episode.
     """
-    from lingjing.bench.episode import EpisodeInterrupted, Session
+    from lingjing.play.episode import EpisodeInterrupted, Session
 
     with Session(options.world) as session:
         for seed, folder in places:

@@ -15,11 +15,11 @@ from pathlib import Path
 
 import pytest
 
-from lingjing.bench import supervision
-from lingjing.bench.descendants import _children_by_parent, adopting, children
-from lingjing.bench.report import ABORTED, INTERRUPTED, EpisodeReport
-from lingjing.bench.supervision import Place, play_supervised
 from lingjing.errors import InfrastructureError, LingjingError, MissionError, UsageError
+from lingjing.play import supervision
+from lingjing.play.descendants import _children_by_parent, adopting, children
+from lingjing.play.report import ABORTED, INTERRUPTED, EpisodeReport
+from lingjing.play.supervision import Place, play_supervised
 
 
 def report(seed: int, reason: str = "success", detail: str = "") -> EpisodeReport:
@@ -77,14 +77,14 @@ def test_a_ruined_process_is_an_abort_of_its_episode(act: Callable[[], object], 
 
 def test_a_process_whose_interpreter_is_held_for_ever_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A regular expression that backtracks for years never lets go of the interpreter, so no deadline in it passes."""
-    monkeypatch.setattr("lingjing.bench.supervision.SILENCE_S", 2.0)
+    monkeypatch.setattr("lingjing.play.supervision.SILENCE_S", 2.0)
     found = played(lambda seed: re.match("(a+)+$", "a" * 60 + "b") if seed == 1 else None, tmp_path)
     assert [found[seed].reason for seed in (0, 1, 2)] == ["success", ABORTED, "success"]
     assert found[1].detail == "1: a policy let nothing else run for 2 s, in one call that held the interpreter"
 
 
 def test_a_process_that_closes_everything_and_stays_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("lingjing.bench.supervision.MUTE_MS", 50)
+    monkeypatch.setattr("lingjing.play.supervision.MUTE_MS", 50)
     found = played(lambda seed: (os.closerange(3, 4096), time.sleep(3600)), tmp_path, (7,))
     assert found[7].detail == "7: its process closed what it reports through"
 
@@ -236,7 +236,7 @@ CALLER = """
 import os, sys, time
 from pathlib import Path
 sys.path.insert(0, {root!r})
-import tests.bench.test_supervision as t
+import tests.play.test_supervision as t
 folder = Path({folder!r})
 def act(seed):
     t.settle(folder)

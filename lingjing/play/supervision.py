@@ -29,9 +29,6 @@ from typing import NoReturn, Self
 
 import msgspec
 
-from lingjing.bench.descendants import adopt, adopting, be_told_of_the_end_of, end_children
-from lingjing.bench.folders import release_if_empty
-from lingjing.bench.report import ABORTED, INTERRUPTED, EpisodeReport
 from lingjing.errors import (
     ExitCode,
     InfrastructureError,
@@ -40,6 +37,9 @@ from lingjing.errors import (
     UsageError,
 )
 from lingjing.kernel.world.deadlines import OwnDeadline
+from lingjing.play.descendants import adopt, adopting, be_told_of_the_end_of, end_children
+from lingjing.play.folders import release_if_empty
+from lingjing.play.report import ABORTED, INTERRUPTED, EpisodeReport
 
 GRACE_S = 60.0
 """How long a child may take to end when it was interrupted, or when it has nothing more to say."""
