@@ -16,6 +16,8 @@ Vector = tuple[float, float, float]
 Scalar = bool | int | float | str
 Datum = bool | int | float | str | tuple[bool | int | float | str, ...] | None
 """A value that may stand in an action's arguments, a message body or an entity's property."""
+Option = bool | int | float | str | tuple[bool | int | float | str | tuple[float, float], ...] | None
+"""A value of a scene's option; a line or an outline is its points, (east, north) in metres."""
 
 
 class Clock(Record, frozen=True, kw_only=True):
@@ -225,7 +227,7 @@ class SceneSpec(Record, frozen=True, kw_only=True):
     kind: str
     datum_m: float = 0.0
     origin: tuple[float, float] = (31.0, 121.5)
-    options: dict[str, Datum] = {}
+    options: dict[str, Option] = {}
     seed: int = 0
     layout: int = 0
 

@@ -19,7 +19,7 @@ from lingjing.mission import expression as ex
 from lingjing.mission import grid as grids
 from lingjing.mission.clock import clock_fault
 from lingjing.mission.evaluate import Area, Interval, Place, Scope, Value, area, describe, evaluate, number, whole
-from lingjing.mission.instance import Budget, Cell, Clock, Datum, Entity, Instance, Region, SceneSpec, Weather
+from lingjing.mission.instance import Budget, Cell, Clock, Entity, Instance, Option, Region, SceneSpec, Weather
 from lingjing.mission.interactions import allowed_from_the_start
 from lingjing.mission.placing import at_path, datum, entities, holds, member_ids, single
 from lingjing.mission.seeding import integer
@@ -142,12 +142,13 @@ def _usual_datum(kind: str, options: Mapping[str, Value]) -> float:
     return SEA_M if kind in SHORED or ("shore" in options and kind in SHORELESS) else 0.0
 
 
-def _option(value: Value, level: float) -> Datum:
-    """A scene's option as plain data: a line or an outline becomes its coordinates one after another."""
-    points = value.polygon if isinstance(value, Area) else None
+def _option(value: Value, level: float) -> Option:
+    """A scene's option as plain data."""
+    if isinstance(value, Area):
+        return value.polygon
     if isinstance(value, tuple) and value and all(isinstance(item, Place) for item in value):
-        points = tuple((item.east, item.north) for item in value if isinstance(item, Place))
-    return datum(value, level) if points is None else tuple(part for point in points for part in point)
+        return tuple((item.east, item.north) for item in value if isinstance(item, Place))
+    return datum(value, level)
 
 
 def _default(mission: model.Mission, parameter: model.Parameter, scope: Scope) -> float:

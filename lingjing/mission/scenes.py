@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 
 import msgspec
 
-from lingjing.mission.instance import Datum, SceneSpec
+from lingjing.mission.instance import Option, SceneSpec
 
 DISTRICTS = ("residential", "industrial", "commercial", "campus", "logistics", "coastal")
 
@@ -146,12 +146,12 @@ def _made_up_faults(spec: SceneSpec, known: Mapping[str, str]) -> Iterator[Scene
         yield from _contradictions(spec)
 
 
-def _far(spec: SceneSpec, name: str, value: Datum) -> Iterator[SceneFault]:
+def _far(spec: SceneSpec, name: str, value: Option) -> Iterator[SceneFault]:
     """A site lies in its scene: no farther from the origin than the scene is wide."""
     extent = spec.options.get("extent_m", EXTENT_M.get(spec.kind, USUAL_EXTENT_M))
     most = extent if name in ("inside", "homes") and isinstance(extent, float) else LINE_MOST_M
-    numbers = value if isinstance(value, tuple | list) else ()
-    reach = max((abs(item) for item in numbers if isinstance(item, int | float)), default=0.0)
+    points = value if isinstance(value, tuple) else ()
+    reach = max((abs(metres) for point in points if isinstance(point, tuple) for metres in point), default=0.0)
     if reach > most:
         message = f"scene `{spec.kind}`: `{name}` reaches {reach:g} m from the origin"
         yield SceneFault(name, message, f"{most:g} m at most")
@@ -175,11 +175,12 @@ def _contradictions(spec: SceneSpec) -> Iterator[SceneFault]:
             return
 
 
-def _is_between(value: Datum, low: float, high: float) -> bool:
+def _is_between(value: Option, low: float, high: float) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and low <= value <= high
 
 
-def _is_line(value: Datum, least: int) -> bool:
-    numbers = value if isinstance(value, tuple | list) else (value,)
-    good = all(isinstance(item, int | float) and not isinstance(item, bool) and math.isfinite(item) for item in numbers)
-    return not numbers or (good and len(numbers) % 2 == 0 and len(numbers) >= 2 * least)
+def _is_line(value: Option, least: int) -> bool:
+    if not isinstance(value, tuple):
+        return False
+    points = [point for point in value if isinstance(point, tuple) and all(map(math.isfinite, point))]
+    return not value or len(points) == len(value) >= least

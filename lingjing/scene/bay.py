@@ -16,7 +16,7 @@ from math import cos, hypot, pi, radians, sin
 from random import Random
 
 from lingjing.errors import UsageError
-from lingjing.mission.instance import Datum, SceneSpec
+from lingjing.mission.instance import Option, SceneSpec
 from lingjing.scene.city import City, Land, Polygon, Prop, Solid, Water
 
 APRON_TOP_M = 0.9
@@ -89,7 +89,7 @@ def build(spec: SceneSpec) -> City:
     )
 
 
-def _density(options: dict[str, Datum]) -> float:
+def _density(options: dict[str, Option]) -> float:
     unknown = sorted(set(options) - {"distractors", "datum"})
     if unknown:
         raise UsageError(f"scene `bay` has no option `{unknown[0]}`", hint="known: datum, distractors")

@@ -116,9 +116,12 @@ def test_a_block_is_a_kerb_high_and_its_corners_are_ramps() -> None:
         assert all(outline.intersection(shapely.Polygon(kerb.polygon)).area < 1e-3 for kerb in kerbs)
 
 
+COMPOUND = ((0.0, -150.0), (300.0, -150.0), (300.0, 150.0), (0.0, 150.0))
+
+
 def test_a_compound_has_no_streets_a_wall_with_a_gate_and_houses_that_differ() -> None:
     city = district("residential", 3, extent_m=500.0, blocks_rows=4.0, blocks_columns=4.0, height_low_m=9.0,
-                    height_high_m=24.0, inside=(0.0, -150.0, 300.0, -150.0, 300.0, 150.0, 0.0, 150.0))  # fmt: skip
+                    height_high_m=24.0, inside=COMPOUND)  # fmt: skip
     site = shapely.box(0, -150, 300, 150)
     assert not any(site.intersects(shapely.LineString(lane.shape)) for road in city.roads for lane in road.lanes)
     homes = [b for b in city.buildings if site.contains(shapely.Polygon(b.polygon))]
@@ -131,7 +134,7 @@ def test_a_compound_has_no_streets_a_wall_with_a_gate_and_houses_that_differ() -
 
 
 def test_a_factory_can_be_walked_from_gate_to_gate() -> None:
-    inside = (-80.0, -60.0, 80.0, -60.0, 80.0, 60.0, -80.0, 60.0)
+    inside = ((-80.0, -60.0), (80.0, -60.0), (80.0, 60.0), (-80.0, 60.0))
     for layout in range(6):
         city = district("industrial", layout, extent_m=320.0, blocks_rows=3.0, blocks_columns=4.0, inside=inside)
         footing = Footing(city)
@@ -144,10 +147,10 @@ def test_a_factory_can_be_walked_from_gate_to_gate() -> None:
 
 
 def test_a_pipeline_lies_where_the_mission_says_in_open_ground() -> None:
-    line = (-60.0, -40.0, -60.0, 40.0, 20.0, 40.0, 20.0, -30.0, 60.0, -30.0)
+    line = ((-60.0, -40.0), (-60.0, 40.0), (20.0, 40.0), (20.0, -30.0), (60.0, -30.0))
     city = district("industrial", 1, extent_m=300.0, blocks_rows=2.0, blocks_columns=3.0, pipeline=line)
     main = next(pipe for pipe in city.pipes if pipe.id == "pipeline")
-    assert [point[:2] for point in main.path] == list(zip(line[::2], line[1::2], strict=True))
+    assert [point[:2] for point in main.path] == list(line)
     footing = Footing(city)
     start = shapely.Point(0, -50)
     for x, y in ((-60, -20), (-60, 15), (-30, 40), (0, 40), (20, 20), (20, -10), (45, -30)):
@@ -158,7 +161,8 @@ def test_a_pipeline_lies_where_the_mission_says_in_open_ground() -> None:
 
 
 def test_a_bridge_runs_from_the_streets_over_the_water() -> None:
-    shore, bridge = (-120.0, -800.0, -100.0, 0.0, -130.0, 800.0), (-150.0, 0.0, 400.0, 30.0, 1000.0, 20.0)
+    shore = ((-120.0, -800.0), (-100.0, 0.0), (-130.0, 800.0))
+    bridge = ((-150.0, 0.0), (400.0, 30.0), (1000.0, 20.0))
     city = district("coastal", 1, extent_m=1600.0, shore=shore, bridge=bridge)
     footing = Footing(city)
     assert footing.is_water(500.0, 200.0) and not footing.is_water(-150.0, 0.0) and not footing.is_water(1010.0, 20.0)
@@ -227,7 +231,7 @@ def test_a_road_runs_around_what_leaves_no_room_for_streets(
     options: dict[str, object] = {"extent_m": 300.0, "blocks_rows": blocks[0], "blocks_columns": blocks[1]}
     if inside_m:
         h = inside_m
-        options["inside"] = (-h, -h, h, -h, h, h, -h, h)
+        options["inside"] = ((-h, -h), (h, -h), (h, h), (-h, h))
     city = build(SceneSpec(kind=kind, options=options, datum_m=-3.0 if kind == "coastal" else 0.0))
     lanes = [lane for road in city.roads for lane in road.lanes if lane.kind == "car"]
     assert lanes
@@ -252,9 +256,9 @@ def test_streets_carry_names_and_lights() -> None:
         ("residential", {"colour": "red"}, "has no option `colour`"),
         ("residential", {"extent_m": 20.0}, "`extent` is 20.0"),
         ("residential", {"extent_m": True}, "`extent` is True"),
-        ("industrial", {"inside": (0.0, 1.0, 2.0)}, "`inside` is no line"),
-        ("residential", {"bridge": (0.0, 0.0, 9.0, 9.0)}, "has no `bridge`"),
-        ("city", {"inside": (0.0, 0.0, 9.0, 0.0, 9.0, 9.0)}, "extent, blocks and height only"),
+        ("industrial", {"inside": ((0.0, 1.0), (2.0, 3.0))}, "`inside` is no line"),
+        ("residential", {"bridge": ((0.0, 0.0), (9.0, 9.0))}, "has no `bridge`"),
+        ("city", {"inside": ((0.0, 0.0), (9.0, 0.0), (9.0, 9.0))}, "extent, blocks and height only"),
         ("commercial", {"height_low_m": 50.0, "height_high_m": 10.0}, "`height` is 10.0"),
     ],
 )
@@ -297,6 +301,6 @@ def test_the_kinds_are_declared_as_scenes() -> None:
 
 
 def test_a_large_compound_has_more_houses_than_there_are_colours() -> None:
-    wide = (-800.0, -800.0, 700.0, -800.0, 700.0, 700.0, -800.0, 700.0)
+    wide = ((-800.0, -800.0), (700.0, -800.0), (700.0, 700.0), (-800.0, 700.0))
     city = district("residential", 3, extent_m=2000.0, blocks_rows=8.0, blocks_columns=8.0, inside=wide)
     assert len(city.buildings) > 300

@@ -93,8 +93,7 @@ def _number(spec: SceneSpec, name: str, default: float) -> float:
 
 def _line(spec: SceneSpec, name: str) -> Polygon:
     value = spec.options.get(name, ())
-    flat = [float(item) for item in (value if isinstance(value, tuple | list) else ()) if isinstance(item, int | float)]
-    return tuple(zip(flat[::2], flat[1::2], strict=True))
+    return tuple(point for point in value if isinstance(point, tuple)) if isinstance(value, tuple) else ()
 
 
 def _default_shore(kind: str, extent: float) -> Polygon:
