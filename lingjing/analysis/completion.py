@@ -13,7 +13,7 @@ from lingjing.mission.instance import Instance
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import BoundaryRecord
 
-_MASS = "_kg"
+_MASS = "kg"
 
 
 def completion_ticks(trace: Trace) -> dict[str, int]:
@@ -49,10 +49,10 @@ def owed_kg(trace: Trace) -> tuple[float, float] | None:
     initial = due = 0.0
     for entity in instance.entities:
         for group, state in asked:
-            amount = entity.properties.get(state)
-            if entity.group == group and state in entity.state and isinstance(amount, int | float):
+            spec, amount = entity.state_of(state), entity.number(state)
+            if entity.group == group and spec is not None and spec.unit == _MASS and amount is not None:
                 initial += amount
-                due += max(0.0, last.get(entity.id, {}).get(state.removesuffix(_MASS), amount))
+                due += max(0.0, last.get(entity.id, {}).get(spec.name, amount))
     return (initial, due) if initial > 0.0 else None
 
 
@@ -65,7 +65,7 @@ def _masses(instance: Instance) -> set[tuple[str, str]]:
         for node in nodes(rule.condition) if rule.name in called else ():
             match node:
                 case Binary(operator="<=", left=Attr(base=Ref(name=who), name=state), right=Number(value=0.0)):
-                    if who in domains and state.endswith(_MASS):
+                    if who in domains:
                         found.add((domains[who], state))
     return found
 

@@ -118,10 +118,6 @@ class Phrases:
             return self._dimension_of_call(node, names)
         return None
 
-    def property_name(self, prop: model.Property) -> str:
-        """The author's name of a property: without the unit that lowering put behind it."""
-        return self._bare(prop.name, self.dimension(prop.value))
-
     def field(self, source: ex.Expr, lowered: str, names: Locals | None = None) -> str:
         """The author's name of a lowered field of an entity (or of what is none: then the name itself)."""
         group = self.groups.get(self._entity(source, names or {}))
@@ -130,7 +126,7 @@ class Phrases:
         if lowered in _FIELDS:
             return _FIELDS[lowered]
         given = next((prop for prop in group.properties if prop.name == lowered), None) if group else None
-        return self.property_name(given) if given is not None else lowered
+        return given.plain if given is not None else lowered
 
     # -- writers
 
@@ -233,10 +229,6 @@ class Phrases:
                 if found is not None and (signature.same or isinstance(argument, ex.Sequence)):
                     return found
         return None
-
-    def _bare(self, name: str, dimension: Dimension | None) -> str:
-        known = BY_DIMENSION.get(dimension) if dimension is not None else None
-        return name.removesuffix(known.suffix) if known and known.suffix else name
 
 
 def _bracketed(text: str, needed: bool) -> str:

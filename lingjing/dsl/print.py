@@ -391,7 +391,7 @@ class Printer:
             return rows, f"{self.text(prop.value, SUM)} by {self.text(columns.value, SUM)}", columns
         if prop.name == "datum_m":
             return "datum", f"sea level at {self.text(prop.value, SUM)}", None
-        return self.phrases.property_name(prop), self.text(prop.value), None
+        return prop.plain, self.text(prop.value), None
 
     def _fields(self, part: msgspec.Struct, relation: str) -> list[str]:
         """`name relation value` for every expression of a plain struct."""

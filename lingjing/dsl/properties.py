@@ -12,7 +12,7 @@ from lingjing.mission import model
 from lingjing.mission.functions import Type
 from lingjing.mission.units import BY_DIMENSION, NONE, Dimension
 
-Made = Callable[[str, ex.Expr], model.Property]
+Made = Callable[..., model.Property]
 
 
 def suffix_of(dimension: Dimension | None) -> str:
@@ -30,10 +30,10 @@ def lowered(
     changes = state or entry.node.state
     relation = entry.relation
 
-    def made(suffix: str, value: ex.Expr) -> model.Property:
+    def made(suffix: str, value: ex.Expr, unit: str = "") -> model.Property:
         drawn: Literal["=", "~", "<="] = "~" if isinstance(value, ex.Draw) else "<=" if relation == "<=" else "="
         return model.Property(
-            name=name + suffix, value=value, relation=drawn, hidden=hides, inherited=inherited, state=changes
+            name=name + suffix, value=value, relation=drawn, hidden=hides, inherited=inherited, state=changes, unit=unit
         )
 
     if kind.kind == "directed":
@@ -41,14 +41,15 @@ def lowered(
     if kind.kind == "size":
         return (made("_rows", entry.parts[0].ir), made("_columns", entry.parts[1].ir))
     if kind.kind == "level":
-        return (made("_m", entry.value.ir),)
+        return (made("_m", entry.value.ir, "m"),)
     return _of_value(made, entry.value)
 
 
 def _of_value(made: Made, value: Value) -> tuple[model.Property, ...]:
     kind: Type = value.type
     if kind.kind == "quantity":
-        return (made(suffix_of(kind.dimension), value.ir),)
+        suffix = suffix_of(kind.dimension)
+        return (made(suffix, value.ir, suffix.removeprefix("_")),)
     if kind.kind == "range" and isinstance(value.ir, ex.Range):
         unit = suffix_of(kind.dimension)
         return (made(f"_low{unit}", value.ir.low), made(f"_high{unit}", value.ir.high))

@@ -295,8 +295,8 @@ def _body(entity: Entity, view: EntityView | None) -> Array:
     numbers[7:9] = (np.sin(heading), np.cos(heading)) if view.heading_deg is not None else (0.0, 0.0)
     numbers[9] = bool(view.busy)
     numbers[10] = stocks.get("battery", 0.0)
-    for place, name in enumerate(entity.state, _BODY):
-        numbers[place] = stocks.get(name, 0.0)
+    for place, one in enumerate(entity.state, _BODY):
+        numbers[place] = stocks.get(one.name, 0.0)
     return numbers
 
 

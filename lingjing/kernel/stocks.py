@@ -10,7 +10,6 @@ its endurance: where one of those is hidden, it is not shown.
 from __future__ import annotations
 
 from lingjing.mission.instance import Datum, Entity
-from lingjing.mission.units import without_unit
 from lingjing.trace.records import BodyState
 
 _INTERNAL = "@"
@@ -23,23 +22,21 @@ def current(entity: Entity, state: BodyState, name: str) -> Datum:
     """The value of a resource, a declared state or another property of an entity now; None if it has none."""
     if name in state.resources:
         return state.resources[name]
-    if name in entity.state and (plain := without_unit(name)) in state.resources:
-        return state.resources[plain]
+    if (spec := entity.state_of(name)) is not None and spec.name in state.resources:
+        return state.resources[spec.name]
     return entity.properties.get(name)
 
 
 def stocks(entity: Entity, state: BodyState) -> dict[str, float]:
     """All that an entity has in stock and that is not hidden: its engine's resources, then states as declared."""
-    hidden = {without_unit(name) for name in entity.hidden} | set(entity.hidden)
-    unseen = {*hidden, *entity.state}
-    own = {} if set(entity.hidden) - _PLACE - set(entity.state) else public(state)
-    stated = {without_unit(name) for name in entity.state}
-    shown = {name: value for name, value in own.items() if name not in unseen}
-    shown |= {name: value for name, value in public(state).items() if name in stated - unseen}
-    for name in entity.state:
-        value = current(entity, state, name)
-        if name not in hidden and isinstance(value, int | float):
-            shown.setdefault(without_unit(name), float(value))
+    fields = {spec.field for spec in entity.state}
+    stated = fields | {spec.name for spec in entity.state}
+    closed = set(entity.hidden) - _PLACE - fields
+    shown = {} if closed else {name: value for name, value in public(state).items() if name not in stated}
+    for spec in entity.state:
+        value = current(entity, state, spec.field)
+        if spec.field not in entity.hidden and isinstance(value, int | float):
+            shown[spec.name] = float(value)
     return shown
 
 

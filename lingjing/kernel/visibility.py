@@ -18,7 +18,6 @@ from lingjing.kernel.stocks import public, stocks
 from lingjing.mission.instance import AgentSpec, Cell, ChannelSpec, Entity, Instance
 from lingjing.mission.schedule import Schedule
 from lingjing.mission.seeding import integer
-from lingjing.mission.units import without_unit
 from lingjing.plugins.policy import Brief, Observation, Peer, Picture, Privileged, Resource
 from lingjing.scene.city import City
 from lingjing.trace.records import (
@@ -188,7 +187,7 @@ def _shown(entity: Entity, state: BodyState, fields: Sequence[str]) -> dict[str,
     whole = ALL in fields
     wanted = STATE_FIELDS if whole else tuple(name for name in STATE_FIELDS if name in fields)
     shown: dict[str, object] = {name: getattr(state, name) for name in wanted if name not in entity.hidden}
-    named = {without_unit(name) for name in fields if name in entity.state}
+    named = {spec.name for spec in entity.state if spec.field in fields}
     if RESOURCES not in entity.hidden and (whole or RESOURCES in fields or named):
         # A new mapping each time: the engine's own is not a policy's to change.
         stock = stocks(entity, state)

@@ -123,6 +123,22 @@ class VerbSpec(Record, frozen=True, kw_only=True):
     doc: str = ""
 
 
+class StateSpec(Record, frozen=True, kw_only=True):
+    """A number of an entity that changes while the mission runs: `state demand = 100 kg`.
+
+    `name` is the author's, by which engines report it and interactions move it; `unit` is its SI unit ("" for a bare
+    number). The property `field` holds what it starts with.
+    """
+
+    name: str
+    unit: str = ""
+
+    @property
+    def field(self) -> str:
+        """What rules and properties call it: `demand_kg`."""
+        return f"{self.name}_{self.unit}" if self.unit else self.name
+
+
 class InteractionSpec(Exchange, frozen=True, kw_only=True):
     """What an actor may do to one target (`lingjing.mission.model.Interaction`), in metres and seconds.
 
@@ -139,8 +155,8 @@ class Entity(Record, frozen=True, kw_only=True):
 
     `id` is `uav[1]` for the member of a group, else the bare name. `properties` holds what the declaration and its
     type say beyond the named fields, in SI units (`drift_mps`, `speed_mps`, …: see `lingjing.mission.instantiate`).
-    `hidden` names the properties (and `position`) that must never reach a policy, `state` those that the engine
-    changes while the mission runs. A `dormant` entity is not there until an event lets it appear. `bases` are the
+    `hidden` names the properties (and `position`) that must never reach a policy, `state` are those that
+    change while the mission runs. A `dormant` entity is not there until an event lets it appear. `bases` are the
     types that its type extends, nearest first, `interactions` what may be done to it. `drawn_in` is the outline its
     place is drawn from, metres: the scene does not move it out of there.
     """
@@ -158,11 +174,20 @@ class Entity(Record, frozen=True, kw_only=True):
     hidden: tuple[str, ...] = ()
     cameras: tuple[CameraSpec, ...] = ()
     verbs: tuple[VerbSpec, ...] = ()
-    state: tuple[str, ...] = ()
+    state: tuple[StateSpec, ...] = ()
     dormant: bool = False
     bases: tuple[str, ...] = ()
     interactions: tuple[InteractionSpec, ...] = ()
     drawn_in: tuple[tuple[float, float], ...] = ()
+
+    def state_of(self, field: str) -> StateSpec | None:
+        """The state that rules call `field`, if it is one."""
+        return next((one for one in self.state if one.field == field), None)
+
+    def number(self, name: str) -> float | None:
+        """A declared property that is a number, by its name with the unit; None if there is none."""
+        value = self.properties.get(name)
+        return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
 
 
 class ChannelSpec(Record, frozen=True, kw_only=True):
@@ -291,7 +316,7 @@ class RevealSpec(Record, frozen=True, kw_only=True):
 class Instance(Record, frozen=True, kw_only=True):
     """The whole reset specification."""
 
-    format: Literal["lingjing-instance/1"] = "lingjing-instance/1"
+    format: Literal["lingjing-instance/2"] = "lingjing-instance/2"
     mission: str
     title: str
     goal: str

@@ -29,8 +29,11 @@ class Guard(Record, frozen=True, kw_only=True):
 
 
 class Property(Record, frozen=True, kw_only=True):
-    """One `name = value`, `name ~ draw` or `name <= bound` of a block. `state` marks a number that its engine changes
-    while the mission runs (`load`, `demand`): the value is what it starts with."""
+    """One `name = value`, `name ~ draw` or `name <= bound` of a block.
+
+    A quantity's `name` ends with its unit (`demand_kg`), which `unit` tells ("kg"; "" for a bare number or a property
+    of several parts). `state` marks a number that changes while the mission runs: the value is what it starts with.
+    """
 
     name: str
     value: Expr
@@ -38,6 +41,12 @@ class Property(Record, frozen=True, kw_only=True):
     hidden: bool = False
     inherited: bool = False
     state: bool = False
+    unit: str = ""
+
+    @property
+    def plain(self) -> str:
+        """The author's name, without the unit."""
+        return self.name.removesuffix(f"_{self.unit}") if self.unit else self.name
 
 
 class Scene(Record, frozen=True, kw_only=True):
@@ -473,7 +482,7 @@ class Origin(Record, frozen=True, kw_only=True):
 class Mission(Record, frozen=True, kw_only=True):
     """The typed mission. See the module docstring; DESIGN section 2 for the meaning of each part."""
 
-    format: Literal["lingjing-mission/1"] = "lingjing-mission/1"
+    format: Literal["lingjing-mission/2"] = "lingjing-mission/2"
     name: str
     title: str
     goal: str

@@ -10,7 +10,17 @@ from lingjing.mission import expression as ex
 from lingjing.mission import geometry2d, model
 from lingjing.mission.draws import draw, outline
 from lingjing.mission.evaluate import Interval, Members, Place, Scope, Value, describe, evaluate, flag_of, number, whole
-from lingjing.mission.instance import ArgumentSpec, CameraSpec, Datum, Entity, InteractionSpec, Scalar, Vector, VerbSpec
+from lingjing.mission.instance import (
+    ArgumentSpec,
+    CameraSpec,
+    Datum,
+    Entity,
+    InteractionSpec,
+    Scalar,
+    StateSpec,
+    Vector,
+    VerbSpec,
+)
 from lingjing.mission.units import without_unit
 
 MEMBERS_MOST = 100_000
@@ -119,7 +129,7 @@ def entities(
     cameras = tuple(_camera(camera, scope, f"{mission}/{group.name}/{camera.name}") for camera in group.cameras)
     verbs = tuple(_verb(verb, scope, f"{mission}/{group.name}/{verb.name}") for verb in group.verbs)
     hidden = tuple(sorted({prop.name for prop in group.properties if prop.hidden}))
-    state = tuple(prop.name for prop in group.properties if prop.state)
+    state = tuple(StateSpec(name=prop.plain, unit=prop.unit) for prop in group.properties if prop.state)
     drifts = "drift_mps" in columns
     interactions = tuple(
         _interaction(one, scope, f"{mission}/{group.name}/{one.name}", drifts) for one in group.interactions

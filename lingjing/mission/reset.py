@@ -138,7 +138,7 @@ def _weather(
         return given
     notes.append(f"{where}: '{word}' sets visibility {sky.typical_visibility_m:g} m, cloud {sky.typical_cloud:g}")
     changed = (
-        model.Property(name="visibility_m", value=ex.Number(sky.typical_visibility_m, "m")),
+        model.Property(name="visibility_m", unit="m", value=ex.Number(sky.typical_visibility_m, "m")),
         model.Property(name="cloud", value=ex.Number(sky.typical_cloud)),
     )
     return (*(p for p in given if p.name not in ("visibility_m", "cloud")), *changed)

@@ -126,7 +126,7 @@ def filled(
     properties = _positioned(mission, group, spots, parsed, where, notes)
     if any(spot.heading_deg is not None for spot in spots):
         headings = tuple(ex.Number(spot.heading_deg or 0.0, "deg") for spot in spots)
-        properties = _set(properties, "heading_deg", _indexed(group, headings, "heading_deg"))
+        properties = _set(properties, "heading_deg", _indexed(group, headings, "heading_deg"), unit="deg")
     properties = _weighed(group, _orbiting(group, properties, spots, where, notes), spots, parsed, where, notes)
     labels = tuple("" if spot.code == member_id(group, k) else spot.code for k, spot in enumerate(spots, start=1))
     changed = msgspec.structs.replace(group, properties=properties, labels=labels if any(labels) else ())
@@ -266,12 +266,12 @@ def _indexed(group: model.Group, values: Sequence[ex.Expr], name: str) -> ex.Exp
     return ex.Call("at", (ex.Ref(group.index, "local"), ex.Sequence(tuple(values))), named)
 
 
-def _set(properties: Iterable[model.Property], name: str, value: ex.Expr) -> tuple[model.Property, ...]:
+def _set(properties: Iterable[model.Property], name: str, value: ex.Expr, unit: str = "") -> tuple[model.Property, ...]:
     """The properties with one fixed to a value; it stays hidden, or a state, if it was."""
     kept = tuple(properties)
     old = _property(kept, name)
     if old is None:
-        return (*kept, model.Property(name=name, value=value))
+        return (*kept, model.Property(name=name, value=value, unit=unit))
     new = msgspec.structs.replace(old, value=value, relation="=", inherited=False)
     return tuple(new if p is old else p for p in kept)
 

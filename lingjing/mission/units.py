@@ -9,6 +9,7 @@ report.
 from __future__ import annotations
 
 import re
+from collections.abc import Collection
 from functools import lru_cache
 
 import msgspec
@@ -197,6 +198,11 @@ def si_value(number: float, unit: str) -> float:
     if found.factor < 1.0 and inverse == round(inverse):
         return number / round(inverse)
     return number * found.factor
+
+
+def field_named(name: str, fields: Collection[str]) -> str | None:
+    """The one of `fields` that is `name`, or `name` with a unit behind it: `payload_kg` for `payload`."""
+    return next((name + end for end in ("", *_SUFFIXES) if name + end in fields), None)
 
 
 @lru_cache(maxsize=1024)

@@ -12,7 +12,6 @@ from collections.abc import Callable, Mapping, Sequence
 
 from lingjing.mission.expression import Aggregate, Attr, Binary, Call, Expr, Number, Ref
 from lingjing.mission.instance import Entity, Instance
-from lingjing.mission.units import without_unit
 
 _COMPARED: Mapping[str, Callable[[float, float], bool]] = {
     "<": operator.lt,
@@ -35,14 +34,12 @@ def meant(condition: Expr, variable: str, members: Sequence[Entity], instance: I
     return left or tuple(members)
 
 
-def declared(entity: Entity, name: str) -> float | None:
-    """A declared number of an entity by its name without a unit; None for a stock that interactions change."""
-    if any(name in (one.takes, one.gives, one.source) for one in entity.interactions):
+def declared(entity: Entity, field: str) -> float | None:
+    """A declared number of an entity; None for a state that interactions change."""
+    spec = entity.state_of(field)
+    if spec is not None and any(spec.name in (one.takes, one.gives, one.source) for one in entity.interactions):
         return None
-    for key, value in entity.properties.items():
-        if without_unit(key) == name and isinstance(value, int | float) and not isinstance(value, bool):
-            return float(value)
-    return None
+    return entity.number(field)
 
 
 def _conjuncts(expr: Expr) -> tuple[Expr, ...]:
@@ -63,7 +60,7 @@ def _number(expr: Expr, bound: Mapping[str, Entity], instance: Instance) -> floa
     if isinstance(expr, Ref) and expr.kind == "param":
         return instance.settings.get(expr.name)
     if isinstance(expr, Attr) and isinstance(expr.base, Ref) and expr.base.name in bound:
-        return declared(bound[expr.base.name], without_unit(expr.name))
+        return declared(bound[expr.base.name], expr.name)
     if isinstance(expr, Binary) and expr.operator in _RECKONED:
         left, right = _number(expr.left, bound, instance), _number(expr.right, bound, instance)
         return None if left is None or right is None else _RECKONED[expr.operator](left, right)

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 from lingjing.mission.instance import Entity
-from lingjing.mission.units import without_unit
 from lingjing.trace.records import BodyState
 
 
@@ -18,8 +17,8 @@ class Stock:
     """The changing stocks of one asset, by the name of their property (`load_kg`)."""
 
     def __init__(self, entity: Entity) -> None:
-        self._first = {name: float(value) for name in entity.state if (value := _number(entity, name)) is not None}
-        self._accounts = {name: {f"{name}@{entity.id}", f"{without_unit(name)}@{entity.id}"} for name in self._first}
+        self._first = {one.field: value for one in entity.state if (value := entity.number(one.field)) is not None}
+        self._accounts = {one.field: {f"{one.field}@{entity.id}", f"{one.name}@{entity.id}"} for one in entity.state}
         self.amounts: Mapping[str, float] = dict(self._first)
 
     def read(self, mirrors: Iterable[BodyState]) -> None:
@@ -30,7 +29,7 @@ class Stock:
         for state in mirrors:
             for account, amount in state.resources.items():
                 for name, accounts in self._accounts.items():
-                    if account in accounts:
+                    if account in accounts and name in amounts:
                         amounts[name] += amount
         self.amounts = amounts
 
@@ -38,8 +37,3 @@ class Stock:
     def load_kg(self) -> float:
         """What is on board of a stock `load`, kilograms; 0 without one."""
         return max(0.0, self.amounts.get("load_kg", 0.0))
-
-
-def _number(entity: Entity, name: str) -> float | None:
-    value = entity.properties.get(name)
-    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None

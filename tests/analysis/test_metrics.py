@@ -11,7 +11,7 @@ from lingjing.analysis.detection import detect, numbers
 from lingjing.analysis.metrics import Metrics, metrics
 from lingjing.analysis.repetition import Reach, reaches_of, repeated_target_rate
 from lingjing.mission.expression import Attr, Binary, Call, Number, Quantified, Ref
-from lingjing.mission.instance import AgentSpec, Entity, InteractionSpec
+from lingjing.mission.instance import AgentSpec, Entity, InteractionSpec, StateSpec
 from lingjing.mission.model import Rule, RuleParameter, Unlock
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import (
@@ -322,7 +322,7 @@ def test_the_gap_of_a_delivery_is_the_mass_that_is_still_due(of, trace: Trace) -
     points = tuple(
         Entity(
             id=f"point[{number}]", group="point", index=number, role="target", type="delivery_point", engine="city",
-            position=(0.0, 0.0, 0.0), properties={"demand_kg": mass}, state=("demand_kg",),
+            position=(0.0, 0.0, 0.0), properties={"demand_kg": mass}, state=(StateSpec(name="demand", unit="kg"),),
         )
         for number, mass in ((1, 250.0), (2, 100.0))
     )  # fmt: skip

@@ -6,7 +6,7 @@ import pytest
 
 from lingjing.dsl import compile_text
 from lingjing.mission import expression as ex
-from lingjing.mission.instance import Instance
+from lingjing.mission.instance import Instance, StateSpec
 from lingjing.mission.instantiate import instantiate
 from lingjing.mission.model import Mission
 
@@ -179,7 +179,7 @@ def test_aggregates(small: str) -> None:
     instance = instantiate(mission)
     orders = [entity for entity in instance.entities if entity.group == "order"]
     assert [order.properties["demand_kg"] for order in orders] == [250.0, 100.0, 100.0]
-    assert {order.state for order in orders} == {("demand_kg",)}
+    assert {order.state for order in orders} == {(StateSpec(name="demand", unit="kg"),)}
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ import pytest
 
 from lingjing.dsl import compile_file
 from lingjing.mission.document import decode, encode, encode_instance
-from lingjing.mission.instance import Instance
+from lingjing.mission.instance import Instance, StateSpec
 from lingjing.mission.instantiate import instantiate
 from lingjing.mission.model import Mission
 
@@ -141,7 +141,7 @@ def test_one_order_is_more_than_a_van_holds(nine: dict[str, Mission]) -> None:
     demands = [e.properties["demand_kg"] for e in entities if e.group == "point"]
     assert sorted(demands) == [100.0] * 19 + [250.0]
     assert {e.properties["payload_kg"] for e in entities if e.group == "van"} == {200.0}
-    assert {e.state for e in entities if e.group == "van"} == {("load_kg",)}
+    assert {e.state for e in entities if e.group == "van"} == {(StateSpec(name="load", unit="kg"),)}
 
 
 def test_summaries(nine: dict[str, Mission], request: pytest.FixtureRequest) -> None:

@@ -43,7 +43,7 @@ def test_a_good_file_a_wrong_document_and_the_exit_codes(
 ) -> None:
     good, wrong = tmp_path / "good.ljs", tmp_path / "wrong.json"
     good.write_text(small)
-    wrong.write_text('{"format": "lingjing-mission/1"}')
+    wrong.write_text('{"format": "lingjing-mission/2"}')
     assert log_of([str(good)], capsys)["runs"][0]["results"] == []
     (result,) = log_of([str(good), str(wrong)], capsys)["runs"][0]["results"]
     assert result["ruleId"] == "LJ0009"

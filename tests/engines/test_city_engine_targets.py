@@ -7,12 +7,17 @@ from pytest import approx
 from lingjing.engines.city.engine import CityEngine
 from lingjing.engines.city.nature import nature_of
 from lingjing.errors import UsageError
-from lingjing.mission.instance import Clock, Entity, EventSpec, InteractionSpec, Weather
+from lingjing.mission.instance import Clock, Entity, EventSpec, InteractionSpec, StateSpec, Weather
 from lingjing.plugins.engine import EngineSpec
 from lingjing.scene.city import City
 from lingjing.trace.records import BodyState
 
 DRY = City(id="dry", origin=(31.0, 121.5), bounds=(-1000.0, -1000.0, 1000.0, 1000.0))
+
+
+def specs(fields):
+    """`demand_kg` is the state `demand` in kilograms."""
+    return tuple(StateSpec(name=name, unit=unit) for name, _, unit in (field.partition("_") for field in fields))
 
 
 def act(name, by, within_m, **more):
@@ -29,7 +34,7 @@ def target(name, *acts, position=(0.0, 0.0, 0.0), state=(), dormant=False, **pro
         engine="city",
         position=position,
         properties=properties,
-        state=state,
+        state=specs(state),
         dormant=dormant,
         interactions=acts,
     )
@@ -45,7 +50,7 @@ def actor(name, engine, state=(), **properties):
         engine=engine,
         position=(500.0, 0.0, 0.0),
         properties=properties,
-        state=state,
+        state=specs(state),
     )
 
 

@@ -13,11 +13,12 @@ import pytest
 
 from lingjing.engines.multirotor.engine import MultirotorEngine
 from lingjing.engines.multirotor.power import hover_power
-from lingjing.mission.instance import Entity, EventSpec, Weather
+from lingjing.mission.instance import Entity, EventSpec, StateSpec, Weather
 from lingjing.scene.city import Building
 from lingjing.trace.records import BodyState
 
 HERE = Path(__file__)
+LOAD = StateSpec(name="load", unit="kg")
 
 
 @pytest.fixture
@@ -433,7 +434,7 @@ def test_the_wind_changes_when_the_mission_says_and_not_before(player, instance_
 
 def test_a_load_makes_it_slower_and_hungrier(player, instance_of, uav, open_sea):
     def flight(load_kg):
-        entity = msgspec.structs.replace(uav(position=(0.0, 0.0, 100.0), load_kg=load_kg), state=("load_kg",))
+        entity = msgspec.structs.replace(uav(position=(0.0, 0.0, 100.0), load_kg=load_kg), state=(LOAD,))
         play = player(MultirotorEngine(), instance_of([entity]), open_sea, "multirotor")
         assert play.state.resources["load_kg"] == load_kg
         full = play.state.resources["battery_wh"]
@@ -446,7 +447,7 @@ def test_a_load_makes_it_slower_and_hungrier(player, instance_of, uav, open_sea)
 
 
 def test_what_the_book_says_is_on_board_and_too_much_is_refused(player, instance_of, uav, open_sea):
-    entity = msgspec.structs.replace(uav(load_kg=0.2), state=("load_kg",))
+    entity = msgspec.structs.replace(uav(load_kg=0.2), state=(LOAD,))
     play = player(MultirotorEngine(), instance_of([entity]), open_sea, "multirotor")
     depot = BodyState(id="depot", position=(0.0, 0.0, 0.0), resources={"load@uav[1]": 0.5, "load@uav[2]": 9.0})
     play.run(0.5, [depot])

@@ -7,7 +7,7 @@ import pytest
 
 from lingjing.engines.builtin import lingjing_engines
 from lingjing.engines.quadruped.engine import QuadrupedEngine
-from lingjing.mission.instance import Entity, EventSpec, Instance, VerbSpec
+from lingjing.mission.instance import Entity, EventSpec, Instance, StateSpec, VerbSpec
 from lingjing.plugins.conformance import check_engine
 from lingjing.scene.city import Building, City, Land, Slope, Solid, Water
 from lingjing.trace.records import BodyState, Command
@@ -286,7 +286,7 @@ def test_the_battery_pays_for_walking_and_ends_it(play, endurance):
 
 def test_a_load_slows_it_and_costs_more(play):
     def walk(load: float):
-        carrier = dog(properties={"load_kg": 0.0, "payload_kg": 8.0}, state=("load_kg",))
+        carrier = dog(properties={"load_kg": 0.0, "payload_kg": 8.0}, state=(StateSpec(name="load", unit="kg"),))
         session = play(city_of(), carrier)
         shop = BodyState(id="shop", position=(0.0, 30.0, 0.0), resources={"load@dog[1]": load})
         receipt = session.command("dog[1]", "forward", distance=15.0)

@@ -25,6 +25,7 @@ from lingjing.mission.instance import (
     EventSpec,
     Instance,
     SceneSpec,
+    StateSpec,
     VerbSpec,
     Weather,
 )
@@ -84,7 +85,7 @@ def vehicle(
         heading_deg=heading_deg,
         properties={"speed_mps": 13.9, "load_kg": 0.0, "payload_kg": 400.0, **properties},
         verbs=tuple(VerbSpec(name=verb) for verb in VERBS),
-        state=("load_kg",),
+        state=(StateSpec(name="load", unit="kg"),),
     )
 
 

@@ -8,7 +8,7 @@ from pytest import approx
 
 from lingjing.engines import sea
 from lingjing.engines.vessel.engine import VesselEngine
-from lingjing.mission.instance import EventSpec, Weather
+from lingjing.mission.instance import EventSpec, StateSpec, Weather
 from lingjing.scene.city import Bridge, Building, Land
 
 ROUGH = Weather(
@@ -232,7 +232,7 @@ def test_a_load_makes_it_slower(player, instance_of, boat, open_sea):
     for load_kg in (0.0, 1600.0):
         entity = boat()
         entity = msgspec.structs.replace(
-            entity, properties={**entity.properties, "load_kg": load_kg}, state=("load_kg",)
+            entity, properties={**entity.properties, "load_kg": load_kg}, state=(StateSpec(name="load", unit="kg"),)
         )
         play = player(VesselEngine(), instance_of([entity]), open_sea, "vessel")
         play.command("boat", "moveTo", x=0.0, y=500.0)

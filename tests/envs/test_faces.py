@@ -204,3 +204,14 @@ def test_a_vector_runs_in_processes(short: str) -> None:
         assert observations["time"][:, 0] == pytest.approx([20.0, 20.0])
     finally:
         made.close()
+
+
+def test_what_a_vehicle_carries_is_observed() -> None:
+    """States are shown by the author's word (`load`), whatever the graph calls them (`load_kg`)."""
+    env = parallel_env("cd", mode="star", settings={"points": 5.0}, picture_width=0)
+    try:
+        seen, _ = env.reset(seed=1)
+        carried = [body[-1] for name, body in seen["planner"]["entities"].items() if name.startswith("van")]
+        assert carried == [200.0] * 5
+    finally:
+        env.close()

@@ -6,24 +6,16 @@ import pytest
 import tests.kernel.kernel_kit as kit
 from lingjing.kernel.stocks import current, stocks
 from lingjing.mission.expression import Aggregate, Attr, Binary, Number
-from lingjing.mission.instance import ChannelSpec
-from lingjing.mission.units import without_unit
+from lingjing.mission.instance import ChannelSpec, StateSpec
 from lingjing.trace.records import BodyState, Route
 
-VAN = kit.entity("van", 0.0, 0.0, properties={"load_kg": 200.0, "payload_kg": 200.0, "heat": 1.0}, state=("load_kg",))
+LOAD = StateSpec(name="load", unit="kg")
+VAN = kit.entity("van", 0.0, 0.0, properties={"load_kg": 200.0, "payload_kg": 200.0, "heat": 1.0}, state=(LOAD,))
 WAY = ((0.0, 0.0, 0.0), (50.0, 0.0, 0.0))
 
 
 def state(**resources):
     return BodyState(id="van", position=(0.0, 0.0, 0.0), resources=resources)
-
-
-@pytest.mark.parametrize(
-    ("name", "plain"),
-    [("load_kg", "load"), ("speed_mps", "speed"), ("a_mps2", "a"), ("heat", "heat"), ("_kg", "_kg"), ("by_m", "by")],
-)
-def test_a_unit_ends_a_name(name, plain):
-    assert without_unit(name) == plain
 
 
 @pytest.mark.parametrize(
@@ -70,7 +62,7 @@ def seen(*fields, source="entity", name="boat"):
         msgspec.structs.replace(agent, observes=channels, commands=("uav[1]",)) if agent.id == "scout[1]" else agent
         for agent in base.agents
     )
-    about = {"properties": {"load_kg": 200.0}, "state": ("load_kg",)}
+    about = {"properties": {"load_kg": 200.0}, "state": (LOAD,)}
     fleet = tuple(msgspec.structs.replace(e, **about) if e.id == "boat" else e for e in base.entities)
     instance = msgspec.structs.replace(base, agents=crew, entities=fleet)
     kernel = kit.make_kernel(instance, kit.KitPlugin(glider=Porter))
@@ -120,7 +112,7 @@ def test_rules_sum_and_compare_current_states():
     total = Aggregate(function="sum", variable="v", domain="uav", body=Attr(base=kit.local("v"), name="load_kg"))
     empty = Binary(operator="<=", left=total, right=Number(value=380.0, unit="kg"))
     base = kit.make_instance()
-    about = {"properties": {"load_kg": 200.0}, "state": ("load_kg",)}
+    about = {"properties": {"load_kg": 200.0}, "state": (LOAD,)}
     fleet = tuple(msgspec.structs.replace(e, **about) if e.group == "uav" else e for e in base.entities)
     instance = msgspec.structs.replace(base, entities=fleet, rules=(kit.rule("light", empty),), success=empty)
     instance = msgspec.structs.replace(instance, unlocks=(), stages=())

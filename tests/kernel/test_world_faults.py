@@ -13,7 +13,7 @@ import tests.kernel.world_toys as toys
 from lingjing.kernel.episode import play, seat
 from lingjing.kernel.step import Kernel
 from lingjing.kernel.world import open_world
-from lingjing.mission.instance import AgentSpec, ChannelSpec, Entity, InteractionSpec, VerbSpec
+from lingjing.mission.instance import AgentSpec, ChannelSpec, Entity, InteractionSpec, StateSpec, VerbSpec
 from lingjing.trace.digest import verify
 from lingjing.trace.reader import read_trace
 from lingjing.trace.records import Action, Decision, Header
@@ -173,7 +173,7 @@ def fire(number):
         position=(10.0 * number, 0.0, 0.0),
         properties={"heat": 1.0},
         interactions=(InteractionSpec(name="extinguish", by="toy_a", within_m=5.0),),
-        state=("heat",),
+        state=(StateSpec(name="heat"),),
     )
 
 

@@ -7,6 +7,7 @@ import lingjing
 import tests.kernel.kernel_kit as kit
 from lingjing.dsl import compile_text
 from lingjing.kernel.world.stocks import Stocks
+from lingjing.mission.instance import StateSpec
 from lingjing.trace.reader import read_trace
 from lingjing.trace.records import BodyState
 
@@ -55,7 +56,8 @@ def body(name, **resources):
 @pytest.mark.parametrize("engine", ["road", "plane", "satellite", "vessel", "somebody_elses"])
 def test_what_an_engine_leaves_out_is_kept(engine):
     properties = {"water_kg": 5.0, "riders": 2.0, "load_kg": 8.0, "colour": "white"}
-    state = ("water_kg", "riders", "load_kg", "colour")
+    named = (("water", "kg"), ("riders", ""), ("load", "kg"), ("colour", ""))
+    state = tuple(StateSpec(name=name, unit=unit) for name, unit in named)
     asset = msgspec.structs.replace(kit.entity("cart", 0.0, 0.0, properties=properties, state=state), engine=engine)
     depot = kit.entity("depot", 0.0, 0.0, role="target")
     stocks = Stocks(msgspec.structs.replace(kit.make_instance(), entities=(asset, depot)))

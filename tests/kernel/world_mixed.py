@@ -12,6 +12,7 @@ from lingjing.mission.instance import (
     Instance,
     InteractionSpec,
     SceneSpec,
+    StateSpec,
     VerbSpec,
     Weather,
 )
@@ -54,6 +55,7 @@ def _house(column: int, row: int) -> Building:
     return Building(id=f"house-{column}-{row}", polygon=corners, base_m=0.0, top_m=25.0)
 
 
+HEAT, LOAD, DEMAND = StateSpec(name="heat"), StateSpec(name="load", unit="kg"), StateSpec(name="demand", unit="kg")
 EXTINGUISH = InteractionSpec(name="extinguish", by="road", within_m=30.0)
 DELIVER = InteractionSpec(name="deliver", by="road", within_m=30.0, takes="demand", source="load")
 
@@ -78,7 +80,7 @@ def entity(
         properties=properties,
         verbs=() if engine == "city" else tuple(VerbSpec(name=verb) for verb in VERBS),
         interactions=acts,
-        state=tuple(name for name in ("heat", "load_kg", "demand_kg") if name in properties),
+        state=tuple(one for one in (HEAT, LOAD, DEMAND) if one.field in properties),
     )
 
 

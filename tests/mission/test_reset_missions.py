@@ -14,7 +14,7 @@ from lingjing.errors import MissionError
 from lingjing.mission import document, frames
 from lingjing.mission import expression as ex
 from lingjing.mission import model as m
-from lingjing.mission.instance import Instance
+from lingjing.mission.instance import Instance, StateSpec
 from lingjing.mission.instantiate import instantiate
 from lingjing.mission.reset import instantiate_document
 from lingjing.mission.reset_document import LISTS
@@ -257,7 +257,7 @@ def test_weights_become_demands(nine: Nine) -> None:
     assert [(e.label, e.position[:2], e.properties["demand_kg"]) for e in points] == [
         ("配送点1", (1.0, 3.0), 40.0), ("配送点2", (2.0, 6.0), 80.0), ("配送点3", (3.0, 9.0), 120.0),
     ]  # fmt: skip
-    assert all(entity.state == ("demand_kg",) for entity in points)
+    assert all(entity.state == (StateSpec(name="demand", unit="kg"),) for entity in points)
 
 
 def test_a_weight_that_is_missing_or_has_no_place(nine: Nine) -> None:

@@ -166,8 +166,9 @@ def test_a_comparison_chooses_only_where_declarations_tell():
 def test_stocks_that_interactions_change_tell_nothing_beforehand():
     instance, _ = kit.staged("cd", "star", 0, (("points", 5.0),))
     point = next(entity for entity in instance.entities if entity.group == "point")
-    assert declared(point, "demand") is None
-    assert declared(point, "deliver_within") == 30.0
+    van = next(entity for entity in instance.entities if entity.group == "van")
+    assert declared(point, "demand_kg") is None
+    assert declared(van, "payload_kg") == van.properties["payload_kg"]
     assert len(asked(instance)) == 5
 
 

@@ -10,8 +10,8 @@ from __future__ import annotations
 import math
 
 from lingjing.errors import UsageError
-from lingjing.mission.instance import Entity, Instance, InteractionSpec
-from lingjing.mission.units import without_unit
+from lingjing.mission.instance import Entity, Instance, InteractionSpec, StateSpec
+from lingjing.mission.units import field_named
 
 DUST = 1e-9
 """Less than this of anything is nothing: what is left of a sum of floating-point transfers."""
@@ -21,13 +21,9 @@ class Book:
     """All stocks of an instance: declared states by entity and by the name without its unit."""
 
     def __init__(self, instance: Instance) -> None:
-        self._limits = {entity.id: numbers(entity, tuple(entity.properties)) for entity in instance.entities}
-        self._stocks = {entity.id: numbers(entity, entity.state) for entity in instance.entities}
-        self._units = {
-            (entity.id, without_unit(name)): name.removeprefix(without_unit(name))
-            for entity in instance.entities
-            for name in entity.state
-        }
+        self._entities = {entity.id: entity for entity in instance.entities}
+        self._stocks = {entity.id: first_amounts(entity) for entity in instance.entities}
+        self._units = {(entity.id, one.name): one.unit for entity in instance.entities for one in entity.state}
         self._accounts: dict[str, dict[str, float]] = {}
 
     def amount(self, entity: str, stock: str) -> float:
@@ -49,7 +45,7 @@ class Book:
     def takes_part(self, actor: str, interaction: InteractionSpec) -> bool:
         """Whether an actor has declared the state, and the limit, that goods are moved by."""
         declared = interaction.carried in self._stocks.get(actor, {})
-        return declared and (not interaction.up_to or interaction.up_to in self._limits[actor])
+        return declared and (not interaction.up_to or self._limit(actor, interaction) is not None)
 
     def transfer(self, target: str, actor: str, interaction: InteractionSpec) -> dict[str, float]:
         """Move what both ends allow; the amount and what the target has left, by names with units, {} for nothing.
@@ -75,13 +71,18 @@ class Book:
         key = f"{carried}@{actor}"
         account[key] = account.get(key, 0.0) + sign * amount
         unit = self._units.get((actor, carried), "")
-        left = {f"left{unit}": self.amount(target, own)} if own else {}
-        return {f"amount{unit}": amount, **left}
+        left = {StateSpec(name="left", unit=unit).field: self.amount(target, own)} if own else {}
+        return {StateSpec(name="amount", unit=unit).field: amount, **left}
 
     def _room(self, actor: str, interaction: InteractionSpec) -> float:
-        if not interaction.up_to:
-            return math.inf
-        return self._limits[actor][interaction.up_to] - self.amount(actor, interaction.gives)
+        limit = self._limit(actor, interaction)
+        return math.inf if limit is None else limit - self.amount(actor, interaction.gives)
+
+    def _limit(self, actor: str, interaction: InteractionSpec) -> float | None:
+        """How much of what it is given an actor holds; None where nothing is said."""
+        entity = self._entities[actor]
+        field = field_named(interaction.up_to, entity.properties) if interaction.up_to else None
+        return None if field is None else entity.number(field)
 
     def _add(self, entity: str, stock: str, amount: float) -> None:
         stocks = self._stocks.setdefault(entity, {})
@@ -94,7 +95,7 @@ def check_exchange(entity: Entity, interaction: InteractionSpec, actors: tuple[E
     hands is not measured in one unit at both ends."""
     what = f"`{interaction.name}` of `{entity.id}`"
     for actor in actors:
-        units = _units(actor)
+        units = _units(actor, interaction.up_to)
         if actor.engine != interaction.by or not interaction.moves_goods or interaction.carried not in units:
             continue
         if interaction.gives and not interaction.source and interaction.up_to not in units:
@@ -110,20 +111,16 @@ def check_exchange(entity: Entity, interaction: InteractionSpec, actors: tuple[E
             )
 
 
-def numbers(entity: Entity, names: tuple[str, ...]) -> dict[str, float]:
-    """Those of an entity's properties that are numbers, by their names without units."""
-    values = {name: entity.properties.get(name) for name in names}
-    return {
-        without_unit(name): float(value)
-        for name, value in values.items()
-        if isinstance(value, int | float) and not isinstance(value, bool)
-    }
+def first_amounts(entity: Entity) -> dict[str, float]:
+    """What an entity's states begin with, by their names."""
+    return {one.name: value for one in entity.state if (value := entity.number(one.field)) is not None}
 
 
-def _units(entity: Entity) -> dict[str, str]:
-    """The unit that ends the name of each property that is a number: `_kg`, or "" for a bare one."""
-    return {
-        without_unit(name): name.removeprefix(without_unit(name))
-        for name, value in entity.properties.items()
-        if isinstance(value, int | float) and not isinstance(value, bool)
-    }
+def _units(entity: Entity, *limits: str) -> dict[str, str]:
+    """The unit in which an entity has each of its states, and each of these limits."""
+    units = {one.name: one.unit for one in entity.state}
+    for name in limits:
+        field = field_named(name, entity.properties) if name else None
+        if field is not None:
+            units[name] = field.removeprefix(name).removeprefix("_")
+    return units

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from lingjing.engines.city.afloat import STEP_S, body_of
-from lingjing.engines.city.book import Book, check_exchange, numbers
+from lingjing.engines.city.book import Book, check_exchange
 from lingjing.engines.city.crowd import PEOPLE
 from lingjing.engines.city.interaction import UNLOCK, actors_in_reach, moved_on
 from lingjing.engines.city.radio import Coverage
@@ -46,9 +46,6 @@ class CityEngine:
         for target in self._targets.values():
             for interaction in target.possible.values():
                 check_exchange(target.entity, interaction, instance.entities)
-            known = numbers(target.entity, tuple(target.entity.properties))
-            for level in target.levels.values():
-                self._book.put(target.id, level.name, known[level.name])
         self._bodies: dict[str, tuple[Vector, BodyState]] = {}
         self._show()
         self._coverage = Coverage(instance, terrain)

@@ -55,13 +55,13 @@ def nature_of(entity: Entity) -> Nature:
 def _nature(entity: Entity) -> Nature:
     properties = entity.properties
     for levelled in (FIRE, LEAK):
-        if levelled.level in properties:
+        if entity.state_of(levelled.level) is not None:
             return levelled
     if properties.get("blocks") is True:
         return BLOCKAGE
     if "drift_mps" in properties:
         return ADRIFT
-    if PEOPLE in entity.state:
+    if entity.state_of(PEOPLE) is not None:
         return QUEUE
     if properties.get("on") == "bridge" and "width_m" in properties:
         return BREAK

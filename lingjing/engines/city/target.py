@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from lingjing.engines.city.afloat import Body
-from lingjing.engines.city.book import DUST, numbers
+from lingjing.engines.city.book import DUST, first_amounts
 from lingjing.engines.city.crowd import PEOPLE, Crowd, rates
 from lingjing.engines.city.nature import Nature, nature_of
 from lingjing.mission.instance import Entity, InteractionSpec
@@ -109,7 +109,7 @@ def target_of(entity: Entity, body: Body, seed: int) -> Target:
         body=body,
         possible=possible,
         levels=_levels(entity, nature, possible),
-        crowd=Crowd(entity, seed) if PEOPLE in entity.state and any(rates(entity)) else None,
+        crowd=Crowd(entity, seed) if entity.state_of(PEOPLE) is not None and any(rates(entity)) else None,
         word=nature.word,
     )
 
@@ -117,7 +117,7 @@ def target_of(entity: Entity, body: Body, seed: int) -> Target:
 def _levels(entity: Entity, nature: Nature, possible: dict[str, InteractionSpec]) -> dict[str, Level]:
     """What each interaction works off: the state that it takes, or else the nature's, which falls to the first one
     that takes and gives nothing."""
-    values = numbers(entity, tuple(entity.properties))
+    values = first_amounts(entity)
     workers = {one.name: one.takes for one in possible.values() if one.works_off and one.takes in values}
     idle = next((one.name for one in possible.values() if not one.takes and not one.gives), "")
     if nature.level in values and nature.level not in workers.values() and idle:

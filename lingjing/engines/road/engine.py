@@ -21,7 +21,6 @@ from lingjing.errors import InfrastructureError
 from lingjing.mission.instance import Entity
 from lingjing.mission.schedule import Schedule
 from lingjing.mission.seeding import integer
-from lingjing.mission.units import without_unit
 from lingjing.plugins.engine import Boundary, EngineSpec
 from lingjing.plugins.fleet import FleetEngine
 from lingjing.plugins.requests import Refusal, Requests
@@ -187,7 +186,7 @@ class RoadEngine(FleetEngine):
         for state in mirrors:
             for key, amount in state.resources.items():
                 stock, _, name = key.partition("@")
-                if name in got and stock in (LOAD, without_unit(LOAD)):
+                if name in got and stock in (LOAD.field, LOAD.name):
                     got[name] += amount
         for name, amount in got.items():
             self._vehicles[name].take_load(amount)

@@ -22,7 +22,7 @@ from lingjing.engines.road.kinds import SPEED_MPS, declare, kind_of, top_speed
 from lingjing.engines.road.routing import Avoided, Way, onward
 from lingjing.engines.road.sideways import Sideways, shifted
 from lingjing.engines.road.simulation import FOREVER_S, STEP_S, Simulation, SumoError
-from lingjing.mission.instance import Entity
+from lingjing.mission.instance import Entity, StateSpec
 from lingjing.scene.sizes import SIZES
 from lingjing.trace.records import BodyState
 
@@ -39,7 +39,7 @@ NOWHERE_M = -1e8
 _STILL_MPS = 1e-3
 _SAME_LOAD_KG = 0.5
 
-LOAD = "load_kg"
+LOAD = StateSpec(name="load", unit="kg")
 
 QUEUE_M = 40.0
 """Within this distance of its goal a vehicle that stands behind others of the mission has arrived."""
@@ -113,7 +113,7 @@ class Vehicle:
         self._kerb = kerb
         self._speed_mps = _number(entity, "speed_mps", SPEED_MPS)
         self._payload_kg = _number(entity, "payload_kg", 0.0)
-        self._first_load_kg = self.load_kg = self._felt_kg = _number(entity, LOAD, 0.0)
+        self._first_load_kg = self.load_kg = self._felt_kg = _number(entity, LOAD.field, 0.0)
         self._loads = LOAD in entity.state
         self._arrived = False
         self._waited = 0
@@ -387,7 +387,7 @@ class Vehicle:
             heading_deg=body.heading_deg,
             pitch_deg=float(vehicles.getSlope(self.id)),
             status=self.status,
-            resources={LOAD: self.load_kg, "speed_mps": speed, "odometer_m": self.odometer_m},
+            resources={LOAD.field: self.load_kg, "speed_mps": speed, "odometer_m": self.odometer_m},
         )
 
     def _begin(self, task: Task) -> None:

@@ -11,15 +11,14 @@ from collections.abc import Iterable, Mapping
 
 import msgspec
 
-from lingjing.mission.instance import Entity, Instance
-from lingjing.mission.units import without_unit
+from lingjing.mission.instance import Entity, Instance, StateSpec
 from lingjing.trace.records import BodyState
 
 _OF = "@"
 
 
 class Stocks:
-    """The declared states of the assets of one instance, by asset and by the name without its unit."""
+    """The declared states of the assets of one instance: what each begins with."""
 
     def __init__(self, instance: Instance) -> None:
         assets = (entity for entity in instance.entities if entity.role == "asset" and entity.state)
@@ -28,7 +27,7 @@ class Stocks:
     def kept(self, states: Mapping[str, BodyState]) -> dict[str, BodyState]:
         """The states of those assets whose engines leave a declared state out, with it."""
         lacking = {
-            name: {key: amount for key, amount in first.items() if not _reports(states[name], key)}
+            name: {spec: amount for spec, amount in first.items() if not _reports(states[name], spec)}
             for name, first in self._first.items()
         }
         lacking = {name: stocks for name, stocks in lacking.items() if stocks}
@@ -38,17 +37,12 @@ class Stocks:
         return {name: _with(states[name], stocks, got) for name, stocks in lacking.items()}
 
 
-def _declared(entity: Entity) -> dict[str, float]:
-    values = {name: entity.properties.get(name) for name in entity.state}
-    return {
-        name: float(value)
-        for name, value in values.items()
-        if isinstance(value, int | float) and not isinstance(value, bool)
-    }
+def _declared(entity: Entity) -> dict[StateSpec, float]:
+    return {spec: value for spec in entity.state if (value := entity.number(spec.field)) is not None}
 
 
-def _reports(state: BodyState, name: str) -> bool:
-    return name in state.resources or without_unit(name) in state.resources
+def _reports(state: BodyState, spec: StateSpec) -> bool:
+    return spec.name in state.resources or spec.field in state.resources
 
 
 def _accounts(states: Iterable[BodyState]) -> dict[str, float]:
@@ -60,9 +54,6 @@ def _accounts(states: Iterable[BodyState]) -> dict[str, float]:
     return got
 
 
-def _with(state: BodyState, stocks: Mapping[str, float], got: Mapping[str, float]) -> BodyState:
-    amounts = {
-        without_unit(name): first + got.get(f"{without_unit(name)}{_OF}{state.id}", 0.0)
-        for name, first in stocks.items()
-    }
+def _with(state: BodyState, stocks: Mapping[StateSpec, float], got: Mapping[str, float]) -> BodyState:
+    amounts = {spec.name: first + got.get(f"{spec.name}{_OF}{state.id}", 0.0) for spec, first in stocks.items()}
     return msgspec.structs.replace(state, resources={**state.resources, **amounts})

@@ -300,7 +300,7 @@ class Unfolding:
 
     def _filled(self, base: ex.Expr, name: str, most: float, env: Env, at: str) -> Need:
         body = self.body(base, env)
-        if body is None or name not in body.entity.state:
+        if body is None or body.entity.state_of(name) is None:
             return NOTHING
         lacking = body.bounds(name)[0] - most
         return Supply(body, name, lacking, at) if 0 < lacking < math.inf else NOTHING
@@ -351,7 +351,7 @@ class Unfolding:
         match expr:
             case ex.Attr(base=base, name=name):
                 body = self.body(base, env)
-                return ANYTHING if body is None or name in body.entity.state else body.bounds(name)
+                return ANYTHING if body is None or body.entity.state_of(name) is not None else body.bounds(name)
             case ex.Binary(operator="+"):
                 (a, b), (c, d) = self._bounds(expr.left, env), self._bounds(expr.right, env)
                 return a + c, b + d

@@ -160,7 +160,7 @@ class Beginning:
         if body is None or (isinstance(base, ex.Attr) and base.name == "position"):
             return ANYTHING
         entity = body.entity
-        known = entity.engine == "city" or (name in entity.state and name in entity.properties)
+        known = entity.engine == "city" or (entity.state_of(name) is not None and name in entity.properties)
         return body.bounds(name) if known and not entity.dormant else ANYTHING
 
     def _aggregate(self, expr: ex.Aggregate, env: Env) -> Bounds:
