@@ -34,11 +34,12 @@ print(json.dumps({"mission": "m", "seed": int(options["--seed"]), "mode": "star"
 
 STUDY = f"""
 import sys
-from lingjing.play import parallel, study
+from lingjing.bench import study
+from lingjing.play import parallel
 answer = {ANSWER!r}.replace("REASON", "'success'")
 def command(self, seed, folder):
     return [sys.executable, "-S", "-c", answer, "--seed", str(seed), "-o", str(folder)]
-fleet.RunOptions.command = command
+parallel.RunOptions.command = command
 sys.exit(study.main(sys.argv[1:]))
 """
 

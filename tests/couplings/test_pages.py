@@ -23,7 +23,7 @@ def rows(name: str) -> str:
 
 @pytest.mark.parametrize("name", [name for name in NAMES if name != "camera"])
 def test_every_reason_for_a_refusal_is_on_the_page(name):
-    folder = ROOT / "lingjing" / "plugins" / "engines" / PACKAGES.get(name, name)
+    folder = ROOT / "lingjing" / "engines" / PACKAGES.get(name, name)
     code = "\n".join(path.read_text("utf-8") for path in sorted(folder.glob("*.py")))
     given = {*re.findall(r'Refusal\("(\w+)"', code), *re.findall(r'\.fail\([^"]*?"(\w+)"', code)}
     common = {"unknown_resource", "unknown_verb", "bad_argument"}
