@@ -205,6 +205,8 @@ class _Page:
         yield from (f"- `{line}`" for line in own)
         if inherited:
             yield f"- from its type: {', '.join(f'`{line}`' for line in inherited)}"
+        for one in group.interactions:
+            yield f"- can be done to it: `{one.name} {{ {', '.join(self.printer.interaction(one))} }}`"
         for camera in group.cameras:
             yield f"- `{self.printer.camera(camera)}`"
         if group.verbs:

@@ -98,11 +98,12 @@ class Printer:
         lines = [f"engine = {local.engine}"]
         lines.extend(self.properties(local.properties))
         lines.extend(self.verb(verb) for verb in local.verbs)
-        lines.extend(_block(f"interaction {one.name}", self._interaction(one)) for one in local.interactions)
+        lines.extend(_block(f"interaction {one.name}", self.interaction(one)) for one in local.interactions)
         head = f"{local.role} {local.name} : {local.base}" if local.base else f"{local.role} {local.name}"
         return _block(head, lines, spread=True)
 
-    def _interaction(self, one: model.Interaction) -> Iterator[str]:
+    def interaction(self, one: model.Interaction) -> Iterator[str]:
+        """The lines of `interaction name { … }` of a type."""
         yield f"by = {one.by}"
         for key, value in (("within", one.within), ("lasting", one.lasting), ("aboard", one.aboard)):
             if value is not None:
