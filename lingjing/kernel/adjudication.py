@@ -13,15 +13,17 @@ import math
 from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from lingjing.kernel.assignments import point
 from lingjing.kernel.constraints import Watch
 from lingjing.kernel.instant import Instant
-from lingjing.kernel.predicates import planar
 from lingjing.kernel.registry import Binding, Registry, Report
 from lingjing.kernel.rules import bindings, holds, identity, rule_moves, settles_at_once
 from lingjing.kernel.stages import StageBook
 from lingjing.mission.expression import Call, Expr, children
+from lingjing.mission.fold import Meaning
 from lingjing.mission.instance import Datum, Entity, Instance
 from lingjing.mission.model import Rule
+from lingjing.mission.values import Area
 from lingjing.trace.records import BodyState, Event, Snapshot, StageChange
 
 
@@ -48,11 +50,23 @@ class Adjudicator:
         ordered = _sorted_rules(instance.rules)
         self._moving = tuple(rule for rule in ordered if rule_moves(rule, self._rules, self.kinds))
         self._settled = tuple(rule for rule in ordered if rule not in self._moving)
+        self._areas = {region.name: Area(region.polygon) for region in instance.regions}
+        self._meanings: dict[int, tuple[Expr, Meaning]] = {}
         self._at_once = frozenset(rule.name for rule in ordered if settles_at_once(rule, self._rules, self.kinds))
 
     def instant(self, registry: Registry, states: Mapping[str, BodyState], time_s: float) -> Instant:
         """An instant of this instance, ready for evaluation."""
-        return Instant(self._instance, registry, states, time_s, self._groups, self._rules, self.kinds)
+        return Instant(
+            self._instance,
+            registry,
+            states,
+            time_s,
+            self._groups,
+            self._rules,
+            self.kinds,
+            self._areas,
+            self._meanings,
+        )
 
     def adjudicate(self, before: Registry, registry: Registry, snapshots: Sequence[Snapshot]) -> Verdict:
         """Walk the macro-steps of the boundary that `registry` stands at; `before` is the last boundary's, whose
@@ -192,7 +206,7 @@ def _claim(scope: Mapping[str, Entity | Report]) -> tuple[str, str]:
 def _sighted(registry: Registry, scope: Mapping[str, Entity | Report], at: Instant) -> Registry:
     """The registry that knows where a matched report says its entities are."""
     for report in (value for value in scope.values() if isinstance(value, Report)):
-        place = planar(report.body.get("position"), at)
+        place = point(report.body.get("position"))
         for entity in (value for value in scope.values() if isinstance(value, Entity)):
             registry = registry if place is None else registry.with_sighting(entity.id, place)
     return registry
@@ -205,10 +219,10 @@ def _localisation_error(scope: Mapping[str, Entity | Report], at: Instant) -> fl
     if report is None or entity is None:
         return None
     states = at.registry.frame_states.get(str(report.body.get("frame")))
-    point = planar(report.body.get("position"), at)
-    if states is None or point is None or entity.id not in states:
+    place = point(report.body.get("position"))
+    if states is None or place is None or entity.id not in states:
         return None
-    return math.dist(point, states[entity.id].position[:2])
+    return math.dist(place, states[entity.id].position[:2])
 
 
 def _groups(entities: Iterable[Entity]) -> dict[str, tuple[Entity, ...]]:

@@ -14,16 +14,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 
 from lingjing.mission.expression import Aggregate, Call, Expr, Quantified, Ref, Symbol, children
+from lingjing.mission.functions import OPERATIONS
 from lingjing.mission.instance import AgentSpec, Instance
 from lingjing.mission.model import Rule
 from lingjing.trace.records import Event, EventView, TaskEvent
 
 ALL, ACTOR, NONE = "all", "actor", "none"
 """Whoever observes events; of them who commands a body that took part; nobody."""
-
-
-_READS_TRUTH = frozenset({"truth", "clear"})
-"""Functions whose answer comes from hidden entities that their arguments do not name."""
 
 
 class Announcements:
@@ -97,7 +94,8 @@ def _reads(expr: Expr, rules: Mapping[str, Rule], secret: set[str]) -> bool:
         return True
     if isinstance(expr, Call):
         called = rules.get(expr.function) if expr.rule else None
-        if expr.function in _READS_TRUTH or (called is not None and _rule_reads(called, rules, secret)):
+        known = OPERATIONS.get(expr.function)
+        if (known is not None and known.secret) or (called is not None and _rule_reads(called, rules, secret)):
             return True
     return any(_reads(child, rules, secret) for child in children(expr))
 

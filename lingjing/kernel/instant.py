@@ -3,24 +3,19 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+from lingjing.kernel.assignments import point
+from lingjing.kernel.facts import FACTS
 from lingjing.kernel.registry import Registry, Report
+from lingjing.mission.expression import Expr
+from lingjing.mission.fold import Meaning
 from lingjing.mission.instance import Entity, Instance
 from lingjing.mission.model import Rule
-from lingjing.trace.records import BodyState, Box
+from lingjing.mission.values import Area, Place, Value
+from lingjing.trace.records import BodyState
 
-
-@dataclass(frozen=True, slots=True)
-class RegionValue:
-    """A named region as a value: membership is the only thing it can be asked."""
-
-    name: str
-    polygon: tuple[tuple[float, float], ...]
-
-
-Value = bool | float | str | tuple[object, ...] | Entity | Report | Box | RegionValue | None
 Locals = Mapping[str, Entity | Report]
 
 
@@ -28,8 +23,8 @@ Locals = Mapping[str, Entity | Report]
 class Instant:
     """One moment at which expressions are evaluated: the registry, the entities' states and what was emitted.
 
-    `domains` restricts the reports a quantifier sees (reports of a boundary count from its commit on). `evidence`
-    collects the numbers of the latest evaluation.
+    `evidence` collects the numbers of the latest evaluation. `meanings` holds what the mission's expressions mean, each
+    worked out at its first use; instants of one mission share it.
     """
 
     instance: Instance
@@ -39,6 +34,8 @@ class Instant:
     groups: Mapping[str, tuple[Entity, ...]]
     rules: Mapping[str, Rule]
     kinds: frozenset[str]
+    areas: Mapping[str, Area]
+    meanings: dict[int, tuple[Expr, Meaning]]
     evidence: dict[str, float] = field(default_factory=dict)
 
     def domain(self, name: str) -> tuple[Entity, ...] | tuple[Report, ...]:
@@ -54,3 +51,21 @@ class Instant:
         tick = self.registry.tick
         new = itertools.takewhile(lambda report: report.tick == tick, self.registry.reports.newest())
         return tuple(reversed([report for report in new if report.kind == name]))
+
+    def place(self, value: Value) -> Place | None:
+        """East and north of a position, or of where an entity is now."""
+        if isinstance(value, Entity):
+            state = self.states.get(value.id)
+            return None if state is None else Place(state.position[0], state.position[1])
+        if isinstance(value, Place):
+            return value
+        found = point(value)
+        return None if found is None else Place(*found)
+
+    def note(self, name: str, number: float) -> None:
+        """Keep a number that decided."""
+        self.evidence[name] = number
+
+    def fact(self, name: str, arguments: Sequence[Value]) -> Value:
+        """What a function of a running mission answers; None where it has no answer."""
+        return FACTS[name](self, *arguments)

@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from lingjing.errors import UsageError
-from lingjing.kernel.predicates import FUNCTIONS
 from lingjing.mission.expression import Call, Expr, children
+from lingjing.mission.functions import OPERATIONS
 from lingjing.mission.instance import Instance
 
 
@@ -44,7 +44,7 @@ def _conditions(instance: Instance) -> Iterator[Expr]:
 
 
 def _unknown_calls(condition: Expr) -> Iterator[str]:
-    if isinstance(condition, Call) and not condition.rule and condition.function not in FUNCTIONS:
+    if isinstance(condition, Call) and not condition.rule and condition.function not in OPERATIONS:
         yield condition.function
     for child in children(condition):
         yield from _unknown_calls(child)

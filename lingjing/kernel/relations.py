@@ -18,7 +18,7 @@ from collections.abc import Iterator, Sequence
 
 from lingjing.kernel.assignments import point
 from lingjing.kernel.commands import PHOTO
-from lingjing.kernel.predicates import HANDOFF_M, SAME_POINT_M
+from lingjing.kernel.facts import HANDOFF_M, SAME_POINT_M
 from lingjing.kernel.registry import Registry, Report
 from lingjing.mission.geometry2d import contains
 from lingjing.mission.instance import AgentSpec, Entity, Instance

@@ -1,20 +1,20 @@
 """Expressions over run-time state: what a rule, a stage or the success condition means at one instant.
 
-Total and exact: nothing here raises on missing state. What does not exist (no truth box in that frame, an entity that
-has not reported) is `None`; a comparison or a predicate over `None` is false. Distances are planar metres, closed
-radii; boxes are normalised image boxes. Evaluation collects the numbers it used, which become an event's evidence.
+Total: nothing here raises on missing state. What does not exist (no true box in that frame, an entity that has not
+reported) is `None`, and so is what is done with it; a condition holds only where it is `True`. Distances are planar
+metres, closed radii; boxes are normalised image boxes. Evaluation keeps the numbers it used, which become an event's
+evidence. What operators and functions mean stands in `lingjing.mission.functions`, what a running mission answers in
+`facts`.
 """
 
 from __future__ import annotations
 
 import itertools
 import math
-import operator
 from collections.abc import Callable, Iterator, Mapping
 
-from lingjing.errors import LingjingError
-from lingjing.kernel.instant import Instant, Locals, RegionValue, Value
-from lingjing.kernel.predicates import FUNCTIONS, planar
+from lingjing.errors import LingjingError, MissionError
+from lingjing.kernel.instant import Instant, Locals
 from lingjing.kernel.registry import Binding, Report
 from lingjing.kernel.stocks import current
 from lingjing.mission.expression import (
@@ -23,22 +23,19 @@ from lingjing.mission.expression import (
     Binary,
     Call,
     Expr,
-    Flag,
     Index,
-    Number,
-    Point,
     Quantified,
-    Range,
     Ref,
-    Sequence,
     Symbol,
-    Text,
     Unary,
     children,
 )
-from lingjing.mission.geometry2d import contains
+from lingjing.mission.fold import Literal, Meaning, Operation, meaning
+from lingjing.mission.functions import OPERATIONS, operation
 from lingjing.mission.instance import Entity
 from lingjing.mission.model import Rule
+from lingjing.mission.operations import AXES
+from lingjing.mission.values import Value, is_number
 from lingjing.trace.records import Box
 
 TICK = "tick"
@@ -51,12 +48,12 @@ def identity(value: Entity | Report) -> str:
 
 
 def evaluate(expr: Expr, scope: Locals, at: Instant) -> Value:
-    """The value of `expr` at an instant with `scope` bound. Raises `LingjingError` only for a node that the
-    checker should never have let through."""
-    handler = _HANDLERS.get(type(expr))
-    if handler is None:
-        raise LingjingError(f"an expression of kind {type(expr).__name__} cannot stand in a rule")
-    return handler(expr, scope, at)
+    """The value of `expr` at an instant with `scope` bound. Raises `LingjingError` only for what the checker should
+    never have let through."""
+    known = at.meanings.get(id(expr))
+    if known is None:
+        known = at.meanings[id(expr)] = expr, meaning(expr, RUNNING)
+    return known[1](scope, at)
 
 
 def holds(condition: Expr, scope: Locals, at: Instant) -> bool:
@@ -76,198 +73,155 @@ def bindings(
         yield dict(zip(names, values, strict=True))
 
 
-def _literal(expr: Number | Text | Flag, scope: Locals, at: Instant) -> Value:
-    return expr.value
+class _Running:
+    """Expressions as values of a running mission; their world is an `Instant`."""
+
+    def literal(self, node: Literal) -> Meaning:
+        constant = node.name if isinstance(node, Symbol) else node.value
+        return lambda scope, at: constant
+
+    def name(self, node: Ref) -> Meaning:
+        name = node.name
+        if node.kind == "local":
+            return lambda scope, at: scope.get(name)
+        if node.kind == "param":
+            return lambda scope, at: at.instance.settings[name]
+        if node.kind == "mode":
+            return lambda scope, at: at.instance.mode
+        if node.kind == "clock":
+            return (lambda scope, at: at.instance.clock.tick_s) if name == TICK else (lambda scope, at: at.time_s)
+        if node.kind == "region":
+            return lambda scope, at: at.areas.get(name)
+        return lambda scope, at: (at.groups.get(name) or (name,))[0]
+
+    def field(self, node: Attr, base: Meaning) -> Meaning:
+        name = node.name
+        return lambda scope, at: _field(base(scope, at), name, at)
+
+    def apply(self, node: Operation, operands: tuple[Meaning, ...]) -> Meaning:
+        match node:
+            case Binary(operator="and"):
+                left, right = operands
+                return lambda scope, at: left(scope, at) is True and right(scope, at) is True
+            case Binary(operator="or"):
+                left, right = operands
+                return lambda scope, at: left(scope, at) is True or right(scope, at) is True
+            case Unary(operator="not"):
+                (operand,) = operands
+                return lambda scope, at: operand(scope, at) is not True
+            case Index(base=Ref(name=name)):
+                return _member(name, operands[1])
+            case Call(rule=True, function=name):
+                return lambda scope, at: (name, _binding(scope, at, operands)) in at.registry.achieved
+        known = operation(node)
+        if known is None:
+            raise LingjingError(f"`{getattr(node, 'function', type(node).__name__)}` cannot stand in a rule")
+        return _applied(known.value, operands)
+
+    def over(self, node: Quantified | Aggregate, body: Meaning) -> Meaning:
+        if isinstance(node, Aggregate):
+            return _aggregated(node, body)
+        variable, domain, found = node.variable, node.domain, any if node.quantifier == "exists" else all
+        witnessed = _witnessed(node)
+
+        def quantified(scope: Locals, at: Instant) -> Value:
+            known = witnessed(scope, at) if witnessed is not None else None
+            if known is not None:
+                return known
+            return found(body({**scope, variable: member}, at) is True for member in at.domain(domain))
+
+        return quantified
 
 
-def _symbol(expr: Symbol, scope: Locals, at: Instant) -> Value:
-    return expr.name
+RUNNING = _Running()
+"""The reading of the kernel's adjudicator."""
 
 
-def _ref(expr: Ref, scope: Locals, at: Instant) -> Value:
-    if expr.name in scope:
-        return scope[expr.name]
-    if expr.kind == "param":
-        return at.instance.settings[expr.name]
-    if expr.kind == "mode":
-        return at.instance.mode
-    if expr.kind == "clock":
-        return at.instance.clock.tick_s if expr.name == TICK else at.time_s
-    if expr.kind == "region":
-        return _region(expr.name, at)
-    members = at.groups.get(expr.name, ())
-    return members[0] if members else expr.name
+def _applied(function: Callable[..., Value], operands: tuple[Meaning, ...]) -> Meaning:
+    """An operation; without a value where an operand has none, or where it has none for these operands."""
+
+    def applied(scope: Locals, at: Instant) -> Value:
+        values = []
+        for operand in operands:
+            value = operand(scope, at)
+            if value is None:
+                return None
+            values.append(value)
+        try:
+            return function(at, *values)
+        except MissionError:
+            return None
+
+    return applied
 
 
-def _region(name: str, at: Instant) -> Value:
-    for region in at.instance.regions:
-        if region.name == name:
-            return RegionValue(name, region.polygon)
-    return None
+def _member(group: str, index: Meaning) -> Meaning:
+    def member(scope: Locals, at: Instant) -> Value:
+        position, members = index(scope, at), at.groups.get(group, ())
+        return members[int(position) - 1] if is_number(position) and 1 <= position <= len(members) else None
+
+    return member
 
 
-def _index(expr: Index, scope: Locals, at: Instant) -> Value:
-    position = evaluate(expr.index, scope, at)
-    if not isinstance(expr.base, Ref) or not isinstance(position, int | float):
-        return None
-    members = at.groups.get(expr.base.name, ())
-    return members[int(position) - 1] if 1 <= position <= len(members) else None
-
-
-def _attr(expr: Attr, scope: Locals, at: Instant) -> Value:
-    base = evaluate(expr.base, scope, at)
-    if isinstance(base, Report):
-        return base.body.get(expr.name)
-    if isinstance(base, Box):
-        return base.box if expr.name == "box" else None
+def _field(base: Value, name: str, at: Instant) -> Value:
     if isinstance(base, Entity):
-        return _entity_field(base, expr.name, at)
+        state = at.states.get(base.id)
+        if state is None:
+            return None
+        if name in ("position", "velocity", "heading_deg", "status"):
+            return getattr(state, name)
+        return current(base, state, name)
+    if isinstance(base, Report):
+        return base.body.get(name)
+    if isinstance(base, Box):
+        return base.box if name == "box" else None
     if isinstance(base, tuple):
-        return _coordinate(base, expr.name)
-    return None
+        axis = AXES.get(name)
+        value = base[axis] if axis is not None and axis < len(base) else None
+        return float(value) if is_number(value) else None
+    return getattr(base, name, None) if name in AXES else None
 
 
-_AXES = {"east": 0, "x": 0, "north": 1, "y": 1, "elevation": 2, "z": 2}
-
-
-def _coordinate(place: tuple[object, ...], name: str) -> Value:
-    axis = _AXES.get(name)
-    value = place[axis] if axis is not None and axis < len(place) else None
-    return float(value) if isinstance(value, int | float) else None
-
-
-def _aggregate(expr: Aggregate, scope: Locals, at: Instant) -> Value:
+def _aggregated(node: Aggregate, body: Meaning) -> Meaning:
     """Of nothing, `count` and `sum` are 0, `min` and `max` are None; a member without a value counts for nothing."""
-    values = [evaluate(expr.body, {**scope, expr.variable: member}, at) for member in at.domain(expr.domain)]
-    if expr.function == "count":
-        return float(sum(value is True for value in values))
-    numbers = [float(value) for value in values if isinstance(value, int | float) and not isinstance(value, bool)]
-    if expr.function == "sum":
-        return math.fsum(numbers)
-    chosen = {"min": min, "max": max}[expr.function]
-    return chosen(numbers) if numbers else None
+    variable, domain, function = node.variable, node.domain, node.function
+
+    def aggregated(scope: Locals, at: Instant) -> Value:
+        values = [body({**scope, variable: member}, at) for member in at.domain(domain)]
+        if function == "count":
+            return float(sum(value is True for value in values))
+        numbers = [float(value) for value in values if is_number(value)]
+        if function == "sum":
+            return math.fsum(numbers)
+        return {"min": min, "max": max}[function](numbers) if numbers else None
+
+    return aggregated
 
 
-def _entity_field(entity: Entity, name: str, at: Instant) -> Value:
-    state = at.states.get(entity.id)
-    if state is None:
-        return None
-    if name in ("position", "velocity", "heading_deg", "status"):
-        return getattr(state, name)  # type: ignore[no-any-return]
-    return current(entity, state, name)
+def _binding(scope: Locals, at: Instant, operands: tuple[Meaning, ...]) -> Binding:
+    values = [operand(scope, at) for operand in operands]
+    return tuple(identity(value) for value in values if isinstance(value, Entity | Report))
 
 
-def _items(expr: Point | Sequence, scope: Locals, at: Instant) -> Value:
-    return tuple(evaluate(item, scope, at) for item in expr.items)
-
-
-def _range(expr: Range, scope: Locals, at: Instant) -> Value:
-    return (evaluate(expr.low, scope, at), evaluate(expr.high, scope, at))
-
-
-def _unary(expr: Unary, scope: Locals, at: Instant) -> Value:
-    value = evaluate(expr.operand, scope, at)
-    if expr.operator == "not":
-        return value is not True
-    return -value if isinstance(value, int | float) else None
-
-
-_ARITHMETIC: Mapping[str, Callable[[float, float], float | bool]] = {
-    "+": operator.add,
-    "-": operator.sub,
-    "*": operator.mul,
-    "/": operator.truediv,
-    "<": operator.lt,
-    "<=": operator.le,
-    ">": operator.gt,
-    ">=": operator.ge,
-}
-
-
-def _binary(expr: Binary, scope: Locals, at: Instant) -> Value:
-    if expr.operator == "and":
-        return holds(expr.left, scope, at) and holds(expr.right, scope, at)
-    if expr.operator == "or":
-        return holds(expr.left, scope, at) or holds(expr.right, scope, at)
-    left, right = evaluate(expr.left, scope, at), evaluate(expr.right, scope, at)
-    if expr.operator == "in":
-        return _member(left, right, at)
-    if expr.operator in ("==", "!="):
-        same = left is not None and right is not None and left == right
-        return same if expr.operator == "==" else (left is not None and right is not None and not same)
-    if not isinstance(left, int | float) or not isinstance(right, int | float):
-        return None
-    if expr.operator == "/" and right == 0:
-        return None
-    return _ARITHMETIC[expr.operator](left, right)
-
-
-def _member(left: Value, right: Value, at: Instant) -> bool:
-    if isinstance(right, RegionValue):
-        point = planar(left, at)
-        return point is not None and contains(right.polygon, *point)
-    if isinstance(right, tuple):
-        return left in right
-    return False
-
-
-def _quantified(expr: Quantified, scope: Locals, at: Instant) -> Value:
-    known = _witnessed(expr, scope, at)
-    if known is not None:
-        return known
-    outcomes = (holds(expr.body, {**scope, expr.variable: member}, at) for member in at.domain(expr.domain))
-    return any(outcomes) if expr.quantifier == "exists" else all(outcomes)
-
-
-def _witnessed(expr: Quantified, scope: Locals, at: Instant) -> bool | None:
+def _witnessed(node: Quantified) -> Meaning | None:
     """`exists r in D: rule(v, r)` looked up instead of searched for; None if the expression has another form."""
-    body = expr.body
-    if expr.quantifier != "exists" or not isinstance(body, Call) or not body.rule:
+    body = node.body
+    if node.quantifier != "exists" or not isinstance(body, Call) or not body.rule:
         return None
     names = [argument.name if isinstance(argument, Ref) else None for argument in body.arguments]
-    rule = at.rules.get(body.function)
-    if rule is None or None in names or names.count(expr.variable) != 1 or len(names) != len(rule.parameters):
+    if None in names or names.count(node.variable) != 1:
         return None
-    place = names.index(expr.variable)
-    others = [evaluate(argument, scope, at) for argument in body.arguments if argument != body.arguments[place]]
-    if rule.parameters[place].domain != expr.domain or not all(isinstance(value, Entity | Report) for value in others):
-        return None
-    rest: Binding = tuple(identity(value) for value in others if isinstance(value, Entity | Report))
-    return (body.function, place, rest) in at.registry.witnesses
+    name, place = body.function, names.index(node.variable)
+    others = tuple(meaning(one, RUNNING) for number, one in enumerate(body.arguments) if number != place)
 
+    def witnessed(scope: Locals, at: Instant) -> Value:
+        rule = at.rules.get(name)
+        if rule is None or len(names) != len(rule.parameters) or rule.parameters[place].domain != node.domain:
+            return None
+        rest = _binding(scope, at, others)
+        return None if len(rest) < len(others) else (name, place, rest) in at.registry.witnesses
 
-def _call(expr: Call, scope: Locals, at: Instant) -> Value:
-    if expr.rule:
-        return _achieved(expr, scope, at)
-    function = FUNCTIONS.get(expr.function)
-    if function is None:
-        raise LingjingError(f"the function `{expr.function}` cannot stand in a rule")
-    return function([evaluate(argument, scope, at) for argument in expr.arguments], at)
-
-
-def _achieved(expr: Call, scope: Locals, at: Instant) -> bool:
-    values = [evaluate(argument, scope, at) for argument in expr.arguments]
-    binding: Binding = tuple(identity(value) for value in values if isinstance(value, Entity | Report))
-    return (expr.function, binding) in at.registry.achieved
-
-
-_HANDLERS: Mapping[type, Callable[..., Value]] = {
-    Aggregate: _aggregate,
-    Number: _literal,
-    Text: _literal,
-    Flag: _literal,
-    Symbol: _symbol,
-    Ref: _ref,
-    Index: _index,
-    Attr: _attr,
-    Point: _items,
-    Sequence: _items,
-    Range: _range,
-    Unary: _unary,
-    Binary: _binary,
-    Quantified: _quantified,
-    Call: _call,
-}
+    return witnessed
 
 
 def moving(expr: Expr, rules: Mapping[str, Rule], entities: frozenset[str], kinds: frozenset[str]) -> bool:
@@ -280,7 +234,7 @@ def moving(expr: Expr, rules: Mapping[str, Rule], entities: frozenset[str], kind
         if expr.rule:
             rule = rules.get(expr.function)
             return rule is not None and rule_moves(rule, rules, kinds)
-        if expr.function in ("distance_xy", "emitted", "inspected", "clear"):
+        if expr.function in OPERATIONS and OPERATIONS[expr.function].of_time:
             return True
         return any(moving(item, rules, entities, kinds) for item in expr.arguments if not isinstance(item, Ref))
     if isinstance(expr, Ref):
@@ -314,6 +268,6 @@ def _fixed(expr: Expr, report: str, rules: Mapping[str, Rule], kinds: frozenset[
         about = any(isinstance(argument, Ref) and argument.name == report for argument in expr.arguments)
         rule = rules.get(expr.function)
         return about and rule is not None and settles_at_once(rule, rules, kinds)
-    if isinstance(expr, Call) and expr.function in ("assigned", "emitted", "inspected", "clear", "replans", "used"):
+    if isinstance(expr, Call) and not (expr.function in OPERATIONS and OPERATIONS[expr.function].settled):
         return False
     return all(_fixed(child, report, rules, kinds) for child in children(expr))

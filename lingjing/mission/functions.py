@@ -1,15 +1,22 @@
-"""Typed signatures of the built-in functions, distributions and sensors of the language.
+"""The operators, functions and distributions of the language: one table with everything that is said of each.
 
-The checker reads this table; `lingjing.mission.evaluate` and the kernel's adjudicator give the functions their
-meaning. A type is a kind with, for quantities, a dimension (None: any, the same for every `same` parameter).
+A `Signature` holds the types that the checker reads, what the function means over values (`operations`) and over bounds
+(`intervals`), its wording, and what depends on it: whether it moves with time, whether it reads what is hidden. The
+readings that fold expressions over the table are `evaluate` (before the run), the kernel's rules (in the run), `bounds`
+(certain for every run), `feasibility.needs` and `dsl.words`. A type is a kind with, for quantities, a dimension (None:
+any, the same for every `same` parameter).
 """
 
 from __future__ import annotations
 
-from typing import Literal
+import math
+from collections.abc import Callable, Mapping
+from typing import Any, Literal
 
 import msgspec
 
+from lingjing.mission import intervals, operations
+from lingjing.mission.expression import Binary, Call, Draw, Expr, Index, Point, Range, Sequence, Unary
 from lingjing.mission.units import ANGLE, LENGTH, NONE, SPEED, Dimension
 
 Kind = Literal[
@@ -69,6 +76,30 @@ class Option(msgspec.Struct, frozen=True):
     type: Type
     relation: Literal["=", ">=", "<="] = "="
     required: bool = False
+
+
+class Operation(msgspec.Struct, frozen=True):
+    """What an operator or a function means.
+
+    `value` takes the world and the operands' values, `bounds` their bounds (None: known only of exact values). `words`
+    is its wording, `{0}` the first operand; `rank` how tightly an operator binds. `of_time` says that its answer changes
+    while the mission runs, whoever its operands are; `secret` that it may tell of what its operands do not name;
+    `settled` that its answer about a report never changes; `about` which kinds of nodes of the graph its first operand
+    names. `at_start` is its answer at boundary 0. A comparison that bounds its result is listed with `measure` before
+    the bound.
+    """
+
+    name: str
+    value: Callable[..., Any]
+    bounds: Callable[..., Any] | None = None
+    words: str = ""
+    rank: int = 0
+    of_time: bool = False
+    secret: bool = False
+    settled: bool = True
+    about: tuple[str, ...] = ()
+    at_start: bool | float | None = None
+    measure: str | None = None
 
 
 class Signature(msgspec.Struct, frozen=True):
@@ -255,3 +286,96 @@ FUNCTIONS: dict[str, Signature] = {s.name: s for s in _SIGNATURES if s.where != 
 
 DISTRIBUTIONS: dict[str, Signature] = {s.name: s for s in _SIGNATURES if s.where == "draw"}
 """What may stand after `~`, by name."""
+
+_OF_ROUTES = ("inspection",)
+
+
+def _fact(name: str, **said: Any) -> Operation:
+    return Operation(name, operations.fact(name), settled=name == "truth", **said)
+
+
+def _plain(name: str, function: Callable[..., float], bounds: Callable[..., Any]) -> Operation:
+    return Operation(name, operations.numeric(name, function), bounds)
+
+
+OPERATIONS: Mapping[str, Operation] = {
+    one.name: one
+    for one in (
+        Operation("+", operations.plus, intervals.plus, rank=6),
+        Operation("-", operations.minus, intervals.minus, rank=6),
+        Operation("*", operations.times, intervals.times, rank=7),
+        Operation("/", operations.over, intervals.over, rank=7),
+        Operation("<", operations.less, intervals.less, "{0} is less than {1}", rank=4),
+        Operation("<=", operations.at_most, intervals.at_most, "{0} is at most {1}", rank=4),
+        Operation(">", operations.more, intervals.more, "{0} is more than {1}", rank=4),
+        Operation(">=", operations.at_least, intervals.at_least, "{0} is at least {1}", rank=4),
+        Operation("==", operations.same, intervals.same, "{0} is {1}", rank=4),
+        Operation("!=", operations.different, intervals.different, "{0} is not {1}", rank=4),
+        Operation("in", operations.within, words="{0} lies in {1}", rank=4),
+        Operation("not", operations.inverse, words="it is not so that {0}", rank=3),
+        Operation("negative", operations.negative, intervals.negative),
+        Operation("point", operations.point),
+        Operation("list", operations.listed),
+        Operation("range", operations.interval),
+        Operation("member", operations.member),
+        Operation("polygon", operations.polygon),
+        Operation("circle", operations.circle),
+        Operation("box", operations.box),
+        Operation("at", operations.item_at),
+        Operation("buffer", operations.buffer),
+        Operation("union", operations.union),
+        Operation("road", operations.of_the_map("road")),
+        Operation("along", operations.of_the_map("along")),
+        Operation("distance", operations.distance, words="the distance from {0} to {1}", of_time=True, measure=""),
+        Operation(
+            "distance_xy",
+            operations.distance_xy,
+            words="the horizontal distance from {0} to {1}",
+            of_time=True,
+            measure="",
+        ),
+        _plain("min", min, intervals.least),
+        _plain("max", max, intervals.greatest),
+        _plain("abs", abs, intervals.magnitude),
+        _plain("sqrt", math.sqrt, intervals.monotone(math.sqrt)),
+        _plain("floor", math.floor, intervals.monotone(math.floor)),
+        _plain("ceil", math.ceil, intervals.monotone(math.ceil)),
+        _plain("round", round, intervals.monotone(round)),
+        Operation("iou", operations.iou, words="the overlap of {0} with {1}", measure="IoU "),
+        _fact("truth", secret=True),
+        _fact("emitted", words="an engine has performed {0}", of_time=True, about=("event",), at_start=False),
+        _fact("assigned", words="{0} is assigned to {1}", at_start=False),
+        _fact("inspected", words="the whole route of {0} has been inspected", of_time=True, about=_OF_ROUTES),
+        _fact("clear", words="nothing blocks the route of {0}", of_time=True, secret=True, about=_OF_ROUTES),
+        _fact("replans", words="the number of replans of {0}", about=_OF_ROUTES, at_start=0.0),
+        _fact("used", words="what {0} has counted", about=("resource",), at_start=0.0),
+    )
+}
+"""What every operator and function means, by name."""
+
+FACTS = frozenset(name for name, one in FUNCTIONS.items() if one.where == "rule" and name != "iou")
+"""The functions that only a running mission answers."""
+
+
+def operation(node: Expr) -> Operation | None:
+    """What is done by a node that is no name, literal, field or quantifier; None for a call of a rule, for a draw, and
+    for a function that this version does not know."""
+    match node:
+        case Binary(operator=symbol):
+            return OPERATIONS.get(symbol)
+        case Unary(operator="not"):
+            return OPERATIONS["not"]
+        case Unary():
+            return OPERATIONS["negative"]
+        case Index():
+            return OPERATIONS["member"]
+        case Point():
+            return OPERATIONS["point"]
+        case Sequence():
+            return OPERATIONS["list"]
+        case Range():
+            return OPERATIONS["range"]
+        case Call(rule=False, function=name):
+            return OPERATIONS.get(name)
+        case Draw() | _:
+            return None

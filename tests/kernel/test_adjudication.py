@@ -4,7 +4,7 @@ import msgspec
 import pytest
 
 import tests.kernel.kernel_kit as kit
-from lingjing.kernel.predicates import overlap
+from lingjing.mission.operations import overlap
 from lingjing.trace.records import Box
 
 

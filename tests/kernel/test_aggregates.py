@@ -8,8 +8,9 @@ from lingjing.errors import UsageError
 from lingjing.kernel.adjudication import Adjudicator
 from lingjing.kernel.registry import initial
 from lingjing.kernel.rules import evaluate, moving
-from lingjing.mission.expression import Aggregate, Attr, Binary, Call, Number, Ref
+from lingjing.mission.expression import Aggregate, Attr, Binary, Call, Index, Number, Range, Ref, Symbol
 from lingjing.mission.instance import Region
+from lingjing.trace.records import TaskEvent
 
 EAST = Attr(base=Attr(base=kit.local("v"), name="position"), name="east")
 
@@ -64,3 +65,21 @@ def test_a_tick_is_as_long_in_rules_as_in_declarations_and_now_is_the_time():
     assert evaluate(Ref("now", "clock"), {}, at) == 37.0
     assert evaluate(later, {}, at) is True
     assert moving(later, {}, frozenset(), frozenset()) and not moving(later.right, {}, frozenset(), frozenset())
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "expected"), [(90.0, 110.0, True), (100.0, 110.0, True), (101.0, 110.0, False)]
+)
+def test_a_number_lies_in_a_range_while_the_mission_runs(low, high, expected):
+    inside = Binary(operator="in", left=EAST, right=Range(low=Number(value=low), high=Number(value=high)))
+    assert value(over("count", inside)) == float(expected)
+
+
+def test_a_member_that_is_not_there_makes_nothing_true():
+    nobody = Index(base=Ref(name="victim", kind="group"), index=Number(value=9.0))
+    done = Call(function="emitted", arguments=(Symbol(name="rescue"), nobody))
+    instance = kit.make_instance()
+    registry = initial(instance).with_events((TaskEvent(kind="rescue", entities=("victim[1]",), time_s=0.0),))
+    at = Adjudicator(instance).instant(registry, registry.states, 0.0)
+    assert evaluate(done, {}, at) is None
+    assert evaluate(msgspec.structs.replace(done, arguments=done.arguments[:1]), {}, at) is True

@@ -18,7 +18,7 @@ from lingjing.analysis.detection import UnitBox
 from lingjing.analysis.overview import style
 from lingjing.analysis.story import Story
 from lingjing.errors import LingjingError
-from lingjing.kernel.predicates import overlap
+from lingjing.mission.operations import overlap
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import FrameInfo
 
