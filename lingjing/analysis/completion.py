@@ -6,9 +6,9 @@ where success calls none, by the mission's last stage.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
-from lingjing.mission.expression import Attr, Binary, Call, Node, Number, Ref
+from lingjing.mission.expression import Call, parts
+from lingjing.mission.feasibility.needs import Supply, mentions
+from lingjing.mission.feasibility.outline import of_instance
 from lingjing.mission.instance import Instance
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import BoundaryRecord
@@ -39,7 +39,7 @@ def asked_groups(instance: Instance) -> frozenset[str]:
 def owed_kg(trace: Trace) -> tuple[float, float] | None:
     """Mass that success asks to be brought, as (at the beginning, still due at the end); None if it asks for none.
 
-    Such a rule holds when a mass that is a target's state is at most zero: `p.demand <= 0 kg`.
+    Such a condition holds when a mass that is a target's state is small enough: `p.demand <= 0 kg`.
     """
     instance = trace.header.instance
     asked = _masses(instance)
@@ -48,26 +48,18 @@ def owed_kg(trace: Trace) -> tuple[float, float] | None:
     last = {state.id: state.resources for state in trace.boundaries[-1].snapshots[-1].states}
     initial = due = 0.0
     for entity in instance.entities:
-        for group, state in asked:
-            spec, amount = entity.state_of(state), entity.number(state)
-            if entity.group == group and spec is not None and spec.unit == _MASS and amount is not None:
-                initial += amount
-                due += max(0.0, last.get(entity.id, {}).get(spec.name, amount))
+        for (wanted, field), most in asked.items():
+            spec, amount = entity.state_of(field), entity.number(field)
+            if wanted in (entity.group, entity.id) and spec is not None and spec.unit == _MASS and amount is not None:
+                initial += max(0.0, amount - most)
+                due += max(0.0, last.get(entity.id, {}).get(spec.name, amount) - most)
     return (initial, due) if initial > 0.0 else None
 
 
-def _masses(instance: Instance) -> set[tuple[str, str]]:
-    """Group and state of every mass that a rule of the success condition wants at zero."""
-    called = _success_rules(instance)
-    found: set[tuple[str, str]] = set()
-    for rule in instance.rules:
-        domains = {parameter.name: parameter.domain for parameter in rule.parameters}
-        for node in nodes(rule.condition) if rule.name in called else ():
-            match node:
-                case Binary(operator="<=", left=Attr(base=Ref(name=who), name=state), right=Number(value=0.0)):
-                    if who in domains:
-                        found.add((domains[who], state))
-    return found
+def _masses(instance: Instance) -> dict[tuple[str, str], float]:
+    """Of which group or target success wants which state at most how large."""
+    found = mentions(instance.success, of_instance(instance))
+    return {(leaf.target.id, leaf.name): leaf.most for leaf in found if isinstance(leaf, Supply)}
 
 
 def completed_at(instance: Instance, record: BoundaryRecord) -> set[str]:
@@ -81,15 +73,4 @@ def completed_at(instance: Instance, record: BoundaryRecord) -> set[str]:
 
 
 def _success_rules(instance: Instance) -> set[str]:
-    return {node.function for node in nodes(instance.success) if isinstance(node, Call) and node.rule}
-
-
-def nodes(expression: object) -> Iterator[Node]:
-    """Every node of an expression, the root first."""
-    if isinstance(expression, tuple):
-        for item in expression:
-            yield from nodes(item)
-    elif isinstance(expression, Node):
-        yield expression
-        for name in expression.__struct_fields__:
-            yield from nodes(getattr(expression, name))
+    return {node.function for node in parts(instance.success) if isinstance(node, Call) and node.rule}

@@ -27,11 +27,12 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from lingjing.analysis.completion import completed_at, nodes
+from lingjing.analysis.completion import completed_at
 from lingjing.analysis.detection import numbers, ratio
-from lingjing.mission.expression import Attr, Binary, Call, Expr, Index, Node, Number, Ref
+from lingjing.mission.feasibility.needs import Visit, mentions
+from lingjing.mission.feasibility.outline import Body, of_instance
 from lingjing.mission.instance import Datum, Entity, Instance
-from lingjing.plugins.tasks import Task, possible
+from lingjing.mission.tasks import Task, possible
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import BodyState, BoundaryRecord, TaskEvent
 
@@ -101,19 +102,29 @@ def repeated_target_rate(trace: Trace) -> float | None:
 
 
 def reaches_of(instance: Instance) -> tuple[Reach, ...]:
-    """Who executes what within which radius: from `distance_xy(a, b) <= r` in the instance's rules, else from the
-    interactions of its targets."""
+    """Who executes what within which radius: the distances that the instance's rules ask for, else the interactions of
+    its targets."""
+    outline = of_instance(instance)
     found: dict[tuple[str, str], Reach] = {}
     for rule in instance.rules:
         domains = {parameter.name: parameter.domain for parameter in rule.parameters}
-        for node in nodes(rule.condition):
-            reach = _reach(node, domains, instance)
-            if reach is not None:
-                found.setdefault((reach.executor, reach.group), reach)
+        for leaf in mentions(rule.condition, outline, domains):
+            if isinstance(leaf, Visit) and isinstance(leaf.goal, Body) and leaf.goal.id in domains.values():
+                for name in _assets(leaf.movers, instance):
+                    reach = Reach(name, leaf.goal.entity.group, leaf.radius_m)
+                    found.setdefault((reach.executor, reach.group), reach)
     for target, task, executor in _services(instance):
         reach = Reach(executor.id, target.group, task.within_m)
         found.setdefault((reach.executor, reach.group), reach)
     return tuple(found.values())
+
+
+def _assets(movers: tuple[Body, ...], instance: Instance) -> Iterator[str]:
+    """The assets that bodies stand for: themselves, or each member of the group of that name."""
+    named = {body.id for body in movers}
+    for entity in instance.entities:
+        if entity.role == "asset" and (entity.id in named or entity.group in named):
+            yield entity.id
 
 
 def _services(instance: Instance) -> Iterator[tuple[Entity, Task, Entity]]:
@@ -144,27 +155,6 @@ def _room(instance: Instance) -> dict[str, int]:
             needed = max(1, math.ceil(demand / brought))
             found[target.id] = min(found.get(target.id, needed), needed)
     return found
-
-
-def _reach(node: Node, domains: dict[str, str], instance: Instance) -> Reach | None:
-    if not (isinstance(node, Binary) and node.operator == "<=" and isinstance(node.right, Number)):
-        return None
-    call = node.left
-    if not (isinstance(call, Call) and call.function == "distance_xy" and len(call.arguments) == 2):
-        return None
-    names = [_name(argument) for argument in call.arguments]
-    assets = {entity.id for entity in instance.entities if entity.role == "asset"}
-    executor = next((name for name in names if name in assets), None)
-    group = next((domains[name] for name in names if name in domains), None)
-    return Reach(executor, group, node.right.value) if executor is not None and group is not None else None
-
-
-def _name(argument: Expr) -> str:
-    if isinstance(argument, Attr):
-        return _name(argument.base)
-    if isinstance(argument, Index) and isinstance(argument.index, Number):
-        return f"{_name(argument.base)}[{round(argument.index.value)}]"
-    return argument.name if isinstance(argument, Ref) else ""
 
 
 def _requests(instance: Instance, record: BoundaryRecord, reaches: tuple[Reach, ...]) -> Iterator[_Request]:

@@ -15,20 +15,11 @@ from typing import Any, TypeVar
 from lingjing.dsl import syntax as s
 from lingjing.dsl.reporter import Reporter
 from lingjing.dsl.tokens import Token
+from lingjing.mission.functions import RANKS
 
 DEEPEST = 120
 """Levels of one expression's tree. The longest rule of the project's missions has eight."""
 
-_RANKS = {
-    "from": 0, "to": 0, "at": 0,
-    "or": 1,
-    "and": 2,
-    "==": 4, "!=": 4, "<": 4, "<=": 4, ">": 4, ">=": 4, "in": 4,
-    "..": 5, "by": 5,
-    "+": 6, "-": 6,
-    "*": 7, "/": 7,
-}  # fmt: skip
-_NOT_RANK = 3
 _ESCAPE = re.compile(r"\\(.)")
 _ESCAPES = {"n": "\n", "t": "\t"}
 T = TypeVar("T")
@@ -554,7 +545,7 @@ class _Ranker:
         left = self._operand()
         while self.at < len(self.flat):
             operator = self.flat[self.at].text
-            rank = _RANKS[operator]
+            rank = RANKS[operator]
             if rank < least:
                 break
             self.at += 1
@@ -567,7 +558,7 @@ class _Ranker:
         value: s.Expression = self.flat[self.at]
         if type(value) is s.Unary and value.operator == "not" and not self._closed(value):
             self.flat[self.at] = value.operand
-            operand = self._climb(_NOT_RANK + 1)
+            operand = self._climb(RANKS["not"] + 1)
             depth = _below((operand,))
             return self.builder._bounded(s.Unary(value.start, operand.end, depth, "not", operand))
         self.at += 1

@@ -11,19 +11,11 @@ from typing import Any
 
 from lingjing.mission import expression as ex
 from lingjing.mission import model
-from lingjing.mission.functions import DISTRIBUTIONS, FUNCTIONS, STATE_FIELDS
+from lingjing.mission.functions import DISTRIBUTIONS, FUNCTIONS, RANKS, STATE_FIELDS
 from lingjing.mission.units import BY_DIMENSION, LENGTH, NAMED, NONE, Dimension, multiply, si_value, unit_of
 
-RANKS = {
-    "or": 1,
-    "and": 2,
-    "==": 4, "!=": 4, "<": 4, "<=": 4, ">": 4, ">=": 4, "in": 4,
-    "+": 6, "-": 6,
-    "*": 7, "/": 7,
-}  # fmt: skip
-RANGE, SUM, OPERAND = 5, 6, 8
+RANGE, SUM, OPERAND = RANKS[".."], RANKS["+"], 8
 """Ranks: of a range, of its ends, and of what binds tighter than any operator."""
-_NOT = 3
 _MOST_DIGITS = 17
 _FIELDS = {lowered: name for name, (lowered, _) in STATE_FIELDS.items()}
 _SUFFIXES = sorted((entry.suffix for entry in NAMED if entry.suffix), key=len, reverse=True)
@@ -165,7 +157,7 @@ class Phrases:
         if node.operator == "not":
             plain = isinstance(operand, ex.Call | ex.Ref | ex.Attr | ex.Flag)
             inner = self.text(operand, 0, names)
-            return _bracketed(f"not {inner if plain else f'({inner})'}", rank > _NOT)
+            return _bracketed(f"not {inner if plain else f'({inner})'}", rank > RANKS["not"])
         plain = isinstance(operand, ex.Call | ex.Ref | ex.Attr | ex.Index)
         inner = self.text(operand, 0, names)
         return f"-{inner}" if plain else f"-({inner})"

@@ -30,7 +30,7 @@ from lingjing.mission.expression import (
     Unary,
     children,
 )
-from lingjing.mission.fold import Literal, Meaning, Operation, meaning
+from lingjing.mission.fold import Composite, Literal, Meaning, meaning
 from lingjing.mission.functions import OPERATIONS, operation
 from lingjing.mission.instance import Entity
 from lingjing.mission.model import Rule
@@ -98,7 +98,7 @@ class _Running:
         name = node.name
         return lambda scope, at: _field(base(scope, at), name, at)
 
-    def apply(self, node: Operation, operands: tuple[Meaning, ...]) -> Meaning:
+    def apply(self, node: Composite, operands: tuple[Meaning, ...]) -> Meaning:
         match node:
             case Binary(operator="and"):
                 left, right = operands
@@ -268,6 +268,6 @@ def _fixed(expr: Expr, report: str, rules: Mapping[str, Rule], kinds: frozenset[
         about = any(isinstance(argument, Ref) and argument.name == report for argument in expr.arguments)
         rule = rules.get(expr.function)
         return about and rule is not None and settles_at_once(rule, rules, kinds)
-    if isinstance(expr, Call) and not (expr.function in OPERATIONS and OPERATIONS[expr.function].settled):
+    if isinstance(expr, Call) and not OPERATIONS[expr.function].settled:
         return False
     return all(_fixed(child, report, rules, kinds) for child in children(expr))

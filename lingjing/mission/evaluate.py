@@ -13,7 +13,7 @@ import msgspec
 
 from lingjing.errors import MissionError
 from lingjing.mission import expression as ex
-from lingjing.mission.fold import Literal, Meaning, Meanings, Operation
+from lingjing.mission.fold import Composite, Literal, Meaning, Meanings
 from lingjing.mission.functions import FUNCTIONS, operation
 from lingjing.mission.operations import field, further_place
 from lingjing.mission.values import (
@@ -113,7 +113,7 @@ class _Static:
     def field(self, node: ex.Attr, base: Meaning) -> Meaning:
         return lambda names, scope: field(base(names, scope), node.name)
 
-    def apply(self, node: Operation, operands: tuple[Meaning, ...]) -> Meaning:
+    def apply(self, node: Composite, operands: tuple[Meaning, ...]) -> Meaning:
         if isinstance(node, ex.Binary) and node.operator in ("and", "or"):
             return _logic(node.operator == "and", *operands)
         if isinstance(node, ex.Draw):

@@ -192,3 +192,10 @@ def parts(expr: Expr) -> tuple[Expr, ...]:
 def leaves(expr: Expr) -> tuple[Expr, ...]:
     """What of it has no sub-expressions."""
     return tuple(part for part in parts(expr) if not children(part))
+
+
+def conjuncts(expr: Expr) -> tuple[Expr, ...]:
+    """What must hold each: the sides of its outermost `and`s, in order."""
+    if isinstance(expr, Binary) and expr.operator == "and":
+        return (*conjuncts(expr.left), *conjuncts(expr.right))
+    return (expr,)

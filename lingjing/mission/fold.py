@@ -33,7 +33,7 @@ from lingjing.mission.expression import (
 )
 
 Literal = Number | Text | Flag | Symbol
-Operation = Index | Point | Sequence | Range | Unary | Binary | Call | Draw
+Composite = Index | Point | Sequence | Range | Unary | Binary | Call | Draw
 Meaning = Callable[[Mapping[str, Any], Any], Any]
 """What a part of an expression means: a function of the bound names (name → value) and the reading's world."""
 
@@ -55,7 +55,7 @@ class Reading(Protocol):
         """A field of a value."""
         ...
 
-    def apply(self, node: Operation, operands: tuple[Meaning, ...]) -> Meaning:
+    def apply(self, node: Composite, operands: tuple[Meaning, ...]) -> Meaning:
         """An operator, a function, a rule, a list or a member of a group, applied to its operands in order."""
         ...
 

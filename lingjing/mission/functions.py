@@ -82,11 +82,11 @@ class Operation(msgspec.Struct, frozen=True):
     """What an operator or a function means.
 
     `value` takes the world and the operands' values, `bounds` their bounds (None: known only of exact values). `words`
-    is its wording, `{0}` the first operand; `rank` how tightly an operator binds. `of_time` says that its answer changes
-    while the mission runs, whoever its operands are; `secret` that it may tell of what its operands do not name;
-    `settled` that its answer about a report never changes; `about` which kinds of nodes of the graph its first operand
-    names. `at_start` is its answer at boundary 0. A comparison that bounds its result is listed with `measure` before
-    the bound.
+    is its wording: `{0}` is the first operand, what is in brackets goes with the last one if it is there. `rank` says
+    how tightly an operator binds. `of_time` says that its answer changes while the mission runs, `running` that only a
+    running mission answers, `settled` that it answers the same at every later boundary, `secret` that it may tell of
+    what its operands do not name. `about` are the kinds of nodes of the graph that its first operand names, `at_start`
+    is its answer at boundary 0. A comparison that bounds its result is listed with `measure` before the bound.
     """
 
     name: str
@@ -96,8 +96,9 @@ class Operation(msgspec.Struct, frozen=True):
     rank: int = 0
     of_time: bool = False
     secret: bool = False
+    running: bool = False
     settled: bool = True
-    about: tuple[str, ...] = ()
+    about: tuple[Literal["event", "inspection", "resource"], ...] = ()
     at_start: bool | float | None = None
     measure: str | None = None
 
@@ -287,11 +288,9 @@ FUNCTIONS: dict[str, Signature] = {s.name: s for s in _SIGNATURES if s.where != 
 DISTRIBUTIONS: dict[str, Signature] = {s.name: s for s in _SIGNATURES if s.where == "draw"}
 """What may stand after `~`, by name."""
 
-_OF_ROUTES = ("inspection",)
 
-
-def _fact(name: str, **said: Any) -> Operation:
-    return Operation(name, operations.fact(name), settled=name == "truth", **said)
+def _fact(name: str, *, settled: bool = False, **said: Any) -> Operation:
+    return Operation(name, operations.fact(name), running=True, settled=settled, **said)
 
 
 def _plain(name: str, function: Callable[..., float], bounds: Callable[..., Any]) -> Operation:
@@ -330,6 +329,7 @@ OPERATIONS: Mapping[str, Operation] = {
         Operation(
             "distance_xy",
             operations.distance_xy,
+            intervals.distance,
             words="the horizontal distance from {0} to {1}",
             of_time=True,
             measure="",
@@ -342,19 +342,28 @@ OPERATIONS: Mapping[str, Operation] = {
         _plain("ceil", math.ceil, intervals.monotone(math.ceil)),
         _plain("round", round, intervals.monotone(round)),
         Operation("iou", operations.iou, words="the overlap of {0} with {1}", measure="IoU "),
-        _fact("truth", secret=True),
-        _fact("emitted", words="an engine has performed {0}", of_time=True, about=("event",), at_start=False),
+        _fact("truth", words="the true box of {0} in {1}", secret=True, settled=True),
+        _fact("emitted", words="an engine has performed {0}[ on {1}]", of_time=True, about=("event",), at_start=False),
         _fact("assigned", words="{0} is assigned to {1}", at_start=False),
-        _fact("inspected", words="the whole route of {0} has been inspected", of_time=True, about=_OF_ROUTES),
-        _fact("clear", words="nothing blocks the route of {0}", of_time=True, secret=True, about=_OF_ROUTES),
-        _fact("replans", words="the number of replans of {0}", about=_OF_ROUTES, at_start=0.0),
+        _fact("inspected", words="the whole route of {0} has been inspected", of_time=True, about=("inspection",)),
+        _fact("clear", words="nothing blocks the route of {0}", of_time=True, secret=True, about=("inspection",)),
+        _fact("replans", words="the number of replans of {0}", about=("inspection",), at_start=0.0),
         _fact("used", words="what {0} has counted", about=("resource",), at_start=0.0),
     )
 }
 """What every operator and function means, by name."""
 
-FACTS = frozenset(name for name, one in FUNCTIONS.items() if one.where == "rule" and name != "iou")
-"""The functions that only a running mission answers."""
+RANKS: Mapping[str, int] = {
+    "from": 0,
+    "to": 0,
+    "at": 0,
+    "or": 1,
+    "and": 2,
+    "..": 5,
+    "by": 5,
+    **{name: one.rank for name, one in OPERATIONS.items() if one.rank},
+}
+"""How tightly every operator of the language binds, also those that make no value: a higher rank binds tighter."""
 
 
 def operation(node: Expr) -> Operation | None:

@@ -27,6 +27,14 @@ class Bounds(NamedTuple):
 ANYTHING = Bounds(-math.inf, math.inf)
 
 
+class Spot(NamedTuple):
+    """Where something is in the plane, metres, and how far off that may be."""
+
+    east: float
+    north: float
+    off_m: float
+
+
 def exactly(value: float) -> Bounds:
     """One number."""
     return Bounds(float(value), float(value))
@@ -81,6 +89,14 @@ def magnitude(value: Bounds) -> Bounds:
     return Bounds(0.0 if value.low <= 0.0 <= value.high else min(ends), max(ends))
 
 
+def distance(one: Spot | Bounds, other: Spot | Bounds) -> Bounds:
+    """Horizontal metres between two places, as far as both are known."""
+    if not isinstance(one, Spot) or not isinstance(other, Spot):
+        return Bounds(0.0, math.inf)
+    apart, off = math.dist(one[:2], other[:2]), one.off_m + other.off_m
+    return Bounds(max(0.0, apart - off), apart + off)
+
+
 def monotone(function: Callable[[float], float]) -> Callable[[Bounds], Bounds]:
     """A function that never falls, over bounds; anything where an end has no value."""
 
@@ -124,11 +140,6 @@ def different(left: Bounds, right: Bounds) -> bool | None:
     """`a != b`."""
     equal = same(left, right)
     return None if equal is None else not equal
-
-
-def within(item: Bounds, low: Bounds, high: Bounds) -> bool | None:
-    """`x in low..high`."""
-    return both(at_least(item, low), at_most(item, high))
 
 
 def both(one: bool | None, other: bool | None) -> bool | None:

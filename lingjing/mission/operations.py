@@ -31,6 +31,9 @@ from lingjing.mission.values import (
     is_number,
 )
 
+Function = Callable[..., Value]
+"""`(world, *operands) -> value`."""
+
 # -- operators ------------------------------------------------------------------------------------------------------
 
 

@@ -24,7 +24,7 @@ WON = "success when forall v in victim: rescued(v)"
 def test_not_in_brackets_is_closed(condition, outer, inner):
     assert WON in SSR
     compiled = compile_text(SSR.replace(WON, f"success when forall v in victim: {condition}"))
-    assert compiled.diagnostics == ()
+    assert {found.code for found in compiled.diagnostics} <= {"LJ0510"}  # nobody is rescued at the start
     body = compiled.mission.success.body
     assert type(body) is outer
     assert type(body.left if outer is Binary else body.operand) is inner

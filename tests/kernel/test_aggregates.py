@@ -70,9 +70,9 @@ def test_a_tick_is_as_long_in_rules_as_in_declarations_and_now_is_the_time():
 @pytest.mark.parametrize(
     ("low", "high", "expected"), [(90.0, 110.0, True), (100.0, 110.0, True), (101.0, 110.0, False)]
 )
-def test_a_number_lies_in_a_range_while_the_mission_runs(low, high, expected):
+def test_a_number_lies_in_a_range_while_the_mission_runs(low, high, there):
     inside = Binary(operator="in", left=EAST, right=Range(low=Number(value=low), high=Number(value=high)))
-    assert value(over("count", inside)) == float(expected)
+    assert value(over("count", inside)) == float(there)
 
 
 def test_a_member_that_is_not_there_makes_nothing_true():

@@ -8,9 +8,8 @@ import pytest
 import tests.missions.stage_kit as kit
 from lingjing.kernel.episode import seat
 from lingjing.mission.expression import Aggregate, Attr, Binary, Call, Number, Ref, Symbol
-from lingjing.plugins.choice import declared, meant
+from lingjing.mission.tasks import asked, declared, meant
 from lingjing.plugins.host import PluginHost
-from lingjing.plugins.tasks import asked
 
 SHOPS = ("shop[1]", "shop[2]", "shop[3]")
 

@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import msgspec
 
-from lingjing.mission.feasibility.spread import ANYTHING, Bounds
 from lingjing.mission.instance import Entity
+from lingjing.mission.intervals import ANYTHING, Bounds, exactly
 
 IDLE_VERBS = frozenset(("stop", "takePhoto"))
 """Commands that take nobody anywhere."""
@@ -64,7 +64,7 @@ def bounds(entity: Entity, drawn: dict[str, Bounds], name: str) -> Bounds:
     value = entity.properties.get(name)
     if isinstance(value, bool) or not isinstance(value, int | float):
         return ANYTHING
-    return float(value), float(value)
+    return exactly(value)
 
 
 def ceiling(entity: Entity, drawn: dict[str, Bounds], air: Air, *, driven: bool) -> float:

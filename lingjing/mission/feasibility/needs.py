@@ -1,25 +1,33 @@
 """What must have happened once a condition is true: a condition becomes a tree of `Need`s.
 
 Every need is *necessary*: if the condition holds at some moment of the mission, the need was met by then. What is not
-understood (a field that changes while the mission runs, `not`, an aggregate, a plug-in's function) becomes `NOTHING`,
-which can never be refuted; so a missing case makes a proof weaker, never wrong.
+understood (a field that changes while the mission runs, `not`, an aggregate, a plug-in's function) asks for nothing and
+can never be refuted; so a missing case makes a proof weaker, never wrong.
+
+`of_groups` unfolds a condition once for a group instead of once for each member; `mentions` lists who does what to whom
+in it, for whoever plays or judges.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterator, Mapping
 
 import msgspec
 
 from lingjing.errors import MissionError
 from lingjing.mission import expression as ex
-from lingjing.mission.evaluate import Area, Place, evaluate
+from lingjing.mission import operations
 from lingjing.mission.feasibility.outline import Body, Outline
-from lingjing.mission.feasibility.spread import ANYTHING, Bounds, Where, outlines_of, point
+from lingjing.mission.feasibility.spread import Where, outlines_of, point
+from lingjing.mission.fold import Composite, Literal, Meaning, Meanings
+from lingjing.mission.functions import operation
+from lingjing.mission.intervals import ANYTHING, Bounds, exactly
 from lingjing.mission.model import Rule, Unlock
+from lingjing.mission.values import Area, Interval, Place, Value, is_number
 
 NODES_MOST = 20_000
-"""Conditions are unfolded to at most this many nodes; beyond, a part counts as `NOTHING`."""
+"""Conditions are unfolded to at most this many nodes; beyond, a part asks for nothing."""
 
 
 class Visit(msgspec.Struct, frozen=True):
@@ -56,11 +64,21 @@ class Handover(msgspec.Struct, frozen=True):
 
 
 class Supply(msgspec.Struct, frozen=True):
-    """A stock that the target lacks must be brought: `amount` of its property `name` is what is missing at least."""
+    """A stock that the target lacks must be brought: `amount` of its property `name` is missing at least, `most` may be
+    left."""
 
     target: Body
     name: str
     amount: float
+    at: str
+    most: float = 0.0
+
+
+class Performed(msgspec.Struct, frozen=True):
+    """An interaction must be performed, on the target if it is known which."""
+
+    interaction: str
+    target: Body | None
     at: str
 
 
@@ -72,20 +90,17 @@ class Never(msgspec.Struct, frozen=True):
 
 
 class Some(msgspec.Struct, frozen=True):
-    """At least `least` of the parts: all of them, one of them, or some number in between."""
+    """At least `least` of the parts: all of them, one of them, some number in between; 0 asks for nothing."""
 
     least: int
     parts: tuple[Need, ...]
 
 
-Leaf = Visit | Report | Picture | Handover | Supply | Never
+Leaf = Visit | Report | Picture | Handover | Supply | Performed | Never
 Need = Leaf | Some
 
 NOTHING = Some(0, ())
 """No requirement, or none that is understood."""
-
-Env = dict[str, Body | None]
-"""Bound names; None for a report, of which nothing is known."""
 
 
 def needs(expr: ex.Expr, outline: Outline, at: str) -> Need:
@@ -113,253 +128,142 @@ def mandatory(need: Need) -> list[Leaf]:
     return [leaf for part in need.parts for leaf in mandatory(part)]
 
 
-class Unfolding:
-    """One condition of an outline being unfolded; rules and unlocks are looked through."""
+def leaves(need: Need) -> Iterator[Leaf]:
+    """All leaves, needed or not."""
+    if isinstance(need, Some):
+        for part in need.parts:
+            yield from leaves(part)
+    else:
+        yield need
 
-    def __init__(self, outline: Outline) -> None:
+
+def of_groups(expr: ex.Expr, outline: Outline, domains: Mapping[str, str] | None = None) -> Need:
+    """What a condition requires of groups: a body whose id is that of its group stands for each member, and what must
+    come before an interaction is left out. `domains` are the groups of bound names."""
+    unfolding = Unfolding(outline, whole_groups=True)
+    names = {name: unfolding.member(group) for name, group in (domains or {}).items()}
+    return unfolding.need(expr, names, "")
+
+
+def mentions(expr: ex.Expr, outline: Outline, domains: Mapping[str, str] | None = None) -> tuple[Leaf, ...]:
+    """Who does what to whom in a condition, needed or not, in its order; what it says itself is `at` no path."""
+    return tuple(leaves(of_groups(expr, outline, domains)))
+
+
+class Unfolding:
+    """One condition of an outline being unfolded; rules and, unless `whole_groups`, unlocks are looked through."""
+
+    def __init__(self, outline: Outline, *, whole_groups: bool = False) -> None:
         self.outline = outline
+        self.whole_groups = whole_groups
         self.rules: dict[str, Rule] = {rule.name: rule for rule in outline.instance.rules}
         self.unlocks: dict[str, list[Unlock]] = {}
         for unlock in outline.instance.unlocks:
             if unlock.condition != ex.Flag(value=True):  # which asks for nothing
                 self.unlocks.setdefault(unlock.interaction, []).append(unlock)
-        self.kinds = outline.kinds
-        self.left = NODES_MOST
-        self.open: set[str] = set()
+        self.at = ""
+        self._left = NODES_MOST
+        self._open: list[str] = []
 
-    def need(self, expr: ex.Expr, env: Env, at: str) -> Need:
+    def need(self, expr: ex.Expr, names: Mapping[str, Value], at: str) -> Need:
         """The need of one condition."""
-        self.left -= 1
-        if self.left < 0:
+        before, self.at = self.at, at
+        try:
+            return as_need(_MEANINGS.of(expr)(names, self))
+        finally:
+            self.at = before
+
+    def exhausted(self) -> bool:
+        """Whether the condition is too large to be unfolded further; counts one node."""
+        self._left -= 1
+        return self._left < 0
+
+    def inside(self, path: str, condition: ex.Expr, names: Mapping[str, Value]) -> Need:
+        """The need of a declaration that the condition leads to; nothing if it leads back to itself."""
+        if path in self._open:
             return NOTHING
-        match expr:
-            case ex.Flag(value=False):
-                return Never("the condition is `false`", at)
-            case ex.Binary(operator="and"):
-                return _all((self.need(expr.left, env, at), self.need(expr.right, env, at)))
-            case ex.Binary(operator="or"):
-                return _any((self.need(expr.left, env, at), self.need(expr.right, env, at)))
-            case ex.Binary():
-                return self._comparison(expr, env, at)
-            case ex.Quantified():
-                return self._quantified(expr, env, at)
-            case ex.Call(rule=True):
-                return self._rule(expr, env)
-            case ex.Call(function="emitted"):
-                return self._emitted(expr, env, at)
-            case ex.Call(function="assigned", arguments=(asset, target)):
-                one, other = self.body(asset, env), self.body(target, env)
-                return Handover(one, other, at) if one and other else NOTHING
-        return NOTHING
-
-    def body(self, expr: ex.Expr, env: Env) -> Body | None:
-        """The entity that an expression names, if it is known which."""
-        match expr:
-            case ex.Ref(kind="local", name=name):
-                return env.get(name)
-            case ex.Ref(kind="group" | "entity", name=name):
-                members = self.outline.groups.get(name, ())
-                return members[0] if len(members) == 1 else None
-            case ex.Index(base=ex.Ref(name=name), index=ex.Number(value=value)):
-                members = self.outline.groups.get(name, ())
-                return members[int(value) - 1] if 1 <= value <= len(members) and value == int(value) else None
-            case ex.Attr(base=base, name="position"):
-                return self.body(base, env)
-        return None
-
-    # -- private
-
-    def _rule(self, call: ex.Call, env: Env) -> Need:
-        rule = self.rules.get(call.function)
-        if rule is None or f"rule/{rule.name}" in self.open or len(rule.parameters) != len(call.arguments):
-            return NOTHING
-        inner: Env = {p.name: self.body(a, env) for p, a in zip(rule.parameters, call.arguments, strict=True)}
-        return self._inside(f"rule/{rule.name}", rule.condition, inner)
-
-    def _inside(self, path: str, condition: ex.Expr, env: Env) -> Need:
-        self.open.add(path)
-        found = self.need(condition, env, path)
-        self.open.discard(path)
+        self._open.append(path)
+        found = self.need(condition, names, path)
+        self._open.pop()
         return found
 
-    def _quantified(self, expr: ex.Quantified, env: Env, at: str) -> Need:
-        if expr.domain in self.kinds:
-            if expr.quantifier == "forall":
-                return NOTHING
-            about, matching = self._about(expr, env)
-            body = self.need(expr.body, {**env, expr.variable: None}, at)
-            return _all((Report(expr.domain, at, about, matching), body))
-        members = self.outline.groups.get(expr.domain, ())
-        parts = (self.need(expr.body, {**env, expr.variable: member}, at) for member in members)
-        if expr.quantifier == "forall":
-            return _all(tuple(parts))
-        return _any(tuple(parts)) if members else Never(f"there is no `{expr.domain}` in this mission", at)
+    def members(self, domain: str) -> tuple[Body, ...]:
+        """The bodies that a bound name ranges over."""
+        one = self.member(domain) if self.whole_groups else None
+        return self.outline.groups.get(domain, ()) if one is None else (one,)
 
-    def _about(self, expr: ex.Quantified, env: Env) -> tuple[str, bool]:
-        """The one entity that a report of a matching rule is about."""
-        match expr.body:
-            case ex.Call(rule=True, function=name, arguments=arguments):
-                rule = self._matching(name)
-                found = [body.id for body in (self.body(a, env) for a in arguments) if body is not None]
-                if rule and len(found) == 1:
-                    return found[0], True
-        return "", False
-
-    def _matching(self, name: str) -> bool:
-        """Whether the rule is matched one to one, or needs one that is, on the same two parameters."""
-        rule = self.rules.get(name)
-        if rule is None or len(rule.parameters) != 2:
-            return False
-        if rule.matching:
-            return True
-        names = {p.name for p in rule.parameters}
-        return any(
-            isinstance(part, ex.Call)
-            and part.rule
-            and part.function != name
-            and {a.name for a in part.arguments if isinstance(a, ex.Ref)} == names
-            and (inner := self.rules.get(part.function)) is not None
-            and inner.matching
-            for part in _conjuncts(rule.condition)
-        )
-
-    def _emitted(self, call: ex.Call, env: Env, at: str) -> Need:
-        """An interaction was performed: someone able to came near enough, and it was unlocked."""
-        name = call.arguments[0] if call.arguments else None
-        target = self.body(call.arguments[1], env) if len(call.arguments) > 1 else None
-        if not isinstance(name, ex.Symbol) or target is None or target.entity.engine != "city":
-            return NOTHING
-        visits = [
-            self._visit(one.by, target, one.within_m, one.name, at)
-            for one in target.entity.interactions
-            if one.name == name.name
-        ]
-        return _all((*visits, self._unlocked(name.name, target)))
-
-    def _visit(self, engine: str, target: Body, within: float, name: str, at: str) -> Need:
-        movers = self.outline.by_engine(engine)
-        if not movers:
-            return Never(f"`{name}` of `{target.id}` takes an asset of the engine `{engine}`, and there is none", at)
-        return Visit(movers, target, within, at)
-
-    def _unlocked(self, name: str, target: Body) -> Need:
-        rules = [
-            unlock
-            for unlock in self.unlocks.get(name, ())
-            if len(unlock.parameters) == 1 and unlock.parameters[0].domain == target.entity.group
-        ]
-        if len(rules) != 1 or len(self.unlocks[name]) != 1 or f"unlock/{name}" in self.open:
-            return NOTHING
-        return self._inside(f"unlock/{name}", rules[0].condition, {rules[0].parameters[0].name: target})
-
-    def _comparison(self, expr: ex.Binary, env: Env, at: str) -> Need:
-        seen = [body for body in (self._in_truth(side, env) for side in (expr.left, expr.right)) if body is not None]
-        if seen:
-            return _all(tuple(Picture(body, at) for body in seen))
-        if expr.operator == "in":
-            return self._inside_region(expr, env, at)
-        left, operator, right = expr.left, expr.operator, expr.right
-        if operator in (">", ">="):
-            left, operator, right = right, "<" if operator == ">" else "<=", left
-        if operator in ("<", "<="):
-            return self._at_most(left, right, env, at)
-        if operator == "==":
-            return self._all_of(left, right, env, at)
-        return NOTHING
-
-    def _at_most(self, left: ex.Expr, right: ex.Expr, env: Env, at: str) -> Need:
-        """`left <= right`: a distance that must become small, a lack that must be filled, a number of things."""
-        match left, right:
-            case ex.Call(function="distance_xy" | "distance", arguments=(a, b)), _:
-                return self._near(a, b, self._upper(right, env), env, at)
-            case ex.Aggregate(function="min", variable=name, domain=domain, body=body), _ if domain not in self.kinds:
-                members = self.outline.groups.get(domain, ())
-                return _any(tuple(self._at_most(body, right, {**env, name: m}, at) for m in members))
-            case ex.Attr(base=base, name=name), _:
-                return self._filled(base, name, self._upper(right, env), env, at)
-            case _, ex.Aggregate(function="count"):
-                return self._count(right, self._lower(left, env), env, at)
-        return NOTHING
-
-    def _all_of(self, left: ex.Expr, right: ex.Expr, env: Env, at: str) -> Need:
-        for one, other in ((left, right), (right, left)):
-            if isinstance(one, ex.Aggregate) and one.function == "count":
-                return self._count(one, self._lower(other, env), env, at)
-            if isinstance(one, ex.Attr):
-                return self._filled(one.base, one.name, self._upper(other, env), env, at)
-        return NOTHING
-
-    def _count(self, count: ex.Aggregate, least: float, env: Env, at: str) -> Need:
-        if count.domain in self.kinds or not math.isfinite(least):
-            return NOTHING
-        members = self.outline.groups.get(count.domain, ())
-        number = max(0, math.ceil(least - 1e-9))
-        if number > len(members):
-            return Never(f"{number} of `{count.domain}` are asked for, there are {len(members)}", at)
-        return Some(number, tuple(self.need(count.body, {**env, count.variable: m}, at) for m in members))
-
-    def _filled(self, base: ex.Expr, name: str, most: float, env: Env, at: str) -> Need:
-        body = self.body(base, env)
-        if body is None or body.entity.state_of(name) is None:
-            return NOTHING
-        lacking = body.bounds(name)[0] - most
-        return Supply(body, name, lacking, at) if 0 < lacking < math.inf else NOTHING
-
-    def _near(self, one: ex.Expr, other: ex.Expr, radius: float, env: Env, at: str) -> Need:
-        first, second = self.body(one, env), self.body(other, env)
-        if radius == math.inf:
-            return NOTHING
-        if first is not None and second is not None:
-            mover, goal = (second, first) if first.entity.role == "target" else (first, second)
-            return Visit((mover,), goal, radius, at)
-        mover_or_none, place = (first, other) if first is not None else (second, one)
-        value = self._static(place)
-        if mover_or_none is None or not isinstance(value, Place):
-            return NOTHING
-        return Visit((mover_or_none,), point(value.east, value.north), radius, at)
-
-    def _inside_region(self, expr: ex.Binary, env: Env, at: str) -> Need:
-        body, area = self.body(expr.left, env), self._static(expr.right)
-        outlines = outlines_of(area) if isinstance(area, Area) else ()
-        return Visit((body,), Where(outlines), 0.0, at) if body is not None and outlines else NOTHING
-
-    def _in_truth(self, expr: ex.Expr, env: Env) -> Body | None:
-        """The entity of the `truth(…)` that the expression reads: with no box of it in the frame, nothing is true."""
-        match expr:
-            case ex.Call(function="truth", arguments=(entity, *_)):
-                return self.body(entity, env)
-            case ex.Call(arguments=arguments, rule=False):
-                return next((b for b in (self._in_truth(a, env) for a in arguments) if b is not None), None)
-            case ex.Attr(base=base):
-                return self._in_truth(base, env)
-        return None
-
-    def _static(self, expr: ex.Expr) -> object:
-        try:
-            return evaluate(expr, self.outline.scope)
-        except MissionError:
+    def member(self, group: str) -> Body | None:
+        """One body for each member of a group, under the group's name; None for a message kind."""
+        there = self.outline.groups.get(group, ())
+        if not there:
             return None
+        return msgspec.structs.replace(there[0], entity=msgspec.structs.replace(there[0].entity, id=group))
 
-    def _upper(self, expr: ex.Expr, env: Env) -> float:
-        return self._bounds(expr, env)[1]
+    def is_kind(self, domain: str) -> bool:
+        """Whether a name ranges over messages."""
+        return domain in self.outline.kinds
 
-    def _lower(self, expr: ex.Expr, env: Env) -> float:
-        return self._bounds(expr, env)[0]
 
-    def _bounds(self, expr: ex.Expr, env: Env) -> Bounds:
-        """Between which bounds a number lies all the time."""
-        match expr:
-            case ex.Attr(base=base, name=name):
-                body = self.body(base, env)
-                return ANYTHING if body is None or body.entity.state_of(name) is not None else body.bounds(name)
-            case ex.Binary(operator="+"):
-                (a, b), (c, d) = self._bounds(expr.left, env), self._bounds(expr.right, env)
-                return a + c, b + d
-            case ex.Binary(operator="-"):
-                (a, b), (c, d) = self._bounds(expr.left, env), self._bounds(expr.right, env)
-                return a - d, b - c
-        value = self._static(expr)
-        return (value, value) if isinstance(value, float) and not isinstance(value, bool) else ANYTHING
+# -- values of the reading: needs, bodies, bounds, plain values, and numbers of which it is known what they measure ----
+
+
+class _Position(msgspec.Struct, frozen=True):
+    """Where a body is."""
+
+    body: Body
+
+
+class _Distance(msgspec.Struct, frozen=True):
+    """Metres between two of bodies, positions and places."""
+
+    one: Value
+    other: Value
+
+
+class _Amount(msgspec.Struct, frozen=True):
+    """A state of a body, which changes while the mission runs."""
+
+    body: Body
+    name: str
+
+
+class _Count(msgspec.Struct, frozen=True):
+    """How many of some needs are met; `of` is what they range over."""
+
+    parts: tuple[Need, ...]
+    of: str
+
+
+class _Least(msgspec.Struct, frozen=True):
+    """The smallest of several values."""
+
+    parts: tuple[Value, ...]
+
+
+class _Seen(msgspec.Struct, frozen=True):
+    """Something read from the true boxes of a picture: with no box of the body in it, nothing is true."""
+
+    body: Body
+
+
+def as_need(value: Value) -> Need:
+    """A condition's value as a need."""
+    return value if isinstance(value, Need) else NOTHING
+
+
+def _body(value: Value) -> Body | None:
+    if isinstance(value, _Position):
+        return value.body
+    return value if isinstance(value, Body) else None
+
+
+def _bounds(value: Value) -> Bounds:
+    """Between which bounds a number lies all the time."""
+    if isinstance(value, _Distance):
+        return Bounds(0.0, math.inf)
+    if isinstance(value, Bounds):
+        return value
+    return exactly(value) if is_number(value) else ANYTHING
 
 
 def _all(parts: tuple[Need, ...]) -> Need:
@@ -368,10 +272,299 @@ def _all(parts: tuple[Need, ...]) -> Need:
 
 
 def _any(parts: tuple[Need, ...]) -> Need:
-    return NOTHING if any(part == NOTHING for part in parts) else Some(1, parts)
+    open_ended = any(isinstance(part, Some) and part.least == 0 for part in parts)
+    return _mentioned(parts) if open_ended else Some(1, parts)
 
 
-def _conjuncts(expr: ex.Expr) -> list[ex.Expr]:
-    if isinstance(expr, ex.Binary) and expr.operator == "and":
-        return [*_conjuncts(expr.left), *_conjuncts(expr.right)]
-    return [expr]
+def _mentioned(parts: tuple[Need, ...]) -> Need:
+    """No requirement, with what is named in it."""
+    named = tuple(part for part in parts if part != NOTHING)
+    return Some(0, named) if named else NOTHING
+
+
+# -- the reading ----------------------------------------------------------------------------------------------------
+
+
+class _Needs:
+    def literal(self, node: Literal) -> Meaning:
+        if isinstance(node, ex.Flag):
+            return lambda names, on: NOTHING if node.value else Never("the condition is `false`", on.at)
+        constant = node.name if isinstance(node, ex.Symbol) else node.value
+        return lambda names, on: _plain(constant)
+
+    def name(self, node: ex.Ref) -> Meaning:
+        if node.kind == "local":
+            return lambda names, on: names.get(node.name)
+        if node.kind in ("group", "entity"):
+            return lambda names, on: _sole(on.outline.groups.get(node.name, ()), node.name)
+        return lambda names, on: _declared(node, on)
+
+    def field(self, node: ex.Attr, base: Meaning) -> Meaning:
+        return lambda names, on: _field(base(names, on), node.name)
+
+    def apply(self, node: Composite, operands: tuple[Meaning, ...]) -> Meaning:
+        made = _applied(node, operands)
+
+        def counted(names: Mapping[str, Value], on: Unfolding) -> Value:
+            return NOTHING if on.exhausted() else made(names, on)
+
+        return counted
+
+    def over(self, node: ex.Quantified | ex.Aggregate, body: Meaning) -> Meaning:
+        def each(names: Mapping[str, Value], on: Unfolding) -> Value:
+            if on.exhausted():
+                return NOTHING
+            if isinstance(node, ex.Quantified):
+                return _quantified(node, body, names, on)
+            return _aggregated(node, body, names, on)
+
+        return each
+
+
+_MEANINGS = Meanings(_Needs())
+
+
+def _applied(node: Composite, operands: tuple[Meaning, ...]) -> Meaning:
+    match node:
+        case ex.Binary(operator="and"):
+            return lambda names, on: _all(tuple(as_need(one(names, on)) for one in operands))
+        case ex.Binary(operator="or"):
+            return lambda names, on: _any(tuple(as_need(one(names, on)) for one in operands))
+        case ex.Unary(operator="not"):
+            return lambda names, on: _mentioned((as_need(operands[0](names, on)),))
+        case ex.Binary(operator="in" | "==" | "!=" | "<" | "<=" | ">" | ">=" as symbol):
+            left, right = operands
+            return lambda names, on: _compared(symbol, left(names, on), right(names, on), on)
+        case ex.Index(base=ex.Ref(name=group)):
+            return lambda names, on: _picked(group, operands[1](names, on), on)
+        case ex.Call(rule=True):
+            return lambda names, on: _ruled(node, [one(names, on) for one in operands], on)
+        case ex.Call(function=name) if name in _CALLS:
+            return lambda names, on: _CALLS[name](on, *[one(names, on) for one in operands])
+    return lambda names, on: _computed(node, [one(names, on) for one in operands], on)
+
+
+def _plain(value: Value) -> Value:
+    return exactly(value) if is_number(value) else value
+
+
+def _declared(node: ex.Ref, on: Unfolding) -> Value:
+    try:
+        return _plain(on.outline.scope.refer(node)) if node.name != "now" else None
+    except MissionError:
+        return None
+
+
+def _sole(members: tuple[Body, ...], name: str) -> Value:
+    """A group's name means its one member; a name of no group stands for itself."""
+    return members[0] if len(members) == 1 else None if members else name
+
+
+def _picked(group: str, index: Value, on: Unfolding) -> Body | None:
+    members, place = on.outline.groups.get(group, ()), _bounds(index)
+    inside = place.exact and 1 <= place.low <= len(members) and place.low == int(place.low)
+    return members[int(place.low) - 1] if inside else None
+
+
+def _field(base: Value, name: str) -> Value:
+    match base:
+        case Body() if name == "position":
+            return _Position(base)
+        case Body(entity=entity):
+            return _Amount(base, name) if entity.state_of(name) is not None else base.bounds(name)
+        case _Seen():
+            return base
+        case Place() | Area() | Interval():
+            try:
+                return _plain(operations.field(base, name))
+            except MissionError:
+                return None
+    return None
+
+
+def _computed(node: Composite, values: list[Value], on: Unfolding) -> Value:
+    seen = next((value for value in values if isinstance(value, _Seen)), None)
+    if seen is not None:
+        return seen
+    done = operation(node)
+    if done is None or done.running:
+        return None
+    if done.bounds is not None and all(isinstance(_plain(value), Bounds) or value is None for value in values):
+        return done.bounds(*[_bounds(value) for value in values])
+    if any(value is None or (isinstance(value, Bounds) and not value.exact) for value in values):
+        return None
+    try:
+        plain = [value.low if isinstance(value, Bounds) else value for value in values]
+        return _plain(done.value(on.outline.scope, *plain))
+    except MissionError:
+        return None
+
+
+def _quantified(node: ex.Quantified, body: Meaning, names: Mapping[str, Value], on: Unfolding) -> Need:
+    if on.is_kind(node.domain):
+        if node.quantifier == "forall":
+            return _mentioned((as_need(body({**names, node.variable: None}, on)),))
+        about, matching = _about(node, names, on)
+        inner = as_need(body({**names, node.variable: None}, on))
+        return _all((Report(node.domain, on.at, about, matching), inner))
+    parts = tuple(as_need(body({**names, node.variable: member}, on)) for member in on.members(node.domain))
+    if node.quantifier == "forall":
+        return _all(parts)
+    return _any(parts) if parts else Never(f"there is no `{node.domain}` in this mission", on.at)
+
+
+def _aggregated(node: ex.Aggregate, body: Meaning, names: Mapping[str, Value], on: Unfolding) -> Value:
+    if on.is_kind(node.domain):
+        return None
+    parts = tuple(body({**names, node.variable: member}, on) for member in on.members(node.domain))
+    if node.function == "count":
+        return _Count(tuple(as_need(part) for part in parts), node.domain)
+    return _Least(parts) if node.function == "min" and parts else None
+
+
+def _about(node: ex.Quantified, names: Mapping[str, Value], on: Unfolding) -> tuple[str, bool]:
+    """The one entity that a report of a matching rule is about."""
+    call = node.body
+    if not isinstance(call, ex.Call) or not call.rule or not _matching(call.function, on):
+        return "", False
+    values = (_MEANINGS.of(argument)({**names, node.variable: None}, on) for argument in call.arguments)
+    found = [body.id for value in values if (body := _body(value)) is not None]
+    return (found[0], True) if len(found) == 1 else ("", False)
+
+
+def _matching(name: str, on: Unfolding) -> bool:
+    """Whether the rule is matched one to one, or needs one that is, on the same two parameters."""
+    rule = on.rules.get(name)
+    if rule is None or len(rule.parameters) != 2:
+        return False
+    if rule.matching:
+        return True
+    both = {parameter.name for parameter in rule.parameters}
+    calls = [part for part in ex.conjuncts(rule.condition) if isinstance(part, ex.Call) and part.rule]
+    inner = [one for one in calls if {a.name for a in one.arguments if isinstance(a, ex.Ref)} == both]
+    return any(on.rules[one.function].matching for one in inner if one.function in on.rules)
+
+
+def _ruled(call: ex.Call, values: list[Value], on: Unfolding) -> Need:
+    rule = on.rules.get(call.function)
+    if rule is None or len(rule.parameters) != len(values):
+        return NOTHING
+    names = {parameter.name: _body(value) for parameter, value in zip(rule.parameters, values, strict=True)}
+    return on.inside(f"rule/{rule.name}", rule.condition, names)
+
+
+def _truth(on: Unfolding, entity: Value, frame: Value = None) -> Value:
+    body = _body(entity)
+    return None if body is None else _Seen(body)
+
+
+def _assigned(on: Unfolding, asset: Value, target: Value) -> Value:
+    one, other = _body(asset), _body(target)
+    return Handover(one, other, on.at) if one and other else NOTHING
+
+
+def _emitted(on: Unfolding, name: Value, target: Value = None) -> Need:
+    """An interaction was performed: someone able to came near enough, and it was unlocked."""
+    body = _body(target)
+    done = Performed(str(name), body, on.at)
+    if body is None or body.entity.engine != "city":
+        return done
+    visits = [_visit(one.by, body, one.within_m, one.name, on) for one in body.entity.interactions if one.name == name]
+    return _all((done, *visits, *(() if on.whole_groups else (_unlocked(str(name), body, on),))))
+
+
+def _visit(engine: str, target: Body, within: float, name: str, on: Unfolding) -> Need:
+    movers = on.outline.by_engine(engine)
+    if not movers:
+        return Never(f"`{name}` of `{target.id}` takes an asset of the engine `{engine}`, and there is none", on.at)
+    return Visit(movers, target, within, on.at)
+
+
+def _unlocked(name: str, target: Body, on: Unfolding) -> Need:
+    unlocks = on.unlocks.get(name, ())
+    rules = [one for one in unlocks if len(one.parameters) == 1 and one.parameters[0].domain == target.entity.group]
+    if len(rules) != 1 or len(unlocks) != 1:
+        return NOTHING
+    return on.inside(f"unlock/{name}", rules[0].condition, {rules[0].parameters[0].name: target})
+
+
+def _distance(on: Unfolding, one: Value, other: Value) -> Value:
+    return _Distance(one, other)
+
+
+_CALLS: Mapping[str, Callable[..., Value]] = {
+    "truth": _truth,
+    "assigned": _assigned,
+    "emitted": _emitted,
+    "distance": _distance,
+    "distance_xy": _distance,
+}
+"""What is not computed but has to be brought about."""
+
+_TURNED = (">", ">=")
+
+
+def _compared(symbol: str, left: Value, right: Value, on: Unfolding) -> Need:
+    seen = tuple(Picture(value.body, on.at) for value in (left, right) if isinstance(value, _Seen))
+    if seen:
+        return _all(seen)
+    if symbol == "in":
+        return _inside(left, right, on)
+    if symbol == "!=":
+        return NOTHING
+    if symbol in _TURNED:
+        left, right = right, left
+    if symbol == "==":
+        return _all((_at_most(left, right, on), _at_most(right, left, on)))
+    return _at_most(left, right, on)
+
+
+def _inside(item: Value, whole: Value, on: Unfolding) -> Need:
+    body = _body(item)
+    outlines = outlines_of(whole) if isinstance(whole, Area) else ()
+    return Visit((body,), Where(outlines), 0.0, on.at) if body is not None and outlines else NOTHING
+
+
+def _at_most(left: Value, right: Value, on: Unfolding) -> Need:
+    """`left <= right`: a distance that must become small, a lack that must be filled, a number of things."""
+    match left, right:
+        case _Distance(one=one, other=other), _:
+            return _near(one, other, _bounds(right).high, on)
+        case _Least(parts=parts), _:
+            return _any(tuple(_at_most(part, right, on) for part in parts))
+        case _Amount(), _:
+            return _filled(left, _bounds(right).high, on)
+        case _, _Count():
+            return _counted(right, _bounds(left).low, on)
+        case _Count(parts=parts), _:
+            return _mentioned(parts)
+    return NOTHING
+
+
+def _near(one: Value, other: Value, radius: float, on: Unfolding) -> Need:
+    first, second = _body(one), _body(other)
+    if radius == math.inf:
+        return NOTHING
+    if first is not None and second is not None:
+        mover, goal = (second, first) if first.entity.role == "target" else (first, second)
+        return Visit((mover,), goal, radius, on.at)
+    body, place = (first, other) if first is not None else (second, one)
+    if body is None or not isinstance(place, Place):
+        return NOTHING
+    return Visit((body,), point(place.east, place.north), radius, on.at)
+
+
+def _filled(amount: _Amount, most: float, on: Unfolding) -> Need:
+    lacking = amount.body.bounds(amount.name)[0] - most
+    if on.whole_groups or 0 < lacking < math.inf:
+        return Supply(amount.body, amount.name, lacking, on.at, most)
+    return NOTHING
+
+
+def _counted(count: _Count, least: float, on: Unfolding) -> Need:
+    if not math.isfinite(least) or on.whole_groups:
+        return _mentioned(count.parts)
+    number = max(0, math.ceil(least - 1e-9))
+    if number > len(count.parts):
+        return Never(f"{number} of `{count.of}` are asked for, there are {len(count.parts)}", on.at)
+    return Some(number, count.parts)

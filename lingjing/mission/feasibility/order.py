@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 from lingjing.mission import expression as ex
+from lingjing.mission.feasibility.needs import Need, Performed, Some, of_groups
 from lingjing.mission.feasibility.outline import Outline
 from lingjing.mission.feasibility.proof import Proof
-from lingjing.mission.model import Rule
+from lingjing.mission.model import RuleParameter, Unlock
 
 
 def refute_order(outline: Outline) -> list[Proof]:
@@ -81,15 +82,16 @@ def _stages(outline: Outline) -> list[Proof]:
 def _unlocks(outline: Outline) -> list[Proof]:
     """An interaction is performed only after its unlocking; that must not take an earlier one of the same kind. Only
     interactions that success needs count."""
-    rules = {rule.name: rule for rule in outline.instance.rules}
-    conditions: dict[str, list[ex.Expr]] = {}
+    unlocks: dict[str, list[Unlock]] = {}
     for unlock in outline.instance.unlocks:
-        conditions.setdefault(unlock.interaction, []).append(unlock.condition)
+        unlocks.setdefault(unlock.interaction, []).append(unlock)
     edges = {
-        name: sorted(_before(found[0], rules, outline) & conditions.keys()) if len(found) == 1 else []
-        for name, found in conditions.items()
+        name: sorted(_before(found[0].condition, found[0].parameters, outline) & unlocks.keys())
+        if len(found) == 1
+        else []
+        for name, found in unlocks.items()
     }
-    needed = sorted(_before(outline.instance.success, rules, outline) & conditions.keys())
+    needed = sorted(_before(outline.instance.success, (), outline) & unlocks.keys())
     found = circle({name: edges[name] for name in _reachable(needed, edges)})
     if not found:
         return []
@@ -105,21 +107,15 @@ def _unlocks(outline: Outline) -> list[Proof]:
     ]
 
 
-def _before(
-    expr: ex.Expr, rules: Mapping[str, Rule], outline: Outline, inside: frozenset[str] = frozenset()
-) -> set[str]:
+def _before(condition: ex.Expr, parameters: tuple[RuleParameter, ...], outline: Outline) -> set[str]:
     """Interactions of which some must have been performed once the condition is true."""
-    match expr:
-        case ex.Binary(operator="and"):
-            return _before(expr.left, rules, outline, inside) | _before(expr.right, rules, outline, inside)
-        case ex.Binary(operator="or"):
-            return _before(expr.left, rules, outline, inside) & _before(expr.right, rules, outline, inside)
-        case ex.Quantified(quantifier="exists"):
-            return _before(expr.body, rules, outline, inside)
-        case ex.Quantified(domain=domain) if outline.groups.get(domain):
-            return _before(expr.body, rules, outline, inside)
-        case ex.Call(rule=True, function=name) if name in rules and name not in inside:
-            return _before(rules[name].condition, rules, outline, inside | {name})
-        case ex.Call(function="emitted", arguments=(ex.Symbol(name=name), *_)):
-            return {name}
-    return set()
+    return _performed(of_groups(condition, outline, {one.name: one.domain for one in parameters}))
+
+
+def _performed(need: Need) -> set[str]:
+    if isinstance(need, Performed):
+        return {need.interaction}
+    if not isinstance(need, Some) or need.least == 0:
+        return set()
+    each = [_performed(part) for part in need.parts]
+    return set().union(*each) if need.least == len(each) else set.intersection(*each)

@@ -12,9 +12,10 @@ from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.evaluate import Area, Scope, number
 from lingjing.mission.feasibility.motion import Air, bounds, ceiling, drives, flight_s
-from lingjing.mission.feasibility.spread import Bounds, Where, numbers, places, point
+from lingjing.mission.feasibility.spread import Where, numbers, places, point
 from lingjing.mission.instance import Entity, Instance
 from lingjing.mission.instantiate import instantiate, parameters
+from lingjing.mission.intervals import Bounds
 from lingjing.mission.placing import GROUND_REACH_M, count_of
 
 ENTITIES_MOST = 150

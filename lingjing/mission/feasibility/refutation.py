@@ -4,7 +4,18 @@ from __future__ import annotations
 
 from lingjing.mission.feasibility.counting import refute_counts, refute_ticks
 from lingjing.mission.feasibility.limits import Limit
-from lingjing.mission.feasibility.needs import Handover, Need, Never, Picture, Report, Some, Supply, Visit, mandatory
+from lingjing.mission.feasibility.needs import (
+    Handover,
+    Need,
+    Never,
+    Performed,
+    Picture,
+    Report,
+    Some,
+    Supply,
+    Visit,
+    mandatory,
+)
 from lingjing.mission.feasibility.outline import Outline
 from lingjing.mission.feasibility.payload import refute_supplies
 from lingjing.mission.feasibility.proof import Proof
@@ -55,5 +66,5 @@ def _leaf(leaf: Need, limit: Limit, outline: Outline) -> Proof | None:
             return refute_handover(leaf, outline)
         case Never(message=message, at=at):
             return Proof("LJ0612", at, message, "declare what is asked for, or do not ask for it")
-        case Supply() | Some():
+        case Supply() | Performed() | Some():
             return None

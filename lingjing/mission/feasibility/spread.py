@@ -13,11 +13,7 @@ import msgspec
 from lingjing.mission import expression as ex
 from lingjing.mission import geometry2d
 from lingjing.mission.evaluate import Area, Interval, Place, Scope, Value, evaluate, number
-
-Bounds = tuple[float, float]
-"""The least and the greatest value of a number."""
-
-ANYTHING: Bounds = (-math.inf, math.inf)
+from lingjing.mission.intervals import ANYTHING, Bounds, exactly
 
 
 class Where(msgspec.Struct, frozen=True):
@@ -73,24 +69,24 @@ def numbers(draw: ex.Draw, scope: Scope) -> Bounds:
     """Between which bounds a drawn number lies."""
     if draw.distribution == "uniform":
         found = [_bounds(evaluate(argument, scope)) for argument in draw.arguments]
-        return (min(low for low, _ in found), max(high for _, high in found)) if found else ANYTHING
+        return Bounds(min(low for low, _ in found), max(high for _, high in found)) if found else ANYTHING
     if draw.distribution == "normal":
         named = dict(draw.named)
         low, high = named.get("low"), named.get("high")
-        return (
+        return Bounds(
             -math.inf if low is None else number(low, scope),
             math.inf if high is None else number(high, scope),
         )
     if draw.distribution in ("choice", "subset"):
         values = [value for value in _listed(draw, scope) if isinstance(value, float) and not isinstance(value, bool)]
-        return (min(values), max(values)) if values else ANYTHING
+        return Bounds(min(values), max(values)) if values else ANYTHING
     return ANYTHING
 
 
 def _bounds(value: Value) -> Bounds:
     if isinstance(value, Interval):
-        return value.low, value.high
-    return (value, value) if isinstance(value, float) else ANYTHING
+        return Bounds(value.low, value.high)
+    return exactly(value) if isinstance(value, float) else ANYTHING
 
 
 def _listed(draw: ex.Draw, scope: Scope) -> tuple[Value, ...]:

@@ -6,24 +6,22 @@ properties of targets have their declared values then; nothing was reported, ass
 
 from __future__ import annotations
 
-import math
+from collections.abc import Mapping, Sequence
 
 from lingjing.errors import LingjingError
 from lingjing.mission import expression as ex
 from lingjing.mission import model
-from lingjing.mission.evaluate import Place, evaluate
-from lingjing.mission.feasibility.needs import Env, Unfolding
-from lingjing.mission.feasibility.outline import Outline, of_mission, too_large
+from lingjing.mission.certain import Nothing, known, truth
+from lingjing.mission.feasibility.outline import Body, Outline, of_mission, too_large
 from lingjing.mission.feasibility.proof import Proof
-from lingjing.mission.feasibility.spread import ANYTHING, Bounds
+from lingjing.mission.functions import operation
+from lingjing.mission.intervals import Spot, exactly
+from lingjing.mission.values import Value
 
-_NOT_YET = frozenset(("emitted", "assigned"))
-_NONE_YET = frozenset(("used", "replans"))
+_NOW = "now"
 _OPEN = "bay"
 ASIDE_M = 250.0
 """How far at most a scene with buildings puts aside what is not declared `on` a surface; the open bay moves nothing."""
-
-_TURNED = {"<": ">", "<=": ">=", ">": "<", ">=": "<=", "==": "==", "!=": "!="}
 
 
 def won_at_start(mission: model.Mission) -> tuple[Proof, ...]:
@@ -42,172 +40,72 @@ def won_at_start(mission: model.Mission) -> tuple[Proof, ...]:
     return (Proof("LJ0510", "success", message, "ask for what has to be brought about"),)
 
 
-class Beginning:
-    """Conditions at boundary 0 of an outline."""
+class Beginning(Nothing):
+    """What is known at boundary 0 of an outline."""
 
     def __init__(self, outline: Outline) -> None:
         self._outline = outline
-        self._unfolding = Unfolding(outline)
-        self._open: set[str] = set()
+        self._rules = {rule.name: rule for rule in outline.instance.rules}
+        self._open: list[str] = []
 
     def success(self) -> bool:
         """Whether success certainly holds, and no hard constraint and no failure can come before it."""
-        return self.truth(self._outline.instance.success, {}) is True and not any(
+        return truth(self._outline.instance.success, {}, self) is True and not any(
             one.kind == "hard" for one in self._outline.instance.constraints
         )
 
-    def truth(self, expr: ex.Expr, env: Env) -> bool | None:
-        """Whether a condition holds; None if that is not certain."""
-        match expr:
-            case ex.Flag(value=flag):
-                return flag
-            case ex.Unary(operator="not", operand=operand):
-                value = self.truth(operand, env)
-                return None if value is None else not value
-            case ex.Binary(operator="and"):
-                return _both(self.truth(expr.left, env), self.truth(expr.right, env))
-            case ex.Binary(operator="or"):
-                return _either(self.truth(expr.left, env), self.truth(expr.right, env))
-            case ex.Binary(operator=operator) if operator in _TURNED:
-                return _compared(operator, self._number(expr.left, env), self._number(expr.right, env))
-            case ex.Quantified():
-                return self._quantified(expr, env)
-            case ex.Call(rule=True):
-                return self._rule(expr, env)
-            case ex.Call(function=name) if name in _NOT_YET:
-                return False
-        return None
+    def name(self, ref: ex.Ref) -> Value:
+        """The time is 0; an entity is its body."""
+        if ref.kind == "clock" and ref.name == _NOW:
+            return exactly(0.0)
+        if ref.kind in ("group", "entity"):
+            members = self._outline.groups.get(ref.name, ())
+            return members[0] if len(members) == 1 else members or ref.name
+        try:
+            return known(self._outline.scope.refer(ref))
+        except LingjingError:
+            return None
 
-    # -- private
+    def field(self, value: Value, name: str) -> Value:
+        """A declared state, or what a target of the city is; another property may be shadowed by its engine's word."""
+        if not isinstance(value, Body):
+            return None
+        if name == "position":
+            return self.spot(value)
+        entity = value.entity
+        told = entity.engine == "city" or (entity.state_of(name) is not None and name in entity.properties)
+        return value.bounds(name) if told and not entity.dormant else None
 
-    def _quantified(self, expr: ex.Quantified, env: Env) -> bool | None:
-        if expr.domain in self._outline.kinds:
-            return expr.quantifier == "forall"  # nothing was said yet
-        members = self._outline.groups.get(expr.domain, ())
-        values = [self.truth(expr.body, {**env, expr.variable: member}) for member in members]
-        whole: bool | None = expr.quantifier == "forall"
-        for value in values:
-            whole = _both(whole, value) if expr.quantifier == "forall" else _either(whole, value)
-        return whole
+    def members(self, domain: str) -> Sequence[Value]:
+        """The bodies of a group; no message was sent yet."""
+        return self._outline.groups.get(domain, ())
 
-    def _rule(self, call: ex.Call, env: Env) -> bool | None:
-        rule = next((one for one in self._outline.instance.rules if one.name == call.function), None)
-        if rule is None or rule.name in self._open or len(rule.parameters) != len(call.arguments):
+    def spot(self, value: Value) -> Spot | None:
+        """Where a body is declared to be, less and more what the scene may move it."""
+        if not isinstance(value, Body):
+            return value if isinstance(value, Spot) else None
+        points = [outline[0] for outline in value.where.outlines if len(outline) == 1]
+        if len(value.where.outlines) != 1 or not points or value.entity.dormant:
+            return None
+        off = value.where.loose_m or (0.0 if self._outline.instance.scene.kind == _OPEN else ASIDE_M)
+        return Spot(*points[0], off)
+
+    def answer(self, call: ex.Call, arguments: Sequence[Value]) -> Value:
+        """What a function answers at the start; a rule about a message is false, another is looked through."""
+        if not call.rule:
+            done = operation(call)
+            return None if done is None else done.at_start
+        rule = self._rules.get(call.function)
+        if rule is None or rule.name in self._open or len(rule.parameters) != len(arguments):
             return None
         if any(parameter.domain in self._outline.kinds for parameter in rule.parameters):
-            return False  # it is about a message
-        bodies = [self._unfolding.body(argument, env) for argument in call.arguments]
-        if None in bodies:
+            return False
+        if not all(isinstance(argument, Body) for argument in arguments):
             return None
-        self._open.add(rule.name)
-        inner: Env = {p.name: body for p, body in zip(rule.parameters, bodies, strict=True)}
-        found = self.truth(rule.condition, inner)
-        self._open.discard(rule.name)
+        self._open.append(rule.name)
+        names: Mapping[str, Value] = {
+            parameter.name: argument for parameter, argument in zip(rule.parameters, arguments, strict=True)
+        }
+        found = truth(rule.condition, names, self)
+        self._open.pop()
         return found
-
-    def _number(self, expr: ex.Expr, env: Env) -> Bounds:
-        match expr:
-            case ex.Ref(kind="clock", name="now"):
-                return 0.0, 0.0
-            case ex.Call(function=name, rule=False) if name in _NONE_YET:
-                return 0.0, 0.0
-            case ex.Call(function="distance_xy", arguments=(one, other)):
-                return self._distance(one, other, env)
-            case ex.Attr(base=base, name=name):
-                return self._property(base, name, env)
-            case ex.Aggregate(function="count", domain=domain) if domain in self._outline.kinds:
-                return 0.0, 0.0
-            case ex.Aggregate(domain=domain) if domain not in self._outline.kinds:
-                return self._aggregate(expr, env)
-            case ex.Unary(operator="-", operand=operand):
-                low, high = self._number(operand, env)
-                return -high, -low
-            case ex.Binary(operator="+"):
-                (a, b), (c, d) = self._number(expr.left, env), self._number(expr.right, env)
-                return a + c, b + d
-            case ex.Binary(operator="-"):
-                (a, b), (c, d) = self._number(expr.left, env), self._number(expr.right, env)
-                return a - d, b - c
-        return self._static(expr)
-
-    def _distance(self, one: ex.Expr, other: ex.Expr, env: Env) -> Bounds:
-        """Between entities whose places are declared, or points, less and more what the scene may move them."""
-        ends = [self._place(end, env) for end in (one, other)]
-        known = [end for end in ends if end is not None]
-        if len(known) < 2:
-            return ANYTHING
-        apart, loose = math.dist(known[0][0], known[1][0]), known[0][1] + known[1][1]
-        return max(0.0, apart - loose), apart + loose
-
-    def _place(self, expr: ex.Expr, env: Env) -> tuple[tuple[float, float], float] | None:
-        """East and north, and how far off that may be."""
-        body = self._unfolding.body(expr, env)
-        if body is not None:
-            points = [outline[0] for outline in body.where.outlines if len(outline) == 1]
-            if len(body.where.outlines) != 1 or not points or body.entity.dormant:
-                return None
-            put = body.where.loose_m or (0.0 if self._outline.instance.scene.kind == _OPEN else ASIDE_M)
-            return points[0], put
-        try:
-            value = evaluate(expr, self._outline.scope)
-        except LingjingError:
-            return None
-        return ((value.east, value.north), 0.0) if isinstance(value, Place) else None
-
-    def _property(self, base: ex.Expr, name: str, env: Env) -> Bounds:
-        """A declared state, or what a target of the city is; another property may be shadowed by its engine's word."""
-        body = self._unfolding.body(base, env)
-        if body is None or (isinstance(base, ex.Attr) and base.name == "position"):
-            return ANYTHING
-        entity = body.entity
-        known = entity.engine == "city" or (entity.state_of(name) is not None and name in entity.properties)
-        return body.bounds(name) if known and not entity.dormant else ANYTHING
-
-    def _aggregate(self, expr: ex.Aggregate, env: Env) -> Bounds:
-        members = self._outline.groups.get(expr.domain, ())
-        inner = [{**env, expr.variable: member} for member in members]
-        if expr.function == "count":
-            values = [self.truth(expr.body, one) for one in inner]
-            return float(values.count(True)), float(len(values) - values.count(False))
-        found = [self._number(expr.body, one) for one in inner]
-        if expr.function == "sum":
-            return math.fsum(low for low, _ in found), math.fsum(high for _, high in found)
-        if not found:
-            return ANYTHING
-        chosen = min if expr.function == "min" else max
-        return chosen(low for low, _ in found), chosen(high for _, high in found)
-
-    def _static(self, expr: ex.Expr) -> Bounds:
-        try:
-            value = evaluate(expr, self._outline.scope)
-        except LingjingError:
-            return ANYTHING
-        return (value, value) if isinstance(value, float) and not isinstance(value, bool) else ANYTHING
-
-
-def _both(one: bool | None, other: bool | None) -> bool | None:
-    if one is False or other is False:
-        return False
-    return None if one is None or other is None else True
-
-
-def _either(one: bool | None, other: bool | None) -> bool | None:
-    if one is True or other is True:
-        return True
-    return None if one is None or other is None else False
-
-
-def _compared(operator: str, one: Bounds, other: Bounds) -> bool | None:
-    """What every pair of numbers between these bounds has in common."""
-    if operator in (">", ">="):
-        operator, one, other = _TURNED[operator], other, one
-    (low, high), (least, most) = one, other
-    if operator in ("<", "<="):
-        holds = high < least or (operator == "<=" and high <= least)
-        fails = low > most or (operator == "<" and low >= most)
-        return True if holds else False if fails else None
-    apart = high < least or low > most
-    same = low == high == least == most
-    if operator == "!=":
-        apart, same = same, apart
-    return True if same else False if apart else None

@@ -9,11 +9,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from lingjing.errors import MissionError
 from lingjing.mission import expression as ex
-from lingjing.mission.evaluate import Scope, flag_of
+from lingjing.mission.certain import Nothing, truth
 from lingjing.mission.graph.spelling import spell
 from lingjing.mission.model import Guard
+from lingjing.mission.values import Value
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +28,7 @@ def presence(guard: Guard | None, modes: tuple[str, ...]) -> Presence | None:
     """Where a declaration exists among `modes`, or None if in none of them. A settled guard has nothing to read."""
     if guard is None:
         return Presence("", modes)
-    answers = {mode: _holds(guard.condition, mode) for mode in modes}
+    answers = {mode: truth(guard.condition, {}, _Mode(mode)) for mode in modes}
     possible = tuple(mode for mode, answer in answers.items() if answer is not False)
     if not possible:
         return None
@@ -46,20 +46,14 @@ def either(found: Iterable[Presence], modes: tuple[str, ...]) -> Presence | None
     return Presence("" if "" in guards else " or ".join(guards), possible)
 
 
-def _holds(condition: ex.Expr, mode: str) -> bool | None:
-    """Whether the condition holds in a mode; None if that depends on more than the mode."""
-    match condition:
-        case ex.Binary(operator="and", left=left, right=right):
-            sides = (_holds(left, mode), _holds(right, mode))
-            return False if False in sides else None if None in sides else True
-        case ex.Binary(operator="or", left=left, right=right):
-            sides = (_holds(left, mode), _holds(right, mode))
-            return True if True in sides else None if None in sides else False
-        case ex.Unary(operator="not", operand=operand):
-            inner = _holds(operand, mode)
-            return None if inner is None else not inner
-        case _:
-            try:
-                return flag_of(condition, Scope(mode=mode))
-            except MissionError:  # it names a parameter: open until the run
-                return None
+class _Mode(Nothing):
+    """All that is known before a run is its mode: parameters may still be set."""
+
+    def __init__(self, mode: str) -> None:
+        self._mode = mode
+
+    def name(self, ref: ex.Ref) -> Value:
+        """`mode`, and the names of modes."""
+        if ref.kind != "mode":
+            return None
+        return self._mode if ref.name == "mode" else ref.name

@@ -6,22 +6,13 @@ from collections.abc import Iterator
 
 from lingjing.mission import expression as ex
 from lingjing.mission import model
+from lingjing.mission.functions import operation
 from lingjing.mission.graph.draft import Draft
 from lingjing.mission.graph.spelling import parts
 from lingjing.mission.graph.things import groups_in
-from lingjing.mission.graph.types import NodeKind
 
 DECIDED = ("rule:", "event:", "inspection:", "stage:")
 """Ids of nodes that become true: these unlock what waits for them, others are merely needed."""
-
-_OF_ONE: dict[str, tuple[NodeKind, ...]] = {
-    "emitted": ("event",),
-    "inspected": ("inspection",),
-    "clear": ("inspection",),
-    "replans": ("inspection",),
-    "used": ("resource",),
-}
-"""Functions that ask about the declaration their first argument names."""
 
 
 def needs(condition: ex.Expr, mission: model.Mission, draft: Draft) -> tuple[str, ...]:
@@ -45,10 +36,8 @@ def _read(condition: ex.Expr, mission: model.Mission, draft: Draft) -> Iterator[
                 found = next(iter(groups_in(part, draft)), None)
             case ex.Ref(name=name, kind="region" | "grid"):
                 found = draft.find(name, "region", "grid")
-            case ex.Call(function=function, arguments=(ex.Ref(name=name) | ex.Symbol(name=name), *_)) if (
-                function in _OF_ONE
-            ):
-                found = draft.find(name, *_OF_ONE[function])
+            case ex.Call(arguments=(ex.Ref(name=name) | ex.Symbol(name=name), *_)) if done := operation(part):
+                found = draft.find(name, *done.about) if done.about else None
             case ex.Quantified(domain=domain, body=body) | ex.Aggregate(domain=domain, body=body) if not _calls_a_rule(
                 body
             ):

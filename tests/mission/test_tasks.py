@@ -7,7 +7,7 @@ import pytest
 import lingjing
 from lingjing.bench.columns import shipped
 from lingjing.mission.instantiate import instantiate
-from lingjing.plugins.tasks import asked, possible, reported
+from lingjing.mission.tasks import asked, possible, reported
 
 MISSIONS = {path.stem: path for path in shipped()}
 
