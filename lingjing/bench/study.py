@@ -170,11 +170,11 @@ def play(
                 case=episode.case.name, column=episode.column.name, tries=attempt, wall_s=wall_s, code=study.code,
                 report=report,
             )  # fmt: skip
+            if not keep:  # before the row is there: a study killed in between would leave the run behind for good
+                _take_away(task.folder)
             study.add(row)
             countdown.done(episode.kind, wall_s)
             tell(row, countdown.left_s)
-            if not keep:
-                _take_away(task.folder)
         waiting = aborted
 
 

@@ -76,6 +76,18 @@ def test_a_killed_child_is_an_abort_of_its_episode_alone(monkeypatch: pytest.Mon
     assert reports[0].trace == str(tmp_path / "0" / "trace.mcap.part")
 
 
+def test_a_run_that_is_not_kept_is_gone_before_its_row_is_written(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    answering(monkeypatch, ANSWER.replace("REASON", "'success'"))
+    study, left, add = Study(tmp_path), [], Study.add
+    monkeypatch.setattr(Study, "add", lambda self, row: (left.append([*tmp_path.glob("*-*")]), add(self, row)))
+    play(study, missing(study, CASES[:1], [STAR], range(2)), jobs=1, keep=False)
+    assert left == [[], []] and len(study.rows) == 2
+    play(study, missing(study, CASES[:1], [STAR], range(2, 3)), jobs=1, keep=True)
+    assert [len(found) for found in left] == [0, 0, 1]
+
+
 def test_killed_again_and_again_it_plays_everything_once(tmp_path: Path) -> None:
     """kill -9 at any moment: what was told is there, what was not is played by the next, and no row comes twice."""
     script = tmp_path / "study.py"
