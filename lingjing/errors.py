@@ -6,6 +6,7 @@ Every such fault derives from `LingjingError` and knows the exit code that the c
 """
 
 from enum import IntEnum
+from typing import NamedTuple
 
 
 class ExitCode(IntEnum):
@@ -40,10 +41,23 @@ class UsageError(LingjingError):
     exit_code = ExitCode.USAGE
 
 
+class Fault(NamedTuple):
+    """One of several things that are wrong with a document: its JSON path, what is wrong, the way out."""
+
+    where: str
+    message: str
+    hint: str
+
+
 class MissionError(LingjingError):
-    """The mission has errors; the diagnostics, if any, are rendered into the message by who raises."""
+    """The mission has errors; the diagnostics, if any, are rendered into the message by who raises. `faults` are those
+    of a document."""
 
     exit_code = ExitCode.MISSION
+
+    def __init__(self, message: str, *, hint: str = "", faults: tuple[Fault, ...] = ()) -> None:
+        super().__init__(message, hint=hint)
+        self.faults = faults
 
 
 class PluginError(LingjingError):

@@ -51,7 +51,7 @@ def handler(args: argparse.Namespace) -> int:
             if args.output_format == "text":
                 _say_error(error)
             else:
-                found.append(_as_diagnostic(error, path))
+                found.extend(_as_diagnostics(error, path))
             continue
         found.extend(checked.diagnostics)
         if args.diff or (_mends(args) and path == "-"):
@@ -178,11 +178,13 @@ def _text(diagnostics: tuple[Diagnostic, ...], source: Source) -> str:
     return render_text(diagnostics, source, color=color)
 
 
-def _as_diagnostic(error: MissionError, path: str) -> Diagnostic:
-    """A document that is no mission, for readers of JSON and SARIF: it has no line, so it stands at the first."""
+def _as_diagnostics(error: MissionError, path: str) -> tuple[Diagnostic, ...]:
+    """A document that is no mission, for readers of JSON and SARIF: a fault has no line, so it stands at the first."""
     from lingjing.mission.diagnostics import Diagnostic, Span
 
-    return Diagnostic("LJ0009", Span(path, 0, 0, 1, 1, 1, 1), str(error), error.hint)
+    start = Span(path, 0, 0, 1, 1, 1, 1)
+    faults = [(f"{one.where}: {one.message}", one.hint) for one in error.faults]
+    return tuple(Diagnostic("LJ0009", start, said, hint) for said, hint in faults or [(str(error), error.hint)])
 
 
 def _say_error(error: UsageError | MissionError) -> None:

@@ -6,7 +6,7 @@ Modules in the order a mission passes them:
 - `expression`, `model`: the typed graph `Mission`, a template that still holds parameters, modes and seeded draws.
 - `document`: `mission.json` in and out, and the JSON Schemas generated from the code.
 - `frames`, `jsontext`, `sky`: coordinate frames of `resetScenario` documents, JSON with places, words for weather.
-- `reset_document`, `reset_places`, `reset_elements`, `reset_fields`, `reset_template`: a document's shape, spellings,
+- `reset_document`, `reset_elements`, `reset_fields`, `reset_template`: a document's shape, spellings,
   hidden fields and template; `reset_groups`, `reset_targets`, `reset`: what it places, into the template;
   `reset_notes`: what is kept and not understood; `reset_emit`: the way back.
 - `seeding`, `draws`: named random streams, and what is drawn from them.

@@ -15,8 +15,6 @@ from lingjing.errors import MissionError
 from lingjing.mission import jsontext
 from lingjing.mission.instance import Instance
 from lingjing.mission.model import Mission
-from lingjing.mission.reset import instantiate_document
-from lingjing.mission.reset_document import Envelope, Scenario
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
@@ -46,9 +44,11 @@ def read(text: str, path: str, templates: Callable[[str], Mission]) -> tuple[Mis
 
     Errors are those of `decode` and of `lingjing.mission.reset.instantiate_document`, which also defines `templates`.
     """
-    value = jsontext.load(text, path)
+    value = jsontext.load(text, path, notes=[])
     if isinstance(value, dict) and str(value.get("format", "")).startswith("lingjing-mission"):
         return decode(text, path), ()
+    from lingjing.mission.reset import instantiate_document  # loads pydantic, which a mission.json does not need
+
     return instantiate_document(text, path, templates)
 
 
@@ -80,8 +80,9 @@ def main(arguments: Sequence[str] = ()) -> None:
 
 def _reset_scenario() -> dict[str, object]:
     """An envelope or a bare scenario; fields that are not named here are allowed and kept."""
-    alternatives, definitions = msgspec.json.schema_components((Envelope, Scenario), ref_template="#/$defs/{name}")
-    return {"$schema": DIALECT, "title": "resetScenario", "anyOf": list(alternatives), "$defs": definitions}
+    from lingjing.mission.reset_schema import reset_scenario
+
+    return {"$schema": DIALECT, "title": "resetScenario", **reset_scenario()}
 
 
 def _formatted(schema: dict[str, object]) -> bytes:

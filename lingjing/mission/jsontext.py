@@ -4,19 +4,34 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections import Counter
 from collections.abc import Iterator
 
 from lingjing.errors import MissionError, UsageError
 
+_COMMENT = re.compile(r'"(?:[^"\\]|\\.)*"|//[^\n]*|/\*.*?\*/', re.DOTALL)
 
-def load(text: str, path: str) -> object:
+
+def without_comments(text: str) -> str:
+    """The text with blanks in place of `// …` and `/* … */` outside of strings, so that lines and columns stay."""
+    if "//" not in text and "/*" not in text:
+        return text
+    return _COMMENT.sub(lambda found: found[0] if found[0][0] == '"' else re.sub(r"[^\n]", " ", found[0]), text)
+
+
+def load(text: str, path: str, notes: list[str] | None = None) -> object:
     """The parsed document. `UsageError` if it is not JSON, `MissionError` for a number that is none.
 
     Python's reader is lenient where JSON is not: NaN, Infinity and numbers beyond a double are refused here by path.
+    With `notes`, comments are read over, and noted.
     """
+    plain = text.removeprefix("\ufeff")
+    if notes is not None and (bare := without_comments(plain)) != plain:
+        notes.append("$: comments are no JSON; they are read over and kept")
+        plain = bare
     try:
-        value: object = json.loads(text.removeprefix("\ufeff"))
+        value: object = json.loads(plain)
     except json.JSONDecodeError as error:
         raise UsageError(
             f"{path}:{error.lineno}:{error.colno}: not JSON: {error.msg}", hint=_way_out(text, error.msg)
@@ -33,7 +48,7 @@ def load(text: str, path: str) -> object:
 
 def repeated(text: str) -> Iterator[str]:
     """JSON paths of keys that stand more than once in their object, of a text that `load` accepts: the last counts."""
-    root = json.loads(text.removeprefix("\ufeff"), object_pairs_hook=_Pairs)
+    root = json.loads(without_comments(text.removeprefix("\ufeff")), object_pairs_hook=_Pairs)
     stack: list[tuple[str, object]] = [("$", root)]
     while stack:
         where, value = stack.pop()

@@ -20,8 +20,18 @@ from lingjing.mission import expression as ex
 from lingjing.mission import frames, geometry2d, model
 from lingjing.mission.instance import Weather
 from lingjing.mission.instantiate import choose_mode, parameters
-from lingjing.mission.reset_document import LISTS, EntityList, Equipment, Parsed, Satellite, parse
-from lingjing.mission.reset_fields import Found, folded, hidden_fields
+from lingjing.mission.reset_document import (
+    LISTS,
+    EntityList,
+    Equipment,
+    Parsed,
+    Satellite,
+    document_error,
+    folded,
+    parse,
+)
+from lingjing.mission.reset_fields import Found, hidden_fields
+from lingjing.mission.reset_frame import Frame, frame_of
 from lingjing.mission.reset_groups import Spot, draw_of, filled, number_like, origin_of, plays, point, world
 from lingjing.mission.reset_notes import leftovers
 from lingjing.mission.reset_targets import PERSONS, targeted
@@ -38,11 +48,14 @@ def instantiate_document(
     """The mission that a document describes, and notes on what was recognised, kept or not understood.
 
     `path` stands in messages; `templates` gives the compiled mission of a name, or raises `KeyError` if there is none.
-    Raises `UsageError` for text that is not JSON (line and column), `MissionError` for a bad scenario (JSON path).
+    Raises `UsageError` for text that is not JSON (line and column), `MissionError` for a bad scenario, with the JSON
+    path of every fault.
     """
     parsed = parse(text, path)
     notes = list(parsed.notes)
     found = hidden_fields(parsed, notes)
+    if parsed.faults:
+        raise document_error(path, parsed.faults)
     name, where, why = template_name(parsed, found)
     try:
         template = templates(name)
@@ -50,6 +63,8 @@ def instantiate_document(
         raise parsed.fault(where, f"there is no template '{name}'", "name one of the missions in scenarios/") from None
     notes.insert(0, f"template '{name}': {why}")
     mission = _placed(template, parsed, found, notes)
+    if parsed.faults:
+        raise document_error(path, parsed.faults)
     notes.extend(leftovers(text, parsed, found))
     digest = hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
     draws: dict[str, ex.Expr] = {
@@ -64,12 +79,24 @@ def instantiate_document(
 
 def _placed(template: model.Mission, parsed: Parsed, found: Sequence[Found], notes: list[str]) -> model.Mission:
     mission = _worded(_configured(template, parsed, notes), parsed, notes)
+    frame = frame_of(parsed, found, origin_of(mission), notes)
+    mission = _with_origin(mission, frame)
     for one in LISTS:
-        mission = _equipped(mission, parsed, one, notes)
-    outline = _outline(mission, parsed, notes)
+        mission = _equipped(mission, parsed, one, frame, notes)
+    outline = _outline(mission, parsed, frame, notes)
     if outline is not None:
         mission = _with_region(mission, search_region(mission), outline)
-    return targeted(mission, parsed, found, outline, notes)
+    return targeted(mission, parsed, found, frame, outline, notes)
+
+
+def _with_origin(mission: model.Mission, frame: Frame) -> model.Mission:
+    """The mission whose scene lies at the frame's origin."""
+    if frame.origin == origin_of(mission):
+        return mission
+    degrees = ex.Point(tuple(ex.Number(value, "deg") for value in frame.origin))
+    kept = tuple(option for option in mission.scene.options if option.name != "origin")
+    options = (*kept, model.Property(name="origin", value=degrees))
+    return msgspec.structs.replace(mission, scene=msgspec.structs.replace(mission.scene, options=options))
 
 
 def _configured(template: model.Mission, parsed: Parsed, notes: list[str]) -> model.Mission:
@@ -114,12 +141,34 @@ def _worded(mission: model.Mission, parsed: Parsed, notes: list[str]) -> model.M
     state = parsed.task.initial_state
     if len(parsed.scenario.task_matrix) > 1:
         notes.append(f"{parsed.path}.taskMatrix: the first of {len(parsed.scenario.task_matrix)} rows is played")
+    mission = _at_height(mission, parsed, notes)
     return msgspec.structs.replace(
         mission,
         title=parsed.scenario.scene_name or mission.title,
         goal=parsed.task.goal or mission.goal,
         weather=_weather(mission.weather, state.weather, f"{parsed.state_path}.weather", notes),
     )
+
+
+_ALTITUDE = "altitude"
+"""The parameter of a template that says how high its aircraft fly."""
+
+
+def _at_height(mission: model.Mission, parsed: Parsed, notes: list[str]) -> model.Mission:
+    """The mission with `takeoff_height_m` as the height its aircraft fly at, if it has a parameter that takes it."""
+    height, where = parsed.task.initial_state.takeoff_height_m, f"{parsed.state_path}.takeoff_height_m"
+    if height is None:
+        return mission
+    known = next((one for one in mission.parameters if one.name == _ALTITUDE), None)
+    bounds = known.bounds if known else None
+    low, high = (bounds.low, bounds.high) if isinstance(bounds, ex.Range) else (None, None)
+    fits = isinstance(low, ex.Number) and isinstance(high, ex.Number) and low.value <= height <= high.value
+    if known is None or not fits:
+        notes.append(f"{where}: mission '{mission.name}' flies no aircraft at {height:g} m; kept")
+        return mission
+    notes.append(f"{where}: is the parameter '{_ALTITUDE}'")
+    changed = msgspec.structs.replace(known, default=number_like(known.default, height))
+    return msgspec.structs.replace(mission, parameters=tuple(changed if p is known else p for p in mission.parameters))
 
 
 def _weather(
@@ -144,7 +193,7 @@ def _weather(
     return (*(p for p in given if p.name not in ("visibility_m", "cloud")), *changed)
 
 
-def _equipped(mission: model.Mission, parsed: Parsed, one: EntityList, notes: list[str]) -> model.Mission:
+def _equipped(mission: model.Mission, parsed: Parsed, one: EntityList, frame: Frame, notes: list[str]) -> model.Mission:
     """Put one of the six lists into the groups of the template that its engine drives."""
     where = f"{parsed.path}.equipmentList.{one.name}"
     listed: tuple[Equipment, ...] = getattr(parsed.scenario.equipment_list, one.attribute)
@@ -167,13 +216,14 @@ def _equipped(mission: model.Mission, parsed: Parsed, one: EntityList, notes: li
         names = ", ".join(group.name for group in driven)
         notes.append(f"{where}: {len(unnamed)} are named like none of {names}; they go to '{driven[0].name}'")
     for group, share in zip(driven, shares, strict=True):
-        mission = filled(mission, group, [spots[k] for k in share], parsed, where, notes)
+        mission = filled(mission, group, [spots[k] for k in share], frame, parsed, where, notes)
     return mission
 
 
 def _spot(item: Equipment, where: str, notes: list[str]) -> Spot:
     given = {"heading": item.heading, "raw": item.raw}
-    given["yaw"] = None if item.yaw is None else frames.compass_from_yaw(item.yaw)
+    yaw = item.data.yaw if item.yaw is None else item.yaw
+    given["yaw"] = None if yaw is None else frames.compass_from_yaw(yaw)
     headings = {name: value for name, value in given.items() if value is not None}
     if len({round(value % 360.0, 6) for value in headings.values()}) > 1:
         notes.append(f"{where}: {', '.join(headings)} disagree; {next(iter(headings))} counts")
@@ -185,7 +235,7 @@ def _spot(item: Equipment, where: str, notes: list[str]) -> Spot:
 # -- the region -----------------------------------------------------------------------------------------------------
 
 
-def _outline(mission: model.Mission, parsed: Parsed, notes: list[str]) -> geometry2d.Polygon | None:
+def _outline(mission: model.Mission, parsed: Parsed, frame: Frame, notes: list[str]) -> geometry2d.Polygon | None:
     where = f"{parsed.state_path}.rescueRange"
     corners = parsed.task.initial_state.rescue_range
     region = search_region(mission)
@@ -196,13 +246,13 @@ def _outline(mission: model.Mission, parsed: Parsed, notes: list[str]) -> geomet
     if not region:
         notes.append(f"{where}: mission '{mission.name}' has no region to search; kept")
         return None
-    origin = origin_of(mission)
     spots = tuple(Spot(corner, f"{where}[{k}]", str(corner.range_id)) for k, corner in enumerate(corners))
-    places = tuple(world(spot, origin, parsed) for spot in spots)
+    places = tuple(world(spot, frame, parsed) for spot in spots)
     outline = tuple((place[0], place[1]) for place in places)
     fault = geometry2d.fault(outline)
     if fault:
-        raise parsed.fault(where, f"the outline {fault}", "list the corners in order around the area")
+        parsed.report(where, f"the outline {fault}", "list the corners in order around the area")
+        return None
     return outline
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
+from typing import Any
 
 from lingjing.mission.elements import line_fault
 
@@ -14,19 +15,17 @@ KEYS = {
 """Spellings of the keys, without underscores and in lower case."""
 
 
-def unify(root: object) -> object:
-    """Put the element lines of a document's satellites under `tle1`, `tle2` or `tle` (in place).
+def lifted(row: dict[str, Any]) -> None:
+    """Put the element lines of one satellite under `tle1`, `tle2` or `tle` (in place).
 
-    They may also stand inside of a satellite's `data`, or in an object under `tle`.
+    They may also stand inside of its `data`, or in an object under `tle`.
     """
-    for row in _satellites(root):
-        for holder in [value for value in row.values() if isinstance(value, dict)]:
-            _lift(holder, row)
-        _lift(row, row)
-    return root
+    for holder in [value for value in row.values() if isinstance(value, dict)]:
+        _lift(holder, row)
+    _lift(row, row)
 
 
-def _lift(holder: dict[str, object], row: dict[str, object]) -> None:
+def _lift(holder: dict[str, Any], row: dict[str, Any]) -> None:
     for key in list(holder):
         name = KEYS.get(key.replace("_", "").casefold())
         if name == "tle" and isinstance(holder[key], dict):
@@ -34,13 +33,6 @@ def _lift(holder: dict[str, object], row: dict[str, object]) -> None:
                 del holder[key]
         elif name and name not in row:
             row[name] = holder.pop(key)
-
-
-def _satellites(root: object) -> Iterator[dict[str, object]]:
-    scenario = root.get("scenario", root) if isinstance(root, dict) else None
-    equipment = scenario.get("equipmentList") if isinstance(scenario, dict) else None
-    rows = equipment.get("satelliteEntityList") if isinstance(equipment, dict) else None
-    yield from (row for row in (rows if isinstance(rows, list) else ()) if isinstance(row, dict))
 
 
 def elements_fault(lines: Sequence[str]) -> str:

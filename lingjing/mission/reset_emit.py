@@ -14,13 +14,13 @@ from collections.abc import Mapping, Sequence
 import msgspec
 
 from lingjing.errors import MissionError
-from lingjing.mission import frames, model
+from lingjing.mission import frames, jsontext, model
 from lingjing.mission.instance import Entity, Instance, Region
 from lingjing.mission.instantiate import instantiate
 from lingjing.mission.reset import search_region
-from lingjing.mission.reset_document import LISTS
+from lingjing.mission.reset_document import LISTS, folded
 from lingjing.mission.reset_fields import FIELDS
-from lingjing.mission.reset_groups import WEIGHT
+from lingjing.mission.reset_groups import PEOPLE, WEIGHT
 from lingjing.mission.reset_targets import PERSONS
 from lingjing.mission.sky import word_for
 
@@ -81,11 +81,13 @@ def with_template(text: str, name: str) -> str:
 
 def _scenario_span(text: str) -> tuple[int, set[str]]:
     """Where the scenario's opening brace stands, and the scenario's keys."""
-    start = len(text) - len(text.removeprefix("\ufeff").lstrip())
-    members = _members(text, start)
-    if "scenario" in members:
-        start = members["scenario"]
-        members = _members(text, start)
+    plain = jsontext.without_comments(text)
+    start = len(plain) - len(plain.removeprefix("\ufeff").lstrip())
+    members = _members(plain, start)
+    for envelope in ("data", "scenario"):
+        inner = next((at for key, at in members.items() if folded(key) == envelope), None)
+        if inner is not None and not any(folded(key) == "equipmentlist" for key in members):
+            start, members = inner, _members(plain, inner)
     return start, set(members)
 
 
@@ -172,7 +174,7 @@ def _targets(mission: model.Mission, instance: Instance) -> tuple[dict[str, Json
         members = [entity for entity in instance.entities if entity.group == group.name]
         if not members and group.when is not None:
             continue  # a group of another mode
-        field = next((field.name for field in FIELDS if field.types[0] == group.type), OWN_FIELDS.get(group.type))
+        field = OWN_FIELDS.get(group.type) or next((f.name for f in FIELDS if f.types[0] == group.type), None)
         places: Json = [_target(entity, field == PERSON_FIELD) for entity in members]
         if field is None or field in fields or group.type in types:
             others[group.name] = places
@@ -184,7 +186,9 @@ def _targets(mission: model.Mission, instance: Instance) -> tuple[dict[str, Json
 
 def _target(entity: Entity, person: bool) -> Json:
     weight = entity.properties.get(WEIGHT)
+    people = entity.properties.get(PEOPLE)
     added: dict[str, Json] = {"weight": weight} if isinstance(weight, float) else {}
+    added |= {"personCount": people} if isinstance(people, int | float) else {}
     return {"personId" if person else "targetId": entity.label or entity.id, **_coordinates(entity.position), **added}
 
 

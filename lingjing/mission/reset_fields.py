@@ -7,49 +7,60 @@ and digits alone. What is no list of objects is not taken for places; it is kept
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import Any
 
-from lingjing.mission.reset_document import Parsed, Target, converted
+from lingjing.mission.reset_document import Parsed, Target, folded
 
 
 @dataclass(frozen=True, slots=True)
 class Field:
     """One kind of hidden field: the name it is written under, the target types it may hold (the likeliest first), and
-    its other spellings, folded. A `general` one says nothing of what lies there."""
+    its other spellings, folded. A `general` one says nothing of what lies there. It may stand for a target of the types
+    in `also`, but does not tell a mission by them."""
 
     name: str
     types: tuple[str, ...]
     spellings: frozenset[str]
     general: bool = False
+    also: tuple[str, ...] = ()
 
 
-def folded(word: str) -> str:
-    """Letters and digits of a spelling, lower case."""
-    return re.sub(r"[\W_]+", "", word).casefold()
-
-
-def _field(name: str, types: str, spellings: str, *, general: bool = False) -> Field:
+def _field(name: str, types: str, spellings: str, *, general: bool = False, also: str = "") -> Field:
     stems = (folded(name), *spellings.split())
     plural = (stem + "s" for stem in stems if not stem.endswith("s"))
-    return Field(name, tuple(types.split()), frozenset((*stems, *plural)), general)
+    return Field(name, tuple(types.split()), frozenset((*stems, *plural)), general, tuple(also.split()))
 
 
 FIELDS: tuple[Field, ...] = (
     _field("rescuePersonPosition", "person_in_water", "personposition victimposition 落水人员位置"),
     _field("goalFirePosition", "building_fire fire_source", "fireposition firespot firepoint 火点 火源位置"),
-    _field("leakPosition", "pipeline_leak", "leak leakpoint leakspot pipelineleak pipelineleakposition 泄漏点"),
+    _field(
+        "leakPosition",
+        "pipeline_leak",
+        "leak leakpoint leakspot pipelineleak pipelineleakposition leakpos 泄漏点 泄漏位置",
+    ),
     _field(
         "fracturePosition", "bridge_fracture", "fracture fracturepoint bridgefracture bridgefractureposition 断裂点"
     ),
     _field(
         "congestionPosition",
         "congestion",
-        "congestion congestionpoint congestionspot trafficjam trafficjamposition 拥堵点",
+        "congestion congestionpoint congestionspot congestionpos trafficjam trafficjamposition 拥堵点",
     ),
     _field("warehousePosition", "warehouse", "warehouse warehousepoint depot depotposition 仓库"),
-    _field("deliveryPoints", "delivery_point delivery_door", "deliveryposition delivery deliverylocation 配送点"),
+    _field(
+        "queuingList", "queue_of_people", "queuinglist queuelist queueinglist queueposition queuingposition 排队 队列"
+    ),
+    _field("pollutionPosition", "pollution_source", "pollution pollutionpoint pollutionsource 污染点 污染源"),
+    _field("targetHouse", "delivery_door reference_building", "house targethouseposition houseposition 目标房屋"),
+    _field(
+        "deliveryPoints",
+        "delivery_point delivery_door",
+        "deliverypoint deliveryposition delivery deliverylocation goaldelposition delposition 配送点",
+        also="destination",
+    ),
     _field("destinationPosition", "destination", "destination destinationpoint endposition endpoint 目的地 终点"),
     _field(
         "goalPosition",
@@ -97,7 +108,7 @@ def hidden_fields(parsed: Parsed, notes: list[str]) -> tuple[Found, ...]:
     return tuple(sorted(found, key=lambda one: FIELDS.index(one.field)))
 
 
-def _found(holder: Mapping[str, object], path: str, parsed: Parsed, notes: list[str]) -> Iterator[Found]:
+def _found(holder: Mapping[str, Any], path: str, parsed: Parsed, notes: list[str]) -> Iterator[Found]:
     for key, value in holder.items():
         field = field_of(key)
         if field is None:
@@ -108,5 +119,10 @@ def _found(holder: Mapping[str, object], path: str, parsed: Parsed, notes: list[
             notes.append(f"{where}: is no list of places; not understood and kept")
             continue
         one = isinstance(value, dict)
-        targets = (converted(item, Target, where if one else f"{where}[{k}]", parsed) for k, item in enumerate(items))
-        yield Found(field, key, where, tuple(targets), one)
+        read = [_target(item, where if one else f"{where}[{k}]", parsed) for k, item in enumerate(items)]
+        notes.extend(note for note in parsed.spelt.notes if note not in parsed.notes and note not in notes)
+        yield Found(field, key, where, tuple(target for target in read if target is not None), one)
+
+
+def _target(item: dict[str, Any], where: str, parsed: Parsed) -> Target | None:
+    return parsed.converted(parsed.spelt.unify(item, Target, where), Target, where)

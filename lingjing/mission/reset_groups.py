@@ -15,20 +15,18 @@ from lingjing.mission.instantiate import parameters, scene_spec
 from lingjing.mission.placing import FARTHEST_M, holds, place_fault
 from lingjing.mission.reset_document import Coordinates, Parsed
 from lingjing.mission.reset_elements import elements_fault
+from lingjing.mission.reset_frame import FAR_M, Frame
 
-WEIGHT = "demand_kg"
-"""The property of a group that a document's weights set."""
+WEIGHT, PEOPLE = "demand_kg", "people"
+"""The properties of a group that a document's weights and counts of people set."""
 
 AGREE_M = 1.0
 """Two spellings of one place may differ by this without a note: documents round degrees."""
 
-FAR_M = 20_000.0
-"""A scene is a few kilometres wide: what lies farther off is noted."""
-
 
 @dataclass(frozen=True, slots=True)
 class Spot:
-    """One thing the document places: its coordinates, their JSON path, its code, compass heading and weight (kg).
+    """One thing the document places: coordinates, their JSON path, its code, compass heading, weight (kg) and people.
 
     What orbits has its two `lines` of elements; it alone may lack coordinates (`data` without any).
     """
@@ -38,6 +36,7 @@ class Spot:
     code: str
     heading_deg: float | None = None
     weight_kg: float | None = None
+    people: float | None = None
     lines: tuple[str, ...] = ()
 
     @property
@@ -46,46 +45,36 @@ class Spot:
         return self.data != Coordinates() or not self.lines
 
 
-def world(spot: Spot, origin: tuple[float, float], parsed: Parsed) -> tuple[float, ...]:
-    """East, north and, if given, elevation in metres; centimetres win over degrees if both are there."""
-    data = spot.data
-    if data.x is not None and data.y is not None:
-        east, north, elevation = frames.from_unreal(data.x, data.y, data.z or 0.0)
-        _within(spot, (east, north, elevation), parsed)
-        return (east, north) if data.z is None else (east, north, elevation)
-    if data.lon is not None and data.lat is not None:
-        east, north = frames.from_geodetic(data.lat, data.lon, origin)
-        east, north = round(east, 4), round(north, 4)
-        _within(spot, (east, north, data.alt or 0.0), parsed)
-        return (east, north) if data.alt is None else (east, north, data.alt)
-    raise parsed.placeless(spot.path)
-
-
-def _within(spot: Spot, place: tuple[float, float, float], parsed: Parsed) -> None:
+def world(spot: Spot, frame: Frame, parsed: Parsed) -> tuple[float, ...]:
+    """East, north and, if given, elevation in metres; what lies beyond every scene is reported."""
+    place = frame.place(spot.data)
+    if place is None:
+        parsed.report(spot.path, "has no place", "give X and Y in centimetres, or lon and lat in degrees")
+        return (0.0, 0.0)
     if max(abs(metres) for metres in place) > FARTHEST_M:
         shown = ", ".join(f"{metres:g}" for metres in place)
-        raise parsed.fault(
-            spot.path,
-            f"lies at ({shown}) m, beyond the scene",
-            f"coordinates lie within {FARTHEST_M:g} m of the scene's origin; X, Y and Z are centimetres",
-        )
+        hint = f"coordinates lie within {FARTHEST_M:g} m of the scene's origin; X, Y and Z are centimetres"
+        parsed.report(spot.path, f"lies at ({shown}) m, beyond the scene", hint)
+        return (0.0, 0.0)
+    return place
 
 
-def far_off(spot: Spot, origin: tuple[float, float], parsed: Parsed) -> str:
+def far_off(spot: Spot, frame: Frame, parsed: Parsed) -> str:
     """What to note of a place that lies farther from the scene's origin than a scene is wide, or ""."""
-    distance = math.hypot(*world(spot, origin, parsed)[:2])
+    distance = math.hypot(*world(spot, frame, parsed)[:2])
     if distance <= FAR_M:
         return ""
-    return f"{spot.path}: lies {distance / 1000:.0f} km from the scene's origin at {origin[0]:g}, {origin[1]:g}"
+    latitude, longitude = frame.origin
+    return f"{spot.path}: lies {distance / 1000:.0f} km from the scene's origin at {latitude:g}, {longitude:g}"
 
 
-def contradiction(spot: Spot, origin: tuple[float, float]) -> str:
+def contradiction(spot: Spot, frame: Frame) -> str:
     """What to note if the two spellings of a place name different ones, or ""."""
     data = spot.data
     if None in (data.x, data.y, data.lon, data.lat):
         return ""
     east, north, _ = frames.from_unreal(data.x or 0.0, data.y or 0.0, 0.0)
-    other = frames.from_geodetic(data.lat or 0.0, data.lon or 0.0, origin)
+    other = frames.from_geodetic(data.lat or 0.0, data.lon or 0.0, frame.origin)
     apart = max(abs(east - other[0]), abs(north - other[1]))
     return f"{spot.path}: lon and lat lie {apart:.0f} m off X and Y: X and Y count" if apart > AGREE_M else ""
 
@@ -109,12 +98,19 @@ def _scope(mission: model.Mission) -> Scope:
 
 
 def filled(
-    mission: model.Mission, group: model.Group, spots: Sequence[Spot], parsed: Parsed, where: str, notes: list[str]
+    mission: model.Mission,
+    group: model.Group,
+    spots: Sequence[Spot],
+    frame: Frame,
+    parsed: Parsed,
+    where: str,
+    notes: list[str],
 ) -> model.Mission:
     """The mission with one group's count, places, headings, labels and weights taken from the document."""
     if group.count is None:
         if not spots:
-            raise parsed.fault(where, f"is missing or empty, mission '{mission.name}' needs a {group.name}", "add one")
+            parsed.report(where, f"is missing or empty, mission '{mission.name}' needs a {group.name}", "add one")
+            return mission
         if len(spots) > 1:
             notes.append(f"{where}: the first of {len(spots)} is the {group.name}; the others are kept, not played")
             spots = spots[:1]
@@ -123,11 +119,13 @@ def filled(
         group = next(g for g in mission.groups if g.name == group.name)
     if not spots:
         return mission
-    properties = _positioned(mission, group, spots, parsed, where, notes)
+    properties = _positioned(group, spots, frame, parsed, where, notes)
     if any(spot.heading_deg is not None for spot in spots):
         headings = tuple(ex.Number(spot.heading_deg or 0.0, "deg") for spot in spots)
         properties = _set(properties, "heading_deg", _indexed(group, headings, "heading_deg"), unit="deg")
     properties = _weighed(group, _orbiting(group, properties, spots, where, notes), spots, parsed, where, notes)
+    if all(spot.people is not None for spot in spots) and _property(properties, PEOPLE) is not None:
+        properties = _set(properties, PEOPLE, _indexed(group, tuple(ex.Number(s.people or 0.0) for s in spots), PEOPLE))
     labels = tuple("" if spot.code == member_id(group, k) else spot.code for k, spot in enumerate(spots, start=1))
     changed = msgspec.structs.replace(group, properties=properties, labels=labels if any(labels) else ())
     groups = tuple(changed if g.name == group.name else g for g in mission.groups)
@@ -142,19 +140,18 @@ def allows_none(mission: model.Mission, group: model.Group) -> bool:
 
 
 def _positioned(
-    mission: model.Mission, group: model.Group, spots: Sequence[Spot], parsed: Parsed, where: str, notes: list[str]
+    group: model.Group, spots: Sequence[Spot], frame: Frame, parsed: Parsed, where: str, notes: list[str]
 ) -> tuple[model.Property, ...]:
     if not any(spot.placed for spot in spots):
         notes.append(f"{where}: gives elements and no coordinates; the places of '{group.name}' are the template's")
         return group.properties
-    origin = origin_of(mission)
-    notes.extend(note for note in (contradiction(spot, origin) for spot in spots) if note)
-    notes.extend(note for note in (far_off(spot, origin, parsed) for spot in spots) if note)
-    given = tuple(world(spot, origin, parsed) for spot in spots)
+    notes.extend(note for note in (contradiction(spot, frame) for spot in spots) if note)
+    notes.extend(note for note in (far_off(spot, frame, parsed) for spot in spots) if note)
+    given = tuple(world(spot, frame, parsed) for spot in spots)
     for spot, place in zip(spots, given, strict=True):
         fault = place_fault(place, group.engine)
         if fault:
-            raise parsed.fault(spot.path, fault, "X, Y and Z are centimetres, alt is metres")
+            parsed.report(spot.path, fault, "X, Y and Z are centimetres, alt is metres")
     points = tuple(point(place) for place in given)
     return _set(group.properties, "position", _indexed(group, points, "position"))
 
@@ -193,7 +190,7 @@ def _weighed(
         return properties
     for spot in spots:
         if spot.weight_kg is None:
-            raise parsed.fault(spot.path, "has no weight while others have one", "give all a weight in kg, or none")
+            parsed.report(spot.path, "has no weight while others have one", "give all a weight in kg, or none")
     values = tuple(ex.Number(weight or 0.0, "kg") for weight in weights)
     return _set(properties, WEIGHT, _indexed(group, values, WEIGHT))
 
@@ -203,7 +200,8 @@ def _counted(
 ) -> model.Mission:
     """The mission with the group's count: the default of its parameter, or the count itself.
 
-    Where the template cannot place further members (no `spread`), the parameter may not exceed what the document has.
+    A parameter that is bounded lower takes what the document has, with a note, for it places all of them. Where the
+    template cannot place further members (no `spread`), the parameter may not exceed what the document has.
     """
     name = _count_parameter(group)
     parameter = next((p for p in mission.parameters if p.name == name), None)
@@ -213,12 +211,16 @@ def _counted(
         return msgspec.structs.replace(mission, groups=groups)
     bounds = parameter.bounds
     if isinstance(bounds, ex.Range) and isinstance(bounds.low, ex.Number) and isinstance(bounds.high, ex.Number):
-        if not bounds.low.value <= count <= bounds.high.value:
-            raise parsed.fault(
+        if count < bounds.low.value:
+            parsed.report(
                 where,
-                f"holds {count}, mission '{mission.name}' takes {bounds.low.value:g}..{bounds.high.value:g}",
+                f"holds {count}, mission '{mission.name}' takes {bounds.low.value:g} and more",
                 f"list as many or widen the parameter '{name}' of the template",
             )
+            return mission
+        if count > bounds.high.value:
+            notes.append(f"{where}: holds {count}, more than the {bounds.high.value:g} of mission '{mission.name}'")
+            bounds = msgspec.structs.replace(bounds, high=number_like(bounds.high, float(count)))
         if count and not _spread(group):
             bounds = msgspec.structs.replace(bounds, high=number_like(bounds.high, float(count)))
             mission = _narrowed(mission, name, count, where, notes)

@@ -8,8 +8,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 
-import msgspec
-
 from lingjing.mission import jsontext
 from lingjing.mission.reset_document import (
     LISTS,
@@ -24,6 +22,7 @@ from lingjing.mission.reset_document import (
     Scenario,
     Target,
     Task,
+    folded,
 )
 from lingjing.mission.reset_fields import Found, field_of
 
@@ -62,6 +61,10 @@ def _codes(parsed: Parsed) -> Iterator[str]:
         yield f"{parsed.path}.equipmentList: an equipmentCode stands more than once: {', '.join(shared)}"
 
 
+_TWICE = ("tasktype",)
+"""Keys that may stand in two spellings beside each other."""
+
+
 def _unread_rows(rows: object, shape: type[Part], where: str) -> Iterator[str]:
     """One note for all rows of a list, and for their places one more."""
     given = [row for row in rows if isinstance(row, Mapping)] if isinstance(rows, list) else []
@@ -75,8 +78,10 @@ def _unread_rows(rows: object, shape: type[Part], where: str) -> Iterator[str]:
 def _unread(parts: Iterable[tuple[Mapping[str, object], type[Part]]], where: str) -> Iterator[str]:
     unknown: dict[str, None] = {}
     for given, shape in parts:
-        known = {field.encode_name for field in msgspec.structs.fields(shape)}
+        known = {info.alias or name for name, info in shape.model_fields.items()}
         general = shape in (Scenario, Task, InitialState)
-        unknown |= dict.fromkeys(key for key in given if key not in known and not (general and field_of(key)))
+        unknown |= dict.fromkeys(
+            key for key in given if key not in known and folded(key) not in _TWICE and not (general and field_of(key))
+        )
     if unknown:
         yield f"{where}: {', '.join(repr(key) for key in unknown)} not understood and kept"

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from lingjing.mission import geometry2d, model
 from lingjing.mission.reset_document import Parsed, Target
 from lingjing.mission.reset_fields import Found
-from lingjing.mission.reset_groups import Spot, allows_none, draw_of, filled, is_hidden, origin_of, plays, world
+from lingjing.mission.reset_frame import Frame
+from lingjing.mission.reset_groups import Spot, allows_none, draw_of, filled, is_hidden, plays, world
 
 PERSONS = "person_in_water"
 
@@ -16,6 +17,7 @@ def targeted(
     mission: model.Mission,
     parsed: Parsed,
     found: Sequence[Found],
+    frame: Frame,
     outline: geometry2d.Polygon | None,
     notes: list[str],
 ) -> model.Mission:
@@ -25,14 +27,15 @@ def targeted(
         where = f"{parsed.path}.lingjing.targets.{name}"
         group = next((g for g in mission.groups if g.role == "target" and g.name == name), None)
         if group is None:
-            raise parsed.fault(where, f"mission '{mission.name}' has no target group '{name}'", "name one it has")
+            parsed.report(where, f"mission '{mission.name}' has no target group '{name}'", "name one it has")
+            continue
         paths = [f"{where}[{k}]" for k in range(len(targets))]
         _told_apart(parsed, targets, paths)
-        mission = filled(mission, group, _spots(targets, paths), parsed, where, notes)
+        mission = filled(mission, group, _spots(targets, paths), frame, parsed, where, notes)
         claimed[name] = where
     # Fields with something in them claim first: an empty one says little beside a full one of the same kind.
     for one in sorted(found, key=lambda one: not one.targets):
-        mission = _claimed(mission, parsed, one, claimed, outline, notes)
+        mission = _claimed(mission, parsed, one, claimed, frame, outline, notes)
     drawn = (g for g in mission.groups if g.role == "target" and (is_hidden(g) or draw_of(g)) and plays(mission, g))
     silent = [group.name for group in drawn if group.name not in claimed]
     notes.extend(f"{parsed.state_path}: says nothing of '{name}'; the template places it" for name in silent)
@@ -44,10 +47,16 @@ def _claimed(
     parsed: Parsed,
     one: Found,
     claimed: dict[str, str],
+    frame: Frame,
     outline: geometry2d.Polygon | None,
     notes: list[str],
 ) -> model.Mission:
-    groups = [g for type_ in one.field.types for g in mission.groups if g.role == "target" and g.type == type_]
+    groups = [
+        g
+        for type_ in (*one.field.types, *one.field.also)
+        for g in mission.groups
+        if g.role == "target" and g.type == type_
+    ]
     groups = [g for g in groups if plays(mission, g)]
     group = next((g for g in groups if g.name not in claimed), None)
     if group is None and not groups and one.field.general and one.targets:
@@ -67,18 +76,17 @@ def _claimed(
     _told_apart(parsed, one.targets, paths)
     spots = _spots(one.targets, paths)
     if group.type == PERSONS and outline is not None:
-        origin = origin_of(mission)
-        outside = (spot for spot in spots if not geometry2d.contains(outline, *world(spot, origin, parsed)[:2]))
+        outside = (spot for spot in spots if not geometry2d.contains(outline, *world(spot, frame, parsed)[:2]))
         notes.extend(f"{spot.path}: lies outside of rescueRange, where no report of it counts" for spot in outside)
-    return filled(mission, group, spots, parsed, one.path, notes)
+    return filled(mission, group, spots, frame, parsed, one.path, notes)
 
 
 def _told_apart(parsed: Parsed, targets: Sequence[Target], paths: Sequence[str]) -> None:
-    """`MissionError` where two entries of a list have one id: a report of one could not be told from the other's."""
+    """Report two entries of a list that have one id: a report of one could not be told from the other's."""
     first: dict[str, str] = {}
     for target, path in zip(targets, paths, strict=True):
         if target.key and first.setdefault(target.key, path) != path:
-            raise parsed.fault(path, f"has the id '{target.key}' of {first[target.key]}", "give it one of its own")
+            parsed.report(path, f"has the id '{target.key}' of {first[target.key]}", "give it one of its own")
 
 
 def _nothing(mission: model.Mission, one: Found) -> str:
@@ -92,6 +100,13 @@ def _only_hidden(mission: model.Mission, claimed: dict[str, str]) -> model.Group
 
 def _spots(targets: Sequence[Target], paths: Sequence[str]) -> tuple[Spot, ...]:
     return tuple(
-        Spot(target.place, path, target.code, weight_kg=target.demand if target.weight is None else target.weight)
+        Spot(
+            target.place,
+            path,
+            target.code,
+            target.heading,
+            weight_kg=target.demand if target.weight is None else target.weight,
+            people=target.person_count,
+        )
         for target, path in zip(targets, paths, strict=True)
     )

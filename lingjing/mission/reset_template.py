@@ -12,8 +12,8 @@ from functools import cache
 import msgspec
 
 from lingjing.data import data_path
-from lingjing.mission.reset_document import LISTS, Parsed
-from lingjing.mission.reset_fields import Found, folded
+from lingjing.mission.reset_document import LISTS, Parsed, folded
+from lingjing.mission.reset_fields import Found
 
 
 class Signature(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -41,27 +41,47 @@ def signatures() -> tuple[Signature, ...]:
 
 def template_name(parsed: Parsed, found: Sequence[Found]) -> tuple[str, str, str]:
     """Template, the JSON path that decided, and the reason in words; `MissionError` if nothing or too much fits."""
-    if parsed.scenario.lingjing is not None:
-        return parsed.scenario.lingjing.mission, f"{parsed.path}.lingjing.mission", "named by 'lingjing'"
-    named, unknown = _named(parsed)
-    if named:
-        mission, where, why = named[0]
-        others = [f"{path} names '{other}'" for other, path, _ in named[1:] if other != mission]
-        return mission, where, why + (f" (although {' and '.join(others)})" if others else "")
-    return _recognised(parsed, [one for one in found if one.targets], unknown)
+    given = parsed.scenario.lingjing
+    if given is not None and given.mission is not None:
+        return given.mission, f"{parsed.path}.lingjing.mission", "named by 'lingjing'"
+    full = [one for one in found if one.targets]
+    said, unknown = _named(parsed)
+    for fitting, where, why in said:
+        narrowed = fitting if len(fitting) == 1 else _narrowed(parsed, fitting, full)
+        if len(narrowed) == 1:
+            mission = narrowed[0].mission
+            others = [
+                f"{path} names '{o[0].mission}'" for o, path, _ in said if len(o) == 1 and o[0].mission != mission
+            ]
+            return mission, where, why + (f" (although {' and '.join(others)})" if others else "")
+        if fitting:
+            names = ", ".join(one.mission for one in narrowed or fitting)
+            hint = f'name it: "lingjing": {{"mission": "{(narrowed or fitting)[0].mission}"}} in the scenario'
+            raise parsed.fault(where, f"may be any of {names}; nothing in the document tells which", hint)
+    return _recognised(parsed, full, unknown)
 
 
-def _named(parsed: Parsed) -> tuple[list[tuple[str, str, str]], str]:
-    """What every task type names, in order, and what is to be said of the first unknown one."""
-    named: list[tuple[str, str, str]] = []
+def _narrowed(parsed: Parsed, fitting: Sequence[Signature], found: Sequence[Found]) -> list[Signature]:
+    """Of the missions that one word names, those that the hidden fields and the entities leave."""
+    engines = frozenset(one.engine for one in LISTS if getattr(parsed.scenario.equipment_list, one.attribute))
+    left = _fitting(engines, found, fitting) or [one for one in fitting if one.engines <= engines]
+    most = max((len(one.engines) for one in left), default=0)
+    return [one for one in left if len(one.engines) == most]
+
+
+def _named(parsed: Parsed) -> tuple[list[tuple[list[Signature], str, str]], str]:
+    """The missions that every task type may mean, in order, and what is to be said of the first unknown one."""
+    named: list[tuple[list[Signature], str, str]] = []
     unknown = ""
-    for holder, path in ((parsed.scenario, parsed.path), (parsed.task, parsed.task_path)):
-        for field, word in (("taskType", holder.task_type), ("task_type", holder.task_type_snake)):
-            signature = next((one for one in signatures() if folded(word) in one.spellings), None)
-            if signature:
-                named.append((signature.mission, f"{path}.{field}", f"named by {field} '{word}'"))
-            elif word and not unknown:
-                unknown = f" ({field} '{word}' is not known)"
+    for _, holder, path in parsed.rows():
+        for key, word in holder.items():
+            if folded(key) == "tasktype" and isinstance(word, str) and word:
+                spelt = parsed.spelt.key(holder, key)
+                fitting = [one for one in signatures() if folded(word) in one.spellings]
+                if fitting:
+                    named.append((fitting, f"{path}.{spelt}", f"named by {spelt} '{word}'"))
+                elif not unknown:
+                    unknown = f" ({spelt} '{word}' is not known)"
     return named, unknown
 
 
@@ -96,9 +116,12 @@ def _recognised(parsed: Parsed, found: Sequence[Found], unknown: str) -> tuple[s
     )
 
 
-def _fitting(engines: frozenset[str], found: Sequence[Found]) -> list[Signature]:
+def _fitting(
+    engines: frozenset[str], found: Sequence[Found], among: Sequence[Signature] | None = None
+) -> list[Signature]:
     """The templates that fit best: their engines and every field; at least their engines; at least one field."""
-    enough = [one for one in signatures() if one.engines <= engines and any(one.holds(f) for f in found)]
+    known = signatures() if among is None else among
+    enough = [one for one in known if one.engines <= engines and any(one.holds(f) for f in found)]
     whole = [one for one in enough if all(one.holds(f) for f in found)]
     exact = [one for one in whole if one.engines == engines]
     return exact or whole or enough

@@ -1,0 +1,115 @@
+"""Where a `resetScenario` lies: the scene's origin in degrees, and the height in the document that counts as 0.
+
+Both stand in the `lingjing` object (`origin`, `datum_m`), else they are worked out, with a note, where the document
+lies elsewhere than its template: the origin from its degrees, the datum from the lowest thing on the ground.
+"""
+
+from __future__ import annotations
+
+import statistics
+from collections.abc import Iterable, Sequence
+
+import msgspec
+
+from lingjing.mission import frames
+from lingjing.mission.placing import FARTHEST_M
+from lingjing.mission.reset_document import LISTS, Coordinates, Parsed
+from lingjing.mission.reset_fields import Found
+
+FAR_M = 20_000.0
+"""A scene is a few kilometres wide: what lies farther off is noted, and degrees farther off give the origin."""
+
+LOW_M, HIGH_M = -100.0, 3_000.0
+"""Heights over a scene's datum lie between these; beyond, they were measured from somewhere else."""
+
+_ON_THE_GROUND = ("quadruped", "road", "vessel")
+
+
+class Frame(msgspec.Struct, frozen=True):
+    """The origin's latitude and longitude in degrees, and what is taken off heights, metres."""
+
+    origin: tuple[float, float]
+    datum_m: float = 0.0
+
+    def place(self, data: Coordinates) -> tuple[float, ...] | None:
+        """East, north and, if given, elevation in metres; centimetres win over degrees; None without coordinates."""
+        if data.x is not None and data.y is not None:
+            east, north, up = frames.from_unreal(data.x, data.y, data.z or 0.0)
+            return (east, north) if data.z is None else (east, north, self._over_datum(up))
+        if data.lon is not None and data.lat is not None:
+            east, north = frames.from_geodetic(data.lat, data.lon, self.origin)
+            east, north = round(east, 4), round(north, 4)
+            return (east, north) if data.alt is None else (east, north, self._over_datum(data.alt))
+        return None
+
+    def _over_datum(self, height: float) -> float:
+        return round(height - self.datum_m, 4) if self.datum_m else height
+
+
+def frame_of(parsed: Parsed, found: Sequence[Found], origin: tuple[float, float], notes: list[str]) -> Frame:
+    """The frame of a document whose template has its origin at `origin`."""
+    given = parsed.scenario.lingjing
+    on_ground, others = _places(parsed, found)
+    every = [*on_ground, *others]
+    frame = Frame(origin)
+    if given is not None and given.origin is not None:
+        if not (-90.0 <= given.origin[0] <= 90.0 and -180.0 <= given.origin[1] <= 180.0):
+            where = f"{parsed.path}.lingjing.origin"
+            parsed.report(where, "is no latitude and longitude", "write degrees: [39.83, 109.94]")
+        frame = Frame(given.origin)
+    elif (worked_out := _origin(every, origin)) is not None:
+        notes.append(
+            f"{parsed.path}: the scene's origin is taken to be at {worked_out[0]:g}, {worked_out[1]:g}, where the "
+            'document\'s degrees lie; "lingjing": {"origin": [latitude, longitude]} would say'
+        )
+        frame = Frame(worked_out)
+    if given is not None and given.datum_m is not None:
+        return Frame(frame.origin, given.datum_m)
+    heights = _heights(frame, on_ground) or _heights(frame, others)
+    if not heights or LOW_M <= min(heights) <= HIGH_M or abs(min(heights)) > FARTHEST_M:
+        return frame
+    notes.append(
+        f"{parsed.path}: heights begin at {min(heights):g} m, which is taken for the ground; "
+        '"lingjing": {"datum_m": metres} would say'
+    )
+    return Frame(frame.origin, min(heights))
+
+
+def _places(parsed: Parsed, found: Iterable[Found]) -> tuple[list[Coordinates], list[Coordinates]]:
+    """The coordinates of what stands on the ground, and of what flies."""
+    on_ground: list[Coordinates] = [target.place for one in found for target in one.targets]
+    on_ground += parsed.task.initial_state.rescue_range
+    flying: list[Coordinates] = []
+    for one in LISTS:
+        if one.engine != "satellite":
+            rows = getattr(parsed.scenario.equipment_list, one.attribute)
+            (on_ground if one.engine in _ON_THE_GROUND else flying).extend(row.data for row in rows)
+    return on_ground, flying
+
+
+def _heights(frame: Frame, places: Iterable[Coordinates]) -> list[float]:
+    found = (frame.place(data) for data in places)
+    return [place[2] for place in found if place is not None and len(place) == 3]
+
+
+def _origin(places: Sequence[Coordinates], origin: tuple[float, float]) -> tuple[float, float] | None:
+    """Where the origin must be for the document's degrees to lie in the scene; None where the template's will do.
+
+    A place with both spellings ties them together; else the middle of all degrees is the middle of the scene.
+    """
+    plain = [
+        (data.lat, data.lon)
+        for data in places
+        if data.lat is not None and data.lon is not None and (data.x is None or data.y is None)
+    ]
+    far = [pair for pair in plain if max(map(abs, frames.from_geodetic(*pair, origin))) > FAR_M]
+    if not plain or len(far) < len(plain):  # one that lies far off is noted, all of them are another place
+        return None
+    for data in places:
+        if None not in (data.x, data.y, data.lat, data.lon):
+            east, north, _ = frames.from_unreal(data.x or 0.0, data.y or 0.0, 0.0)
+            there = frames.to_geodetic(-east, -north, (data.lat or 0.0, data.lon or 0.0))
+            return round(there[0], 7), round(there[1], 7)
+    if len(plain) < len(places):  # the others are in the template's centimetres
+        return None
+    return round(statistics.fmean(p[0] for p in plain), 7), round(statistics.fmean(p[1] for p in plain), 7)

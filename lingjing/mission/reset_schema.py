@@ -1,0 +1,29 @@
+"""The JSON Schema of `resetScenario` documents, made from their shapes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pydantic.json_schema import models_json_schema
+
+from lingjing.mission.reset_document import Envelope, InitialState, Scenario, Target
+from lingjing.mission.reset_fields import FIELDS
+
+
+def reset_scenario() -> dict[str, Any]:
+    """The alternatives and definitions; hidden places may stand as a list or as one object."""
+    shapes = ((Envelope, "validation"), (Scenario, "validation"), (Target, "validation"))
+    places, schema = models_json_schema(shapes, ref_template="#/$defs/{model}")  # type: ignore[arg-type]
+    definitions: dict[str, Any] = schema["$defs"]
+    target = places[Target, "validation"]
+    hidden = {"anyOf": [{"type": "array", "items": target}, target]}
+    definitions[InitialState.__name__]["properties"] |= {field.name: hidden for field in FIELDS}
+    for definition in definitions.values():
+        for name, one in definition.get("properties", {}).items():
+            definition["properties"][name] = _nullable(one)
+    return {"anyOf": [places[Envelope, "validation"], places[Scenario, "validation"]], "$defs": definitions}
+
+
+def _nullable(schema: dict[str, Any]) -> dict[str, Any]:
+    """A field's schema without what only pydantic's titles say; spellings are no part of the schema."""
+    return {key: value for key, value in schema.items() if key not in ("title", "spellings")}
