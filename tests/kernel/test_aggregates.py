@@ -67,9 +67,7 @@ def test_a_tick_is_as_long_in_rules_as_in_declarations_and_now_is_the_time():
     assert moving(later, {}, frozenset(), frozenset()) and not moving(later.right, {}, frozenset(), frozenset())
 
 
-@pytest.mark.parametrize(
-    ("low", "high", "expected"), [(90.0, 110.0, True), (100.0, 110.0, True), (101.0, 110.0, False)]
-)
+@pytest.mark.parametrize(("low", "high", "there"), [(90.0, 110.0, True), (100.0, 110.0, True), (101.0, 110.0, False)])
 def test_a_number_lies_in_a_range_while_the_mission_runs(low, high, there):
     inside = Binary(operator="in", left=EAST, right=Range(low=Number(value=low), high=Number(value=high)))
     assert value(over("count", inside)) == float(there)
