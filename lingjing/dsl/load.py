@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from lingjing.mission.diagnostics import Diagnostic
 
 STDIN = "-"
+LONGEST_NAME = 100
+"""Letters of a mission's name: file systems refuse longer names than some 250 bytes."""
 
 
 def load_mission(path: str | os.PathLike[str]) -> Mission:
@@ -90,7 +92,7 @@ def templates_beside(folder: Path) -> Callable[[str], Mission]:
     """
 
     def find(name: str) -> Mission:
-        if not name.isidentifier():
+        if not name.isidentifier() or len(name) > LONGEST_NAME:
             raise KeyError(name)
         from lingjing.data import data_path
 

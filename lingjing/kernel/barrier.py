@@ -35,7 +35,8 @@ class AgentThread:
 
     def submit(self, call: Callable[[], Awaitable[Any]]) -> concurrent.futures.Future[Any]:
         """Run `call()` on the agent's loop; the future belongs to the caller's thread."""
-        return asyncio.run_coroutine_threadsafe(_await(call), self._ready())
+        loop = self._ready()  # first: an interrupt while the thread starts must not find a coroutine nobody awaits
+        return asyncio.run_coroutine_threadsafe(_await(call), loop)
 
     def abandon(self) -> None:
         """Stop waiting for this thread: its loop ends when its current call lets go of it."""

@@ -21,10 +21,15 @@ def line_fault(number: int, line: str) -> tuple[str, str]:
             f"is not {LENGTH} characters that begin with `{number} ` and end in a digit",
             f"copy the whole line into `tle{number}`, or leave `tle1` and `tle2` empty",
         )
-    total = sum(int(letter) if letter.isdigit() else letter == "-" for letter in line[:-1]) % 10
-    if line[-1] != str(total):
+    total = checksum(line[:-1])
+    if line[-1] != total:
         return f"has the checksum {line[-1]}, its digits give {total}", "copy the line again"
     return "", ""
+
+
+def checksum(line: str) -> str:
+    """The last digit of a line, from what stands before it."""
+    return str(sum(int(letter) if letter.isdigit() else letter == "-" for letter in line) % 10)
 
 
 def epoch_fault(text: str) -> tuple[str, str]:

@@ -60,7 +60,9 @@ def instantiate_document(
     try:
         template = templates(name)
     except KeyError:
-        raise parsed.fault(where, f"there is no template '{name}'", "name one of the missions in scenarios/") from None
+        raise parsed.fault(
+            where, f"there is no template '{name[:60]}'", "name one of the missions in scenarios/"
+        ) from None
     notes.insert(0, f"template '{name}': {why}")
     mission = _placed(template, parsed, found, notes)
     if parsed.faults:
@@ -229,7 +231,8 @@ def _spot(item: Equipment, where: str, notes: list[str]) -> Spot:
         notes.append(f"{where}: {', '.join(headings)} disagree; {next(iter(headings))} counts")
     compass = next(iter(headings.values()), None)
     lines = item.lines if isinstance(item, Satellite) else ()
-    return Spot(item.data, f"{where}.data", str(item.equipment_code), compass, lines=lines)
+    orbits = isinstance(item, Satellite)
+    return Spot(item.data, f"{where}.data", str(item.equipment_code), compass, lines=lines, orbits=orbits)
 
 
 # -- the region -----------------------------------------------------------------------------------------------------

@@ -17,7 +17,6 @@ from typing import Annotated, Any, Literal, NamedTuple, TypeVar, get_args, get_o
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic.alias_generators import to_camel
-from pydantic_core import ErrorDetails, PydanticCustomError
 
 from lingjing.errors import Fault, MissionError
 from lingjing.mission import jsontext
@@ -175,11 +174,12 @@ class Target(Coordinates):
 
 
 P = TypeVar("P", bound=Part)
+_PLACELESS = "has no place"
 
 
 def _placed(part: P, place: Coordinates) -> P:
     if (place.x is None or place.y is None) and (place.lon is None or place.lat is None):
-        raise PydanticCustomError("placeless", "has no place")
+        raise ValueError(_PLACELESS)
     return part
 
 
@@ -201,16 +201,16 @@ class Satellite(Equipment):
     `tle2`, or both in `tle`, as a list or as one text."""
 
     data: Coordinates = Coordinates()  # type: ignore[assignment]
-    tle1: str = ""
-    tle2: str = ""
-    tle: Annotated[str | Annotated[tuple[str, ...], Field(strict=False)], Field(union_mode="left_to_right")] = ""
+    tle1: Free = ""
+    tle2: Free = ""
+    tle: Free = ""
 
     @property
     def lines(self) -> tuple[str, ...]:
         """The element lines; a name line before them is left out. Empty if there are none."""
-        given = self.tle.splitlines() if isinstance(self.tle, str) else self.tle
-        both = (self.tle1, self.tle2) if self.tle1 or self.tle2 else tuple(given)
-        return tuple(line.strip() for line in both if line.strip())[-2:]
+        given = self.tle.splitlines() if isinstance(self.tle, str) else self.tle if isinstance(self.tle, list) else []
+        both = [self.tle1, self.tle2] if self.tle1 or self.tle2 else given
+        return tuple(line.strip() for line in both if isinstance(line, str) and line.strip())[-2:]
 
 
 class EquipmentList(Part):
@@ -527,7 +527,7 @@ _DUE = {
 }
 
 
-def _worded(one: ErrorDetails, key: str) -> tuple[str, str]:
+def _worded(one: Mapping[str, Any], key: str) -> tuple[str, str]:
     """What is wrong, and the way out."""
     kind, given, limits = one["type"], one["input"], one.get("ctx", {})
     if kind == "missing":
@@ -537,8 +537,8 @@ def _worded(one: ErrorDetails, key: str) -> tuple[str, str]:
             f"unknown field '{key}'",
             "the object 'lingjing' knows mission, mode, settings, seed, origin, datum_m and targets",
         )
-    if kind == "placeless":
-        return "has no place", "give X and Y in centimetres, or lon and lat in degrees"
+    if kind == "value_error":
+        return _PLACELESS, "give X and Y in centimetres, or lon and lat in degrees"
     if kind in _DUE:
         hint = "write the number without quotes" if isinstance(given, str) and kind == "float_type" else _SCHEMA
         return f"{_DUE[kind]} is due, this is {_kind_of(given)}", hint

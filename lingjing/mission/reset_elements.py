@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from datetime import datetime, timedelta
 from typing import Any
 
-from lingjing.mission.elements import line_fault
+from lingjing.mission.elements import checksum, line_fault
 
 KEYS = {
     **dict.fromkeys(("tle1", "tleline1", "line1"), "tle1"),
@@ -18,11 +19,53 @@ KEYS = {
 def lifted(row: dict[str, Any]) -> None:
     """Put the element lines of one satellite under `tle1`, `tle2` or `tle` (in place).
 
-    They may also stand inside of its `data`, or in an object under `tle`.
+    They may also stand inside of its `data`, or in an object under `tle`, and as numbers: inclination, right ascension,
+    eccentricity, argument of perigee, mean anomaly (degrees), mean motion (revolutions a day) and an epoch.
     """
-    for holder in [value for value in row.values() if isinstance(value, dict)]:
+    holders = [*(value for value in row.values() if isinstance(value, dict)), row]
+    made = next((lines for holder in holders if (lines := _from_numbers(holder))), None)
+    for holder in holders:
         _lift(holder, row)
-    _lift(row, row)
+    if made and not any(isinstance(row.get(name), str) for name in ("tle1", "tle2", "tle")):
+        row["tle1"], row["tle2"] = made
+        row.pop("tle", None)
+
+
+NUMBERS = {
+    **dict.fromkeys(("inclination", "inclinationdeg", "incl"), "inclination"),
+    **dict.fromkeys(("raan", "raandeg", "rightascension", "rightascensionofascendingnode"), "raan"),
+    **dict.fromkeys(("eccentricity", "ecc"), "eccentricity"),
+    **dict.fromkeys(("argumentofperigee", "argumentofpericenter", "argperigee", "argp"), "perigee"),
+    **dict.fromkeys(("meananomaly", "meananomalydeg"), "anomaly"),
+    **dict.fromkeys(("meanmotion", "meanmotionrevperday"), "motion"),
+    "epoch": "epoch",
+}
+"""Spellings of the elements as numbers (those of the OMM among them), letters and digits alone, in lower case."""
+
+_LIMITS = {"inclination": 180.0, "raan": 360.0, "eccentricity": 1.0, "perigee": 360.0, "anomaly": 360.0, "motion": 20.0}
+
+
+def _from_numbers(holder: Mapping[str, Any]) -> tuple[str, str] | None:
+    """The two lines of elements that are given as numbers; None if one is missing or none of its kind."""
+    given = {
+        name: value
+        for key, value in holder.items()
+        if (name := NUMBERS.get("".join(filter(str.isalnum, key)).casefold()))
+    }
+    numbers = {name: given.get(name) for name in _LIMITS}
+    if not all(isinstance(one, int | float) and 0.0 <= one < _LIMITS[name] for name, one in numbers.items()):
+        return None
+    try:
+        epoch = datetime.fromisoformat(str(given.get("epoch", "")))
+    except ValueError:
+        return None
+    passed = epoch - epoch.replace(month=1, day=1, hour=0, minute=0, second=0, microsecond=0)
+    day = f"{epoch:%y}{passed / timedelta(days=1) + 1.0:012.8f}"
+    n = {name: float(value or 0.0) for name, value in numbers.items()}
+    first = f"1 00000U 00000A   {day}  .00000000  00000-0  00000-0 0  999"
+    angles = f"{n['inclination']:8.4f} {n['raan']:8.4f} {min(round(n['eccentricity'] * 1e7), 9_999_999):07d}"
+    second = f"2 00000 {angles} {n['perigee']:8.4f} {n['anomaly']:8.4f} {n['motion']:11.8f}    0"
+    return first + checksum(first), second + checksum(second)
 
 
 def _lift(holder: dict[str, Any], row: dict[str, Any]) -> None:
@@ -31,7 +74,7 @@ def _lift(holder: dict[str, Any], row: dict[str, Any]) -> None:
         if name == "tle" and isinstance(holder[key], dict):
             if not holder[key]:
                 del holder[key]
-        elif name and name not in row:
+        elif name and (name not in row or holder is row):
             row[name] = holder.pop(key)
 
 

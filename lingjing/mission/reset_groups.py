@@ -38,11 +38,13 @@ class Spot:
     weight_kg: float | None = None
     people: float | None = None
     lines: tuple[str, ...] = ()
+    orbits: bool = False
 
     @property
     def placed(self) -> bool:
-        """Whether there are coordinates, or nothing else that could place it."""
-        return self.data != Coordinates() or not self.lines
+        """Whether there are coordinates, or ought to be: what orbits needs none."""
+        data = self.data
+        return not self.orbits or any(value is not None for value in (data.x, data.y, data.lon, data.lat))
 
 
 def world(spot: Spot, frame: Frame, parsed: Parsed) -> tuple[float, ...]:

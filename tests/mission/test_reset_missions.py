@@ -378,6 +378,29 @@ def test_elements_are_checked(lines: tuple[str, ...], fault: str) -> None:
     assert elements_fault(lines).startswith(fault) and bool(elements_fault(lines)) == bool(fault)
 
 
+NUMBERS = {
+    "inclination": 51.6416, "raan": 247.4627, "eccentricity": 0.0006703, "argPerigee": 130.536, "meanAnomaly": 325.0288,
+    "meanMotion": 15.72125391, "epoch": "2008-09-20T12:25:40Z",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("holder", [lambda n: {"tle": n}, lambda n: {"data": n}, lambda n: n])
+def test_elements_may_be_numbers(nine: Nine, holder: Callable[[Scenario], Scenario]) -> None:
+    satellite = {"equipmentCode": "SAT-1", **holder(dict(NUMBERS))}
+    text = foreign(nine, "ufr", lambda s: s["equipmentList"].update(satelliteEntityList=[satellite]))
+    properties = instantiate(read({**nine, "ufr": watched(nine["ufr"])}, text)[0]).entities[-1].properties
+    lines = (str(properties["tle1"]), str(properties["tle2"]))
+    assert elements_fault(lines) == "" and lines[1][8:63] == ISS[1][8:63]
+    assert lines[0][18:32] == "08264.51782407"  # day 264 of 2008, 12:25:40
+
+
+@pytest.mark.parametrize("edit", [{"inclination": "high"}, {"epoch": None}, {"eccentricity": 1.5}])
+def test_numbers_that_are_no_elements_are_kept(nine: Nine, edit: Scenario) -> None:
+    satellite = {"equipmentCode": "SAT-1", "tle": {**NUMBERS, **edit}}
+    text = foreign(nine, "ufr", lambda s: s["equipmentList"].update(satelliteEntityList=[satellite]))
+    assert instantiate(read({**nine, "ufr": watched(nine["ufr"])}, text)[0]).entities[-1].properties["tle1"] == ""
+
+
 def test_bad_elements_are_kept_and_noted(nine: Nine) -> None:
     satellite = {"equipmentCode": "SAT-1", "tle1": ISS[0][:40], "tle2": ISS[1]}
     text = foreign(nine, "ufr", lambda s: s["equipmentList"].update(satelliteEntityList=[satellite]))

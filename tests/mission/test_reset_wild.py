@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from benchmarks.mutated_documents import read_mutated
 from lingjing.dsl.load import templates_beside
 from lingjing.errors import MissionError
 from lingjing.mission.document import read
@@ -230,3 +231,10 @@ def test_every_fault_is_told_in_one_run_with_its_path() -> None:
 def test_what_no_template_binds_is_an_error() -> None:
     with pytest.raises(MissionError, match="no template fits a scenario of pollutionPosition and droneEntityList"):
         play(document({"pollutionPosition": [PLACE]}, drones=1))
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_mutated_documents_end_in_a_mission_or_a_message(seed: int) -> None:
+    """A hundred thousand are read by `benchmarks/mutated_documents.py`."""
+    ends = read_mutated(250, seed, lambda number, ends: None)
+    assert set(ends) <= {"read", "MissionError", "UsageError"} and 25 < ends["read"] < 225
