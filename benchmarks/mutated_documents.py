@@ -22,7 +22,8 @@ from typing import Any
 from lingjing.dsl.load import templates_beside
 from lingjing.errors import LingjingError
 from lingjing.mission.model import Mission
-from lingjing.mission.reset import instantiate_document
+from lingjing.mission.reset.reading import instantiate_document
+from lingjing.mission.reset.shapes import LISTS
 
 ROOT = Path(__file__).resolve().parents[1]
 ODD: tuple[Any, ...] = (
@@ -81,8 +82,10 @@ def mutate(whole: Any, chance: random.Random) -> Any:
 
 def silent(text: str) -> bool:
     """Whether a coordinate of an entity is no number."""
-    lists = json.loads(text).get("scenario", {}).get("equipmentList", {})
-    rows = [row for rows in lists.values() if isinstance(rows, list) for row in rows if isinstance(row, dict)]
+    scenario = json.loads(text).get("scenario")
+    lists = scenario.get("equipmentList", {}) if isinstance(scenario, dict) else {}
+    known = [lists[one.name] for one in LISTS if isinstance(lists.get(one.name), list)]
+    rows = [row for rows in known for row in rows if isinstance(row, dict)]
     places = [row["data"] for row in rows if isinstance(row.get("data"), dict)]
     return any(isinstance(place.get(name), str | list | dict | bool) for place in places for name in COORDINATES[:3])
 

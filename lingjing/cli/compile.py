@@ -62,7 +62,7 @@ def handler(args: argparse.Namespace) -> int:
 
 def _reset_scenario(mission: Mission, args: argparse.Namespace) -> str:
     from lingjing.cli.pairs import parse_pairs, parse_seed, parse_settings
-    from lingjing.mission.reset_emit import emit
+    from lingjing.mission.reset.emit import emit
 
     if mission.origin.document and (args.seed or args.mode or args.set):
         raise UsageError(

@@ -2,19 +2,20 @@
 
 Modules in the order a mission passes them:
 
-- `units`, `functions`, `diagnostics`: dimensions and spellings of units, signatures of the built-ins, faults as data.
+- `units`, `diagnostics`: dimensions and spellings of units, faults as data.
 - `expression`, `model`: the typed graph `Mission`, a template that still holds parameters, modes and seeded draws.
+- `values`, `operations`, `intervals`, `functions`: what expressions compute with, and the one table of operators and
+  functions. `fold`: the one evaluator; its readings are `evaluate` (before the first tick), `certain` (in every run),
+  `feasibility.needs` (what must have happened), the kernel's rules and `dsl.words`.
 - `document`: `mission.json` in and out, and the JSON Schemas generated from the code.
 - `frames`, `jsontext`, `sky`: coordinate frames of `resetScenario` documents, JSON with places, words for weather.
-- `reset_document`, `reset_elements`, `reset_fields`, `reset_template`: a document's shape, spellings,
-  hidden fields and template; `reset_groups`, `reset_targets`, `reset`: what it places, into the template;
-  `reset_notes`: what is kept and not understood; `reset_emit`: the way back.
+- `reset`: `resetScenario` documents in and out.
 - `seeding`, `draws`: named random streams, and what is drawn from them.
 - `geometry2d`, `grid`, `spacing`: polygons, search cells cut from them, and places that keep their distance.
-- `evaluate`: the value of an expression that is known before the first tick. `clock`: how tick and macro-step fit.
+- `clock`: how tick and macro-step fit.
 - `placing`, `roster`, `instantiate`: (mission, seed, mode, settings) to `instance.Instance`, the reset specification.
 - `schedule`: the weather at a time, and who is there.
-- `feasibility`: proofs that a mission cannot be won. `course`, `speaker`, `wording`: routes, who speaks, texts.
+- `feasibility`: proofs that a mission cannot be won. `tasks`: what it asks of whom. `course`, `speaker`, `wording`: routes, who speaks, texts.
 - `graph`, `draw`: the mission as typed nodes and edges, and pictures of that in SVG, Mermaid and DOT.
 
 In: a file's text or a compiled `Mission`. Out: an `Instance`, in which everything but the rules is a plain value.

@@ -15,7 +15,7 @@ from lingjing.mission import expression as ex
 from lingjing.mission import operations
 from lingjing.mission.fold import Composite, Literal, Meaning, Meanings
 from lingjing.mission.functions import operation
-from lingjing.mission.intervals import ANYTHING, Bounds, Spot, both, either, exactly, greatest, least, total
+from lingjing.mission.intervals import ANYTHING, Bounds, Estimate, both, either, exactly, greatest, least, total
 from lingjing.mission.values import Area, Interval, Place, Value, is_number
 
 
@@ -34,7 +34,7 @@ class Knowledge(Protocol):
         """The members of a group, or the messages of a kind; None if they are not known."""
         ...
 
-    def spot(self, value: Value) -> Spot | None:
+    def spot(self, value: Value) -> Estimate | None:
         """Where an entity is."""
         ...
 
@@ -58,7 +58,7 @@ class Nothing:
         """No group is known."""
         return None
 
-    def spot(self, value: Value) -> Spot | None:
+    def spot(self, value: Value) -> Estimate | None:
         """No place is known."""
         return None
 
@@ -135,7 +135,7 @@ class _Certain:
             values = [operand(names, knowledge) for operand in operands]
             if done.bounds is not None:
                 seen = [_estimate(value, knowledge) for value in values]
-                if all(isinstance(value, Bounds | Spot) for value in seen):
+                if all(isinstance(value, Bounds | Estimate) for value in seen):
                     return done.bounds(*seen)
             if isinstance(node, ex.Call) and done.running:
                 return known(knowledge.answer(node, values))
@@ -174,7 +174,7 @@ def _estimate(value: Value, knowledge: Knowledge) -> Value:
     if value is None:
         return ANYTHING
     if isinstance(value, Place):
-        return Spot(value.east, value.north, 0.0)
+        return Estimate(value.east, value.north, 0.0)
     return value if isinstance(value, Bounds) else knowledge.spot(value)
 
 

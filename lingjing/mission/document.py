@@ -42,12 +42,14 @@ def decode(text: str, path: str) -> Mission:
 def read(text: str, path: str, templates: Callable[[str], Mission]) -> tuple[Mission, tuple[str, ...]]:
     """The mission of any JSON text, a `mission.json` or a `resetScenario`, and notes on how it was understood.
 
-    Errors are those of `decode` and of `lingjing.mission.reset.instantiate_document`, which also defines `templates`.
+    Errors are those of `decode` and of `reset.reading.instantiate_document`, which also defines `templates`.
     """
     value = jsontext.load(text, path, notes=[])
     if isinstance(value, dict) and str(value.get("format", "")).startswith("lingjing-mission"):
         return decode(text, path), ()
-    from lingjing.mission.reset import instantiate_document  # loads pydantic, which a mission.json does not need
+    from lingjing.mission.reset.reading import (
+        instantiate_document,  # loads pydantic, which a mission.json does not need
+    )
 
     return instantiate_document(text, path, templates)
 
@@ -80,7 +82,7 @@ def main(arguments: Sequence[str] = ()) -> None:
 
 def _reset_scenario() -> dict[str, object]:
     """An envelope or a bare scenario; fields that are not named here are allowed and kept."""
-    from lingjing.mission.reset_schema import reset_scenario
+    from lingjing.mission.reset.schema import reset_scenario
 
     return {"$schema": DIALECT, "title": "resetScenario", **reset_scenario()}
 

@@ -27,7 +27,7 @@ class Bounds(NamedTuple):
 ANYTHING = Bounds(-math.inf, math.inf)
 
 
-class Spot(NamedTuple):
+class Estimate(NamedTuple):
     """Where something is in the plane, metres, and how far off that may be."""
 
     east: float
@@ -89,9 +89,9 @@ def magnitude(value: Bounds) -> Bounds:
     return Bounds(0.0 if value.low <= 0.0 <= value.high else min(ends), max(ends))
 
 
-def distance(one: Spot | Bounds, other: Spot | Bounds) -> Bounds:
+def distance(one: Estimate | Bounds, other: Estimate | Bounds) -> Bounds:
     """Horizontal metres between two places, as far as both are known."""
-    if not isinstance(one, Spot) or not isinstance(other, Spot):
+    if not isinstance(one, Estimate) or not isinstance(other, Estimate):
         return Bounds(0.0, math.inf)
     apart, off = math.dist(one[:2], other[:2]), one.off_m + other.off_m
     return Bounds(max(0.0, apart - off), apart + off)

@@ -20,7 +20,7 @@ from lingjing.mission import expression as ex
 from lingjing.mission import model as m
 from lingjing.mission.instance import Entity, Instance
 from lingjing.mission.instantiate import instantiate
-from lingjing.mission.reset import instantiate_document
+from lingjing.mission.reset.reading import instantiate_document
 from lingjing.mission.sky import SKIES, sky_of, word_for
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -16,12 +16,12 @@ from lingjing.mission import expression as ex
 from lingjing.mission import model as m
 from lingjing.mission.instance import Instance, StateSpec
 from lingjing.mission.instantiate import instantiate
-from lingjing.mission.reset import instantiate_document
-from lingjing.mission.reset_document import LISTS
-from lingjing.mission.reset_elements import elements_fault
-from lingjing.mission.reset_emit import emit
-from lingjing.mission.reset_fields import FIELDS, field_of
-from lingjing.mission.reset_template import signatures
+from lingjing.mission.reset.elements import elements_fault
+from lingjing.mission.reset.emit import emit
+from lingjing.mission.reset.fields import FIELDS, field_of
+from lingjing.mission.reset.reading import instantiate_document
+from lingjing.mission.reset.shapes import LISTS
+from lingjing.mission.reset.template import signatures
 
 ROOT = Path(__file__).resolve().parents[2]
 NAMES = ("bi", "cd", "cr", "idf", "ld", "queue", "ssr", "ufr", "upr", "vdn")

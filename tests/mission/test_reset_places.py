@@ -11,7 +11,7 @@ from lingjing.dsl.load import templates_beside
 from lingjing.errors import LingjingError
 from lingjing.mission.document import decode, encode, read
 from lingjing.mission.instantiate import instantiate
-from lingjing.mission.reset_emit import emit
+from lingjing.mission.reset.emit import emit
 
 RESET = Path(__file__).resolve().parents[2] / "scenarios" / "reset"
 TEMPLATES = templates_beside(Path("nowhere"))

@@ -15,7 +15,7 @@ from lingjing.errors import MissionError
 from lingjing.mission.document import read
 from lingjing.mission.instance import Instance
 from lingjing.mission.instantiate import instantiate
-from lingjing.mission.reset_emit import emit
+from lingjing.mission.reset.emit import emit
 
 TEMPLATES = templates_beside(Path("nowhere"))
 Json = dict[str, Any]

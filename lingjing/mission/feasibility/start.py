@@ -15,7 +15,7 @@ from lingjing.mission.certain import Nothing, known, truth
 from lingjing.mission.feasibility.outline import Body, Outline, of_mission, too_large
 from lingjing.mission.feasibility.proof import Proof
 from lingjing.mission.functions import operation
-from lingjing.mission.intervals import Spot, exactly
+from lingjing.mission.intervals import Estimate, exactly
 from lingjing.mission.values import Value
 
 _NOW = "now"
@@ -80,15 +80,15 @@ class Beginning(Nothing):
         """The bodies of a group; no message was sent yet."""
         return self._outline.groups.get(domain, ())
 
-    def spot(self, value: Value) -> Spot | None:
+    def spot(self, value: Value) -> Estimate | None:
         """Where a body is declared to be, less and more what the scene may move it."""
         if not isinstance(value, Body):
-            return value if isinstance(value, Spot) else None
+            return value if isinstance(value, Estimate) else None
         points = [outline[0] for outline in value.where.outlines if len(outline) == 1]
         if len(value.where.outlines) != 1 or not points or value.entity.dormant:
             return None
         off = value.where.loose_m or (0.0 if self._outline.instance.scene.kind == _OPEN else ASIDE_M)
-        return Spot(*points[0], off)
+        return Estimate(*points[0], off)
 
     def answer(self, call: ex.Call, arguments: Sequence[Value]) -> Value:
         """What a function answers at the start; a rule about a message is false, another is looked through."""

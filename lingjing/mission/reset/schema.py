@@ -6,8 +6,8 @@ from typing import Any
 
 from pydantic.json_schema import models_json_schema
 
-from lingjing.mission.reset_document import Envelope, InitialState, Scenario, Target
-from lingjing.mission.reset_fields import FIELDS
+from lingjing.mission.reset.fields import FIELDS
+from lingjing.mission.reset.shapes import Envelope, InitialState, Scenario, Target
 
 
 def reset_scenario() -> dict[str, Any]:

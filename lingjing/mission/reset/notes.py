@@ -9,14 +9,15 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 
 from lingjing.mission import jsontext
-from lingjing.mission.reset_document import (
+from lingjing.mission.reset.document import Parsed
+from lingjing.mission.reset.fields import Found, field_of
+from lingjing.mission.reset.shapes import (
     LISTS,
     Coordinates,
     Corner,
     Envelope,
     EquipmentList,
     InitialState,
-    Parsed,
     Part,
     Satellite,
     Scenario,
@@ -24,7 +25,6 @@ from lingjing.mission.reset_document import (
     Task,
     folded,
 )
-from lingjing.mission.reset_fields import Found, field_of
 
 
 def leftovers(text: str, parsed: Parsed, found: Iterable[Found]) -> Iterator[str]:

@@ -17,11 +17,11 @@ from lingjing.errors import MissionError
 from lingjing.mission import frames, jsontext, model
 from lingjing.mission.instance import Entity, Instance, Region
 from lingjing.mission.instantiate import instantiate
-from lingjing.mission.reset import search_region
-from lingjing.mission.reset_document import LISTS, folded
-from lingjing.mission.reset_fields import FIELDS
-from lingjing.mission.reset_groups import PEOPLE, WEIGHT
-from lingjing.mission.reset_targets import PERSONS
+from lingjing.mission.reset.fields import FIELDS
+from lingjing.mission.reset.groups import PEOPLE, WEIGHT
+from lingjing.mission.reset.reading import search_region
+from lingjing.mission.reset.shapes import LISTS, folded
+from lingjing.mission.reset.targets import PERSONS
 from lingjing.mission.sky import word_for
 
 PERSON_FIELD, FIRE_FIELD = "rescuePersonPosition", "goalFirePosition"

@@ -12,8 +12,9 @@ from functools import cache
 import msgspec
 
 from lingjing.data import data_path
-from lingjing.mission.reset_document import LISTS, Parsed, folded
-from lingjing.mission.reset_fields import Found
+from lingjing.mission.reset.document import Parsed
+from lingjing.mission.reset.fields import Found
+from lingjing.mission.reset.shapes import LISTS, folded
 
 
 class Signature(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -11,7 +11,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from lingjing.mission.reset_document import Parsed, Target, folded
+from lingjing.mission.reset.document import Parsed
+from lingjing.mission.reset.shapes import Target, folded
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,8 +13,9 @@ import msgspec
 
 from lingjing.mission import frames
 from lingjing.mission.placing import FARTHEST_M
-from lingjing.mission.reset_document import LISTS, Coordinates, Parsed
-from lingjing.mission.reset_fields import Found
+from lingjing.mission.reset.document import Parsed
+from lingjing.mission.reset.fields import Found
+from lingjing.mission.reset.shapes import LISTS, Coordinates
 
 FAR_M = 20_000.0
 """A scene is a few kilometres wide: what lies farther off is noted, and degrees farther off give the origin."""

@@ -4,7 +4,7 @@ The document says who is where and what is hidden; the template says everything 
 the document go to the groups of the template whose engine drives such entities (`reset_groups`), hidden places to its
 target groups (`reset_targets`), the rescue range to the region targets are drawn in. What the template has no place
 for stays in the document, which `Mission.origin` keeps to the letter, and is noted (`reset_notes`). The way back is
-`lingjing.mission.reset_emit`.
+`lingjing.mission.reset.emit`.
 """
 
 from __future__ import annotations
@@ -20,22 +20,15 @@ from lingjing.mission import expression as ex
 from lingjing.mission import frames, geometry2d, model
 from lingjing.mission.instance import Weather
 from lingjing.mission.instantiate import choose_mode, parameters
-from lingjing.mission.reset_document import (
-    LISTS,
-    EntityList,
-    Equipment,
-    Parsed,
-    Satellite,
-    document_error,
-    folded,
-    parse,
-)
-from lingjing.mission.reset_fields import Found, hidden_fields
-from lingjing.mission.reset_frame import Frame, frame_of
-from lingjing.mission.reset_groups import Spot, draw_of, filled, number_like, origin_of, plays, point, world
-from lingjing.mission.reset_notes import leftovers
-from lingjing.mission.reset_targets import PERSONS, targeted
-from lingjing.mission.reset_template import template_name
+from lingjing.mission.reset.document import Parsed, parse
+from lingjing.mission.reset.faults import document_error
+from lingjing.mission.reset.fields import Found, hidden_fields
+from lingjing.mission.reset.frame import Frame, frame_of
+from lingjing.mission.reset.groups import Spot, draw_of, filled, number_like, origin_of, plays, point, world
+from lingjing.mission.reset.notes import leftovers
+from lingjing.mission.reset.shapes import LISTS, EntityList, Equipment, Satellite, folded
+from lingjing.mission.reset.targets import PERSONS, targeted
+from lingjing.mission.reset.template import template_name
 from lingjing.mission.sky import sky_of
 
 MODES = {"star": "star", "星型": "star", "broadcast": "broadcast", "广播": "broadcast", "single": "single"}

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from lingjing.mission import geometry2d, model
-from lingjing.mission.reset_document import Parsed, Target
-from lingjing.mission.reset_fields import Found
-from lingjing.mission.reset_frame import Frame
-from lingjing.mission.reset_groups import Spot, allows_none, draw_of, filled, is_hidden, plays, world
+from lingjing.mission.reset.document import Parsed
+from lingjing.mission.reset.fields import Found
+from lingjing.mission.reset.frame import Frame
+from lingjing.mission.reset.groups import Spot, allows_none, draw_of, filled, is_hidden, plays, world
+from lingjing.mission.reset.shapes import Target
 
 PERSONS = "person_in_water"
 

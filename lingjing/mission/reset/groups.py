@@ -13,9 +13,10 @@ from lingjing.mission import frames, model
 from lingjing.mission.evaluate import Scope
 from lingjing.mission.instantiate import parameters, scene_spec
 from lingjing.mission.placing import FARTHEST_M, holds, place_fault
-from lingjing.mission.reset_document import Coordinates, Parsed
-from lingjing.mission.reset_elements import elements_fault
-from lingjing.mission.reset_frame import FAR_M, Frame
+from lingjing.mission.reset.document import Parsed
+from lingjing.mission.reset.elements import elements_fault
+from lingjing.mission.reset.frame import FAR_M, Frame
+from lingjing.mission.reset.shapes import Coordinates
 
 WEIGHT, PEOPLE = "demand_kg", "people"
 """The properties of a group that a document's weights and counts of people set."""

@@ -1,0 +1,144 @@
+"""A `resetScenario` document that was read: its scenario, its plain values, and notes on how it is spelt.
+
+Either spelling may come in the wire's own envelope (`{"type": "COMMAND", "data": …}`). A field that is null counts as
+absent, of equal keys the last one counts; the latter is noted, and so are other spellings and unread fields.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from pydantic import ValidationError
+
+from lingjing.errors import Fault, MissionError
+from lingjing.mission import jsontext
+from lingjing.mission.reset.faults import document_error, faults_of
+from lingjing.mission.reset.shapes import Envelope, Free, P, Part, Scenario, Task
+from lingjing.mission.reset.spelling import Spelt
+
+
+@dataclass(frozen=True, slots=True)
+class Parsed:
+    """A document that was read: the scenario, the JSON path of the scenario, its plain values without nulls under the
+    keys of this module, notes on spellings that were read as others, and the faults found since."""
+
+    scenario: Scenario
+    path: str
+    file: str
+    raw: Mapping[str, Any]
+    envelope: Mapping[str, Any] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    spelt: Spelt = field(default_factory=lambda: Spelt({}))
+    faults: list[Fault] = field(default_factory=list)
+
+    @property
+    def task(self) -> Task:
+        """The row of the task matrix that is played."""
+        return self.scenario.task_matrix[0]
+
+    @property
+    def task_path(self) -> str:
+        """JSON path of that row."""
+        return f"{self.path}.taskMatrix[0]"
+
+    @property
+    def state_path(self) -> str:
+        """JSON path of the initial state."""
+        return f"{self.task_path}.initial_state"
+
+    def holders(self) -> tuple[tuple[Mapping[str, Any], str], ...]:
+        """The objects that may hold hidden places, and their JSON paths: initial state, task, scenario."""
+        rows = self.raw.get("taskMatrix")
+        task = rows[0] if isinstance(rows, list) and rows and isinstance(rows[0], dict) else {}
+        state = task.get("initial_state")
+        inner: Mapping[str, Any] = state if isinstance(state, dict) else {}
+        return (inner, self.state_path), (task, self.task_path), (self.raw, self.path)
+
+    def rows(self) -> Iterator[tuple[Part, Mapping[str, Any], str]]:
+        """The scenario and its task: shape, values, JSON path."""
+        _, (task, task_path), (scenario, path) = self.holders()
+        yield self.scenario, scenario, path
+        yield self.task, task, task_path
+
+    def fault(self, where: str, message: str, hint: str) -> MissionError:
+        """The error that ends the reading at a JSON path of this document, with all faults found before."""
+        return document_error(self.file, [*self.faults, Fault(where, message, hint)])
+
+    def report(self, where: str, message: str, hint: str) -> None:
+        """Keep a fault and go on."""
+        self.faults.append(Fault(where, message, hint))
+
+    def converted(self, value: object, shape: type[P], where: str) -> P | None:
+        """A part of the document in its shape; None if it is none, which is reported."""
+        try:
+            return shape.model_validate(value)
+        except ValidationError as error:
+            self.faults.extend(faults_of(error, value, where, self.spelt))
+            return None
+
+
+def parse(text: str, path: str) -> Parsed:
+    """Read a document; `UsageError` if it is not JSON, `MissionError` if it is no scenario at all.
+
+    With `faults` in what is returned, its `scenario` is not to be used; its `raw` values are.
+    """
+    notes: list[str] = []
+    value, root = _unwrapped(_without_nulls(jsontext.load(text, path, notes)), notes)
+    spelt = Spelt({})
+    if isinstance(value, dict):
+        spelt.rename(value, _Either, root)
+    if not isinstance(value, dict) or not ({"scenario", "equipmentList"} & value.keys()):
+        raise MissionError(
+            f"{path}: {root} is not a resetScenario: it holds neither 'scenario' nor 'equipmentList'",
+            hint="give a resetScenario document, a mission.json or an .ljs file",
+        )
+    shape: type[Envelope | Scenario] = Envelope if "scenario" in value else Scenario
+    if shape is Envelope and isinstance(value["scenario"], dict):
+        spelt.rename(value["scenario"], Scenario, f"{root}.scenario")
+    rows = value["scenario"] if shape is Envelope else value
+    if isinstance(rows, dict) and isinstance(rows.get("taskMatrix"), dict):
+        notes.append(
+            f"{root}{'.scenario' if shape is Envelope else ''}.taskMatrix: is one object, read as its only row"
+        )
+    spelt.unify(value, shape, root)
+    inner, where = (value["scenario"], f"{root}.scenario") if shape is Envelope else (value, root)
+    whole, faults = Scenario.model_construct(), list[Fault]()
+    try:
+        read = shape.model_validate(value)
+        whole = read.scenario if isinstance(read, Envelope) else read
+    except ValidationError as error:
+        faults.extend(faults_of(error, value, root, spelt))
+    envelope = value if shape is Envelope else {}
+    raw = inner if isinstance(inner, dict) else {}
+    return Parsed(whole, where, path, raw, envelope, (*notes, *spelt.notes), spelt, faults)
+
+
+class _Either(Part):
+    """What tells an envelope from a bare scenario."""
+
+    scenario: Free = None
+    equipment_list: Free = None
+
+
+def _unwrapped(value: object, notes: list[str]) -> tuple[object, str]:
+    """What the wire's envelope carries, and its JSON path."""
+    if isinstance(value, dict) and "data" in value and not {"scenario", "equipmentList"} & value.keys():
+        notes.append("$: the wire's envelope is taken off; $.data is read")
+        return value["data"], "$.data"
+    return value, "$"
+
+
+def _without_nulls(root: object) -> object:
+    """The same values, with every field that is null taken out (in place; a loop, for documents nest deeply)."""
+    stack = [root]
+    while stack:
+        value = stack.pop()
+        if isinstance(value, dict):
+            for key in [key for key, item in value.items() if item is None]:
+                del value[key]
+            stack.extend(value.values())
+        elif isinstance(value, list):
+            stack.extend(value)
+    return root

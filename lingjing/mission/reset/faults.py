@@ -1,0 +1,99 @@
+"""What is wrong with a `resetScenario` document, in words, at its own JSON paths."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from pydantic import ValidationError
+
+from lingjing.errors import Fault, MissionError
+from lingjing.mission.reset.shapes import PLACELESS
+from lingjing.mission.reset.spelling import Spelt
+
+_SCHEMA = "schemas/reset-scenario.schema.json describes the document"
+
+
+def document_error(file: str, faults: Sequence[Fault]) -> MissionError:
+    """The error of a document that is no mission, with every fault that was found."""
+    each = tuple(dict.fromkeys(faults))
+    said = "\n".join(f"{file}: {one.where}: {one.message}" for one in each)
+    return MissionError(said, hint=each[0].hint, faults=each)
+
+
+def faults_of(error: ValidationError, value: object, root: str, spelt: Spelt) -> Iterator[Fault]:
+    """Every fault that validation found, at the JSON paths of the document, one for each place."""
+    seen: set[str] = set()
+    for one in error.errors(include_url=False):
+        where, missing = _path(one["loc"], value, root, spelt)
+        if one["type"] in ("missing", "extra_forbidden"):
+            where, missing = where.rpartition(".")[0] if not missing else where, missing or where.rpartition(".")[2]
+        if f"{where}.{missing}" not in seen:
+            seen.add(f"{where}.{missing}")
+            yield Fault(where, *_worded(one, missing))
+
+
+def _path(loc: tuple[int | str, ...], value: object, root: str, spelt: Spelt) -> tuple[str, str]:
+    """The JSON path of a location, and the key that is not there, if it is about one."""
+    where = root
+    for part in loc:
+        if isinstance(value, Mapping) and isinstance(part, str):
+            if part not in value:
+                return where, part
+            where, value = f"{where}.{spelt.key(value, part)}", value[part]
+        elif isinstance(value, list | tuple) and isinstance(part, int) and part < len(value):
+            where, value = f"{where}[{part}]", value[part]
+    return where, ""
+
+
+_DUE = {
+    "float_type": "a number",
+    "int_type": "a whole number",
+    "string_type": "a text",
+    "tuple_type": "a list",
+    "list_type": "a list",
+    "dict_type": "an object",
+    "model_type": "an object",
+    "model_attributes_type": "an object",
+    "bool_type": "true or false",
+}
+
+
+def _worded(one: Mapping[str, Any], key: str) -> tuple[str, str]:
+    """What is wrong, and the way out."""
+    kind, given, limits = one["type"], one["input"], one.get("ctx", {})
+    if kind == "missing":
+        return f"'{key}' is missing", "add the field; " + _SCHEMA
+    if kind == "extra_forbidden":
+        return (
+            f"unknown field '{key}'",
+            "the object 'lingjing' knows mission, mode, settings, seed, origin, datum_m and targets",
+        )
+    if kind == "value_error":
+        return PLACELESS, "give X and Y in centimetres, or lon and lat in degrees"
+    if kind in _DUE:
+        hint = "write the number without quotes" if isinstance(given, str) and kind == "float_type" else _SCHEMA
+        return f"{_DUE[kind]} is due, this is {_kind_of(given)}", hint
+    if kind == "literal_error":
+        return f"'{given}' is not known, {limits.get('expected', '')} is", _SCHEMA
+    if kind in ("too_short", "missing_argument"):
+        return "is empty", "give at least one entry"
+    for bound, word in (("ge", "at least"), ("gt", "more than"), ("le", "at most")):
+        if bound in limits:
+            return f"is {given:g}, {word} {limits[bound]:g} is due", _SCHEMA
+    return one["msg"][:1].lower() + one["msg"][1:], _SCHEMA
+
+
+def _kind_of(value: object) -> str:
+    match value:
+        case bool():
+            return "true" if value else "false"
+        case str():
+            return f"the text '{value[:40]}'"
+        case int() | float():
+            return f"the number {value:g}" if abs(value) < 1e300 else "a number out of range"
+        case Mapping():
+            return "an object"
+        case list() | tuple():
+            return "a list"
+    return "null"

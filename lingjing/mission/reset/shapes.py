@@ -1,0 +1,273 @@
+"""The shapes of a `resetScenario` document's parts: what is read of it. Whatever else it holds is allowed and kept.
+
+Two spellings occur: an envelope (`commandType`, `taskId`, `scenario`) and the scenario alone. Coordinates are Unreal
+centimetres (`X`, `Y`, `Z`) or WGS84 (`lon`, `lat`, `alt`); see `lingjing.mission.frames`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal, NamedTuple, TypeVar, get_args, get_origin
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic.alias_generators import to_camel
+
+Free = Annotated[Any, Field(description="kept as it is, nothing reads it")]
+"""The type of a field that documents have and a mission does not need: whatever stands there is no fault."""
+
+Code = Annotated[str | int, Field(union_mode="left_to_right")]
+"""What names a thing: a text, or a number."""
+
+PLACES = (("X", "Y"), ("lon", "lat"))
+"""The pairs of coordinates that place something."""
+
+
+class EntityList(NamedTuple):
+    """One of the six lists: its key, the attribute of `EquipmentList`, and the engine that drives what is in it."""
+
+    name: str
+    attribute: str
+    engine: str
+
+
+LISTS: tuple[EntityList, ...] = (
+    EntityList("droneEntityList", "drone_entity_list", "multirotor"),
+    EntityList("unmannedDogEntityList", "unmanned_dog_entity_list", "quadruped"),
+    EntityList("autoVehicleEntityList", "auto_vehicle_entity_list", "road"),
+    EntityList("satelliteEntityList", "satellite_entity_list", "satellite"),
+    EntityList("shipEntityList", "ship_entity_list", "vessel"),
+    EntityList("planeEntityList", "plane_entity_list", "plane"),
+)
+
+
+def folded(word: str) -> str:
+    """Letters and digits of a spelling, lower case."""
+    return "".join(letter for letter in word if letter.isalnum()).casefold()
+
+
+def spelt(*others: str, alias: str | None = None, default: Any = None) -> Any:
+    """A field with other spellings of its key; case and separators do not count."""
+    return Field(default=default, alias=alias, json_schema_extra={"spellings": list(others)})
+
+
+class Part(BaseModel):
+    """Base of the document's parts: frozen, strict (a text is no number); unknown fields are allowed."""
+
+    model_config = ConfigDict(
+        extra="allow", frozen=True, strict=True, alias_generator=to_camel, populate_by_name=False, allow_inf_nan=False
+    )
+
+    @classmethod
+    def spellings(cls) -> Mapping[str, str]:
+        """Every known key, folded, and the key it stands for."""
+        known: dict[str, str] = {}
+        for name, info in cls.model_fields.items():
+            key = info.alias or name
+            extra = info.json_schema_extra
+            others = extra.get("spellings", []) if isinstance(extra, dict) else []
+            known |= {folded(one): key for one in (key, *(others if isinstance(others, list) else []))}  # type: ignore[arg-type]
+        return known
+
+    @classmethod
+    def parts(cls) -> Mapping[str, tuple[type[Part], bool]]:
+        """The keys that hold parts of their own: of which shape, and whether as a list."""
+        found = {}
+        for name, info in cls.model_fields.items():
+            shape = _shape(info.annotation)
+            if shape is not None and get_origin(info.annotation) is not dict:
+                found[info.alias or name] = shape, "tuple[" in str(info.annotation)
+        return found
+
+
+def _shape(annotation: Any) -> type[Part] | None:
+    if isinstance(annotation, type) and issubclass(annotation, Part):
+        return annotation
+    return next((found for one in get_args(annotation) if (found := _shape(one)) is not None), None)
+
+
+class Coordinates(Part):
+    """A place: centimetres in Unreal's left-handed frame, or degrees and metres."""
+
+    x: float | None = spelt(alias="X")
+    y: float | None = spelt(alias="Y")
+    z: float | None = spelt(alias="Z")
+    lon: Annotated[float, Field(ge=-180, le=180)] | None = spelt("lng", "long", "longitude", "经度")
+    lat: Annotated[float, Field(ge=-90, le=90)] | None = spelt("latitude", "纬度")
+    alt: float | None = spelt("altitude", "海拔")
+    yaw: float | None = None
+
+
+class Data(Coordinates):
+    """The place of an entity, which it must have."""
+
+    model_config = ConfigDict(json_schema_extra={"anyOf": [{"required": list(pair)} for pair in PLACES]})
+
+    @model_validator(mode="after")
+    def _is_placed(self) -> Data:
+        return _placed(self, self)
+
+
+class Corner(Data):
+    """One corner of the search area; the corners go around it in order."""
+
+    range_id: Code = ""
+
+
+class Target(Coordinates):
+    """A hidden place: a person, a fire, a leak, a delivery point. `weight` or `demand` is what it wants, in kg;
+    `range` and `scale` say how large a fire is, and are kept."""
+
+    model_config = ConfigDict(
+        json_schema_extra={"anyOf": [{"required": list(keys)} for keys in (*PLACES, ("data",), ("position",))]}
+    )
+
+    person_id: Code = ""
+    target_id: Code = ""
+    fire_id: Code = ""
+    point_id: Code = ""
+    del_id: Code = ""
+    con_id: Code = ""
+    pipe_id: Code = ""
+    warehouse_id: Code = ""
+    id: Code = ""
+    name: str = ""
+    weight: Annotated[float, Field(ge=0)] | None = None
+    demand: Annotated[float, Field(ge=0)] | None = None
+    person_count: Annotated[float, Field(ge=0)] | None = spelt("people", "人数")
+    spacing: Free = None
+    heading: float | None = None
+    status: Free = None
+    range: Free = None
+    scale: Free = None
+    data: Coordinates | None = None
+    position: Coordinates | None = None
+
+    @property
+    def place(self) -> Coordinates:
+        """Where it lies."""
+        return self.data or self.position or self
+
+    @property
+    def key(self) -> str:
+        """The id that tells it from the others of its list; "" if it has none."""
+        ids = (self.person_id, self.target_id, self.fire_id, self.point_id, self.del_id, self.con_id, self.pipe_id)
+        return next((str(code) for code in (*ids, self.warehouse_id, self.id) if code != ""), "")
+
+    @property
+    def code(self) -> str:
+        """The document's own name for it."""
+        return self.key or self.name
+
+    @model_validator(mode="after")
+    def _is_placed(self) -> Target:
+        return _placed(self, self.place)
+
+
+P = TypeVar("P", bound=Part)
+PLACELESS = "has no place"
+
+
+def _placed(part: P, place: Coordinates) -> P:
+    if (place.x is None or place.y is None) and (place.lon is None or place.lat is None):
+        raise ValueError(PLACELESS)
+    return part
+
+
+class Equipment(Part):
+    """One entity. `heading` and `raw` are compass degrees, `yaw` is Unreal's, here or in `data`."""
+
+    equipment_code: Code = ""
+    name: str = ""
+    side: Free = ""
+    data: Data
+    heading: float | None = None
+    raw: float | None = None
+    yaw: float | None = None
+    sensor_type: Free = ""
+
+
+class Satellite(Equipment):
+    """An entity in orbit: its two-line elements place it, coordinates may be missing. The lines stand under `tle1` and
+    `tle2`, or both in `tle`, as a list or as one text."""
+
+    data: Coordinates = Coordinates()  # type: ignore[assignment]
+    tle1: Free = ""
+    tle2: Free = ""
+    tle: Free = ""
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """The element lines; a name line before them is left out. Empty if there are none."""
+        given = self.tle.splitlines() if isinstance(self.tle, str) else self.tle if isinstance(self.tle, list) else []
+        both = [self.tle1, self.tle2] if self.tle1 or self.tle2 else given
+        return tuple(line.strip() for line in both if isinstance(line, str) and line.strip())[-2:]
+
+
+class EquipmentList(Part):
+    """The six lists; one that is not there is empty."""
+
+    drone_entity_list: Annotated[tuple[Equipment, ...], Field(strict=False)] = ()
+    unmanned_dog_entity_list: Annotated[tuple[Equipment, ...], Field(strict=False)] = ()
+    auto_vehicle_entity_list: Annotated[tuple[Equipment, ...], Field(strict=False)] = ()
+    satellite_entity_list: Annotated[tuple[Satellite, ...], Field(strict=False)] = ()
+    ship_entity_list: Annotated[tuple[Equipment, ...], Field(strict=False)] = ()
+    plane_entity_list: Annotated[tuple[Equipment, ...], Field(strict=False)] = ()
+
+
+class InitialState(Part):
+    """What the task begins with; the hidden places are here. They are read by `lingjing.mission.reset.fields`, which
+    knows their spellings."""
+
+    weather: Annotated[str | dict[str, Any], Field(union_mode="left_to_right")] = ""
+    uav_count: float | None = Field(default=None, alias="uav_count")
+    takeoff_height_m: Annotated[float, Field(gt=0)] | None = Field(default=None, alias="takeoff_height_m")
+    rescue_range: tuple[Corner, ...] = Field(
+        default=(), strict=False, json_schema_extra={"spellings": ["searchRange", "searchArea", "搜索范围"]}
+    )
+
+
+class Task(Part):
+    """One row of the task matrix."""
+
+    task_level: Free = ""
+    task_id: Free = Field(default="", alias="task_id")
+    task_type: str = ""
+    goal: str = ""
+    initial_state: InitialState = Field(default=InitialState(), alias="initial_state")
+
+
+class Lingjing(Part):
+    """What this project adds to a document so that the way back is exact: the template, how it was set, the scene's
+    origin (latitude and longitude), the height that counts as 0 (metres), and the places of target groups that no
+    field of the document stands for. It is this project's own, so an unknown key is an error."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    mission: str | None = None
+    mode: Literal["star", "broadcast", "single"] | None = None
+    settings: dict[str, float] = {}
+    seed: int | None = None
+    origin: Annotated[tuple[float, float], Field(strict=False)] | None = None
+    datum_m: float | None = Field(default=None, alias="datum_m")
+    targets: dict[str, Annotated[tuple[Target, ...], Field(strict=False)]] = {}
+
+
+class Scenario(Part):
+    """The scenario itself."""
+
+    command_type: Literal["resetScenario"] = "resetScenario"
+    scene_name: str = ""
+    collaboration_type: str = ""
+    scene_region: Free = ""
+    task_type: str = ""
+    lingjing: Lingjing | None = None
+    equipment_list: EquipmentList
+    task_matrix: tuple[Task, ...] = Field(strict=False, min_length=1)
+
+
+class Envelope(Part):
+    """The command that carries a scenario."""
+
+    command_type: Literal["resetScenario"] = "resetScenario"
+    task_id: Free = ""
+    scenario: Scenario

@@ -1,0 +1,73 @@
+"""How a `resetScenario` document spells its keys."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, MutableMapping
+from typing import Any
+
+from lingjing.mission.reset.elements import lifted
+from lingjing.mission.reset.shapes import Part, Satellite, folded
+
+
+class Spelt:
+    """How a document spells its keys: it renames them in place to those of the shapes, and remembers."""
+
+    def __init__(self, original: MutableMapping[tuple[int, str], str]) -> None:
+        self.notes: list[str] = []
+        self._original = original
+        self._kept: list[object] = []
+
+    def unify(self, value: Any, shape: type[Part], where: str) -> Any:
+        """The value with the keys of the shape, all the way down; one note for each list and spelling."""
+        if not isinstance(value, dict):
+            return value
+        self.rename(value, shape, where)
+        if issubclass(shape, Satellite):
+            lifted(value)
+        for key, (inner, many) in shape.parts().items():
+            found = value.get(key)
+            at = f"{where}.{self.key(value, key)}"
+            if many and isinstance(found, dict):
+                value[key] = [self.unify(found, inner, at)]
+            elif many and isinstance(found, list):
+                value[key] = [self.unify(one, inner, f"{at}[{k}]") for k, one in enumerate(found)]
+            elif found is not None:
+                value[key] = self.unify(found, inner, at)
+        return value
+
+    def key(self, holder: Mapping[str, Any], key: str) -> str:
+        """How the document spells a key."""
+        return self._original.get((id(holder), key), key)
+
+    def rename(self, value: dict[str, Any], shape: type[Part], where: str) -> None:
+        """Put one object's keys under the names of the shape, in place; one that is there already stays."""
+        known = shape.spellings()
+        own = {info.alias or name for name, info in shape.model_fields.items()}
+        renamed = {}
+        for key in list(value):
+            name = known.get(folded(key))
+            if name is not None and key not in own and name not in value:
+                value[name] = value.pop(key)
+                self._original[id(value), name] = key
+                renamed[key] = name
+        self._kept.append(value)  # its identity must stay its own
+        self._note(renamed, where)
+
+    def _note(self, renamed: Mapping[str, str], where: str) -> None:
+        """Other words and lower-case coordinates are noted; case and separators say nothing."""
+        told = {key: name for key, name in renamed.items() if folded(key) != folded(name) or len(name) == 1}
+        if told:
+            said, read = ", ".join(f"'{key}'" for key in told), ", ".join(told.values())
+            unit = ", Unreal's centimetres" if set(told.values()) <= set("XYZ") else ""
+            note = f"{_rowless(where)}: {said} read as {read}{unit}"
+            if note not in self.notes:
+                self.notes.append(note)
+
+
+def _rowless(where: str) -> str:
+    """A JSON path without the indices of lists; the task matrix keeps its own, for its first row is played."""
+    return _ROW.sub("[]", where)
+
+
+_ROW = re.compile(r"\[\d+\](?!\.initial_state)")
