@@ -15,7 +15,8 @@ Modules in the order a mission passes them:
 - `clock`: how tick and macro-step fit.
 - `placing`, `roster`, `instantiate`: (mission, seed, mode, settings) to `instance.Instance`, the reset specification.
 - `schedule`: the weather at a time, and who is there.
-- `feasibility`: proofs that a mission cannot be won. `tasks`: what it asks of whom. `course`, `speaker`, `wording`: routes, who speaks, texts.
+- `feasibility`: proofs that a mission cannot be won. `tasks`: what it asks of whom.
+- `course`, `speaker`, `wording`: what happens and binds, who speaks, texts.
 - `graph`, `draw`: the mission as typed nodes and edges, and pictures of that in SVG, Mermaid and DOT.
 
 In: a file's text or a compiled `Mission`. Out: an `Instance`, in which everything but the rules is a plain value.
