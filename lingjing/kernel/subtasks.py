@@ -18,7 +18,7 @@ from lingjing.kernel.instant import Instant
 from lingjing.kernel.registry import Registry
 from lingjing.kernel.rules import holds
 from lingjing.kernel.stages import StageBook
-from lingjing.mission.expression import Binary, Expr, Quantified
+from lingjing.mission.expression import Quantified, conjuncts
 from lingjing.mission.instance import Instance
 
 
@@ -53,12 +53,5 @@ class Subtasks:
 def required_groups(instance: Instance) -> tuple[Quantified, ...]:
     """What success asks of whole groups of targets."""
     targets = {entity.group for entity in instance.entities if entity.role == "target"}
-    return tuple(asked for asked in _conjuncts(instance.success) if asked.domain in targets)
-
-
-def _conjuncts(condition: Expr) -> Iterator[Quantified]:
-    if isinstance(condition, Binary) and condition.operator == "and":
-        yield from _conjuncts(condition.left)
-        yield from _conjuncts(condition.right)
-    elif isinstance(condition, Quantified) and condition.quantifier == "forall":
-        yield condition
+    each = (part for part in conjuncts(instance.success) if isinstance(part, Quantified))
+    return tuple(part for part in each if part.quantifier == "forall" and part.domain in targets)
