@@ -2,9 +2,13 @@
 
 - `detection`   reports against the ground truth of the frames they speak of
 - `completion`  which targets were completed, and when
+- `spoken`      the messages that the bus admitted, each once
+- `idleness`    the share of agent steps with nothing assigned and nothing done
 - `repetition`  how often a target was asked for or entered again
 - `incidents`   who crashed, fell, ran out of energy, when and where
 - `metrics`     `metrics(trace) -> Metrics`: the paper's tables of metrics
 - `story`       what a picture of the episode needs, gathered by entity and by tick
+- `groundplan`  a city as flat shapes in painting order; `credit` whose map it is
+- `gallery`     the map with the trails and the best picture of each camera, for pages
 - `overview`    `draw_overview(trace, path)`: the picture; the only module here that needs matplotlib
 """

@@ -1,7 +1,13 @@
 """The command line: one module a verb, each with `add_parser(subparsers)` and `handler(args) -> int`.
 
-`main` picks the verb, imports only its module and turns errors into messages and exit codes. `run` plays episodes
-with `pairs` (name=value options), `missions` (which file is meant), `progress` (the live line) and `scoreboard` (the
-table and the JSON object). `plugins`, `new` and `doctor` look around; `libraries` lists the system libraries that
-packages cannot bring.
+`main` picks the verb and imports its module alone, `parser` reads the arguments, `process` is the command's own process
+(streams, signals, exit codes), `console` what it prints with.
+
+- `validate`, `compile`, `fmt`, `explain`, `lsp`   a text: its errors, its graph, its layout, what a code means
+- `graph`, `docs` ← `missionpage`                  a mission as a picture, as a page
+- `scene`                                          a map → a city
+- `run` ← `pairs` (name=value options), `progress` (the live line), `watch` (the episode in the terminal),
+  `scorecard` (the numbers of one episode), `scoreboard` (those of many)
+- `plugins` ← `installed`, `new` ← `newengine`      what is installed, what is begun
+- `doctor` ← `libraries`                           what the machine lacks
 """

@@ -17,7 +17,8 @@ Phases, each a plain function, in the order a text passes them:
 - `render`, `sarif`, `codes`, `suggest`, `fixes`: diagnostics for people and programs, and what mends them.
 - `shipped`, `load`, `cache`: a file or a shipped name → `Mission`, kept by content. `collector`: speed for big trees.
 - `layout`, `spacing`, `columns`, `format`: text → the same text laid out the one way.
-- `phrases`, `imports`, `print`: `Mission` → text that compiles to it. `words`, `page`: `Mission` → a page for readers.
+- `phrases`, `imports`, `print`: `Mission` → text that compiles to it.
+- `words`, `judging`, `page`: `Mission` → expressions in words, the table of what is adjudicated, a page for readers.
 
 Invariants: every error of a file is reported in one run, in source order; a faulty part is never looked at again, its
 good neighbours are; nothing but `UsageError` (unreadable input) and `PluginError` is ever raised for a bad text.

@@ -13,6 +13,7 @@ Packages, one for each kind of motion or seeing:
 Shared by them, from the contract inwards:
 
 - `fleet`        the five methods over bodies that step together ← `requests` (admission, receipts), `clock` (steps)
+- `aloft`        what aircraft tell their engine, and which of them have collided
 - `stock`        goods on board, from the city's book
 - `bodies`, `neighbours`, `pairs`   sizes of mirrors, which of them are touched, who is close to whom
 - `terrain` ← `blocks`, `outlines`   what a place of the city is to a body: water, ground, what stands there

@@ -7,13 +7,16 @@ Modules in the order a mission passes them:
 - `values`, `operations`, `intervals`, `functions`: what expressions compute with, and the one table of operators and
   functions. `fold`: the one evaluator; its readings are `evaluate` (before the first tick), `certain` (in every run),
   `feasibility.needs` (what must have happened), the kernel's rules and `dsl.words`.
+- `interactions`: who may act on a target from the start. `scenes`: options and limits of the built-in scenes.
 - `document`: `mission.json` in and out, and the JSON Schemas generated from the code.
-- `frames`, `jsontext`, `sky`: coordinate frames of `resetScenario` documents, JSON with places, words for weather.
+- `frames`, `jsontext`, `sky`, `elements`: coordinate frames of `resetScenario` documents, JSON with places, words for
+  weather, two-line elements.
 - `reset`: `resetScenario` documents in and out.
 - `seeding`, `draws`: named random streams, and what is drawn from them.
 - `geometry2d`, `grid`, `spacing`: polygons, search cells cut from them, and places that keep their distance.
 - `clock`: how tick and macro-step fit.
-- `placing`, `roster`, `instantiate`: (mission, seed, mode, settings) to `instance.Instance`, the reset specification.
+- `placing`, `roster`, `instantiate`: (mission, seed, mode, settings) to an `Instance` of `instance`, the reset
+  specification. `trial`: what playing would refuse, found without playing.
 - `schedule`: the weather at a time, and who is there.
 - `feasibility`: proofs that a mission cannot be won. `tasks`: what it asks of whom.
 - `course`, `speaker`, `wording`: what happens and binds, who speaks, texts.

@@ -1,6 +1,12 @@
 """Everything a plug-in author needs: contracts, values, hooks, geometry and the conformance kit.
 
-`hookspecs` (what a plug-in may offer) → `host` (finds it) → `engine`, `policy` (the Protocols and their values) →
-`geometry` (camera rays and headings) → `conformance` (tests for engines and policies) → `engines/` (the built-in
-ones). Nothing here knows the kernel.
+- `hookspecs`     what a plug-in may offer; `host` finds it, `loading` finds policies by name or by file
+- `engine`, `policy`   the Protocols and their values
+- `fleet`         the five methods over moving bodies ← `requests` (admission, receipts), `clock` (fixed steps)
+- `stock`         goods on board; `tasks` what a mission asks for, for policies that may see its rules
+- `bodies`, `neighbours`   sizes of mirrors, and which of them is touched
+- `terrain`       the ground and what stands on it; `geometry` camera rays and headings
+- `conformance`   tests for engines and policies
+
+Nothing here knows the kernel or a built-in engine.
 """

@@ -10,6 +10,9 @@ In the order in which an episode meets them:
 - `cutting`, `store`, `tiles`   long pieces cut at the grid → a city in a folder of tiles → read near a place, lazily
 - `beside`      where writers write, so that a city or network appears whole or not at all
 - `anchor`      entities onto the roads, roofs, facades and ground that they declare ← `footing`, `lines`
+- `terrain`     what a place is to a body: water, ground, what stands there and how high ← `outlines`, `blocks`
+- `obstacles`   where legs can go; `shapes`, `props`, `sizes` what can be touched, and how large it is
+- `roofs`       how high a city can be at many places at once
 - `regions`     regions that only the city knows, such as those along a road
 - `plan`        the city from above, as a picture for people
 

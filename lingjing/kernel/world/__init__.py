@@ -4,12 +4,15 @@ In the order in which a call meets them:
 
 - `contract`    what the kernel asks (`World`) and gets (`WorldBoundary`, `StoredFrame`)
 - `process`     `ProcessWorld`: a world process and a camera process; `inline` `InlineWorld`: all in the caller
+- `camera`      the camera process as the caller sees it; `deadlines` that a busy machine does not shorten
 - `casting`     which engines an instance needs and where each runs
 - `conductor`   the coupling: a tick as macro-steps of all parts
 - `ensemble`    the engines of one place ← `coherence` (what a boundary must be) ← `calling` (the guarded call)
+- `stocks`      declared states that no engine keeps; `times` how long each engine has taken
 - `sensor`      the sensor engine ← `frames` (a drawn picture as it is stored)
 - `handle`      the caller's end of a worker ← `launch` (its process) ← `channel` (framing) ← `messages`, `shared`
-- `worker`      the far end: `python -m lingjing.kernel.world.worker`
+- `worker`      the far end, `python -m lingjing.kernel.world.worker` ← `desks` (its answer to each request)
+- `extras`      plug-ins named on top of the installed ones, the same at both ends
 
 Invariants: both worlds report the same boundaries and pictures; a worker never outlives its caller; whatever goes
 wrong with an engine is one `InfrastructureError` that names it, after which `reset` starts afresh.

@@ -20,6 +20,10 @@ with the gap of a fractured bridge cut out of decks and lanes and the reference 
 pixels are an entity's, and for each entity what its effect must know of its surroundings (`Site`: the deck of the
 bridge, the pipe, the ground under it), which is handed to `effects_of`.
 
+Modules: `targets` says which entity shows which effect, `fire`, `water`, `fracture`, `lights` and `night` make them of
+the rows of `particles`; `standing` says what has room where; `city` changes tiles; `drawing` and its sources in
+`shaders` draw.
+
 Chance comes from hashes of the id and the particle's number, time from `time_s` alone: the same state at the same time
 is the same picture, whatever was drawn before.
 """
