@@ -115,14 +115,14 @@ class Mujoco:
         self.renderer = mujoco.Renderer(self.model, SIZE[1], SIZE[0], max_geom=20_000)
 
     def _city(self, city: City) -> None:
-        from lingjing.engines.camera.plate import build_plate
         from lingjing.engines.camera.tilemesh import crossings_of, mesh_tile
+        from lingjing.engines.camera.town_ground import build_town_ground
         from lingjing.scene.terrain import Terrain
 
-        plate, surface = build_plate(city), Terrain(city).surface
-        self._geom("ground", plate.ground)
-        self._geom("quays", plate.quays)
-        for number, (_, water) in enumerate(plate.waters):
+        town_ground, surface = build_town_ground(city), Terrain(city).surface
+        self._geom("ground", town_ground.ground)
+        self._geom("quays", town_ground.quays)
+        for number, (_, water) in enumerate(town_ground.waters):
             self._geom(f"water-{number}", water)
         for tile in Tiles(city):
             mesh = mesh_tile(tile, crossings_of(tile.junctions), {}, surface)

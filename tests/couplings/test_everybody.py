@@ -55,7 +55,7 @@ def test_a_null_fork_ends_with_its_parents_digest_and_a_change_does_not(episode,
         ours = kit.digests(episode, later)
         assert kit.digests(twin, later) == ours
         assert kit.digests(other, later[1:]) != ours[1:]
-        assert os.listdir(f"/proc/{twin.world._staff.world.pid}/task") == [str(twin.world._staff.world.pid)]
+        assert os.listdir(f"/proc/{twin.world._workers.world.pid}/task") == [str(twin.world._workers.world.pid)]
     finally:
         twin.world.close()
         other.world.close()

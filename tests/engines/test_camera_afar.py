@@ -5,12 +5,12 @@ import pytest
 
 from lingjing.engines.camera import view as choosing
 from lingjing.engines.camera.classes import CLASSES
+from lingjing.engines.camera.culling import FULL_M, blunt_from
 from lingjing.engines.camera.engine import CameraEngine
 from lingjing.engines.camera.instances import prop_batches
 from lingjing.engines.camera.light import light_of
-from lingjing.engines.camera.plate import REACH_M, build_plate
-from lingjing.engines.camera.sight import FULL_M, blunt_from
-from lingjing.engines.camera.standins import COARSE_CELLS, coarsened, standin
+from lingjing.engines.camera.reduced_meshes import COARSE_CELLS, coarsened, reduced
+from lingjing.engines.camera.town_ground import REACH_M, build_town_ground
 from lingjing.plugins.geometry import camera_axes, focal_px
 from lingjing.scene.city import Area, City, Land, Pieces, Prop, Water
 from tests.engines.camera_town import WHY_NOT, box, instance, look, ready, seen_at, town
@@ -105,22 +105,22 @@ def test_a_prop_far_off_is_fewer_triangles_in_the_same_place() -> None:
     assert np.abs(coarse[:, :3].max(axis=0) - full[:, :3].max(axis=0)).max() < cell
     lump = coarsened(batches["parked_car"], lump=True)
     assert lump is not None and len(lump) < len(coarse)
-    assert coarsened(batches["tree"]) is None and standin(batches["tree"]) is not None
+    assert coarsened(batches["tree"]) is None and reduced(batches["tree"]) is not None
 
 
 def test_a_river_ends_beyond_the_bounds_and_a_sea_does_not() -> None:
-    river = build_plate(town())
+    river = build_town_ground(town())
     assert 500.0 < np.abs(river.waters[0][1].vertices["position"][:, 0]).max() < 1000.0
     coast = Water(polygon=box(-500, -500, 500, -40), level_m=-1.5)
-    sea = build_plate(town(waters=(coast,)))
+    sea = build_town_ground(town(waters=(coast,)))
     assert np.abs(sea.waters[0][1].vertices["position"][:, 1]).max() > 0.9 * REACH_M
 
 
 def test_lands_and_ground_are_cut_into_cells_that_hold_them_whole() -> None:
-    plate = build_plate(shore())
+    town_ground = build_town_ground(shore())
     for part, ranges, boxes in (
-        (plate.lands, plate.land_ranges, plate.land_boxes),
-        (build_plate(town()).ground, build_plate(town()).ranges, build_plate(town()).boxes),
+        (town_ground.lands, town_ground.land_ranges, town_ground.land_boxes),
+        (build_town_ground(town()).ground, build_town_ground(town()).ranges, build_town_ground(town()).boxes),
     ):
         assert len(ranges) > 100
         assert ranges[:, 1].sum() == len(part.index)

@@ -8,10 +8,10 @@ import numpy.typing as npt
 import pytest
 
 from lingjing.dsl import compile_text
-from lingjing.engines.camera.beyond import SPAN_M, build_beyond
 from lingjing.engines.camera.classes import CLASSES
 from lingjing.engines.camera.engine import CameraEngine
-from lingjing.engines.camera.plate import build_plate
+from lingjing.engines.camera.surroundings import SPAN_M, build_surroundings
+from lingjing.engines.camera.town_ground import build_town_ground
 from lingjing.mission.instance import CameraSpec, Instance
 from lingjing.mission.instantiate import instantiate
 from lingjing.plugins.engine import Frame
@@ -165,7 +165,7 @@ def test_a_land_goes_on_the_way_its_borders_run_out() -> None:
     pier = Land(polygon=box(150, -50, 450, 50), top_m=0.0, surface="concrete")
     city = City(id="c", origin=(31.0, 121.5), bounds=(-500.0, -500.0, 500.0, 500.0), waters=(sea,),
                 lands=(Land(polygon=coast, top_m=0.0, surface="grass"), pier))  # fmt: skip
-    found = build_beyond(city, build_plate(city))
+    found = build_surroundings(city, build_town_ground(city))
     assert found.waters == ()
     points = found.lands.vertices["position"].astype(float)
     assert set(found.lands.vertices["id"].tolist()) == {CLASSES["grass"]} and np.ptp(points[:, 2]) == 0.0

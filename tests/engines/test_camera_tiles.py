@@ -10,12 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lingjing.engines.camera.cityscape import KEPT_TILES
-from lingjing.engines.camera.engine import CameraEngine
-from lingjing.engines.camera.light import light_of
-from lingjing.engines.camera.masonry import building
-from lingjing.engines.camera.mesh_rows import triangles
-from lingjing.engines.camera.paving import CENTRE, EDGE, areas, lanes, middles_of
-from lingjing.engines.camera.sight import (
+from lingjing.engines.camera.culling import (
     boxes_in_sight,
     casters,
     distances,
@@ -23,6 +18,11 @@ from lingjing.engines.camera.sight import (
     near_plane,
     shade_window,
 )
+from lingjing.engines.camera.engine import CameraEngine
+from lingjing.engines.camera.light import light_of
+from lingjing.engines.camera.masonry import building
+from lingjing.engines.camera.mesh_rows import triangles
+from lingjing.engines.camera.paving import CENTRE, EDGE, areas, lanes, middles_of
 from lingjing.engines.camera.view import choose
 from lingjing.mission.instance import Weather
 from lingjing.plugins.geometry import world_to_pixel
@@ -68,7 +68,7 @@ def test_the_shadow_window_holds_the_ground_in_sight(
 
 
 def town_of_squares(tallest_m: float) -> tuple[SimpleNamespace, SimpleNamespace]:
-    """What `choose` asks of a skyline and a plate: squares of 250 m over 3 km, one of them with a tower."""
+    """What `choose` asks of a skyline and a ground: squares of 250 m over 3 km, one of them with a tower."""
     keys = [(column, row) for column in range(-6, 6) for row in range(-6, 6)]
     boxes = np.array([(250.0 * c, 250.0 * r, 0.0, 250.0 * c + 250.0, 250.0 * r + 250.0, 12.0 + (7 * c + 5 * r) % 40)
                       for c, r in keys])  # fmt: skip
@@ -82,15 +82,17 @@ def town_of_squares(tallest_m: float) -> tuple[SimpleNamespace, SimpleNamespace]
 @pytest.mark.parametrize("up", [60.0, 150.0, 260.0, 280.0, 300.0, 405.0, 430.0, 520.0, 545.0, 570.0, 700.0, 1400.0])
 def test_a_picture_from_straight_above_has_one_level_of_detail(up: float, tallest_m: float) -> None:
     """No edge between a street drawn in full and one painted, in grain or in details, stands in it."""
-    sky, plate = town_of_squares(tallest_m)
+    sky, town_ground = town_of_squares(tallest_m)
     light = light_of(Weather(), up)
     pose = CameraPose(position=(100.0, 60.0, up), heading_deg=20.0, tilt_deg=90.0)
-    view = choose(sky, plate, pose, 10_000.0, light)
+    view = choose(sky, town_ground, pose, 10_000.0, light)
     seen = {key for key, shown in zip(sky.keys, boxes_in_sight(sky.boxes, pose), strict=True) if shown}
     assert len(seen) > 1 or up < 100.0
     assert set(view.full) in (seen, set()) and len(view.full) <= KEPT_TILES
     assert view.detailed in (set(view.full), set()) and view.blunt in (set(view.full), set())
-    far = choose(sky, plate, msgspec.structs.replace(pose, position=(0.0, 0.0, 60.0), tilt_deg=5.0), 10_000.0, light)
+    far = choose(
+        sky, town_ground, msgspec.structs.replace(pose, position=(0.0, 0.0, 60.0), tilt_deg=5.0), 10_000.0, light
+    )
     assert 0 < len(far.full) < len(sky.keys) // 2, "ahead, what is far off is drawn less finely"
 
 

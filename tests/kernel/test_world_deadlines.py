@@ -64,7 +64,7 @@ def faulty(fault, *, engine_s=ENGINE_S):
 def test_what_an_engine_waits_for_a_processor_is_not_its_own(world, crowd):
     """It computes for eight tenths of a second in ten macro-steps, with a quarter of a processor: three on the wall."""
     world.reset(faulty("burn"), toys.CITY)
-    pid = world._staff.world.pid
+    pid = world._workers.world.pid
     crowd(pid)
     own = OwnDeadline(pid, 3600.0, watched=True)
     assert world.step(1, ()).tick == 1
@@ -75,14 +75,14 @@ def test_what_an_engine_waits_for_a_processor_is_not_its_own(world, crowd):
 
 def test_a_spinning_engine_in_a_queue_is_killed(world, crowd):
     world.reset(faulty("spin", engine_s=0.3), toys.CITY)
-    crowd(world._staff.world.pid)
+    crowd(world._workers.world.pid)
     with pytest.raises(InfrastructureError, match=r"engine `toy_b` \(advance\) did not answer within 0.3 s"):
         world.step(1, ())
 
 
 def test_a_stopped_worker_is_killed(world, crowd):
     world.reset(faulty("none", engine_s=0.3), toys.CITY)
-    pid = world._staff.world.pid
+    pid = world._workers.world.pid
     crowd(pid)
     os.kill(pid, signal.SIGSTOP)
     with pytest.raises(InfrastructureError, match=r"the world process did not answer within 0.3 s"):
@@ -92,7 +92,7 @@ def test_a_stopped_worker_is_killed(world, crowd):
 def test_a_picture_in_a_queue_is_not_late(world, crowd):
     ant = toys.entity("ant", "toy_a", cameras=(toys.camera(),), fault="burn_much", fault_at=0.0, fault_in="camera")
     ready = world.reset(toys.instance(ant, capture_s=ENGINE_S), toys.CITY)
-    camera = world._staff.camera.worker.pid
+    camera = world._workers.camera.worker.pid
     crowd(camera)
     states = ready.snapshots[-1].states
     answers = [world.capture(0, [toys.request(0, f"f{number}")], states)[0] for number in range(1)]

@@ -135,7 +135,7 @@ def test_the_world_process_with_real_engines_has_one_thread_and_no_graphics(epis
     world = open_world("process")
     world.reset(*episode)
     world.step(1, orders(1))
-    pid = world._staff.world.pid
+    pid = world._workers.world.pid
     assert len(list(Path(f"/proc/{pid}/task").iterdir())) == 1
     maps = Path(f"/proc/{pid}/maps").read_text()
     assert not [name for name in ("/cv2/", "libEGL", "libGL.", "/moderngl/") if name in maps]

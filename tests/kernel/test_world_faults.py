@@ -85,8 +85,8 @@ def played(world, instance, folder, progress=None):
 
 
 def workers(world):
-    staff = world._staff
-    return [worker.pid for worker in (staff.world, staff.camera.worker if staff.camera else None) if worker]
+    workers = world._workers
+    return [worker.pid for worker in (workers.world, workers.camera.worker if workers.camera else None) if worker]
 
 
 def children():

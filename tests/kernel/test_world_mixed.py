@@ -38,7 +38,7 @@ def test_one_thread_and_a_fork_that_goes_on_to_the_last_bit(world, city):
     assert [status.engine for status in ready.engines] == ["city", "multirotor", "quadruped", "road", "vessel"]
     played(world, instance, (1, 2))
     twin = world.fork()
-    pids = [one._staff.world.pid for one in (world, twin)]
+    pids = [one._workers.world.pid for one in (world, twin)]
     later = range(3, 3 + TICKS)
     ours = played(world, instance, later)
     assert played(twin, instance, later) == ours

@@ -36,8 +36,8 @@ def world():
 
 
 def pids(world):
-    staff = world._staff
-    return [worker.pid for worker in (staff.world, staff.camera.worker if staff.camera else None) if worker]
+    workers = world._workers
+    return [worker.pid for worker in (workers.world, workers.camera.worker if workers.camera else None) if worker]
 
 
 def is_running(pid):
@@ -488,7 +488,7 @@ def test_forks_of_a_killed_world_are_an_abort(world):
 def test_an_interrupt_in_a_step_leaves_no_stale_answer(world):
     world.reset(faulty("hang"), toys.CITY)
     seen = pids(world)
-    progress = world._staff.world._progress
+    progress = world._workers.world._progress
 
     def interrupt():
         while progress.read().call != "advance":
@@ -510,8 +510,8 @@ from lingjing.kernel.world import open_world
 world = open_world("process", plugins={toys!r}, installed=False)
 world.reset({instance}, toys.CITY)
 twin = world.fork()
-workers = [world._staff.world, world._staff.camera.worker if world._staff.camera else world._staff.world]
-print(*{{w.pid for w in [*workers, twin._staff.world]}}, flush=True)
+workers = [world._workers.world, world._workers.camera.worker if world._workers.camera else world._workers.world]
+print(*{{w.pid for w in [*workers, twin._workers.world]}}, flush=True)
 {then}
 """
 

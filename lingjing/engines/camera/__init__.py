@@ -3,16 +3,17 @@
 `context` opens OpenGL → `noise`, `ocean` (waves), `meshes` → `models` (the catalogue), `effects` (fire, smoke, spray,
 debris) and `nightlights` make what moves → `staging` (states → batches) → `instances` places and culls it.
 
-What stands: open country is `ground` (City → height fields, shore map). A town is `plate` (its ground, waters, quays),
-`skyline` (what is seen of it from afar) and, tile by tile, `tilemesh`, made by `masonry` (buildings), `paving` (roads
-and areas) and `spans` (bridges, pipes, solids) of `mesh_rows`; `beyond` is the country and the sea around it. `sight`
-picks the tiles of a picture and the window of its shadow map, `view` how finely each is drawn, `cityscape` holds them
-on the GPU, `facing` orders their walls, `standins` are what is small in them, `looks` gathers their props by mesh.
+What stands: open country is `ground` (City → height fields, shore map). A town is `town_ground` (its ground, waters,
+quays), `skyline` (what is seen of it from afar) and, tile by tile, `tilemesh`, made by `masonry` (buildings), `paving`
+(roads and areas) and `spans` (bridges, pipes, solids) of `mesh_rows`; `surroundings` is the country and the sea around
+it. `culling` picks the tiles of a picture and the window of its shadow map, `view` how finely each is drawn,
+`cityscape` holds them on the GPU, `facing` orders their walls, `reduced_meshes` are what is small in them, `looks`
+gathers their props by mesh.
 
 `light` (weather → light), `uniforms`, `shaders`, `city_shaders` (sources that `programs` builds), `upload`, `targets`,
-`draw` turn a pose into buffers → `boxes`, `classes` read them, `contrast` measures how visible
-a target is and `withheld` takes out what is hidden or too faint → `engine` answers the kernel. In: the city once, the
-states of all entities and of background traffic at each boundary. Out: `Frame`s. Invariants: pictures depend on nothing
-but their inputs, whichever tiles are held; ids are written by solid things only (no foam, shadow, smoke or rain); boxes
-come from the id buffer, never from projected geometry; what a picture costs does not grow with the city.
+`draw` turn a pose into buffers → `boxes`, `classes` read them, `contrast` measures how visible a target is and
+`withheld` takes out what is hidden or too faint → `engine` answers the kernel. In: the city once, the states of all
+entities and of background traffic at each boundary. Out: `Frame`s. Invariants: pictures depend on nothing but their
+inputs, whichever tiles are held; ids are written by solid things only (no foam, shadow, smoke or rain); boxes come from
+the id buffer, never from projected geometry; what a picture costs does not grow with the city.
 """

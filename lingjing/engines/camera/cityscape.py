@@ -18,8 +18,14 @@ import numpy.typing as npt
 
 from lingjing.engines.camera import city_shaders as shaders
 from lingjing.engines.camera import programs
-from lingjing.engines.camera.beyond import build_beyond
 from lingjing.engines.camera.classes import FIRST_ENTITY
+from lingjing.engines.camera.culling import (
+    Window,
+    boxes_in_sight,
+    distances,
+    light_matrix,
+    near_plane,
+)
 from lingjing.engines.camera.effects import SHOWING, Dress
 from lingjing.engines.camera.facing import Walls, planes_of, walls_of
 from lingjing.engines.camera.instances import Batch, prop_batches
@@ -27,16 +33,10 @@ from lingjing.engines.camera.light import Light
 from lingjing.engines.camera.mesh_rows import LAYOUT, Index, Part, empty
 from lingjing.engines.camera.nightlights import lamp_heads
 from lingjing.engines.camera.paving import middles_of
-from lingjing.engines.camera.plate import build_plate
-from lingjing.engines.camera.sight import (
-    Window,
-    boxes_in_sight,
-    distances,
-    light_matrix,
-    near_plane,
-)
 from lingjing.engines.camera.skyline import Skyline, build_skyline
+from lingjing.engines.camera.surroundings import build_surroundings
 from lingjing.engines.camera.tilemesh import CASTERS, TileMesh, Under, crossings_of, mesh_tile
+from lingjing.engines.camera.town_ground import build_town_ground
 from lingjing.engines.camera.view import MAPPED_FROM, View, choose
 from lingjing.plugins.geometry import focal_px
 from lingjing.scene.city import City, Pieces, Prop, Tile
@@ -129,15 +129,15 @@ class Cityscape:
         self._residents: OrderedDict[tuple[Key, int], Resident] = OrderedDict()
         self._differing: tuple[frozenset[Key], ...] = (frozenset(),)
         self.worn = 0
-        self.plate = build_plate(city)
+        self.town_ground = build_town_ground(city)
         self._blocks = self._upload("wall", self._skyline.blocks, casts=False)
         self._block_planes = planes_of(self._skyline.blocks)
         self._skyline = replace(self._skyline, blocks=empty())
-        self._ground = self._upload("ground", self.plate.ground, casts=False)
-        self._quays = self._upload("plain", self.plate.quays, casts=False)
-        self._lands = self._upload("paving", self.plate.lands, casts=False)
-        self.beyond = build_beyond(city, self.plate)
-        self._far_lands = self._upload("paving", self.beyond.lands, casts=False)
+        self._ground = self._upload("ground", self.town_ground.ground, casts=False)
+        self._quays = self._upload("plain", self.town_ground.quays, casts=False)
+        self._lands = self._upload("paving", self.town_ground.lands, casts=False)
+        self.surroundings = build_surroundings(city, self.town_ground)
+        self._far_lands = self._upload("paving", self.surroundings.lands, casts=False)
         self._map = context.texture(self._skyline.map.shape[1::-1], 3, self._skyline.map.tobytes())
         self._map.repeat_x = self._map.repeat_y = False
         self._map.build_mipmaps()
@@ -170,7 +170,7 @@ class Cityscape:
 
     def view(self, pose: CameraPose, visibility_m: float, light: Light) -> View:
         """What a picture needs."""
-        return choose(self._skyline, self.plate, pose, visibility_m, light)
+        return choose(self._skyline, self.town_ground, pose, visibility_m, light)
 
     def _closest(self, full: tuple[Key, ...], pose: CameraPose) -> float:
         """A lower bound of the distance to anything that stands still and is in sight."""

@@ -17,10 +17,10 @@ import numpy as np
 import numpy.typing as npt
 
 from lingjing.engines.camera import city_shaders, programs, shaders, uniforms
-from lingjing.engines.camera.beyond import HIGH_M, SPAN_M
 from lingjing.engines.camera.cityscape import TOUCHING_M, Cityscape
 from lingjing.engines.camera.classes import CLASSES
 from lingjing.engines.camera.context import open_context, renderer_name
+from lingjing.engines.camera.culling import blunt_from, near_plane, sky_bounds
 from lingjing.engines.camera.effects import Dress, prop_effects
 from lingjing.engines.camera.effects.drawing import EffectPass
 from lingjing.engines.camera.effects.particles import BILLBOARD, DECAL
@@ -35,8 +35,8 @@ from lingjing.engines.camera.nightlights import lamp_rows
 from lingjing.engines.camera.noise import GRAIN, cloud_texture, grain_texture, lace_texture, noise_texture
 from lingjing.engines.camera.ocean import RIPPLE_M, Surface
 from lingjing.engines.camera.ocean import SIZE as SEA_SIZE
-from lingjing.engines.camera.sight import blunt_from, near_plane, sky_bounds
-from lingjing.engines.camera.standins import standin
+from lingjing.engines.camera.reduced_meshes import reduced
+from lingjing.engines.camera.surroundings import HIGH_M, SPAN_M
 from lingjing.engines.camera.targets import MAX_TARGETS, Buffers, Place, Target, overlap
 from lingjing.engines.camera.tilemesh import Under
 from lingjing.engines.camera.upload import Model, rows_array, upload, upload_still
@@ -174,7 +174,7 @@ class Renderer:
     def _load_town(self, city: City, under: Under) -> None:
         self._town = Cityscape(self.context, city, under)
         self._surfaces = [(land, self._shaded_land(model, land)) for land, model in self._surfaces]
-        near, far = self._town.plate.waters, self._town.beyond.waters
+        near, far = self._town.town_ground.waters, self._town.surroundings.waters
         self._lakes = [self._lake_of(self._lake, *water) for water in near]
         self._far_lakes = [self._lake_of(self._far_lake, *water) for water in (*near, *far)]
 
@@ -302,7 +302,7 @@ class Renderer:
         return target
 
     def _waters(self, high: bool) -> None:
-        if self._town is None or self._town.plate.sea is not None:
+        if self._town is None or self._town.town_ground.sea is not None:
             (self._far_water_vao if high else self._water_vao).render()
         lake = self._far_lake if high else self._lake
         for level, array, _ in self._far_lakes if high else self._lakes:
@@ -351,7 +351,7 @@ class Renderer:
             return
         self._tree_shade["u_light"] = self._town.light_uniform
         for batch in merged([self._town.resident(key).props for key in view.casters]):
-            mesh = standin(batch)
+            mesh = reduced(batch)
             key = f"shade/{batch.key}"
             model, array = self._caster(key, batch.mesh if mesh is None else mesh, len(batch.rows))
             model.place(batch.rows)
@@ -448,7 +448,7 @@ class Renderer:
             "u_layer": 0.0,
             "u_rain": light.rain,
             **self._floor(),
-            "u_silt": float(self._town is not None and self._town.plate.sea is None),
+            "u_silt": float(self._town is not None and self._town.town_ground.sea is None),
         }
         told: tuple[moderngl.Program, ...] = (*self._programs, *self._effects.programs)
         if self._town is not None and view is not None:
@@ -467,7 +467,7 @@ class Renderer:
 
     def _floor(self) -> dict[str, object]:
         """What is at the horizon of an eye high up."""
-        if self._town is None or self._town.plate.sea is not None:
+        if self._town is None or self._town.town_ground.sea is not None:
             return {"u_floor": (*SEA_FLOOR, 1.0), "u_floor_is": (self._level, float(CLASSES["water"]))}
         return {"u_floor": (*GROUND_FLOOR, 0.0), "u_floor_is": (0.0, float(CLASSES["grass"]))}
 

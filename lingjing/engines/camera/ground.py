@@ -83,7 +83,7 @@ def water_level(city: City) -> float:
 
 
 def build_ground(city: City, noise: npt.NDArray[np.uint8], town: bool = False) -> Ground:
-    """All static geometry of a city; of a town only the lands that rise over its plate (`plate`), and no solids."""
+    """All static geometry of a city; of a town only the lands that rise over its `town_ground`, and no solids."""
     level = water_level(city)
     shown = msgspec.structs.replace(city, lands=tuple(land for land in city.lands if not is_flat(land)))
     surfaces = _surfaces(shown if town else city, level)

@@ -9,7 +9,7 @@ import numpy as np
 
 from lingjing.engines.camera.instances import Batch, Rows, in_sight
 from lingjing.engines.camera.meshes import Array
-from lingjing.engines.camera.standins import (
+from lingjing.engines.camera.reduced_meshes import (
     FAR_M,
     FAR_PX,
     FULL_PX,
@@ -21,8 +21,8 @@ from lingjing.engines.camera.standins import (
     TINY_PX,
     coarsened,
     plant,
+    reduced,
     slight,
-    standin,
 )
 from lingjing.plugins.geometry import focal_px
 from lingjing.trace.records import CameraPose
@@ -76,7 +76,7 @@ def looks_of(batch: Batch, pose: CameraPose, lump_m: float) -> Iterator[Look]:
     seen = in_sight(at, batch.radius, pose) & (size > LEAST_PROP_PX)
     if slight(batch):
         seen &= away <= lump_m
-    small_mesh, coarse = standin(batch), coarsened(batch)
+    small_mesh, coarse = reduced(batch), coarsened(batch)
     near = seen & (size >= FULL_PX) if small_mesh is not None else seen
     tiny = seen & ~near & (size < np.where(away > FAR_M, TINY_FAR_PX, TINY_PX))
     speck = tiny & (away > lump_m) & (size < SPECK_PX)
@@ -84,7 +84,7 @@ def looks_of(batch: Batch, pose: CameraPose, lump_m: float) -> Iterator[Look]:
     lump = far & (away > lump_m) & (size < LUMP_PX)
     for suffix, mesh, which in (
         ("", batch.mesh, near & ~far), ("/small", small_mesh, seen & ~near & ~tiny),
-        ("/tiny", standin(batch, TINY), tiny & ~speck), ("/speck", standin(batch, SPECK), speck),
+        ("/tiny", reduced(batch, TINY), tiny & ~speck), ("/speck", reduced(batch, SPECK), speck),
         ("/far", coarse, far & ~lump), ("/lump", coarsened(batch, lump=True), lump),
     ):  # fmt: skip
         if mesh is not None and which.any():

@@ -7,8 +7,8 @@ from math import hypot
 import numpy as np
 import numpy.typing as npt
 
-from lingjing.engines.camera.beyond import HIGH_M, SPAN_M
 from lingjing.engines.camera.light import Light
+from lingjing.engines.camera.surroundings import HIGH_M, SPAN_M
 from lingjing.plugins.geometry import SPACE_M, camera_axes, focal_px
 from lingjing.trace.records import CameraPose
 

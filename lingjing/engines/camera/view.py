@@ -1,6 +1,6 @@
 """What one picture shows of a city: which tiles in full and how finely, which blocks, which cells of the ground.
 
-Pure functions of the pose, the light and what the skyline and the plate say of the city, so a picture never depends on
+Pure functions of the pose, the light and what the skyline and the ground say of the city, so a picture never depends on
 what was drawn before.
 """
 
@@ -12,10 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from lingjing.engines.camera.beyond import HIGH_M
-from lingjing.engines.camera.light import Light
-from lingjing.engines.camera.plate import Plate
-from lingjing.engines.camera.sight import (
+from lingjing.engines.camera.culling import (
     Window,
     blunt_from,
     boxes_in_sight,
@@ -24,7 +21,10 @@ from lingjing.engines.camera.sight import (
     full_reach,
     shade_window,
 )
+from lingjing.engines.camera.light import Light
 from lingjing.engines.camera.skyline import Skyline
+from lingjing.engines.camera.surroundings import HIGH_M
+from lingjing.engines.camera.town_ground import TownGround
 from lingjing.plugins.geometry import focal_px
 from lingjing.scene.tiles import Key
 from lingjing.trace.records import CameraPose
@@ -76,7 +76,7 @@ class View:
         return bool(self.blunt or self.farther)
 
 
-def choose(sky: Skyline, plate: Plate, pose: CameraPose, visibility_m: float, light: Light) -> View:
+def choose(sky: Skyline, town_ground: TownGround, pose: CameraPose, visibility_m: float, light: Light) -> View:
     """What a picture needs."""
     eye = pose.position
     away = distances(sky.boxes, eye)
@@ -105,8 +105,8 @@ def choose(sky: Skyline, plate: Plate, pose: CameraPose, visibility_m: float, li
         far=_filled(blocks[:sharp]),
         farther=_filled(blocks[sharp:]),
         casters=tuple(sky.keys[k] for k in np.flatnonzero(cast).tolist()),
-        ground=_cells(plate.ranges, plate.boxes, pose, reach),
-        lands=_cells(plate.land_ranges, plate.land_boxes, pose, reach),
+        ground=_cells(town_ground.ranges, town_ground.boxes, pose, reach),
+        lands=_cells(town_ground.land_ranges, town_ground.land_boxes, pose, reach),
         window=window,
         reach_m=reach,
         high=high,

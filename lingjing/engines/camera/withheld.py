@@ -35,7 +35,7 @@ Staged = Callable[[Collection[str], int], Scenery]
 """The scenery without some entities, in one of the dresses."""
 
 CLIPPED = 0.85
-"""From this share of a near plane on another one shows that nothing lies before it (`sight.near_plane`'s reserve)."""
+"""From this share of a near plane on another one shows that nothing lies before it (`culling.near_plane`'s reserve)."""
 
 
 @dataclass(frozen=True, slots=True)

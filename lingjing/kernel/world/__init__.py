@@ -11,7 +11,7 @@ In the order in which a call meets them:
 - `stocks`      declared states that no engine keeps; `times` how long each engine has taken
 - `sensor`      the sensor engine ← `frames` (a drawn picture as it is stored)
 - `handle`      the caller's end of a worker ← `launch` (its process) ← `channel` (framing) ← `messages`, `shared`
-- `worker`      the far end, `python -m lingjing.kernel.world.worker` ← `desks` (its answer to each request)
+- `worker`      the far end, `python -m lingjing.kernel.world.worker` ← `handlers` (its answer to each request)
 - `extras`      plug-ins named on top of the installed ones, the same at both ends
 
 Invariants: both worlds report the same boundaries and pictures; a worker never outlives its caller; whatever goes

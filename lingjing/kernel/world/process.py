@@ -117,15 +117,15 @@ class _Episode:
     driver: _Driver | None = None
 
 
-class _Staff:
-    """The workers and the remote engines of a world; it can be dismissed without the world that hired it."""
+class _Workers:
+    """The workers and the remote engines of a world; they can be ended without the world that uses them."""
 
     def __init__(self, world: Worker | None = None, camera: Camera | None = None) -> None:
         self.world = world
         self.camera = camera
         self.remote: dict[str, Engine] = {}
 
-    def dismiss(self) -> None:
+    def end_all(self) -> None:
         """End everything; idempotent."""
         world, camera, remote = self.world, self.camera, self.remote
         self.world, self.camera, self.remote = None, None, {}
@@ -158,7 +158,7 @@ class ProcessWorld:
         self._host = host if host is not None else host_with(plugins, installed=installed)
         self._episode: _Episode | None = None
         self.processes: Mapping[str, Mapping[str, str]] = {}
-        self._hire(_Staff())
+        self._keep(_Workers())
 
     def reset(self, instance: Instance, city: City) -> WorldBoundary:
         """Start an episode on warm workers, or on new ones where there are none."""
@@ -170,7 +170,7 @@ class ProcessWorld:
             self._prepare(roles)
             return self._reset(_Episode(instance, roles), city)
         except BaseException:
-            self._staff.abandon_world()
+            self._workers.abandon_world()
             self._abandon_camera()
             raise
 
@@ -183,7 +183,7 @@ class ProcessWorld:
             boundary = self._step(episode, tick, tuple(commands))
         except BaseException:
             self._episode = None
-            self._staff.abandon_world()
+            self._workers.abandon_world()
             raise
         episode.tick = tick
         return boundary
@@ -195,11 +195,11 @@ class ProcessWorld:
         episode = self._playing()
         if not requests:
             return ()
-        if self._staff.camera is None or episode.cast.sensor is None:
+        if self._workers.camera is None or episode.cast.sensor is None:
             raise no_sensor()
         time_s = tick * episode.instance.clock.tick_s
         try:
-            return self._staff.camera.capture(time_s, requests, states, episode.instance.budget.capture_s)
+            return self._workers.camera.capture(time_s, requests, states, episode.instance.budget.capture_s)
         except BaseException:
             self._episode = None
             self._abandon_camera()
@@ -208,10 +208,10 @@ class ProcessWorld:
     def fork(self) -> ProcessWorld:
         """A world in a forked copy of the world process; the camera is shared. Closing either leaves the other."""
         episode = self._playing()
-        if self._staff.world is None or episode.driver is not None:
+        if self._workers.world is None or episode.driver is not None:
             names = ", ".join(episode.cast.remote) or "none"
             raise UsageError(f"a world with remote engines ({names}) cannot be forked")
-        world = self._staff.world
+        world = self._workers.world
         copy = world.fork(world.deadline(episode.instance.budget.engine_s))
         twin = ProcessWorld(
             plugins=self._recipe.plugins,
@@ -220,10 +220,10 @@ class ProcessWorld:
             quality=self._recipe.quality,
             host=self._host,
         )
-        camera = self._staff.camera
+        camera = self._workers.camera
         if camera is not None:
             camera.worker.share()
-        twin._hire(_Staff(copy, camera))
+        twin._keep(_Workers(copy, camera))
         twin._episode = _Episode(episode.instance, episode.cast, episode.tick)
         twin.processes = self.processes
         return twin
@@ -231,11 +231,11 @@ class ProcessWorld:
     def close(self) -> None:
         """End the workers and the remote engines; idempotent. Forks of this world live on."""
         self._episode = None
-        self._staff.dismiss()
+        self._workers.end_all()
 
-    def _hire(self, staff: _Staff) -> None:
-        self._staff = staff
-        weakref.finalize(self, staff.dismiss)
+    def _keep(self, workers: _Workers) -> None:
+        self._workers = workers
+        weakref.finalize(self, workers.end_all)
 
     def _playing(self) -> _Episode:
         if self._episode is None:
@@ -244,16 +244,16 @@ class ProcessWorld:
 
     def _recruit(self, roles: Cast) -> None:
         """Have the workers that this episode needs; they come up side by side."""
-        staff = self._staff
-        staff.world = self._fit(staff.world)
-        if roles.local and staff.world is None:
-            staff.world = self._start("world")
-        camera = staff.camera
+        workers = self._workers
+        workers.world = self._fit(workers.world)
+        if roles.local and workers.world is None:
+            workers.world = self._start("world")
+        camera = workers.camera
         if camera is not None and (not camera.worker.alive or camera.busy or camera.worker.users > 1):
             _let_go(camera)
-            staff.camera = None
-        if roles.sensor is not None and staff.camera is None:
-            staff.camera = Camera(self._start("camera"))
+            workers.camera = None
+        if roles.sensor is not None and workers.camera is None:
+            workers.camera = Camera(self._start("camera"))
 
     def _fit(self, worker: Worker | None) -> Worker | None:
         """The worker if it can play another episode: alive and nobody's copy or original."""
@@ -266,31 +266,31 @@ class ProcessWorld:
         return Worker.start(place, self._recipe)
 
     def _prepare(self, roles: Cast) -> None:
-        staff = self._staff
-        old, staff.remote = staff.remote, {}
+        workers = self._workers
+        old, workers.remote = workers.remote, {}
         _warn(close_engines(old))
         waiting: list[tuple[Worker, OwnDeadline]] = []
-        if staff.camera is not None and roles.sensor is not None:
-            waiting.append(_sent(staff.camera.worker, Prepare(engines=(roles.sensor,))))
-        if staff.world is not None:
-            waiting.append(_sent(staff.world, Prepare(engines=roles.local)))
-        staff.remote = start_engines(self._host, roles.remote)
+        if workers.camera is not None and roles.sensor is not None:
+            waiting.append(_sent(workers.camera.worker, Prepare(engines=(roles.sensor,))))
+        if workers.world is not None:
+            waiting.append(_sent(workers.world, Prepare(engines=roles.local)))
+        workers.remote = start_engines(self._host, roles.remote)
         for worker, deadline in waiting:
             _warn(worker.expect(Ready, deadline).problems)
 
     def _reset(self, episode: _Episode, city: City) -> WorldBoundary:
-        staff, roles, instance = self._staff, episode.cast, episode.instance
+        workers, roles, instance = self._workers, episode.cast, episode.instance
         coupled = not roles.remote and bool(roles.local)
         reset = Reset(instance=instance, city=city, coupled=coupled)
         processes: dict[str, dict[str, str]] = {}
         drawing = None
-        if staff.camera is not None and roles.sensor is not None:
-            drawing = _sent(staff.camera.worker, reset)
-        if staff.world is not None and roles.local:
-            worker, deadline = _sent(staff.world, reset)
+        if workers.camera is not None and roles.sensor is not None:
+            drawing = _sent(workers.camera.worker, reset)
+        if workers.world is not None and roles.local:
+            worker, deadline = _sent(workers.world, reset)
             processes["world"] = worker.expect(Ready, deadline).taken
-        if coupled and staff.world is not None:
-            boundary = staff.world.ask(Begin(), Stepped, staff.world.deadline(instance.budget.engine_s)).boundary
+        if coupled and workers.world is not None:
+            boundary = workers.world.ask(Begin(), Stepped, workers.world.deadline(instance.budget.engine_s)).boundary
         else:
             episode.driver = self._driver(episode, city)
             boundary = episode.driver.reset()
@@ -301,9 +301,9 @@ class ProcessWorld:
         return boundary
 
     def _driver(self, episode: _Episode, city: City) -> _Driver:
-        world, roles, instance = self._staff.world, episode.cast, episode.instance
+        world, roles, instance = self._workers.world, episode.cast, episode.instance
         allowed_s, times = instance.budget.engine_s, EngineTimes()
-        parts: list[Part] = [Ensemble(instance, city, self._staff.remote, times.enter)]
+        parts: list[Part] = [Ensemble(instance, city, self._workers.remote, times.enter)]
         far = None
         if roles.local and world is not None:
             far = _FarPart(world, roles.local, allowed_s, times)
@@ -313,14 +313,14 @@ class ProcessWorld:
     def _step(self, episode: _Episode, tick: int, commands: tuple[Command, ...]) -> WorldBoundary:
         if episode.driver is not None:
             return episode.driver.step(tick, commands)
-        world = self._staff.world
+        world = self._workers.world
         if world is None:
             raise no_episode()
         deadline = world.deadline(episode.instance.budget.engine_s)
         return world.ask(Step(tick=tick, commands=commands), Stepped, deadline).boundary
 
     def _abandon_camera(self) -> None:
-        camera, self._staff.camera = self._staff.camera, None
+        camera, self._workers.camera = self._workers.camera, None
         if camera is None:
             return
         if camera.worker.users == 1:

@@ -24,8 +24,8 @@ from typing import NoReturn
 from lingjing.errors import LingjingError
 from lingjing.kernel.world.channel import Channel, ChannelClosedError, Packet
 from lingjing.kernel.world.deadlines import WallDeadline
-from lingjing.kernel.world.desks import CameraDesk, Desk, WorldDesk
 from lingjing.kernel.world.extras import host_with
+from lingjing.kernel.world.handlers import CameraHandler, RequestHandler, WorldHandler
 from lingjing.kernel.world.messages import (
     Close,
     Closed,
@@ -81,7 +81,7 @@ def main() -> NoReturn:
     os.close(options.progress)
     post = Post(Channel(socket.socket(fileno=options.fd)), progress, options.parent)
     signal.signal(signal.SIGCHLD, post.reap)
-    _serve(_desk(options, progress), post)
+    _serve(_handler(options, progress), post)
 
 
 def _options() -> argparse.Namespace:
@@ -96,18 +96,18 @@ def _options() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def _desk(options: argparse.Namespace, progress: Progress) -> Desk:
+def _handler(options: argparse.Namespace, progress: Progress) -> RequestHandler:
     plugins = tuple(options.plugin)
 
     def find_host() -> PluginHost:
         return host_with(plugins, installed=not options.bare)
 
     if options.place == "camera":
-        return CameraDesk(find_host, progress, options.quality)
-    return WorldDesk(find_host, progress)
+        return CameraHandler(find_host, progress, options.quality)
+    return WorldHandler(find_host, progress)
 
 
-def _serve(desk: Desk, post: Post) -> NoReturn:
+def _serve(handler: RequestHandler, post: Post) -> NoReturn:
     while True:
         packet = _next(post)
         request = decoded_request(packet.payload)
@@ -115,13 +115,13 @@ def _serve(desk: Desk, post: Post) -> NoReturn:
             _fork(post, packet)
             continue
         if isinstance(request, Close):
-            _leave(desk, post)
-        _attempt(desk, post, request)
+            _leave(handler, post)
+        _attempt(handler, post, request)
 
 
-def _attempt(desk: Desk, post: Post, request: Request) -> None:
+def _attempt(handler: RequestHandler, post: Post, request: Request) -> None:
     try:
-        for reply, descriptors in desk.answer(request):
+        for reply, descriptors in handler.answer(request):
             post.reply(reply, descriptors)
         post.progress.rest()
     except ChannelClosedError:
@@ -144,8 +144,8 @@ def _next(post: Post) -> Packet:
             os._exit(0)
 
 
-def _leave(desk: Desk, post: Post) -> NoReturn:
-    problems = desk.close()
+def _leave(handler: RequestHandler, post: Post) -> NoReturn:
+    problems = handler.close()
     with contextlib.suppress(ChannelClosedError):  # nobody may be left to tell
         post.reply(Closed(problems=problems))
     sys.stdout.flush()

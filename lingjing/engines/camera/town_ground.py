@@ -40,7 +40,7 @@ Divided = tuple[Part, npt.NDArray[np.int64], npt.NDArray[np.float64]]
 
 
 @dataclass(frozen=True, slots=True)
-class Plate:
+class TownGround:
     """`ground` (flat) in cells of `ranges` (n, 2), first index and count, that `boxes` (n, 6) hold; so are `lands`,
     painted on it; `quays` (walls), `waters` by level; `sea`: the level of a water that is everywhere, or None."""
 
@@ -55,13 +55,13 @@ class Plate:
     sea: float | None
 
 
-def build_plate(city: City) -> Plate:
+def build_town_ground(city: City) -> TownGround:
     """The ground and the waters of a city."""
     bounds = shapely.box(*city.bounds)
     shapes = [shape_of(water) for water in city.waters]
     for water, shape in zip(city.waters, shapes, strict=True):
         if bounds.difference(shape).area < 1.0:
-            return Plate(*_cells([]), *_lands(city), _edges(city, water.level_m), (), water.level_m)
+            return TownGround(*_cells([]), *_lands(city), _edges(city, water.level_m), (), water.level_m)
     wet = shapely.union_all(shapes).intersection(bounds)
     ground = bounds.difference(wet)
     pieces = _pieces(ground, _grid(city.bounds))
@@ -71,7 +71,7 @@ def build_plate(city: City) -> Plate:
     outside = _pieces(around.difference(shapely.union_all(beyond)) if shapes else around, _sides(city.bounds))
     quays = [walls(ring, level - BED_M, 0.0, QUAY, CLASSES["concrete"], inwards=k > 0)
              for rings in polygons(ground) for k, ring in enumerate(rings)] if shapes else []  # fmt: skip
-    return Plate(*_cells([*pieces, *outside]), *_lands(city), joined(quays), _waters(city, shapes, beyond), None)
+    return TownGround(*_cells([*pieces, *outside]), *_lands(city), joined(quays), _waters(city, shapes, beyond), None)
 
 
 def _grid(bounds: Bounds) -> list[Bounds]:

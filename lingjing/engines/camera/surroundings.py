@@ -1,8 +1,8 @@
 """What an eye high over a city sees of the country and the sea around it, as far as there is anything to see.
 
-The plate of a city ends `plate.REACH_M` away, and its lands where the scene cut them off: enough for an eye in the air,
-an island in the sky for one in orbit. Here all of it goes on: a land that leaves the bounds runs on the way its borders
-run out, ground and sea spread as they do on the plate. Drawn only for eyes above `HIGH_M`.
+The ground of a city ends `town_ground.REACH_M` away, its lands where the scene cut them off: enough for an eye in the
+air, an island in the sky for one in orbit. Here all of it goes on: a land that leaves the bounds runs on the way its
+borders run out, ground and sea spread as they do in the city. Drawn only for eyes above `HIGH_M`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from lingjing.engines.camera.classes import CLASSES
 from lingjing.engines.camera.ground import is_flat
 from lingjing.engines.camera.mesh_rows import Part, joined, polygons, sheet
 from lingjing.engines.camera.paving import SURFACES, surface_id
-from lingjing.engines.camera.plate import Plate, outwards, shape_of
+from lingjing.engines.camera.town_ground import TownGround, outwards, shape_of
 from lingjing.scene.city import City, Land
 
 HIGH_M = 3000.0
@@ -30,25 +30,25 @@ LEAVES_M = -1.0
 LAP_M = 40.0
 """How far what goes on laps over what it goes on from, so that no gap shows between them."""
 OVER = 3.0
-"""The layer of country: over the plate's own ground, which is no country."""
+"""The layer of country: over the city's own ground, which is no country."""
 
 
 @dataclass(frozen=True, slots=True)
-class Beyond:
-    """`lands` (flat) around the plate's own, `waters` by level that reach farther than the plate's."""
+class Surroundings:
+    """`lands` (flat) around the city's own, `waters` by level that reach farther than the city's."""
 
     lands: Part
     waters: tuple[tuple[float, Part], ...]
 
 
-def build_beyond(city: City, plate: Plate) -> Beyond:
+def build_surroundings(city: City, town_ground: TownGround) -> Surroundings:
     """The country and the waters around a city."""
     bounds = shapely.box(*city.bounds)
     cut = [(land, shape) for land in reversed(city.lands) for shape in _onward(city, land)]
     lands = [_flat(shape.difference(bounds).difference(_own(land).buffer(-LAP_M)), land.surface, land.top_m)
              for land, shape in cut]  # fmt: skip
-    if plate.sea is not None:
-        return Beyond(joined(lands), ())
+    if town_ground.sea is not None:
+        return Surroundings(joined(lands), ())
     far = [outwards(city, shape_of(water), SPAN_M) for water in city.waters]
     flat = [_own(land) for land in city.lands if is_flat(land)]
     around = shapely.box(-SPAN_M, -SPAN_M, SPAN_M, SPAN_M).difference(bounds)
@@ -58,7 +58,7 @@ def build_beyond(city: City, plate: Plate) -> Beyond:
         parts = [sheet(rings, water.level_m, (0.0, 0.0, 0.0), CLASSES["water"]) for rings in polygons(shape)]
         levels.setdefault(water.level_m, []).extend(parts)
     waters = tuple((level, joined(parts)) for level, parts in sorted(levels.items()) if parts)
-    return Beyond(joined([*lands, _flat(around, "grass", 0.0)]), waters)
+    return Surroundings(joined([*lands, _flat(around, "grass", 0.0)]), waters)
 
 
 def _own(land: Land) -> shapely.Geometry:
@@ -94,4 +94,4 @@ def _flat(shape: shapely.Geometry, surface: str, height: float) -> Part:
     return joined(sheet(rings, height, colour, number, style=style, layer=OVER) for rings in polygons(shape))
 
 
-__all__ = ["HIGH_M", "SPAN_M", "Beyond", "build_beyond"]
+__all__ = ["HIGH_M", "SPAN_M", "Surroundings", "build_surroundings"]

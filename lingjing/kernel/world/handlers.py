@@ -1,4 +1,4 @@
-"""What a worker does with a request: the desk of the world process and the desk of the camera process."""
+"""What a worker does with a request: the handler of the world process and the handler of the camera process."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ Answer = tuple[Message, tuple[int, ...]]
 """A reply and the descriptors that go with it; who yields it closes them after it was sent."""
 
 
-class Desk(Protocol):
+class RequestHandler(Protocol):
     """A worker's trade."""
 
     def answer(self, request: Request) -> Iterator[Answer]:
@@ -79,7 +79,7 @@ class _Engines:
         return close_engines(engines, self._progress.enter)
 
 
-class WorldDesk:
+class WorldHandler:
     """Motion engines: whole ticks when they are all here, single macro-steps when the caller hosts some too.
 
     Each episode gets fresh engine objects, so that nothing carries over but what was imported.
@@ -129,7 +129,7 @@ class WorldDesk:
         return Stepped(boundary=self._conductor.reset())
 
 
-class CameraDesk:
+class CameraHandler:
     """The sensor engine: pictures are drawn, encoded and handed over one by one, each as soon as it is there.
 
     One engine object stays from episode to episode with its graphics context: a picture depends on nothing before it.

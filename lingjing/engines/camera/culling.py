@@ -13,7 +13,7 @@ from math import hypot
 import numpy as np
 import numpy.typing as npt
 
-from lingjing.engines.camera.beyond import HIGH_M
+from lingjing.engines.camera.surroundings import HIGH_M
 from lingjing.plugins.geometry import camera_axes, focal_px
 from lingjing.trace.records import CameraPose
 

@@ -36,7 +36,7 @@ class Fineness(NamedTuple):
 SMALL, TINY, SPECK = Fineness(4, 7, 0.94, True), Fineness(3, 4, 0.94, False), Fineness(2, 4, 0.94 * SPECK_WIDER, False)
 
 
-def standin(batch: Batch, fineness: Fineness = SMALL) -> Array | None:
+def reduced(batch: Batch, fineness: Fineness = SMALL) -> Array | None:
     """A few triangles in the shape and the colours of a plant; None for what has no stand-in."""
     if not plant(batch) or len(batch.mesh) < 240:
         return None
