@@ -5,12 +5,12 @@ import math
 import msgspec
 import numpy as np
 import pytest
-from lingjing_agents.heuristic.guide_home import HomeGuide
+from lingjing_agents.heuristic.guide.home import HomeGuide
 from lingjing_agents.heuristic.homes import View, find_walls, reference_signature
 from lingjing_agents.heuristic.policy import rules_for
 from lingjing_agents.heuristic.route_coordinator import RouteCoordinator
-from lingjing_agents.heuristic.walk_map import Bounds
-from lingjing_agents.heuristic.walk_plan import Ground, fewest_commands, ground_of
+from lingjing_agents.heuristic.walker.occupancy import Bounds
+from lingjing_agents.heuristic.walker.plan import Ground, fewest_commands, ground_of
 
 from agents.tests.agent_kit import (
     ASSIGNMENT,

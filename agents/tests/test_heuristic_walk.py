@@ -5,18 +5,18 @@ import math
 import numpy as np
 import pytest
 from lingjing_agents.capability import photo
-from lingjing_agents.heuristic.dog_facade import Facade
-from lingjing_agents.heuristic.guide_pilot import GuidingPilot
+from lingjing_agents.heuristic.guide.pilot import GuidingPilot
 from lingjing_agents.heuristic.policy import rules_for
-from lingjing_agents.heuristic.walk_executor import Executor
-from lingjing_agents.heuristic.walk_fires import Fires
-from lingjing_agents.heuristic.walk_legs import Legs
-from lingjing_agents.heuristic.walk_map import Bounds, WalkMap
-from lingjing_agents.heuristic.walk_navigator import Belief, where_to_look
-from lingjing_agents.heuristic.walk_rules import Walking
-from lingjing_agents.heuristic.walk_searcher import WalkingSearcher
-from lingjing_agents.heuristic.walk_views import OTHERS_M, Views
-from lingjing_agents.heuristic.walk_way import Way
+from lingjing_agents.heuristic.walker.executor import Executor
+from lingjing_agents.heuristic.walker.facade import Facade
+from lingjing_agents.heuristic.walker.fires import Fires
+from lingjing_agents.heuristic.walker.legs import Legs
+from lingjing_agents.heuristic.walker.navigator import Belief, where_to_look
+from lingjing_agents.heuristic.walker.occupancy import Bounds, WalkMap
+from lingjing_agents.heuristic.walker.rules import Walking
+from lingjing_agents.heuristic.walker.searcher import WalkingSearcher
+from lingjing_agents.heuristic.walker.views import OTHERS_M, Views
+from lingjing_agents.heuristic.walker.way import Way
 
 from agents.tests.agent_kit import (
     EYE,

@@ -5,12 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from lingjing_agents.heuristic.dog_facade import find_facades, look_of
-from lingjing_agents.heuristic.dog_flames import find_flames
-from lingjing_agents.heuristic.dog_walls import near_walls
-from lingjing_agents.heuristic.guide_ground import close_what_stands, heights
-from lingjing_agents.heuristic.guide_leak import find_leaks
-from lingjing_agents.heuristic.walk_map import WalkMap
+from lingjing_agents.heuristic.guide.ground import close_what_stands, heights
+from lingjing_agents.heuristic.guide.leak import find_leaks
+from lingjing_agents.heuristic.walker.facade import find_facades, look_of
+from lingjing_agents.heuristic.walker.flames import find_flames
+from lingjing_agents.heuristic.walker.occupancy import WalkMap
+from lingjing_agents.heuristic.walker.walls import near_walls
 from lingjing_agents.pixels import opencv
 
 from lingjing.plugins.geometry import turn_deg

@@ -16,8 +16,8 @@ import numpy.typing as npt
 
 from lingjing.plugins.geometry import bearing_deg
 from lingjing.plugins.policy import Picture
-from lingjing_agents.heuristic.guide_ground import heights
-from lingjing_agents.heuristic.walk_map import Bounds, Place
+from lingjing_agents.heuristic.guide.ground import heights
+from lingjing_agents.heuristic.walker.occupancy import Bounds, Place
 from lingjing_agents.pixels import opencv
 
 Floats = npt.NDArray[np.float64]

@@ -9,7 +9,7 @@ from lingjing_agents.capability import exchanged, flying_camera, sends, vehicle,
 from lingjing_agents.heuristic.coordinator import Coordinator
 from lingjing_agents.heuristic.counter import Counter
 from lingjing_agents.heuristic.follower import Follower
-from lingjing_agents.heuristic.guide_pilot import GuidingPilot
+from lingjing_agents.heuristic.guide.pilot import GuidingPilot
 from lingjing_agents.heuristic.hauler import Hauler
 from lingjing_agents.heuristic.kinds import GAPS, kind_of
 from lingjing_agents.heuristic.planner import TourPlanner
@@ -18,7 +18,7 @@ from lingjing_agents.heuristic.route_coordinator import RouteCoordinator
 from lingjing_agents.heuristic.route_driver import RouteDriver
 from lingjing_agents.heuristic.route_inspector import RouteInspector
 from lingjing_agents.heuristic.searcher import Searcher
-from lingjing_agents.heuristic.walk_rules import Walking, walker
+from lingjing_agents.heuristic.walker.rules import Walking, walker
 
 
 class Rules(Protocol):

@@ -3,7 +3,7 @@
 Each new route goes to the inspector as one order a waypoint. A jam that is told of is answered with a request for
 another route as long as the limit allows. When all waypoints were told of, the driver is ordered to the route's end,
 again and again until an event says that it has arrived. Where somebody walks on from there, the inspector then looks
-down on that stretch, and the walker is led by what these pictures show (`guide_home`).
+down on that stretch, and the walker is led by what these pictures show (`guide.home`).
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import math
 
 from lingjing.plugins.policy import Brief, Datum, Decision, Envelope, Inbox, Observation, Outgoing, Peer
 from lingjing_agents.capability import compose, sends
-from lingjing_agents.heuristic.guide_home import HomeGuide
+from lingjing_agents.heuristic.guide.home import HomeGuide
 from lingjing_agents.heuristic.route_inspector import INSPECT, LOOK
 from lingjing_agents.heuristic.sightings import name_in, position_in
 

@@ -1,8 +1,8 @@
 """Which rules a walker follows: decided at the first boundary, because what it is to look for comes with the pictures.
 
-Without a camera it carries out the steps it is told (`walk_executor`); where reports may name fires it looks for flames
-(`walk_searcher`); else it goes where it is told and looks for what a reference picture shows, or just around
-(`walk_navigator`).
+Without a camera it carries out the steps it is told (`executor`); where reports may name fires it looks for flames
+(`searcher`); else it goes where it is told and looks for what a reference picture shows, or just around
+(`navigator`).
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ from typing import Protocol
 from lingjing.plugins.policy import Brief, CameraSpec, Decision, Inbox, Observation, Resource
 from lingjing_agents.capability import has_verb, may_send
 from lingjing_agents.heuristic.events import view_of
-from lingjing_agents.heuristic.walk_executor import Executor
-from lingjing_agents.heuristic.walk_navigator import Navigator
-from lingjing_agents.heuristic.walk_searcher import WalkingSearcher
+from lingjing_agents.heuristic.walker.executor import Executor
+from lingjing_agents.heuristic.walker.navigator import Navigator
+from lingjing_agents.heuristic.walker.searcher import WalkingSearcher
 
 REFERENCE = "reference"
 """The camera name of pictures that show what is looked for."""

@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from lingjing.plugins.geometry import camera_axes, focal_px
 from lingjing.plugins.policy import CameraPose
-from lingjing_agents.heuristic.walk_map import CELL_M, Place, WalkMap
+from lingjing_agents.heuristic.walker.occupancy import CELL_M, Place, WalkMap
 
 HIGH_M = 0.35
 STRIDE_PX = 6

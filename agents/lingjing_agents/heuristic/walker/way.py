@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from itertools import pairwise
 
-from lingjing_agents.heuristic.walk_map import Place, WalkMap
+from lingjing_agents.heuristic.walker.occupancy import Place, WalkMap
 
 SAME_GOAL_M = 2.0
 

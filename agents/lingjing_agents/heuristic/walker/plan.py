@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lingjing.plugins.geometry import bearing_deg, turn_deg
-from lingjing_agents.heuristic.walk_map import Bounds, Place
+from lingjing_agents.heuristic.walker.occupancy import Bounds, Place
 from lingjing_agents.pixels import opencv
 
 Mask = npt.NDArray[np.uint8]

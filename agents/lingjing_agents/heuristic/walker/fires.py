@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Literal
 
-from lingjing_agents.heuristic.walk_map import Place
+from lingjing_agents.heuristic.walker.occupancy import Place
 
 State = Literal["open", "out", "false"]
 

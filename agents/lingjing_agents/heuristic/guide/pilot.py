@@ -27,12 +27,12 @@ from lingjing.plugins.policy import (
 )
 from lingjing_agents.capability import compose, may_send, nadir_camera, rated, sends
 from lingjing_agents.heuristic.events import view_of
-from lingjing_agents.heuristic.guide_ground import close_what_stands, heights
-from lingjing_agents.heuristic.guide_leak import Leak, find_leaks
+from lingjing_agents.heuristic.guide.ground import close_what_stands, heights
+from lingjing_agents.heuristic.guide.leak import Leak, find_leaks
 from lingjing_agents.heuristic.sightings import name_in
-from lingjing_agents.heuristic.walk_map import Bounds, Place, WalkMap
-from lingjing_agents.heuristic.walk_views import inside
-from lingjing_agents.heuristic.walk_way import Way
+from lingjing_agents.heuristic.walker.occupancy import Bounds, Place, WalkMap
+from lingjing_agents.heuristic.walker.views import inside
+from lingjing_agents.heuristic.walker.way import Way
 
 STEP_M = 7.5
 """The longest walk one piece of guidance asks for."""

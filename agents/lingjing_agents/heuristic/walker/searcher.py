@@ -24,14 +24,14 @@ from lingjing.plugins.policy import (
     Resource,
 )
 from lingjing_agents.capability import compose, may_send, natural, photo
-from lingjing_agents.heuristic.dog_flames import Flames, find_flames
-from lingjing_agents.heuristic.dog_walls import near_walls
 from lingjing_agents.heuristic.events import view_of
 from lingjing_agents.heuristic.sightings import name_in, position_in
-from lingjing_agents.heuristic.walk_fires import CLOSER, Fire, Fires
-from lingjing_agents.heuristic.walk_legs import Legs
-from lingjing_agents.heuristic.walk_map import Bounds, Place, WalkMap
-from lingjing_agents.heuristic.walk_views import Views
+from lingjing_agents.heuristic.walker.fires import CLOSER, Fire, Fires
+from lingjing_agents.heuristic.walker.flames import Flames, find_flames
+from lingjing_agents.heuristic.walker.legs import Legs
+from lingjing_agents.heuristic.walker.occupancy import Bounds, Place, WalkMap
+from lingjing_agents.heuristic.walker.views import Views
+from lingjing_agents.heuristic.walker.walls import near_walls
 
 MARGIN_M = 6.0
 """Routes may leave the region by this much: dogs start outside."""

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from lingjing.plugins.geometry import bearing_deg, turn_deg
-from lingjing_agents.heuristic.walk_map import Place
+from lingjing_agents.heuristic.walker.occupancy import Place
 
 SAMPLE_M = 8.0
 PASSES_M = (36.0, 24.0, 18.0)

@@ -18,10 +18,10 @@ from lingjing.plugins.policy import Brief, Datum, EntityView, MessageSpec, Obser
 from lingjing_agents.capability import compose, sends
 from lingjing_agents.heuristic.events import view_of
 from lingjing_agents.heuristic.homes import Signature, View, Wall, find_walls, reference_signature, signature
-from lingjing_agents.heuristic.walk_map import Bounds, Place
-from lingjing_agents.heuristic.walk_navigator import FACE, WALK
-from lingjing_agents.heuristic.walk_plan import fewest_commands, ground_of
-from lingjing_agents.heuristic.walk_views import inside
+from lingjing_agents.heuristic.walker.navigator import FACE, WALK
+from lingjing_agents.heuristic.walker.occupancy import Bounds, Place
+from lingjing_agents.heuristic.walker.plan import fewest_commands, ground_of
+from lingjing_agents.heuristic.walker.views import inside
 
 REFERENCE = "reference"
 MARGIN_M = 12.0

@@ -26,13 +26,13 @@ from lingjing.plugins.policy import (
     Resource,
 )
 from lingjing_agents.capability import photo
-from lingjing_agents.heuristic.dog_facade import Facade, Look, find_facades, look_of, skyline
-from lingjing_agents.heuristic.dog_walls import near_walls
 from lingjing_agents.heuristic.events import view_of
 from lingjing_agents.heuristic.sightings import name_in, position_in
-from lingjing_agents.heuristic.walk_legs import Legs
-from lingjing_agents.heuristic.walk_map import Bounds, Place, WalkMap
-from lingjing_agents.heuristic.walk_views import Views, inside
+from lingjing_agents.heuristic.walker.facade import Facade, Look, find_facades, look_of, skyline
+from lingjing_agents.heuristic.walker.legs import Legs
+from lingjing_agents.heuristic.walker.occupancy import Bounds, Place, WalkMap
+from lingjing_agents.heuristic.walker.views import Views, inside
+from lingjing_agents.heuristic.walker.walls import near_walls
 
 GRID_M = 8.0
 ARRIVAL_M = 20.0

@@ -9,8 +9,8 @@ import math
 
 from lingjing.plugins.geometry import bearing_deg, offset_xy, turn_deg
 from lingjing.plugins.policy import Action, EntityView, Inbox, Resource
-from lingjing_agents.heuristic.walk_map import CELL_M, Place, WalkMap
-from lingjing_agents.heuristic.walk_way import Way
+from lingjing_agents.heuristic.walker.occupancy import CELL_M, Place, WalkMap
+from lingjing_agents.heuristic.walker.way import Way
 
 OBSTRUCTED = frozenset({"blocked", "unreachable"})
 OFF_DEG = 6.0
