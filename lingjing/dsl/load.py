@@ -12,7 +12,7 @@ from lingjing.dsl import Compilation, compile_file
 from lingjing.dsl.cache import compile_cached
 from lingjing.dsl.render import render_text, summary
 from lingjing.dsl.shipped import find_mission
-from lingjing.dsl.source import Source, decode_source, read_source
+from lingjing.dsl.source import Source, read_source, read_stream
 from lingjing.errors import MissionError, UsageError
 from lingjing.mission.model import Mission
 
@@ -44,7 +44,7 @@ def load_noted(path: str) -> tuple[Mission, tuple[str, ...]]:
 def source_of(path: str) -> Source:
     """The text of a file, or of standard input for `-`."""
     if path == STDIN:
-        return decode_source(sys.stdin.buffer.read(), "<stdin>")
+        return read_stream(sys.stdin.buffer, "<stdin>")
     return read_source(path)
 
 

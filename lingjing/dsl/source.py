@@ -4,15 +4,21 @@ from __future__ import annotations
 
 import os
 from bisect import bisect_right
+from typing import TYPE_CHECKING
 
 from lingjing.errors import UsageError
 from lingjing.mission.diagnostics import Span
 
+if TYPE_CHECKING:
+    from typing import BinaryIO
+
 LONGEST_LINE = 1_000_000
 """Characters. No hand and no model writes such a line; refusing it keeps every phase's memory bounded."""
 
-LARGEST_FILE = 64 * 1024 * 1024
-"""Bytes: some thirty times the largest mission the project is measured with."""
+LARGEST_FILE = 32_000_000
+"""Bytes: some fifteen times the largest mission the project is measured with."""
+
+_LARGEST = f"a mission has at most {LARGEST_FILE // 1_000_000} MB"
 
 
 class Source:
@@ -107,18 +113,26 @@ def _line_starts(text: str) -> list[int]:
     return starts
 
 
+def read_stream(file: BinaryIO, path: str) -> Source:
+    """Read what has no size before it ends, such as standard input; errors as `read_source`."""
+    return decode_source(_bounded(file, path), path)
+
+
+def _bounded(file: BinaryIO, path: str) -> bytes:
+    data = file.read(LARGEST_FILE + 1)
+    if len(data) > LARGEST_FILE:
+        raise UsageError(f"`{path}` does not end within {LARGEST_FILE // 1_000_000} MB", hint=_LARGEST)
+    return data
+
+
 def read_source(path: str) -> Source:
     """Read a file. `UsageError` names it and says why it cannot be read: missing, a folder, not text, far too large."""
     try:
         with open(path, "rb") as file:  # noqa: PTH123 - pathlib costs a tenth of the cold start
             size = os.fstat(file.fileno()).st_size
             if size > LARGEST_FILE:
-                raise UsageError(
-                    f"`{path}` has {size / 1e6:.0f} MB", hint=f"a mission has at most {LARGEST_FILE // 1_000_000} MB"
-                )
-            data = file.read(LARGEST_FILE + 1)
-            if len(data) > LARGEST_FILE:  # a device without a size
-                raise UsageError(f"`{path}` does not end", hint=f"a mission has at most {LARGEST_FILE // 1_000_000} MB")
+                raise UsageError(f"`{path}` has {size / 1e6:.1f} MB", hint=_LARGEST)
+            data = _bounded(file, path)
     except FileNotFoundError:
         raise UsageError(f"`{path}` does not exist", hint="check the spelling and the working folder") from None
     except IsADirectoryError:

@@ -229,6 +229,27 @@ def test_a_file_without_an_end_is_refused(capsys) -> None:
     assert "`/dev/zero` does not end" in capsys.readouterr().err
 
 
+def test_a_text_over_32_mb_is_refused(tmp_path: Path, capsys, monkeypatch) -> None:
+    long = tmp_path / "long.ljs"
+    with long.open("wb") as file:
+        file.truncate(32_000_001)
+    assert main(["validate", str(long)]) == 2
+    said = capsys.readouterr().err
+    assert "has 32.0 MB" in said and "at most 32 MB" in said
+    with Path("/dev/zero").open() as endless:
+        monkeypatch.setattr("sys.stdin", endless)
+        assert main(["validate", "-"]) == 2
+    assert "`<stdin>` does not end within 32 MB" in capsys.readouterr().err
+
+
+def test_a_text_of_32_mb_is_read(tmp_path: Path, capsys) -> None:
+    long = tmp_path / "long.ljs"
+    long.write_bytes((b"# " + b"a" * 7_997 + b"\n") * 4_000)
+    assert long.stat().st_size == 32_000_000
+    assert main(["validate", str(long)]) == 1
+    assert "error[LJ0106]" in capsys.readouterr().out
+
+
 def test_an_output_that_is_a_file_is_called_one(short: Path, tmp_path: Path, capsys) -> None:
     (tmp_path / "taken").write_text("mine")
     assert main(["run", str(short), "-o", str(tmp_path / "taken")]) == 2
