@@ -21,7 +21,6 @@ CAPACITIES = ("capacity_kg", "payload_kg")
 STOCK = "stock_kg"
 LOAD = "load_kg"
 _MASS = "_kg"
-_GIVES = "_gives"
 _WHOLE = "split"
 _TRIPS_MOST = 1e6
 
