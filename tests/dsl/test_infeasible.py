@@ -37,16 +37,21 @@ mission far "A far place" {
 CARGO = """\
 ljs 1
 asset truck {
-  engine = road, speed = 10 m/s, capacity = 200 kg
+  engine = road, speed = 10 m/s, capacity = 200 kg, state load = 0 kg
   verb setDestination(x: length, y: length)
 }
-target order { engine = city, state demand = 100 kg, split = true }
+target warehouse { engine = city, interaction load { by = road, within = 50 m, gives = load, up_to = capacity } }
+target order {
+  engine = city, state demand = 100 kg
+  interaction unload { by = road, within = 50 m, takes = demand, from = load }
+}
 mission cargo "One heavy order" {
   goal "Bring it."
   scene logistics { extent = 1500 m }
   clock { tick = 10 s, sync = 500 ms }
   budget { ticks <= 60 }
-  target heavy : order { position = (500 m, 0 m), demand = 250 kg, split = false }
+  target depot : warehouse { position = (0 m, 0 m) }
+  target heavy : order { position = (500 m, 0 m), demand = 50 t }
   asset van : truck { position = (0 m, 0 m), actions { setDestination } }
   agent driver as driver controls van { observes van.* }
   success when heavy.demand <= 0 kg
@@ -69,7 +74,7 @@ def test_code(small: str, code: str, old: str, new: str, line: int, column: int,
 
 @pytest.mark.parametrize(
     ("text", "code", "line", "part"),
-    [(FAR, "LJ0603", 10, "360 s of flight, `uav` can fly for 240 s"), (CARGO, "LJ0604", 12, "250 kg, not to be split")],
+    [(FAR, "LJ0603", 10, "360 s of flight, `uav` can fly for 240 s"), (CARGO, "LJ0604", 20, "50,000 kg")],
 )
 def test_codes_of_missions_of_their_own(text: str, code: str, line: int, part: str) -> None:
     (found,) = compile_text(text).diagnostics
@@ -79,7 +84,7 @@ def test_codes_of_missions_of_their_own(text: str, code: str, line: int, part: s
 
 def test_the_same_missions_are_good_once_mended() -> None:
     assert compile_text(FAR.replace("2 min", "10 min")).diagnostics == ()
-    assert compile_text(CARGO.replace(", split = false", "")).diagnostics == ()
+    assert compile_text(CARGO.replace("50 t", "250 kg")).diagnostics == ()
 
 
 def test_every_code_is_here() -> None:

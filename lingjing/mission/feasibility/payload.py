@@ -1,9 +1,8 @@
-"""Payload: what must be brought fits neither into one load nor into all the trips that there is time for.
+"""Payload: what must be brought does not fit into all the trips that there is time for.
 
 A vehicle carries at most `capacity_kg` or `payload_kg`; a target lacks its state `demand_kg`; warehouses have an
-interaction that `gives`, and may hold no more than their `stock_kg`. An order of
-250 kg does not fit into a vehicle of 200 kg and must be split, which is infeasible only if the order says
-`split = false`, or if all vehicles together cannot make the trips.
+interaction that `gives`, and may hold no more than their `stock_kg`. An order of 250 kg that does not fit into a
+vehicle of 200 kg is split among loads: it is infeasible only if all vehicles together cannot make the trips.
 """
 
 from __future__ import annotations
@@ -21,7 +20,6 @@ CAPACITIES = ("capacity_kg", "payload_kg")
 STOCK = "stock_kg"
 LOAD = "load_kg"
 _MASS = "_kg"
-_WHOLE = "split"
 _TRIPS_MOST = 1e6
 
 
@@ -33,32 +31,13 @@ def refute_supplies(leaves: Sequence[Leaf], limit: Limit, outline: Outline) -> l
     carriers = [(body, load) for body in outline.bodies.values() if (load := capacity_kg(body)) is not None]
     if not supplies or not carriers:
         return []
-    whole = [proof for supply in supplies if (proof := _unsplit(supply, carriers))]
-    return whole or [
-        proof for proof in (_stock(supplies, outline), _trips(supplies, carriers, limit, outline)) if proof
-    ]
+    return [proof for proof in (_stock(supplies, outline), _trips(supplies, carriers, limit, outline)) if proof]
 
 
 def capacity_kg(body: Body) -> float | None:
     """What the vehicle carries at most; None if it is no carrier."""
     known = [body.bounds(name)[1] for name in CAPACITIES if name in body.entity.properties]
     return max(known) if known and body.entity.role == "asset" else None
-
-
-def _unsplit(supply: Supply, carriers: list[tuple[Body, float]]) -> Proof | None:
-    """An order that must not be split and is too heavy for every vehicle."""
-    most, body = max(((load, body) for body, load in carriers), key=lambda item: item[0])
-    if supply.target.entity.properties.get(_WHOLE) is not False or not exceeds(supply.amount, most):
-        return None
-    return Proof(
-        "LJ0604",
-        supply.target.path,
-        f"nobody can carry the order of `{supply.target.id}`: {spelled(supply.amount)} kg, not to be split, "
-        f"the largest vehicle `{body.id}` carries {spelled(most)} kg",
-        "let the order be split, or use a larger vehicle",
-        ((body.path, "the vehicle"), (supply.at, "what needs it")),
-        supply.target.id,
-    )
 
 
 def _stock(supplies: list[Supply], outline: Outline) -> Proof | None:
