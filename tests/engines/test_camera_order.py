@@ -9,7 +9,7 @@ from lingjing.engines.camera.classes import CLASSES, FIRST_ENTITY, semantic_pict
 from lingjing.engines.camera.culling import sky_bounds
 from lingjing.engines.camera.facing import planes_of, walls_of
 from lingjing.engines.camera.mesh_rows import walls
-from lingjing.engines.camera.programs import active, carried, uniforms
+from lingjing.engines.camera.programs import active, carried, source, uniforms
 from lingjing.mission.instance import Entity
 from lingjing.plugins.geometry import camera_axes, focal_px
 from lingjing.trace.records import CameraPose
@@ -34,6 +34,14 @@ def test_fragments_read_varyings_in_place_of_uniforms() -> None:
 def test_lines_that_are_switched_off_are_left_out() -> None:
     source = "#define A\n#ifdef A\none\n#ifdef B\ntwo\n#else\nthree\n#endif\n#else\nfour\n#endif\n"
     assert active(source) == "#define A\none\nthree\n"
+
+
+def test_a_source_holds_what_it_includes_once_and_the_switches_first() -> None:
+    text = source("soil.frag", "WET", "JOINTED")
+    assert text.startswith("#version 330\n#define WET\n#define JOINTED\n")
+    assert "#include" not in text
+    assert text.count("vec3 sky_of(vec3 d)") == 1
+    assert "seam" in active(text) and "seam" not in active(source("soil.frag", "WET"))
 
 
 def test_walls_that_face_eye_and_sun_come_first_and_near_ones_before_far_ones() -> None:

@@ -50,9 +50,10 @@ def test_the_wheel_carries_the_library_the_missions_and_the_schemas(wheels: tupl
         shipped = {path for path in (ROOT / folder).rglob("*") if path.is_file()}
         assert shipped
         assert {f"lingjing/_data/{path.relative_to(ROOT).as_posix()}" for path in shipped} <= names
-    airframes = set((ROOT / "lingjing").rglob("*.xml"))
-    assert airframes
-    assert {path.relative_to(ROOT).as_posix() for path in airframes} <= names
+    for pattern in ("*.xml", "*.glsl"):  # airframes, shaders
+        data = set((ROOT / "lingjing").rglob(pattern))
+        assert data
+        assert {path.relative_to(ROOT).as_posix() for path in data} <= names
     assert not {name for name in names if name.startswith(("tests/", "agents/", "scenarios/"))}
 
 

@@ -10,7 +10,7 @@ it. `culling` picks the tiles of a picture and the window of its shadow map, `vi
 `cityscape` holds them on the GPU, `facing` orders their walls, `reduced_meshes` are what is small in them, `looks`
 gathers their props by mesh.
 
-`light` (weather → light), `uniforms`, `shaders`, `city_shaders` (sources that `programs` builds), `upload`, `targets`,
+`light` (weather → light), `uniforms`, `programs` (of the sources in `shaders/*.glsl`), `upload`, `targets`,
 `draw` turn a pose into buffers → `boxes`, `classes` read them, `contrast` measures how visible a target is and
 `withheld` takes out what is hidden or too faint → `engine` answers the kernel. In: the city once, the states of all
 entities and of background traffic at each boundary. Out: `Frame`s. Invariants: pictures depend on nothing but their

@@ -16,7 +16,6 @@ import moderngl
 import numpy as np
 import numpy.typing as npt
 
-from lingjing.engines.camera import city_shaders as shaders
 from lingjing.engines.camera import programs
 from lingjing.engines.camera.classes import FIRST_ENTITY
 from lingjing.engines.camera.culling import (
@@ -59,14 +58,15 @@ LARGE_BACK = 1.0
 depth of triangles that are that large is not exact enough there to tell layers from one another. Farther off it is, and
 ground that is set back would lie under the water beside it."""
 LAYERED = ("road", "paving", "soil")
-SOURCES = {
-    "wall": shaders.WALL,
-    "plain": shaders.PLAIN,
-    "road": shaders.ROAD,
-    "paving": shaders.PAVING,
-    "soil": shaders.SOIL,
-    "ground": shaders.GROUND,
+MATERIALS = {
+    "wall": "wall.frag",
+    "plain": "plain.frag",
+    "road": "road.frag",
+    "paving": "soil.frag",
+    "soil": "soil.frag",
+    "ground": "ground_of_town.frag",
 }
+"""Material → its fragments' source. A program is one material in one `Mode`, with the switches of both defined."""
 
 
 class Mode(NamedTuple):
@@ -122,7 +122,9 @@ class Cityscape:
         self._context, self._city, self._under = context, city, under
         self._dresses: tuple[Dress, ...] = (Dress(),)
         self._programs: dict[tuple[str, Mode], moderngl.Program] = {}
-        self._caster = context.program(vertex_shader=shaders.CASTER_VERTEX, fragment_shader=shaders.CASTER_FRAGMENT)
+        self._caster = context.program(
+            vertex_shader=programs.source("caster.vert"), fragment_shader=programs.source("caster.frag")
+        )
         self.tiles = Tiles(city, KEPT_PIECES)
         self._skyline: Skyline = build_skyline(city, self.tiles)
         self._number = {key: k for k, key in enumerate(self._skyline.keys)}
@@ -295,7 +297,7 @@ class Cityscape:
     def programs(self, wet: bool, night: bool, blunt: bool, high: bool) -> tuple[moderngl.Program, ...]:
         """The programs of one kind of weather; if `blunt` for what is far off as well, if `high` for country."""
         modes = [Mode(wet, night, sunlit) for sunlit in (False, True)]
-        found = [self._program(name, mode) for name in SOURCES for mode in modes]
+        found = [self._program(name, mode) for name in MATERIALS for mode in modes]
         mapped, averted = Mode(wet, night, True, mapped=True), Mode(wet, night, False, averted=True)
         if blunt:
             even = [mode._replace(even=True) for mode in (*modes, averted)]
@@ -394,11 +396,12 @@ class Cityscape:
 
     def _program(self, name: str, mode: Mode) -> moderngl.Program:
         if (name, mode) not in self._programs:
-            switches = {"layered": name in LAYERED, name: True, **mode._asdict()}
+            switches = {"layered": name in LAYERED, "jointed": name == "paving", name: True, **mode._asdict()}
+            defined = [switch.upper() for switch, on in switches.items() if on]
             self._programs[name, mode] = programs.build(
                 self._context,
-                shaders.variant(shaders.VERTEX, **switches),
-                shaders.variant(SOURCES[name], **switches),
+                programs.source("city.vert", *defined),
+                programs.source(MATERIALS[name], *defined),
             )
         return self._programs[name, mode]
 

@@ -16,7 +16,7 @@ import moderngl
 import numpy as np
 import numpy.typing as npt
 
-from lingjing.engines.camera import city_shaders, programs, shaders, uniforms
+from lingjing.engines.camera import uniforms
 from lingjing.engines.camera.cityscape import TOUCHING_M, Cityscape
 from lingjing.engines.camera.classes import CLASSES
 from lingjing.engines.camera.context import open_context, renderer_name
@@ -35,6 +35,7 @@ from lingjing.engines.camera.nightlights import lamp_rows
 from lingjing.engines.camera.noise import GRAIN, cloud_texture, grain_texture, lace_texture, noise_texture
 from lingjing.engines.camera.ocean import RIPPLE_M, Surface
 from lingjing.engines.camera.ocean import SIZE as SEA_SIZE
+from lingjing.engines.camera.programs import build, source
 from lingjing.engines.camera.reduced_meshes import reduced
 from lingjing.engines.camera.surroundings import HIGH_M, SPAN_M
 from lingjing.engines.camera.targets import MAX_TARGETS, Buffers, Place, Target, overlap
@@ -51,12 +52,12 @@ GRAINS = {"u_grain": slice(0, 4), "u_paved": slice(0, 2), "u_street": slice(2, 4
 """Which parts of the grain a texture holds: a software renderer pays for every byte that it does not need."""
 WARM_SIZE, WARM_UP_M = (320, 180), 60.0
 GRAIN_M = 64.0
-"""What the grain's texture spans (`city_shaders`)."""
+"""What the grain's texture spans (`GRAIN_M` of `city.glsl`)."""
 MIPMAPPED = moderngl.LINEAR_MIPMAP_LINEAR
 RELIEF_M = 500.0
 """No land rises higher."""
 SEA_SPAN_M = 30_000.0
-"""How far `shaders.WATER_VERTEX` spreads the sea."""
+"""How far `water.vert.glsl` spreads the sea."""
 SEA_FLOOR, GROUND_FLOOR = (0.013, 0.065, 0.08), (0.09, 0.10, 0.05)
 """Colours of sea and country at the horizon of an eye high up."""
 GROUND_CLASSES = tuple(CLASSES[name] for name in ("sand", "grass", "rock", "concrete"))
@@ -87,20 +88,19 @@ class Renderer:
     def __init__(self) -> None:
         self.context = open_context()
         self.name = renderer_name(self.context)
-        self._objects = self._pair(shaders.OBJECT_VERTEX, shaders.OBJECT_FRAGMENT)
-        self._dull = self._pair(shaders.OBJECT_VERTEX, shaders.dull(shaders.OBJECT_FRAGMENT))
-        self._grounds = {cls: self._pair(shaders.OBJECT_VERTEX, shaders.ground_fragment(cls)) for cls in GROUND_CLASSES}
-        self._water = self._program(shaders.WATER_VERTEX, shaders.WATER_FRAGMENT)
-        self._lake = self._program(shaders.LAKE_VERTEX, shaders.WATER_FRAGMENT)
-        far_water = shaders.aloft(shaders.WATER_FRAGMENT)
-        self._far_water = self._program(shaders.WATER_VERTEX, far_water)
-        self._far_lake = self._program(shaders.LAKE_VERTEX, far_water)
-        self._sky = self._program(shaders.SKY_VERTEX, shaders.SKY_FRAGMENT)
-        self._below = self._program(shaders.BELOW_VERTEX, shaders.BELOW_FRAGMENT)
-        self._shadow = self._program(shaders.SHADOW_VERTEX, shaders.SHADOW_FRAGMENT)
-        self._mark = self._program(shaders.MARK_VERTEX, shaders.MARK_FRAGMENT)
-        self._rain = self._program(shaders.SKY_VERTEX, city_shaders.RAIN_FRAGMENT)
-        self._tree_shade = self._program(city_shaders.CASTER_INSTANCED, city_shaders.CASTER_FRAGMENT)
+        self._objects = self._pair("object.frag")
+        self._dull = self._pair("object.frag", "DULL")
+        self._grounds = {cls: self._pair("ground.frag", f"SURFACE {cls}") for cls in GROUND_CLASSES}
+        self._water = self._program("water.vert", "water.frag")
+        self._lake = self._program("lake.vert", "water.frag")
+        self._far_water = self._program("water.vert", "water.frag", "ALOFT")
+        self._far_lake = self._program("lake.vert", "water.frag", "ALOFT")
+        self._sky = self._program("sky.vert", "sky.frag")
+        self._below = self._program("below.vert", "below.frag")
+        self._shadow = self._program("shadow.vert", "shadow.frag")
+        self._mark = self._program("mark.vert", "mark.frag")
+        self._rain = self._program("sky.vert", "rain.frag")
+        self._tree_shade = self._program("caster_instanced.vert", "caster.frag")
         self._effects = EffectPass(self.context)
         self._programs = (
             *self._objects, *self._dull, *(p for pair in self._grounds.values() for p in pair), self._water, self._lake,
@@ -406,16 +406,18 @@ class Renderer:
             self._targets[key] = Target(self.context, size, depth)
         return self._targets[key]
 
-    def _pair(self, vertex: str, fragment: str) -> tuple[moderngl.Program, moderngl.Program]:
-        """A program without and with shadows from the shadow map."""
+    def _pair(self, fragment: str, *defined: str) -> tuple[moderngl.Program, moderngl.Program]:
+        """A program of objects without and with shadows from the shadow map."""
         program = self.context.program  # many small triangles: varyings cost them more than uniforms
-        return (
-            program(vertex_shader=vertex, fragment_shader=fragment),
-            program(vertex_shader=shaders.shaded(vertex), fragment_shader=shaders.shaded(fragment)),
+        plain, shaded = (
+            program(vertex_shader=source("object.vert", *more), fragment_shader=source(fragment, *more))
+            for more in (defined, ("SHADED", *defined))
         )
+        return plain, shaded
 
-    def _program(self, vertex: str, fragment: str) -> moderngl.Program:
-        return programs.build(self.context, vertex, fragment)
+    def _program(self, vertex: str, fragment: str, *defined: str) -> moderngl.Program:
+        """A program with switches defined in its fragments: `ALOFT` for waters seen from high over them."""
+        return build(self.context, source(vertex), source(fragment, *defined))
 
     def _land(self, land: Land, level: float, shaded: bool = False) -> Model:
         program = self._grounds.get(land.cls, self._grounds[CLASSES["concrete"]])[shaded]

@@ -1,18 +1,33 @@
-"""GLSL sources → a program whose fragments read no uniforms: vertices hand them on as flat varyings.
+"""GLSL sources (`shaders/*.glsl`) → programs whose fragments read no uniforms: vertices hand them on as flat varyings.
 
-A software renderer checks the bounds of every uniform that a fragment reads, in every pixel: half of what a pixel of a
-street costs. A flat varying is a value of the triangle, read once for many pixels. The numbers are the same, and so
-are the pictures. Sources stay as they are written: fragments name uniforms, `carried` rewrites them.
+`source` reads a file with what it includes and defines switches in it. A software renderer checks the bounds of every
+uniform that a fragment reads, in every pixel: half of what a pixel of a street costs. A flat varying is a value of the
+triangle, read once for many pixels. The numbers are the same, and so are the pictures. Sources stay as they are
+written: fragments name uniforms, `carried` rewrites them.
 """
 
 from __future__ import annotations
 
 import re
+from functools import cache
+from importlib.resources import files
 
 import moderngl
 
+INCLUDED = re.compile(r'^#include "([\w.]+)\.glsl"$', re.MULTILINE)
 DECLARED = re.compile(r"^uniform\s+(float|vec[234]|mat4)\s+([\w\s,]+);", re.MULTILINE)
 MAIN = "void main() {"
+
+
+def source(name: str, *defined: str) -> str:
+    """The source `shaders/<name>.glsl` with what it includes, each of `defined` (`WET`, `SURFACE 3`) defined first."""
+    return "#version 330\n" + "".join(f"#define {switch}\n" for switch in defined) + _text(name)
+
+
+@cache
+def _text(name: str) -> str:
+    text = (files("lingjing.engines.camera") / "shaders" / f"{name}.glsl").read_text("utf-8")
+    return INCLUDED.sub(lambda found: _text(found[1]), text)
 
 
 def build(context: moderngl.Context, vertex: str, fragment: str) -> moderngl.Program:
@@ -65,4 +80,4 @@ def _varying(uniform: str) -> str:
     return "k_" + uniform.removeprefix("u_")
 
 
-__all__ = ["active", "build", "carried", "uniforms"]
+__all__ = ["active", "build", "carried", "source", "uniforms"]

@@ -11,7 +11,7 @@ the same for a prop (`steam`, `fountain`). Both give an `Effects`:
   after dark also pools of light (`night`), which brighten what is drawn.
 - `solids`: meshes with the entity's id and a model-to-world matrix (debris, broken edges), drawn as any object.
 
-`drawing.EffectPass` draws the first two with the camera's uniforms (`u_clip`, `u_eye`, … of `shaders.COMMON`) and its
+`drawing.EffectPass` draws the first two with the camera's uniforms (`u_clip`, `u_eye`, … of `common.glsl`) and its
 noise texture: `decals` after the ground and before objects, `bodies` with the objects, `clouds` last of all, after the
 projected shadows. Nothing here casts a shadow.
 
@@ -21,8 +21,7 @@ pixels are an entity's, and for each entity what its effect must know of its sur
 bridge, the pipe, the ground under it), which is handed to `effects_of`.
 
 Modules: `targets` says which entity shows which effect, `fire`, `water`, `fracture`, `lights` and `night` make them of
-the rows of `particles`; `standing` says what has room where; `city` changes tiles; `drawing` and its sources in
-`shaders` draw.
+the rows of `particles`; `standing` says what has room where; `city` changes tiles; `drawing` draws.
 
 Chance comes from hashes of the id and the particle's number, time from `time_s` alone: the same state at the same time
 is the same picture, whatever was drawn before.

@@ -9,8 +9,8 @@ from __future__ import annotations
 import moderngl
 import numpy as np
 
-from lingjing.engines.camera.effects import shaders
 from lingjing.engines.camera.effects.particles import POOL, Rows
+from lingjing.engines.camera.programs import source
 
 _BILLBOARD = ("3f 3f 1f 4f 4f 1u/i", "in_place", "in_axis", "in_size", "in_paint", "in_style", "in_id")
 _CLOUD = ("3f 3f 1f 4f 4f 4x/i", *_BILLBOARD[1:-1])
@@ -24,11 +24,14 @@ class EffectPass:
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
-        self._body = context.program(vertex_shader=shaders.BILLBOARD_VERTEX, fragment_shader=shaders.BODY_FRAGMENT)
-        self._cloud = context.program(vertex_shader=shaders.BILLBOARD_VERTEX, fragment_shader=shaders.CLOUD_FRAGMENT)
-        self._decal = context.program(vertex_shader=shaders.DECAL_VERTEX, fragment_shader=shaders.DECAL_FRAGMENT)
+        self._body = self._program("billboard.vert", "body.frag")
+        self._cloud = self._program("billboard.vert", "cloud.frag")
+        self._decal = self._program("decal.vert", "decal.frag")
         corners = np.array([-1, -1, 1, -1, 1, 1, -1, -1, 1, 1, -1, 1], "f4")
         self._corners = context.buffer(corners.tobytes())
+
+    def _program(self, vertex: str, fragment: str) -> moderngl.Program:
+        return self._context.program(vertex_shader=source(vertex), fragment_shader=source(fragment))
 
     @property
     def programs(self) -> tuple[moderngl.Program, ...]:
@@ -58,9 +61,9 @@ class EffectPass:
         """Light on the ground: twice up to doubled, so that dark ground keeps its texture, and lifted a little, so
         that black ground shows it."""
         self._context.enable(moderngl.BLEND)
-        for lift, source in ((1.0, moderngl.DST_COLOR), (1.0, moderngl.DST_COLOR), (LIFT, moderngl.ONE)):
+        for lift, factor in ((1.0, moderngl.DST_COLOR), (1.0, moderngl.DST_COLOR), (LIFT, moderngl.ONE)):
             self._decal["u_lift"] = lift
-            self._context.blend_func = source, moderngl.ONE
+            self._context.blend_func = factor, moderngl.ONE
             self._draw(self._decal, rows, _DECAL)
         self._context.disable(moderngl.BLEND)
 

@@ -1,0 +1,10 @@
+// Soil, and with JOINTED pavings in slabs.
+#include "city.glsl"
+#include "city_map.glsl"
+#define PATCH vec3(0.125, 0.135, 0.060)
+void main() {
+#include "city_pave.glsl"
+#ifdef NIGHT
+  vec3 glow = c * vec3(0.34, 0.25, 0.15);
+#endif
+#include "city_ground_end.glsl"
