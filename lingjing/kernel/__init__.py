@@ -21,7 +21,6 @@ In the order control flows:
   `adjudication` latches them as events (Adjudicate), `constraints` what must hold all along, `stages` their times;
 - `subtasks` counts the parts of success;
 - `evaluation` scores and ends the episode (Evaluate, TerminationReason);
-- `relations` names the occurrences of the five coordination relations;
 - `recording` derives records from what was published;
 - `playable` refuses what a mission may say and the kernel does not play yet;
 - `step` is W.Step, `episode` the loop around it.

@@ -30,7 +30,6 @@ from lingjing.kernel.playable import check_playable
 from lingjing.kernel.recording import inbox_record, observation_record, substitutions
 from lingjing.kernel.references import References, is_reference
 from lingjing.kernel.registry import UNLOCK, Registry, Report, initial
-from lingjing.kernel.relations import RelationTracker
 from lingjing.kernel.subtasks import Subtasks
 from lingjing.kernel.visibility import Projector
 from lingjing.kernel.world.contract import StoredFrame, World, WorldBoundary
@@ -123,7 +122,6 @@ class Kernel:
         self._gate = Gate(instance, city.bounds)
         self._adjudicator = Adjudicator(instance)
         self._projector = Projector(instance, policy_seed)
-        self._relations = RelationTracker(instance)
         self._subtasks = Subtasks(instance, self._adjudicator)
         self._budgets = Budgets(instance)
         self._inspections = Inspections(instance)
@@ -359,7 +357,6 @@ class Kernel:
         observations: Mapping[str, Observation],
         inboxes: Mapping[str, Inbox],
     ) -> BoundaryRecord:
-        before, after = self.state.registry, verdict.registry
         infos = {frame.info.id: frame.info for frame in frames}
         return BoundaryRecord(
             tick=boundary.tick,
@@ -379,10 +376,9 @@ class Kernel:
             receipts=tuple(receipts),
             events=verdict.events,
             stages=verdict.stages,
-            relations=self._relations.occurrences(before, after, inputs.envelopes, receipts, verdict.stages),
             reward=evaluation.reward,
             done=evaluation.done,
-            scr=self._subtasks.share(after),
+            scr=self._subtasks.share(verdict.registry),
             routes=boundary.routes,
             unheard=boundary.unheard,
         )

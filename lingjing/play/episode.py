@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Literal, Self
 
 import msgspec
 
+from lingjing.analysis.relations import RelationTracker
 from lingjing.errors import UsageError
 from lingjing.kernel.episode import Progress, play, seat
 from lingjing.kernel.staging import Stage
@@ -130,12 +131,15 @@ class Session:
         seats = _cast(instance, policy, policies_for or {}, dict(policy_args or {}), self.host)
         policies = {agent: build_policy(plugin, arguments) for agent, (plugin, arguments) in seats.items()}
         recorder: list[TraceWriter] = []
+        relations = RelationTracker(instance)
         kernel = Kernel(
             instance,
             city,
             self._open(),
             privileged=frozenset(agent for agent, (plugin, _) in seats.items() if plugin.privileged),
-            record=lambda record, frames: recorder[0].boundary(record, _stored(frames)),
+            record=lambda record, frames: recorder[0].boundary(
+                msgspec.structs.replace(record, relations=relations.take(record)), _stored(frames)
+            ),
             blank_pictures=blank_pictures,
             policy_seed=policy_seed,
         )

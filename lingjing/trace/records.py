@@ -363,8 +363,9 @@ class BoundaryRecord(Value, frozen=True, kw_only=True):
     far, `scr` the subtask completion rate.
 
     `snapshots` are the macro-steps since the boundary before, the last one is this boundary's state [T];
-    `frames` are the pictures captured at this boundary (pixels in their own topics); `digest` chains: SHA-256 over
-    the digest before and this record without wall-clock fields.
+    `frames` are the pictures captured at this boundary (pixels in their own topics); `relations` are found by whoever
+    writes the trace (`lingjing.analysis.relations`), the kernel leaves them empty; `digest` chains: SHA-256 over the
+    digest before and this record without wall-clock fields.
     """
 
     tick: int
@@ -381,7 +382,7 @@ class BoundaryRecord(Value, frozen=True, kw_only=True):
     receipts: tuple[Receipt, ...]
     events: tuple[Event, ...]
     stages: tuple[StageChange, ...]
-    relations: tuple[RelationRecord, ...]
+    relations: tuple[RelationRecord, ...] = ()
     reward: float
     done: bool
     scr: float = 0.0

@@ -146,20 +146,3 @@ def test_handoff_is_an_accepted_destination_that_means_the_target():
     right = kernel.step(kit.decisions(skipper=kit.does("go", x=160.0, y=0.0)))
     assert [change.stage for change in wrong.record.stages] == []
     assert [(change.stage, change.subject) for change in right.record.stages] == [("handoff", "victim[1]")]
-
-
-def test_relations_are_recorded_when_they_happen():
-    kernel = photographed()
-    second = kernel.step(
-        kit.decisions(
-            scout_1=kit.joined(kit.report(FRAME), kit.does("go", "boat", x=90.0, y=0.0)),
-            scout_2=kit.does("go", "boat", x=80.0, y=0.0),
-            skipper=kit.does("go", x=100.0, y=0.0),
-        )
-    ).record
-    assert [(r.kind, r.source, r.target) for r in second.relations] == [
-        ("information_handoff", "scout[1]", "skipper"),
-        ("competition", "scout[2]", "boat"),  # the skipper is refused too, but competition is between searchers
-    ]
-    later = [relation for _ in range(3) for relation in kernel.step(kit.decisions()).record.relations]
-    assert [(r.kind, r.by) for r in later] == [("dependency", "victim[1]")]

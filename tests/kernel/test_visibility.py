@@ -5,7 +5,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import tests.kernel.kernel_kit as kit
-from lingjing.kernel.relations import RelationTracker
 from lingjing.mission.instance import ChannelSpec
 from lingjing.mission.seeding import integer
 
@@ -140,13 +139,6 @@ def test_blanked_pictures_are_not_part_of_what_was_seen():
         kernel.reset()
         seen.append(inputs(kernel.step(kit.decisions(scout_1=kit.does("takePhoto")))))
     assert seen[0] == seen[1]
-
-
-def test_relations_are_silent_when_nothing_happens():
-    kernel = kit.make_kernel()
-    kernel.reset()
-    before = kernel.state.registry
-    assert RelationTracker(kernel.instance).occurrences(before, before, (), (), ()) == ()
 
 
 def test_a_policys_seed_says_nothing_about_the_instances():

@@ -17,6 +17,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
+from lingjing.analysis.relations import RelationTracker
 from lingjing.dsl.load import load_mission
 from lingjing.engines import builtin
 from lingjing.kernel.staging import Stage
@@ -262,6 +263,10 @@ class Play:
     receipts: list[Receipt] = field(default_factory=list)
     all: list[Published] = field(default_factory=list)
 
+    def __post_init__(self) -> None:
+        self.tracker = RelationTracker(self.instance)
+        self.relations.extend(self.tracker.take(self.published.record))
+
     def do(self, decisions: Mapping[str, Decision] | None = None) -> Published:
         made = decisions or {}
         unknown = set(made) - {agent.id for agent in self.instance.agents}
@@ -274,7 +279,7 @@ class Play:
         self.published = self.kernel.step(records)
         self.all.append(self.published)
         self.events.extend(self.published.record.events)
-        self.relations.extend(self.published.record.relations)
+        self.relations.extend(self.tracker.take(self.published.record))
         self.receipts.extend(self.published.record.receipts)
         return self.published
 

@@ -295,7 +295,7 @@ def test_the_coordinator_guides_the_inspector_along_the_route():
 
 def test_inspector_and_driver_share_their_district_from_the_beginning():
     with kit.playing("cr") as play:
-        together = [one for one in play.published.record.relations if one.kind == "cooperation"]
+        together = [one for one in play.relations if one.kind == "cooperation"]
         pairs = {(one.source, one.target, one.by, one.tick) for one in together}
         assert pairs == {("inspector", "driver", "district", 0), ("driver", "inspector", "district", 0)}
 

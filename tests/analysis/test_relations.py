@@ -1,13 +1,12 @@
-"""Relations through a hub, over regions, and for targets; those of messages, pictures and commands are in
-`test_adjudication`."""
+"""The five coordination relations, as the boundaries of an episode show them."""
 
 from __future__ import annotations
 
 import pytest
 
 import tests.kernel.kernel_kit as kit
+from lingjing.analysis.relations import RelationTracker
 from lingjing.kernel.registry import Registry, Report
-from lingjing.kernel.relations import RelationTracker
 from lingjing.mission.model import Relation
 from lingjing.trace.records import BodyState, Envelope
 
@@ -70,3 +69,33 @@ def test_who_is_at_a_target_that_another_gets_has_competed_for_it(north, compete
     expected = [("competition", "scout[2]", "victim[1]", "scout[1]")] if competes else []
     assert found(relation, before, after) == expected
     assert found(relation, after, after) == []
+
+
+FRAME = "f1-uav[1]-nadir"
+
+
+def test_relations_are_found_in_what_the_kernel_committed():
+    kernel = kit.make_kernel()
+    followed = RelationTracker(kernel.instance)
+    assert followed.take(kernel.reset().record) == ()
+    assert followed.take(kernel.step(kit.decisions(scout_1=kit.does("takePhoto"))).record) != ()
+    second = kernel.step(
+        kit.decisions(
+            scout_1=kit.joined(kit.report(FRAME), kit.does("go", "boat", x=90.0, y=0.0)),
+            scout_2=kit.does("go", "boat", x=80.0, y=0.0),
+            skipper=kit.does("go", x=100.0, y=0.0),
+        )
+    ).record
+    assert [(r.kind, r.source, r.target) for r in followed.take(second)] == [
+        ("information_handoff", "scout[1]", "skipper"),
+        ("competition", "scout[2]", "boat"),  # the skipper is refused too, but competition is between searchers
+    ]
+    later = [one for _ in range(3) for one in followed.take(kernel.step(kit.decisions()).record)]
+    assert [(r.kind, r.by) for r in later] == [("dependency", "victim[1]")]
+
+
+def test_relations_are_silent_when_nothing_happens():
+    kernel = kit.make_kernel()
+    followed = RelationTracker(kernel.instance)
+    records = [kernel.reset().record, kernel.step(kit.decisions()).record]
+    assert [followed.take(record) for record in records] == [(), ()]

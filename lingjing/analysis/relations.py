@@ -9,21 +9,26 @@ What a hub passes on counts for those who said it: its message of the same kind,
 was sent. Those who take no pictures share cells by what an engine says that they did there, each agent once in a cell;
 what is competed for is no such work. Those who share a region work together when one comes in while the other is there.
 A target is competed for by those who are at it when somebody else gets it.
+
+The kernel decides nothing by these records and knows none of them. Whoever writes a trace adds them to each boundary.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
+from lingjing.analysis.spoken import categories_of, spoken_at
 from lingjing.kernel.assignments import point
 from lingjing.kernel.commands import PHOTO
 from lingjing.kernel.facts import HANDOFF_M, SAME_POINT_M
-from lingjing.kernel.registry import Registry, Report
+from lingjing.kernel.references import CAMERA as REFERENCE
+from lingjing.kernel.registry import Registry, Report, initial
 from lingjing.mission.geometry2d import contains
 from lingjing.mission.instance import AgentSpec, Entity, Instance
 from lingjing.mission.model import Relation
-from lingjing.trace.records import Envelope, Receipt, RelationRecord, StageChange
+from lingjing.trace.records import BoundaryRecord, Envelope, Receipt, RelationRecord, StageChange
 
 Emitted = tuple[str, tuple[str, ...]]
 """What an engine said: its kind, and its entities, the target first."""
@@ -39,9 +44,12 @@ def _photographs_ground(entity: Entity) -> bool:
 
 
 class RelationTracker:
-    """Recognises occurrences of one instance's relations; holds no run-time state."""
+    """Recognises occurrences of one instance's relations, one boundary after another."""
 
     def __init__(self, instance: Instance) -> None:
+        self._instance = instance
+        self._categories = categories_of(instance)
+        self._registry = initial(instance)
         self._relations = instance.relations
         self._agents: dict[str, AgentSpec] = {agent.id: agent for agent in instance.agents}
         self._owner = {name: agent for agent in instance.agents for name in agent.controls}
@@ -59,6 +67,24 @@ class RelationTracker:
                 for grid in self._grids.values()
             },
         }
+
+    def take(self, record: BoundaryRecord) -> tuple[RelationRecord, ...]:
+        """The occurrences at the next boundary, the first of which is boundary 0."""
+        before, self._registry = self._registry, self._next(record)
+        return self.occurrences(before, self._registry, record.messages, record.receipts, record.stages)
+
+    def _next(self, record: BoundaryRecord) -> Registry:
+        """The part of the kernel's registry that relations are read from, as the record shows it."""
+        said = spoken_at(record, self._categories)
+        updated = (
+            self._registry.with_boundary(record.tick, record.time_s, record.snapshots[-1].states)
+            .with_receipts(record.commands, record.receipts)
+            .with_events(event for event in record.task_events if not event.name)
+            .with_frames([frame for frame in record.frames if frame.camera != REFERENCE], self._instance)
+            .with_reports(Report(one.id, one.kind, one.sender, one.tick, one.body) for one in said)
+        )
+        done = {(change.stage, change.subject): change.tick for change in record.stages}
+        return replace(updated, stages={**updated.stages, **done})
 
     def occurrences(
         self,
