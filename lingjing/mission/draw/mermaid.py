@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from lingjing.mission.draw.reading import edge_words, printable, readable
+from lingjing.mission.draw.sentences import edge_words, printable, readable
 from lingjing.mission.draw.styles import EDGES, LANES, NODES, guard_words, lane_of
 from lingjing.mission.graph.types import Edge, MissionGraph, Node
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from lingjing.mission.graph.types import EdgeKind, Node, NodeKind
@@ -27,6 +28,12 @@ class NodeStyle:
     dark: tuple[str, str]
 
 
+MUTED = "#5b6878"
+"""The colour of what is said in small letters."""
+
+PLAIN = "#ffffff"
+"""The fill of nodes that only their border tells apart."""
+
 EDGES: dict[EdgeKind, EdgeStyle] = {
     "plays": EdgeStyle("plays", "the agent plays the role", "#94a3b8", "#64748b", 1.2),
     "controls": EdgeStyle("controls", "embodies the asset", "#1d4ed8", "#7aa5ff", 2.2),
@@ -48,12 +55,12 @@ EDGES: dict[EdgeKind, EdgeStyle] = {
 
 NODES: dict[NodeKind, NodeStyle] = {
     "role": NodeStyle(("#eef2ff", "#818cf8"), ("#1e2140", "#6670d6")),
-    "agent": NodeStyle(("#ffffff", "#818cf8"), ("#2a2e57", "#7f88ea")),
+    "agent": NodeStyle((PLAIN, "#818cf8"), ("#2a2e57", "#7f88ea")),
     "asset": NodeStyle(("#eff6ff", "#60a5fa"), ("#162440", "#4a86d8")),
-    "resource": NodeStyle(("#ffffff", "#94a3b8"), ("#27303f", "#64748b")),
+    "resource": NodeStyle((PLAIN, "#94a3b8"), ("#27303f", "#64748b")),
     "channel": NodeStyle(("#f5f3ff", "#a78bfa"), ("#251d40", "#8163d0")),
     "region": NodeStyle(("#f0fdfa", "#2dd4bf"), ("#10302d", "#22a594")),
-    "grid": NodeStyle(("#ffffff", "#2dd4bf"), ("#163d39", "#22a594")),
+    "grid": NodeStyle((PLAIN, "#2dd4bf"), ("#163d39", "#22a594")),
     "target": NodeStyle(("#fff1f2", "#fb7185"), ("#3a1620", "#d1536a")),
     "fact": NodeStyle(("#ffe4e6", "#be123c"), ("#521a28", "#fb7185")),
     "rule": NodeStyle(("#fff7ed", "#fb923c"), ("#38210f", "#cf7428")),
@@ -83,6 +90,20 @@ def lane_of(node: Node) -> int:
         kind = node.within.partition(":")[0]
         return next(place for known, place in _LANE_OF.items() if known == kind)
     return _LANE_OF[node.kind]
+
+
+def dark_colours() -> Iterator[tuple[str, str, str]]:
+    """(`fill` or `stroke`, a colour on a light page, its counterpart on a dark one), each once."""
+    page = [("fill", "white", "#0d1117"), ("fill", "#f8fafc", "#141a23"), ("stroke", "#e2e8f0", "#242c38")]
+    page += [("fill", MUTED, "#9aa7b6"), ("fill", PLAIN, "#232b3a")]
+    nodes = [
+        (what, light, dark)
+        for style in NODES.values()
+        for what, light, dark in zip(("fill", "stroke"), style.light, style.dark, strict=True)
+        if light != PLAIN
+    ]
+    edges = [(what, style.light, style.dark) for style in EDGES.values() for what in ("stroke", "fill")]
+    yield from dict.fromkeys((*page, *nodes, *edges))
 
 
 def guard_words(when: str) -> str:
