@@ -29,7 +29,7 @@ from dataclasses import dataclass, field
 
 from lingjing.analysis.completion import completed_at
 from lingjing.analysis.detection import numbers, ratio
-from lingjing.mission.feasibility.needs import Visit, mentions
+from lingjing.mission.feasibility.needs import VisitNeed, mentions
 from lingjing.mission.feasibility.outline import Body, of_instance
 from lingjing.mission.instance import Datum, Entity, Instance
 from lingjing.mission.tasks import Task, possible
@@ -109,7 +109,7 @@ def reaches_of(instance: Instance) -> tuple[Reach, ...]:
     for rule in instance.rules:
         domains = {parameter.name: parameter.domain for parameter in rule.parameters}
         for leaf in mentions(rule.condition, outline, domains):
-            if isinstance(leaf, Visit) and isinstance(leaf.goal, Body) and leaf.goal.id in domains.values():
+            if isinstance(leaf, VisitNeed) and isinstance(leaf.goal, Body) and leaf.goal.id in domains.values():
                 for name in _assets(leaf.movers, instance):
                     reach = Reach(name, leaf.goal.entity.group, leaf.radius_m)
                     found.setdefault((reach.executor, reach.group), reach)

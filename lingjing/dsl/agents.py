@@ -59,7 +59,7 @@ class AgentChecker:
         controls = tuple(self._controlled(part, environment) for part in node.controls)
         channels: list[model.Channel] = []
         prompt = ""
-        budget: model.Allowance | None = None
+        budget: model.AllowanceDeclaration | None = None
         for item in node.block.items if node.block else ():
             if isinstance(item, s.Observes):
                 for channel in item.channels:

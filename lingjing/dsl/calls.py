@@ -9,7 +9,15 @@ from lingjing.dsl.scope import UNKNOWN, Environment, Taint, Value
 from lingjing.dsl.suggest import did_you_mean, nearest
 from lingjing.dsl.typenames import with_article
 from lingjing.mission import expression as ex
-from lingjing.mission.functions import DISTRIBUTIONS, FLAG, FUNCTIONS, Option, Parameter, Signature, Type
+from lingjing.mission.functions import (
+    DISTRIBUTIONS,
+    FLAG,
+    FUNCTIONS,
+    FunctionOption,
+    FunctionParameter,
+    Signature,
+    Type,
+)
 from lingjing.mission.units import Dimension
 
 if TYPE_CHECKING:
@@ -233,7 +241,12 @@ class CallChecker:
         return values, dimension
 
     def _argument(
-        self, node: s.Expression, parameter: Parameter, due: Type, signature: Signature, environment: Environment
+        self,
+        node: s.Expression,
+        parameter: FunctionParameter,
+        due: Type,
+        signature: Signature,
+        environment: Environment,
     ) -> Value:
         if due.kind == "interaction":
             return self._interaction(node)
@@ -269,7 +282,7 @@ class CallChecker:
         self.report("LJ0201", node.start, node.end, "an interaction's name is due here")
         return UNKNOWN
 
-    def _option_value(self, argument: s.Argument, option: Option, environment: Environment) -> Value | None:
+    def _option_value(self, argument: s.Argument, option: FunctionOption, environment: Environment) -> Value | None:
         node = argument.value
         if argument.name is None and isinstance(node, s.Binary):
             if node.operator != option.relation:
@@ -348,7 +361,7 @@ def _mentions_unknown(node: s.Expression, rules: dict[str, object] | object) -> 
     return unknown
 
 
-def _option(argument: s.Argument, options: dict[str, Option]) -> Option | None:
+def _option(argument: s.Argument, options: dict[str, FunctionOption]) -> FunctionOption | None:
     if argument.name is not None:
         return options.get(argument.name.text)
     value = argument.value

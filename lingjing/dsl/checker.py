@@ -45,12 +45,12 @@ class Checked(msgspec.Struct, frozen=True, kw_only=True):
     title: str
     goal: str
     scene: model.Scene | None
-    clock: model.Clock | None
-    budget: model.Budget | None
+    clock: model.ClockDeclaration | None
+    budget: model.BudgetDeclaration | None
     weather: tuple[model.Property, ...]
     parameters: tuple[model.Parameter, ...]
     modes: model.Modes | None
-    regions: tuple[model.Region, ...]
+    regions: tuple[model.RegionDeclaration, ...]
     grids: tuple[model.Grid, ...]
     groups: tuple[model.Group, ...]
     agents: tuple[model.Agent, ...]

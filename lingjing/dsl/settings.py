@@ -118,7 +118,7 @@ class SettingsChecker:
         self._map_beside(entries.get("map"))
         return model.Scene(kind=node.kind.text, options=_lowered(entries))
 
-    def clock(self, node: s.Section) -> model.Clock | None:
+    def clock(self, node: s.Section) -> model.ClockDeclaration | None:
         """`clock { tick = …, sync = … }`; the tick must be a whole multiple of the macro-step."""
         with self.of.without_clock():
             entries = self.blocks.read(node.block, CLOCK_KEYS, "`clock`", owner=node)
@@ -131,9 +131,9 @@ class SettingsChecker:
             place = sync.node.value
             self.report("LJ0501", place.start, place.end, fault)
             return None
-        return model.Clock(tick=tick.value.ir, sync=sync.value.ir)
+        return model.ClockDeclaration(tick=tick.value.ir, sync=sync.value.ir)
 
-    def budget(self, node: s.Section) -> model.Budget | None:
+    def budget(self, node: s.Section) -> model.BudgetDeclaration | None:
         """`budget { ticks <= …, … }`; deadlines not given are the paper's."""
         entries = self.blocks.read(node.block, BUDGET_KEYS, "`budget`", owner=node)
         if "ticks" not in entries:
@@ -143,13 +143,13 @@ class SettingsChecker:
             for name, default in _DEADLINES.items()
         }
         spent = {name: entries[name].value.ir for name in ALLOWANCES if name in entries}
-        return model.Budget(ticks=entries["ticks"].value.ir, **limits, **spent)
+        return model.BudgetDeclaration(ticks=entries["ticks"].value.ir, **limits, **spent)
 
-    def allowance(self, node: s.Section) -> model.Allowance:
+    def allowance(self, node: s.Section) -> model.AllowanceDeclaration:
         """`budget { tokens <= …, money <= …, messages <= … }` of one agent."""
         keys = {name: BUDGET_KEYS[name] for name in ALLOWANCES}
         entries = self.blocks.read(node.block, keys, "an agent's `budget`", owner=node)
-        return model.Allowance(**{name: entry.value.ir for name, entry in entries.items()})
+        return model.AllowanceDeclaration(**{name: entry.value.ir for name, entry in entries.items()})
 
     def weather(self, node: s.Section) -> tuple[model.Property, ...]:
         """`weather { … }`, or `weather storm { … }`: the preset and what differs from it."""
@@ -220,7 +220,7 @@ class SettingsChecker:
         self._default_in_bounds(default_node, default, bounds)
         return model.Parameter(name=node.name.text, default=default.ir, bounds=bounds.ir if bounds else None)
 
-    def region(self, node: s.RegionLine) -> model.Region | None:
+    def region(self, node: s.RegionLine) -> model.RegionDeclaration | None:
         """`region name = polygon(…)`."""
         shape = self.of.expect(node.shape, STATIC, REGION, f"the region `{node.name.text}`")
         taint = (*shape.taint, self.of.step(f"region `{node.name.text}`", node.name)) if shape.taint else ()
@@ -229,7 +229,7 @@ class SettingsChecker:
         if shape is UNKNOWN:
             return None
         self._outline(node.shape, shape.ir)
-        return model.Region(name=node.name.text, shape=shape.ir, hidden=bool(taint))
+        return model.RegionDeclaration(name=node.name.text, shape=shape.ir, hidden=bool(taint))
 
     def grid(self, node: s.GridBlock) -> model.Grid | None:
         """`grid name over region { … }`."""

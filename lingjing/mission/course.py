@@ -133,7 +133,7 @@ def stages(mission: model.Mission, scope: Scope) -> tuple[model.Stage, ...]:
     return tuple(made)
 
 
-def allowance(given: model.Allowance | None, scope: Scope) -> Allowance | None:
+def allowance(given: model.AllowanceDeclaration | None, scope: Scope) -> Allowance | None:
     """What one agent may spend."""
     if given is None:
         return None

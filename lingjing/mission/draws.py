@@ -41,7 +41,7 @@ def outline(expr: ex.Expr, scope: Scope) -> geometry2d.Polygon:
 
 def sites(
     polygon: geometry2d.Polygon, apart: float, *, seed: int, path: str, count: int, clear: float = 0.0
-) -> tuple[geometry2d.Point, ...]:
+) -> tuple[geometry2d.Vector2, ...]:
     """`count` places in the polygon, uniform and pairwise at least `apart` metres from each other.
 
     Sequential dart throwing: a dart outside the polygon, too near to its edge or to an earlier place is thrown again.
@@ -65,9 +65,9 @@ def sites(
 
 def _throw(
     polygon: geometry2d.Polygon, apart: float, clear: float, stream: Stream, count: int
-) -> list[geometry2d.Point]:
+) -> list[geometry2d.Vector2]:
     west, south, east, north = geometry2d.bounds(polygon)
-    placed: list[geometry2d.Point] = []
+    placed: list[geometry2d.Vector2] = []
     spacing = Spacing(apart, max(abs(west), abs(south), abs(east), abs(north)))
     for _ in range(count):
         for _ in range(SITE_TRIES):
@@ -81,7 +81,7 @@ def _throw(
     return placed
 
 
-def _lies_in(dart: geometry2d.Point, polygon: geometry2d.Polygon, clear: float) -> bool:
+def _lies_in(dart: geometry2d.Vector2, polygon: geometry2d.Polygon, clear: float) -> bool:
     if not geometry2d.contains(polygon, *dart):
         return False
     return clear <= 0 or geometry2d.edge_distance(polygon, *dart) >= clear

@@ -60,7 +60,7 @@ class Type(msgspec.Struct, frozen=True):
     of: str = ""
 
 
-class Parameter(msgspec.Struct, frozen=True):
+class FunctionParameter(msgspec.Struct, frozen=True):
     """One positional parameter. `same` ties the dimensions of all such parameters and the result together."""
 
     name: str
@@ -69,7 +69,7 @@ class Parameter(msgspec.Struct, frozen=True):
     same: bool = False
 
 
-class Option(msgspec.Struct, frozen=True):
+class FunctionOption(msgspec.Struct, frozen=True):
     """One named argument: `spread 8 m`, `spread = 8 m`, or with `relation` ">=": `apart >= 80 m`."""
 
     name: str
@@ -111,9 +111,9 @@ class Signature(msgspec.Struct, frozen=True):
     """
 
     name: str
-    parameters: tuple[Parameter, ...]
+    parameters: tuple[FunctionParameter, ...]
     result: Type
-    options: tuple[Option, ...] = ()
+    options: tuple[FunctionOption, ...] = ()
     where: Literal["anywhere", "static", "draw", "rule"] = "anywhere"
     variadic: bool = False
     least: int = 0
@@ -168,8 +168,8 @@ FIELD_TYPES: dict[str, Type] = {
 """Types of the fields of message records (`lingjing.mission.model.Field.type`)."""
 
 
-def _p(name: str, kind: Type, *, optional: bool = False, same: bool = False) -> Parameter:
-    return Parameter(name, kind, optional, same)
+def _p(name: str, kind: Type, *, optional: bool = False, same: bool = False) -> FunctionParameter:
+    return FunctionParameter(name, kind, optional, same)
 
 
 _SAME = _p("value", QUANTITY, same=True)
@@ -183,7 +183,7 @@ _SIGNATURES = (
         "at",
         (_p("index", NUMBER), _p("items", LIST)),
         ANY,
-        (Option("spread", METRES), Option("rest", ANY)),
+        (FunctionOption("spread", METRES), FunctionOption("rest", ANY)),
         where="static",
         doc="the index-th item; of points, further members stand `spread` apart around them, else they are `rest`",
     ),
@@ -221,7 +221,7 @@ _SIGNATURES = (
         "normal",
         (_SAME, _SAME),
         QUANTITY,
-        (Option("low", QUANTITY, ">="), Option("high", QUANTITY, "<=")),
+        (FunctionOption("low", QUANTITY, ">="), FunctionOption("high", QUANTITY, "<=")),
         where="draw",
         same=True,
         doc="mean and standard deviation, cut off at `low` and `high`",
@@ -231,7 +231,7 @@ _SIGNATURES = (
         "subset",
         (_p("items", LIST),),
         ANY,
-        (Option("apart", METRES, ">="),),
+        (FunctionOption("apart", METRES, ">="),),
         where="draw",
         doc="one of the list's items, another one for each member of the group",
     ),
@@ -239,7 +239,7 @@ _SIGNATURES = (
         "sites",
         (_p("region", REGION),),
         POSITION,
-        (Option("apart", METRES, ">="), Option("clear", METRES, ">=")),
+        (FunctionOption("apart", METRES, ">="), FunctionOption("clear", METRES, ">=")),
         where="draw",
         doc="a place in the region, `apart` from the group's other members",
     ),

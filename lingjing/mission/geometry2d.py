@@ -12,15 +12,15 @@ from typing import Any
 
 from lingjing.errors import MissionError
 
-Point = tuple[float, float]
-Polygon = tuple[Point, ...]
-Box = tuple[float, float, float, float]
+Vector2 = tuple[float, float]
+Polygon = tuple[Vector2, ...]
+Extent = tuple[float, float, float, float]
 """(west, south, east, north) in metres."""
 
 CIRCLE_VERTICES = 64
 
 
-def signed_area(polygon: Sequence[Point]) -> float:
+def signed_area(polygon: Sequence[Vector2]) -> float:
     """Area in square metres, positive if the polygon runs anticlockwise (shoelace, about the first vertex)."""
     if not polygon:
         return 0.0
@@ -28,19 +28,19 @@ def signed_area(polygon: Sequence[Point]) -> float:
     return 0.5 * sum((ax - x0) * (by - y0) - (bx - x0) * (ay - y0) for (ax, ay), (bx, by) in edges(polygon))
 
 
-def edges(polygon: Sequence[Point]) -> Iterator[tuple[Point, Point]]:
+def edges(polygon: Sequence[Vector2]) -> Iterator[tuple[Vector2, Vector2]]:
     """The edges in order, the closing one last."""
     for k, start in enumerate(polygon):
         yield start, polygon[(k + 1) % len(polygon)]
 
 
-def bounds(polygon: Sequence[Point]) -> Box:
+def bounds(polygon: Sequence[Vector2]) -> Extent:
     """The bounding box."""
     easts, norths = [x for x, _ in polygon], [y for _, y in polygon]
     return min(easts), min(norths), max(easts), max(norths)
 
 
-def centroid(polygon: Sequence[Point]) -> Point:
+def centroid(polygon: Sequence[Vector2]) -> Vector2:
     """The centre of area."""
     x0, y0 = polygon[0]
     east = north = 0.0
@@ -62,9 +62,9 @@ FEW_SIDES = 64
 """Up to so many, an outline's edges are compared each with each, and the first crossing in their order is named."""
 
 
-def normalised(polygon: Sequence[Point]) -> Polygon:
+def normalised(polygon: Sequence[Vector2]) -> Polygon:
     """The same outline anticlockwise, without repeated neighbours and without the closing repeat."""
-    kept: list[Point] = []
+    kept: list[Vector2] = []
     for point in polygon:
         if not kept or point != kept[-1]:
             kept.append(point)
@@ -73,7 +73,7 @@ def normalised(polygon: Sequence[Point]) -> Polygon:
     return tuple(kept) if signed_area(kept) >= 0 else (kept[0], *reversed(kept[1:]))
 
 
-def fault(polygon: Sequence[Point]) -> str:
+def fault(polygon: Sequence[Vector2]) -> str:
     """Why the outline is not a simple polygon, or "" if it is one."""
     if not all(math.isfinite(value) for point in polygon for value in point):
         return "has a coordinate that is not a finite number"
@@ -88,7 +88,7 @@ def fault(polygon: Sequence[Point]) -> str:
     return ""
 
 
-def contains(polygon: Sequence[Point], east: float, north: float) -> bool:
+def contains(polygon: Sequence[Vector2], east: float, north: float) -> bool:
     """Whether the point lies in the polygon or on its edge (even-odd rule)."""
     inside = False
     for (ax, ay), (bx, by) in edges(polygon):
@@ -100,12 +100,12 @@ def contains(polygon: Sequence[Point], east: float, north: float) -> bool:
     return inside
 
 
-def edge_distance(polygon: Sequence[Point], east: float, north: float) -> float:
+def edge_distance(polygon: Sequence[Vector2], east: float, north: float) -> float:
     """Metres from the point to the nearest edge."""
     return min(_segment_distance(start, end, (east, north)) for start, end in edges(polygon))
 
 
-def clipped(polygon: Sequence[Point], box: Box) -> Polygon:
+def clipped(polygon: Sequence[Vector2], box: Extent) -> Polygon:
     """The part of the polygon in the box (Sutherland and Hodgman), empty if they do not overlap.
 
     Parts of a concave polygon that the box cuts asunder stay joined by edges along the box's border.
@@ -118,7 +118,7 @@ def clipped(polygon: Sequence[Point], box: Box) -> Polygon:
     return kept if len(kept) >= 3 and signed_area(kept) > 0 else ()
 
 
-def circle(centre: Point, radius: float, vertices: int = CIRCLE_VERTICES) -> Polygon:
+def circle(centre: Vector2, radius: float, vertices: int = CIRCLE_VERTICES) -> Polygon:
     """A regular polygon of the circle's own area, anticlockwise from east."""
     step = 2.0 * math.pi / vertices
     reach = radius * math.sqrt(step / math.sin(step))
@@ -127,13 +127,13 @@ def circle(centre: Point, radius: float, vertices: int = CIRCLE_VERTICES) -> Pol
     )
 
 
-def rectangle(one: Point, other: Point) -> Polygon:
+def rectangle(one: Vector2, other: Vector2) -> Polygon:
     """The rectangle between two opposite corners, anticlockwise from its south-west."""
     west, south, east, north = bounds((one, other))
     return (west, south), (east, south), (east, north), (west, north)
 
 
-def buffered(points: Sequence[Point], distance: float, *, closed: bool) -> Polygon:
+def buffered(points: Sequence[Vector2], distance: float, *, closed: bool) -> Polygon:
     """The outline of what lies within `distance` metres of a line, or of a polygon if `closed` (negative: shrunk).
 
     Round corners have 8 segments a quarter; millimetre steps. Raises `MissionError` if nothing or several pieces are
@@ -145,7 +145,7 @@ def buffered(points: Sequence[Point], distance: float, *, closed: bool) -> Polyg
     return _outline(shape.buffer(distance, quad_segs=8, cap_style="flat" if not closed else "round"), "buffer")
 
 
-def united(polygons: Sequence[Sequence[Point]]) -> Polygon:
+def united(polygons: Sequence[Sequence[Vector2]]) -> Polygon:
     """The outline around polygons that meet; raises `MissionError` if they do not, or leave a hole between them."""
     import shapely
 
@@ -163,12 +163,12 @@ def _outline(shape: Any, what: str) -> Polygon:
     return normalised([(round(x, 3), round(y, 3)) for x, y in shape.exterior.coords])
 
 
-def bearing_deg(start: Point, end: Point) -> float:
+def bearing_deg(start: Vector2, end: Vector2) -> float:
     """The compass bearing in [0, 360) from `start` to `end`, clockwise from north."""
     return math.degrees(math.atan2(end[0] - start[0], end[1] - start[1])) % 360.0
 
 
-def _segment_distance(start: Point, end: Point, point: Point) -> float:
+def _segment_distance(start: Vector2, end: Vector2, point: Vector2) -> float:
     dx, dy = end[0] - start[0], end[1] - start[1]
     length = dx * dx + dy * dy
     share = 0.0 if length == 0 else ((point[0] - start[0]) * dx + (point[1] - start[1]) * dy) / length
@@ -176,8 +176,8 @@ def _segment_distance(start: Point, end: Point, point: Point) -> float:
     return math.hypot(point[0] - start[0] - share * dx, point[1] - start[1] - share * dy)
 
 
-def _half_plane(outline: Sequence[Point], axis: int, limit: float, sign: float) -> list[Point]:
-    kept: list[Point] = []
+def _half_plane(outline: Sequence[Vector2], axis: int, limit: float, sign: float) -> list[Vector2]:
+    kept: list[Vector2] = []
     for start, end in edges(outline):
         first, second = sign * (start[axis] - limit), sign * (end[axis] - limit)
         if first >= 0:
@@ -205,7 +205,7 @@ def _crossing(outline: Polygon) -> tuple[int, int] | None:
     return None
 
 
-def _crossing_of_many(sides: tuple[tuple[Point, Point], ...]) -> tuple[int, int] | None:
+def _crossing_of_many(sides: tuple[tuple[Vector2, Vector2], ...]) -> tuple[int, int] | None:
     """Any crossing, from west to east: only edges whose shadows on the west-east axis overlap are compared."""
     last = len(sides) - 1
     order = sorted(range(len(sides)), key=lambda k: min(sides[k][0][0], sides[k][1][0]))
@@ -226,15 +226,15 @@ def _crossing_of_many(sides: tuple[tuple[Point, Point], ...]) -> tuple[int, int]
     return None
 
 
-def _side(a: Point, b: Point, p: Point) -> float:
+def _side(a: Vector2, b: Vector2, p: Vector2) -> float:
     return (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0])
 
 
-def _within(a: Point, b: Point, p: Point) -> bool:
+def _within(a: Vector2, b: Vector2, p: Vector2) -> bool:
     return min(a[0], b[0]) <= p[0] <= max(a[0], b[0]) and min(a[1], b[1]) <= p[1] <= max(a[1], b[1])
 
 
-def _meet(a: Point, b: Point, c: Point, d: Point) -> bool:
+def _meet(a: Vector2, b: Vector2, c: Vector2, d: Vector2) -> bool:
     sides = _side(a, b, c), _side(a, b, d), _side(c, d, a), _side(c, d, b)
     if sides[0] * sides[1] < 0 and sides[2] * sides[3] < 0:
         return True
@@ -242,7 +242,7 @@ def _meet(a: Point, b: Point, c: Point, d: Point) -> bool:
     return any(side == 0 and _within(start, end, point) for side, start, end, point in touches)
 
 
-def _folds_back(a: Point, b: Point, c: Point, d: Point) -> bool:
+def _folds_back(a: Vector2, b: Vector2, c: Vector2, d: Vector2) -> bool:
     """Whether two neighbouring edges, which share one corner, lie on top of each other."""
     shared, one, other = (b, a, d) if b == c else (a, b, c)
     if _side(shared, one, other) != 0:

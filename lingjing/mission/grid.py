@@ -32,6 +32,6 @@ def cells(
     return tuple(made)
 
 
-def _widened(centre: geometry2d.Point, size: tuple[float, float], overlap: float) -> geometry2d.Box:
+def _widened(centre: geometry2d.Vector2, size: tuple[float, float], overlap: float) -> geometry2d.Extent:
     east, north = size[0] * (1 + overlap) / 2, size[1] * (1 + overlap) / 2
     return centre[0] - east, centre[1] - north, centre[0] + east, centre[1] + north

@@ -264,7 +264,7 @@ def _areas(mission: model.Mission, scope: Scope, placed: tuple[Entity, ...] = ()
     return areas
 
 
-def _region(region: model.Region, scope: Scope) -> Region:
+def _region(region: model.RegionDeclaration, scope: Scope) -> Region:
     known = scope.areas.get(region.name)
     if known is not None:
         return Region(name=region.name, polygon=known.polygon, hidden=region.hidden)

@@ -56,14 +56,14 @@ class Scene(Record, frozen=True, kw_only=True):
     options: tuple[Property, ...] = ()
 
 
-class Clock(Record, frozen=True, kw_only=True):
+class ClockDeclaration(Record, frozen=True, kw_only=True):
     """`tick` is the decision interval, `sync` the macro-step at which engines exchange mirrors; both in seconds."""
 
     tick: Expr
     sync: Expr
 
 
-class Budget(Record, frozen=True, kw_only=True):
+class BudgetDeclaration(Record, frozen=True, kw_only=True):
     """Limits K: committed ticks, and wall-clock deadlines in seconds for the policy, engine and capture barriers.
 
     `tokens`, `money` (US dollars) and `messages` bound what all policies together may spend in an episode.
@@ -78,7 +78,7 @@ class Budget(Record, frozen=True, kw_only=True):
     messages: Expr | None = None
 
 
-class Allowance(Record, frozen=True, kw_only=True):
+class AllowanceDeclaration(Record, frozen=True, kw_only=True):
     """What one agent may spend in an episode: model tokens, US dollars, messages."""
 
     tokens: Expr | None = None
@@ -102,7 +102,7 @@ class Modes(Record, frozen=True, kw_only=True):
     allowed: tuple[str, ...]
 
 
-class Region(Record, frozen=True, kw_only=True):
+class RegionDeclaration(Record, frozen=True, kw_only=True):
     """A named area; `shape` is a `polygon(…)`, `circle(…)`, `box(…)`, `buffer(…)`, `union(…)`, `road("…")` or
     `along(…)` call, or the name of another region. One around a hidden place is itself `hidden`."""
 
@@ -259,7 +259,7 @@ class Agent(Record, frozen=True, kw_only=True):
     observes: tuple[Channel, ...] = ()
     prompt: str = ""
     when: Guard | None = None
-    budget: Allowance | None = None
+    budget: AllowanceDeclaration | None = None
 
 
 class Authority(Record, frozen=True, kw_only=True):
@@ -487,12 +487,12 @@ class Mission(Record, frozen=True, kw_only=True):
     title: str
     goal: str
     scene: Scene
-    clock: Clock
-    budget: Budget
+    clock: ClockDeclaration
+    budget: BudgetDeclaration
     weather: tuple[Property, ...]
     parameters: tuple[Parameter, ...]
     modes: Modes
-    regions: tuple[Region, ...]
+    regions: tuple[RegionDeclaration, ...]
     grids: tuple[Grid, ...]
     groups: tuple[Group, ...]
     agents: tuple[Agent, ...]

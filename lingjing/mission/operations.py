@@ -171,7 +171,7 @@ def polygon(world: World, *corners: Value) -> Value:
     """`polygon(corner, …)`, or of one list of corners."""
     if len(corners) == 1 and isinstance(corners[0], tuple):
         corners = corners[0]
-    outline: list[geometry2d.Point] = []
+    outline: list[geometry2d.Vector2] = []
     for corner in corners:
         if not isinstance(corner, Place):
             raise MissionError(f"a polygon's corner is a point, this is {describe(corner)}")

@@ -32,7 +32,7 @@ COMBINATIONS_MOST = 64
 ROAD = "road"
 
 
-class Refusal(msgspec.Struct, frozen=True):
+class TrialFault(msgspec.Struct, frozen=True):
     """What is refused: a code, the node's path as in `<mission>/boat/speed_mps`, what is said and the way out."""
 
     code: str
@@ -41,9 +41,9 @@ class Refusal(msgspec.Struct, frozen=True):
     hint: str = ""
 
 
-def trial(mission: model.Mission) -> tuple[Refusal, ...]:
+def trial(mission: model.Mission) -> tuple[TrialFault, ...]:
     """Everything that is refused of a mission, each once; with the mode where not all modes of a mission refuse it."""
-    found: dict[Refusal, list[str]] = {}
+    found: dict[TrialFault, list[str]] = {}
     modes = mission.modes.allowed
     for mode in modes:
         for refusal in dict.fromkeys(_in_mode(mission, mode)):
@@ -59,7 +59,7 @@ def trial(mission: model.Mission) -> tuple[Refusal, ...]:
 # -- private
 
 
-def _in_mode(mission: model.Mission, mode: str) -> Iterator[Refusal]:
+def _in_mode(mission: model.Mission, mode: str) -> Iterator[TrialFault]:
     refused = tuple(_with_settings(mission, mode, {}))
     yield from refused
     told: set[tuple[str, str]] = set()
@@ -74,19 +74,19 @@ def _in_mode(mission: model.Mission, mode: str) -> Iterator[Refusal]:
                 yield msgspec.structs.replace(refusal, message=f"with {chosen}, {refusal.message}")
 
 
-def _with_settings(mission: model.Mission, mode: str, settings: Mapping[str, float]) -> Iterator[Refusal]:
+def _with_settings(mission: model.Mission, mode: str, settings: Mapping[str, float]) -> Iterator[TrialFault]:
     try:
         entities, agents = _sizes(mission, mode, settings)
         if entities > DRAWN_MOST and any(group.cameras for group in mission.groups):
             hint = f"with a camera among them there may be {DRAWN_MOST}"
-            yield Refusal("LJ0507", mission.name, f"there are {entities} entities for cameras to draw", hint)
+            yield TrialFault("LJ0507", mission.name, f"there are {entities} entities for cameras to draw", hint)
         if entities + agents > MEMBERS_MOST:
             return
         instance = instantiate(mission, mode=mode, settings=settings)
     except NodeError as error:
-        yield Refusal("LJ0507", error.path, error.said, error.hint)
+        yield TrialFault("LJ0507", error.path, error.said, error.hint)
     except LingjingError as error:
-        yield Refusal("LJ0507", mission.name, str(error), error.hint)
+        yield TrialFault("LJ0507", mission.name, str(error), error.hint)
     else:
         yield from _of_draws(mission, instance)
         yield from _of_scene(mission, instance)
@@ -125,7 +125,7 @@ def _swept(mission: model.Mission, mode: str) -> Iterator[dict[str, float]]:
             yield dict(zip(sweep.parameters, row, strict=True))
 
 
-def _of_draws(mission: model.Mission, instance: Instance) -> Iterator[Refusal]:
+def _of_draws(mission: model.Mission, instance: Instance) -> Iterator[TrialFault]:
     """Places that another seed would draw, and that lie beyond the scene."""
     areas = {region.name: Area(region.polygon) for region in instance.regions if region.polygon}
     scope = Scope(parameters=instance.settings, mode=instance.mode, areas=areas, tick_s=instance.clock.tick_s)
@@ -142,19 +142,19 @@ def _of_draws(mission: model.Mission, instance: Instance) -> Iterator[Refusal]:
             if any(abs(metres) > most for outline in where.outlines for point in outline for metres in point[:2]):
                 message = f"a place that `{group.name}` may be drawn at is beyond the scene"
                 hint = f"coordinates are metres from the scene's origin, {most:g} at most to every side here"
-                yield Refusal("LJ0507", f"{mission.name}/{group.name}/position", message, hint)
+                yield TrialFault("LJ0507", f"{mission.name}/{group.name}/position", message, hint)
 
 
-def _of_scene(mission: model.Mission, instance: Instance) -> Iterator[Refusal]:
+def _of_scene(mission: model.Mission, instance: Instance) -> Iterator[TrialFault]:
     for fault in scene_faults(instance.scene):
-        yield Refusal("LJ0508", f"{mission.name}/scene/{fault.option}", fault.message, fault.hint)
+        yield TrialFault("LJ0508", f"{mission.name}/scene/{fault.option}", fault.message, fault.hint)
     kind = instance.scene.kind
     for entity in instance.entities:
         for name, message, hint in elements.faults(entity.properties) if entity.engine == ORBITING else ():
-            yield Refusal("LJ0507", f"{mission.name}/{entity.group}/{name}", message, hint)
+            yield TrialFault("LJ0507", f"{mission.name}/{entity.group}/{name}", message, hint)
         surface = entity.properties.get("on")
         wanted = str(surface) if surface is not None else ROAD if entity.engine == ROAD else ""
         if wanted and lacks(instance.scene, wanted):
             path = f"{mission.name}/{entity.group}{'/on' if surface is not None else ''}"
             message = f"`{entity.group}` is on a {wanted}, and the scene `{kind}` has none"
-            yield Refusal("LJ0509", path, message, "choose a scene that has one, or another place")
+            yield TrialFault("LJ0509", path, message, "choose a scene that has one, or another place")

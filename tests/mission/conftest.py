@@ -45,8 +45,8 @@ def ssr_mission() -> m.Mission:
         title="Sea search and rescue",
         goal="Find every person in the water and bring the lifeboat to each of them.",
         scene=m.Scene(kind="bay", options=(prop("datum_m", metres(-3.5)),)),
-        clock=m.Clock(tick=ex.Number(10.0, "s"), sync=ex.Number(0.5, "s")),
-        budget=m.Budget(
+        clock=m.ClockDeclaration(tick=ex.Number(10.0, "s"), sync=ex.Number(0.5, "s")),
+        budget=m.BudgetDeclaration(
             ticks=ex.Number(60.0),
             policy=ex.Number(90.0, "s"),
             engine=ex.Number(30.0, "s"),
@@ -64,7 +64,9 @@ def ssr_mission() -> m.Mission:
             m.Parameter(name="altitude", default=metres(100.0), bounds=ex.Range(metres(40.0), metres(160.0))),
         ),
         modes=m.Modes(default="broadcast", allowed=("star", "broadcast")),
-        regions=(m.Region(name="search", shape=ex.Call("polygon", tuple(point(*corner) for corner in SEARCH))),),
+        regions=(
+            m.RegionDeclaration(name="search", shape=ex.Call("polygon", tuple(point(*corner) for corner in SEARCH))),
+        ),
         grids=(
             m.Grid(
                 name="cells", region="search", rows=ex.Number(3.0), columns=ex.Number(3.0), overlap=ex.Number(0.2, "%")

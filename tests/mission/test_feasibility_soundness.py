@@ -67,7 +67,7 @@ def test_the_rescue_needs_all_that_it_says(ssr: m.Mission) -> None:
     outline = of_instance(instantiate(ssr, seed=7))
     leaves = mandatory(needs(outline.instance.success, outline, "success"))
     kinds = {type(leaf).__name__ for leaf in leaves}
-    assert kinds == {"Visit", "Report", "Picture", "Performed"}
+    assert kinds == {"VisitNeed", "ReportNeed", "PictureNeed", "Performed"}
     (tour,) = tours(leaves, episode(outline), outline)
     assert len(tour.visits) == 3 and tour.metres > 0
 

@@ -22,7 +22,7 @@ def test_fault_agrees_with_shapely(ring: geometry2d.Polygon) -> None:
 
 
 @given(RING, POINT)
-def test_measures_agree_with_shapely(ring: geometry2d.Polygon, point: geometry2d.Point) -> None:
+def test_measures_agree_with_shapely(ring: geometry2d.Polygon, point: geometry2d.Vector2) -> None:
     assume(not geometry2d.fault(ring))
     reference, outline = shapely.Polygon(ring), geometry2d.normalised(ring)
     assert geometry2d.signed_area(outline) == pytest.approx(reference.area)
@@ -33,7 +33,7 @@ def test_measures_agree_with_shapely(ring: geometry2d.Polygon, point: geometry2d
 
 @given(RING, POINT, POINT)
 def test_clipped_area_agrees_with_shapely(
-    ring: geometry2d.Polygon, one: geometry2d.Point, other: geometry2d.Point
+    ring: geometry2d.Polygon, one: geometry2d.Vector2, other: geometry2d.Vector2
 ) -> None:
     assume(not geometry2d.fault(ring))
     box = geometry2d.bounds((one, other))
@@ -74,7 +74,7 @@ def test_circle_has_the_area_of_the_circle() -> None:
 @pytest.mark.parametrize(
     ("end", "bearing"), [((0.0, 1.0), 0), ((1.0, 0.0), 90), ((0.0, -1.0), 180), ((-1.0, 0.0), 270)]
 )
-def test_bearing_is_a_compass(end: geometry2d.Point, bearing: float) -> None:
+def test_bearing_is_a_compass(end: geometry2d.Vector2, bearing: float) -> None:
     assert geometry2d.bearing_deg((0.0, 0.0), end) == pytest.approx(bearing)
 
 

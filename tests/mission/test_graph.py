@@ -207,7 +207,9 @@ def everything(whole: m.Mission) -> m.Mission:
     return msgspec.structs.replace(
         whole,
         budget=msgspec.structs.replace(whole.budget, tokens=ex.Number(1e6, "token"), money=ex.Number(5.0, "USD")),
-        agents=tuple(msgspec.structs.replace(a, budget=m.Allowance(messages=ex.Number(40.0))) for a in whole.agents),
+        agents=tuple(
+            msgspec.structs.replace(a, budget=m.AllowanceDeclaration(messages=ex.Number(40.0))) for a in whole.agents
+        ),
         reveals=(m.Reveal(what="image", entity=ex.Ref("victim", "group"), role="searcher"),),
         limits=(
             m.Limit(name="photos", most=ex.Number(30.0), counts=(photos,)),

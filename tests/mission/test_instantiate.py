@@ -186,7 +186,7 @@ def test_wrong_arguments_name_what_is_allowed(
 FIELD_OF_VIEW = m.Property(name="wind", value=ex.Number(1.0))
 FAULTS: dict[str, tuple[Callable[[m.Mission], m.Mission], str]] = {
     "tick": (
-        lambda s: replace(s, clock=m.Clock(tick=ex.Number(10.0, "s"), sync=ex.Number(0.3, "s"))),
+        lambda s: replace(s, clock=m.ClockDeclaration(tick=ex.Number(10.0, "s"), sync=ex.Number(0.3, "s"))),
         "ssr/clock: tick = 10 s is no whole multiple of sync = 0.3 s",
     ),
     "budget": (

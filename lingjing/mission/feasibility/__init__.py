@@ -28,7 +28,7 @@ import msgspec
 from lingjing.errors import LingjingError
 from lingjing.mission import model
 from lingjing.mission.evaluate import number
-from lingjing.mission.feasibility.limits import Limit, episode, of_stage
+from lingjing.mission.feasibility.limits import TimeLimit, episode, of_stage
 from lingjing.mission.feasibility.needs import Need, needs, some_member
 from lingjing.mission.feasibility.order import refute_order
 from lingjing.mission.feasibility.outline import ENTITIES_MOST, Outline, of_instance, of_mission, too_large
@@ -94,7 +94,7 @@ def _stages(outline: Outline, success: Need) -> list[Proof]:
     return found
 
 
-def _own(stage: model.Stage, outline: Outline) -> Limit:
+def _own(stage: model.Stage, outline: Outline) -> TimeLimit:
     if stage.ticks is None:
         return episode(outline)
     try:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from lingjing.mission.feasibility.limits import Limit
+from lingjing.mission.feasibility.limits import TimeLimit
 from lingjing.mission.feasibility.motion import IDLE_VERBS
-from lingjing.mission.feasibility.needs import Leaf, Need, Picture, Report, Some, Visit
+from lingjing.mission.feasibility.needs import Leaf, Need, PictureNeed, ReportNeed, Some, VisitNeed
 from lingjing.mission.feasibility.outline import Body, Outline
 from lingjing.mission.feasibility.proof import Proof, exceeds, spelled
 from lingjing.mission.feasibility.seeing import takes_pictures_by_itself
@@ -20,7 +20,7 @@ SWING_M = 2.0
 _STEPPING = frozenset(("multirotor", "quadruped"))
 
 
-def refute_ticks(need: Need, limit: Limit, outline: Outline, at: str) -> Proof | None:
+def refute_ticks(need: Need, limit: TimeLimit, outline: Outline, at: str) -> Proof | None:
     """Too few ticks for a picture to be asked for, seen and reported."""
     least = _ticks(need, 1 if takes_pictures_by_itself(outline) else 2)
     if not exceeds(least, limit.ticks):
@@ -35,7 +35,7 @@ def refute_ticks(need: Need, limit: Limit, outline: Outline, at: str) -> Proof |
     )
 
 
-def refute_counts(leaves: Sequence[Leaf], limit: Limit, outline: Outline) -> list[Proof]:
+def refute_counts(leaves: Sequence[Leaf], limit: TimeLimit, outline: Outline) -> list[Proof]:
     """Counted budgets of the episode, and its budget of messages, below what is needed."""
     reports = _reports(leaves)
     found = [_messages(counted, reports) for counted in outline.instance.limits if not counted.stage]
@@ -55,9 +55,9 @@ def refute_counts(leaves: Sequence[Leaf], limit: Limit, outline: Outline) -> lis
 
 def _ticks(need: Need, picture: int) -> int:
     match need:
-        case Picture():
+        case PictureNeed():
             return picture
-        case Report():
+        case ReportNeed():
             return 1
         case Some(least=least, parts=parts) if 0 < least <= len(parts):
             return sorted(_ticks(part, picture) for part in parts)[least - 1]
@@ -68,7 +68,7 @@ def _reports(leaves: Sequence[Leaf]) -> dict[str, int]:
     """Messages of each kind that are needed at least: one for each entity where they are matched one to one."""
     about: dict[str, set[str]] = {}
     for leaf in leaves:
-        if isinstance(leaf, Report):
+        if isinstance(leaf, ReportNeed):
             about.setdefault(leaf.kind, set()).add(leaf.about if leaf.matching else "")
     return {kind: max(1, len(names - {""})) for kind, names in about.items()}
 
@@ -91,11 +91,11 @@ def _spelled(reports: dict[str, int]) -> str:
     return ", ".join(f"{count} `{kind}`" for kind, count in reports.items())
 
 
-def _commands(counted: LimitSpec, leaves: Sequence[Leaf], limit: Limit, outline: Outline) -> Proof | None:
+def _commands(counted: LimitSpec, leaves: Sequence[Leaf], limit: TimeLimit, outline: Outline) -> Proof | None:
     """A way that takes more steps than the limit allows, if every command that moves the vehicle counts."""
     for body in outline.bodies.values():
         step = _longest_step(body, counted)
-        visits = tuple(leaf for leaf in leaves if isinstance(leaf, Visit) and leaf.movers == (body,))
+        visits = tuple(leaf for leaf in leaves if isinstance(leaf, VisitNeed) and leaf.movers == (body,))
         if math.isinf(step) or not visits or body.aboard:
             continue
         metres = length((body,), visits, limit, outline)

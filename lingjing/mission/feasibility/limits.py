@@ -1,4 +1,4 @@
-"""`Limit`: the time that a condition has, in mission time and in words."""
+"""`TimeLimit`: the time that a condition has, in mission time and in words."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from lingjing.mission.feasibility.outline import Outline
 from lingjing.mission.feasibility.proof import spelled
 
 
-class Limit(msgspec.Struct, frozen=True):
+class TimeLimit(msgspec.Struct, frozen=True):
     """Ticks and the seconds they last; `at` is the path of the budget, `owner` what it is the budget of."""
 
     ticks: float
@@ -18,20 +18,20 @@ class Limit(msgspec.Struct, frozen=True):
     words: str
 
 
-def episode(outline: Outline) -> Limit:
+def episode(outline: Outline) -> TimeLimit:
     """The whole episode's."""
     return _limit(outline, outline.ticks, "budget/ticks", "the budget")
 
 
-def of_stage(outline: Outline, name: str, ticks: float) -> Limit:
+def of_stage(outline: Outline, name: str, ticks: float) -> TimeLimit:
     """A stage's own, if that is shorter."""
     whole = episode(outline)
     return _limit(outline, ticks, f"stage/{name}", f"the budget of stage `{name}`") if ticks < whole.ticks else whole
 
 
-def _limit(outline: Outline, ticks: float, at: str, owner: str) -> Limit:
+def _limit(outline: Outline, ticks: float, at: str, owner: str) -> TimeLimit:
     tick_s = outline.instance.clock.tick_s
     seconds = ticks * tick_s
     plural = "tick" if ticks == 1 else "ticks"
     words = f"{owner} is {spelled(ticks)} {plural} of {spelled(tick_s)} s = {spelled(seconds)} s"
-    return Limit(ticks, seconds, at, owner, words)
+    return TimeLimit(ticks, seconds, at, owner, words)

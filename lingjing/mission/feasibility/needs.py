@@ -30,7 +30,7 @@ NODES_MOST = 20_000
 """Conditions are unfolded to at most this many nodes; beyond, a part asks for nothing."""
 
 
-class Visit(msgspec.Struct, frozen=True):
+class VisitNeed(msgspec.Struct, frozen=True):
     """One of `movers` must come within `radius_m` of the goal, in the plane."""
 
     movers: tuple[Body, ...]
@@ -39,7 +39,7 @@ class Visit(msgspec.Struct, frozen=True):
     at: str
 
 
-class Report(msgspec.Struct, frozen=True):
+class ReportNeed(msgspec.Struct, frozen=True):
     """A message of a kind must be sent; a `matching` one is about exactly one entity."""
 
     kind: str
@@ -48,7 +48,7 @@ class Report(msgspec.Struct, frozen=True):
     matching: bool = False
 
 
-class Picture(msgspec.Struct, frozen=True):
+class PictureNeed(msgspec.Struct, frozen=True):
     """A picture must be taken in which the entity covers pixels."""
 
     target: Body
@@ -96,7 +96,7 @@ class Some(msgspec.Struct, frozen=True):
     parts: tuple[Need, ...]
 
 
-Leaf = Visit | Report | Picture | Handover | Supply | Performed | Never
+Leaf = VisitNeed | ReportNeed | PictureNeed | Handover | Supply | Performed | Never
 Need = Leaf | Some
 
 NOTHING = Some(0, ())
@@ -406,7 +406,7 @@ def _quantified(node: ex.Quantified, body: Meaning, names: Mapping[str, Value], 
             return _mentioned((as_need(body({**names, node.variable: None}, on)),))
         about, matching = _about(node, names, on)
         inner = as_need(body({**names, node.variable: None}, on))
-        return _all((Report(node.domain, on.at, about, matching), inner))
+        return _all((ReportNeed(node.domain, on.at, about, matching), inner))
     parts = tuple(as_need(body({**names, node.variable: member}, on)) for member in on.members(node.domain))
     if node.quantifier == "forall":
         return _all(parts)
@@ -477,7 +477,7 @@ def _visit(engine: str, target: Body, within: float, name: str, on: Unfolding) -
     movers = on.outline.by_engine(engine)
     if not movers:
         return Never(f"`{name}` of `{target.id}` takes an asset of the engine `{engine}`, and there is none", on.at)
-    return Visit(movers, target, within, on.at)
+    return VisitNeed(movers, target, within, on.at)
 
 
 def _unlocked(name: str, target: Body, on: Unfolding) -> Need:
@@ -505,7 +505,7 @@ _TURNED = (">", ">=")
 
 
 def _compared(symbol: str, left: Value, right: Value, on: Unfolding) -> Need:
-    seen = tuple(Picture(value.body, on.at) for value in (left, right) if isinstance(value, _Seen))
+    seen = tuple(PictureNeed(value.body, on.at) for value in (left, right) if isinstance(value, _Seen))
     if seen:
         return _all(seen)
     if symbol == "in":
@@ -522,7 +522,7 @@ def _compared(symbol: str, left: Value, right: Value, on: Unfolding) -> Need:
 def _inside(item: Value, whole: Value, on: Unfolding) -> Need:
     body = _body(item)
     outlines = outlines_of(whole) if isinstance(whole, Area) else ()
-    return Visit((body,), Where(outlines), 0.0, on.at) if body is not None and outlines else NOTHING
+    return VisitNeed((body,), Where(outlines), 0.0, on.at) if body is not None and outlines else NOTHING
 
 
 def _at_most(left: Value, right: Value, on: Unfolding) -> Need:
@@ -547,11 +547,11 @@ def _near(one: Value, other: Value, radius: float, on: Unfolding) -> Need:
         return NOTHING
     if first is not None and second is not None:
         mover, goal = (second, first) if first.entity.role == "target" else (first, second)
-        return Visit((mover,), goal, radius, on.at)
+        return VisitNeed((mover,), goal, radius, on.at)
     body, place = (first, other) if first is not None else (second, one)
     if body is None or not isinstance(place, Place):
         return NOTHING
-    return Visit((body,), point(place.east, place.north), radius, on.at)
+    return VisitNeed((body,), point(place.east, place.north), radius, on.at)
 
 
 def _filled(amount: _Amount, most: float, on: Unfolding) -> Need:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from lingjing.mission.feasibility.limits import Limit
+from lingjing.mission.feasibility.limits import TimeLimit
 from lingjing.mission.feasibility.needs import Leaf, Supply
 from lingjing.mission.feasibility.outline import Body, Outline
 from lingjing.mission.feasibility.proof import Proof, both, exceeds, spelled
@@ -23,7 +23,7 @@ _MASS = "_kg"
 _TRIPS_MOST = 1e6
 
 
-def refute_supplies(leaves: Sequence[Leaf], limit: Limit, outline: Outline) -> list[Proof]:
+def refute_supplies(leaves: Sequence[Leaf], limit: TimeLimit, outline: Outline) -> list[Proof]:
     """Why the supplies that are all needed cannot be brought within the limit, if that is so."""
     supplies = list(
         {leaf.target.id: leaf for leaf in leaves if isinstance(leaf, Supply) and leaf.name.endswith(_MASS)}.values()
@@ -57,7 +57,9 @@ def _stock(supplies: list[Supply], outline: Outline) -> Proof | None:
     )
 
 
-def _trips(supplies: list[Supply], carriers: list[tuple[Body, float]], limit: Limit, outline: Outline) -> Proof | None:
+def _trips(
+    supplies: list[Supply], carriers: list[tuple[Body, float]], limit: TimeLimit, outline: Outline
+) -> Proof | None:
     """More than all vehicles can bring if none ever rests: a first load, and another for each way there and back."""
     wanted = sum(supply.amount for supply in supplies)
     way = _shortest_way(supplies, outline)
@@ -78,7 +80,7 @@ def _trips(supplies: list[Supply], carriers: list[tuple[Body, float]], limit: Li
     )
 
 
-def _loads(body: Body, way: float, limit: Limit) -> float:
+def _loads(body: Body, way: float, limit: TimeLimit) -> float:
     metres = body.speed_mps * min(limit.seconds, body.flight_s)
     if way <= 0 or math.isinf(metres):
         return _TRIPS_MOST

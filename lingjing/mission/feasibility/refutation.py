@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from lingjing.mission.feasibility.counting import refute_counts, refute_ticks
-from lingjing.mission.feasibility.limits import Limit
+from lingjing.mission.feasibility.limits import TimeLimit
 from lingjing.mission.feasibility.needs import (
     Handover,
     Need,
     Never,
     Performed,
-    Picture,
-    Report,
+    PictureNeed,
+    ReportNeed,
     Some,
     Supply,
-    Visit,
+    VisitNeed,
     mandatory,
 )
 from lingjing.mission.feasibility.outline import Outline
@@ -25,7 +25,7 @@ from lingjing.mission.feasibility.tour import refute_tours
 from lingjing.mission.feasibility.travel import refute_visit
 
 
-def refute(need: Need, limit: Limit, outline: Outline, at: str) -> list[Proof]:
+def refute(need: Need, limit: TimeLimit, outline: Outline, at: str) -> list[Proof]:
     """Every reason found why the need cannot be met within the limit; nothing if none is."""
     alone = refute_each(need, limit, outline)
     if alone:
@@ -40,7 +40,7 @@ def refute(need: Need, limit: Limit, outline: Outline, at: str) -> list[Proof]:
     ]
 
 
-def refute_each(need: Need, limit: Limit, outline: Outline) -> list[Proof]:
+def refute_each(need: Need, limit: TimeLimit, outline: Outline) -> list[Proof]:
     """Reasons that lie in single leaves. Of parts of which only some are due, so many must fail that too few are left;
     then the first that fails stands for all."""
     if not isinstance(need, Some):
@@ -54,13 +54,13 @@ def refute_each(need: Need, limit: Limit, outline: Outline) -> list[Proof]:
     return failed[0] if failed else []
 
 
-def _leaf(leaf: Need, limit: Limit, outline: Outline) -> Proof | None:
+def _leaf(leaf: Need, limit: TimeLimit, outline: Outline) -> Proof | None:
     match leaf:
-        case Visit():
+        case VisitNeed():
             return refute_visit(leaf, limit, outline)
-        case Report():
+        case ReportNeed():
             return refute_report(leaf, outline)
-        case Picture():
+        case PictureNeed():
             return refute_picture(leaf, outline)
         case Handover():
             return refute_handover(leaf, outline)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from lingjing.mission.feasibility.needs import Picture
+from lingjing.mission.feasibility.needs import PictureNeed
 from lingjing.mission.feasibility.outline import Body, Outline
 from lingjing.mission.feasibility.proof import Proof, both, exceeds, spelled
 from lingjing.mission.instance import CameraSpec
@@ -27,7 +27,7 @@ _RAISED_M = {"ground": 100.0, "road": 100.0, "water": 0.0, "None": 0.0}
 _FLYING = frozenset(("multirotor", "plane"))
 
 
-def refute_picture(picture: Picture, outline: Outline) -> Proof | None:
+def refute_picture(picture: PictureNeed, outline: Outline) -> Proof | None:
     """Why no picture can show the target, if that is so."""
     mounts = [(body, camera) for body in outline.bodies.values() for camera in body.entity.cameras]
     if not mounts:
@@ -70,7 +70,7 @@ def most_pixels(size_m: float, height_m: float, camera: CameraSpec) -> float:
     return math.inf if nearest <= 0 else focal * (1.0 + corner) * 2.0 * math.atan(size_m / 2.0 / nearest)
 
 
-def _too_small(picture: Picture, usable: list[tuple[Body, CameraSpec]]) -> Proof | None:
+def _too_small(picture: PictureNeed, usable: list[tuple[Body, CameraSpec]]) -> Proof | None:
     size = extent_m(picture.target)
     if math.isinf(size):
         return None
@@ -102,7 +102,7 @@ def _lowest_m(body: Body, target: Body) -> float:
     return max(0.0, lowest - top)
 
 
-def _nobody(picture: Picture, body: Body) -> Proof:
+def _nobody(picture: PictureNeed, body: Body) -> Proof:
     verbs = [verb.name for verb in body.entity.verbs]
     if PHOTO in verbs:
         why, hint = f"no agent may command `{body.id}`", "let an agent control it, or write `capture = each_tick`"
@@ -112,7 +112,7 @@ def _nobody(picture: Picture, body: Body) -> Proof:
     return _no_camera(picture, why, hint, ((body.path, "the camera's carrier"),))
 
 
-def _no_camera(picture: Picture, why: str, hint: str, related: tuple[tuple[str, str], ...]) -> Proof:
+def _no_camera(picture: PictureNeed, why: str, hint: str, related: tuple[tuple[str, str], ...]) -> Proof:
     return Proof(
         "LJ0609",
         picture.at,

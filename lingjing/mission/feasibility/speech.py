@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lingjing.mission.feasibility.needs import Handover, Report
+from lingjing.mission.feasibility.needs import Handover, ReportNeed
 from lingjing.mission.feasibility.outline import Outline
 from lingjing.mission.feasibility.proof import Proof
 from lingjing.mission.instance import MessageSpec
@@ -10,7 +10,7 @@ from lingjing.mission.instance import MessageSpec
 EVERYONE = "all"
 
 
-def refute_report(report: Report, outline: Outline) -> Proof | None:
+def refute_report(report: ReportNeed, outline: Outline) -> Proof | None:
     """Why no message of the kind can be sent, if that is so."""
     spec = next((message for message in outline.instance.messages if message.kind == report.kind), None)
     if spec is not None and _senders(spec, outline):

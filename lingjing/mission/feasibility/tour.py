@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 
 import msgspec
 
-from lingjing.mission.feasibility.limits import Limit
-from lingjing.mission.feasibility.needs import Leaf, Visit
+from lingjing.mission.feasibility.limits import TimeLimit
+from lingjing.mission.feasibility.needs import Leaf, VisitNeed
 from lingjing.mission.feasibility.outline import Body, Outline
 from lingjing.mission.feasibility.proof import Proof, both, exceeds, spelled
 from lingjing.mission.feasibility.spread import gap
@@ -25,13 +25,13 @@ class Tour(msgspec.Struct, frozen=True):
     """Visits that some of the movers must make, and the metres they drive for it together, at least."""
 
     movers: tuple[Body, ...]
-    visits: tuple[Visit, ...]
+    visits: tuple[VisitNeed, ...]
     metres: float
 
 
-def tours(leaves: Sequence[Leaf], limit: Limit, outline: Outline) -> list[Tour]:
+def tours(leaves: Sequence[Leaf], limit: TimeLimit, outline: Outline) -> list[Tour]:
     """One for every set of movers that must share two or more visits."""
-    visits = [leaf for leaf in leaves if isinstance(leaf, Visit)]
+    visits = [leaf for leaf in leaves if isinstance(leaf, VisitNeed)]
     sets = {frozenset(mover.id for mover in visit.movers): visit.movers for visit in visits}
     found = []
     for ids, movers in sets.items():
@@ -41,7 +41,7 @@ def tours(leaves: Sequence[Leaf], limit: Limit, outline: Outline) -> list[Tour]:
     return found
 
 
-def refute_tours(leaves: Sequence[Leaf], limit: Limit, outline: Outline) -> list[Proof]:
+def refute_tours(leaves: Sequence[Leaf], limit: TimeLimit, outline: Outline) -> list[Proof]:
     """Why no schedule of the visits fits into the limit or the batteries, for each tour of which that is so."""
     proofs = []
     for tour in tours(leaves, limit, outline):
@@ -54,7 +54,7 @@ def refute_tours(leaves: Sequence[Leaf], limit: Limit, outline: Outline) -> list
     return proofs
 
 
-def length(movers: tuple[Body, ...], visits: tuple[Visit, ...], limit: Limit, outline: Outline) -> float:
+def length(movers: tuple[Body, ...], visits: tuple[VisitNeed, ...], limit: TimeLimit, outline: Outline) -> float:
     """Metres that the movers cover together, at least: within the limit no goal has moved by more than its speed
     allows."""
     goals = [meeting(visit, outline) for visit in visits]
@@ -73,9 +73,9 @@ def length(movers: tuple[Body, ...], visits: tuple[Visit, ...], limit: Limit, ou
     return _spanning_tree(first, leg)
 
 
-def _one_a_goal(visits: Sequence[Visit]) -> tuple[Visit, ...]:
+def _one_a_goal(visits: Sequence[VisitNeed]) -> tuple[VisitNeed, ...]:
     """One visit for each goal, the one that must come nearest."""
-    nearest: dict[object, Visit] = {}
+    nearest: dict[object, VisitNeed] = {}
     for visit in visits:
         key = visit.goal.id if isinstance(visit.goal, Body) else visit.goal
         known = nearest.get(key)
@@ -118,7 +118,7 @@ def _spanning_tree(first: Sequence[float], leg: Callable[[int, int], float]) -> 
     return total
 
 
-def _no_schedule(tour: Tour, speed: float, limit: Limit) -> Proof:
+def _no_schedule(tour: Tour, speed: float, limit: TimeLimit) -> Proof:
     needed, _ = both(tour.metres / speed, limit.seconds)
     together = "" if len(tour.movers) == 1 else " together"
     return Proof(

@@ -6,8 +6,8 @@ import math
 
 import msgspec
 
-from lingjing.mission.feasibility.limits import Limit
-from lingjing.mission.feasibility.needs import Visit
+from lingjing.mission.feasibility.limits import TimeLimit
+from lingjing.mission.feasibility.needs import VisitNeed
 from lingjing.mission.feasibility.outline import Body, Outline
 from lingjing.mission.feasibility.proof import Proof, both, exceeds, spelled
 from lingjing.mission.feasibility.spread import Where, gap
@@ -21,7 +21,7 @@ class Meeting(msgspec.Struct, frozen=True):
     radius_m: float
 
 
-def meeting(visit: Visit, outline: Outline) -> Meeting:
+def meeting(visit: VisitNeed, outline: Outline) -> Meeting:
     """The visit with what carriers may do to its goal taken into account.
 
     A goal that others than the visit's movers may take aboard moves as fast as they do. If only the movers may, they
@@ -41,7 +41,7 @@ def pace(mover: Body, outline: Outline) -> float:
     return max(mover.speed_mps, _carried(mover, outline))
 
 
-def refute_visit(visit: Visit, limit: Limit, outline: Outline) -> Proof | None:
+def refute_visit(visit: VisitNeed, limit: TimeLimit, outline: Outline) -> Proof | None:
     """Why no mover can make the visit within the limit, if that is so."""
     if not visit.movers:
         return None
@@ -87,7 +87,7 @@ def _seconds(metres: float, speed: float) -> float:
     return metres / speed if speed > 0 else math.inf
 
 
-def _nobody(visit: Visit, metres: float, mover: Body) -> Proof:
+def _nobody(visit: VisitNeed, metres: float, mover: Body) -> Proof:
     why = "no agent may command it to move" if not mover.driven else "it has no speed"
     who = movers_of(visit.movers)
     return Proof(
@@ -101,7 +101,7 @@ def _nobody(visit: Visit, metres: float, mover: Body) -> Proof:
     )
 
 
-def _too_late(visit: Visit, goal: Meeting, limit: Limit, mover: Body, metres: float, speed: float) -> Proof:
+def _too_late(visit: VisitNeed, goal: Meeting, limit: TimeLimit, mover: Body, metres: float, speed: float) -> Proof:
     needed, _ = both(metres / speed, limit.seconds)
     closing = " (both moving)" if goal.speed_mps > 0 else ""
     return Proof(
@@ -116,7 +116,9 @@ def _too_late(visit: Visit, goal: Meeting, limit: Limit, mover: Body, metres: fl
     )
 
 
-def _too_far(visit: Visit, goal: Meeting, limit: Limit, away: dict[str, float], outline: Outline) -> Proof | None:
+def _too_far(
+    visit: VisitNeed, goal: Meeting, limit: TimeLimit, away: dict[str, float], outline: Outline
+) -> Proof | None:
     """Why no battery lasts for the visit, if that is so."""
     worst: Proof | None = None
     for mover in visit.movers:
@@ -139,9 +141,9 @@ def _too_far(visit: Visit, goal: Meeting, limit: Limit, away: dict[str, float], 
     return worst
 
 
-def _goal(visit: Visit) -> tuple[tuple[str, str], ...]:
+def _goal(visit: VisitNeed) -> tuple[tuple[str, str], ...]:
     return ((visit.goal.path, "where it must go"),) if isinstance(visit.goal, Body) else ()
 
 
-def _subject(visit: Visit) -> str:
+def _subject(visit: VisitNeed) -> str:
     return visit.goal.id if isinstance(visit.goal, Body) else visit.movers[0].id

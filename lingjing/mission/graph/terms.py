@@ -103,7 +103,9 @@ def add_happenings(mission: model.Mission, draft: Draft) -> None:
 # -- private
 
 
-def _add_allowance(given: model.Budget | model.Allowance, whose: str, owner: str, draft: Draft) -> None:
+def _add_allowance(
+    given: model.BudgetDeclaration | model.AllowanceDeclaration, whose: str, owner: str, draft: Draft
+) -> None:
     units = (("tokens", given.tokens), ("money", given.money), ("messages", given.messages))
     for name, most in units:
         if most is not None:

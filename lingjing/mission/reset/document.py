@@ -15,7 +15,7 @@ from pydantic import ValidationError
 from lingjing.errors import Fault, MissionError
 from lingjing.mission import jsontext
 from lingjing.mission.reset.faults import document_error, faults_of
-from lingjing.mission.reset.shapes import Envelope, Free, P, Part, Scenario, Task
+from lingjing.mission.reset.shapes import CommandEnvelope, DocumentPart, Free, P, Scenario, TaskRow
 from lingjing.mission.reset.spelling import Spelt
 
 
@@ -34,7 +34,7 @@ class Parsed:
     faults: list[Fault] = field(default_factory=list)
 
     @property
-    def task(self) -> Task:
+    def task(self) -> TaskRow:
         """The row of the task matrix that is played."""
         return self.scenario.task_matrix[0]
 
@@ -56,7 +56,7 @@ class Parsed:
         inner: Mapping[str, Any] = state if isinstance(state, dict) else {}
         return (inner, self.state_path), (task, self.task_path), (self.raw, self.path)
 
-    def rows(self) -> Iterator[tuple[Part, Mapping[str, Any], str]]:
+    def rows(self) -> Iterator[tuple[DocumentPart, Mapping[str, Any], str]]:
         """The scenario and its task: shape, values, JSON path."""
         _, (task, task_path), (scenario, path) = self.holders()
         yield self.scenario, scenario, path
@@ -94,28 +94,28 @@ def parse(text: str, path: str) -> Parsed:
             f"{path}: {root} is not a resetScenario: it holds neither 'scenario' nor 'equipmentList'",
             hint="give a resetScenario document, a mission.json or an .ljs file",
         )
-    shape: type[Envelope | Scenario] = Envelope if "scenario" in value else Scenario
-    if shape is Envelope and isinstance(value["scenario"], dict):
+    shape: type[CommandEnvelope | Scenario] = CommandEnvelope if "scenario" in value else Scenario
+    if shape is CommandEnvelope and isinstance(value["scenario"], dict):
         spelt.rename(value["scenario"], Scenario, f"{root}.scenario")
-    rows = value["scenario"] if shape is Envelope else value
+    rows = value["scenario"] if shape is CommandEnvelope else value
     if isinstance(rows, dict) and isinstance(rows.get("taskMatrix"), dict):
         notes.append(
-            f"{root}{'.scenario' if shape is Envelope else ''}.taskMatrix: is one object, read as its only row"
+            f"{root}{'.scenario' if shape is CommandEnvelope else ''}.taskMatrix: is one object, read as its only row"
         )
     spelt.unify(value, shape, root)
-    inner, where = (value["scenario"], f"{root}.scenario") if shape is Envelope else (value, root)
+    inner, where = (value["scenario"], f"{root}.scenario") if shape is CommandEnvelope else (value, root)
     whole, faults = Scenario.model_construct(), list[Fault]()
     try:
         read = shape.model_validate(value)
-        whole = read.scenario if isinstance(read, Envelope) else read
+        whole = read.scenario if isinstance(read, CommandEnvelope) else read
     except ValidationError as error:
         faults.extend(faults_of(error, value, root, spelt))
-    envelope = value if shape is Envelope else {}
+    envelope = value if shape is CommandEnvelope else {}
     raw = inner if isinstance(inner, dict) else {}
     return Parsed(whole, where, path, raw, envelope, (*notes, *spelt.notes), spelt, faults)
 
 
-class _Either(Part):
+class _Either(DocumentPart):
     """What tells an envelope from a bare scenario."""
 
     scenario: Free = None

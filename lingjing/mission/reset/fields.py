@@ -12,11 +12,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from lingjing.mission.reset.document import Parsed
-from lingjing.mission.reset.shapes import Target, folded
+from lingjing.mission.reset.shapes import HiddenPlace, folded
 
 
 @dataclass(frozen=True, slots=True)
-class Field:
+class HiddenField:
     """One kind of hidden field: the name it is written under, the target types it may hold (the likeliest first), and
     its other spellings, folded. A `general` one says nothing of what lies there. It may stand for a target of the types
     in `also`, but does not tell a mission by them."""
@@ -28,13 +28,13 @@ class Field:
     also: tuple[str, ...] = ()
 
 
-def _field(name: str, types: str, spellings: str, *, general: bool = False, also: str = "") -> Field:
+def _field(name: str, types: str, spellings: str, *, general: bool = False, also: str = "") -> HiddenField:
     stems = (folded(name), *spellings.split())
     plural = (stem + "s" for stem in stems if not stem.endswith("s"))
-    return Field(name, tuple(types.split()), frozenset((*stems, *plural)), general, tuple(also.split()))
+    return HiddenField(name, tuple(types.split()), frozenset((*stems, *plural)), general, tuple(also.split()))
 
 
-FIELDS: tuple[Field, ...] = (
+FIELDS: tuple[HiddenField, ...] = (
     _field("rescuePersonPosition", "person_in_water", "personposition victimposition 落水人员位置"),
     _field("goalFirePosition", "building_fire fire_source", "fireposition firespot firepoint 火点 火源位置"),
     _field(
@@ -83,10 +83,10 @@ FIELDS: tuple[Field, ...] = (
 class Found:
     """A hidden field of a document: what it is, the key and JSON path it stands at, and its entries."""
 
-    field: Field
+    field: HiddenField
     key: str
     path: str
-    targets: tuple[Target, ...]
+    targets: tuple[HiddenPlace, ...]
     single: bool
 
     def at(self, index: int) -> str:
@@ -94,7 +94,7 @@ class Found:
         return self.path if self.single else f"{self.path}[{index}]"
 
 
-def field_of(key: str) -> Field | None:
+def field_of(key: str) -> HiddenField | None:
     """The kind of hidden field a key spells, or None."""
     word = folded(key)
     return next((field for field in FIELDS if word in field.spellings), None)
@@ -125,5 +125,5 @@ def _found(holder: Mapping[str, Any], path: str, parsed: Parsed, notes: list[str
         yield Found(field, key, where, tuple(target for target in read if target is not None), one)
 
 
-def _target(item: dict[str, Any], where: str, parsed: Parsed) -> Target | None:
-    return parsed.converted(parsed.spelt.unify(item, Target, where), Target, where)
+def _target(item: dict[str, Any], where: str, parsed: Parsed) -> HiddenPlace | None:
+    return parsed.converted(parsed.spelt.unify(item, HiddenPlace, where), HiddenPlace, where)

@@ -26,7 +26,7 @@ LOW_M, HIGH_M = -100.0, 3_000.0
 _ON_THE_GROUND = ("quadruped", "road", "vessel")
 
 
-class Frame(msgspec.Struct, frozen=True):
+class DocumentFrame(msgspec.Struct, frozen=True):
     """The origin's latitude and longitude in degrees, and what is taken off heights, metres."""
 
     origin: tuple[float, float]
@@ -47,25 +47,25 @@ class Frame(msgspec.Struct, frozen=True):
         return round(height - self.datum_m, 4) if self.datum_m else height
 
 
-def frame_of(parsed: Parsed, found: Sequence[Found], origin: tuple[float, float], notes: list[str]) -> Frame:
+def frame_of(parsed: Parsed, found: Sequence[Found], origin: tuple[float, float], notes: list[str]) -> DocumentFrame:
     """The frame of a document whose template has its origin at `origin`."""
     given = parsed.scenario.lingjing
     on_ground, others = _places(parsed, found)
     every = [*on_ground, *others]
-    frame = Frame(origin)
+    frame = DocumentFrame(origin)
     if given is not None and given.origin is not None:
         if not (-90.0 <= given.origin[0] <= 90.0 and -180.0 <= given.origin[1] <= 180.0):
             where = f"{parsed.path}.lingjing.origin"
             parsed.report(where, "is no latitude and longitude", "write degrees: [39.83, 109.94]")
-        frame = Frame(given.origin)
+        frame = DocumentFrame(given.origin)
     elif (worked_out := _origin(every, origin)) is not None:
         notes.append(
             f"{parsed.path}: the scene's origin is taken to be at {worked_out[0]:g}, {worked_out[1]:g}, where the "
             'document\'s degrees lie; "lingjing": {"origin": [latitude, longitude]} would say'
         )
-        frame = Frame(worked_out)
+        frame = DocumentFrame(worked_out)
     if given is not None and given.datum_m is not None:
-        return Frame(frame.origin, given.datum_m)
+        return DocumentFrame(frame.origin, given.datum_m)
     heights = _heights(frame, on_ground) or _heights(frame, others)
     if not heights or LOW_M <= min(heights) <= HIGH_M or abs(min(heights)) > FARTHEST_M:
         return frame
@@ -73,7 +73,7 @@ def frame_of(parsed: Parsed, found: Sequence[Found], origin: tuple[float, float]
         f"{parsed.path}: heights begin at {min(heights):g} m, which is taken for the ground; "
         '"lingjing": {"datum_m": metres} would say'
     )
-    return Frame(frame.origin, min(heights))
+    return DocumentFrame(frame.origin, min(heights))
 
 
 def _places(parsed: Parsed, found: Iterable[Found]) -> tuple[list[Coordinates], list[Coordinates]]:
@@ -88,7 +88,7 @@ def _places(parsed: Parsed, found: Iterable[Found]) -> tuple[list[Coordinates], 
     return on_ground, flying
 
 
-def _heights(frame: Frame, places: Iterable[Coordinates]) -> list[float]:
+def _heights(frame: DocumentFrame, places: Iterable[Coordinates]) -> list[float]:
     found = (frame.place(data) for data in places)
     return [place[2] for place in found if place is not None and len(place) == 3]
 

@@ -15,7 +15,7 @@ from lingjing.mission.instantiate import parameters, scene_spec
 from lingjing.mission.placing import FARTHEST_M, holds, place_fault
 from lingjing.mission.reset.document import Parsed
 from lingjing.mission.reset.elements import elements_fault
-from lingjing.mission.reset.frame import FAR_M, Frame
+from lingjing.mission.reset.frame import FAR_M, DocumentFrame
 from lingjing.mission.reset.shapes import Coordinates
 
 WEIGHT, PEOPLE = "demand_kg", "people"
@@ -26,7 +26,7 @@ AGREE_M = 1.0
 
 
 @dataclass(frozen=True, slots=True)
-class Spot:
+class DocumentEntry:
     """One thing the document places: coordinates, their JSON path, its code, compass heading, weight (kg) and people.
 
     What orbits has its two `lines` of elements; it alone may lack coordinates (`data` without any).
@@ -48,7 +48,7 @@ class Spot:
         return not self.orbits or any(value is not None for value in (data.x, data.y, data.lon, data.lat))
 
 
-def world(spot: Spot, frame: Frame, parsed: Parsed) -> tuple[float, ...]:
+def world(spot: DocumentEntry, frame: DocumentFrame, parsed: Parsed) -> tuple[float, ...]:
     """East, north and, if given, elevation in metres; what lies beyond every scene is reported."""
     place = frame.place(spot.data)
     if place is None:
@@ -62,7 +62,7 @@ def world(spot: Spot, frame: Frame, parsed: Parsed) -> tuple[float, ...]:
     return place
 
 
-def far_off(spot: Spot, frame: Frame, parsed: Parsed) -> str:
+def far_off(spot: DocumentEntry, frame: DocumentFrame, parsed: Parsed) -> str:
     """What to note of a place that lies farther from the scene's origin than a scene is wide, or ""."""
     distance = math.hypot(*world(spot, frame, parsed)[:2])
     if distance <= FAR_M:
@@ -71,7 +71,7 @@ def far_off(spot: Spot, frame: Frame, parsed: Parsed) -> str:
     return f"{spot.path}: lies {distance / 1000:.0f} km from the scene's origin at {latitude:g}, {longitude:g}"
 
 
-def contradiction(spot: Spot, frame: Frame) -> str:
+def contradiction(spot: DocumentEntry, frame: DocumentFrame) -> str:
     """What to note if the two spellings of a place name different ones, or ""."""
     data = spot.data
     if None in (data.x, data.y, data.lon, data.lat):
@@ -103,8 +103,8 @@ def _scope(mission: model.Mission) -> Scope:
 def filled(
     mission: model.Mission,
     group: model.Group,
-    spots: Sequence[Spot],
-    frame: Frame,
+    spots: Sequence[DocumentEntry],
+    frame: DocumentFrame,
     parsed: Parsed,
     where: str,
     notes: list[str],
@@ -143,7 +143,12 @@ def allows_none(mission: model.Mission, group: model.Group) -> bool:
 
 
 def _positioned(
-    group: model.Group, spots: Sequence[Spot], frame: Frame, parsed: Parsed, where: str, notes: list[str]
+    group: model.Group,
+    spots: Sequence[DocumentEntry],
+    frame: DocumentFrame,
+    parsed: Parsed,
+    where: str,
+    notes: list[str],
 ) -> tuple[model.Property, ...]:
     if not any(spot.placed for spot in spots):
         notes.append(f"{where}: gives elements and no coordinates; the places of '{group.name}' are the template's")
@@ -160,7 +165,11 @@ def _positioned(
 
 
 def _orbiting(
-    group: model.Group, properties: tuple[model.Property, ...], spots: Sequence[Spot], where: str, notes: list[str]
+    group: model.Group,
+    properties: tuple[model.Property, ...],
+    spots: Sequence[DocumentEntry],
+    where: str,
+    notes: list[str],
 ) -> tuple[model.Property, ...]:
     """The properties with the two-line elements; lines that are no elements are kept and noted."""
     if not any(spot.lines for spot in spots):
@@ -179,7 +188,7 @@ def _orbiting(
 def _weighed(
     group: model.Group,
     properties: tuple[model.Property, ...],
-    spots: Sequence[Spot],
+    spots: Sequence[DocumentEntry],
     parsed: Parsed,
     where: str,
     notes: list[str],

@@ -13,16 +13,16 @@ from lingjing.mission.reset.document import Parsed
 from lingjing.mission.reset.fields import Found, field_of
 from lingjing.mission.reset.shapes import (
     LISTS,
+    CommandEnvelope,
     Coordinates,
     Corner,
-    Envelope,
+    DocumentPart,
     EquipmentList,
+    HiddenPlace,
     InitialState,
-    Part,
     Satellite,
     Scenario,
-    Target,
-    Task,
+    TaskRow,
     folded,
 )
 
@@ -34,7 +34,7 @@ def leftovers(text: str, parsed: Parsed, found: Iterable[Found]) -> Iterator[str
     )
     yield from _codes(parsed)
     if parsed.envelope:
-        yield from _unread([(parsed.envelope, Envelope)], "$")
+        yield from _unread([(parsed.envelope, CommandEnvelope)], "$")
     (state, state_path), (task, task_path), (scenario, path) = parsed.holders()
     yield from _unread([(scenario, Scenario)], path)
     equipment = scenario.get("equipmentList")
@@ -43,13 +43,13 @@ def leftovers(text: str, parsed: Parsed, found: Iterable[Found]) -> Iterator[str
         yield from _unread([(equipment, EquipmentList)], where)
         for one in LISTS:
             yield from _unread_rows(equipment.get(one.name), Satellite, f"{where}.{one.name}")
-    yield from _unread([(task, Task)], task_path)
+    yield from _unread([(task, TaskRow)], task_path)
     yield from _unread([(state, InitialState)], state_path)
     yield from _unread_rows(state.get("rescueRange"), Corner, f"{state_path}.rescueRange")
     holders = {where: holder for holder, where in parsed.holders()}
     for field in found:
         value = holders[field.path.removesuffix(f".{field.key}")][field.key]
-        yield from _unread_rows([value] if field.single else value, Target, field.path)
+        yield from _unread_rows([value] if field.single else value, HiddenPlace, field.path)
 
 
 def _codes(parsed: Parsed) -> Iterator[str]:
@@ -65,7 +65,7 @@ _TWICE = ("tasktype",)
 """Keys that may stand in two spellings beside each other."""
 
 
-def _unread_rows(rows: object, shape: type[Part], where: str) -> Iterator[str]:
+def _unread_rows(rows: object, shape: type[DocumentPart], where: str) -> Iterator[str]:
     """One note for all rows of a list, and for their places one more."""
     given = [row for row in rows if isinstance(row, Mapping)] if isinstance(rows, list) else []
     yield from _unread([(row, shape) for row in given], f"{where}[]")
@@ -75,11 +75,11 @@ def _unread_rows(rows: object, shape: type[Part], where: str) -> Iterator[str]:
     yield from _unread(inner, f"{where}[].data")
 
 
-def _unread(parts: Iterable[tuple[Mapping[str, object], type[Part]]], where: str) -> Iterator[str]:
+def _unread(parts: Iterable[tuple[Mapping[str, object], type[DocumentPart]]], where: str) -> Iterator[str]:
     unknown: dict[str, None] = {}
     for given, shape in parts:
         known = {info.alias or name for name, info in shape.model_fields.items()}
-        general = shape in (Scenario, Task, InitialState)
+        general = shape in (Scenario, TaskRow, InitialState)
         unknown |= dict.fromkeys(
             key for key in given if key not in known and folded(key) not in _TWICE and not (general and field_of(key))
         )

@@ -23,8 +23,8 @@ from lingjing.mission.instantiate import choose_mode, parameters
 from lingjing.mission.reset.document import Parsed, parse
 from lingjing.mission.reset.faults import document_error
 from lingjing.mission.reset.fields import Found, hidden_fields
-from lingjing.mission.reset.frame import Frame, frame_of
-from lingjing.mission.reset.groups import Spot, draw_of, filled, number_like, origin_of, plays, point, world
+from lingjing.mission.reset.frame import DocumentFrame, frame_of
+from lingjing.mission.reset.groups import DocumentEntry, draw_of, filled, number_like, origin_of, plays, point, world
 from lingjing.mission.reset.notes import leftovers
 from lingjing.mission.reset.shapes import LISTS, EntityList, Equipment, Satellite, folded
 from lingjing.mission.reset.targets import PERSONS, targeted
@@ -84,7 +84,7 @@ def _placed(template: model.Mission, parsed: Parsed, found: Sequence[Found], not
     return targeted(mission, parsed, found, frame, outline, notes)
 
 
-def _with_origin(mission: model.Mission, frame: Frame) -> model.Mission:
+def _with_origin(mission: model.Mission, frame: DocumentFrame) -> model.Mission:
     """The mission whose scene lies at the frame's origin."""
     if frame.origin == origin_of(mission):
         return mission
@@ -188,7 +188,9 @@ def _weather(
     return (*(p for p in given if p.name not in ("visibility_m", "cloud")), *changed)
 
 
-def _equipped(mission: model.Mission, parsed: Parsed, one: EntityList, frame: Frame, notes: list[str]) -> model.Mission:
+def _equipped(
+    mission: model.Mission, parsed: Parsed, one: EntityList, frame: DocumentFrame, notes: list[str]
+) -> model.Mission:
     """Put one of the six lists into the groups of the template that its engine drives."""
     where = f"{parsed.path}.equipmentList.{one.name}"
     listed: tuple[Equipment, ...] = getattr(parsed.scenario.equipment_list, one.attribute)
@@ -215,7 +217,7 @@ def _equipped(mission: model.Mission, parsed: Parsed, one: EntityList, frame: Fr
     return mission
 
 
-def _spot(item: Equipment, where: str, notes: list[str]) -> Spot:
+def _spot(item: Equipment, where: str, notes: list[str]) -> DocumentEntry:
     given = {"heading": item.heading, "raw": item.raw}
     yaw = item.data.yaw if item.yaw is None else item.yaw
     given["yaw"] = None if yaw is None else frames.compass_from_yaw(yaw)
@@ -225,13 +227,15 @@ def _spot(item: Equipment, where: str, notes: list[str]) -> Spot:
     compass = next(iter(headings.values()), None)
     lines = item.lines if isinstance(item, Satellite) else ()
     orbits = isinstance(item, Satellite)
-    return Spot(item.data, f"{where}.data", str(item.equipment_code), compass, lines=lines, orbits=orbits)
+    return DocumentEntry(item.data, f"{where}.data", str(item.equipment_code), compass, lines=lines, orbits=orbits)
 
 
 # -- the region -----------------------------------------------------------------------------------------------------
 
 
-def _outline(mission: model.Mission, parsed: Parsed, frame: Frame, notes: list[str]) -> geometry2d.Polygon | None:
+def _outline(
+    mission: model.Mission, parsed: Parsed, frame: DocumentFrame, notes: list[str]
+) -> geometry2d.Polygon | None:
     where = f"{parsed.state_path}.rescueRange"
     corners = parsed.task.initial_state.rescue_range
     region = search_region(mission)
@@ -242,7 +246,7 @@ def _outline(mission: model.Mission, parsed: Parsed, frame: Frame, notes: list[s
     if not region:
         notes.append(f"{where}: mission '{mission.name}' has no region to search; kept")
         return None
-    spots = tuple(Spot(corner, f"{where}[{k}]", str(corner.range_id)) for k, corner in enumerate(corners))
+    spots = tuple(DocumentEntry(corner, f"{where}[{k}]", str(corner.range_id)) for k, corner in enumerate(corners))
     places = tuple(world(spot, frame, parsed) for spot in spots)
     outline = tuple((place[0], place[1]) for place in places)
     fault = geometry2d.fault(outline)

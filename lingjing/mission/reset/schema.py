@@ -7,21 +7,21 @@ from typing import Any
 from pydantic.json_schema import models_json_schema
 
 from lingjing.mission.reset.fields import FIELDS
-from lingjing.mission.reset.shapes import Envelope, InitialState, Scenario, Target
+from lingjing.mission.reset.shapes import CommandEnvelope, HiddenPlace, InitialState, Scenario
 
 
 def reset_scenario() -> dict[str, Any]:
     """The alternatives and definitions; hidden places may stand as a list or as one object."""
-    shapes = ((Envelope, "validation"), (Scenario, "validation"), (Target, "validation"))
+    shapes = ((CommandEnvelope, "validation"), (Scenario, "validation"), (HiddenPlace, "validation"))
     places, schema = models_json_schema(shapes, ref_template="#/$defs/{model}")  # type: ignore[arg-type]
     definitions: dict[str, Any] = schema["$defs"]
-    target = places[Target, "validation"]
+    target = places[HiddenPlace, "validation"]
     hidden = {"anyOf": [{"type": "array", "items": target}, target]}
     definitions[InitialState.__name__]["properties"] |= {field.name: hidden for field in FIELDS}
     for definition in definitions.values():
         for name, one in definition.get("properties", {}).items():
             definition["properties"][name] = _nullable(one)
-    return {"anyOf": [places[Envelope, "validation"], places[Scenario, "validation"]], "$defs": definitions}
+    return {"anyOf": [places[CommandEnvelope, "validation"], places[Scenario, "validation"]], "$defs": definitions}
 
 
 def _nullable(schema: dict[str, Any]) -> dict[str, Any]:

@@ -50,7 +50,7 @@ def spelt(*others: str, alias: str | None = None, default: Any = None) -> Any:
     return Field(default=default, alias=alias, json_schema_extra={"spellings": list(others)})
 
 
-class Part(BaseModel):
+class DocumentPart(BaseModel):
     """Base of the document's parts: frozen, strict (a text is no number); unknown fields are allowed."""
 
     model_config = ConfigDict(
@@ -69,7 +69,7 @@ class Part(BaseModel):
         return known
 
     @classmethod
-    def parts(cls) -> Mapping[str, tuple[type[Part], bool]]:
+    def parts(cls) -> Mapping[str, tuple[type[DocumentPart], bool]]:
         """The keys that hold parts of their own: of which shape, and whether as a list."""
         found = {}
         for name, info in cls.model_fields.items():
@@ -79,13 +79,13 @@ class Part(BaseModel):
         return found
 
 
-def _shape(annotation: Any) -> type[Part] | None:
-    if isinstance(annotation, type) and issubclass(annotation, Part):
+def _shape(annotation: Any) -> type[DocumentPart] | None:
+    if isinstance(annotation, type) and issubclass(annotation, DocumentPart):
         return annotation
     return next((found for one in get_args(annotation) if (found := _shape(one)) is not None), None)
 
 
-class Coordinates(Part):
+class Coordinates(DocumentPart):
     """A place: centimetres in Unreal's left-handed frame, or degrees and metres."""
 
     x: float | None = spelt(alias="X")
@@ -113,7 +113,7 @@ class Corner(Data):
     range_id: Code = ""
 
 
-class Target(Coordinates):
+class HiddenPlace(Coordinates):
     """A hidden place: a person, a fire, a leak, a delivery point. `weight` or `demand` is what it wants, in kg;
     `range` and `scale` say how large a fire is, and are kept."""
 
@@ -159,11 +159,11 @@ class Target(Coordinates):
         return self.key or self.name
 
     @model_validator(mode="after")
-    def _is_placed(self) -> Target:
+    def _is_placed(self) -> HiddenPlace:
         return _placed(self, self.place)
 
 
-P = TypeVar("P", bound=Part)
+P = TypeVar("P", bound=DocumentPart)
 PLACELESS = "has no place"
 
 
@@ -173,7 +173,7 @@ def _placed(part: P, place: Coordinates) -> P:
     return part
 
 
-class Equipment(Part):
+class Equipment(DocumentPart):
     """One entity. `heading` and `raw` are compass degrees, `yaw` is Unreal's, here or in `data`."""
 
     equipment_code: Code = ""
@@ -203,7 +203,7 @@ class Satellite(Equipment):
         return tuple(line.strip() for line in both if isinstance(line, str) and line.strip())[-2:]
 
 
-class EquipmentList(Part):
+class EquipmentList(DocumentPart):
     """The six lists; one that is not there is empty."""
 
     drone_entity_list: Annotated[tuple[Equipment, ...], Field(strict=False)] = ()
@@ -214,7 +214,7 @@ class EquipmentList(Part):
     plane_entity_list: Annotated[tuple[Equipment, ...], Field(strict=False)] = ()
 
 
-class InitialState(Part):
+class InitialState(DocumentPart):
     """What the task begins with; the hidden places are here. They are read by `lingjing.mission.reset.fields`, which
     knows their spellings."""
 
@@ -226,7 +226,7 @@ class InitialState(Part):
     )
 
 
-class Task(Part):
+class TaskRow(DocumentPart):
     """One row of the task matrix."""
 
     task_level: Free = ""
@@ -236,7 +236,7 @@ class Task(Part):
     initial_state: InitialState = Field(default=InitialState(), alias="initial_state")
 
 
-class Lingjing(Part):
+class Lingjing(DocumentPart):
     """What this project adds to a document so that the way back is exact: the template, how it was set, the scene's
     origin (latitude and longitude), the height that counts as 0 (metres), and the places of target groups that no
     field of the document stands for. It is this project's own, so an unknown key is an error."""
@@ -249,10 +249,10 @@ class Lingjing(Part):
     seed: int | None = None
     origin: Annotated[tuple[float, float], Field(strict=False)] | None = None
     datum_m: float | None = Field(default=None, alias="datum_m")
-    targets: dict[str, Annotated[tuple[Target, ...], Field(strict=False)]] = {}
+    targets: dict[str, Annotated[tuple[HiddenPlace, ...], Field(strict=False)]] = {}
 
 
-class Scenario(Part):
+class Scenario(DocumentPart):
     """The scenario itself."""
 
     command_type: Literal["resetScenario"] = "resetScenario"
@@ -262,10 +262,10 @@ class Scenario(Part):
     task_type: str = ""
     lingjing: Lingjing | None = None
     equipment_list: EquipmentList
-    task_matrix: tuple[Task, ...] = Field(strict=False, min_length=1)
+    task_matrix: tuple[TaskRow, ...] = Field(strict=False, min_length=1)
 
 
-class Envelope(Part):
+class CommandEnvelope(DocumentPart):
     """The command that carries a scenario."""
 
     command_type: Literal["resetScenario"] = "resetScenario"

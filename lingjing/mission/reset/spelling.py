@@ -7,7 +7,7 @@ from collections.abc import Mapping, MutableMapping
 from typing import Any
 
 from lingjing.mission.reset.elements import lifted
-from lingjing.mission.reset.shapes import Part, Satellite, folded
+from lingjing.mission.reset.shapes import DocumentPart, Satellite, folded
 
 
 class Spelt:
@@ -18,7 +18,7 @@ class Spelt:
         self._original = original
         self._kept: list[object] = []
 
-    def unify(self, value: Any, shape: type[Part], where: str) -> Any:
+    def unify(self, value: Any, shape: type[DocumentPart], where: str) -> Any:
         """The value with the keys of the shape, all the way down; one note for each list and spelling."""
         if not isinstance(value, dict):
             return value
@@ -40,7 +40,7 @@ class Spelt:
         """How the document spells a key."""
         return self._original.get((id(holder), key), key)
 
-    def rename(self, value: dict[str, Any], shape: type[Part], where: str) -> None:
+    def rename(self, value: dict[str, Any], shape: type[DocumentPart], where: str) -> None:
         """Put one object's keys under the names of the shape, in place; one that is there already stays."""
         known = shape.spellings()
         own = {info.alias or name for name, info in shape.model_fields.items()}

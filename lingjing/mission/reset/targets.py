@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from lingjing.mission import geometry2d, model
 from lingjing.mission.reset.document import Parsed
 from lingjing.mission.reset.fields import Found
-from lingjing.mission.reset.frame import Frame
-from lingjing.mission.reset.groups import Spot, allows_none, draw_of, filled, is_hidden, plays, world
-from lingjing.mission.reset.shapes import Target
+from lingjing.mission.reset.frame import DocumentFrame
+from lingjing.mission.reset.groups import DocumentEntry, allows_none, draw_of, filled, is_hidden, plays, world
+from lingjing.mission.reset.shapes import HiddenPlace
 
 PERSONS = "person_in_water"
 
@@ -18,7 +18,7 @@ def targeted(
     mission: model.Mission,
     parsed: Parsed,
     found: Sequence[Found],
-    frame: Frame,
+    frame: DocumentFrame,
     outline: geometry2d.Polygon | None,
     notes: list[str],
 ) -> model.Mission:
@@ -48,7 +48,7 @@ def _claimed(
     parsed: Parsed,
     one: Found,
     claimed: dict[str, str],
-    frame: Frame,
+    frame: DocumentFrame,
     outline: geometry2d.Polygon | None,
     notes: list[str],
 ) -> model.Mission:
@@ -82,7 +82,7 @@ def _claimed(
     return filled(mission, group, spots, frame, parsed, one.path, notes)
 
 
-def _told_apart(parsed: Parsed, targets: Sequence[Target], paths: Sequence[str]) -> None:
+def _told_apart(parsed: Parsed, targets: Sequence[HiddenPlace], paths: Sequence[str]) -> None:
     """Report two entries of a list that have one id: a report of one could not be told from the other's."""
     first: dict[str, str] = {}
     for target, path in zip(targets, paths, strict=True):
@@ -99,9 +99,9 @@ def _only_hidden(mission: model.Mission, claimed: dict[str, str]) -> model.Group
     return hidden[0] if len(hidden) == 1 and hidden[0].name not in claimed else None
 
 
-def _spots(targets: Sequence[Target], paths: Sequence[str]) -> tuple[Spot, ...]:
+def _spots(targets: Sequence[HiddenPlace], paths: Sequence[str]) -> tuple[DocumentEntry, ...]:
     return tuple(
-        Spot(
+        DocumentEntry(
             target.place,
             path,
             target.code,

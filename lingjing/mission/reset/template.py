@@ -17,7 +17,7 @@ from lingjing.mission.reset.fields import Found
 from lingjing.mission.reset.shapes import LISTS, folded
 
 
-class Signature(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class TemplateSignature(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What tells a mission apart: the engines of its assets, the types of its targets, and spellings of its task."""
 
     mission: str
@@ -31,10 +31,12 @@ class Signature(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 @cache
-def signatures() -> tuple[Signature, ...]:
+def signatures() -> tuple[TemplateSignature, ...]:
     """The missions that documents may be for, as the shipped `scenarios/reset-templates.json` lists them; a test
     compares it with the compiled missions."""
-    entries = msgspec.json.decode(data_path("scenarios", "reset-templates.json").read_bytes(), type=list[Signature])
+    entries = msgspec.json.decode(
+        data_path("scenarios", "reset-templates.json").read_bytes(), type=list[TemplateSignature]
+    )
     return tuple(
         msgspec.structs.replace(one, spellings=frozenset(map(folded, (one.mission, *one.spellings)))) for one in entries
     )
@@ -62,7 +64,7 @@ def template_name(parsed: Parsed, found: Sequence[Found]) -> tuple[str, str, str
     return _recognised(parsed, full, unknown)
 
 
-def _narrowed(parsed: Parsed, fitting: Sequence[Signature], found: Sequence[Found]) -> list[Signature]:
+def _narrowed(parsed: Parsed, fitting: Sequence[TemplateSignature], found: Sequence[Found]) -> list[TemplateSignature]:
     """Of the missions that one word names, those that the hidden fields and the entities leave."""
     engines = frozenset(one.engine for one in LISTS if getattr(parsed.scenario.equipment_list, one.attribute))
     left = _fitting(engines, found, fitting) or [one for one in fitting if one.engines <= engines]
@@ -70,9 +72,9 @@ def _narrowed(parsed: Parsed, fitting: Sequence[Signature], found: Sequence[Foun
     return [one for one in left if len(one.engines) == most]
 
 
-def _named(parsed: Parsed) -> tuple[list[tuple[list[Signature], str, str]], str]:
+def _named(parsed: Parsed) -> tuple[list[tuple[list[TemplateSignature], str, str]], str]:
     """The missions that every task type may mean, in order, and what is to be said of the first unknown one."""
-    named: list[tuple[list[Signature], str, str]] = []
+    named: list[tuple[list[TemplateSignature], str, str]] = []
     unknown = ""
     for _, holder, path in parsed.rows():
         for key, word in holder.items():
@@ -118,8 +120,8 @@ def _recognised(parsed: Parsed, found: Sequence[Found], unknown: str) -> tuple[s
 
 
 def _fitting(
-    engines: frozenset[str], found: Sequence[Found], among: Sequence[Signature] | None = None
-) -> list[Signature]:
+    engines: frozenset[str], found: Sequence[Found], among: Sequence[TemplateSignature] | None = None
+) -> list[TemplateSignature]:
     """The templates that fit best: their engines and every field; at least their engines; at least one field."""
     known = signatures() if among is None else among
     enough = [one for one in known if one.engines <= engines and any(one.holds(f) for f in found)]
