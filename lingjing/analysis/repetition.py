@@ -131,9 +131,9 @@ def _services(instance: Instance) -> Iterator[tuple[Entity, Task, Entity]]:
     """Target, interaction and asset that can do it, without places that only hand something out."""
     assets = [entity for entity in instance.entities if entity.role == "asset"]
     for target in instance.entities:
-        for task in possible(target) if target.role == "target" else ():
+        for task in possible(target, instance) if target.role == "target" else ():
             if not task.gives:
-                yield from ((target, task, asset) for asset in assets if asset.engine == task.engine)
+                yield from ((target, task, asset) for asset in assets if asset.id in task.actors)
 
 
 def _targets(instance: Instance) -> dict[str, str]:
@@ -141,7 +141,7 @@ def _targets(instance: Instance) -> dict[str, str]:
     return {
         entity.id: entity.group
         for entity in instance.entities
-        if entity.role == "target" and not ((tasks := possible(entity)) and all(task.gives for task in tasks))
+        if entity.role == "target" and not ((tasks := possible(entity, instance)) and all(task.gives for task in tasks))
     }
 
 

@@ -170,7 +170,7 @@ class MissionChecker:
         )
         for item in _all(items, s.EntityBlock):
             if item.keyword == "target" and item.name.text in self.scope.groups:
-                self.interactions.between(item, self.scope.groups[item.name.text])
+                self.interactions.between(item, self.scope.groups[item.name.text], checked.agents)
         self.rules.cycles(_all(items, s.RuleBlock))
         self.rules.unlocked_once(_all(items, s.UnlockLine))
         self._whole(node, checked)

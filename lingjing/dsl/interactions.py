@@ -1,12 +1,14 @@
 """Checks of interactions: who performs them, and what they move between which states.
 
+`by` names an engine or a role. A role is known to the types of the file whose mission's agents play it.
+
 `type` looks at one target type by itself, once every type of the file is known; `between` at a mission's target and the
 assets that may act on it. What is moved must be declared as a state at both ends, and measured in one dimension.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 
 import msgspec
 
@@ -46,23 +48,30 @@ class InteractionChecker:
     def __init__(self, blocks: BlockReader) -> None:
         self.report = blocks.report
         self.scope: Scope = blocks.of.scope
+        self._roles: Collection[str] = ()
 
-    def type(self, decl: TypeDecl, nodes: Iterable[s.InteractionBlock]) -> None:
-        """Check what a type of this file says of its interactions."""
+    def type(self, decl: TypeDecl, nodes: Iterable[s.InteractionBlock], roles: Collection[str]) -> None:
+        """Check what a type of this file says of its interactions; `roles` are those of the file's missions."""
+        self._roles = roles
         for node in nodes:
             one = decl.interactions.get(node.name.text)
             if one is not None and not any(isinstance(item, s.Faulty) for item in node.block.items):
                 self._type(decl, one, node)
 
-    def between(self, node: s.EntityBlock, target: GroupInfo) -> None:
+    def between(self, node: s.EntityBlock, target: GroupInfo, agents: Iterable[model.Agent]) -> None:
         """Check that somebody in the mission has what the interactions of a target move."""
         if target.type is None or node.type is None or self.scope.incomplete:
             return
+        played: dict[str, set[str]] = {}
+        for agent in agents:
+            named = {part.name for expr in agent.controls for part in ex.parts(expr) if isinstance(part, ex.Ref)}
+            played.setdefault(agent.role, set()).update(named)
         for one in target.type.interactions.values():
             actors = [
                 group
                 for group in self.scope.groups.values()
-                if group.role == "asset" and group.type is not None and group.type.engine == one.by
+                if group.role == "asset" and group.type is not None
+                if group.type.engine == one.by or group.name in played.get(one.by, ())
             ]
             if one.carried and actors:
                 self._actors(node.type, target, one, actors)
@@ -72,7 +81,10 @@ class InteractionChecker:
     def _type(self, decl: TypeDecl, one: model.Interaction, node: s.InteractionBlock) -> None:
         words = {item.name.text: item for item in node.block.items if isinstance(item, s.Property)}
         what = f"the interaction `{one.name}`"
-        for key, given, hint in (("by", bool(one.by), "an engine"), ("within", one.within != UNSAID, "a length")):
+        for key, given, hint in (
+            ("by", bool(one.by), "an engine or a role"),
+            ("within", one.within != UNSAID, "a length"),
+        ):
             if not given and key not in words:
                 self.report("LJ0106", node.name.start, node.name.end, f"{what} lacks `{key}`", f"add `{key}`: {hint}")
         if one.by and "by" in words:
@@ -80,17 +92,18 @@ class InteractionChecker:
         if self._parts_fit(node, one, words, what) and one.own:
             self._own(decl, one, words.get("takes" if one.takes else "from") or node.name, what)
 
-    def _actor(self, item: s.Property, engine: str) -> None:
-        known = BUILTIN["engine"] - NO_ACTORS
+    def _actor(self, item: s.Property, name: str) -> None:
+        known = (BUILTIN["engine"] - NO_ACTORS) | set(self._roles)
         known |= {decl.engine for decl in self.scope.types.values() if decl.role == "asset" and decl.engine}
-        if engine in known or self.scope.incomplete:
+        if name in known or self.scope.incomplete:
             return
-        place, close = item.value, nearest(engine, known)
-        hint = did_you_mean(engine, known) or f"`by` names the engine of who acts: {', '.join(sorted(known))}"
-        decl = self.scope.types.get(engine)
+        place, close = item.value, nearest(name, known)
+        hint = did_you_mean(name, known) or f"`by` names the engine or role of who acts: {', '.join(sorted(known))}"
+        decl = self.scope.types.get(name)
         if decl is not None and decl.role == "asset":
-            close, hint = decl.engine, f"`by` names the engine of who acts, here `{decl.engine}`"
-        message = f"no asset that is known here has the engine `{engine}`"
+            close, hint = decl.engine, f"`by` names the engine of who acts, here `{decl.engine}`, or their role"
+        message = f"no asset that is known here has the engine `{name}`"
+        message += f", and no agent the role `{name}`" if self._roles else ""
         self.report("LJ0125", place.start, place.end, message, hint, replace=close)
 
     def _parts_fit(self, node: s.InteractionBlock, one: model.Interaction, words: _Words, what: str) -> bool:

@@ -29,7 +29,9 @@ def judging(mission: model.Mission) -> Iterator[tuple[str, ...]]:
     for group, one, before in interactions(mission):
         awaited = [words.sentence(condition) for condition in before if truth(condition, {}, _Start()) is not True]
         allowed = f"allowed when {awaited[0]}" if awaited else "allowed from the start"
-        yield f"{one.name} ({group.name})", f"the `{one.by}` engine", f"≤ {printer.text(one.within)}", allowed
+        is_role = any(agent.role == one.by for agent in mission.agents)
+        by = f"the role `{one.by}`" if is_role else f"the `{one.by}` engine"
+        yield f"{one.name} ({group.name})", by, f"≤ {printer.text(one.within)}", allowed
     for route in mission.inspections:
         near = " or ".join(f"`{printer.text(by)}`" for by in route.by)
         order = "in their order" if route.order == "strict" else "in any order"

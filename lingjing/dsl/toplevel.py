@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Iterator
 
 from lingjing.dsl import library
 from lingjing.dsl import syntax as s
@@ -80,13 +81,14 @@ class FileChecker:
 
     def _interactions(self, tree: s.File) -> None:
         """Once every type is known: an interaction may name the engine of one that is declared further down."""
+        roles = tuple(_roles(tree))
         for item in tree.items:
             decl = self.own.get(item.name.text) if isinstance(item, s.EntityBlock) else None
             if isinstance(item, s.EntityBlock) and isinstance(decl, TypeDecl):
                 nodes = [
                     part for part in (item.block.items if item.block else ()) if isinstance(part, s.InteractionBlock)
                 ]
-                self.interactions.type(decl, nodes)
+                self.interactions.type(decl, nodes, roles)
 
     def _version(self, tree: s.File) -> None:
         first = tree.items[0] if tree.items else None
@@ -226,3 +228,12 @@ def names_in_faults(items: tuple[s.Statement, ...]) -> set[str]:
         if isinstance(block, s.Block):
             waiting.extend(block.items)
     return found
+
+
+def _roles(tree: s.File) -> Iterator[str]:
+    """The roles that agents of the file's missions play."""
+    for mission in tree.items:
+        for item in mission.block.items if isinstance(mission, s.MissionBlock) else ():
+            inner = item.item if isinstance(item, s.Override) else item
+            if isinstance(inner, s.AgentBlock):
+                yield inner.role.text

@@ -350,6 +350,15 @@ class Instance(Record, frozen=True, kw_only=True):
         """`star`, `broadcast` or `single`."""
         return self.comms.mode
 
+    def actors(self, interaction: InteractionSpec) -> tuple[Entity, ...]:
+        """The assets that may perform an interaction: `by` names their engine, or a role whose agents control them."""
+        played = {name for agent in self.agents if agent.role == interaction.by for name in agent.controls}
+        return tuple(
+            entity
+            for entity in self.entities
+            if entity.role == "asset" and (entity.engine == interaction.by or entity.id in played)
+        )
+
     def __repr__(self) -> str:
         """One line; `lingjing.mission.document.encode_instance` writes the whole."""
         held = f"{len(self.entities)} entities, {len(self.agents)} agents"

@@ -155,10 +155,11 @@ class Verb(Record, frozen=True, kw_only=True):
 class Exchange(Record, frozen=True, kw_only=True):
     """What an interaction moves and says, the same in a mission and in its instances.
 
-    `by` names the engine of who acts. `takes`, `source` (the author's `from`), `gives` and `up_to` are names of states
-    and limits without units, "" where there is none: `takes` and `source` lower the target's state by what the actor's
-    allows, `takes` alone works it off, `gives` raises the actor's state as far as its `up_to` and out of the target's
-    `source`. `status` is the target's word afterwards, "" for the past participle of the name; `told` says which agents
+    `by` names the engine of who acts, or the role of the agents that control them. `takes`, `source` (the author's
+    `from`), `gives` and `up_to` are names of states and limits without units, "" where there is none: `takes` and
+    `source` lower the target's state by what the actor's allows, `takes` alone works it off, `gives` raises the actor's
+    state as far as its `up_to` and out of the target's `source`. `status` is the target's word afterwards, "" for the
+    past participle of the name; `told` says which agents
     learn of it (`lingjing.kernel.announcements`), "" for the usual.
     """
 

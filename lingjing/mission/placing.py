@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 
 from lingjing.errors import MissionError
@@ -47,7 +47,7 @@ BODIES = ("multirotor", "plane", "quadruped", "road", "vessel", "satellite", "ci
 """The built-in engines: what their properties mean is known here."""
 
 ABOVE_ZERO = ("cruise_mps", "endurance_s", "swath_m")
-NOT_BELOW_ZERO = ("speed_mps", "drift_mps", "payload_kg", "load_kg", "demand_kg", "people", "radius_m")
+NOT_BELOW_ZERO = ("speed_mps", "drift_mps", "payload_kg", "load_kg", "people", "radius_m")
 """Abilities of bodies: those that must be more than nothing, and those that may be nothing."""
 
 
@@ -130,6 +130,7 @@ def entities(
     verbs = tuple(_verb(verb, scope, f"{mission}/{group.name}/{verb.name}") for verb in group.verbs)
     hidden = tuple(sorted({prop.name for prop in group.properties if prop.hidden}))
     state = tuple(StateSpec(name=prop.plain, unit=prop.unit) for prop in group.properties if prop.state)
+    moved = {one.own for one in group.interactions}
     drifts = "drift_mps" in columns
     interactions = tuple(
         _interaction(one, scope, f"{mission}/{group.name}/{one.name}", drifts) for one in group.interactions
@@ -143,7 +144,7 @@ def entities(
             values = {name: column[k] for name, column in columns.items()}
             for name, value in values.items():
                 with at_path(f"{mission}/{group.name}/{name}"):
-                    _check_ability(name, value, group.engine)
+                    _check_ability(name, value, group.engine, moved)
             made.append(
                 Entity(
                     id=entity_id,
@@ -179,13 +180,14 @@ def _interaction(one: model.Interaction, scope: Scope, path: str, drifts: bool) 
         )
 
 
-def _check_ability(name: str, value: Value, engine: str) -> None:
-    """Raise `MissionError` for a speed, an endurance or a load that no body of the built-in engines can have."""
+def _check_ability(name: str, value: Value, engine: str, moved: Collection[str]) -> None:
+    """Raise `MissionError` for a speed, an endurance or a load that no body of the built-in engines can have, and for
+    less than nothing of a state that interactions move."""
     if engine not in BODIES or isinstance(value, bool) or not isinstance(value, float):
         return
     if name in ABOVE_ZERO and value <= 0.0:
         raise MissionError(f"`{without_unit(name)}` is {value:g}", hint="it must be more than nothing")
-    if name in NOT_BELOW_ZERO and value < 0.0:
+    if (name in NOT_BELOW_ZERO or without_unit(name) in moved) and value < 0.0:
         raise MissionError(f"`{without_unit(name)}` is {value:g}", hint="it cannot be less than nothing")
 
 

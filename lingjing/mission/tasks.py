@@ -20,14 +20,14 @@ from lingjing.mission.values import Value
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """An interaction with a target: which engine's bodies do it, and from how far (metres).
+    """An interaction with a target: which assets may do it, and from how far (metres).
 
     `takes`/`source` and `gives`/`up_to` name the stocks that change hands, "" where nothing does.
     """
 
     name: str
     target: str
-    engine: str
+    actors: tuple[str, ...]
     within_m: float
     takes: str = ""
     source: str = ""
@@ -40,10 +40,19 @@ class Task:
         return bool(self.gives or (self.takes and self.source))
 
 
-def possible(entity: Entity) -> tuple[Task, ...]:
+def possible(entity: Entity, instance: Instance) -> tuple[Task, ...]:
     """Every interaction that an entity's type declares."""
     return tuple(
-        Task(one.name, entity.id, one.by, one.within_m, one.takes, one.source, one.gives, one.up_to)
+        Task(
+            name=one.name,
+            target=entity.id,
+            actors=tuple(actor.id for actor in instance.actors(one)),
+            within_m=one.within_m,
+            takes=one.takes,
+            source=one.source,
+            gives=one.gives,
+            up_to=one.up_to,
+        )
         for one in entity.interactions
     )
 
@@ -60,7 +69,7 @@ def asked(instance: Instance) -> tuple[Task, ...]:
         task
         for entity in instance.entities
         if entity.role == "target"
-        for task in possible(entity)
+        for task in possible(entity, instance)
         if (task.name, entity.group) in wanted or (task.name, entity.id) in wanted
         if (task.name, entity.id) not in passed
     )

@@ -65,7 +65,7 @@ def anchor(instance: Instance, city: City) -> Instance:
     """
     from lingjing.scene.regions import resolved
 
-    anchoring = _Anchoring(city)
+    anchoring = _Anchoring(instance, city)
     # Hidden ones last: what is public must not give way to them, or its place would tell of theirs.
     order = sorted(instance.entities, key=lambda entity: "position" in entity.hidden)
     placed = {entity.id: anchoring.standing(anchoring.placed(entity)) for entity in order}
@@ -79,12 +79,14 @@ def anchor(instance: Instance, city: City) -> Instance:
 # -- private
 
 _Found = TypeVar("_Found")
+_ROAD = "road"
 
 
 class _Anchoring:
     """One pass over an instance's entities; remembers what is taken."""
 
-    def __init__(self, city: City) -> None:
+    def __init__(self, instance: Instance, city: City) -> None:
+        self._instance = instance
         self._city = city
         self._tiles = Tiles(city)
         self._footing = Footing(city, self._tiles)
@@ -189,7 +191,7 @@ class _Anchoring:
 
     def _on_roof(self, entity: Entity) -> Entity:
         x, y, _ = entity.position
-        within = _reach_of(entity, "road")
+        within = _road_reach_m(entity, self._instance)
 
         def roofs(tile: Tile) -> Iterator[tuple[float, str, Building]]:
             for building in tile.buildings:
@@ -405,6 +407,11 @@ def _distance(building: Building, x: float, y: float) -> float:
     return 0.0 if contains(building.polygon, x, y) else edge_distance(building.polygon, x, y)
 
 
-def _reach_of(entity: Entity, engine: str) -> float | None:
-    """The smallest distance from which bodies of an engine interact with an entity, if any do."""
-    return min((one.within_m for one in entity.interactions if one.by == engine), default=None)
+def _road_reach_m(entity: Entity, instance: Instance) -> float | None:
+    """The smallest distance from which vehicles on a road interact with an entity, if any do."""
+    reaches = (
+        one.within_m
+        for one in entity.interactions
+        if one.by == _ROAD or any(actor.engine == _ROAD for actor in instance.actors(one))
+    )
+    return min(reaches, default=None)

@@ -37,10 +37,10 @@ mission far "A far place" {
 CARGO = """\
 ljs 1
 asset truck {
-  engine = road, speed = 10 m/s, capacity = 200 kg, state load = 0 kg
+  engine = road, speed = 10 m/s, payload = 200 kg, state load = 0 kg
   verb setDestination(x: length, y: length)
 }
-target warehouse { engine = city, interaction load { by = road, within = 50 m, gives = load, up_to = capacity } }
+target warehouse { engine = city, interaction load { by = road, within = 50 m, gives = load, up_to = payload } }
 target order {
   engine = city, state demand = 100 kg
   interaction unload { by = road, within = 50 m, takes = demand, from = load }

@@ -5,6 +5,9 @@ from __future__ import annotations
 import pytest
 
 from lingjing.dsl import compile_text
+from lingjing.dsl.judging import judging
+from lingjing.mission.graph import graph
+from lingjing.mission.instantiate import instantiate
 
 TYPES = """\
 ljs 1
@@ -97,6 +100,35 @@ def test_an_interaction_that_is_never_used_in_the_mission_is_nobodys_fault() -> 
 def test_it_is_enough_that_one_asset_has_the_state() -> None:
     more = "  asset taxi : car { position = (9 m, 0 m) }\n  agent other as other controls taxi { observes taxi.* }\n"
     assert compile_text(TYPES + MISSION.replace("  agent driver", f"{more}  agent driver")).diagnostics == ()
+
+
+def test_by_names_a_role_of_the_files_mission() -> None:
+    types = TYPES.replace(BOARD, BOARD.replace("by = road", "by = driver"))
+    compilation = compile_text(types + MISSION)
+    assert compilation.mission is not None and compilation.diagnostics == ()
+    instance = instantiate(compilation.mission)
+    (board,) = next(entity for entity in instance.entities if entity.id == "corner").interactions
+    assert [actor.id for actor in instance.actors(board)] == ["bus"]
+    (alone,) = compile_text(types).diagnostics
+    assert (alone.code, alone.message) == ("LJ0125", "no asset that is known here has the engine `driver`")
+    (typo,) = compile_text(types.replace("by = driver", "by = drivr") + MISSION).diagnostics
+    assert typo.message.endswith("and no agent the role `drivr`") and "`driver`" in typo.hint
+    (stateless,) = compile_text(types + MISSION.replace("bus : coach", "bus : car")).diagnostics
+    assert (stateless.code, "of a `driver` asset, which is no state of `bus`" in stateless.message) == ("LJ0126", True)
+
+
+def test_only_what_the_role_controls_may_act() -> None:
+    taxi = "  asset taxi : coach { position = (9 m, 0 m) }\n  agent other as other controls taxi { observes taxi.* }\n"
+    types = TYPES.replace(BOARD, BOARD.replace("by = road", "by = other"))
+    compilation = compile_text(types + MISSION.replace("  agent driver", f"{taxi}  agent driver"))
+    assert compilation.mission is not None and compilation.diagnostics == ()
+    instance = instantiate(compilation.mission)
+    (board,) = next(entity for entity in instance.entities if entity.id == "corner").interactions
+    assert [actor.id for actor in instance.actors(board)] == ["taxi"]
+    rows = [row for row in judging(compilation.mission) if row[0] == "board (corner)"]
+    assert [row[1] for row in rows] == ["the role `other`"]
+    edges = {(edge.source, edge.target) for edge in graph(compilation.mission).edges}
+    assert ("event:board", "asset:taxi") in edges and ("event:board", "asset:bus") not in edges
 
 
 def test_an_engine_that_an_asset_type_of_the_file_brings_is_known() -> None:

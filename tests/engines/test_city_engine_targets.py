@@ -7,7 +7,7 @@ from pytest import approx
 from lingjing.engines.city.engine import CityEngine
 from lingjing.engines.city.nature import nature_of
 from lingjing.errors import UsageError
-from lingjing.mission.instance import Clock, Entity, EventSpec, InteractionSpec, StateSpec, Weather
+from lingjing.mission.instance import AgentSpec, Clock, Entity, EventSpec, InteractionSpec, StateSpec, Weather
 from lingjing.plugins.engine import EngineSpec
 from lingjing.scene.city import City
 from lingjing.trace.records import BodyState
@@ -268,6 +268,18 @@ def test_an_actor_that_is_not_there_or_a_wreck_does_nothing(play, status):
     played = play(leak(), DOG)
     played.run(20.0, (at("dog", 0.0, status=status),))
     assert played.events == []
+
+
+def test_by_a_role_acts_whoever_its_agents_control_and_nobody_else_of_their_engine(play):
+    helped = target("crash", act("help", "medic", 30.0))
+    medic = AgentSpec(
+        id="medic", name="medic", index=0, role="medic", controls=("dog",), commands=("dog",), observes=()
+    )
+    played = play(helped, TRUCK, DOG, actor("cat", "quadruped"), agents=(medic,))
+    played.run(0.5, (at("truck", 1.0), at("cat", 1.0), at("dog", 31.0)))
+    assert played.events == []
+    played.run(0.5, (at("truck", 1.0), at("cat", 1.0), at("dog", 29.0)))
+    assert [event.entities for event in played.events] == [("crash", "dog")]
 
 
 def test_a_queue_grows_and_shrinks_by_its_seed(play):

@@ -69,6 +69,15 @@ def test_what_an_engine_leaves_out_is_kept(engine):
     assert stocks.kept(whole) == {}
 
 
+def test_a_target_of_an_engine_that_leaves_its_states_out_keeps_them():
+    target = kit.entity(
+        "well", 0.0, 0.0, role="target", properties={"water_kg": 5.0}, state=(StateSpec(name="water", unit="kg"),)
+    )
+    stocks = Stocks(msgspec.structs.replace(kit.make_instance(), entities=(target,)))
+    assert stocks.kept({"well": body("well")})["well"].resources == {"water": 5.0}
+    assert stocks.kept({"well": body("well", water=1.0)}) == {}
+
+
 def test_a_road_vehicle_has_what_it_declared_until_interactions_change_it(tmp_path):
     mission = compile_text(BUS).mission
     assert mission is not None
@@ -81,6 +90,14 @@ def test_a_road_vehicle_has_what_it_declared_until_interactions_change_it(tmp_pa
     assert first["corner"] == {"people": 4.0, "parcels": 4.0, "crate": 40.0}
     assert last["corner"]["parcels"] == pytest.approx(3.7)
     assert (result.reason, result.ticks) == ("success", 1)
+
+
+def test_by_a_role_an_episode_is_played_as_by_its_engine(tmp_path):
+    played = [
+        lingjing.run(compile_text(text).mission, policy="random", out=tmp_path / name, world="inline", overview=False)
+        for name, text in (("engine", BUS), ("role", BUS.replace("by = road", "by = driver")))
+    ]
+    assert [(one.reason, one.ticks) for one in played] == [("success", 1)] * 2
 
 
 def test_an_interaction_that_nothing_unlocks_is_allowed_from_the_start(tmp_path):

@@ -14,13 +14,22 @@ use std.sea { lifeboat, person_in_water }
 use std.messages { report, assignment }
 asset hound { engine = quadruped, speed = 1 m/s, verb forward(distance: length in 0 m..10 m), verb left(angle: angle) }
 asset barge : lifeboat { state cargo = 3 kg }
-asset truck { engine = road, speed = 10 m/s, capacity = 200 kg, verb setDestination(x: length, y: length) }
+asset truck {
+  engine = road, speed = 10 m/s, hold = 200 kg, state freight = 0 kg
+  verb setDestination(x: length, y: length)
+}
 asset airship { engine = balloon, speed = 1 m/s, verb setDestination(x: length, y: length) }
 asset glider { engine = multirotor, cruise = 12 m/s, verb setDestination(x: length, y: length, z: length) }
 target buoy { engine = city }
-target rock { engine = city, size = 1 m }
-target order { engine = city, split = true, state demand = 100 kg, interaction unload { by = road, within = 50 m } }
-target warehouse { engine = city, stock = 10 t, interaction load { by = road, within = 50 m } }
+target rock { engine = city, length = 1 m }
+target order {
+  engine = city, state demand = 100 kg
+  interaction unload { by = road, within = 50 m, takes = demand, from = freight }
+}
+target warehouse {
+  engine = city, state heap = 10 t
+  interaction load { by = road, within = 50 m, gives = freight, up_to = hold, from = heap }
+}
 mission m "M" {
   goal "G."
   scene coastal { datum = sea level at -3.5 m }
@@ -183,6 +192,16 @@ def test_trips() -> None:
     assert "3 orders ask for 600 kg, but 1 vehicles bring 400 kg at most: 2 loads" in many.message
     assert codes(cargo("201 kg", orders=3)) == ["LJ0604"]
     assert codes(cargo("200 kg", orders=9, store="buoy")) == []
+
+
+def test_what_nobody_declares_means_nothing() -> None:
+    unbounded = TYPES.replace("hold = 200 kg", "hold = 20 t, capacity = 1 kg, payload = 1 kg, stock = 1 kg")
+    body = cargo("250 kg", orders=9, way=2401)
+    text = f"{unbounded}  budget {{ ticks <= 60 }}\n{body}\n}}\n"
+    assert [item.code for item in compile_text(text).diagnostics] == []
+    narrow = TYPES.replace("length = 1 m", "diameter = 1 m, size = 1 m")
+    text = f"{narrow}  budget {{ ticks <= 60 }}\n{SEEN + seeing(8000)}\n}}\n"
+    assert [item.code for item in compile_text(text).diagnostics] == []
 
 
 def test_the_scene_may_move_what_stands_on_a_road() -> None:

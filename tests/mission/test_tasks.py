@@ -16,6 +16,11 @@ def instance(name: str):
     return instantiate(lingjing.compile(MISSIONS[name]), seed=1)
 
 
+def engines(instance, task):
+    """The engines of the assets that may do a task."""
+    return sorted({entity.engine for entity in instance.entities if entity.id in task.actors})
+
+
 @pytest.mark.parametrize(
     "name, tasks, groups",
     [
@@ -29,7 +34,7 @@ def instance(name: str):
 )
 def test_success_says_which_interactions_are_left_to_do(name, tasks, groups):
     found = instance(name)
-    assert {(task.name, task.target, task.engine, task.within_m) for task in asked(found)} == tasks
+    assert {(task.name, task.target, *engines(found, task), task.within_m) for task in asked(found)} == tasks
     assert reported(found) == groups
 
 
@@ -38,4 +43,4 @@ def test_goods_are_named_at_both_ends():
     delivery = asked(found)[0]
     assert (delivery.takes, delivery.source, delivery.moves_goods) == ("demand", "load", True)
     depot = next(entity for entity in found.entities if entity.id == "depot")
-    assert [(task.gives, task.up_to) for task in possible(depot)] == [("load", "payload")]
+    assert [(task.gives, task.up_to) for task in possible(depot, found)] == [("load", "payload")]

@@ -47,7 +47,7 @@ def trade_of(plan: Plan) -> Trade | None:
     deliveries = tuple(task for task in plan.tasks if task.takes and task.source)
     for supply in plan.supplies:
         if deliveries and supply.gives == deliveries[0].source:
-            bodies = plan.bodies(supply.engine)
+            bodies = plan.able(supply)
             holds = [_property(body, supply.up_to) for body in bodies]
             if bodies and min(holds) > 0.0:
                 return Trade(deliveries, supply, bodies, min(holds))

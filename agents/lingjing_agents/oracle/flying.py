@@ -131,8 +131,7 @@ class Searching:
         if mine:
             return self._above(truth, mine[0], looking=True)
         for task in truth.left:
-            engine = self._plan.entities[body.id].engine
-            if task.engine == engine and truth.distance(body.id, task.target) > 0.8 * task.within_m:
+            if body.id in task.actors and truth.distance(body.id, task.target) > 0.8 * task.within_m:
                 return self._above(truth, task.target, looking=False)
         return None
 
@@ -150,8 +149,8 @@ class Searching:
 
     def _order(self, truth: Truth, places: dict[str, Place]) -> tuple[str, ...]:
         """As those who deal with the targets will visit them."""
-        engines = {task.engine for task in truth.left if task.target in places}
-        actors = [body.id for engine in sorted(engines) for body in self._plan.bodies(engine)]
+        tasks = [task for task in truth.left if task.target in places]
+        actors = [body.id for body in sorted(self._plan.able(*tasks), key=lambda body: body.engine)]
         start = truth.place(actors[0] if actors else self._flight.body.id)
         return shortest(start, places)
 

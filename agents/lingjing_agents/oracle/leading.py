@@ -95,7 +95,7 @@ class Leading:
     def _performer(self, truth: Truth, task: Task) -> str:
         able = [
             body.id
-            for body in self._plan.bodies(task.engine)
+            for body in self._plan.able(task)
             if self._plan.owners[body.id].id in self._roles
             and not any(truth.forbidden(body.id, verb.name) for verb in body.verbs if verb.name != "stop")
         ]

@@ -52,7 +52,7 @@ class Reporting:
         state = truth.states[target]
         for task in truth.left:
             if task.target == target:
-                bodies = [body.id for body in self._plan.bodies(task.engine)]
+                bodies = [body.id for body in self._plan.able(task)]
                 own = {resource.id for resource in truth.brief.resources if resource.embodied}
                 if bodies and not own.intersection(bodies):
                     nearest = min(bodies, key=lambda name: truth.distance(name, target))

@@ -34,7 +34,6 @@ class Course:
 
     def __init__(self, resource: Resource, plan: Plan) -> None:
         self.resource, self.verb, self._plan = resource, mover(resource), plan
-        self._engine = plan.entities[resource.id].engine
         self._first: dict[str, tuple[Place, float]] = {}
         self._sent: dict[str, int] = {}
 
@@ -52,11 +51,12 @@ class Course:
         return task, self._to(truth, task, tour[1].target if len(tour) > 1 else "")
 
     def _tour(self, truth: Truth) -> list[Task]:
-        tasks = {task.target: task for task in truth.left if task.engine == self._engine and not task.moves_goods}
+        able = (task for task in truth.left if self.resource.id in task.actors)
+        tasks = {task.target: task for task in able if not task.moves_goods}
         if not tasks:
             return []
         places = {name: truth.place(name) for name in tasks}
-        bodies = {body.id: truth.place(body.id) for body in self._plan.bodies(self._engine)}
+        bodies = {body.id: truth.place(body.id) for body in self._plan.able(*tasks.values())}
         start = bodies.get(self.resource.id, truth.place(self.resource.id))
         order = shortest(start, places)
         mine = order if len(bodies) < 2 else shares(bodies, order, places).get(self.resource.id, [])

@@ -32,13 +32,18 @@ class Plan:
         self.entities = {entity.id: entity for entity in instance.entities}
         self.tasks = asked(instance)
         self.kinds = reported(instance)
-        self.supplies = tuple(task for entity in instance.entities for task in possible(entity) if task.gives)
+        self.supplies = tuple(task for entity in instance.entities for task in possible(entity, instance) if task.gives)
         self.owners = {name: agent for agent in instance.agents for name in agent.controls}
 
     def bodies(self, engine: str) -> tuple[Entity, ...]:
         """The assets of an engine that some agent embodies."""
         entities = self.instance.entities
         return tuple(one for one in entities if one.role == "asset" and one.engine == engine and one.id in self.owners)
+
+    def able(self, *tasks: Task) -> tuple[Entity, ...]:
+        """The assets that may do one of these and that some agent embodies."""
+        able = {name for task in tasks for name in task.actors if name in self.owners}
+        return tuple(one for one in self.instance.entities if one.id in able)
 
 
 class Truth:

@@ -41,11 +41,12 @@ class Walk:
 
     def task(self, truth: Truth) -> Task | None:
         """What this dog goes to."""
-        tasks = {task.target: task for task in truth.left if task.engine == self.dog.engine and not task.moves_goods}
+        able = (task for task in truth.left if self.dog.id in task.actors)
+        tasks = {task.target: task for task in able if not task.moves_goods}
         if not tasks:
             return None
         places = {name: truth.place(name) for name in tasks}
-        bodies = {body.id: truth.place(body.id) for body in self._plan.bodies(self.dog.engine)}
+        bodies = {body.id: truth.place(body.id) for body in self._plan.able(*tasks.values())}
         bodies = {name: place for name, place in bodies.items() if truth.states[name].status != "dead"}
         if len(bodies) < 2:
             return tasks[shortest(truth.place(self.dog.id), places)[0]]

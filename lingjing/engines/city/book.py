@@ -91,12 +91,12 @@ class Book:
 
 
 def check_exchange(entity: Entity, interaction: InteractionSpec, actors: tuple[Entity, ...]) -> None:
-    """`UsageError` if an interaction would give without end (it names neither a source nor a limit), or if what changes
-    hands is not measured in one unit at both ends."""
+    """`UsageError` if an interaction gives its `actors` without end (it names neither a source nor a limit), or if what
+    changes hands is not measured in one unit at both ends."""
     what = f"`{interaction.name}` of `{entity.id}`"
     for actor in actors:
         units = _units(actor, interaction.up_to)
-        if actor.engine != interaction.by or not interaction.moves_goods or interaction.carried not in units:
+        if not interaction.moves_goods or interaction.carried not in units:
             continue
         if interaction.gives and not interaction.source and interaction.up_to not in units:
             raise UsageError(

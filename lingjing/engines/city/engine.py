@@ -35,7 +35,8 @@ class CityEngine:
         self._clock = Clock(STEP_S)
         self._requests = Requests(spec.engine)
         self._events: list[TaskEvent] = []
-        self._owners = {entity.id: entity.engine for entity in instance.entities}
+        self._names = frozenset(entity.id for entity in instance.entities)
+        self._actors: dict[tuple[str, str], tuple[str, ...]] = {}
         self._schedule = Schedule(instance)
         self._weather = self._schedule.weather(0.0)
         self._book = Book(instance)
@@ -45,7 +46,9 @@ class CityEngine:
         }
         for target in self._targets.values():
             for interaction in target.possible.values():
-                check_exchange(target.entity, interaction, instance.entities)
+                actors = instance.actors(interaction)
+                check_exchange(target.entity, interaction, actors)
+                self._actors[target.id, interaction.name] = tuple(actor.id for actor in actors)
         self._bodies: dict[str, tuple[Vector, BodyState]] = {}
         self._show()
         self._coverage = Coverage(instance, terrain)
@@ -62,7 +65,7 @@ class CityEngine:
         self._blow()
         self._step(until)
         self._show()
-        self._bodies = {body.id: (moved_on(body, elapsed), body) for body in mirrors if body.id in self._owners}
+        self._bodies = {body.id: (moved_on(body, elapsed), body) for body in mirrors if body.id in self._names}
         for target in self._targets.values():
             self._interact(target, elapsed)
         if self._clock.is_boundary(self._tick_s):
@@ -137,11 +140,8 @@ class CityEngine:
 
     def _in_reach(self, target: Target, interaction: InteractionSpec) -> list[tuple[str, float]]:
         here, _ = self._pose(target)
-        actors = [
-            (name, place)
-            for name, (place, body) in self._bodies.items()
-            if self._owners[name] == interaction.by and body.status not in _IDLE
-        ]
+        there = ((name, self._bodies.get(name)) for name in self._actors[target.id, interaction.name])
+        actors = [(name, found[0]) for name, found in there if found is not None and found[1].status not in _IDLE]
         return actors_in_reach(interaction, here, actors)
 
     def _work_off(

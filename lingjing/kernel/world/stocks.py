@@ -18,14 +18,13 @@ _OF = "@"
 
 
 class Stocks:
-    """The declared states of the assets of one instance: what each begins with."""
+    """The declared states of the entities of one instance: what each begins with."""
 
     def __init__(self, instance: Instance) -> None:
-        assets = (entity for entity in instance.entities if entity.role == "asset" and entity.state)
-        self._first = {entity.id: first for entity in assets if (first := _declared(entity))}
+        self._first = {entity.id: first for entity in instance.entities if (first := _declared(entity))}
 
     def kept(self, states: Mapping[str, BodyState]) -> dict[str, BodyState]:
-        """The states of those assets whose engines leave a declared state out, with it."""
+        """The states of those entities whose engines leave a declared state out, with it."""
         lacking = {
             name: {spec: amount for spec, amount in first.items() if not _reports(states[name], spec)}
             for name, first in self._first.items()

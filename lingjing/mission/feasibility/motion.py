@@ -26,22 +26,24 @@ LEAST_POWER_SHARE = 0.5
 
 
 class _Engine(NamedTuple):
-    """What an engine may add to the declared speed: a factor, and shares of the wind's and the current's speed."""
+    """The property that an engine takes for the top speed, and what it may add to it: a factor, and shares of the
+    wind's and the current's speed."""
 
+    speed: str
     factor: float
     wind: float = 0.0
     current: float = 0.0
 
 
 _MOVERS = {
-    "multirotor": _Engine(1.15, wind=0.1),
-    "plane": _Engine(1.15, wind=1.0),
-    "vessel": _Engine(1.10, wind=0.05, current=1.0),
-    "quadruped": _Engine(1.25),
-    "road": _Engine(1.6),
+    "multirotor": _Engine("cruise_mps", 1.15, wind=0.1),
+    "plane": _Engine("cruise_mps", 1.15, wind=1.0),
+    "vessel": _Engine("speed_mps", 1.10, wind=0.05, current=1.0),
+    "quadruped": _Engine("speed_mps", 1.25),
+    "road": _Engine("speed_mps", 1.6),
 }
 _STAYS_UNCOMMANDED = frozenset(("multirotor", "vessel", "quadruped"))
-_CITY = "city"
+_CITY, _DRIFT = "city", "drift_mps"
 
 
 class Air(msgspec.Struct, frozen=True):
@@ -49,12 +51,6 @@ class Air(msgspec.Struct, frozen=True):
 
     wind_mps: float = 0.0
     current_mps: float = 0.0
-
-
-def declared_speed(entity: Entity, drawn: dict[str, Bounds]) -> float:
-    """The greatest speed among the entity's properties, m/s; infinity if it declares none."""
-    found = [high for name in entity.properties if name.endswith("_mps") for _, high in (bounds(entity, drawn, name),)]
-    return max(found) if found else math.inf
 
 
 def bounds(entity: Entity, drawn: dict[str, Bounds], name: str) -> Bounds:
@@ -73,14 +69,14 @@ def ceiling(entity: Entity, drawn: dict[str, Bounds], air: Air, *, driven: bool)
     `driven` says whether some agent may command it to move.
     """
     if entity.engine == _CITY:
-        return _carried_by_the_city(entity, drawn)
+        return DRIFT_FACTOR * max(0.0, bounds(entity, drawn, _DRIFT)[1]) if _DRIFT in entity.properties else 0.0
     engine = _MOVERS.get(entity.engine)
     if engine is None:
         return math.inf
     pushed = engine.wind * air.wind_mps + engine.current * air.current_mps
     if not driven:
         return pushed if entity.engine in _STAYS_UNCOMMANDED else math.inf
-    return engine.factor * declared_speed(entity, drawn) + pushed
+    return engine.factor * bounds(entity, drawn, engine.speed)[1] + pushed
 
 
 def flight_s(entity: Entity, drawn: dict[str, Bounds]) -> float:
@@ -93,8 +89,3 @@ def flight_s(entity: Entity, drawn: dict[str, Bounds]) -> float:
 def drives(entity: Entity) -> bool:
     """Whether the entity has a command that moves it."""
     return any(verb.name not in IDLE_VERBS for verb in entity.verbs)
-
-
-def _carried_by_the_city(entity: Entity, drawn: dict[str, Bounds]) -> float:
-    speeds = [name for name in entity.properties if name.endswith("_mps")]
-    return DRIFT_FACTOR * sum(max(0.0, bounds(entity, drawn, name)[1]) for name in speeds)

@@ -22,6 +22,7 @@ from lingjing.mission.feasibility.outline import Body, Outline
 from lingjing.mission.feasibility.spread import Where, outlines_of, point
 from lingjing.mission.fold import Composite, Literal, Meaning, Meanings
 from lingjing.mission.functions import operation
+from lingjing.mission.instance import InteractionSpec
 from lingjing.mission.intervals import ANYTHING, Bounds, exactly
 from lingjing.mission.model import Rule, Unlock
 from lingjing.mission.values import Area, Interval, Place, Value, is_number
@@ -469,15 +470,16 @@ def _emitted(on: Unfolding, name: Value, target: Value = None) -> Need:
     done = Performed(str(name), body, on.at)
     if body is None or body.entity.engine != "city":
         return done
-    visits = [_visit(one.by, body, one.within_m, one.name, on) for one in body.entity.interactions if one.name == name]
+    visits = [_visit(one, body, on) for one in body.entity.interactions if one.name == name]
     return _all((done, *visits, *(() if on.whole_groups else (_unlocked(str(name), body, on),))))
 
 
-def _visit(engine: str, target: Body, within: float, name: str, on: Unfolding) -> Need:
-    movers = on.outline.by_engine(engine)
+def _visit(one: InteractionSpec, target: Body, on: Unfolding) -> Need:
+    movers = on.outline.actors(one)
     if not movers:
-        return Never(f"`{name}` of `{target.id}` takes an asset of the engine `{engine}`, and there is none", on.at)
-    return VisitNeed(movers, target, within, on.at)
+        what = f"`{one.name}` of `{target.id}` takes an asset of the engine or role `{one.by}`"
+        return Never(f"{what}, and there is none", on.at)
+    return VisitNeed(movers, target, one.within_m, on.at)
 
 
 def _unlocked(name: str, target: Body, on: Unfolding) -> Need:

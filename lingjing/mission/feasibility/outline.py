@@ -13,7 +13,7 @@ from lingjing.mission import model
 from lingjing.mission.evaluate import Area, Scope, number
 from lingjing.mission.feasibility.motion import Air, bounds, ceiling, drives, flight_s
 from lingjing.mission.feasibility.spread import Where, numbers, places, point
-from lingjing.mission.instance import Entity, Instance
+from lingjing.mission.instance import Entity, Instance, InteractionSpec
 from lingjing.mission.instantiate import instantiate, parameters
 from lingjing.mission.intervals import Bounds
 from lingjing.mission.placing import GROUND_REACH_M, count_of
@@ -83,6 +83,10 @@ class Outline(msgspec.Struct, frozen=True):
         """The bodies that an engine owns."""
         return tuple(body for body in self.bodies.values() if body.entity.engine == engine)
 
+    def actors(self, interaction: InteractionSpec) -> tuple[Body, ...]:
+        """The bodies that may perform an interaction."""
+        return tuple(self.bodies[actor.id] for actor in self.instance.actors(interaction))
+
 
 def of_instance(instance: Instance) -> Outline:
     """The outline of one instance, exact."""
@@ -115,10 +119,7 @@ _Opened = tuple[Where | None, dict[str, Bounds]]
 
 def _outline(instance: Instance, scope: Scope, air: Air, opened: dict[str, _Opened], kinds: frozenset[str]) -> Outline:
     driven = {name for agent in instance.agents for name in agent.commands}
-    engines: dict[str, list[str]] = {}
-    for entity in instance.entities:
-        engines.setdefault(entity.engine, []).append(entity.id)
-    bodies = {entity.id: _body(entity, air, opened, driven, engines) for entity in instance.entities}
+    bodies = {entity.id: _body(entity, air, opened, driven, instance) for entity in instance.entities}
     groups: dict[str, list[Body]] = {}
     for body in bodies.values():
         groups.setdefault(body.entity.group, []).append(body)
@@ -127,13 +128,11 @@ def _outline(instance: Instance, scope: Scope, air: Air, opened: dict[str, _Open
     return Outline(instance, scope, bodies, whole, kinds, sites)
 
 
-def _body(
-    entity: Entity, air: Air, opened: dict[str, _Opened], driven: set[str], engines: dict[str, list[str]]
-) -> Body:
+def _body(entity: Entity, air: Air, opened: dict[str, _Opened], driven: set[str], instance: Instance) -> Body:
     where, drawn = opened.get(entity.group, (None, {}))
     place = point(entity.position[0], entity.position[1]) if where is None else where
     moves = entity.id in driven and drives(entity)
-    aboard, reach = _carriers(entity, engines)
+    carrying = [one for one in entity.interactions if one.aboard]
     return Body(
         entity=entity,
         where=msgspec.structs.replace(place, loose_m=MOVED_M.get(str(entity.properties.get("on")), 0.0)),
@@ -141,20 +140,9 @@ def _body(
         speed_mps=ceiling(entity, drawn, air, driven=moves),
         flight_s=flight_s(entity, drawn),
         driven=moves,
-        aboard=aboard,
-        aboard_m=reach,
+        aboard=frozenset(actor.id for one in carrying for actor in instance.actors(one)),
+        aboard_m=max((one.within_m for one in carrying), default=0.0),
     )
-
-
-def _carriers(entity: Entity, engines: dict[str, list[str]]) -> tuple[frozenset[str], float]:
-    """Who may take the entity aboard, and from how far."""
-    carriers: set[str] = set()
-    reach = 0.0
-    for one in entity.interactions:
-        if one.aboard:
-            carriers.update(engines.get(one.by, ()))
-            reach = max(reach, one.within_m)
-    return frozenset(carriers), reach
 
 
 def _scope(instance: Instance, unknown: frozenset[str] = frozenset()) -> Scope:

@@ -15,8 +15,8 @@ RESOLVED_PX = 2.0
 """A target whose longest extent covers fewer pixels at the lowest allowed altitude, at the place of the picture where
 it appears largest, cannot be told from noise."""
 
-EXTENTS = ("size_m", "length_m", "diameter_m")
-"""Properties of a target that say how large it is; the largest counts."""
+EXTENTS = ("length_m", "width_m", "height_m")
+"""Properties of a target that say how large it is."""
 
 LARGEST_M = {"person_in_water": 2.5}
 """Extents of known target types that do not say how large they are, generous."""
@@ -52,9 +52,9 @@ def takes_pictures_by_itself(outline: Outline) -> bool:
 
 
 def extent_m(target: Body) -> float:
-    """The longest extent of a target in metres; infinity if it is not known."""
+    """The longest extent of a target in metres, from corner to corner; infinity if it is not known."""
     known = [target.bounds(name)[1] for name in EXTENTS if name in target.entity.properties]
-    return max(known) if known else LARGEST_M.get(target.entity.type, math.inf)
+    return math.hypot(*known) if known else LARGEST_M.get(target.entity.type, math.inf)
 
 
 def most_pixels(size_m: float, height_m: float, camera: CameraSpec) -> float:

@@ -9,6 +9,7 @@ from lingjing.mission import model
 from lingjing.mission.graph.draft import Draft
 from lingjing.mission.graph.needs import DECIDED, needs
 from lingjing.mission.graph.spelling import parts, spell
+from lingjing.mission.graph.things import groups_in
 from lingjing.mission.graph.types import NodeKind
 
 SUCCESS, FAILURE = "success", "failure"
@@ -30,7 +31,9 @@ def add_events(mission: model.Mission, draft: Draft) -> None:
     performers: dict[str, list[str]] = {}
     for group in mission.groups:
         if group.role == "asset" and draft.has(f"asset:{group.name}"):
-            performers.setdefault(group.engine, []).append(f"asset:{group.name}")
+            roles = (agent.role for agent in mission.agents if f"asset:{group.name}" in _controlled(agent, draft))
+            for name in dict.fromkeys((group.engine, *roles)):
+                performers.setdefault(name, []).append(f"asset:{group.name}")
     for group in mission.groups:
         target = draft.find(group.name, "asset", "target")
         for one in group.interactions if target else ():
@@ -38,6 +41,10 @@ def add_events(mission: model.Mission, draft: Draft) -> None:
             draft.edge("requires", event, str(target))
             for performer in performers.get(one.by, ()):
                 draft.edge("requires", event, performer)
+
+
+def _controlled(agent: model.Agent, draft: Draft) -> set[str]:
+    return {node for expr in agent.controls for node in groups_in(expr, draft)}
 
 
 def add_unlocks(mission: model.Mission, draft: Draft) -> None:

@@ -15,8 +15,8 @@ BUS = "comms"
 _BUILT_IN = {"events": "adjudicated and engine events", "peers": "the other agents"}
 """Observation sources that no declaration makes."""
 
-_STORES = ("endurance", "energy", "battery", "payload", "capacity", "load", "stock", "money", "tokens", "messages")
-"""First words of the properties that say how much of something an entity can spend or carry."""
+_STORES = ("endurance", "payload")
+"""The properties that say how much an asset can spend or carry, beside its states."""
 
 
 def add_roles(mission: model.Mission, draft: Draft) -> None:
@@ -159,7 +159,7 @@ def _add_property(group: model.Group, item: model.Property, draft: Draft) -> Non
             within=owner,
         )
         draft.edge("hides", owner, source)
-    elif group.role == "asset" and item.name.startswith(_STORES):
+    elif group.role == "asset" and (item.state or item.plain in _STORES):
         store = draft.node("resource", f"{group.name}.{item.name}", title=_bare(item.name), detail=said, within=owner)
         draft.edge("requires", owner, store)
     for part in parts(item.value):
