@@ -7,14 +7,13 @@ import jsonschema
 import msgspec
 import numpy as np
 import pytest
-from lingjing_agents.react.answer import StepError, step_text
+from lingjing_agents.react.answer import StepError, read_step, step_text
 from lingjing_agents.react.policy import ReactError, ReactPolicy
 from lingjing_agents.react.prompt import observation_text, system_prompt
-from lingjing_agents.react.schema import step_schema
-from lingjing_agents.react.step import read_step
 
 from agents.tests.agent_kit import REPORT, WEATHER, Inbox, brief, envelope, observe, picture, view
 from agents.tests.chat_server import NOOP, Reply, serve
+from lingjing.plugins.decisions import DecisionFormat, decision_schema
 from lingjing.plugins.policy import UsageError
 
 STEP = {
@@ -99,14 +98,26 @@ async def test_text_models_get_no_pictures_and_the_schema_in_words():
         (Reply("I would fly east."), "no JSON object"),
         (Reply('{"thought": "x", "command": '), "does not end"),
         (Reply('{"thought": 5, "command": null, "messages": []}'), "not a step"),
-        (Reply({**NOOP, "command": {"verb": "dance", "arguments": {}, "resource": "uav[1]"}}), "no verb `dance`"),
+        (
+            Reply({**NOOP, "command": {"verb": "dance", "arguments": {}, "resource": "uav[1]"}}),
+            "command.verb: 'dance' is not one of yours: ",
+        ),
         (
             Reply({**NOOP, "command": {"verb": "stop", "arguments": {}, "resource": "uav[9]"}}),
-            "do not command `uav[9]`",
+            "command.resource: 'uav[9]' is not one of yours: uav[1]",
         ),
-        (Reply({**NOOP, "command": {"verb": "setDestination", "arguments": {"x": 1}}}), "needs the argument `y`"),
-        (Reply({**NOOP, "messages": [{"kind": "detection", "body": {}}]}), "needs the field `frame`"),
-        (Reply({**NOOP, "messages": [{"kind": "gossip", "body": {}}]}), "cannot send `gossip`"),
+        (
+            Reply({**NOOP, "command": {"verb": "setDestination", "arguments": {"x": 1}}}),
+            "command.arguments: 'y' is a required property",
+        ),
+        (
+            Reply({**NOOP, "messages": [{"kind": "detection", "body": {}}]}),
+            "messages[0].body: 'frame' is a required property",
+        ),
+        (
+            Reply({**NOOP, "messages": [{"kind": "gossip", "body": {}}]}),
+            "messages[0].kind: 'gossip' is not one of yours: detection",
+        ),
         (Reply(STEP, finish_reason="length"), "cut off"),
     ],
 )
@@ -158,7 +169,7 @@ async def test_history_is_bounded_and_holds_no_old_pictures():
 
 
 def test_the_schema_accepts_good_steps_and_refuses_others():
-    schema = json.loads(step_schema(brief()))
+    schema = decision_schema(brief())
     validator = jsonschema.Draft202012Validator(schema)
     validator.check_schema(schema)
     assert validator.is_valid(STEP)
@@ -168,14 +179,14 @@ def test_the_schema_accepts_good_steps_and_refuses_others():
 
 
 def test_schema_of_an_agent_that_controls_nothing():
-    schema = json.loads(step_schema(brief("commander", "star")))
+    schema = decision_schema(brief("commander", "star"))
     assert schema["properties"]["command"]["anyOf"] == [{"type": "null"}]
     jsonschema.validate(NOOP, schema)
 
 
 def test_fences_and_prose_around_the_object_do_no_harm():
     text = 'Sure:\n```json\n{"thought": "a } in a \\"string\\"", "command": null, "messages": []}\n```'
-    assert read_step(text, brief()).thought == 'a } in a "string"'
+    assert read_step(text, DecisionFormat(brief())).thought == 'a } in a "string"'
     with pytest.raises(StepError):
         step_text("nothing here")
 
@@ -187,13 +198,12 @@ def test_all_faults_of_a_step_are_told_at_once():
         "messages": [{"kind": "progress", "body": {"task": 1}, "to": ["nobody"]}],
     }
     with pytest.raises(StepError) as fault:
-        read_step(json.dumps(step), brief())
+        read_step(json.dumps(step), DecisionFormat(brief()))
     for part in (
-        "`x` of `setDestination` must be a number",
-        "no argument `w`",
-        "no peer `nobody`",
-        "`state`",
-        "`task`",
+        "command.arguments.x: 'far' is not of type 'number'",
+        "command.arguments: Additional properties are not allowed ('w' was unexpected)",
+        "messages[0].body: 'state' is a required property",
+        "messages[0].body.task: 1 is not of type 'string'",
     ):
         assert part in str(fault.value)
 
@@ -242,7 +252,7 @@ async def test_litellm_speaks_to_the_same_server(monkeypatch: pytest.MonkeyPatch
 def test_the_prompt_has_the_weather_and_an_observation_what_it_has_become() -> None:
     storm = msgspec.structs.replace(WEATHER, wind_mps=14.0, visibility_m=800.0)
     told = brief("skipper")
-    assert '"weather":{"wind_mps":4.0,"wind_from_deg":220.0' in system_prompt(told, with_schema=False)
+    assert '"weather":{"wind_mps":4.0,"wind_from_deg":220.0' in system_prompt(told, None)
     same = json.loads(observation_text(observe("skipper", 3), Inbox(), told, ()))
     other = json.loads(observation_text(observe("skipper", 3, weather=storm), Inbox(), told, ()))
     assert "weather" not in same

@@ -3,10 +3,10 @@
 import json
 
 import pytest
-from lingjing_agents.react.answer import StepError, after_reasoning, step_text
-from lingjing_agents.react.step import read_step
+from lingjing_agents.react.answer import StepError, after_reasoning, read_step, step_text
 
 from agents.tests.agent_kit import brief
+from lingjing.plugins.decisions import DecisionFormat
 
 EAST = '{"thought": "east", "command": null, "messages": []}'
 WEST = '{"thought": "west", "command": null, "messages": []}'
@@ -35,7 +35,7 @@ WEST = '{"thought": "west", "command": null, "messages": []}'
     ],
 )
 def test_the_answer_is_told_from_what_is_around_it(text: str):
-    thought = read_step(text, brief()).thought
+    thought = read_step(text, DecisionFormat(brief())).thought
     assert thought
     assert "west" not in thought
 
@@ -63,7 +63,7 @@ def test_the_answer_is_told_from_what_is_around_it(text: str):
 )
 def test_what_is_no_answer_is_said(text: str, says: str):
     with pytest.raises(StepError, match=says):
-        read_step(text, brief())
+        read_step(text, DecisionFormat(brief()))
 
 
 @pytest.mark.parametrize("piece", ["{", '{"', '{"a":', '{"a":1} ', "{ ", '{"thought":"', "\\{", "<think>", "</think>"])

@@ -21,13 +21,13 @@ from dataclasses import replace
 
 from lingjing.analysis.spoken import categories_of, spoken_at
 from lingjing.kernel.assignments import point
-from lingjing.kernel.commands import PHOTO
 from lingjing.kernel.facts import HANDOFF_M, SAME_POINT_M
 from lingjing.kernel.references import CAMERA as REFERENCE
 from lingjing.kernel.registry import Registry, Report, initial
 from lingjing.mission.geometry2d import contains
 from lingjing.mission.instance import AgentSpec, Entity, Instance
 from lingjing.mission.model import Relation
+from lingjing.plugins.decisions import PHOTO
 from lingjing.trace.records import BoundaryRecord, Envelope, Receipt, RelationRecord, StageChange
 
 Emitted = tuple[str, tuple[str, ...]]

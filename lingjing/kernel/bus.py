@@ -17,13 +17,11 @@ import msgspec
 
 from lingjing.kernel.air import Air
 from lingjing.kernel.budgets import Tally
-from lingjing.kernel.candidates import REACH_M, is_number
+from lingjing.kernel.candidates import is_number
 from lingjing.mission.instance import AgentSpec, Datum, Instance, MessageSpec
 from lingjing.mission.model import Field
+from lingjing.plugins.decisions import MESSAGES_PER_CALL, REACH_M
 from lingjing.trace.records import Envelope, Outgoing, Receipt
-
-MESSAGES_PER_CALL = 32
-"""A policy call may send a finite list; beyond this many the rest is refused as `too_many`."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,10 +16,6 @@ import numpy as np
 
 from lingjing.trace.records import Decision, DecisionRecord
 
-REACH_M = 1.0e7
-"""No coordinate, distance or other argument of a command is larger (the Earth's radius is 6.4e6 m): arithmetic on
-what passes stays finite, so a policy cannot bring an engine down with a number."""
-
 THOUGHT_LETTERS = 20_000
 """A longer thought is cut: it decides nothing, and the trace should stay readable."""
 

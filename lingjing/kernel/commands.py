@@ -14,18 +14,16 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from lingjing.kernel.budgets import LIMIT, Tally
-from lingjing.kernel.candidates import REACH_M, is_number
+from lingjing.kernel.candidates import is_number
 from lingjing.kernel.instant import Instant
 from lingjing.kernel.registry import Registry
 from lingjing.kernel.rules import holds
 from lingjing.mission.instance import AgentSpec, ArgumentSpec, Datum, Entity, Instance, VerbSpec
+from lingjing.plugins.decisions import PHOTO, REACH_M
 from lingjing.trace.records import Action, Command, Receipt
 
 PREEMPTING = "stop"
 """The one verb that is admitted while its resource is busy."""
-
-PHOTO = "takePhoto"
-"""The verb that the kernel routes to the camera engine instead of the resource's own."""
 
 DEAD = "dead"
 """The status word of an entity that does nothing any more."""
@@ -197,7 +195,8 @@ class Gate:
 
 def camera_of(entity: Entity, arguments: Mapping[str, Datum]) -> str:
     """The camera a `takePhoto` means: the one it names, else the first mount."""
-    return str(arguments.get("camera") or (entity.cameras[0].name if entity.cameras else ""))
+    name = arguments.get("camera")
+    return str(name) if name is not None else entity.cameras[0].name if entity.cameras else ""
 
 
 def _identity_fault(sender: str, agent: AgentSpec | None, action: Action, tick: int) -> Fault | None:

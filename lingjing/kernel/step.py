@@ -21,7 +21,7 @@ from lingjing.kernel.adjudication import Adjudicator, Verdict
 from lingjing.kernel.budgets import Budgets
 from lingjing.kernel.bus import Bus, Router
 from lingjing.kernel.candidates import received
-from lingjing.kernel.commands import PHOTO, Gate, Resolution
+from lingjing.kernel.commands import Gate, Resolution
 from lingjing.kernel.course import Course
 from lingjing.kernel.evaluation import Evaluation, Evaluator, MissionEvaluator, combine
 from lingjing.kernel.happenings import Happenings
@@ -34,6 +34,7 @@ from lingjing.kernel.subtasks import Subtasks
 from lingjing.kernel.visibility import Projector
 from lingjing.kernel.world.contract import StoredFrame, World, WorldBoundary
 from lingjing.mission.instance import Instance
+from lingjing.plugins.decisions import PHOTO
 from lingjing.plugins.policy import Brief, Inbox, Observation
 from lingjing.scene.city import City
 from lingjing.trace.digest import START, next_digest, next_frames_digest

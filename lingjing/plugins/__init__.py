@@ -2,6 +2,7 @@
 
 - `hookspecs`     what a plug-in may offer; `host` finds it, `loading` finds policies by name or by file
 - `engine`, `policy`   the Protocols and their values
+- `decisions`     the JSON Schema of what an agent may answer, for policies over foreign programs
 - `fleet`         the five methods over moving bodies ← `requests` (admission, receipts), `clock` (fixed steps)
 - `stock`         goods on board; `tasks` what a mission asks for, for policies that may see its rules
 - `bodies`, `neighbours`   sizes of mirrors, and which of them is touched

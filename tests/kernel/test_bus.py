@@ -4,7 +4,8 @@ import msgspec
 import pytest
 
 import tests.kernel.kernel_kit as kit
-from lingjing.kernel.bus import MESSAGES_PER_CALL, Router
+from lingjing.kernel.bus import Router
+from lingjing.plugins.decisions import MESSAGES_PER_CALL
 
 
 def read(published):

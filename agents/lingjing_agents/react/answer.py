@@ -9,6 +9,9 @@ from __future__ import annotations
 import json
 import re
 
+from lingjing.plugins.decisions import DecisionFormat
+from lingjing.plugins.policy import Decision
+
 _END_OF_REASONING = re.compile(
     r"</(?:\w+:)?(?:think|thinking|thought|reasoning|analysis|scratchpad)>|\[/THINK\]|<\|channel\|>final<\|message\|>",
     re.IGNORECASE,
@@ -47,6 +50,23 @@ def step_text(text: str) -> str:
     if not found:
         raise StepError(fault)
     return found[0]
+
+
+def read_step(text: str, form: DecisionFormat) -> Decision:
+    """The decision in a model's answer. Raises `StepError`, which lists every fault found: services that promise a
+    schema do not always keep it."""
+    try:
+        answer = form.completed(json.loads(step_text(text), parse_constant=_refused))
+        faults = form.faults(answer)
+    except RecursionError:
+        raise StepError(_TOO_DEEP) from None
+    if faults:
+        raise StepError("not a step: " + "; ".join(faults))
+    return form.decision(answer)
+
+
+def _refused(constant: str) -> None:
+    raise StepError(f"not a step: {constant} is no JSON")
 
 
 def after_reasoning(text: str) -> str:

@@ -11,6 +11,7 @@ from collections import deque
 
 import msgspec
 
+from lingjing.plugins.decisions import DecisionFormat
 from lingjing.plugins.policy import (
     Brief,
     Decision,
@@ -23,13 +24,11 @@ from lingjing.plugins.policy import (
 )
 from lingjing_agents.llm.chat import ChatMessage, ChatRequest, Completion, ModelError
 from lingjing_agents.llm.retry import Attempts, Deadline, complete_with_retries
-from lingjing_agents.react.answer import StepError, after_reasoning
+from lingjing_agents.react.answer import StepError, after_reasoning, read_step
 from lingjing_agents.react.arguments import make_client, read_options
 from lingjing_agents.react.picture import jpeg
 from lingjing_agents.react.prompt import observation_text, system_prompt
 from lingjing_agents.react.remedy import explained, remedy
-from lingjing_agents.react.schema import step_schema
-from lingjing_agents.react.step import read_step
 
 PATIENCE = 3
 """Ticks in a row without any answer of an agent's service, each with its own tries, before the episode is given up."""
@@ -53,9 +52,10 @@ class ReactPolicy:
         self._brief = brief
         self._unbilled = Usage()
         self._refused = 0
-        schema = step_schema(brief)
-        self._schema = schema if self._options.capability.json_schema else None
-        self._system = ChatMessage("system", system_prompt(brief, with_schema=self._schema is None))
+        self._form = DecisionFormat(brief)
+        self._schema = msgspec.json.encode(self._form.schema) if self._options.capability.json_schema else None
+        in_words = self._form.schema if self._schema is None else None
+        self._system = ChatMessage("system", system_prompt(brief, in_words))
         self._history: deque[tuple[ChatMessage, ChatMessage]] = deque(maxlen=self._options.history)
 
     async def act(self, observation: Observation, inbox: Inbox) -> Decision:
@@ -93,7 +93,7 @@ class ReactPolicy:
         for _ in range(self._options.repairs + 1):
             completion = await self._ask(messages, deadline)
             try:
-                return _read(completion, self._brief, self._options.max_tokens), answered(completion.text)
+                return _read(completion, self._form, self._options.max_tokens), answered(completion.text)
             except StepError as error:
                 fault = str(error)
             complaint = (
@@ -145,12 +145,12 @@ class ReactPolicy:
         return usage
 
 
-def _read(completion: Completion, brief: Brief, max_tokens: int) -> Decision:
+def _read(completion: Completion, form: DecisionFormat, max_tokens: int) -> Decision:
     if completion.finish_reason == "length":
         raise StepError(f"it was cut off at {max_tokens} tokens; be much shorter")
     if completion.finish_reason == "content_filter":
         raise StepError("the service's content filter removed it")
-    return read_step(completion.text, brief)
+    return read_step(completion.text, form)
 
 
 def answered(text: str) -> str:

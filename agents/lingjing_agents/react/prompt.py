@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import msgspec
 
+from lingjing.plugins.decisions import JsonSchema, sendable
 from lingjing.plugins.geometry import ground_footprint
 from lingjing.plugins.policy import Brief, EntityView, Inbox, Observation, Picture, Resource, VerbSpec
-from lingjing_agents.react.schema import sendable, step_schema
 
 RULES = """\
 World frame: east, north, elevation in metres; headings in degrees clockwise from north; wind comes from, a current \
@@ -21,8 +21,8 @@ Answer with one JSON object and nothing else: {"thought": string, "command": {"v
 null, "messages": [{"kind", "body", "to"}]}."""
 
 
-def system_prompt(brief: Brief, *, with_schema: bool) -> str:
-    """Goal, role, what can be commanded and said. `with_schema` adds the JSON Schema for services that ignore it."""
+def system_prompt(brief: Brief, schema: JsonSchema | None = None) -> str:
+    """Goal, role, what can be commanded and said, and the JSON Schema of an answer for services that take none."""
     parts = [
         f"You are `{brief.agent}`, {brief.role} in a mission of {brief.ticks} ticks of {brief.tick_s:g} s.",
         f"Goal: {brief.goal}",
@@ -33,8 +33,8 @@ def system_prompt(brief: Brief, *, with_schema: bool) -> str:
         _speech(brief),
         "Known to everyone: " + _json(_common(brief)),
     ]
-    if with_schema:
-        parts.append("JSON Schema of your answer: " + step_schema(brief).decode())
+    if schema is not None:
+        parts.append("JSON Schema of your answer: " + _json(schema))
     return "\n\n".join(part for part in parts if part)
 
 

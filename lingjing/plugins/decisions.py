@@ -1,0 +1,268 @@
+"""The JSON Schema of what an agent may answer, and every fault of an answer against it.
+
+For policies whose decisions are written by a foreign program, such as a language model. The schema is made from the
+brief's action and message specs, which are also what the kernel admits by: it refuses no decision that the kernel
+would admit, and accepts none that the kernel would refuse, but for what is known only while the episode runs (busy
+resources, permits, counted budgets, bounds of the city, pictures taken so far, the size of a message).
+Numbers beyond the bounds of an argument are clipped by the kernel and so no fault; its description says the bounds.
+
+`jsonschema` is imported when the first format is made.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from itertools import islice
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+
+from lingjing.mission.model import Field
+from lingjing.plugins.policy import ArgumentSpec, Brief, Decision, MessageSpec, Resource, VerbSpec
+
+if TYPE_CHECKING:
+    from jsonschema import ValidationError
+
+REACH_M = 1.0e7
+"""No coordinate, distance or other argument of a command is larger (the Earth's radius is 6.4e6 m): arithmetic on
+what passes stays finite, so a policy cannot bring an engine down with a number."""
+
+MESSAGES_PER_CALL = 32
+"""A policy call may send a finite list; the kernel refuses what comes after this many."""
+
+PHOTO = "takePhoto"
+"""The verb that the kernel routes to the camera engine instead of the resource's own."""
+
+FAULTS_TOLD = 20
+"""So many faults of one answer are told at most."""
+
+_SHOWN_CHARACTERS = 200
+
+JsonSchema = dict[str, object]
+
+
+class DecisionFormat:
+    """What one agent may answer: `schema`, a JSON Schema (draft 2020-12) of an object with `thought`, `command` and
+    `messages`."""
+
+    def __init__(self, brief: Brief) -> None:
+        from jsonschema import Draft202012Validator
+
+        self.schema = decision_schema(brief)
+        self._validator = Draft202012Validator(self.schema)
+        self._first = brief.resources[0].id if brief.resources else None
+        self._boxes = {
+            message.kind: [field.name for field in message.fields if field.type == "box"] for message in brief.messages
+        }
+
+    def completed(self, answer: object) -> object:
+        """The answer with what a decision may leave out filled in, as the kernel does: no command, no messages, the
+        first resource, empty objects, nothing for null. What the schema does not know beside them is left out."""
+        if not isinstance(answer, dict):
+            return answer
+        given = {"thought": "", "messages": [], **_without_null(answer)}
+        command, messages = given.get("command"), given["messages"]
+        if isinstance(command, dict):
+            command = {"arguments": {}, "resource": self._first, **_without_null(command)}
+            command["arguments"] = _without_null(command["arguments"])
+        if isinstance(messages, list):
+            messages = [_message_completed(message) for message in messages]
+        return {"thought": given["thought"], "command": command, "messages": messages}
+
+    def faults(self, answer: Any) -> tuple[str, ...]:
+        """Every fault of a completed answer with the path to it, `FAULTS_TOLD` at most; empty for a good one."""
+        told = (fault for error in self._validator.iter_errors(answer) for fault in _told(error))
+        return tuple(islice(told, FAULTS_TOLD)) or tuple(self._disordered(answer))
+
+    def decision(self, answer: object) -> Decision:
+        """A completed answer without faults as a decision."""
+        return msgspec.convert(answer, Decision)
+
+    def _disordered(self, answer: Any) -> Iterator[str]:
+        """Boxes whose edges are in the wrong order, which JSON Schema cannot say."""
+        for number, message in enumerate(answer["messages"]):
+            for name in self._boxes[message["kind"]]:
+                x0, y0, x1, y1 = message["body"].get(name, (0.0, 0.0, 1.0, 1.0))
+                if not (x0 < x1 and y0 < y1):
+                    yield f"messages[{number}].body.{name}: x_min, y_min, x_max, y_max with min < max are due"
+
+
+def decision_schema(brief: Brief) -> JsonSchema:
+    """The JSON Schema of a decision of the brief's agent; the same brief gives the same schema."""
+    commands = [
+        _command(resource, verb) for resource in brief.resources for verb in resource.verbs if _can(resource, verb)
+    ]
+    messages = [_message(brief, message) for message in sendable(brief)]
+    return _object(
+        {
+            "thought": {"type": "string", "description": "what you see and why you act, in at most three sentences"},
+            "command": {"anyOf": [*commands, {"type": "null"}]},
+            "messages": {"type": "array", "items": {"anyOf": messages}, "maxItems": MESSAGES_PER_CALL}
+            if messages
+            else {"type": "array", "maxItems": 0},
+        },
+        ("thought", "command", "messages"),
+    )
+
+
+def sendable(brief: Brief) -> tuple[MessageSpec, ...]:
+    """The message kinds that the brief's agent may send: those of its role that somebody may receive, and reports,
+    which the adjudicator receives."""
+    return tuple(
+        message
+        for message in brief.messages
+        if {"all", brief.role}.intersection(message.senders)
+        and (message.category == "report" or _heard(brief, message))
+    )
+
+
+def recipients(brief: Brief, message: MessageSpec) -> tuple[str, ...]:
+    """The agents that a hub may name as recipients of a message kind."""
+    everyone = "all" in message.recipients
+    return tuple(peer.id for peer in brief.peers if everyone or peer.role in message.recipients)
+
+
+def _heard(brief: Brief, message: MessageSpec) -> bool:
+    if brief.hub == brief.agent:
+        return bool(recipients(brief, message))
+    return bool(brief.peers) and (brief.hub is None or brief.hub in {peer.id for peer in brief.peers})
+
+
+def _can(resource: Resource, verb: VerbSpec) -> bool:
+    """Whether a resource can do what a verb says: nothing takes pictures without a camera."""
+    return verb.name != PHOTO or bool(resource.cameras)
+
+
+def _command(resource: Resource, verb: VerbSpec) -> JsonSchema:
+    arguments = {spec.name: _argument(resource, verb, spec) for spec in verb.arguments}
+    required = tuple(spec.name for spec in verb.arguments if not spec.optional and spec.default is None)
+    properties: JsonSchema = {
+        "verb": {"const": verb.name},
+        "arguments": _object(arguments, required),
+        "resource": {"const": resource.id},
+    }
+    return _object(properties, tuple(properties))
+
+
+def _argument(resource: Resource, verb: VerbSpec, spec: ArgumentSpec) -> JsonSchema:
+    if spec.unit == "name":
+        photo = verb.name == PHOTO and spec.name == "camera"
+        return {"type": "string", "enum": [camera.name for camera in resource.cameras]} if photo else {"type": "string"}
+    bounds = f"clipped to {_bound(spec.minimum)}..{_bound(spec.maximum)}"
+    bounded = spec.minimum is not None or spec.maximum is not None
+    words = ", ".join(part for part in (spec.unit, bounds if bounded else "") if part)
+    schema: JsonSchema = {"type": "number", "minimum": -REACH_M, "maximum": REACH_M}
+    return {**schema, "description": words} if words else schema
+
+
+def _bound(value: float | None) -> str:
+    return "" if value is None else f"{value:g}"
+
+
+def _message(brief: Brief, message: MessageSpec) -> JsonSchema:
+    body = {field.name: _field(brief, field) for field in message.fields}
+    required = tuple(field.name for field in message.fields if not field.optional)
+    to: JsonSchema = {"type": "array", "items": {"type": "string"}}
+    if brief.hub == brief.agent:
+        names = list(recipients(brief, message))
+        to = (
+            {"type": "array", "items": {"type": "string", "enum": names}} if names else {"type": "array", "maxItems": 0}
+        )
+    properties: JsonSchema = {"kind": {"const": message.kind}, "body": _object(body, required), "to": to}
+    return _object(properties, tuple(properties))
+
+
+def _field(brief: Brief, field: Field) -> JsonSchema:
+    if field.name == "class" and field.type == "name" and brief.classes:
+        return {**_FIELDS["name"], "description": f"one of {', '.join(brief.classes)}"}
+    if field.type == "number":
+        bounds = {"minimum": field.minimum, "maximum": field.maximum, "description": field.unit or None}
+        return {"type": "number", **{key: value for key, value in bounds.items() if value is not None}}
+    return _FIELDS[field.type]
+
+
+def _object(properties: Mapping[str, object], required: tuple[str, ...]) -> JsonSchema:
+    return {
+        "type": "object",
+        "properties": dict(properties),
+        "required": list(required),
+        "additionalProperties": False,
+    }
+
+
+_FIELDS: dict[str, JsonSchema] = {
+    "name": {"type": "string"},
+    "text": {"type": "string"},
+    "frame": {"type": "string", "description": "id of a picture"},
+    "flag": {"type": "boolean"},
+    "names": {"type": "array", "items": {"type": "string"}},
+    "position": {
+        "type": "array",
+        "items": {"type": "number", "minimum": -REACH_M, "maximum": REACH_M},
+        "minItems": 2,
+        "maxItems": 3,
+        "description": "east, north, elevation in metres",
+    },
+    "box": {
+        "type": "array",
+        "items": {"type": "number", "minimum": 0, "maximum": 1},
+        "minItems": 4,
+        "maxItems": 4,
+        "description": "x_min, y_min, x_max, y_max in 0..1, origin top left",
+    },
+}
+
+
+def _without_null(values: Any) -> Any:
+    return {key: value for key, value in values.items() if value is not None} if isinstance(values, dict) else values
+
+
+def _message_completed(message: object) -> object:
+    if not isinstance(message, dict):
+        return message
+    whole = {"body": {}, "to": [], **_without_null(message)}
+    return {**whole, "body": _without_null(whole["body"])}
+
+
+def _told(error: ValidationError) -> Iterator[str]:
+    """One schema error in words; a command or message that fits none of its forms is judged by the one that it
+    names."""
+    if error.validator != "anyOf":
+        yield f"{_path(error)}: {_short(error.message)}"
+        return
+    forms: Any = error.validator_value
+    consts = [_consts(form) for form in forms]
+    left = [number for number, form in enumerate(consts) if form]
+    if not left or not isinstance(error.instance, dict):
+        due = " or ".join(["an object"] * bool(left) + ["null"] * (len(left) < len(forms)))
+        yield f"{_path(error)}: {_short(repr(error.instance))} is not {due}"
+        return
+    for key in ("resource", "verb", "kind"):
+        known = {number: consts[number][key] for number in left if key in consts[number]}
+        given = error.instance.get(key)
+        if known and given not in known.values():
+            due = ", ".join(dict.fromkeys(known.values()))
+            yield f"{_path(error)}.{key}: {_short(repr(given))} is not one of yours: {due}"
+            return
+        left = [number for number in left if known.get(number) == given] if known else left
+    for inner in error.context or ():
+        if inner.schema_path[0] == left[0]:
+            yield from _told(inner)
+
+
+def _consts(form: Any) -> dict[str, str]:
+    """The properties of a form that have one value only, such as a command's verb."""
+    return {name: schema["const"] for name, schema in form.get("properties", {}).items() if "const" in schema}
+
+
+def _path(error: ValidationError) -> str:
+    """Where in the answer, such as `messages[0].body.box`."""
+    parts = (f"[{part}]" if isinstance(part, int) else f".{part}" for part in error.absolute_path)
+    return "".join(parts).lstrip(".") or "answer"
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= _SHOWN_CHARACTERS else text[: _SHOWN_CHARACTERS - 1] + "…"
+
+
+__all__ = ["DecisionFormat", "JsonSchema", "decision_schema", "recipients", "sendable"]

@@ -1,0 +1,194 @@
+"""The schema that a foreign program's answers are checked by and the kernel's admission agree on every decision."""
+
+import msgspec
+import pytest
+from hypothesis import event, given, settings
+from hypothesis import strategies as st
+
+import tests.kernel.kernel_kit as kit
+from lingjing.kernel.bus import Router
+from lingjing.kernel.commands import Gate
+from lingjing.kernel.registry import Registry
+from lingjing.kernel.visibility import Projector
+from lingjing.mission.instance import ArgumentSpec, MessageSpec, VerbSpec
+from lingjing.mission.model import Field
+from lingjing.plugins.decisions import MESSAGES_PER_CALL, REACH_M, DecisionFormat
+from lingjing.trace.records import BodyState, Decision
+
+FRAME = "f1-uav[1]-nadir"
+"""The one picture taken so far: which there are only the running episode knows."""
+
+NAMES = ("x", "y", "camera", "class")
+NUMBERS = st.one_of(
+    st.integers(-60, 60), st.floats(-1.5, 1.5), st.sampled_from([REACH_M, -REACH_M, 1.1 * REACH_M, 1e300, 0.0, 1.0])
+)
+TEXTS = st.sampled_from([FRAME, "nadir", "", "person"])
+SCALARS = st.one_of(NUMBERS, TEXTS, st.booleans(), st.none())
+LISTS = st.one_of(
+    st.lists(st.floats(-0.2, 1.2), max_size=5), st.lists(SCALARS, max_size=4), st.just([0.1, 0.2, 0.3, 0.4])
+)
+BOUND = st.one_of(st.none(), st.sampled_from([-1.0, 0.0, 0.5, 40.0]))
+
+
+@st.composite
+def argument_specs(draw, name):
+    return ArgumentSpec(
+        name=name,
+        unit=draw(st.sampled_from(["m", "", "name"])),
+        minimum=draw(BOUND),
+        maximum=draw(BOUND),
+        default=draw(st.sampled_from([None, None, 3.0])),
+        optional=draw(st.booleans()),
+    )
+
+
+@st.composite
+def fields(draw, name):
+    kind = draw(st.sampled_from(["name", "text", "number", "flag", "position", "box", "frame", "names"]))
+    bounded = {"minimum": draw(BOUND), "maximum": draw(BOUND)} if kind == "number" else {}
+    return Field(name=name, type=kind, optional=draw(st.booleans()), **bounded)
+
+
+def some(make):
+    return st.lists(st.sampled_from(NAMES), max_size=3, unique=True).flatmap(lambda names: st.tuples(*map(make, names)))
+
+
+VERBS = st.builds(VerbSpec, name=st.sampled_from(["go", "stop", "takePhoto"]), arguments=some(argument_specs))
+ROLES = st.lists(st.sampled_from(["searcher", "coordinator", "rescuer", "all"]), max_size=3, unique=True).map(tuple)
+MESSAGES = st.builds(
+    MessageSpec,
+    kind=st.sampled_from(["detection", "order"]),
+    type=st.just("note"),
+    category=st.sampled_from(["report", "assignment", "other"]),
+    fields=some(fields),
+    senders=ROLES,
+    recipients=ROLES,
+)
+
+
+@st.composite
+def instances(draw):
+    base = kit.make_instance(draw(st.sampled_from(["star", "broadcast"])))
+    entities = []
+    for entity in base.entities:
+        verbs = tuple(draw(st.lists(VERBS, max_size=3, unique_by=lambda verb: verb.name)))
+        cameras = (kit.CAMERA,) if draw(st.booleans()) else ()
+        entities.append(msgspec.structs.replace(entity, verbs=verbs, cameras=cameras))
+    messages = tuple(draw(st.lists(MESSAGES, max_size=2, unique_by=lambda message: message.kind)))
+    agents = base.agents[: draw(st.integers(1, len(base.agents)))]
+    comms = msgspec.structs.replace(base.comms, payload_bytes=10**6)
+    return msgspec.structs.replace(base, entities=tuple(entities), messages=messages, agents=agents, comms=comms)
+
+
+def value_for(kind):
+    """Mostly what a field of that kind takes, sometimes anything."""
+    good = {
+        "number": NUMBERS,
+        "flag": st.booleans(),
+        "position": st.lists(NUMBERS, min_size=2, max_size=3),
+        "box": st.lists(st.floats(0.0, 1.0), min_size=4, max_size=4).map(sorted),
+        "names": st.lists(TEXTS, max_size=2),
+        "frame": st.just(FRAME),
+    }.get(kind, TEXTS)
+    return st.one_of(good, good, good, SCALARS, LISTS) if kind != "frame" else st.one_of(good, NUMBERS, st.none())
+
+
+@st.composite
+def contents(draw, specs, kind_of):
+    """Values under the names of specs, mostly all of them, sometimes one that nobody knows."""
+    found = {spec.name: draw(value_for(kind_of(spec))) for spec in specs if draw(st.integers(0, 7))}
+    return {**found, "stray": 1} if not draw(st.integers(0, 9)) else found
+
+
+@st.composite
+def answers(draw, instance, agent):
+    mine = [entity for entity in instance.entities if entity.id in agent.commands]
+    answer = {"thought": "", "command": None, "messages": []}
+    if draw(st.booleans()):
+        entity = draw(st.sampled_from(mine or list(instance.entities)))
+        verb = draw(st.sampled_from(entity.verbs or (VerbSpec(name="fly"),)))
+        kinds = contents(verb.arguments, lambda spec: "name" if spec.unit == "name" else "number")
+        answer["command"] = {
+            "verb": draw(st.sampled_from([verb.name] * 5 + ["fly"])),
+            "arguments": draw(kinds),
+            "resource": draw(st.sampled_from([entity.id] * 4 + [None, "submarine", "uav[2]", ""])),
+        }
+    if instance.messages and draw(st.booleans()):
+        spec = draw(st.sampled_from(instance.messages))
+        message = {
+            "kind": draw(st.sampled_from([spec.kind] * 5 + ["gossip"])),
+            "body": draw(contents(spec.fields, lambda field: field.type)),
+            "to": draw(st.lists(st.sampled_from(["scout[1]", "scout[2]", "skipper", "nobody"]), max_size=2)),
+        }
+        answer["messages"] = [message] * draw(st.sampled_from([1, 1, 1, 2, MESSAGES_PER_CALL + 1]))
+    return answer
+
+
+def admits(instance, agent, decision):
+    """Whether the kernel admits all of a decision, with nothing under way and nothing counted."""
+    states = {
+        entity.id: BodyState(id=entity.id, position=entity.position, status="idle") for entity in instance.entities
+    }
+    resolution = Gate(instance).resolve([(agent.id, decision.command)], Registry(states=states), 1)
+    _, receipts = Router(instance).expand([(agent.id, decision.messages)], 1, {FRAME})
+    return all(receipt.status != "rejected" for receipt in (*resolution.receipts, *receipts))
+
+
+@given(st.data())
+@settings(max_examples=200, deadline=None)
+def test_the_schema_accepts_what_the_kernel_admits_and_nothing_else(data):
+    instance = data.draw(instances())
+    agent = data.draw(st.sampled_from(instance.agents))
+    form = DecisionFormat(Projector(instance).brief(agent, ("person",)))
+    answer = form.completed(data.draw(answers(instance, agent)))
+    faults = form.faults(answer)
+    try:
+        decision = msgspec.convert(answer, Decision)
+    except msgspec.ValidationError:
+        assert faults  # it is no decision at all
+        return
+    event("refused" if faults else "admitted")
+    assert admits(instance, agent, decision) == (not faults), faults
+
+
+@pytest.mark.parametrize("agent", kit.make_instance("star").agents, ids=lambda agent: agent.id)
+def test_the_schema_is_one_of_draft_2020_12_and_the_same_each_time(agent):
+    from jsonschema import Draft202012Validator
+
+    brief = Projector(kit.make_instance("star")).brief(agent, ("person",))
+    form = DecisionFormat(brief)
+    Draft202012Validator.check_schema(form.schema)
+    assert msgspec.json.encode(form.schema) == msgspec.json.encode(DecisionFormat(brief).schema)
+
+
+def test_every_fault_is_told_at_once_with_its_path():
+    instance = kit.make_instance("star")
+    form = DecisionFormat(Projector(instance).brief(instance.agents[0], ("person",)))
+    answer = {
+        "command": {"verb": "go", "arguments": {"x": "far", "w": 1}},
+        "messages": [
+            {"kind": "order", "body": {"position": [1]}},
+            {"kind": "gossip"},
+            {"kind": "detection", "body": {"frame": FRAME, "class": "person", "box": [0, 0, 2, 1], "position": [0, 0]}},
+            "hello",
+        ],
+    }
+    assert sorted(form.faults(form.completed(answer))) == [
+        "command.arguments.x: 'far' is not of type 'number'",
+        "command.arguments: 'y' is a required property",
+        "command.arguments: Additional properties are not allowed ('w' was unexpected)",
+        "messages[0].body.position: [1] is too short",
+        "messages[0].body: 'assignee' is a required property",
+        "messages[1].kind: 'gossip' is not one of yours: detection, order",
+        "messages[2].body.box[2]: 2 is greater than the maximum of 1",
+        "messages[2].body: 'confidence' is a required property",
+        "messages[3]: 'hello' is not an object",
+    ]
+
+
+def test_a_box_with_its_edges_in_the_wrong_order_is_a_fault():
+    instance = kit.make_instance()
+    form = DecisionFormat(Projector(instance).brief(instance.agents[0], ("person",)))
+    body = {"frame": FRAME, "class": "person", "box": [0.5, 0, 0.5, 1], "position": [0, 0], "confidence": 1}
+    (fault,) = form.faults(form.completed({"messages": [{"kind": "detection", "body": body}]}))
+    assert fault.startswith("messages[0].body.box: ")
