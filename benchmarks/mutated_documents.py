@@ -19,7 +19,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from lingjing.dsl.load import templates_beside
+from lingjing.dsl.loading.load import templates_beside
 from lingjing.errors import LingjingError
 from lingjing.mission.model import Mission
 from lingjing.mission.reset.reading import instantiate_document

@@ -23,7 +23,7 @@ import types
 from pathlib import Path
 
 import lingjing.kernel.world.calling as calling
-from lingjing.dsl.load import load_mission
+from lingjing.dsl.loading.load import load_mission
 from lingjing.kernel.staging import Stage
 from lingjing.kernel.step import Kernel
 from lingjing.kernel.world.coherence import checked_boundary

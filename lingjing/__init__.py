@@ -16,7 +16,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from lingjing.dsl.load import load_mission as compile  # noqa: A004 - `lingjing.compile` is the public name
+    from lingjing.dsl.loading.load import load_mission as compile  # noqa: A004 - `lingjing.compile` is the public name
     from lingjing.mission.model import Mission
     from lingjing.numerics import pin
     from lingjing.play.episode import EpisodeResult, run
@@ -28,7 +28,7 @@ __all__ = ["EpisodeResult", "Mission", "__version__", "compile", "pin", "run"]
 _EXPORTS = {
     "EpisodeResult": ("lingjing.play.episode", "EpisodeResult"),
     "Mission": ("lingjing.mission.model", "Mission"),
-    "compile": ("lingjing.dsl.load", "load_mission"),
+    "compile": ("lingjing.dsl.loading.load", "load_mission"),
     "pin": ("lingjing.numerics", "pin"),
     "run": ("lingjing.play.episode", "run"),
 }

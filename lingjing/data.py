@@ -1,11 +1,12 @@
 """Where the files that ship with the package are: the standard library, the missions and the schemas.
 
 A wheel carries them under `lingjing/_data`; an editable installation reads the repository's own folders, so that an
-edit there counts at once.
+edit there counts at once. What can be made again is kept in the user's cache folder.
 """
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 _PACKAGE = Path(__file__).resolve().parent
@@ -28,3 +29,9 @@ def data_path(*parts: str) -> Path:
     kind, *rest = parts
     root = _PACKAGED if _PACKAGED.is_dir() else _PACKAGE.parent
     return root.joinpath(_FOLDERS[kind], *rest)
+
+
+def cache_folder() -> str:
+    """Where this project keeps what can be made again (XDG base directory specification)."""
+    base = os.environ.get("XDG_CACHE_HOME")
+    return os.path.join(base or os.path.expanduser("~/.cache"), "lingjing")  # noqa: PTH111, PTH118 - a cold start

@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image, ImageDraw, ImageFont
 
-from lingjing.dsl.load import load_mission
+from lingjing.dsl.loading.load import load_mission
 from lingjing.engines.camera.engine import CameraEngine
 from lingjing.mission.instance import CameraSpec, Entity, Instance, Vector
 from lingjing.mission.instantiate import instantiate

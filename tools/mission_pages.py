@@ -16,7 +16,7 @@ from pathlib import Path
 
 from lingjing.bench.columns import shipped
 from lingjing.cli.missionpage import write_page
-from lingjing.dsl.load import load_mission
+from lingjing.dsl.loading.load import load_mission
 from lingjing.errors import LingjingError
 from lingjing.mission.model import Mission
 from lingjing.play.episode import TRACE_NAME, run

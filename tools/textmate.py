@@ -10,7 +10,7 @@ import re
 import sys
 from pathlib import Path
 
-from lingjing.dsl.tokens import INNER, STATEMENTS
+from lingjing.dsl.syntax.tokens import INNER, STATEMENTS
 from lingjing.mission.functions import DISTRIBUTIONS, FUNCTIONS
 from lingjing.mission.units import UNITS
 

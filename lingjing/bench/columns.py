@@ -54,7 +54,7 @@ def columns(paths: Iterable[Path], modes: Iterable[str] | None = None, *, sweeps
 
 
 def _compiled(path: Path) -> Mission:
-    from lingjing.dsl.load import load_mission
+    from lingjing.dsl.loading.load import load_mission
 
     return load_mission(path)
 

@@ -307,7 +307,7 @@ def _play(args: argparse.Namespace, study: Study, wanted: Sequence[Column], seed
 
 
 def _paths(names: Sequence[str] | None) -> tuple[Path, ...]:
-    from lingjing.dsl.shipped import find_mission
+    from lingjing.dsl.loading.shipped import find_mission
 
     return shipped() if names is None else tuple(find_mission(name) for name in names)
 

@@ -40,7 +40,7 @@ def handler(args: argparse.Namespace) -> int:
         )
     if args.plain and args.emit != "reset-scenario":
         raise UsageError(f"--plain is for resetScenario documents, not for --emit {args.emit}")
-    from lingjing.dsl.load import load_noted
+    from lingjing.dsl.loading.load import load_noted
 
     mission, notes = load_noted(args.file)
     for note in notes:
@@ -78,7 +78,7 @@ def _reset_scenario(mission: Mission, args: argparse.Namespace) -> str:
 
 def _ljs(mission: Mission) -> str:
     """The mission's text, and a note for whatever it does not say."""
-    from lingjing.dsl.print import lost, to_ljs
+    from lingjing.dsl.printing.printer import lost, to_ljs
 
     text = to_ljs(mission)
     for place in lost(mission, text):

@@ -29,7 +29,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def handler(args: argparse.Namespace) -> int:
     """Write the page; without pictures it appears whole or not at all."""
-    from lingjing.dsl.load import load_noted
+    from lingjing.dsl.loading.load import load_noted
 
     mission, notes = load_noted(args.file)
     for note in notes:
@@ -51,7 +51,7 @@ def _illustrated(args: argparse.Namespace, mission: Mission) -> None:
 
 
 def _text(args: argparse.Namespace, mission: Mission) -> None:
-    from lingjing.dsl.page import page
+    from lingjing.dsl.pages.page import page
 
     text = page(mission)
     if args.output in (None, "-"):

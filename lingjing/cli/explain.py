@@ -22,7 +22,7 @@ def handler(args: argparse.Namespace) -> int:
 
 def listing() -> str:
     """Every code with its meaning, a line each."""
-    from lingjing.dsl.codes import CODES
+    from lingjing.dsl.diagnostics.codes import CODES
 
     return "".join(f"{code}  {meaning}\n" for code, meaning in sorted(CODES.items()))
 
@@ -30,12 +30,12 @@ def listing() -> str:
 def page(code: str) -> str:
     """The text of a code's page; `lj101` and `101` are understood. `UsageError` if there is no such code."""
     from lingjing.data import data_path
-    from lingjing.dsl.codes import CODES
+    from lingjing.dsl.diagnostics.codes import CODES
 
     digits = code.upper().removeprefix("LJ")
     wanted = f"LJ{digits.zfill(4)}"
     if wanted not in CODES:
-        from lingjing.dsl.suggest import nearest
+        from lingjing.dsl.source.suggest import nearest
 
         close = nearest(wanted, CODES)
         hint = f"did you mean {close}? " if close else ""

@@ -13,7 +13,7 @@ from lingjing.errors import ExitCode, UsageError
 from lingjing.terminal import write_data, write_styled
 
 if TYPE_CHECKING:
-    from lingjing.dsl.source import Source
+    from lingjing.dsl.source.text import Source
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -48,9 +48,9 @@ def _files(word: str) -> list[str]:
 
 def _file(name: str, *, check: bool, diff: bool) -> int:
     from lingjing.cli.compile import write_whole
-    from lingjing.dsl.format import format_source
-    from lingjing.dsl.load import source_of
-    from lingjing.dsl.render import render_text, summary
+    from lingjing.dsl.diagnostics.render import render_text, summary
+    from lingjing.dsl.formatting.formatter import format_source
+    from lingjing.dsl.loading.load import source_of
 
     try:
         source = source_of(name)

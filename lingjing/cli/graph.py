@@ -29,7 +29,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def handler(args: argparse.Namespace) -> int:
     """Draw and write; the output appears whole or not at all."""
-    from lingjing.dsl.load import load_noted
+    from lingjing.dsl.loading.load import load_noted
     from lingjing.mission.graph import graph
 
     chosen = args.format or format_of(args.output)

@@ -6,16 +6,16 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from lingjing.dsl.absent import Kind
+    from lingjing.dsl.checking.builtin import Offered
 
 
-def offers(kind: Kind) -> tuple[str, ...]:
+def offers(kind: Offered) -> tuple[str, ...]:
     """Names of the installed scenes or engines, sorted. `PluginError` if a plug-in cannot be loaded."""
     return _offers()[kind]
 
 
 @cache
-def _offers() -> dict[Kind, tuple[str, ...]]:
+def _offers() -> dict[Offered, tuple[str, ...]]:
     from lingjing.plugins.host import PluginHost
 
     host = PluginHost()

@@ -28,8 +28,8 @@ def write_page(mission: Mission, traces: Sequence[Path], results: Path | None, f
     are drawn as the first trace's states would have them. Raises `UsageError` for a trace of
     another mission, a results file that is none, or a place that cannot be written.
     """
-    from lingjing.dsl.judging import HEADS, judging
-    from lingjing.dsl.page import page, table
+    from lingjing.dsl.pages.judging import HEADS, judging
+    from lingjing.dsl.pages.page import page, table
 
     played = [_trace(path, mission) for path in traces]
     rows = [] if results is None else _rows(results, mission)

@@ -67,7 +67,7 @@ def write_agent(name: str, folder: Path) -> tuple[Path, str]:
 
 def write_mission(name: str, folder: Path) -> Path:
     """Write `<folder>/<name>.ljs` and return it. Never overwrites: `UsageError` instead."""
-    from lingjing.dsl.tokens import INNER, STATEMENTS
+    from lingjing.dsl.syntax.tokens import INNER, STATEMENTS
 
     word = name.removesuffix(".ljs").replace("-", "_")
     if not word.isidentifier() or word in STATEMENTS or word in INNER:

@@ -14,7 +14,7 @@ _PACKAGE = "package"
 
 def plugin_name(name: str) -> str:
     """The name of the engine, its types and its policy; `UsageError` for what cannot be one."""
-    from lingjing.dsl.tokens import INNER, STATEMENTS
+    from lingjing.dsl.syntax.tokens import INNER, STATEMENTS
 
     word = name.replace("-", "_").lower()
     letters = word.isidentifier() and word.isascii() and not word.startswith("_")

@@ -23,6 +23,6 @@ class Parser(argparse.ArgumentParser):
 
 
 def _nearest(word: object, choices: Iterable[object]) -> str | None:
-    from lingjing.dsl.suggest import nearest
+    from lingjing.dsl.source.suggest import nearest
 
     return nearest(str(word), [str(choice) for choice in choices])

@@ -12,7 +12,7 @@ from lingjing.cli.pairs import MODES, parse_pairs, parse_seed, parse_seeds, pars
 from lingjing.cli.process import end_with, restore_terminal, results_alone
 from lingjing.cli.progress import LiveProgress
 from lingjing.cli.scoreboard import exit_code, explain, print_episode, print_json, print_suite
-from lingjing.dsl.shipped import find_mission
+from lingjing.dsl.loading.shipped import find_mission
 from lingjing.errors import ExitCode, MissionError, UsageError
 from lingjing.mission.model import Mission
 from lingjing.play.folders import RUNS, claim_folder, claim_run_folder, release_if_empty
@@ -55,7 +55,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def handler(args: argparse.Namespace) -> int:
     """Play, print, and answer with the exit code."""
-    from lingjing.dsl.load import load_mission
+    from lingjing.dsl.loading.load import load_mission
 
     if args.jobs < 1:
         raise UsageError(f"-j {args.jobs}: at least one")

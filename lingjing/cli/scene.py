@@ -109,7 +109,7 @@ def _city(args: argparse.Namespace) -> City:
 
         return read_store(folder)
     from lingjing.cli.pairs import parse_seed
-    from lingjing.dsl.load import load_mission
+    from lingjing.dsl.loading.load import load_mission
     from lingjing.mission.instantiate import instantiate
     from lingjing.plugins.host import PluginHost
 

@@ -12,7 +12,7 @@ from lingjing.terminal import visible, write_data, write_styled
 
 if TYPE_CHECKING:
     from lingjing.dsl import Compilation
-    from lingjing.dsl.source import Source
+    from lingjing.dsl.source.text import Source
     from lingjing.mission.diagnostics import Diagnostic
 
 
@@ -64,16 +64,16 @@ def handler(args: argparse.Namespace) -> int:
 def _conclude(args: argparse.Namespace, found: list[Diagnostic], *, unreadable: int, wrong: int) -> int:
     errors = any(item.severity == "error" for item in found)
     if args.output_format == "json":
-        from lingjing.dsl.render import render_json
+        from lingjing.dsl.diagnostics.render import render_json
 
         sys.stdout.write(render_json(found))
     elif args.output_format == "sarif":
         import lingjing
-        from lingjing.dsl.sarif import render_sarif
+        from lingjing.dsl.diagnostics.sarif import render_sarif
 
         sys.stdout.write(render_sarif(found, lingjing.__version__))
     elif errors:
-        from lingjing.dsl.render import conclusion
+        from lingjing.dsl.diagnostics.render import conclusion
 
         # where standard output is a text or a patch, the summary is not part of it
         data = args.diff or (_mends(args) and "-" in args.files)
@@ -93,8 +93,8 @@ def _all_is_well(files: list[str], found: list[Diagnostic]) -> str:
 
 
 def _check(path: str, args: argparse.Namespace) -> Checked:
-    from lingjing.dsl.load import is_document, source_of
-    from lingjing.dsl.shipped import find_mission
+    from lingjing.dsl.loading.load import is_document, source_of
+    from lingjing.dsl.loading.shipped import find_mission
 
     found = str(find_mission(path))
     if _mends(args) and found != path and not args.diff:
@@ -106,14 +106,14 @@ def _check(path: str, args: argparse.Namespace) -> Checked:
     if _mends(args) or args.diff:
         return _fix(found, source, args)
     if not args.no_cache:
-        from lingjing.dsl.cache import known_good
+        from lingjing.dsl.loading.cache import known_good
 
         diagnostics = known_good(source)
         if diagnostics is not None:
             return Checked(diagnostics, _text(diagnostics, source) if as_text else "")
     compilation = _compile(source)
     if not args.no_cache:
-        from lingjing.dsl.cache import keep
+        from lingjing.dsl.loading.cache import keep
 
         keep(compilation)
     return Checked(compilation.diagnostics, _text(compilation.diagnostics, source) if as_text else "")
@@ -122,8 +122,8 @@ def _check(path: str, args: argparse.Namespace) -> Checked:
 def _check_document(source: Source, *, as_text: bool) -> Checked:
     """A JSON document: its notes, and errors for what cannot be won or is not installed, at its first line."""
     from lingjing.cli.installed import offers
-    from lingjing.dsl.absent import missing
-    from lingjing.dsl.load import proofs, read_document
+    from lingjing.dsl.feasibility.absent import missing
+    from lingjing.dsl.loading.load import proofs, read_document
     from lingjing.mission.diagnostics import Diagnostic
 
     mission, notes = read_document(source)
@@ -148,8 +148,8 @@ def _compile(source: Source) -> Compilation:
 
 def _fix(path: str, source: Source, args: argparse.Namespace) -> Checked:
     """Apply fixes. What was done goes to standard error where standard output is data: JSON, SARIF, the text of `-`."""
-    from lingjing.dsl.fixes import fix_source, unified_diff, write_text
-    from lingjing.dsl.load import STDIN
+    from lingjing.dsl.diagnostics.fixes import fix_source, unified_diff, write_text
+    from lingjing.dsl.loading.load import STDIN
 
     fixed = fix_source(source, _compile, unsafe=args.unsafe_fixes)
     left, now = fixed.compilation.diagnostics, fixed.compilation.source
@@ -172,7 +172,7 @@ def _fix(path: str, source: Source, args: argparse.Namespace) -> Checked:
 def _text(diagnostics: tuple[Diagnostic, ...], source: Source) -> str:
     if not diagnostics:
         return ""
-    from lingjing.dsl.render import render_text
+    from lingjing.dsl.diagnostics.render import render_text
 
     color = sys.stdout.isatty() and "NO_COLOR" not in os.environ
     return render_text(diagnostics, source, color=color)

@@ -12,7 +12,7 @@ from gymnasium.utils import EzPickle
 from pettingzoo import ParallelEnv
 
 from lingjing.data import data_path
-from lingjing.dsl.load import load_mission
+from lingjing.dsl.loading.load import load_mission
 from lingjing.envs.codec import Codec
 from lingjing.envs.game import Game
 from lingjing.errors import UsageError

@@ -7,15 +7,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lingjing.dsl import Source, compile_source
-from lingjing.dsl import syntax as s
-from lingjing.dsl.parser import parse
-from lingjing.dsl.reporter import Reporter
-from lingjing.dsl.source import read_source
+from lingjing.dsl.source.reporter import Reporter
+from lingjing.dsl.source.text import read_source
+from lingjing.dsl.syntax import tree as s
+from lingjing.dsl.syntax.parser import parse
 from lingjing.errors import LingjingError
 from lingjing.lsp.names import Names, Occurrence, find_names
 
 if TYPE_CHECKING:
-    from lingjing.dsl.scope import Scope
+    from lingjing.dsl.checking.scope import Scope
     from lingjing.mission.diagnostics import Diagnostic, Span
 
 
@@ -43,8 +43,8 @@ class Analysis:
     @cached_property
     def scope(self) -> Scope:
         """The compiler's symbol tables, as far as the text could be read."""
-        from lingjing.dsl import checker
-        from lingjing.dsl.toplevel import FileChecker
+        from lingjing.dsl.checking import checker
+        from lingjing.dsl.checking.toplevel import FileChecker
 
         report = Reporter(self.source)
         file = FileChecker(report)

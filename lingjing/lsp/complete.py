@@ -6,11 +6,11 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from importlib import import_module
 
-from lingjing.dsl import library
-from lingjing.dsl.blocks import Key
-from lingjing.dsl.scope import Scope, TypeDecl
-from lingjing.dsl.tokens import Token
-from lingjing.dsl.typenames import word as type_word
+from lingjing.dsl.checking import library
+from lingjing.dsl.checking.blocks import Key
+from lingjing.dsl.checking.scope import Scope, TypeDecl
+from lingjing.dsl.checking.typenames import word as type_word
+from lingjing.dsl.syntax.tokens import Token
 from lingjing.lsp.analysis import Analysis
 from lingjing.lsp.context import Context, context_at
 from lingjing.mission import functions as f
@@ -238,7 +238,7 @@ class _Completer:
 
     def relation(self) -> Iterable[Item]:
         """`relation kind a -> b carries …`."""
-        from lingjing.dsl.agents import RELATIONS
+        from lingjing.dsl.checking.agents import RELATIONS
 
         at = self.at
         if len(at.statement) == 1:
@@ -388,7 +388,7 @@ def _keys_of(kind: str) -> dict[str, Key]:
     """The properties a block knows: the compiler's own table, found by the block's name."""
     for module in _KEY_TABLES:
         try:
-            table = getattr(import_module(f"lingjing.dsl.{module}"), f"{kind}_KEYS", None)
+            table = getattr(import_module(f"lingjing.dsl.checking.{module}"), f"{kind}_KEYS", None)
         except ImportError:
             continue
         if isinstance(table, dict):

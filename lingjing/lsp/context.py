@@ -8,10 +8,10 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, field
 
-from lingjing.dsl.lexer import Lexer
-from lingjing.dsl.reporter import Reporter
-from lingjing.dsl.source import Source
-from lingjing.dsl.tokens import OPERATORS_THAT_CONTINUE, STATEMENTS, Token
+from lingjing.dsl.source.reporter import Reporter
+from lingjing.dsl.source.text import Source
+from lingjing.dsl.syntax.lexer import Lexer
+from lingjing.dsl.syntax.tokens import OPERATORS_THAT_CONTINUE, STATEMENTS, Token
 
 _WORD = re.compile(r"[^\W\d]\w*$")
 _UNIT_PART = re.compile(

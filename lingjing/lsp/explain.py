@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from lingjing.dsl.lexer import MASTER
-from lingjing.dsl.scope import TypeDecl
-from lingjing.dsl.tokens import INNER, STATEMENTS
-from lingjing.dsl.typenames import with_article
-from lingjing.dsl.typenames import word as type_word
+from lingjing.dsl.checking.scope import TypeDecl
+from lingjing.dsl.checking.typenames import with_article
+from lingjing.dsl.checking.typenames import word as type_word
+from lingjing.dsl.syntax.lexer import MASTER
+from lingjing.dsl.syntax.tokens import INNER, STATEMENTS
 from lingjing.lsp.analysis import Analysis, comment_above, library_file
 from lingjing.lsp.names import Occurrence
 from lingjing.mission.functions import DISTRIBUTIONS, FUNCTIONS, STATE_FIELDS, Signature

@@ -11,7 +11,7 @@ from bisect import bisect_right
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from lingjing.dsl import syntax as s
+from lingjing.dsl.syntax import tree as s
 
 Scope = tuple[int, int]
 Key = tuple[str, str, Scope | None]

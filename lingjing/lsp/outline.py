@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from lingjing.dsl import syntax as s
+from lingjing.dsl.syntax import tree as s
 
 _KEYWORDS = {
     "MissionBlock": "mission",

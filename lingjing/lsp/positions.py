@@ -5,7 +5,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from dataclasses import dataclass
 
-from lingjing.dsl.source import Source
+from lingjing.dsl.source.text import Source
 
 ENCODINGS = ("utf-16", "utf-8", "utf-32")
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from lingjing.dsl.tokens import INNER, STATEMENTS
+from lingjing.dsl.syntax.tokens import INNER, STATEMENTS
 from lingjing.errors import UsageError
 from lingjing.lsp.analysis import Analysis
 from lingjing.lsp.names import GLOBAL, Key, Occurrence

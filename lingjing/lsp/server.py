@@ -18,8 +18,8 @@ from pygls.exceptions import JsonRpcInvalidParams
 from pygls.lsp.server import LanguageServer
 
 from lingjing import __version__
-from lingjing.dsl.format import format_source
-from lingjing.dsl.source import Source
+from lingjing.dsl.formatting.formatter import format_source
+from lingjing.dsl.source.text import Source
 from lingjing.errors import LingjingError
 from lingjing.lsp import complete as completing
 from lingjing.lsp import explain as explaining

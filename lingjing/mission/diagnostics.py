@@ -1,7 +1,7 @@
 """Diagnostics: a user's mistakes as data.
 
 A diagnostic carries a stable code, a primary span, related spans, what is wrong, what to do, and where one is safe
-or likely, the edit that does it. `lingjing.dsl.codes` lists the codes; `lingjing.dsl.render` prints them.
+or likely, the edit that does it. `lingjing.dsl.diagnostics` lists the codes and prints them.
 """
 
 from __future__ import annotations

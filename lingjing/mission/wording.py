@@ -1,6 +1,6 @@
 """Fill the holes of goals and prompts: `Fly at {altitude}.` becomes `Fly at 100 m`; and say values in words.
 
-What a hole may name is checked by `lingjing.dsl.wording`. Numbers are shown in the author's unit, positions as
+What a hole may name is checked by `lingjing.dsl.checking.wording`. Numbers are shown in the author's unit, positions as
 `(east, north)` in metres, a group as the ids of its members, a region as its corners, a grid as its cells' names.
 """
 

@@ -282,7 +282,7 @@ def _mission(given: Mission | str | PathLike[str]) -> Mission:
             f"a mission is due, this is {type(given).__name__!r}",
             hint="give what `lingjing.compile` returns, a file's name, or a shipped mission's",
         )
-    from lingjing.dsl.load import load_mission
+    from lingjing.dsl.loading.load import load_mission
 
     return load_mission(given)
 

@@ -12,8 +12,8 @@ from lingjing.analysis.credit import credit
 from lingjing.analysis.groundplan import Shape, city_of, ground_plan, identity, is_sea
 from lingjing.analysis.overview import draw_overview
 from lingjing.analysis.story import tell
-from lingjing.dsl.load import load_mission
-from lingjing.dsl.shipped import find_mission
+from lingjing.dsl.loading.load import load_mission
+from lingjing.dsl.loading.shipped import find_mission
 from lingjing.mission.instantiate import instantiate
 from lingjing.plugins.host import PluginHost
 from lingjing.scene.city import Area, Bridge, Building, City, Lane, Road, Solid, Water

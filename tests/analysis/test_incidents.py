@@ -18,7 +18,7 @@ from lingjing.analysis.overview.timeline import draw_events
 from lingjing.analysis.story import tell
 from lingjing.cli.progress import LiveProgress
 from lingjing.cli.scorecard import MOST_ROWS, plain, scorecard
-from lingjing.dsl.load import load_mission
+from lingjing.dsl.loading.load import load_mission
 from lingjing.mission.instance import Entity, InteractionSpec
 from lingjing.play.parallel import RunOptions, play_here
 from lingjing.plugins.policy import Action, Brief, Decision, Inbox, Observation

@@ -12,7 +12,7 @@ import lingjing
 from lingjing.bench import study
 from lingjing.bench.columns import columns, shipped
 from lingjing.cli.pairs import parse_pairs, parse_settings
-from lingjing.dsl.load import load_mission
+from lingjing.dsl.loading.load import load_mission
 
 PAGE = (Path(lingjing.__file__).parents[1] / "docs" / "studies.md").read_text(encoding="utf-8")
 ROWS = re.findall(r"^\| `(\w+)` \| (.*?) \| `(.*?)` \|$", PAGE, flags=re.MULTILINE)

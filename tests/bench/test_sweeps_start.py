@@ -7,7 +7,7 @@ from collections import Counter
 import pytest
 
 from lingjing.bench.columns import Column, columns, shipped
-from lingjing.dsl.load import load_mission
+from lingjing.dsl.loading.load import load_mission
 from lingjing.envs.game import Game
 from lingjing.trace.records import Decision
 

@@ -9,7 +9,7 @@ from lingjing.analysis.gallery import best_frames, in_order, unasked_frames
 from lingjing.bench.columns import shipped
 from lingjing.causal.lookback import look_back
 from lingjing.cli import missionpage
-from lingjing.dsl.load import load_mission
+from lingjing.dsl.loading.load import load_mission
 from lingjing.mission.expression import Number
 from lingjing.play.episode import run
 from lingjing.trace.reader import Trace, read_trace

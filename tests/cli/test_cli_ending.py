@@ -17,7 +17,7 @@ from lingjing.cli.compile import write_whole
 from lingjing.cli.main import main
 from lingjing.cli.scorecard import scorecard
 from lingjing.data import data_path
-from lingjing.dsl.shipped import find_mission
+from lingjing.dsl.loading.shipped import find_mission
 from lingjing.errors import UsageError
 from lingjing.play.report import ABORTED, INTERRUPTED, EpisodeReport, summarise
 from lingjing.trace.reader import read_trace

@@ -11,7 +11,7 @@ import pytest
 
 from lingjing.cli.new import write_mission
 from lingjing.dsl import compile_file
-from lingjing.dsl.format import format_text
+from lingjing.dsl.formatting.formatter import format_text
 from lingjing.errors import UsageError
 
 

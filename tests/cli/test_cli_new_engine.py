@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from lingjing.cli.newengine import plugin_name, write_engine
-from lingjing.dsl.format import format_text
+from lingjing.dsl.formatting.formatter import format_text
 from lingjing.errors import UsageError
 
 

@@ -11,7 +11,7 @@ from typing import cast
 import pytest
 
 from lingjing.cli.pairs import parse_pairs, parse_seeds, parse_settings
-from lingjing.dsl.shipped import find_mission, shipped_missions
+from lingjing.dsl.loading.shipped import find_mission, shipped_missions
 from lingjing.errors import UsageError
 from lingjing.mission.expression import Number
 from lingjing.mission.model import Mission, Parameter

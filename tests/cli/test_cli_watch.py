@@ -26,7 +26,7 @@ from lingjing.cli.watch.chart import SIGHTS, Chart, window_around
 from lingjing.cli.watch.screen import Screen
 from lingjing.cli.watch.state import Watched
 from lingjing.data import data_path
-from lingjing.dsl.load import load_mission
+from lingjing.dsl.loading.load import load_mission
 from lingjing.errors import UsageError
 from lingjing.kernel.episode import Progress
 from lingjing.play.parallel import RunOptions

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from lingjing.dsl.judging import judging
-from lingjing.dsl.load import load_mission
+from lingjing.dsl.loading.load import load_mission
+from lingjing.dsl.pages.judging import judging
 
 ROOT = Path(__file__).parents[2]
 PAGES = ROOT / "docs" / "missions"

@@ -11,7 +11,7 @@ from typing import Any
 
 import msgspec
 
-from lingjing.dsl.load import load_mission
+from lingjing.dsl.loading.load import load_mission
 from lingjing.kernel.staging import Stage
 from lingjing.kernel.step import Kernel
 from lingjing.kernel.world import open_world

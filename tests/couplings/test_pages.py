@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from lingjing.dsl.load import load_mission
+from lingjing.dsl.loading.load import load_mission
 from lingjing.engines import builtin
 from lingjing.mission.scenes import OPTIONS
 

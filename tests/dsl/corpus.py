@@ -25,7 +25,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from lingjing.dsl import compile_text
-from lingjing.dsl.tokens import INNER, STATEMENTS
+from lingjing.dsl.syntax.tokens import INNER, STATEMENTS
 from lingjing.mission.diagnostics import Diagnostic
 from lingjing.mission.units import UNITS, unit_of
 

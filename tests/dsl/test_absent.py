@@ -8,7 +8,7 @@ import pytest
 
 from lingjing.cli.main import main
 from lingjing.dsl import Source, compile_source
-from lingjing.dsl.absent import BUILTIN
+from lingjing.dsl.checking.builtin import BUILTIN
 from lingjing.errors import ExitCode
 from lingjing.plugins.host import PluginHost
 

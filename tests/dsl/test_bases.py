@@ -7,7 +7,7 @@ import json
 import pytest
 
 from lingjing.dsl import compile_text
-from lingjing.dsl.print import lost, to_ljs
+from lingjing.dsl.printing.printer import lost, to_ljs
 from lingjing.mission import document, model
 from lingjing.mission.instantiate import instantiate
 

@@ -9,8 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from lingjing.dsl import cache, compile_source
-from lingjing.dsl.source import Source
+from lingjing.dsl import compile_source
+from lingjing.dsl.loading import cache
+from lingjing.dsl.source.text import Source
 
 
 @pytest.fixture(autouse=True)
@@ -48,7 +49,7 @@ def test_another_text_path_or_compiler_is_another_entry(small: str, monkeypatch:
 
 
 def test_a_changed_library_counts(small: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from lingjing.dsl import library
+    from lingjing.dsl.checking import library
 
     std = tmp_path / "std"
     std.mkdir()

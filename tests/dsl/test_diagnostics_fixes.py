@@ -13,9 +13,9 @@ import pytest
 
 from lingjing.cli.main import main
 from lingjing.dsl import compile_source, compile_text
-from lingjing.dsl.fixes import fix_source
-from lingjing.dsl.render import diagnostics_schema
-from lingjing.dsl.source import Source
+from lingjing.dsl.diagnostics.fixes import fix_source
+from lingjing.dsl.diagnostics.render import diagnostics_schema
+from lingjing.dsl.source.text import Source
 from lingjing.errors import ExitCode
 
 ROOT = Path(__file__).parents[2]

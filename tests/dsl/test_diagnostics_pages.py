@@ -9,7 +9,7 @@ import pytest
 
 from lingjing.cli.main import main
 from lingjing.dsl import Source, compile_file, compile_source, compile_text
-from lingjing.dsl.codes import CODES
+from lingjing.dsl.diagnostics.codes import CODES
 from lingjing.errors import ExitCode
 
 PAGES = Path(__file__).parents[2] / "docs" / "errors"

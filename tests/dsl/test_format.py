@@ -12,10 +12,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from lingjing.dsl import compile_text
-from lingjing.dsl.format import WIDTH, format_text
-from lingjing.dsl.lexer import lex
-from lingjing.dsl.reporter import Reporter
-from lingjing.dsl.source import Source
+from lingjing.dsl.formatting.formatter import WIDTH, format_text
+from lingjing.dsl.source.reporter import Reporter
+from lingjing.dsl.source.text import Source
+from lingjing.dsl.syntax.lexer import lex
 
 ROOT = Path(__file__).parents[2]
 FILES = sorted((ROOT / "scenarios").rglob("*.ljs"))

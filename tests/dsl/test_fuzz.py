@@ -9,7 +9,7 @@ import time
 import pytest
 
 from lingjing.dsl import compile_text
-from lingjing.dsl.codes import CODES
+from lingjing.dsl.diagnostics.codes import CODES
 
 TOKEN = re.compile(r'"[^"\n]*"|\w+|<=|>=|==|->|\.\.|\S|\n')
 JUNK = [

@@ -15,10 +15,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from lingjing.dsl import Compilation, compile_source, compile_text
-from lingjing.dsl.codes import CODES
-from lingjing.dsl.source import decode_source
-from lingjing.dsl.tables import load_tables
-from lingjing.dsl.tokens import INNER, STATEMENTS, SYMBOLS
+from lingjing.dsl.diagnostics.codes import CODES
+from lingjing.dsl.source.text import decode_source
+from lingjing.dsl.syntax.tables import load_tables
+from lingjing.dsl.syntax.tokens import INNER, STATEMENTS, SYMBOLS
 from lingjing.errors import UsageError
 
 CHECKED = settings(max_examples=120, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from lingjing.dsl import Source, compile_text
-from lingjing.dsl.checker import Checked, check
-from lingjing.dsl.parser import parse
-from lingjing.dsl.reporter import Reporter
+from lingjing.dsl.checking.checker import Checked, check
+from lingjing.dsl.source.reporter import Reporter
+from lingjing.dsl.syntax.parser import parse
 
 
 def checked(text: str) -> Checked:

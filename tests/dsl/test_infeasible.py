@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from lingjing.dsl import compile_text
-from lingjing.dsl.codes import CODES
+from lingjing.dsl.diagnostics.codes import CODES
 
 # code, what is replaced in the small mission, by what, line, column, a part of the message
 CASES = [

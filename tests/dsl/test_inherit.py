@@ -7,8 +7,9 @@ from typing import Any
 
 import pytest
 
-from lingjing.dsl import Compilation, compile_file, inherit
-from lingjing.dsl.parser import Parser
+from lingjing.dsl import Compilation, compile_file
+from lingjing.dsl.checking import inherit
+from lingjing.dsl.syntax.parser import Parser
 from lingjing.mission import expression as ex
 from lingjing.mission.instantiate import instantiate
 

@@ -12,8 +12,8 @@ import pytest
 
 from lingjing.cli.main import main
 from lingjing.dsl import compile_file, compile_text
-from lingjing.dsl.load import load_mission
-from lingjing.dsl.render import render_text
+from lingjing.dsl.diagnostics.render import render_text
+from lingjing.dsl.loading.load import load_mission
 from lingjing.errors import ExitCode, MissionError, UsageError
 from lingjing.mission.diagnostics import Diagnostic
 from lingjing.mission.model import Mission

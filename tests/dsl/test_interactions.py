@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from lingjing.dsl import compile_text
-from lingjing.dsl.judging import judging
+from lingjing.dsl.pages.judging import judging
 from lingjing.mission.graph import graph
 from lingjing.mission.instantiate import instantiate
 

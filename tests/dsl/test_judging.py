@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from lingjing.dsl.judging import HEADS, judging
-from lingjing.dsl.load import load_mission
-from lingjing.dsl.page import page, table
+from lingjing.dsl.loading.load import load_mission
+from lingjing.dsl.pages.judging import HEADS, judging
+from lingjing.dsl.pages.page import page, table
 
 ROOT = Path(__file__).parents[2]
 MISSIONS = sorted((ROOT / "scenarios").glob("*.ljs"))

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from lingjing.dsl import Compilation, compile_file, compile_text
-from lingjing.dsl.library import known_paths, standard_folder
-from lingjing.dsl.tokens import STATEMENTS
+from lingjing.dsl.checking.library import known_paths, standard_folder
+from lingjing.dsl.syntax.tokens import STATEMENTS
 from lingjing.mission.functions import DISTRIBUTIONS, FUNCTIONS
 from lingjing.mission.instantiate import instantiate
 from lingjing.mission.units import NAMED, UNITS

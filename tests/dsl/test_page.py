@@ -8,8 +8,8 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from lingjing.dsl.load import load_mission
-from lingjing.dsl.page import page
+from lingjing.dsl.loading.load import load_mission
+from lingjing.dsl.pages.page import page
 from lingjing.mission import expression as ex
 from lingjing.mission import model
 

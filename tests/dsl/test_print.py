@@ -10,10 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lingjing.dsl import compile_text
-from lingjing.dsl.format import format_text
-from lingjing.dsl.load import load_mission
-from lingjing.dsl.phrases import Phrases, number_text
-from lingjing.dsl.print import _KNOWN, canonical, lost, to_ljs, unprinted
+from lingjing.dsl.formatting.formatter import format_text
+from lingjing.dsl.loading.load import load_mission
+from lingjing.dsl.printing.phrases import Phrases, number_text
+from lingjing.dsl.printing.printer import _KNOWN, canonical, lost, to_ljs, unprinted
 from lingjing.errors import MissionError
 from lingjing.mission import document, model
 from lingjing.mission import expression as ex
@@ -119,10 +119,10 @@ _TREES = st.recursive(
 @given(tree=_TREES)
 def test_arithmetic_reads_back_as_the_tree_it_was(tree: ex.Expr) -> None:
     """Checked by reading alone: the phrase, parsed, has the tree's operators in the tree's places."""
-    from lingjing.dsl import syntax as s
-    from lingjing.dsl.parser import parse
-    from lingjing.dsl.reporter import Reporter
-    from lingjing.dsl.source import Source
+    from lingjing.dsl.source.reporter import Reporter
+    from lingjing.dsl.source.text import Source
+    from lingjing.dsl.syntax import tree as s
+    from lingjing.dsl.syntax.parser import parse
 
     phrases = Phrases(PLAIN)
     report = Reporter(Source(f"param x = {phrases.text(tree)}"))

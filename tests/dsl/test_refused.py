@@ -9,7 +9,7 @@ import msgspec
 import pytest
 
 from lingjing.dsl import compile_file, compile_text
-from lingjing.dsl.print import to_ljs
+from lingjing.dsl.printing.printer import to_ljs
 from lingjing.errors import LingjingError
 from lingjing.mission.instance import Entity, Instance, SceneSpec
 from lingjing.mission.instantiate import instantiate

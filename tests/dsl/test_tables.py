@@ -9,7 +9,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from lingjing.dsl import tables
+from lingjing.dsl.syntax import tables
 
 
 def test_the_shipped_tables_are_those_of_the_grammar() -> None:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from lingjing.dsl.load import load_mission
+from lingjing.dsl.loading.load import load_mission
 from lingjing.kernel.step import Kernel
 from lingjing.kernel.world import open_world
 from lingjing.mission.instantiate import instantiate

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 from lingjing.data import data_path
 from lingjing.dsl import compile_text
-from lingjing.dsl.source import Source
-from lingjing.dsl.tokens import STATEMENTS
+from lingjing.dsl.source.text import Source
+from lingjing.dsl.syntax.tokens import STATEMENTS
 from lingjing.errors import UsageError
 from lingjing.lsp.analysis import Analysis
 from lingjing.lsp.complete import STATEMENTS_IN, complete

@@ -9,7 +9,7 @@ from types import ModuleType
 
 import pytest
 
-from lingjing.dsl.tokens import INNER, STATEMENTS
+from lingjing.dsl.syntax.tokens import INNER, STATEMENTS
 from lingjing.mission.functions import DISTRIBUTIONS, FUNCTIONS
 from lingjing.mission.units import UNITS
 

@@ -8,7 +8,7 @@ from typing import get_args
 import msgspec
 import pytest
 
-from lingjing.dsl.load import load_mission
+from lingjing.dsl.loading.load import load_mission
 from lingjing.errors import MissionError, UsageError
 from lingjing.mission import expression as ex
 from lingjing.mission import model as m

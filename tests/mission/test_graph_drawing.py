@@ -15,7 +15,7 @@ from xml.etree import ElementTree as ET
 import msgspec
 import pytest
 
-from lingjing.dsl.load import load_mission
+from lingjing.dsl.loading.load import load_mission
 from lingjing.errors import InfrastructureError
 from lingjing.mission.draw.dot import dot, quote
 from lingjing.mission.draw.mermaid import mermaid

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from lingjing.dsl.load import templates_beside
+from lingjing.dsl.loading.load import templates_beside
 from lingjing.errors import LingjingError
 from lingjing.mission.document import decode, encode, read
 from lingjing.mission.instantiate import instantiate

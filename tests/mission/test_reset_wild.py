@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from benchmarks.mutated_documents import read_mutated
-from lingjing.dsl.load import templates_beside
+from lingjing.dsl.loading.load import templates_beside
 from lingjing.errors import MissionError
 from lingjing.mission.document import read
 from lingjing.mission.instance import Instance

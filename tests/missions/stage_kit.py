@@ -18,7 +18,7 @@ import msgspec
 import numpy as np
 
 from lingjing.analysis.relations import RelationTracker
-from lingjing.dsl.load import load_mission
+from lingjing.dsl.loading.load import load_mission
 from lingjing.engines import builtin
 from lingjing.kernel.staging import Stage
 from lingjing.kernel.step import Kernel, Published

@@ -10,7 +10,7 @@ import lingjing
 from lingjing.cli.progress import LiveProgress
 from lingjing.cli.scorecard import plain, scorecard
 from lingjing.dsl import compile_text
-from lingjing.dsl.load import load_mission
+from lingjing.dsl.loading.load import load_mission
 from lingjing.kernel.episode import WON_AT_START
 from lingjing.play.parallel import RunOptions, play_here
 from lingjing.trace.reader import read_trace

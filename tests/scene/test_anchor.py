@@ -14,7 +14,7 @@ import pytest
 import shapely
 
 from lingjing.dsl import compile_source
-from lingjing.dsl.source import Source, read_source
+from lingjing.dsl.source.text import Source, read_source
 from lingjing.engines import builtin
 from lingjing.errors import MissionError
 from lingjing.mission.feasibility import standing

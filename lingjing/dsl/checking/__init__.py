@@ -1,0 +1,13 @@
+"""Syntax tree → `lingjing.mission.model.Mission`: what names mean, types and dimensions, the way of hidden values.
+
+In the order of the work:
+
+- `library`: the files that `use` finds. `toplevel`: the top of a file. `inherit`: what `extends` brings.
+- `builtin`: scenes and engines that the project brings.
+- `scope`: the tables of declared names. `unknown`: names nobody declared. `typenames`: types in words.
+- `elaborate`, `calls`, `aggregates`: expressions, typed, with the way hidden values take.
+- `blocks`: properties of a block against the keys it knows. `properties`: their form in the mission.
+- `types`, `interactions`, `settings`, `entities`, `equipment`, `agents`, `wording`, `rules`, `conduct`, `events`,
+  `studies`: one checker for each sort of declaration.
+- `checker`: a whole mission. `lower`: what was checked → `Mission`.
+"""

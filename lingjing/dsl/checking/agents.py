@@ -1,0 +1,352 @@
+"""Checks of who acts, who sees what, who may command what and who speaks to whom."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from lingjing.dsl.checking.blocks import BlockReader
+from lingjing.dsl.checking.entities import EntityChecker
+from lingjing.dsl.checking.properties import suffix_of
+from lingjing.dsl.checking.scope import STATIC, UNKNOWN, Environment, Scope, Value
+from lingjing.dsl.checking.settings import SettingsChecker
+from lingjing.dsl.checking.typenames import with_article
+from lingjing.dsl.checking.wording import WordingChecker
+from lingjing.dsl.source.suggest import did_you_mean, nearest
+from lingjing.dsl.syntax import tree as s
+from lingjing.mission import expression as ex
+from lingjing.mission import model
+from lingjing.mission.diagnostics import Related
+from lingjing.mission.functions import NUMBER, OBSERVED_FIELDS, STATE_FIELDS
+
+EVERYONE = "all"
+RELATIONS = ("information_handoff", "cooperation", "competition", "guidance", "dependency")
+
+
+class AgentChecker:
+    """One method a declaration; each gives its part of the graph, or None if it is faulty."""
+
+    def __init__(self, blocks: BlockReader, settings: SettingsChecker, entities: EntityChecker) -> None:
+        self.blocks = blocks
+        self.settings = settings
+        self.entities = entities
+        self.of = blocks.of
+        self.report = blocks.report
+        self.scope: Scope = blocks.of.scope
+        self.wording = WordingChecker(blocks)
+        self.controlled: dict[str, s.Expression] = {}
+
+    def head(self, node: s.AgentBlock) -> None:
+        """Make the agent's name and role known."""
+        span = self.report.span(node.name.start, node.name.end)
+        first = self.scope.agents.get(node.name.text)
+        if first is None:
+            self.scope.agents[node.name.text] = span
+        else:
+            self.report(
+                "LJ0104",
+                node.name.start,
+                node.name.end,
+                f"the agent `{node.name.text}` is declared twice",
+                "choose another name",
+                related=(Related(first, "first declared here"),),
+            )
+        self.scope.roles.setdefault(node.role.text, self.report.span(node.role.start, node.role.end))
+
+    def agent(self, node: s.AgentBlock) -> model.Agent:
+        """`agent name[i in 1..n] as role controls … { observes … }`."""
+        count, index = self.entities.count(node.index)
+        environment = STATIC.binding(index, NUMBER) if node.index is not None else STATIC
+        controls = tuple(self._controlled(part, environment) for part in node.controls)
+        channels: list[model.Channel] = []
+        prompt = ""
+        budget: model.AllowanceDeclaration | None = None
+        for item in node.block.items if node.block else ():
+            if isinstance(item, s.Observes):
+                for channel in item.channels:
+                    checked = self._channel(channel, environment)
+                    if checked is not None:
+                        channels.append(checked)
+            elif isinstance(item, s.TextLine) and item.keyword == "prompt":
+                prompt = self.wording.text(item, environment)
+            elif isinstance(item, s.Section) and item.keyword == "budget":
+                budget = self.settings.allowance(item)
+            elif not isinstance(item, s.Faulty):
+                self.blocks.misplaced(item, f"the agent `{node.name.text}`", ("observes", "prompt", "budget"))
+        return model.Agent(
+            name=node.name.text,
+            role=node.role.text,
+            count=count,
+            index=index,
+            controls=tuple(value.ir for value in controls if value is not UNKNOWN),
+            observes=tuple(dict.fromkeys(channels)),
+            prompt=prompt,
+            when=self.settings.guard(node.guard),
+            budget=budget,
+        )
+
+    def authority(self, node: s.AuthorityLine) -> tuple[model.Authority, ...]:
+        """`authority role, role may command resource`: one of the graph's for each role."""
+        for role in node.roles:
+            self.role(role)
+        resource = self._asset(node.resource, STATIC, "a command")
+        guard = self.settings.guard(node.guard)
+        if resource is UNKNOWN:
+            return ()
+        return tuple(model.Authority(role=role.text, resource=resource.ir, when=guard) for role in node.roles)
+
+    def message_head(self, node: s.MessageLine) -> None:
+        """Make the message kind known."""
+        record = self.scope.records.get(node.type.text)
+        if record is None:
+            self.of.unknown_name(node.type, list(self.scope.records), "no message record")
+        known = self.scope.messages.get(node.name.text)
+        if known is not None:
+            self.report(
+                "LJ0104",
+                node.name.start,
+                node.name.end,
+                f"the message `{node.name.text}` is declared twice",
+                "choose another name",
+                related=(Related(known[1], "first declared here"),),
+            )
+            return
+        self.scope.messages[node.name.text] = (record, self.report.span(node.name.start, node.name.end))
+
+    def message(self, node: s.MessageLine) -> model.MessageKind | None:
+        """`message kind : record from roles to roles`."""
+        for name in node.senders:
+            self.role(name)
+        everyone = any(name.text == EVERYONE for name in node.recipients)
+        for name in node.recipients:
+            if name.text != EVERYONE:
+                self.role(name)
+        guard = self.settings.guard(node.guard)
+        record = self.scope.records.get(node.type.text)
+        if record is None:
+            return None
+        return model.MessageKind(
+            name=node.name.text,
+            type=record.name,
+            category=record.category,
+            fields=record.fields,
+            senders=tuple(name.text for name in node.senders),
+            recipients=(EVERYONE,) if everyone else tuple(name.text for name in node.recipients),
+            when=guard,
+        )
+
+    def reveal(self, node: s.RevealLine) -> model.Reveal | None:
+        """`reveal image(target) to role`."""
+        if node.what.text != "image":
+            self.report(
+                "LJ0109",
+                node.what.start,
+                node.what.end,
+                f"`{node.what.text}` cannot be revealed",
+                "only an `image` can",
+            )
+            return None
+        value = self.of.value(node.entity, STATIC)
+        if value.type.kind not in ("entity", "group", "any"):
+            self.report(
+                "LJ0201",
+                node.entity.start,
+                node.entity.end,
+                f"a target is due here, this is {with_article(value.type)}",
+            )
+            return None
+        self.role(node.role)
+        return None if value is UNKNOWN else model.Reveal(what="image", entity=value.ir, role=node.role.text)
+
+    def relation(self, node: s.RelationLine) -> model.Relation | None:
+        """One of the paper's five relations."""
+        kind = node.kind
+        if kind.text not in RELATIONS:
+            self.report(
+                "LJ0109",
+                kind.start,
+                kind.end,
+                f"no relation is called `{kind.text}`",
+                did_you_mean(kind.text, RELATIONS),
+                replace=nearest(kind.text, RELATIONS),
+            )
+            return None
+        for end in (node.source, node.target):
+            if kind.text == "dependency":
+                self._stage(end)
+            else:
+                self.role(end)
+        clauses = {clause.keyword: self._clause(clause, node) for clause in self._once(node)}
+        return model.Relation(
+            kind=kind.text,  # type: ignore[arg-type]
+            source=node.source.text,
+            target=node.target.text,
+            mutual=node.mutual,
+            carries=clauses.get("carries"),
+            over=clauses.get("over"),
+            by=clauses.get("by"),
+            per=clauses.get("per"),
+            when=self.settings.guard(node.guard),
+        )
+
+    def role(self, name: s.Name) -> None:
+        """Report a role nobody plays."""
+        if name.text not in self.scope.roles:
+            self.of.unknown_name(name, list(self.scope.roles), "no role")
+
+    # -- private
+
+    def _asset(self, node: s.Expression, environment: Environment, what: str) -> Value:
+        value = self.of.value(node, environment)
+        if value is UNKNOWN:
+            return UNKNOWN
+        kind = value.type.kind
+        if kind not in ("entity", "group"):
+            self.report(
+                "LJ0201", node.start, node.end, f"an asset is due for {what}, this is {with_article(value.type)}"
+            )
+            return UNKNOWN
+        info = self.scope.groups[value.type.of]
+        if info.role != "asset":
+            self.report("LJ0114", node.start, node.end, f"`{info.name}` is a target: nobody commands it")
+            return UNKNOWN
+        return value
+
+    def _controlled(self, node: s.Expression, environment: Environment) -> Value:
+        value = self._asset(node, environment, "`controls`")
+        if value is UNKNOWN:
+            return UNKNOWN
+        constant = isinstance(value.ir, ex.Ref) or (
+            isinstance(value.ir, ex.Index) and isinstance(value.ir.index, ex.Number)
+        )
+        text = self.report.source.text[node.start : node.end]
+        first = self.controlled.setdefault(text, node)
+        if first is not node and constant:
+            self.report(
+                "LJ0115",
+                node.start,
+                node.end,
+                f"`{text}` is controlled by two agents",
+                "use `authority … may command …`",
+                related=(Related(self.report.span(first.start, first.end), "first controlled here"),),
+            )
+        return value
+
+    def _channel(self, node: s.Channel, environment: Environment) -> model.Channel | None:
+        source = node.source
+        field: s.Name | None = None
+        if isinstance(source, s.Attribute) and not node.everything:
+            field = source.name
+            source = source.base
+        if isinstance(source, s.Name) and source.text in ("events", "peers") and source.text not in self.scope.symbols:
+            return self._built_in(source, field)
+        value = self.of.value(source, environment)
+        kind = value.type.kind
+        if value is UNKNOWN:
+            return None
+        self.blocks.leak(value.taint, node, f"the observation `{self._text(node)}`")
+        if kind == "grid":
+            return self._grid_channel(value, field)
+        if kind not in ("entity", "group"):
+            self.report(
+                "LJ0116",
+                node.start,
+                node.end,
+                f"{with_article(value.type)} cannot be observed",
+                "observe an entity, a grid, `peers` or `events`",
+            )
+            return None
+        if field is None:
+            return model.Channel(source=value.ir)
+        return self._entity_channel(node, value, field)
+
+    def _built_in(self, source: s.Name, field: s.Name | None) -> model.Channel | None:
+        if field is None:
+            return model.Channel(source=ex.Symbol(source.text))
+        known = OBSERVED_FIELDS if source.text == "peers" else ()
+        if field.text not in known:
+            self.report(
+                "LJ0102",
+                field.start,
+                field.end,
+                f"`{source.text}` has no field `{field.text}`",
+                did_you_mean(field.text, known),
+                replace=nearest(field.text, known),
+            )
+            return None
+        return model.Channel(source=ex.Symbol(source.text), fields=(_lowered_field(field.text),))
+
+    def _grid_channel(self, value: Value, field: s.Name | None) -> model.Channel | None:
+        if field is not None:
+            self.report(
+                "LJ0102",
+                field.start,
+                field.end,
+                f"a grid's cells have no field `{field.text}`",
+                "observe the grid whole",
+            )
+            return None
+        return model.Channel(source=ex.Symbol(value.type.of))
+
+    def _entity_channel(self, node: s.Channel, value: Value, field: s.Name) -> model.Channel | None:
+        info = self.scope.groups[value.type.of]
+        attribute = info.attributes.get(field.text)
+        if attribute is not None and attribute.taint:
+            taint = (*attribute.taint, self.of.step(f"`{self._text(node)}`", node))
+            self.blocks.leak(taint, node, "an observation")
+            return None
+        if attribute is not None and attribute.state:
+            return model.Channel(source=value.ir, fields=(field.text + suffix_of(attribute.type.dimension),))
+        known = [*OBSERVED_FIELDS, *(name for name, known in info.attributes.items() if known.state)]
+        if field.text in self._cameras(info.name):
+            return model.Channel(source=value.ir, fields=(field.text,))
+        if field.text not in OBSERVED_FIELDS:
+            known += self._cameras(info.name)
+            self.report(
+                "LJ0102",
+                field.start,
+                field.end,
+                f"`{info.name}` shows no `{field.text}`",
+                did_you_mean(field.text, known),
+                replace=nearest(field.text, known),
+            )
+            return None
+        return model.Channel(source=value.ir, fields=(_lowered_field(field.text),))
+
+    def _cameras(self, group: str) -> list[str]:
+        return self.scope.mounted.get(group, [])
+
+    def _text(self, node: s.Node) -> str:
+        return self.report.source.text[node.start : node.end]
+
+    def _stage(self, name: s.Name) -> None:
+        if name.text not in self.scope.stages:
+            self.of.unknown_name(name, list(self.scope.stages), "no stage")
+
+    def _once(self, node: s.RelationLine) -> Iterable[s.Clause]:
+        seen: dict[str, s.Clause] = {}
+        for clause in node.clauses:
+            if clause.keyword in seen:
+                self.report("LJ0103", clause.start, clause.end, f"`{clause.keyword}` is given twice")
+            else:
+                seen[clause.keyword] = clause
+        return seen.values()
+
+    def _clause(self, clause: s.Clause, node: s.RelationLine) -> str:
+        name = clause.name
+        if clause.keyword in ("carries", "by") and name.text not in self.scope.messages:
+            self.of.unknown_name(name, list(self.scope.messages), "no message kind")
+        elif clause.keyword == "over" and name.text not in self.scope.symbols:
+            self.of.unknown_name(name, list(self.scope.symbols), "no entity, region or grid")
+        elif clause.keyword == "per":
+            self._per(name, node)
+        return name.text
+
+    def _per(self, name: s.Name, node: s.RelationLine) -> None:
+        known = [self.scope.stages[end.text][0] for end in (node.source, node.target) if end.text in self.scope.stages]
+        if node.kind.text != "dependency" or name.text not in known:
+            variables = [variable for variable in known if variable]
+            self.of.unknown_name(name, variables, "no variable of these stages")
+
+
+def _lowered_field(name: str) -> str:
+    return STATE_FIELDS[name][0] if name in STATE_FIELDS else name

@@ -1,0 +1,51 @@
+"""Checks of aggregates: `count(rescued(v) for v in victim)`, `sum(o.demand for o in order)`, `min(…)`, `max(…)`.
+
+They are known only while the mission runs. Without `for`, `min` and `max` are the functions of two and more numbers.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from lingjing.dsl.checking.scope import UNKNOWN, Environment, Value
+from lingjing.dsl.source.suggest import did_you_mean
+from lingjing.dsl.syntax import tree as s
+from lingjing.mission import expression as ex
+from lingjing.mission.functions import AGGREGATES, FUNCTIONS, NUMBER
+
+if TYPE_CHECKING:
+    from lingjing.dsl.checking.elaborate import Elaborator
+
+
+def is_aggregate(node: s.Call) -> bool:
+    """Whether the call is meant as an aggregate: by its name, or by a `for` inside."""
+    name = node.function.text
+    return (name in AGGREGATES and name not in FUNCTIONS) or any(argument.over for argument in node.arguments)
+
+
+def aggregate(of: Elaborator, node: s.Call, environment: Environment) -> Value:
+    """The checked aggregate; its value is a number, or a quantity of its body's dimension."""
+    function = node.function
+    if function.text not in AGGREGATES:
+        hint = did_you_mean(function.text, AGGREGATES)
+        of.report("LJ0306", function.start, function.end, f"`{function.text}` does not range over a group", hint)
+        return UNKNOWN
+    if not environment.rule:
+        message = f"`{function.text}(…)` over a group is known only while the mission runs"
+        of.report("LJ0304", function.start, function.end, message, "it belongs into a rule")
+        return UNKNOWN
+    over = node.arguments[0].over if len(node.arguments) == 1 else None
+    if over is None:
+        hint = f"`{function.text}(… for x in group)`"
+        of.report("LJ0306", node.start, node.end, f"`{function.text}` takes one argument with `for … in …`", hint)
+        return UNKNOWN
+    kind = of.calls.domain_type(over.domain)
+    if kind is None:
+        return UNKNOWN
+    inside = environment.binding(over.variable.text, kind)
+    body = of.expect(node.arguments[0].value, inside, AGGREGATES[function.text], f"`{function.text}`")
+    if body is UNKNOWN:
+        return UNKNOWN
+    name: Any = function.text
+    result = NUMBER if function.text == "count" else body.type
+    return Value(ex.Aggregate(name, over.variable.text, over.domain.text, body.ir), result, body.taint)

@@ -1,0 +1,355 @@
+"""Blocks of `key = value` lines: which keys a block knows, and reading them into checked values.
+
+A `Key` says what a property is called, what fits it and with which relation. `BlockReader.read` reports what does not
+belong (unknown keys, wrong relations, repeats, misplaced statements) and gives the good ones by name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import msgspec
+
+from lingjing.dsl.checking.elaborate import Elaborator
+from lingjing.dsl.checking.scope import STATIC, UNKNOWN, Environment, Taint, Value
+from lingjing.dsl.checking.typenames import with_article
+from lingjing.dsl.source.suggest import did_you_mean, is_certain, nearest
+from lingjing.dsl.syntax import tree as s
+from lingjing.mission import expression as ex
+from lingjing.mission.functions import DEGREES, MPS, NUMBER, Type
+
+SEA_LEVEL = "sea level"
+
+
+class Key(msgspec.Struct, frozen=True):
+    """One property of a block. `choices` are the words allowed for a name or a list of names, None for any.
+
+    `public` names where the value becomes visible to agents or engines, so that a hidden one is a leak.
+    """
+
+    name: str
+    type: Type
+    relations: tuple[str, ...] = ("=",)
+    choices: tuple[str, ...] | None = None
+    required: bool = False
+    guarded: bool = False
+    hideable: bool = False
+    public: bool = True
+    low: float | None = None
+    high: float | None = None
+    above: float | None = None
+    whole: bool = False
+
+
+class Entry(msgspec.Struct, frozen=True):
+    """A property that was read: its statement and its parts (two for a speed with a direction, a size, a range)."""
+
+    node: s.Property
+    key: Key
+    parts: tuple[Value, ...]
+
+    @property
+    def value(self) -> Value:
+        """The only or first part."""
+        return self.parts[0]
+
+    @property
+    def relation(self) -> str:
+        """`=`, `~` or `<=`."""
+        return self.node.relation
+
+
+class BlockReader:
+    """Reads blocks against their keys."""
+
+    def __init__(self, elaborator: Elaborator) -> None:
+        self.of = elaborator
+        self.report = elaborator.report
+
+    def read(
+        self,
+        block: s.Block | None,
+        keys: dict[str, Key],
+        what: str,
+        *,
+        environment: Environment = STATIC,
+        others: tuple[type, ...] = (),
+        owner: s.Node | None = None,
+        lenient: bool = False,
+    ) -> dict[str, Entry]:
+        """The block's good properties. `others` are statement types that the caller reads itself.
+
+        `lenient` passes over unknown keys: what they could be is itself not known.
+        """
+        entries: dict[str, Entry] = {}
+        seen: dict[str, s.Property] = {}
+        for item in block.items if block else ():
+            if isinstance(item, s.Property):
+                if lenient and item.name.text not in keys:
+                    continue
+                self._property(item, keys, what, environment, seen, entries)
+            elif not isinstance(item, (*others, s.Faulty)):
+                self.misplaced(item, what, keys)
+        faulty = any(isinstance(item, s.Faulty) for item in (block.items if block else ()))
+        place = owner or block
+        if place is not None and not faulty:
+            self._required(keys, seen, what, place)
+        return entries
+
+    def misplaced(self, item: s.Statement, what: str, keys: Iterable[str] = ()) -> None:
+        """Report a statement that does not belong into this block."""
+        text = self.report.source.text[item.start : item.end]
+        first = text.split(None, 1)[0].rstrip(":({,") if text.split() else ""
+        declared = getattr(item, "name", None)
+        was_poisoned = isinstance(declared, s.Name) and declared.text in self.of.scope.poisoned
+        if isinstance(item, s.Property | s.UnknownBlock) and isinstance(declared, s.Name):
+            self.of.scope.poisoned.add(declared.text)  # it may have been meant as the declaration it looks like
+        name: s.Node = item
+        if isinstance(item, s.Bare | s.UnknownBlock):
+            name, first = item.name, item.name.text
+        end = name.end if name is not item else item.start + len(first)
+        code = "LJ0108" if isinstance(item, s.Bare | s.UnknownBlock | s.FieldLine) else "LJ0107"
+        hint = did_you_mean(first, list(keys)) if code == "LJ0108" else ""
+        if code == "LJ0108" and was_poisoned:
+            return
+        if isinstance(item, s.FieldLine):
+            hint = f"write `{first} = …`"
+        message = f"`{first}` has no meaning in {what}" if code == "LJ0107" else f"{what} knows no `{first}`"
+        self.report(code, name.start, max(end, name.start + 1), message, hint)
+
+    def leak(self, taint: Taint, node: s.Node, sink: str) -> None:
+        """Report a hidden value that becomes visible, with the way it took."""
+        if not taint:
+            return
+        from lingjing.mission.diagnostics import Related
+
+        names = [step.name for step in taint]
+        way = " → ".join([name for name, before in zip(names, ["", *names], strict=False) if name != before] + [sink])
+        related = tuple(
+            Related(step.span, f"{step.name}{' is hidden here' if i == 0 else ''}") for i, step in enumerate(taint)
+        )
+        self.report(
+            "LJ0401",
+            node.start,
+            node.end,
+            f"a hidden value reaches {sink}: {way}",
+            "hidden values may reach only `adjudicate`, `truth(…)` and sensors",
+            related=related,
+        )
+
+    # -- private
+
+    def _property(
+        self,
+        item: s.Property,
+        keys: dict[str, Key],
+        what: str,
+        environment: Environment,
+        seen: dict[str, s.Property],
+        entries: dict[str, Entry],
+    ) -> None:
+        name = item.name
+        key = keys.get(name.text)
+        if key is None:
+            hint = did_you_mean(name.text, keys)
+            close = nearest(name.text, keys)
+            certain = is_certain(name.text, keys.keys() - seen.keys())
+            self.report(
+                "LJ0108", name.start, name.end, f"{what} knows no `{name.text}`", hint, replace=close, safe=certain
+            )
+            if close is not None:
+                seen.setdefault(close, item)  # so that it is not reported as missing, too
+            return
+        if name.text in seen:
+            first = seen[name.text].name
+            self.duplicate(name, first, f"`{name.text}` is given twice")
+            return
+        seen[name.text] = item
+        if item.hidden and not key.hideable:
+            self.report(
+                "LJ0402",
+                item.start,
+                name.end,
+                f"`{name.text}` in {what} cannot be hidden",
+                "only what targets and assets have can be",
+            )
+            return
+        if item.guard is not None and not key.guarded:
+            guard = item.guard
+            self.report("LJ0307", guard.start, guard.end, f"`{name.text}` cannot depend on a condition")
+            return
+        if item.relation not in key.relations:
+            allowed = " or ".join(f"`{relation}`" for relation in key.relations)
+            self.report(
+                "LJ0303",
+                name.start,
+                item.value.start,
+                f"`{name.text}` takes {allowed}, not `{item.relation}`",
+                f"write `{name.text} {key.relations[0]} …`",
+                replace=f"{name.text} {key.relations[0]} " if len(key.relations) == 1 else None,
+                safe=item.relation != "~",
+            )
+            return
+        parts = self.parts(item.value, key, item.relation, environment)
+        if any(part is UNKNOWN for part in parts):
+            return
+        if not self._in_bounds(item, key, parts):
+            return
+        if key.public:
+            for part in parts:
+                self.leak(part.taint, item.value, f"`{name.text}` of {what}")
+        entries[name.text] = Entry(item, key, parts)
+
+    def check_state(self, item: s.Property, kind: Type) -> None:
+        """A state is a number that changes in a run; places and headings change by themselves."""
+        if not item.state or kind.kind == "any":
+            return
+        if item.name.text in ("position", "heading"):
+            self.report("LJ0110", item.start, item.name.end, f"`{item.name.text}` changes by itself: it is no state")
+        elif kind.kind != "quantity":
+            self.report(
+                "LJ0201", item.value.start, item.value.end, f"a state is a number, this is {with_article(kind)}"
+            )
+
+    def duplicate(self, node: s.Node, first: s.Node, message: str, code: str = "LJ0103") -> None:
+        """Report a repeated declaration and point at the first."""
+        from lingjing.mission.diagnostics import Related
+
+        self.report(
+            code,
+            node.start,
+            node.end,
+            message,
+            "remove one of the two",
+            related=(Related(self.report.span(first.start, first.end), "first given here"),),
+        )
+
+    def parts(self, node: s.Expression, key: Key, relation: str, environment: Environment) -> tuple[Value, ...]:
+        """The checked value in its parts."""
+        what = f"`{key.name}`"
+        kind = key.type.kind
+        if isinstance(node, s.Broken):
+            return (UNKNOWN,)
+        if kind == "directed":
+            return self._directed(node, key, relation, environment)
+        if kind == "size":
+            return self._size(node, what, environment)
+        if kind == "level":
+            return (self._level(node, what, environment),)
+        if relation == "~":
+            value = self.of.calls.draw(node, environment)
+            return (value if self.of.fits(value, key.type, node, what) else UNKNOWN,)
+        if (
+            kind == "name"
+            and isinstance(node, s.Name)
+            and (key.choices is not None or node.text not in environment.locals)
+        ):
+            return (self._choice(node, key),)
+        if kind == "list" and key.type.item == "name" and isinstance(node, s.List):
+            return (self._choices(node, key, environment),)
+        return (self.of.expect(node, environment, key.type, what),)
+
+    def _choice(self, node: s.Name, key: Key) -> Value:
+        if key.choices is None or node.text in key.choices:
+            return Value(ex.Symbol(node.text), key.type)
+        close = nearest(node.text, key.choices)
+        hint = did_you_mean(node.text, key.choices)
+        certain = is_certain(node.text, key.choices)
+        message = f"`{key.name}` cannot be `{node.text}`"
+        self.report("LJ0109", node.start, node.end, message, hint, replace=close, safe=certain)
+        return UNKNOWN
+
+    def _choices(self, node: s.List, key: Key, environment: Environment) -> Value:
+        items = []
+        for item in node.items:
+            if isinstance(item, s.Name):
+                items.append(self._choice(item, key))
+            else:
+                items.append(self.of.expect(item, environment, Type("name"), f"`{key.name}`"))
+        names = [item.ir for item in items]
+        if len(names) != len(set(names)) and UNKNOWN not in items:
+            self.report("LJ0103", node.start, node.end, f"`{key.name}` names something twice")
+            return UNKNOWN
+        if UNKNOWN in items:
+            return UNKNOWN
+        return Value(ex.Sequence(tuple(names)), key.type)
+
+    def _directed(self, node: s.Expression, key: Key, relation: str, environment: Environment) -> tuple[Value, ...]:
+        word = key.type.of
+        if not isinstance(node, s.Binary) or node.operator != word:
+            self.report(
+                "LJ0205",
+                node.start,
+                node.end,
+                f"`{key.name}` is a speed and a direction",
+                f"write `{key.name} {relation} 4 m/s {word} 220 deg`",
+            )
+            return (UNKNOWN,)
+        parts = []
+        for part, due in ((node.left, MPS), (node.right, DEGREES)):
+            drawn = relation == "~" and isinstance(part, s.Call)
+            value = self.of.calls.draw(part, environment) if drawn else self.of.value(part, environment)
+            parts.append(value if self.of.fits(value, due, part, f"`{key.name}`") else UNKNOWN)
+        if relation == "~" and not any(isinstance(part.ir, ex.Draw) for part in parts) and UNKNOWN not in parts:
+            self.report(
+                "LJ0301", node.start, node.end, "nothing is drawn here", f"write `{key.name} = …`, or draw the speed"
+            )
+            return (UNKNOWN,)
+        return tuple(parts)
+
+    def _size(self, node: s.Expression, what: str, environment: Environment) -> tuple[Value, ...]:
+        if not isinstance(node, s.Binary) or node.operator != "by":
+            self.report("LJ0205", node.start, node.end, f"{what} is two numbers", "write `3 by 3`")
+            return (UNKNOWN,)
+        return tuple(self._whole(part, what, environment) for part in (node.left, node.right))
+
+    def _whole(self, node: s.Expression, what: str, environment: Environment) -> Value:
+        value = self.of.expect(node, environment, NUMBER, what)
+        number = self.of.constant(value.ir)
+        if number is not None and (number < 1 or number != int(number)):
+            self.report("LJ0206", node.start, node.end, f"{what} counts in whole numbers from 1")
+            return UNKNOWN
+        return value
+
+    def _level(self, node: s.Expression, what: str, environment: Environment) -> Value:
+        metres = Type("quantity", (1, 0, 0, 0, 0, 0, 0, 0))
+        if isinstance(node, s.Binary) and node.operator == "at":
+            if isinstance(node.left, s.Name) and node.left.text.split() == SEA_LEVEL.split():
+                return self.of.expect(node.right, environment, metres, what)
+            left = node.left
+            self.report("LJ0205", left.start, left.end, "a level is that of the sea", "write `sea level at -3.5 m`")
+            return UNKNOWN
+        return self.of.expect(node, environment, metres, what)
+
+    def _in_bounds(self, item: s.Property, key: Key, parts: tuple[Value, ...]) -> bool:
+        number = self.of.constant(parts[0].ir)
+        if number is not None and key.whole and number != int(number):
+            place = item.value
+            self.report("LJ0206", place.start, place.end, f"`{key.name}` counts in whole numbers, this is {number:g}")
+            return False
+        if number is None or (key.low is None and key.high is None and key.above is None):
+            return True
+        below = (key.low is not None and number < key.low) or (key.above is not None and number <= key.above)
+        if not below and (key.high is None or number <= key.high):
+            return True
+        bounds = []
+        if key.above is not None:
+            bounds.append(f"above {key.above:g}")
+        if key.low is not None:
+            bounds.append(f"at least {key.low:g}")
+        if key.high is not None:
+            bounds.append(f"at most {key.high:g}")
+        self.report("LJ0206", item.value.start, item.value.end, f"`{key.name}` must be {' and '.join(bounds)}")
+        return False
+
+    def _required(self, keys: dict[str, Key], seen: dict[str, s.Property], what: str, place: s.Node) -> None:
+        for key in keys.values():
+            if key.required and key.name not in seen:
+                end = place.start + len(self.report.source.text[place.start : place.end].split(None, 1)[0])
+                self.report(
+                    "LJ0106",
+                    place.start,
+                    min(end, place.end),
+                    f"{what} lacks `{key.name}`",
+                    f"add `{key.name} {key.relations[0]} …`: {with_article(key.type)}",
+                )

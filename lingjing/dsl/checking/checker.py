@@ -1,0 +1,374 @@
+"""`check`: a syntax tree becomes checked declarations, in the order in which they may refer to each other.
+
+Names may be used before they are declared in the text, so heads come first: types and records, mode, params, regions
+and grids, the names of entities, agents, messages, stages and rules; then the bodies. Faulty parts are reported and
+left out; the rest is still checked. `Checked` is complete only if nothing was reported.
+"""
+
+from __future__ import annotations
+
+from typing import TypeVar
+
+import msgspec
+
+from lingjing.dsl.checking.agents import AgentChecker
+from lingjing.dsl.checking.conduct import ConductChecker
+from lingjing.dsl.checking.events import EventChecker
+from lingjing.dsl.checking.inherit import inherited
+from lingjing.dsl.checking.library import Files
+from lingjing.dsl.checking.rules import RuleChecker
+from lingjing.dsl.checking.scope import Scope
+from lingjing.dsl.checking.studies import StudyChecker
+from lingjing.dsl.checking.toplevel import FileChecker, names_in_faults
+from lingjing.dsl.source.reporter import Reporter
+from lingjing.dsl.syntax import tree as s
+from lingjing.mission import expression as ex
+from lingjing.mission import model
+from lingjing.mission.diagnostics import Related
+
+T = TypeVar("T")
+N = TypeVar("N", bound=s.Statement)
+
+_REQUIRED = (
+    ("goal", 'add `goal "…"`'),
+    ("scene", "add `scene … { }`"),
+    ("clock", "add `clock { tick = 10 s, sync = 500 ms }`"),
+    ("budget", "add `budget { ticks <= … }`"),
+    ("success", "add `success when …`"),
+)
+
+
+class Checked(msgspec.Struct, frozen=True, kw_only=True):
+    """The good declarations of a mission; parts that are missing were reported."""
+
+    name: str
+    title: str
+    goal: str
+    scene: model.Scene | None
+    clock: model.ClockDeclaration | None
+    budget: model.BudgetDeclaration | None
+    weather: tuple[model.Property, ...]
+    parameters: tuple[model.Parameter, ...]
+    modes: model.Modes | None
+    regions: tuple[model.RegionDeclaration, ...]
+    grids: tuple[model.Grid, ...]
+    groups: tuple[model.Group, ...]
+    agents: tuple[model.Agent, ...]
+    authorities: tuple[model.Authority, ...]
+    messages: tuple[model.MessageKind, ...]
+    comms: model.Comms
+    rules: tuple[model.Rule, ...]
+    unlocks: tuple[model.Unlock, ...]
+    stages: tuple[model.Stage, ...]
+    relations: tuple[model.Relation, ...]
+    reveals: tuple[model.Reveal, ...]
+    success: ex.Expr | None
+    failure: ex.Expr | None
+    base: str
+    limits: tuple[model.Limit, ...]
+    permits: tuple[model.Permit, ...]
+    constraints: tuple[model.Constraint, ...]
+    inspections: tuple[model.Inspection, ...]
+    events: tuple[model.Event, ...]
+    sweeps: tuple[model.Sweep, ...]
+
+
+def check(tree: s.File, report: Reporter, files: Files | None = None) -> Checked | None:
+    """Check a file. None if it holds no mission; that is an error unless it holds types. `files` are those that the
+    compilation has read before."""
+    file = FileChecker(report, files=files)
+    file.declarations(tree)
+    checked = check_mission(file, tree)
+    file.of.names.report_all()
+    return checked
+
+
+def check_mission(file: FileChecker, tree: s.File) -> Checked | None:
+    """Check the mission of a file whose top is checked already; it leaves what names mean in `file.scope`."""
+    report = file.report
+    missions = [item for item in tree.items if isinstance(item, s.MissionBlock)]
+    for extra in missions[1:]:
+        report("LJ0104", extra.name.start, extra.name.end, "a file holds one mission", "move it into a file of its own")
+    if missions:
+        whole = inherited(file, missions[0])
+        return None if whole is None else MissionChecker(file).mission(whole)
+    faulty = any(isinstance(item, s.Faulty) for item in tree.items)
+    if not faulty and not file.own:
+        end = len(report.source.text.rstrip())
+        report("LJ0106", 0, min(1, end), "the file holds no mission", 'add `mission name "title" { … }`')
+    return None
+
+
+class MissionChecker:
+    """The inside of a mission."""
+
+    def __init__(self, file: FileChecker) -> None:
+        self.report = file.report
+        self.scope = file.scope
+        self.blocks = file.blocks
+        self.settings = file.settings
+        self.entities = file.entities
+        self.interactions = file.interactions
+        self.agents = AgentChecker(file.blocks, file.settings, file.entities)
+        self.rules = RuleChecker(file.blocks)
+        self.conduct = ConductChecker(file.blocks, file.settings, self.rules)
+        self.events = EventChecker(file.blocks, file.settings)
+        self.studies = StudyChecker(file.blocks, file.settings)
+
+    def mission(self, node: s.MissionBlock) -> Checked:
+        """All passes over a mission's block."""
+        items = node.block.items
+        self.scope.poisoned.update(names_in_faults(items))
+        self._misplaced(items)
+        modes = self._mode(items)
+        self.scope.ceilings.update(_ceilings(_all(items, s.Param)))
+        self._heads(items)
+        self._taints(items)
+        parameters = [self.settings.param(item) for item in _all(items, s.Param)]
+        self.studies.bounds = {param.name: param.bounds for param in parameters if param is not None}
+        regions = [self.settings.region(item) for item in _all(items, s.RegionLine)]
+        grids = [self.settings.grid(item) for item in _all(items, s.GridBlock)]
+        sections = self._sections(items)
+        goal = self._one(items, s.TextLine, "goal")
+        scene = self._one(items, s.SceneBlock, "scene")
+        clock, budget = sections.get("clock"), sections.get("budget")
+        weather, comms = sections.get("weather"), sections.get("comms")
+        outcomes = self._outcomes(items)
+        given = {name for name, part in (("goal", goal), ("scene", scene)) if part} | sections.keys() | outcomes.keys()
+        self._required(node, given)
+        checked = Checked(
+            name=node.name.text,
+            title=node.title.value if node.title else node.name.text,
+            goal=self.agents.wording.text(goal) if goal else "",
+            scene=self.settings.scene(scene) if scene else None,
+            clock=self.settings.clock(clock) if clock else None,
+            budget=self.settings.budget(budget) if budget else None,
+            weather=self.settings.weather(weather) if weather else (),
+            parameters=_good(parameters),
+            modes=modes,
+            regions=_good(regions),
+            grids=_good(grids),
+            groups=_good([self.entities.entity(item) for item in _all(items, s.EntityBlock)]),
+            agents=tuple(self.agents.agent(item) for item in _all(items, s.AgentBlock)),
+            authorities=tuple(part for item in _all(items, s.AuthorityLine) for part in self.agents.authority(item)),
+            messages=_good([self.agents.message(item) for item in _all(items, s.MessageLine)]),
+            comms=self.settings.comms(comms) if comms else model.Comms(),
+            rules=_good([self.rules.rule(item) for item in _all(items, s.RuleBlock)]),
+            unlocks=_good([self.rules.unlock(item) for item in _all(items, s.UnlockLine)]),
+            stages=_good([self.rules.stage(item, self.conduct.limit) for item in _all(items, s.StageBlock)]),
+            relations=_good([self.agents.relation(item) for item in _all(items, s.RelationLine)]),
+            reveals=_good([self.agents.reveal(item) for item in _all(items, s.RevealLine)]),
+            success=outcomes.get("success"),
+            failure=outcomes.get("failure"),
+            base=node.base.text if node.base else "",
+            limits=_good([self.conduct.limit(item) for item in _all(items, s.LimitLine)]),
+            permits=_good([self.conduct.permit(item) for item in _all(items, s.PermitLine)]),
+            constraints=_good([self.conduct.constraint(item) for item in _all(items, s.ConstraintBlock)]),
+            inspections=_good([self.conduct.inspection(item) for item in _all(items, s.InspectionBlock)]),
+            events=_good([self.events.event(item) for item in _all(items, s.EventBlock)]),
+            sweeps=_good([self.studies.sweep(item) for item in _all(items, s.SweepLine)]),
+        )
+        for item in _all(items, s.EntityBlock):
+            if item.keyword == "target" and item.name.text in self.scope.groups:
+                self.interactions.between(item, self.scope.groups[item.name.text], checked.agents)
+        self.rules.cycles(_all(items, s.RuleBlock))
+        self.rules.unlocked_once(_all(items, s.UnlockLine))
+        self._whole(node, checked)
+        return checked
+
+    # -- private
+
+    def _misplaced(self, items: tuple[s.Statement, ...]) -> None:
+        for item in items:
+            inside = isinstance(item, _MISSION_STATEMENTS) and not (
+                (isinstance(item, s.TextLine) and item.keyword != "goal")
+                or (isinstance(item, s.Section) and item.keyword == "actions")
+            )
+            if not inside:
+                self.blocks.misplaced(item, "a mission")
+
+    def _mode(self, items: tuple[s.Statement, ...]) -> model.Modes | None:
+        node = self._one(items, s.ModeLine, "mode")
+        if node is None:
+            if not names_in_faults(items):
+                modes = model.Modes(default="broadcast", allowed=("broadcast",))
+                self.scope.modes = modes.allowed
+                return modes
+            self.scope.modes = ("star", "broadcast")
+            return None
+        modes_or_none = self.settings.mode(node)
+        self.scope.modes = modes_or_none.allowed if modes_or_none else ("star", "broadcast")
+        return modes_or_none
+
+    def _heads(self, items: tuple[s.Statement, ...]) -> None:
+        for item in items:
+            if isinstance(item, s.EntityBlock):
+                self.entities.head(item)
+            elif isinstance(item, s.AgentBlock):
+                self.agents.head(item)
+            elif isinstance(item, s.MessageLine):
+                self.agents.message_head(item)
+            elif isinstance(item, s.StageBlock):
+                self.rules.stage_head(item)
+                for line in item.block.items:
+                    if isinstance(line, s.LimitLine):
+                        self.conduct.head(line)
+            elif isinstance(item, s.InspectionBlock | s.LimitLine):
+                self.conduct.head(item)
+            elif isinstance(item, s.RuleBlock):
+                self.rules.head(item)
+
+    def _taints(self, items: tuple[s.Statement, ...]) -> None:
+        """Repeat until no property or region becomes hidden any more; each round hides at least one, so it ends.
+
+        Before anything is read: a param may read a place that is computed from a hidden one further down.
+        """
+        nodes, regions = _all(items, s.EntityBlock), _all(items, s.RegionLine)
+        before = -1
+        while (now := _hidden_count(self.scope)) != before:
+            before = now
+            for node in nodes:
+                self.entities.taints(node)
+            for region in regions:
+                self.entities.veils(region)
+
+    def _sections(self, items: tuple[s.Statement, ...]) -> dict[str, s.Section]:
+        found: dict[str, s.Section] = {}
+        for item in _all(items, s.Section):
+            if item.keyword in found:
+                self._twice(item.keyword, item, found[item.keyword])
+            else:
+                found[item.keyword] = item
+        return found
+
+    def _outcomes(self, items: tuple[s.Statement, ...]) -> dict[str, ex.Expr]:
+        found: dict[str, ex.Expr] = {}
+        first: dict[str, s.Outcome] = {}
+        for item in _all(items, s.Outcome):
+            if item.keyword in first:
+                self._twice(item.keyword, item, first[item.keyword])
+                continue
+            first[item.keyword] = item
+            found[item.keyword] = self.rules.outcome(item)
+        return found
+
+    def _one(self, items: tuple[s.Statement, ...], kind: type[N], keyword: str) -> N | None:
+        found = [i for i in _all(items, kind) if not isinstance(i, s.TextLine) or i.keyword == keyword]
+        for extra in found[1:]:
+            self._twice(keyword, extra, found[0])
+        return found[0] if found else None
+
+    def _twice(self, keyword: str, node: s.Statement, first: s.Statement) -> None:
+        self.report(
+            "LJ0103",
+            node.start,
+            node.start + len(keyword),
+            f"`{keyword}` is given twice",
+            "remove one of the two",
+            related=(Related(self.report.span(first.start, first.start + len(keyword)), "first given here"),),
+        )
+
+    def _required(self, node: s.MissionBlock, given: set[str]) -> None:
+        faulty = names_in_faults(node.block.items)
+        text = self.report.source.text
+        broken = [text[i.start : i.end].split(None, 1)[0] for i in node.block.items if isinstance(i, s.Faulty)]
+        missing = [(word, hint) for word, hint in _REQUIRED if word not in given and word not in {*broken, *faulty}]
+        strays = sum(isinstance(item, s.UnknownBlock) for item in node.block.items) + broken.count("{")
+        if len(missing) > strays:  # else each block without a keyword of its own may be what is missing
+            for keyword, hint in missing:
+                self.report("LJ0106", node.name.start, node.name.end, f"the mission lacks `{keyword}`", hint)
+
+    def _whole(self, node: s.MissionBlock, checked: Checked) -> None:
+        """What only the whole mission can show."""
+        items = node.block.items
+        if any(isinstance(item, s.Faulty) for item in items):
+            return
+        if not _all(items, s.AgentBlock):
+            self.report(
+                "LJ0106", node.name.start, node.name.end, "the mission has no agent", "add `agent … as … controls …`"
+            )
+        comms = next((item for item in _all(items, s.Section) if item.keyword == "comms"), None)
+        hub_given = comms is not None and any(
+            isinstance(i, s.Faulty) or (isinstance(i, s.Property) and i.name.text == "hub") for i in comms.block.items
+        )
+        mode = next(iter(_all(items, s.ModeLine)), None)
+        self._alone(node, checked)
+        if checked.modes and "star" in checked.modes.allowed and not hub_given and mode is not None:
+            self.report(
+                "LJ0502",
+                mode.start,
+                mode.start + len("mode"),
+                "star mode has no hub",
+                "add `comms { hub = … when mode == star }`",
+            )
+
+    def _alone(self, node: s.MissionBlock, checked: Checked) -> None:
+        """`single` is for one agent."""
+        agents = _all(node.block.items, s.AgentBlock)
+        several = len(agents) > 1 or any(agent.index for agent in agents)
+        if checked.modes is None or checked.modes.default != "single" or not several:
+            return
+        second = agents[-1]
+        self.report(
+            "LJ0504",
+            second.name.start,
+            second.name.end,
+            "the mode is `single`, this mission has several agents",
+            "write `mode broadcast`, or `mode star` with a hub",
+        )
+
+
+_MISSION_STATEMENTS = (
+    s.TextLine,
+    s.SceneBlock,
+    s.Section,
+    s.Param,
+    s.ModeLine,
+    s.RegionLine,
+    s.GridBlock,
+    s.EntityBlock,
+    s.AgentBlock,
+    s.AuthorityLine,
+    s.MessageLine,
+    s.RuleBlock,
+    s.UnlockLine,
+    s.StageBlock,
+    s.RelationLine,
+    s.Outcome,
+    s.RevealLine,
+    s.LimitLine,
+    s.PermitLine,
+    s.ConstraintBlock,
+    s.InspectionBlock,
+    s.EventBlock,
+    s.SweepLine,
+    s.Override,
+    s.Faulty,
+)
+
+
+def _all(items: tuple[s.Statement, ...], kind: type[N]) -> list[N]:
+    return [item for item in items if isinstance(item, kind)]
+
+
+def _good(parts: list[T | None]) -> tuple[T, ...]:
+    return tuple([part for part in parts if part is not None])
+
+
+def _hidden_count(scope: Scope) -> int:
+    attributes = (attribute for info in scope.groups.values() for attribute in info.attributes.values())
+    return len(scope.veiled) + sum(1 for attribute in attributes if attribute.taint)
+
+
+def _ceilings(nodes: list[s.Param]) -> dict[str, float]:
+    """The greatest value of each param whose bounds are written as bare numbers."""
+    found: dict[str, float] = {}
+    for node in nodes:
+        bounds = node.value.right if isinstance(node.value, s.Binary) and node.value.operator == "in" else None
+        items = bounds.items if isinstance(bounds, s.List) else ()
+        if isinstance(bounds, s.Binary) and bounds.operator == "..":
+            items = (bounds.right,)
+        values = [item.value for item in items if isinstance(item, s.Number) and not item.unit]
+        if values and len(values) == len(items):
+            found[node.name.text] = max(values)
+    return found

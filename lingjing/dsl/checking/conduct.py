@@ -1,0 +1,202 @@
+"""Checks of what binds agents while a mission runs: counted budgets, permits, constraints, inspections of routes."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from lingjing.dsl.checking.blocks import BlockReader, Entry, Key
+from lingjing.dsl.checking.rules import RuleChecker
+from lingjing.dsl.checking.scope import RULE, STATIC, UNKNOWN, Scope, Value
+from lingjing.dsl.checking.settings import SettingsChecker
+from lingjing.dsl.checking.typenames import with_article
+from lingjing.dsl.source.suggest import did_you_mean, nearest
+from lingjing.dsl.syntax import tree as s
+from lingjing.mission import expression as ex
+from lingjing.mission import model
+from lingjing.mission.diagnostics import Related
+from lingjing.mission.functions import ENTITY, FLAG, METRES, NUMBER, Type
+
+KINDS = ("hard", "soft")
+ORDERS = ("strict", "any")
+_INSPECTION_KEYS = {
+    key.name: key
+    for key in (
+        Key("within", METRES, above=0, required=True),
+        Key("destination", ENTITY),
+        Key("order", Type("name"), choices=ORDERS),
+        Key("replan", Type("name")),
+    )
+}
+_CONSTRAINT_KEYS = {"penalty": Key("penalty", NUMBER, low=0, high=1)}
+
+
+class ConductChecker:
+    """One method a declaration; each gives its part of the graph, or None if it is faulty."""
+
+    def __init__(self, blocks: BlockReader, settings: SettingsChecker, rules: RuleChecker) -> None:
+        self.blocks = blocks
+        self.settings = settings
+        self.rules = rules
+        self.of = blocks.of
+        self.report = blocks.report
+        self.scope: Scope = blocks.of.scope
+
+    def head(self, node: s.InspectionBlock | s.LimitLine) -> None:
+        """Make the name of an inspection or a counted budget known, for the functions that ask about it."""
+        table = self.scope.inspections if isinstance(node, s.InspectionBlock) else self.scope.limits
+        what = "inspection" if isinstance(node, s.InspectionBlock) else "limit"
+        span = self.report.span(node.name.start, node.name.end)
+        first = table.setdefault(node.name.text, span)
+        if first is not span:
+            self.report(
+                "LJ0104",
+                node.name.start,
+                node.name.end,
+                f"the {what} `{node.name.text}` is declared twice",
+                "choose another name",
+                related=(Related(first, "first declared here"),),
+            )
+
+    def limit(self, node: s.LimitLine) -> model.Limit | None:
+        """`limit moves <= 50 counts dog.forward, guide`."""
+        most = self.of.expect(node.most, STATIC, NUMBER, f"the limit `{node.name.text}`")
+        self.blocks.leak(most.taint, node.most, f"the limit `{node.name.text}`")
+        constant = self.of.constant(most.ir)
+        if constant is not None and (constant < 0 or constant != int(constant)):
+            self.report("LJ0206", node.most.start, node.most.end, "a limit counts in whole numbers from 0")
+        counted = [self._counted(channel) for channel in node.counts]
+        guard = self.settings.guard(node.guard)
+        if most is UNKNOWN or None in counted:
+            return None
+        kept = tuple(item for item in counted if item is not None)
+        return model.Limit(name=node.name.text, most=most.ir, counts=kept, when=guard)
+
+    def permit(self, node: s.PermitLine) -> model.Permit | None:
+        """`permit van.setDestination when …`."""
+        channel = node.resource
+        resource, verb = self._command(channel, "`permit`")
+        condition = self.of.expect(node.condition, RULE, FLAG, "`when`")
+        if resource is None or condition is UNKNOWN:
+            return None
+        return model.Permit(resource=resource.ir, verb=verb, condition=condition.ir)
+
+    def constraint(self, node: s.ConstraintBlock) -> model.Constraint | None:
+        """`constraint hard name per v in group { always … }`."""
+        if node.kind.text not in KINDS:
+            self.report(
+                "LJ0109",
+                node.kind.start,
+                node.kind.end,
+                f"a constraint is hard or soft, not `{node.kind.text}`",
+                did_you_mean(node.kind.text, KINDS),
+                replace=nearest(node.kind.text, KINDS),
+            )
+            return None
+        environment = self.rules.per(node.variable, node.domain)
+        what = f"the constraint `{node.name.text}`"
+        entries = self.blocks.read(node.block, _CONSTRAINT_KEYS, what, others=(s.Condition,), owner=node.name)
+        condition = self.rules.only_condition(node.block, "always", what, node.name, others=(s.Property,))
+        guard = self.settings.guard(node.guard)
+        penalty = entries.get("penalty")
+        if penalty is not None and node.kind.text == "hard":
+            place = penalty.node
+            self.report("LJ0110", place.start, place.end, "a hard constraint has no penalty: it decides the episode")
+        if condition is None or environment is None:
+            return None
+        value = self.of.expect(condition, environment, FLAG, "`always`")
+        kind: Literal["hard", "soft"] = "hard" if node.kind.text == "hard" else "soft"
+        return model.Constraint(
+            name=node.name.text,
+            kind=kind,
+            condition=value.ir,
+            variable=node.variable.text if node.variable else None,
+            domain=node.domain.text if node.domain else None,
+            penalty=penalty.value.ir if penalty else None,
+            when=guard,
+        )
+
+    def inspection(self, node: s.InspectionBlock) -> model.Inspection | None:
+        """`inspection name of asset by inspectors { within = …, replan = … }`."""
+        entries = self.blocks.read(node.block, _INSPECTION_KEYS, f"the inspection `{node.name.text}`", owner=node.name)
+        asset = self._asset(node.asset, "`of`")
+        if asset is not None and asset.type.kind == "group":
+            self.report("LJ0201", node.asset.start, node.asset.end, "one asset's route is inspected, this is a group")
+            asset = None
+        by = [self._asset(part, "`by`") for part in node.by]
+        replan = entries.get("replan")
+        if replan is not None and isinstance(replan.node.value, s.Name):
+            name = replan.node.value
+            if name.text not in self.scope.messages:
+                self.of.unknown_name(name, list(self.scope.messages), "no message kind")
+        guard = self.settings.guard(node.guard)
+        if asset is None or None in by or "within" not in entries:
+            return None
+        order = _word(entries["order"].value) if "order" in entries else "strict"
+        destination = self._destination(entries.get("destination"))
+        return model.Inspection(
+            name=node.name.text,
+            asset=asset.ir,
+            by=tuple(item.ir for item in by if item is not None),
+            within=entries["within"].value.ir,
+            order="any" if order == "any" else "strict",
+            replan=_word(replan.value) if replan is not None else "",
+            destination=destination,
+            when=guard,
+        )
+
+    # -- private
+
+    def _destination(self, entry: Entry | None) -> ex.Expr | None:
+        """Where the inspected route leads: an entity whose place is no secret, for every agent may see its route."""
+        if entry is None:
+            return None
+        place = self.scope.groups[entry.value.type.of].attributes.get("position")
+        if place is not None:
+            self.blocks.leak(place.taint, entry.node.value, "the route")
+        return entry.value.ir
+
+    def _counted(self, channel: s.Channel) -> model.Counted | None:
+        node = channel.source
+        if isinstance(node, s.Name) and node.text in self.scope.messages and not channel.everything:
+            return model.Counted(kind="message", name=node.text)
+        resource, verb = self._command(channel, "`counts`")
+        return None if resource is None else model.Counted(kind="command", resource=resource.ir, name=verb)
+
+    def _command(self, channel: s.Channel, what: str) -> tuple[Value | None, str]:
+        """`dog.forward`, `dog.*` or `dog`: the resource and the verb, "" for all of them."""
+        node = channel.source
+        if channel.everything or not isinstance(node, s.Attribute):
+            return self._asset(node, what), ""
+        resource = self._asset(node.base, what)
+        if resource is None:
+            return None, ""
+        decl = self.scope.groups[resource.type.of].type
+        if decl is not None and node.name.text not in decl.verbs:
+            self.report(
+                "LJ0113",
+                node.name.start,
+                node.name.end,
+                f"the type `{decl.name}` has no verb `{node.name.text}`",
+                did_you_mean(node.name.text, decl.verbs),
+                replace=nearest(node.name.text, decl.verbs),
+            )
+            return None, ""
+        return resource, node.name.text
+
+    def _asset(self, node: s.Expression, what: str) -> Value | None:
+        value = self.of.value(node, STATIC)
+        if value is UNKNOWN:
+            return None
+        if value.type.kind not in ("entity", "group"):
+            self.report(
+                "LJ0201", node.start, node.end, f"an asset is due after {what}, this is {with_article(value.type)}"
+            )
+            return None
+        if self.scope.groups[value.type.of].role != "asset":
+            self.report("LJ0114", node.start, node.end, f"`{value.type.of}` is a target: nobody commands it")
+            return None
+        return value
+
+
+def _word(value: Value) -> str:
+    return value.ir.name if isinstance(value.ir, ex.Symbol) else ""

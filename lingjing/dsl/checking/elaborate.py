@@ -1,0 +1,542 @@
+"""Expressions: from the syntax tree to the graph's typed expressions.
+
+`Elaborator.value(node, environment)` resolves names, checks types and dimensions, tracks hidden values, and gives the
+lowered expression. Every fault is reported once; what is faulty becomes `UNKNOWN`, which fits everywhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from lingjing.dsl.checking.aggregates import aggregate, is_aggregate
+from lingjing.dsl.checking.calls import CallChecker
+from lingjing.dsl.checking.scope import UNKNOWN, Environment, Scope, Step, Taint, Value
+from lingjing.dsl.checking.typenames import dimension_of, fits, of_type, with_article
+from lingjing.dsl.checking.unknown import UnknownNames
+from lingjing.dsl.source.reporter import Reporter
+from lingjing.dsl.source.suggest import did_you_mean, nearest
+from lingjing.dsl.syntax import tree as s
+from lingjing.mission import expression as ex
+from lingjing.mission.functions import (
+    DISTRIBUTIONS,
+    FIELD_TYPES,
+    FLAG,
+    METRES,
+    NAME,
+    NUMBER,
+    POSITION,
+    STATE_FIELDS,
+    TEXT,
+    TRUTH_FIELDS,
+    Type,
+)
+from lingjing.mission.units import (
+    AREA,
+    BY_DIMENSION,
+    LARGEST,
+    LENGTH,
+    NONE,
+    TIME,
+    UNITS,
+    dimension_unit,
+    multiply,
+    si_value,
+    unit_of,
+)
+
+_COMPARISONS = frozenset(("<", "<=", ">", ">="))
+_NAMELIKE = frozenset(("name", "names", "entity", "role", "text"))
+_POINT_FIELDS = {"east": METRES, "north": METRES, "elevation": METRES, "x": METRES, "y": METRES, "z": METRES}
+_REGION_FIELDS = {"centre": POSITION, "area": Type("quantity", AREA)}
+
+
+class Elaborator:
+    """Checks and lowers expressions against one scope."""
+
+    def __init__(self, report: Reporter, scope: Scope) -> None:
+        self.report = report
+        self.scope = scope
+        self.names = UnknownNames(report, scope)
+        self.calls = CallChecker(self)
+        self.before_clock = False
+        """Whether what is read is evaluated before the clock: params, their sweeps, the clock itself."""
+        self._handlers: dict[type, Callable[[Any, Environment], Value]] = {
+            s.Number: self._number,
+            s.Name: self._name,
+            s.Text: lambda node, _: Value(ex.Text(node.value), TEXT),
+            s.Flag: lambda node, _: Value(ex.Flag(node.value), FLAG),
+            s.Broken: lambda _node, _environment: UNKNOWN,
+            s.Tuple: self._tuple,
+            s.List: self._list,
+            s.NameSet: self._set,
+            s.Call: self._call,
+            s.Subscript: self._subscript,
+            s.Attribute: self._attribute,
+            s.Unary: self._unary,
+            s.Binary: self._binary,
+            s.Quantified: self._quantified,
+        }
+
+    @contextmanager
+    def without_clock(self) -> Iterator[None]:
+        """Read what is evaluated before the clock."""
+        self.before_clock = True
+        try:
+            yield
+        finally:
+            self.before_clock = False
+
+    def value(self, node: s.Expression, environment: Environment) -> Value:
+        """The checked expression."""
+        return self._handlers[type(node)](node, environment)
+
+    def expect(self, node: s.Expression, environment: Environment, due: Type, what: str = "") -> Value:
+        """The checked expression, which must be of the type `due`; `what` names the place in the message."""
+        value = self.value(node, environment)
+        return value if self.fits(value, due, node, what) else UNKNOWN
+
+    def fits(self, value: Value, due: Type, node: s.Node, what: str = "") -> bool:
+        """Whether the value fits; reports if it does not."""
+        if fits(value.type, due):
+            return True
+        where = f" for {what}" if what else " here"
+        self.mismatch(node, value, due, f"{with_article(due)} is due{where}, this is {with_article(value.type)}")
+        return False
+
+    def mismatch(self, node: s.Node, value: Value, due: Type, message: str) -> None:
+        """Report a value of the wrong type: a missing unit, a wrong dimension, or a wrong kind."""
+        if due.kind == "quantity" and due.dimension not in (None, NONE) and value.type.dimension == NONE:
+            unit = dimension_unit(due.dimension)
+            bare = isinstance(node, s.Number) and not node.unit
+            text = self.report.source.text[node.start : node.end]
+            self.report(
+                "LJ0202",
+                node.start,
+                node.end,
+                message,
+                f"give it a unit: `{text} {unit}`" if bare else "",
+                replace=f"{text} {unit}" if bare else None,
+            )
+        elif due.kind == value.type.kind and due.kind in ("quantity", "range"):
+            self.report("LJ0203", node.start, node.end, message, _unit_hint(due))
+        else:
+            self.report("LJ0201", node.start, node.end, message)
+
+    def unknown_name(self, node: s.Name, known: list[str], what: str = "nothing") -> Value:
+        """Note a name nobody declared; it is reported at the end unless a faulty statement may have declared it."""
+        self.names.note(node, known, what)
+        return UNKNOWN
+
+    def step(self, name: str, node: s.Node) -> Step:
+        """A station of a hidden value's path."""
+        return Step(name, self.report.span(node.start, node.end))
+
+    # -- leaves
+
+    def _number(self, node: s.Number, _environment: Environment) -> Value:
+        if not node.unit:
+            return UNKNOWN if self._too_large(node, node.value) else Value(ex.Number(node.value), NUMBER)
+        unit = unit_of(node.unit)
+        if unit is None:
+            end, start = node.end, node.end - len(node.unit)
+            close = nearest(node.unit, UNITS)
+            hint = f"did you mean `{close}`?" if close else "compound units have no spaces: m/s, km/h, m^2"
+            self.report("LJ0204", start, end, f"no unit is called `{node.unit}`", hint, replace=close)
+            return UNKNOWN
+        value = si_value(node.value, node.unit)
+        if self._too_large(node, value):
+            return UNKNOWN
+        return Value(ex.Number(value, node.unit), Type("quantity", unit.dimension))
+
+    def _too_large(self, node: s.Node, value: float) -> bool:
+        """Whether a number is beyond what is computed with; reports if it is."""
+        if abs(value) <= LARGEST:
+            return False
+        text = self.report.source.text[node.start : node.end]
+        shown = f"`{text}`" if len(text) <= 30 else "this"
+        hint = f"numbers go up to {LARGEST:g} in SI units"
+        self.report("LJ0209", node.start, node.end, f"{shown} is too large", hint)
+        return True
+
+    def _name(self, node: s.Name, environment: Environment) -> Value:
+        name = node.text
+        if name in environment.locals:
+            return Value(ex.Ref(name, "local"), environment.locals[name])
+        symbol = self.scope.symbols.get(name)
+        if symbol is not None:
+            return Value(ex.Ref(name, symbol.kind), symbol.type, self._through(symbol.taint, node))
+        if name == "mode":
+            return Value(ex.Ref("mode", "mode"), Type("name", of="mode"))
+        if name == "now":
+            if not environment.rule:
+                self.report("LJ0304", node.start, node.end, "`now` is known only while the mission runs")
+                return UNKNOWN
+            return Value(ex.Ref("now", "clock"), Type("quantity", TIME))
+        if name == "tick":
+            if self.before_clock:
+                self.report("LJ0304", node.start, node.end, "how long a `tick` is, is not known before the clock is")
+                return UNKNOWN
+            return Value(ex.Ref("tick", "clock"), Type("quantity", TIME))
+        if name in self.scope.types:
+            return Value(ex.Symbol(name), Type("name", of="type"))
+        if name in self.scope.modes:
+            return Value(ex.Symbol(name), Type("name", of="mode"))
+        if name in self.scope.agents or name in self.scope.roles or name in self.scope.stages:
+            return Value(ex.Symbol(name), NAME)
+        return self.unknown_name(node, [*environment.locals, *self.scope.known_names()])
+
+    def _through(self, taint: Taint, node: s.Name) -> Taint:
+        return (*taint, self.step(f"`{node.text}`", node)) if taint else ()
+
+    # -- composites
+
+    def _tuple(self, node: s.Tuple, environment: Environment) -> Value:
+        if len(node.items) not in (2, 3):
+            self.report("LJ0201", node.start, node.end, f"a point has 2 or 3 coordinates, this has {len(node.items)}")
+            return UNKNOWN
+        items = [self.value(item, environment) for item in node.items]
+        dimension = items[0].type.dimension
+        due = METRES if dimension != (0, 0, 0, 1, 0, 0, 0, 0) else Type("quantity", dimension)
+        good = [self.fits(item, due, part, "a coordinate") for item, part in zip(items, node.items, strict=True)]
+        if not all(good):
+            return UNKNOWN
+        kind = POSITION if due is METRES else Type("position", of="degrees")
+        return Value(ex.Point(tuple(item.ir for item in items)), kind, _taint(*items))
+
+    def _list(self, node: s.List, environment: Environment) -> Value:
+        items = [self.value(item, environment) for item in node.items]
+        kinds = {item.type.kind for item in items} - {"any"}
+        dimensions = {item.type.dimension for item in items if item.type.kind == "quantity"}
+        if len(kinds) > 1 or len(dimensions) > 1:
+            odd = next(i for i, item in enumerate(items) if item.type not in (items[0].type, UNKNOWN.type))
+            first, other = with_article(items[0].type), with_article(items[odd].type)
+            place = node.items[odd]
+            self.report(
+                "LJ0201", place.start, place.end, f"a list holds one kind of thing: this is {other} among {first}s"
+            )
+            return UNKNOWN
+        item_kind = next(iter(kinds), None)
+        dimension = next(iter(dimensions), None)
+        return Value(ex.Sequence(tuple(i.ir for i in items)), Type("list", dimension, item_kind), _taint(*items))
+
+    def _set(self, node: s.NameSet, environment: Environment) -> Value:
+        items = [self._name(name, environment) for name in node.names]
+        return Value(ex.Sequence(tuple(i.ir for i in items)), Type("list", item="name"), _taint(*items))
+
+    def _call(self, node: s.Call, environment: Environment) -> Value:
+        if is_aggregate(node):
+            return aggregate(self, node, environment)
+        if node.function.text in DISTRIBUTIONS and node.function.text not in self.scope.rules:
+            start, end = node.function.start, node.function.end
+            self.report(
+                "LJ0302",
+                start,
+                end,
+                f"`{node.function.text}(…)` draws a value",
+                "a draw is a property's whole value, after `~`",
+            )
+            return UNKNOWN
+        return self.calls.call(node, environment)
+
+    def _subscript(self, node: s.Subscript, environment: Environment) -> Value:
+        base = self.value(node.base, environment)
+        index = self.expect(node.index, environment, NUMBER, "an index")
+        if base.type.kind == "any":
+            return UNKNOWN
+        if base.type.kind != "group":
+            self.report(
+                "LJ0201", node.base.start, node.base.end, f"{with_article(base.type)} has no members to pick from"
+            )
+            return UNKNOWN
+        self._index_in_range(node, base.type.of, index)
+        return Value(ex.Index(base.ir, index.ir), Type("entity", of=base.type.of), _taint(index))
+
+    def _index_in_range(self, node: s.Subscript, group: str, index: Value) -> None:
+        number = self.constant(index.ir)
+        if number is None:
+            return
+        most = self.scope.groups[group].most if group in self.scope.groups else None
+        if number < 1 or number != int(number):
+            self.report("LJ0201", node.index.start, node.index.end, "members are counted 1, 2, 3, …")
+        elif most is not None and number > most:
+            there = f"has {most:g} {'member' if most == 1 else 'members'}"
+            self.report("LJ0206", node.index.start, node.index.end, f"`{group}` {there}, there is no {number:g}")
+
+    def _attribute(self, node: s.Attribute, environment: Environment) -> Value:
+        base = self.value(node.base, environment)
+        kind, name = base.type.kind, node.name
+        if kind == "any":
+            return UNKNOWN
+        if kind == "entity":
+            return self._entity_field(base, node, environment)
+        if kind == "message":
+            return self._record_field(base, name)
+        tables: dict[str, dict[str, Type]] = {
+            "truth": TRUTH_FIELDS,
+            "position": _POINT_FIELDS,
+            "region": _REGION_FIELDS,
+        }
+        fields = tables.get(kind)
+        if fields is None:
+            hint = f"name one member: `{base.type.of}[1]`" if kind == "group" else ""
+            self.report("LJ0102", name.start, name.end, f"{with_article(base.type)} has no fields", hint)
+            return UNKNOWN
+        if name.text not in fields:
+            return self._no_field(name, with_article(base.type), list(fields))
+        return Value(ex.Attr(base.ir, name.text), fields[name.text], base.taint)
+
+    def _entity_field(self, base: Value, node: s.Attribute, environment: Environment) -> Value:
+        group, name = self.scope.groups[base.type.of], node.name
+        attribute = group.attributes.get(name.text)
+        lowered, kind = STATE_FIELDS.get(name.text, ("", None))
+        if kind is None:
+            if attribute is None:
+                return self._no_field(name, f"`{group.name}`", [*STATE_FIELDS, *group.attributes])
+            kind = attribute.type
+            suffix = BY_DIMENSION.get(kind.dimension or NONE) if kind.kind == "quantity" else None
+            lowered = name.text + (suffix.suffix if suffix else "")
+        taint = base.taint
+        if attribute is not None and attribute.taint and not environment.rule:
+            taint = (*attribute.taint, self.step(f"`{self.report.source.text[node.start : node.end]}`", node))
+        return Value(ex.Attr(base.ir, lowered), kind, taint)
+
+    def _record_field(self, base: Value, name: s.Name) -> Value:
+        record = self.scope.messages[base.type.of][0]
+        if record is None:
+            return UNKNOWN
+        for field in record.fields:
+            if field.name == name.text:
+                kind = FIELD_TYPES[field.type]
+                return Value(ex.Attr(base.ir, name.text), of_type(kind, "type") if name.text == "class" else kind)
+        return self._no_field(name, f"a message of the record `{record.name}`", [f.name for f in record.fields])
+
+    def _no_field(self, name: s.Name, owner: str, known: list[str]) -> Value:
+        hint = did_you_mean(name.text, known)
+        self.report(
+            "LJ0102",
+            name.start,
+            name.end,
+            f"{owner} has no field `{name.text}`",
+            hint,
+            replace=nearest(name.text, known),
+        )
+        return UNKNOWN
+
+    # -- operators
+
+    def _unary(self, node: s.Unary, environment: Environment) -> Value:
+        value = self.value(node.operand, environment)
+        due = FLAG if node.operator == "not" else Type("quantity")
+        if not self.fits(value, due, node.operand, f"`{node.operator}`"):
+            return UNKNOWN
+        return Value(ex.Unary(node.operator, value.ir), value.type, value.taint)  # type: ignore[arg-type]
+
+    def _binary(self, node: s.Binary, environment: Environment) -> Value:
+        spine: list[s.Binary] = []
+        left_node: s.Expression = node
+        while isinstance(left_node, s.Binary):
+            spine.append(left_node)
+            left_node = left_node.left
+        left = self.value(left_node, environment)
+        known = self.constant(left.ir)
+        for part in reversed(spine):
+            left = self._combine(part, left, environment)
+            known = self._so_far(left.ir, known)
+            if known is not None and self._too_large(part, known):
+                left, known = UNKNOWN, None
+        return left
+
+    def _so_far(self, ir: ex.Expr, left: float | None) -> float | None:
+        """What an operation gives if it is a constant; `left` is that of its left side, so that chains stay linear."""
+        return _folded(ir.operator, left, self.constant(ir.right)) if isinstance(ir, ex.Binary) else None
+
+    def _combine(self, node: s.Binary, left: Value, environment: Environment) -> Value:
+        operator = node.operator
+        if operator in ("==", "!=", "in") and left.type.kind == "name":
+            right = self._name_side(left, node.right, environment)
+        elif operator in ("==", "!=") and isinstance(node.left, s.Name) and left.type.kind == "any":
+            right = self.value(node.right, environment)
+        else:
+            right = self.value(node.right, environment)
+        if left.type.kind == "any" or right.type.kind == "any":
+            return UNKNOWN
+        if operator in ("and", "or"):
+            return self._logic(node, left, right)
+        if operator in ("==", "!="):
+            return self._equality(node, left, right)
+        if operator in _COMPARISONS:
+            return self._comparison(node, left, right)
+        if operator == "in":
+            return self._membership(node, left, right)
+        if operator == "..":
+            return self._range(node, left, right)
+        if operator in ("by", "from", "to", "at"):
+            self.report("LJ0205", node.start, node.end, f"`{operator}` does not make a value here", _PHRASES[operator])
+            return UNKNOWN
+        return self._arithmetic(node, left, right)
+
+    def _name_side(self, left: Value, node: s.Expression, environment: Environment) -> Value:
+        """The right side of a comparison with a name: a bare word is looked up among the names of that sort."""
+        if left.type.of == "mode" and isinstance(node, s.Name):
+            return self._one_of(node, self.scope.modes, "mode")
+        if left.type.of == "mode" and isinstance(node, s.NameSet):
+            items = [self._one_of(name, self.scope.modes, "mode") for name in node.names]
+            return Value(ex.Sequence(tuple(i.ir for i in items)), Type("list", item="name"))
+        if left.type.of == "type" and isinstance(node, s.Name) and node.text not in environment.locals:
+            return self._one_of(node, tuple(self.scope.types), "type")
+        return self.value(node, environment)
+
+    def _one_of(self, node: s.Name, known: tuple[str, ...], what: str) -> Value:
+        if node.text in known:
+            return Value(ex.Symbol(node.text), Type("name", of=what))
+        return self.unknown_name(node, list(known), f"no {what}")
+
+    def _logic(self, node: s.Binary, left: Value, right: Value) -> Value:
+        good = self.fits(left, FLAG, node.left, f"`{node.operator}`")
+        if not (self.fits(right, FLAG, node.right, f"`{node.operator}`") and good):
+            return UNKNOWN
+        return self._made(node, left, right, FLAG)
+
+    def _equality(self, node: s.Binary, left: Value, right: Value) -> Value:
+        alike = left.type.kind == right.type.kind and left.type.dimension == right.type.dimension
+        if not alike and not {left.type.kind, right.type.kind} <= _NAMELIKE:
+            return self._not_comparable(node, left, right)
+        return self._made(node, left, right, FLAG)
+
+    def _comparison(self, node: s.Binary, left: Value, right: Value) -> Value:
+        both = left.type.kind == right.type.kind == "quantity"
+        if not both or left.type.dimension != right.type.dimension:
+            return self._not_comparable(node, left, right)
+        return self._made(node, left, right, FLAG)
+
+    def _not_comparable(self, node: s.Binary, left: Value, right: Value) -> Value:
+        if left.type.kind == right.type.kind == "quantity":
+            for value, other, part in ((left, right, node.right), (right, left, node.left)):
+                bare = other if value is left else left
+                if bare.type.dimension == NONE and isinstance(part, s.Number):
+                    self.mismatch(
+                        part, bare, value.type, f"{with_article(value.type)} is due here, this is a bare number"
+                    )
+                    return UNKNOWN
+        code = "LJ0203" if left.type.kind == right.type.kind == "quantity" else "LJ0201"
+        ours, theirs = with_article(left.type), with_article(right.type)
+        self.report(code, node.start, node.end, f"`{node.operator}` cannot compare {ours} with {theirs}")
+        return UNKNOWN
+
+    def _membership(self, node: s.Binary, left: Value, right: Value) -> Value:
+        kinds = (left.type.kind, right.type.kind)
+        good = (
+            (kinds == ("quantity", "range") and left.type.dimension == right.type.dimension)
+            or (kinds[0] in ("position", "entity") and kinds[1] == "region")
+            or (kinds[0] in _NAMELIKE and kinds[1] in ("list", "names"))
+        )
+        if not good:
+            ours, theirs = with_article(left.type), with_article(right.type)
+            self.report("LJ0201", node.start, node.end, f"{ours} cannot be `in` {theirs}")
+            return UNKNOWN
+        return self._made(node, left, right, FLAG)
+
+    def _range(self, node: s.Binary, left: Value, right: Value) -> Value:
+        good = self.fits(left, Type("quantity"), node.left, "a range")
+        if not (good and self.fits(right, Type("quantity", left.type.dimension), node.right, "the range's upper end")):
+            return UNKNOWN
+        low, high = self.constant(left.ir), self.constant(right.ir)
+        if low is not None and high is not None and low > high:
+            self.report("LJ0206", node.start, node.end, "the range is empty", "the smaller end stands first")
+            return UNKNOWN
+        return Value(ex.Range(left.ir, right.ir), Type("range", left.type.dimension), _taint(left, right))
+
+    def _arithmetic(self, node: s.Binary, left: Value, right: Value) -> Value:
+        a, b = left.type, right.type
+        if a.kind == b.kind == "position" and node.operator in ("+", "-"):
+            return self._made(node, left, right, POSITION)
+        if a.kind != "quantity" or b.kind != "quantity":
+            self.report(
+                "LJ0201",
+                node.start,
+                node.end,
+                f"`{node.operator}` does not apply to {with_article(a)} and {with_article(b)}",
+            )
+            return UNKNOWN
+        da, db = dimension_of(a), dimension_of(b)
+        if node.operator in ("+", "-"):
+            if da != db:
+                verb = "added to" if node.operator == "+" else "taken from"
+                pair = (b, a)
+                message = f"{with_article(pair[0])} cannot be {verb} {with_article(pair[1])}"
+                self.report("LJ0203", node.start, node.end, message)
+                return UNKNOWN
+            return self._made(node, left, right, a)
+        sign = 1 if node.operator == "*" else -1
+        if sign < 0 and self.constant(right.ir) == 0.0:
+            self.report("LJ0207", node.right.start, node.right.end, "division by zero")
+            return UNKNOWN
+        return self._made(node, left, right, Type("quantity", multiply(da, db, sign)))
+
+    def _made(self, node: s.Binary, left: Value, right: Value, result: Type) -> Value:
+        return Value(ex.Binary(node.operator, left.ir, right.ir), result, _taint(left, right))  # type: ignore[arg-type]
+
+    def _quantified(self, node: s.Quantified, environment: Environment) -> Value:
+        if not environment.rule:
+            self.report(
+                "LJ0304", node.start, node.start + len(node.quantifier), f"`{node.quantifier}` belongs into a rule"
+            )
+            return UNKNOWN
+        domain = self.calls.domain_of(node)
+        if domain is None:
+            self.value(node.body, environment.binding(node.variable.text, UNKNOWN.type))
+            return UNKNOWN
+        name, kind = domain
+        body = self.expect(node.body, environment.binding(node.variable.text, kind), FLAG, f"`{node.quantifier}`")
+        return Value(ex.Quantified(node.quantifier, node.variable.text, name, body.ir), FLAG, body.taint)  # type: ignore[arg-type]
+
+    # -- constants
+
+    def constant(self, ir: ex.Expr) -> float | None:
+        """The number an expression always is (parameters at their defaults), or None."""
+        if isinstance(ir, ex.Number):
+            return ir.value
+        if isinstance(ir, ex.Ref) and ir.kind == "param":
+            return self.scope.constants.get(ir.name)
+        if isinstance(ir, ex.Unary) and ir.operator == "-":
+            operand = self.constant(ir.operand)
+            return None if operand is None else -operand
+        if isinstance(ir, ex.Binary):
+            return _folded(ir.operator, self.constant(ir.left), self.constant(ir.right))
+        return None
+
+
+_PHRASES = {
+    "by": "`3 by 3` is the shape of a grid, `1920 by 1080` the size of a camera",
+    "from": "`4 m/s from 220 deg` is a wind",
+    "to": "`0.2 m/s to 60 deg` is a current",
+    "at": "`sea level at -3.5 m` is a datum",
+}
+
+
+def _folded(operator: str, left: float | None, right: float | None) -> float | None:
+    if left is None or right is None:
+        return None
+    if operator == "+":
+        return left + right
+    if operator == "-":
+        return left - right
+    if operator == "*":
+        return left * right
+    return left / right if operator == "/" and right else None
+
+
+def _taint(*values: Value) -> Taint:
+    for value in values:
+        if value.taint:
+            return value.taint
+    return ()
+
+
+def _unit_hint(due: Type) -> str:
+    known = BY_DIMENSION.get(due.dimension or NONE)
+    if due.dimension == NONE:
+        return "a bare number has no unit"
+    return f"for example in `{known.unit}`" if known and due.dimension != LENGTH else "for example in `m`"

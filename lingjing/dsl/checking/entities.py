@@ -1,0 +1,292 @@
+"""Checks of a mission's entities: assets and targets, single or in groups, with their properties."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import msgspec
+
+from lingjing.dsl.checking.blocks import BlockReader, Entry, Key
+from lingjing.dsl.checking.equipment import EquipmentChecker
+from lingjing.dsl.checking.properties import lowered
+from lingjing.dsl.checking.scope import STATIC, UNKNOWN, Attribute, GroupInfo, Scope, Symbol, Taint, TypeDecl
+from lingjing.dsl.checking.settings import SettingsChecker
+from lingjing.dsl.checking.types import ANY_RELATION, COMMON_KEYS
+from lingjing.dsl.syntax import tree as s
+from lingjing.mission import expression as ex
+from lingjing.mission import model
+from lingjing.mission.functions import DEGREES, NUMBER, POSITION, Type
+from lingjing.mission.placing import place_fault
+from lingjing.mission.units import NONE
+
+
+class EntityChecker:
+    """Entities in missions."""
+
+    def __init__(self, blocks: BlockReader, settings: SettingsChecker) -> None:
+        self.blocks = blocks
+        self.settings = settings
+        self.equipment = EquipmentChecker(blocks)
+        self.of = blocks.of
+        self.report = blocks.report
+        self.scope: Scope = blocks.of.scope
+
+    def head(self, node: s.EntityBlock) -> None:
+        """Make the name known before anything refers to it, with what can be said without its values."""
+        decl = self._type_of(node)
+        attributes: dict[str, Attribute] = {"position": Attribute(POSITION), "heading": Attribute(DEGREES)}
+        if decl is not None:
+            attributes.update(decl.attributes)
+        for item in node.block.items if node.block else ():
+            if isinstance(item, s.Property) and item.hidden:
+                known = attributes.get(item.name.text)
+                step = self.of.step(f"`{node.name.text}.{item.name.text}`", item)
+                state = item.state or (known is not None and known.state)
+                attributes[item.name.text] = Attribute(known.type if known else Type("any"), (step,), state)
+            elif isinstance(item, s.Property) and item.state and item.name.text in attributes:
+                attributes[item.name.text] = msgspec.structs.replace(attributes[item.name.text], state=True)
+        cameras = [
+            item.name.text for item in (node.block.items if node.block else ()) if isinstance(item, s.CameraBlock)
+        ]
+        self.scope.mounted[node.name.text] = cameras
+        single = node.index is None
+        kind: Literal["group", "entity"] = "entity" if single else "group"
+        span = self.report.span(node.name.start, node.name.end)
+        self.settings.declare(node.name, Symbol(kind, Type(kind, of=node.name.text), span))
+        if node.name.text not in self.scope.groups:
+            most = None if node.index is None else self._most(node.index)
+            self.scope.groups[node.name.text] = GroupInfo(node.name.text, node.keyword, decl, attributes, single, most)
+
+    def taints(self, node: s.EntityBlock) -> None:
+        """Properties computed from hidden ones are hidden too; runs until nothing changes, over all entities."""
+        for item in node.block.items if node.block else ():
+            if not isinstance(item, s.Property) or item.hidden:
+                continue
+            info = self.scope.groups[node.name.text]
+            known = info.attributes.get(item.name.text)
+            if known is None or known.taint:
+                continue
+            taint = self.hidden_source(item.value)
+            if taint:
+                step = self.of.step(f"`{node.name.text}.{item.name.text}`", item.name)
+                info.attributes[item.name.text] = Attribute(known.type, (*taint, step), known.state)
+
+    def veils(self, node: s.RegionLine) -> None:
+        """A region around something hidden is hidden; known by names before any region is checked."""
+        taint = () if node.name.text in self.scope.veiled else self.hidden_source(node.shape)
+        if taint:
+            self.scope.veiled[node.name.text] = (*taint, self.of.step(f"region `{node.name.text}`", node.name))
+
+    def hidden_source(self, node: s.Expression) -> Taint:
+        """The hidden value an expression reads, found by its names alone (types are checked later).
+
+        An entity named without a field is read as its place: `distance_xy(victim[1], boat)`.
+        """
+        from lingjing.dsl.checking.calls import children
+
+        waiting = [node]
+        while waiting:
+            part = waiting.pop()
+            if isinstance(part, s.Attribute):
+                base = part.base.base if isinstance(part.base, s.Subscript) else part.base
+                info = self.scope.groups.get(base.text) if isinstance(base, s.Name) else None
+                if info is not None:
+                    attribute = info.attributes.get(part.name.text)
+                    if attribute is not None and attribute.taint:
+                        return attribute.taint
+                    if isinstance(part.base, s.Subscript):
+                        waiting.append(part.base.index)
+                    continue
+            elif isinstance(part, s.Name):
+                taint = self._named_taint(part.text)
+                if taint:
+                    return taint
+            waiting.extend(children(part))
+        return ()
+
+    def _named_taint(self, name: str) -> Taint:
+        if name in self.scope.veiled:
+            return self.scope.veiled[name]
+        symbol, info = self.scope.symbols.get(name), self.scope.groups.get(name)
+        if symbol is not None and symbol.taint:
+            return symbol.taint
+        place = info.attributes.get("position") if info is not None else None
+        return place.taint if place is not None else ()
+
+    def entity(self, node: s.EntityBlock) -> model.Group | None:
+        """`asset uav[1..n] : quadrotor { … }`."""
+        decl = self.scope.types.get(node.type.text) if node.type else None
+        if decl is not None and decl.role != node.keyword:
+            decl = None
+        count, index = self.count(node.index)
+        environment = STATIC.binding(index, NUMBER) if node.index is not None else STATIC
+        what = f"`{node.name.text}`"
+        keys = self._keys_of(decl)
+        others = (s.CameraBlock, s.Section) if node.keyword == "asset" else ()
+        entries = self.blocks.read(node.block, keys, what, environment=environment, others=others, lenient=decl is None)
+        cameras, verbs = self.equipment.equipment(node, decl)
+        guard = self.settings.guard(node.guard)
+        if decl is None:
+            return None
+        self._needs_position(node, decl)
+        self._possible_places(entries.get("position"), decl.engine)
+        self._told_by_receipts(node, entries)
+        for entry in entries.values():
+            self.blocks.check_state(entry.node, entry.value.type)
+        labels = self._labels(entries, count, node)
+        own: list[model.Property] = []
+        for name, entry in entries.items():
+            if name not in ("label", "labels"):
+                known = self.scope.groups[node.name.text].attributes.get(name, _PUBLIC)
+                own.extend(lowered(entry, hidden=bool(known.taint), state=known.state))
+        given = {prop.name for prop in own}
+        inherited = tuple(
+            msgspec.structs.replace(prop, hidden=True) if self._is_hidden(node, prop.name, decl) else prop
+            for prop in decl.properties
+            if prop.name not in given
+        )
+        role: Literal["asset", "target"] = "asset" if node.keyword == "asset" else "target"
+        return model.Group(
+            name=node.name.text,
+            role=role,
+            type=decl.name,
+            engine=decl.engine,
+            count=count,
+            index=index,
+            properties=(*own, *inherited),
+            cameras=cameras,
+            verbs=verbs,
+            labels=labels,
+            when=guard,
+            bases=decl.bases,
+            interactions=tuple(decl.interactions.values()),
+        )
+
+    def count(self, index: s.Expression | None) -> tuple[ex.Expr | None, str]:
+        """`[1..n]` or `[i in 1..n]`: how many, and what the index is called."""
+        if index is None:
+            return None, "i"
+        name, range_node = "i", index
+        if isinstance(index, s.Binary) and index.operator == "in" and isinstance(index.left, s.Name):
+            name, range_node = index.left.text, index.right
+        value = self.of.value(range_node, STATIC)
+        if value is UNKNOWN:
+            return ex.Number(1.0), name
+        if not isinstance(value.ir, ex.Range) or value.type.dimension != NONE:
+            text = self.report.source.text[range_node.start : range_node.end]
+            self.report(
+                "LJ0111",
+                range_node.start,
+                range_node.end,
+                "members are counted `1..n`",
+                f"write `[1..{text}]`" if value.type.kind == "quantity" else "",
+            )
+            return ex.Number(1.0), name
+        if self.of.constant(value.ir.low) != 1.0:
+            self.report("LJ0111", range_node.start, range_node.end, "members are counted from 1")
+        high = self.of.constant(value.ir.high)
+        if high is not None and (high < 0 or high != int(high) or high > 100_000):
+            self.report("LJ0206", range_node.start, range_node.end, "a group has 0 to 100000 members, in whole numbers")
+        self.blocks.leak(value.taint, range_node, "the number of members")
+        return value.ir.high, name
+
+    # -- private
+
+    def _most(self, index: s.Expression) -> float | None:
+        """How many members `[1..n]` means at most; None if a param without bounds, or a computation, says it."""
+        range_node = index.right if isinstance(index, s.Binary) and index.operator == "in" else index
+        high = range_node.right if isinstance(range_node, s.Binary) and range_node.operator == ".." else None
+        if isinstance(high, s.Number) and not high.unit:
+            return high.value
+        return self.scope.ceilings.get(high.text) if isinstance(high, s.Name) else None
+
+    def _type_of(self, node: s.EntityBlock) -> TypeDecl | None:
+        if node.type is None:
+            self.report(
+                "LJ0106",
+                node.name.start,
+                node.name.end,
+                f"`{node.name.text}` lacks a type",
+                f"write `{node.keyword} {node.name.text} : …`",
+            )
+            return None
+        decl = self.scope.types.get(node.type.text)
+        if decl is None:
+            fitting = [name for name, known in self.scope.types.items() if known.role == node.keyword]
+            self.of.unknown_name(node.type, fitting or list(self.scope.types), f"no {node.keyword} type")
+            return None
+        if decl.role != node.keyword:
+            place = node.type
+            self.report(
+                "LJ0112",
+                place.start,
+                place.end,
+                f"`{decl.name}` is {'an asset' if decl.role == 'asset' else 'a target'} type",
+                f"write `{decl.role} {node.name.text} : {decl.name}`",
+            )
+            return None
+        return decl
+
+    def _keys_of(self, decl: TypeDecl | None) -> dict[str, Key]:
+        keys = dict(COMMON_KEYS)
+        if decl is not None:
+            for name, attribute in decl.attributes.items():
+                if name not in keys:
+                    keys[name] = Key(name, attribute.type, ANY_RELATION, hideable=True, public=False)
+        return keys
+
+    def _is_hidden(self, node: s.EntityBlock, lowered_name: str, decl: TypeDecl) -> bool:
+        attributes = self.scope.groups[node.name.text].attributes
+        return any(
+            attribute.taint and lowered_name.startswith(name)
+            for name, attribute in attributes.items()
+            if name in decl.attributes
+        )
+
+    def _told_by_receipts(self, node: s.EntityBlock, entries: dict[str, Entry]) -> None:
+        """An asset's band bounds its commands, and a receipt says where it clipped one: so the band is public."""
+        entry = entries.get("band")
+        known = self.scope.groups[node.name.text].attributes.get("band")
+        if node.keyword == "asset" and entry is not None and known is not None:
+            self.blocks.leak(known.taint, entry.node.value, "the receipts of commands")
+
+    def _needs_position(self, node: s.EntityBlock, decl: TypeDecl) -> None:
+        items = node.block.items if node.block else ()
+        given = any(isinstance(item, s.Property) and item.name.text == "position" for item in items)
+        faulty = any(isinstance(item, s.Faulty) for item in items)
+        if not given and not faulty and "position" not in decl.attributes:
+            self.report(
+                "LJ0106",
+                node.name.start,
+                node.name.end,
+                f"`{node.name.text}` lacks `position`",
+                "add `position = (… m, … m)` or `position ~ sites(…)`",
+            )
+
+    def _possible_places(self, entry: Entry | None, engine: str) -> None:
+        """Report points that no scene has, as far as they are constants."""
+        for part in ex.parts(entry.value.ir) if entry else ():
+            if entry is None or not isinstance(part, ex.Point):
+                continue
+            place = tuple(number for item in part.items if (number := self.of.constant(item)) is not None)
+            fault = place_fault(place, engine) if len(place) == len(part.items) else ""
+            if fault:
+                value = entry.node.value
+                hint = "look at the sign and the unit of the elevation"
+                self.report("LJ0211", value.start, value.end, fault, hint)
+                return
+
+    def _labels(self, entries: dict[str, Entry], count: ex.Expr | None, node: s.EntityBlock) -> tuple[str, ...]:
+        entry = entries.get("labels") or entries.get("label")
+        if entry is None:
+            return ()
+        if isinstance(entry.value.ir, ex.Text):
+            return (entry.value.ir.value,)
+        items = entry.value.ir.items if isinstance(entry.value.ir, ex.Sequence) else ()
+        if count is None and len(items) > 1:
+            place = entry.node.value
+            self.report("LJ0206", place.start, place.end, f"`{node.name.text}` is one, it has one label")
+        return tuple(item.value for item in items if isinstance(item, ex.Text))
+
+
+_PUBLIC = Attribute(Type("any"))

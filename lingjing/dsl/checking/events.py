@@ -1,0 +1,114 @@
+"""Checks of what happens by itself: `event squall at 12 tick { weather { … }, appear jam[2] }`."""
+
+from __future__ import annotations
+
+import msgspec
+
+from lingjing.dsl.checking.blocks import BlockReader
+from lingjing.dsl.checking.scope import STATIC, UNKNOWN, Scope, Value
+from lingjing.dsl.checking.settings import SettingsChecker
+from lingjing.dsl.checking.typenames import with_article
+from lingjing.dsl.syntax import tree as s
+from lingjing.mission import expression as ex
+from lingjing.mission import model
+from lingjing.mission.diagnostics import Related, Span
+from lingjing.mission.units import TICKS, TIME
+
+
+class EventChecker:
+    """Checks the events of one mission."""
+
+    def __init__(self, blocks: BlockReader, settings: SettingsChecker) -> None:
+        self.blocks = blocks
+        self.settings = settings
+        self.of = blocks.of
+        self.report = blocks.report
+        self.scope: Scope = blocks.of.scope
+        self.seen: dict[str, Span] = {}
+
+    def event(self, node: s.EventBlock) -> model.Event | None:
+        """`event name at 12 tick { … }`, `event name at ~ uniform(5 tick, 20 tick) { … }`."""
+        self._once(node.name)
+        at = self._time(node)
+        changes = [self._change(item, node) for item in node.block.items if not isinstance(item, s.Faulty)]
+        guard = self.settings.guard(node.guard)
+        if not node.block.items:
+            self.report(
+                "LJ0106", node.name.start, node.name.end, f"the event `{node.name.text}` changes nothing",
+                "add `weather { … }`, `appear …` or `vanish …`",
+            )  # fmt: skip
+            return None
+        if at is None or None in changes:
+            return None
+        kept = tuple(change for change in changes if change is not None)
+        return model.Event(name=node.name.text, at=at.ir, changes=kept, when=guard)
+
+    # -- private
+
+    def _once(self, name: s.Name) -> None:
+        span = self.report.span(name.start, name.end)
+        first = self.seen.setdefault(name.text, span)
+        if first is not span:
+            self.report(
+                "LJ0104",
+                name.start,
+                name.end,
+                f"the event `{name.text}` is declared twice",
+                "choose another name",
+                related=(Related(first, "first declared here"),),
+            )
+
+    def _time(self, node: s.EventBlock) -> Value | None:
+        value = self.of.calls.draw(node.at, STATIC) if node.drawn else self.of.value(node.at, STATIC)
+        if value is UNKNOWN:
+            return None
+        if value.type.kind != "quantity" or value.type.dimension not in (TICKS, TIME):
+            unit = value.type.dimension == (0,) * 8
+            code = "LJ0202" if unit else "LJ0203" if value.type.kind == "quantity" else "LJ0201"
+            message = f"an event's time is in ticks or seconds, this is {with_article(value.type)}"
+            self.report(code, node.at.start, node.at.end, message, "write `at 12 tick` or `at 90 s`")
+            return None
+        number = self.of.constant(value.ir)
+        if number is not None and number < 0:
+            self.report("LJ0206", node.at.start, node.at.end, "nothing happens before the mission begins")
+            return None
+        self.blocks.leak(value.taint, node.at, f"the time of the event `{node.name.text}`")
+        counted_in = "s" if value.type.dimension == TIME else "tick"
+        return msgspec.structs.replace(value, ir=_in_unit(value.ir, counted_in))
+
+    def _change(self, item: s.Statement, node: s.EventBlock) -> model.Change | None:
+        if isinstance(item, s.Section) and item.keyword == "weather":
+            return model.Change(kind="weather", weather=self.settings.weather(item))
+        if not isinstance(item, s.ChangeLine):
+            self.blocks.misplaced(item, f"the event `{node.name.text}`", ("weather", "appear", "vanish"))
+            return None
+        value = self.of.value(item.entity, STATIC)
+        if value is UNKNOWN:
+            return None
+        if value.type.kind not in ("entity", "group") or self.scope.groups[value.type.of].role != "target":
+            shown = with_article(value.type)
+            if value.type.kind in ("entity", "group"):
+                shown = f"the asset `{value.type.of}`"
+            self.report(
+                "LJ0201", item.entity.start, item.entity.end, f"what can {item.keyword} is a target, this is {shown}"
+            )
+            return None
+        if isinstance(value.ir, ex.Index):
+            self.blocks.leak(value.taint, item.entity, f"the event `{node.name.text}`")
+        return model.Change(kind="appear" if item.keyword == "appear" else "vanish", entity=value.ir)
+
+
+def _in_unit(ir: ex.Expr, unit: str) -> ex.Expr:
+    """The time with the unit it is counted in where it can be read off: `wait` becomes `wait + 0 s`."""
+    if isinstance(ir, ex.Number):
+        return ir
+    if isinstance(ir, ex.Draw):
+        first, *others = ir.arguments
+        return msgspec.structs.replace(ir, arguments=(_in_unit(first, unit), *others))
+    if isinstance(ir, ex.Sequence) and ir.items:
+        return ex.Sequence((_in_unit(ir.items[0], unit), *ir.items[1:]))
+    return ir if _says_unit(ir) else ex.Binary("+", ir, ex.Number(0.0, unit))
+
+
+def _says_unit(ir: ex.Expr) -> bool:
+    return isinstance(ir, ex.Binary) and isinstance(ir.right, ex.Number) and ir.operator == "+"

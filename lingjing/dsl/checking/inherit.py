@@ -1,0 +1,264 @@
+"""`mission night extends ssr { override … }`: a mission that begins with another one's declarations.
+
+The base is read into the same source, behind the text of the mission that extends it, and its statements are merged
+into one list: in the base's order, those overridden in the place of what they override, new ones at the end. So every
+later phase sees one mission. What goes wrong inside the base because of an override is reported where it is extended,
+with the place in the base beside it.
+"""
+
+from __future__ import annotations
+
+import os
+
+import msgspec
+
+from lingjing.dsl.checking.scope import MissionDecl
+from lingjing.dsl.checking.toplevel import FileChecker
+from lingjing.dsl.source.reporter import Reporter
+from lingjing.dsl.source.suggest import did_you_mean, nearest
+from lingjing.dsl.source.text import JoinedSource, Source, read_source
+from lingjing.dsl.syntax import tree as s
+from lingjing.dsl.syntax.parser import parse
+from lingjing.mission.diagnostics import Diagnostic, Related, in_source_order
+
+DEEPEST = 8
+"""Missions that extend each other in a row."""
+
+LONGEST_TEXT = 16 * 1024 * 1024
+"""Characters of a mission and of all that it extends."""
+
+Items = tuple[s.Statement, ...]
+
+
+def inherited(file: FileChecker, node: s.MissionBlock, chain: tuple[str, ...] = ()) -> s.MissionBlock | None:
+    """The mission with its base's statements; None if the base cannot be had, which is reported."""
+    if node.base is None:
+        _nothing_to_override(file.report, node)
+        return node
+    base = _base(file, node.base, chain)
+    if base is None:
+        return None
+    decl, block = base
+    above = inherited(file, block, (*chain, decl.path))
+    if above is None:
+        return None
+    items = _merged(file.report, above.block.items, node)
+    return msgspec.structs.replace(node, block=s.Block(node.block.start, node.block.end, items))
+
+
+# -- private
+
+
+def _base(file: FileChecker, name: s.Name, chain: tuple[str, ...]) -> tuple[MissionDecl, s.MissionBlock] | None:
+    decl = file.scope.missions.get(name.text)
+    if decl is None:
+        file.of.unknown_name(name, list(file.scope.missions), "no mission that this file uses")
+        return None
+    if decl.path in chain or len(chain) >= DEEPEST:
+        why = "extends itself, through others" if decl.path in chain else f"is the end of more than {DEEPEST} in a row"
+        file.report("LJ0120", name.start, name.end, f"`{name.text}` {why}")
+        return None
+    if not _is_good(file, name, decl):
+        return None
+    report = file.report
+    source, part = report.source, read_source(decl.path)
+    if len(source.text) + len(part.text) > LONGEST_TEXT:
+        message = f"with `{name.text}` the mission has more than {LONGEST_TEXT:,} characters"
+        report("LJ0120", name.start, name.end, message, "extend a shorter mission")
+        return None
+    joined = source if isinstance(source, JoinedSource) else JoinedSource(source, name.start, name.end)
+    start = joined.append(part)
+    report.source = joined
+    tree = parse(report, start)
+    file.declarations(tree, decl.path)
+    block = next((item for item in tree.items if isinstance(item, s.MissionBlock)), None)
+    return None if block is None else (decl, block)
+
+
+def _is_good(file: FileChecker, name: s.Name, decl: MissionDecl) -> bool:
+    """Whether the base is good by itself; only then is it looked at here. Whether it can be won does not matter."""
+    report = file.report
+    found = _errors(file, decl.path)
+    if found is None:
+        report("LJ0120", name.start, name.end, f"`{name.text}` extends itself, through others")
+        return False
+    if found:
+        report(
+            "LJ0119",
+            name.start,
+            name.end,
+            f"the mission `{name.text}` has errors",
+            f"run `lingjing validate {decl.path}`",
+            related=(Related(found[0].span, found[0].message),),
+        )
+    return not found
+
+
+def _errors(file: FileChecker, path: str) -> tuple[Diagnostic, ...] | None:
+    """The errors of the mission in a file; None if it is being checked right now, so that it leads back to itself.
+
+    Each file is checked once in a compilation: a chain of missions costs what its members cost.
+    """
+    from lingjing.dsl.checking.checker import check
+
+    bases = file.files.bases
+    bases.setdefault(file.chain[-1], None)
+    key = os.path.realpath(path)
+    if key not in bases:
+        bases[key] = None
+        report = Reporter(read_source(path))
+        check(parse(report), report, file.files)
+        bases[key] = tuple(item for item in in_source_order(tuple(report.diagnostics)) if item.severity == "error")
+    return bases[key]
+
+
+def _nothing_to_override(report: Reporter, node: s.MissionBlock) -> None:
+    for item in node.block.items:
+        if isinstance(item, s.Override):
+            message = f"`{node.name.text}` extends no mission: there is nothing to override"
+            end = item.start + len("override")
+            report(
+                "LJ0123", item.start, end, message, f"write `mission {node.name.text} extends … {{`, or drop the word"
+            )
+
+
+def _merged(report: Reporter, base: Items, node: s.MissionBlock) -> Items:
+    places = {key: at for at, item in enumerate(base) if (key := _key(item)) is not None}
+    items: list[s.Statement] = list(base)
+    assert node.base is not None
+    for item in node.block.items:
+        if isinstance(item, s.Override):
+            at = places.get(_key(item.item) or ("", ""))
+            if at is None:
+                _no_such(report, item, list(places), node.base)
+            else:
+                items[at] = _amended(items[at], item.item)
+            continue
+        key = _key(item)
+        if key is not None and key in places:
+            first = base[places[key]]
+            word = " ".join(part for part in key if part)
+            end = item.start + len(report.source.text[item.start : item.end].split(None, 1)[0])
+            report(
+                "LJ0124",
+                item.start,
+                end,
+                f"`{node.base.text}` has `{word}` already",
+                "write `override` before it",
+                related=(Related(report.span(first.start, min(first.end, first.start + 40)), "declared here"),),
+                replace=f"override {report.source.text[item.start : end]}",
+            )
+            continue
+        items.append(item)
+    return tuple(items)
+
+
+def _no_such(report: Reporter, item: s.Override, known: list[tuple[str, str]], base: s.Name) -> None:
+    key = _key(item.item)
+    start, end = item.start, item.start + len("override")
+    if key is None:
+        report(
+            "LJ0123", start, end, "this cannot be overridden", "only what has a name or stands once in a mission can"
+        )
+        return
+    names = [name for word, name in known if word == key[0] and name]
+    hint = did_you_mean(key[1], names)
+    close = nearest(key[1], names)
+    name = getattr(item.item, "name", None)
+    if isinstance(name, s.Name):
+        start, end = name.start, name.end
+    else:
+        close = None
+    word = " ".join(part for part in key if part)
+    report("LJ0123", start, end, f"`{base.text}` has no `{word}` to override", hint, replace=close)
+
+
+def _key(item: s.Statement) -> tuple[str, str] | None:
+    """What makes two statements the same declaration: its keyword and its name, or what it joins."""
+    if isinstance(item, s.TextLine | s.Section | s.Outcome):
+        return item.keyword, ""
+    if isinstance(item, s.SceneBlock):
+        return "scene", ""
+    if isinstance(item, s.ModeLine):
+        return "mode", ""
+    if isinstance(item, s.EntityBlock):
+        return item.keyword, item.name.text
+    for kind, keyword in _NAMED.items():
+        if isinstance(item, kind):
+            return keyword, item.name.text  # type: ignore[attr-defined]
+    if isinstance(item, s.RelationLine):
+        return "relation", f"{item.kind.text} {item.source.text} {item.target.text}"
+    return None
+
+
+_NAMED: dict[type, str] = {
+    s.Param: "param",
+    s.RegionLine: "region",
+    s.GridBlock: "grid",
+    s.AgentBlock: "agent",
+    s.MessageLine: "message",
+    s.RuleBlock: "adjudicate",
+    s.UnlockLine: "unlock",
+    s.StageBlock: "stage",
+    s.LimitLine: "limit",
+    s.ConstraintBlock: "constraint",
+    s.InspectionBlock: "inspection",
+    s.EventBlock: "event",
+    s.SweepLine: "sweep",
+}
+
+
+def _amended(old: s.Statement, new: s.Statement) -> s.Statement:
+    """Settings and entities keep the lines that the override does not name; all else is replaced whole."""
+    if isinstance(old, s.Section) and isinstance(new, s.Section):
+        block = _joined(old.block, new.block) or new.block
+        return s.Section(new.start, new.end, new.keyword, block, new.preset or old.preset)
+    if isinstance(old, s.SceneBlock) and isinstance(new, s.SceneBlock) and old.kind.text == new.kind.text:
+        return msgspec.structs.replace(new, block=_joined(old.block, new.block))
+    if isinstance(old, s.EntityBlock) and isinstance(new, s.EntityBlock):
+        new = msgspec.structs.replace(new, block=_veiled(old.block, new.block))
+        if new.type is None:
+            return msgspec.structs.replace(
+                new,
+                index=new.index or old.index,
+                type=old.type,
+                guard=new.guard or old.guard,
+                block=_joined(old.block, new.block),
+            )
+    return new
+
+
+def _veiled(old: s.Block | None, new: s.Block | None) -> s.Block | None:
+    """The new lines, of which those are hidden that the old ones hid: another value is no reason to show it."""
+    if old is None or new is None:
+        return new
+    hidden = {_line(item) for item in old.items if isinstance(item, s.Property) and item.hidden}
+    items = tuple(
+        msgspec.structs.replace(item, hidden=True) if isinstance(item, s.Property) and _line(item) in hidden else item
+        for item in new.items
+    )
+    return msgspec.structs.replace(new, items=items)
+
+
+def _joined(old: s.Block | None, new: s.Block | None) -> s.Block | None:
+    if old is None or new is None:
+        return new or old
+    said = {_line(item) for item in new.items} - {None}
+    kept = [item for item in old.items if _line(item) not in said]
+    return s.Block(new.start, new.end, (*kept, *new.items))
+
+
+def _line(item: s.Statement) -> tuple[str, str] | None:
+    if isinstance(item, s.Property):
+        return "", item.name.text
+    if isinstance(item, s.CameraBlock):
+        return "camera", item.name.text
+    if isinstance(item, s.Section):
+        return item.keyword, ""
+    return None
+
+
+def source_of(report: Reporter) -> Source:
+    """The source of the mission itself, without its bases."""
+    source = report.source
+    return source.own if isinstance(source, JoinedSource) else source

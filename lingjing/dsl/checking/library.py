@@ -1,0 +1,147 @@
+"""The standard library, the project's own files and what plug-ins add: from `use …` to the declarations of a file.
+
+`use std.NAME` reads `NAME.ljs` of the standard library: shipped inside the package, else the repository's
+`scenarios/std`. Any other first word names a package under the entry-point group `lingjing.std`, whose `.ljs` files
+are found by the words that follow (`use acme.rotors` → entry point `acme`, file `rotors.ljs`). `use .boats.tug` is
+`boats/tug.ljs` in the folder of the file that says so; as no word can be `..`, no path leads out of that folder, and a
+link that does is no file.
+"""
+
+from __future__ import annotations
+
+import os
+from functools import lru_cache
+from pathlib import Path
+
+from lingjing.data import data_path
+from lingjing.dsl.checking.scope import Library
+from lingjing.errors import PluginError
+from lingjing.mission.diagnostics import Diagnostic
+
+Loaded = tuple[Library, tuple[Diagnostic, ...]]
+"""The declarations of a library file and what is wrong with it."""
+
+GROUP = "lingjing.std"
+DEEPEST, LONGEST = 8, 100
+"""Words of a path, letters of a word: beyond that no library is meant, and file systems begin to refuse."""
+
+LONGEST_CHAIN = 32
+"""Files that use each other in a row. Each takes a few Python frames; no library is built of so many storeys."""
+
+
+class Files:
+    """The files that one compilation reads: each is checked once, however many ways lead to it.
+
+    `bases` holds the errors of missions that others extend, by file; None while one is being checked.
+    """
+
+    __slots__ = ("bases", "libraries")
+
+    def __init__(self) -> None:
+        self.libraries: dict[str, Loaded] = {}
+        self.bases: dict[str, tuple[Diagnostic, ...] | None] = {}
+
+
+def standard_folder() -> str:
+    """Where the standard library's files are."""
+    return str(data_path("std"))
+
+
+def folder_of(path: str) -> str | None:
+    """The folder of a file whose `use .name` is looked up; None for a text that is no file."""
+    return None if path.startswith("<") else os.path.dirname(os.path.realpath(path))  # noqa: PTH120
+
+
+def find_file(path: tuple[str, ...], folder: str | None = None) -> str | None:
+    """The file of a `use` path, or None; a relative one is looked up in `folder`. Words are identifiers, so no path
+    leads out of the library."""
+    if not (1 if folder else 2) <= len(path) <= DEEPEST or max(map(len, path)) > LONGEST:
+        return None
+    if folder is not None:
+        return _beside(folder, path)
+    folder = standard_folder() if path[0] == "std" else _plugin_folder(path[0])
+    if folder is None:
+        return None
+    file = Path(folder, *path[1:-1], f"{path[-1]}.ljs")
+    return str(file) if file.is_file() else None
+
+
+def known_paths(first: str, beside: str | None = None) -> list[str]:
+    """What could have been meant: `std.air`, `std.sea`, … and the plug-ins' names, or the files `beside`."""
+    if beside is not None:
+        return [f".{name}" for name in _files(beside)]
+    folder = standard_folder() if first == "std" else _plugin_folder(first)
+    if folder is None:
+        return [*(f"std.{name}" for name in _files(standard_folder())), *_plugin_names()]
+    return [f"{first}.{name}" for name in _files(folder)]
+
+
+def load_library(file: str, chain: tuple[str, ...] = (), files: Files | None = None) -> Loaded:
+    """The declarations of a library file and what is wrong with it. `chain` are the files that led here, `files` those
+    that the compilation has read.
+
+    What is good is kept from one compilation to the next: it leads back to none of `chain`, for else it would lead to
+    itself. What is faulty may be so because of `chain`.
+    """
+    files = files or Files()
+    known = files.libraries.get(file)
+    if known is None:
+        stat = Path(file).stat()
+        good = _good(file, stat.st_mtime_ns, stat.st_size)
+        known = good[0] if good else _read(file, chain, files)
+        if not good and not known[1]:
+            good.append(known)
+        files.libraries[file] = known
+    return known
+
+
+@lru_cache(maxsize=128)
+def _good(_file: str, _modified: int, _size: int) -> list[Loaded]:
+    """Where a library without errors is kept, once it has been read."""
+    return []
+
+
+def _read(file: str, chain: tuple[str, ...], files: Files) -> Loaded:
+    from lingjing.dsl.checking.toplevel import check_library
+    from lingjing.dsl.source.text import read_source
+
+    return check_library(read_source(file), chain, files)
+
+
+def _beside(folder: str, path: tuple[str, ...]) -> str | None:
+    file = os.path.realpath(Path(folder, *path[:-1], f"{path[-1]}.ljs"))
+    inside = file.startswith(folder.rstrip(os.sep) + os.sep)
+    return file if inside and Path(file).is_file() else None
+
+
+def _files(folder: str) -> list[str]:
+    try:
+        return sorted(file.stem for file in Path(folder).iterdir() if file.suffix == ".ljs")
+    except OSError:
+        return []
+
+
+def _plugin_names() -> list[str]:
+    from importlib.metadata import entry_points
+
+    return sorted(point.name for point in entry_points(group=GROUP))
+
+
+def _plugin_folder(name: str) -> str | None:
+    from importlib.metadata import entry_points
+    from importlib.util import find_spec
+
+    points = sorted(entry_points(group=GROUP, name=name), key=lambda point: point.value)
+    if not points:
+        return None
+    if len({point.value for point in points}) > 1:
+        both = " and ".join(f"`{point.value}`" for point in points)
+        raise PluginError(f"two packages offer the types `{name}`: {both}", hint="uninstall one of them")
+    try:
+        spec = find_spec(points[0].value)
+    except (ImportError, ValueError) as error:
+        raise PluginError(f"the types `{name}` cannot be found: {error}", hint="reinstall the plug-in") from error
+    places = list(spec.submodule_search_locations or ()) if spec else []
+    if not places:
+        raise PluginError(f"the types `{name}` name `{points[0].value}`, which is no package")
+    return places[0]

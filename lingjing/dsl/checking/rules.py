@@ -1,0 +1,243 @@
+"""Checks of adjudication rules, unlocks, stages and the outcome."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from lingjing.dsl.checking.blocks import BlockReader, Key
+from lingjing.dsl.checking.calls import children
+from lingjing.dsl.checking.scope import RULE, UNKNOWN, Environment, RuleInfo, Scope
+from lingjing.dsl.syntax import tree as s
+from lingjing.mission import expression as ex
+from lingjing.mission import model
+from lingjing.mission.diagnostics import Related
+from lingjing.mission.functions import AGGREGATES, FLAG, FUNCTIONS, NUMBER
+
+STAGE_KEYS = {
+    key.name: key for key in (Key("ticks", NUMBER, ("<=",), low=1, whole=True), Key("weight", NUMBER, above=0))
+}
+
+
+class RuleChecker:
+    """One method a declaration; each gives its part of the graph, or None if it is faulty."""
+
+    def __init__(self, blocks: BlockReader) -> None:
+        self.blocks = blocks
+        self.of = blocks.of
+        self.report = blocks.report
+        self.scope: Scope = blocks.of.scope
+
+    def head(self, node: s.RuleBlock) -> None:
+        """Make the rule's name and parameters known."""
+        name = node.name
+        known = self.scope.rules.get(name.text)
+        if known is not None:
+            self.report(
+                "LJ0104",
+                name.start,
+                name.end,
+                f"the rule `{name.text}` is declared twice",
+                "choose another name",
+                related=(Related(known.span, "first declared here"),),
+            )
+            return
+        if name.text in FUNCTIONS or name.text in AGGREGATES:
+            self.report("LJ0104", name.start, name.end, f"`{name.text}` is a built-in function", "choose another name")
+            return
+        self.scope.rules[name.text] = RuleInfo(name.text, node.parameters, self.report.span(name.start, name.end))
+
+    def stage_head(self, node: s.StageBlock) -> None:
+        """Make the stage's name known."""
+        known = self.scope.stages.get(node.name.text)
+        if known is not None:
+            self.report(
+                "LJ0104",
+                node.name.start,
+                node.name.end,
+                f"the stage `{node.name.text}` is declared twice",
+                "choose another name",
+                related=(Related(known[1], "first declared here"),),
+            )
+            return
+        variable = node.variable.text if node.variable else None
+        self.scope.stages[node.name.text] = (variable, self.report.span(node.name.start, node.name.end))
+
+    def rule(self, node: s.RuleBlock) -> model.Rule | None:
+        """`adjudicate name(…) { when … }`."""
+        parameters, environment = self._parameters(node.parameters)
+        condition = self.only_condition(node.block, "when", f"the rule `{node.name.text}`", node.name)
+        if condition is None:
+            return None
+        value = self.of.expect(condition, environment, FLAG, "`when`")
+        if value is UNKNOWN or parameters is None:
+            return None
+        return model.Rule(
+            name=node.name.text, parameters=parameters, condition=value.ir, matching=_calls(condition, "truth")
+        )
+
+    def unlock(self, node: s.UnlockLine) -> model.Unlock | None:
+        """`unlock interaction(v: group) when …`."""
+        interactions = self.scope.interactions()
+        name = node.name
+        if name.text not in interactions and not self.scope.incomplete:
+            self.of.unknown_name(name, list(interactions), "no interaction")
+        parameters, environment = self._parameters(node.parameters)
+        value = self.of.expect(node.condition, environment, FLAG, "`when`")
+        if value is UNKNOWN or parameters is None or name.text not in interactions:
+            return None
+        return model.Unlock(interaction=name.text, parameters=parameters, condition=value.ir)
+
+    def stage(self, node: s.StageBlock, limit: Callable[[s.LimitLine], model.Limit | None]) -> model.Stage | None:
+        """`stage name per v in group { done when …, ticks <= 40, weight = 2 }`; `limit` checks those inside."""
+        environment = self.per(node.variable, node.domain)
+        what = f"the stage `{node.name.text}`"
+        entries = self.blocks.read(node.block, STAGE_KEYS, what, others=(s.Condition, s.LimitLine), owner=node.name)
+        condition = self.only_condition(node.block, "done", what, node.name, others=(s.Property, s.LimitLine))
+        limits = [limit(item) for item in node.block.items if isinstance(item, s.LimitLine)]
+        if condition is None or environment is None:
+            return None
+        value = self.of.expect(condition, environment, FLAG, "`done when`")
+        return model.Stage(
+            name=node.name.text,
+            condition=value.ir,
+            variable=node.variable.text if node.variable else None,
+            domain=node.domain.text if node.domain else None,
+            ticks=entries["ticks"].value.ir if "ticks" in entries else None,
+            weight=entries["weight"].value.ir if "weight" in entries else None,
+            limits=tuple(item for item in limits if item is not None),
+        )
+
+    def per(self, variable: s.Name | None, domain: s.Name | None) -> Environment | None:
+        """The environment inside of `per v in group`; None if there is no such group."""
+        if variable is None or domain is None:
+            return RULE
+        kind = self.of.calls.domain_type(domain)
+        return None if kind is None else RULE.binding(variable.text, kind)
+
+    def outcome(self, node: s.Outcome) -> ex.Expr:
+        """`success when …`, `failure when …`."""
+        return self.of.expect(node.condition, RULE, FLAG, f"`{node.keyword} when`").ir
+
+    def unlocked_once(self, nodes: list[s.UnlockLine]) -> None:
+        """Report interactions with two conditions."""
+        first: dict[str, s.UnlockLine] = {}
+        for node in nodes:
+            known = first.setdefault(node.name.text, node)
+            if known is not node:
+                self.blocks.duplicate(node.name, known.name, f"`{node.name.text}` is unlocked twice", "LJ0104")
+
+    def cycles(self, nodes: list[s.RuleBlock]) -> None:
+        """Report rules that refer to themselves, directly or through others."""
+        calls = {node.name.text: _called(node, self.scope) for node in nodes}
+        by_name = {node.name.text: node for node in nodes}
+        reported: set[str] = set()
+        for node in nodes:
+            way = _way_back(node.name.text, calls)
+            if way and not reported.intersection(way):
+                reported.update(way)
+                related = tuple(
+                    Related(self.report.span(by_name[n].name.start, by_name[n].name.end), "which refers on from here")
+                    for n in way[1:-1]
+                )
+                self.report(
+                    "LJ0308",
+                    node.name.start,
+                    node.name.end,
+                    f"the rule `{node.name.text}` refers to itself: {' → '.join(way)}",
+                    related=related,
+                )
+
+    def only_condition(
+        self, block: s.Block, keyword: str, what: str, owner: s.Name, others: tuple[type, ...] = ()
+    ) -> s.Expression | None:
+        """The one condition of a block, `when …`, `done when …` or `always …`; `others` are read elsewhere."""
+        found: s.Condition | None = None
+        faulty = False
+        spelled = {"when": "when", "done": "done when", "always": "always"}[keyword]
+        for item in block.items:
+            if isinstance(item, s.Condition) and item.keyword == keyword:
+                if found is not None:
+                    self.report(
+                        "LJ0103",
+                        item.start,
+                        item.start + len(item.keyword),
+                        f"{what} has two conditions",
+                        "join them with `and`",
+                    )
+                found = found or item
+            elif isinstance(item, s.Faulty):
+                faulty = True
+            elif isinstance(item, s.Condition):
+                self.report(
+                    "LJ0110",
+                    item.start,
+                    item.start + len(item.keyword),
+                    f"{what} says `{spelled} …`",
+                    f"write `{spelled}`",
+                )
+                faulty = True
+            elif not isinstance(item, others):
+                self.blocks.misplaced(item, what, (spelled,))
+        if found is None and not faulty:
+            self.report("LJ0106", owner.start, owner.end, f"{what} lacks its condition", f"add `{spelled} …`")
+        return found.condition if found else None
+
+    # -- private
+
+    def _parameters(self, nodes: tuple[s.Typed, ...]) -> tuple[tuple[model.RuleParameter, ...] | None, Environment]:
+        environment, parameters, good = RULE, [], True
+        names: set[str] = set()
+        for node in nodes:
+            kind = self.of.calls.domain_type(node.type)
+            if node.name.text in names:
+                self.report("LJ0103", node.name.start, node.name.end, f"`{node.name.text}` is given twice")
+            names.add(node.name.text)
+            if node.optional or node.bounds is not None:
+                self.report("LJ0110", node.start, node.end, "a rule's parameter has a name and a group or message kind")
+            if kind is None:
+                good = False
+                environment = environment.binding(node.name.text, UNKNOWN.type)
+                continue
+            environment = environment.binding(node.name.text, kind)
+            parameters.append(model.RuleParameter(name=node.name.text, domain=node.type.text))
+        return tuple(parameters) if good else None, environment
+
+
+def _calls(node: s.Expression, function: str) -> bool:
+    waiting = [node]
+    while waiting:
+        part = waiting.pop()
+        if isinstance(part, s.Call) and part.function.text == function:
+            return True
+        waiting.extend(children(part))
+    return False
+
+
+def _called(node: s.RuleBlock, scope: Scope) -> list[str]:
+    found: list[str] = []
+    waiting: list[s.Expression] = [item.condition for item in node.block.items if isinstance(item, s.Condition)]
+    while waiting:
+        part = waiting.pop()
+        if isinstance(part, s.Call) and part.function.text in scope.rules:
+            found.append(part.function.text)
+        waiting.extend(children(part))
+    return sorted(set(found))
+
+
+def _way_back(start: str, calls: dict[str, list[str]]) -> list[str]:
+    """The shortest way from a rule back to itself, or nothing."""
+    came: dict[str, str] = {}
+    waiting = [start]
+    while waiting:
+        name = waiting.pop(0)
+        for called in calls.get(name, ()):
+            if called == start:
+                way = [start]
+                while name != start:
+                    way.insert(1, name)
+                    name = came[name]
+                return [*way, start]
+            if called not in came:
+                came[called] = name
+                waiting.append(called)
+    return []

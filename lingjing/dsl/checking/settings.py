@@ -1,0 +1,385 @@
+"""Checks of a mission's settings: scene, clock, budget, weather, parameters, mode, regions, grids, comms."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from lingjing.dsl.checking.blocks import BlockReader, Entry, Key
+from lingjing.dsl.checking.properties import lowered
+from lingjing.dsl.checking.scope import STATIC, UNKNOWN, Scope, Symbol, Value
+from lingjing.dsl.checking.typenames import with_article
+from lingjing.dsl.source.suggest import did_you_mean, nearest
+from lingjing.dsl.syntax import tree as s
+from lingjing.mission import expression as ex
+from lingjing.mission import model
+from lingjing.mission.clock import clock_fault
+from lingjing.mission.functions import DEGREES, FLAG, METRES, NUMBER, POSITIONS, REGION, TEXT, Type
+from lingjing.mission.units import DATA, LENGTH, MONEY, TICKS, TIME, TOKENS
+
+SECONDS = Type("quantity", TIME)
+MODES = ("star", "broadcast", "single")
+RECEIPTS = ("own", "all", "none")
+
+
+def _keys(*keys: Key) -> dict[str, Key]:
+    return {key.name: key for key in keys}
+
+
+_DRAWN = ("=", "~")
+SCENE_KEYS = _keys(
+    Key("datum", Type("level")),
+    Key("origin", Type("position", of="degrees")),
+    Key("map", TEXT),
+    Key("folder", TEXT),
+    Key("file", TEXT),
+    Key("bbox", TEXT),
+    Key("extent", METRES, above=0),
+    Key("blocks", Type("size")),
+    Key("height", Type("range", LENGTH)),
+    Key("layout", NUMBER, low=0, whole=True),
+    Key("traffic", NUMBER, _DRAWN, low=0),
+    Key("shore", POSITIONS),
+    Key("bridge", POSITIONS),
+    Key("deck", METRES, above=0),
+    Key("pipeline", POSITIONS),
+    Key("inside", REGION),
+    Key("homes", REGION),
+)
+"""`map` is an OpenStreetMap file beside the mission; `folder` is a city that `lingjing scene build` wrote and `file` a
+map to build one from, both from the working folder, `bbox` the part of a map; the rest shapes a city made up: its
+extent, blocks of houses, their heights, a number that picks another layout of the same kind, moving cars, the shore
+(water on its right), the lines of a bridge (`deck` is its elevation) and of a pipeline, the region that a wall or a
+fence surrounds, and one whose blocks hold dwellings."""
+CLOCK_KEYS = _keys(Key("tick", SECONDS, above=0, required=True), Key("sync", SECONDS, above=0, required=True))
+BUDGET_KEYS = _keys(
+    Key("ticks", NUMBER, ("<=",), low=1, required=True, whole=True),
+    Key("policy", SECONDS, ("<=",), above=0),
+    Key("engine", SECONDS, ("<=",), above=0),
+    Key("capture", SECONDS, ("<=",), above=0),
+    Key("tokens", Type("quantity", TOKENS), ("<=",), above=0, whole=True),
+    Key("money", Type("quantity", MONEY), ("<=",), above=0),
+    Key("messages", NUMBER, ("<=",), low=0, whole=True),
+)
+ALLOWANCES = ("tokens", "money", "messages")
+WEATHER_KEYS = _keys(
+    Key("wind", Type("directed", of="from"), _DRAWN, low=0),
+    Key("current", Type("directed", of="to"), _DRAWN, low=0),
+    Key("turbulence", NUMBER, _DRAWN, low=0),
+    Key("visibility", METRES, _DRAWN, above=0),
+    Key("wave_height", METRES, _DRAWN, low=0),
+    Key("wave_period", SECONDS, _DRAWN, above=0),
+    Key("cloud", NUMBER, _DRAWN, low=0, high=1),
+    Key("rain", NUMBER, _DRAWN, low=0, high=1),
+    Key("sun_azimuth", DEGREES, _DRAWN),
+    Key("sun_elevation", DEGREES, _DRAWN, low=-90, high=90),
+)
+GRID_KEYS = _keys(Key("shape", Type("size"), required=True), Key("overlap", NUMBER, low=0, high=0.9))
+COMMS_KEYS = _keys(
+    Key("hub", Type("name"), guarded=True),
+    Key("delay", Type("quantity", TICKS), low=1, whole=True),
+    Key("payload", Type("quantity", DATA), ("<=",), above=0),
+    Key("range", METRES, ("<=",), above=0),
+    Key("loss", NUMBER, low=0, high=1),
+    Key("receipts", Type("name"), choices=RECEIPTS),
+)
+_DEADLINES = {"policy": 90.0, "engine": 30.0, "capture": 10.0}
+"""Seconds; the paper's limits, for a budget that names ticks only."""
+
+
+class SettingsChecker:
+    """One method a declaration; each gives its part of the graph, or None if it is faulty."""
+
+    def __init__(self, blocks: BlockReader) -> None:
+        self.blocks = blocks
+        self.of = blocks.of
+        self.report = blocks.report
+        self.scope: Scope = blocks.of.scope
+
+    def declare(self, name: s.Name, symbol: Symbol) -> None:
+        """Enter a name that expressions may use; reports a second declaration."""
+        first = self.scope.symbols.get(name.text)
+        if first is None:
+            self.scope.symbols[name.text] = symbol
+            return
+        from lingjing.mission.diagnostics import Related
+
+        self.report(
+            "LJ0104",
+            name.start,
+            name.end,
+            f"`{name.text}` is declared twice",
+            "choose another name",
+            related=(Related(first.span, "first declared here"),),
+        )
+
+    def scene(self, node: s.SceneBlock) -> model.Scene:
+        """`scene kind { … }`."""
+        entries = self.blocks.read(node.block, SCENE_KEYS, "`scene`")
+        self._map_beside(entries.get("map"))
+        return model.Scene(kind=node.kind.text, options=_lowered(entries))
+
+    def clock(self, node: s.Section) -> model.ClockDeclaration | None:
+        """`clock { tick = …, sync = … }`; the tick must be a whole multiple of the macro-step."""
+        with self.of.without_clock():
+            entries = self.blocks.read(node.block, CLOCK_KEYS, "`clock`", owner=node)
+        if len(entries) < 2:
+            return None
+        tick, sync = entries["tick"], entries["sync"]
+        a, b = self.of.constant(tick.value.ir), self.of.constant(sync.value.ir)
+        fault = "" if a is None or b is None else clock_fault(a, b)
+        if fault:
+            place = sync.node.value
+            self.report("LJ0501", place.start, place.end, fault)
+            return None
+        return model.ClockDeclaration(tick=tick.value.ir, sync=sync.value.ir)
+
+    def budget(self, node: s.Section) -> model.BudgetDeclaration | None:
+        """`budget { ticks <= …, … }`; deadlines not given are the paper's."""
+        entries = self.blocks.read(node.block, BUDGET_KEYS, "`budget`", owner=node)
+        if "ticks" not in entries:
+            return None
+        limits = {
+            name: entries[name].value.ir if name in entries else ex.Number(default, "s")
+            for name, default in _DEADLINES.items()
+        }
+        spent = {name: entries[name].value.ir for name in ALLOWANCES if name in entries}
+        return model.BudgetDeclaration(ticks=entries["ticks"].value.ir, **limits, **spent)
+
+    def allowance(self, node: s.Section) -> model.AllowanceDeclaration:
+        """`budget { tokens <= …, money <= …, messages <= … }` of one agent."""
+        keys = {name: BUDGET_KEYS[name] for name in ALLOWANCES}
+        entries = self.blocks.read(node.block, keys, "an agent's `budget`", owner=node)
+        return model.AllowanceDeclaration(**{name: entry.value.ir for name, entry in entries.items()})
+
+    def weather(self, node: s.Section) -> tuple[model.Property, ...]:
+        """`weather { … }`, or `weather storm { … }`: the preset and what differs from it."""
+        entries = self.blocks.read(node.block, WEATHER_KEYS, "`weather`")
+        return _lowered({**self._preset(node.preset), **entries})
+
+    def mode(self, node: s.ModeLine) -> model.Modes | None:
+        """`mode default in { … }`."""
+        names = [name.text for name in node.allowed.names]
+        for position, name in enumerate(node.allowed.names):
+            if name.text not in MODES:
+                self.report(
+                    "LJ0109",
+                    name.start,
+                    name.end,
+                    f"no mode is called `{name.text}`",
+                    did_you_mean(name.text, MODES),
+                    replace=nearest(name.text, MODES),
+                )
+                self.scope.poisoned.add(name.text)
+                return None
+            if name.text in names[:position]:
+                self.report("LJ0103", name.start, name.end, f"`{name.text}` is given twice")
+        if node.default.text not in names:
+            default = node.default
+            self.report(
+                "LJ0109",
+                default.start,
+                default.end,
+                f"the mode `{default.text}` is not among those allowed",
+                did_you_mean(default.text, names),
+                replace=nearest(default.text, names),
+            )
+            return None
+        if "single" in names and len(names) > 1:
+            self.report(
+                "LJ0504",
+                node.allowed.start,
+                node.allowed.end,
+                "`single` stands alone: a mission with one agent has no way to speak",
+                "write `mode single`",
+            )
+            return None
+        return model.Modes(default=node.default.text, allowed=tuple(dict.fromkeys(names)))
+
+    def param(self, node: s.Param) -> model.Parameter | None:
+        """`param name = default in low..high`."""
+        with self.of.without_clock():
+            return self._param(node)
+
+    def _param(self, node: s.Param) -> model.Parameter | None:
+        default_node, bounds_node = node.value, None
+        if isinstance(node.value, s.Binary) and node.value.operator == "in":
+            default_node, bounds_node = node.value.left, node.value.right
+        default = self.of.expect(default_node, STATIC, Type("quantity"), f"the param `{node.name.text}`")
+        bounds = self._bounds(node, bounds_node, default) if bounds_node is not None else None
+        for value, place in ((default, default_node), (bounds, bounds_node)):
+            if value is not None and place is not None:
+                self.blocks.leak(value.taint, place, f"the param `{node.name.text}`")
+        kind = default.type if default is not UNKNOWN and bounds is not UNKNOWN else Type("any")
+        span = self.report.span(node.name.start, node.name.end)
+        self.declare(node.name, Symbol("param", kind, span))  # a leak is reported here, once
+        constant = self.of.constant(default.ir)
+        if constant is not None and default is not UNKNOWN:
+            self.scope.constants[node.name.text] = constant
+        if default is UNKNOWN or bounds is UNKNOWN:
+            return None
+        self._default_in_bounds(default_node, default, bounds)
+        return model.Parameter(name=node.name.text, default=default.ir, bounds=bounds.ir if bounds else None)
+
+    def region(self, node: s.RegionLine) -> model.RegionDeclaration | None:
+        """`region name = polygon(…)`."""
+        shape = self.of.expect(node.shape, STATIC, REGION, f"the region `{node.name.text}`")
+        taint = (*shape.taint, self.of.step(f"region `{node.name.text}`", node.name)) if shape.taint else ()
+        span = self.report.span(node.name.start, node.name.end)
+        self.declare(node.name, Symbol("region", REGION, span, taint))
+        if shape is UNKNOWN:
+            return None
+        self._outline(node.shape, shape.ir)
+        return model.RegionDeclaration(name=node.name.text, shape=shape.ir, hidden=bool(taint))
+
+    def grid(self, node: s.GridBlock) -> model.Grid | None:
+        """`grid name over region { … }`."""
+        region = self.scope.symbols.get(node.region.text)
+        if region is None or region.kind != "region":
+            regions = [name for name, symbol in self.scope.symbols.items() if symbol.kind == "region"]
+            self.of.unknown_name(node.region, regions, "no region")
+        taint = (*region.taint, self.of.step(f"grid `{node.name.text}`", node.name)) if region and region.taint else ()
+        span = self.report.span(node.name.start, node.name.end)
+        self.declare(node.name, Symbol("grid", Type("grid", of=node.name.text), span, taint))
+        entries = self.blocks.read(node.block, GRID_KEYS, "`grid`", owner=node)
+        if "shape" not in entries:
+            return None
+        rows, columns = entries["shape"].parts
+        overlap = entries["overlap"].value.ir if "overlap" in entries else ex.Number(0.0)
+        return model.Grid(
+            name=node.name.text, region=node.region.text, rows=rows.ir, columns=columns.ir, overlap=overlap
+        )
+
+    def comms(self, node: s.Section) -> model.Comms:
+        """`comms { … }`; a hub's only condition can be `mode == star`, because only star mode has one."""
+        entries = self.blocks.read(node.block, COMMS_KEYS, "`comms`")
+        hub = entries.get("hub")
+        name = None
+        if hub is not None:
+            name = self._hub(hub)
+        return model.Comms(
+            hub=name,
+            delay=entries["delay"].value.ir if "delay" in entries else None,
+            payload=entries["payload"].value.ir if "payload" in entries else None,
+            range=entries["range"].value.ir if "range" in entries else None,
+            loss=entries["loss"].value.ir if "loss" in entries else None,
+            receipts=_receipts(entries.get("receipts")),
+        )
+
+    def guard(self, node: s.Expression | None) -> model.Guard | None:
+        """`when …` after a declaration: a condition over mode and params."""
+        if node is None:
+            return None
+        value = self.of.expect(node, STATIC, FLAG, "`when`")
+        self.blocks.leak(value.taint, node, "a declaration's condition")
+        return model.Guard(condition=value.ir)
+
+    # -- private
+
+    def _preset(self, name: s.Name | None) -> dict[str, Entry]:
+        if name is None:
+            return {}
+        decl = self.scope.weathers.get(name.text)
+        if decl is None:
+            self.of.unknown_name(name, list(self.scope.weathers), "no weather")
+            return {}
+        return decl.entries
+
+    def _map_beside(self, entry: Entry | None) -> None:
+        """A map is a file of the project: its path goes down, never up or out."""
+        if entry is None or not isinstance(entry.value.ir, ex.Text):
+            return
+        words = entry.value.ir.value.replace("\\", "/").split("/")
+        if ".." in words or not words[0] or ":" in words[0]:
+            place = entry.node.value
+            hint = "put the map beside the mission and name it from there"
+            self.report("LJ0122", place.start, place.end, "the path leads out of the project", hint)
+
+    def _bounds(self, node: s.Param, bounds: s.Expression, default: Value) -> Value:
+        if isinstance(bounds, s.List):
+            value = self.of.value(bounds, STATIC)
+            same = default is UNKNOWN or value is UNKNOWN or value.type.dimension == default.type.dimension
+            if same:
+                return value
+            self.of.mismatch(
+                bounds, value, default.type, f"the values allowed for `{node.name.text}` are of another dimension"
+            )
+            return UNKNOWN
+        due = Type("range", default.type.dimension if default is not UNKNOWN else None)
+        value = self.of.value(bounds, STATIC)
+        if value.type.kind == "range" and due.dimension is not None and value.type.dimension != due.dimension:
+            self.report(
+                "LJ0203",
+                bounds.start,
+                bounds.end,
+                f"{with_article(due)} is due for the bounds of `{node.name.text}`, this is {with_article(value.type)}",
+            )
+            return UNKNOWN
+        return value if self.of.fits(value, due, bounds, f"the bounds of `{node.name.text}`") else UNKNOWN
+
+    def _default_in_bounds(self, node: s.Expression, default: Value, bounds: Value | None) -> None:
+        number = self.of.constant(default.ir)
+        if bounds is None or number is None:
+            return
+        if isinstance(bounds.ir, ex.Sequence):
+            allowed = [self.of.constant(item) for item in bounds.ir.items]
+            if None not in allowed and number not in allowed:
+                self.report("LJ0206", node.start, node.end, "the default is none of the values allowed")
+            return
+        if not isinstance(bounds.ir, ex.Range):
+            return
+        low, high = self.of.constant(bounds.ir.low), self.of.constant(bounds.ir.high)
+        if (low is not None and number < low) or (high is not None and number > high):
+            self.report("LJ0206", node.start, node.end, "the default is outside of its bounds")
+
+    def _outline(self, node: s.Expression, shape: ex.Expr) -> None:
+        """A polygon of constant corners must enclose an area without crossing itself."""
+        if not (isinstance(shape, ex.Call) and shape.function == "polygon"):
+            return
+        corners: list[tuple[float, float]] = []
+        for argument in shape.arguments:
+            if not isinstance(argument, ex.Point):
+                return
+            east, north = (self.of.constant(item) for item in argument.items[:2])
+            if east is None or north is None:
+                return
+            corners.append((east, north))
+        from lingjing.mission.geometry2d import fault
+
+        wrong = fault(tuple(corners))
+        if wrong:
+            self.report(
+                "LJ0208", node.start, node.end, f"the outline {wrong}", "list the corners in order around the area"
+            )
+
+    def _hub(self, hub: Entry) -> str | None:
+        guard, node = hub.node.guard, hub.node.value
+        if guard is not None:
+            condition = self.of.expect(guard, STATIC, FLAG, "`when`")
+            star = ex.Binary("==", ex.Ref("mode", "mode"), ex.Symbol("star"))
+            if condition is not UNKNOWN and condition.ir != star:
+                self.report(
+                    "LJ0307",
+                    guard.start,
+                    guard.end,
+                    "a hub exists in star mode, and only there",
+                    "write `when mode == star`",
+                )
+                return None
+        if not isinstance(node, s.Name):
+            self.report(
+                "LJ0201", node.start, node.end, "the hub is one agent", "name a single agent, not a group's member"
+            )
+            return None
+        if node.text not in self.scope.agents:
+            self.of.unknown_name(node, list(self.scope.agents), "no agent")
+            return None
+        return node.text
+
+
+def _receipts(entry: Entry | None) -> Literal["own", "all", "none"]:
+    word = entry.value.ir.name if entry is not None and isinstance(entry.value.ir, ex.Symbol) else "own"
+    return "all" if word == "all" else "none" if word == "none" else "own"
+
+
+def _lowered(entries: dict[str, Entry]) -> tuple[model.Property, ...]:
+    return tuple(prop for entry in entries.values() for prop in lowered(entry))

@@ -1,0 +1,120 @@
+"""Checks of matched studies: `sweep team over uavs in [1, 2, 3] when mode == broadcast`."""
+
+from __future__ import annotations
+
+from lingjing.dsl.checking.blocks import BlockReader
+from lingjing.dsl.checking.scope import STATIC, UNKNOWN, Scope
+from lingjing.dsl.checking.settings import SettingsChecker
+from lingjing.dsl.checking.typenames import with_article
+from lingjing.dsl.syntax import tree as s
+from lingjing.mission import expression as ex
+from lingjing.mission import model
+from lingjing.mission.diagnostics import Related, Span
+from lingjing.mission.functions import Type
+from lingjing.mission.units import NONE
+
+MOST = 10_000
+"""Combinations of one sweep. A study of that size runs for weeks; more is a slip of the pen."""
+
+
+class StudyChecker:
+    """Checks the sweeps of one mission."""
+
+    def __init__(self, blocks: BlockReader, settings: SettingsChecker) -> None:
+        self.blocks = blocks
+        self.settings = settings
+        self.of = blocks.of
+        self.report = blocks.report
+        self.scope: Scope = blocks.of.scope
+        self.bounds: dict[str, ex.Expr | None] = {}
+        self.seen: dict[str, Span] = {}
+
+    def sweep(self, node: s.SweepLine) -> model.Sweep | None:
+        """`sweep name over param in [values], … when …`."""
+        span = self.report.span(node.name.start, node.name.end)
+        first = self.seen.setdefault(node.name.text, span)
+        if first is not span:
+            self.report(
+                "LJ0104", node.name.start, node.name.end, f"the sweep `{node.name.text}` is declared twice",
+                "choose another name", related=(Related(first, "first declared here"),),
+            )  # fmt: skip
+        with self.of.without_clock():
+            axes = [self._axis(axis) for axis in node.axes]
+            guard = self.settings.guard(node.guard)
+        names = [axis.name for axis in node.axes]
+        for position, name in enumerate(names):
+            if any(name.text == other.text for other in names[:position]):
+                self.report("LJ0103", name.start, name.end, f"`{name.text}` is swept twice")
+                return None
+        if None in axes:
+            return None
+        values = tuple(axis for axis in axes if axis is not None)
+        size = 1
+        for column in values:
+            size *= len(column)
+        if size > MOST:
+            self.report(
+                "LJ0503", node.name.start, node.axes[-1].end, f"the sweep `{node.name.text}` has {size:,} combinations",
+                f"at most {MOST:,} are possible: sweep fewer params or fewer values",
+            )  # fmt: skip
+            return None
+        return model.Sweep(name=node.name.text, parameters=tuple(n.text for n in names), values=values, when=guard)
+
+    # -- private
+
+    def _axis(self, axis: s.Axis) -> tuple[ex.Expr, ...] | None:
+        symbol = self.scope.symbols.get(axis.name.text)
+        if symbol is None or symbol.kind != "param":
+            params = [name for name, known in self.scope.symbols.items() if known.kind == "param"]
+            self.of.unknown_name(axis.name, params, "no param")
+            return None
+        node = axis.values
+        value = self.of.value(node, STATIC)
+        if value is UNKNOWN or symbol.type.kind == "any":
+            return None
+        self.blocks.leak(value.taint, node, f"the sweep over `{axis.name.text}`")
+        if value.type.kind not in ("list", "range") or value.type.item not in (None, "quantity"):
+            self.report(
+                "LJ0201", node.start, node.end, f"the values of a sweep are a list or a range, this is "
+                f"{with_article(value.type)}", f"write `{axis.name.text} in [1, 2, 3]`",
+            )  # fmt: skip
+            return None
+        if (value.type.dimension or NONE) != (symbol.type.dimension or NONE):
+            due = with_article(symbol.type)
+            given = with_article(Type("quantity", value.type.dimension or NONE))
+            self.report("LJ0203", node.start, node.end, f"`{axis.name.text}` is {due}, the values are {given}s")
+            return None
+        items = self._items(node, value.ir)
+        return items if items is not None and self._allowed(axis, items) else None
+
+    def _items(self, node: s.Expression, ir: ex.Expr) -> tuple[ex.Expr, ...] | None:
+        if isinstance(ir, ex.Sequence):
+            if not ir.items:
+                self.report("LJ0206", node.start, node.end, "a sweep over nothing")
+            return ir.items or None
+        assert isinstance(ir, ex.Range)
+        low, high = self.of.constant(ir.low), self.of.constant(ir.high)
+        if low is None or high is None or low != int(low) or high != int(high):
+            self.report("LJ0206", node.start, node.end, "a range is swept in whole numbers", "list the values instead")
+            return None
+        if high - low >= MOST:
+            self.report(
+                "LJ0503", node.start, node.end, f"the range has {high - low + 1:,.0f} values",
+                f"at most {MOST:,} are possible",
+            )  # fmt: skip
+            return None
+        unit = ir.low.unit if isinstance(ir.low, ex.Number) else ""
+        return tuple(ex.Number(float(k), unit) for k in range(int(low), int(high) + 1))
+
+    def _allowed(self, axis: s.Axis, items: tuple[ex.Expr, ...]) -> bool:
+        bounds = self.bounds.get(axis.name.text)
+        if not isinstance(bounds, ex.Range):
+            return True
+        low, high = self.of.constant(bounds.low), self.of.constant(bounds.high)
+        for item in items:
+            number = self.of.constant(item)
+            if number is not None and ((low is not None and number < low) or (high is not None and number > high)):
+                message = f"{number:g} is outside of the bounds of `{axis.name.text}`"
+                self.report("LJ0206", axis.values.start, axis.values.end, message)
+                return False
+        return True

@@ -1,0 +1,239 @@
+"""The top of a file: its version, what it uses, the types, records and presets it declares."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator
+
+from lingjing.dsl.checking import library
+from lingjing.dsl.checking.blocks import BlockReader
+from lingjing.dsl.checking.elaborate import Elaborator
+from lingjing.dsl.checking.entities import EntityChecker
+from lingjing.dsl.checking.interactions import InteractionChecker
+from lingjing.dsl.checking.scope import Declaration, Library, MissionDecl, Scope, TypeDecl
+from lingjing.dsl.checking.settings import SettingsChecker
+from lingjing.dsl.checking.types import TypeChecker
+from lingjing.dsl.source.reporter import Reporter
+from lingjing.dsl.source.suggest import did_you_mean, nearest
+from lingjing.dsl.source.text import Source
+from lingjing.dsl.syntax import tree as s
+from lingjing.dsl.syntax.parser import parse
+from lingjing.mission.diagnostics import Related
+
+VERSION = 1
+
+
+def check_library(source: Source, chain: tuple[str, ...], files: library.Files) -> library.Loaded:
+    """Check the top of a file that another one uses. Its mission, if it has one, is only named: who extends it checks
+    it."""
+    report = Reporter(source)
+    tree = parse(report)
+    file = FileChecker(report, chain, files)
+    file.declarations(tree)
+    file.of.names.report_all()
+    own = dict(file.own)
+    for item in tree.items:
+        if isinstance(item, s.MissionBlock):
+            span = report.span(item.name.start, item.name.end)
+            own.setdefault(item.name.text, MissionDecl(item.name.text, source.path, span))
+    return Library(source.path, own), tuple(report.diagnostics)
+
+
+class FileChecker:
+    """Reads the top of a file into a scope. `chain` are the files whose `use` led here, `files` those read so far."""
+
+    def __init__(self, report: Reporter, chain: tuple[str, ...] = (), files: library.Files | None = None) -> None:
+        self.report = report
+        self.files = files or library.Files()
+        self.chain = (*chain, os.path.realpath(report.source.path))
+        self.scope = Scope()
+        self.of = Elaborator(report, self.scope)
+        self.blocks = BlockReader(self.of)
+        self.settings = SettingsChecker(self.blocks)
+        self.entities = EntityChecker(self.blocks, self.settings)
+        self.types = TypeChecker(self.blocks)
+        self.interactions = InteractionChecker(self.blocks)
+        self.own: dict[str, Declaration] = {}
+
+    def declarations(self, tree: s.File, path: str | None = None) -> None:
+        """Everything but the mission. `path` is the file the tree was read from, if not the reporter's."""
+        self.scope.poisoned.update(names_in_faults(tree.items))
+        self.scope.incomplete = self.scope.incomplete or any(isinstance(item, s.Faulty) for item in tree.items)
+        self._version(tree)
+        for item in tree.items:
+            if isinstance(item, s.Use):
+                self._use(item, self.report.source.path if path is None else path)
+        for item in tree.items:
+            if isinstance(item, s.EntityBlock):
+                self._enter(item.name, self.types.type(item))
+            elif isinstance(item, s.RecordBlock):
+                self._enter(item.name, self.types.record(item))
+            elif isinstance(item, s.CameraBlock):
+                self._enter(item.name, self.types.camera(item))
+            elif isinstance(item, s.Section) and item.keyword == "weather":
+                self._enter(item.preset, self.types.weather(item))
+            elif not isinstance(item, s.Use | s.Version | s.MissionBlock | s.Faulty):
+                self.blocks.misplaced(item, "a file outside of its mission")
+        self._interactions(tree)
+
+    # -- private
+
+    def _interactions(self, tree: s.File) -> None:
+        """Once every type is known: an interaction may name the engine of one that is declared further down."""
+        roles = tuple(_roles(tree))
+        for item in tree.items:
+            decl = self.own.get(item.name.text) if isinstance(item, s.EntityBlock) else None
+            if isinstance(item, s.EntityBlock) and isinstance(decl, TypeDecl):
+                nodes = [
+                    part for part in (item.block.items if item.block else ()) if isinstance(part, s.InteractionBlock)
+                ]
+                self.interactions.type(decl, nodes, roles)
+
+    def _version(self, tree: s.File) -> None:
+        first = tree.items[0] if tree.items else None
+        if not isinstance(first, s.Version):
+            if first is not None and not isinstance(first, s.Faulty):
+                self.report(
+                    "LJ0106", first.start, first.start + 1, "the file does not say its version", "begin with `ljs 1`"
+                )
+            return
+        number = first.number
+        if isinstance(number, s.Number) and number.value != VERSION:
+            self.report(
+                "LJ0117",
+                number.start,
+                number.end,
+                f"this is version {number.value:g} of the language, known is {VERSION}",
+                f"write `ljs {VERSION}`",
+            )
+        for item in tree.items[1:]:
+            if isinstance(item, s.Version):
+                self.report("LJ0103", item.start, item.end, "the version is given twice")
+
+    def _use(self, node: s.Use, path: str) -> None:
+        words = tuple(word.text for word in node.path)
+        shown = ("." if node.relative else "") + ".".join(words)
+        start, end = node.path[0].start, node.path[-1].end
+        folder = library.folder_of(path) if node.relative else None
+        file = library.find_file(words, folder) if folder is not None or not node.relative else None
+        if file is None:
+            self._not_found(node, shown, words, folder)
+            return
+        if os.path.realpath(file) in self.chain:
+            way = [*self.chain[self.chain.index(os.path.realpath(file)) :], os.path.realpath(file)]
+            names = " → ".join(os.path.basename(part) for part in way)  # noqa: PTH119 - pathlib is not imported cold
+            self.report("LJ0120", start, end, f"`{shown}` uses itself: {names}", "move what both need to a third file")
+            return
+        if len(self.chain) >= library.LONGEST_CHAIN:
+            message = f"`{shown}` is the end of more than {library.LONGEST_CHAIN} files in a row"
+            self.report("LJ0120", start, end, message, "let fewer files use each other")
+            return
+        found, faults = library.load_library(file, self.chain, self.files)
+        first = next((fault for fault in faults if fault.severity == "error"), None)
+        if first is not None:
+            self.report(
+                "LJ0119",
+                start,
+                end,
+                f"the library `{shown}` has errors",
+                f"run `lingjing validate {file}`",
+                related=(Related(first.span, first.message),),
+            )
+        self._import(node, found, shown)
+
+    def _not_found(self, node: s.Use, shown: str, words: tuple[str, ...], folder: str | None) -> None:
+        self.scope.incomplete = True
+        known = library.known_paths(words[0], folder) if folder or not node.relative else []
+        hint = did_you_mean(shown, known)
+        if node.relative and folder is None:
+            hint = "a text that is no file has no neighbours"
+        close = nearest(shown, known)
+        self.report(
+            "LJ0118",
+            node.path[0].start,
+            node.path[-1].end,
+            f"there is no library `{shown}`",
+            hint,
+            replace=close.removeprefix(".") if close and node.relative else close,
+        )
+        if node.names is not None:
+            self.scope.poisoned.update(item.name.text for item in node.names.items if isinstance(item, s.Bare))
+        else:
+            self.scope.poisoned.update(re.findall(r"[^\W\d]\w*", self.report.source.text))
+
+    def _import(self, node: s.Use, found: Library, shown: str) -> None:
+        declared = found.declared
+        wanted = list(declared)
+        if node.names is not None:
+            wanted = []
+            for item in node.names.items:
+                if not isinstance(item, s.Bare):
+                    if not isinstance(item, s.Faulty):
+                        self.blocks.misplaced(item, "`use`")
+                    wanted = list(declared)  # some name was meant there: better all than errors wherever it is used
+                    break
+                if item.name.text in declared:
+                    wanted.append(item.name.text)
+                    continue
+                name = item.name
+                self.report(
+                    "LJ0101",
+                    name.start,
+                    name.end,
+                    f"`{shown}` declares no `{name.text}`",
+                    did_you_mean(name.text, declared),
+                    replace=nearest(name.text, declared),
+                )
+                self.scope.poisoned.add(name.text)
+                close = nearest(name.text, declared)
+                if close is not None:
+                    wanted.append(close)
+                else:
+                    self.scope.incomplete = True
+        self.scope.left_behind.update({name: shown for name in declared if name not in wanted})
+        for word in wanted:
+            self.scope.enter(declared[word])
+
+    def _enter(self, name: s.Name | None, decl: Declaration | None) -> None:
+        if name is None:
+            return
+        first = self.scope.declared(name.text)
+        if first is not None:
+            self.report(
+                "LJ0104",
+                name.start,
+                name.end,
+                f"the type `{name.text}` is declared twice",
+                "choose another name",
+                related=(Related(first.span, "first declared here"),),
+            )
+            return
+        if decl is None:
+            self.scope.poisoned.add(name.text)
+            return
+        self.own[name.text] = decl
+        self.scope.enter(decl)
+
+
+def names_in_faults(items: tuple[s.Statement, ...]) -> set[str]:
+    """Every word in faulty statements, also inside blocks: any of them may have been a declaration."""
+    found: set[str] = set()
+    waiting = list(items)
+    while waiting:
+        item = waiting.pop()
+        if isinstance(item, s.Faulty):
+            found.update(item.names)
+        block = getattr(item, "block", None)
+        if isinstance(block, s.Block):
+            waiting.extend(block.items)
+    return found
+
+
+def _roles(tree: s.File) -> Iterator[str]:
+    """The roles that agents of the file's missions play."""
+    for mission in tree.items:
+        for item in mission.block.items if isinstance(mission, s.MissionBlock) else ():
+            inner = item.item if isinstance(item, s.Override) else item
+            if isinstance(inner, s.AgentBlock):
+                yield inner.role.text

@@ -1,0 +1,333 @@
+"""Checks of the top of a file: asset and target types with verbs and interactions, presets, message records.
+
+A type may begin with another one (`asset fire_truck : car { … }`): it has all of its properties, verbs and
+interactions, and says what differs.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import msgspec
+
+from lingjing.dsl.checking.blocks import BlockReader, Entry, Key
+from lingjing.dsl.checking.equipment import CAMERA_KEYS
+from lingjing.dsl.checking.interactions import declared
+from lingjing.dsl.checking.properties import lowered
+from lingjing.dsl.checking.scope import (
+    STATIC,
+    UNKNOWN,
+    Attribute,
+    CameraDecl,
+    Environment,
+    RecordDecl,
+    Scope,
+    TypeDecl,
+    WeatherDecl,
+)
+from lingjing.dsl.checking.settings import WEATHER_KEYS
+from lingjing.dsl.checking.typenames import with_article
+from lingjing.dsl.source.suggest import did_you_mean, nearest
+from lingjing.dsl.syntax import tree as s
+from lingjing.mission import expression as ex
+from lingjing.mission import model
+from lingjing.mission.functions import DEGREES, FIELD_TYPES, FLAG, NUMBER, POSITION, TEXT, Type
+from lingjing.mission.units import BY_NAME, LENGTH, NAMED, TIME, dimension_unit, without_unit
+
+CATEGORIES = ("report", "assignment", "target_status", "other")
+SURFACES = ("ground", "road", "roof", "facade", "bridge", "pipe")
+"""Where the scene stands what is placed: `on = road` moves an entity to the nearest carriageway."""
+ANY_RELATION = ("=", "~", "<=")
+
+INTERACTION_KEYS = {
+    key.name: key
+    for key in (
+        Key("by", Type("name"), choices=None),
+        Key("within", Type("quantity", LENGTH), above=0),
+        Key("lasting", Type("quantity", TIME), low=0),
+        Key("status", Type("name")),
+        Key("aboard", FLAG),
+        Key("takes", Type("name")),
+        Key("from", Type("name")),
+        Key("gives", Type("name")),
+        Key("up_to", Type("name")),
+        Key("told", Type("name"), choices=("all", "actor", "none")),
+    )
+}
+"""`by` names the engine of who acts, `status` the target's word afterwards, `aboard` whether it is taken along.
+`takes = demand, from = load` lowers the target's `demand` by what the actor's `load` allows; `gives = load, up_to =
+payload` raises the actor's `load` to its `payload`. `told` says which agents learn of it
+(`lingjing.kernel.announcements`)."""
+COMMON_KEYS = {
+    key.name: key
+    for key in (
+        Key("position", POSITION, ("=", "~"), hideable=True, public=False),
+        Key("heading", DEGREES, ("=", "~"), hideable=True, public=False),
+        Key("label", TEXT),
+        Key("labels", Type("list", item="text")),
+        Key("on", Type("name"), choices=SURFACES),
+    )
+}
+"""What every entity may be given, whatever its type."""
+
+
+class TypeChecker:
+    """One method a declaration; each gives it, or None if it is faulty."""
+
+    def __init__(self, blocks: BlockReader) -> None:
+        self.blocks = blocks
+        self.of = blocks.of
+        self.report = blocks.report
+        self.scope: Scope = blocks.of.scope
+
+    def type(self, node: s.EntityBlock) -> TypeDecl | None:
+        """An asset or target type: engine, properties, verbs, interactions."""
+        if node.index is not None or node.guard is not None:
+            wrong = node.index or node.guard
+            assert wrong is not None
+            self.report(
+                "LJ0110",
+                wrong.start,
+                wrong.end,
+                f"outside of a mission `{node.keyword} {node.name.text}` declares a type",
+                f"write `{node.keyword} {node.name.text} {{ … }}`",
+            )
+        base = self._base(node)
+        attributes: dict[str, Attribute] = dict(base.attributes) if base else {}
+        verbs: dict[str, model.Verb] = dict(base.verbs) if base else {}
+        interactions: dict[str, model.Interaction] = dict(base.interactions) if base else {}
+        engine = base.engine if base else ""
+        own: list[model.Property] = []
+        seen: dict[str, s.Property] = {}
+        said: set[str] = set()
+        for item in node.block.items if node.block else ():
+            if isinstance(item, s.Property) and item.name.text == "engine":
+                engine = self._engine(item, seen)
+            elif isinstance(item, s.Property):
+                entry = self._type_property(item, seen, base)
+                if entry is not None:
+                    attribute = attributes[item.name.text] = _attribute(entry, self, attributes.get(item.name.text))
+                    own.extend(lowered(entry, inherited=True, hidden=bool(attribute.taint), state=attribute.state))
+            elif isinstance(item, s.VerbLine):
+                self._add_verb(item, verbs, said)
+            elif isinstance(item, s.InteractionBlock):
+                entries = self._interaction(item)
+                name = item.name.text
+                interactions[name] = declared(name, entries, interactions.get(name))
+            elif not isinstance(item, s.Faulty):
+                self.blocks.misplaced(
+                    item, f"the {node.keyword} type `{node.name.text}`", ("engine", "verb", "interaction")
+                )
+        faulty = any(isinstance(item, s.Faulty) for item in (node.block.items if node.block else ()))
+        if not engine and "engine" not in seen and not faulty and node.type is None:
+            self.report(
+                "LJ0106",
+                node.name.start,
+                node.name.end,
+                f"the type `{node.name.text}` lacks `engine`",
+                "add `engine = …`: who moves it",
+            )
+        self._crowd(node, attributes)
+        given = {prop.name for prop in own}
+        kept = tuple(prop for prop in (base.properties if base else ()) if prop.name not in given)
+        return TypeDecl(
+            node.name.text,
+            node.keyword,
+            engine,
+            attributes,
+            (*kept, *own),
+            verbs,
+            interactions,
+            self.report.span(node.name.start, node.name.end),
+            (base.name, *base.bases) if base else (),
+        )
+
+    def camera(self, node: s.CameraBlock) -> CameraDecl | None:
+        """`camera nadir_hd { … }`: a preset that a mission's cameras may begin with."""
+        if node.type is not None:
+            self.report("LJ0110", node.type.start, node.type.end, "a camera preset has no other to begin with")
+        keys = {name: msgspec.structs.replace(key, required=False) for name, key in CAMERA_KEYS.items()}
+        entries = self.blocks.read(node.block, keys, f"the camera `{node.name.text}`", owner=node.name)
+        return CameraDecl(node.name.text, entries, self.report.span(node.name.start, node.name.end))
+
+    def weather(self, node: s.Section) -> WeatherDecl | None:
+        """`weather storm { … }`: a preset that a mission's weather may begin with."""
+        name = node.preset
+        if name is None:
+            self.report(
+                "LJ0107", node.start, node.start + len("weather"), "outside of a mission a weather has a name",
+                "write `weather storm { … }`",
+            )  # fmt: skip
+            return None
+        entries = self.blocks.read(node.block, WEATHER_KEYS, f"the weather `{name.text}`")
+        return WeatherDecl(name.text, entries, self.report.span(name.start, name.end))
+
+    def record(self, node: s.RecordBlock) -> RecordDecl | None:
+        """`record name : category { fields }`."""
+        category = node.category
+        if category.text not in CATEGORIES:
+            self.report(
+                "LJ0109",
+                category.start,
+                category.end,
+                f"no category of messages is called `{category.text}`",
+                did_you_mean(category.text, CATEGORIES),
+                replace=nearest(category.text, CATEGORIES),
+            )
+        fields: dict[str, model.Field] = {}
+        for item in node.block.items:
+            if isinstance(item, s.FieldLine):
+                field = self._field(item.typed)
+                if field is not None and field.name in fields:
+                    self.report("LJ0103", item.start, item.end, f"the field `{field.name}` is given twice")
+                elif field is not None:
+                    fields[field.name] = field
+            elif not isinstance(item, s.Faulty):
+                self.blocks.misplaced(item, f"the record `{node.name.text}`")
+        if category.text not in CATEGORIES:
+            return None
+        kind: Literal["report", "assignment", "target_status", "other"] = category.text  # type: ignore[assignment]
+        return RecordDecl(
+            node.name.text, kind, tuple(fields.values()), self.report.span(node.name.start, node.name.end)
+        )
+
+    # -- private
+
+    def _base(self, node: s.EntityBlock) -> TypeDecl | None:
+        if node.type is None:
+            return None
+        base = self.scope.types.get(node.type.text)
+        if base is None:
+            self.of.unknown_name(node.type, list(self.scope.types), f"no {node.keyword} type")
+            return None
+        if base.role != node.keyword:
+            kind = "an asset" if base.role == "asset" else "a target"
+            self.report("LJ0112", node.type.start, node.type.end, f"`{base.name}` is {kind} type")
+            return None
+        return base
+
+    def _engine(self, item: s.Property, seen: dict[str, s.Property]) -> str:
+        if "engine" in seen:
+            self.blocks.duplicate(item.name, seen["engine"].name, "`engine` is given twice")
+        seen["engine"] = item
+        if item.relation == "=" and isinstance(item.value, s.Name):
+            return item.value.text
+        self.report(
+            "LJ0201", item.value.start, item.value.end, "an engine's name is due here", "write `engine = vessel`"
+        )
+        return ""
+
+    def _type_property(self, item: s.Property, seen: dict[str, s.Property], base: TypeDecl | None) -> Entry | None:
+        name = item.name
+        if name.text in seen:
+            self.blocks.duplicate(name, seen[name.text].name, f"`{name.text}` is given twice")
+            return None
+        seen[name.text] = item
+        known = base.attributes.get(name.text) if base else None
+        key = COMMON_KEYS.get(name.text) or Key(
+            name.text, known.type if known else Type("any"), ANY_RELATION, hideable=True, public=False
+        )
+        if item.guard is not None:
+            self.report("LJ0307", item.guard.start, item.guard.end, f"`{name.text}` cannot depend on a condition")
+            return None
+        if key.type.kind == "any" and isinstance(item.value, s.Name) and item.value.text not in self.scope.symbols:
+            key = Key(name.text, Type("name"), ANY_RELATION)
+        parts = self.blocks.parts(item.value, key, item.relation, STATIC)
+        if any(part is UNKNOWN for part in parts) or self._ends_like_a_unit(item, parts[0].type):
+            return None
+        self.blocks.check_state(item, parts[0].type)
+        return Entry(item, Key(name.text, parts[0].type, ANY_RELATION), parts)
+
+    def _ends_like_a_unit(self, item: s.Property, kind: Type) -> bool:
+        """`load_kg = 5` would be taken for the mass `load = 5 kg`, which is how the graph calls it."""
+        plain = without_unit(item.name.text)
+        if kind != NUMBER or plain == item.name.text:
+            return False
+        place, named = item.name, next(n for n in NAMED if n.suffix == item.name.text.removeprefix(plain))
+        message = f"`{place.text}` is how {with_article(Type('quantity', named.dimension))} `{plain}` is kept"
+        self.report("LJ0202", place.start, place.end, message, f"write `{plain} = … {named.unit}`")
+        return True
+
+    def _crowd(self, node: s.EntityBlock, attributes: dict[str, Attribute]) -> None:
+        """Who comes and goes is counted: rates change a state `people` without a unit."""
+        rate = next((name for name in ("arrivals", "departures") if name in attributes), None)
+        people = attributes.get("people")
+        if node.keyword == "target" and rate and (people is None or not people.state or people.type != NUMBER):
+            message = f"`{rate}` counts people, `{node.name.text}` lacks a state for them"
+            self.report("LJ0106", node.name.start, node.name.end, message, "add `state people = 0`, without a unit")
+
+    def _add_verb(self, node: s.VerbLine, verbs: dict[str, model.Verb], said: set[str]) -> None:
+        if node.name.text in said:
+            self.report("LJ0104", node.name.start, node.name.end, f"the verb `{node.name.text}` is declared twice")
+            return
+        said.add(node.name.text)
+        arguments = []
+        for parameter in node.parameters:
+            argument = self._verb_argument(parameter)
+            if argument is not None:
+                arguments.append(argument)
+        verbs[node.name.text] = model.Verb(name=node.name.text, arguments=tuple(arguments))
+
+    def _verb_argument(self, node: s.Typed) -> model.Argument | None:
+        name = node.name.text
+        if node.type.text == "name":
+            return model.Argument(name=name, dimension="name", optional=node.optional)
+        known = BY_NAME.get(node.type.text)
+        if known is None:
+            self._no_type(node.type, ["name", *BY_NAME])
+            return None
+        low, high = self._limits(node, Type("quantity", known.dimension))
+        unit = dimension_unit(known.dimension)
+        return model.Argument(name=name, dimension=unit, minimum=low, maximum=high, optional=node.optional)
+
+    def _limits(self, node: s.Typed, kind: Type) -> tuple[ex.Expr | None, ex.Expr | None]:
+        if node.bounds is None:
+            return None, None
+        due = Type("range", kind.dimension)
+        value = self.of.expect(node.bounds, STATIC, due, f"the bounds of `{node.name.text}`")
+        if not isinstance(value.ir, ex.Range):
+            return None, None
+        return value.ir.low, value.ir.high
+
+    def _no_type(self, node: s.Name, known: list[str]) -> None:
+        self.report(
+            "LJ0109",
+            node.start,
+            node.end,
+            f"no type is called `{node.text}`",
+            did_you_mean(node.text, known),
+            replace=nearest(node.text, known),
+        )
+
+    def _field(self, node: s.Typed) -> model.Field | None:
+        measured = BY_NAME.get(node.type.text)
+        if node.type.text not in FIELD_TYPES and measured is None:
+            self._no_type(node.type, [*FIELD_TYPES, *BY_NAME])
+            return None
+        low, high = self._limits(node, Type("quantity", measured.dimension) if measured else NUMBER)
+        if node.bounds is not None and measured is None:
+            self.report("LJ0201", node.bounds.start, node.bounds.end, "only a number has bounds")
+        minimum = None if low is None else self.of.constant(low)
+        maximum = None if high is None else self.of.constant(high)
+        kind = "number" if measured else node.type.text
+        return model.Field(
+            name=node.name.text,
+            type=kind,  # type: ignore[arg-type]
+            optional=node.optional,
+            minimum=minimum,
+            maximum=maximum,
+            unit=dimension_unit(measured.dimension) if measured else "",
+        )
+
+    def _interaction(self, node: s.InteractionBlock) -> dict[str, Entry]:
+        what = f"the interaction `{node.name.text}`"
+        return self.blocks.read(node.block, INTERACTION_KEYS, what, environment=Environment())
+
+
+def _attribute(entry: Entry, checker: TypeChecker, base: Attribute | None) -> Attribute:
+    """What the base hides stays hidden whatever value it is given, and what changes in a run goes on changing."""
+    item = entry.node
+    taint = base.taint if base is not None else ()
+    taint = (checker.of.step(f"`{item.name.text}`", item),) if item.hidden else taint
+    kind = entry.key.type if entry.key.type.kind != "any" else entry.value.type
+    return Attribute(kind, taint, item.state or (base is not None and base.state))

@@ -1,0 +1,149 @@
+"""Names nobody declared: collected while a file is checked, reported at its end.
+
+Only the whole file shows which end is wrong. If an unknown name is used several times and resembles a declared one that
+nothing mentions, the declaration is what was misspelt, and one error says so there; else every use is an error.
+"""
+
+from __future__ import annotations
+
+import re
+
+import msgspec
+
+from lingjing.dsl.checking.scope import Scope
+from lingjing.dsl.source.reporter import Reporter
+from lingjing.dsl.source.suggest import did_you_mean, nearest
+from lingjing.dsl.syntax import tree as s
+from lingjing.mission.diagnostics import Related, Span
+
+_MOST_RELATED = 5
+_SYNTAX = ("LJ0010", "LJ0011", "LJ0006", "LJ0001")
+_DECLARES_VALUES = ("param", "region", "grid", "target", "asset")
+_LOOKED_FOR_AS = {
+    "agent": ("agent", "role"),
+    "message": ("message kind",),
+    "adjudicate": ("function",),
+    "stage": ("stage",),
+}
+"""Keyword of a declaration → how `Use.what` calls what it declares; the others declare values."""
+_HEADS = {
+    **{word: re.compile(rf"{word} +\w") for word in ("message", "adjudicate", "stage", *_DECLARES_VALUES)},
+    "agent": re.compile(r"agent +\w+ *(\[[^\]]*\])? *as +(?!controls\b|when\b)\w"),
+}
+"""A declaration whose name is whole."""
+_FROM_LIBRARIES = ("no asset type", "no target type", "no type", "no message record", "no interaction")
+
+
+class Use(msgspec.Struct, frozen=True):
+    """One place where an unknown name stands; `known` is what it could have been, `what` what was looked for."""
+
+    node: s.Name
+    known: tuple[str, ...]
+    what: str
+
+
+class UnknownNames:
+    """The unknown names of one file."""
+
+    def __init__(self, report: Reporter, scope: Scope) -> None:
+        self.report = report
+        self.scope = scope
+        self.uses: dict[str, list[Use]] = {}
+
+    def note(self, node: s.Name, known: list[str], what: str) -> None:
+        """Remember a name that was not found; `what` begins the message: `nothing`, `no role`."""
+        self.uses.setdefault(node.text, []).append(Use(node, tuple(known), what))
+
+    def report_all(self) -> None:
+        """Report what was noted."""
+        lost = self._lost()
+        for name, uses in self.uses.items():
+            if self.report.full:
+                break
+            if name in lost or self._was_in_a_fault(name):
+                continue
+            declared = self._misspelt_declaration(name, uses)
+            if declared is not None:
+                self._at_declaration(name, *declared, uses)
+                continue
+            for use in uses:
+                self._at_use(use)
+        self.uses.clear()
+
+    def _lost(self) -> set[str]:
+        """Names whose declarations are elsewhere known to be faulty: one that lost its name, or took another's.
+
+        For each such declaration the most used unknown name of its kind.
+        """
+        found: set[str] = set()
+        for keyword in self._nameless():
+            kinds = _LOOKED_FOR_AS.get(keyword, ("nothing", "group"))
+            fitting = [
+                (len(uses), name)
+                for name, uses in self.uses.items()
+                if name not in found and any(kind in uses[0].what for kind in kinds)
+            ]
+            if fitting:
+                found.add(max(fitting)[1])
+        return found
+
+    def _nameless(self) -> list[str]:
+        """The keywords of declarations whose own name cannot be what the author meant."""
+        found = []
+        source = self.report.source
+        for item in self.report.diagnostics:
+            line = source.line_text(item.span.line).strip()
+            keyword = line.split(None, 1)[0] if line else ""
+            if item.code == "LJ0104" and item.related:
+                first = source.line_text(item.related[0].span.line).strip()
+                if first != line and (keyword in _LOOKED_FOR_AS or keyword in _DECLARES_VALUES):
+                    found.append(keyword)
+            elif item.code in _SYNTAX and keyword in _HEADS and not _HEADS[keyword].match(line):
+                found.append(keyword)
+        return found
+
+    def _was_in_a_fault(self, name: str) -> bool:
+        """Whether a faulty statement may have declared it: the name, run together with another, or misspelt."""
+        poisoned = self.scope.poisoned
+        if name in poisoned or nearest(name, poisoned) is not None:
+            return True
+        return len(name) > 2 and any(word.startswith(name) or word.endswith(name) for word in poisoned)
+
+    def _at_use(self, use: Use) -> None:
+        node, name = use.node, use.node.text
+        library = self.scope.left_behind.get(name)
+        if self.scope.incomplete and (library is not None or use.what in _FROM_LIBRARIES):
+            return
+        hint = f"add it: `use {library} {{ {name} }}`" if library else did_you_mean(name, use.known)
+        close = None if library else nearest(name, use.known)
+        self.report("LJ0101", node.start, node.end, f"{use.what} is called `{name}`", hint, replace=close)
+
+    def _at_declaration(self, name: str, declared: str, span: Span, uses: list[Use]) -> None:
+        related = tuple(
+            Related(self.report.span(use.node.start, use.node.end), f"`{name}` is used here")
+            for use in uses[:_MOST_RELATED]
+        )
+        message = f"`{declared}` is declared, but `{name}` is what the rest of the file uses"
+        self.report("LJ0101", span.start, span.end, message, f"did you mean `{name}`?", related=related, replace=name)
+
+    def _misspelt_declaration(self, name: str, uses: list[Use]) -> tuple[str, Span] | None:
+        if len(uses) < 2:
+            return None
+        close = nearest(name, uses[0].known)
+        span = self._declaration(close) if close else None
+        if close is None or span is None or span.path != self.report.source.path:
+            return None
+        mentioned = len(re.findall(rf"(?<!\w){re.escape(close)}(?!\w)", self.report.source.text))
+        return (close, span) if mentioned == 1 else None
+
+    def _declaration(self, name: str) -> Span | None:
+        scope = self.scope
+        if name in scope.symbols:
+            return scope.symbols[name].span
+        for table in (scope.rules, scope.types):
+            if name in table:
+                return table[name].span
+        for pairs in (scope.messages, scope.stages):
+            if name in pairs:
+                return pairs[name][1]
+        return scope.agents.get(name) or scope.roles.get(name)

@@ -1,0 +1,90 @@
+"""Checks of what agents read: goals and prompts with their typed holes `{altitude}`, `{uav[i].position}`.
+
+A hole names a param, a region, a grid, an entity, one of an entity's public properties, the mode or an index variable.
+It is filled when the mission is instantiated (`lingjing.mission.wording`). Two braces stand for one.
+"""
+
+from __future__ import annotations
+
+import re
+
+from lingjing.dsl.checking.blocks import BlockReader
+from lingjing.dsl.checking.scope import STATIC, Environment, Scope
+from lingjing.dsl.checking.typenames import with_article
+from lingjing.dsl.source.suggest import did_you_mean, nearest
+from lingjing.dsl.syntax import tree as s
+from lingjing.mission.functions import Type
+from lingjing.mission.wording import HOLE, PATH
+
+_SHOWN = frozenset(
+    ("quantity", "text", "name", "flag", "position", "entity", "group", "region", "grid", "list", "range", "any")
+)
+
+
+class WordingChecker:
+    """Checks the texts of one mission."""
+
+    def __init__(self, blocks: BlockReader) -> None:
+        self.blocks = blocks
+        self.report = blocks.report
+        self.scope: Scope = blocks.of.scope
+
+    def text(self, node: s.TextLine, environment: Environment = STATIC) -> str:
+        """A goal or a prompt; reports holes that name nothing, cannot be shown, or would tell what is hidden."""
+        raw = self.report.source.text[node.text.start : node.text.end]
+        if "{" in raw:
+            for hole in HOLE.finditer(raw):
+                if hole[1] is not None:
+                    self._hole(node, hole, environment)
+        return node.text.value
+
+    # -- private
+
+    def _hole(self, node: s.TextLine, hole: re.Match[str], environment: Environment) -> None:
+        start, end = node.text.start + hole.start(), node.text.start + hole.end()
+        match = PATH.fullmatch(hole[1])
+        if match is None:
+            hint = "a hole is `{name}`, `{name.field}` or `{name[1].field}`; write `{{` for a brace"
+            self.report("LJ0121", start, end, f"`{hole[1].strip()}` is no name", hint)
+            return
+        name, index, field = match["name"], match["index"], match["field"]
+        if name in environment.locals or name == "mode":
+            return
+        symbol = self.scope.symbols.get(name)
+        if symbol is None:
+            if name not in self.scope.poisoned:
+                known = [*self.scope.symbols, *environment.locals]
+                close = nearest(name, known)
+                replace = None if close is None else "{" + hole[1].replace(name, close, 1) + "}"
+                self.report(
+                    "LJ0101", start, end, f"nothing is called `{name}`", did_you_mean(name, known), replace=replace
+                )
+            return
+        if index and not index.isdigit() and index not in environment.locals:
+            known = list(environment.locals)
+            self.report("LJ0101", start, end, f"nothing is called `{index}`", did_you_mean(index, known))
+            return
+        place = s.Broken(start, end)
+        if field is None:
+            self._shown(symbol.type, place)
+            self.blocks.leak(symbol.taint, place, f"the {node.keyword}'s text")
+            return
+        self._field(node, name, field, place)
+
+    def _field(self, node: s.TextLine, name: str, field: str, place: s.Node) -> None:
+        info = self.scope.groups.get(name)
+        if info is None:
+            kind = with_article(self.scope.symbols[name].type)
+            self.report("LJ0102", place.start, place.end, f"`{name}` is {kind} and has no field `{field}`")
+            return
+        attribute = info.attributes.get(field)
+        if attribute is None:
+            hint = did_you_mean(field, info.attributes)
+            self.report("LJ0102", place.start, place.end, f"`{name}` has no field `{field}`", hint)
+            return
+        self._shown(attribute.type, place)
+        self.blocks.leak(attribute.taint, place, f"the {node.keyword}'s text")
+
+    def _shown(self, kind: Type, place: s.Node) -> None:
+        if kind.kind not in _SHOWN:
+            self.report("LJ0121", place.start, place.end, f"{with_article(kind)} cannot be put into words")

@@ -1,0 +1,74 @@
+"""A text → `Mission` and diagnostics: parse, check, and look whether the mission can be won and played."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from lingjing.dsl.source.text import Source
+
+if TYPE_CHECKING:
+    from lingjing.dsl.feasibility.absent import Offers
+    from lingjing.mission.diagnostics import Diagnostic
+    from lingjing.mission.model import Mission
+
+
+class Compilation(msgspec.Struct, frozen=True):
+    """The outcome of one compilation: `mission` is None if there is an error, or if the file holds types only."""
+
+    mission: Mission | None
+    diagnostics: tuple[Diagnostic, ...]
+    source: Source
+
+
+def compile_text(text: str, *, path: str = "<string>") -> Compilation:
+    """Compile a mission's text. Never raises for what the text says."""
+    return compile_source(Source(text, path))
+
+
+def compile_file(path: str) -> Compilation:
+    """Compile a mission file; `UsageError` if it cannot be read as text."""
+    from lingjing.dsl.source.text import read_source
+
+    return compile_source(read_source(path))
+
+
+def compile_source(source: Source, *, offers: Offers | None = None) -> Compilation:
+    """Compile a source: parse, check, lower if there was no error, and look whether the mission can be won.
+
+    With `offers` (the names that plug-ins offer) a scene or an engine that is not installed is a warning.
+    """
+    from lingjing.dsl.syntax.collector import collector_at_rest
+
+    with collector_at_rest():
+        return _compile(source, offers)
+
+
+def _compile(source: Source, offers: Offers | None) -> Compilation:
+    from lingjing.dsl.checking.checker import check
+    from lingjing.dsl.checking.lower import lower
+    from lingjing.dsl.feasibility.infeasible import infeasible
+    from lingjing.dsl.feasibility.refused import refused
+    from lingjing.dsl.source.reporter import Reporter
+    from lingjing.dsl.syntax.parser import parse
+    from lingjing.mission.diagnostics import has_errors, in_source_order
+
+    report = Reporter(source)
+    if not source.text.strip():
+        report("LJ0007", 0, 0, "the file is empty", "begin with `ljs 1`; the shipped mission `ssr` is an example")
+        return Compilation(None, tuple(report.diagnostics), source)
+    tree = parse(report)
+    checked = check(tree, report)
+    diagnostics = in_source_order(tuple(report.diagnostics))
+    if checked is None or has_errors(diagnostics):
+        return Compilation(None, diagnostics, source)
+    mission = lower(checked, report.source)
+    infeasible(mission, tree, report)
+    refused(mission, tree, report)
+    if offers is not None:
+        from lingjing.dsl.feasibility.absent import absent
+
+        absent(mission, tree, report, offers)
+    diagnostics = in_source_order(tuple(report.diagnostics))
+    return Compilation(None if has_errors(diagnostics) else mission, diagnostics, source)

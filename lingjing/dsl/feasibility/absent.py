@@ -1,0 +1,53 @@
+"""`absent`: scenes and engines that a mission names and nobody here offers.
+
+A warning and no error: the mission may be right and be played elsewhere, where the plug-in is installed. Who offers
+what is the caller's to say, because plug-ins lie behind the language; `BUILTIN` spares it the look in most cases.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+from lingjing.dsl.checking.builtin import BUILTIN, Offered
+from lingjing.dsl.source.reporter import Reporter
+from lingjing.dsl.source.suggest import did_you_mean
+from lingjing.dsl.syntax import tree as s
+from lingjing.mission.model import Mission
+
+Offers = Callable[[Offered], tuple[str, ...]]
+"""The names that are installed, sorted; called only for a name that is not `BUILTIN`."""
+
+
+def absent(mission: Mission, tree: s.File, report: Reporter, offers: Offers) -> None:
+    """Warn of every scene and engine that is not installed, once each, where the mission names it."""
+    node = next((item for item in tree.items if isinstance(item, s.MissionBlock)), None)
+    if node is None:
+        return
+    for kind, name, owner in missing(mission, offers):
+        place = _place(node, kind, owner)
+        what = f"no {kind} called `{name}` is installed"
+        report("LJ0505", place.start, place.end, what, did_you_mean(name, offers(kind)), severity="warning")
+
+
+def missing(mission: Mission, offers: Offers) -> Iterator[tuple[Offered, str, str]]:
+    """Kind, name and the entity group that asks for it ("" for the scene)."""
+    seen: set[tuple[Offered, str]] = set()
+    wanted: list[tuple[Offered, str, str]] = [("scene", mission.scene.kind, "")]
+    wanted += [("engine", group.engine, group.name) for group in mission.groups]
+    for kind, name, owner in wanted:
+        if (kind, name) in seen or name in BUILTIN[kind]:
+            continue
+        seen.add((kind, name))
+        if name not in offers(kind):
+            yield kind, name, owner
+
+
+def _place(node: s.MissionBlock, kind: Offered, owner: str) -> s.Name:
+    """Where the mission says it; what stands in a base mission is shown where that is named."""
+    for item in node.block.items:
+        inner = item.item if isinstance(item, s.Override) else item
+        if kind == "scene" and isinstance(inner, s.SceneBlock):
+            return inner.kind
+        if kind == "engine" and isinstance(inner, s.EntityBlock) and inner.name.text == owner:
+            return inner.type or inner.name
+    return node.base or node.name

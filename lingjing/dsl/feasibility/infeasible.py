@@ -1,0 +1,75 @@
+"""`infeasible`: what `lingjing.mission.feasibility` proves becomes diagnostics at the declarations it is about.
+
+Runs over a mission without errors. What is no more than a hint (`feasibility.wide`, `feasibility.start`), or holds in
+some modes only while another can be won, becomes a warning. A declaration
+that stands in a base mission is shown where that is named.
+"""
+
+from __future__ import annotations
+
+from lingjing.dsl.source.reporter import Reporter
+from lingjing.dsl.syntax import tree as s
+from lingjing.mission.diagnostics import Related, Severity
+from lingjing.mission.feasibility import Proof, prove
+from lingjing.mission.feasibility.start import won_at_start
+from lingjing.mission.feasibility.wide import too_wide
+from lingjing.mission.model import Mission
+
+_Place = tuple[int, int]
+
+
+def infeasible(mission: Mission, tree: s.File, report: Reporter) -> None:
+    """Report every proof that the mission cannot be won, and every hint."""
+    proofs, hints = prove(mission), (*too_wide(mission), *won_at_start(mission))
+    node = next((item for item in tree.items if isinstance(item, s.MissionBlock)), None)
+    if not (proofs or hints) or node is None:
+        return
+    places = _places(node)
+    head = node.base or node.name
+    for proof in (*proofs, *hints):
+        start, end = places.get(proof.at, (head.start, head.end))
+        related = _related(proof, places, report)
+        severity: Severity = "warning" if proof in hints or proof.partly else "error"
+        report(proof.code, start, end, proof.message, proof.hint, related=related, severity=severity)
+
+
+def _related(proof: Proof, places: dict[str, _Place], report: Reporter) -> tuple[Related, ...]:
+    known = {path: why for path, why in proof.related if path in places and path != proof.at}
+    return tuple(Related(report.span(*places[path]), why) for path, why in known.items())
+
+
+def _places(node: s.MissionBlock) -> dict[str, _Place]:
+    """Where each declaration of the mission itself is named, by its path."""
+    found: dict[str, _Place] = {}
+    for item in node.block.items:
+        for path, place in _named(item.item if isinstance(item, s.Override) else item):
+            found.setdefault(path, place)
+    return found
+
+
+def _named(item: s.Statement) -> list[tuple[str, _Place]]:
+    match item:
+        case s.EntityBlock():
+            return [(f"{item.keyword}/{item.name.text}", _at(item.name))]
+        case s.RuleBlock():
+            return [(f"rule/{item.name.text}", _at(item.name))]
+        case s.UnlockLine():
+            return [(f"unlock/{item.name.text}", _at(item.name))]
+        case s.MessageLine():
+            return [(f"message/{item.name.text}", _at(item.name))]
+        case s.LimitLine():
+            return [(f"limit/{item.name.text}", _at(item.name))]
+        case s.StageBlock():
+            inner = [pair for part in item.block.items for pair in _named(part)]
+            return [(f"stage/{item.name.text}", _at(item.name)), *inner]
+        case s.RelationLine():
+            return [(f"{item.kind.text}/{item.source.text}/{item.target.text}", (item.source.start, item.target.end))]
+        case s.Outcome():
+            return [(item.keyword, (item.start, item.start + len(item.keyword)))]
+        case s.Section(keyword="budget"):
+            return [(f"budget/{p.name.text}", (p.start, p.end)) for p in item.block.items if isinstance(p, s.Property)]
+    return []
+
+
+def _at(name: s.Name) -> _Place:
+    return name.start, name.end

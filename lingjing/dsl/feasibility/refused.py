@@ -1,0 +1,60 @@
+"""`refused`: what playing a mission would refuse becomes diagnostics at the declarations that say it.
+
+Runs over a mission without errors, so that what validates runs. A declaration that stands in a base mission is shown
+where that is named.
+"""
+
+from __future__ import annotations
+
+from lingjing.dsl.source.reporter import Reporter
+from lingjing.dsl.syntax import tree as s
+from lingjing.mission.model import Mission
+from lingjing.mission.trial import trial
+
+_Place = tuple[int, int]
+_TOO_MANY_PLACES = "LJ0611"
+
+
+def refused(mission: Mission, tree: s.File, report: Reporter) -> None:
+    """Report everything for which no instance of the mission could be played."""
+    node = next((item for item in tree.items if isinstance(item, s.MissionBlock)), None)
+    if node is None:
+        return
+    crowded = any(item.code == _TOO_MANY_PLACES for item in report.diagnostics)
+    for refusal in trial(mission):
+        if crowded and refusal.code == "LJ0507":
+            continue  # proved for every seed, and said with the numbers
+        start, end = _place(node, refusal.path)
+        report(refusal.code, start, end, refusal.message, refusal.hint)
+
+
+def _place(node: s.MissionBlock, path: str) -> _Place:
+    """Where the node of a path is declared, as near as the text says it."""
+    _, _, rest = path.partition("/")
+    owner, _, name = rest.partition("/")
+    owner = owner.partition("[")[0]
+    for item in node.block.items:
+        inner = item.item if isinstance(item, s.Override) else item
+        head = _head(inner, owner)
+        if head is not None:
+            return _property(inner, name) or head
+    head_name = node.base or node.name
+    return head_name.start, head_name.end
+
+
+def _head(item: s.Statement, owner: str) -> _Place | None:
+    if isinstance(item, s.Section):
+        return (item.start, item.start + len(item.keyword)) if item.keyword == owner else None
+    if isinstance(item, s.SceneBlock):
+        return (item.kind.start, item.kind.end) if owner == "scene" else None
+    name = getattr(item, "name", None)
+    return (name.start, name.end) if isinstance(name, s.Name) and name.text == owner else None
+
+
+def _property(item: s.Statement, name: str) -> _Place | None:
+    """The line of a block that a property of the graph comes from: `height` for `height_low_m`."""
+    block = getattr(item, "block", None)
+    items = block.items if isinstance(block, s.Block) else ()
+    lines = [line for line in items if isinstance(line, s.Property | s.CameraBlock)]
+    found = [line for line in lines if name == line.name.text or name.startswith(f"{line.name.text}_")]
+    return (found[0].name.start, found[0].name.end) if found else None

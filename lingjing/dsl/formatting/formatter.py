@@ -1,0 +1,281 @@
+"""The formatter: one layout for one meaning, the author's words untouched.
+
+What is decided here: indentation (two spaces), spaces between tokens, columns, line breaks in what
+is wider than `WIDTH`, at most one blank line. What stays the author's: comments, units and the spelling of
+numbers, which statements share a line, which blocks are spread over lines, where blank lines are. A separator at the
+end of a line is dropped, because the line's end separates.
+
+Invariants, asserted on every call: the tokens but for newlines and separators, the comments and the syntax tree but
+for its offsets are the same before and after.
+"""
+
+from __future__ import annotations
+
+import re
+from functools import cache
+from typing import Any
+
+import msgspec
+
+from lingjing.dsl.formatting.columns import Row, align, with_columns
+from lingjing.dsl.formatting.layout import Block, Comment, Statement, Word, lay_out
+from lingjing.dsl.formatting.spacing import Spelling, spell, text_of
+from lingjing.dsl.source.reporter import Reporter
+from lingjing.dsl.source.text import Source
+from lingjing.dsl.syntax import tree as s
+from lingjing.dsl.syntax.collector import collector_at_rest
+from lingjing.dsl.syntax.lexer import lex
+from lingjing.dsl.syntax.parser import parse_tokens
+from lingjing.dsl.syntax.tokens import STATEMENTS, Token
+from lingjing.mission.diagnostics import Diagnostic, in_source_order
+
+WIDTH = 120
+"""Columns of a line; comments and single words may be longer."""
+_CONTINUATION = 4
+_LINE_END = frozenset(("NL", "SEP", "$END"))
+_OPENING, _CLOSING = Token("LBRACE", "{", 0, 0), Token("RBRACE", "}", 0, 0)
+_COMMENT = re.compile(r"#[^\r\n]*")
+
+
+class Formatted(msgspec.Struct, frozen=True):
+    """The outcome: `text` is None if the file has syntax errors, which `diagnostics` then holds."""
+
+    text: str | None
+    diagnostics: tuple[Diagnostic, ...] = ()
+
+
+def format_text(text: str, *, path: str = "<string>") -> Formatted:
+    """Format a text; see `format_source`."""
+    return format_source(Source(text, path))
+
+
+def format_source(source: Source) -> Formatted:
+    """Format a source. A file with syntax errors is not touched; other errors do not matter here."""
+    with collector_at_rest():
+        return _formatted(source)
+
+
+def _formatted(source: Source) -> Formatted:
+    tokens, tree, diagnostics = _read(source)
+    if diagnostics:
+        return Formatted(None, diagnostics)
+    block = lay_out(source.text, tokens, tree)
+    rows = _Writer().block(block, 0)
+    text = "".join(f"{row.line()}\n" for row in rows)
+    _assert_same(source, tokens, tree, text)
+    return Formatted(text)
+
+
+def _read(source: Source) -> tuple[list[Token], s.File, tuple[Diagnostic, ...]]:
+    report = Reporter(source)
+    tokens = lex(source.text, report)
+    tree = s.File(0, 0, ()) if tokens is None else parse_tokens(tokens, report)
+    diagnostics = in_source_order(tuple(d for d in report.diagnostics if d.severity == "error"))
+    return tokens or [], tree, diagnostics
+
+
+class _Writer:
+    """Blocks to rows."""
+
+    def block(self, block: Block, level: int) -> list[Row]:
+        """The rows of a block's inside."""
+        rows: list[Row] = []
+        for item in block.items:
+            self._comments(rows, item.leading, level)
+            if item.blank_before and rows:
+                rows.append(Row(level, ""))
+            self._add(rows, item, level)
+        self._comments(rows, block.tail, level)
+        align(rows, WIDTH)
+        return rows
+
+    def _comments(self, rows: list[Row], comments: list[Comment], level: int) -> None:
+        for comment in comments:
+            if comment.blank_before and rows:
+                rows.append(Row(level, ""))
+            rows.append(Row(level, "", comment.text))
+
+    def _add(self, rows: list[Row], item: Statement, level: int) -> None:
+        flat = _flat(item)
+        comment = item.trailing.text if item.trailing else ""
+        if flat is None or 2 * level + len(flat) > WIDTH:
+            spread = self._spread(item, level)
+            spread[-1].comment = comment or spread[-1].comment
+            rows.extend(spread)
+            return
+        last = rows[-1] if rows else None
+        if item.joined and last is not None and last.joinable and last.width() + 2 + len(flat) <= WIDTH:
+            last.text, last.comment, last.family, last.anchors = f"{last.text}, {flat}", comment, "", {}
+            return
+        row = Row(level, flat, comment, joinable=True)
+        head = _head(item)
+        rows.append(with_columns(row, head, spell(head)))
+
+    def _spread(self, item: Statement, level: int) -> list[Row]:
+        """A statement over several lines: its blocks opened, its head wrapped where it is still too wide."""
+        rows: list[Row] = []
+        words: list[Word] = []
+        opened = False
+        for part in item.parts:
+            if isinstance(part, Word):
+                words.append(part)
+                continue
+            if not _is_empty(part):
+                opened = True
+                words.append(Word(_OPENING))
+                rows.extend(self._wrapped(words, level, rows))
+                rows[-1].comment = part.opening.text if part.opening else rows[-1].comment
+                rows.extend(self.block(part, level + 1))
+                words = [Word(_CLOSING)]
+            else:
+                words.extend((Word(_OPENING), Word(_CLOSING)))
+        if words:
+            more = self._wrapped(words, level, rows)
+            if opened:
+                for row in more:
+                    row.family = ""
+            rows.extend(more)
+        return rows
+
+    def _wrapped(self, words: list[Word], level: int, before: list[Row]) -> list[Row]:
+        tokens = [word.token for word in words]
+        spelling = spell(tokens)
+        rows: list[Row] = []
+        start = 0
+        while start < len(words):
+            extra = _CONTINUATION if rows else 0
+            stop = next((i + 1 for i in range(start, len(words)) if words[i].comments), len(words))
+            stop = _line_stop(tokens, spelling, start, stop, WIDTH - 2 * level - extra)
+            text = spelling.text[spelling.begins[start] : spelling.ends[stop - 1]]
+            row = Row(level, text, extra=extra)
+            rows.append(row)
+            for comment in words[stop - 1].comments:
+                if comment.own_line or row.comment:
+                    rows.append(Row(level, "", comment.text, extra=_CONTINUATION))
+                else:
+                    row.comment = comment.text
+            start = stop
+        if len(rows) == 1 and not before:
+            with_columns(rows[0], tokens, spelling)
+        return rows
+
+
+def _line_stop(tokens: list[Token], spelling: Spelling, start: int, stop: int, room: int) -> int:
+    """Where a line that begins with the token `start` ends: at `stop` if it fits, else at the best place to break.
+
+    The best place is the last one of the least depth in the line's second half, or anywhere if there is none.
+    """
+    begin = spelling.begins[start]
+    if spelling.ends[stop - 1] - begin <= room:
+        return stop
+    best: tuple[bool, int, int] | None = None
+    for at in range(start + 1, stop):
+        if not _may_break(tokens, at):
+            continue
+        length = spelling.ends[at - 1] - begin
+        if length > room and best is not None:
+            break
+        place = (length < room // 2, spelling.depths[at], -at)
+        if best is None or place < best:
+            best = place
+        if length > room:
+            break
+    return stop if best is None else -best[2]
+
+
+def _may_break(tokens: list[Token], at: int) -> bool:
+    """After a comma or before `and` and `or`; never so that the new line would begin like a statement."""
+    if tokens[at].text in STATEMENTS:
+        return False
+    return tokens[at - 1].type in ("COMMA", "SEP") or tokens[at].type in ("AND", "OR")
+
+
+def _is_empty(block: Block) -> bool:
+    return not block.items and not block.tail and block.opening is None
+
+
+def _flat(item: Statement) -> str | None:
+    """The statement on one line, or None if its author or a comment spread it."""
+    texts: list[str] = []
+    words: list[Token] = []
+    for part in item.parts:
+        if isinstance(part, Word):
+            if part.comments:
+                return None
+            words.append(part.token)
+            continue
+        inside = _flat_block(part)
+        if inside is None:
+            return None
+        texts.append(spell(words).text)
+        texts.append(inside)
+        words = []
+    if words:
+        texts.append(spell(words).text)
+    return " ".join(texts)
+
+
+def _flat_block(block: Block) -> str | None:
+    if block.broken or block.tail or block.opening is not None:
+        return None
+    inside = [_flat(item) for item in block.items]
+    if None in inside:
+        return None
+    return f"{{ {', '.join(text for text in inside if text is not None)} }}" if inside else "{}"
+
+
+def _head(item: Statement) -> list[Token]:
+    """The statement's tokens up to its first block, with the brace that opens it."""
+    tokens: list[Token] = []
+    for part in item.parts:
+        if isinstance(part, Block):
+            return [*tokens, _OPENING]
+        tokens.append(part.token)
+    return tokens
+
+
+# -- nothing but the layout may change
+
+
+def _assert_same(source: Source, tokens: list[Token], tree: s.File, text: str) -> None:
+    after = Source(text, source.path)
+    new_tokens, new_tree, diagnostics = _read(after)
+    same = (
+        not diagnostics
+        and _essence(tokens) == _essence(new_tokens)
+        and _comments(source.text, tokens) == _comments(text, new_tokens)
+        and _same_but_for_places(tree, new_tree)
+    )
+    if not same:
+        raise AssertionError(f"formatting `{source.path}` would change more than its layout; it was left as it is")
+
+
+def _essence(tokens: list[Token]) -> list[tuple[str, str, str]]:
+    return [(t.type, text_of(t), t.unit) for t in tokens if t.type not in _LINE_END]
+
+
+def _comments(text: str, tokens: list[Token]) -> list[str]:
+    """Every comment: what follows a `#` between tokens, not within a text in quotes."""
+    found: list[str] = []
+    at = 0
+    for token in tokens:
+        if text.find("#", at, token.start) >= 0:
+            found.extend(m[0].rstrip() for m in _COMMENT.finditer(text, at, token.start))
+        at = max(at, token.end)
+    return found
+
+
+def _same_but_for_places(one: Any, other: Any) -> bool:
+    """Whether two trees, or parts of trees, differ in nothing but offsets."""
+    if isinstance(one, tuple):
+        return type(other) is type(one) and len(one) == len(other) and all(map(_same_but_for_places, one, other))
+    if isinstance(one, s.Node):
+        return type(other) is type(one) and all(
+            _same_but_for_places(getattr(one, name), getattr(other, name)) for name in _fields(type(one))
+        )
+    return bool(one == other)
+
+
+@cache
+def _fields(kind: type[s.Node]) -> tuple[str, ...]:
+    return tuple(name for name in kind.__struct_fields__ if name not in ("start", "end"))

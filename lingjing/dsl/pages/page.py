@@ -1,0 +1,281 @@
+"""`page`: a mission as a page of Markdown for people who will not read its code.
+
+One table of sections; each gives its lines or none, so a section without anything to say is not there. What stands in
+code is printed by the printer of `.ljs` (`lingjing.dsl.printing.printer`), with the locals of rules where they belong.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Iterator, Sequence
+
+from lingjing.dsl.pages.judging import interactions
+from lingjing.dsl.pages.words import Words
+from lingjing.dsl.printing.printer import Printer
+from lingjing.mission import expression as ex
+from lingjing.mission import model
+from lingjing.mission.draw.mermaid import mermaid
+from lingjing.mission.graph import graph
+
+_MANY_BLANKS = re.compile(r"\n{3,}")
+
+
+Section = tuple[str, Sequence[str]]
+"""A title and Markdown lines."""
+
+
+def page(mission: model.Mission, *, lead: Sequence[Section] = (), graph_picture: str = "") -> str:
+    """The whole page, ending in a newline; the same text for equal missions.
+
+    `lead` are sections that come first; `graph_picture` is a drawing of the mission graph that is shown instead of
+    its Mermaid text.
+    """
+    writer = _Page(mission, graph_picture)
+    parts = [f"# {mission.title}\n", f"Mission `{mission.name}`.\n", *_quote(mission.goal), ""]
+    own = ((title, section(writer)) for title, section in _SECTIONS)
+    for title, found in (*lead, *own):
+        lines = list(found)
+        if lines:
+            parts.extend((f"## {title}\n", *lines, ""))
+    return _MANY_BLANKS.sub("\n\n", "\n".join(parts)).rstrip() + "\n"
+
+
+class _Page:
+    """The sections. Each is a method that gives Markdown lines."""
+
+    def __init__(self, mission: model.Mission, graph_picture: str = "") -> None:
+        self.mission = mission
+        self.graph_picture = graph_picture
+        self.printer = Printer(mission)
+        self.words = Words(self.printer.phrases)
+
+    def glance(self) -> Iterator[str]:
+        """What a reader wants to know first."""
+        mission, text = self.mission, self.printer.text
+        rows = [
+            ("Where", f"`{mission.scene.kind}`" + self._listed(self.printer.properties(mission.scene.options))),
+            ("Time", f"a decision every {text(mission.clock.tick)}, at most {text(mission.budget.ticks)} of them"),
+            ("Engines meet", f"every {text(mission.clock.sync)}"),
+            ("Weather", self._listed(self.printer.properties(mission.weather)).removeprefix(": ") or "calm"),
+            ("Modes", ", ".join(f"{m} (default)" if m == mission.modes.default else m for m in mission.modes.allowed)),
+            ("Budgets", self._listed(self._budgets()).removeprefix(": ")),
+        ]
+        yield from _table(("", ""), rows)
+
+    def parameters(self) -> Iterator[str]:
+        """What a run may set."""
+        rows = [
+            (f"`{one.name}`", self.printer.text(one.default), self.printer.text(one.bounds) if one.bounds else "any")
+            for one in self.mission.parameters
+        ]
+        if rows:
+            yield from _table(("Parameter", "Default", "Allowed"), rows)
+        yield from self._code(self.printer.sweeps(), "Matched studies:")
+
+    def places(self) -> Iterator[str]:
+        """Regions and grids."""
+        yield from self._code(self.printer.places())
+
+    def assets(self) -> Iterator[str]:
+        """What is commanded."""
+        for group in self.mission.groups:
+            if group.role == "asset":
+                yield from self._entity(group)
+
+    def targets(self) -> Iterator[str]:
+        """What the mission is about."""
+        for group in self.mission.groups:
+            if group.role == "target":
+                yield from self._entity(group)
+
+    def agents(self) -> Iterator[str]:
+        """Who decides."""
+        rows = []
+        for agent in self.mission.agents:
+            controls = ", ".join(f"`{self.printer.text(held)}`" for held in agent.controls) or "nothing"
+            sees = ", ".join(f"`{self.printer.channel(channel)}`" for channel in agent.observes) or "nothing"
+            rows.append((self._named(agent), agent.role, controls, sees, self._when(agent.when)))
+        yield from _table(("Agent", "Role", "Commands", "Sees", "When"), rows)
+        for agent in self.mission.agents:
+            if agent.prompt:
+                yield f"\n`{agent.name}` is told:\n"
+                yield from _quote(agent.prompt)
+        if self.mission.authorities:
+            yield "\nCommand without embodiment:\n"
+        for one in self.mission.authorities:
+            also = self._when(one.when)
+            yield f"- {one.role} may command `{self.printer.text(one.resource)}`{f', {also}' if also else ''}"
+
+    def messages(self) -> Iterator[str]:
+        """Who may say what to whom."""
+        rows = []
+        for one in self.mission.messages:
+            fields = ", ".join(f"`{field.name}`{'?' if field.optional else ''}" for field in one.fields)
+            to = ", ".join(one.recipients)
+            rows.append((f"`{one.name}`", one.category, ", ".join(one.senders), to, fields, self._when(one.when)))
+        if rows:
+            yield from _table(("Message", "Counts as", "From", "To", "Fields", "When"), rows)
+        bus = list(self.printer.bus())
+        if bus:
+            yield ""
+            yield from self._code(bus)
+
+    def hidden(self) -> Iterator[str]:
+        """What no agent may learn but through a sensor, and the audited ways out."""
+        for group in self.mission.groups:
+            own = [prop for prop in group.properties if prop.hidden]
+            for line in self.printer.properties(own):
+                yield f"- `{group.name}`: `{line.removeprefix('hidden ')}`"
+        if self.mission.reveals:
+            yield "\nAudited reveals:\n"
+            for one in self.mission.reveals:
+                yield f"- an {one.what} of `{self.printer.text(one.entity)}` is shown to {one.role}"
+        elif any(prop.hidden for group in self.mission.groups for prop in group.properties):
+            yield "\nNothing of this is revealed to anybody."
+
+    def rules(self) -> Iterator[str]:
+        """What is adjudicated, in words and in code."""
+        for rule in self.mission.rules:
+            over = ", ".join(f"{parameter.domain} `{parameter.name}`" for parameter in rule.parameters)
+            once = " Reports are matched one to one with what each picture truly shows." if rule.matching else ""
+            yield f"**{rule.name}**{f' of {over}' if over else ''}: {self.words.sentence(rule.condition)}.{once}\n"
+        for unlock in self.mission.unlocks:
+            yield f"**{unlock.interaction}** is allowed when {self.words.sentence(unlock.condition)}.\n"
+        for group, one, before in interactions(self.mission):
+            if not before:
+                yield f"**{one.name}** of `{group.name}` is allowed from the start.\n"
+        yield from self._code(self.printer.rules())
+
+    def stages(self) -> Iterator[str]:
+        """The course of the mission."""
+        rows = []
+        for stage in self.mission.stages:
+            each = f"each {stage.domain} `{stage.variable}`" if stage.domain else "the mission"
+            ticks = f"{self.printer.text(stage.ticks)} ticks" if stage.ticks is not None else ""
+            weight = self.printer.text(stage.weight) if stage.weight is not None else "1"
+            rows.append((stage.name, each, self.words.sentence(stage.condition), ticks, weight))
+        if rows:
+            yield from _table(("Stage", "For", "Done when", "Within", "Weight"), rows)
+
+    def limits(self) -> Iterator[str]:
+        """Counted budgets, permits, constraints, inspections."""
+        for one in self.mission.constraints:
+            cost = f", at a penalty of {self.printer.text(one.penalty)}" if one.penalty is not None else ""
+            each = f"for each {one.domain} `{one.variable}`, " if one.domain else ""
+            yield f"- {one.kind} constraint **{one.name}**: always, {each}{self.words.sentence(one.condition)}{cost}"
+        for permit in self.mission.permits:
+            what = f"`{self.printer.text(permit.resource)}.{permit.verb or '*'}`"
+            yield f"- {what} is rejected until {self.words.sentence(permit.condition)}"
+        lines = list(self.printer.limits())
+        if lines:
+            yield ""
+            yield from self._code(lines)
+
+    def relations(self) -> Iterator[str]:
+        """How roles work together."""
+        yield from self._code(self.printer.relations())
+
+    def events(self) -> Iterator[str]:
+        """What happens by itself."""
+        yield from self._code(self.printer.events())
+
+    def outcomes(self) -> Iterator[str]:
+        """How it ends."""
+        yield f"Won when {self.words.sentence(self.mission.success)}.\n"
+        if self.mission.failure is not None:
+            yield f"Lost when {self.words.sentence(self.mission.failure)}.\n"
+        yield from self._code(self.printer.outcomes())
+
+    def picture(self) -> Iterator[str]:
+        """The mission graph."""
+        if self.graph_picture:
+            yield f"![Who plays, sees, says and judges what]({self.graph_picture})"
+            return
+        yield from ("```mermaid", mermaid(graph(self.mission)).rstrip(), "```")
+
+    # -- parts
+
+    def _entity(self, group: model.Group) -> Iterator[str]:
+        when = self._when(group.when)
+        head = f"### {self._named(group)}: {group.type}\n"
+        yield head
+        own = self.printer.properties([prop for prop in group.properties if not prop.inherited])
+        inherited = self.printer.properties([prop for prop in group.properties if prop.inherited])
+        yield f"- moved by the engine `{group.engine}`{f', {when}' if when else ''}"
+        yield from (f"- `{line}`" for line in own)
+        if inherited:
+            yield f"- from its type: {', '.join(f'`{line}`' for line in inherited)}"
+        for one in group.interactions:
+            yield f"- can be done to it: `{one.name} {{ {', '.join(self.printer.interaction(one))} }}`"
+        for camera in group.cameras:
+            yield f"- `{self.printer.camera(camera)}`"
+        if group.verbs:
+            yield f"- commands: {', '.join(f'`{self._verb(verb)}`' for verb in group.verbs)}"
+        yield ""
+
+    def _verb(self, verb: model.Verb) -> str:
+        return self.printer.verb(verb).removeprefix("verb ")
+
+    def _named(self, one: model.Group | model.Agent) -> str:
+        return f"`{one.name}`" if one.count is None else f"`{one.name}[1..{self.printer.text(one.count)}]`"
+
+    def _when(self, guard: model.Guard | None) -> str:
+        return f"when `{self.printer.text(guard.condition)}`" if guard is not None else ""
+
+    def _budgets(self) -> list[str]:
+        budget = self.mission.budget
+        values = ((name, getattr(budget, name)) for name in budget.__struct_fields__)
+        return [f"{name} <= {self.printer.text(value)}" for name, value in values if isinstance(value, ex.Number)]
+
+    def _listed(self, lines: list[str]) -> str:
+        return f": {', '.join(f'`{line}`' for line in lines)}" if lines else ""
+
+    def _code(self, lines: Iterable[str], lead: str = "") -> Iterator[str]:
+        found = [line for line in lines if line]
+        if found:
+            if lead:
+                yield f"\n{lead}\n"
+            yield from ("```ljs", self.printer.tidy(found), "```")
+
+
+_SECTIONS: tuple[tuple[str, Callable[[_Page], Iterator[str]]], ...] = (
+    ("At a glance", _Page.glance),
+    ("What a run may set", _Page.parameters),
+    ("Places", _Page.places),
+    ("What is commanded", _Page.assets),
+    ("What it is about", _Page.targets),
+    ("Who decides", _Page.agents),
+    ("Who may say what", _Page.messages),
+    ("What is hidden", _Page.hidden),
+    ("How it is judged", _Page.rules),
+    ("Stages", _Page.stages),
+    ("Limits", _Page.limits),
+    ("How roles work together", _Page.relations),
+    ("What happens by itself", _Page.events),
+    ("How it ends", _Page.outcomes),
+    ("The mission graph", _Page.picture),
+)
+"""The sections in their order."""
+
+
+def table(heads: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> Sequence[str]:
+    """A Markdown table, for the sections of `lead`."""
+    return list(_table(heads, rows))
+
+
+def _table(heads: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> Iterator[str]:
+    """A Markdown table without the columns in which no row says anything."""
+    found = list(rows)
+    kept = [at for at, _ in enumerate(heads) if any(row[at] for row in found)]
+    yield f"| {' | '.join(heads[at] for at in kept)} |"
+    yield f"| {' | '.join('---' for _ in kept)} |"
+    for row in found:
+        yield f"| {' | '.join(_cell(row[at]) for at in kept)} |"
+
+
+def _cell(text: str) -> str:
+    return text.replace("|", "\\|").replace("\n", " ")
+
+
+def _quote(text: str) -> Iterator[str]:
+    yield from (f"> {line}".rstrip() for line in text.splitlines())

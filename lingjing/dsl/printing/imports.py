@@ -1,0 +1,194 @@
+"""Where the types and message records of a mission come from: the libraries it can `use`, or its own file.
+
+A mission holds every type merged into its groups. To write it down again, each type is looked up in the libraries: the
+one that gives exactly the inherited properties, the engine and the verbs is used; a type found nowhere is written out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import msgspec
+
+from lingjing.dsl.checking import library
+from lingjing.dsl.checking.scope import Library, RecordDecl, TypeDecl
+from lingjing.mission import expression as ex
+from lingjing.mission import model
+
+
+@dataclass(slots=True)
+class LocalType:
+    """A type that no library has, put together again from the groups of it."""
+
+    name: str
+    role: str
+    engine: str
+    properties: tuple[model.Property, ...]
+    verbs: tuple[model.Verb, ...]
+    interactions: tuple[model.Interaction, ...] = ()
+    base: str = ""
+
+
+@dataclass(slots=True)
+class Imports:
+    """`uses`: library path → names, in the order of first need; `verbs`: type → all its verbs."""
+
+    uses: dict[str, list[str]] = field(default_factory=dict)
+    types: list[LocalType] = field(default_factory=list)
+    records: list[model.MessageKind] = field(default_factory=list)
+    verbs: dict[str, tuple[model.Verb, ...]] = field(default_factory=dict)
+
+
+def find_imports(mission: model.Mission) -> Imports:
+    """What the mission's file must use and declare before it."""
+    libraries = _libraries()
+    imports = Imports()
+    for name in dict.fromkeys(group.type for group in mission.groups):
+        if name not in imports.verbs:
+            _import_type(name, mission, libraries, imports)
+    for kind in {message.type: message for message in mission.messages}.values():
+        _import_record(kind, libraries, imports)
+    return imports
+
+
+def _libraries() -> dict[str, Library]:
+    """Every library file that has no errors, by its path in a `use`."""
+    found: dict[str, Library] = {}
+    for path in library.known_paths("std"):
+        paths = [path] if "." in path else library.known_paths(path)
+        for dotted in paths:
+            file = library.find_file(tuple(dotted.split(".")))
+            if file is not None and dotted not in found:
+                loaded, diagnostics = library.load_library(file)
+                if not diagnostics:
+                    found[dotted] = loaded
+    return found
+
+
+def _import_type(name: str, mission: model.Mission, libraries: dict[str, Library], imports: Imports) -> None:
+    groups = [group for group in mission.groups if group.type == name]
+    for path, one in libraries.items():
+        decl = one.types.get(name)
+        if decl is not None and all(_gives(decl, group) for group in groups):
+            imports.uses.setdefault(path, []).append(name)
+            imports.verbs[name] = tuple(decl.verbs.values())
+            return
+    _import_bases(groups[0], mission, libraries, imports)
+    local = _put_together(name, groups, mission, imports)
+    imports.types.append(local)
+    imports.verbs[name] = local.verbs
+
+
+def _import_bases(group: model.Group, mission: model.Mission, libraries: dict[str, Library], imports: Imports) -> None:
+    """The types that a local type extends, the farthest first: from groups of them, from a library, or bare."""
+    given = {prop.name for prop in group.properties}
+    for at, name in reversed(tuple(enumerate(group.bases))):
+        above = group.bases[at + 1 :]
+        if name in imports.verbs:
+            continue
+        if any(other.type == name for other in mission.groups):
+            _import_type(name, mission, libraries, imports)
+            continue
+        for path, one in libraries.items():
+            decl = one.types.get(name)
+            if decl is not None and _extends(decl, group, above) and {p.name for p in decl.properties} <= given:
+                imports.uses.setdefault(path, []).append(name)
+                imports.verbs[name] = tuple(decl.verbs.values())
+                break
+        else:
+            imports.types.append(LocalType(name, group.role, group.engine, (), (), base=above[0] if above else ""))
+            imports.verbs[name] = imports.verbs[above[0]] if above else ()
+
+
+def _extends(decl: TypeDecl, group: model.Group, above: tuple[str, ...]) -> bool:
+    return (decl.role, decl.engine, decl.bases) == (group.role, group.engine, above)
+
+
+def _gives(decl: TypeDecl, group: model.Group) -> bool:
+    """Whether the group can have been declared with this type."""
+    if not _extends(decl, group, group.bases):
+        return False
+    own = {prop.name for prop in group.properties if not prop.inherited}
+    due = [_shown(prop) for prop in decl.properties if prop.name not in own]
+    given = [_shown(prop) for prop in group.properties if prop.inherited]
+    if group.interactions != tuple(decl.interactions.values()):
+        return False
+    return due == given and all(_is_verb_of(verb, decl.verbs.get(verb.name)) for verb in group.verbs)
+
+
+def _shown(prop: model.Property) -> model.Property:
+    """Without `hidden`, which an entity can add to what it inherits."""
+    return msgspec.structs.replace(prop, hidden=False)
+
+
+def _is_verb_of(verb: model.Verb, of: model.Verb | None) -> bool:
+    return of is not None and (verb == of or _bounded_as(of, verb) == verb)
+
+
+def _bounded_as(verb: model.Verb, other: model.Verb) -> model.Verb:
+    """The verb with the other's bounds and default of the first argument: all that `actions` can change."""
+    if not verb.arguments or not other.arguments:
+        return verb
+    own, given = verb.arguments[0], other.arguments[0]
+    first = msgspec.structs.replace(
+        own,
+        minimum=given.minimum,
+        maximum=given.maximum,
+        default=given.default,
+        optional=own.optional or given.default is not None,
+    )
+    return msgspec.structs.replace(verb, arguments=(first, *verb.arguments[1:]))
+
+
+def _put_together(name: str, groups: list[model.Group], mission: model.Mission, imports: Imports) -> LocalType:
+    first = groups[0]
+    base = first.bases[0] if first.bases else ""
+    properties = {prop.name: prop for group in groups for prop in group.properties if prop.inherited}
+    verbs = {verb.name: verb for verb in imports.verbs.get(base, ())}
+    for group in groups:
+        for verb in map(_without_default, group.verbs):
+            known = verbs.get(verb.name)
+            verbs[verb.name] = verb if known is None else _wider(known, verb)
+    return LocalType(
+        name, first.role, first.engine, tuple(properties.values()), tuple(verbs.values()), first.interactions, base
+    )
+
+
+def _wider(a: model.Verb, b: model.Verb) -> model.Verb:
+    """One verb that can be bounded to either."""
+    if not a.arguments or not b.arguments:
+        return a
+    first, other = a.arguments[0], b.arguments[0]
+    low = _outer(first.minimum, other.minimum, min)
+    high = _outer(first.maximum, other.maximum, max)
+    return msgspec.structs.replace(
+        a, arguments=(msgspec.structs.replace(first, minimum=low, maximum=high), *a.arguments[1:])
+    )
+
+
+def _outer(a: ex.Expr | None, b: ex.Expr | None, pick: Callable[..., float]) -> ex.Expr | None:
+    if not isinstance(a, ex.Number) or not isinstance(b, ex.Number):
+        return a if a == b else None
+    return a if pick(a.value, b.value) == a.value else b
+
+
+def _without_default(verb: model.Verb) -> model.Verb:
+    """As a type declares it: a default is given by `actions`, and makes the argument optional."""
+    if not verb.arguments or verb.arguments[0].default is None:
+        return verb
+    first = msgspec.structs.replace(verb.arguments[0], default=None, optional=False)
+    return msgspec.structs.replace(verb, arguments=(first, *verb.arguments[1:]))
+
+
+def _import_record(kind: model.MessageKind, libraries: dict[str, Library], imports: Imports) -> None:
+    for path, one in libraries.items():
+        decl = one.records.get(kind.type)
+        if decl is not None and _same_record(decl, kind):
+            imports.uses.setdefault(path, []).append(kind.type)
+            return
+    imports.records.append(kind)
+
+
+def _same_record(decl: RecordDecl, kind: model.MessageKind) -> bool:
+    return (decl.category, decl.fields) == (kind.category, kind.fields)

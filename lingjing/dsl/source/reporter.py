@@ -1,0 +1,64 @@
+"""`Reporter`: where every phase puts its diagnostics."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from lingjing.dsl.source.text import JoinedSource, Source
+from lingjing.mission.diagnostics import Diagnostic, Edit, Fix, Related, Severity, Span
+
+MOST = 1000
+"""Diagnostics of one file. Beyond that a reader is not helped, and a file of garbage must not eat the memory."""
+
+
+class Reporter:
+    """Collects the diagnostics of one file. Calling it reports an error at offsets of its source."""
+
+    __slots__ = ("diagnostics", "source")
+
+    def __init__(self, source: Source) -> None:
+        self.source = source
+        self.diagnostics: list[Diagnostic] = []
+
+    def __call__(
+        self,
+        code: str,
+        start: int,
+        end: int,
+        message: str,
+        hint: str = "",
+        *,
+        related: tuple[Related, ...] = (),
+        replace: str | None = None,
+        safe: bool = False,
+        severity: Severity = "error",
+        also: Iterable[tuple[int, int]] = (),
+    ) -> None:
+        """Report; `replace` offers to put that text in the span's place, and in those of `also`."""
+        if len(self.diagnostics) >= MOST:
+            return
+        if len(self.diagnostics) == MOST - 1:
+            code, message, hint = "LJ0008", f"there are more than {MOST} errors", "the rest is not shown"
+            related, replace = (), None
+        span = self.source.span(start, end)
+        if isinstance(self.source, JoinedSource) and self.source.inner(start, end) is not None:
+            related, replace = (Related(span, "this is where it shows"), *related), None
+            span = self.source.place
+        spans = (span, *(self.source.span(*place) for place in also))
+        fix = None if replace is None else Fix(_title(span, replace), tuple(Edit(at, replace) for at in spans), safe)
+        self.diagnostics.append(Diagnostic(code, span, message, hint, severity, related, fix))
+
+    @property
+    def full(self) -> bool:
+        """Whether nothing more is shown, so that looking for what was meant is lost time."""
+        return len(self.diagnostics) >= MOST
+
+    def span(self, start: int, end: int) -> Span:
+        """The span between two offsets of this source."""
+        return self.source.span(start, end)
+
+
+def _title(span: Span, replace: str) -> str:
+    if not replace:
+        return "remove it"
+    return f"{'insert' if span.start == span.end else 'write'} `{replace}`"

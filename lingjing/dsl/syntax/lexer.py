@@ -1,0 +1,648 @@
+"""The lexer: one master pattern, newline tokens at statement boundaries only, balanced braces guaranteed.
+
+The token stream is made so that the grammar stays context-free and recovery stays simple: a newline inside `()`, `[]`
+or after an operator is no token; a comma between the items of a block is `NL` when a statement follows it and `SEP`
+else; a unit belongs to its number (`QUANTITY`); a sign before a literal belongs to it; braces of a set (`in { a, b }`)
+are `LSET`, `RSET`. Brackets always balance: what is missing is reported and supplied, what is too much is reported
+and dropped.
+"""
+
+from __future__ import annotations
+
+import re
+from array import array
+from collections.abc import Callable, Iterator
+from unicodedata import normalize
+
+from lingjing.dsl.source.reporter import Reporter
+from lingjing.dsl.source.suggest import is_certain, nearest
+from lingjing.dsl.syntax.tokens import INNER, OPERATORS_THAT_CONTINUE, STATEMENTS, SYMBOLS, Token
+from lingjing.mission.diagnostics import Related
+
+DEEPEST = 64
+"""Brackets within brackets. A mission needs about six; the bound keeps every later phase's recursion shallow."""
+
+SLAB = 50_000
+"""Tokens that are packed at a time; more than any statement written by hand has."""
+
+_NOT_A_UNIT = rf"(?!(?:{'|'.join(INNER)})\b)"
+_FACTOR = r"(?:[^\W\d_]+|[%°])(?:\^-?\d|\d)?"
+_UNIT = rf"[ \t]*{_NOT_A_UNIT}(?P<UNIT>{_FACTOR}(?:[/*]{_FACTOR})*)(?!\w)"
+_DIGITS = r"\d+(?!\d)"
+"""All digits there are. No possessive quantifiers here: Python 3.11.2, which Debian 12 has, matches a possessive
+group wrongly (it takes the dot of `1..3`)."""
+_MARKS = "\u0300-\u036f\u1ab0-\u1aff\u1dc0-\u1dff\u20d0-\u20ff\u3099\u309a\ufe20-\ufe2f"
+"""Combining marks: letters written apart from their accents (NFD) are the same letters, and names are kept in NFC."""
+MASTER = re.compile(
+    rf"""
+    (?P<WORD>[^\W\d][\w{_MARKS}]*)
+  | (?P<NUMBER>{_DIGITS}(?:\.{_DIGITS}|(?!\.\d))(?:[eE][+-]?{_DIGITS}|(?![eE][+-]?\d))(?!\w*\d)(?:{_UNIT})?)
+  | (?P<SPACE>[ \t]+|\#[^\r\n]*)
+  | (?P<LINE>[\r\n](?:[ \t\r\n]*[\r\n])?)
+  | (?P<COMMA>,)
+  | (?P<SYMBOL><->|->|<=|>=|==|!=|\.\.|\.\*|[-+*/<>=~:.(){{}}\[\]])
+  | (?P<LONGSTRING>""\")
+  | (?P<STRING>"[^"\\\r\n]*(?:\\[^\r\n][^"\\\r\n]*)*")
+  | (?P<OPENSTRING>"[^\r\n{{}}]*)
+  | (?P<BADNUMBER>\d\w*(?:\.\w+)*)
+  | (?P<BAD>.)
+    """,
+    re.VERBOSE | re.DOTALL,
+)
+
+_COMMENT_LINES = re.compile(r"[ \t]*\#[^\r\n]*[\r\n](?:[ \t\r\n]*[\r\n])?")
+"""A comment with a line of its own, and the blank lines after it. One at a time: the pattern matcher keeps half a
+kilobyte for each round of a repeated group, so that a file of line ends alone took gigabytes."""
+_STATEMENT_FOLLOWS = re.compile(r"[ \t]+(?:[^\W\d]|\"|\{|-?\d|\.[^\W\d])|[ \t]*\{")
+_HEADER_FOLLOWS = re.compile(r"[ \t]+(?:[^\W\d]|\")|[ \t]*\{")
+_NAME_FOLLOWS = re.compile(r"[ \t]*(?:=(?!=)|~|:|<=)")
+_INNER_IS_NAME = re.compile(r"[ \t]*(?:=(?!=)|~|:)")
+_NEXT_ITEM = re.compile(
+    r"[ \t\r\n]*(?:\#[^\r\n]*[ \t\r\n]*){0,1000}(?:(?P<close>\})|(?P<word>[^\W\d]\w*)(?P<after>[ \t]*(?:=(?!=)|~)?))"
+)
+_CONTINUES = re.compile(r"[ \t]*(?:(?:and|or)\b|->|<->)")
+_STARTS = re.compile(r"[ \t]*(?:(?P<word>[^\W\d]\w*)|\})")
+_SEA_LEVEL = re.compile(r"[ \t]+level\b")
+_BLOCK_FOLLOWS = re.compile(r"[ \t]*\{")
+_BLOCK_KEYWORDS = ("clock", "budget", "weather", "comms", "actions")
+_DRAWN = re.compile(r"[ \t]*~")
+_BEFORE_STATEMENTS = frozenset(("NL", "LBRACE", "HIDDEN", "OVERRIDE", "SEP"))
+_BIDI = re.compile("[\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069]")
+_OPERANDS = frozenset(("NAME", "NUMBER", "QUANTITY", "STRING", "RPAR", "RSQB", "RSET", "TRUE", "FALSE"))
+_CLOSERS = {"(": ")", "[": "]", "{": "}", "set": "}"}
+
+
+class Slab:
+    """Tokens in a quarter of their space, for texts with millions of them; a token is made again when it is read."""
+
+    __slots__ = ("bounds", "kinds", "texts", "units")
+
+    def __init__(self, tokens: list[Token]) -> None:
+        self.kinds = [token.type for token in tokens]
+        self.texts = [token.text for token in tokens]
+        self.bounds = array("q", (offset for token in tokens for offset in (token.start, token.end)))
+        self.units = {at: token.unit for at, token in enumerate(tokens) if token.unit}
+
+    def unpacked(self) -> list[Token]:
+        """The tokens."""
+        bounds, unit = self.bounds, self.units.get
+        pairs = enumerate(zip(self.kinds, self.texts, strict=True))
+        return [Token(kind, text, bounds[2 * at], bounds[2 * at + 1], unit(at, "")) for at, (kind, text) in pairs]
+
+
+class Lexer:
+    """State of one pass over one text: the tokens so far and the open brackets."""
+
+    def __init__(self, text: str, report: Reporter, *, start: int = 0, guided: bool = False) -> None:
+        self.text = text
+        self.start = start
+        self.report = report
+        self.tokens: list[Token] = []
+        self.packed: list[Slab] = []
+        self.words: dict[str, str] = {}
+        self.foreign: dict[str, list[tuple[int, int]]] = {}
+        self.open: list[tuple[str, int]] = []
+        self.previous = "NL"
+        self.guide = Indentation(text) if guided else None
+        self.depths: dict[int, int] = {}
+        self.unbalanced = False
+
+    def run(self) -> list[Token] | None:
+        """All tokens, ending in `$END`; None if the nesting is beyond all reason, which ends the compilation."""
+        last = self.finish()
+        return None if last is None else [*(token for slab in self.packed for token in slab.unpacked()), *last]
+
+    def finish(self) -> list[Token] | None:
+        """As `run`, but of a huge text only the last tokens; those before them are in `packed`."""
+        self._refuse_bidi()
+        handlers: dict[str, Callable[[re.Match[str]], int]] = {
+            "WORD": self._word,
+            "NUMBER": self._number,
+            "LINE": self._line,
+            "COMMA": self._comma,
+            "SYMBOL": self._symbol,
+            "LONGSTRING": self._long_string,
+            "STRING": self._string,
+            "OPENSTRING": self._open_string,
+            "BADNUMBER": self._bad_number,
+            "BAD": self._bad,
+        }
+        at: int | None = self.start
+        while at is not None:
+            at = self._scan(handlers, at)
+            if len(self.open) > DEEPEST:
+                return None
+        return self._finish()
+
+    def _scan(self, handlers: dict[str, Callable[[re.Match[str]], int]], begin: int) -> int | None:
+        """Read from `begin` to the end (None), or to where a handler says to go on."""
+        for match in MASTER.finditer(self.text, begin):
+            kind = match.lastgroup or ""
+            if kind == "SPACE":
+                continue
+            skip = handlers[kind](match)
+            if len(self.tokens) > 2 * SLAB:
+                self.packed.append(Slab(self.tokens[:SLAB]))
+                del self.tokens[:SLAB]
+            if len(self.open) > DEEPEST:
+                self.report("LJ0005", match.start(), match.end(), f"brackets are nested deeper than {DEEPEST}")
+                return None
+            if skip:
+                return skip
+        return None
+
+    def _add(self, kind: str, start: int, end: int, *, text: str | None = None) -> None:
+        if text is None:
+            text = self.text[start:end]
+            known = self.words.get(text)
+            if known is None:
+                known = self.words[text] = text
+                if kind == "NAME" and not text.isascii():
+                    known = self.words[text] = normalize("NFC", text)
+            if kind == "NAME" and not known.isascii():
+                self.foreign.setdefault(known, []).append((start, end))
+            text = known
+        self.tokens.append(Token(kind, text, start, end))
+        self.previous = kind
+
+    def _refuse_bidi(self) -> None:
+        for match in _BIDI.finditer(self.text, self.start):
+            code = f"U+{ord(match[0]):04X}"
+            line = self.text.rfind("\n", 0, match.start()) + 1
+            outside = self.text.count('"', line, match.start()) % 2 == 0
+            message = f"{code} reverses the reading direction unseen"
+            self.report("LJ0001", match.start(), match.end(), message, "remove it", replace="", safe=outside)
+
+    # -- words and numbers
+
+    def _word(self, match: re.Match[str]) -> int:
+        word, start, end = match[0], match.start(), match.end()
+        previous = self.previous
+        if word in ("goal", "prompt") and (skip := self._unopened_long(word, start, end)):
+            return skip
+        if previous in _BEFORE_STATEMENTS and word in STATEMENTS and self._begins(end, previous):
+            self._add(STATEMENTS[word], start, end)
+        elif previous in ("NL", "LBRACE") and (meant := self._misspelt_block(word, end)):
+            self._add(STATEMENTS[meant], start, end, text=meant)
+        elif word in INNER and previous != "DOT" and self._means(word, end):
+            self._add(INNER[word], start, end)
+        elif word == "sea" and (level := _SEA_LEVEL.match(self.text, end)):
+            self._add("NAME", start, level.end())
+            return level.end()
+        else:
+            self._add("NAME", start, end)
+        return 0
+
+    def _begins(self, end: int, previous: str) -> bool:
+        if previous == "SEP" or _NAME_FOLLOWS.match(self.text, end):
+            return False
+        return _STATEMENT_FOLLOWS.match(self.text, end) is not None
+
+    def _misspelt_block(self, word: str, end: int) -> str | None:
+        """The keyword meant by `comms {` misspelt: such a word can be nothing else."""
+        if not _BLOCK_FOLLOWS.match(self.text, end):
+            return None
+        close = nearest(word, _BLOCK_KEYWORDS)
+        if close is not None:
+            start = end - len(word)
+            hint = f"did you mean `{close}`?"
+            certain = is_certain(word, _BLOCK_KEYWORDS)
+            self.report("LJ0011", start, end, f"no statement is called `{word}`", hint, replace=close, safe=certain)
+        return close
+
+    def _means(self, word: str, end: int) -> bool:
+        if word == "at" and self.text.startswith("(", end):
+            return False
+        at_start = self.previous in ("NL", "LBRACE", "HIDDEN", "STATE")
+        if word == "at" and not at_start and _DRAWN.match(self.text, end):
+            return True
+        return not (at_start and _NAME_FOLLOWS.match(self.text, end)) and not _INNER_IS_NAME.match(self.text, end)
+
+    def _number(self, match: re.Match[str]) -> int:
+        unit, start, end = match["UNIT"] or "", match.start(), match.end()
+        text = self.text[start : match.start("UNIT")].rstrip() if unit else match[0]
+        if self.previous == "MINUS" and self._sign_is_free(start):
+            text, start = "-" + text, self.tokens.pop().start
+        self.previous = "QUANTITY" if unit else "NUMBER"
+        self.tokens.append(Token(self.previous, text, start, end, unit))
+        return 0
+
+    def _sign_is_free(self, start: int) -> bool:
+        sign = self.tokens[-1]
+        return sign.end == start and (len(self.tokens) < 2 or self.tokens[-2].type not in _OPERANDS)
+
+    # -- structure
+
+    def _line(self, match: re.Match[str]) -> int:
+        """A line's end, with the blank and comment lines after it; where to go on if there were comments."""
+        start, end = match.start(), match.end()
+        while comment := _COMMENT_LINES.match(self.text, end):
+            end = comment.end()
+        self._line_ends(start, end)
+        return 0 if end == match.end() else end
+
+    def _line_ends(self, start: int, end: int) -> None:
+        """A newline token at `start`, if a statement ends there; the next line begins at `end`."""
+        top = self.open[-1][0] if self.open else "{"
+        if top != "{":
+            if not self._bracket_was_forgotten(top, end):
+                return
+            self._close_down_to_block(start)
+        if self.previous in ("NL", "LBRACE") or self.previous in OPERATORS_THAT_CONTINUE:
+            if self.previous not in ("NL", "LBRACE", "SEP", "COMMA") and self._statement_starts(end):
+                self._add("NL", start, start)
+            return
+        if _CONTINUES.match(self.text, end):
+            return
+        if self.guide is not None and self._block_was_forgotten(self.guide, end):
+            return
+        self._add("NL", start, start)
+
+    def _block_was_forgotten(self, guide: Indentation, line: int) -> bool:
+        """Supply `{` where the next line is indented deeper than a header without one, `}` where it is not."""
+        last = self.tokens[-1]
+        first = self._statement()
+        depth = guide.depth(line)
+        if depth is None or self.text.startswith("}", line + depth):
+            return False
+        if first is last and first.text in _BLOCK_KEYWORDS:
+            first = self.tokens[-1] = Token(STATEMENTS[first.text], first.text, first.start, first.end)
+        if first.type in _HEADERS and last.type != "LBRACE" and depth > guide.depth_of_line(first.start):
+            self.report("LJ0010", last.end, last.end, f"`{{` is due after this `{first.text}`", "add `{`")
+            self._opened(guide, last.end)
+            self.open.append(("{", last.end))
+            self._add("LBRACE", last.end, last.end)
+            return True
+        self._close_deeper(guide, depth, orphans=True)
+        return False
+
+    def _opened(self, guide: Indentation, start: int) -> None:
+        """Remember how deep the statement that opens a block is indented."""
+        first = self._statement() if self.tokens and self.previous not in ("NL", "LBRACE") else None
+        self.depths[start] = guide.depth_of_line(first.start if first else start)
+
+    def _statement(self) -> Token:
+        at = len(self.tokens) - 1
+        while at > 0 and self.tokens[at - 1].type not in ("NL", "LBRACE", "RBRACE"):
+            at -= 1
+        return self.tokens[at]
+
+    def _close_deeper(self, guide: Indentation, depth: int, *, orphans: bool) -> None:
+        """Close the blocks whose opening line is indented deeper than `depth`, or as deep where `orphans`."""
+        while self.open and self.open[-1][0] == "{":
+            opened = self.depths[self.open[-1][1]]
+            if opened < depth or (opened == depth and not orphans):
+                return
+            self._supply_brace()
+
+    def _supply_brace(self) -> None:
+        _, start = self.open.pop()
+        if self.previous in ("NL", "SEP"):
+            self.tokens.pop()
+        end = self.tokens[-1].end
+        related = (Related(self.report.span(start, start + 1), "opened here"),)
+        self.report("LJ0003", end, end, "`}` is missing here", "add `}`", related=related, replace="}")
+        self._add("RBRACE", end, end)
+
+    def _bracket_was_forgotten(self, bracket: str, at: int) -> bool:
+        """A new line inside a bracket that can only begin a statement: two operands in a row, or a keyword."""
+        match = _STARTS.match(self.text, at)
+        if match is None or (bracket == "set" and match["word"] is None):
+            return False
+        two_operands = self.previous in _OPERANDS and match["word"] is not None and match["word"] not in INNER
+        return two_operands or self._statement_starts(at)
+
+    def _statement_starts(self, at: int) -> bool:
+        match = _STARTS.match(self.text, at)
+        if match is None:
+            return False
+        word = match["word"]
+        if word is None:
+            return True
+        end = match.end()
+        if word not in STATEMENTS or word == "when" or _NAME_FOLLOWS.match(self.text, end):
+            return False
+        return _HEADER_FOLLOWS.match(self.text, end) is not None
+
+    def _close_down_to_block(self, at: int) -> None:
+        while self.open and self.open[-1][0] != "{":
+            bracket, start = self.open.pop()
+            closer = _CLOSERS[bracket]
+            shown = "{" if bracket == "set" else bracket
+            self.report("LJ0003", start, start + 1, f"`{shown}` is never closed", f"add `{closer}`")
+            self._add({")": "RPAR", "]": "RSQB", "}": "RSET"}[closer], at, at)
+
+    def _comma(self, match: re.Match[str]) -> int:
+        start, end = match.start(), match.end()
+        if self.open and self.open[-1][0] != "{":
+            self._add("COMMA", start, end)
+            return 0
+        follow = _NEXT_ITEM.match(self.text, end)
+        if follow and (follow["close"] or self._item_starts(follow)):
+            if self.previous not in ("NL", "LBRACE"):
+                self._add("NL", start, end)
+            return 0
+        self._add("SEP", start, end)
+        return 0
+
+    def _item_starts(self, follow: re.Match[str]) -> bool:
+        after = follow["after"].strip()
+        if after:
+            return True
+        word = follow["word"]
+        at = follow.end("word")
+        return (
+            word in STATEMENTS
+            and not _NAME_FOLLOWS.match(self.text, at)
+            and bool(_STATEMENT_FOLLOWS.match(self.text, at))
+        )
+
+    def _symbol(self, match: re.Match[str]) -> int:
+        text, start, end = match[0], match.start(), match.end()
+        if text in "([":
+            self.open.append((text, start))
+            self._add(SYMBOLS[text], start, end)
+        elif text == "{":
+            if self.previous != "IN":
+                self._close_down_to_block(start)
+            if self.guide is not None and self.previous == "LBRACE":
+                self.report("LJ0003", start, end, "`{` is never closed", "remove it", replace="")
+                return 0
+            is_set = self.previous == "IN"
+            if self.guide is not None:
+                self._opened(self.guide, start)
+            self.open.append(("set" if is_set else "{", start))
+            self._add("LSET" if is_set else "LBRACE", start, end)
+        elif text in ")]}":
+            self._close(text, start, end)
+        else:
+            self._add(SYMBOLS[text], start, end)
+        return 0
+
+    def _close(self, closer: str, start: int, end: int) -> None:
+        if closer == "}":
+            if self.open and self.open[-1][0] == "set":
+                self.open.pop()
+                self._add("RSET", start, end)
+                return
+            self._close_down_to_block(start)
+            if self.guide is not None and self._is_surplus(self.guide, start):
+                self.report("LJ0004", start, end, "`}` is too much here", "remove it", replace="")
+                return
+        if not self.open or _CLOSERS[self.open[-1][0]] != closer:
+            self.unbalanced |= closer == "}"
+            self.report("LJ0004", start, end, f"`{closer}` closes nothing", "remove it, or add what it should close")
+            return
+        self.open.pop()
+        if closer == "}" and self.previous in ("NL", "SEP"):
+            self.tokens.pop()
+        self._add(SYMBOLS[closer], start, end)
+
+    def _is_surplus(self, guide: Indentation, start: int) -> bool:
+        """Whether a `}` cannot close the innermost block, as the lines are indented; closes deeper blocks first."""
+        begin = guide.line_start(start)
+        if self.open and guide.line_start(self.open[-1][1]) == begin:
+            return False
+        depth = guide.depth_of_line(start)
+        if begin + depth == start:
+            self._close_deeper(guide, depth, orphans=False)
+            return not self.open or self.depths[self.open[-1][1]] != depth
+        if not self.open:
+            return True
+        opened = self.depths[self.open[-1][1]]
+        after = _NEXT_LINE.match(self.text, start)
+        following = guide.depth(after.end("lines")) if after else None
+        if after is None or following is None:
+            return False
+        closes = self.text.startswith("}", after.end("lines") + following)
+        return following > opened or (closes and following == opened)
+
+    # -- texts and faults
+
+    def _string(self, match: re.Match[str]) -> int:
+        start, end = match.start(), match.end()
+        if match[0] != '""':
+            self._add("STRING", start, end)
+            return 0
+        line = _LONG_REST.match(self.text, end) if self.previous in ("GOAL", "PROMPT") else None
+        if line is None:
+            self._add("STRING", start, end)
+            return 0
+        self.report(
+            "LJ0002", start, end, "a text of several lines begins with three quotes", 'write `"""`', replace='"""'
+        )
+        self._add("STRING", start, line.end())
+        return line.end()
+
+    def _unclosed_long(self, start: int) -> int:
+        """Three quotes without their like: the text ends at a line of fewer quotes, or where its indentation does."""
+        rest = _LONG_REST.match(self.text, start + 3)
+        if rest is not None:
+            place = rest.start("quotes")
+            message = "a text of several lines ends with three quotes"
+            self.report("LJ0002", place, rest.end(), message, 'write `"""`', replace='"""')
+            self._add("STRING", start, rest.end())
+            return rest.end()
+        self.unbalanced = True
+        return self._until_dedent(start, len(self.text))
+
+    def _long_string(self, match: re.Match[str]) -> int:
+        """A text of several lines. On the second pass one that leaves its indentation was never closed: what closes it
+        is the beginning of another."""
+        start = match.start()
+        end = self._long_end(match.end())
+        if end < 0:
+            return self._unclosed_long(start)
+        if self.guide is not None:
+            return self._until_dedent(start, end)
+        begin = self.text.rfind("\n", 0, end) + 1
+        if self.text[begin : end - 3].strip() in ("goal", "prompt"):
+            self.unbalanced = True
+        self._add("STRING", start, end)
+        return end
+
+    def _long_end(self, at: int) -> int:
+        """Where a text of several lines ends whose inside begins at `at`: after three quotes that are not escaped;
+        -1 if it does not."""
+        while (found := self.text.find('"""', at)) >= 0:
+            slashes = found
+            while self.text[slashes - 1] == "\\" and slashes > at:
+                slashes -= 1
+            if (found - slashes) % 2 == 0:
+                return found + 3
+            at = found + 1
+        return -1
+
+    def _until_dedent(self, start: int, close: int) -> int:
+        """End a text at its last line that is indented deeper than the line it begins on, if that is before `close`."""
+        depth = Indentation(self.text).depth_of_line(start)
+        end = start + 3
+        for line in _LINES.finditer(self.text, end, close):
+            end = line.end("line")
+            if len(line["depth"]) <= depth and not self.text.startswith('"""', line.end()):
+                break
+        else:
+            self._add("STRING", start, close)
+            return close
+        related = (Related(self.report.span(start, start + 3), "it begins here"),)
+        self.report("LJ0002", end, end, "the text is never closed", 'add `"""` after its last line', related=related)
+        self._add("STRING", start, end)
+        return end
+
+    def _unopened_long(self, word: str, start: int, end: int) -> int:
+        """`goal` or `prompt` alone on its line, and further down the end of a text: its beginning is missing."""
+        rest = _LONG_REST.match(self.text, end) if word in ("goal", "prompt") else None
+        if rest is None or self.previous not in ("NL", "LBRACE"):
+            return 0
+        self.report(
+            "LJ0002", end, end, "a text of several lines begins with three quotes", 'add ` """`', replace=' """'
+        )
+        self._add(STATEMENTS[word], start, end)
+        self._add("STRING", end, rest.end())
+        return rest.end()
+
+    def _open_string(self, match: re.Match[str]) -> int:
+        self.report("LJ0002", match.start(), match.end(), "the text is never closed", 'add `"` before the line ends')
+        self._add("STRING", match.start(), match.end())
+        return 0
+
+    def _bad_number(self, match: re.Match[str]) -> int:
+        self.report("LJ0006", match.start(), match.end(), f"`{match[0]}` is neither a number nor a name")
+        self._add("NUMBER", match.start(), match.end())
+        return 0
+
+    def _bad(self, match: re.Match[str]) -> int:
+        character = match[0]
+        if character in _COMMAS:
+            self.report(
+                "LJ0001",
+                match.start(),
+                match.end(),
+                f"`{character}` has no meaning here",
+                "write `,`",
+                replace=",",
+                safe=True,
+            )
+            return self._comma(match)
+        shown = f"`{character}`" if character.isprintable() else f"U+{ord(character):04X}"
+        self.report(
+            "LJ0001", match.start(), match.end(), f"{shown} has no meaning here", _BAD_HINTS.get(character, "remove it")
+        )
+        return 0
+
+    def _finish(self) -> list[Token]:
+        end = len(self.text)
+        if self.foreign:
+            from lingjing.dsl.syntax.lookalikes import look_alikes
+
+            look_alikes(self.foreign, self.words, self.report)
+        self._close_down_to_block(end)
+        if self.previous in ("NL", "SEP") and self.tokens:
+            self.tokens.pop()
+            self.previous = ""
+        while self.open:
+            self.unbalanced = True
+            if self.guide is not None:
+                self._supply_brace()
+                continue
+            _, start = self.open.pop()
+            self.report("LJ0003", start, start + 1, "`{` is never closed", "add `}`")
+            self._add("RBRACE", end, end)
+        self._add("$END", end, end)
+        return self.tokens
+
+
+class Indentation:
+    """How deep lines are indented: where braces do not balance, that tells which block was meant."""
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+
+    def line_start(self, offset: int) -> int:
+        """Where the line of an offset begins."""
+        return max(self.text.rfind("\n", 0, offset), self.text.rfind("\r", 0, offset)) + 1
+
+    def depth_of_line(self, offset: int) -> int:
+        """Indentation of an offset's line, in characters."""
+        begin = self.line_start(offset)
+        return _BLANK.match(self.text, begin).end() - begin  # type: ignore[union-attr]
+
+    def depth(self, begin: int) -> int | None:
+        """Indentation of the line that begins there or, if there is only a comment, of the next; None at the end."""
+        match = _NEXT_CODE.match(self.text, begin)
+        return None if match is None else len(match["depth"])
+
+    def is_kept(self) -> bool:
+        """Whether the author indents what stands in a block."""
+        opened = deeper = 0
+        for match in _OPENED.finditer(self.text):
+            opened += 1
+            deeper += len(match["inside"]) > len(match["outside"])
+        return opened > 0 and deeper >= 0.9 * opened
+
+
+_LONG_REST = re.compile(r'[ \t]*\r?\n[^"]*?\n[ \t]*(?P<quotes>"{1,3})[ \t]*(?=[\r\n])')
+_LINES = re.compile(r"(?P<line>[^\r\n]*)(?:\r\n|\n|\r)(?:[ \t]*(?:\r\n|\n|\r))*(?P<depth>[ \t]*)(?=\S)")
+_BLANK = re.compile(r"[ \t]*")
+_NEXT_CODE = re.compile(r"(?:[ \t]*(?:\#[^\r\n]*)?[\r\n])*(?P<depth>[ \t]*)(?=[^\s\#])")
+_NEXT_LINE = re.compile(r"[}\s]*?(?:\#[^\r\n]*)?(?P<lines>[\r\n]+)")
+_OPENED = re.compile(r"^(?P<outside>[ \t]*)[^\s\#][^\r\n]*\{[ \t]*[\r\n]+(?P<inside>[ \t]*)(?=[^\s}])", re.MULTILINE)
+_HEADERS = frozenset(
+    (
+        "MISSION",
+        "SCENE",
+        "CLOCK",
+        "BUDGET",
+        "WEATHER",
+        "COMMS",
+        "ACTIONS",
+        "GRID",
+        "TARGET",
+        "ASSET",
+        "CAMERA",
+        "AGENT",
+        "ADJUDICATE",
+        "STAGE",
+        "INTERACTION",
+        "RECORD",
+    )
+)
+_COMMAS = frozenset(";，、；")
+_BAD_HINTS = {
+    "'": 'texts stand in double quotes: `"…"`',
+    "&": "write `and`",
+    "|": "write `or`",
+    "!": "write `not`, or `!=`",
+    "：": "write `:`",
+    "“": 'write `"`',
+    "”": 'write `"`',
+}
+
+
+def lex(text: str, report: Reporter, start: int = 0) -> list[Token] | None:
+    """The tokens of a text from `start` on, see `Lexer.run`; faults go to `report`."""
+    slabs = lex_in_slabs(text, report, start)
+    return None if slabs is None else [token for slab in slabs for token in slab]
+
+
+def lex_in_slabs(text: str, report: Reporter, start: int = 0) -> Iterator[list[Token]] | None:
+    """The tokens, most texts' in one piece; of a huge one the pieces are unpacked as they are asked for.
+
+    If braces do not balance and the author indents blocks, a second pass goes by the indentation: what is missing or
+    too much is then reported where it is, and costs none of the other blocks.
+    """
+    before = len(report.diagnostics)
+    lexer = Lexer(text, report, start=start)
+    last = lexer.finish()
+    if last is not None and lexer.unbalanced and Indentation(text).is_kept():
+        del report.diagnostics[before:]
+        lexer = Lexer(text, report, start=start, guided=True)
+        last = lexer.finish()
+    return None if last is None else _pieces(lexer.packed, last)
+
+
+def _pieces(packed: list[Slab], last: list[Token]) -> Iterator[list[Token]]:
+    packed.reverse()
+    while packed:
+        yield packed.pop().unpacked()
+    yield last

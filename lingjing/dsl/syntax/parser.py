@@ -1,0 +1,434 @@
+"""The parser: drives lark's LALR(1) tables over the tokens, and recovers at statement boundaries.
+
+On an unexpected token it reports what was due, drops the unfinished statement from the stack, skips to the end of that
+statement (a block it opens is still parsed, so that errors in it are found) and puts an ERROR in the statement's
+place. Braces balance in the token stream, so a fault in a statement never moves the end of the block around it.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left, bisect_right
+from collections.abc import Callable, Iterator
+from functools import cache
+from typing import Any
+
+from lingjing.dsl.source.reporter import Reporter
+from lingjing.dsl.source.suggest import is_certain, nearest
+from lingjing.dsl.syntax import tree as s
+from lingjing.dsl.syntax.builder import Builder
+from lingjing.dsl.syntax.lexer import SLAB, lex_in_slabs
+from lingjing.dsl.syntax.tables import Tables, load_tables
+from lingjing.dsl.syntax.tokens import INNER, NAMES_IN_MESSAGES, STATEMENTS, Token
+
+
+def parse(report: Reporter, start: int = 0) -> s.File:
+    """The syntax tree of the reporter's source from `start` on. Faulty statements are `Faulty` nodes, and reported."""
+    slabs = lex_in_slabs(report.source.text, report, start)
+    if slabs is None:
+        return s.File(0, 0, (s.Faulty(0, 0, (), None),))
+    return Parser(report).run(slabs)
+
+
+def parse_tokens(tokens: list[Token], report: Reporter) -> s.File:
+    """The syntax tree of tokens that are read already, all in one list; the list stays as it is if nothing is wrong."""
+    return Parser(report).run(iter((tokens,)))
+
+
+@cache
+def _tables() -> Tables:
+    return load_tables()
+
+
+class Parser:
+    """One run over one token list."""
+
+    def __init__(self, report: Reporter) -> None:
+        self.report = report
+        self.tables = _tables()
+        actions = Builder(report).actions()
+        self.rules: list[tuple[int, str, Callable[..., Any], tuple[int, ...]]] = [
+            (rule.size, rule.origin, actions[rule.action], rule.missing) for rule in self.tables.rules
+        ]
+        self.states = [self.tables.start]
+        self.values: list[Any] = []
+        self.repaired: set[int] = set()
+        self.salvaged: set[int] = set()
+
+    def run(self, slabs: Iterator[list[Token]]) -> s.File:
+        """Parse; always ends with a tree."""
+        tokens = next(slabs)
+        at, last_fault = 0, -1
+        while True:
+            more = next(slabs, None) if len(tokens) - at <= SLAB else None
+            if more is not None:
+                tokens += more
+            stop = len(tokens) if tokens[-1].type == "$END" else len(tokens) - SLAB // 2
+            fault = self._drive(tokens, at, stop)
+            if fault == _MORE:
+                self._release(tokens)
+                at = stop
+                continue
+            if fault < 0:
+                return self.values[-1]  # type: ignore[no-any-return]
+            if fault == last_fault == len(tokens) - 1:
+                raise AssertionError("the lexer let braces pass that do not balance")
+            at = self._recover(tokens, fault, silent=fault == last_fault)
+            last_fault = max(fault, at)
+
+    def _release(self, tokens: list[Token]) -> None:
+        """Let go of the tokens of a mission's finished statements: of a huge mission they would fill the memory.
+
+        Braces stay balanced, because whole statements go; looking back for a statement's beginning still works.
+        """
+        opening = next((i for i, value in enumerate(self.values) if getattr(value, "type", "") == "LBRACE"), None)
+        if opening is None or opening + 2 >= len(self.values) or type(self.values[opening + 2]) is not Token:
+            return
+        first = bisect_right(tokens, self.values[opening].start, key=_start)
+        last = bisect_left(tokens, self.values[opening + 2].start, key=_start)
+        tokens[first:last] = [_GONE] * max(0, last - first)
+
+    def _drive(self, tokens: list[Token], at: int, stop: int) -> int:
+        """Feed tokens from `at` to before `stop`; -1 at the end, else the index of the token that does not fit."""
+        table, rules = self.tables.states, self.rules
+        states, values = self.states, self.values
+        final = self.tables.end
+        row = table[states[-1]]
+        for position in range(at, stop):
+            token = tokens[position]
+            kind = token.type
+            while True:
+                action = row.get(kind)
+                if action is None:
+                    return position
+                if action >= 0:
+                    states.append(action)
+                    values.append(token)
+                    row = table[action]
+                    break
+                size, origin, build, missing = rules[~action]
+                if size:
+                    arguments = values[-size:]
+                    del values[-size:]
+                    del states[-size:]
+                    for gap in missing:
+                        arguments.insert(gap, None)
+                    values.append(build(*arguments))
+                else:
+                    values.append(build())
+                state = table[states[-1]][origin]
+                states.append(state)
+                row = table[state]
+                if state == final and kind == "$END":
+                    return -1
+        return _MORE if stop < len(tokens) else -1
+
+    # -- recovery
+
+    def _recover(self, tokens: list[Token], fault: int, *, silent: bool) -> int:
+        begin = _statement_begin(tokens, fault)
+        if not silent:
+            mended = self._mend(tokens, begin, fault)
+            if mended >= 0:
+                return mended
+            self._explain(tokens, begin, fault)
+            if begin not in self.repaired and self._repair(tokens, fault):
+                self.repaired.add(begin)
+                return fault
+        self._drop_statement()
+        stop = _statement_stop(tokens, fault)
+        if begin not in self.salvaged and (kept := _salvage(tokens[begin:stop], tokens[stop].type)):
+            self.salvaged.add(begin)
+            tokens[begin:stop] = kept
+            return begin
+        if stop == fault and silent:
+            stop = min(fault + 1, len(tokens) - 1)
+        words = " ".join(t.text for t in tokens[begin:stop] if t.type == "NAME")
+        first, last = tokens[begin], tokens[max(begin, stop - 1)]
+        error = Token("ERROR", words, first.start, max(first.start, last.end))
+        state = self.tables.states[self.states[-1]]["ERROR"]
+        self.states.append(state)
+        self.values.append(error)
+        return stop
+
+    def _repair(self, tokens: list[Token], fault: int) -> bool:
+        """Change one token where the fault was reported, if the statement then reads to its end.
+
+        What the statement declares stays known to the later phases. Tried in this order, the first that reads
+        farthest wins: leave the token out, swap it with the next, supply what may be missing before it.
+        """
+        token = tokens[fault]
+        follow = tokens[fault : fault + _LOOKAHEAD]
+        tries: list[tuple[list[Token], int]] = []
+        if self._is_doubled(tokens, fault) and self._reads(follow, drop=1):
+            self.states.pop()
+            self.values.pop()
+            return True
+        if token.type not in _BOUNDARIES and len(follow) > 1:
+            tries.append((follow[1:], 1))
+            if follow[1].type not in _BOUNDARIES:
+                tries.append(([follow[1], token, *follow[2:]], 2))
+        tries += [([Token(kind, text, token.start, token.start), *follow], 0) for kind, text in _SUPPLIED]
+        best, reached = None, 0
+        for changed, taken in tries:
+            read = self._reads(changed)
+            if read > reached:
+                best, reached = (changed, taken), read
+        if best is None:
+            return False
+        changed, taken = best
+        tokens[fault : fault + taken] = changed[: {0: 1, 1: 0, 2: 2}[taken]]
+        return True
+
+    def _is_doubled(self, tokens: list[Token], fault: int) -> bool:
+        """Whether the last token read says what the one before it says: `adjudicate adjudicate matched(…)`."""
+        return fault > 1 and self.values[-1] is tokens[fault - 1] and tokens[fault - 1].text == tokens[fault - 2].text
+
+    def _reads(self, tokens: list[Token], drop: int = 0) -> int:
+        """How well these tokens follow the stack without its `drop` last: 0 if they stop fitting in the statement."""
+        states = self.states[: len(self.states) - drop]
+        for position, token in enumerate(tokens):
+            if not self._step(states, token.type):
+                return 0
+            if token.type in _BOUNDARIES and position:
+                return _LOOKAHEAD + 1
+        return len(tokens)
+
+    def _drop_statement(self) -> None:
+        """Pop to where the unfinished statement began: past any block of its own that is already closed."""
+        closed = 0
+        while closed or "ERROR" not in self.tables.states[self.states[-1]]:
+            self.states.pop()
+            kind = getattr(self.values.pop(), "type", "")
+            closed += (kind == "RBRACE") - (kind == "LBRACE")
+
+    def _mend(self, tokens: list[Token], begin: int, fault: int) -> int:
+        """Read a misspelt keyword as the keyword: report it and give where to go on, or -1.
+
+        That keeps the statement, and so the names it declares, for the later phases.
+        """
+        if self.report.full:
+            return -1
+        first, token = tokens[begin], tokens[fault]
+        if first.type == "NAME" and fault - begin <= 1 and token.type in _AFTER_KEYWORD:
+            close = nearest(first.text, STATEMENTS)
+            if close is not None:
+                message, hint = f"no statement is called `{first.text}`", f"did you mean `{close}`?"
+                certain = is_certain(first.text, STATEMENTS)
+                self.report("LJ0011", first.start, first.end, message, hint, replace=close, safe=certain)
+                tokens[begin] = Token(STATEMENTS[close], close, first.start, first.end)
+                self._drop_statement()
+                return begin
+        if [t.type for t in tokens[begin : begin + 3]] == ["NAME", "STRING", "LBRACE"] and fault == begin + 1:
+            self.report("LJ0010", first.start, first.start, "`mission` is due here", replace="mission ")
+            tokens.insert(begin, Token("MISSION", "mission", first.start, first.start))
+            self._drop_statement()
+            return begin
+        if first.type == "NAME" and fault == begin + 1 and _is_value(tokens, fault):
+            message = f"`=` is due after `{first.text}`"
+            text = self.report.source.text[token.start : token.end]
+            hint = f"write `{first.text} = …`"
+            self.report("LJ0010", token.start, token.end, message, hint, replace=f"= {text}")
+            tokens.insert(fault, Token("EQUAL", "=", token.start, token.start))
+            return fault
+        if token.type == "NAME":
+            due = self._due()
+            close = nearest(token.text, self._words_due(due))
+            if close is not None:
+                where = f" in `{first.text}`" if first.text in STATEMENTS else ""
+                message = f"`{token.text}` does not fit here{where}"
+                certain = is_certain(token.text, self._words_due(due))
+                hint = f"did you mean `{close}`?"
+                self.report("LJ0010", token.start, token.end, message, hint, replace=close, safe=certain)
+                kind = INNER.get(close) or STATEMENTS[close]
+                tokens[fault] = Token(kind, close, token.start, token.end)
+                return fault
+        return -1
+
+    def _explain(self, tokens: list[Token], begin: int, fault: int) -> None:
+        token, first = tokens[fault], tokens[begin]
+        opens = first.type == "NAME" and fault - begin <= 1
+        if opens and token.type not in ("EQUAL", "TILDE", "LE", "OP") and self._explain_word(first, token):
+            return
+        due = self._due()
+        found = _shown(token)
+        keyword = f" in `{first.text}`" if first.text in STATEMENTS and begin < fault else ""
+        start, end = token.start, max(token.end, token.start)
+        if token.type in ("NL", "$END", "RBRACE") and fault > 0:
+            start = end = tokens[fault - 1].end
+        wanted = _listing(due)
+        self.report("LJ0010", start, end, f"{wanted} is due here{keyword}, found {found}", _hint(tokens, fault, due))
+
+    def _explain_word(self, first: Token, token: Token) -> bool:
+        if token.type not in _AFTER_KEYWORD or token.type == "LBRACE":
+            return False
+        hint = "a statement begins with a keyword, or is `name = value`"
+        self.report("LJ0011", first.start, first.end, f"no statement is called `{first.text}`", hint)
+        return True
+
+    def _due(self) -> list[str]:
+        """Token types that could really come next: looked up by running the reductions on a copy of the stack."""
+        row = self.tables.states[self.states[-1]]
+        return sorted(kind for kind in row if kind.isupper() and kind != "ERROR" and self._accepts(kind))
+
+    def _accepts(self, kind: str) -> bool:
+        return self._step(list(self.states), kind)
+
+    def _step(self, states: list[int], kind: str) -> bool:
+        """Shift one token on a stack of states, reductions first; False if it does not fit."""
+        while True:
+            action = self.tables.states[states[-1]].get(kind)
+            if action is None:
+                return False
+            if action >= 0:
+                states.append(action)
+                return True
+            size, origin, _, _ = self.rules[~action]
+            if size:
+                del states[-size:]
+            states.append(self.tables.states[states[-1]][origin])
+            if kind == "$END" and states[-1] == self.tables.end:
+                return True
+
+    def _words_due(self, due: list[str]) -> list[str]:
+        return [word for word, kind in {**STATEMENTS, **INNER}.items() if kind in due]
+
+
+def _salvage(tokens: list[Token], stop: str) -> list[Token]:
+    """What can be kept of a faulty statement so that what it declares stays declared; empty if that is nothing.
+
+    A property keeps its name and loses its value; a block keeps its head's names and its body.
+    """
+    kinds = [token.type for token in tokens]
+    broken = Token("NUMBER", "?", tokens[-1].end, tokens[-1].end) if tokens else None
+    if broken is None:
+        return []
+    if stop != "LBRACE":
+        for length in (2, 3):
+            if kinds[length - 2 : length] in (["NAME", "EQUAL"], ["NAME", "TILDE"], ["NAME", "LE"]) and (
+                length == 2 or kinds[0] in ("HIDDEN", "PARAM", "REGION")
+            ):
+                return [*tokens[:length], broken]
+        return []
+    if kinds[:2] in (["TARGET", "NAME"], ["ASSET", "NAME"], ["AGENT", "NAME"]):
+        index = [Token("LSQB", "[", *at), broken, Token("RSQB", "]", *at)] if (at := _bracket(tokens)) else []
+        sign = "AS" if kinds[0] == "AGENT" else "COLON"
+        typed = next((i for i in range(2, len(kinds) - 1) if kinds[i : i + 2] == [sign, "NAME"]), 0)
+        if typed:
+            return [*tokens[:2], *index, *tokens[typed : typed + 2]]
+    if kinds[:2] == ["MISSION", "NAME"]:
+        return tokens[:2]
+    return []
+
+
+def _start(token: Token) -> int:
+    return token.start
+
+
+def _bracket(tokens: list[Token]) -> tuple[int, int] | None:
+    """Where a square bracket opens, if one does."""
+    return next(((token.start, token.end) for token in tokens if token.type == "LSQB"), None)
+
+
+def _is_value(tokens: list[Token], at: int) -> bool:
+    """Whether a value begins there that a forgotten `=` would fit in front of."""
+    kind = tokens[at].type
+    following = tokens[min(at + 1, len(tokens) - 1)].type
+    ends = following in ("NL", "SEP", "RBRACE", "WHEN", "$END")
+    return kind in ("QUANTITY", "LSQB") or (kind in ("NAME", "NUMBER", "STRING", "TRUE", "FALSE") and ends)
+
+
+def _statement_begin(tokens: list[Token], fault: int) -> int:
+    depth, at = 0, fault
+    while at > 0:
+        kind = tokens[at - 1].type
+        if kind == "RBRACE":
+            depth += 1
+        elif kind == "LBRACE":
+            if depth == 0:
+                break
+            depth -= 1
+        elif kind == "NL" and depth == 0:
+            break
+        at -= 1
+    return at
+
+
+def _statement_stop(tokens: list[Token], fault: int) -> int:
+    """Where to go on: at the end of the statement, or at the block it opens."""
+    for at in range(fault, len(tokens)):
+        if tokens[at].type in ("NL", "RBRACE", "LBRACE", "$END"):
+            return at
+    return len(tokens) - 1
+
+
+def _shown(token: Token) -> str:
+    if token.type in ("NL", "$END"):
+        return NAMES_IN_MESSAGES[token.type]
+    text = f"{token.text} {token.unit}" if token.unit else token.text
+    return f"`{text}`" if len(text) <= 30 else NAMES_IN_MESSAGES.get(token.type, "this")
+
+
+_MORE = -2
+_GONE = Token("NL", "", 0, 0)
+_LOOKAHEAD = 24
+"""Tokens that a repair is tried on."""
+_BOUNDARIES = frozenset(("NL", "LBRACE", "RBRACE", "$END"))
+_SUPPLIED = (
+    ("COLON", ":"),
+    ("EQUAL", "="),
+    ("COMMA", ","),
+    ("SEP", ","),
+    ("IN", "in"),
+    ("AS", "as"),
+    ("WHEN", "when"),
+    ("RPAR", ")"),
+    ("OP", "*"),
+    ("NUMBER", "?"),
+)
+"""What a repair may supply; the number is none, so that the builder makes a broken expression of it."""
+_AFTER_KEYWORD = frozenset(("NAME", "STRING", "NUMBER", "QUANTITY", "LBRACE", "WHEN"))
+_VALUE_STARTS = frozenset(
+    (
+        "NAME",
+        "NUMBER",
+        "QUANTITY",
+        "STRING",
+        "LPAR",
+        "LSQB",
+        "MINUS",
+        "NOT",
+        "EXISTS",
+        "FORALL",
+        "TRUE",
+        "FALSE",
+        "LSET",
+    )
+)
+_EXPRESSION_GOES_ON = frozenset(
+    ("OP", "MINUS", "LE", "IN", "AND", "OR", "RANGE", "BY", "FROM", "TO", "AT", "LSQB", "DOT", "DOTSTAR")
+)
+
+
+def _listing(due: list[str]) -> str:
+    kinds = set(due)
+    if {"NAME", "NUMBER", "LPAR"} <= kinds:
+        kinds = (kinds - _VALUE_STARTS) | {"a value"}
+    if {"OP", "AND", "RANGE"} <= kinds:
+        kinds -= _EXPRESSION_GOES_ON | {"LPAR"}
+    if len(kinds & set(STATEMENTS.values())) > 5:
+        kinds = (kinds - set(STATEMENTS.values()) - {"NAME"}) | {"a statement"}
+    if len(kinds) > 1:
+        kinds -= {"SEP"}
+    words = sorted(NAMES_IN_MESSAGES.get(kind, kind) for kind in kinds)
+    if len(words) <= 1:
+        return words[0] if words else "something else"
+    return f"{', '.join(words[:-1])} or {words[-1]}"
+
+
+def _hint(tokens: list[Token], fault: int, due: list[str]) -> str:
+    token = tokens[fault]
+    if fault and token.type == "NAME" and tokens[fault - 1].type == "NUMBER":
+        return "a unit follows its number on the same line"
+    if "NL" in due and token.type not in ("NL", "RBRACE", "$END"):
+        return "a statement ends with its line or with a comma"
+    return ""
