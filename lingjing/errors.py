@@ -20,17 +20,27 @@ class ExitCode(IntEnum):
     INTERRUPTED = 130
 
 
+class Fault(NamedTuple):
+    """One of several things that are wrong with a document or with options: its path, what is wrong, the way out."""
+
+    where: str
+    message: str
+    hint: str = ""
+
+
 class LingjingError(Exception):
     """Root of everything this project raises on purpose.
 
-    `str(error)` names the thing at fault; `hint` says what to do about it, which a traceback shows as a note.
+    `str(error)` names the thing at fault; `hint` says what to do about it, which a traceback shows as a note;
+    `faults` are those of a document or of options, if that is what is wrong.
     """
 
     exit_code = ExitCode.BUG
 
-    def __init__(self, message: str, *, hint: str = "") -> None:
+    def __init__(self, message: str, *, hint: str = "", faults: tuple[Fault, ...] = ()) -> None:
         super().__init__(message)
         self.hint = hint
+        self.faults = faults
         if hint:
             self.add_note(f"hint: {hint}")
 
@@ -41,23 +51,10 @@ class UsageError(LingjingError):
     exit_code = ExitCode.USAGE
 
 
-class Fault(NamedTuple):
-    """One of several things that are wrong with a document: its JSON path, what is wrong, the way out."""
-
-    where: str
-    message: str
-    hint: str
-
-
 class MissionError(LingjingError):
-    """The mission has errors; the diagnostics, if any, are rendered into the message by who raises. `faults` are those
-    of a document."""
+    """The mission has errors; the diagnostics, if any, are rendered into the message by who raises."""
 
     exit_code = ExitCode.MISSION
-
-    def __init__(self, message: str, *, hint: str = "", faults: tuple[Fault, ...] = ()) -> None:
-        super().__init__(message, hint=hint)
-        self.faults = faults
 
 
 class PluginError(LingjingError):

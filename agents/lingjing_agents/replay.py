@@ -10,6 +10,7 @@ from pathlib import Path
 
 import msgspec
 
+from lingjing.plugins.options import Field, PluginOptions
 from lingjing.plugins.policy import Brief, Decision, Inbox, Observation, UsageError
 
 Script = dict[str, dict[int, Decision]]
@@ -28,13 +29,17 @@ def load_script(path: Path) -> Script:
         ) from error
 
 
+class ScriptOptions(PluginOptions):
+    """What `scripted` is told."""
+
+    script: Path = Field(description="the JSON file with the decisions")
+
+
 class ScriptedPolicy:
     """Says at each tick what the script says for its agent."""
 
-    def __init__(self, script: str = "") -> None:
-        if not script:
-            raise UsageError("policy `scripted` needs a script", hint="give --policy-arg script=PATH")
-        self._script = load_script(Path(script))
+    def __init__(self, options: ScriptOptions) -> None:
+        self._script = load_script(options.script)
         self._lines: dict[int, Decision] = {}
 
     async def reset(self, brief: Brief) -> None:

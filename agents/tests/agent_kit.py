@@ -6,6 +6,8 @@ import msgspec
 import numpy as np
 
 from lingjing.plugins.geometry import camera_pose
+from lingjing.plugins.host import PluginHost
+from lingjing.plugins.loading import build_policy
 from lingjing.plugins.policy import (
     ArgumentSpec,
     Brief,
@@ -22,11 +24,18 @@ from lingjing.plugins.policy import (
     Observation,
     Peer,
     Picture,
+    Policy,
     Region,
     Resource,
     VerbSpec,
     Weather,
 )
+
+
+def react(**options: object) -> Policy:
+    """A `react` policy, made as an episode makes it."""
+    return build_policy(PluginHost().policy("react"), options)
+
 
 WEST, SOUTH, EAST, NORTH = -123.7, -1090.0, 665.1, -752.0
 WEATHER = Weather(wind_mps=4.0, wind_from_deg=220.0, current_mps=0.15, current_to_deg=60.0)

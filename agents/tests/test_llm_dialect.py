@@ -7,7 +7,7 @@ import pytest
 from lingjing_agents.llm.capabilities import capability_of
 from lingjing_agents.react.policy import ReactError, ReactPolicy
 
-from agents.tests.agent_kit import Inbox, brief, observe
+from agents.tests.agent_kit import Inbox, brief, observe, react
 from agents.tests.chat_server import Reply, serve
 from lingjing.plugins.policy import Usage
 
@@ -40,7 +40,7 @@ def strict(request: dict[str, Any]) -> Reply:
 
 
 async def mind(url: str, model: str, **arguments: str) -> ReactPolicy:
-    policy = ReactPolicy(model=model, base_url=url, deadline="60", **arguments)
+    policy = react(model=model, base_url=url, deadline="60", **arguments)
     await policy.reset(brief("scout[1]"))
     return policy
 

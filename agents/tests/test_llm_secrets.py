@@ -16,9 +16,9 @@ from urllib.parse import quote, unquote
 
 import pytest
 from lingjing_agents.llm.redaction import RUN, Redactor
-from lingjing_agents.react.policy import PATIENCE, ReactPolicy
+from lingjing_agents.react.policy import PATIENCE
 
-from agents.tests.agent_kit import Inbox, brief, observe
+from agents.tests.agent_kit import Inbox, brief, observe, react
 from agents.tests.hostile_server import answered, completion, header_of, serve_raw
 from lingjing.plugins.policy import InfrastructureError, NoDecisionError, UsageError
 from lingjing.trace.container import scan
@@ -128,7 +128,7 @@ async def test_exceptions_their_causes_and_logs_hold_no_key(client, monkeypatch,
     monkeypatch.setenv("SERVICE_KEY", key)
     caplog.set_level(logging.DEBUG)
     with serve_raw(echo("401 Unauthorized", str)) as url:
-        policy = ReactPolicy(base_url=url, api_key_env="SERVICE_KEY", deadline="60", **client_arguments(client))
+        policy = react(base_url=url, api_key_env="SERVICE_KEY", deadline="60", **client_arguments(client))
         await policy.reset(brief("scout[1]"))
         for tick in range(PATIENCE):
             with pytest.raises((NoDecisionError, InfrastructureError)) as failure:
@@ -157,7 +157,7 @@ async def test_an_answer_that_tells_the_key_is_redacted_too(monkeypatch):
     monkeypatch.setenv("SERVICE_KEY", key)
     step = {"thought": f"my key is {key}", "command": None, "messages": []}
     with serve_raw(lambda request: iter([completion(json.dumps(step))])) as url:
-        policy = ReactPolicy(model="m", base_url=url, api_key_env="SERVICE_KEY")
+        policy = react(model="m", base_url=url, api_key_env="SERVICE_KEY")
         await policy.reset(brief("scout[1]"))
         assert (await policy.act(observe("scout[1]", 1), Inbox())).thought == "my key is ***"
 
@@ -165,7 +165,7 @@ async def test_an_answer_that_tells_the_key_is_redacted_too(monkeypatch):
 async def test_a_login_of_the_environment_is_sent_and_not_told(monkeypatch):
     with serve_raw(echo("403 Forbidden", str)) as url:
         monkeypatch.setenv("SERVICE_URL", url.replace("//", f"//{quote(LOGIN, safe=':')}@"))
-        policy = ReactPolicy(model="m", base_url_env="SERVICE_URL")
+        policy = react(model="m", base_url_env="SERVICE_URL")
         await policy.reset(brief("scout[1]"))
         with pytest.raises(NoDecisionError, match="wrong key") as failure:
             await policy.act(observe("scout[1]", 1), Inbox())
@@ -184,13 +184,16 @@ async def test_a_login_of_the_environment_is_sent_and_not_told(monkeypatch):
         ({"base_url": f"http://localhost/v1?key={quote(PASSWORD)}"}, "query"),
         ({"base_url": f"http://[{PASSWORD}]/v1"}, "http://localhost"),
         ({"base_url": f"http://localhost:{PASSWORD}/v1"}, "http://localhost"),
-        ({"base_url": "http://localhost/v1", "api_key_env": f"{PASSWORD}"}, "takes the name of a variable"),
+        (
+            {"base_url": "http://localhost/v1", "api_key_env": f"{PASSWORD}"},
+            "takes the name of an environment variable",
+        ),
         ({"base_url_env": "NO_SUCH_URL"}, "NO_SUCH_URL"),
     ],
 )
 def test_secrets_do_not_go_into_arguments(arguments: dict[str, str], says: str):
     with pytest.raises(UsageError) as failure:
-        ReactPolicy(model="m", **arguments)
+        react(model="m", **arguments)
     assert says in f"{failure.value} {failure.value.hint}"
     assert not told(f"{failure.value} {failure.value.hint} {_linked(failure.value)}", PASSWORD, 7)
 

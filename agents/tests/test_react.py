@@ -11,7 +11,7 @@ from lingjing_agents.react.answer import StepError, read_step, step_text
 from lingjing_agents.react.policy import ReactError, ReactPolicy
 from lingjing_agents.react.prompt import observation_text, system_prompt
 
-from agents.tests.agent_kit import REPORT, WEATHER, Inbox, brief, envelope, observe, picture, view
+from agents.tests.agent_kit import REPORT, WEATHER, Inbox, brief, envelope, observe, picture, react, view
 from agents.tests.chat_server import NOOP, Reply, serve
 from lingjing.plugins.decisions import DecisionFormat, decision_schema
 from lingjing.plugins.policy import UsageError
@@ -37,7 +37,7 @@ HERE = view("uav[1]", (306.0, -620.0, 96.5))
 
 
 async def mind(url: str, agent: str = "scout[1]", mode: str = "broadcast", **arguments: str) -> ReactPolicy:
-    policy = ReactPolicy(model="test-model", base_url=url, **{"deadline": "10", **arguments})
+    policy = react(model="test-model", base_url=url, **{"deadline": "10", **arguments})
     await policy.reset(brief(agent, mode))
     return policy
 
@@ -211,18 +211,30 @@ def test_all_faults_of_a_step_are_told_at_once():
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        ({}, "needs a model"),
+        ({}, "option `model` is missing"),
         ({"model": "m"}, "service's address"),
         ({"model": "m", "base_url": "localhost"}, "service's address"),
-        ({"model": "m", "base_url": "http://x", "client": "carrier-pigeon"}, "client=carrier-pigeon"),
-        ({"model": "m", "base_url": "http://x", "temperature": "hot"}, "temperature=hot"),
-        ({"model": "m", "base_url": "http://x", "repairs": "1.5"}, "repairs=1.5"),
+        (
+            {"model": "m", "base_url": "http://x", "client": "carrier-pigeon"},
+            "`client` is 'carrier-pigeon', 'direct' or 'litellm' is due",
+        ),
+        ({"model": "m", "base_url": "http://x", "temperature": "hot"}, "`temperature` is 'hot', a number is due"),
+        ({"model": "m", "base_url": "http://x", "repairs": "1.5"}, "`repairs` is '1.5', a whole number is due"),
         ({"model": "m", "base_url": "http://x", "api_key_env": "NO_SUCH_KEY_HERE"}, "NO_SUCH_KEY_HERE"),
     ],
 )
 def test_wrong_arguments_are_named(arguments: dict[str, str], says: str):
     with pytest.raises(UsageError, match=says):
-        ReactPolicy(**arguments)
+        react(**arguments)
+
+
+def test_every_wrong_option_is_told_at_once():
+    with pytest.raises(UsageError) as caught:
+        react(modle="m", client="direct", temperature="3", history="-1", api_key_env="NO_SUCH_KEY_HERE", tries="many")
+    assert [fault.where for fault in caught.value.faults] == [
+        "model", "api_key_env", "base_url", "temperature", "tries", "history", "modle",
+    ]  # fmt: skip
+    assert "`modle` is not known; did you mean `model`?" in str(caught.value)
 
 
 @pytest.mark.slow
@@ -231,7 +243,7 @@ async def test_litellm_speaks_to_the_same_server(monkeypatch: pytest.MonkeyPatch
         pytest.skip("litellm is an optional extra")
     with serve([Reply(status=500), Reply(STEP)]) as server:
         monkeypatch.setenv("REACT_TEST_KEY", "a-key")
-        policy = ReactPolicy(
+        policy = react(
             model="openai/test-model",
             base_url=server.url,
             client="litellm",

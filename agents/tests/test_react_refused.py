@@ -5,13 +5,13 @@ import json
 import pytest
 from lingjing_agents.react.policy import PATIENCE, ReactError, ReactPolicy
 
-from agents.tests.agent_kit import Inbox, brief, observe
+from agents.tests.agent_kit import Inbox, brief, observe, react
 from agents.tests.chat_server import NOOP, Reply, serve
 from lingjing.plugins.policy import InfrastructureError
 
 
 async def mind(url: str, **arguments: str) -> ReactPolicy:
-    policy = ReactPolicy(model="m", base_url=url, **{"deadline": "60", "tries": "1", **arguments})
+    policy = react(model="m", base_url=url, **{"deadline": "60", "tries": "1", **arguments})
     await policy.reset(brief("scout[1]"))
     return policy
 

@@ -1,15 +1,20 @@
-"""`lingjing plugins`: the engines, policies and scenes that this installation offers, and where each comes from."""
+"""`lingjing plugins [NAME]`: the engines, policies and scenes of this installation, and the options of one of them."""
 
 from __future__ import annotations
 
 import argparse
+import difflib
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import msgspec
 
-from lingjing.errors import ExitCode, PluginError
+from lingjing.errors import ExitCode, PluginError, UsageError
+from lingjing.plugins.host import PluginHost
+from lingjing.plugins.loading import load_policy, options_model
+from lingjing.plugins.options import OptionSpec, declared_model, option_specs
+from lingjing.plugins.policy import PolicyPlugin
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -17,19 +22,27 @@ if TYPE_CHECKING:
 
 class Offer(msgspec.Struct, frozen=True, kw_only=True):
     """One thing on offer: `kind` is engine, policy or scene; `source` the plug-in's entry point; `notes` what is
-    special about it (where an engine runs, whether a policy sees the truth)."""
+    special about it (where an engine runs, whether a policy sees the truth); `options` are listed of one that was
+    asked for by name."""
 
     kind: str
     name: str
     source: str
     notes: str = ""
     summary: str = ""
+    options: tuple[OptionSpec, ...] = ()
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Declare the verb and its options."""
     parser = subparsers.add_parser(
-        "plugins", help="list engines, policies and scenes and where they come from", description=__doc__
+        "plugins", help="list engines, policies and scenes, or the options of one", description=__doc__
+    )
+    parser.add_argument(
+        "name",
+        nargs="?",
+        metavar="NAME|FILE.py:CLASS",
+        help="list the options of what is called so (default: all names)",
     )
     parser.add_argument("--output-format", choices=("text", "json"), default="text")
 
@@ -37,33 +50,62 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 def handler(args: argparse.Namespace) -> int:
     """Print the list; if a plug-in is broken, print which ones load and which do not, and fail as it did."""
     try:
-        found = tuple(offers())
+        host = PluginHost()
     except PluginError:
         _print_entry_points()
         raise
+    found = tuple(offers(host)) if args.name is None else tuple(offers_called(args.name, host))
     if args.output_format == "json":
         sys.stdout.write(msgspec.json.encode(found).decode() + "\n")
+    elif args.name is None:
+        _print_rows([(one.kind, one.name, one.source, one.notes, one.summary) for one in found])
     else:
-        _print(found)
+        _print_options(found)
     return ExitCode.OK
 
 
-def offers() -> Iterator[Offer]:
-    """Everything on offer, by kind and name. Raises `PluginError` if a plug-in is broken."""
-    from lingjing.plugins.host import PluginHost
-
-    host = PluginHost()
+def offers(host: PluginHost) -> Iterator[Offer]:
+    """Everything on offer, by kind and name."""
     for engine in host.engines.values():
         notes = f"{engine.place}, sensor" if engine.sensor else engine.place
         source = host.sources["lingjing_engines", engine.name]
         yield Offer(kind="engine", name=engine.name, source=source, notes=notes, summary=engine.summary)
     for policy in host.policies.values():
-        notes = "privileged" if policy.privileged else ""
-        source = host.sources["lingjing_policies", policy.name]
-        yield Offer(kind="policy", name=policy.name, source=source, notes=notes, summary=policy.summary)
+        yield _policy_offer(policy, host.sources["lingjing_policies", policy.name])
     for scene in host.scenes.values():
         source = host.sources["lingjing_scenes", scene.name]
         yield Offer(kind="scene", name=scene.name, source=source, summary=scene.summary)
+
+
+def offers_called(name: str, host: PluginHost) -> Iterator[Offer]:
+    """What is called `name`, an engine and a scene perhaps, or the policy in a file, with the options of each.
+
+    Raises `UsageError` if nothing is called so.
+    """
+    if name.partition(":")[0].endswith(".py"):
+        policy = load_policy(name, host)
+        yield _policy_offer(policy, name.partition(":")[0], option_specs(options_model(policy)))
+        return
+    found = [offer for offer in offers(host) if offer.name == name]
+    if not found:
+        close = difflib.get_close_matches(name, [offer.name for offer in offers(host)], n=1)
+        hint = f"did you mean `{close[0]}`?" if close else "`lingjing plugins` lists all names"
+        raise UsageError(f"nothing that is installed is called `{name}`", hint=hint)
+    for offer in found:
+        yield msgspec.structs.replace(offer, options=_options(offer, host))
+
+
+def _options(offer: Offer, host: PluginHost) -> tuple[OptionSpec, ...]:
+    if offer.kind == "policy":
+        return option_specs(options_model(host.policies[offer.name]))
+    declared = host.engines[offer.name].options if offer.kind == "engine" else host.scenes[offer.name].options
+    model = declared_model(declared, f"{offer.kind} `{offer.name}`")
+    return option_specs(model) if model is not None else ()
+
+
+def _policy_offer(policy: PolicyPlugin, source: str, options: tuple[OptionSpec, ...] = ()) -> Offer:
+    notes = "privileged" if policy.privileged else ""
+    return Offer(kind="policy", name=policy.name, source=source, notes=notes, summary=policy.summary, options=options)
 
 
 def _print_entry_points() -> None:
@@ -82,9 +124,27 @@ def _load_result(entry: EntryPoint) -> str:
     return "loads"
 
 
-def _print(found: Iterable[Offer]) -> None:
-    rows = [(offer.kind, offer.name, offer.source, offer.notes, offer.summary) for offer in found]
-    widths = [max((len(row[column]) for row in rows), default=0) for column in range(4)]
+def _print_options(found: Iterable[Offer]) -> None:
+    for number, offer in enumerate(found):
+        print("\n" * (number > 0) + "  ".join(filter(None, (offer.kind, offer.name, offer.source, offer.notes))))
+        print(offer.summary or "-")
+        if offer.options:
+            _print_rows([(f"  {one.name}", _type(one), _default(one), one.help) for one in offer.options])
+        else:
+            print("  no options")
+
+
+def _type(one: OptionSpec) -> str:
+    return f"{one.type}: {one.bounds}" if one.bounds else one.type
+
+
+def _default(one: OptionSpec) -> str:
+    return "required" if one.required else f"default {one.default}" if one.default else ""
+
+
+def _print_rows(rows: Sequence[tuple[str, ...]]) -> None:
+    """Aligned columns; the last is as long as it is."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for row in rows:
-        cells = [cell.ljust(width) for cell, width in zip(row[:4], widths, strict=True)]
-        print("  ".join([*cells, row[4]]).rstrip())
+        cells = [cell.ljust(width) for cell, width in zip(row[:-1], widths[:-1], strict=True)]
+        print("  ".join([*cells, row[-1]]).rstrip())

@@ -32,7 +32,7 @@ from lingjing.mission.model import Mission
 from lingjing.numerics import versions, withdrawn
 from lingjing.play.folders import claim_run_folder
 from lingjing.plugins.host import PluginHost
-from lingjing.plugins.loading import build_policy, load_policy, share_arguments
+from lingjing.plugins.loading import build_policy, load_policy, policy_of, share_arguments
 from lingjing.plugins.policy import Policy, PolicyPlugin
 from lingjing.scene.city import City
 from lingjing.trace.reader import Trace, read_trace
@@ -128,7 +128,7 @@ class Session:
         _check_seed(seed)
         _check_seed(policy_seed)
         instance, city = self._stage.set(instantiate(mission, seed=seed, mode=mode, settings=settings))
-        seats = _cast(instance, policy, policies_for or {}, dict(policy_args or {}), self.host)
+        seats = _cast(instance, policy, policies_for or {}, _texts(policy_args or {}), self.host)
         policies = {agent: build_policy(plugin, arguments) for agent, (plugin, arguments) in seats.items()}
         recorder: list[TraceWriter] = []
         relations = RelationTracker(instance)
@@ -256,6 +256,11 @@ def _cast(
     return {agent: (plugin, shares[plugin.name]) for agent, plugin in plugins.items()}
 
 
+def _texts(arguments: Mapping[str, object]) -> dict[str, str]:
+    """Options as the trace keeps them and the command line gives them; from Python they may be numbers."""
+    return {name: str(value) for name, value in arguments.items()}
+
+
 def _plugin(factory: Callable[..., Policy]) -> PolicyPlugin:
     """A class or function given from Python; its attribute `privileged` counts as its declaration."""
     if not callable(factory):
@@ -263,9 +268,7 @@ def _plugin(factory: Callable[..., Policy]) -> PolicyPlugin:
             f"{factory!r} is not a policy",
             hint="give a policy's name, FILE.py:CLASS, a class, or a function that makes one",
         )
-    name = getattr(factory, "__qualname__", type(factory).__name__)
-    declared = getattr(factory, "__dict__", {}).get("privileged", False)
-    return PolicyPlugin(name=name, factory=factory, privileged=bool(declared))
+    return policy_of(factory, getattr(factory, "__qualname__", type(factory).__name__))
 
 
 def _hopeless(instance: Instance) -> tuple[str, ...]:

@@ -1,6 +1,7 @@
 """Everything a plug-in author needs: contracts, values, hooks, geometry and the conformance kit.
 
 - `hookspecs`     what a plug-in may offer; `host` finds it, `loading` finds policies by name or by file
+- `options`       the models of options that plug-ins declare, and the reading of what people write
 - `engine`, `policy`   the Protocols and their values
 - `decisions`     the JSON Schema of what an agent may answer, for policies over foreign programs
 - `fleet`         the five methods over moving bodies ← `requests` (admission, receipts), `clock` (fixed steps)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import TYPE_CHECKING, Literal, Protocol
 
 import msgspec
 import numpy as np
@@ -18,6 +18,9 @@ import numpy.typing as npt
 from lingjing.mission.instance import Entity, Instance
 from lingjing.scene.city import City
 from lingjing.trace.records import BodyState, CameraPose, Command, FrameInfo, Receipt, Route, TaskEvent
+
+if TYPE_CHECKING:
+    from lingjing.plugins.options import PluginOptions
 
 
 class EngineSpec(msgspec.Struct, frozen=True, kw_only=True):
@@ -116,6 +119,9 @@ class EnginePlugin:
     `sensor` engines answer `capture` and are advanced once a tick, after the motion barrier. `factory` does the
     heavy imports. `native_dt_s` is documentation and a bound on `sync`. A motion engine takes part in an episode if it
     owns an entity or if `wanted` says so of the instance: traffic and radio matter without an entity of their own.
+    `options` is the model of what a mission may say to the engine in its `scene` block, as a class or, so that nothing
+    heavy is loaded before it is needed, as `package.module:Class`; the engine reads them with
+    `lingjing.plugins.options.engine_options`.
     """
 
     name: str
@@ -125,6 +131,7 @@ class EnginePlugin:
     native_dt_s: float = 0.01
     summary: str = ""
     wanted: Callable[[Instance], bool] | None = None
+    options: type[PluginOptions] | str | None = None
 
 
 __all__ = [

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import pluggy
 
@@ -15,6 +16,9 @@ from lingjing.plugins.engine import EnginePlugin
 from lingjing.plugins.policy import PolicyPlugin
 from lingjing.scene.city import City
 
+if TYPE_CHECKING:
+    from lingjing.plugins.options import PluginOptions
+
 hookspec = pluggy.HookspecMarker("lingjing")
 hookimpl = pluggy.HookimplMarker("lingjing")
 
@@ -22,11 +26,12 @@ hookimpl = pluggy.HookimplMarker("lingjing")
 @dataclass(frozen=True, slots=True)
 class ScenePlugin:
     """How a scene provider is declared: `name` is what a mission names after `scene`; `build` must be a pure
-    function of the spec."""
+    function of the spec; `options` is the model of the spec's options, as a class or as `package.module:Class`."""
 
     name: str
     build: Callable[[SceneSpec], City]
     summary: str = ""
+    options: type[PluginOptions] | str | None = None
 
 
 @hookspec

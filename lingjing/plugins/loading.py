@@ -1,4 +1,6 @@
-"""Policies by name or by file: `heuristic`, `./mine.py:Scout`, `./mine.py` (if it holds one policy class).
+"""Policies by name or by file, and built with their options.
+
+A policy is named `heuristic`, `./mine.py:Scout`, or `./mine.py` (if it holds one policy class).
 
 A mistake in the author's file is reported with the file and its line, never with a traceback of ours.
 """
@@ -10,14 +12,20 @@ import hashlib
 import inspect
 import sys
 import traceback
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import ModuleType
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from lingjing.errors import LingjingError, UsageError
 from lingjing.plugins.host import PluginHost
 from lingjing.plugins.policy import Policy, PolicyPlugin
+
+if TYPE_CHECKING:
+    from lingjing.plugins.options import PluginOptions
+
+ValueT = TypeVar("ValueT")
 
 _METHODS = ("reset", "act")
 _START = "`lingjing new agent NAME` writes a policy to start from"
@@ -27,61 +35,78 @@ def load_policy(spec: str, host: PluginHost) -> PolicyPlugin:
     """The policy that `spec` names: an entry point's, or `FILE.py:CLASS`. Raises `UsageError`.
 
     A file's policy is called `FILE.py:CLASS` without its folder, so that a trace does not depend on where it lay.
-    A class attribute `privileged = True` declares that the policy wants to see the truth.
     """
     path, _, name = spec.partition(":")
     if not path.endswith(".py"):
         return host.policy(spec)
     cls = _policy_class(_load_module(Path(path)), Path(path), name)
-    privileged = bool(vars(cls).get("privileged", False))
     summary = (inspect.getdoc(cls) or "").partition("\n")[0]
-    return PolicyPlugin(name=f"{Path(path).name}:{cls.__name__}", factory=cls, privileged=privileged, summary=summary)
+    return policy_of(cls, f"{Path(path).name}:{cls.__name__}", summary)
 
 
-def share_arguments(plugins: Iterable[PolicyPlugin], arguments: Mapping[str, str]) -> dict[str, dict[str, str]]:
-    """Which of the `--policy-arg` pairs each policy (by name) gets: those its factory takes.
+def policy_of(factory: Callable[..., Policy], name: str, summary: str = "") -> PolicyPlugin:
+    """The declaration of a class or function that no plug-in declares.
 
-    With one policy there is nothing to choose and it gets them all, so that `build_policy` can name what it does not
-    take. An argument that none of several policies takes is a `UsageError`.
+    Its own attributes say what a declaration says: `privileged = True` that it wants to see the truth, `options` which
+    model its options have (without one its parameters are the options).
     """
-    each = {plugin.name: plugin for plugin in plugins}
-    if len(each) == 1:
-        return {name: dict(arguments) for name in each}
-    taken = {name: _taken(plugin, arguments) for name, plugin in each.items()}
-    for argument in arguments:
-        if not any(argument in mine for mine in taken.values()):
-            raise UsageError(
-                f"none of the policies {', '.join(f'`{name}`' for name in each)} takes `{argument}`",
-                hint="check the --policy-arg names; `lingjing plugins` lists the policies",
-            )
-    return taken
+    own: Mapping[str, Any] = getattr(factory, "__dict__", {})
+    return PolicyPlugin(
+        name=name,
+        factory=factory,
+        privileged=bool(own.get("privileged", False)),
+        summary=summary,
+        options=own.get("options"),
+    )
 
 
-def _taken(plugin: PolicyPlugin, arguments: Mapping[str, str]) -> dict[str, str]:
-    parameters = inspect.signature(plugin.factory).parameters
-    if any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters.values()):
-        return dict(arguments)
-    return {name: value for name, value in arguments.items() if name in parameters}
+def options_model(plugin: PolicyPlugin) -> type[PluginOptions]:
+    """The model of a policy's options: the declared one, else that of its factory's parameters."""
+    from lingjing.plugins.options import declared_model, model_of_parameters
+
+    return declared_model(plugin.options, _owner(plugin)) or model_of_parameters(plugin.factory)
 
 
-def build_policy(plugin: PolicyPlugin, arguments: dict[str, str]) -> Policy:
-    """One policy object for one agent; arguments that the factory does not take are a `UsageError` that lists them."""
-    signature = inspect.signature(plugin.factory)
+def share_arguments(plugins: Iterable[PolicyPlugin], arguments: Mapping[str, ValueT]) -> dict[str, dict[str, ValueT]]:
+    """Which of the given options each policy (by name) gets: those of its model; a policy alone gets them all.
+
+    Raises `UsageError` that tells every fault: of each policy's options, and what none of them takes.
+    """
+    from lingjing.plugins.options import option_faults, options_error, spellings, takes_any_name, unknown_option
+
+    models = {plugin.name: options_model(plugin) for plugin in plugins}
+    taken = {name: spellings(model) for name, model in models.items()}
+    shares = {
+        name: {key: value for key, value in arguments.items() if takes_any_name(model) or key in taken[name]}
+        for name, model in models.items()
+    }
+    faults = {f"policy `{name}`": option_faults(model, shares[name]) for name, model in models.items()}
+    names = [name for each in taken.values() for name in each]
+    strangers = [key for key in arguments if not any(key in share for share in shares.values())]
+    owners = f"polic{'y' if len(models) == 1 else 'ies'} {', '.join(f'`{name}`' for name in models)}"
+    faults[owners] = (*faults.get(owners, ()), *(unknown_option(key, names) for key in strangers))
+    if any(faults.values()):
+        raise options_error(faults)
+    return shares
+
+
+def build_policy(plugin: PolicyPlugin, arguments: Mapping[str, object]) -> Policy:
+    """One policy object for one agent. Raises `UsageError` that tells every fault of its options."""
+    from lingjing.plugins.options import given_parameters, read_options
+
+    options = read_options(options_model(plugin), arguments, _owner(plugin))
     try:
-        signature.bind(**arguments)
-    except TypeError as error:
-        takes = ", ".join(signature.parameters) or "none"
-        raise UsageError(
-            f"policy `{plugin.name}` does not take these arguments: {error}", hint=f"--policy-arg takes: {takes}"
-        ) from error
-    try:
-        return plugin.factory(**arguments)
+        return plugin.factory(options) if plugin.options else plugin.factory(**given_parameters(options))
     except LingjingError:
         raise
     except (Exception, SystemExit) as error:
         raise UsageError(
-            f"policy `{plugin.name}` cannot be built: {_said(error)}", hint="check its --policy-arg and its code"
+            f"{_owner(plugin)} cannot be built: {_said(error)}", hint="check its --policy-arg and its code"
         ) from error
+
+
+def _owner(plugin: PolicyPlugin) -> str:
+    return f"policy `{plugin.name}`"
 
 
 def _load_module(path: Path) -> ModuleType:

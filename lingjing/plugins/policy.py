@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import msgspec
 import numpy as np
@@ -48,6 +48,9 @@ from lingjing.trace.records import (
     TaskEvent,
     Usage,
 )
+
+if TYPE_CHECKING:
+    from lingjing.plugins.options import PluginOptions
 
 
 class Resource(msgspec.Struct, frozen=True, kw_only=True):
@@ -188,13 +191,18 @@ class Policy(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class PolicyPlugin:
-    """How a policy is declared through the hook `lingjing_policies`. `factory` takes the `--policy-arg` pairs as
-    keyword arguments (strings) and returns one object per agent. `privileged` policies see the truth."""
+    """How a policy is declared through the hook `lingjing_policies`. `privileged` policies see the truth.
+
+    `options` is the model of its options (`lingjing.plugins.options.PluginOptions`) as a class or, so that nothing
+    heavy is loaded before it is needed, as `package.module:Class`. `factory` takes an object of that model and returns
+    one policy object per agent; without a model the factory's parameters are the options.
+    """
 
     name: str
     factory: Callable[..., Policy]
     privileged: bool = False
     summary: str = ""
+    options: type[PluginOptions] | str | None = None
 
 
 __all__ = [

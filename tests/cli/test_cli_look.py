@@ -34,6 +34,30 @@ def test_plugins_prints_a_line_each(capsys) -> None:
     assert any(line.split()[:3] == ["policy", "heuristic", "agents"] for line in lines)
 
 
+def test_plugins_lists_the_options_of_one_with_type_bounds_default_and_help(capsys) -> None:
+    assert main(["plugins", "react"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].split() == ["policy", "react", "agents"]
+    assert "  max_tokens    whole number: 16 to 1000000  default 2048    the longest answer" in lines
+    assert main(["plugins", "react", "--output-format", "json"]) == 0
+    (offer,) = json.loads(capsys.readouterr().out)
+    assert offer["options"][0] == {
+        "name": "model", "type": "text", "bounds": "", "default": "", "required": True,
+        "help": "name of the model at its service",
+    }  # fmt: skip
+    assert main(["plugins", "raect"]) == 2
+    assert "did you mean `react`?" in capsys.readouterr().err
+
+
+def test_plugins_lists_the_options_of_a_policy_in_a_file(tmp_path: Path, monkeypatch, capsys) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["new", "agent", "scout"]) == 0
+    capsys.readouterr()
+    assert main(["plugins", "./scout.py:Scout"]) == 0
+    said = capsys.readouterr().out
+    assert "altitude  number: 40 to 160  default 80  elevation of the search, metres" in said
+
+
 def test_a_broken_plugin_is_found_among_the_others(capsys, monkeypatch) -> None:
     def broken(self: PluginHost) -> None:
         raise PluginError("a plug-in could not be loaded: boom")

@@ -2,6 +2,6 @@
 
 `prompt` (brief → system prompt, observation → text) and `picture` (pixels → JPEG) make the request; `answer` finds the
 step in what comes back and checks it against the schema of `lingjing.plugins.decisions`; `policy` runs the loop that
-`arguments` describes: ask, check, repair at most a few times, account tokens and cost, give up with a reason (`remedy`
+`options` describes: ask, check, repair at most a few times, account tokens and cost, give up with a reason (`remedy`
 says what to do) before the kernel's barrier does.
 """

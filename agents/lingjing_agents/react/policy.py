@@ -25,7 +25,7 @@ from lingjing.plugins.policy import (
 from lingjing_agents.llm.chat import ChatMessage, ChatRequest, Completion, ModelError
 from lingjing_agents.llm.retry import Attempts, Deadline, complete_with_retries
 from lingjing_agents.react.answer import StepError, after_reasoning, read_step
-from lingjing_agents.react.arguments import make_client, read_options
+from lingjing_agents.react.options import ReactOptions, make_client
 from lingjing_agents.react.picture import jpeg
 from lingjing_agents.react.prompt import observation_text, system_prompt
 from lingjing_agents.react.remedy import explained, remedy
@@ -39,11 +39,12 @@ class ReactError(NoDecisionError):
 
 
 class ReactPolicy:
-    """An agent's mind that is a chat model. `read_options` and `make_client` say what its arguments are."""
+    """An agent's mind that is a chat model."""
 
-    def __init__(self, **arguments: str) -> None:
-        self._options = read_options(arguments)
-        self._client = make_client(arguments)
+    def __init__(self, options: ReactOptions) -> None:
+        self._options = options
+        self._capability = options.capability
+        self._client = make_client(options)
         self._unbilled = Usage()
         self._refused = 0
 
@@ -53,7 +54,7 @@ class ReactPolicy:
         self._unbilled = Usage()
         self._refused = 0
         self._form = DecisionFormat(brief)
-        self._schema = msgspec.json.encode(self._form.schema) if self._options.capability.json_schema else None
+        self._schema = msgspec.json.encode(self._form.schema) if self._capability.json_schema else None
         in_words = self._form.schema if self._schema is None else None
         self._system = ChatMessage("system", system_prompt(brief, in_words))
         self._history: deque[tuple[ChatMessage, ChatMessage]] = deque(maxlen=self._options.history)
@@ -85,7 +86,7 @@ class ReactPolicy:
         )
 
     def _shown(self, observation: Observation) -> tuple[Picture, ...]:
-        return observation.pictures[: self._options.images] if self._options.capability.vision else ()
+        return observation.pictures[: self._options.images] if self._capability.vision else ()
 
     async def _settle(self, messages: tuple[ChatMessage, ...]) -> tuple[Decision, str]:
         deadline = Deadline(self._options.deadline_s)
@@ -110,11 +111,11 @@ class ReactPolicy:
         request = ChatRequest(
             options.model,
             messages,
-            options.temperature,
+            options.sent_temperature,
             options.max_tokens,
             self._schema,
-            options.insist,
-            options.capability.limit_name,
+            options.insists_on_temperature,
+            self._capability.limit_name,
         )
         attempts = Attempts()
         completion = Completion("", "")

@@ -8,6 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 from lingjing.plugins.conformance.case import require, run_all
+from lingjing.plugins.loading import build_policy
 from lingjing.plugins.policy import Brief, Decision, Inbox, Observation, PolicyPlugin
 
 
@@ -80,7 +81,7 @@ def _command(brief: Brief, decision: Decision) -> None:
 
 def _decide(case: PolicyCase) -> list[Decision]:
     async def play() -> list[Decision]:
-        policy = case.plugin.factory(**dict(case.arguments))
+        policy = build_policy(case.plugin, dict(case.arguments))
         await policy.reset(case.brief)
         return [await policy.act(observation, Inbox()) for observation in case.observations]
 
