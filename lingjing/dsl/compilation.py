@@ -35,7 +35,7 @@ def compile_file(path: str) -> Compilation:
 
 
 def compile_source(source: Source, *, offers: Offers | None = None) -> Compilation:
-    """Compile a source: parse, check, lower if there was no error, and look whether the mission can be won.
+    """Compile a source: parse, check, and look whether the mission can be won.
 
     With `offers` (the names that plug-ins offer) a scene or an engine that is not installed is a warning.
     """
@@ -47,7 +47,6 @@ def compile_source(source: Source, *, offers: Offers | None = None) -> Compilati
 
 def _compile(source: Source, offers: Offers | None) -> Compilation:
     from lingjing.dsl.checking.checker import check
-    from lingjing.dsl.checking.lower import lower
     from lingjing.dsl.feasibility.infeasible import infeasible
     from lingjing.dsl.feasibility.refused import refused
     from lingjing.dsl.source.reporter import Reporter
@@ -59,11 +58,9 @@ def _compile(source: Source, offers: Offers | None) -> Compilation:
         report("LJ0007", 0, 0, "the file is empty", "begin with `ljs 1`; the shipped mission `ssr` is an example")
         return Compilation(None, tuple(report.diagnostics), source)
     tree = parse(report)
-    checked = check(tree, report)
-    diagnostics = in_source_order(tuple(report.diagnostics))
-    if checked is None or has_errors(diagnostics):
-        return Compilation(None, diagnostics, source)
-    mission = lower(checked, report.source)
+    mission = check(tree, report)
+    if mission is None:
+        return Compilation(None, in_source_order(tuple(report.diagnostics)), source)
     infeasible(mission, tree, report)
     refused(mission, tree, report)
     if offers is not None:

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from importlib import import_module
 
 from lingjing.dsl.checking import library
-from lingjing.dsl.checking.blocks import Key
+from lingjing.dsl.checking.keys import Key
 from lingjing.dsl.checking.scope import Scope, TypeDecl
+from lingjing.dsl.checking.toplevel import load_library
 from lingjing.dsl.checking.typenames import word as type_word
 from lingjing.dsl.syntax.tokens import Token
 from lingjing.lsp.analysis import Analysis
@@ -300,7 +301,7 @@ class _Completer:
         file = library.find_file(path) if path else None
         if file is None:
             return
-        found, _ = library.load_library(file)
+        found, _ = load_library(file)
         yield from (Item(name, "type", decl.role) for name, decl in found.types.items())
         yield from (Item(name, "type", "record") for name in found.records)
 

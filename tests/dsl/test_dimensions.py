@@ -58,3 +58,9 @@ def test_unnamed_dimensions_have_a_unit_of_their_own() -> None:
     unit = unit_of("kg*m^2/s")
     assert unit is not None and dimension_unit(unit.dimension) == "m^2*kg/s"
     assert unit_of("m/x") is None and unit_of("") is None and unit_of("m//s") is None
+
+
+@pytest.mark.parametrize("written", ["8 + 3", "2 * (3 + 4)", "max(2, 20)", "round(10.6)"])
+def test_a_default_that_is_computed_is_held_to_its_bounds(written: str) -> None:
+    found = compile_text(f"ljs 1\nmission m {{\n  param n = {written} in 1..10\n}}\n").diagnostics
+    assert ("LJ0206", 3) in [(one.code, one.span.line) for one in found]

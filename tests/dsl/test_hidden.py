@@ -5,12 +5,13 @@ from __future__ import annotations
 import pytest
 
 from lingjing.dsl import Source, compile_text
-from lingjing.dsl.checking.checker import Checked, check
+from lingjing.dsl.checking.checker import check
 from lingjing.dsl.source.reporter import Reporter
 from lingjing.dsl.syntax.parser import parse
+from lingjing.mission.model import Mission
 
 
-def checked(text: str) -> Checked:
+def checked(text: str) -> Mission:
     """What the checker makes of a text in which it finds no fault, whether or not it could be played."""
     report = Reporter(Source(text, "m.ljs"))
     found = check(parse(report), report)

@@ -2,12 +2,13 @@
 
 In the order of the work:
 
-- `library`: the files that `use` finds. `toplevel`: the top of a file. `inherit`: what `extends` brings.
-- `builtin`: scenes and engines that the project brings.
+- `library`: which files `use` means. `toplevel`: the top of a file. `inherit`: what `extends` brings.
+- `builtin`: scenes and engines that the project brings. `values`: checked expressions. `keys`: what a block may say.
 - `scope`: the tables of declared names. `unknown`: names nobody declared. `typenames`: types in words.
-- `elaborate`, `calls`, `aggregates`: expressions, typed, with the way hidden values take.
+- `constants`: the numbers that expressions always are. `expressions`: what the parts of their checking share.
+- `calls`, `aggregates`, `elaborate`: expressions, typed, with the way hidden values take.
 - `blocks`: properties of a block against the keys it knows. `properties`: their form in the mission.
 - `types`, `interactions`, `settings`, `entities`, `equipment`, `agents`, `wording`, `rules`, `conduct`, `events`,
   `studies`: one checker for each sort of declaration.
-- `checker`: a whole mission. `lower`: what was checked → `Mission`.
+- `checker`: a whole mission.
 """

@@ -7,9 +7,10 @@ from collections.abc import Iterable
 from lingjing.dsl.checking.blocks import BlockReader
 from lingjing.dsl.checking.entities import EntityChecker
 from lingjing.dsl.checking.properties import suffix_of
-from lingjing.dsl.checking.scope import STATIC, UNKNOWN, Environment, Scope, Value
+from lingjing.dsl.checking.scope import Scope
 from lingjing.dsl.checking.settings import SettingsChecker
 from lingjing.dsl.checking.typenames import with_article
+from lingjing.dsl.checking.values import STATIC, UNKNOWN, Environment, Value
 from lingjing.dsl.checking.wording import WordingChecker
 from lingjing.dsl.source.suggest import did_you_mean, nearest
 from lingjing.dsl.syntax import tree as s

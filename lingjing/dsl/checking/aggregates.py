@@ -5,16 +5,14 @@ They are known only while the mission runs. Without `for`, `min` and `max` are t
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from lingjing.dsl.checking.scope import UNKNOWN, Environment, Value
+from lingjing.dsl.checking.calls import CallChecker
+from lingjing.dsl.checking.values import UNKNOWN, Environment, Value
 from lingjing.dsl.source.suggest import did_you_mean
 from lingjing.dsl.syntax import tree as s
 from lingjing.mission import expression as ex
 from lingjing.mission.functions import AGGREGATES, FUNCTIONS, NUMBER
-
-if TYPE_CHECKING:
-    from lingjing.dsl.checking.elaborate import Elaborator
 
 
 def is_aggregate(node: s.Call) -> bool:
@@ -23,9 +21,9 @@ def is_aggregate(node: s.Call) -> bool:
     return (name in AGGREGATES and name not in FUNCTIONS) or any(argument.over for argument in node.arguments)
 
 
-def aggregate(of: Elaborator, node: s.Call, environment: Environment) -> Value:
+def aggregate(calls: CallChecker, node: s.Call, environment: Environment) -> Value:
     """The checked aggregate; its value is a number, or a quantity of its body's dimension."""
-    function = node.function
+    function, of = node.function, calls.of
     if function.text not in AGGREGATES:
         hint = did_you_mean(function.text, AGGREGATES)
         of.report("LJ0306", function.start, function.end, f"`{function.text}` does not range over a group", hint)
@@ -39,7 +37,7 @@ def aggregate(of: Elaborator, node: s.Call, environment: Environment) -> Value:
         hint = f"`{function.text}(… for x in group)`"
         of.report("LJ0306", node.start, node.end, f"`{function.text}` takes one argument with `for … in …`", hint)
         return UNKNOWN
-    kind = of.calls.domain_type(over.domain)
+    kind = calls.domain_type(over.domain)
     if kind is None:
         return UNKNOWN
     inside = environment.binding(over.variable.text, kind)

@@ -8,55 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-import msgspec
-
 from lingjing.dsl.checking.elaborate import Elaborator
-from lingjing.dsl.checking.scope import STATIC, UNKNOWN, Environment, Taint, Value
+from lingjing.dsl.checking.keys import Entry, Key
 from lingjing.dsl.checking.typenames import with_article
+from lingjing.dsl.checking.values import STATIC, UNKNOWN, Environment, Taint, Value
 from lingjing.dsl.source.suggest import did_you_mean, is_certain, nearest
 from lingjing.dsl.syntax import tree as s
 from lingjing.mission import expression as ex
 from lingjing.mission.functions import DEGREES, MPS, NUMBER, Type
 
 SEA_LEVEL = "sea level"
-
-
-class Key(msgspec.Struct, frozen=True):
-    """One property of a block. `choices` are the words allowed for a name or a list of names, None for any.
-
-    `public` names where the value becomes visible to agents or engines, so that a hidden one is a leak.
-    """
-
-    name: str
-    type: Type
-    relations: tuple[str, ...] = ("=",)
-    choices: tuple[str, ...] | None = None
-    required: bool = False
-    guarded: bool = False
-    hideable: bool = False
-    public: bool = True
-    low: float | None = None
-    high: float | None = None
-    above: float | None = None
-    whole: bool = False
-
-
-class Entry(msgspec.Struct, frozen=True):
-    """A property that was read: its statement and its parts (two for a speed with a direction, a size, a range)."""
-
-    node: s.Property
-    key: Key
-    parts: tuple[Value, ...]
-
-    @property
-    def value(self) -> Value:
-        """The only or first part."""
-        return self.parts[0]
-
-    @property
-    def relation(self) -> str:
-        """`=`, `~` or `<=`."""
-        return self.node.relation
 
 
 class BlockReader:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from lingjing.dsl.checking.scope import UNKNOWN, Environment, Taint, Value
+from lingjing.dsl.checking.expressions import ExpressionChecker
 from lingjing.dsl.checking.typenames import with_article
+from lingjing.dsl.checking.values import UNKNOWN, Environment, Taint, Value
 from lingjing.dsl.source.suggest import did_you_mean, nearest
 from lingjing.dsl.syntax import tree as s
 from lingjing.mission import expression as ex
@@ -20,17 +19,14 @@ from lingjing.mission.functions import (
 )
 from lingjing.mission.units import Dimension
 
-if TYPE_CHECKING:
-    from lingjing.dsl.checking.elaborate import Elaborator
-
 
 class CallChecker:
     """The elaborator's part for calls."""
 
-    def __init__(self, elaborator: Elaborator) -> None:
-        self.of = elaborator
-        self.report = elaborator.report
-        self.scope = elaborator.scope
+    def __init__(self, checker: ExpressionChecker) -> None:
+        self.of = checker
+        self.report = checker.report
+        self.scope = checker.scope
 
     def call(self, node: s.Call, environment: Environment) -> Value:
         """A call of a rule or of a built-in."""

@@ -1,30 +1,30 @@
-"""`check`: a syntax tree becomes checked declarations, in the order in which they may refer to each other.
+"""`check`: a syntax tree becomes the `Mission`, its declarations in the order in which they may refer to each other.
 
 Names may be used before they are declared in the text, so heads come first: types and records, mode, params, regions
 and grids, the names of entities, agents, messages, stages and rules; then the bodies. Faulty parts are reported and
-left out; the rest is still checked. `Checked` is complete only if nothing was reported.
+left out; the rest is still checked.
 """
 
 from __future__ import annotations
 
+import hashlib
+from functools import partial
 from typing import TypeVar
-
-import msgspec
 
 from lingjing.dsl.checking.agents import AgentChecker
 from lingjing.dsl.checking.conduct import ConductChecker
 from lingjing.dsl.checking.events import EventChecker
 from lingjing.dsl.checking.inherit import inherited
-from lingjing.dsl.checking.library import Files
 from lingjing.dsl.checking.rules import RuleChecker
 from lingjing.dsl.checking.scope import Scope
 from lingjing.dsl.checking.studies import StudyChecker
-from lingjing.dsl.checking.toplevel import FileChecker, names_in_faults
+from lingjing.dsl.checking.toplevel import FileChecker, Files, names_in_faults
 from lingjing.dsl.source.reporter import Reporter
+from lingjing.dsl.source.text import Source
 from lingjing.dsl.syntax import tree as s
 from lingjing.mission import expression as ex
 from lingjing.mission import model
-from lingjing.mission.diagnostics import Related
+from lingjing.mission.diagnostics import Related, has_errors
 
 T = TypeVar("T")
 N = TypeVar("N", bound=s.Statement)
@@ -38,59 +38,29 @@ _REQUIRED = (
 )
 
 
-class Checked(msgspec.Struct, frozen=True, kw_only=True):
-    """The good declarations of a mission; parts that are missing were reported."""
+def check(tree: s.File, report: Reporter, files: Files | None = None) -> model.Mission | None:
+    """The mission of a file. None if errors were reported, or if it holds none; that is an error unless it holds types.
 
-    name: str
-    title: str
-    goal: str
-    scene: model.Scene | None
-    clock: model.ClockDeclaration | None
-    budget: model.BudgetDeclaration | None
-    weather: tuple[model.Property, ...]
-    parameters: tuple[model.Parameter, ...]
-    modes: model.Modes | None
-    regions: tuple[model.RegionDeclaration, ...]
-    grids: tuple[model.Grid, ...]
-    groups: tuple[model.Group, ...]
-    agents: tuple[model.Agent, ...]
-    authorities: tuple[model.Authority, ...]
-    messages: tuple[model.MessageKind, ...]
-    comms: model.Comms
-    rules: tuple[model.Rule, ...]
-    unlocks: tuple[model.Unlock, ...]
-    stages: tuple[model.Stage, ...]
-    relations: tuple[model.Relation, ...]
-    reveals: tuple[model.Reveal, ...]
-    success: ex.Expr | None
-    failure: ex.Expr | None
-    base: str
-    limits: tuple[model.Limit, ...]
-    permits: tuple[model.Permit, ...]
-    constraints: tuple[model.Constraint, ...]
-    inspections: tuple[model.Inspection, ...]
-    events: tuple[model.Event, ...]
-    sweeps: tuple[model.Sweep, ...]
-
-
-def check(tree: s.File, report: Reporter, files: Files | None = None) -> Checked | None:
-    """Check a file. None if it holds no mission; that is an error unless it holds types. `files` are those that the
-    compilation has read before."""
+    `files` are those that the compilation has read before.
+    """
     file = FileChecker(report, files=files)
     file.declarations(tree)
-    checked = check_mission(file, tree)
+    mission = check_mission(file, tree)
     file.of.names.report_all()
-    return checked
+    return None if has_errors(tuple(report.diagnostics)) else mission
 
 
-def check_mission(file: FileChecker, tree: s.File) -> Checked | None:
-    """Check the mission of a file whose top is checked already; it leaves what names mean in `file.scope`."""
+def check_mission(file: FileChecker, tree: s.File) -> model.Mission | None:
+    """Check the mission of a file whose top is checked already; it leaves what names mean in `file.scope`.
+
+    The mission lacks what is faulty; it is None if a part is faulty that none can do without.
+    """
     report = file.report
     missions = [item for item in tree.items if isinstance(item, s.MissionBlock)]
     for extra in missions[1:]:
         report("LJ0104", extra.name.start, extra.name.end, "a file holds one mission", "move it into a file of its own")
     if missions:
-        whole = inherited(file, missions[0])
+        whole = inherited(file, missions[0], check)
         return None if whole is None else MissionChecker(file).mission(whole)
     faulty = any(isinstance(item, s.Faulty) for item in tree.items)
     if not faulty and not file.own:
@@ -115,7 +85,7 @@ class MissionChecker:
         self.events = EventChecker(file.blocks, file.settings)
         self.studies = StudyChecker(file.blocks, file.settings)
 
-    def mission(self, node: s.MissionBlock) -> Checked:
+    def mission(self, node: s.MissionBlock) -> model.Mission | None:
         """All passes over a mission's block."""
         items = node.block.items
         self.scope.poisoned.update(names_in_faults(items))
@@ -130,26 +100,26 @@ class MissionChecker:
         grids = [self.settings.grid(item) for item in _all(items, s.GridBlock)]
         sections = self._sections(items)
         goal = self._one(items, s.TextLine, "goal")
-        scene = self._one(items, s.SceneBlock, "scene")
-        clock, budget = sections.get("clock"), sections.get("budget")
+        scene_block = self._one(items, s.SceneBlock, "scene")
         weather, comms = sections.get("weather"), sections.get("comms")
         outcomes = self._outcomes(items)
-        given = {name for name, part in (("goal", goal), ("scene", scene)) if part} | sections.keys() | outcomes.keys()
-        self._required(node, given)
-        checked = Checked(
+        given = [name for name, part in (("goal", goal), ("scene", scene_block)) if part]
+        self._required(node, {*given, *sections, *outcomes})
+        scene = self.settings.scene(scene_block) if scene_block else None
+        clock = self.settings.clock(sections["clock"]) if "clock" in sections else None
+        budget = self.settings.budget(sections["budget"]) if "budget" in sections else None
+        agents = tuple(self.agents.agent(item) for item in _all(items, s.AgentBlock))
+        mission = partial(
+            model.Mission,
             name=node.name.text,
             title=node.title.value if node.title else node.name.text,
             goal=self.agents.wording.text(goal) if goal else "",
-            scene=self.settings.scene(scene) if scene else None,
-            clock=self.settings.clock(clock) if clock else None,
-            budget=self.settings.budget(budget) if budget else None,
             weather=self.settings.weather(weather) if weather else (),
             parameters=_good(parameters),
-            modes=modes,
             regions=_good(regions),
             grids=_good(grids),
             groups=_good([self.entities.entity(item) for item in _all(items, s.EntityBlock)]),
-            agents=tuple(self.agents.agent(item) for item in _all(items, s.AgentBlock)),
+            agents=agents,
             authorities=tuple(part for item in _all(items, s.AuthorityLine) for part in self.agents.authority(item)),
             messages=_good([self.agents.message(item) for item in _all(items, s.MessageLine)]),
             comms=self.settings.comms(comms) if comms else model.Comms(),
@@ -158,7 +128,6 @@ class MissionChecker:
             stages=_good([self.rules.stage(item, self.conduct.limit) for item in _all(items, s.StageBlock)]),
             relations=_good([self.agents.relation(item) for item in _all(items, s.RelationLine)]),
             reveals=_good([self.agents.reveal(item) for item in _all(items, s.RevealLine)]),
-            success=outcomes.get("success"),
             failure=outcomes.get("failure"),
             base=node.base.text if node.base else "",
             limits=_good([self.conduct.limit(item) for item in _all(items, s.LimitLine)]),
@@ -170,11 +139,16 @@ class MissionChecker:
         )
         for item in _all(items, s.EntityBlock):
             if item.keyword == "target" and item.name.text in self.scope.groups:
-                self.interactions.between(item, self.scope.groups[item.name.text], checked.agents)
+                self.interactions.between(item, self.scope.groups[item.name.text], agents)
         self.rules.cycles(_all(items, s.RuleBlock))
         self.rules.unlocked_once(_all(items, s.UnlockLine))
-        self._whole(node, checked)
-        return checked
+        self._whole(node, modes)
+        success = outcomes.get("success")
+        if scene is None or clock is None or budget is None or modes is None or success is None:
+            return None
+        return mission(
+            scene=scene, clock=clock, budget=budget, modes=modes, success=success, origin=_origin(self.report.source)
+        )
 
     # -- private
 
@@ -278,7 +252,7 @@ class MissionChecker:
             for keyword, hint in missing:
                 self.report("LJ0106", node.name.start, node.name.end, f"the mission lacks `{keyword}`", hint)
 
-    def _whole(self, node: s.MissionBlock, checked: Checked) -> None:
+    def _whole(self, node: s.MissionBlock, modes: model.Modes | None) -> None:
         """What only the whole mission can show."""
         items = node.block.items
         if any(isinstance(item, s.Faulty) for item in items):
@@ -292,8 +266,8 @@ class MissionChecker:
             isinstance(i, s.Faulty) or (isinstance(i, s.Property) and i.name.text == "hub") for i in comms.block.items
         )
         mode = next(iter(_all(items, s.ModeLine)), None)
-        self._alone(node, checked)
-        if checked.modes and "star" in checked.modes.allowed and not hub_given and mode is not None:
+        self._alone(node, modes)
+        if modes and "star" in modes.allowed and not hub_given and mode is not None:
             self.report(
                 "LJ0502",
                 mode.start,
@@ -302,11 +276,11 @@ class MissionChecker:
                 "add `comms { hub = … when mode == star }`",
             )
 
-    def _alone(self, node: s.MissionBlock, checked: Checked) -> None:
+    def _alone(self, node: s.MissionBlock, modes: model.Modes | None) -> None:
         """`single` is for one agent."""
         agents = _all(node.block.items, s.AgentBlock)
         several = len(agents) > 1 or any(agent.index for agent in agents)
-        if checked.modes is None or checked.modes.default != "single" or not several:
+        if modes is None or modes.default != "single" or not several:
             return
         second = agents[-1]
         self.report(
@@ -358,6 +332,11 @@ def _good(parts: list[T | None]) -> tuple[T, ...]:
 def _hidden_count(scope: Scope) -> int:
     attributes = (attribute for info in scope.groups.values() for attribute in info.attributes.values())
     return len(scope.veiled) + sum(1 for attribute in attributes if attribute.taint)
+
+
+def _origin(source: Source) -> model.Origin:
+    name = source.path.replace("\\", "/").rsplit("/", 1)[-1]
+    return model.Origin(file=name, sha256=hashlib.sha256(source.text.encode("utf-8", "surrogatepass")).hexdigest())
 
 
 def _ceilings(nodes: list[s.Param]) -> dict[str, float]:

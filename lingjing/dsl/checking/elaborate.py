@@ -12,9 +12,10 @@ from typing import Any
 
 from lingjing.dsl.checking.aggregates import aggregate, is_aggregate
 from lingjing.dsl.checking.calls import CallChecker
-from lingjing.dsl.checking.scope import UNKNOWN, Environment, Scope, Step, Taint, Value
-from lingjing.dsl.checking.typenames import dimension_of, fits, of_type, with_article
-from lingjing.dsl.checking.unknown import UnknownNames
+from lingjing.dsl.checking.expressions import ExpressionChecker
+from lingjing.dsl.checking.scope import Scope
+from lingjing.dsl.checking.typenames import dimension_of, of_type, with_article
+from lingjing.dsl.checking.values import UNKNOWN, Environment, Taint, Value
 from lingjing.dsl.source.reporter import Reporter
 from lingjing.dsl.source.suggest import did_you_mean, nearest
 from lingjing.dsl.syntax import tree as s
@@ -36,11 +37,9 @@ from lingjing.mission.units import (
     AREA,
     BY_DIMENSION,
     LARGEST,
-    LENGTH,
     NONE,
     TIME,
     UNITS,
-    dimension_unit,
     multiply,
     si_value,
     unit_of,
@@ -52,13 +51,11 @@ _POINT_FIELDS = {"east": METRES, "north": METRES, "elevation": METRES, "x": METR
 _REGION_FIELDS = {"centre": POSITION, "area": Type("quantity", AREA)}
 
 
-class Elaborator:
-    """Checks and lowers expressions against one scope."""
+class Elaborator(ExpressionChecker):
+    """Checks expressions against one scope and gives their form in the mission."""
 
     def __init__(self, report: Reporter, scope: Scope) -> None:
-        self.report = report
-        self.scope = scope
-        self.names = UnknownNames(report, scope)
+        super().__init__(report, scope)
         self.calls = CallChecker(self)
         self.before_clock = False
         """Whether what is read is evaluated before the clock: params, their sweeps, the clock itself."""
@@ -92,52 +89,11 @@ class Elaborator:
         """The checked expression."""
         return self._handlers[type(node)](node, environment)
 
-    def expect(self, node: s.Expression, environment: Environment, due: Type, what: str = "") -> Value:
-        """The checked expression, which must be of the type `due`; `what` names the place in the message."""
-        value = self.value(node, environment)
-        return value if self.fits(value, due, node, what) else UNKNOWN
-
-    def fits(self, value: Value, due: Type, node: s.Node, what: str = "") -> bool:
-        """Whether the value fits; reports if it does not."""
-        if fits(value.type, due):
-            return True
-        where = f" for {what}" if what else " here"
-        self.mismatch(node, value, due, f"{with_article(due)} is due{where}, this is {with_article(value.type)}")
-        return False
-
-    def mismatch(self, node: s.Node, value: Value, due: Type, message: str) -> None:
-        """Report a value of the wrong type: a missing unit, a wrong dimension, or a wrong kind."""
-        if due.kind == "quantity" and due.dimension not in (None, NONE) and value.type.dimension == NONE:
-            unit = dimension_unit(due.dimension)
-            bare = isinstance(node, s.Number) and not node.unit
-            text = self.report.source.text[node.start : node.end]
-            self.report(
-                "LJ0202",
-                node.start,
-                node.end,
-                message,
-                f"give it a unit: `{text} {unit}`" if bare else "",
-                replace=f"{text} {unit}" if bare else None,
-            )
-        elif due.kind == value.type.kind and due.kind in ("quantity", "range"):
-            self.report("LJ0203", node.start, node.end, message, _unit_hint(due))
-        else:
-            self.report("LJ0201", node.start, node.end, message)
-
-    def unknown_name(self, node: s.Name, known: list[str], what: str = "nothing") -> Value:
-        """Note a name nobody declared; it is reported at the end unless a faulty statement may have declared it."""
-        self.names.note(node, known, what)
-        return UNKNOWN
-
-    def step(self, name: str, node: s.Node) -> Step:
-        """A station of a hidden value's path."""
-        return Step(name, self.report.span(node.start, node.end))
-
     # -- leaves
 
     def _number(self, node: s.Number, _environment: Environment) -> Value:
         if not node.unit:
-            return UNKNOWN if self._too_large(node, node.value) else Value(ex.Number(node.value), NUMBER)
+            return self._measured(node, node.value, NUMBER)
         unit = unit_of(node.unit)
         if unit is None:
             end, start = node.end, node.end - len(node.unit)
@@ -145,20 +101,18 @@ class Elaborator:
             hint = f"did you mean `{close}`?" if close else "compound units have no spaces: m/s, km/h, m^2"
             self.report("LJ0204", start, end, f"no unit is called `{node.unit}`", hint, replace=close)
             return UNKNOWN
-        value = si_value(node.value, node.unit)
-        if self._too_large(node, value):
-            return UNKNOWN
-        return Value(ex.Number(value, node.unit), Type("quantity", unit.dimension))
+        return self._measured(node, si_value(node.value, node.unit), Type("quantity", unit.dimension))
 
-    def _too_large(self, node: s.Node, value: float) -> bool:
-        """Whether a number is beyond what is computed with; reports if it is."""
-        if abs(value) <= LARGEST:
-            return False
+    def _measured(self, node: s.Number, value: float, kind: Type) -> Value:
+        return Value(ex.Number(value, node.unit), kind) if abs(value) <= LARGEST else self._too_large(node)
+
+    def _too_large(self, node: s.Node) -> Value:
+        """Report a number beyond what is computed with."""
         text = self.report.source.text[node.start : node.end]
         shown = f"`{text}`" if len(text) <= 30 else "this"
         hint = f"numbers go up to {LARGEST:g} in SI units"
         self.report("LJ0209", node.start, node.end, f"{shown} is too large", hint)
-        return True
+        return UNKNOWN
 
     def _name(self, node: s.Name, environment: Environment) -> Value:
         name = node.text
@@ -227,7 +181,7 @@ class Elaborator:
 
     def _call(self, node: s.Call, environment: Environment) -> Value:
         if is_aggregate(node):
-            return aggregate(self, node, environment)
+            return aggregate(self.calls, node, environment)
         if node.function.text in DISTRIBUTIONS and node.function.text not in self.scope.rules:
             start, end = node.function.start, node.function.end
             self.report(
@@ -343,14 +297,10 @@ class Elaborator:
         known = self.constant(left.ir)
         for part in reversed(spine):
             left = self._combine(part, left, environment)
-            known = self._so_far(left.ir, known)
-            if known is not None and self._too_large(part, known):
-                left, known = UNKNOWN, None
+            known, fault = self.constants.joined(left.ir, known)
+            if fault:
+                left = self._too_large(part)
         return left
-
-    def _so_far(self, ir: ex.Expr, left: float | None) -> float | None:
-        """What an operation gives if it is a constant; `left` is that of its left side, so that chains stay linear."""
-        return _folded(ir.operator, left, self.constant(ir.right)) if isinstance(ir, ex.Binary) else None
 
     def _combine(self, node: s.Binary, left: Value, environment: Environment) -> Value:
         operator = node.operator
@@ -492,21 +442,6 @@ class Elaborator:
         body = self.expect(node.body, environment.binding(node.variable.text, kind), FLAG, f"`{node.quantifier}`")
         return Value(ex.Quantified(node.quantifier, node.variable.text, name, body.ir), FLAG, body.taint)  # type: ignore[arg-type]
 
-    # -- constants
-
-    def constant(self, ir: ex.Expr) -> float | None:
-        """The number an expression always is (parameters at their defaults), or None."""
-        if isinstance(ir, ex.Number):
-            return ir.value
-        if isinstance(ir, ex.Ref) and ir.kind == "param":
-            return self.scope.constants.get(ir.name)
-        if isinstance(ir, ex.Unary) and ir.operator == "-":
-            operand = self.constant(ir.operand)
-            return None if operand is None else -operand
-        if isinstance(ir, ex.Binary):
-            return _folded(ir.operator, self.constant(ir.left), self.constant(ir.right))
-        return None
-
 
 _PHRASES = {
     "by": "`3 by 3` is the shape of a grid, `1920 by 1080` the size of a camera",
@@ -516,27 +451,8 @@ _PHRASES = {
 }
 
 
-def _folded(operator: str, left: float | None, right: float | None) -> float | None:
-    if left is None or right is None:
-        return None
-    if operator == "+":
-        return left + right
-    if operator == "-":
-        return left - right
-    if operator == "*":
-        return left * right
-    return left / right if operator == "/" and right else None
-
-
 def _taint(*values: Value) -> Taint:
     for value in values:
         if value.taint:
             return value.taint
     return ()
-
-
-def _unit_hint(due: Type) -> str:
-    known = BY_DIMENSION.get(due.dimension or NONE)
-    if due.dimension == NONE:
-        return "a bare number has no unit"
-    return f"for example in `{known.unit}`" if known and due.dimension != LENGTH else "for example in `m`"

@@ -6,12 +6,14 @@ from typing import Literal
 
 import msgspec
 
-from lingjing.dsl.checking.blocks import BlockReader, Entry, Key
+from lingjing.dsl.checking.blocks import BlockReader
 from lingjing.dsl.checking.equipment import EquipmentChecker
+from lingjing.dsl.checking.keys import Entry, Key
 from lingjing.dsl.checking.properties import lowered
-from lingjing.dsl.checking.scope import STATIC, UNKNOWN, Attribute, GroupInfo, Scope, Symbol, Taint, TypeDecl
+from lingjing.dsl.checking.scope import Attribute, GroupInfo, Scope, Symbol, TypeDecl
 from lingjing.dsl.checking.settings import SettingsChecker
 from lingjing.dsl.checking.types import ANY_RELATION, COMMON_KEYS
+from lingjing.dsl.checking.values import STATIC, UNKNOWN, Taint
 from lingjing.dsl.syntax import tree as s
 from lingjing.mission import expression as ex
 from lingjing.mission import model

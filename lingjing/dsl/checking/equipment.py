@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import msgspec
 
-from lingjing.dsl.checking.blocks import BlockReader, Entry, Key
-from lingjing.dsl.checking.scope import STATIC, UNKNOWN, Scope, TypeDecl, Value
+from lingjing.dsl.checking.blocks import BlockReader
+from lingjing.dsl.checking.keys import Entry, Key
+from lingjing.dsl.checking.scope import Scope, TypeDecl
+from lingjing.dsl.checking.values import STATIC, UNKNOWN, Value
 from lingjing.dsl.source.suggest import did_you_mean, nearest
 from lingjing.dsl.syntax import tree as s
 from lingjing.mission import expression as ex

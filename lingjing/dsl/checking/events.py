@@ -5,9 +5,10 @@ from __future__ import annotations
 import msgspec
 
 from lingjing.dsl.checking.blocks import BlockReader
-from lingjing.dsl.checking.scope import STATIC, UNKNOWN, Scope, Value
+from lingjing.dsl.checking.scope import Scope
 from lingjing.dsl.checking.settings import SettingsChecker
 from lingjing.dsl.checking.typenames import with_article
+from lingjing.dsl.checking.values import STATIC, UNKNOWN, Value
 from lingjing.dsl.syntax import tree as s
 from lingjing.mission import expression as ex
 from lingjing.mission import model

@@ -9,11 +9,12 @@ with the place in the base beside it.
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 
 import msgspec
 
 from lingjing.dsl.checking.scope import MissionDecl
-from lingjing.dsl.checking.toplevel import FileChecker
+from lingjing.dsl.checking.toplevel import FileChecker, Files
 from lingjing.dsl.source.reporter import Reporter
 from lingjing.dsl.source.suggest import did_you_mean, nearest
 from lingjing.dsl.source.text import JoinedSource, Source, read_source
@@ -28,18 +29,25 @@ LONGEST_TEXT = 16 * 1024 * 1024
 """Characters of a mission and of all that it extends."""
 
 Items = tuple[s.Statement, ...]
+Check = Callable[[s.File, Reporter, Files], object]
+"""`checker.check`."""
 
 
-def inherited(file: FileChecker, node: s.MissionBlock, chain: tuple[str, ...] = ()) -> s.MissionBlock | None:
-    """The mission with its base's statements; None if the base cannot be had, which is reported."""
+def inherited(
+    file: FileChecker, node: s.MissionBlock, check: Check, chain: tuple[str, ...] = ()
+) -> s.MissionBlock | None:
+    """The mission with its base's statements; None if the base cannot be had, which is reported.
+
+    `check` says whether the base is good by itself.
+    """
     if node.base is None:
         _nothing_to_override(file.report, node)
         return node
-    base = _base(file, node.base, chain)
+    base = _base(file, node.base, check, chain)
     if base is None:
         return None
     decl, block = base
-    above = inherited(file, block, (*chain, decl.path))
+    above = inherited(file, block, check, (*chain, decl.path))
     if above is None:
         return None
     items = _merged(file.report, above.block.items, node)
@@ -49,7 +57,9 @@ def inherited(file: FileChecker, node: s.MissionBlock, chain: tuple[str, ...] = 
 # -- private
 
 
-def _base(file: FileChecker, name: s.Name, chain: tuple[str, ...]) -> tuple[MissionDecl, s.MissionBlock] | None:
+def _base(
+    file: FileChecker, name: s.Name, check: Check, chain: tuple[str, ...]
+) -> tuple[MissionDecl, s.MissionBlock] | None:
     decl = file.scope.missions.get(name.text)
     if decl is None:
         file.of.unknown_name(name, list(file.scope.missions), "no mission that this file uses")
@@ -58,7 +68,7 @@ def _base(file: FileChecker, name: s.Name, chain: tuple[str, ...]) -> tuple[Miss
         why = "extends itself, through others" if decl.path in chain else f"is the end of more than {DEEPEST} in a row"
         file.report("LJ0120", name.start, name.end, f"`{name.text}` {why}")
         return None
-    if not _is_good(file, name, decl):
+    if not _is_good(file, name, decl, check):
         return None
     report = file.report
     source, part = report.source, read_source(decl.path)
@@ -75,10 +85,10 @@ def _base(file: FileChecker, name: s.Name, chain: tuple[str, ...]) -> tuple[Miss
     return None if block is None else (decl, block)
 
 
-def _is_good(file: FileChecker, name: s.Name, decl: MissionDecl) -> bool:
+def _is_good(file: FileChecker, name: s.Name, decl: MissionDecl, check: Check) -> bool:
     """Whether the base is good by itself; only then is it looked at here. Whether it can be won does not matter."""
     report = file.report
-    found = _errors(file, decl.path)
+    found = _errors(file, decl.path, check)
     if found is None:
         report("LJ0120", name.start, name.end, f"`{name.text}` extends itself, through others")
         return False
@@ -94,13 +104,11 @@ def _is_good(file: FileChecker, name: s.Name, decl: MissionDecl) -> bool:
     return not found
 
 
-def _errors(file: FileChecker, path: str) -> tuple[Diagnostic, ...] | None:
+def _errors(file: FileChecker, path: str, check: Check) -> tuple[Diagnostic, ...] | None:
     """The errors of the mission in a file; None if it is being checked right now, so that it leads back to itself.
 
     Each file is checked once in a compilation: a chain of missions costs what its members cost.
     """
-    from lingjing.dsl.checking.checker import check
-
     bases = file.files.bases
     bases.setdefault(file.chain[-1], None)
     key = os.path.realpath(path)

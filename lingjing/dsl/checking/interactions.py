@@ -12,8 +12,9 @@ from collections.abc import Collection, Iterable, Iterator
 
 import msgspec
 
-from lingjing.dsl.checking.blocks import BlockReader, Entry
+from lingjing.dsl.checking.blocks import BlockReader
 from lingjing.dsl.checking.builtin import BUILTIN
+from lingjing.dsl.checking.keys import Entry
 from lingjing.dsl.checking.scope import Attribute, GroupInfo, Scope, TypeDecl
 from lingjing.dsl.checking.typenames import with_article
 from lingjing.dsl.source.suggest import did_you_mean, nearest

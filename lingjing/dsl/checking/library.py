@@ -1,4 +1,4 @@
-"""The standard library, the project's own files and what plug-ins add: from `use …` to the declarations of a file.
+"""The standard library, the project's own files and what plug-ins add: which file `use …` means.
 
 `use std.NAME` reads `NAME.ljs` of the standard library: shipped inside the package, else the repository's
 `scenarios/std`. Any other first word names a package under the entry-point group `lingjing.std`, whose `.ljs` files
@@ -10,36 +10,14 @@ link that does is no file.
 from __future__ import annotations
 
 import os
-from functools import lru_cache
 from pathlib import Path
 
 from lingjing.data import data_path
-from lingjing.dsl.checking.scope import Library
 from lingjing.errors import PluginError
-from lingjing.mission.diagnostics import Diagnostic
-
-Loaded = tuple[Library, tuple[Diagnostic, ...]]
-"""The declarations of a library file and what is wrong with it."""
 
 GROUP = "lingjing.std"
 DEEPEST, LONGEST = 8, 100
 """Words of a path, letters of a word: beyond that no library is meant, and file systems begin to refuse."""
-
-LONGEST_CHAIN = 32
-"""Files that use each other in a row. Each takes a few Python frames; no library is built of so many storeys."""
-
-
-class Files:
-    """The files that one compilation reads: each is checked once, however many ways lead to it.
-
-    `bases` holds the errors of missions that others extend, by file; None while one is being checked.
-    """
-
-    __slots__ = ("bases", "libraries")
-
-    def __init__(self) -> None:
-        self.libraries: dict[str, Loaded] = {}
-        self.bases: dict[str, tuple[Diagnostic, ...] | None] = {}
 
 
 def standard_folder() -> str:
@@ -74,38 +52,6 @@ def known_paths(first: str, beside: str | None = None) -> list[str]:
     if folder is None:
         return [*(f"std.{name}" for name in _files(standard_folder())), *_plugin_names()]
     return [f"{first}.{name}" for name in _files(folder)]
-
-
-def load_library(file: str, chain: tuple[str, ...] = (), files: Files | None = None) -> Loaded:
-    """The declarations of a library file and what is wrong with it. `chain` are the files that led here, `files` those
-    that the compilation has read.
-
-    What is good is kept from one compilation to the next: it leads back to none of `chain`, for else it would lead to
-    itself. What is faulty may be so because of `chain`.
-    """
-    files = files or Files()
-    known = files.libraries.get(file)
-    if known is None:
-        stat = Path(file).stat()
-        good = _good(file, stat.st_mtime_ns, stat.st_size)
-        known = good[0] if good else _read(file, chain, files)
-        if not good and not known[1]:
-            good.append(known)
-        files.libraries[file] = known
-    return known
-
-
-@lru_cache(maxsize=128)
-def _good(_file: str, _modified: int, _size: int) -> list[Loaded]:
-    """Where a library without errors is kept, once it has been read."""
-    return []
-
-
-def _read(file: str, chain: tuple[str, ...], files: Files) -> Loaded:
-    from lingjing.dsl.checking.toplevel import check_library
-    from lingjing.dsl.source.text import read_source
-
-    return check_library(read_source(file), chain, files)
 
 
 def _beside(folder: str, path: tuple[str, ...]) -> str | None:

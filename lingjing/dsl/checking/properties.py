@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Literal
 
-from lingjing.dsl.checking.blocks import Entry
-from lingjing.dsl.checking.scope import Value
+from lingjing.dsl.checking.keys import Entry
+from lingjing.dsl.checking.values import Value
 from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.functions import Type

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from lingjing.dsl.checking.blocks import BlockReader, Key
+from lingjing.dsl.checking.blocks import BlockReader
 from lingjing.dsl.checking.calls import children
-from lingjing.dsl.checking.scope import RULE, UNKNOWN, Environment, RuleInfo, Scope
+from lingjing.dsl.checking.keys import Key
+from lingjing.dsl.checking.scope import RuleInfo, Scope
+from lingjing.dsl.checking.values import RULE, UNKNOWN, Environment
 from lingjing.dsl.syntax import tree as s
 from lingjing.mission import expression as ex
 from lingjing.mission import model

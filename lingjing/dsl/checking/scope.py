@@ -2,41 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import msgspec
 
+from lingjing.dsl.checking.keys import Entry
+from lingjing.dsl.checking.values import Taint
 from lingjing.dsl.syntax import tree as s
-from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.diagnostics import Span
-from lingjing.mission.functions import ANY, Type
-
-if TYPE_CHECKING:
-    from lingjing.dsl.checking.blocks import Entry
-
-
-class Step(msgspec.Struct, frozen=True):
-    """One station on the way of a hidden value: what it is called there and where that stands."""
-
-    name: str
-    span: Span
-
-
-Taint = tuple[Step, ...]
-"""How a hidden value came here, first the declaration that hides it; empty for a public value."""
-
-
-class Value(msgspec.Struct, frozen=True):
-    """A checked expression: its form in the graph, its type, and the hidden value it depends on, if any."""
-
-    ir: ex.Expr
-    type: Type
-    taint: Taint = ()
-
-
-UNKNOWN = Value(ex.Symbol("?"), ANY)
-"""Stands for what was already reported; fits everywhere, so that nothing is reported twice."""
+from lingjing.mission.functions import Type
 
 
 class Attribute(msgspec.Struct, frozen=True):
@@ -208,18 +183,3 @@ class Scope:
     def known_names(self) -> list[str]:
         """Every name an expression could have meant."""
         return [*self.symbols, *self.types, *self.roles, *self.agents, *self.modes, *self.messages]
-
-
-class Environment(msgspec.Struct, frozen=True):
-    """Names bound around an expression, and whether it stands in a rule (evaluated while the mission runs)."""
-
-    locals: dict[str, Type] = {}
-    rule: bool = False
-
-    def binding(self, name: str, of: Type) -> Environment:
-        """The same with one more name."""
-        return Environment({**self.locals, name: of}, self.rule)
-
-
-STATIC = Environment()
-RULE = Environment(rule=True)

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from typing import Literal
 
-from lingjing.dsl.checking.blocks import BlockReader, Entry, Key
+from lingjing.dsl.checking.blocks import BlockReader
+from lingjing.dsl.checking.keys import Entry, Key
 from lingjing.dsl.checking.properties import lowered
-from lingjing.dsl.checking.scope import STATIC, UNKNOWN, Scope, Symbol, Value
+from lingjing.dsl.checking.scope import Scope, Symbol
 from lingjing.dsl.checking.typenames import with_article
+from lingjing.dsl.checking.values import STATIC, UNKNOWN, Value
 from lingjing.dsl.source.suggest import did_you_mean, nearest
 from lingjing.dsl.syntax import tree as s
 from lingjing.mission import expression as ex

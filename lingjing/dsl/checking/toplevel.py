@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterator
+from functools import lru_cache
+from pathlib import Path
 
 from lingjing.dsl.checking import library
 from lingjing.dsl.checking.blocks import BlockReader
@@ -16,15 +18,34 @@ from lingjing.dsl.checking.settings import SettingsChecker
 from lingjing.dsl.checking.types import TypeChecker
 from lingjing.dsl.source.reporter import Reporter
 from lingjing.dsl.source.suggest import did_you_mean, nearest
-from lingjing.dsl.source.text import Source
+from lingjing.dsl.source.text import Source, read_source
 from lingjing.dsl.syntax import tree as s
 from lingjing.dsl.syntax.parser import parse
-from lingjing.mission.diagnostics import Related
+from lingjing.mission.diagnostics import Diagnostic, Related
 
 VERSION = 1
 
+LONGEST_CHAIN = 32
+"""Files that use each other in a row. Each takes a few Python frames; no library is built of so many storeys."""
 
-def check_library(source: Source, chain: tuple[str, ...], files: library.Files) -> library.Loaded:
+Loaded = tuple[Library, tuple[Diagnostic, ...]]
+"""The declarations of a library file and what is wrong with it."""
+
+
+class Files:
+    """The files that one compilation reads: each is checked once, however many ways lead to it.
+
+    `bases` holds the errors of missions that others extend, by file; None while one is being checked.
+    """
+
+    __slots__ = ("bases", "libraries")
+
+    def __init__(self) -> None:
+        self.libraries: dict[str, Loaded] = {}
+        self.bases: dict[str, tuple[Diagnostic, ...] | None] = {}
+
+
+def check_library(source: Source, chain: tuple[str, ...], files: Files) -> Loaded:
     """Check the top of a file that another one uses. Its mission, if it has one, is only named: who extends it checks
     it."""
     report = Reporter(source)
@@ -40,12 +61,37 @@ def check_library(source: Source, chain: tuple[str, ...], files: library.Files) 
     return Library(source.path, own), tuple(report.diagnostics)
 
 
+def load_library(file: str, chain: tuple[str, ...] = (), files: Files | None = None) -> Loaded:
+    """The declarations of a library file and what is wrong with it. `chain` are the files that led here, `files` those
+    that the compilation has read.
+
+    What is good is kept from one compilation to the next: it leads back to none of `chain`, for else it would lead to
+    itself. What is faulty may be so because of `chain`.
+    """
+    files = files or Files()
+    known = files.libraries.get(file)
+    if known is None:
+        stat = Path(file).stat()
+        good = _good(file, stat.st_mtime_ns, stat.st_size)
+        known = good[0] if good else check_library(read_source(file), chain, files)
+        if not good and not known[1]:
+            good.append(known)
+        files.libraries[file] = known
+    return known
+
+
+@lru_cache(maxsize=128)
+def _good(_file: str, _modified: int, _size: int) -> list[Loaded]:
+    """Where a library without errors is kept, once it has been read."""
+    return []
+
+
 class FileChecker:
     """Reads the top of a file into a scope. `chain` are the files whose `use` led here, `files` those read so far."""
 
-    def __init__(self, report: Reporter, chain: tuple[str, ...] = (), files: library.Files | None = None) -> None:
+    def __init__(self, report: Reporter, chain: tuple[str, ...] = (), files: Files | None = None) -> None:
         self.report = report
-        self.files = files or library.Files()
+        self.files = files or Files()
         self.chain = (*chain, os.path.realpath(report.source.path))
         self.scope = Scope()
         self.of = Elaborator(report, self.scope)
@@ -125,11 +171,11 @@ class FileChecker:
             names = " → ".join(os.path.basename(part) for part in way)  # noqa: PTH119 - pathlib is not imported cold
             self.report("LJ0120", start, end, f"`{shown}` uses itself: {names}", "move what both need to a third file")
             return
-        if len(self.chain) >= library.LONGEST_CHAIN:
-            message = f"`{shown}` is the end of more than {library.LONGEST_CHAIN} files in a row"
+        if len(self.chain) >= LONGEST_CHAIN:
+            message = f"`{shown}` is the end of more than {LONGEST_CHAIN} files in a row"
             self.report("LJ0120", start, end, message, "let fewer files use each other")
             return
-        found, faults = library.load_library(file, self.chain, self.files)
+        found, faults = load_library(file, self.chain, self.files)
         first = next((fault for fault in faults if fault.severity == "error"), None)
         if first is not None:
             self.report(

@@ -10,23 +10,15 @@ from typing import Literal
 
 import msgspec
 
-from lingjing.dsl.checking.blocks import BlockReader, Entry, Key
+from lingjing.dsl.checking.blocks import BlockReader
 from lingjing.dsl.checking.equipment import CAMERA_KEYS
 from lingjing.dsl.checking.interactions import declared
+from lingjing.dsl.checking.keys import Entry, Key
 from lingjing.dsl.checking.properties import lowered
-from lingjing.dsl.checking.scope import (
-    STATIC,
-    UNKNOWN,
-    Attribute,
-    CameraDecl,
-    Environment,
-    RecordDecl,
-    Scope,
-    TypeDecl,
-    WeatherDecl,
-)
+from lingjing.dsl.checking.scope import Attribute, CameraDecl, RecordDecl, Scope, TypeDecl, WeatherDecl
 from lingjing.dsl.checking.settings import WEATHER_KEYS
 from lingjing.dsl.checking.typenames import with_article
+from lingjing.dsl.checking.values import STATIC, UNKNOWN, Environment
 from lingjing.dsl.source.suggest import did_you_mean, nearest
 from lingjing.dsl.syntax import tree as s
 from lingjing.mission import expression as ex

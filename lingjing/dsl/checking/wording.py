@@ -9,8 +9,9 @@ from __future__ import annotations
 import re
 
 from lingjing.dsl.checking.blocks import BlockReader
-from lingjing.dsl.checking.scope import STATIC, Environment, Scope
+from lingjing.dsl.checking.scope import Scope
 from lingjing.dsl.checking.typenames import with_article
+from lingjing.dsl.checking.values import STATIC, Environment
 from lingjing.dsl.source.suggest import did_you_mean, nearest
 from lingjing.dsl.syntax import tree as s
 from lingjing.mission.functions import Type

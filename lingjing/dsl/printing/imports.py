@@ -13,6 +13,7 @@ import msgspec
 
 from lingjing.dsl.checking import library
 from lingjing.dsl.checking.scope import Library, RecordDecl, TypeDecl
+from lingjing.dsl.checking.toplevel import load_library
 from lingjing.mission import expression as ex
 from lingjing.mission import model
 
@@ -60,7 +61,7 @@ def _libraries() -> dict[str, Library]:
         for dotted in paths:
             file = library.find_file(tuple(dotted.split(".")))
             if file is not None and dotted not in found:
-                loaded, diagnostics = library.load_library(file)
+                loaded, diagnostics = load_library(file)
                 if not diagnostics:
                     found[dotted] = loaded
     return found

@@ -1,0 +1,80 @@
+"""`ExpressionChecker`: what every part of the checking of expressions shares, and how faults of types are told."""
+
+from __future__ import annotations
+
+from lingjing.dsl.checking.constants import Constants
+from lingjing.dsl.checking.scope import Scope
+from lingjing.dsl.checking.typenames import fits, with_article
+from lingjing.dsl.checking.unknown import UnknownNames
+from lingjing.dsl.checking.values import UNKNOWN, Environment, Step, Value
+from lingjing.dsl.source.reporter import Reporter
+from lingjing.dsl.syntax import tree as s
+from lingjing.mission import expression as ex
+from lingjing.mission.functions import Type
+from lingjing.mission.units import BY_DIMENSION, LENGTH, NONE, dimension_unit
+
+
+class ExpressionChecker:
+    """Base of `elaborate.Elaborator`, which says what `value` does with each kind of node."""
+
+    def __init__(self, report: Reporter, scope: Scope) -> None:
+        self.report = report
+        self.scope = scope
+        self.names = UnknownNames(report, scope)
+        self.constants = Constants(scope.constants)
+
+    def value(self, node: s.Expression, environment: Environment) -> Value:
+        """The checked expression; `UNKNOWN` if it is faulty."""
+        raise NotImplementedError
+
+    def constant(self, ir: ex.Expr) -> float | None:
+        """The number an expression always is (parameters at their defaults), or None."""
+        return self.constants.of(ir)
+
+    def expect(self, node: s.Expression, environment: Environment, due: Type, what: str = "") -> Value:
+        """The checked expression, which must be of the type `due`; `what` names the place in the message."""
+        value = self.value(node, environment)
+        return value if self.fits(value, due, node, what) else UNKNOWN
+
+    def fits(self, value: Value, due: Type, node: s.Node, what: str = "") -> bool:
+        """Whether the value fits; reports if it does not."""
+        if fits(value.type, due):
+            return True
+        where = f" for {what}" if what else " here"
+        self.mismatch(node, value, due, f"{with_article(due)} is due{where}, this is {with_article(value.type)}")
+        return False
+
+    def mismatch(self, node: s.Node, value: Value, due: Type, message: str) -> None:
+        """Report a value of the wrong type: a missing unit, a wrong dimension, or a wrong kind."""
+        if due.kind == "quantity" and due.dimension not in (None, NONE) and value.type.dimension == NONE:
+            unit = dimension_unit(due.dimension)
+            bare = isinstance(node, s.Number) and not node.unit
+            text = self.report.source.text[node.start : node.end]
+            self.report(
+                "LJ0202",
+                node.start,
+                node.end,
+                message,
+                f"give it a unit: `{text} {unit}`" if bare else "",
+                replace=f"{text} {unit}" if bare else None,
+            )
+        elif due.kind == value.type.kind and due.kind in ("quantity", "range"):
+            self.report("LJ0203", node.start, node.end, message, _unit_hint(due))
+        else:
+            self.report("LJ0201", node.start, node.end, message)
+
+    def unknown_name(self, node: s.Name, known: list[str], what: str = "nothing") -> Value:
+        """Note a name nobody declared; it is reported at the end unless a faulty statement may have declared it."""
+        self.names.note(node, known, what)
+        return UNKNOWN
+
+    def step(self, name: str, node: s.Node) -> Step:
+        """A station of a hidden value's path."""
+        return Step(name, self.report.span(node.start, node.end))
+
+
+def _unit_hint(due: Type) -> str:
+    known = BY_DIMENSION.get(due.dimension or NONE)
+    if due.dimension == NONE:
+        return "a bare number has no unit"
+    return f"for example in `{known.unit}`" if known and due.dimension != LENGTH else "for example in `m`"
