@@ -4,13 +4,13 @@ import itertools
 import math
 
 import pytest
-from lingjing_agents.airspace import LAYER_M, Layers, crowded, overhead
+from lingjing_agents.flight_levels import LAYER_M, FlightLevels, crowded, overhead
 
 
 @pytest.mark.parametrize("count", [2, 3, 10])
 @pytest.mark.parametrize("band", [(20.0, 160.0), (0.0, math.inf), (-5.0, 45.0)])
 def test_two_aircraft_are_never_level(count: int, band: tuple[float, float]) -> None:
-    fleet = [Layers(index, count, *band, anchor_m=96.5) for index in range(count)]
+    fleet = [FlightLevels(index, count, *band, anchor_m=96.5) for index in range(count)]
     levels = [{round(layers.level(float(z)), 6) for z in range(-20, 300, 3)} for layers in fleet]
     for mine, others in itertools.combinations(levels, 2):
         assert min(abs(one - other) for one in mine for other in others) >= LAYER_M - 1e-6
@@ -20,18 +20,18 @@ def test_two_aircraft_are_never_level(count: int, band: tuple[float, float]) -> 
 @pytest.mark.parametrize("z", [25.0, 40.0, 96.5, 150.0])
 def test_an_own_level_is_just_above_every_height(z: float) -> None:
     for index in range(4):
-        assert 0.0 <= Layers(index, 4, 0.0, 1000.0).level(z) - z < LAYER_M * 4.0
-    assert [Layers(index, 3, 20.0, 160.0, anchor_m=96.5).level(96.5) for index in range(3)] == [96.5, 99.0, 101.5]
+        assert 0.0 <= FlightLevels(index, 4, 0.0, 1000.0).level(z) - z < LAYER_M * 4.0
+    assert [FlightLevels(index, 3, 20.0, 160.0, anchor_m=96.5).level(96.5) for index in range(3)] == [96.5, 99.0, 101.5]
 
 
 def test_a_thin_band_is_shared_out() -> None:
-    levels = [Layers(index, 5, 30.0, 38.0).level(100.0) for index in range(5)]
+    levels = [FlightLevels(index, 5, 30.0, 38.0).level(100.0) for index in range(5)]
     assert levels == [30.0, 32.0, 34.0, 36.0, 38.0]
 
 
 def test_who_is_alone_flies_where_it_is_asked_to() -> None:
-    assert Layers(0, 1, 20.0, 160.0).level(77.7) == 77.7
-    assert Layers(0, 1, 20.0, 160.0).level(3.0) == 20.0
+    assert FlightLevels(0, 1, 20.0, 160.0).level(77.7) == 77.7
+    assert FlightLevels(0, 1, 20.0, 160.0).level(3.0) == 20.0
 
 
 def test_pads_near_each_other_are_left_one_under_the_other_free() -> None:

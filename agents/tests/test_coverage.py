@@ -4,9 +4,9 @@ import math
 
 import pytest
 from lingjing_agents.capability import natural, team
-from lingjing_agents.heuristic.coverage import footprint, lattice, partition
 from lingjing_agents.heuristic.coverage_map import CoverageMap
-from lingjing_agents.heuristic.sweep import Sweep, off_course_deg
+from lingjing_agents.heuristic.picture_lattice import footprint, lattice, partition
+from lingjing_agents.heuristic.search_plan import SearchPlan, off_course_deg
 
 from agents.tests.agent_kit import EAST, NADIR, NORTH, SOUTH, WEST, brief, grid
 
@@ -61,7 +61,7 @@ def test_what_was_photographed_gains_nothing():
 
 
 def test_a_finished_pass_is_followed_by_one_from_other_places_then_from_lower():
-    sweep = Sweep(brief(), NADIR, 100.0, 20.0)
+    sweep = SearchPlan(brief(), NADIR, 100.0, 20.0)
     first = sweep.next_waypoint((306.0, -620.0))
     assert first is not None
     assert sweep.finished_cells() == ()

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from lingjing_agents.heuristic.detector import find_people
+from lingjing_agents.perception.people_at_sea import find_people
 
 import lingjing
 from agents.tests.agent_kit import NADIR

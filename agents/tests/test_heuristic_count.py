@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from lingjing_agents.heuristic.lines import STEP_M, find_line
+from lingjing_agents.perception.people_in_line import STEP_M, find_line
 
 from lingjing.plugins.geometry import world_to_pixel
 from lingjing.plugins.policy import CameraPose

@@ -5,12 +5,12 @@ import math
 import msgspec
 import numpy as np
 import pytest
-from lingjing_agents.heuristic.guide.home import HomeGuide
-from lingjing_agents.heuristic.homes import View, find_walls, reference_signature
+from lingjing_agents.ground_plane import GroundRectangle
+from lingjing_agents.heuristic.guidance.to_building import BuildingGuidance
 from lingjing_agents.heuristic.policy import rules_for
 from lingjing_agents.heuristic.route_coordinator import RouteCoordinator
-from lingjing_agents.heuristic.walker.occupancy import Bounds
-from lingjing_agents.heuristic.walker.plan import Ground, fewest_commands, ground_of
+from lingjing_agents.paths.fewest_commands import OpenGround, fewest_commands, ground_of
+from lingjing_agents.perception.building_walls import ColouredPoints, find_walls, reference_signature
 
 from agents.tests.agent_kit import (
     ASSIGNMENT,
@@ -36,7 +36,7 @@ from lingjing.plugins.policy import (
 
 YELLOW, BLUE, GREY, GREEN, GLASS = (229, 200, 100), (130, 165, 200), (130, 130, 130), (70, 110, 40), (90, 95, 100)
 YARD = ((0.0, 0.0), (100.0, 0.0), (100.0, 90.0), (0.0, 90.0))
-AROUND = Bounds.around(YARD, 12.0)
+AROUND = GroundRectangle.around(YARD, 12.0)
 
 Box = tuple[tuple[float, float, float], tuple[float, float, float], tuple[int, int, int]]
 
@@ -95,7 +95,7 @@ REFERENCE = {"yellow": reference(25.0), "blue": reference(72.0)}
 
 
 def test_walls_have_the_colours_and_doors_that_show_from_above():
-    above = View.of(from_above(50.0, 46.0), 0.0, AROUND)
+    above = ColouredPoints.of(from_above(50.0, 46.0), 0.0, AROUND)
     assert above is not None
     walls = {(round(wall.middle[0] / 5) * 5, round(wall.bearing_deg)): wall for wall in find_walls((above,), AROUND)}
     yellow, blue = walls[25, 180], walls[75, 180]
@@ -112,7 +112,7 @@ def test_walls_have_the_colours_and_doors_that_show_from_above():
 
 
 def test_a_picture_without_depth_shows_no_walls():
-    assert View.of(without_depth(from_above(50.0, 46.0)), 0.0, AROUND) is None
+    assert ColouredPoints.of(without_depth(from_above(50.0, 46.0)), 0.0, AROUND) is None
 
 
 def without_depth(shown: Picture) -> Picture:
@@ -120,7 +120,7 @@ def without_depth(shown: Picture) -> Picture:
 
 
 def test_crowns_of_trees_close_their_stems_alone_and_buildings_all_their_ground():
-    above = View.of(picture_of(
+    above = ColouredPoints.of(picture_of(
         (*HOUSES, ((48.0, 20.0, 2.6), (53.0, 25.0, 7.0), GREEN), ((20.0, 20.0, 0.0), (24.0, 22.0, 1.5), BLUE)),
         from_above(50.0, 46.0).pose, "nadir", "uav",
     ), 0.0, AROUND)  # fmt: skip
@@ -134,18 +134,18 @@ def test_crowns_of_trees_close_their_stems_alone_and_buildings_all_their_ground(
 
 
 def test_the_way_of_fewest_commands_goes_through_the_gap_and_stops_near_the_goal():
-    bounds = Bounds(0.0, 0.0, 100.0, 100.0)
+    bounds = GroundRectangle(0.0, 0.0, 100.0, 100.0)
     closed = np.zeros((200, 200), bool)
     closed[98:102] = True
     closed[98:102, 150:162] = False  # a gap at x 75 to 81
-    ground, start, goal = Ground(bounds, closed), (20.0, 20.0), (80.0, 90.0)
+    ground, start, goal = OpenGround(bounds, closed), (20.0, 20.0), (80.0, 90.0)
     way = fewest_commands(ground, bounds, start, 0.0, goal, 9.0, 25.0)
     assert 2 <= len(way) <= 3
     assert math.dist(way[-1], goal) <= 9.0
     for a, b in zip((start, *way), way, strict=False):
         assert ground.open_lines(a, np.array([b])).all()
     closed[98:102] = True
-    assert fewest_commands(Ground(bounds, closed), bounds, start, 0.0, goal, 9.0, 25.0) == ()
+    assert fewest_commands(OpenGround(bounds, closed), bounds, start, 0.0, goal, 9.0, 25.0) == ()
     assert fewest_commands(ground, bounds, goal, 0.0, goal, 9.0, 25.0) == ()
 
 
@@ -171,8 +171,8 @@ def at(tick: int, *pictures: Picture, walker=(50.0, 10.0, 0.33), heading: float 
     return observe("boss", tick, view("dog", walker, heading=heading), pictures=pictures)
 
 
-def guide_of(colour: str) -> HomeGuide:
-    guide = HomeGuide.of(told("boss"), at(0, REFERENCE[colour]))
+def guide_of(colour: str) -> BuildingGuidance:
+    guide = BuildingGuidance.of(told("boss"), at(0, REFERENCE[colour]))
     assert guide is not None
     return guide
 
@@ -222,7 +222,7 @@ def test_who_stood_in_vain_is_sent_nearer_and_then_elsewhere():
 
 
 def test_nobody_is_led_without_a_reference_or_before_a_like_wall_was_seen():
-    assert HomeGuide.of(told("boss"), at(0)) is None
+    assert BuildingGuidance.of(told("boss"), at(0)) is None
     guide = guide_of("blue")
     guide.viewpoints((50.0, -5.0), 9)
     far = msgspec.structs.replace(from_above(50.0, 46.0).pose, position=(-20.0, 46.0, 60.0))

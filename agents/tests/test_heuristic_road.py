@@ -6,21 +6,21 @@ from itertools import pairwise
 
 import msgspec
 import pytest
-from lingjing_agents.heuristic import follower as following
+from lingjing_agents.heuristic import bridge_inspector as following
 from lingjing_agents.heuristic import route_inspector as inspecting
-from lingjing_agents.heuristic.corridor import centreline, longest
-from lingjing_agents.heuristic.detector import Find
-from lingjing_agents.heuristic.follower import Follower
-from lingjing_agents.heuristic.hauler import Hauler
-from lingjing_agents.heuristic.kinds import FIRES, GAPS, PEOPLE, kind_of
-from lingjing_agents.heuristic.planner import TourPlanner
+from lingjing_agents.heuristic.bridge_inspector import BridgeInspector
+from lingjing_agents.heuristic.centreline import centreline, longest
+from lingjing_agents.heuristic.delivery_coordinator import DeliveryCoordinator
+from lingjing_agents.heuristic.delivery_driver import DeliveryDriver
 from lingjing_agents.heuristic.policy import rules_for
-from lingjing_agents.heuristic.queues import Queue
 from lingjing_agents.heuristic.rescuer import Rescuer
 from lingjing_agents.heuristic.route_coordinator import RouteCoordinator
 from lingjing_agents.heuristic.route_driver import RouteDriver
 from lingjing_agents.heuristic.route_inspector import RouteInspector
-from lingjing_agents.heuristic.tours import shared_out, street_m, tours
+from lingjing_agents.heuristic.target_types import FIRES, GAPS, PEOPLE, target_type_of
+from lingjing_agents.paths.delivery_tours import shared_out, street_m, tours
+from lingjing_agents.perception.people_at_sea import FoundBox
+from lingjing_agents.perception.road_queues import VehicleQueue
 
 from agents.tests.agent_kit import (
     ASSIGNMENT,
@@ -82,7 +82,7 @@ def told(role: str, *resources: Resource, messages: tuple[MessageSpec, ...], **c
     )  # fmt: skip
 
 
-QUEUE = Queue((0.4, 0.2, 0.5, 0.8), 0.8, (40.0, 1.0), 5)
+QUEUE = VehicleQueue((0.4, 0.2, 0.5, 0.8), 0.8, (40.0, 1.0), 5)
 ROUTE = ((0.0, 0.0, 0.0), (200.0, 0.0, 0.0), (400.0, 0.0, 0.0))
 INSPECTION = (TOLD_JAM, ORDER, SAY, SEE)
 
@@ -105,15 +105,15 @@ def test_rules_follow_from_what_is_said_and_driven():
     assert isinstance(rules_for(told("boss", messages=INSPECTION)), RouteCoordinator)
     assert isinstance(rules_for(told("eye", UAV, messages=INSPECTION)), RouteInspector)
     assert isinstance(rules_for(told("driver", van(), messages=INSPECTION)), RouteDriver)
-    assert isinstance(rules_for(told("driver", van(), messages=(TOUR, LEFT, CLAIM))), Hauler)
-    assert isinstance(rules_for(told("boss", messages=(TOUR, LEFT, CLAIM))), TourPlanner)
-    assert isinstance(rules_for(told("eye", UAV, messages=(SEE,), classes=("bridge_fracture",))), Follower)
+    assert isinstance(rules_for(told("driver", van(), messages=(TOUR, LEFT, CLAIM))), DeliveryDriver)
+    assert isinstance(rules_for(told("boss", messages=(TOUR, LEFT, CLAIM))), DeliveryCoordinator)
+    assert isinstance(rules_for(told("eye", UAV, messages=(SEE,), classes=("bridge_fracture",))), BridgeInspector)
 
 
 def test_a_fire_truck_is_no_fire():
-    assert kind_of(told("eye", messages=(), classes=("fire_truck", "building_fire"))) == (FIRES, "building_fire")
-    assert kind_of(told("eye", messages=(), classes=("fire_truck",))) is None
-    assert kind_of(told("eye", messages=(), classes=("person_in_water",))) == (PEOPLE, "person_in_water")
+    assert target_type_of(told("eye", messages=(), classes=("fire_truck", "building_fire"))) == (FIRES, "building_fire")
+    assert target_type_of(told("eye", messages=(), classes=("fire_truck",))) is None
+    assert target_type_of(told("eye", messages=(), classes=("person_in_water",))) == (PEOPLE, "person_in_water")
 
 
 def test_a_new_route_is_inspected_waypoint_by_waypoint_and_then_driven():
@@ -267,10 +267,12 @@ def town(tick: int, at, load: float, demands, *, busy=False, status="parked"):
     return observe("driver[1]", tick, me, *points, depot, other)
 
 
-def hauler(hub: str | None = None) -> Hauler:
+def hauler(hub: str | None = None) -> DeliveryDriver:
     body = van("van[1]", payload_kg=200.0)
     mode = "star" if hub else "broadcast"
-    return Hauler(told("driver", body, messages=(TOUR, LEFT, CLAIM), agent="driver[1]", hub=hub, mode=mode), body)
+    return DeliveryDriver(
+        told("driver", body, messages=(TOUR, LEFT, CLAIM), agent="driver[1]", hub=hub, mode=mode), body
+    )
 
 
 def test_without_a_hub_drivers_share_the_tours_out_and_claim_them():
@@ -314,7 +316,7 @@ def test_a_loaded_van_that_waits_before_the_depot_leaves_the_queue():
 
 
 def test_a_planner_gives_each_driver_tours_that_fit_and_the_rest_later():
-    rules = TourPlanner(told("boss", messages=(TOUR, LEFT, CLAIM)))
+    rules = DeliveryCoordinator(told("boss", messages=(TOUR, LEFT, CLAIM)))
     vans = [
         EntityView(id=f"van[{i}]", type="delivery_van", position=(0.0, 8.0 * i, 0.0), resources={"load": 200.0})
         for i in (1, 2)
@@ -349,10 +351,10 @@ def test_the_long_region_is_followed_from_the_near_end():
 
 
 def test_a_gap_is_reported_with_its_place_on_the_deck(monkeypatch):
-    finds = (Find((0.45, 0.4, 0.55, 0.6), 0.9),)
+    finds = (FoundBox((0.45, 0.4, 0.55, 0.6), 0.9),)
     kind = type(GAPS)(words=GAPS.words, find=lambda rgb, pose, level: finds)
-    monkeypatch.setattr(following, "kind_of", lambda brief: (kind, "bridge_fracture"))
-    rules = Follower(
+    monkeypatch.setattr(following, "target_type_of", lambda brief: (kind, "bridge_fracture"))
+    rules = BridgeInspector(
         told("eye", UAV, messages=(SEE,), classes=("bridge_fracture",), regions=(DECK,), settings={"altitude": 60.0}),
         UAV,
     )

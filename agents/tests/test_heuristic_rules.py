@@ -5,13 +5,13 @@ from dataclasses import replace
 from itertools import pairwise
 
 import pytest
-from lingjing_agents.heuristic import searcher as searching
-from lingjing_agents.heuristic.coordinator import Coordinator
-from lingjing_agents.heuristic.detector import Find
-from lingjing_agents.heuristic.kinds import PEOPLE
+from lingjing_agents.heuristic import aerial_searcher as searching
+from lingjing_agents.heuristic.aerial_searcher import AerialSearcher
 from lingjing_agents.heuristic.policy import rules_for
 from lingjing_agents.heuristic.rescuer import Rescuer
-from lingjing_agents.heuristic.searcher import Searcher
+from lingjing_agents.heuristic.search_coordinator import SearchCoordinator
+from lingjing_agents.heuristic.target_types import PEOPLE
+from lingjing_agents.perception.people_at_sea import FoundBox
 
 from agents.tests.agent_kit import ASSIGNMENT, REPORT, STATUS, EventView, Inbox, brief, envelope, observe, picture, view
 from lingjing.plugins.policy import Absent, Decision
@@ -35,18 +35,18 @@ def rescued(tick: int) -> tuple[EventView, ...]:
 
 @pytest.mark.parametrize(
     ("agent", "mode", "kind"),
-    [("scout[1]", "broadcast", Searcher), ("skipper", "star", Rescuer), ("commander", "star", Coordinator)],
+    [("scout[1]", "broadcast", AerialSearcher), ("skipper", "star", Rescuer), ("commander", "star", SearchCoordinator)],
 )
 def test_rules_follow_from_abilities(agent: str, mode: str, kind: type):
     assert isinstance(rules_for(brief(agent, mode)), kind)
 
 
-class Flight:
+class AircraftControl:
     """A searcher in a world that obeys at once: it is where it was sent at the next tick."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, finds=lambda height: (), agent="scout[1]", mode="broadcast"):
         kind = replace(PEOPLE, find=lambda rgb, pose, level: finds(pose.position[2] - level))
-        monkeypatch.setattr(searching, "kind_of", lambda brief: (kind, "person_in_water"))
+        monkeypatch.setattr(searching, "target_type_of", lambda brief: (kind, "person_in_water"))
         self.rules = rules_for(brief(agent, mode))
         self.here, self.heading, self.tick, self.agent = (306.0, -620.0, 1.1), 0.0, 0, agent
         self.shots: list[tuple[float, float, float]] = []
@@ -75,7 +75,7 @@ class Flight:
 
 
 def test_a_searcher_photographs_its_third_of_the_region_and_says_so(monkeypatch):
-    flight = Flight(monkeypatch)
+    flight = AircraftControl(monkeypatch)
     for _ in range(25):
         flight.step()
     first_pass = [shot for shot in flight.shots if abs(shot[2] - 96.5) < 1][:6]
@@ -85,7 +85,7 @@ def test_a_searcher_photographs_its_third_of_the_region_and_says_so(monkeypatch)
 
 
 def test_a_sure_find_is_reported_once_with_its_place(monkeypatch):
-    flight = Flight(monkeypatch, finds=lambda height: (Find(CENTRE, 0.9),) if height > 60 else ())
+    flight = AircraftControl(monkeypatch, finds=lambda height: (FoundBox(CENTRE, 0.9),) if height > 60 else ())
     while not flight.said:
         flight.step()
     (note,) = flight.said
@@ -97,7 +97,7 @@ def test_a_sure_find_is_reported_once_with_its_place(monkeypatch):
 
 
 def test_a_doubtful_find_is_looked_at_from_lower_down_first(monkeypatch):
-    flight = Flight(monkeypatch, finds=lambda height: (Find(CENTRE, 0.2 if height > 60 else 0.7),))
+    flight = AircraftControl(monkeypatch, finds=lambda height: (FoundBox(CENTRE, 0.2 if height > 60 else 0.7),))
     while not flight.shots:
         flight.step()
     first = flight.shots[0]
@@ -111,14 +111,14 @@ def test_a_doubtful_find_is_looked_at_from_lower_down_first(monkeypatch):
 
 
 def test_a_doubt_that_vanishes_from_lower_down_is_dropped(monkeypatch):
-    flight = Flight(monkeypatch, finds=lambda height: (Find(CENTRE, 0.2),) if height > 60 else ())
+    flight = AircraftControl(monkeypatch, finds=lambda height: (FoundBox(CENTRE, 0.2),) if height > 60 else ())
     for _ in range(8):
         flight.step()
     assert not [note for note in flight.said if note.kind == "detection"]
 
 
 def test_what_a_peer_has_reported_is_not_reported_again(monkeypatch):
-    flight = Flight(monkeypatch, finds=lambda height: (Find(CENTRE, 0.9),))
+    flight = AircraftControl(monkeypatch, finds=lambda height: (FoundBox(CENTRE, 0.9),))
     while not flight.shots:
         flight.step()
     x, y, _ = flight.shots[-1]
@@ -127,7 +127,7 @@ def test_what_a_peer_has_reported_is_not_reported_again(monkeypatch):
 
 
 def test_a_missing_picture_is_asked_for_again(monkeypatch):
-    flight = Flight(monkeypatch)
+    flight = AircraftControl(monkeypatch)
     while not flight.shots:
         flight.step()
     flight.due = False
@@ -137,14 +137,14 @@ def test_a_missing_picture_is_asked_for_again(monkeypatch):
 
 
 def test_a_busy_or_dead_vehicle_is_left_alone(monkeypatch):
-    flight = Flight(monkeypatch)
+    flight = AircraftControl(monkeypatch)
     assert flight.step(busy=True).command is None
     dead = observe("scout[1]", 1, view("uav[1]", (0.0, 0.0, -3.5), status="dead"))
     assert flight.rules.act(dead, Inbox()).command is None
 
 
 def test_under_a_hub_a_searcher_waits_for_its_cells_and_then_flies_to_them(monkeypatch):
-    flight = Flight(monkeypatch, mode="star")
+    flight = AircraftControl(monkeypatch, mode="star")
     assert flight.step().command is None
     orders = [
         envelope("commander", ASSIGNMENT, {"assignee": who, "task": "search", "cell": cell})
@@ -160,7 +160,7 @@ def test_under_a_hub_a_searcher_waits_for_its_cells_and_then_flies_to_them(monke
 
 
 def test_a_silent_hub_is_not_waited_for_for_ever(monkeypatch):
-    flight = Flight(monkeypatch, mode="star")
+    flight = AircraftControl(monkeypatch, mode="star")
     commands = [flight.step().command for _ in range(4)]
     assert commands[:3] == [None] * 3
     assert commands[3] is not None

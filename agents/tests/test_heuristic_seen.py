@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from lingjing_agents.heuristic.flames import find_flames
-from lingjing_agents.heuristic.gap import find_gaps
-from lingjing_agents.heuristic.queues import corners, find_queues
+from lingjing_agents.perception.bridge_gaps import find_gaps
+from lingjing_agents.perception.fires_from_above import find_fires_from_above
+from lingjing_agents.perception.road_queues import corners, find_queues
 
 import lingjing
 from agents.tests.agent_kit import NADIR
@@ -64,7 +64,7 @@ def shoot(engine, mission: str, group: str, seed: int, height: float, heading: f
 def test_every_fire_in_view_is_found_and_no_orange_roof_is_one(camera):
     seen = wrong = found = 0
     for rgb, pose, truth in shoot(camera, "ufr", "fire", 9001, 130.0, None):
-        finds = find_flames(rgb, pose, 0.0)
+        finds = find_fires_from_above(rgb, pose, 0.0)
         seen += len(truth)
         found += sum(any(overlap(find.box, box) >= 0.5 for find in finds) for box in truth)
         wrong += sum(find.box[0] > 0.02 and not truth for find in finds)
@@ -89,7 +89,7 @@ def test_a_whole_deck_has_no_gap(camera):
 
 def test_a_blank_picture_shows_nothing():
     blank, pose = np.zeros((1080, 1920, 3), np.uint8), camera_pose((0.0, 0.0, 100.0), 0.0, NADIR)
-    assert find_flames(blank, pose, 0.0) == ()
+    assert find_fires_from_above(blank, pose, 0.0) == ()
     assert find_gaps(blank, pose, 0.0) == ()
     assert find_queues(blank, pose, 0.0, ((0.0, -50.0), (0.0, 50.0))) == ()
 

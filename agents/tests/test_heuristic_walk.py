@@ -5,18 +5,19 @@ import math
 import numpy as np
 import pytest
 from lingjing_agents.capability import photo
-from lingjing_agents.heuristic.guide.pilot import GuidingPilot
+from lingjing_agents.ground_plane import GroundRectangle
+from lingjing_agents.heuristic.dogs.building_finder import Belief, where_to_look
+from lingjing_agents.heuristic.dogs.dog_rules import DogRules
+from lingjing_agents.heuristic.dogs.fire_searcher import FireSearcher
+from lingjing_agents.heuristic.dogs.known_fires import KnownFires
+from lingjing_agents.heuristic.dogs.movement import DogMovement
+from lingjing_agents.heuristic.dogs.seen_ground import OTHERS_M, SeenGround
+from lingjing_agents.heuristic.dogs.step_executor import StepExecutor
+from lingjing_agents.heuristic.guidance.to_leak import LeakGuidance
 from lingjing_agents.heuristic.policy import rules_for
-from lingjing_agents.heuristic.walker.executor import Executor
-from lingjing_agents.heuristic.walker.facade import Facade
-from lingjing_agents.heuristic.walker.fires import Fires
-from lingjing_agents.heuristic.walker.legs import Legs
-from lingjing_agents.heuristic.walker.navigator import Belief, where_to_look
-from lingjing_agents.heuristic.walker.occupancy import Bounds, WalkMap
-from lingjing_agents.heuristic.walker.rules import Walking
-from lingjing_agents.heuristic.walker.searcher import WalkingSearcher
-from lingjing_agents.heuristic.walker.views import OTHERS_M, Views
-from lingjing_agents.heuristic.walker.way import Way
+from lingjing_agents.paths.kept_path import KeptPath
+from lingjing_agents.paths.obstacle_grid import ObstacleGrid
+from lingjing_agents.perception.facades import FacadeColumn
 
 from agents.tests.agent_kit import (
     EYE,
@@ -80,7 +81,7 @@ class Walked:
 )
 def test_legs_reach_a_goal_around_walls_they_do_not_know(wall, most):
     world, inbox = Walked(wall), Inbox()
-    legs = Legs(dog(), WalkMap(Bounds(-40, -40, 60, 60)))
+    legs = DogMovement(dog(), ObstacleGrid(GroundRectangle(-40, -40, 60, 60)))
     steps = 0
     while steps < 80:
         own = world.view()
@@ -94,7 +95,7 @@ def test_legs_reach_a_goal_around_walls_they_do_not_know(wall, most):
 
 
 def test_a_walk_refused_for_water_far_ahead_is_tried_shorter():
-    legs = Legs(dog(), WalkMap())
+    legs = DogMovement(dog(), ObstacleGrid())
     own = view("dog", (0.0, 0.0, 0.3))
     first = legs.step(own, 0.0, 10.0)
     legs.feel(own, refused("unreachable"))
@@ -104,7 +105,7 @@ def test_a_walk_refused_for_water_far_ahead_is_tried_shorter():
 
 
 def test_a_step_that_was_not_sent_has_met_nothing():
-    legs = Legs(dog(), WalkMap())
+    legs = DogMovement(dog(), ObstacleGrid())
     own = view("dog", (0.0, 0.0, 0.3))
     legs.step(own, 0.0, 10.0)
     legs.sent(photo(dog(), EYE))
@@ -114,12 +115,12 @@ def test_a_step_that_was_not_sent_has_met_nothing():
     assert legs.map.closed
 
 
-def searching() -> WalkingSearcher:
+def searching() -> FireSearcher:
     said = brief(
         "scout[1]", resources=(dog(),), cells=(), messages=(REPORT, STATUS), classes=("fire_source",),
         regions=(Region(name="yard", polygon=YARD),),
     )  # fmt: skip
-    return WalkingSearcher(said, dog(), EYE)
+    return FireSearcher(said, dog(), EYE)
 
 
 def test_who_stands_where_a_fire_should_be_looks_for_it_all_around():
@@ -145,7 +146,7 @@ def test_who_stands_where_a_fire_should_be_looks_for_it_all_around():
 
 
 def test_a_false_fire_that_is_seen_again_is_tried_for_again_but_shorter():
-    fires = Fires()
+    fires = KnownFires()
     fire = fires.add((0.0, 10.0), 8.0)
     fire.state, fire.tries = "false", 15
     assert fires.add((0.0, 9.0), 4.0) is fire
@@ -153,10 +154,10 @@ def test_a_false_fire_that_is_seen_again_is_tried_for_again_but_shorter():
 
 
 def test_a_way_is_kept_until_it_closes():
-    known = WalkMap(Bounds(-30, -30, 30, 30))
+    known = ObstacleGrid(GroundRectangle(-30, -30, 30, 30))
     for x in range(-9, 10):
         known.close((float(x), 10.0))
-    way = Way(known, 1.0)
+    way = KeptPath(known, 1.0)
     first = way.ahead((0.0, 0.0), (0.0, 20.0), 1.0)
     side = math.copysign(1.0, first[0][0])
     assert way.ahead((-side * 0.4, 0.0), (0.3, 20.0), 1.0)[0] == first[0]
@@ -165,12 +166,12 @@ def test_a_way_is_kept_until_it_closes():
 
 
 def test_a_closed_in_walker_forgets_once_for_each_goal():
-    known = WalkMap(Bounds(-12, -12, 12, 12))
+    known = ObstacleGrid(GroundRectangle(-12, -12, 12, 12))
     ring = [(x, y) for x in range(-4, 5) for y in range(-4, 5) if max(abs(x), abs(y)) >= 3]
     for x, y in ring:
         known.close((float(x), float(y)))
     assert known.route((0.0, 0.0), (10.0, 0.0)) == ()
-    way = Way(known, 1.0)
+    way = KeptPath(known, 1.0)
     assert way.ahead((0.0, 0.0), (10.0, 0.0), 1.0)
     for x, y in ring:
         known.close((float(x), float(y)))
@@ -178,7 +179,7 @@ def test_a_closed_in_walker_forgets_once_for_each_goal():
 
 
 def test_views_count_what_a_picture_would_show():
-    views = Views((YARD,))
+    views = SeenGround((YARD,))
     assert views.best_turn((0.0, 40.0), 90.0, 45.0) == 0.0
     views.see((0.0, 40.0), 90.0, 45.0)
     assert views.best_turn((0.0, 40.0), 90.0, 45.0) in (-90.0, 90.0)
@@ -191,7 +192,7 @@ def test_views_count_what_a_picture_would_show():
 
 
 def test_a_fire_seen_from_nearer_moves_and_one_that_is_out_stays_out():
-    fires = Fires()
+    fires = KnownFires()
     far = fires.add((0.0, 60.0), 60.0)
     assert fires.add((3.0, 47.0), 40.0) is far
     assert far.place == (3.0, 47.0)
@@ -205,7 +206,7 @@ def test_belief_crosses_bearings_and_strikes_what_was_visited():
     goal = (70.0, 50.0)
     for here in ((10.0, 10.0), (60.0, 5.0)):
         bearing = math.degrees(math.atan2(goal[0] - here[0], goal[1] - here[1]))
-        belief.add(here, bearing, 45.0, (Facade(bearing, math.dist(here, goal) * 1.3, 0.9),))
+        belief.add(here, bearing, 45.0, (FacadeColumn(bearing, math.dist(here, goal) * 1.3, 0.9),))
     best, score = belief.best((60.0, 5.0))
     assert best is not None
     assert math.dist(best, goal) < 12.0
@@ -222,7 +223,7 @@ def test_who_starts_outside_enters_by_the_smallest_region():
 
 def test_an_executor_carries_out_one_step_after_the_other_and_says_how_it_ended():
     rules = rules_for(brief("skipper", role="executor", resources=(dog(eyes=False),), cells=(), messages=(STATUS,)))
-    assert isinstance(rules, Walking)
+    assert isinstance(rules, DogRules)
     steps = [("right", 30.0), ("forward", 7.5), ("jump", 1.0)]
     said = [envelope("pilot", GUIDANCE, {"assignee": "skipper", "step": step, "amount": amount})
             for step, amount in steps]  # fmt: skip
@@ -240,7 +241,7 @@ def test_an_executor_carries_out_one_step_after_the_other_and_says_how_it_ended(
 
 
 def test_an_executor_does_not_carry_out_what_another_is_told():
-    rules = Executor(brief("skipper", resources=(dog(eyes=False),), cells=()), dog(eyes=False))
+    rules = StepExecutor(brief("skipper", resources=(dog(eyes=False),), cells=()), dog(eyes=False))
     other = envelope("pilot", GUIDANCE, {"assignee": "someone", "step": "forward", "amount": 5.0})
     at = view("dog", (0.0, 0.0, 0.3))
     assert rules.act(observe("skipper", 1, at), Inbox(messages=(other,))).command is None
@@ -253,7 +254,7 @@ def test_a_pilot_that_guides_flies_over_the_narrow_region_first():
                  messages=(sent_by(GUIDANCE, "pilot", to=("executor",)),),
                  regions=(Region(name="area", polygon=YARD), line))  # fmt: skip
     rules = rules_for(told)
-    assert isinstance(rules, GuidingPilot)
+    assert isinstance(rules, LeakGuidance)
     seen = observe("scout[1]", 1, view("uav[1]", (0.0, 0.0, 1.0)), view("dog", (50.0, 0.0, 0.33)))
     command = rules.act(seen, Inbox()).command
     assert command is not None

@@ -5,13 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from lingjing_agents.heuristic.guide.ground import close_what_stands, heights
-from lingjing_agents.heuristic.guide.leak import find_leaks
-from lingjing_agents.heuristic.walker.facade import find_facades, look_of
-from lingjing_agents.heuristic.walker.flames import find_flames
-from lingjing_agents.heuristic.walker.occupancy import WalkMap
-from lingjing_agents.heuristic.walker.walls import near_walls
-from lingjing_agents.pixels import opencv
+from lingjing_agents.paths.obstacle_grid import ObstacleGrid
+from lingjing_agents.perception.depth_points import close_what_stands, heights
+from lingjing_agents.perception.facades import find_facades, look_of
+from lingjing_agents.perception.fires_ahead import find_fires_ahead
+from lingjing_agents.perception.images import opencv
+from lingjing_agents.perception.obstacles_ahead import near_walls
+from lingjing_agents.perception.pipe_leaks import find_leaks
 
 from lingjing.plugins.geometry import turn_deg
 from lingjing.plugins.policy import CameraPose
@@ -43,7 +43,7 @@ def iou(a: tuple[float, ...], b: tuple[float, ...]) -> float:
 
 
 def test_far_flames_are_boxed_and_placed_within_a_fifth_of_their_distance():
-    fires = find_flames(load("walk_flames_far.jpg"), FAR)
+    fires = find_fires_ahead(load("walk_flames_far.jpg"), FAR)
     truth = {FIRE_1: (0.625, 0.3778, 0.6430, 0.4264), FIRE_3: (0.1945, 0.3653, 0.2109, 0.3972)}
     assert len(fires) == 2
     for place, box in truth.items():
@@ -54,7 +54,7 @@ def test_far_flames_are_boxed_and_placed_within_a_fifth_of_their_distance():
 
 
 def test_near_flames_are_one_fire_half_hidden_by_a_tank():
-    (fire,) = find_flames(load("walk_flames_near.jpg"), NEAR)
+    (fire,) = find_fires_ahead(load("walk_flames_near.jpg"), NEAR)
     assert iou(fire.box, (0.6656, 0.2306, 0.7656, 0.5181)) > 0.8
     assert math.dist(fire.place, FIRE_1) < 1.2  # the tank hides its foot, which makes it seem a little farther
     assert fire.confidence > 0.8
@@ -62,7 +62,7 @@ def test_near_flames_are_one_fire_half_hidden_by_a_tank():
 
 @pytest.mark.parametrize("name", ["walk_facade.jpg", "walk_reference.jpg"])
 def test_no_flames_where_buildings_are_red_and_orange(name: str):
-    assert find_flames(load(name), STREET) == ()
+    assert find_fires_ahead(load(name), STREET) == ()
 
 
 def test_a_tank_close_ahead_is_a_wall_and_open_ground_is_none():
@@ -97,7 +97,7 @@ def test_the_white_building_is_found_in_the_sun_from_its_picture_in_the_shade():
 def test_nothing_is_seen_in_the_dark():
     black = np.zeros((720, 1280, 3), np.uint8)
     look = look_of(load("walk_reference.jpg"))
-    assert find_flames(black, FAR) == ()
+    assert find_fires_ahead(black, FAR) == ()
     assert find_leaks(black, ABOVE, 0.0) == ()
     assert find_facades(black, STREET, look) == ()
 
@@ -107,7 +107,7 @@ def test_depth_from_above_closes_what_stands_and_not_the_follower():
     depth = np.full((108, 192), 30.0, np.float32)
     depth[20:40, 100:140] = 26.0  # a box 4 m high, north-east of the middle
     depth[52:57, 93:99] = 29.4  # somebody under the camera
-    known = WalkMap()
+    known = ObstacleGrid()
     close_what_stands(known, heights(depth, pose, 0.0, stride=1), (0.0, 0.0))
     assert known.is_closed((6.0, 6.0))
     assert not known.is_closed((0.0, 0.0))

@@ -8,7 +8,7 @@ from importlib.util import find_spec
 import pytest
 from lingjing_agents.llm.chat import ChatMessage, ChatRequest, ModelClient, ModelError
 from lingjing_agents.llm.direct import DirectClient
-from lingjing_agents.llm.retry import Attempts, Deadline, complete_with_retries
+from lingjing_agents.llm.retry import Attempts, CallDeadline, complete_with_retries
 from lingjing_agents.llm.through_litellm import LitellmClient
 from lingjing_agents.llm.wire import ANSWER_BYTES, seconds
 
@@ -108,7 +108,7 @@ def cases(names: Iterable[str]) -> list[object]:
 async def ask(client: ModelClient, seconds: float, tries: int = 1):
     model = "openai/m" if isinstance(client, LitellmClient) else "m"
     request = ChatRequest(model, (ChatMessage("user", "hello"),))
-    return await complete_with_retries(client, request, Deadline(seconds), Attempts(), tries=tries)
+    return await complete_with_retries(client, request, CallDeadline(seconds), Attempts(), tries=tries)
 
 
 @pytest.mark.parametrize(("what", "client"), cases(TOO_LONG))

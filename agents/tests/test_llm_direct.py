@@ -5,7 +5,7 @@ import socket
 import pytest
 from lingjing_agents.llm.chat import ChatMessage, ChatRequest, ModelError
 from lingjing_agents.llm.direct import DirectClient
-from lingjing_agents.llm.retry import Attempts, Deadline, complete_with_retries
+from lingjing_agents.llm.retry import Attempts, CallDeadline, complete_with_retries
 
 from agents.tests.chat_server import Reply, serve, stopwatch
 
@@ -14,7 +14,7 @@ HELLO = ChatRequest("test-model", (ChatMessage("user", "hello", (b"\xff\xd8jpeg"
 
 async def ask(url: str, seconds: float = 5.0, tries: int = 5, key: str = ""):
     attempts = Attempts()
-    answer = await complete_with_retries(DirectClient(url, key), HELLO, Deadline(seconds), attempts, tries=tries)
+    answer = await complete_with_retries(DirectClient(url, key), HELLO, CallDeadline(seconds), attempts, tries=tries)
     return answer, attempts.calls
 
 

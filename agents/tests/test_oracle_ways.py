@@ -7,9 +7,9 @@ from itertools import pairwise, permutations
 
 import numpy as np
 import pytest
-from lingjing_agents.oracle import dispatching
-from lingjing_agents.oracle.paths import NARROW_M, find_way
-from lingjing_agents.oracle.tours import shares, shortest
+from lingjing_agents.oracle import deliveries
+from lingjing_agents.paths.clearance_paths import NARROW_M, find_way
+from lingjing_agents.paths.visiting_order import shares, shortest
 
 from lingjing.plugins.tasks import Task
 from lingjing.plugins.terrain import ObstacleMap
@@ -62,7 +62,7 @@ def test_each_target_goes_to_whoever_is_there_first():
     assert found == {"w": ["x"], "e": ["y", "z"]}
 
 
-class Town:
+class DeliveryView:
     """As much of the truth as the plan of a trade needs."""
 
     def __init__(self, demands: dict[str, float]) -> None:
@@ -88,8 +88,8 @@ def test_tours_bring_everything_in_loads_that_a_van_holds_and_split_the_large_or
     demands = {"big": 250.0, **{f"p{n}": 100.0 for n in range(9)}}
     tasks = tuple(Task("deliver", name, "road", 30.0, "demand", "load") for name in demands)
     supply = Task("restock", "depot", "road", 50.0, gives="load", up_to="payload")
-    trade = dispatching.Trade(tasks, supply, tuple(Van(f"v{n}") for n in range(vans)), 200.0)
-    loads = [load for mine in dispatching.tours(Town(demands), trade).values() for load in mine]
+    trade = deliveries.SupplyChain(tasks, supply, tuple(Van(f"v{n}") for n in range(vans)), 200.0)
+    loads = [load for mine in deliveries.tours(DeliveryView(demands), trade).values() for load in mine]
     brought = {name: sum(a for load in loads for s, a in zip(load.stops, load.amounts, strict=True) if s == name)
                for name in demands}  # fmt: skip
     assert brought == demands

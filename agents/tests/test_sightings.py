@@ -1,9 +1,9 @@
 """What is believed of places that drift."""
 
 import pytest
-from lingjing_agents.heuristic.kinds import FIRES, PEOPLE
 from lingjing_agents.heuristic.rescuer import Rescuer
 from lingjing_agents.heuristic.sightings import Sighting, Sightings
+from lingjing_agents.heuristic.target_types import FIRES, PEOPLE
 
 from agents.tests.agent_kit import REPORT as SPEC
 from agents.tests.agent_kit import Inbox, brief, envelope, observe

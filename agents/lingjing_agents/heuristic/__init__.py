@@ -1,11 +1,16 @@
 """`heuristic`: the rule baseline, chosen by what an agent can do and never by a mission's name.
 
-`policy` picks the rules. Who searches cells is a `searcher` (sweeps `coverage` waypoints, reports), helped by a
-`coordinator` and by a `rescuer` who drives or sails to what was reported; what is looked for follows from the classes
-in the brief (`kinds`): people (`detector`), fires (`flames`), gaps in decks (`gap`, along a `corridor`: `follower`).
-Routes have a `route_inspector` (who sees `queues`), a `route_coordinator` and a `route_driver`; goods have `hauler`s
-and a `planner`, who both make `tours` of what they see of the `town`. A `counter` counts people in `lines`. Who
-commands a walking body is a `walker`, who leads one from the air a `guide`, who knows buildings from above by `homes`.
-Shares of a search are in `sweep`, what was looked at in `coverage_map`. All keep what they know of targets in
-`sightings`, public events in `events`. Only colours and depths are looked at, never class masks.
+`policy` picks the `role_rules` that fit an agent, by its verbs and by the message records it may send:
+
+- cells are searched from the air by `aerial_searcher` (← `search_plan` ← `picture_lattice`, `coverage_map`), in the
+  order of `search_coordinator`; `rescuer` drives or sails to what is reported; `sightings` are what they believe
+- `bridge_inspector` follows a bridge's `centreline`
+- routes are inspected by `route_inspector`, replanned by `route_coordinator` and driven by `route_driver`
+- goods are brought by `delivery_driver`, in the order of `delivery_coordinator`, by what both see (`delivery_view`)
+- `line_counter` counts people who stand in line
+- `dogs`: rules of agents that command a walking body; `guidance`: of those who lead one
+
+`target_types` says what is looked for, by the classes that reports may name, and how `perception` finds it; `events`
+counts public events. In: observations and inboxes. Out: decisions of one agent. Only colours and depths are looked at,
+never class masks.
 """

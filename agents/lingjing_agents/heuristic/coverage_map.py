@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from lingjing.plugins.policy import Cell
+from lingjing_agents.ground_plane import GroundPoint
+from lingjing_agents.perception.images import FloatArray, MaskArray
 
 SPACING_M = 12.0
 
@@ -18,23 +19,23 @@ class CoverageMap:
         (west, south), (east, north) = corners.min(axis=0), corners.max(axis=0)
         xs = np.arange(west + SPACING_M / 2, east, SPACING_M)
         ys = np.arange(south + SPACING_M / 2, north, SPACING_M)
-        self._points: npt.NDArray[np.float64] = np.stack(np.meshgrid(xs, ys), axis=-1).reshape(-1, 2)
+        self._points: FloatArray = np.stack(np.meshgrid(xs, ys), axis=-1).reshape(-1, 2)
         self._views = np.zeros(len(self._points), np.int64)
 
-    def mark(self, polygon: tuple[tuple[float, float], ...]) -> None:
+    def mark(self, polygon: tuple[GroundPoint, ...]) -> None:
         """Count one look at everything inside a convex polygon, clockwise or anticlockwise (east, north; m)."""
         self._views[self._inside(np.array(polygon))] += 1
 
-    def gain(self, x: float, y: float, size: tuple[float, float], looks: int) -> float:
+    def gain(self, x: float, y: float, size: GroundPoint, looks: int) -> float:
         """Share (0..1) of a rectangle of `size` (east, north; m) that has been looked at fewer than `looks` times."""
         near = np.abs(self._points - (x, y)) <= np.array(size) / 2
         inside = near[:, 0] & near[:, 1]
         total = int(inside.sum())
         return float((self._views[inside] < looks).sum()) / total if total else 0.0
 
-    def _inside(self, polygon: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
+    def _inside(self, polygon: FloatArray) -> MaskArray:
         edges = np.roll(polygon, -1, axis=0) - polygon
         offsets = self._points[:, None, :] - polygon[None, :, :]
         cross = edges[None, :, 0] * offsets[..., 1] - edges[None, :, 1] * offsets[..., 0]
-        inside: npt.NDArray[np.bool_] = np.all(cross >= 0, axis=1) | np.all(cross <= 0, axis=1)
+        inside: MaskArray = np.all(cross >= 0, axis=1) | np.all(cross <= 0, axis=1)
         return inside

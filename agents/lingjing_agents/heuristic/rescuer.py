@@ -9,9 +9,10 @@ import math
 
 from lingjing.plugins.policy import Action, Brief, Decision, EntityView, Inbox, Observation, Outgoing, Resource
 from lingjing_agents.capability import compose, has_verb, may_send
+from lingjing_agents.ground_plane import GroundPoint, between, distance_to_segment_m
 from lingjing_agents.heuristic.events import EventLog, view_of
-from lingjing_agents.heuristic.kinds import PEOPLE, kind_of
 from lingjing_agents.heuristic.sightings import Sighting, confidence_in, name_in, position_in
+from lingjing_agents.heuristic.target_types import PEOPLE, target_type_of
 
 ROAD_OFF_M = 90.0
 """A vehicle that stands no farther than this from its target has come as near as the road leads."""
@@ -28,11 +29,11 @@ class Rescuer:
     def __init__(self, brief: Brief, body: Resource) -> None:
         self._brief = brief
         self._body = body
-        self._kind = (kind_of(brief) or (PEOPLE, ""))[0]
+        self._kind = (target_type_of(brief) or (PEOPLE, ""))[0]
         self._afloat = has_verb(body, "moveTo")
         self._sightings = self._kind.sightings(brief)
         self._log = EventLog(self._kind.done)
-        self._before: tuple[float, float] | None = None
+        self._before: GroundPoint | None = None
         self._sent: Sighting | None = None
         self._target: Sighting | None = None
         self._arrived_tick: int | None = None
@@ -76,7 +77,7 @@ class Rescuer:
     def _is_order(self, category: str, assignee: str | None) -> bool:
         return category == "assignment" and assignee in {self._brief.agent, self._body.id}
 
-    def _settle(self, observation: Observation, here: tuple[float, float]) -> tuple[Outgoing, ...]:
+    def _settle(self, observation: Observation, here: GroundPoint) -> tuple[Outgoing, ...]:
         messages: tuple[Outgoing, ...] = ()
         for _ in range(self._log.fresh_rescues(observation.events)):
             done = self._passed(here, observation.time_s)
@@ -88,18 +89,18 @@ class Rescuer:
                 self._target, self._arrived_tick = None, None
         return messages
 
-    def _passed(self, here: tuple[float, float], time_s: float) -> Sighting | None:
+    def _passed(self, here: GroundPoint, time_s: float) -> Sighting | None:
         """The open sighting nearest to the way since the last boundary, if near enough to have been settled."""
 
         def off(sighting: Sighting) -> float:
-            return _to_segment(self._sightings.where(sighting, time_s), self._before or here, here)
+            return distance_to_segment_m(self._sightings.where(sighting, time_s), self._before or here, here)
 
         near = min(self._sightings.of("open"), key=off, default=None)
         if near is not None and off(near) <= 2 * self._kind.settle_m:
             return near
         return None if self._afloat else self._target
 
-    def _move(self, observation: Observation, own: EntityView, here: tuple[float, float]) -> Action | None:
+    def _move(self, observation: Observation, own: EntityView, here: GroundPoint) -> Action | None:
         if self._target is None or self._target.state != "open":
             self._target = self._choose(here, observation.time_s)
             self._arrived_tick = None
@@ -116,13 +117,13 @@ class Rescuer:
             return self._go(*self._sightings.where(self._target, observation.time_s + lead_s))
         return None
 
-    def _choose(self, here: tuple[float, float], time_s: float) -> Sighting | None:
+    def _choose(self, here: GroundPoint, time_s: float) -> Sighting | None:
         def cost(sighting: Sighting) -> float:
             return math.dist(here, self._sightings.where(sighting, time_s)) + DOUBT_M * (1.0 - sighting.confidence)
 
         return min(self._sightings.of("open"), key=cost, default=None)
 
-    def _stage(self, here: tuple[float, float]) -> Action | None:
+    def _stage(self, here: GroundPoint) -> Action | None:
         corners = [corner for region in self._brief.regions for corner in region.polygon]
         if not self._stages or not corners or self._log.rescues:
             return None
@@ -131,8 +132,7 @@ class Rescuer:
         hop = min(distance, STAGING_TICKS * self._brief.tick_s * self._speed())
         if distance < 2 * self._kind.settle_m:
             return None
-        share = hop / distance
-        return self._go(here[0] + share * (middle[0] - here[0]), here[1] + share * (middle[1] - here[1]))
+        return self._go(*between(here, middle, hop / distance))
 
     def _give_up(self, observation: Observation) -> tuple[Outgoing, ...]:
         """At the target, and nothing happens: after some patience it was a false alarm or has drifted away."""
@@ -160,13 +160,3 @@ class Rescuer:
     def _speed(self) -> float:
         speed = self._body.properties.get("speed_mps")
         return float(speed) if isinstance(speed, (int, float)) and speed > 0 else 3.0
-
-
-def _to_segment(point: tuple[float, float], start: tuple[float, float], end: tuple[float, float]) -> float:
-    """Distance (m) from a point to the straight way between two others."""
-    run = math.dist(start, end)
-    if run == 0.0:
-        return math.dist(point, end)
-    along = ((point[0] - start[0]) * (end[0] - start[0]) + (point[1] - start[1]) * (end[1] - start[1])) / run**2
-    share = min(1.0, max(0.0, along))
-    return math.dist(point, (start[0] + share * (end[0] - start[0]), start[1] + share * (end[1] - start[1])))

@@ -3,7 +3,7 @@
 Each new route goes to the inspector as one order a waypoint. A jam that is told of is answered with a request for
 another route as long as the limit allows. When all waypoints were told of, the driver is ordered to the route's end,
 again and again until an event says that it has arrived. Where somebody walks on from there, the inspector then looks
-down on that stretch, and the walker is led by what these pictures show (`guide.home`).
+down on that stretch, and the walking body is led by what these show (`guidance.to_building`).
 """
 
 from __future__ import annotations
@@ -12,11 +12,12 @@ import math
 
 from lingjing.plugins.policy import Brief, Datum, Decision, Envelope, Inbox, Observation, Outgoing, Peer
 from lingjing_agents.capability import compose, sends
-from lingjing_agents.heuristic.guide.home import HomeGuide
+from lingjing_agents.ground_plane import GroundPoint
+from lingjing_agents.heuristic.guidance.to_building import BuildingGuidance
 from lingjing_agents.heuristic.route_inspector import INSPECT, LOOK
 from lingjing_agents.heuristic.sightings import name_in, position_in
 
-Point = tuple[float, ...]
+GroundPosition = tuple[float, ...]
 
 DRIVE = "drive"
 """What the order to drive to the route's end is called."""
@@ -39,12 +40,12 @@ class RouteCoordinator:
         self._inspector, self._driver = inspector_and_driver(brief)
         limits = [value for name, value in brief.settings.items() if name.startswith("replan")]
         self._replans_left = min(limits, default=math.inf)
-        self._route: tuple[Point, ...] = ()
+        self._route: tuple[GroundPosition, ...] = ()
         self._ordered_tick = self._heard_tick = self._drive_tick = -1
         self._told: set[int] = set()
-        self._asked: list[tuple[float, float]] = []
+        self._asked: list[GroundPoint] = []
         self._arrived = False
-        self._guide: HomeGuide | None = None
+        self._guide: BuildingGuidance | None = None
 
     def act(self, observation: Observation, inbox: Inbox) -> Decision:
         """Order the inspection of a new route; else listen, and replan or drive; lead whoever walks on."""
@@ -55,7 +56,7 @@ class RouteCoordinator:
     def _have_led(self, observation: Observation) -> tuple[Outgoing, ...]:
         """The way for the walker, from the moment the route is verified."""
         if observation.tick == 0:
-            self._guide = HomeGuide.of(self._brief, observation)
+            self._guide = BuildingGuidance.of(self._brief, observation)
         if self._guide is None:
             return ()
         self._guide.see(observation)
@@ -125,7 +126,7 @@ class RouteCoordinator:
         }
         return (compose(self._jammed, body),)
 
-    def _send(self, assignee: str, task: str, place: Point) -> Outgoing:
+    def _send(self, assignee: str, task: str, place: GroundPosition) -> Outgoing:
         assert self._order is not None
         where = tuple(round(value, 2) for value in place)
         return compose(self._order, {"assignee": assignee, "task": task, "position": where}, to=(assignee,))

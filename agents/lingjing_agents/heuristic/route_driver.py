@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from lingjing.plugins.policy import Action, Brief, Decision, Inbox, Observation, Resource
+from lingjing_agents.ground_plane import GroundPoint
 from lingjing_agents.heuristic.events import view_of
 from lingjing_agents.heuristic.route_coordinator import DRIVE
 from lingjing_agents.heuristic.sightings import name_in, position_in
@@ -19,7 +20,7 @@ class RouteDriver:
 
     def __init__(self, brief: Brief, body: Resource) -> None:
         self._brief, self._body = brief, body
-        self._goal: tuple[float, float] | None = None
+        self._goal: GroundPoint | None = None
         self._next_tick = 0
 
     def act(self, observation: Observation, inbox: Inbox) -> Decision:

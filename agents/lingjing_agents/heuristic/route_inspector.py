@@ -20,14 +20,13 @@ from lingjing.plugins.policy import (
     Picture,
     Resource,
 )
-from lingjing_agents.airspace import Layers
 from lingjing_agents.capability import compose, fly, nadir_camera, photo, rated, sends, team
+from lingjing_agents.flight_levels import FlightLevels
+from lingjing_agents.ground_plane import GroundPoint, between
 from lingjing_agents.heuristic.events import view_of
-from lingjing_agents.heuristic.kinds import QUEUES
-from lingjing_agents.heuristic.queues import find_queues
 from lingjing_agents.heuristic.sightings import name_in, position_in
-
-Place = tuple[float, float]
+from lingjing_agents.heuristic.target_types import QUEUES
+from lingjing_agents.perception.road_queues import find_queues
 
 INSPECT, LOOK = "inspect", "look"
 """What a coordinator's orders are called to look at a waypoint, and to take a picture of a place when all waypoints
@@ -57,15 +56,17 @@ class RouteInspector:
         mates, ceiling = team(brief), rated(body, "band_high_m", 100.0)
         z = brief.water_level_m + ceiling
         # The first flies as high as it may, the others below it.
-        self._z = Layers(mates.index(brief.agent), len(mates), rated(body, "band_low_m", 0.0), z, anchor_m=z).level(z)
+        self._z = FlightLevels(
+            mates.index(brief.agent), len(mates), rated(body, "band_low_m", 0.0), z, anchor_m=z
+        ).level(z)
         self._reach_m = rated(body, "cruise_mps", 12.0) * max(1.0, brief.tick_s - SETTLE_S)
-        self._aim: tuple[int, Place] | None = None
-        self._route: list[Place] = []
+        self._aim: tuple[int, GroundPoint] | None = None
+        self._route: list[GroundPoint] = []
         self._next = 0
         self._tries = 0
         self._wait_until = 0
-        self._start: Place | None = None
-        self._looks: list[Place] = []
+        self._start: GroundPoint | None = None
+        self._looks: list[GroundPoint] = []
         self._flights = 0
 
     def act(self, observation: Observation, inbox: Inbox) -> Decision:
@@ -91,7 +92,7 @@ class RouteInspector:
             self._route, self._next, self._tries, self._wait_until = orders, 0, 0, 0
             self._aim = None
 
-    def _ordered(self, inbox: Inbox, task: str) -> list[Place]:
+    def _ordered(self, inbox: Inbox, task: str) -> list[GroundPoint]:
         return [
             place
             for envelope in inbox.messages
@@ -124,7 +125,7 @@ class RouteInspector:
             messages += (compose(self._report, body),)
         return messages
 
-    def _say(self, state: str, number: int, place: Place) -> tuple[Outgoing, ...]:
+    def _say(self, state: str, number: int, place: GroundPoint) -> tuple[Outgoing, ...]:
         if self._status is None:
             return ()
         where = (round(place[0], 1), round(place[1], 1), self._brief.water_level_m)
@@ -149,7 +150,7 @@ class RouteInspector:
                 return self._fly(x, y)
         return photo(self._body, self._camera)
 
-    def _view(self, here: Place) -> Action | None:
+    def _view(self, here: GroundPoint) -> Action | None:
         """A picture of the next place that was asked for, from over it."""
         if not self._looks:
             return None
@@ -158,7 +159,7 @@ class RouteInspector:
             return self._fly(*self._looks[0])
         return photo(self._body, self._camera)
 
-    def _aimed(self, here: Place) -> Place:
+    def _aimed(self, here: GroundPoint) -> GroundPoint:
         """Where to fly for the next waypoint: over it, so that the road up to it is in view; short of it where that
         saves a tick, and past it where the leg after it would take another one otherwise."""
         place = self._route[self._next]
@@ -178,7 +179,7 @@ class RouteInspector:
         return fly(self._body, x, y, self._z)
 
 
-def _ground_start(observation: Observation, body: str) -> Place | None:
+def _ground_start(observation: Observation, body: str) -> GroundPoint | None:
     """Where the route begins: the first other entity whose place is shown, the vehicle that is to drive it."""
     for view in observation.entities:
         if view.id != body and view.position is not None:
@@ -186,8 +187,7 @@ def _ground_start(observation: Observation, body: str) -> Place | None:
     return None
 
 
-def _towards(start: Place, end: Place, distance_m: float) -> Place:
+def _towards(start: GroundPoint, end: GroundPoint, distance_m: float) -> GroundPoint:
     """The point so far from `start` on the way to `end`; `end` where that is nearer."""
     run = math.dist(start, end)
-    share = min(1.0, distance_m / run) if run else 0.0
-    return start[0] + share * (end[0] - start[0]), start[1] + share * (end[1] - start[1])
+    return between(start, end, min(1.0, distance_m / run) if run else 0.0)

@@ -7,8 +7,9 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from lingjing.plugins.policy import Datum, Weather
+from lingjing_agents.ground_plane import GroundPoint
 
-State = Literal["open", "rescued", "missed"]
+SightingState = Literal["open", "rescued", "missed"]
 
 
 @dataclass(slots=True)
@@ -20,7 +21,7 @@ class Sighting:
     time_s: float
     confidence: float
     cell: str | None = None
-    state: State = "open"
+    state: SightingState = "open"
     reports: int = 1
 
 
@@ -43,7 +44,7 @@ class Sightings:
             sighting.time_s = time_s
         self.weather = weather
 
-    def where(self, sighting: Sighting, time_s: float) -> tuple[float, float]:
+    def where(self, sighting: Sighting, time_s: float) -> GroundPoint:
         """Where a sighting has drifted to by `time_s`."""
         if not self.drifts:
             return sighting.x, sighting.y
@@ -52,7 +53,7 @@ class Sightings:
         return sighting.x + run * math.sin(bearing), sighting.y + run * math.cos(bearing)
 
     def nearest(
-        self, point: tuple[float, float], time_s: float, *, within: float = math.inf, state: State | None = None
+        self, point: GroundPoint, time_s: float, *, within: float = math.inf, state: SightingState | None = None
     ) -> Sighting | None:
         """The nearest sighting to `point` (m) at `time_s`, if one in that state is within `within` metres."""
         near = [
@@ -78,12 +79,12 @@ class Sightings:
         old.reports += 1
         return old
 
-    def of(self, state: State) -> tuple[Sighting, ...]:
+    def of(self, state: SightingState) -> tuple[Sighting, ...]:
         """All sightings in that state, in the order they became known."""
         return tuple(sighting for sighting in self.known if sighting.state == state)
 
 
-def position_in(body: dict[str, Datum]) -> tuple[float, float] | None:
+def position_in(body: dict[str, Datum]) -> GroundPoint | None:
     """East and north of a message's `position`, or None if it has none that can be read."""
     value = body.get("position")
     if not isinstance(value, (tuple, list)) or len(value) < 2:

@@ -11,7 +11,7 @@ import msgspec
 TokenLimit = Literal["max_tokens", "max_completion_tokens"]
 """How a bound on the tokens of an answer is spelled; the second one counts the reasoning too."""
 
-Fault = Literal["service", "model", "time"]
+FailureCause = Literal["service", "model", "time"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +41,7 @@ class ChatRequest:
 
 
 @dataclass(frozen=True, slots=True)
-class Completion:
+class ModelCompletion:
     """What came back. `finish_reason` is the protocol's (`stop`, `length`, `content_filter`, …); `cost_usd` is what
     the client knows of the price, None if nothing."""
 
@@ -65,7 +65,7 @@ class ModelError(Exception):
         transient: bool = False,
         retry_after_s: float | None = None,
         status: int | None = None,
-        fault: Fault = "service",
+        fault: FailureCause = "service",
         adapted: bool = False,
     ) -> None:
         super().__init__(message)
@@ -79,7 +79,7 @@ class ModelError(Exception):
 class ModelClient(Protocol):
     """A chat model. A call may be made from any event loop; nothing is kept open between calls."""
 
-    async def complete(self, request: ChatRequest, timeout_s: float) -> Completion:
+    async def complete(self, request: ChatRequest, timeout_s: float) -> ModelCompletion:
         """Ask once, without retries, within `timeout_s` seconds. Raises `ModelError`."""
         ...
 

@@ -9,9 +9,9 @@ from typing import Annotated
 import httpx
 import msgspec
 
-from lingjing_agents.llm.chat import ChatRequest, Completion, ModelError, response_format, wire_messages
+from lingjing_agents.llm.chat import ChatRequest, ModelCompletion, ModelError, response_format, wire_messages
 from lingjing_agents.llm.dialect import Dialect
-from lingjing_agents.llm.wire import Answer, UnreadableAnswerError, exchange
+from lingjing_agents.llm.wire import HttpAnswer, UnreadableAnswerError, exchange
 
 TRANSIENT_STATUS = frozenset({408, 409, 425, 429, 500, 502, 503, 504, 529})
 
@@ -49,7 +49,7 @@ class DirectClient:
     login: str = field(default="", repr=False)
     dialect: Dialect = field(default_factory=Dialect, repr=False)
 
-    async def complete(self, request: ChatRequest, timeout_s: float) -> Completion:
+    async def complete(self, request: ChatRequest, timeout_s: float) -> ModelCompletion:
         """One POST. Raises `ModelError`; status, broken connections and time-outs say whether to try again."""
         try:
             post = httpx.Request(
@@ -80,7 +80,7 @@ class DirectClient:
             headers["authorization"] = basic(self.login)
         return headers
 
-    def _refused(self, answer: Answer, request: ChatRequest) -> ModelError:
+    def _refused(self, answer: HttpAnswer, request: ChatRequest) -> ModelError:
         text = answer.body.decode("utf-8", "replace")
         return ModelError(
             f"the model service answered {answer.status}: {' '.join(text.split())}",
@@ -116,7 +116,7 @@ def _payload(request: ChatRequest) -> bytes:
     return msgspec.json.encode(body)
 
 
-def _completion(content: bytes) -> Completion:
+def _completion(content: bytes) -> ModelCompletion:
     try:
         answer = msgspec.json.decode(content, type=_Answer)
         choice = answer.choices[0]
@@ -125,7 +125,7 @@ def _completion(content: bytes) -> Completion:
     if choice.message.refusal:
         raise ModelError(f"the model refused: {choice.message.refusal}", fault="model")
     tokens = answer.usage or _Tokens()
-    return Completion(
+    return ModelCompletion(
         text=choice.message.content or "",
         finish_reason=choice.finish_reason or "stop",
         prompt_tokens=tokens.prompt_tokens or 0,

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 
-from lingjing_agents.llm.chat import ChatRequest, Completion, ModelClient, ModelError
+from lingjing_agents.llm.chat import ChatRequest, ModelClient, ModelCompletion, ModelError
 from lingjing_agents.llm.redaction import Redactor
 
 MESSAGE_LETTERS = 300
@@ -37,7 +37,7 @@ class GuardedClient:
         self._client = client
         self._redact = redact
 
-    async def complete(self, request: ChatRequest, timeout_s: float) -> Completion:
+    async def complete(self, request: ChatRequest, timeout_s: float) -> ModelCompletion:
         """Ask once. Raises `ModelError`, without a cause; an exception that is none becomes one."""
         try:
             with _redacted_logs(self._redact):

@@ -6,13 +6,13 @@ import asyncio
 import time
 from dataclasses import dataclass
 
-from lingjing_agents.llm.chat import ChatRequest, Completion, ModelClient, ModelError
+from lingjing_agents.llm.chat import ChatRequest, ModelClient, ModelCompletion, ModelError
 
 FIRST_PAUSE_S = 0.5
 LONGEST_PAUSE_S = 20.0
 
 
-class Deadline:
+class CallDeadline:
     """A span of wall time that starts now."""
 
     def __init__(self, seconds: float) -> None:
@@ -32,8 +32,8 @@ class Attempts:
 
 
 async def complete_with_retries(
-    client: ModelClient, request: ChatRequest, deadline: Deadline, attempts: Attempts, *, tries: int = 5
-) -> Completion:
+    client: ModelClient, request: ChatRequest, deadline: CallDeadline, attempts: Attempts, *, tries: int = 5
+) -> ModelCompletion:
     """Ask until there is an answer, a failure that repeating cannot mend, `tries` failures, or no time left.
 
     The pause doubles from half a second; a `Retry-After` that fits into the deadline is honoured instead. A client
@@ -58,7 +58,7 @@ async def complete_with_retries(
     raise ModelError(f"no usable answer within the deadline of {deadline.seconds:g} s", fault="time")
 
 
-async def _ask(client: ModelClient, request: ChatRequest, left_s: float) -> Completion:
+async def _ask(client: ModelClient, request: ChatRequest, left_s: float) -> ModelCompletion:
     try:
         async with asyncio.timeout(left_s):
             return await client.complete(request, left_s)

@@ -14,7 +14,14 @@ from typing import Any
 import httpx
 
 from lingjing.plugins.policy import UsageError
-from lingjing_agents.llm.chat import ChatRequest, Completion, Fault, ModelError, response_format, wire_messages
+from lingjing_agents.llm.chat import (
+    ChatRequest,
+    FailureCause,
+    ModelCompletion,
+    ModelError,
+    response_format,
+    wire_messages,
+)
 from lingjing_agents.llm.direct import MOST_TOKENS, TRANSIENT_STATUS, basic, filtered
 from lingjing_agents.llm.wire import BoundedTransport, seconds
 
@@ -30,7 +37,7 @@ class LitellmClient:
     api_key: str = field(default="", repr=False)
     login: str = field(default="", repr=False)
 
-    async def complete(self, request: ChatRequest, timeout_s: float) -> Completion:
+    async def complete(self, request: ChatRequest, timeout_s: float) -> ModelCompletion:
         """One `acompletion` with `num_retries=0`. Raises `ModelError`."""
         litellm = load_litellm()
         try:
@@ -100,20 +107,20 @@ def _failed(error: Exception) -> ModelError:
     )
 
 
-def _fault(error: Exception, text: str) -> Fault:
+def _fault(error: Exception, text: str) -> FailureCause:
     name = type(error).__name__
     if name == "Timeout":
         return "time"
     return "model" if name == "ContentPolicyViolationError" or filtered(text) else "service"
 
 
-def _completion(answer: Any) -> Completion:
+def _completion(answer: Any) -> ModelCompletion:
     if not answer.choices:
         raise ModelError("the service's answer holds no choices", transient=True)
     choice = answer.choices[0]
     usage = getattr(answer, "usage", None)
     cost = getattr(answer, "_hidden_params", {}).get("response_cost")
-    return Completion(
+    return ModelCompletion(
         text=choice.message.content or "",
         finish_reason=choice.finish_reason or "stop",
         prompt_tokens=_count(getattr(usage, "prompt_tokens", 0)),

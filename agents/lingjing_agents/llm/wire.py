@@ -32,7 +32,7 @@ class UnreadableAnswerError(Exception):
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class HttpAnswer:
     """A whole answer: `body` is unpacked."""
 
     status: int
@@ -50,7 +50,7 @@ def seconds(retry_after: str | None) -> float | None:
     return float(retry_after) if retry_after and _SECONDS.fullmatch(retry_after.strip()) else None
 
 
-async def exchange(request: httpx.Request, timeout_s: float | None) -> Answer:
+async def exchange(request: httpx.Request, timeout_s: float | None) -> HttpAnswer:
     """Send `request` and read the answer. `timeout_s` bounds each step; the whole is the caller's to bound.
 
     Raises `httpx.HTTPError`, `httpx.InvalidURL` or `UnreadableAnswerError`.
@@ -67,7 +67,7 @@ async def exchange(request: httpx.Request, timeout_s: float | None) -> Answer:
             ) from error
         finally:
             await response.aclose()
-    return Answer(response.status_code, response.headers, body)
+    return HttpAnswer(response.status_code, response.headers, body)
 
 
 class BoundedTransport(httpx.AsyncBaseTransport):

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from lingjing.plugins.policy import Brief, Decision, Inbox, Observation
 from lingjing_agents.oracle.ability import Ability
-from lingjing_agents.oracle.dispatching import dispatching
-from lingjing_agents.oracle.flying import flying
-from lingjing_agents.oracle.leading import leading
-from lingjing_agents.oracle.looking import Reporting, reporting
-from lingjing_agents.oracle.sailing import going
-from lingjing_agents.oracle.talking import Voice
-from lingjing_agents.oracle.truth import Plan, Truth, privileged
-from lingjing_agents.oracle.walking import walking
+from lingjing_agents.oracle.aircraft import flying
+from lingjing_agents.oracle.composing import MessageComposer
+from lingjing_agents.oracle.deliveries import dispatching
+from lingjing_agents.oracle.dogs import walking
+from lingjing_agents.oracle.hub import leading
+from lingjing_agents.oracle.privileged_state import InstanceIndex, PrivilegedState, privileged
+from lingjing_agents.oracle.reporting import Reporting, reporting
+from lingjing_agents.oracle.vehicles import going
 
 
 class OraclePolicy:
@@ -20,16 +20,16 @@ class OraclePolicy:
     async def reset(self, brief: Brief) -> None:
         """Remember the brief; the truth comes with the first observation."""
         self._brief = brief
-        self._plan: Plan | None = None
+        self._plan: InstanceIndex | None = None
         self._abilities: tuple[Ability, ...] = ()
 
     async def act(self, observation: Observation, inbox: Inbox) -> Decision:
         """Say what there is to say and give the first command. `UsageError` if the truth was not handed over."""
         known = privileged(observation)
         if self._plan is None:
-            self._plan = Plan(known.instance)
+            self._plan = InstanceIndex(known.instance)
             self._abilities = abilities(self._brief, self._plan)
-        truth = Truth(self._brief, self._plan, observation, inbox)
+        truth = PrivilegedState(self._brief, self._plan, observation, inbox)
         messages = [message for ability in self._abilities for message in ability.say(truth)]
         command = None
         for ability in self._abilities:
@@ -37,9 +37,9 @@ class OraclePolicy:
         return Decision(command=command, messages=tuple(messages))
 
 
-def abilities(brief: Brief, plan: Plan) -> tuple[Ability, ...]:
+def abilities(brief: Brief, plan: InstanceIndex) -> tuple[Ability, ...]:
     """What an agent can do, most urgent first."""
-    voice = Voice(brief)
+    voice = MessageComposer(brief)
     reports = reporting(brief, plan, voice)
     eyes = next((one for one in reports if isinstance(one, Reporting)), None)
     return (

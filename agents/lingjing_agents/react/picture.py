@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from lingjing_agents.pixels import opencv
+from lingjing_agents.perception.images import opencv
 
 JPEG_QUALITY = 85
 

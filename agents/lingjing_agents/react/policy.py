@@ -22,8 +22,8 @@ from lingjing.plugins.policy import (
     Picture,
     Usage,
 )
-from lingjing_agents.llm.chat import ChatMessage, ChatRequest, Completion, ModelError
-from lingjing_agents.llm.retry import Attempts, Deadline, complete_with_retries
+from lingjing_agents.llm.chat import ChatMessage, ChatRequest, ModelCompletion, ModelError
+from lingjing_agents.llm.retry import Attempts, CallDeadline, complete_with_retries
 from lingjing_agents.react.answer import StepError, after_reasoning, read_step
 from lingjing_agents.react.options import ReactOptions, make_client
 from lingjing_agents.react.picture import jpeg
@@ -89,7 +89,7 @@ class ReactPolicy:
         return observation.pictures[: self._options.images] if self._capability.vision else ()
 
     async def _settle(self, messages: tuple[ChatMessage, ...]) -> tuple[Decision, str]:
-        deadline = Deadline(self._options.deadline_s)
+        deadline = CallDeadline(self._options.deadline_s)
         fault = ""
         for _ in range(self._options.repairs + 1):
             completion = await self._ask(messages, deadline)
@@ -106,7 +106,7 @@ class ReactPolicy:
             f"no valid step after {self._options.repairs} repairs; last fault: {fault}", self._bill_of_now()
         )
 
-    async def _ask(self, messages: tuple[ChatMessage, ...], deadline: Deadline) -> Completion:
+    async def _ask(self, messages: tuple[ChatMessage, ...], deadline: CallDeadline) -> ModelCompletion:
         options = self._options
         request = ChatRequest(
             options.model,
@@ -118,7 +118,7 @@ class ReactPolicy:
             self._capability.limit_name,
         )
         attempts = Attempts()
-        completion = Completion("", "")
+        completion = ModelCompletion("", "")
         try:
             completion = await complete_with_retries(self._client, request, deadline, attempts, tries=options.tries)
         finally:
@@ -126,7 +126,7 @@ class ReactPolicy:
         self._refused = 0
         return completion
 
-    def _bill(self, calls: int, completion: Completion) -> None:
+    def _bill(self, calls: int, completion: ModelCompletion) -> None:
         prompt, answer = completion.prompt_tokens, completion.completion_tokens
         price_in, price_out = self._options.price_in, self._options.price_out
         if price_in is None and price_out is None:
@@ -146,7 +146,7 @@ class ReactPolicy:
         return usage
 
 
-def _read(completion: Completion, form: DecisionFormat, max_tokens: int) -> Decision:
+def _read(completion: ModelCompletion, form: DecisionFormat, max_tokens: int) -> Decision:
     if completion.finish_reason == "length":
         raise StepError(f"it was cut off at {max_tokens} tokens; be much shorter")
     if completion.finish_reason == "content_filter":

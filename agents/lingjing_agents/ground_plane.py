@@ -1,0 +1,60 @@
+"""Points, rectangles and polygons of the ground plane: east and north in metres, without a height."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+GroundPoint = tuple[float, float]
+"""East and north in metres."""
+
+
+@dataclass(frozen=True, slots=True)
+class GroundRectangle:
+    """A rectangle with sides along the axes, metres; endless by default."""
+
+    west: float = -math.inf
+    south: float = -math.inf
+    east: float = math.inf
+    north: float = math.inf
+
+    @staticmethod
+    def around(points: Sequence[GroundPoint], margin_m: float = 0.0) -> GroundRectangle:
+        """The rectangle of `points`, grown by `margin_m` on each side; endless without points."""
+        if not points:
+            return GroundRectangle()
+        xs, ys = [x for x, _ in points], [y for _, y in points]
+        return GroundRectangle(min(xs) - margin_m, min(ys) - margin_m, max(xs) + margin_m, max(ys) + margin_m)
+
+    @property
+    def area_m2(self) -> float:
+        """Its area."""
+        return (self.east - self.west) * (self.north - self.south)
+
+    def holds(self, place: GroundPoint) -> bool:
+        """Whether a point lies inside, the rim included."""
+        return self.west <= place[0] <= self.east and self.south <= place[1] <= self.north
+
+
+def inside(polygon: Sequence[GroundPoint], place: GroundPoint) -> bool:
+    """Whether a point lies inside a polygon (even-odd rule)."""
+    x, y = place
+    odd = False
+    for (ax, ay), (bx, by) in zip(polygon, (*polygon[1:], polygon[0]), strict=True):
+        if (ay > y) != (by > y) and x < ax + (y - ay) * (bx - ax) / (by - ay):
+            odd = not odd
+    return odd
+
+
+def between(start: GroundPoint, end: GroundPoint, share: float) -> GroundPoint:
+    """The point at a share of the way from `start` (0) to `end` (1); beyond them for other shares."""
+    return start[0] + share * (end[0] - start[0]), start[1] + share * (end[1] - start[1])
+
+
+def distance_to_segment_m(point: GroundPoint, start: GroundPoint, end: GroundPoint) -> float:
+    """Distance from a point to the straight line between two others."""
+    east, north = end[0] - start[0], end[1] - start[1]
+    length2 = east * east + north * north
+    along = 0.0 if length2 == 0.0 else ((point[0] - start[0]) * east + (point[1] - start[1]) * north) / length2
+    return math.dist(point, between(start, end, min(max(along, 0.0), 1.0)))

@@ -1,0 +1,100 @@
+"""The planner's rules: tours for all vans, each gets its next one before it is done with the one it has."""
+
+from __future__ import annotations
+
+import math
+
+from lingjing.plugins.policy import Brief, Decision, Inbox, Observation, Outgoing
+from lingjing_agents.capability import compose, natural, sends
+from lingjing_agents.ground_plane import GroundPoint
+from lingjing_agents.heuristic.delivery_view import DeliveryView, look
+from lingjing_agents.paths.delivery_tours import DeliveryTour, shared_out, tours
+
+AHEAD = 2
+"""How many tours a driver has at a time: the one under way and the next, since orders take a tick."""
+PATIENCE_TICKS = 25
+"""A tour that takes longer than this goes to somebody else as well."""
+STILL_TICKS, STILL_M = 4, 3.0
+"""A van that has a tour and has not moved for so long is told it again."""
+
+
+class DeliveryCoordinator:
+    """Hands out tours and keeps count. All state is of this episode."""
+
+    def __init__(self, brief: Brief) -> None:
+        self._brief = brief
+        self._plan = sends(brief, "tour")
+        recipients = {name for message in brief.messages if message.type == "tour" for name in message.recipients}
+        reached = [peer for peer in brief.peers if recipients.intersection((peer.role, peer.id, "all"))]
+        drivers = [peer for peer in reached if peer.resources]
+        self._vans = {peer.id: peer.resources[0] for peer in sorted(drivers, key=lambda peer: natural(peer.id))}
+        self._waiting: dict[str, list[DeliveryTour]] | None = None
+        self._given: dict[str, list[tuple[DeliveryTour, int]]] = {name: [] for name in self._vans}
+        self._still: dict[str, tuple[GroundPoint, int]] = {}
+
+    def act(self, observation: Observation, inbox: Inbox) -> Decision:
+        """Plan once; then give whoever has fewer than two tours the next one."""
+        town = look(observation)
+        if self._plan is None or town.depot is None or not town.vans:
+            return Decision()
+        if self._waiting is None:
+            self._vans = {name: van for name, van in self._vans.items() if van in town.vans}
+            payload = self._payload(town)
+            made = tours(town.depot, town.places, town.demands_kg, payload)
+            self._waiting = shared_out(made, tuple(self._vans))
+        messages: tuple[Outgoing, ...] = ()
+        for name in self._vans:
+            self._given[name] = [each for each in self._given[name] if _open(each[0], town)]
+            while len(self._given[name]) < AHEAD and (tour := self._next(name)) is not None:
+                self._given[name].append((tour, observation.tick))
+                messages += (self._say(name, tour),)
+        messages += self._remind(observation.tick, town)
+        return Decision(messages=messages + self._rescue(observation.tick))
+
+    def _remind(self, tick: int, town: DeliveryView) -> tuple[Outgoing, ...]:
+        said: tuple[Outgoing, ...] = ()
+        for name, van in self._vans.items():
+            view = town.vans.get(van)
+            if view is None or view.position is None:
+                continue
+            here = view.position[:2]
+            if name not in self._still or math.dist(self._still[name][0], here) > STILL_M:
+                self._still[name] = here, tick
+            elif self._given[name] and tick - self._still[name][1] >= STILL_TICKS:
+                self._still[name] = here, tick
+                said += (self._say(name, self._given[name][0][0]),)
+        return said
+
+    def _payload(self, town: DeliveryView) -> float:
+        """What a van holds: at the start they are full."""
+        loads = [(view.resources or {}).get("load", 0.0) for view in town.vans.values()]
+        return max(loads, default=0.0)
+
+    def _next(self, name: str) -> DeliveryTour | None:
+        """The driver's own next tour, or the last of whoever has most waiting."""
+        assert self._waiting is not None
+        if self._waiting[name]:
+            return self._waiting[name].pop(0)
+        if self._given[name]:
+            return None
+        busiest = max(self._waiting, key=lambda other: len(self._waiting[other]) if self._waiting else 0)
+        return self._waiting[busiest].pop() if self._waiting[busiest] else None
+
+    def _rescue(self, tick: int) -> tuple[Outgoing, ...]:
+        """A tour that takes too long goes to an idle driver."""
+        idle = [name for name, tours_given in self._given.items() if not tours_given]
+        for name, mine in self._given.items():
+            for tour, since in mine[:1]:
+                if idle and tick - since > PATIENCE_TICKS:
+                    self._given[name] = mine[1:]
+                    self._given[idle[0]] = [(tour, tick)]
+                    return (self._say(idle[0], tour),)
+        return ()
+
+    def _say(self, name: str, tour: DeliveryTour) -> Outgoing:
+        assert self._plan is not None
+        return compose(self._plan, {"assignee": name, "stops": tour.stops, "load": tour.load_kg}, to=(name,))
+
+
+def _open(tour: DeliveryTour, town: DeliveryView) -> bool:
+    return any(town.demands_kg.get(stop, 0.0) > 0.0 for stop in tour.stops)

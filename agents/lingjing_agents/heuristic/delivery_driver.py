@@ -1,0 +1,200 @@
+"""The rules of whoever delivers: one tour after the other, back to the depot in between, and say what was left where.
+
+Without a hub all drivers compute the same tours and share them out in the agreed order; each claims a tour's stops
+when it sets out, and who has none left takes the last of whoever has most. Under a hub the tours come from it.
+"""
+
+from __future__ import annotations
+
+import math
+
+from lingjing.plugins.policy import Action, Brief, Decision, EntityView, Inbox, Observation, Outgoing, Resource
+from lingjing_agents.capability import compose, rated, sends, team
+from lingjing_agents.ground_plane import GroundPoint
+from lingjing_agents.heuristic.delivery_view import LOADED, DeliveryView, look
+from lingjing_agents.heuristic.events import view_of
+from lingjing_agents.heuristic.sightings import name_in, position_in
+from lingjing_agents.paths.delivery_tours import DeliveryTour, shared_out, tours
+
+DELIVER = "deliver"
+NEAR_M = 25.0
+"""Deliveries happen within 30 m."""
+DEPOT_M = 48.0
+"""A van is loaded within 50 m."""
+CLAIM_TICKS = 15
+"""How long a stop that somebody else has claimed is left to them."""
+HUB_PATIENCE_TICKS = 6
+
+
+class DeliveryDriver:
+    """One van. All state is of this episode."""
+
+    def __init__(self, brief: Brief, body: Resource) -> None:
+        self._brief, self._body = brief, body
+        self._claim, self._handover = sends(brief, "assignment"), sends(brief, "delivery")
+        self._payload = rated(body, "payload_kg", 0.0)
+        self._shares: dict[str, list[DeliveryTour]] = {name: [] for name in team(brief)}
+        self._planned = False
+        self._tour: DeliveryTour | None = None
+        self._given: dict[str, float] = {}
+        self._claims: dict[str, int] = {}
+        self._loading = False
+        self._before: tuple[dict[str, float], float] | None = None
+
+    def act(self, observation: Observation, inbox: Inbox) -> Decision:
+        """Listen, tell what was delivered, then drive on."""
+        town, own = look(observation), view_of(observation, self._body.id)
+        if own is None or own.position is None or town.depot is None:
+            return Decision()
+        self._listen(inbox, town, observation.tick)
+        self._plan(observation.tick, town)
+        messages = self._tell(town, own)
+        if self._tour is None or not self._left(self._tour, town):
+            messages += self._next_tour(observation.tick, town)
+        command = self._unblock(own) if own.busy else self._move(town, own)
+        return Decision(command=command, messages=messages)
+
+    # -- who takes which tour
+
+    def _plan(self, tick: int, town: DeliveryView) -> None:
+        late = self._brief.hub is not None and tick >= HUB_PATIENCE_TICKS and not any(self._shares.values())
+        if self._planned or (self._brief.hub is not None and not late) or not town.demands_kg:
+            return
+        assert town.depot is not None
+        plan = tours(town.depot, town.places, town.demands_kg, self._payload)
+        self._shares = shared_out(plan, team(self._brief))
+        self._planned = True
+
+    def _listen(self, inbox: Inbox, town: DeliveryView, tick: int) -> None:
+        for envelope in inbox.messages:
+            stops = envelope.body.get("stops")
+            assignee = name_in(envelope.body, "assignee")
+            if isinstance(stops, (tuple, list)) and assignee in {self._brief.agent, self._body.id}:
+                known = tuple(str(stop) for stop in stops if str(stop) in town.places)
+                self._planned = True
+                each = self._payload / max(1, len(known))
+                self._shares[self._brief.agent].append(DeliveryTour(known, (each,) * len(known), 0.0))
+            elif envelope.category == "assignment" and name_in(envelope.body, "task") == DELIVER:
+                place = position_in(envelope.body)
+                if place is not None and town.places and envelope.sender != self._brief.agent:
+                    stop = min(town.places, key=lambda name: math.dist(town.places[name], place))
+                    self._hear_claim(envelope.sender, stop, tick)
+
+    def _hear_claim(self, sender: str, stop: str, tick: int) -> None:
+        """Somebody sets out for a stop: a tour of others that has it is theirs from now on."""
+        self._claims[stop] = tick
+        if sender not in self._shares:
+            return
+        for owner, queue in self._shares.items():
+            for tour in [tour for tour in queue if stop in tour.stops]:
+                split = sum(stop in other.stops for each in self._shares.values() for other in each) > 1
+                if owner != sender and not split:
+                    queue.remove(tour)
+                    self._shares[sender].append(tour)
+
+    def _next_tour(self, tick: int, town: DeliveryView) -> tuple[Outgoing, ...]:
+        queue = self._shares[self._brief.agent]
+        self._tour, self._given = None, {}
+        while queue:
+            tour = queue.pop(0)
+            if any(town.demands_kg.get(stop, 0.0) > 0.0 for stop in tour.stops):
+                self._tour = tour
+                return self._say_claim(tour, town)
+        return self._take_over(tick, town) if self._brief.hub is None or tick > self._brief.ticks * 0.6 else ()
+
+    def _take_over(self, tick: int, town: DeliveryView) -> tuple[Outgoing, ...]:
+        """Nothing left of one's own: the last tour of whoever has most (at least one that is not under way)."""
+        left = {
+            name: [tour for tour in queue if all(town.demands_kg.get(stop, 0.0) > 0.0 for stop in tour.stops)]
+            for name, queue in self._shares.items()
+            if name != self._brief.agent
+        }
+        busiest = max(left, key=lambda name: len(left[name]), default=None)
+        if busiest is not None and len(left[busiest]) >= 2:
+            self._tour = left[busiest][-1]
+            self._shares[busiest].remove(self._tour)
+            return self._say_claim(self._tour, town)
+        return self._mop_up(tick, town)
+
+    def _mop_up(self, tick: int, town: DeliveryView) -> tuple[Outgoing, ...]:
+        """What is still wanted and nobody has claimed of late: the longest tour over it."""
+        free = {
+            stop: left
+            for stop, left in town.demands_kg.items()
+            if left > 0.0 and tick - self._claims.get(stop, -CLAIM_TICKS) >= CLAIM_TICKS
+        }
+        assert town.depot is not None
+        rest = tours(town.depot, town.places, free, self._payload)
+        if not rest:
+            return ()
+        self._tour = rest[0]
+        return self._say_claim(self._tour, town)
+
+    def _say_claim(self, tour: DeliveryTour, town: DeliveryView) -> tuple[Outgoing, ...]:
+        if self._claim is None:
+            return ()
+        said = []
+        for stop in tour.stops:
+            place = (*(round(value, 1) for value in town.places[stop]), self._brief.water_level_m)
+            said.append(compose(self._claim, {"assignee": self._brief.agent, "task": DELIVER, "position": place}))
+        return tuple(said)
+
+    # -- what was delivered
+
+    def _tell(self, town: DeliveryView, own: EntityView) -> tuple[Outgoing, ...]:
+        """Where the load went down and a stop's demand with it, something was delivered."""
+        load = (own.resources or {}).get(LOADED, 0.0)
+        before, self._before = self._before, (town.demands_kg, load)
+        if before is None or load >= before[1] or own.position is None:
+            return ()
+        here = own.position[:2]
+        fallen = [stop for stop, left in town.demands_kg.items() if before[0].get(stop, left) - left > 1e-6]
+        stop = min(fallen, key=lambda name: math.dist(town.places[name], here), default=None)
+        if stop is None:
+            return ()
+        dropped = min(before[1] - load, before[0][stop] - town.demands_kg[stop])
+        self._given[stop] = self._given.get(stop, 0.0) + dropped
+        if self._handover is None:
+            return ()
+        left = town.demands_kg[stop]
+        return (compose(self._handover, {"stop": stop, "delivered": dropped, "left": left}),)
+
+    def _left(self, tour: DeliveryTour, town: DeliveryView) -> list[str]:
+        """Stops of the tour that still want what this van has for them."""
+        return [
+            stop
+            for stop, amount in zip(tour.stops, tour.amounts_kg, strict=True)
+            if town.demands_kg.get(stop, 0.0) > 0.0 and self._given.get(stop, 0.0) < amount - 1e-6
+        ]
+
+    # -- where to go
+
+    def _move(self, town: DeliveryView, own: EntityView) -> Action | None:
+        assert own.position is not None
+        assert town.depot is not None
+        load = (own.resources or {}).get(LOADED, 0.0)
+        left = self._left(self._tour, town) if self._tour is not None else []
+        here = own.position[:2]
+        wanted = min(self._payload, sum(town.demands_kg[stop] for stop in left))
+        at_depot = math.dist(here, town.depot) <= DEPOT_M
+        self._loading = False
+        if left and (load >= wanted - 1e-6 or (load > 0.0 and not at_depot and load >= 0.5 * self._payload)):
+            return self._drive(here, town.places[left[0]], NEAR_M)
+        if left or self._shares[self._brief.agent] or load < self._payload:
+            self._loading = True
+            return self._drive(here, town.depot, DEPOT_M)
+        return None
+
+    def _unblock(self, own: EntityView) -> Action | None:
+        """Loaded while still in the queue before the depot: there is nothing more to wait for."""
+        full = (own.resources or {}).get(LOADED, 0.0) >= self._payload - 1e-6
+        if not (self._loading and full and own.status == "waiting"):
+            return None
+        self._loading = False
+        return Action(verb="stop", resource=self._body.id)
+
+    def _drive(self, here: GroundPoint, there: GroundPoint, near_m: float) -> Action | None:
+        if math.dist(here, there) <= near_m:
+            return None
+        x, y = (round(value, 2) for value in there)
+        return Action(verb="setDestination", arguments={"x": x, "y": y}, resource=self._body.id)

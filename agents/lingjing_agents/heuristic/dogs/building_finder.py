@@ -1,0 +1,311 @@
+"""The navigator's rules: find the building of the reference picture by eye and walk up to it.
+
+Each picture adds to a map of where the wanted facade may stand: columns that look like it speak for the places along
+their bearing at about the distance that their height tells. The dog walks to the best place, looks around where
+nothing has been seen yet, and strikes out what it has walked up to without arriving.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from lingjing.plugins.geometry import bearing_deg, turn_deg
+from lingjing.plugins.policy import (
+    Action,
+    Brief,
+    CameraSpec,
+    Decision,
+    EntityView,
+    Inbox,
+    Observation,
+    Picture,
+    Resource,
+)
+from lingjing_agents.capability import photo
+from lingjing_agents.ground_plane import GroundPoint, GroundRectangle, inside
+from lingjing_agents.heuristic.dogs.movement import DogMovement
+from lingjing_agents.heuristic.dogs.seen_ground import SeenGround
+from lingjing_agents.heuristic.events import view_of
+from lingjing_agents.heuristic.sightings import name_in, position_in
+from lingjing_agents.paths.obstacle_grid import ObstacleGrid
+from lingjing_agents.perception.facades import FacadeColumn, WallColour, find_facades, look_of, skyline
+from lingjing_agents.perception.images import FloatArray
+from lingjing_agents.perception.obstacles_ahead import near_walls
+
+GRID_M = 8.0
+ARRIVAL_M = 20.0
+"""Having been so near to a place without arriving strikes it out."""
+
+SPREAD = 0.5
+"""How wrong a distance is usually, as a factor's logarithm."""
+
+VIEWS_M, VIEW_WORTH = (85.0, 55.0, 35.0), 24
+"""How far a view is trusted to show a facade, in each pass, and how many new samples make a look to the side worth
+a tick: buildings are big, and there is a bound on ticks."""
+
+WORTH_GOING = 0.7
+HELD = 1.25
+"""Another place must be better by this factor before the dog changes its mind."""
+
+ORDERED_M = 3.0
+"""How near to a place one was told to go is near enough."""
+
+LOW_M, BESIDE_DEG, SAME_PLACE_M, LEAST_WALK_M = 11.0, 3.0, 8.0, 20.0
+"""A way is open where nothing is so high (m) that it could be a building nearer than its end, also a little to the
+sides (degrees); skylines count from about here (m), and nearer ends than the last (m) are not worth going to."""
+
+MARGIN_M = 40.0
+WALK, FACE, FACING_DEG = "walk", "face", 15.0
+"""What guidance calls a place to walk to, and one to look at: to take a picture of, facing it about so well."""
+
+NOT_YET, PATIENCE_TICKS = frozenset({"not_permitted"}), 2
+"""What a refusal says when something else must happen first, and how long to wait before asking again."""
+
+UNLED_SHARE, LED_AGAIN_TICKS = 0.8, 6
+"""Who may be guided waits for it, for this share of the ticks at first, and for so many ticks where the way has ended;
+then it looks for itself."""
+
+FAR_M = 220.0
+
+
+class BuildingFinder:
+    """One dog with a picture of where it should go. All state is of this episode."""
+
+    def __init__(
+        self, brief: Brief, body: Resource, camera: CameraSpec, reference: Picture | None, here: GroundPoint
+    ) -> None:
+        self._brief, self._body, self._camera = brief, body, camera
+        self._look: WallColour | None = look_of(reference.rgb) if reference is not None else None
+        self._ordered: GroundPoint | None = None
+        self._led: tuple[tuple[str, GroundPoint], ...] = ()
+        self._guided = any(
+            message.type == "guidance" and {brief.role, brief.agent, "all"}.intersection(message.recipients)
+            for message in brief.messages
+        )
+        self._led_tick = 0
+        self._ground, self._entrance = where_to_look(brief, here)
+        self._legs = DogMovement(body, ObstacleGrid(GroundRectangle.around((*self._ground, here), MARGIN_M)))
+        self._views = SeenGround((self._ground,) if self._ground else (), VIEWS_M, VIEW_WORTH)
+        self._belief = Belief(self._ground)
+        self._goal: GroundPoint | None = None
+        self._patience = 0
+        self._snaps = camera.capture == "on_request"
+        self._waits = 0
+        self._snapped: tuple[GroundPoint, float] | None = None
+        self._skylines: list[tuple[GroundPoint, tuple[GroundPoint, ...]]] = []
+
+    def act(self, observation: Observation, inbox: Inbox) -> Decision:
+        """Look, believe, one step."""
+        own = view_of(observation, self._body.id)
+        if own is None or own.position is None or own.heading_deg is None:
+            return Decision()
+        here = own.position[:2]
+        self._legs.feel(own, inbox)
+        self._listen(inbox)
+        for picture in observation.pictures:
+            if picture.entity == self._body.id and picture.camera == self._camera.name:
+                self._see(picture)
+        self._belief.strike(here, ARRIVAL_M)
+        if any(receipt.reason in NOT_YET for receipt in inbox.receipts):
+            self._waits = PATIENCE_TICKS
+        interacted = any(len(event.entities) > 1 for event in observation.events)
+        self._waits = 0 if interacted else self._waits - 1
+        if own.busy or self._waits > 0:
+            return Decision()
+        if self._led:
+            self._led_tick = observation.tick
+        elif self._guided and observation.tick - self._led_tick < self._patience_for(observation):
+            return Decision()
+        return Decision(command=self._next(own, here), thought=f"towards {self._goal}")
+
+    def _patience_for(self, observation: Observation) -> float:
+        """How many ticks somebody who is guided waits to be led, at first and again."""
+        return LED_AGAIN_TICKS if self._led_tick else UNLED_SHARE * self._brief.ticks
+
+    def _listen(self, inbox: Inbox) -> None:
+        """An assignment to this walker with a position is its goal until it is reached; guidance with positions is the
+        way it takes."""
+        way = []
+        for envelope in inbox.messages:
+            assignee, place = name_in(envelope.body, "assignee"), position_in(envelope.body)
+            if envelope.category == "assignment" and assignee in (self._brief.agent, self._body.id) and place:
+                if (step := name_in(envelope.body, "step")) is not None:
+                    way.append((step, place))
+                else:
+                    self._ordered = place
+                    self._legs.map.reach(place, MARGIN_M)
+        if way:
+            self._led = tuple(way)
+
+    def _see(self, picture: Picture) -> None:
+        pose = picture.pose
+        here = pose.position[:2]
+        self._snapped = here, pose.heading_deg
+        for place in near_walls(picture.rgb, pose):
+            self._legs.map.close(place)
+        self._views.see(here, pose.heading_deg, pose.hfov_deg / 2.0)
+        self._skylines = [*self._skylines[-7:], (here, skyline(picture.rgb, pose))]
+        if self._look is not None:
+            facades = find_facades(picture.rgb, pose, self._look)
+            self._belief.add(here, pose.heading_deg, pose.hfov_deg / 2.0, facades)
+
+    def _next(self, own: EntityView, here: GroundPoint) -> Action | None:
+        assert own.heading_deg is not None
+        if (action := self._follow(own, here)) is not None:
+            return action
+        if self._ordered is not None:
+            action = self._legs.towards(own, self._ordered, reach_m=ORDERED_M)
+            if action is not None:
+                return action  # a bump costs less than a look before every step
+            self._ordered = None
+        if self._snaps and not self._fresh(here, own.heading_deg):
+            return photo(self._body, self._camera)
+        if self._entrance is not None:
+            if math.dist(here, self._entrance) > 8.0 and not self._legs.bumps > 12:
+                action = self._legs.towards(own, self._entrance, reach_m=6.0)
+                if action is not None:
+                    return action
+            self._entrance = None
+        best, score = self._belief.best(here)
+        known = self._goal is not None and self._belief.at(self._goal) * HELD >= score and self._patience > 0
+        if best is not None and score >= WORTH_GOING:
+            if not known:
+                self._goal, self._patience = best, 10 + int(3 * math.dist(here, best) / self._legs.longest_m)
+            assert self._goal is not None
+            return self._approach(own, here, self._goal)
+        return self._explore(own, here)
+
+    def _follow(self, own: EntityView, here: GroundPoint) -> Action | None:
+        """The next step of the way one is led, or the picture that was asked for."""
+        assert own.heading_deg is not None
+        while self._led:
+            step, place = self._led[0]
+            if step == FACE:
+                off = turn_deg(own.heading_deg, bearing_deg(here, place))
+                if abs(off) > FACING_DEG:
+                    return self._legs.turn(off)
+                self._led = self._led[1:]
+                return photo(self._body, self._camera)
+            action = self._legs.towards(own, place, reach_m=ORDERED_M)
+            if action is not None:
+                return action
+            self._led = self._led[1:]
+        return None
+
+    def _approach(self, own: EntityView, here: GroundPoint, goal: GroundPoint) -> Action | None:
+        self._patience -= 1
+        action = self._legs.towards(own, goal, reach_m=ARRIVAL_M * 0.5) if self._patience > 0 else None
+        if action is not None:
+            return action
+        self._belief.strike(goal, GRID_M * 1.6)  # it cannot be reached or is not the one
+        self._goal = None
+        return self._explore(own, here)
+
+    def _explore(self, own: EntityView, here: GroundPoint) -> Action | None:
+        assert own.heading_deg is not None
+        turn = self._views.best_turn(here, own.heading_deg, self._camera.hfov_deg / 2.0)
+        if turn:
+            return self._legs.turn(turn)
+        if self._goal is None or math.dist(here, self._goal) < 8.0 or self._patience <= 0:
+            if self._goal is not None and self._patience <= 0:
+                self._views.refuse(self._goal)
+            self._goal = self._views.next_place(here, (), self._in_the_open(here))
+            if self._goal is None:
+                self._views.next_pass()
+                self._goal = self._views.next_place(here, ())
+            self._patience = 8 + int(2.5 * math.dist(here, self._goal or here) / self._legs.longest_m)
+        self._patience -= 1
+        if self._goal is None:
+            return None
+        action = self._legs.towards(own, self._goal, reach_m=7.0)
+        if action is None:
+            self._views.refuse(self._goal)
+            self._goal = None
+        return action
+
+    def _in_the_open(self, here: GroundPoint) -> Callable[[GroundPoint], bool]:
+        """Whether nothing high stands between here and a place, by the skylines seen from about here."""
+        lines = [line for place, line in self._skylines if math.dist(place, here) < SAME_PLACE_M]
+
+        def seen(place: GroundPoint) -> bool:
+            bearing, away = bearing_deg(here, place), math.dist(here, place)
+            near = [elevation for line in lines for at, elevation in line if abs(turn_deg(at, bearing)) < BESIDE_DEG]
+            clear = bool(near) and away * math.tan(math.radians(max(near))) < LOW_M
+            return clear and away > LEAST_WALK_M and self._legs.map.clear(here, place)
+
+        return seen
+
+    def _fresh(self, here: GroundPoint, heading_deg: float) -> bool:
+        if self._snapped is None:
+            return False
+        place, heading = self._snapped
+        return math.dist(place, here) < 6.0 and abs(turn_deg(heading, heading_deg)) < 40.0
+
+
+class Belief:
+    """How much speaks for the wanted building's standing at each place of a grid over a region."""
+
+    def __init__(self, polygon: tuple[GroundPoint, ...]) -> None:
+        xs, ys = [x for x, _ in polygon] or [0.0], [y for _, y in polygon] or [0.0]
+        east = np.arange(min(xs) + GRID_M / 2, max(xs), GRID_M)
+        north = np.arange(min(ys) + GRID_M / 2, max(ys), GRID_M)
+        grid = np.stack(np.meshgrid(east, north), axis=-1).reshape(-1, 2)
+        self._places: FloatArray = grid
+        self._score = np.zeros(len(grid))
+        self._out = np.zeros(len(grid), bool)
+
+    def add(self, here: GroundPoint, heading_deg: float, half_deg: float, facades: tuple[FacadeColumn, ...]) -> None:
+        """One picture: each column that looks wanted speaks for the places where it may be; views that show nothing
+        wanted speak a little against the near places in them."""
+        east, north = self._places[:, 0] - here[0], self._places[:, 1] - here[1]
+        distance = np.maximum(np.hypot(east, north), 1.0)
+        bearing = np.degrees(np.arctan2(east, north))
+        speaks = np.zeros(len(distance))
+        for facade in facades:
+            off = np.abs((bearing - facade.bearing_deg + 180.0) % 360.0 - 180.0)
+            along = np.exp(-0.5 * (np.log(distance / max(facade.distance_m, 5.0)) / SPREAD) ** 2)
+            across = np.exp(-0.5 * (off / np.maximum(2.0, np.degrees(GRID_M / 2 / distance))) ** 2)
+            speaks = np.maximum(speaks, facade.likeness * along * across)
+        off = np.abs((bearing - heading_deg + 180.0) % 360.0 - 180.0)
+        against = (off < half_deg - 3.0) & (distance < 60.0) & (speaks < 0.05)
+        self._score = np.maximum(self._score + speaks - 0.15 * against, 0.0)
+
+    def strike(self, place: GroundPoint, within_m: float) -> None:
+        """The building does not stand within that distance of a place."""
+        east, north = self._places[:, 0] - place[0], self._places[:, 1] - place[1]
+        self._out |= np.hypot(east, north) <= within_m
+
+    def best(self, here: GroundPoint) -> tuple[GroundPoint | None, float]:
+        """The most likely place and its score, nearer ones first; None if nothing speaks for any."""
+        if len(self._places) == 0:
+            return None, 0.0
+        east, north = self._places[:, 0] - here[0], self._places[:, 1] - here[1]
+        worth = np.where(self._out, 0.0, self._score) / (1.0 + np.hypot(east, north) / FAR_M)
+        index = int(np.argmax(worth))
+        place = float(self._places[index, 0]), float(self._places[index, 1])
+        return place, float(self._score[index]) if not self._out[index] else 0.0
+
+    def at(self, place: GroundPoint) -> float:
+        """What speaks for the grid's place nearest to this one."""
+        if len(self._places) == 0:
+            return 0.0
+        index = int(np.argmin(np.hypot(self._places[:, 0] - place[0], self._places[:, 1] - place[1])))
+        return 0.0 if self._out[index] else float(self._score[index])
+
+
+def where_to_look(brief: Brief, here: GroundPoint) -> tuple[tuple[GroundPoint, ...], GroundPoint | None]:
+    """The region to search and the middle of its entrance, if there is one to go through first: who starts inside a
+    region searches the smallest such; who starts outside all searches the largest and enters by the smallest."""
+    regions = [region.polygon for region in brief.regions if region.polygon]
+    regions.sort(key=lambda polygon: GroundRectangle.around(polygon).area_m2)
+    own = [polygon for polygon in regions if inside(polygon, here)]
+    if own or not regions:
+        return (own[0] if own else ()), None
+    return regions[-1], (_middle(regions[0]) if len(regions) > 1 else None)
+
+
+def _middle(polygon: tuple[GroundPoint, ...]) -> GroundPoint:
+    return sum(x for x, _ in polygon) / len(polygon), sum(y for _, y in polygon) / len(polygon)

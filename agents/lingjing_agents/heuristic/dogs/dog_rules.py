@@ -1,0 +1,59 @@
+"""Which rules a walker follows: decided at the first boundary, because what it is to look for comes with the pictures.
+
+Without a camera it carries out the steps it is told (`step_executor`); where reports may name fires it looks for flames
+(`fire_searcher`); else it goes where it is told and looks for what a reference picture shows, or just around
+(`building_finder`).
+"""
+
+from __future__ import annotations
+
+from lingjing.plugins.policy import Brief, CameraSpec, Decision, Inbox, Observation, Resource
+from lingjing_agents.capability import has_verb, may_send
+from lingjing_agents.heuristic.dogs.building_finder import BuildingFinder
+from lingjing_agents.heuristic.dogs.fire_searcher import FireSearcher
+from lingjing_agents.heuristic.dogs.step_executor import StepExecutor
+from lingjing_agents.heuristic.events import view_of
+from lingjing_agents.heuristic.role_rules import RoleRules
+
+REFERENCE = "reference"
+"""The camera name of pictures that show what is looked for."""
+
+
+def walking_body(brief: Brief) -> Resource | None:
+    """The first embodied resource that turns by degrees and steps forward by metres, and cannot be sent to a point."""
+    for resource in brief.resources:
+        turns = has_verb(resource, "left") and has_verb(resource, "right") and has_verb(resource, "forward")
+        if resource.embodied and turns and not has_verb(resource, "setDestination"):
+            return resource
+    return None
+
+
+def front_camera(body: Resource) -> CameraSpec | None:
+    """The first camera that looks ahead."""
+    return next((camera for camera in body.cameras if camera.view == "front"), None)
+
+
+class DogRules:
+    """One walker, whatever it is for."""
+
+    def __init__(self, brief: Brief, body: Resource) -> None:
+        self._brief, self._body = brief, body
+        self._rules: RoleRules | None = None
+
+    def act(self, observation: Observation, inbox: Inbox) -> Decision:
+        """Choose once, then follow the rules."""
+        if self._rules is None:
+            self._rules = self._chosen(observation)
+        return self._rules.act(observation, inbox)
+
+    def _chosen(self, observation: Observation) -> RoleRules:
+        camera = front_camera(self._body)
+        if camera is None:
+            return StepExecutor(self._brief, self._body)
+        reference = next((picture for picture in observation.pictures if picture.camera == REFERENCE), None)
+        own = view_of(observation, self._body.id)
+        burning = any("fire" in name for name in self._brief.classes) and may_send(self._brief, "report") is not None
+        if reference is None and burning:
+            return FireSearcher(self._brief, self._body, camera)
+        here = own.position[:2] if own is not None and own.position is not None else (0.0, 0.0)
+        return BuildingFinder(self._brief, self._body, camera, reference, here)

@@ -1,0 +1,355 @@
+"""A walking searcher's rules: look around for flames, tell where, walk up to the nearest and wait until it is out.
+
+Several dogs share the ground by who is nearer (they see each other's places), tell what they have looked at, and each
+known fire is the nearest free dog's. All of it is computed alike by all, so little has to be said.
+"""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+from lingjing.plugins.geometry import bearing_deg, turn_deg
+from lingjing.plugins.policy import (
+    Action,
+    Brief,
+    CameraSpec,
+    Datum,
+    Decision,
+    EntityView,
+    Inbox,
+    Observation,
+    Outgoing,
+    Picture,
+    Resource,
+)
+from lingjing_agents.capability import compose, may_send, natural, photo
+from lingjing_agents.ground_plane import GroundPoint, GroundRectangle, between
+from lingjing_agents.heuristic.dogs.known_fires import CLOSER, KnownFire, KnownFires
+from lingjing_agents.heuristic.dogs.movement import DogMovement
+from lingjing_agents.heuristic.dogs.seen_ground import SeenGround
+from lingjing_agents.heuristic.events import view_of
+from lingjing_agents.heuristic.sightings import name_in, position_in
+from lingjing_agents.paths.obstacle_grid import ObstacleGrid
+from lingjing_agents.perception.fires_ahead import FireAhead, find_fires_ahead
+from lingjing_agents.perception.obstacles_ahead import near_walls
+
+MARGIN_M = 6.0
+"""Routes may leave the region by this much: dogs start outside."""
+
+REPORTABLE = 0.6
+BESIDE_M = 0.6
+"""How near to a fire's middle a dog goes: it is put out from farther."""
+
+PUT_OUT_M = 3.2
+"""Whoever is so near to a known fire when one goes out has put it out."""
+
+DEEP_M = 20.0
+"""How deep buildings are."""
+
+CHASE_TICKS = 50
+"""A fire that has not been seen for so long while one was after it is called false until somebody sees it again."""
+
+UNSEEN = 1.7
+"""So much longer the way to a fire may be for who has not seen it."""
+
+FIRE_M = 2.5
+ONE_WALL_M, SURE_M = 2.0, 5.0
+"""Places so near to each other (m) at which something stands are of one wall; farther ones are too often mistakes."""
+
+LOOK_AHEAD_DEG = 30.0
+LOOK_EVERY_M, WORTH_A_LOOK_M = 15.0, 5.0
+"""On its way a dog takes a picture ahead so often, and before steps that are at least so long."""
+
+FRESH_SHARE = 0.55
+"""A fire is looked at again when the way to it has shrunk to this share since the last look."""
+
+NEAR_M = 4.0
+"""So near to a fire it is tried for step by step."""
+
+SAME_PLACE_M = 0.5
+UPON_M = 1.5
+"""So near to where it is believed a fire may as well burn to a side or behind."""
+
+SHUT_IN = 3
+TRIES = 14
+"""Looks and steps around a fire that does not go out before it is called false."""
+
+
+class FireSearcher:
+    """One dog. All state is of this episode."""
+
+    def __init__(self, brief: Brief, body: Resource, camera: CameraSpec) -> None:
+        self._brief, self._body, self._camera = brief, body, camera
+        self._report, self._status = may_send(brief, "report"), may_send(brief, "target_status")
+        polygons = tuple(region.polygon for region in brief.regions if region.polygon)
+        corners = tuple(corner for polygon in polygons for corner in polygon)
+        self._legs = DogMovement(body, ObstacleGrid(GroundRectangle.around(corners, MARGIN_M)))
+        self._views, self._fires = SeenGround(polygons, sight=self._in_sight), KnownFires()
+        self._half_deg = camera.hfov_deg / 2.0
+        self._goal: GroundPoint | None = None
+        self._patience = 0
+        self._outbox: list[Outgoing] = []
+        self._heard: set[str] = set()
+        self._snapped: tuple[GroundPoint, float] | None = None
+        self._looked = False
+        self._thought = ""
+
+    def act(self, observation: Observation, inbox: Inbox) -> Decision:
+        """Listen, look, then one step."""
+        own = view_of(observation, self._body.id)
+        if own is None or own.position is None or own.heading_deg is None:
+            return Decision()
+        here = own.position[:2]
+        self._legs.feel(own, inbox)
+        self._listen(observation, inbox)
+        for picture in observation.pictures:
+            if picture.entity == self._body.id:
+                self._look(picture, observation, own.position[2])
+        self._hear_events(observation, here)
+        command = None if own.busy else self._next(observation, own, here)
+        if not own.busy:
+            self._legs.sent(command)
+        said, self._outbox = tuple(self._outbox), []
+        return Decision(command=command, messages=said, thought=self._thought)
+
+    # -- what others say and the world tells
+
+    def _listen(self, observation: Observation, inbox: Inbox) -> None:
+        for envelope in inbox.messages:
+            place = position_in(envelope.body)
+            if place is None:
+                continue
+            if envelope.category == "report":
+                self._fires.add(place, self._distance_from(envelope.sender, observation, place), envelope.sender)
+            elif envelope.category == "target_status":
+                state = name_in(envelope.body, "state")
+                if state == "searched":
+                    self._views.see_around(place)
+                elif state == "done":
+                    self._fires.put_out(place, 8.0)
+
+    def _distance_from(self, sender: str, observation: Observation, place: GroundPoint) -> float:
+        resources = next((peer.resources for peer in self._brief.peers if peer.id == sender), ())
+        seen = [view_of(observation, name) for name in resources]
+        return min((math.dist(v.position[:2], place) for v in seen if v is not None and v.position), default=60.0)
+
+    def _hear_events(self, observation: Observation, here: GroundPoint) -> None:
+        """The engine says who has put a fire out: the one beside which that one stands. Who it was says so."""
+        for event in observation.events:
+            if event.id in self._heard or not event.kind.startswith("extinguish"):
+                continue
+            self._heard.add(event.id)
+            for name in event.entities:
+                view = view_of(observation, name)
+                place = here if name == self._body.id else view.position[:2] if view and view.position else None
+                fire = self._fires.put_out(place, PUT_OUT_M) if place is not None else None
+                if fire is not None and name == self._body.id:
+                    self._tell("extinguish", "done", fire.place)
+
+    def _look(self, picture: Picture, observation: Observation, height_m: float) -> None:
+        pose = picture.pose
+        here = pose.position[:2]
+        self._snapped = here, pose.heading_deg
+        self._looked = True
+        self._views.see(here, pose.heading_deg, self._half_deg)
+        for flames in find_fires_ahead(picture.rgb, pose, pose.position[2] - 0.37):
+            place = self._inside(here, flames.place)
+            if place is None:
+                continue
+            fire = self._fires.add(place, flames.distance_m, self._brief.agent)
+            fire.looked_at, fire.chased = here, 0
+            if fire.state == "open":
+                self._say(picture, flames, fire)
+        # Its own logs are no obstacle on the way to a fire.
+        walls = [
+            place
+            for place in near_walls(picture.rgb, pose)
+            if math.dist(place, here) <= SURE_M and self._fires.near(place, FIRE_M) is None
+        ]
+        for place in walls:
+            self._legs.map.close(place)
+        for a, b in pairwise(walls):
+            if math.dist(a, b) <= ONE_WALL_M:
+                self._legs.map.wall(a, b)
+
+    def _in_sight(self, here: GroundPoint, place: GroundPoint) -> bool:
+        """Whether no known wall hides a place. Just behind one is the inside of a building: not worth a look."""
+        away = math.dist(here, place)
+        if away <= DEEP_M:
+            return True
+        return self._legs.map.clear(here, between(here, place, (away - DEEP_M) / away))
+
+    def _inside(self, here: GroundPoint, place: GroundPoint) -> GroundPoint | None:
+        """A place seen from here, drawn nearer until it is in the region; None if it burns outside."""
+        for share in (1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4):
+            nearer = between(here, place, share)
+            if self._legs.map.bounds.holds(nearer):
+                return nearer
+        return None
+
+    def _say(self, picture: Picture, flames: FireAhead, fire: KnownFire) -> None:
+        whole = flames.box[0] > 0.005 and flames.box[2] < 0.995
+        if self._report is None or not whole or flames.confidence < REPORTABLE:
+            return
+        if flames.distance_m > CLOSER * fire.reported_from_m:
+            return
+        fire.reported_from_m = flames.distance_m
+        body: dict[str, Datum] = {
+            "frame": picture.frame,
+            "class": self._brief.classes[0] if self._brief.classes else "fire",
+            "box": tuple(round(edge, 6) for edge in flames.box),
+            "position": (round(flames.place[0], 2), round(flames.place[1], 2), 0.0),
+            "confidence": round(flames.confidence, 3),
+        }
+        self._outbox.append(compose(self._report, body))
+
+    def _tell(self, task: str, state: str, place: GroundPoint) -> None:
+        if self._status is not None:
+            body: dict[str, Datum] = {"task": task, "state": state, "position": (*place, 0.0)}
+            self._outbox.append(compose(self._status, body))
+
+    # -- what to do
+
+    def _next(self, observation: Observation, own: EntityView, here: GroundPoint) -> Action | None:
+        fire = self._mine(observation, here)
+        self._thought = f"fire at {_said(fire.place)}" if fire is not None else f"look around at {_said(self._goal)}"
+        if fire is not None:
+            self._goal = None
+            return self._fight(observation, own, here, fire)
+        return self._search(observation, own, here)
+
+    def _mine(self, observation: Observation, here: GroundPoint) -> KnownFire | None:
+        """The open fire that is this dog's when each goes to the nearest free one, as far as all know the ways."""
+        mates = {peer.id: peer.resources for peer in self._brief.peers if peer.role == self._brief.role}
+        places = {self._brief.agent: here}
+        for name, resources in mates.items():
+            view = view_of(observation, resources[0]) if resources else None
+            if view is not None and view.position is not None:
+                places[name] = view.position[:2]
+        fires = list(self._fires.of("open"))
+        while fires and places:
+            _, _, name, index = min(
+                (round(_way_m(name, at, fire), 3), natural(name), name, index)
+                for name, at in places.items()
+                for index, fire in enumerate(fires)
+            )
+            if name == self._brief.agent:
+                return fires[index]
+            del places[name], fires[index]
+        return None
+
+    def _fight(self, observation: Observation, own: EntityView, here: GroundPoint, fire: KnownFire) -> Action | None:
+        distance = math.dist(here, fire.place)
+        fire.chased += 1
+        if fire.chased > CHASE_TICKS:
+            fire.state = "false"
+            return None
+        due = fire.looked_at is None or distance < FRESH_SHARE * math.dist(fire.looked_at, fire.place)
+        moved = fire.looked_at is None or math.dist(here, fire.looked_at) > 1.5
+        if due and moved and distance > BESIDE_M + 0.6 and self._legs.map.clear(here, fire.place):
+            return self._glance(own, here, fire)
+        action = self._walk(own, here, fire.place, BESIDE_M)
+        if action is not None and distance > NEAR_M:
+            return action
+        if distance > NEAR_M:
+            self._shut_in(fire)
+            return self._walk(own, here, fire.place, BESIDE_M) or self._search(observation, own, here)
+        return self._close_in(own, here, fire, action)
+
+    def _close_in(self, own: EntityView, here: GroundPoint, fire: KnownFire, action: Action | None) -> Action | None:
+        """A few steps off: walk up to where it is believed, and look for it anew in between. On that very place one
+        cannot turn to it, so it is looked for all around."""
+        assert own.heading_deg is not None
+        fire.tries += 1
+        if fire.tries > TRIES:
+            fire.state = "false"
+            self._legs.map.forget()
+            return None
+        if action is not None and fire.tries % 3:
+            return action
+        if math.dist(here, fire.place) > UPON_M:
+            return self._glance(own, here, fire)
+        if self._snapped is not None and _same_view(self._snapped, (here, own.heading_deg)):
+            return self._legs.turn(2.0 * self._half_deg)
+        return photo(self._body, self._camera)
+
+    def _shut_in(self, fire: KnownFire) -> None:
+        """No way to a fire is known: some of what is closed is not, so it is felt out anew, but not for ever."""
+        self._legs.map.forget()
+        fire.tries += SHUT_IN
+        if fire.tries > TRIES:
+            fire.state = "false"
+
+    def _glance(self, own: EntityView, here: GroundPoint, fire: KnownFire) -> Action:
+        """Face the fire and take its picture."""
+        assert own.heading_deg is not None
+        off = turn_deg(own.heading_deg, bearing_deg(here, fire.place))
+        if abs(off) > LOOK_AHEAD_DEG:
+            return self._legs.turn(off)
+        fire.looked_at = here
+        return photo(self._body, self._camera)
+
+    def _search(self, observation: Observation, own: EntityView, here: GroundPoint) -> Action | None:
+        assert own.heading_deg is not None
+        others = tuple(
+            view.position[:2] for view in observation.entities if view.id != self._body.id and view.position is not None
+        )
+        if self._goal is None and self._snapped is None:
+            return photo(self._body, self._camera)
+        if self._goal is None:
+            self._goal = self._views.next_place(here, others)
+            if self._goal is None:
+                self._views.next_pass()
+                self._legs.map.forget()
+                self._goal = self._views.next_place(here, others)
+            if self._goal is None:
+                return None
+            self._patience = 8 + int(2.5 * math.dist(here, self._goal) / self._legs.longest_m)
+        self._patience -= 1
+        action = self._walk(own, here, self._goal, 3.0) if self._patience > 0 else None
+        if action is not None:
+            return action
+        return self._look_around(own, here)
+
+    def _walk(self, own: EntityView, here: GroundPoint, goal: GroundPoint, reach_m: float) -> Action | None:
+        """The next step, after a picture of what is ahead if none shows it yet: a bump costs more than a look."""
+        action = self._legs.towards(own, goal, reach_m=reach_m)
+        if action is None or action.verb != "forward" or own.heading_deg is None:
+            return action
+        length = action.arguments["distance"]
+        if not isinstance(length, float) or length < WORTH_A_LOOK_M or self._has_looked(here, own.heading_deg):
+            return action
+        return photo(self._body, self._camera)
+
+    def _has_looked(self, here: GroundPoint, heading_deg: float) -> bool:
+        if self._snapped is None:
+            return False
+        place, heading = self._snapped
+        return abs(turn_deg(heading, heading_deg)) < LOOK_AHEAD_DEG and math.dist(place, here) < LOOK_EVERY_M
+
+    def _look_around(self, own: EntityView, here: GroundPoint) -> Action | None:
+        assert own.heading_deg is not None and self._goal is not None
+        turn = self._views.best_turn(here, own.heading_deg, self._half_deg)
+        if turn is None:
+            if math.dist(here, self._goal) > 6.0:
+                self._views.refuse(self._goal)
+            elif self._looked:
+                self._tell("search", "searched", here)
+            self._goal, self._looked = None, False
+            return None
+        return photo(self._body, self._camera) if turn == 0.0 else self._legs.turn(turn)
+
+
+def _way_m(name: str, here: GroundPoint, fire: KnownFire) -> float:
+    """How long a way to a fire may be: who saw it last has it in sight, for others something may stand between."""
+    return math.dist(here, fire.place) * (1.0 if fire.seen_by == name else UNSEEN)
+
+
+def _same_view(a: tuple[GroundPoint, float], b: tuple[GroundPoint, float]) -> bool:
+    """Whether two pictures, each from a place with a heading, show the same."""
+    return math.dist(a[0], b[0]) < SAME_PLACE_M and abs(turn_deg(a[1], b[1])) < LOOK_AHEAD_DEG
+
+
+def _said(place: GroundPoint | None) -> str:
+    return "this place" if place is None else f"({place[0]:.0f}, {place[1]:.0f})"

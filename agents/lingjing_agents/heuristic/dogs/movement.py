@@ -1,0 +1,130 @@
+"""A dog's legs: from a goal to the next turn or forward step, around what it bumped into.
+
+Receipts say when a step ended early (`blocked`, `unreachable`); a step that has not moved the dog counts as one, too.
+"""
+
+from __future__ import annotations
+
+import math
+
+from lingjing.plugins.geometry import bearing_deg, offset_xy, turn_deg
+from lingjing.plugins.policy import Action, EntityView, Inbox, Resource
+from lingjing_agents.ground_plane import GroundPoint, between
+from lingjing_agents.paths.kept_path import KeptPath
+from lingjing_agents.paths.obstacle_grid import CELL_M, ObstacleGrid
+
+OBSTRUCTED = frozenset({"blocked", "unreachable"})
+OFF_DEG = 6.0
+"""A walk may be off its line by this much: a turn costs a whole tick."""
+
+STALLED_M = 0.4
+NARROW_M, WIDE = 2.4, 1.1
+"""What stopped a walk is taken to reach so far to both sides: metres, or shortest steps if those are longer, for a dog
+that cannot step short must go around wide."""
+
+ONE_WALL_M, ONE_WALL_DEG, BEYOND_M = 12.0, 40.0, 5.0
+"""Two walks in about one direction (degrees) that ended so near to each other (m) met one wall, which goes on for this
+much (m) past the later one."""
+
+HAZARD_M = 3.0
+"""A step refused for water or a drop somewhere on its way is tried again, half as long, down to this."""
+
+
+class DogMovement:
+    """Turns and steps of one dog. `map` is what it knows of the ground."""
+
+    def __init__(self, body: Resource, known: ObstacleGrid) -> None:
+        self.body, self.map = body, known
+        self.shortest_m, self.longest_m = limits(body, "forward", 0.5, 10.0)
+        self.least_deg, self.most_deg = limits(body, "left", 1.0, 90.0)
+        self.bumps = 0
+        self._asked: tuple[GroundPoint, float, float] | None = None
+        self._cap_m = math.inf
+        self._way = KeptPath(known, self.shortest_m)
+        self._hits: list[tuple[GroundPoint, float]] = []
+
+    def feel(self, own: EntityView, inbox: Inbox) -> bool:
+        """Learn from the last step: whether it was obstructed."""
+        if own.position is None or own.heading_deg is None:
+            return False
+        here = own.position[:2]
+        self.map.tread(here)
+        failed = [receipt for receipt in inbox.receipts if receipt.reason in OBSTRUCTED]
+        asked, self._asked = self._asked, None if not own.busy else self._asked
+        if asked is None or own.busy:
+            return False
+        start, heading, length = asked
+        gone = math.dist(start, here)
+        refused = any(receipt.reason == "unreachable" for receipt in failed)
+        if refused and gone < STALLED_M and length > HAZARD_M:
+            self._cap_m = length / 2.0
+            return True
+        if failed or (gone < STALLED_M and length > 2.0 * STALLED_M):
+            self.map.bump(here, heading, half_width_m=max(NARROW_M, WIDE * self.shortest_m))
+            self._hit(offset_xy(here, heading, CELL_M), heading)
+            self.bumps += 1
+            self._cap_m = math.inf
+            return True
+        self._cap_m = math.inf
+        return False
+
+    def sent(self, command: Action | None) -> None:
+        """What was decided in the end: a step that was only thought of, and not sent, has met nothing."""
+        if command is None or command.verb != "forward":
+            self._asked = None
+
+    def _hit(self, place: GroundPoint, heading_deg: float) -> None:
+        """A walk ended against something here: with the nearest hit from the same side it makes a wall."""
+        same = [
+            (math.dist(place, other), other)
+            for other, heading in self._hits
+            if CELL_M < math.dist(place, other) <= ONE_WALL_M and abs(turn_deg(heading, heading_deg)) <= ONE_WALL_DEG
+        ]
+        self._hits.append((place, heading_deg))
+        if same:
+            distance, other = min(same)
+            self.map.wall(other, between(other, place, 1.0 + BEYOND_M / distance))
+
+    def towards(self, own: EntityView, goal: GroundPoint, *, reach_m: float = 1.0) -> Action | None:
+        """The next command on the way to within `reach_m` of `goal`; None if it is there or knows no way."""
+        if own.position is None or own.heading_deg is None:
+            return None
+        here = own.position[:2]
+        way = self._way.ahead(here, goal, reach_m)
+        if not way:
+            return None
+        corner, last = way[0], len(way) == 1
+        distance = math.dist(here, corner) - (reach_m * 0.5 if last else 0.0)
+        return self.step(own, bearing_deg(here, corner), max(distance, self.shortest_m))
+
+    def heading_for(self, here: GroundPoint, goal: GroundPoint, *, reach_m: float = 1.0) -> float | None:
+        """The bearing of the next leg; None if there is none."""
+        way = self._way.ahead(here, goal, reach_m)
+        return bearing_deg(here, way[0]) if way else None
+
+    def step(self, own: EntityView, bearing: float, distance_m: float) -> Action:
+        """Turn to a bearing, or walk along it if the nose is near enough."""
+        assert own.position is not None and own.heading_deg is not None
+        here, off = own.position[:2], turn_deg(own.heading_deg, bearing)
+        length = min(max(distance_m, self.shortest_m), self.longest_m, max(self._cap_m, self.shortest_m))
+        ahead = offset_xy(here, own.heading_deg, length)
+        if abs(off) > max(OFF_DEG, self.least_deg) or (abs(off) > OFF_DEG / 2 and not self.map.clear(here, ahead)):
+            return self.turn(off)
+        self._asked = here, own.heading_deg, length
+        return Action(verb="forward", arguments={"distance": round(length, 2)}, resource=self.body.id)
+
+    def turn(self, off_deg: float) -> Action:
+        """Turn by `off_deg`, clockwise positive, as far as one command may."""
+        angle = min(max(abs(off_deg), self.least_deg), self.most_deg)
+        verb = "right" if off_deg > 0 else "left"
+        return Action(verb=verb, arguments={"angle": round(angle, 1)}, resource=self.body.id)
+
+
+def limits(body: Resource, verb: str, least: float, most: float) -> GroundPoint:
+    """The smallest and largest first argument of a verb, with defaults for what is not limited."""
+    for spec in body.verbs:
+        if spec.name == verb and spec.arguments:
+            argument = spec.arguments[0]
+            low = argument.minimum if argument.minimum else least
+            return max(low, least), argument.maximum if argument.maximum is not None else most
+    return least, most

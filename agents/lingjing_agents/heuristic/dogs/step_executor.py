@@ -1,0 +1,66 @@
+"""A walker that sees nothing: carries out the step that the last guidance names and says what came of it."""
+
+from __future__ import annotations
+
+from collections import deque
+
+from lingjing.plugins.policy import Action, Brief, Datum, Decision, Envelope, Inbox, Observation, Outgoing, Resource
+from lingjing_agents.capability import compose, has_verb, may_send
+from lingjing_agents.heuristic.events import view_of
+from lingjing_agents.heuristic.sightings import name_in
+
+ENDED = {"completed": "done", "rejected": "blocked"}
+"""What a guide is told about the receipts of a step."""
+
+PATIENCE_TICKS = 4
+
+
+class StepExecutor:
+    """One body that is told each step."""
+
+    def __init__(self, brief: Brief, body: Resource) -> None:
+        self._brief, self._body = brief, body
+        self._status = may_send(brief, "target_status")
+        self._steps: deque[Action] = deque()
+        self._under_way = -1
+
+    def act(self, observation: Observation, inbox: Inbox) -> Decision:
+        """Report how the last step ended; begin the next."""
+        for envelope in inbox.messages:
+            step = step_in(envelope, self._brief.agent, self._body)
+            if step is not None:
+                self._steps.append(step)
+        messages: tuple[Outgoing, ...] = ()
+        ends = [ENDED[receipt.status] for receipt in inbox.receipts if self._ended(receipt.resource, receipt.status)]
+        own = view_of(observation, self._body.id)
+        if self._under_way >= 0 and ends:
+            self._under_way = -1
+            if self._status is not None:
+                place = own.position if own is not None else None
+                body: dict[str, Datum] = {"task": "step", "state": ends[-1]}
+                if place is not None:
+                    body["position"] = place
+                messages = (compose(self._status, body),)
+        late = observation.tick - self._under_way > PATIENCE_TICKS
+        if not self._steps or (self._under_way >= 0 and not late):
+            return Decision(messages=messages)
+        self._under_way = observation.tick
+        return Decision(command=self._steps.popleft(), messages=messages)
+
+    def _ended(self, resource: str, status: str) -> bool:
+        return resource == self._body.id and status in ENDED
+
+
+def step_in(envelope: Envelope, agent: str, body: Resource) -> Action | None:
+    """The step that a message of guidance asks of `agent`, as a command of `body`; None if it asks for none."""
+    step, assignee = name_in(envelope.body, "step"), name_in(envelope.body, "assignee")
+    amount = envelope.body.get("amount")
+    if envelope.category != "assignment" or step is None or not has_verb(body, step):
+        return None
+    if assignee is not None and assignee not in (agent, body.id):
+        return None
+    names = [argument.name for spec in body.verbs if spec.name == step for argument in spec.arguments]
+    if names and not isinstance(amount, (int, float)):
+        return None
+    arguments: dict[str, Datum] = {names[0]: float(amount)} if names and isinstance(amount, (int, float)) else {}
+    return Action(verb=step, arguments=arguments, resource=body.id)

@@ -1,0 +1,290 @@
+"""The guiding pilot's rules: find the leak from above, say where it is, then lead somebody who does not see to it.
+
+It flies from place to place over the narrowest region until a picture shows a leak, goes down to look closer, reports,
+and sends one step at a time: a turn or a walk, around what its depth pictures show standing on the ground. Nobody says
+what a report was worth: if the first walk is not even begun, it goes down and reports again. What steps are left is
+counted: each must be worth its message.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from lingjing.plugins.geometry import bearing_deg, ground_footprint, turn_deg
+from lingjing.plugins.policy import (
+    Action,
+    Brief,
+    Datum,
+    Decision,
+    EntityView,
+    Inbox,
+    Observation,
+    Outgoing,
+    Peer,
+    Picture,
+    Resource,
+    Vector,
+)
+from lingjing_agents.capability import compose, may_send, nadir_camera, rated, sends
+from lingjing_agents.ground_plane import GroundPoint, GroundRectangle, inside
+from lingjing_agents.heuristic.events import view_of
+from lingjing_agents.heuristic.sightings import name_in
+from lingjing_agents.paths.kept_path import KeptPath
+from lingjing_agents.paths.obstacle_grid import ObstacleGrid
+from lingjing_agents.perception.depth_points import close_what_stands, heights
+from lingjing_agents.perception.pipe_leaks import PipeLeak, find_leaks
+
+STEP_M = 7.5
+"""The longest walk one piece of guidance asks for."""
+
+OFF_DEG = 6.0
+BESIDE_M = 2.0
+REACHED_M = 4.0
+PASSES_M = (45.0, 30.0, 20.0)
+"""Heights of the search, lower with each pass."""
+
+BEGUN_M = 0.5
+"""A walk of this much was allowed."""
+CLOSER_M = 26.0
+SURE = 0.4
+ANSWER_TICKS = 3
+"""How long it waits between reports, and for a step to be carried out when nobody says how it ended."""
+
+SAMPLE_M = 6.0
+EYE_M = 0.33
+"""How high over the ground a guided dog's body is."""
+
+
+@dataclass(slots=True)
+class BelievedLeak:
+    """The leak as known: its place, whether its last report is trusted, when that was sent, how many there were."""
+
+    place: Vector
+    trusted: bool = False
+    told: int = -99
+    reports: int = 0
+
+
+class LeakGuidance:
+    """One camera in the air and one follower on the ground. All state is of this episode."""
+
+    def __init__(self, brief: Brief, body: Resource) -> None:
+        camera = nadir_camera(body)
+        assert camera is not None
+        self._brief, self._body, self._camera = brief, body, camera
+        self._report, self._guide = may_send(brief, "report"), sends(brief, "guidance")
+        self._follower = _follower(brief)
+        regions = sorted(
+            (region for region in brief.regions if region.polygon), key=lambda region: _area(region.polygon)
+        )
+        self._line = regions[0].polygon if regions else ()
+        corners = tuple(corner for region in regions for corner in region.polygon)
+        self._map = ObstacleGrid(GroundRectangle.around(corners, 4.0))
+        self._low, self._high = rated(body, "band_low_m", 12.0), rated(body, "band_high_m", 60.0)
+        self._way = KeptPath(self._map, 1.0)
+        self._passes, self._left = 0, _samples(self._line)
+        self._ground = 0.0
+        self._dog_at: GroundPoint | None = None
+        self._leak: BelievedLeak | None = None
+        self._goal: Vector | None = None
+        self._flights = 0
+        self._mapped: set[tuple[int, int]] = set()
+        self._walked = False
+        self._step: tuple[int, GroundPoint, float, str, float] | None = None
+
+    def act(self, observation: Observation, inbox: Inbox) -> Decision:
+        """Look and listen, speak, fly."""
+        own = view_of(observation, self._body.id)
+        dog = view_of(observation, self._follower.resources[0]) if self._follower is not None else None
+        if own is None or own.position is None:
+            return Decision()
+        if dog is not None and dog.position is not None:
+            self._ground, self._dog_at = dog.position[2] - EYE_M, dog.position[:2]
+        said: tuple[Outgoing, ...] = ()
+        for picture in observation.pictures:
+            if picture.entity == self._body.id and picture.camera == self._camera.name:
+                said += self._look(picture, observation)
+        self._hear(observation, inbox, dog)
+        if self._leak is not None and self._leak.trusted and dog is not None:
+            said += self._lead(observation, dog)
+        command = None if own.busy else self._fly(observation, own, dog)
+        return Decision(command=command, messages=said)
+
+    # -- seeing and saying
+
+    def _look(self, picture: Picture, observation: Observation) -> tuple[Outgoing, ...]:
+        if picture.depth is not None:
+            points = heights(picture.depth, picture.pose, self._ground)
+            close_what_stands(self._map, points, self._dog_at)
+        footprint = ground_footprint(picture.pose, self._ground)
+        if footprint is not None:
+            self._left = [place for place in self._left if not inside(footprint, place)]
+        finds = [leak for leak in find_leaks(picture.rgb, picture.pose, self._ground) if self._plausible(leak)]
+        if not finds:
+            if self._leak is not None and not self._leak.trusted and self._leak.told < 0:
+                self._leak = None  # from nearer there is nothing
+            return ()
+        leak = finds[0]
+        near = picture.pose.position[2] - self._ground < CLOSER_M + 4.0
+        if self._leak is None or not self._leak.trusted:
+            told, reports = (self._leak.told, self._leak.reports) if self._leak is not None else (-99, 0)
+            self._leak = BelievedLeak(leak.place, False, told, reports)
+        if not near and leak.confidence < 0.9 and self._leak.reports == 0:
+            return ()
+        if self._leak.trusted or observation.tick - self._leak.told < ANSWER_TICKS:
+            return ()
+        return self._say(picture, leak, observation.tick)
+
+    def _plausible(self, leak: PipeLeak) -> bool:
+        whole = leak.box[0] > 0.003 and leak.box[1] > 0.003 and leak.box[2] < 0.997 and leak.box[3] < 0.997
+        return whole and leak.confidence >= SURE and (not self._line or inside(self._line, leak.place[:2]))
+
+    def _say(self, picture: Picture, leak: PipeLeak, tick: int) -> tuple[Outgoing, ...]:
+        assert self._leak is not None
+        self._leak.told, self._leak.reports = tick, self._leak.reports + 1
+        if self._report is None:
+            return ()
+        body: dict[str, Datum] = {
+            "frame": picture.frame,
+            "class": self._class(),
+            "box": tuple(round(edge, 6) for edge in leak.box),
+            "position": tuple(round(value, 2) for value in leak.place),
+            "confidence": round(leak.confidence, 3),
+        }
+        return (compose(self._report, body),)
+
+    def _class(self) -> str:
+        return next((name for name in self._brief.classes if "leak" in name), (*self._brief.classes, "leak")[0])
+
+    def _hear(self, observation: Observation, inbox: Inbox, dog: EntityView | None) -> None:
+        if self._leak is not None and 0 <= self._leak.told < observation.tick:
+            self._leak.trusted = True
+        if self._step is None or dog is None or dog.position is None or dog.heading_deg is None:
+            return
+        since, start, heading, verb, amount = self._step
+        states = [
+            name_in(envelope.body, "state") for envelope in inbox.messages if envelope.category == "target_status"
+        ]
+        gone, turned = math.dist(start, dog.position[:2]), abs(turn_deg(heading, dog.heading_deg))
+        carried_out = gone > amount - 0.5 if verb == "forward" else turned > amount - 3.0
+        late = observation.tick - since > 2 * ANSWER_TICKS
+        ended = observation.tick - since >= ANSWER_TICKS and ("done" in states or "blocked" in states)
+        if not (carried_out or ended or late):
+            return
+        self._walked = self._walked or (verb == "forward" and gone > BEGUN_M)
+        if verb == "forward" and not self._walked and self._leak is not None:
+            self._leak = BelievedLeak(self._leak.place, False, -ANSWER_TICKS, self._leak.reports)
+        elif verb == "forward" and gone < amount - 1.0:
+            self._map.bump(dog.position[:2], dog.heading_deg)
+        self._step = None
+
+    # -- guiding
+
+    def _lead(self, observation: Observation, dog: EntityView) -> tuple[Outgoing, ...]:
+        assert self._leak is not None
+        if self._step is not None or self._guide is None or dog.position is None or dog.heading_deg is None:
+            return ()
+        here, goal = dog.position[:2], self._leak.place[:2]
+        self._map.tread(here)
+        if math.dist(here, goal) <= BESIDE_M:
+            return ()
+        way = self._way.ahead(here, goal, BESIDE_M) or (goal,)
+        distance = math.dist(here, way[0])
+        off = turn_deg(dog.heading_deg, bearing_deg(here, way[0]))
+        if abs(off) > OFF_DEG and distance * math.sin(math.radians(min(abs(off), 90.0))) > 0.8:
+            verb, amount = ("right" if off > 0 else "left"), min(abs(off), 90.0)
+        else:
+            verb, amount = "forward", min(STEP_M, distance)
+        self._step = observation.tick, here, dog.heading_deg, verb, amount
+        body: dict[str, Datum] = {
+            "assignee": self._follower.id if self._follower is not None else "",
+            "step": verb,
+            "amount": round(amount, 1),
+            "position": tuple(round(value, 2) for value in self._leak.place),
+        }
+        return (compose(self._guide, body),)
+
+    # -- flying
+
+    def _fly(self, observation: Observation, own: EntityView, dog: EntityView | None) -> Action | None:
+        assert own.position is not None
+        leak = self._leak
+        if leak is not None and leak.trusted:
+            return self._map_the_way(own, dog)
+        if leak is not None:
+            if observation.tick - leak.told < ANSWER_TICKS:
+                return None
+            height = max(self._low + 2.0, CLOSER_M - 4.0 * leak.reports)
+            return self._photograph_at(own, (leak.place[0], leak.place[1], self._ground + height))
+        if self._goal is None:
+            self._goal = self._next_place(own.position)
+        return self._photograph_at(own, self._goal) if self._goal is not None else None
+
+    def _next_place(self, here: Vector) -> Vector | None:
+        if not self._left:
+            self._passes += 1
+            self._left = _samples(self._line)
+        height = min(max(PASSES_M[min(self._passes, len(PASSES_M) - 1)], self._low + 1.0), self._high - 1.0)
+        reach = 0.4 * height
+        if not self._left:
+            return None
+
+        def worth(place: GroundPoint) -> float:
+            gain = sum(1 for other in self._left if math.dist(place, other) <= reach)
+            return gain / (25.0 + math.dist(place, here[:2]))
+
+        place = max(sorted(self._left), key=worth)
+        return place[0], place[1], self._ground + height
+
+    def _map_the_way(self, own: EntityView, dog: EntityView | None) -> Action | None:
+        """Pictures of the ground between the follower and the leak, while it is being led."""
+        assert self._leak is not None and own.position is not None
+        if dog is None or dog.position is None:
+            return None
+        x, y = (0.5 * dog.position[0] + 0.5 * self._leak.place[0], 0.5 * dog.position[1] + 0.5 * self._leak.place[1])
+        key = (round(x / 20.0), round(y / 20.0))
+        if key in self._mapped:
+            return None
+        height = min(self._high - 1.0, max(35.0, 0.9 * math.dist(dog.position[:2], self._leak.place[:2])))
+        action = self._photograph_at(own, (x, y, self._ground + height))
+        if action.verb == "takePhoto":
+            self._mapped.add(key)
+        return action
+
+    def _photograph_at(self, own: EntityView, goal: Vector) -> Action:
+        assert own.position is not None
+        if math.dist(own.position, goal) <= REACHED_M or self._flights >= 3:
+            self._flights, self._goal = 0, None
+            return self._command("takePhoto", camera=self._camera.name)
+        self._flights += 1
+        x, y, z = (round(value, 2) for value in goal)
+        return self._command("setDestination", x=x, y=y, z=z)
+
+    def _command(self, verb: str, **arguments: float | str) -> Action:
+        return Action(verb=verb, arguments=dict(arguments), resource=self._body.id)
+
+
+def _follower(brief: Brief) -> Peer | None:
+    """Whom guidance goes to: the first peer with a body that may receive it."""
+    guide = sends(brief, "guidance")
+    if guide is None:
+        return None
+    wanted = {"all", *guide.recipients}
+    return next((peer for peer in brief.peers if peer.resources and wanted.intersection((peer.id, peer.role))), None)
+
+
+def _area(polygon: tuple[GroundPoint, ...]) -> float:
+    pairs = zip(polygon, (*polygon[1:], polygon[0]), strict=True)
+    return abs(sum(ax * by - bx * ay for (ax, ay), (bx, by) in pairs)) / 2.0
+
+
+def _samples(polygon: tuple[GroundPoint, ...]) -> list[GroundPoint]:
+    if not polygon:
+        return []
+    xs, ys = [x for x, _ in polygon], [y for _, y in polygon]
+    columns, rows = int((max(xs) - min(xs)) / SAMPLE_M) + 1, int((max(ys) - min(ys)) / SAMPLE_M) + 1
+    lattice = [
+        (min(xs) + (i + 0.5) * SAMPLE_M, min(ys) + (j + 0.5) * SAMPLE_M) for i in range(columns) for j in range(rows)
+    ]
+    return [place for place in lattice if inside(polygon, place)]

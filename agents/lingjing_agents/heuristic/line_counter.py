@@ -1,0 +1,108 @@
+"""The rules of whoever counts people from above: look at each line once, say how many, send somebody to the longest."""
+
+from __future__ import annotations
+
+import math
+
+from lingjing.plugins.policy import (
+    Action,
+    Brief,
+    Datum,
+    Decision,
+    EntityView,
+    Inbox,
+    Observation,
+    Outgoing,
+    Picture,
+    Resource,
+    Vector,
+)
+from lingjing_agents.capability import compose, fly, nadir_camera, photo, rated, sends
+from lingjing_agents.heuristic.events import view_of
+from lingjing_agents.perception.people_in_line import PeopleLine, find_line
+
+REACHED_M, VIEW_M = 3.0, 8.0
+"""When a place counts as reached, and how far aside of a picture's middle it may lie to be counted in it."""
+ABOVE_M = 45.0
+"""Over roofs, and low enough that somebody is a dozen pixels wide."""
+TRIES = 3
+AGAIN_TICKS = 12
+"""The order to go to the longest line is said again so often: it may not have been heard."""
+
+
+class LineCounter:
+    """One camera over a few places that everybody knows. All state is of this episode."""
+
+    def __init__(self, brief: Brief, body: Resource) -> None:
+        camera = nadir_camera(body)
+        assert camera is not None
+        self._brief, self._body, self._camera = brief, body, camera
+        self._tally, self._order = sends(brief, "count"), sends(brief, "assignment")
+        self._class = brief.classes[0] if brief.classes else ""
+        self._z = min(ABOVE_M, rated(body, "band_high_m", ABOVE_M))
+        self._people: dict[str, int] = {}
+        self._tries: dict[str, int] = {}
+        self._said_at = -AGAIN_TICKS
+
+    def act(self, observation: Observation, inbox: Inbox) -> Decision:
+        """Count in the picture that came, then go on to the next place or say which line is the longest."""
+        places = {view.id: view.position for view in observation.entities if view.type == self._class and view.position}
+        messages: list[Outgoing] = []
+        for picture in observation.pictures:
+            if picture.entity == self._body.id:
+                messages += self._count(picture, places)
+        own = view_of(observation, self._body.id)
+        if own is None or own.position is None or own.busy or own.status == "dead":
+            return Decision(messages=tuple(messages))
+        left = [name for name in places if name not in self._people]
+        if left:
+            return Decision(command=self._visit(own, places, left), messages=tuple(messages))
+        return Decision(messages=(*messages, *self._send(places, observation.tick)))
+
+    def _count(self, picture: Picture, places: dict[str, Vector]) -> list[Outgoing]:
+        for name, place in places.items():
+            if name in self._people or math.dist(picture.pose.position[:2], place[:2]) > VIEW_M:
+                continue
+            line = find_line(picture.rgb, picture.pose, place[:2], place[2])
+            self._tries[name] = self._tries.get(name, 0) + 1
+            if line is not None:
+                self._people[name] = line.people
+                return self._told(picture, place, line)
+            if self._tries[name] >= TRIES:
+                self._people[name] = 0
+        return []
+
+    def _told(self, picture: Picture, place: Vector, line: PeopleLine) -> list[Outgoing]:
+        if self._tally is None:
+            return []
+        body: dict[str, Datum] = {
+            "frame": picture.frame,
+            "class": self._class,
+            "box": tuple(round(edge, 6) for edge in line.box),
+            "position": tuple(round(value, 2) for value in place),
+            "confidence": round(line.confidence, 3),
+            "people": float(line.people),
+        }
+        return [compose(self._tally, body)]
+
+    def _visit(self, own: EntityView, places: dict[str, Vector], left: list[str]) -> Action:
+        """Up over the roofs first, then to the nearest place that has not been counted, and a picture there."""
+        assert own.position is not None
+        here = own.position
+        if own.status == "grounded":
+            return fly(self._body, *here[:2], self._z)
+        place = min((math.dist(here[:2], places[name][:2]), places[name]) for name in left)[1]
+        if math.dist(here[:2], place[:2]) > REACHED_M or abs(here[2] - self._z) > REACHED_M:
+            return fly(self._body, *place[:2], self._z)
+        return photo(self._body, self._camera)
+
+    def _send(self, places: dict[str, Vector], tick: int) -> list[Outgoing]:
+        """Whoever can be told goes to the longest line."""
+        walkers = [peer for peer in self._brief.peers if peer.resources]
+        if self._order is None or not places or not walkers or tick < self._said_at + AGAIN_TICKS:
+            return []
+        self._said_at = tick
+        longest = max(places, key=lambda name: self._people[name])
+        where = tuple(round(value, 2) for value in places[longest])
+        body: dict[str, Datum] = {"assignee": walkers[0].id, "task": "join", "position": where}
+        return [compose(self._order, body, to=(walkers[0].id,))]

@@ -1,0 +1,95 @@
+"""Where to take pictures: a lattice of nadir footprints over the cells, the same for every agent that computes it.
+
+A multirotor turns its nose to where it flies, and image-up with it, so a footprint lies across the course: lanes run
+east-west or north-south, whichever needs fewer pictures.
+
+Also who takes which: cells in a snake from the south-west are cut into runs of equal waypoint counts, one for each
+searcher in the agreed order.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from lingjing.plugins.policy import CameraSpec, Cell
+from lingjing_agents.ground_plane import GroundPoint
+
+
+@dataclass(frozen=True, slots=True)
+class PictureWaypoint:
+    """A place to take a picture from: east, north in metres, height above the water in metres, and whose cell.
+
+    `course_deg` is the lane's axis (a course or its opposite), None if any will do; `size` the footprint's extent
+    (east, north) in metres.
+    """
+
+    x: float
+    y: float
+    height_m: float
+    cell: str
+    course_deg: float | None = None
+    size: GroundPoint = (0.0, 0.0)
+
+
+def footprint(camera: CameraSpec, height_m: float) -> GroundPoint:
+    """Width and height in metres of what a nadir camera sees of flat water from `height_m` above it."""
+    width = 2.0 * height_m * math.tan(math.radians(camera.hfov_deg) / 2.0)
+    return width, width * camera.height / camera.width
+
+
+def lattice(
+    cells: tuple[Cell, ...], camera: CameraSpec, height_m: float, *, overlap: float = 0.03, crosswise: bool = False
+) -> tuple[PictureWaypoint, ...]:
+    """Waypoints whose footprints cover the cells' bounding box with at least `overlap` (0..1) between neighbours.
+
+    `crosswise` takes the lanes of the other, longer way: the same height from other places.
+    """
+    if not cells:
+        return ()
+    across, along = footprint(camera, height_m)
+    north_south = _lanes(cells, height_m, (across, along), 0.0, overlap)
+    east_west = _lanes(cells, height_m, (along, across), 90.0, overlap)
+    fewer, more = sorted((east_west, north_south), key=len)
+    return more if crosswise else fewer
+
+
+def _lanes(
+    cells: tuple[Cell, ...], height_m: float, size: GroundPoint, course_deg: float, overlap: float
+) -> tuple[PictureWaypoint, ...]:
+    corners = [corner for cell in cells for corner in cell.polygon]
+    west, south = min(x for x, _ in corners), min(y for _, y in corners)
+    east, north = max(x for x, _ in corners), max(y for _, y in corners)
+    xs = _stations(west, east, size[0], overlap)
+    ys = _stations(south, north, size[1], overlap)
+    return tuple(PictureWaypoint(x, y, height_m, _owner(cells, x, y), course_deg, size) for y in ys for x in xs)
+
+
+def partition(cells: tuple[Cell, ...], plan: tuple[PictureWaypoint, ...], searchers: tuple[str, ...]) -> dict[str, str]:
+    """Which searcher takes which cell: columns in a snake, cut into runs with about equal numbers of waypoints."""
+    load = {cell.name: 0 for cell in cells}
+    for waypoint in plan:
+        load[waypoint.cell] += 1
+    order = sorted(cells, key=lambda cell: (cell.column, cell.row if cell.column % 2 else -cell.row))
+    total, done = sum(load.values()), 0
+    owners: dict[str, str] = {}
+    for cell in order:
+        middle = done + load[cell.name] / 2
+        index = min(len(searchers) - 1, int(middle / max(total, 1) * len(searchers)))
+        owners[cell.name] = searchers[index]
+        done += load[cell.name]
+    return owners
+
+
+def _stations(low: float, high: float, span: float, overlap: float) -> tuple[float, ...]:
+    """Centres of equal spans that cover [low, high]; the fewest that keep the overlap, spread evenly."""
+    count = max(1, math.ceil((high - low - span * overlap) / (span * (1.0 - overlap)) - 1e-9))
+    if count == 1:
+        return ((low + high) / 2,)
+    first, last = low + span / 2, high - span / 2
+    pitch = (last - first) / (count - 1)
+    return tuple(first + pitch * index for index in range(count))
+
+
+def _owner(cells: tuple[Cell, ...], x: float, y: float) -> str:
+    return min(cells, key=lambda cell: (math.dist(cell.centre, (x, y)), cell.name)).name

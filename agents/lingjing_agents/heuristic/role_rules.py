@@ -1,0 +1,15 @@
+"""`RoleRules`: what the rules of every role have in common."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from lingjing.plugins.policy import Decision, Inbox, Observation
+
+
+class RoleRules(Protocol):
+    """One role's rules: a pure function of what it has seen so far. All state is of one episode."""
+
+    def act(self, observation: Observation, inbox: Inbox) -> Decision:
+        """The decision for this boundary."""
+        ...

@@ -1,0 +1,369 @@
+"""Aircraft: above targets to look at them or to deal with them, along routes to inspect them."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+from lingjing.plugins.policy import (
+    Action,
+    Brief,
+    CameraSpec,
+    Datum,
+    Entity,
+    InspectionSpec,
+    Outgoing,
+    Resource,
+    Route,
+    Vector,
+)
+from lingjing_agents.capability import has_verb, nadir_camera, photo, rated
+from lingjing_agents.flight_levels import FlightLevels, crowded, overhead
+from lingjing_agents.ground_plane import GroundPoint, distance_to_segment_m
+from lingjing_agents.oracle.ability import Ability
+from lingjing_agents.oracle.composing import MessageComposer
+from lingjing_agents.oracle.privileged_state import InstanceIndex, PrivilegedState
+from lingjing_agents.oracle.reporting import Reporting
+from lingjing_agents.paths.visiting_order import shares, shortest
+
+ABOVE_M = 40.0
+"""Over a target: low enough for a clear box, high enough for one that drifts while the aircraft comes."""
+
+NEAR_M = 8.0
+OVER_ROOFS_M = 15.0
+STRAIGHT_M = 12.0
+PATIENCE_TICKS = 3
+"""How long one on the ground waits for who flies over it."""
+_LEAD_S, _LEAD_MPS = 60.0, 8.0
+
+
+def flyer(brief: Brief) -> Resource | None:
+    """The first embodied resource that goes to points in the air."""
+    for resource in brief.resources:
+        for verb in resource.verbs if resource.embodied else ():
+            if verb.name == "setDestination" and any(argument.name == "z" for argument in verb.arguments):
+                return resource
+    return None
+
+
+class AircraftControl:
+    """One aircraft: how high it flies and how it is sent somewhere."""
+
+    def __init__(self, body: Resource, plan: InstanceIndex) -> None:
+        self.body, self._plan = body, plan
+        self._tallest: float | None = None
+        self._layers: FlightLevels | None = None
+        self._waited = 0
+        self.camera: CameraSpec | None = nadir_camera(body) if has_verb(body, "takePhoto") else None
+
+    def altitude(self, truth: PrivilegedState, place: GroundPoint, target_m: float, above_m: float = ABOVE_M) -> float:
+        """Elevation for looking at something: in the aircraft's band and over all roofs, or, where the band does not
+        allow that, over those on the way."""
+        low, high = rated(self.body, "band_low_m", 0.0), rated(self.body, "band_high_m", math.inf)
+        roofs = self._roofs(truth)
+        if roofs + OVER_ROOFS_M > high:
+            roofs = _highest(truth, truth.place(self.body.id), place)
+        if self._layers is None:
+            fleet = [one.id for one in self._plan.bodies(self._plan.entities[self.body.id].engine)]
+            self._layers = FlightLevels(fleet.index(self.body.id), len(fleet), low, high)
+        return self._layers.level(min(max(low, target_m + above_m, roofs + OVER_ROOFS_M), high))
+
+    def to(self, truth: PrivilegedState, x: float, y: float, z: float) -> Action | None:
+        """Go there; where roofs or other pads are near, first straight up, once nobody flies over it."""
+        here = truth.states[self.body.id].position
+        others = self._others(truth)
+        if truth.states[self.body.id].status == "grounded" and crowded(here, others):
+            if overhead(here, others) and self._waited < PATIENCE_TICKS:
+                self._waited += 1
+                return None
+            return self._straight_to(*here[:2], z)
+        roofs = _highest(truth, here[:2], (x, y))
+        if here[2] + _STEEP_M < z and here[2] < roofs + _CLEAR_M:
+            x, y = here[:2]
+            z = min(z, roofs + OVER_ROOFS_M)
+            if truth.states[self.body.id].status == "grounded" and has_verb(self.body, "takeoff"):
+                return Action(verb="takeoff", arguments={"altitude": z - here[2]}, resource=self.body.id)
+        return self._straight_to(x, y, z)
+
+    def _straight_to(self, x: float, y: float, z: float) -> Action:
+        arguments: dict[str, Datum] = {"x": x, "y": y, "z": z}
+        return Action(verb="setDestination", arguments=arguments, resource=self.body.id)
+
+    def _others(self, truth: PrivilegedState) -> list[Vector]:
+        """Where the rest of the fleet is."""
+        fleet = self._plan.bodies(self._plan.entities[self.body.id].engine)
+        return [truth.states[one.id].position for one in fleet if one.id != self.body.id and _alive(truth, one.id)]
+
+    def _roofs(self, truth: PrivilegedState) -> float:
+        """The top of the highest building."""
+        if self._tallest is None:
+            city = truth.known.city
+            tops = [building.top_m for building in city.buildings] if city is not None else []
+            self._tallest = max(tops, default=truth.brief.water_level_m)
+        return self._tallest
+
+    def photo(self) -> Action | None:
+        """A picture straight down."""
+        if self.camera is None:
+            return None
+        return photo(self.body, self.camera)
+
+
+class Searching:
+    """Takes a picture from above of each target of its share, then deals with those that aircraft deal with."""
+
+    def __init__(self, flight: AircraftControl, plan: InstanceIndex, reporting: Reporting) -> None:
+        self._flight, self._plan, self._reporting = flight, plan, reporting
+        self._first: dict[str, tuple[GroundPoint, float]] = {}
+        self._tries: dict[str, int] = {}
+
+    def say(self, truth: PrivilegedState) -> list[Outgoing]:
+        """Watches how targets drift; the reports are `Reporting`'s."""
+        for name, state in truth.states.items():
+            self._first.setdefault(name, (state.position[:2], truth.time_s))
+        return []
+
+    def act(self, truth: PrivilegedState) -> Action | None:
+        """Fly on, or take the picture."""
+        body = self._flight.body
+        if truth.busy(body.id):
+            return None
+        mine = self._share(truth)
+        if mine:
+            return self._above(truth, mine[0], looking=True)
+        for task in truth.left:
+            if body.id in task.actors and truth.distance(body.id, task.target) > 0.8 * task.within_m:
+                return self._above(truth, task.target, looking=False)
+        return None
+
+    def _share(self, truth: PrivilegedState) -> list[str]:
+        open_now = self._reporting.open(truth)
+        if not open_now or self._flight.camera is None:
+            return []
+        places = {name: truth.place(name) for name in open_now}
+        mates = {
+            body.id: truth.place(body.id)
+            for body in self._plan.bodies(self._plan.entities[self._flight.body.id].engine)
+            if _alive(truth, body.id) and self._plan.owners[body.id].role == truth.brief.role
+        }
+        return shares(mates, self._order(truth, places), places).get(self._flight.body.id, [])
+
+    def _order(self, truth: PrivilegedState, places: dict[str, GroundPoint]) -> tuple[str, ...]:
+        """As those who deal with the targets will visit them."""
+        tasks = [task for task in truth.left if task.target in places]
+        actors = [body.id for body in sorted(self._plan.able(*tasks), key=lambda body: body.engine)]
+        start = truth.place(actors[0] if actors else self._flight.body.id)
+        return shortest(start, places)
+
+    def _above(self, truth: PrivilegedState, target: str, *, looking: bool) -> Action | None:
+        state, body = truth.states[target], truth.states[self._flight.body.id]
+        x, y = state.position[:2]
+        tries = self._tries.get(target, 0)
+        above = ABOVE_M * 0.6**tries
+        z = self._flight.altitude(truth, (x, y), state.position[2], above)
+        if math.dist(body.position, (x, y, z)) <= NEAR_M:
+            self._tries[target] = tries + 1
+            return self._flight.photo() if looking else None
+        east, north = self._drift(truth, target)
+        lead_s = min(_LEAD_S, math.dist(body.position[:2], (x, y)) / _LEAD_MPS)
+        return self._flight.to(truth, x + lead_s * east, y + lead_s * north, z)
+
+    def _drift(self, truth: PrivilegedState, target: str) -> GroundPoint:
+        """Mean velocity (m/s) since the episode began; the water's current before anything has moved."""
+        return drift(truth, target, *self._first[target])
+
+
+class Inspecting:
+    """Flies along a route, waypoint after waypoint; what blocks it is photographed, reported, and another route asked
+    for."""
+
+    def __init__(
+        self, flight: AircraftControl, plan: InstanceIndex, voice: MessageComposer, inspection: InspectionSpec
+    ) -> None:
+        self._flight, self._plan, self._voice, self._inspection = flight, plan, voice, inspection
+        self._told: set[tuple[str, tuple[Vector, ...]]] = set()
+        self._looked: set[tuple[str, int]] = set()
+        self._sighted = 0
+        self._asked = -1
+
+    def say(self, truth: PrivilegedState) -> list[Outgoing]:
+        """What blocks the route, once we are there; that the last waypoint was seen."""
+        route = truth.routes.get(self._inspection.asset)
+        if route is None:
+            return []
+        jam = self._jam(truth, route)
+        if jam is not None and (jam.id, route.number) in self._looked:
+            self._told.add((jam.id, route.waypoints))
+            self._asked = truth.tick
+            return self._sighting(truth, jam) + self._ask_anew(truth, route, jam)
+        if jam is None and self._next(truth, route) is None and self._sighted != route.number:
+            return self._all_clear(truth, route)
+        return []
+
+    def act(self, truth: PrivilegedState) -> Action | None:
+        """The next waypoint, or what blocks the way before it."""
+        body = self._flight.body
+        if truth.busy(body.id):
+            return None
+        route = truth.routes.get(self._inspection.asset)
+        if route is None:
+            return self._take_off(truth)
+        if self._asked == truth.tick:  # the new route begins where this one does
+            x, y, z = route.waypoints[0]
+            return self._flight.to(truth, x, y, self._flight.altitude(truth, (x, y), z))
+        place = self._next(truth, route)
+        if place is None:
+            end = self._plan.entities.get(self._inspection.destination)
+            unseen = end is not None and self._sighted != route.number
+            return self._flight.photo() if unseen and self._carried() and not truth.known.frames else None
+        jam = self._jam(truth, route)
+        if jam is not None and _segment(truth, route, jam) <= place:
+            return self._look_at(truth, jam, route)
+        x, y, z = route.waypoints[self._farthest(truth, route, place)]
+        return self._flight.to(truth, x, y, self._flight.altitude(truth, (x, y), z))
+
+    def _look_at(self, truth: PrivilegedState, jam: Entity, route: Route) -> Action | None:
+        x, y = truth.place(jam.id)
+        here = truth.place(self._flight.body.id)
+        if math.dist(here, (x, y)) > 0.6 * self._inspection.within_m:
+            return self._flight.to(truth, x, y, self._flight.altitude(truth, (x, y), jam.position[2]))
+        self._looked.add((jam.id, route.number))
+        return self._flight.photo()
+
+    def _sighting(self, truth: PrivilegedState, jam: Entity) -> list[Outgoing]:
+        for frame in truth.known.frames:
+            for box in frame.boxes:
+                if box.entity == jam.id:
+                    return self._report(truth, frame.id, box.cls, box.box, truth.states[jam.id].position)
+            return self._report(truth, frame.id, jam.type, (0.0, 0.0, 1.0, 1.0), truth.states[jam.id].position)
+        return []
+
+    def _all_clear(self, truth: PrivilegedState, route: Route) -> list[Outgoing]:
+        """A picture of the last waypoint for those who drive there."""
+        for frame in truth.known.frames:
+            self._sighted = route.number
+            end = self._plan.entities.get(self._inspection.destination)
+            position = end.position if end is not None else route.waypoints[-1]
+            return self._report(truth, frame.id, end.type if end is not None else "", (0.0, 0.0, 1.0, 1.0), position)
+        return []
+
+    def _report(
+        self, truth: PrivilegedState, frame: str, cls: str, box: tuple[float, ...], position: tuple[float, ...]
+    ) -> list[Outgoing]:
+        body: dict[str, Datum] = {
+            "frame": frame, "class": cls, "box": box, "position": position, "confidence": 1.0,
+        }  # fmt: skip
+        kind = self._carried()
+        return self._voice.say(kind, body) if kind else []
+
+    def _carried(self) -> str:
+        """The kind of report with which inspectors hand over what they see."""
+        message = self._voice.with_fields("frame", "class", "box", "position")
+        return message.kind if message is not None else ""
+
+    def _ask_anew(self, truth: PrivilegedState, route: Route, jam: Entity) -> list[Outgoing]:
+        state = truth.states[jam.id]
+        number = min(_segment(truth, route, jam) + 1, len(route.waypoints))
+        return self._voice.say(
+            self._inspection.replan, {"waypoint": number, "position": state.position, "confidence": 1.0}
+        )
+
+    def _jam(self, truth: PrivilegedState, route: Route) -> Entity | None:
+        """The first thing that blocks the route and has not been told of yet."""
+        found = [
+            entity
+            for entity in self._plan.instance.entities
+            if entity.properties.get("blocks") is True
+            and truth.present(entity.id)
+            and (entity.id, route.waypoints) not in self._told
+            and _off_route(truth, route, entity) <= _radius(entity)
+        ]
+        return min(found, key=lambda entity: _segment(truth, route, entity), default=None)
+
+    def _next(self, truth: PrivilegedState, route: Route) -> int | None:
+        seen = truth.known.inspected.get(self._inspection.name, ())
+        return next((number for number in range(len(route.waypoints)) if number not in seen), None)
+
+    def _farthest(self, truth: PrivilegedState, route: Route, place: int) -> int:
+        """The last waypoint that a straight flight reaches past all those before it."""
+        here, best = truth.place(self._flight.body.id), place
+        jam = self._jam(truth, route)
+        last = len(route.waypoints) if jam is None else min(len(route.waypoints), _segment(truth, route, jam))
+        for candidate in range(place + 1, last):
+            end = route.waypoints[candidate][:2]
+            passed = route.waypoints[place:candidate]
+            if all(distance_to_segment_m(point[:2], here, end) <= STRAIGHT_M for point in passed):
+                best = candidate
+        return best
+
+    def _take_off(self, truth: PrivilegedState) -> Action | None:
+        state = truth.states[self._flight.body.id]
+        x, y, z = state.position
+        height = self._flight.altitude(truth, (x, y), 0.0)
+        return self._flight.to(truth, x, y, height) if z < height - NEAR_M else None
+
+
+def flying(brief: Brief, plan: InstanceIndex, reporting: Reporting | None, voice: MessageComposer) -> list[Ability]:
+    """What an agent with an aircraft does: inspections first."""
+    body = flyer(brief)
+    if body is None:
+        return []
+    flight = AircraftControl(body, plan)
+    found: list[Ability] = [
+        Inspecting(flight, plan, voice, one) for one in plan.instance.inspections if body.id in one.by
+    ]
+    return [*found, Searching(flight, plan, reporting or Reporting(plan, voice))]
+
+
+def drift(truth: PrivilegedState, target: str, first: GroundPoint, since_s: float) -> GroundPoint:
+    """Mean velocity (east, north; m/s) of a target since then; the water's current before anything has moved."""
+    if "drift_mps" not in truth.plan.entities[target].properties:
+        return 0.0, 0.0
+    if truth.time_s - since_s < truth.brief.tick_s:
+        weather = truth.observation.weather
+        bearing = math.radians(weather.current_to_deg)
+        return weather.current_mps * math.sin(bearing), weather.current_mps * math.cos(bearing)
+    here, passed = truth.place(target), truth.time_s - since_s
+    return (here[0] - first[0]) / passed, (here[1] - first[1]) / passed
+
+
+def _alive(truth: PrivilegedState, name: str) -> bool:
+    state = truth.state(name)
+    return state is not None and state.status not in ("dead", "dormant")
+
+
+def _highest(truth: PrivilegedState, start: GroundPoint, end: GroundPoint) -> float:
+    """The top of the highest building near the straight way between two places; the datum where there is none."""
+    city = truth.known.city
+    highest = truth.brief.water_level_m
+    for building in city.buildings if city is not None else ():
+        x, y = building.polygon[0]
+        if building.top_m > highest and distance_to_segment_m((x, y), start, end) <= _REACH_M:
+            highest = building.top_m
+    return highest
+
+
+_REACH_M = 60.0
+_STEEP_M, _CLEAR_M = 10.0, 5.0
+
+
+def _line(truth: PrivilegedState, route: Route) -> list[GroundPoint]:
+    start = truth.plan.entities[route.entity].position[:2] if route.number == 1 else truth.place(route.entity)
+    return [start, *(point[:2] for point in route.waypoints)]
+
+
+def _off_route(truth: PrivilegedState, route: Route, entity: Entity) -> float:
+    here = truth.place(entity.id)
+    return min(distance_to_segment_m(here, a, b) for a, b in pairwise(_line(truth, route)))
+
+
+def _segment(truth: PrivilegedState, route: Route, entity: Entity) -> int:
+    """The place of the waypoint before which an entity stands on a route."""
+    here = truth.place(entity.id)
+    pieces = list(pairwise(_line(truth, route)))
+    return min(range(len(pieces)), key=lambda number: (round(distance_to_segment_m(here, *pieces[number]), 1), number))
+
+
+def _radius(entity: Entity) -> float:
+    radius = entity.properties.get("radius_m")
+    return float(radius) if isinstance(radius, int | float) else 0.0

@@ -1,0 +1,64 @@
+"""`MessageComposer`: finds the message kinds that an agent may send by their fields, and composes messages."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from lingjing.plugins.policy import Brief, Datum, FrameInfo, MessageSpec, Outgoing
+from lingjing_agents.capability import compose
+
+
+class MessageComposer:
+    """What one agent may say."""
+
+    def __init__(self, brief: Brief) -> None:
+        mine = {brief.agent, brief.role, "all"}
+        self._brief = brief
+        self._open = tuple(message for message in brief.messages if mine.intersection(message.senders))
+
+    def kind(self, name: str) -> MessageSpec | None:
+        """The message kind of that name, if this agent may send it."""
+        return next((message for message in self._open if message.kind == name), None)
+
+    def with_fields(self, *names: str, without: tuple[str, ...] = ()) -> MessageSpec | None:
+        """The first kind whose record has all of the fields and none of those in `without`."""
+        for message in self._open:
+            fields = {field.name for field in message.fields}
+            if fields.issuperset(names) and not fields.intersection(without):
+                return message
+        return None
+
+    def order(self, assignee: str, task: str, body: Mapping[str, Datum], to: tuple[str, ...] = ()) -> list[Outgoing]:
+        """An assignment of a task, if this agent may give one."""
+        return self._said(self.with_fields("assignee", "task"), {"assignee": assignee, "task": task, **body}, to)
+
+    def status(self, task: str, state: str, body: Mapping[str, Datum]) -> list[Outgoing]:
+        """How a task is going, if this agent may say so."""
+        return self._said(self.with_fields("task", "state"), {"task": task, "state": state, **body})
+
+    def report(
+        self,
+        kind: str,
+        frame: FrameInfo,
+        cls: str,
+        box: tuple[float, ...],
+        position: tuple[float, ...],
+        known: Mapping[str, float] | None = None,
+    ) -> list[Outgoing]:
+        """A sighting in a picture, with whatever is `known` of the target that the record has a field for."""
+        message = self.kind(kind)
+        fields = {field.name for field in message.fields} if message is not None else set()
+        more = {name: value for name, value in (known or {}).items() if name in fields}
+        return self._said(
+            message,
+            {**more, "frame": frame.id, "class": cls, "box": box, "position": position, "confidence": 1.0},
+        )
+
+    def say(self, kind: str, body: Mapping[str, Datum], to: tuple[str, ...] = ()) -> list[Outgoing]:
+        """A message of a kind by name."""
+        return self._said(self.kind(kind), body, to)
+
+    def _said(self, message: MessageSpec | None, body: Mapping[str, Datum], to: tuple[str, ...] = ()) -> list[Outgoing]:
+        if message is None or (not self._brief.peers and message.category != "report"):
+            return []
+        return [compose(message, body, to if self._brief.hub == self._brief.agent else ())]

@@ -1,0 +1,258 @@
+"""Goods: who brings what where, in loads that a vehicle holds.
+
+The plan is made once, from the first boundary: stops are swept around the depot into loads, an order of more than a
+load is split, the longest loads go to whoever is free first. Every driver makes the same plan, so without a coordinator
+they agree; with one they follow its tours. What happens on the way (a stop served in passing) is seen in the truth.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from lingjing.plugins.policy import Action, Brief, Datum, Entity, Outgoing, Resource
+from lingjing.plugins.tasks import Task
+from lingjing_agents.ground_plane import GroundPoint
+from lingjing_agents.oracle.ability import Ability
+from lingjing_agents.oracle.composing import MessageComposer
+from lingjing_agents.oracle.privileged_state import InstanceIndex, PrivilegedState
+from lingjing_agents.oracle.vehicles import mover
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleLoad:
+    """One trip: the stops in order and how much is for each."""
+
+    stops: tuple[str, ...]
+    amounts: tuple[float, ...]
+    length_m: float
+
+    @property
+    def amount(self) -> float:
+        """All of it."""
+        return sum(self.amounts)
+
+
+@dataclass(frozen=True, slots=True)
+class SupplyChain:
+    """Deliveries and the supply that feeds them: who drives (bodies), how much each holds."""
+
+    deliveries: tuple[Task, ...]
+    supply: Task
+    bodies: tuple[Entity, ...]
+    holds: float
+
+
+def trade_of(plan: InstanceIndex) -> SupplyChain | None:
+    """The trade that the mission asks for, if it asks for one."""
+    deliveries = tuple(task for task in plan.tasks if task.takes and task.source)
+    for supply in plan.supplies:
+        if deliveries and supply.gives == deliveries[0].source:
+            bodies = plan.able(supply)
+            holds = [_property(body, supply.up_to) for body in bodies]
+            if bodies and min(holds) > 0.0:
+                return SupplyChain(deliveries, supply, bodies, min(holds))
+    return None
+
+
+def tours(truth: PrivilegedState, trade: SupplyChain) -> dict[str, tuple[VehicleLoad, ...]]:
+    """The loads of each vehicle in order."""
+    loads = sorted(_loads(truth, trade), key=lambda load: -load.length_m)
+    busy_m = {body.id: 0.0 for body in trade.bodies}
+    found: dict[str, tuple[VehicleLoad, ...]] = {body.id: () for body in trade.bodies}
+    for load in loads:
+        name = min(busy_m, key=lambda name: (busy_m[name], name))
+        busy_m[name] += load.length_m
+        found[name] = (*found[name], load)
+    return found
+
+
+def _loads(truth: PrivilegedState, trade: SupplyChain) -> list[VehicleLoad]:
+    """Stops swept around the depot into loads; of all beginnings the one with the shortest way in all."""
+    depot = truth.place(trade.supply.target)
+    demands = {task.target: truth.stock(task.target, task.takes) for task in trade.deliveries}
+    places = {name: truth.place(name) for name, demand in demands.items() if demand > 0.0}
+    order = sorted(places, key=lambda name: math.atan2(places[name][1] - depot[1], places[name][0] - depot[0]))
+    whole: list[VehicleLoad] = []
+    for name in order:  # full loads of what is more than a load go straight there
+        while demands[name] > trade.holds:
+            whole.append(_trip(depot, places, {name: trade.holds}))
+            demands[name] -= trade.holds
+    turns = range(max(1, len(order)))
+    options = [_swept(depot, places, demands, order[first:] + order[:first], trade.holds) for first in turns]
+    best = min(options, key=lambda loads: (len(loads), sum(load.length_m for load in loads)))
+    return whole + best
+
+
+def _swept(
+    depot: GroundPoint, places: dict[str, GroundPoint], demands: dict[str, float], order: list[str], holds: float
+) -> list[VehicleLoad]:
+    loads: list[VehicleLoad] = []
+    waiting: dict[str, float] = {}
+    for name in order:
+        if sum(waiting.values()) + demands[name] > holds:
+            loads.append(_trip(depot, places, waiting))
+            waiting = {}
+        waiting[name] = demands[name]
+    return [*loads, _trip(depot, places, waiting)] if waiting else loads
+
+
+def _trip(depot: GroundPoint, places: dict[str, GroundPoint], amounts: dict[str, float]) -> VehicleLoad:
+    """There and back, nearest stop first."""
+    here, left, stops, length = depot, dict(amounts), [], 0.0
+    while left:
+        name = min(left, key=lambda name: (_streets(here, places[name]), name))
+        length += _streets(here, places[name])
+        here = places[name]
+        stops.append(name)
+        del left[name]
+    return VehicleLoad(tuple(stops), tuple(amounts[name] for name in stops), length + _streets(here, depot))
+
+
+def _streets(a: GroundPoint, b: GroundPoint) -> float:
+    """The way between two places of a town with streets at right angles."""
+    return abs(a[0] - b[0]) + abs(a[1] - b[1])
+
+
+class Delivering:
+    """Drives one vehicle along its stops, back to the depot when it is empty."""
+
+    def __init__(self, body: Resource, trade: SupplyChain, voice: MessageComposer) -> None:
+        self._body, self._trade, self._voice = body, trade, voice
+        self._stops: list[str] | None = None
+        self._before: dict[str, float] = {}
+        self._load = 0.0
+        self._tries: dict[str, int] = {}
+
+    def say(self, truth: PrivilegedState) -> list[Outgoing]:
+        """What was left where since the last boundary; which stops it takes, once it knows."""
+        messages = self._hand_over(truth)
+        if self._learn(truth):
+            for stop in dict.fromkeys(self._stops or ()):
+                place = truth.states[stop].position
+                messages += self._voice.order(truth.brief.agent, "deliver", {"position": place})
+        return messages
+
+    def act(self, truth: PrivilegedState) -> Action | None:
+        """On to the next stop, or back to load."""
+        if truth.busy(self._body.id):
+            return None
+        if self._stops is None:
+            return None
+        goal = self._next(truth)
+        load = truth.stock(self._body.id, self._trade.supply.gives)
+        if not goal and not self._open(truth):
+            return None
+        if load <= 0.0 or self._short(truth, goal, load):
+            goal = self._trade.supply.target
+        if not goal:
+            return None
+        reach = self._trade.supply.within_m if goal == self._trade.supply.target else self._trade.deliveries[0].within_m
+        if truth.distance(self._body.id, goal) <= 0.8 * reach:
+            return None
+        x, y = self._near(truth, goal)
+        arguments: dict[str, Datum] = {"x": x, "y": y}
+        return Action(verb=mover(self._body), arguments=arguments, resource=self._body.id)
+
+    def _near(self, truth: PrivilegedState, goal: str) -> GroundPoint:
+        """The goal, or where driving there has failed twice, a place beside it."""
+        tries = self._tries[goal] = self._tries.get(goal, 0) + 1
+        x, y = truth.place(goal)
+        if tries % 4 < 3:
+            return x, y
+        angle = math.radians(90.0 * (tries // 4))
+        return x + 12.0 * math.sin(angle), y + 12.0 * math.cos(angle)
+
+    def _short(self, truth: PrivilegedState, goal: str, load: float) -> bool:
+        """Whether it would leave the stop half served although a full load would do."""
+        if not goal:
+            return False
+        wanted = min(truth.stock(goal, self._trade.deliveries[0].takes), self._trade.holds)
+        return load < wanted
+
+    def _next(self, truth: PrivilegedState) -> str:
+        """The first of its stops that still wants something; then whichever stop does and is nearest."""
+        open_now = self._open(truth)
+        for name in self._stops or ():
+            if name in open_now:
+                return name
+        if self._stops is None or not open_now:
+            return ""
+        return min(open_now, key=lambda name: (truth.distance(self._body.id, name), name))
+
+    def _open(self, truth: PrivilegedState) -> tuple[str, ...]:
+        return tuple(task.target for task in truth.left if task in self._trade.deliveries)
+
+    def _learn(self, truth: PrivilegedState) -> bool:
+        """Take the coordinator's latest tour for this vehicle or, without a coordinator, the plan that all make;
+        whether that is news."""
+        before = self._stops
+        for message in truth.inbox.messages:
+            stops, assignee = message.body.get("stops"), message.body.get("assignee")
+            if isinstance(stops, tuple | list) and assignee in (truth.brief.agent, self._body.id):
+                self._stops = [str(name) for name in stops]
+        if self._stops is None and truth.brief.hub is None:
+            self._stops = [name for load in tours(truth, self._trade)[self._body.id] for name in load.stops]
+        return self._stops != before
+
+    def _hand_over(self, truth: PrivilegedState) -> list[Outgoing]:
+        messages: list[Outgoing] = []
+        load = truth.stock(self._body.id, self._trade.supply.gives)
+        message = self._voice.with_fields("stop", "delivered")
+        for task in self._trade.deliveries:
+            wants = truth.stock(task.target, task.takes)
+            given = self._before.get(task.target, wants) - wants
+            near = truth.distance(self._body.id, task.target) <= 200.0
+            if message is not None and given > 0.0 and near and load < self._load:
+                body: dict[str, Datum] = {"stop": task.target, "delivered": given, "left": wants}
+                messages += self._voice.say(message.kind, body)
+            self._before[task.target] = wants
+        self._load = load
+        return messages
+
+
+class Dispatching:
+    """A coordinator without a vehicle: sends everybody a tour."""
+
+    def __init__(self, trade: SupplyChain, plan: InstanceIndex, voice: MessageComposer, kind: str) -> None:
+        self._trade, self._plan, self._voice, self._kind = trade, plan, voice, kind
+        self._sent = False
+
+    def say(self, truth: PrivilegedState) -> list[Outgoing]:
+        """The tours, at the start: an order that no vehicle holds is split among them."""
+        if self._sent:
+            return []
+        self._sent = True
+        messages: list[Outgoing] = []
+        for body, loads in tours(truth, self._trade).items():
+            owner = self._plan.owners[body].id
+            stops = tuple(name for load in loads for name in load.stops)
+            first = loads[0].amount if loads else 0.0
+            content: dict[str, Datum] = {"assignee": owner, "stops": stops, "load": first}
+            messages += self._voice.say(self._kind, content, (owner,))
+        return messages
+
+    def act(self, truth: PrivilegedState) -> Action | None:
+        """Nothing."""
+        return None
+
+
+def dispatching(brief: Brief, plan: InstanceIndex, voice: MessageComposer) -> list[Ability]:
+    """Drivers of what carries goods, and the coordinator who sends tours."""
+    trade = trade_of(plan)
+    if trade is None:
+        return []
+    carriers = {body.id for body in trade.bodies}
+    own = [resource for resource in brief.resources if resource.embodied and resource.id in carriers]
+    found: list[Ability] = [Delivering(resource, trade, voice) for resource in own]
+    message = voice.with_fields("assignee", "stops")
+    if not brief.resources and message is not None:
+        found.append(Dispatching(trade, plan, voice, message.kind))
+    return found
+
+
+def _property(entity: Entity, name: str) -> float:
+    for key, value in entity.properties.items():
+        if (key == name or key.startswith(f"{name}_")) and isinstance(value, int | float):
+            return float(value)
+    return 0.0

@@ -1,0 +1,286 @@
+"""Dogs: around what stands in the way to the targets that dogs deal with, leg by leg."""
+
+from __future__ import annotations
+
+import math
+
+from lingjing.plugins.geometry import bearing_deg, turn_deg
+from lingjing.plugins.policy import Action, Brief, CameraSpec, Datum, Entity, Outgoing, VerbSpec
+from lingjing.plugins.tasks import Task
+from lingjing.plugins.terrain import ObstacleMap, obstacle_map
+from lingjing_agents.ground_plane import GroundPoint
+from lingjing_agents.oracle.ability import Ability
+from lingjing_agents.oracle.composing import MessageComposer
+from lingjing_agents.oracle.privileged_state import InstanceIndex, PrivilegedState
+from lingjing_agents.oracle.reporting import Reporting
+from lingjing_agents.paths.clearance_paths import find_way
+from lingjing_agents.paths.visiting_order import shares, shortest
+
+AROUND_M = 50.0
+"""How far beyond the straight way a way around may lead."""
+
+REACHED_M = 0.8
+SEEN_M = (4.0, 14.0)
+"""How far from a target a dog takes its picture."""
+
+AIMED_DEG = 12.0
+_LOOKS = 3
+_FINEST_DEG, _COARSEST_DEG, _STRAY_M = 1.6, 12.0, 0.4
+_GAINED_M = 0.3
+
+
+class DogPath:
+    """The way of one dog, planned anew when its task changes or something turned out to be in the way."""
+
+    def __init__(self, dog: Entity, plan: InstanceIndex) -> None:
+        self.dog, self._plan = dog, plan
+        self._map: tuple[GroundPoint, ObstacleMap] | None = None
+        self._way: list[GroundPoint] = []
+        self._goal = ""
+        self._shut: list[GroundPoint] = []
+        self._last: tuple[GroundPoint, float] | None = None
+
+    def task(self, truth: PrivilegedState) -> Task | None:
+        """What this dog goes to."""
+        able = (task for task in truth.left if self.dog.id in task.actors)
+        tasks = {task.target: task for task in able if not task.moves_goods}
+        if not tasks:
+            return None
+        places = {name: truth.place(name) for name in tasks}
+        bodies = {body.id: truth.place(body.id) for body in self._plan.able(*tasks.values())}
+        bodies = {name: place for name, place in bodies.items() if truth.states[name].status != "dead"}
+        if len(bodies) < 2:
+            return tasks[shortest(truth.place(self.dog.id), places)[0]]
+        order = sorted(places, key=lambda name: min(math.dist(places[name], place) for place in bodies.values()))
+        mine = shares(bodies, order, places).get(self.dog.id, [])
+        if mine:
+            return tasks[mine[0]]
+        return tasks[min(places, key=lambda name: math.dist(places[name], truth.place(self.dog.id)))]
+
+    def step(self, truth: PrivilegedState, task: Task) -> tuple[str, float] | None:
+        """`left` or `right` and degrees, or `forward` and metres; None where it is near enough."""
+        here, goal = truth.place(self.dog.id), truth.place(task.target)
+        near = max(0.6 * task.within_m, task.within_m - 4.0)
+        if math.dist(here, goal) <= near + 0.3:
+            return None
+        self._look_back(truth, here)
+        if self._goal != task.target or not self._way:
+            self._goal = task.target
+            self._way = self._find(truth, here, goal, near) or [goal]
+        while len(self._way) > 1 and math.dist(here, self._way[0]) <= REACHED_M:
+            self._way.pop(0)
+        return self._towards(truth, here, self._way[0])
+
+    def _towards(self, truth: PrivilegedState, here: GroundPoint, there: GroundPoint) -> tuple[str, float] | None:
+        length = math.dist(here, there)
+        if length < 0.2:
+            self._way = []
+            return None
+        step = min(length, _most(self._verb("forward"), "distance"))
+        turn = turn_deg(truth.states[self.dog.id].heading_deg, bearing_deg(here, there))
+        if abs(turn) > min(max(math.degrees(math.atan(_STRAY_M / step)), _FINEST_DEG), _COARSEST_DEG):
+            verb = "right" if turn > 0.0 else "left"
+            return verb, min(abs(turn), _most(self._verb(verb), "angle"))
+        return "forward", max(step, _least(self._verb("forward"), "distance"))
+
+    def command(self, truth: PrivilegedState, step: tuple[str, float]) -> Action:
+        """The step as a command."""
+        verb, amount = step
+        if verb == "forward":
+            here = truth.place(self.dog.id)
+            self._last = here, math.radians(truth.states[self.dog.id].heading_deg)
+        else:
+            self._last = None
+        spec = self._verb(verb)
+        name = spec.arguments[0].name if spec is not None and spec.arguments else "distance"
+        arguments: dict[str, Datum] = {name: round(amount, 3)}
+        return Action(verb=verb, arguments=arguments, resource=self.dog.id)
+
+    def _look_back(self, truth: PrivilegedState, here: GroundPoint) -> None:
+        """A walk that gained nothing met something that no map shows: keep away from it."""
+        if self._last is None:
+            return
+        (x, y), heading = self._last
+        self._last = None
+        gained = math.dist((x, y), here)
+        if gained < _GAINED_M:
+            self._shut = [*self._shut[-7:], (here[0] + 1.3 * math.sin(heading), here[1] + 1.3 * math.cos(heading))]
+            self._way = []
+        elif self._way and math.dist(here, self._way[0]) > REACHED_M and len(self._way) > 1:
+            self._goal = ""  # it strayed or was stopped half-way: look for the way from here
+
+    def _find(self, truth: PrivilegedState, here: GroundPoint, goal: GroundPoint, within_m: float) -> list[GroundPoint]:
+        ground = self._ground(truth, here, goal)
+        if ground is None:
+            return []
+        return find_way(ground, here, goal, within_m, self._shut) or find_way(ground, here, goal, within_m)
+
+    def _ground(self, truth: PrivilegedState, here: GroundPoint, goal: GroundPoint) -> ObstacleMap | None:
+        if truth.known.city is None:
+            return None
+        if self._map is None or self._map[0] != goal:
+            west, east = sorted((here[0], goal[0]))
+            south, north = sorted((here[1], goal[1]))
+            bounds = west - AROUND_M, south - AROUND_M, east + AROUND_M, north + AROUND_M
+            self._map = goal, obstacle_map(truth.known.city, bounds)
+        return self._map[1]
+
+    def _verb(self, name: str) -> VerbSpec | None:
+        return next((verb for verb in self.dog.verbs if verb.name == name), None)
+
+
+class DogControl:
+    """Commands one dog: by itself, or by the steps it is told if it does not see."""
+
+    def __init__(self, walk: DogPath, plan: InstanceIndex, voice: MessageComposer, reporting: Reporting | None) -> None:
+        self._walk, self._plan, self._voice, self._reporting = walk, plan, voice, reporting
+        self._camera = _front(walk.dog)
+        self._looks: dict[str, int] = {}
+        self._told = ""
+        self._heard = 0
+
+    def say(self, truth: PrivilegedState) -> list[Outgoing]:
+        """What it goes to, whenever that changes."""
+        task = self._walk.task(truth)
+        name = f"{task.name} {task.target}" if task is not None else ""
+        if name == self._told:
+            return []
+        self._told = name
+        x, y, z = truth.states[self._walk.dog.id].position
+        return self._voice.status(name or "all done", "begun" if name else "done", {"position": (x, y, z)})
+
+    def act(self, truth: PrivilegedState) -> Action | None:
+        """A picture of what must be reported, else the next step."""
+        dog = self._walk.dog
+        task = self._walk.task(truth)
+        heard = _guidance(truth)
+        if heard is not None:
+            self._heard = truth.tick
+        if task is None or truth.busy(dog.id) or truth.forbidden(dog.id, "forward"):
+            return None
+        photo = self._photo(truth, task.target)
+        if photo is not None:
+            return photo
+        if self._led(truth):
+            return self._walk.command(truth, heard) if heard is not None else None
+        step = self._walk.step(truth, task)
+        return self._walk.command(truth, step) if step is not None else None
+
+    def _led(self, truth: PrivilegedState) -> bool:
+        """Whether somebody still guides this dog, which sees nothing by itself."""
+        if self._walk.dog.cameras:
+            return False
+        kinds = [spec for spec in truth.brief.messages if _is_guidance({field.name for field in spec.fields})]
+        mine = {truth.brief.role, "all"}
+        led = [spec.kind for spec in kinds if mine.intersection(spec.recipients)]
+        return any(_left(truth, kind) > 0 for kind in led) or (bool(led) and truth.tick - self._heard < _WAIT_TICKS)
+
+    def _photo(self, truth: PrivilegedState, target: str) -> Action | None:
+        if self._camera is None or self._reporting is None or target not in self._reporting.open(truth):
+            return None
+        dog = truth.states[self._walk.dog.id]
+        far = truth.distance(dog.id, target)
+        off = turn_deg(dog.heading_deg, bearing_deg(dog.position, truth.place(target)))
+        if not SEEN_M[0] <= far <= SEEN_M[1] or abs(off) > AIMED_DEG or self._looks.get(target, 0) >= _LOOKS:
+            return None
+        self._looks[target] = self._looks.get(target, 0) + 1
+        return Action(verb="takePhoto", arguments={"camera": self._camera.name}, resource=dog.id)
+
+
+class GuidanceSender:
+    """Tells somebody else's dog its next step."""
+
+    def __init__(self, walk: DogPath, plan: InstanceIndex, voice: MessageComposer, kind: str) -> None:
+        self._walk, self._plan, self._voice, self._kind = walk, plan, voice, kind
+        self._sent = -_EVERY_TICKS
+        self._said: tuple[str, float] | None = None
+
+    def say(self, truth: PrivilegedState) -> list[Outgoing]:
+        """The next step, as soon as the last one has been taken."""
+        dog, task = self._walk.dog, self._walk.task(truth)
+        standing = truth.states[dog.id].status == "standing"
+        if task is None or not standing or truth.forbidden(dog.id, "forward"):
+            return []
+        if truth.tick - self._sent < _EVERY_TICKS or _left(truth, self._kind) <= 0:
+            return []
+        step = self._walk.step(truth, task)
+        if step is None:
+            return []
+        self._walk.command(truth, step)  # so that it notices what comes of it
+        self._sent, self._said = truth.tick, step
+        owner = self._plan.owners[dog.id].id
+        place = truth.states[task.target].position
+        body: dict[str, Datum] = {
+            "assignee": owner, "step": step[0], "amount": round(step[1], 2), "position": place,
+        }  # fmt: skip
+        return self._voice.say(self._kind, body, (owner,))
+
+    def act(self, truth: PrivilegedState) -> Action | None:
+        """Nothing."""
+        return None
+
+
+_EVERY_TICKS = 2
+_WAIT_TICKS = 4
+
+
+def walking(brief: Brief, plan: InstanceIndex, voice: MessageComposer, reporting: Reporting | None) -> list[Ability]:
+    """Whoever embodies a dog walks it; whoever may send guidance guides the dogs of others."""
+    found: list[Ability] = []
+    own = {resource.id for resource in brief.resources if resource.embodied}
+    message = voice.with_fields("assignee", "step")
+    for entity in plan.instance.entities:
+        if entity.role != "asset" or not _walks(entity) or entity.id not in plan.owners:
+            continue
+        if entity.id in own:
+            found.append(DogControl(DogPath(entity, plan), plan, voice, reporting))
+        elif message is not None and brief.resources:
+            found.append(GuidanceSender(DogPath(entity, plan), plan, voice, message.kind))
+    return found
+
+
+def _walks(entity: Entity) -> bool:
+    turns = [verb for verb in entity.verbs if verb.name in ("left", "right")]
+    return (
+        bool(turns)
+        and all(argument.unit == "deg" for verb in turns for argument in verb.arguments)
+        and any(verb.arguments for verb in turns)
+    )
+
+
+def _guidance(truth: PrivilegedState) -> tuple[str, float] | None:
+    """The step that the latest message in the inbox tells."""
+    for message in reversed(truth.inbox.messages):
+        step, amount = message.body.get("step"), message.body.get("amount")
+        if isinstance(step, str) and isinstance(amount, int | float):
+            return step, float(amount)
+    return None
+
+
+def _is_guidance(fields: set[str]) -> bool:
+    return fields.issuperset({"assignee", "step"})
+
+
+def _left(truth: PrivilegedState, kind: str) -> int:
+    """How many more messages of a kind the mission's limits allow."""
+    bounds = [
+        limit.most - truth.known.used.get(limit.name, 0)
+        for limit in truth.plan.instance.limits
+        if any(one.kind == "message" and one.name == kind for one in limit.counts)
+    ]
+    return min(bounds, default=1)
+
+
+def _front(dog: Entity) -> CameraSpec | None:
+    able = any(verb.name == "takePhoto" for verb in dog.verbs)
+    return next((camera for camera in dog.cameras if camera.view == "front"), None) if able else None
+
+
+def _most(verb: VerbSpec | None, name: str) -> float:
+    bounds = [argument.maximum for argument in (verb.arguments if verb else ()) if argument.name == name]
+    return bounds[0] if bounds and bounds[0] is not None else math.inf
+
+
+def _least(verb: VerbSpec | None, name: str) -> float:
+    bounds = [argument.minimum for argument in (verb.arguments if verb else ()) if argument.name == name]
+    return bounds[0] if bounds and bounds[0] is not None else 0.0

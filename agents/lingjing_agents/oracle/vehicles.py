@@ -1,0 +1,161 @@
+"""Vehicles and vessels: each goes near the targets that it deals with, in the order of the shortest tour."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from lingjing.plugins.policy import Action, Brief, Datum, Outgoing, Resource
+from lingjing.plugins.tasks import Task
+from lingjing_agents.ground_plane import GroundPoint
+from lingjing_agents.oracle.ability import Ability
+from lingjing_agents.oracle.aircraft import drift
+from lingjing_agents.oracle.composing import MessageComposer
+from lingjing_agents.oracle.privileged_state import InstanceIndex, PrivilegedState
+from lingjing_agents.paths.visiting_order import shares, shortest
+
+SHORT = 0.6
+"""The share of an interaction's distance at which a vessel stops: the engine needs it no nearer."""
+
+NEAR_M = 8.0
+_RING_M = 14.0
+
+
+def mover(resource: Resource) -> str:
+    """The verb with which a resource goes to a point in the plane, "" if it has none."""
+    for verb in resource.verbs:
+        names = {argument.name for argument in verb.arguments}
+        if verb.name in ("moveTo", "setDestination") and names == {"x", "y"}:
+            return verb.name
+    return ""
+
+
+class TargetApproach:
+    """Where a body is to go next; kept by whoever commands it."""
+
+    def __init__(self, resource: Resource, plan: InstanceIndex) -> None:
+        self.resource, self.verb, self._plan = resource, mover(resource), plan
+        self._first: dict[str, tuple[GroundPoint, float]] = {}
+        self._sent: dict[str, int] = {}
+
+    def watch(self, truth: PrivilegedState) -> None:
+        """Remember where targets were first."""
+        for name, state in truth.states.items():
+            self._first.setdefault(name, (state.position[:2], truth.time_s))
+
+    def next(self, truth: PrivilegedState) -> tuple[Task, Action | None] | None:
+        """The task to go to, and the command that brings the body there; None if nothing is left for it."""
+        tour = self._tour(truth)
+        if not tour:
+            return None
+        task = tour[0]
+        return task, self._to(truth, task, tour[1].target if len(tour) > 1 else "")
+
+    def _tour(self, truth: PrivilegedState) -> list[Task]:
+        able = (task for task in truth.left if self.resource.id in task.actors)
+        tasks = {task.target: task for task in able if not task.moves_goods}
+        if not tasks:
+            return []
+        places = {name: truth.place(name) for name in tasks}
+        bodies = {body.id: truth.place(body.id) for body in self._plan.able(*tasks.values())}
+        start = bodies.get(self.resource.id, truth.place(self.resource.id))
+        order = shortest(start, places)
+        mine = order if len(bodies) < 2 else shares(bodies, order, places).get(self.resource.id, [])
+        return [tasks[name] for name in mine]
+
+    def _to(self, truth: PrivilegedState, task: Task, onward: str) -> Action | None:
+        here, there = truth.place(self.resource.id), truth.place(task.target)
+        stop_m = SHORT * task.within_m if self.verb == "moveTo" else 0.0
+        reach_m = stop_m + NEAR_M if self.verb == "moveTo" else task.within_m - 1.0
+        if math.dist(here, there) <= reach_m or truth.forbidden(self.resource.id, self.verb):
+            return None
+        if self.verb == "moveTo":
+            east, north = drift(truth, task.target, *self._first[task.target])
+            lead_s = max(0.0, math.dist(here, there) - stop_m) / _speed(self.resource.properties)
+            there = there[0] + lead_s * east, there[1] + lead_s * north
+            goal = _rim(here, there, truth.place(onward) if onward else here, stop_m)
+        else:
+            goal = self._around(task.target, there)
+        arguments: dict[str, Datum] = {"x": goal[0], "y": goal[1]}
+        return Action(verb=self.verb, arguments=arguments, resource=self.resource.id)
+
+    def _around(self, target: str, there: GroundPoint) -> GroundPoint:
+        """The target's place; where that has not brought us near enough, places around it."""
+        tries = self._sent.get(target, 0)
+        self._sent[target] = tries + 1
+        if tries < 2:
+            return there
+        angle = math.radians(60.0 * tries)
+        return there[0] + _RING_M * math.sin(angle), there[1] + _RING_M * math.cos(angle)
+
+
+class Going:
+    """The body's own driver or skipper."""
+
+    def __init__(self, course: TargetApproach, voice: MessageComposer) -> None:
+        self._course, self._voice = course, voice
+        self._told = ""
+
+    def say(self, truth: PrivilegedState) -> list[Outgoing]:
+        """Which task it goes to, whenever that changes."""
+        self._course.watch(truth)
+        found = self._course._tour(truth)
+        name = f"{found[0].name} {found[0].target}" if found else ""
+        if name == self._told:
+            return []
+        self._told = name
+        return self._voice.status(name or "all done", "begun" if name else "done", {})
+
+    def act(self, truth: PrivilegedState) -> Action | None:
+        """On to the next target."""
+        if truth.busy(self._course.resource.id):
+            return None
+        found = self._course.next(truth)
+        return found[1] if found is not None else None
+
+
+class Claiming:
+    """Somebody who may command a body of another agent's: sends it where its driver would, when itself has nothing to
+    do. Whoever comes first is obeyed, the others get a receipt of the conflict."""
+
+    def __init__(self, course: TargetApproach, plan: InstanceIndex) -> None:
+        self._course, self._plan = course, plan
+        self._claimed: set[str] = set()
+
+    def say(self, truth: PrivilegedState) -> list[Outgoing]:
+        """Nothing."""
+        self._course.watch(truth)
+        return []
+
+    def act(self, truth: PrivilegedState) -> Action | None:
+        """Once for each target, and only if the body stands idle."""
+        if truth.busy(self._course.resource.id):
+            return None
+        found = self._course.next(truth)
+        if found is None or found[1] is None or found[0].target in self._claimed:
+            return None
+        self._claimed.add(found[0].target)
+        return found[1]
+
+
+def going(brief: Brief, plan: InstanceIndex, voice: MessageComposer) -> list[Ability]:
+    """Bodies that go to points in the plane, and do something there that is not moving goods."""
+    found: list[Ability] = []
+    for resource in brief.resources:
+        if not mover(resource):
+            continue
+        course = TargetApproach(resource, plan)
+        found.append(Going(course, voice) if resource.embodied else Claiming(course, plan))
+    return found
+
+
+def _rim(here: GroundPoint, there: GroundPoint, onward: GroundPoint, radius_m: float) -> GroundPoint:
+    """Where within `radius_m` of `there` the way from `here` to `onward` is shortest."""
+    angles = [math.tau * step / 24 for step in range(24)]
+    options = [(there[0] + radius_m * math.cos(a), there[1] + radius_m * math.sin(a)) for a in angles]
+    return min(options, key=lambda point: math.dist(here, point) + math.dist(point, onward))
+
+
+def _speed(properties: Mapping[str, Datum]) -> float:
+    speed = properties.get("speed_mps")
+    return float(speed) if isinstance(speed, int | float) and speed > 0 else 3.0

@@ -1,0 +1,141 @@
+"""Flames in a front picture, and where on the ground they burn.
+
+Flames are the brightest saturated orange and yellow there is; lamps, rust, crates and roofs are duller or redder, and
+have no hot yellow core. A fire's distance follows from where its foot stands below the horizon when it is near, and
+from the height of its flames when it is far.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from lingjing.plugins.geometry import bearing_deg, camera_axes, focal_px, pixel_ray
+from lingjing.plugins.policy import CameraPose
+from lingjing_agents.ground_plane import GroundPoint
+from lingjing_agents.perception.images import ByteImage, ImageBox, PixelBox, opencv
+
+FLAME_M = 1.75
+"""How high the flames of a fire on the ground usually are, in metres."""
+
+EMBERS = 0.02
+"""What burns lies a little below the flames: so much of their height is added to the box. Where they stand is told by
+their own foot: a row more makes a fire a third nearer than it is."""
+
+SMALLEST_PX = 9
+FAINT_PX = 3.5
+"""Tips that the air between makes too faint to count."""
+
+NEAR_M = 9.0
+"""From nearer than this the foot tells the distance, from farther the height does."""
+
+
+@dataclass(frozen=True, slots=True)
+class FireAhead:
+    """One fire as seen: a normalised box (x0, y0, x1, y1), the bearing (degrees), the estimated distance from the
+    camera and place (east, north) in metres, and how sure (0..1)."""
+
+    box: ImageBox
+    bearing_deg: float
+    distance_m: float
+    place: GroundPoint
+    confidence: float
+
+
+def find_fires_ahead(rgb: ByteImage, pose: CameraPose, ground_m: float = 0.0) -> tuple[FireAhead, ...]:
+    """Fires in a front picture (height, width, 3), the biggest first; `ground_m` is the ground's elevation."""
+    cv2 = opencv()
+    red, green, blue = (rgb[..., index].astype(np.int16) for index in range(3))
+    flame = (red > 185) & (red - blue > 85) & (green - blue > 15) & (red - green > 10)
+    hot = (red > 215) & (red - blue > 110)
+    if int(flame.sum()) < SMALLEST_PX:
+        return ()
+    joined = cv2.dilate(flame.astype(np.uint8), np.ones((5, 5), np.uint8))
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(joined, connectivity=8)
+    pixels = np.bincount(labels[flame], minlength=count)
+    heat = np.bincount(labels[flame & hot], minlength=count)
+    patches = [
+        _Patch((x + 2, y + 2, x + wide - 2, y + high - 2), int(pixels[label]), int(heat[label]))
+        for label, (x, y, wide, high, _) in enumerate(stats.tolist())
+        if label and pixels[label] >= SMALLEST_PX
+    ]
+    found = []
+    for patch in _gathered(patches):
+        fire = _judged(patch, pose, ground_m)
+        if fire is not None:
+            found.append(fire)
+    return tuple(sorted(found, key=lambda fire: (fire.distance_m, fire.box)))
+
+
+@dataclass(frozen=True, slots=True)
+class _Patch:
+    """A patch of flame: edges in pixels, how many pixels are flame and how many hot."""
+
+    edges: PixelBox
+    pixels: int
+    heat: int
+
+
+def _gathered(patches: list[_Patch]) -> list[_Patch]:
+    """Tongues of one fire as one: patches that are nearer than half the higher one's height."""
+    left = sorted(patches, key=lambda patch: (-patch.pixels, patch.edges))
+    fires: list[_Patch] = []
+    while left:
+        fire, merged = left.pop(0), True
+        while merged:
+            near = [patch for patch in left if _touching(fire.edges, patch.edges)]
+            merged = bool(near)
+            left = [patch for patch in left if patch not in near]
+            for patch in near:
+                a, b = fire.edges, patch.edges
+                edges = (min(a[0], b[0]), min(a[1], b[1]), max(a[2], b[2]), max(a[3], b[3]))
+                fire = _Patch(edges, fire.pixels + patch.pixels, fire.heat + patch.heat)
+        fires.append(fire)
+    return fires
+
+
+def _touching(a: PixelBox, b: PixelBox) -> bool:
+    gap = 0.5 * max(a[3] - a[1], b[3] - b[1])
+    return a[0] - gap < b[2] and b[0] - gap < a[2] and a[1] - gap < b[3] and b[1] - gap < a[3]
+
+
+def _judged(patch: _Patch, pose: CameraPose, ground_m: float) -> FireAhead | None:
+    x0, y0, x1, y1 = patch.edges
+    pixels, heat = patch.pixels, patch.heat
+    wide, high = x1 - x0, y1 - y0
+    cut = x0 <= 2 or y0 <= 2 or x1 >= pose.width - 2 or y1 >= pose.height - 2
+    if heat < 0.2 * pixels or (wide > 2.5 * high + 4 and not cut) or pixels < 0.12 * wide * high:
+        return None  # a stripe, scattered specks or a dull thing
+    foot = min(float(pose.height), y1 + EMBERS * high)
+    ray = pixel_ray(pose, (x0 + x1) / 2.0, (y0 + y1) / 2.0)
+    bearing = bearing_deg((0.0, 0.0), ray)
+    distance = _distance_m(pose, high, float(y1), (x0 + x1) / 2.0, ground_m)
+    place = (
+        pose.position[0] + distance * math.sin(math.radians(bearing)),
+        pose.position[1] + distance * math.cos(math.radians(bearing)),
+    )
+    left, top, right, low = (
+        max(0.0, x0 - 1.0),
+        max(0.0, y0 - 1.0),
+        min(x1 + 1.0, pose.width),
+        min(foot + 1.0, pose.height),
+    )
+    box = (left / pose.width, top / pose.height, right / pose.width, low / pose.height)
+    confidence = min(1.0, 0.3 + 0.4 * heat / pixels + 0.3 * min(1.0, pixels / 80.0))
+    return FireAhead(box, bearing, distance, place, confidence)
+
+
+def _distance_m(pose: CameraPose, high_px: float, foot_px: float, u: float, ground_m: float) -> float:
+    """Horizontal distance of a fire whose flames are `high_px` high and end at row `foot_px`."""
+    ray = pixel_ray(pose, u, pose.height / 2.0)
+    _, _, forward = camera_axes(pose)
+    slant = math.hypot(ray[0], ray[1]) / max(1e-6, math.hypot(forward[0], forward[1]))
+    by_size = focal_px(pose) * FLAME_M / (high_px + FAINT_PX) * slant
+    down = pixel_ray(pose, u, min(foot_px, float(pose.height)))
+    above = pose.position[2] - ground_m
+    if down[2] >= -1e-3 or above <= 0.0:
+        return by_size
+    by_foot = above / -down[2] * math.hypot(down[0], down[1])
+    return by_foot if by_foot < NEAR_M and by_size < 2.0 * NEAR_M else by_size

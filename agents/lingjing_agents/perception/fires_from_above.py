@@ -1,0 +1,78 @@
+"""Flames in pixels: orange that flickers from yellow to red, in a patch of some metres with soot around it.
+
+A painted roof is as orange as a fire but of one hue, so what is looked for is orange whose hue varies from pixel to
+pixel; on an orange roof only the burning part does. The picture is read at half its size.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lingjing.plugins.geometry import focal_px
+from lingjing.plugins.policy import CameraPose
+from lingjing_agents.perception.images import ByteImage, MaskArray, PixelBox, opencv
+from lingjing_agents.perception.people_at_sea import FoundBox
+
+SCALE = 2
+HUES = (6, 26)
+"""Of OpenCV's 180: from red-orange to yellow."""
+LEAST_SATURATION, LEAST_VALUE = 130, 140
+WINDOW_PX = 7
+VARIED = 1.1
+"""Standard deviation of the hue (of 180) within the window; a painted roof stays below 1."""
+SIZE_M = (2.0, 24.0)
+"""Shortest and longest side of a fire as it would be on the ground; one on a high roof looks twice its size."""
+LEAST_FILL = 0.35
+SOOT_VALUE = 95
+RING_PX = 6
+
+
+def find_fires_from_above(rgb: ByteImage, pose: CameraPose, level_m: float) -> tuple[FoundBox, ...]:
+    """Fires in a nadir picture (height, width, 3), the surest first; the ground lies at elevation `level_m`."""
+    cv2 = opencv()
+    above_m = pose.position[2] - level_m
+    if above_m <= 0.0 or not rgb.any():
+        return ()
+    height, width = rgb.shape[0] // SCALE, rgb.shape[1] // SCALE
+    hsv = cv2.cvtColor(cv2.resize(rgb, (width, height), interpolation=cv2.INTER_AREA), cv2.COLOR_RGB2HSV)
+    flicker = _flickering(hsv)
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(flicker, connectivity=8)
+    metres_per_px = above_m / focal_px(pose) * SCALE
+    finds = []
+    for label in range(1, count):
+        x, y, wide, high, area = (int(value) for value in stats[label])
+        if min(wide, high) * metres_per_px < SIZE_M[0] or max(wide, high) * metres_per_px > SIZE_M[1]:
+            continue
+        if area < LEAST_FILL * wide * high:
+            continue
+        confidence = min(1.0, 0.55 + 0.9 * _soot(hsv, labels == label, (x, y, wide, high)))
+        finds.append(FoundBox((x / width, y / height, (x + wide) / width, (y + high) / height), confidence))
+    return tuple(sorted(finds, key=lambda find: (-find.confidence, find.box)))
+
+
+def _flickering(hsv: ByteImage) -> ByteImage:
+    """Orange pixels amid orange of many hues, gaps closed and thin edges of painted things opened away."""
+    cv2 = opencv()
+    hue, saturation, value = hsv[..., 0], hsv[..., 1], hsv[..., 2]
+    orange = (hue >= HUES[0]) & (hue <= HUES[1]) & (saturation >= LEAST_SATURATION) & (value >= LEAST_VALUE)
+    weight = orange.astype(np.float32)
+    size = (WINDOW_PX, WINDOW_PX)
+    share = cv2.boxFilter(weight, -1, size)
+    mean = cv2.boxFilter(weight * hue, -1, size) / np.maximum(share, 1e-3)
+    square = cv2.boxFilter(weight * hue.astype(np.float32) ** 2, -1, size) / np.maximum(share, 1e-3)
+    varied = orange & (share > 0.3) & (square - mean * mean > VARIED**2)
+    closed = cv2.morphologyEx(varied.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
+    opened: ByteImage = cv2.morphologyEx(closed, cv2.MORPH_OPEN, np.ones((5, 5), np.uint8))
+    return opened
+
+
+def _soot(hsv: ByteImage, own: MaskArray, box: PixelBox) -> float:
+    """Share (0..1) of the ring around a patch that is dark and grey: burnt roof or smoke."""
+    cv2 = opencv()
+    x, y, wide, high = box
+    rows = slice(max(0, y - RING_PX), y + high + RING_PX)
+    columns = slice(max(0, x - RING_PX), x + wide + RING_PX)
+    patch = own[rows, columns].astype(np.uint8)
+    ring = (cv2.dilate(patch, np.ones((2 * RING_PX + 1, 2 * RING_PX + 1), np.uint8)) > 0) & (patch == 0)
+    dark = (hsv[rows, columns, 2] < SOOT_VALUE) & (hsv[rows, columns, 1] < 90)
+    return float(dark[ring].mean()) if ring.any() else 0.0

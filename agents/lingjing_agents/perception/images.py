@@ -1,0 +1,31 @@
+"""Images as numpy arrays, and OpenCV, which is imported when the first picture comes."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+ByteImage = npt.NDArray[np.uint8]
+"""Rows, columns and, for a colour image, red, green and blue: 0..255."""
+
+FloatArray = npt.NDArray[np.float64]
+GreyPlane = npt.NDArray[np.float32]
+MaskArray = npt.NDArray[np.bool_]
+
+ImageBox = tuple[float, float, float, float]
+"""x0, y0, x1, y1 as shares (0..1) of an image's width and height; origin top left."""
+
+PixelBox = tuple[int, int, int, int]
+"""x0, y0, x1, y1 in pixels; the last ones lie outside."""
+
+
+@cache
+def opencv() -> Any:
+    """The cv2 module, on one thread: results must not depend on a thread pool."""
+    import cv2
+
+    cv2.setNumThreads(1)
+    return cv2

@@ -1,0 +1,184 @@
+"""People in pixels: what differs from the water, by its colour, size and shape.
+
+Water, foam and glints all lie near the line from the local water colour to white; what people wear and their skin do
+not. A pixel is described by its place along that line (`whiteness`, 0 at the water, 1 at white) and its distance from
+it (`colour`, in grey levels). Blobs that hold warm pixels are judged by rules of thumb about a person who waves: one
+to two metres long, neither solid nor round (buoys and crates are), not a stick, some of it pale skin but not most,
+and no white paint (life rings have it).
+
+Only what a nadir picture of open water shows is understood; shores are rejected by size. The thresholds were chosen
+on rendered frames of other seeds than the studies use.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from lingjing.plugins.geometry import focal_px
+from lingjing.plugins.policy import CameraPose
+from lingjing_agents.perception.images import ByteImage, GreyPlane, ImageBox, MaskArray, PixelBox, opencv
+
+COLOUR = 18.0
+WHITE = 0.4
+WARM, WARM_COLOUR = 26.0, 24.0
+"""Grey levels by which red must exceed blue (more than the water does) for skin, wood or a vest, and the colour that
+must go with it."""
+PALE, PALE_COLOUR = 0.45, 45.0
+"""Skin in the sun: at least this white, at most this coloured."""
+GAPS_M = (0.0, 0.15)
+"""Arms and head may look severed from dark clothes: pieces this far apart are tried as one, too."""
+BACKGROUND_SCALE = 8
+BACKGROUND_WINDOW = 7
+
+RULES: tuple[tuple[str, ImageBox], ...] = (
+    ("length_m", (0.80, 1.00, 1.70, 2.10)),
+    ("width_m", (0.40, 0.58, 1.30, 1.60)),
+    ("area_m2", (0.12, 0.24, 0.95, 1.20)),
+    ("fill", (0.16, 0.28, 0.60, 0.70)),
+    ("solidity", (0.36, 0.48, 0.84, 0.90)),
+    ("elongation", (1.00, 1.16, 2.20, 3.20)),
+    ("pale", (0.00, 0.04, 0.32, 0.48)),
+    ("brightest", (0.30, 0.50, 0.90, 0.97)),
+    ("warm", (0.04, 0.10, 0.86, 0.94)),
+)
+"""For each measure the interval where it speaks for a person fully (the middle two), and where not at all (beyond the
+outer two)."""
+
+
+@dataclass(frozen=True, slots=True)
+class FoundBox:
+    """One found person: a normalised box (x0, y0, x1, y1), origin top left, and how sure (0..1)."""
+
+    box: ImageBox
+    confidence: float
+
+
+@dataclass(frozen=True, slots=True)
+class WaterContrast:
+    """What a picture says about each pixel: `whiteness`, `colour`, and `warmth` (grey levels of red over blue)."""
+
+    whiteness: GreyPlane
+    colour: GreyPlane
+    warmth: GreyPlane
+
+
+@dataclass(frozen=True, slots=True)
+class ColourPatch:
+    """A connected patch that is not water: its pixel box (x0, y0, x1, y1) and which pixels of the box are its own."""
+
+    box: PixelBox
+    mask: MaskArray
+    measures: dict[str, float]
+
+
+def find_people(rgb: ByteImage, pose: CameraPose, water_level_m: float) -> tuple[FoundBox, ...]:
+    """People in a nadir picture (height, width, 3), the surest first; nothing for a blank one."""
+    height, width = rgb.shape[:2]
+    above_m = pose.position[2] - water_level_m
+    if above_m <= 0.0 or not rgb.any():
+        return ()
+    metres_per_px = above_m / focal_px(pose)
+    seen = planes(rgb)
+    finds = []
+    for gap_m in GAPS_M:
+        for blob in blobs(seen, metres_per_px, round(gap_m / metres_per_px)):
+            confidence = likelihood(blob.measures)
+            if confidence > 0.0:
+                x0, y0, x1, y1 = blob.box
+                finds.append(FoundBox((x0 / width, y0 / height, x1 / width, y1 / height), confidence))
+    return _distinct(sorted(finds, key=lambda find: (-find.confidence, find.box)))
+
+
+def _distinct(finds: list[FoundBox]) -> tuple[FoundBox, ...]:
+    """Of overlapping finds the first one."""
+    kept: list[FoundBox] = []
+    for find in finds:
+        if not any(_overlap(find.box, other.box) for other in kept):
+            kept.append(find)
+    return tuple(kept)
+
+
+def _overlap(a: ImageBox, b: ImageBox) -> bool:
+    return a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3]
+
+
+def planes(rgb: ByteImage) -> WaterContrast:
+    """Split each pixel's difference from the local water colour into whiteness and colour."""
+    cv2 = opencv()
+    height, width = rgb.shape[:2]
+    size = (max(1, width // BACKGROUND_SCALE), max(1, height // BACKGROUND_SCALE))
+    small = cv2.medianBlur(cv2.resize(rgb, size, interpolation=cv2.INTER_AREA), BACKGROUND_WINDOW)
+    water = cv2.resize(small, (width, height), interpolation=cv2.INTER_LINEAR).astype(np.float32)
+    to_white = 255.0 - water
+    length2 = np.maximum(np.einsum("ijk,ijk->ij", to_white, to_white), 1.0)
+    difference = rgb.astype(np.float32) - water
+    whiteness = np.einsum("ijk,ijk->ij", difference, to_white) / length2
+    distance2 = np.einsum("ijk,ijk->ij", difference, difference) - whiteness * whiteness * length2
+    warmth = difference[..., 0] - difference[..., 2]
+    return WaterContrast(whiteness, np.sqrt(np.maximum(distance2, 0.0)), warmth)
+
+
+def blobs(seen: WaterContrast, metres_per_px: float, gap_px: int) -> Iterator[ColourPatch]:
+    """Patches with at least two warm pixels, wholly inside the picture and not too big for a person; pieces that are
+    at most `gap_px` apart are one patch."""
+    cv2 = opencv()
+    warm = (seen.colour > WARM_COLOUR) & (seen.warmth > WARM)
+    patches = ((seen.colour > COLOUR) | (seen.whiteness > WHITE)).astype(np.uint8)
+    joined = cv2.dilate(patches, np.ones((gap_px + 1, gap_px + 1), np.uint8)) if gap_px else patches
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(joined, connectivity=8)
+    warm_counts = np.bincount(labels[warm & (patches > 0)], minlength=count)
+    height, width = patches.shape
+    longest_px = dict(RULES)["length_m"][3] / metres_per_px
+    for label in np.flatnonzero(warm_counts >= 2).tolist():
+        x, y, wide, high = (int(value) for value in stats[label, :4])
+        if label == 0 or max(wide, high) > longest_px + gap_px:
+            continue
+        window = (slice(y, y + high), slice(x, x + wide))
+        own = (labels[window] == label) & (patches[window] > 0)
+        rows, columns = np.flatnonzero(own.any(axis=1)), np.flatnonzero(own.any(axis=0))
+        x0, y0, x1, y1 = x + columns[0], y + rows[0], x + columns[-1] + 1, y + rows[-1] + 1
+        if x0 == 0 or y0 == 0 or x1 == width or y1 == height:
+            continue
+        mask: MaskArray = own[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+        inside = (slice(y0, y1), slice(x0, x1))
+        pale = (seen.whiteness[inside] > PALE) & (seen.colour[inside] < PALE_COLOUR)
+        measures = measure(mask, metres_per_px)
+        measures["pale"] = float(pale[mask].mean())
+        measures["brightest"] = float(seen.whiteness[inside][mask].max())
+        measures["warm"] = float(warm_counts[label]) / float(mask.sum())
+        yield ColourPatch((int(x0), int(y0), int(x1), int(y1)), mask, measures)
+
+
+def measure(mask: MaskArray, metres_per_px: float) -> dict[str, float]:
+    """Size (m, m²) and shape of a patch: share of its box, share of its convex hull, ratio of its principal axes."""
+    cv2 = opencv()
+    rows, columns = np.nonzero(mask)
+    points = np.stack([columns, rows], axis=1).astype(np.int32)
+    hull = cv2.convexHull(points)
+    # A hull of pixel centres misses half a pixel all around (Pick's theorem).
+    hull_px = cv2.contourArea(hull) + cv2.arcLength(hull, True) / 2.0 + 1.0
+    spread = np.linalg.eigvalsh(np.cov(points.T)) if len(points) > 2 else np.ones(2)
+    high, wide = mask.shape
+    return {
+        "length_m": max(high, wide) * metres_per_px,
+        "width_m": min(high, wide) * metres_per_px,
+        "area_m2": len(points) * metres_per_px**2,
+        "fill": len(points) / mask.size,
+        "solidity": len(points) / hull_px,
+        "elongation": float(np.sqrt(max(spread[1], 1e-3) / max(spread[0], 1e-3))),
+    }
+
+
+def likelihood(measures: dict[str, float]) -> float:
+    """How well the measures fit a person: the product of how well each does, 0..1."""
+    product = 1.0
+    for name, corners in RULES:
+        product *= _membership(measures[name], corners)
+    return product
+
+
+def _membership(value: float, corners: ImageBox) -> float:
+    return float(np.interp(value, corners, (0.0, 1.0, 1.0, 0.0)))

@@ -1,0 +1,181 @@
+"""Queues in pixels: vehicles close behind each other on the lane that a route takes.
+
+Only the route's own road is looked at: a strip along it is cut out of the picture at a fixed scale. Asphalt is smooth
+along a lane; vehicles are not. So a station of the strip is taken when the colour around it varies, leaves aside
+(trees hang over roads), and runs as long as a vehicle are counted. Four or more within a few car lengths are a queue.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from lingjing.plugins.geometry import world_to_pixel
+from lingjing.plugins.policy import CameraPose
+from lingjing_agents.ground_plane import GroundPoint
+from lingjing_agents.perception.images import ByteImage, ImageBox, MaskArray, opencv
+
+STEP_M = 0.2
+HALF_LANE_M = 0.8
+OFFSETS_M = (-3.3, -2.2, -1.1, 0.0, 1.1)
+"""Where beside the route's line a queue may stand: the line is straight from waypoint to waypoint, lanes are not."""
+CONTRAST = 7.0
+"""Standard deviation of the lane's colour (grey levels) along it from which something stands there."""
+WINDOW_M = 2.0
+VEHICLE_M = (3.0, 14.0)
+GAP_M = 26.0
+"""Two vehicles farther apart than this, front to front, are not of one queue."""
+QUEUE_OF = 4
+STRAIGHT = 0.995
+"""Cosine of a turn that is none."""
+SPLIT_M = 1.6
+"""Pieces of one vehicle are at most so far apart."""
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleQueue:
+    """One queue: a normalised box (x0, y0, x1, y1), how sure (0..1), where its middle is (m), and how many stand."""
+
+    box: ImageBox
+    confidence: float
+    place: GroundPoint
+    vehicles: int
+
+
+def find_queues(
+    rgb: ByteImage, pose: CameraPose, level_m: float, line: tuple[GroundPoint, ...] = ()
+) -> tuple[VehicleQueue, ...]:
+    """Queues in a nadir picture (height, width, 3) on the road along `line` (east, north; m), the surest first."""
+    if not rgb.any():
+        return ()
+    found = []
+    for start, end in pairwise(corners(line)):
+        for offset in OFFSETS_M:
+            queue = _along(rgb, pose, level_m, _moved(start, end, offset))
+            if queue is not None:
+                found.append(queue)
+    return tuple(sorted(found, key=lambda queue: (-queue.vehicles, queue.box)))
+
+
+def corners(line: tuple[GroundPoint, ...]) -> tuple[GroundPoint, ...]:
+    """The line with a corner put in where it turns: straight on from the point before, then square to the next."""
+    if len(line) < 2:
+        return line
+    path = [line[0], line[1]]
+    ahead = _unit(line[0], line[1])
+    for before, after in pairwise(line[1:]):
+        run = (after[0] - before[0]) * ahead[0] + (after[1] - before[1]) * ahead[1]
+        corner = before[0] + run * ahead[0], before[1] + run * ahead[1]
+        if run > 0.0 and 3.0 < math.dist(corner, before) < 60.0 and math.dist(corner, after) > 3.0:
+            path.append(corner)
+            before = corner
+        ahead = _unit(before, after)
+        path.append(after)
+    return _straightened(path)
+
+
+def _straightened(path: list[GroundPoint]) -> tuple[GroundPoint, ...]:
+    """The path without points where it goes straight on: a queue may stand astride of one."""
+    kept = path[:1]
+    for here, after in pairwise(path[1:]):
+        a, b = _unit(kept[-1], here), _unit(here, after)
+        if a[0] * b[0] + a[1] * b[1] < STRAIGHT:
+            kept.append(here)
+    return (*kept, path[-1])
+
+
+def _along(
+    rgb: ByteImage, pose: CameraPose, level_m: float, leg: tuple[GroundPoint, GroundPoint]
+) -> VehicleQueue | None:
+    """The longest queue on one straight piece of lane, or None."""
+    strip = _strip(rgb, pose, level_m, leg)
+    if strip is None:
+        return None
+    taken = _taken(strip)
+    runs = _joined(_runs(taken))
+    vehicles = [run for run in runs if VEHICLE_M[0] <= (run[1] - run[0]) * STEP_M <= VEHICLE_M[1]]
+    best: list[tuple[int, int]] = []
+    row: list[tuple[int, int]] = []
+    for vehicle in vehicles:
+        row = [*row, vehicle] if row and (vehicle[0] - row[-1][0]) * STEP_M <= GAP_M else [vehicle]
+        best = max(best, row, key=len)
+    if len(best) < QUEUE_OF:
+        return None
+    ahead = _unit(*leg)
+    reach = (best[0][0] * STEP_M, best[-1][1] * STEP_M)
+    ends = [(leg[0][0] + at * ahead[0], leg[0][1] + at * ahead[1]) for at in reach]
+    pixels = [world_to_pixel(pose, (*end, level_m)) for end in ends]
+    us = [pixel[0] / pose.width for pixel in pixels if pixel is not None]
+    vs = [pixel[1] / pose.height for pixel in pixels if pixel is not None]
+    box = (max(0.0, min(us) - 0.01), max(0.0, min(vs) - 0.015), min(1.0, max(us) + 0.01), min(1.0, max(vs) + 0.015))
+    middle = (ends[0][0] + ends[1][0]) / 2, (ends[0][1] + ends[1][1]) / 2
+    return VehicleQueue(box, min(1.0, 0.3 + 0.1 * len(best)), middle, len(best))
+
+
+def _strip(rgb: ByteImage, pose: CameraPose, level_m: float, leg: tuple[GroundPoint, GroundPoint]) -> ByteImage | None:
+    """The lane's pixels, (across, along, 3) at `STEP_M`; black where the picture ends. None if it is out of view."""
+    cv2 = opencv()
+    length = math.dist(*leg)
+    ahead = _unit(*leg)
+    aside = ahead[1], -ahead[0]
+    origin = world_to_pixel(pose, (*leg[0], level_m))
+    far = world_to_pixel(pose, (leg[0][0] + ahead[0], leg[0][1] + ahead[1], level_m))
+    side = world_to_pixel(pose, (leg[0][0] + aside[0], leg[0][1] + aside[1], level_m))
+    if origin is None or far is None or side is None or length < 2 * VEHICLE_M[0]:
+        return None
+    along = np.arange(0.0, length, STEP_M, dtype=np.float32)
+    across = np.arange(-HALF_LANE_M, HALF_LANE_M + 1e-6, STEP_M, dtype=np.float32)
+    s, a = np.meshgrid(along, across)
+    us = origin[0] + s * (far[0] - origin[0]) + a * (side[0] - origin[0])
+    vs = origin[1] + s * (far[1] - origin[1]) + a * (side[1] - origin[1])
+    if not ((us >= 0) & (us < pose.width) & (vs >= 0) & (vs < pose.height)).any():
+        return None
+    columns, rows = us.astype(np.float32) - 0.5, vs.astype(np.float32) - 0.5
+    strip: ByteImage = cv2.remap(rgb, columns, rows, cv2.INTER_LINEAR)
+    return strip
+
+
+def _taken(strip: ByteImage) -> MaskArray:
+    """Which stations of a strip have something on the asphalt that is no leaf."""
+    cv2 = opencv()
+    hsv = cv2.cvtColor(strip, cv2.COLOR_RGB2HSV)
+    leaves = (hsv[..., 0] > 35) & (hsv[..., 0] < 85) & (hsv[..., 1] > 80)
+    # The median across a lane forgets painted lines, which are narrow; a vehicle's roof, glass and bonnet remain.
+    colour = np.median(strip.astype(np.float32), axis=0)
+    wide = max(1, round(WINDOW_M / STEP_M))
+    kernel = np.ones(wide, np.float32) / wide
+    mean = np.stack([np.convolve(colour[:, each], kernel, "same") for each in range(3)], axis=1)
+    square = np.stack([np.convolve(colour[:, each] ** 2, kernel, "same") for each in range(3)], axis=1)
+    spread = np.sqrt(np.maximum(square - mean * mean, 0.0)).max(axis=1)
+    taken: MaskArray = (spread > CONTRAST) & (leaves.mean(axis=0) < 0.25)
+    return taken
+
+
+def _moved(start: GroundPoint, end: GroundPoint, offset_m: float) -> tuple[GroundPoint, GroundPoint]:
+    """A leg moved to the right of its direction."""
+    ahead = _unit(start, end)
+    east, north = ahead[1] * offset_m, -ahead[0] * offset_m
+    return (start[0] + east, start[1] + north), (end[0] + east, end[1] + north)
+
+
+def _unit(start: GroundPoint, end: GroundPoint) -> GroundPoint:
+    run = math.dist(start, end)
+    return ((end[0] - start[0]) / run, (end[1] - start[1]) / run) if run else (1.0, 0.0)
+
+
+def _runs(flags: MaskArray) -> list[tuple[int, int]]:
+    padded = np.diff(np.concatenate(([0], flags.astype(np.int8), [0])))
+    return list(zip(np.flatnonzero(padded == 1).tolist(), np.flatnonzero(padded == -1).tolist(), strict=True))
+
+
+def _joined(runs: list[tuple[int, int]]) -> list[tuple[int, int]]:
+    joined: list[tuple[int, int]] = []
+    for start, end in runs:
+        if joined and (start - joined[-1][1]) * STEP_M <= SPLIT_M:
+            joined[-1] = joined[-1][0], end
+        else:
+            joined.append((start, end))
+    return joined
