@@ -2,7 +2,7 @@
 
 Packages, one for each kind of motion or seeing:
 
-- `multirotor`, `fixed_wing` (engine `plane`)   JSBSim through `flight`, in the wind of `gust`
+- `multirotor`, `fixed_wing` (engine `plane`)   fleets of `aircraft`: JSBSim through `flight_dynamics`, in gusts (`gust`)
 - `quadruped`    the Go2 on its legs in MuJoCo
 - `road`         SUMO: vehicles, background traffic, queues
 - `vessel`       3-DOF hulls on the waves of `sea`
@@ -13,7 +13,7 @@ Packages, one for each kind of motion or seeing:
 Shared by them, from the contract inwards:
 
 - `fleet`        the five methods over bodies that step together ← `requests` (admission, receipts), `clock` (steps)
-- `aloft`        what aircraft tell their engine, and which of them have collided
+- `aircraft`     phases, falls, collisions and the engine of a fleet of aircraft; `battery` what walks and flies on
 - `stock`        goods on board, from the city's book
 - `bodies`, `neighbours`, `pairs`   sizes of mirrors, which of them are touched, who is close to whom
 - `terrain` ← `blocks`, `outlines`   what a place of the city is to a body: water, ground, what stands there

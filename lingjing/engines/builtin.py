@@ -2,64 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from importlib import import_module
 
+from lingjing.engines.road.options import traffic
 from lingjing.errors import InfrastructureError
-from lingjing.mission.instance import Instance, SceneSpec
+from lingjing.mission.instance import SceneSpec
 from lingjing.plugins.engine import Engine, EnginePlugin
 from lingjing.plugins.hookspecs import ScenePlugin, hookimpl
 from lingjing.scene.city import City
 
 
-def _multirotor() -> Engine:
-    from lingjing.engines.multirotor.engine import MultirotorEngine
+def _engine(folder: str, name: str, extra: str = "", package: str = "") -> Callable[[], Engine]:
+    """A factory that imports an engine when it is called; `package` is what the `extra` brings and it needs."""
 
-    return MultirotorEngine()
+    def make() -> Engine:
+        with _extra(extra, package):
+            engine: Engine = getattr(import_module(f"lingjing.engines.{folder}.engine"), name)()
+            return engine
 
-
-def _plane() -> Engine:
-    from lingjing.engines.fixed_wing.engine import PlaneEngine
-
-    return PlaneEngine()
-
-
-def _satellite() -> Engine:
-    from lingjing.engines.satellite.engine import SatelliteEngine
-
-    return SatelliteEngine()
-
-
-def _vessel() -> Engine:
-    from lingjing.engines.vessel.engine import VesselEngine
-
-    return VesselEngine()
-
-
-def _road() -> Engine:
-    with _extra("road", "libsumo"):
-        from lingjing.engines.road.engine import RoadEngine
-
-    return RoadEngine()
-
-
-def _quadruped() -> Engine:
-    with _extra("quadruped", "mujoco"):
-        from lingjing.engines.quadruped.engine import QuadrupedEngine
-
-    return QuadrupedEngine()
-
-
-def _city() -> Engine:
-    from lingjing.engines.city.engine import CityEngine
-
-    return CityEngine()
-
-
-def _camera() -> Engine:
-    from lingjing.engines.camera.engine import CameraEngine
-
-    return CameraEngine()
+    return make
 
 
 def _bay(spec: SceneSpec) -> City:
@@ -72,17 +35,6 @@ def _district(spec: SceneSpec) -> City:
     from lingjing.scene.districts import build
 
     return build(spec)
-
-
-def _has_traffic(instance: Instance) -> bool:
-    """Whether the scene asks for traffic: it is there also when no car is anybody's."""
-    traffic = instance.scene.options.get("traffic", 0.0)
-    return isinstance(traffic, int | float) and traffic > 0
-
-
-def _has_radio(instance: Instance) -> bool:
-    """Whether messages have a range, which is the city's to work out."""
-    return instance.comms.range_m is not None
 
 
 DISTRICTS = {
@@ -122,51 +74,51 @@ def lingjing_engines() -> Iterable[EnginePlugin]:
     return (
         EnginePlugin(
             name="multirotor",
-            factory=_multirotor,
+            factory=_engine("multirotor", "MultirotorEngine"),
             native_dt_s=0.02,
             summary="Multirotors: JSBSim at 100 Hz under a 50 Hz position controller, with wind and battery.",
         ),
         EnginePlugin(
             name="plane",
-            factory=_plane,
+            factory=_engine("fixed_wing", "PlaneEngine"),
             native_dt_s=0.02,
             summary="Fixed-wing aircraft: JSBSim at 100 Hz under an autopilot; straight there, then in a circle.",
         ),
         EnginePlugin(
             name="satellite",
-            factory=_satellite,
+            factory=_engine("satellite", "SatelliteEngine"),
             native_dt_s=1.0,
             summary="Satellites: SGP4 from two-line elements, passes over the region, what is in view.",
         ),
         EnginePlugin(
             name="vessel",
-            factory=_vessel,
+            factory=_engine("vessel", "VesselEngine"),
             native_dt_s=0.1,
             summary="Surface vessels: 3-DOF surge, sway and yaw at 10 Hz in waves, current and wind.",
         ),
         EnginePlugin(
             name="road",
-            factory=_road,
+            factory=_engine("road", "RoadEngine", "road", "libsumo"),
             native_dt_s=0.1,
-            wanted=_has_traffic,
+            wanted=lambda instance: traffic(instance) > 0,
             summary="Road vehicles, background traffic and queues: SUMO at 10 Hz, braking for whoever crosses.",
         ),
         EnginePlugin(
             name="quadruped",
-            factory=_quadruped,
+            factory=_engine("quadruped", "QuadrupedEngine", "quadruped", "mujoco"),
             native_dt_s=0.02,
             summary="Robot dogs: Unitree Go2 on its legs in MuJoCo at 200 Hz under a 50 Hz walking policy.",
         ),
         EnginePlugin(
             name="city",
-            factory=_city,
+            factory=_engine("city", "CityEngine"),
             native_dt_s=0.1,
-            wanted=_has_radio,
+            wanted=lambda instance: instance.comms.range_m is not None,
             summary="Targets, what may be done to them, goods and queues; the reach of radio.",
         ),
         EnginePlugin(
             name="camera",
-            factory=_camera,
+            factory=_engine("camera", "CameraEngine"),
             place="camera",
             sensor=True,
             summary="Rendered pictures of the city: RGB, depth and class ids with exact ground-truth boxes.",

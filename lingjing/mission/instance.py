@@ -189,6 +189,11 @@ class Entity(Record, frozen=True, kw_only=True):
         value = self.properties.get(name)
         return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
 
+    def number_or(self, name: str, default: float) -> float:
+        """A declared property that is a number, by its name with the unit, else the default."""
+        value = self.number(name)
+        return default if value is None else value
+
 
 class ChannelSpec(Record, frozen=True, kw_only=True):
     """An observation channel with everything resolved.

@@ -7,7 +7,7 @@ ROOT = Path(__file__).parents[2]
 READ = re.compile(
     r'properties\.get\(\s*"(\w+)"'
     r'|"(\w+)" in (?:entity\.)?properties'
-    r'|_(?:property|number|rate)\(entity, "(\w+)"'
+    r'|number(?:_or)?\(\s*"(\w+)"'
     r'|(?:_given|number)\(entity, "(\w+)"'
 )
 UNITS = re.compile(r"(_low|_high)?_(m|mps|s|kg|hz|deg)$")

@@ -66,8 +66,7 @@ class Afloat:
     """A drifting target. Its mean speed is the declared drift, its course that of the current plus leeway."""
 
     def __init__(self, entity: Entity, terrain: Terrain, level_m: float, weather: Weather, seed: int) -> None:
-        drift = entity.properties.get("drift_mps", 0.0)
-        self._speed = float(drift) if isinstance(drift, int | float) else 0.0
+        self._speed = entity.number_or("drift_mps", 0.0)
         self._terrain = terrain
         self._level = level_m
         self._keep = math.exp(-STEP_S / _WANDER_TIME_S)

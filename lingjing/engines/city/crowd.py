@@ -38,9 +38,4 @@ class Crowd:
 
 def rates(entity: Entity) -> tuple[float, float]:
     """How many a second come and go on average."""
-    return _rate(entity, "arrivals_hz"), _rate(entity, "departures_hz")
-
-
-def _rate(entity: Entity, name: str) -> float:
-    value = entity.properties.get(name, 0.0)
-    return float(value) if isinstance(value, int | float) else 0.0
+    return entity.number_or("arrivals_hz", 0.0), entity.number_or("departures_hz", 0.0)

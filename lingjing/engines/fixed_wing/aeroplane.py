@@ -7,20 +7,18 @@ and comes to rest where it touches the ground.
 from __future__ import annotations
 
 import math
-from enum import Enum
+from collections.abc import Sequence
 
-from lingjing.engines.aloft import Notice
+from lingjing.engines.aircraft import PERIOD_S, STEPS, Aircraft, FlightNotice, FlightPhase
 from lingjing.engines.fixed_wing import guidance
-from lingjing.engines.fixed_wing.airframe import STEP_S, Airframe, Sample
-from lingjing.engines.fixed_wing.control import PERIOD_S, Autopilot
-from lingjing.engines.gust import Gust
-from lingjing.engines.sea import GRAVITY, wind_velocity
+from lingjing.engines.fixed_wing.airframe import PlaneAirframe
+from lingjing.engines.fixed_wing.control import Autopilot
+from lingjing.engines.sea import wind_velocity
 from lingjing.mission.instance import Entity, Vector, Weather
-from lingjing.plugins.neighbours import Neighbour
-from lingjing.plugins.requests import Refusal
-from lingjing.scene.outlines import compass
+from lingjing.plugins.requests import STOP, Refusal, number
+from lingjing.scene.blocks import Block
 from lingjing.scene.terrain import Terrain
-from lingjing.trace.records import BodyState
+from lingjing.trace.records import Command
 
 CRUISE_MPS = 40.0
 ENDURANCE_S = 4.0 * 3600.0
@@ -32,136 +30,101 @@ SLOWEST_MPS, FASTEST_MPS = 33.0, 60.0
 CRUISE_FLOW = 12.2 / 3600.0
 """Fuel flow in level flight at 40 m/s, kg/s, as JSBSim burns it: what a tank is sized with."""
 
-REACH_M = 4.0
-"""From the middle to where a wing would be torn off: how close is a collision."""
-
-_STEPS = round(PERIOD_S / STEP_S)
-_HALF_HEIGHT_M = 1.35
 _AIRBORNE_M = 30.0
-_LAUNCH_M = 60.0
 _OVER_M, _LEVEL_M = 60.0, 15.0
 _CLEARANCE_M = 30.0
 _LEAST_FLOW_SHARE = 0.5
-_TERMINAL_MPS = 60.0
-_SPURT_MPS = 20.0
 
 
-class Phase(Enum):
-    """What the aeroplane is doing."""
+class Aeroplane(Aircraft):
+    """A fixed-wing aircraft in flight or waiting for it."""
 
-    PARKED = "parked"
-    FLYING = "flying"
-    GLIDING = "gliding"
-    FALLING = "falling"
-    DEAD = "dead"
-
-
-class Aeroplane:
-    """An aircraft in flight or waiting for it; `step` moves it by one control period."""
+    radius_m, half_height_m = 4.0, 1.35
+    launch_m, launch_drop_m = 60.0, 1.0
+    terminal_mps, spurt_mps = 60.0, 20.0
+    energy = "fuel"
 
     def __init__(
         self, entity: Entity, terrain: Terrain, weather: Weather, origin: tuple[float, float], seed: int
     ) -> None:
-        self.id = entity.id
-        self.position = self._launch = entity.position
-        self.velocity: Vector = (0.0, 0.0, 0.0)
-        self.goal: Vector | None = None
-        self.around: tuple[Neighbour, ...] = ()
-        self.cruise = min(max(_property(entity, "cruise_mps", CRUISE_MPS), SLOWEST_MPS), FASTEST_MPS)
-        self.capacity_kg = self.fuel_kg = CRUISE_FLOW * _property(entity, "endurance_s", ENDURANCE_S)
-        self._terrain = terrain
-        self._gust = Gust(weather, seed, f"plane/{entity.id}/gust", PERIOD_S)
+        super().__init__(entity, terrain, weather, origin, seed)
+        self.cruise_mps = min(max(entity.number_or("cruise_mps", CRUISE_MPS), SLOWEST_MPS), FASTEST_MPS)
+        self._capacity_kg = self._fuel_kg = CRUISE_FLOW * entity.number_or("endurance_s", ENDURANCE_S)
         wind = (*wind_velocity(weather), 0.0)
-        self._airframe = Airframe(origin, entity.position[2], entity.heading_deg, self.cruise, wind)
+        self._airframe = PlaneAirframe(origin, entity.position[2], entity.heading_deg, self.cruise_mps, wind)
         self._autopilot = Autopilot()
-        self._sample: Sample = self._airframe.sample()
-        self._attitude: Vector = (0.0, 0.0, math.radians(entity.heading_deg))
-        self._radius = guidance.circle_radius(self.cruise)
+        self._sample = self._airframe.sample()
+        self._radius = guidance.circle_radius(self.cruise_mps)
         self._height = entity.position[2]
-        self._length = 0.0
-        self._circling = False
+        self._circling = self._holds = False
         self._straight: float | None = None
         self._centre = self._beside()
-        self.phase = Phase.PARKED
         if entity.position[2] >= terrain.support(*entity.position) + _AIRBORNE_M:
             self._take_off()
 
     @property
-    def flying(self) -> bool:
-        """Whether it is in the air and in control."""
-        return self.phase in (Phase.FLYING, Phase.GLIDING)
-
-    @property
-    def alive(self) -> bool:
-        """Whether it still takes commands."""
-        return self.phase in (Phase.PARKED, Phase.FLYING)
-
-    @property
-    def reach_mps(self) -> float:
-        """A speed that it will not exceed in the next seconds."""
-        return math.hypot(*self.velocity) + _SPURT_MPS
-
-    @property
-    def progress(self) -> float:
-        """How much of the way is behind, 0..1."""
-        if self.goal is None or self._length <= 0.0:
-            return 0.0
-        return min(max(1.0 - math.dist(self.position, self.goal) / self._length, 0.0), 1.0)
-
-    def head_for(self, goal: Vector) -> None:
-        """Fly to a place, or `Refusal`: `unreachable`, `fuel`."""
-        self._check(goal)
-        self.goal, self._height = goal, goal[2]
-        self._length = max(math.dist(self.position, goal), 1.0)
-        self._circling, self._straight = False, None
-        if self.phase is Phase.PARKED:
-            self._take_off()
-
-    def hold(self) -> None:
-        """Give up the destination and circle here."""
-        self.goal, self._straight = None, None
-        self._centre, self._height = self._beside(), self.position[2]
-
-    def strike(self, what: str) -> Notice:
-        """Hit something: the flight is over and the fall begins."""
-        notice = Notice("collided", what, math.hypot(*self.velocity))
-        self.phase, self.velocity = Phase.FALLING, (0.0, 0.0, 0.0)
-        return notice
-
-    def step(self, weather: Weather, now_s: float) -> Notice | None:
-        """Move by one control period, which ends at `now_s`, and say what happened."""
-        if self.phase is Phase.FALLING:
-            self._fall()
-        if not self.flying:
-            return None
-        self._fly(weather)
-        return self._contact(now_s) or self._exhausted() or self._reached()
-
-    def state(self, remainder_s: float) -> BodyState:
-        """The aircraft `remainder_s` after its last step."""
-        x, y, z = (here + remainder_s * rate for here, rate in zip(self.position, self.velocity, strict=True))
-        return BodyState(
-            id=self.id,
-            position=(x, y, z),
-            velocity=self.velocity,
-            heading_deg=compass(math.degrees(self._attitude[2])),
-            pitch_deg=math.degrees(self._attitude[1]),
-            roll_deg=math.degrees(self._attitude[0]),
-            status=self.status,
-            resources={"fuel": self.fuel_kg / self.capacity_kg, "fuel_kg": self.fuel_kg},
-        )
+    def empty(self) -> bool:
+        """Whether the tank is."""
+        return self._fuel_kg <= 0.0
 
     @property
     def status(self) -> str:
         """`grounded`, `moving`, `loitering` or `dead`."""
-        if self.phase is Phase.PARKED:
+        if self.phase is FlightPhase.GROUNDED:
             return "grounded"
         if not self.alive:
             return "dead"
-        return "loitering" if self.goal is None else "moving"
+        return "moving" if self._legs else "loitering"
+
+    @property
+    def resources(self) -> dict[str, float]:
+        """The fuel (0..1 and kilograms)."""
+        return {"fuel": self._fuel_kg / self._capacity_kg, "fuel_kg": self._fuel_kg}
+
+    def start(self, command: Command) -> None:
+        """Begin a flight, or `Refusal`: `fuel`, `unknown_verb`, `bad_argument`, `unreachable`."""
+        if command.verb == STOP:
+            self._hold()
+        elif command.verb == "setDestination":
+            self._head_for((number(command, "x"), number(command, "y"), number(command, "z")))
+        else:
+            raise Refusal("unknown_verb", f"an aeroplane has no verb `{command.verb}`")
+
+    def step(self, weather: Weather, now_s: float) -> FlightNotice | None:
+        """Move by one control period, which ends at `now_s`, and say what happened."""
+        notice = FlightNotice("done") if self._holds else None
+        self._holds = False
+        if self.phase is FlightPhase.FALLING:
+            self._fall()
+        if not self.flying:
+            return notice
+        self._fly(weather)
+        return self._contact(now_s) or self._exhausted() or self._reached() or notice
+
+    def touchdown(self, solids: Sequence[Block], low_m: float) -> bool:
+        """A glide ends on the ground or the water."""
+        if solids or low_m > self._terrain.surface(*self.position[:2]):
+            return False
+        self._rest()
+        return True
+
+    def _head_for(self, goal: Vector) -> None:
+        """Fly to a place, or `Refusal`: `unreachable`, `fuel`."""
+        self._check(goal)
+        self._begin(goal, arrives=True)
+        self._length, self._height = max(self._length, 1.0), goal[2]
+        self._circling, self._straight = False, None
+        if self.phase is FlightPhase.GROUNDED:
+            self._take_off()
+
+    def _hold(self) -> None:
+        """Give up the destination and circle here."""
+        self._begin(arrives=False)
+        self._straight, self._holds = None, True
+        self._centre, self._height = self._beside(), self.position[2]
 
     def _take_off(self) -> None:
-        self.phase = Phase.FLYING
+        self.phase = FlightPhase.FLYING
         self.velocity = self._sample.velocity
         self._attitude = self._sample.attitude
 
@@ -173,28 +136,24 @@ class Aeroplane:
         return x + self._radius * math.cos(course), y - self._radius * math.sin(course)
 
     def _fly(self, weather: Weather) -> None:
-        powered = self.phase is Phase.FLYING
+        powered = self.phase is FlightPhase.FLYING
         climb = guidance.climb(self._height - self.position[2])
-        demand = self._autopilot.fly(self._sample, self._bank(), climb, self.cruise, powered=powered)
+        demand = self._autopilot.fly(self._sample, self._bank(), climb, self.cruise_mps, powered=powered)
         self._airframe.blow(*self._gust.next(weather))
-        self._airframe.command(demand.aileron, demand.elevator, demand.throttle)
-        self._airframe.step(_STEPS)
-        sample = self._airframe.sample()
-        x, y, z = (
-            here + 0.5 * PERIOD_S * (before + now)
-            for here, before, now in zip(self.position, self.velocity, sample.velocity, strict=True)
-        )
-        self.position, self.velocity, self._attitude, self._sample = (x, y, z), sample.velocity, sample.attitude, sample
+        self._airframe.command(*demand)
+        self._airframe.step(STEPS)
+        self._sample = sample = self._airframe.sample()
+        self._move(sample.velocity, sample.attitude)
         if powered:
-            self.fuel_kg = max(0.0, self.fuel_kg - sample.fuel_flow * PERIOD_S)
+            self._fuel_kg = max(0.0, self._fuel_kg - sample.fuel_flow * PERIOD_S)
 
     def _bank(self) -> float:
-        if self.phase is Phase.GLIDING:
+        if self.phase is FlightPhase.DESCENDING:
             return 0.0
         speed = math.hypot(self.velocity[0], self.velocity[1])
         course = math.atan2(self.velocity[0], self.velocity[1])
-        if self.goal is not None and not self._circling:
-            return guidance.turn(course, self._to(self.goal, course, speed))
+        if self._legs and not self._circling:
+            return guidance.turn(course, self._to(self._legs[0], course, speed))
         wanted, feed = guidance.around(self.position, self._centre, self._radius, speed)
         return guidance.turn(course, wanted, feed)
 
@@ -206,52 +165,21 @@ class Aeroplane:
             self._straight = course
         return self._straight
 
-    def _reached(self) -> Notice | None:
-        if self.goal is None or self.phase is not Phase.FLYING:
+    def _reached(self) -> FlightNotice | None:
+        if not self._legs or self.phase is not FlightPhase.FLYING:
             return None
-        if not self._circling and math.dist(self.position[:2], self.goal[:2]) < _OVER_M:
-            self._circling, self._centre = True, (self.goal[0], self.goal[1])
-        level = abs(self.position[2] - self.goal[2]) < _LEVEL_M
-        return Notice("done") if self._circling and level else None
+        (goal,) = self._legs
+        if not self._circling and math.dist(self.position[:2], goal[:2]) < _OVER_M:
+            self._circling, self._centre = True, (goal[0], goal[1])
+        level = abs(self.position[2] - goal[2]) < _LEVEL_M
+        return FlightNotice("done") if self._circling and level else None
 
-    def _contact(self, now_s: float) -> Notice | None:
-        x, y, z = self.position
-        if math.dist(self.position[:2], self._launch[:2]) < _LAUNCH_M and z > self._launch[2] - 1.0:
+    def _exhausted(self) -> FlightNotice | None:
+        if self.phase is not FlightPhase.FLYING or self._fuel_kg > 0.0:
             return None
-        for other in self.around:
-            if other.touches(self.position, REACH_M, _HALF_HEIGHT_M, now_s):
-                return self.strike(other.id)
-        low = z - _HALF_HEIGHT_M
-        if low > self._terrain.ceiling_m(x, y):
-            return None
-        solids = self._terrain.solids_at(x, y, low, z + _HALF_HEIGHT_M, REACH_M)
-        if solids:
-            return self.strike(solids[0].id)
-        if low > self._terrain.surface(x, y):
-            return None
-        if self.phase is Phase.GLIDING:
-            self._rest()
-            return None
-        return self.strike("ground" if self._terrain.water_level(x, y) is None else "water")
-
-    def _exhausted(self) -> Notice | None:
-        if self.phase is not Phase.FLYING or self.fuel_kg > 0.0:
-            return None
-        self.phase = Phase.GLIDING
+        self.phase = FlightPhase.DESCENDING
         self._airframe.cut()
-        return Notice("fuel_empty")
-
-    def _fall(self) -> None:
-        x, y, z = self.position
-        floor = self._terrain.support(x, y, z)
-        sink = min(-self.velocity[2] + GRAVITY * PERIOD_S, _TERMINAL_MPS)
-        self.position, self.velocity = (x, y, max(floor, z - sink * PERIOD_S)), (0.0, 0.0, -sink)
-        if self.position[2] <= floor:
-            self._rest()
-
-    def _rest(self) -> None:
-        self.phase, self.velocity = Phase.DEAD, (0.0, 0.0, 0.0)
-        self._attitude = (0.0, 0.0, self._attitude[2])
+        return FlightNotice("fuel_empty")
 
     def _check(self, goal: Vector) -> None:
         x, y, z = goal
@@ -260,10 +188,5 @@ class Aeroplane:
             raise Refusal("unreachable", f"({x:.1f}, {y:.1f}, {z:.1f}) is too low: at least z = {lowest:.1f} m")
         # A lower bound (fastest, on half the usual flow), so that nothing possible is refused.
         least = math.dist(self.position, goal) / FASTEST_MPS * CRUISE_FLOW * _LEAST_FLOW_SHARE
-        if least > self.fuel_kg:
-            raise Refusal("fuel", f"that needs at least {least:.1f} kg of fuel, {self.fuel_kg:.1f} kg are left")
-
-
-def _property(entity: Entity, name: str, default: float) -> float:
-    value = entity.properties.get(name, default)
-    return float(value) if isinstance(value, int | float) else default
+        if least > self._fuel_kg:
+            raise Refusal("fuel", f"that needs at least {least:.1f} kg of fuel, {self._fuel_kg:.1f} kg are left")

@@ -5,11 +5,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from lingjing.engines.flight import FOOT_M, POUND_KG, Flight
+from lingjing.engines.flight_dynamics import FOOT_M, POUND_KG, FlightDynamics
 from lingjing.mission.instance import Vector
-
-STEP_S = 1.0 / 100.0
-"""Integration step of the flight dynamics."""
 
 _MODEL = "c172x"
 _FAR_BELOW_FT = -10_000.0
@@ -18,7 +15,7 @@ _MIXTURE = 0.87
 _STICKS = ("aileron", "elevator", "throttle")
 
 
-class Sample(NamedTuple):
+class PlaneSample(NamedTuple):
     """What the aircraft does now: velocity over ground (east, north, up) m/s; (roll, pitch, heading) and body rates
     (p, q, r) in radians; true airspeed m/s; fuel flow kg/s."""
 
@@ -29,7 +26,7 @@ class Sample(NamedTuple):
     fuel_flow: float
 
 
-class Airframe:
+class PlaneAirframe(FlightDynamics):
     """An aircraft in level flight at `airspeed` in a steady wind (east, north)."""
 
     def __init__(
@@ -38,29 +35,25 @@ class Airframe:
         heading = math.radians(heading_deg)
         ahead = wind[0] * math.sin(heading) + wind[1] * math.cos(heading)
         abeam = wind[0] * math.cos(heading) - wind[1] * math.sin(heading)
-        initial = {
-            "lat-geod-deg": origin[0],
-            "long-gc-deg": origin[1],
-            "terrain-elevation-ft": _FAR_BELOW_FT,
-            "h-sl-ft": elevation_m / FOOT_M,
-            "psi-true-deg": heading_deg,
-            "theta-deg": _PITCH_DEG,
-            "u-fps": (airspeed + ahead) / FOOT_M,
-            "v-fps": abeam / FOOT_M,
-        }
-        self._flight = Flight(_MODEL, None, STEP_S, initial)
-        self._flight["propulsion/set-running"] = -1
-        self._flight["propulsion/fuel_freeze"] = 1  # the engine here counts the fuel; the weight stays as it is
-        self._flight["fcs/mixture-cmd-norm"] = _MIXTURE
-        self._sticks = tuple(self._flight.writer(f"fcs/{stick}-cmd-norm") for stick in _STICKS)
-        self._rates = tuple(self._flight.reader(f"velocities/{axis}-rad_sec") for axis in "pqr")
-        self._airspeed = self._flight.reader("velocities/vt-fps")
-        self._fuel_flow = self._flight.reader("propulsion/engine[0]/fuel-flow-rate-pps")
+        super().__init__(
+            _MODEL,
+            None,
+            origin,
+            elevation_m,
+            heading_deg,
+            terrain_elevation_ft=_FAR_BELOW_FT,
+            theta_deg=_PITCH_DEG,
+            u_fps=(airspeed + ahead) / FOOT_M,
+            v_fps=abeam / FOOT_M,
+        )
+        self["propulsion/set-running"] = -1
+        self["propulsion/fuel_freeze"] = 1  # the engine here counts the fuel; the weight stays as it is
+        self["fcs/mixture-cmd-norm"] = _MIXTURE
+        self._sticks = tuple(self.writer(f"fcs/{stick}-cmd-norm") for stick in _STICKS)
+        self._rates = tuple(self.reader(f"velocities/{axis}-rad_sec") for axis in "pqr")
+        self._airspeed = self.reader("velocities/vt-fps")
+        self._fuel_flow = self.reader("propulsion/engine[0]/fuel-flow-rate-pps")
         self.blow(*wind)
-
-    def blow(self, east: float, north: float, up: float) -> None:
-        """Set the air's velocity, m/s."""
-        self._flight.blow(east, north, up)
 
     def command(self, aileron: float, elevator: float, throttle: float) -> None:
         """Set stick (-1..1: right wing down, nose down) and throttle (0..1)."""
@@ -71,18 +64,14 @@ class Airframe:
 
     def cut(self) -> None:
         """The engine stops."""
-        self._flight["propulsion/engine[0]/set-running"] = 0
+        self["propulsion/engine[0]/set-running"] = 0
 
-    def step(self, count: int) -> None:
-        """Integrate `count` steps of `STEP_S`."""
-        self._flight.step(count)
-
-    def sample(self) -> Sample:
+    def sample(self) -> PlaneSample:
         """Read the state."""
         rolling, nodding, turning = self._rates
-        return Sample(
-            velocity=self._flight.velocity(),
-            attitude=self._flight.attitude(),
+        return PlaneSample(
+            velocity=self.velocity(),
+            attitude=self.attitude(),
             rates=(rolling(), nodding(), turning()),
             airspeed=self._airspeed() * FOOT_M,
             fuel_flow=self._fuel_flow() * POUND_KG,

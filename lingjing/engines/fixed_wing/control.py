@@ -7,12 +7,10 @@ Three loops that each own one control, as light aircraft's autopilots have them:
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
-from lingjing.engines.fixed_wing.airframe import Sample
-
-PERIOD_S = 0.02
-"""Control period: 50 Hz."""
+from lingjing.engines.aircraft import PERIOD_S
+from lingjing.engines.fixed_wing.airframe import PlaneSample
 
 _BANK_GAIN, _BANK_INTEGRAL, _BANK_DAMPING = 2.0, 0.3, 0.5
 _CLIMB_GAIN, _CLIMB_INTEGRAL = 0.025, 0.006
@@ -23,8 +21,7 @@ _THROTTLE_GAIN, _THROTTLE_INTEGRAL = 0.12, 0.03
 _SLOW_SHARE = 0.92
 
 
-@dataclass(frozen=True, slots=True)
-class Demand:
+class StickDemand(NamedTuple):
     """Stick (-1..1) and throttle (0..1)."""
 
     aileron: float
@@ -41,37 +38,37 @@ class Autopilot:
         self._elevator = -0.1
         self._throttle = 0.65
 
-    def fly(self, sample: Sample, bank: float, climb: float, airspeed: float, *, powered: bool) -> Demand:
+    def fly(self, sample: PlaneSample, bank: float, climb: float, airspeed: float, *, powered: bool) -> StickDemand:
         """One period: bank in radians (right wing down), climb and true airspeed in m/s."""
         pitch = self._climb(sample, climb, airspeed) if powered else self._glide(sample, airspeed)
-        return Demand(
+        return StickDemand(
             aileron=self._roll(sample, bank),
             elevator=self._nose(sample, pitch),
             throttle=self._power(sample, airspeed) if powered else 0.0,
         )
 
-    def _roll(self, sample: Sample, bank: float) -> float:
+    def _roll(self, sample: PlaneSample, bank: float) -> float:
         error = bank - sample.attitude[0]
         self._aileron = _within(self._aileron + PERIOD_S * _BANK_INTEGRAL * error, 0.4)
         return _within(_BANK_GAIN * error + self._aileron - _BANK_DAMPING * sample.rates[0], 1.0)
 
-    def _climb(self, sample: Sample, climb: float, airspeed: float) -> float:
+    def _climb(self, sample: PlaneSample, climb: float, airspeed: float) -> float:
         if sample.airspeed < _SLOW_SHARE * airspeed:  # speed before height
             climb = min(climb, 0.0)
         error = climb - sample.velocity[2]
         self._pitch = _within(self._pitch + PERIOD_S * _CLIMB_INTEGRAL * error, _MAX_PITCH)
         return _within(_CLIMB_GAIN * error + self._pitch, _MAX_PITCH)
 
-    def _glide(self, sample: Sample, airspeed: float) -> float:
+    def _glide(self, sample: PlaneSample, airspeed: float) -> float:
         return _within(_GLIDE_GAIN * (sample.airspeed - airspeed) - 0.05, _MAX_PITCH)
 
-    def _nose(self, sample: Sample, pitch: float) -> float:
+    def _nose(self, sample: PlaneSample, pitch: float) -> float:
         error = pitch - sample.attitude[1]
         self._elevator = _within(self._elevator + PERIOD_S * _PITCH_INTEGRAL * error, 0.6)
         # A banked aircraft turns its nose through the horizon; damping acts on what is more than that turn.
         return _within(-_PITCH_GAIN * error - self._elevator + _PITCH_DAMPING * sample.rates[1], 1.0)
 
-    def _power(self, sample: Sample, airspeed: float) -> float:
+    def _power(self, sample: PlaneSample, airspeed: float) -> float:
         error = airspeed - sample.airspeed
         self._throttle = min(max(self._throttle + PERIOD_S * _THROTTLE_INTEGRAL * error, 0.0), 1.0)
         return min(max(self._throttle + _THROTTLE_GAIN * error, 0.0), 1.0)

@@ -1,4 +1,4 @@
-"""The autopilot: from a destination to roll, pitch, yaw rate and thrust, 50 times a second.
+"""The position controller: from a destination to roll, pitch, yaw rate and thrust, 50 times a second.
 
 A cascade, as flight stacks have it: the distance left gives a speed that can still be braked away (linear near the
 goal, a square root beyond), limited in acceleration; the speed error gives an acceleration (PI, with the drag of the
@@ -10,12 +10,10 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from lingjing.engines.aircraft import PERIOD_S
 from lingjing.engines.multirotor.airframe import MASS_KG
 from lingjing.engines.sea import GRAVITY
 from lingjing.mission.instance import Vector
-
-PERIOD_S = 0.02
-"""Control period: 50 Hz."""
 
 BRAKE_MPS2 = 2.0
 """Deceleration that the speed profile plans with."""
@@ -34,7 +32,7 @@ _MAX_YAW_RATE = 1.2
 _DRAG = 0.5 * 1.225 * 0.05
 
 
-class Demand(NamedTuple):
+class AttitudeDemand(NamedTuple):
     """What the attitude loops are told: radians, radians per second, newtons."""
 
     roll: float
@@ -74,7 +72,7 @@ def tilt(east: float, north: float, up: float, heading: float) -> tuple[float, f
     return math.atan2(right * math.cos(pitch), up + GRAVITY), pitch
 
 
-class Autopilot:
+class PositionController:
     """Controller state of one vehicle: the limited velocity demand and the wind it has learnt to lean against.
     `mass_kg` is what flies, the load included."""
 
@@ -85,7 +83,7 @@ class Autopilot:
 
     def fly(
         self, position: Vector, velocity: Vector, attitude: Vector, goal: Vector, cruise: float, face: float
-    ) -> Demand:
+    ) -> AttitudeDemand:
         """One period. `attitude` is (roll, pitch, heading) and `face` the heading wanted, in radians."""
         before = self._demand
         demand = self._demand = self._limited(wanted_velocity(position, goal, cruise))
@@ -104,7 +102,7 @@ class Autopilot:
         roll, pitch = tilt(east, north, up, attitude[2])
         thrust = self.mass_kg * (GRAVITY + up) / max(math.cos(attitude[0]) * math.cos(attitude[1]), 0.5)
         turn = (face - attitude[2] + math.pi) % (2.0 * math.pi) - math.pi
-        return Demand(roll, pitch, min(max(_YAW_GAIN * turn, -_MAX_YAW_RATE), _MAX_YAW_RATE), thrust)
+        return AttitudeDemand(roll, pitch, min(max(_YAW_GAIN * turn, -_MAX_YAW_RATE), _MAX_YAW_RATE), thrust)
 
     def _limited(self, wanted: Vector) -> Vector:
         east, north = wanted[0] - self._demand[0], wanted[1] - self._demand[1]

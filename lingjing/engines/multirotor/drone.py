@@ -9,264 +9,168 @@ on a roof. A load makes it heavier: it takes more thrust, so more energy, and cr
 from __future__ import annotations
 
 import math
-from enum import Enum
+from collections.abc import Sequence
 
-from lingjing.engines.aloft import Notice
-from lingjing.engines.gust import Gust
-from lingjing.engines.multirotor.airframe import LIFT_N, MASS_KG, STEP_S, Airframe, Sample
-from lingjing.engines.multirotor.control import BRAKE_MPS2, PERIOD_S, Autopilot, Demand
-from lingjing.engines.multirotor.power import Battery
-from lingjing.engines.multirotor.verbs import Situation, Task, path_length
+from lingjing.engines.aircraft import PERIOD_S, STEPS, Aircraft, FlightNotice, FlightPhase
+from lingjing.engines.battery import Battery
+from lingjing.engines.multirotor.airframe import LIFT_N, MASS_KG, QuadrotorAirframe
+from lingjing.engines.multirotor.control import BRAKE_MPS2, PositionController
+from lingjing.engines.multirotor.power import RotorPower, hover_power
+from lingjing.engines.multirotor.verbs import Situation, plan
 from lingjing.engines.sea import GRAVITY
-from lingjing.mission.instance import Entity, Vector, Weather
-from lingjing.plugins.neighbours import Neighbour
+from lingjing.mission.instance import Entity, Weather
+from lingjing.plugins.requests import STOP, Refusal
 from lingjing.plugins.stock import Stock
-from lingjing.scene.outlines import compass
+from lingjing.scene.blocks import Block
 from lingjing.scene.terrain import Terrain
-from lingjing.trace.records import BodyState
+from lingjing.trace.records import BodyState, Command
 
 CRUISE_MPS = 12.0
 ENDURANCE_S = 1500.0
 """What an entity without these properties gets."""
 
-_STEPS = round(PERIOD_S / STEP_S)
 _SPINUP_PERIODS = 25
-RADIUS_M = 0.3
-"""From the centre to the rotors' tips, roughly: how close is a collision."""
-_HALF_HEIGHT_M = 0.1
 _AIRBORNE_M = 6.0
-_LAUNCH_M = 1.5
 _PASSED_M = 1.5
 _ARRIVED_M = 1.0
 _SLOW_MPS = 0.5
-_TERMINAL_MPS = 20.0
 _RESERVE = 1.25
 """Thrust in hand over the weight that it takes to fly."""
 _TOUCH_M = 0.5
-_SPURT_MPS = 5.0
 
 
-class Phase(Enum):
-    """What the vehicle is doing."""
+class Drone(Aircraft):
+    """A multirotor in flight or on the ground."""
 
-    GROUNDED = "grounded"
-    SPINUP = "spinup"
-    FLYING = "flying"
-    LANDING = "landing"
-    FALLING = "falling"
-    DEAD = "dead"
-
-
-class Drone:
-    """A vehicle in flight or on the ground; `step` moves it by one control period."""
+    radius_m, half_height_m = 0.3, 0.1
+    launch_m, launch_drop_m = 1.5, 0.3
+    terminal_mps, spurt_mps = 20.0, 5.0
+    energy = "battery"
 
     def __init__(
         self, entity: Entity, terrain: Terrain, weather: Weather, origin: tuple[float, float], seed: int
     ) -> None:
-        self.id = entity.id
-        self.position = entity.position
-        self.velocity: Vector = (0.0, 0.0, 0.0)
-        self.task: Task | None = None
-        self.battery = Battery.lasting(_property(entity, "endurance_s", ENDURANCE_S))
-        self.stock = Stock(entity)
-        self.around: tuple[Neighbour, ...] = ()
-        self._full_cruise = self._cruise = _property(entity, "cruise_mps", CRUISE_MPS)
-        self._terrain = terrain
-        self._gust = Gust(weather, seed, f"multirotor/{entity.id}/gust", PERIOD_S)
-        self._airframe = Airframe(*origin, entity.position[2], entity.heading_deg)
-        self._autopilot = Autopilot()
-        self._attitude: Vector = (0.0, 0.0, math.radians(entity.heading_deg % 360.0))
+        super().__init__(entity, terrain, weather, origin, seed)
+        self._battery = Battery.lasting(hover_power(), entity.number_or("endurance_s", ENDURANCE_S))
+        self._power = RotorPower()
+        self._stock = Stock(entity)
+        self._full_cruise = self.cruise_mps = entity.number_or("cruise_mps", CRUISE_MPS)
+        self._airframe = QuadrotorAirframe(origin, entity.position[2], entity.heading_deg)
+        self._controller = PositionController()
         self._face = self._attitude[2]
-        self._launch = entity.position
         self._goal = entity.position
-        self._legs: tuple[Vector, ...] = ()
-        self._length = 0.0
         self._spun = 0
         self._load_kg = 0.0
-        self.phase = Phase.GROUNDED
-        self.carry()
+        self.load(())
         if entity.position[2] > terrain.support(*entity.position) + _AIRBORNE_M:
-            self._start_airborne()
+            for _ in range(_SPINUP_PERIODS):
+                self._spin_up()
 
     @property
-    def situation(self) -> Situation:
-        """What planning a command needs to know."""
-        grounded = self.phase in (Phase.GROUNDED, Phase.SPINUP)
-        return Situation(self.position, self._attitude[2], grounded, self.battery.left_wh)
-
-    @property
-    def alive(self) -> bool:
-        """Whether the vehicle still takes commands."""
-        return self.phase in (Phase.GROUNDED, Phase.SPINUP, Phase.FLYING)
-
-    @property
-    def flying(self) -> bool:
-        """Whether the vehicle is in the air and in control."""
-        return self.phase in (Phase.FLYING, Phase.LANDING)
-
-    @property
-    def reach_mps(self) -> float:
-        """A speed that it will not exceed in the next seconds."""
-        return max(self._cruise, math.hypot(*self.velocity)) + _SPURT_MPS
-
-    @property
-    def overloaded(self) -> bool:
-        """Whether the load is more than the rotors can fly with."""
-        return (MASS_KG + self._load_kg) * GRAVITY * _RESERVE > LIFT_N
-
-    @property
-    def progress(self) -> float:
-        """How much of the task's way is behind, 0..1."""
-        if self.task is None or self._length <= 0.0:
-            return 0.0
-        return min(max(1.0 - path_length(self.position, self._legs) / self._length, 0.0), 1.0)
-
-    def begin(self, task: Task) -> None:
-        """Start a task."""
-        self.task = task
-        self._legs = task.legs
-        self._length = path_length(self.position, task.legs)
-        self._goal = task.legs[0]
-        if task.face_rad is not None:
-            self._face = task.face_rad
-        if self.phase is Phase.GROUNDED:
-            self.phase = Phase.SPINUP
-
-    def brake(self) -> None:
-        """Stop as soon as the brakes allow and hover there; a vehicle that has not left the ground stays."""
-        if self.phase in (Phase.GROUNDED, Phase.SPINUP):
-            self.phase, self._spun = Phase.GROUNDED, 0
-            self.begin_here()
-            return
-        speed = math.hypot(*self.velocity)
-        ahead = speed / (2.0 * BRAKE_MPS2) + (1.0 / speed if speed > 2.0 else 0.0)
-        self._goal = self._point_ahead(ahead)
-        self.task = Task(legs=(self._goal,), arrives=False)
-        self._legs, self._length = self.task.legs, path_length(self.position, self.task.legs)
-
-    def carry(self) -> None:
-        """Feel the load on board: the same thrust margin leaves less speed for a greater weight."""
-        if self.stock.load_kg != self._load_kg:
-            self._load_kg = self.stock.load_kg
-            self._autopilot.mass_kg = MASS_KG + self._load_kg
-            self._cruise = self._full_cruise * math.sqrt(MASS_KG / self._autopilot.mass_kg)
-            self._airframe.carry(self._load_kg)
-
-    def strike(self, what: str) -> Notice:
-        """Hit something: the flight is over and the fall begins."""
-        notice = Notice("collided", what, math.hypot(*self.velocity))
-        self.phase, self.velocity = Phase.FALLING, (0.0, 0.0, 0.0)
-        return notice
-
-    def begin_here(self) -> None:
-        """A task that is done at once."""
-        self.task = Task(legs=(self.position,), arrives=False)
-        self._legs, self._length, self._goal = self.task.legs, 0.0, self.position
-
-    def step(self, weather: Weather, now_s: float) -> Notice | None:
-        """Move by one control period, which ends at `now_s`, and say what happened."""
-        if self.phase is Phase.FALLING:
-            self._fall()
-            return None
-        if self.phase is Phase.DEAD:
-            return None
-        if self.phase is Phase.GROUNDED:
-            return Notice("done") if self.task is not None else None
-        if self.phase is Phase.SPINUP:
-            self._spin_up()
-            return None
-        self._fly(weather)
-        return self._contact(now_s) or self._exhausted() or self._reached()
-
-    def state(self, remainder_s: float) -> BodyState:
-        """The vehicle `remainder_s` after its last step."""
-        x, y, z = (here + remainder_s * rate for here, rate in zip(self.position, self.velocity, strict=True))
-        return BodyState(
-            id=self.id,
-            position=(x, y, z),
-            velocity=self.velocity,
-            heading_deg=compass(math.degrees(self._attitude[2])),
-            pitch_deg=math.degrees(self._attitude[1]),
-            roll_deg=math.degrees(self._attitude[0]),
-            status=self.status,
-            resources={"battery": self.battery.share, "battery_wh": self.battery.left_wh, **self.stock.amounts},
-        )
+    def empty(self) -> bool:
+        """Whether the battery is."""
+        return self._battery.empty
 
     @property
     def status(self) -> str:
         """`grounded`, `hovering`, `moving` or `dead`."""
         if not self.alive:
             return "dead"
-        if self.phase is Phase.GROUNDED:
+        if self.phase is FlightPhase.GROUNDED:
             return "grounded"
-        return "moving" if self.task is not None else "hovering"
+        return "moving" if self._legs else "hovering"
 
-    def _start_airborne(self) -> None:
-        for _ in range(_SPINUP_PERIODS):
+    @property
+    def resources(self) -> dict[str, float]:
+        """Battery (0..1 and watt-hours) and what is on board."""
+        return {**self._battery.resources, **self._stock.amounts}
+
+    def start(self, command: Command) -> None:
+        """Begin a task, or `Refusal`: `overloaded` and those of `plan`."""
+        if command.verb == STOP:
+            self._brake()
+            return
+        grounded = self.phase in (FlightPhase.GROUNDED, FlightPhase.SPINUP)
+        here = Situation(self.position, self._attitude[2], grounded, self._battery.left_wh)
+        task = plan(command, here, self._terrain)
+        if (MASS_KG + self._load_kg) * GRAVITY * _RESERVE > LIFT_N:
+            raise Refusal("overloaded", f"`{self.id}` cannot lift {self._load_kg:g} kg")
+        self._begin(*task.legs, arrives=task.arrives)
+        self._goal = task.legs[0]
+        if task.face_rad is not None:
+            self._face = task.face_rad
+        if self.phase is FlightPhase.GROUNDED:
+            self.phase = FlightPhase.SPINUP
+
+    def _brake(self) -> None:
+        """Stop as soon as the brakes allow and hover there; a vehicle that has not left the ground stays."""
+        if self.phase in (FlightPhase.GROUNDED, FlightPhase.SPINUP):
+            self.phase, self._spun = FlightPhase.GROUNDED, 0
+            self._goal = self.position
+        else:
+            speed = math.hypot(*self.velocity)
+            self._goal = self._ahead(speed / (2.0 * BRAKE_MPS2) + (1.0 / speed if speed > 2.0 else 0.0))
+        self._begin(self._goal, arrives=False)
+
+    def load(self, mirrors: Sequence[BodyState]) -> None:
+        """Feel the load on board: the same thrust margin leaves less speed for a greater weight."""
+        self._stock.read(mirrors)
+        if self._stock.load_kg != self._load_kg:
+            self._load_kg = self._stock.load_kg
+            self._controller.mass_kg = MASS_KG + self._load_kg
+            self.cruise_mps = self._full_cruise * math.sqrt(MASS_KG / self._controller.mass_kg)
+            self._airframe.carry(self._load_kg)
+
+    def step(self, weather: Weather, now_s: float) -> FlightNotice | None:
+        """Move by one control period, which ends at `now_s`, and say what happened."""
+        if self.phase is FlightPhase.FALLING:
+            self._fall()
+        elif self.phase is FlightPhase.GROUNDED:
+            return FlightNotice("done") if self._legs else None
+        elif self.phase is FlightPhase.SPINUP:
             self._spin_up()
+        elif self.flying:
+            self._fly(weather)
+            return self._contact(now_s) or self._exhausted() or self._reached()
+        return None
+
+    def touchdown(self, solids: Sequence[Block], low_m: float) -> bool:
+        """A landing ends on whatever is below, be that a roof; only a wall beside it is hit."""
+        x, y, _ = self.position
+        if not all(solid.top_at(x, y) < low_m + _TOUCH_M for solid in solids):
+            return False
+        if low_m <= self._terrain.support(x, y, low_m + _TOUCH_M):
+            self._rest()
+        return True
 
     def _spin_up(self) -> None:
-        self._airframe.command(0.0, 0.0, 0.0, self._autopilot.mass_kg * GRAVITY)
-        self._airframe.step(_STEPS)
+        self._airframe.command(0.0, 0.0, 0.0, self._controller.mass_kg * GRAVITY)
+        self._airframe.step(STEPS)
         self._spun += 1
         if self._spun >= _SPINUP_PERIODS:
             self._airframe.release()
-            self.phase = Phase.FLYING
+            self.phase = FlightPhase.FLYING
 
     def _fly(self, weather: Weather) -> None:
-        demand = self._autopilot.fly(self.position, self.velocity, self._attitude, self._goal, self._cruise, self._face)
-        self._airframe.blow(*self._gust.next(weather))
-        self._apply(demand)
-        sample = self._airframe.sample()
-        self._move(sample)
-        self.battery.drain(sample, PERIOD_S)
+        airframe, fly = self._airframe, self._controller.fly
+        demand = fly(self.position, self.velocity, self._attitude, self._goal, self.cruise_mps, self._face)
+        airframe.blow(*self._gust.next(weather))
+        airframe.command(*demand)
+        airframe.step(STEPS)
+        sample = airframe.sample()
+        self._move(sample.velocity, sample.attitude)
+        self._battery.drain(self._power.watts(sample), PERIOD_S)
 
-    def _apply(self, demand: Demand) -> None:
-        self._airframe.command(demand.roll, demand.pitch, demand.yaw_rate, demand.thrust_n)
-        self._airframe.step(_STEPS)
-
-    def _move(self, sample: Sample) -> None:
-        (x, y, z), (east, north, up), now, half = self.position, self.velocity, sample.velocity, 0.5 * PERIOD_S
-        self.position = (x + half * (east + now[0]), y + half * (north + now[1]), z + half * (up + now[2]))
-        self.velocity = now
-        self._attitude = (sample.roll, sample.pitch, sample.heading)
-
-    def _contact(self, now_s: float) -> Notice | None:
-        if self._at_launch():
+    def _exhausted(self) -> FlightNotice | None:
+        if self.phase is not FlightPhase.FLYING or not self._battery.empty:
             return None
-        for other in self.around:
-            if other.touches(self.position, RADIUS_M, _HALF_HEIGHT_M, now_s):
-                return self.strike(other.id)
-        x, y, z = self.position
-        low = z - _HALF_HEIGHT_M
-        if low > self._terrain.ceiling_m(x, y):
-            return None
-        solids = self._terrain.solids_at(x, y, low, z + _HALF_HEIGHT_M, RADIUS_M)
-        if self.phase is Phase.LANDING and all(solid.top_at(x, y) < low + _TOUCH_M for solid in solids):
-            if low <= self._terrain.support(x, y, low + _TOUCH_M):
-                self._rest()
-            return None
-        if solids:
-            return self.strike(solids[0].id)
-        if low > self._terrain.surface(x, y):
-            return None
-        return self.strike("ground" if self._terrain.water_level(x, y) is None else "water")
-
-    def _at_launch(self) -> bool:
-        x, y, z = self._launch
-        near = math.hypot(self.position[0] - x, self.position[1] - y) < _LAUNCH_M
-        return near and self.position[2] > z - RADIUS_M and self.phase is Phase.FLYING
-
-    def _exhausted(self) -> Notice | None:
-        if self.phase is not Phase.FLYING or not self.battery.empty:
-            return None
-        x, y, _ = self._point_ahead(math.hypot(*self.velocity) / (2.0 * BRAKE_MPS2))
-        self.phase = Phase.LANDING
+        x, y, _ = self._ahead(math.hypot(*self.velocity) / (2.0 * BRAKE_MPS2))
+        self.phase = FlightPhase.DESCENDING
         self._goal = (x, y, self._terrain.support(x, y, self.position[2]) - 2.0)
-        return Notice("battery_empty")
+        return FlightNotice("battery_empty")
 
-    def _reached(self) -> Notice | None:
-        if self.task is None or self.phase is not Phase.FLYING:
+    def _reached(self) -> FlightNotice | None:
+        if not self._legs or self.phase is not FlightPhase.FLYING:
             return None
         if len(self._legs) > 1:
             if math.dist(self.position, self._legs[0]) < _PASSED_M:
@@ -274,26 +178,5 @@ class Drone:
                 self._goal = self._legs[0]
             return None
         if math.dist(self.position, self._goal) < _ARRIVED_M and math.hypot(*self.velocity) < _SLOW_MPS:
-            return Notice("done")
+            return FlightNotice("done")
         return None
-
-    def _fall(self) -> None:
-        x, y, z = self.position
-        floor = self._terrain.support(x, y, z)
-        sink = min(-self.velocity[2] + GRAVITY * PERIOD_S, _TERMINAL_MPS)
-        self.position, self.velocity = (x, y, max(floor, z - sink * PERIOD_S)), (0.0, 0.0, -sink)
-        if self.position[2] <= floor:
-            self._rest()
-
-    def _rest(self) -> None:
-        self.phase, self.velocity = Phase.DEAD, (0.0, 0.0, 0.0)
-        self._attitude = (0.0, 0.0, self._attitude[2])
-
-    def _point_ahead(self, seconds: float) -> Vector:
-        x, y, z = (here + seconds * rate for here, rate in zip(self.position, self.velocity, strict=True))
-        return x, y, z
-
-
-def _property(entity: Entity, name: str, default: float) -> float:
-    value = entity.properties.get(name, default)
-    return float(value) if isinstance(value, int | float) else default

@@ -1,4 +1,4 @@
-"""What flying costs: electric power from rotor thrust and airspeed, and the battery it drains.
+"""What flying costs: electric power from rotor thrust and airspeed.
 
 Momentum theory (Glauert): the induced velocity solves `v = T / (2 rho A) / sqrt(Vt^2 + (Va + v)^2)`, with `Vt` the
 airspeed in the rotor plane and `Va` the one through it. Thrust works against both; blade profile drag grows with the
@@ -8,9 +8,8 @@ advance ratio. Because thrust is what the airframe really produces, drag, climbs
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
-from lingjing.engines.multirotor.airframe import MASS_KG, Sample
+from lingjing.engines.multirotor.airframe import MASS_KG, RotorSample
 from lingjing.engines.sea import GRAVITY
 
 _DISC_M2 = 4 * math.pi * 0.119**2
@@ -47,34 +46,15 @@ def hover_power() -> float:
     return electric_power(weight, 0.0, 0.0, math.sqrt(weight / (2.0 * _SEA_LEVEL * _DISC_M2)))
 
 
-@dataclass(slots=True)
-class Battery:
-    """Energy left, sized so that hovering in still air lasts `endurance_s`."""
+class RotorPower:
+    """The electric power that a vehicle takes; it remembers the induced velocity."""
 
-    capacity_wh: float
-    left_wh: float
-    induced: float = 0.0
+    def __init__(self) -> None:
+        self._induced = 0.0
 
-    @classmethod
-    def lasting(cls, endurance_s: float) -> Battery:
-        """A full battery that hovers for `endurance_s` seconds."""
-        capacity = hover_power() * endurance_s / 3600.0
-        return cls(capacity_wh=capacity, left_wh=capacity)
-
-    @property
-    def empty(self) -> bool:
-        """Whether nothing is left."""
-        return self.left_wh <= 0.0
-
-    @property
-    def share(self) -> float:
-        """What is left, 0..1."""
-        return self.left_wh / self.capacity_wh
-
-    def drain(self, sample: Sample, dt_s: float) -> None:
-        """Pay for `dt_s` seconds of the flight state in `sample`."""
+    def watts(self, sample: RotorSample) -> float:
+        """What the flight state in `sample` takes; called once in each control period."""
         forward, right, down = sample.air_velocity
         plane = math.hypot(forward, right)
-        self.induced = induced_velocity(sample.thrust_n, sample.density, plane, -down, self.induced)
-        watts = electric_power(sample.thrust_n, plane, -down, self.induced)
-        self.left_wh = max(0.0, self.left_wh - watts * dt_s / 3600.0)
+        self._induced = induced_velocity(sample.thrust_n, sample.density, plane, -down, self._induced)
+        return electric_power(sample.thrust_n, plane, -down, self._induced)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from lingjing.engines.aircraft import path_length
 from lingjing.engines.multirotor.power import hover_power
 from lingjing.mission.instance import Vector
 from lingjing.plugins.requests import Refusal, number, optional_number
@@ -26,7 +27,7 @@ _DIRECTIONS = {"forward": 0.0, "right": 90.0, "backward": 180.0, "left": 270.0}
 
 
 @dataclass(frozen=True, slots=True)
-class Task:
+class FlightTask:
     """Points to fly to, in order; `face_rad` is the heading to turn to, None to keep it. `arrives` if reaching the
     last one is worth an event."""
 
@@ -45,7 +46,7 @@ class Situation:
     left_wh: float
 
 
-def plan(command: Command, here: Situation, terrain: Terrain) -> Task:
+def plan(command: Command, here: Situation, terrain: Terrain) -> FlightTask:
     """The task of a command other than `stop`, or `Refusal`: `unknown_verb`, `bad_argument`, `grounded`, `airborne`,
     `unreachable`, `battery`."""
     if command.verb == "takeoff":
@@ -61,36 +62,36 @@ def plan(command: Command, here: Situation, terrain: Terrain) -> Task:
     return task
 
 
-def _takeoff(command: Command, here: Situation) -> Task:
+def _takeoff(command: Command, here: Situation) -> FlightTask:
     if not here.grounded:
         raise Refusal("airborne", f"`{command.resource}` is flying already")
     altitude = optional_number(command, "altitude")
     if altitude is not None and altitude < 1.0:
         raise Refusal("bad_argument", f"`altitude` of `takeoff` must be at least 1 m, not {altitude:g}")
-    return Task(legs=(_raised(here.position, altitude or TAKEOFF_M),), arrives=False)
+    return FlightTask(legs=(_raised(here.position, altitude or TAKEOFF_M),), arrives=False)
 
 
-def _destination(command: Command, here: Situation) -> Task:
+def _destination(command: Command, here: Situation) -> FlightTask:
     goal = number(command, "x"), number(command, "y"), number(command, "z")
     east, north = goal[0] - here.position[0], goal[1] - here.position[1]
     face = math.atan2(east, north) if math.hypot(east, north) > _FACING_M else None
     if not here.grounded:
-        return Task(legs=(goal,), face_rad=face)
+        return FlightTask(legs=(goal,), face_rad=face)
     climb = min(max(goal[2] - here.position[2], 2.0), TAKEOFF_M)
-    return Task(legs=(_raised(here.position, climb), goal), face_rad=face)
+    return FlightTask(legs=(_raised(here.position, climb), goal), face_rad=face)
 
 
-def _move(command: Command, here: Situation) -> Task:
+def _move(command: Command, here: Situation) -> FlightTask:
     distance = number(command, "distance")
     if distance < 0.0:
         raise Refusal("bad_argument", f"`distance` of `{command.verb}` must not be negative")
     if here.grounded and command.verb != "up":
         raise Refusal("grounded", f"`{command.resource}` is on the ground: `takeoff` or `setDestination` first")
     if command.verb in ("up", "down"):
-        return Task(legs=(_raised(here.position, distance if command.verb == "up" else -distance),))
+        return FlightTask(legs=(_raised(here.position, distance if command.verb == "up" else -distance),))
     course = here.heading_rad + math.radians(_DIRECTIONS[command.verb])
     x, y, z = here.position
-    return Task(legs=((x + distance * math.sin(course), y + distance * math.cos(course), z),))
+    return FlightTask(legs=((x + distance * math.sin(course), y + distance * math.cos(course), z),))
 
 
 def _raised(position: Vector, height: float) -> Vector:
@@ -106,14 +107,9 @@ def _check_free(goal: Vector, terrain: Terrain) -> None:
         raise Refusal("unreachable", f"({x:.1f}, {y:.1f}, {z:.1f}) is inside `{solid.id}`")
 
 
-def _check_range(task: Task, here: Situation) -> None:
+def _check_range(task: FlightTask, here: Situation) -> None:
     # A lower bound (top speed at the least power), so that nothing possible is refused.
     length = path_length(here.position, task.legs)
     least = length / _BEST_MPS * _BEST_POWER_SHARE * hover_power() / 3600.0
     if least > here.left_wh:
         raise Refusal("battery", f"{length:.0f} m need at least {least:.1f} Wh, {here.left_wh:.1f} Wh are left")
-
-
-def path_length(start: Vector, legs: tuple[Vector, ...]) -> float:
-    """Length of the way from `start` through all `legs`, metres."""
-    return sum(math.dist(a, b) for a, b in zip((start, *legs), legs, strict=False))

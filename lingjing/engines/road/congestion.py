@@ -47,10 +47,10 @@ class Jam:
 
 def jam_of(entity: Entity, seed: int) -> Jam:
     """The jam that a target makes; its vehicles come from a stream of its own."""
-    radius = entity.properties.get("radius_m")
-    wide = float(radius) if isinstance(radius, int | float) else LEAST_RADIUS_M
     x, y, _ = entity.position
-    return Jam(entity.id, x, y, max(wide, LEAST_RADIUS_M), Stream(seed, f"road/jam/{entity.id}"))
+    return Jam(
+        entity.id, x, y, max(entity.number_or("radius_m", 0.0), LEAST_RADIUS_M), Stream(seed, f"road/jam/{entity.id}")
+    )
 
 
 class Congestion:

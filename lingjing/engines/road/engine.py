@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import replace
 
@@ -13,9 +12,10 @@ from lingjing.engines.road.contact import Contacts
 from lingjing.engines.road.foreign import Foreign
 from lingjing.engines.road.graph import Place, elevations, read_graph
 from lingjing.engines.road.kerb import Kerb
+from lingjing.engines.road.options import traffic
 from lingjing.engines.road.simulation import STEP_S, Simulation
 from lingjing.engines.road.traffic import Occupied, Traffic
-from lingjing.engines.road.vehicle import LOAD, Vehicle
+from lingjing.engines.road.vehicle import Vehicle
 from lingjing.engines.road.verbs import PLANNING, Planner
 from lingjing.errors import InfrastructureError
 from lingjing.mission.instance import Entity
@@ -76,7 +76,7 @@ class RoadEngine(FleetEngine):
         occupied = Occupied()
         for entity in owned:
             self._put(entity, occupied)
-        count = int(_number(instance.scene.options.get("traffic")))
+        count = traffic(instance)
         self._traffic = Traffic(sim, graph, seed)
         for jam in self._congestion.jams:
             if self._schedule.present(jam.id, 0.0):
@@ -109,7 +109,9 @@ class RoadEngine(FleetEngine):
         self._foreign.look(mirrors, self.clock.time_s)
         self._looked_s = self.clock.time_s
         self._cleared = {state.id for state in mirrors if state.status == _CLEARED}
-        self._balance(mirrors)
+        for vehicle in self._vehicles.values():
+            vehicle.stock.read(mirrors)
+            vehicle.carry()
         self._update_jams(self.clock.time_s)
 
     def step(self) -> None:
@@ -178,19 +180,6 @@ class RoadEngine(FleetEngine):
         place = _free_place(place, vehicle.size.length_m, occupied)
         vehicle.place(place)
 
-    def _balance(self, mirrors: Sequence[BodyState]) -> None:
-        """What each vehicle carries: what it began with and what the accounts of others say it got."""
-        if not self._vehicles:
-            return
-        got = dict.fromkeys(self._vehicles, 0.0)
-        for state in mirrors:
-            for key, amount in state.resources.items():
-                stock, _, name = key.partition("@")
-                if name in got and stock in (LOAD.field, LOAD.name):
-                    got[name] += amount
-        for name, amount in got.items():
-            self._vehicles[name].take_load(amount)
-
     def _update_jams(self, time_s: float) -> None:
         for jam in self._congestion.jams:
             wanted = jam.id not in self._cleared and self._schedule.present(jam.id, time_s)
@@ -224,7 +213,3 @@ def _free_place(place: Place, length_m: float, occupied: Occupied) -> Place:
             return place if number == 0 else replace(place, at_m=at)
     occupied.add(lane.id, place.at_m + length_m / 2.0, length_m)
     return place
-
-
-def _number(value: object) -> float:
-    return float(value) if isinstance(value, int | float) and math.isfinite(value) else 0.0

@@ -22,7 +22,8 @@ from lingjing.engines.road.kinds import SPEED_MPS, declare, kind_of, top_speed
 from lingjing.engines.road.routing import Avoided, Way, onward
 from lingjing.engines.road.sideways import Sideways, shifted
 from lingjing.engines.road.simulation import FOREVER_S, STEP_S, Simulation, SumoError
-from lingjing.mission.instance import Entity, StateSpec
+from lingjing.mission.instance import Entity
+from lingjing.plugins.stock import Stock
 from lingjing.scene.sizes import SIZES
 from lingjing.trace.records import BodyState
 
@@ -37,9 +38,6 @@ NOWHERE_M = -1e8
 """Farther west than every map: where SUMO says a vehicle is that is on no road."""
 
 _STILL_MPS = 1e-3
-_SAME_LOAD_KG = 0.5
-
-LOAD = StateSpec(name="load", unit="kg")
 
 QUEUE_M = 40.0
 """Within this distance of its goal a vehicle that stands behind others of the mission has arrived."""
@@ -111,10 +109,10 @@ class Vehicle:
         self._sim = sim
         self._graph = graph
         self._kerb = kerb
-        self._speed_mps = _number(entity, "speed_mps", SPEED_MPS)
-        self._payload_kg = _number(entity, "payload_kg", 0.0)
-        self._first_load_kg = self.load_kg = self._felt_kg = _number(entity, LOAD.field, 0.0)
-        self._loads = LOAD in entity.state
+        self._speed_mps = entity.number_or("speed_mps", SPEED_MPS)
+        self._payload_kg = entity.number_or("payload_kg", 0.0)
+        self.stock = Stock(entity)
+        self._load_kg = 0.0
         self._arrived = False
         self._waited = 0
         self._room: Room | None = None
@@ -136,7 +134,7 @@ class Vehicle:
             self.id, name, f"type/{self.id}", departLane=str(lane.index), departPos=str(front), departSpeed="0"
         )
         self._sim.vehicle.setStop(self.id, lane.edge, front, lane.index, FOREVER_S)
-        self._carry()
+        self.carry()
 
     def _kerbside(self, place: Place) -> Room | None:
         """The free place at the kerb that is nearest to a point on a lane, promised to it; None: there is none."""
@@ -368,12 +366,13 @@ class Vehicle:
             return (self.odometer_m - task.start_m) / max(task.total, 0.1)
         return 1.0 - min(max(self._left_m(task), 0.0) / task.total, 1.0)
 
-    def take_load(self, got_kg: float) -> None:
-        """Carry this much more than at the start from now on, if the load is a state of the vehicle."""
-        self.load_kg = max(0.0, self._first_load_kg + got_kg) if self._loads else self.load_kg
-        if abs(self.load_kg - self._felt_kg) > _SAME_LOAD_KG:
-            self._felt_kg = self.load_kg
-            self._carry()
+    def carry(self) -> None:
+        """Feel the load on board."""
+        if self.stock.load_kg != self._load_kg:
+            self._load_kg = self.stock.load_kg
+            vehicles = self._sim.vehicle
+            vehicles.setAccel(self.id, self.kind.acceleration(self._load_kg))
+            vehicles.setMaxSpeed(self.id, top_speed(self._speed_mps, self._load_kg, self._payload_kg))
 
     def state(self, ahead_s: float) -> BodyState:
         """The state `ahead_s` after the last step, moved on along its velocity."""
@@ -387,7 +386,7 @@ class Vehicle:
             heading_deg=body.heading_deg,
             pitch_deg=float(vehicles.getSlope(self.id)),
             status=self.status,
-            resources={LOAD.field: self.load_kg, "speed_mps": speed, "odometer_m": self.odometer_m},
+            resources={"load_kg": self._load_kg, "speed_mps": speed, "odometer_m": self.odometer_m},
         )
 
     def _begin(self, task: Task) -> None:
@@ -476,11 +475,6 @@ class Vehicle:
         self._kerb.leave(self.id)
         self._room = None
 
-    def _carry(self) -> None:
-        vehicles = self._sim.vehicle
-        vehicles.setAccel(self.id, self.kind.acceleration(self.load_kg))
-        vehicles.setMaxSpeed(self.id, top_speed(self._speed_mps, self.load_kg, self._payload_kg))
-
 
 def body_state(sim: Simulation, vehicle: str, name: str, length_m: float, ahead_s: float, kind: str = "") -> BodyState:
     """Any vehicle of the simulation as a body: its middle, `ahead_s` after the last step."""
@@ -512,8 +506,3 @@ def _needed_m(other: Passing, impatient: bool) -> float:
     if impatient:
         return _GAP_M + speed * _REACTION_S + speed * speed / (2.0 * _DECEL_MPS2)
     return 2.0 * _GAP_M + speed * _HEADWAY_S
-
-
-def _number(entity: Entity, name: str, default: float) -> float:
-    value = entity.properties.get(name)
-    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else default

@@ -43,8 +43,8 @@ class SatelliteEngine(FleetEngine):
             if orbit is None:
                 share = (ownless.index(entity.id) + 1) / (len(ownless) + 1)
                 orbit = passing(entity.id, start, origin, city.origin[0], share * whole)
-            swath = _number(entity, "swath_m", SWATH_M)
-            self._watches[entity.id] = Watch(orbit, start, origin, region, swath / 1000.0)
+            swath_km = entity.number_or("swath_m", SWATH_M) / 1000.0
+            self._watches[entity.id] = Watch(orbit, start, origin, region, swath_km)
         self._in_view = {name: watch.sees(watch.view(0.0)) for name, watch in self._watches.items()}
 
     def start(self, command: Command) -> None:
@@ -124,8 +124,3 @@ def _aim(instance: Instance) -> tuple[float, float]:
         return 0.0, 0.0
     xs, ys = [x for x, _ in points], [y for _, y in points]
     return 0.5 * (min(xs) + max(xs)), 0.5 * (min(ys) + max(ys))
-
-
-def _number(entity: Entity, name: str, default: float) -> float:
-    value = entity.properties.get(name, default)
-    return float(value) if isinstance(value, int | float) else default

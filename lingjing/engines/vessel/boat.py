@@ -35,7 +35,6 @@ class Boat:
 
     def __init__(self, entity: Entity, terrain: Terrain, weather: Weather) -> None:
         x, y, _ = entity.position
-        speed = entity.properties.get("speed_mps", SPEED_MPS)
         self.id = entity.id
         self.goal: Point | None = None
         self.stopping = False
@@ -45,7 +44,7 @@ class Boat:
         self._weather = weather
         self._around = hull.Surroundings.of(weather)
         self._waves = sea.waves(weather)
-        self._light_speed = float(speed) if isinstance(speed, int | float) else SPEED_MPS
+        self._light_speed = entity.number_or("speed_mps", SPEED_MPS)
         self._pilot = Pilot(self._light_speed, self._around)
         self.carry()
         self._state: hull.State = (x, y, math.radians(entity.heading_deg), 0.0, 0.0, 0.0)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 
 os.environ.setdefault("JSBSIM_DEBUG", "0")  # read when the library is loaded; silences its banner
@@ -19,6 +19,9 @@ import jsbsim
 from lingjing.errors import InfrastructureError
 from lingjing.mission.instance import Vector
 
+STEP_S = 1.0 / 100.0
+"""Integration step. Flights at 250 Hz end within a millimetre and the same period."""
+
 FOOT_M = 0.3048
 POUND_N = 4.4482216152605
 POUND_KG = 0.45359237
@@ -27,14 +30,22 @@ Read = Callable[[], float]
 Write = Callable[[float], object]
 
 
-class Flight:
-    """One aircraft in JSBSim at its initial conditions.
+class FlightDynamics:
+    """One aircraft in JSBSim at its initial conditions: at an origin (latitude, longitude), elevation and heading.
 
-    `folder` holds `<model>/<model>.xml`; None means the aircraft that come with the library. `initial` are properties
-    under `ic/`, in JSBSim's own units.
+    `folder` holds `<model>/<model>.xml`; None means the aircraft that come with the library. `initial` are further
+    properties under `ic/`, in JSBSim's own units.
     """
 
-    def __init__(self, model: str, folder: Path | None, step_s: float, initial: Mapping[str, float]) -> None:
+    def __init__(
+        self,
+        model: str,
+        folder: Path | None,
+        origin: tuple[float, float],
+        elevation_m: float,
+        heading_deg: float,
+        **initial: float,
+    ) -> None:
         executive = jsbsim.FGFDMExec(None)
         executive.set_debug_level(0)
         if folder is not None:
@@ -45,9 +56,11 @@ class Flight:
             raise InfrastructureError(f"jsbsim cannot load the airframe `{model}` from {folder or 'its own folder'}")
         if executive.set_output_filename(0, os.devnull):  # some aircraft write a table into the working folder
             executive.disable_output()
-        executive.set_dt(step_s)
+        executive.set_dt(STEP_S)
+        executive["ic/lat-geod-deg"], executive["ic/long-gc-deg"] = origin
+        executive["ic/h-sl-ft"], executive["ic/psi-true-deg"] = elevation_m / FOOT_M, heading_deg
         for name, value in initial.items():
-            executive[f"ic/{name}"] = value
+            executive[f"ic/{name.replace('_', '-')}"] = value
         if not executive.run_ic():
             raise InfrastructureError(f"jsbsim cannot initialise the airframe `{model}` at its start position")
         self._executive = executive
@@ -77,7 +90,7 @@ class Flight:
         down(-up / FOOT_M)
 
     def step(self, count: int) -> None:
-        """Integrate `count` steps."""
+        """Integrate `count` steps of `STEP_S`."""
         for _ in range(count):
             self._executive.run()
 

@@ -1,0 +1,303 @@
+"""What every aircraft does the same way, and the engine of a fleet of them.
+
+An `Aircraft` stands, flies under the control of its kind, descends without power, falls after a collision, or is dead.
+In flight it touches solids, other bodies, the ground and the water; its position is the trapezoidal integral of the
+velocity that JSBSim says.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from typing import ClassVar
+
+from lingjing.engines.flight_dynamics import STEP_S
+from lingjing.engines.gust import Gust
+from lingjing.engines.pairs import close_pairs
+from lingjing.engines.sea import GRAVITY
+from lingjing.mission.instance import Entity, Vector, Weather
+from lingjing.mission.schedule import Schedule
+from lingjing.plugins.engine import EngineSpec
+from lingjing.plugins.fleet import FleetEngine
+from lingjing.plugins.neighbours import Neighbour, Neighbours
+from lingjing.plugins.requests import Refusal
+from lingjing.scene.blocks import Block
+from lingjing.scene.city import City
+from lingjing.scene.outlines import compass
+from lingjing.scene.terrain import Terrain
+from lingjing.trace.records import BodyState, Command
+
+PERIOD_S = 0.02
+"""Control period: 50 Hz."""
+
+STEPS = round(PERIOD_S / STEP_S)
+"""Integration steps in a control period."""
+
+
+class FlightPhase(Enum):
+    """What an aircraft is doing. In a descent it has no energy left and takes no commands."""
+
+    GROUNDED = "grounded"
+    SPINUP = "spinup"
+    FLYING = "flying"
+    DESCENDING = "descending"
+    FALLING = "falling"
+    DEAD = "dead"
+
+
+@dataclass(frozen=True, slots=True)
+class FlightNotice:
+    """Something that happened in a period: `done`, `battery_empty`, `fuel_empty`, or `collided` with `what`."""
+
+    kind: str
+    what: str = ""
+    speed_mps: float = 0.0
+
+
+class Aircraft(ABC):
+    """One aircraft; `step` moves it by one control period."""
+
+    radius_m: ClassVar[float]
+    """From the middle to the outermost part that must not touch anything."""
+    half_height_m: ClassVar[float]
+    launch_m: ClassVar[float]
+    launch_drop_m: ClassVar[float]
+    """Within `launch_m` of where it started, and no farther than this below it, it touches nothing."""
+    terminal_mps: ClassVar[float]
+    """The fastest that it falls."""
+    spurt_mps: ClassVar[float]
+    """What its speed may grow by in the next seconds."""
+    energy: ClassVar[str]
+    """What it runs out of: the reason of refusals."""
+
+    def __init__(
+        self, entity: Entity, terrain: Terrain, weather: Weather, origin: tuple[float, float], seed: int
+    ) -> None:
+        """Stand or fly where the mission says; `origin` is the scene's latitude and longitude."""
+        self.id = entity.id
+        self.position = self._launch = entity.position
+        self.velocity: Vector = (0.0, 0.0, 0.0)
+        self.around: tuple[Neighbour, ...] = ()
+        self.phase = FlightPhase.GROUNDED
+        self.cruise_mps = 0.0
+        self._attitude: Vector = (0.0, 0.0, math.radians(entity.heading_deg % 360.0))
+        self._terrain = terrain
+        self._gust = Gust(weather, seed, f"{entity.engine}/{entity.id}/gust", PERIOD_S)
+        self._legs: tuple[Vector, ...] = ()
+        self._length = 0.0
+        self._arrives = False
+
+    @property
+    @abstractmethod
+    def status(self) -> str:
+        """Its status word; `dead` once it takes no more commands."""
+
+    @property
+    @abstractmethod
+    def resources(self) -> dict[str, float]:
+        """What it has left and what is on board."""
+
+    @property
+    @abstractmethod
+    def empty(self) -> bool:
+        """Whether it has run out of energy."""
+
+    @abstractmethod
+    def start(self, command: Command) -> None:
+        """Begin a command, or `Refusal`."""
+
+    @abstractmethod
+    def step(self, weather: Weather, now_s: float) -> FlightNotice | None:
+        """Move by one control period, which ends at `now_s`, and say what happened."""
+
+    @abstractmethod
+    def touchdown(self, solids: Sequence[Block], low_m: float) -> bool:
+        """Whether a descent goes on or ends well where its underside is at `low_m` amid `solids`."""
+
+    def load(self, mirrors: Sequence[BodyState]) -> None:  # noqa: B027 - most carry nothing
+        """Take what the city's book says is on board."""
+
+    @property
+    def alive(self) -> bool:
+        """Whether it still takes commands."""
+        return self.phase in (FlightPhase.GROUNDED, FlightPhase.SPINUP, FlightPhase.FLYING)
+
+    @property
+    def flying(self) -> bool:
+        """Whether it is in the air and whole."""
+        return self.phase in (FlightPhase.FLYING, FlightPhase.DESCENDING)
+
+    @property
+    def progress(self) -> float:
+        """How much of the way is behind, 0..1."""
+        if not self._legs or self._length <= 0.0:
+            return 0.0
+        return min(max(1.0 - path_length(self.position, self._legs) / self._length, 0.0), 1.0)
+
+    def finish(self) -> bool:
+        """Give up or complete what is being done; whether reaching its end is an arrival."""
+        self._legs = ()
+        return self._arrives
+
+    def strike(self, what: str) -> FlightNotice:
+        """Hit something: the flight is over and the fall begins."""
+        notice = FlightNotice("collided", what, math.hypot(*self.velocity))
+        self.phase, self.velocity = FlightPhase.FALLING, (0.0, 0.0, 0.0)
+        return notice
+
+    def state(self, remainder_s: float) -> BodyState:
+        """The aircraft `remainder_s` after its last step."""
+        return BodyState(
+            id=self.id,
+            position=self._ahead(remainder_s),
+            velocity=self.velocity,
+            heading_deg=compass(math.degrees(self._attitude[2])),
+            pitch_deg=math.degrees(self._attitude[1]),
+            roll_deg=math.degrees(self._attitude[0]),
+            status=self.status,
+            resources=self.resources,
+        )
+
+    def _ahead(self, seconds: float) -> Vector:
+        """Where it is some seconds later if it keeps its velocity."""
+        x, y, z = (here + seconds * rate for here, rate in zip(self.position, self.velocity, strict=True))
+        return x, y, z
+
+    def _begin(self, *legs: Vector, arrives: bool) -> None:
+        self._legs, self._length, self._arrives = legs, path_length(self.position, legs), arrives
+
+    def _move(self, velocity: Vector, attitude: Vector) -> None:
+        """Take over what the flight dynamics say at the end of a period."""
+        (x, y, z), (east, north, up), half = self.position, self.velocity, 0.5 * PERIOD_S
+        self.position = (
+            x + half * (east + velocity[0]),
+            y + half * (north + velocity[1]),
+            z + half * (up + velocity[2]),
+        )
+        self.velocity, self._attitude = velocity, attitude
+
+    def _contact(self, now_s: float) -> FlightNotice | None:
+        """What it hits, if anything."""
+        x, y, z = self.position
+        launched = math.hypot(x - self._launch[0], y - self._launch[1]) < self.launch_m
+        if launched and z > self._launch[2] - self.launch_drop_m and self.phase is FlightPhase.FLYING:
+            return None
+        for other in self.around:
+            if other.touches(self.position, self.radius_m, self.half_height_m, now_s):
+                return self.strike(other.id)
+        low = z - self.half_height_m
+        if low > self._terrain.ceiling_m(x, y):
+            return None
+        solids = self._terrain.solids_at(x, y, low, z + self.half_height_m, self.radius_m)
+        if self.phase is FlightPhase.DESCENDING and self.touchdown(solids, low):
+            return None
+        if solids:
+            return self.strike(solids[0].id)
+        if low > self._terrain.surface(x, y):
+            return None
+        return self.strike("ground" if self._terrain.water_level(x, y) is None else "water")
+
+    def _fall(self) -> None:
+        x, y, z = self.position
+        floor = self._terrain.support(x, y, z)
+        sink = min(-self.velocity[2] + GRAVITY * PERIOD_S, self.terminal_mps)
+        self.position, self.velocity = (x, y, max(floor, z - sink * PERIOD_S)), (0.0, 0.0, -sink)
+        if self.position[2] <= floor:
+            self._rest()
+
+    def _rest(self) -> None:
+        self.phase, self.velocity = FlightPhase.DEAD, (0.0, 0.0, 0.0)
+        self._attitude = (0.0, 0.0, self._attitude[2])
+
+
+class AircraftEngine(FleetEngine):
+    """Steps every aircraft at 50 Hz (100 Hz inside JSBSim); two that touch each other both crash."""
+
+    step_s = PERIOD_S
+    aircraft: ClassVar[type[Aircraft]]
+
+    def build(self, spec: EngineSpec, city: City, seed: int) -> None:
+        """Load one airframe an aircraft and put them at their start."""
+        terrain = Terrain(city)
+        self._schedule = Schedule(spec.instance)
+        self._neighbours = Neighbours(spec.instance)
+        weather = self._schedule.weather(0.0)
+        self._fleet = {one.id: self.aircraft(one, terrain, weather, city.origin, seed) for one in spec.owned()}
+
+    def start(self, command: Command) -> None:
+        """Begin a command, or `Refusal`: `unknown_resource`, `dead`, `battery` or `fuel`, and those of the aircraft."""
+        aircraft = self._fleet.get(command.resource)
+        if aircraft is None:
+            raise Refusal("unknown_resource", f"`{command.resource}` is no aircraft of `{self.name}`")
+        if not aircraft.alive:
+            if aircraft.empty:
+                raise Refusal(aircraft.energy, _exhausted(aircraft))
+            raise Refusal("dead", f"`{aircraft.id}` has crashed")
+        aircraft.start(command)
+
+    def look(self, mirrors: Sequence[BodyState]) -> None:
+        """Who is near each aircraft, and what is on board."""
+        self._neighbours.look(mirrors, self.clock.time_s)
+        for aircraft in self._fleet.values():
+            aircraft.load(mirrors)
+            reach = max(aircraft.cruise_mps, math.hypot(*aircraft.velocity)) + aircraft.spurt_mps
+            aircraft.around = self._neighbours.near(aircraft.position, reach) if aircraft.flying else ()
+
+    def step(self) -> None:
+        """One control period of every aircraft."""
+        now = self.clock.now_s
+        weather = self._schedule.weather(now - self.step_s)
+        for aircraft in self._fleet.values():
+            notice = aircraft.step(weather, now)
+            if notice is not None:
+                self._report(aircraft, notice)
+        self._collide()
+
+    def states(self) -> Iterable[BodyState]:
+        """Every aircraft."""
+        return (aircraft.state(self.clock.remainder_s) for aircraft in self._fleet.values())
+
+    def progress(self) -> Mapping[str, float]:
+        """How much of each way is behind."""
+        return {aircraft.id: aircraft.progress for aircraft in self._fleet.values()}
+
+    def close(self) -> None:
+        """Let go of the airframes."""
+        self._fleet = {}
+
+    def _collide(self) -> None:
+        """Aircraft of the fleet that touch each other both crash; each is reported once."""
+        flying = [aircraft for aircraft in self._fleet.values() if aircraft.flying]
+        reach = 2.0 * flying[0].radius_m if flying else 0.0
+        for first, second in close_pairs([aircraft.position for aircraft in flying], reach):
+            one, other = flying[first], flying[second]
+            if one.flying and other.flying:
+                self._report(one, one.strike(other.id))
+                self._report(other, other.strike(one.id))
+
+    def _report(self, aircraft: Aircraft, notice: FlightNotice) -> None:
+        now, arrives = self.clock.now_s, aircraft.finish()
+        if notice.kind == "done":
+            self.requests.complete(aircraft.id, now)
+            if arrives:
+                self.emit("arrived", aircraft.id)
+        elif notice.kind == "collided":
+            self.requests.fail(aircraft.id, now, "collided", f"`{aircraft.id}` hit `{notice.what}`")
+            self.emit("collided", aircraft.id, notice.what, speed_mps=notice.speed_mps)
+        else:
+            self.requests.fail(aircraft.id, now, aircraft.energy, _exhausted(aircraft))
+            self.emit(notice.kind, aircraft.id)
+
+
+def path_length(start: Vector, legs: Sequence[Vector]) -> float:
+    """Length of the way from `start` through all `legs`, metres."""
+    return sum(math.dist(a, b) for a, b in zip((start, *legs), legs, strict=False))
+
+
+def _exhausted(aircraft: Aircraft) -> str:
+    if aircraft.energy == "battery":
+        return f"the battery of `{aircraft.id}` is empty"
+    return f"`{aircraft.id}` has no fuel left"
