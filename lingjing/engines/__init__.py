@@ -2,7 +2,7 @@
 
 Packages, one for each kind of motion or seeing:
 
-- `multirotor`, `fixed_wing` (engine `plane`)   fleets of `aircraft`: JSBSim through `flight_dynamics`, in gusts (`gust`)
+- `multirotor`, `fixed_wing` (engine `plane`)   `aircraft` in JSBSim (`flight_dynamics`) and `gust`s
 - `quadruped`    the Go2 on its legs in MuJoCo
 - `road`         SUMO: vehicles, background traffic, queues
 - `vessel`       3-DOF hulls on the waves of `sea`
