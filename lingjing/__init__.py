@@ -19,15 +19,18 @@ if TYPE_CHECKING:
     from lingjing.dsl.loading.load import load_mission as compile  # noqa: A004 - `lingjing.compile` is the public name
     from lingjing.mission.model import Mission
     from lingjing.numerics import pin
-    from lingjing.play.episode import EpisodeResult, run
+    from lingjing.play.episode import run
+    from lingjing.play.options import PlayOptions
+    from lingjing.play.report import EpisodeReport
 
     __version__: str
 
-__all__ = ["EpisodeResult", "Mission", "__version__", "compile", "pin", "run"]
+__all__ = ["EpisodeReport", "Mission", "PlayOptions", "__version__", "compile", "pin", "run"]
 
 _EXPORTS = {
-    "EpisodeResult": ("lingjing.play.episode", "EpisodeResult"),
+    "EpisodeReport": ("lingjing.play.report", "EpisodeReport"),
     "Mission": ("lingjing.mission.model", "Mission"),
+    "PlayOptions": ("lingjing.play.options", "PlayOptions"),
     "compile": ("lingjing.dsl.loading.load", "load_mission"),
     "pin": ("lingjing.numerics", "pin"),
     "run": ("lingjing.play.episode", "run"),

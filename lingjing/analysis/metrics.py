@@ -3,12 +3,22 @@ metrics and its table of communication metrics).
 
 A pure function of the trace. What is not defined for an episode (a rate over nothing) is None and is left out of
 means. Rates and shares are 0..1 except `gap`, which the paper gives in percent.
+
+A field of `Metrics` says all there is to say of a metric: its group in a printed score, the unit that is printed behind
+it, and its definition, of which the table in `docs/metrics.md` is made (`python -m lingjing.analysis.metrics PAGE`).
+`metrics` computes every field.
 """
 
 from __future__ import annotations
 
+import ast
+import inspect
+import sys
+import textwrap
 from collections import Counter
 from collections.abc import Iterable
+from pathlib import Path
+from typing import Annotated, get_type_hints
 
 import msgspec
 
@@ -21,6 +31,9 @@ from lingjing.kernel.subtasks import required_groups
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import DecisionRecord, Envelope, Usage
 
+GROUPS = ("outcome", "perception", "communication", "cost")
+"""The groups of a printed score, in order."""
+
 
 class StageMetric(msgspec.Struct, frozen=True, kw_only=True):
     """One stage of the mission: subjects `done` of `required`; `cumulative` if it and all before it are complete."""
@@ -32,71 +45,110 @@ class StageMetric(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Metrics(msgspec.Struct, frozen=True, kw_only=True):
-    """One episode's numbers; see the paper's tables for the definitions and the field comments for units."""
+    """One episode's numbers; the definition of each is below it."""
 
-    success: bool
-    scr: float | None
-    """The paper's subtask completion rate: "Number of required targets, deliveries, rescues, repairs, or other task
-    components completed, divided by the number required in that episode." """
-    score: float | None
-    """The mission's own score, 0..1: its weights and penalties count."""
-    ticks: int
-    sim_s: float
-    wall_s: float | None
-    reason: str
-    incidents: int
-    """Crashes, collisions, falls, empty stores and other losses: see `lingjing.analysis.incidents`."""
+    success: Annotated[bool, "outcome"]
+    """Every terminal condition confirmed within the budget."""
+    scr: Annotated[float | None, "outcome"]
+    """Subtask completion rate, "number of required targets, deliveries, rescues, repairs, or other task components
+    completed, divided by the number required in that episode": the targets of the groups that success asks for
+    (`forall v in victim: …`); in a mission of one target its stages, each counted once for each of its subjects; 1
+    when the mission is won."""
+    score: Annotated[float | None, "outcome"]
+    """The mission's own figure: the success condition's parts that hold, or, where stages have weights, the weighted
+    share of the stages; 1 when the mission is won; less the penalties of broken soft constraints."""
+    ticks: Annotated[int, "outcome"]
+    """Decision ticks."""
+    sim_s: Annotated[float, "outcome", "s"]
+    """Simulated seconds."""
+    wall_s: Annotated[float | None, "outcome", "s"]
+    """Seconds on the clock."""
+    reason: Annotated[str, "outcome"]
+    """The reason of its end: [why an episode ends](kernel.md#why-an-episode-ends)."""
+    incidents: Annotated[int, "outcome"]
+    """Collisions (one for both sides), falls, drownings, empty batteries and tanks, and assets that became `dead`,
+    `aground` or `fallen` for no reason that an engine gave; the summary and `--json` say who, when, where and why."""
 
-    reports: int
-    """Detection reports, each counted once."""
-    detections: int
-    """Reports that matched a visible target."""
-    targets_found: int
+    reports: Annotated[int, "perception"]
+    """Detection reports, whether heard by many or by nobody."""
+    detections: Annotated[int, "perception"]
+    """Reports that matched a visible target one to one (same class and picture, boxes overlap by half)."""
+    targets_found: Annotated[int, "perception"]
     """Distinct targets matched at least once."""
-    false_positives: int
-    misses: int
-    """Visible targets without a matching report, summed over frames."""
-    precision: float | None
-    recall: float | None
-    f1: float | None
-    miss_rate: float | None
-    hallucination_rate: float | None
-    localisation_error_m: float | None
-    """Median planar error of matched reports."""
-    calibration_error: float | None
-    first_discovery_tick: int | None
+    false_positives: Annotated[int, "perception"]
+    """Reports that a rule compared in vain. Reports that no rule of the mission compares with the truth are neither
+    detections nor false."""
+    misses: Annotated[int, "perception"]
+    """Visible targets that no report matched, summed over **all pictures**: a person found in one picture and
+    overlooked in another is found and missed once."""
+    precision: Annotated[float | None, "perception"]
+    """Detections over detections and false reports. N/A, as all rates of perception, where the mission judges no
+    reports; reference pictures are left out of all of them."""
+    recall: Annotated[float | None, "perception"]
+    """Detections over detections and misses, over pictures; so it may be 0.6 with every person found."""
+    f1: Annotated[float | None, "perception"]
+    """Harmonic mean of precision and recall."""
+    miss_rate: Annotated[float | None, "perception"]
+    """Share of pictures with a miss."""
+    hallucination_rate: Annotated[float | None, "perception"]
+    """Share of pictures with a false report."""
+    localisation_error_m: Annotated[float | None, "perception", "m"]
+    """Median planar distance between a matched report's position and the target when the picture was taken."""
+    calibration_error: Annotated[float | None, "perception"]
+    """Expected calibration error: confidence against match, ten bins, weighted."""
+    first_discovery_tick: Annotated[int | None, "perception"]
+    """Tick of the first matched report."""
 
-    messages: int
-    """Sender-to-recipient edges."""
-    kilobytes: float
-    """Payload over all edges, in units of 1000 bytes."""
-    rounds: int
+    messages: Annotated[int, "communication"]
+    """Sender-to-recipient messages; one broadcast counts once for each recipient."""
+    kilobytes: Annotated[float, "communication", "kB"]
+    """Their payload, in units of 1000 bytes."""
+    rounds: Annotated[int, "communication"]
     """Ticks with an assignment or a target-status message."""
-    gap: float | None
-    """The paper's: "percentage of the initial requirement that remains incomplete at episode end. The requirement is
-    delivery mass for CD and target count for UFR and SSR." None without a requirement."""
-    rep: float | None
-    """Repeated target events over all target events: see `lingjing.analysis.repetition`."""
-    conflicts: int
-    rejections: int
-    """Commands and messages refused for any reason, conflicts included."""
+    gap: Annotated[float | None, "outcome", "%"]
+    """Percent of what was required that is incomplete at the end: mass where goods are to be delivered, else required
+    targets, one in a mission that asks for no group."""
+    rep: Annotated[float | None, "communication"]
+    """Repeated target rate: repeated assignments and visits of a target over all of them. A visit is an entry into
+    the target's region by somebody who can serve it, to stop or to pass; staying inside is one. It is repeated when
+    the target is completed or assigned to somebody else: the assignee's own arrival is what was asked for. A step of
+    guidance, an assignee's yes to what it was given, and the way back to a depot are no events. An order larger than
+    one load has room for several."""
+    conflicts: Annotated[int, "communication"]
+    """Commands refused because another agent came first."""
+    rejections: Annotated[int, "communication"]
+    """Commands and messages refused for any reason."""
 
-    calls: int
-    tokens: int
-    """Prompt and completion tokens of all policies."""
-    cost_usd: float
-    substitutions: int
-    """Policy outputs that had to be replaced."""
-    idle_fraction: float | None
-    """The paper's "agent steps with no assigned or executed task action" over all: see `lingjing.analysis.idleness`."""
+    calls: Annotated[int, "cost"]
+    """Calls of policies to models."""
+    tokens: Annotated[int, "cost"]
+    """Prompt and completion tokens of them all."""
+    cost_usd: Annotated[float, "cost", "USD"]
+    """What policies spent on models."""
+    substitutions: Annotated[int, "cost"]
+    """Policy answers that were missing or malformed and became "do nothing"."""
+    idle_fraction: Annotated[float | None, "cost"]
+    """Agent steps "with no assigned or executed task action" over all: of agents with a body, those without a command
+    admitted or under way and without an open assignment."""
 
-    coverage: float | None
-    """Visited search cells over all search cells that agents observe; None where nobody observes any."""
-    frames: int
-    absent_frames: int
-    faint_targets: int
-    """Targets that were in a picture with too little contrast to be seen, summed over pictures (ADR 0012)."""
-    stages: tuple[StageMetric, ...] = ()
+    coverage: Annotated[float | None, "outcome"]
+    """Search cells visited over all cells that agents observe, N/A where none observes any."""
+    frames: Annotated[int, "perception"]
+    """Pictures taken."""
+    absent_frames: Annotated[int, "perception"]
+    """Pictures asked for that did not come."""
+    faint_targets: Annotated[int, "perception"]
+    """Targets drawn in a picture with a contrast under 5 of 255 (in fog, at night), summed over pictures: they have
+    no visible pixels, so no report can match them and none is missed ([ADR
+    0012](adr/0012-targets-too-faint-to-see.md))."""
+    stages: Annotated[tuple[StageMetric, ...], "outcome"] = ()
+    """Each stage: subjects done of those required."""
+
+
+def printed() -> dict[str, tuple[str, str]]:
+    """Group and unit of every metric by name, in the order of the fields."""
+    hints = get_type_hints(Metrics, include_extras=True)
+    return {name: (*hint.__metadata__, "")[:2] for name, hint in hints.items()}
 
 
 def metrics(trace: Trace) -> Metrics:
@@ -222,3 +274,24 @@ def _stages(trace: Trace) -> tuple[StageMetric, ...]:
         whole = count >= required and (not found or found[-1].cumulative)
         found.append(StageMetric(name=stage.name, done=count, required=required, cumulative=whole))
     return tuple(found)
+
+
+def table() -> str:
+    """The definitions as a table in Markdown, group by group; they are read from the source of `Metrics`."""
+    body = ast.parse(textwrap.dedent(inspect.getsource(Metrics))).body[0]
+    assert isinstance(body, ast.ClassDef)
+    texts = [ast.literal_eval(node.value) for node in body.body if isinstance(node, ast.Expr)][1:]
+    rows = [(*how, name, " ".join(text.split())) for (name, how), text in zip(printed().items(), texts, strict=True)]
+    rows.sort(key=lambda row: GROUPS.index(row[0]))
+    lines = (f"| {group} | `{name}` | {unit} | {text} |" for group, unit, name, text in rows)
+    return "\n".join(["| group | metric | unit | what it is |", "| --- | --- | --- | --- |", *lines]) + "\n"
+
+
+def write_table(page: Path) -> None:
+    """Put the table in the place of the one that the page ends with."""
+    text = page.read_text(encoding="utf-8")
+    page.write_text(text[: text.index("| group |")] + table(), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    write_table(Path(sys.argv[1]))

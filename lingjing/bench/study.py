@@ -29,7 +29,8 @@ from lingjing.data import data_path
 from lingjing.errors import ExitCode, LingjingError, UsageError
 from lingjing.mission.seeding import integer
 from lingjing.play.folders import RUNS
-from lingjing.play.parallel import RunOptions, Task, play_apart
+from lingjing.play.options import PlayOptions
+from lingjing.play.parallel import Task, play_apart
 from lingjing.play.report import ABORTED, INTERRUPTED, EpisodeReport
 from lingjing.terminal import guard_streams
 
@@ -349,16 +350,17 @@ def _take_away(folder: Path) -> None:
 
 
 def _task(study: Study, case: Case, column: Column, seed: int, *, overview: bool) -> Task:
-    options = RunOptions(
-        path=column.path,
+    options = PlayOptions(
+        mission=str(column.path),
         policy=case.policy,
+        seed=seed,
         mode=column.mode,
-        settings=column.settings,
+        settings=dict(column.settings),
         blank_pictures=case.blank_pictures,
         policy_seed=study.policy_seed(case.name, column.name, seed),
         overview=overview,
     )
-    return Task(options, seed, study.folder / f"{case.name}-{column.name}-{seed}")
+    return Task(options, study.folder / f"{case.name}-{column.name}-{seed}")
 
 
 def _lines(rows: Sequence[Row]) -> Iterator[str]:

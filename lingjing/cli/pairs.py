@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from functools import partial
+from typing import Any
 
 from lingjing.errors import UsageError
 from lingjing.mission.expression import Expr, Number
@@ -20,10 +22,25 @@ MOST_SEEDS = 100_000
 """A range beyond this is a slip of the finger."""
 
 
+def all_of(*readers: Callable[[], Any]) -> list[Any]:
+    """What each of the readers gives. A `UsageError` tells the faults of all of them, a line each."""
+    read, faults = [], []
+    for reader in readers:
+        try:
+            read.append(reader())
+        except UsageError as error:
+            faults.append(error)
+    if faults:
+        hints = dict.fromkeys(fault.hint for fault in faults if fault.hint)
+        raise UsageError("\n".join(map(str, faults)), hint="; ".join(hints))
+    return read
+
+
 def parse_pairs(option: str, texts: Iterable[str]) -> dict[str, str]:
     """`["k=v", …]` as a mapping; a missing `=`, an empty name or a repeated one is a `UsageError`."""
     pairs: dict[str, str] = {}
-    for text in texts:
+
+    def read(text: str) -> None:
         name, equals, value = text.partition("=")
         name = name.strip()
         if not equals or not name:
@@ -31,6 +48,8 @@ def parse_pairs(option: str, texts: Iterable[str]) -> dict[str, str]:
         if name in pairs:
             raise UsageError(f"{option} {text}: `{name}` is given twice")
         pairs[name] = value.strip()
+
+    all_of(*(partial(read, text) for text in texts))
     return pairs
 
 
@@ -58,7 +77,13 @@ def parse_seed(text: str) -> int:
 def parse_settings(pairs: Mapping[str, str], mission: Mission) -> dict[str, float]:
     """Values of `--set` in SI units: `80`, `80 m` or `0.08 km`; a wrong number or unit is a `UsageError`."""
     units = {parameter.name: _unit_of(parameter.default) for parameter in mission.parameters}
-    return {name: _quantity(name, text, units.get(name)) for name, text in pairs.items()}
+    return dict(
+        zip(
+            pairs,
+            all_of(*(partial(_quantity, name, text, units.get(name)) for name, text in pairs.items())),
+            strict=True,
+        )
+    )
 
 
 def _unit_of(default: Expr) -> Unit | None:

@@ -3,45 +3,53 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import msgspec
 
-from lingjing.cli.pairs import MODES, parse_pairs, parse_seed, parse_seeds, parse_settings
+from lingjing.cli.pairs import MODES, all_of, parse_pairs, parse_seed, parse_seeds, parse_settings
 from lingjing.cli.process import end_with, restore_terminal, results_alone
 from lingjing.cli.progress import LiveProgress
-from lingjing.cli.scoreboard import exit_code, explain, print_episode, print_json, print_suite
+from lingjing.cli.scoreboard import exit_code, explain, print_episode, print_json, print_seeds
+from lingjing.dsl.loading.load import load_mission
 from lingjing.dsl.loading.shipped import find_mission
 from lingjing.errors import ExitCode, MissionError, UsageError
 from lingjing.mission.model import Mission
 from lingjing.play.folders import RUNS, claim_folder, claim_run_folder, release_if_empty
-from lingjing.play.parallel import RunOptions, Task, play_apart, play_here, without_result
+from lingjing.play.options import PlayOptions, checked_options, read_options
+from lingjing.play.parallel import Task, play_apart, play_here, without_result
 from lingjing.play.report import EpisodeReport, summarise
 from lingjing.play.supervision import Place, can_supervise, play_supervised
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Declare the verb and its options."""
+    """Declare the verb and its options. What is not given is None or empty: `PlayOptions` has the defaults."""
     parser = subparsers.add_parser("run", help="play a mission to a score and a trace", description=__doc__)
-    parser.add_argument("mission", metavar="MISSION", help="a .ljs or resetScenario .json file, or a shipped name")
+    parser.add_argument(
+        "mission", metavar="MISSION", nargs="?", help="a .ljs or resetScenario .json file, or a shipped name"
+    )
     which = parser.add_mutually_exclusive_group()
-    which.add_argument("--seed", metavar="N", default="0", help="the episode's seed (default 0)")
+    which.add_argument("--seed", metavar="N", help="the episode's seed (default 0)")
     which.add_argument("--seeds", metavar="A-B", help="several seeds, both ends included")
     parser.add_argument("--mode", choices=MODES, help="communication mode (default: the mission's)")
     parser.add_argument("--set", metavar="NAME=VALUE", action="append", default=[], help="set a mission parameter")
-    parser.add_argument(
-        "--policy", metavar="NAME|FILE.py:CLASS", default="heuristic", help="who plays (default heuristic)"
-    )
+    parser.add_argument("--policy", metavar="NAME|FILE.py:CLASS", help="who plays (default heuristic)")
     parser.add_argument(
         "--policy-for", metavar="ROLE_OR_AGENT=NAME", action="append", default=[], help="who plays this role or agent"
     )
     parser.add_argument("--policy-arg", metavar="K=V", action="append", default=[], help="an option of the policy")
     parser.add_argument(
-        "--policy-seed", metavar="N", default="0", help="what the policies' own random streams start from (default 0)"
+        "--policy-seed", metavar="N", help="what the policies' own random streams start from (default 0)"
+    )
+    parser.add_argument(
+        "--options",
+        metavar="FILE",
+        help="a JSON file with all of these; - reads standard input; what is given here counts",
     )
     parser.add_argument("-o", "--output", metavar="DIR", help="a new or empty folder (default: a new one in runs/)")
-    parser.add_argument("--world", choices=("process", "inline"), default="process", help="where the engines run")
+    parser.add_argument("--world", choices=("process", "inline"), help="where the engines run (default process)")
     parser.add_argument("--blank-pictures", action="store_true", help="hand the policies black pictures (a control)")
     parser.add_argument("--no-overview", action="store_true", help="do not draw overview.png (it takes a few seconds)")
     parser.add_argument("-j", "--jobs", metavar="N", type=int, default=1, help="play N seeds at a time")
@@ -55,58 +63,82 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def handler(args: argparse.Namespace) -> int:
     """Play, print, and answer with the exit code."""
-    from lingjing.dsl.loading.load import load_mission
+    if args.end_with is not None:
+        end_with(args.end_with)
+    _, (options, mission), seeds = all_of(
+        lambda: _check(args), lambda: _options(args), lambda: parse_seeds(args.seeds) if args.seeds else ()
+    )
+    if seeds:
+        return _run_many(args, mission, options, seeds)
+    return _run_one(args, mission, options)
 
+
+def _check(args: argparse.Namespace) -> None:
     if args.jobs < 1:
         raise UsageError(f"-j {args.jobs}: at least one")
     if args.output == "":
         raise UsageError("-o names no folder", hint="give -o a name, or leave it out for a new folder in runs/")
-    if args.end_with is not None:
-        end_with(args.end_with)
     if args.jobs > 1 and _watched(args):
         raise UsageError("--watch shows one episode at a time", hint="leave -j out, or --watch")
-    path = find_mission(args.mission)
-    seeds = parse_seeds(args.seeds) if args.seeds else (parse_seed(args.seed),)
-    mission = load_mission(path)
-    options = _options(args, path, mission)
-    _check_settings(args.set, mission, options, seeds[0])
-    if args.seeds is None:
-        return _run_one(args, mission, options, seeds[0])
-    return _run_many(args, mission, options, seeds)
 
 
-def _options(args: argparse.Namespace, path: Path, mission: Mission) -> RunOptions:
-    return RunOptions(
-        path=path,
-        policy=args.policy,
-        policies_for=parse_pairs("--policy-for", args.policy_for),
-        policy_args=parse_pairs("--policy-arg", args.policy_arg),
-        mode=args.mode,
-        settings=parse_settings(parse_pairs("--set", args.set), mission),
-        world=args.world,
-        policy_seed=parse_seed(args.policy_seed),
-        blank_pictures=args.blank_pictures,
-        overview=not args.no_overview,
+def _options(args: argparse.Namespace) -> tuple[PlayOptions, Mission]:
+    """The options of a file, if one is named, with those of the command line over them; and their mission."""
+    given = _file_options(args.options) if args.options else {}
+    named = args.mission or given.get("mission")
+    if not named:
+        raise UsageError("no mission is named", hint="name a .ljs file or a shipped mission: lingjing run ssr")
+    path, policies_for, policy_args, pairs, seed, policy_seed = all_of(
+        lambda: find_mission(str(named)),
+        lambda: parse_pairs("--policy-for", args.policy_for),
+        lambda: parse_pairs("--policy-arg", args.policy_arg),
+        lambda: parse_pairs("--set", args.set),
+        lambda: parse_seed(args.seed) if args.seed is not None else None,
+        lambda: parse_seed(args.policy_seed) if args.policy_seed is not None else None,
     )
+    mission = load_mission(path)
+    settings = parse_settings(pairs, mission)
+    options = checked_options(given | {"mission": str(path)})
+    over = {
+        "policies_for": options.policies_for | policies_for,
+        "policy_args": options.policy_args | policy_args,
+        "settings": options.settings | settings,
+        "blank_pictures": options.blank_pictures or args.blank_pictures,
+        "overview": options.overview and not args.no_overview,
+    }
+    single = {"seed": seed, "policy_seed": policy_seed, "policy": args.policy, "mode": args.mode, "world": args.world}
+    over |= {name: value for name, value in single.items() if value is not None}
+    options = msgspec.structs.replace(options, **over)
+    _check_settings(args.set, mission, options)
+    return options, mission
 
 
-def _check_settings(given: list[str], mission: Mission, options: RunOptions, seed: int) -> None:
+def _file_options(file: str) -> dict[str, object]:
+    try:
+        return read_options(sys.stdin.buffer.read() if file == "-" else Path(file).read_bytes(), file)
+    except OSError as error:
+        raise UsageError(f"cannot read `{file}`: {error.strerror}") from error
+
+
+def _check_settings(given: list[str], mission: Mission, options: PlayOptions) -> None:
     """A mission that is fine by itself and no longer once a value is set is a mistake of the command line."""
     if not given:
         return
     from lingjing.mission.instantiate import instantiate
 
     try:
-        instantiate(mission, seed=seed, mode=options.mode, settings=options.settings)
+        instantiate(mission, seed=options.seed, mode=options.mode, settings=options.settings)
     except MissionError as error:
         raise UsageError(f"--set {' --set '.join(given)}: {error}", hint=error.hint) from error
 
 
-def _run_one(args: argparse.Namespace, mission: Mission, options: RunOptions, seed: int) -> int:
+def _run_one(args: argparse.Namespace, mission: Mission, options: PlayOptions) -> int:
     given = claim_folder(Path(args.output)) if args.output else None
     try:
         with results_alone():
-            (episode,) = _played(args, mission, options, (seed,), lambda seed: given or _claim(mission, options, seed))
+            (episode,) = _played(
+                args, mission, options, (options.seed,), lambda seed: given or _claim(mission, options, seed)
+            )
     finally:
         release_if_empty(given or RUNS)
     if args.json:
@@ -117,7 +149,7 @@ def _run_one(args: argparse.Namespace, mission: Mission, options: RunOptions, se
     return exit_code([episode])
 
 
-def _run_many(args: argparse.Namespace, mission: Mission, options: RunOptions, seeds: tuple[int, ...]) -> int:
+def _run_many(args: argparse.Namespace, mission: Mission, options: PlayOptions, seeds: tuple[int, ...]) -> int:
     root = claim_folder(Path(args.output)) if args.output else RUNS
     try:
         with results_alone():
@@ -131,7 +163,7 @@ def _run_many(args: argparse.Namespace, mission: Mission, options: RunOptions, s
     if args.json:
         print_json(report)
     else:
-        print_suite(report)
+        print_seeds(report)
     explain(episodes)
     return ExitCode.INTERRUPTED if interrupted else exit_code(episodes)
 
@@ -147,36 +179,36 @@ def _until_interrupted(played: Iterator[EpisodeReport]) -> tuple[list[EpisodeRep
     return sorted(episodes, key=lambda report: report.seed), interrupted
 
 
-def _claim(mission: Mission, options: RunOptions, seed: int, root: Path = RUNS) -> Path:
+def _claim(mission: Mission, options: PlayOptions, seed: int, root: Path = RUNS) -> Path:
     return claim_run_folder(mission.name, options.mode or mission.modes.default, seed, root)
 
 
 def _played(
     args: argparse.Namespace,
     mission: Mission,
-    options: RunOptions,
+    options: PlayOptions,
     seeds: Sequence[int],
     claim: Callable[[int], Path],
 ) -> Iterator[EpisodeReport]:
     """The episodes, each played in a process that a policy may ruin; in this one where it cannot be watched over."""
     if args.jobs > 1:
-        tasks = (Task(options, seed, claim(seed)) for seed in seeds)
+        tasks = (Task(msgspec.structs.replace(options, seed=seed), claim(seed)) for seed in seeds)
         return (report for _, report in play_apart(tasks, args.jobs))
 
     def play(places: Iterator[Place]) -> Iterator[EpisodeReport]:
         if not _watched(args):
-            return play_here(mission, options, places, LiveProgress)
+            return play_here(options, places, LiveProgress, mission)
         from lingjing.cli.watch import Audience
 
         audience = Audience(mission, options, truth=args.watch_truth)
-        return play_here(mission, options, audience.follow(places), audience)
+        return play_here(options, audience.follow(places), audience, mission)
 
     if not can_supervise():
         return play((seed, claim(seed)) for seed in seeds)
 
     def abort(seed: int, folder: Path, why: str) -> EpisodeReport:
         restore_terminal()
-        report = without_result(Task(options, seed, folder), why)
+        report = without_result(Task(msgspec.structs.replace(options, seed=seed), folder), why)
         return msgspec.structs.replace(report, mission=mission.name, mode=options.mode or mission.modes.default)
 
     return play_supervised(seeds, claim, play, abort)

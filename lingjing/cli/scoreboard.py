@@ -13,7 +13,7 @@ import msgspec
 from lingjing.analysis.credit import credit
 from lingjing.cli.scorecard import plain, scorecard
 from lingjing.errors import ExitCode
-from lingjing.play.report import ABORTED, INTERRUPTED, EpisodeReport, SuiteReport
+from lingjing.play.report import ABORTED, INTERRUPTED, EpisodeReport, SeedsReport
 from lingjing.terminal import visible
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ def _say(line: str) -> None:
     print(line, file=sys.stderr)
 
 
-def print_json(report: EpisodeReport | SuiteReport) -> None:
+def print_json(report: EpisodeReport | SeedsReport) -> None:
     """One object and a newline on standard output, nothing else."""
     try:
         text = msgspec.json.encode(report).decode()
@@ -78,7 +78,7 @@ def print_episode(report: EpisodeReport) -> None:
     print(f"trace: {report.trace}")
 
 
-def print_suite(report: SuiteReport) -> None:
+def print_seeds(report: SeedsReport) -> None:
     """One line an episode, then TSR and mean SCR, and the folder of the traces."""
     head = ("seed", "success", "reason", "SCR", "ticks", "run")
     rows = [
@@ -97,7 +97,7 @@ def print_suite(report: SuiteReport) -> None:
     print(f"traces: {report.trace}")
 
 
-def _tsr(report: SuiteReport) -> str:
+def _tsr(report: SeedsReport) -> str:
     """`TSR 0.50 (2 of 4), SCR 0.75`; episodes that were aborted or interrupted do not count."""
     counted = [episode for episode in report.episodes if episode.reason not in (ABORTED, INTERRUPTED)]
     if report.tsr is None:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+import msgspec
+
+from lingjing.analysis.metrics import GROUPS, printed
 from lingjing.play.report import EpisodeReport
 from lingjing.trace.records import CUT_SHORT
 
@@ -15,23 +18,6 @@ UNDEFINED = "N/A"
 
 MOST_ROWS = 8
 """Incidents that are shown, and events."""
-
-_PLAIN: dict[str, tuple[tuple[str, str], ...]] = {
-    "outcome": (("sim_s", "s"), ("wall_s", "s"), ("gap", "%"), ("coverage", ""), ("incidents", "")),
-    "perception": (
-        ("frames", ""), ("absent_frames", ""), ("faint_targets", ""), ("first_discovery_tick", ""),
-        ("targets_found", ""), ("reports", ""),
-        ("detections", ""), ("false_positives", ""), ("misses", ""), ("precision", ""), ("recall", ""), ("f1", ""),
-        ("miss_rate", ""), ("hallucination_rate", ""), ("localisation_error_m", "m"), ("calibration_error", ""),
-    ),
-    "communication": (
-        ("messages", ""), ("kilobytes", "kB"), ("rounds", ""), ("conflicts", ""), ("rejections", ""), ("rep", ""),
-    ),
-    "cost": (
-        ("calls", ""), ("tokens", ""), ("cost_usd", "USD"), ("substitutions", ""), ("idle_fraction", ""),
-    ),
-}  # fmt: skip
-"""Metrics by group, as `docs/metrics.md` names them, with the unit that is printed behind the number."""
 
 _REASONS = {
     "budget": "the budget of ticks ran out",
@@ -45,9 +31,9 @@ _REASONS = {
 
 def scorecard(report: EpisodeReport) -> tuple[Group, ...]:
     """Outcome, perception, communication and cost, a few rows each; incidents and the mission's events if any."""
-    metrics = report.metrics
+    metrics = _values(report)
     return (
-        ("Outcome", _outcome(report)),
+        ("Outcome", _outcome(report, metrics)),
         *(("Incidents", _few(rows)) for rows in (_incidents(report),) if rows),
         *(("Events", _few(rows)) for rows in (_events(report),) if rows),
         ("Perception", _perception(metrics)),
@@ -61,7 +47,7 @@ def plain(report: EpisodeReport) -> tuple[Group, ...]:
 
     Rates run from 0 to 1. Every mission and every outcome gives the same names in the same order.
     """
-    metrics = report.metrics
+    metrics = _values(report)
     episode = [(name, str(getattr(report, name))) for name in ("mission", "seed", "mode", "policy")]
     outcome = [
         ("success", f"{'yes' if report.success else 'no'} ({report.reason})"),
@@ -72,12 +58,13 @@ def plain(report: EpisodeReport) -> tuple[Group, ...]:
         ("ticks", str(report.ticks)),
     ]
     outcome += [("incident_log", _log(_incidents(report))), ("event_log", _log(_events(report)))]
-    rows = {name: [(key, _exact(metrics.get(key), unit)) for key, unit in keys] for name, keys in _PLAIN.items()}
-    return (
-        ("episode", tuple(episode)),
-        ("outcome", (*outcome, *rows.pop("outcome"))),
-        *((name, tuple(found)) for name, found in rows.items()),
-    )
+    said = {name for name, _ in outcome} | {"scr", "reason"}
+    rows: dict[str, list[Row]] = {group: [] for group in GROUPS}
+    rows["outcome"] = outcome
+    for name, (group, unit) in printed().items():
+        if name not in said:
+            rows[group].append((name, _exact(metrics.get(name), unit)))
+    return (("episode", tuple(episode)), *((group, tuple(found)) for group, found in rows.items()))
 
 
 def verdict(report: EpisodeReport) -> str:
@@ -88,8 +75,11 @@ def verdict(report: EpisodeReport) -> str:
     return f"no: {detail or _REASONS.get(report.reason, report.reason)}"
 
 
-def _outcome(report: EpisodeReport) -> tuple[Row, ...]:
-    metrics = report.metrics
+def _values(report: EpisodeReport) -> Mapping[str, object]:
+    return {} if report.metrics is None else msgspec.structs.asdict(report.metrics)
+
+
+def _outcome(report: EpisodeReport, metrics: Mapping[str, object]) -> tuple[Row, ...]:
     return (
         ("success", verdict(report)),
         ("subtasks done (SCR)", f"{report.scr:.2f}"),
@@ -163,7 +153,7 @@ def _stages(stages: object) -> str:
     """`detect 2/3, locate 1/3`."""
     if not isinstance(stages, Sequence) or not stages:
         return UNDEFINED
-    return ", ".join(f"{stage['name']} {stage['done']}/{stage['required']}" for stage in stages)
+    return ", ".join(f"{stage.name} {stage.done}/{stage.required}" for stage in stages)
 
 
 def _number(value: object) -> str:

@@ -181,9 +181,10 @@ def _text(diagnostics: tuple[Diagnostic, ...], source: Source) -> str:
 def _as_diagnostics(error: MissionError, path: str) -> tuple[Diagnostic, ...]:
     """A document that is no mission, for readers of JSON and SARIF: a fault has no line, so it stands at the first."""
     from lingjing.mission.diagnostics import Diagnostic, Span
+    from lingjing.mission.faults import lines_of
 
     start = Span(path, 0, 0, 1, 1, 1, 1)
-    faults = [(f"{one.where}: {one.message}", one.hint) for one in error.faults]
+    faults = [(lines_of([one]), one.hint) for one in error.faults]
     return tuple(Diagnostic("LJ0009", start, said, hint) for said, hint in faults or [(str(error), error.hint)])
 
 

@@ -8,7 +8,8 @@ Modules in the order a mission passes them:
   functions. `fold`: the one evaluator; its readings are `evaluate` (before the first tick), `certain` (in every run),
   `feasibility.needs` (what must have happened), the kernel's rules and `dsl.words`.
 - `interactions`: who may act on a target from the start. `scenes`: options and limits of the built-in scenes.
-- `document`: `mission.json` in and out, and the JSON Schemas generated from the code.
+- `document`: `mission.json` in and out, and the JSON Schemas generated from the code; `faults`: what is wrong with a
+  JSON value, by its schema.
 - `frames`, `jsontext`, `sky`, `elements`: coordinate frames of `resetScenario` documents, JSON with places, words for
   weather, two-line elements.
 - `reset`: `resetScenario` documents in and out.

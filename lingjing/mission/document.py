@@ -11,8 +11,9 @@ from pathlib import Path
 
 import msgspec
 
-from lingjing.errors import MissionError
+from lingjing.errors import Fault, MissionError
 from lingjing.mission import jsontext
+from lingjing.mission.faults import lines_of, schema_faults
 from lingjing.mission.instance import Instance
 from lingjing.mission.model import Mission
 
@@ -27,16 +28,25 @@ def encode(mission: Mission) -> str:
 def decode(text: str, path: str) -> Mission:
     """The mission of a `mission.json`; `path` stands in messages.
 
-    `UsageError` if the text is not JSON (line and column), `MissionError` if it is not a mission (JSON path).
+    `UsageError` if the text is not JSON (line and column), `MissionError` with every fault of one that is no mission.
     """
     try:
         return msgspec.json.decode(text.removeprefix("\ufeff").encode("utf-8", "surrogatepass"), type=Mission)
     except (msgspec.DecodeError, RecursionError, UnicodeDecodeError) as error:
-        jsontext.load(text, path)
+        faults = _faults(jsontext.load(text, path))
         raise MissionError(
-            f"{path}: not a mission: {error}",
+            lines_of(faults, path) or f"{path}: not a mission: {error}",
             hint="write mission.json with `lingjing compile`, or edit it by schemas/mission.schema.json",
+            faults=faults,
         ) from None
+
+
+def _faults(value: object) -> tuple[Fault, ...]:
+    """What makes a JSON value no mission, all of it; none where it is nested too deep to be looked through."""
+    try:
+        return schema_faults(value, Mission)
+    except RecursionError:
+        return ()
 
 
 def read(text: str, path: str, templates: Callable[[str], Mission]) -> tuple[Mission, tuple[str, ...]]:

@@ -10,41 +10,39 @@ import datetime as dt
 import hashlib
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
 from os import PathLike
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Literal, Self
+from typing import Literal, Self, Unpack
 
 import msgspec
 
+from lingjing.analysis.incidents import incidents
+from lingjing.analysis.metrics import metrics
 from lingjing.analysis.relations import RelationTracker
 from lingjing.errors import UsageError
+from lingjing.kernel.barrier import PolicyBarrier
 from lingjing.kernel.episode import Progress, play, seat
 from lingjing.kernel.staging import Stage
 from lingjing.kernel.step import Kernel
 from lingjing.kernel.world import open_world
 from lingjing.kernel.world.contract import StoredFrame, World
 from lingjing.mission.feasibility import prove_instance
-from lingjing.mission.instance import AgentSpec, Instance
+from lingjing.mission.instance import Instance
 from lingjing.mission.instantiate import instantiate
 from lingjing.mission.model import Mission
 from lingjing.numerics import versions, withdrawn
 from lingjing.play.folders import claim_run_folder
+from lingjing.play.options import Changes, PlayOptions, compiled, options_of
+from lingjing.play.policies import Assigned, assign_policies
+from lingjing.play.report import ABORTED, EpisodeReport
 from lingjing.plugins.host import PluginHost
-from lingjing.plugins.loading import build_policy, load_policy, policy_of, share_arguments
-from lingjing.plugins.policy import Policy, PolicyPlugin
+from lingjing.plugins.loading import build_policy
+from lingjing.plugins.policy import PolicyPlugin
 from lingjing.scene.city import City
 from lingjing.trace.reader import Trace, read_trace
-from lingjing.trace.records import AgentBinding, BoundaryRecord, Header, Outcome, TaskEvent
+from lingjing.trace.records import AgentBinding, BoundaryRecord, Header, Outcome
 from lingjing.trace.writer import Picture, TraceWriter, gone
-
-if TYPE_CHECKING:
-    from lingjing.analysis.incidents import Incident
-    from lingjing.analysis.metrics import Metrics
-
-PolicySpec = str | Callable[..., Policy]
-"""A policy's name, `FILE.py:CLASS`, or anything that returns a policy object when called."""
 
 NOT_PROMISED = "this digest is not promised on other processors"
 PIN_FIRST = "`lingjing.pin()` before numpy is imported, or `lingjing run`, pins what can be pinned"
@@ -53,114 +51,81 @@ TRACE_NAME = "trace.mcap"
 OVERVIEW_NAME = "overview.png"
 
 
-@dataclass(frozen=True, slots=True)
-class EpisodeResult:
-    """What came of one episode. `trace` is the MCAP file (a `.part` if the episode was cut short), `scr` the subtask
-    completion rate in 0..1, `score` the mission's own with weights and penalties, `detail` the cause of the ending
-    where `reason` leaves it open, or what is to be known of a success, and `hint` what to do about an abort."""
-
-    mission: str
-    seed: int
-    mode: str
-    success: bool
-    reason: str
-    scr: float
-    ticks: int
-    digest: str
-    frames_digest: str
-    trace: Path
-    folder: Path
-    metrics: Metrics = field(repr=False)
-    detail: str = ""
-    hint: str = ""
-    warnings: tuple[str, ...] = ()
-    """What a reader of the score should know: replaced answers of policies, an overview that could not be written."""
-    attribution: str = ""
-    """Whose map was played on; `procedural` for nobody's."""
-    score: float = 0.0
-    policy_seed: int = 0
-    """What the policies' own random streams started from."""
-    incidents: tuple[Incident, ...] = ()
-    """Who crashed, fell or ran out of energy, in order of time."""
-    happened: tuple[TaskEvent, ...] = ()
-    """The mission's own events: weather, who came and went."""
-    withdrawn: tuple[str, ...] = ()
-    """What computed otherwise than the promise of one digest on every processor asks, by process; empty: it holds."""
-
-
 class EpisodeInterrupted(KeyboardInterrupt):
-    """Ctrl-C in the middle of an episode: its partial trace is closed and scored in `result`."""
+    """Ctrl-C in the middle of an episode: its partial trace is closed and scored in `report`."""
 
-    def __init__(self, result: EpisodeResult) -> None:
-        super().__init__(f"interrupted at tick {result.ticks}; the partial trace is {result.trace}")
-        self.result = result
+    def __init__(self, report: EpisodeReport) -> None:
+        super().__init__(f"interrupted at tick {report.ticks}; the partial trace is {report.trace}")
+        self.report = report
 
 
 class Session:
     """Plays episodes one after another on the same warm workers. A context manager; `close` ends the workers."""
 
-    def __init__(self, world: Literal["process", "inline"] = "process", host: PluginHost | None = None) -> None:
-        if world not in ("process", "inline"):
-            raise UsageError(f"world={world!r}", hint='engines run in "process" or "inline"')
+    def __init__(self, host: PluginHost | None = None) -> None:
         self.host = host or PluginHost()
         self._stage = Stage(self.host)
-        self._kind = world
-        self._world: World | None = None
+        self._worlds: dict[str, World] = {}
 
     def run(
         self,
         mission: Mission | str | PathLike[str],
         *,
-        policy: PolicySpec = "heuristic",
-        policies_for: Mapping[str, PolicySpec] | None = None,
-        policy_args: Mapping[str, str] | None = None,
-        seed: int = 0,
-        mode: str | None = None,
-        settings: Mapping[str, float] | None = None,
         out: str | Path | None = None,
-        policy_seed: int = 0,
-        blank_pictures: bool = False,
-        overview: bool = True,
         progress: Callable[[Progress], None] | None = None,
-    ) -> EpisodeResult:
+        **changes: Unpack[Changes],
+    ) -> EpisodeReport:
         """Play one episode; see `lingjing.run` for the arguments and the errors."""
-        mission = _mission(mission)
-        _check_seed(seed)
-        _check_seed(policy_seed)
-        instance, city = self._stage.set(instantiate(mission, seed=seed, mode=mode, settings=settings))
-        seats = _cast(instance, policy, policies_for or {}, _texts(policy_args or {}), self.host)
-        policies = {agent: build_policy(plugin, arguments) for agent, (plugin, arguments) in seats.items()}
-        recorder: list[TraceWriter] = []
+        options, compiled, given = options_of(mission, changes)
+        return self.play(options, compiled, out=out, progress=progress, given=given)
+
+    def play(
+        self,
+        options: PlayOptions,
+        mission: Mission | None = None,
+        *,
+        out: str | Path | None = None,
+        progress: Callable[[Progress], None] | None = None,
+        given: Mapping[str, PolicyPlugin] | None = None,
+    ) -> EpisodeReport:
+        """Play the episode of the options. `mission` is theirs where it has been compiled already, `given` are policies
+        that have been loaded already, by their names in the options."""
+        mission = mission or compiled(options)
+        instance, city = self._stage.set(
+            instantiate(mission, seed=options.seed, mode=options.mode, settings=options.settings)
+        )
+        assigned = assign_policies(instance, options, self.host, given or {})
+        policies = {agent: build_policy(plugin, arguments) for agent, (plugin, arguments) in assigned.items()}
         relations = RelationTracker(instance)
+        recorder: list[TraceWriter] = []
         kernel = Kernel(
             instance,
             city,
-            self._open(),
-            privileged=frozenset(agent for agent, (plugin, _) in seats.items() if plugin.privileged),
+            self._world(options.world),
+            privileged=frozenset(agent for agent, (plugin, _) in assigned.items() if plugin.privileged),
             record=lambda record, frames: recorder[0].boundary(
                 msgspec.structs.replace(record, relations=relations.take(record)), _stored(frames)
             ),
-            blank_pictures=blank_pictures,
-            policy_seed=policy_seed,
+            blank_pictures=options.blank_pictures,
+            policy_seed=options.policy_seed,
         )
         barrier = seat(kernel, policies)
-        folder = Path(out) if out is not None else claim_run_folder(instance.mission, instance.mode, seed)
-        writer = _writer(folder, instance, city, seats, policy_seed, barrier.close)
+        folder = Path(out) if out is not None else claim_run_folder(instance.mission, instance.mode, options.seed)
+        writer = _writer(folder, _header(instance, city, assigned, options), barrier)
         recorder.append(writer)
         try:
             outcome = play(kernel, barrier, writer, progress)
         except KeyboardInterrupt:
             self.close()
-            raise EpisodeInterrupted(_result(writer.part, folder, city, overview=False)) from None
-        partial = outcome.reason == "infrastructure-abort"
-        result = _result(writer.part if partial else writer.path, folder, city, overview=overview)
-        return replace(result, warnings=(*_hopeless(instance), *result.warnings))
+            raise EpisodeInterrupted(_report(writer.part, options, city=None)) from None
+        path = writer.part if outcome.reason == ABORTED else writer.path
+        report = _report(path, options, city=city if options.overview else None)
+        return msgspec.structs.replace(report, warnings=(*_hopeless(instance), *report.warnings))
 
     def close(self) -> None:
         """End the workers; the next episode starts new ones."""
-        if self._world is not None:
-            self._world.close()
-            self._world = None
+        while self._worlds:
+            self._worlds.popitem()[1].close()
 
     def __enter__(self) -> Self:
         return self
@@ -168,107 +133,35 @@ class Session:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         self.close()
 
-    def _open(self) -> World:
-        if self._world is None:
-            self._world = open_world(self._kind, host=self.host)
-        return self._world
+    def _world(self, kind: Literal["process", "inline"]) -> World:
+        if kind not in self._worlds:
+            self._worlds[kind] = open_world(kind, host=self.host)
+        return self._worlds[kind]
 
 
 def run(
     mission: Mission | str | PathLike[str],
     *,
-    policy: PolicySpec = "heuristic",
-    policies_for: Mapping[str, PolicySpec] | None = None,
-    policy_args: Mapping[str, str] | None = None,
-    seed: int = 0,
-    mode: str | None = None,
-    settings: Mapping[str, float] | None = None,
     out: str | Path | None = None,
-    world: Literal["process", "inline"] = "process",
-    policy_seed: int = 0,
-    blank_pictures: bool = False,
-    overview: bool = True,
     progress: Callable[[Progress], None] | None = None,
-) -> EpisodeResult:
-    """Play `mission` once and return its score.
+    **changes: Unpack[Changes],
+) -> EpisodeReport:
+    """Play `mission` once and return its report.
 
     `mission` is what `lingjing.compile` returns, the name of a file, or that of a shipped mission (`"ssr"`).
-    `policy` plays every agent; `policies_for` overrides it by role or agent id; `policy_args` go to every policy
-    that takes them. `seed` draws the instance, `policy_seed` starts the policies' own random streams and tells them
-    nothing about it. `mode` and `settings` default to the mission's. `out` is a new or empty folder (default:
-    a new one under `runs/`) that receives `trace.mcap` and `overview.png`. `blank_pictures` hands policies black
-    pictures. `progress` is called at every boundary.
+    `out` is a new or empty folder (default: a new one under `runs/`) that receives `trace.mcap` and `overview.png`;
+    `progress` is called at every boundary. The other arguments are the fields of `lingjing.PlayOptions`, with its
+    defaults; `policy` and the values of `policies_for` may also be a class, or a function that makes a policy.
 
     Policies are trusted here: they run in this process and can end or ruin it. The command line plays them in a child
     that it watches over.
 
     Raises `UsageError` for wrong arguments and unwritable folders, `MissionError` for a mission that cannot be
     instantiated, `EpisodeInterrupted` on Ctrl-C, `InfrastructureError` if the trace was removed meanwhile. An engine
-    that fails is no exception: the result's `reason` is `infrastructure-abort` and `detail` says which engine and why.
+    that fails is no exception: the report's `reason` is `infrastructure-abort` and `detail` says which engine and why.
     """
-    with Session(world) as session:
-        return session.run(
-            mission,
-            policy=policy,
-            policies_for=policies_for,
-            policy_args=policy_args,
-            seed=seed,
-            mode=mode,
-            settings=settings,
-            out=out,
-            policy_seed=policy_seed,
-            blank_pictures=blank_pictures,
-            overview=overview,
-            progress=progress,
-        )
-
-
-Seat = tuple[PolicyPlugin, dict[str, str]]
-
-
-def _cast(
-    instance: Instance,
-    default: PolicySpec,
-    chosen: Mapping[str, PolicySpec],
-    arguments: Mapping[str, str],
-    host: PluginHost,
-) -> dict[str, Seat]:
-    """Who plays whom. An override for a role or agent that the mission does not have is a `UsageError`."""
-    roles = dict.fromkeys(agent.role for agent in instance.agents)
-    names = dict.fromkeys((*roles, *(name for agent in instance.agents for name in (agent.name, agent.id))))
-    for name in chosen:
-        if name not in names:
-            raise UsageError(
-                f"no role or agent is called `{name}` in {instance.mode} mode", hint=f"there are: {', '.join(names)}"
-            )
-    loaded: dict[str, PolicyPlugin] = {}
-
-    def plugin_for(agent: AgentSpec) -> PolicyPlugin:
-        spec = next((chosen[name] for name in (agent.id, agent.name, agent.role) if name in chosen), default)
-        if not isinstance(spec, str):
-            return _plugin(spec)
-        if spec not in loaded:
-            loaded[spec] = load_policy(spec, host)
-        return loaded[spec]
-
-    plugins = {agent.id: plugin_for(agent) for agent in instance.agents}
-    shares = share_arguments(plugins.values(), arguments)
-    return {agent: (plugin, shares[plugin.name]) for agent, plugin in plugins.items()}
-
-
-def _texts(arguments: Mapping[str, object]) -> dict[str, str]:
-    """Options as the trace keeps them and the command line gives them; from Python they may be numbers."""
-    return {name: str(value) for name, value in arguments.items()}
-
-
-def _plugin(factory: Callable[..., Policy]) -> PolicyPlugin:
-    """A class or function given from Python; its attribute `privileged` counts as its declaration."""
-    if not callable(factory):
-        raise UsageError(
-            f"{factory!r} is not a policy",
-            hint="give a policy's name, FILE.py:CLASS, a class, or a function that makes one",
-        )
-    return policy_of(factory, getattr(factory, "__qualname__", type(factory).__name__))
+    with Session() as session:
+        return session.run(mission, out=out, progress=progress, **changes)
 
 
 def _hopeless(instance: Instance) -> tuple[str, ...]:
@@ -276,80 +169,52 @@ def _hopeless(instance: Instance) -> tuple[str, ...]:
     return tuple(f"this could not be won ({proof.code}): {proof.message}" for proof in prove_instance(instance))
 
 
-def _mission(given: Mission | str | PathLike[str]) -> Mission:
-    """The mission, compiled if a file or a shipped name is given; `UsageError` if it is something else."""
-    if isinstance(given, Mission):
-        return given
-    if not isinstance(given, str | PathLike):
-        raise UsageError(
-            f"a mission is due, this is {type(given).__name__!r}",
-            hint="give what `lingjing.compile` returns, a file's name, or a shipped mission's",
-        )
-    from lingjing.dsl.loading.load import load_mission
-
-    return load_mission(given)
-
-
-def _check_seed(seed: object) -> None:
-    """`UsageError` for what is no whole number from 0 to 2**63 - 1."""
-    if isinstance(seed, bool) or not isinstance(seed, int) or not 0 <= seed < 2**63:
-        raise UsageError(f"{seed!r} is not a seed", hint="a seed is a whole number from 0 to 2**63 - 1")
-
-
 def _stored(frames: Sequence[StoredFrame]) -> list[Picture]:
     return [(frame.info, frame.jpeg, frame.depth, frame.semantic) for frame in frames]
 
 
-def _writer(
-    folder: Path, instance: Instance, city: City, seats: Mapping[str, Seat], policy_seed: int, undo: Callable[[], None]
-) -> TraceWriter:
-    header = Header(
+def _header(instance: Instance, city: City, assigned: Mapping[str, Assigned], options: PlayOptions) -> Header:
+    return Header(
         instance=instance,
         bindings=tuple(
             AgentBinding(agent=agent, policy=plugin.name, privileged=plugin.privileged, arguments=arguments)
-            for agent, (plugin, arguments) in seats.items()
+            for agent, (plugin, arguments) in assigned.items()
         ),
         fingerprint=versions(),
         city_sha256=city.sha256 or hashlib.sha256(msgspec.json.encode(city)).hexdigest(),
         attribution=city.attribution,
         started_wall=dt.datetime.now(dt.UTC).isoformat(timespec="seconds"),
-        policy_seed=policy_seed,
+        policy_seed=options.policy_seed,
     )
+
+
+def _writer(folder: Path, header: Header, barrier: PolicyBarrier) -> TraceWriter:
+    """The trace in its folder; the barrier is closed where it cannot be written."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         return TraceWriter(folder / TRACE_NAME, header)
     except OSError as error:
-        undo()
+        barrier.close()
         raise UsageError(f"cannot write to `{folder}`: {error.strerror}", hint="choose another folder") from error
     except BaseException:
-        undo()
+        barrier.close()
         raise
 
 
-def _result(path: Path, folder: Path, city: City, *, overview: bool) -> EpisodeResult:
-    from lingjing.analysis.incidents import incidents
-    from lingjing.analysis.metrics import metrics
-    from lingjing.analysis.overview import draw_overview
-
+def _report(path: Path, options: PlayOptions, city: City | None) -> EpisodeReport:
+    """What the trace says of its episode; a city draws the overview beside it."""
     if not path.is_file():
         raise gone(path)
     trace = read_trace(path)
-    warnings = _at_start(trace) + _warnings(trace)
     outcome = trace.outcome or _unknown(trace)
     deviations = withdrawn(outcome.processes)
-    if deviations:
-        warnings += (f"{NOT_PROMISED}: {'; '.join(deviations)}; {PIN_FIRST}",)
-    if overview:
-        try:
-            draw_overview(trace, folder / OVERVIEW_NAME, city)
-        except UsageError as error:  # the trace holds everything; a score is not lost for want of its picture
-            warnings += (f"no overview: {error}",)
     instance = trace.header.instance
-    return EpisodeResult(
+    return EpisodeReport(
         mission=instance.mission,
         seed=instance.seed,
-        policy_seed=trace.header.policy_seed,
         mode=instance.mode,
+        policy=options.policy,
+        policy_seed=trace.header.policy_seed,
         success=outcome.success,
         reason=outcome.reason,
         scr=outcome.scr,
@@ -357,35 +222,45 @@ def _result(path: Path, folder: Path, city: City, *, overview: bool) -> EpisodeR
         ticks=outcome.ticks,
         digest=outcome.digest,
         frames_digest=outcome.frames_digest,
-        trace=path,
-        folder=folder,
+        trace=str(path),
         metrics=metrics(trace),
         detail=outcome.detail,
         hint=outcome.hint,
-        warnings=warnings,
+        warnings=(*_warnings(trace, deviations), *(_draw_overview(trace, city) if city is not None else ())),
         attribution=trace.header.attribution,
         incidents=incidents(trace),
-        withdrawn=deviations,
         happened=tuple(event for record in trace.boundaries for event in record.task_events if event.name),
+        withdrawn=deviations,
     )
 
 
-def _warnings(trace: Trace) -> tuple[str, ...]:
-    """One line on the answers that policies failed to give, with the first failure's own words."""
+def _draw_overview(trace: Trace, city: City) -> tuple[str, ...]:
+    """A warning if it cannot be drawn: the trace holds everything, and a score is not lost for want of its picture."""
+    from lingjing.analysis.overview import draw_overview
+
+    try:
+        draw_overview(trace, trace.path.with_name(OVERVIEW_NAME), city)
+    except UsageError as error:
+        return (f"no overview: {error}",)
+    return ()
+
+
+def _warnings(trace: Trace, deviations: Sequence[str]) -> tuple[str, ...]:
+    """What a reader of the score should know: a success for which nobody did anything, answers that policies failed to
+    give with the first failure's own words, numbers that other processors may compute otherwise."""
+    said, outcome = [], trace.outcome
+    if outcome is not None and outcome.success and outcome.detail:
+        said.append(outcome.detail)
     replaced = [made for record in trace.boundaries for made in record.decisions if made.substituted]
-    if not replaced:
-        return ()
-    first, kinds = replaced[0], Counter(made.substituted for made in replaced)
-    reasons = ", ".join(f"{kind} {number}" for kind, number in sorted(kinds.items()))
-    asked = sum(len(record.decisions) for record in trace.boundaries)
-    counted = f"{len(replaced)} of {asked} policy answers were replaced by doing nothing ({reasons})"
-    return (f"{counted}; the first was `{first.agent}`: {first.detail}",)
-
-
-def _at_start(trace: Trace) -> tuple[str, ...]:
-    """That nobody had to do anything for this success."""
-    outcome = trace.outcome
-    return (outcome.detail,) if outcome is not None and outcome.success and outcome.detail else ()
+    if replaced:
+        first, kinds = replaced[0], Counter(made.substituted for made in replaced)
+        reasons = ", ".join(f"{kind} {number}" for kind, number in sorted(kinds.items()))
+        asked = sum(len(record.decisions) for record in trace.boundaries)
+        counted = f"{len(replaced)} of {asked} policy answers were replaced by doing nothing ({reasons})"
+        said.append(f"{counted}; the first was `{first.agent}`: {first.detail}")
+    if deviations:
+        said.append(f"{NOT_PROMISED}: {'; '.join(deviations)}; {PIN_FIRST}")
+    return tuple(said)
 
 
 def _unknown(trace: Trace) -> Outcome:

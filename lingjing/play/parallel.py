@@ -7,22 +7,22 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Literal, NamedTuple
+from typing import IO, TYPE_CHECKING, NamedTuple
 
 import msgspec
 
 from lingjing.errors import ExitCode, InfrastructureError, LingjingError, UsageError
 from lingjing.mission.model import Mission
 from lingjing.play.folders import release_if_empty
+from lingjing.play.options import PlayOptions, compiled
 from lingjing.play.report import ABORTED, EpisodeReport
 
 if TYPE_CHECKING:
     from lingjing.kernel.episode import Progress
-    from lingjing.play.episode import EpisodeResult, Session
 
     Watch = Callable[[str], AbstractContextManager[Callable[[Progress], None]]]
 
@@ -30,41 +30,8 @@ GRACE_S = 90.0
 """How long an interrupted episode may take to close its workers."""
 
 
-@dataclass(frozen=True, slots=True)
-class RunOptions:
-    """How a mission is to be played, less the seeds and the folders: the options of `lingjing run`."""
-
-    path: Path
-    policy: str
-    policies_for: Mapping[str, str] = field(default_factory=dict)
-    policy_args: Mapping[str, str] = field(default_factory=dict)
-    mode: str | None = None
-    settings: Mapping[str, float] = field(default_factory=dict)
-    world: Literal["process", "inline"] = "process"
-    policy_seed: int = 0
-    blank_pictures: bool = False
-    overview: bool = True
-
-    def command(self, seed: int, folder: Path) -> list[str]:
-        """The command line that plays this one episode and prints its JSON object."""
-        line = [sys.executable, "-m", "lingjing.cli.main", "run", str(self.path), "--json"]
-        line += ["--seed", str(seed), "-o", str(folder), "--policy", self.policy, "--world", self.world]
-        line += ["--policy-seed", str(self.policy_seed)]
-        line += ["--end-with", str(os.getpid())]
-        line += ["--mode", self.mode] if self.mode else []
-        line += ["--blank-pictures"] if self.blank_pictures else []
-        line += [] if self.overview else ["--no-overview"]
-        for option, pairs in (
-            ("--set", self.settings),
-            ("--policy-for", self.policies_for),
-            ("--policy-arg", self.policy_args),
-        ):
-            line += [part for name, value in pairs.items() for part in (option, f"{name}={value}")]
-        return line
-
-
 def play_here(
-    mission: Mission, options: RunOptions, places: Iterable[tuple[int, Path | None]], watch: Watch
+    options: PlayOptions, places: Iterable[tuple[int, Path | None]], watch: Watch, mission: Mission | None = None
 ) -> Iterator[EpisodeReport]:
     """Play (seed, folder) pairs in order on the same warm workers; an interrupted episode is the last one.
 
@@ -72,69 +39,33 @@ def play_here(
     """
     from lingjing.play.episode import EpisodeInterrupted, Session
 
-    with Session(options.world) as session:
+    mission = mission or compiled(options)
+    with Session() as session:
         for seed, folder in places:
             try:
-                yield _report(options, _play(session, mission, options, seed, folder, watch))
+                with watch(f"{mission.name} seed {seed}") as progress:
+                    report = session.play(
+                        msgspec.structs.replace(options, seed=seed), mission, out=folder, progress=progress
+                    )
             except EpisodeInterrupted as interrupt:
-                yield _report(options, interrupt.result)
+                yield interrupt.report
                 return
-
-
-def _play(
-    session: Session, mission: Mission, options: RunOptions, seed: int, folder: Path | None, watch: Watch
-) -> EpisodeResult:
-    try:
-        with watch(f"{mission.name} seed {seed}") as progress:
-            return session.run(
-                mission,
-                policy=options.policy,
-                policies_for=options.policies_for,
-                policy_args=options.policy_args,
-                seed=seed,
-                mode=options.mode,
-                settings=options.settings,
-                out=folder,
-                policy_seed=options.policy_seed,
-                blank_pictures=options.blank_pictures,
-                overview=options.overview,
-                progress=progress,
-            )
-    finally:
-        if folder is not None:
-            release_if_empty(folder)
-
-
-def _report(options: RunOptions, result: EpisodeResult) -> EpisodeReport:
-    return EpisodeReport(
-        mission=result.mission,
-        seed=result.seed,
-        mode=result.mode,
-        policy=options.policy,
-        success=result.success,
-        reason=result.reason,
-        scr=result.scr,
-        ticks=result.ticks,
-        digest=result.digest,
-        trace=str(result.trace),
-        metrics=msgspec.to_builtins(result.metrics),
-        incidents=result.incidents,
-        happened=result.happened,
-        detail=result.detail,
-        hint=result.hint,
-        warnings=result.warnings,
-        attribution=result.attribution,
-        policy_seed=result.policy_seed,
-        score=result.score,
-    )
+            finally:
+                if folder is not None:
+                    release_if_empty(folder)
+            yield report
 
 
 class Task(NamedTuple):
     """An episode to be played in a process of its own."""
 
-    options: RunOptions
-    seed: int
+    options: PlayOptions
     folder: Path
+
+    def command(self) -> list[str]:
+        """The command line that plays it with the options on its standard input, and prints its report as JSON."""
+        run = [sys.executable, "-m", "lingjing.cli.main", "run", "--options", "-", "-o", str(self.folder)]
+        return [*run, "--json", "--end-with", str(os.getpid())]
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,10 +109,12 @@ def play_apart(tasks: Iterable[Task], jobs: int) -> Iterator[tuple[Task, Episode
 
 
 def _start(task: Task) -> _Child:
-    command = task.options.command(task.seed, task.folder)
     output, errors = tempfile.TemporaryFile(), tempfile.TemporaryFile()  # noqa: SIM115 - the child outlives this call
-    # A process group of its own: a terminal's Ctrl-C reaches the caller alone, who then ends each child once.
-    process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=output, stderr=errors, process_group=0)
+    with tempfile.TemporaryFile() as options:
+        options.write(msgspec.json.encode(task.options))
+        options.seek(0)
+        # A process group of its own: a terminal's Ctrl-C reaches the caller alone, who then ends each child once.
+        process = subprocess.Popen(task.command(), stdin=options, stdout=output, stderr=errors, process_group=0)
     return _Child(task, process, output, errors)
 
 
@@ -206,10 +139,11 @@ def _finish(child: _Child) -> EpisodeReport:
 def without_result(task: Task, why: str) -> EpisodeReport:
     """What can be said of an episode whose process is gone: nothing was scored."""
     trace = next(task.folder.glob("*.part"), task.folder)
+    options = task.options
     return EpisodeReport(
-        mission=task.options.path.stem, seed=task.seed, mode=task.options.mode or "", policy=task.options.policy,
-        success=False, reason=ABORTED, scr=0.0, ticks=0, digest="", trace=str(trace), metrics={}, detail=why,
-        policy_seed=task.options.policy_seed,
+        mission=Path(options.mission).stem, seed=options.seed, mode=options.mode or "", policy=options.policy,
+        success=False, reason=ABORTED, scr=0.0, ticks=0, digest="", trace=str(trace), metrics=None, detail=why,
+        policy_seed=options.policy_seed,
     )  # fmt: skip
 
 

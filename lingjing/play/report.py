@@ -5,10 +5,12 @@ from __future__ import annotations
 import hashlib
 from collections import Counter
 from collections.abc import Sequence
+from pathlib import Path
 
 import msgspec
 
 from lingjing.analysis.incidents import Incident
+from lingjing.analysis.metrics import Metrics
 from lingjing.trace.records import TaskEvent
 
 ABORTED = "infrastructure-abort"
@@ -16,14 +18,16 @@ INTERRUPTED = "interrupted"
 
 
 class EpisodeReport(msgspec.Struct, frozen=True, kw_only=True):
-    """One episode, as `lingjing run --json` prints it.
+    """One episode: what `lingjing run --json` prints, `lingjing.run` returns and a study keeps as a row.
 
     `trace` is the path of the MCAP file (a `.part` if the episode was cut short), `detail` the cause of an ending that
     the reason leaves open (which stage was late, which engine failed) and `hint` what to do about an abort.
-    `warnings` are what a reader of the score should know, a line each; `attribution` says whose map was played on;
-    `policy_seed` started the policies' random streams; `scr` is the subtask completion rate, `score` the mission's own
-    with its weights and penalties; `incidents` say who crashed, fell or ran out of energy, `happened` are the
-    mission's own events.
+    `warnings` are what a reader of the score should know, a line each: replaced answers of policies, an overview that
+    could not be written; `attribution` says whose map was played on (`procedural`: nobody's); `policy_seed` started the
+    policies' random streams; `scr` is the subtask completion rate, `score` the mission's own with its weights and
+    penalties; `incidents` say who crashed, fell or ran out of energy, `happened` are the mission's own events;
+    `withdrawn` is what computed otherwise than the promise of one digest on every processor asks, by process.
+    `metrics` is None for an episode whose process left nothing to count.
     """
 
     mission: str
@@ -36,7 +40,8 @@ class EpisodeReport(msgspec.Struct, frozen=True, kw_only=True):
     ticks: int
     digest: str
     trace: str
-    metrics: dict[str, object]
+    metrics: Metrics | None
+    frames_digest: str = ""
     detail: str = ""
     hint: str = ""
     warnings: tuple[str, ...] = ()
@@ -45,9 +50,15 @@ class EpisodeReport(msgspec.Struct, frozen=True, kw_only=True):
     score: float = 0.0
     incidents: tuple[Incident, ...] = ()
     happened: tuple[TaskEvent, ...] = ()
+    withdrawn: tuple[str, ...] = ()
+
+    @property
+    def folder(self) -> Path:
+        """The folder that holds the trace and the overview."""
+        return Path(self.trace).parent
 
 
-class SuiteReport(msgspec.Struct, frozen=True, kw_only=True):
+class SeedsReport(msgspec.Struct, frozen=True, kw_only=True):
     """Several seeds of one mission, as `lingjing run --seeds A-B --json` prints them.
 
     `tsr` is the share of successes among the episodes that were neither aborted by the infrastructure nor
@@ -66,16 +77,16 @@ class SuiteReport(msgspec.Struct, frozen=True, kw_only=True):
     ticks: int
     digest: str
     trace: str
-    metrics: dict[str, object]
+    metrics: dict[str, float]
     tsr: float | None
     episodes: tuple[EpisodeReport, ...]
 
 
-def summarise(episodes: Sequence[EpisodeReport], *, seeds: str, folder: str) -> SuiteReport:
+def summarise(episodes: Sequence[EpisodeReport], *, seeds: str, folder: str) -> SeedsReport:
     """All episodes of one command as one report; there is at least one."""
     counted = [episode for episode in episodes if episode.reason not in (ABORTED, INTERRUPTED)]
     reasons = Counter(episode.reason for episode in episodes)
-    return SuiteReport(
+    return SeedsReport(
         mission=episodes[0].mission,
         seed=seeds,
         mode=episodes[0].mode,
@@ -92,11 +103,11 @@ def summarise(episodes: Sequence[EpisodeReport], *, seeds: str, folder: str) -> 
     )
 
 
-def mean_metrics(episodes: Sequence[EpisodeReport]) -> dict[str, object]:
+def mean_metrics(episodes: Sequence[EpisodeReport]) -> dict[str, float]:
     """The mean of every metric that is a number; episodes in which it is not one are left out of its mean."""
     values: dict[str, list[float]] = {}
     for episode in episodes:
-        for name, value in episode.metrics.items():
+        for name, value in msgspec.structs.asdict(episode.metrics).items() if episode.metrics is not None else ():
             if isinstance(value, (int, float)) and not isinstance(value, bool):
                 values.setdefault(name, []).append(float(value))
     return {name: _mean(numbers) for name, numbers in values.items()}

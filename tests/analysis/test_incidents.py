@@ -16,11 +16,9 @@ from lingjing.analysis.metrics import metrics
 from lingjing.analysis.overview.mapview import draw_map
 from lingjing.analysis.overview.timeline import draw_events
 from lingjing.analysis.story import tell
-from lingjing.cli.progress import LiveProgress
 from lingjing.cli.scorecard import MOST_ROWS, plain, scorecard
 from lingjing.dsl.loading.load import load_mission
 from lingjing.mission.instance import Entity, InteractionSpec
-from lingjing.play.parallel import RunOptions, play_here
 from lingjing.plugins.policy import Action, Brief, Decision, Inbox, Observation
 from lingjing.trace.reader import Trace, read_trace
 from lingjing.trace.records import BodyState, Snapshot, TaskEvent
@@ -183,13 +181,11 @@ def report(tmp_path_factory: pytest.TempPathFactory):  # type: ignore[no-untyped
     folder = tmp_path_factory.mktemp("crash")
     file = folder / "crash.ljs"
     file.write_text(MISSION)
-    options = RunOptions(path=file, policy=Collider, world="inline")  # type: ignore[arg-type]
-    (made,) = play_here(load_mission(file), options, [(0, folder / "run")], LiveProgress)
-    return made
+    return lingjing.run(file, policy=Collider, world="inline", out=folder / "run")
 
 
 def test_two_drones_that_fly_into_each_other_are_in_the_report_and_the_summary(report) -> None:  # type: ignore[no-untyped-def]
-    assert (report.success, report.ticks, report.metrics["incidents"]) == (True, 1, 1)
+    assert (report.success, report.ticks, report.metrics.incidents) == (True, 1, 1)
     (one,) = report.incidents
     assert set(one.entities) == {"uav[1]", "uav[2]"} and 2.0 < one.time_s < 10.0
     assert one.position == pytest.approx((60.0, -700.0, 38.0), abs=4.0)

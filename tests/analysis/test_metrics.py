@@ -2,13 +2,14 @@
 
 import dataclasses
 import math
+from pathlib import Path
 from types import ModuleType
 
 import msgspec
 import pytest
 
 from lingjing.analysis.detection import detect, numbers
-from lingjing.analysis.metrics import Metrics, metrics
+from lingjing.analysis.metrics import GROUPS, Metrics, metrics, printed, table
 from lingjing.analysis.repetition import Reach, reaches_of, repeated_target_rate
 from lingjing.mission.expression import Attr, Binary, Call, Number, Quantified, Ref
 from lingjing.mission.instance import AgentSpec, Entity, InteractionSpec, StateSpec
@@ -464,3 +465,10 @@ def test_a_step_of_guidance_assigns_nothing(of) -> None:  # type: ignore[no-unty
     assert repeated_target_rate(of(boundary(1, snapshots=(far,), messages=(step,)))) is None
     named = assignment(1, "scout[1]", "skipper", step="left", what="victim[1]")
     assert repeated_target_rate(of(boundary(1, snapshots=(far,), messages=(named,)))) == 0.0
+
+
+def test_the_page_has_the_definition_of_every_metric() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "metrics.md").read_text(encoding="utf-8")
+    assert page.endswith(table()), "python -m lingjing.analysis.metrics docs/metrics.md writes it"
+    assert table().count("\n") == len(Metrics.__struct_fields__) + 2
+    assert {group for group, _ in printed().values()} == set(GROUPS)

@@ -8,6 +8,7 @@ import sys
 import textwrap
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from lingjing.bench.columns import Column, columns, shipped
@@ -15,31 +16,31 @@ from lingjing.bench.countdown import Countdown
 from lingjing.bench.study import CASES, Row, Study, _bar, missing, play, table
 from lingjing.errors import InfrastructureError, UsageError
 from lingjing.play import parallel
-from lingjing.play.parallel import RunOptions, Task, play_apart
+from lingjing.play.options import PlayOptions
+from lingjing.play.parallel import Task, play_apart
 from lingjing.play.report import ABORTED, EpisodeReport, summarise
+from tests.play.report_kit import blank_metrics, made_report
 
 STAR = Column(Path("m.ljs"), "m", "star")
 
 ECHO = """
 import json, sys
-options = dict(zip(sys.argv[1::2], sys.argv[2::2]))
-print(json.dumps({"mission": "m", "seed": int(options["--seed"]), "mode": options["--mode"],
-    "policy": options["--policy"], "success": True, "reason": "success",
-    "scr": 1.0, "ticks": 3, "digest": "d", "trace": "t", "metrics": {}}))
+options = json.load(sys.stdin)
+print(json.dumps({"mission": "m", "seed": options["seed"], "mode": options["mode"],
+    "policy": options["policy"], "success": True, "reason": "success",
+    "scr": 1.0, "ticks": 3, "digest": "d", "trace": "t", "metrics": None}))
 """
 
 
 def report(seed: int, *, success: bool, reason: str = "budget", scr: float = 0.5, **metrics: object) -> EpisodeReport:
-    return EpisodeReport(
-        mission="ssr", seed=seed, mode="star", policy="p", success=success, reason=reason, scr=scr, ticks=10 + seed,
-        digest=f"d{seed}", trace=f"{seed}.mcap", metrics=metrics,
-    )  # fmt: skip
+    made = blank_metrics(**metrics) if metrics else None
+    return made_report(seed=seed, success=success, reason=reason, scr=scr, ticks=10 + seed, metrics=made)
 
 
 def test_aborted_episodes_are_left_out_of_every_mean() -> None:
     episodes = [
-        report(0, success=True, reason="success", scr=1.0, kilobytes=4, cost=None),
-        report(1, success=False, kilobytes=2.0, cost=3.0),
+        report(0, success=True, reason="success", scr=1.0, kilobytes=4, gap=None),
+        report(1, success=False, kilobytes=2.0, gap=3.0),
         report(2, success=False, reason=ABORTED, scr=0.0, kilobytes=100.0),
     ]
     suite = summarise(episodes, seeds="0-2", folder="runs")
@@ -47,7 +48,8 @@ def test_aborted_episodes_are_left_out_of_every_mean() -> None:
     assert suite.scr == 0.75
     assert suite.ticks == 21
     assert suite.success is False
-    assert suite.metrics == {"kilobytes": 3.0, "cost": 3.0}
+    assert (suite.metrics["kilobytes"], suite.metrics["gap"]) == (3.0, 3.0)
+    assert "recall" not in suite.metrics and "reason" not in suite.metrics
     assert suite.reason == "budget 1, infrastructure-abort 1, success 1"
 
 
@@ -60,22 +62,18 @@ def child(monkeypatch: pytest.MonkeyPatch):
     """Replace the command that plays an episode by a small script that gets the same arguments."""
 
     def use(script: str) -> None:
-        def command(self: RunOptions, seed: int, folder: Path) -> list[str]:
-            arguments = ["--seed", str(seed), "--mode", self.mode or "", "--policy", self.policy]
-            return [sys.executable, "-c", textwrap.dedent(script), *arguments]
-
-        monkeypatch.setattr(RunOptions, "command", command)
+        monkeypatch.setattr(Task, "command", lambda self: [sys.executable, "-c", textwrap.dedent(script)])
 
     return use
 
 
 def tasks(count: int, folder: Path) -> list[Task]:
-    return [Task(RunOptions(path=Path("m.ljs"), policy="p", mode="star"), n, folder / str(n)) for n in range(count)]
+    return [Task(PlayOptions(mission="m.ljs", policy="p", mode="star", seed=n), folder / str(n)) for n in range(count)]
 
 
 def test_children_answer_each_for_its_task(child, tmp_path: Path) -> None:
     child(ECHO)
-    answers = {task.seed: answer.seed for task, answer in play_apart(tasks(5, tmp_path), jobs=2)}
+    answers = {task.options.seed: answer.seed for task, answer in play_apart(tasks(5, tmp_path), jobs=2)}
     assert answers == {n: n for n in range(5)}
 
 
@@ -124,7 +122,7 @@ def test_a_study_goes_on_where_it_was(child, tmp_path: Path) -> None:
     cases = CASES[:2]
     study = Study(tmp_path)
     first = missing(study, cases, [STAR], range(2))
-    assert [(one.case.name, one.task.seed) for one in first] == [
+    assert [(one.case.name, one.task.options.seed) for one in first] == [
         ("oracle", 0), ("heuristic", 0), ("oracle", 1), ("heuristic", 1),
     ]  # fmt: skip
     for one in first:
@@ -133,12 +131,12 @@ def test_a_study_goes_on_where_it_was(child, tmp_path: Path) -> None:
     again = Study(tmp_path)
     assert {(row.case, row.report.seed) for row in again.rows} == {("oracle", 0), ("heuristic", 0), ("oracle", 1)}
     left = missing(again, cases, [STAR], range(2))
-    assert [(one.case.name, one.task.seed) for one in left] == [("heuristic", 1)]
+    assert [(one.case.name, one.task.options.seed) for one in left] == [("heuristic", 1)]
 
 
 def policy_seeds(study: Study) -> dict[tuple[str, int], int]:
     episodes = missing(study, CASES[:2], [STAR], range(50))
-    return {(one.case.name, one.task.seed): one.task.options.policy_seed for one in episodes}
+    return {(one.case.name, one.task.options.seed): one.task.options.policy_seed for one in episodes}
 
 
 def test_policy_seeds_come_from_the_studys_own_salt(tmp_path: Path) -> None:
@@ -152,11 +150,13 @@ def test_policy_seeds_come_from_the_studys_own_salt(tmp_path: Path) -> None:
     assert policy_seeds(Study(folders[2])) == first, "the same salt draws the same"
 
 
-def test_an_episode_is_told_its_policy_seed_and_its_row_keeps_it(tmp_path: Path) -> None:
-    options = RunOptions(path=Path("m.ljs"), policy="p", policy_seed=77)
-    command = options.command(3, tmp_path)
-    assert command[command.index("--policy-seed") + 1] == "77"
-    assert parallel.without_result(Task(options, 3, tmp_path), "gone").policy_seed == 77
+def test_an_episode_is_told_its_options_and_its_row_keeps_the_policy_seed(child, tmp_path: Path) -> None:
+    child("import sys; sys.stderr.write(sys.stdin.read()); sys.exit(2)")
+    task = Task(PlayOptions(mission="m.ljs", settings={"uavs": 2.0}, policy_seed=77), tmp_path / "run")
+    with pytest.raises(UsageError) as told:
+        list(play_apart([task], jobs=1))
+    assert msgspec.json.decode(str(told.value), type=PlayOptions) == task.options
+    assert parallel.without_result(task, "gone").policy_seed == 77
 
 
 def test_an_aborted_episode_is_played_again_with_its_seed(child, tmp_path: Path) -> None:

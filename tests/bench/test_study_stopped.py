@@ -17,19 +17,20 @@ import pytest
 from lingjing.bench.columns import Column
 from lingjing.bench.study import CASES, Study, main, missing, play
 from lingjing.errors import ExitCode, UsageError
-from lingjing.play.parallel import RunOptions, Task, play_apart
+from lingjing.play.options import PlayOptions
+from lingjing.play.parallel import Task, play_apart
 from lingjing.play.report import ABORTED, INTERRUPTED
 
 STAR = Column(Path("m.ljs"), "m", "star")
 
 ANSWER = """
 import json, sys, time, pathlib
-options = dict(zip(sys.argv[1::2], sys.argv[2::2]))
-pathlib.Path(options["-o"]).mkdir()
-pathlib.Path(options["-o"], "trace.mcap.part").touch()
+options = json.load(sys.stdin)
+pathlib.Path(sys.argv[1]).mkdir()
+pathlib.Path(sys.argv[1], "trace.mcap.part").touch()
 time.sleep(0.05)
-print(json.dumps({"mission": "m", "seed": int(options["--seed"]), "mode": "star", "policy": "p", "success": True,
-    "reason": REASON, "scr": 1.0, "ticks": 3, "digest": "d", "trace": "t", "metrics": {}}))
+print(json.dumps({"mission": "m", "seed": options["seed"], "mode": "star", "policy": "p", "success": True,
+    "reason": REASON, "scr": 1.0, "ticks": 3, "digest": "d", "trace": "t", "metrics": None}))
 """
 
 STUDY = f"""
@@ -37,9 +38,7 @@ import sys
 from lingjing.bench import study
 from lingjing.play import parallel
 answer = {ANSWER!r}.replace("REASON", "'success'")
-def command(self, seed, folder):
-    return [sys.executable, "-S", "-c", answer, "--seed", str(seed), "-o", str(folder)]
-parallel.RunOptions.command = command
+parallel.Task.command = lambda self: [sys.executable, "-S", "-c", answer, str(self.folder)]
 sys.exit(study.main(sys.argv[1:]))
 """
 
@@ -47,10 +46,10 @@ sys.exit(study.main(sys.argv[1:]))
 def answering(monkeypatch: pytest.MonkeyPatch, script: str) -> None:
     """Play an episode by a script that gets the seed and the folder."""
 
-    def command(self: RunOptions, seed: int, folder: Path) -> list[str]:
-        return [sys.executable, "-S", "-c", textwrap.dedent(script), "--seed", str(seed), "-o", str(folder)]
+    def command(self: Task) -> list[str]:
+        return [sys.executable, "-S", "-c", textwrap.dedent(script), str(self.folder)]
 
-    monkeypatch.setattr(RunOptions, "command", command)
+    monkeypatch.setattr(Task, "command", command)
 
 
 def test_an_episode_that_was_interrupted_is_played_anew(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -64,12 +63,12 @@ def test_an_episode_that_was_interrupted_is_played_anew(monkeypatch: pytest.Monk
 
 
 def test_a_killed_child_is_an_abort_of_its_episode_alone(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    killed = "import os\nif options['--seed'] == '0': os.kill(os.getpid(), 9)\n"
+    killed = "import os\nif options['seed'] == 0: os.kill(os.getpid(), 9)\n"
     before, sleeping, after = ANSWER.replace("REASON", "'success'").partition("time.sleep(0.05)\n")
     answering(monkeypatch, before + killed + sleeping + after)
-    options = RunOptions(path=Path("m.ljs"), policy="p", mode="star")
-    tasks = [Task(options, seed, tmp_path / str(seed)) for seed in range(2)]
-    reports = {task.seed: report for task, report in play_apart(tasks, jobs=1)}
+    each = [PlayOptions(mission="m.ljs", policy="p", mode="star", seed=seed) for seed in range(2)]
+    tasks = [Task(options, tmp_path / str(options.seed)) for options in each]
+    reports = {task.options.seed: report for task, report in play_apart(tasks, jobs=1)}
     assert reports[1].reason == "success"
     assert reports[0].reason == ABORTED
     assert reports[0].detail == "its process was killed by signal 9"

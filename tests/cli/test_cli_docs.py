@@ -13,6 +13,7 @@ import pytest
 from lingjing.bench.study import Row
 from lingjing.cli.main import main
 from lingjing.play.report import EpisodeReport
+from tests.play.report_kit import made_report
 
 
 @pytest.fixture(scope="module")
@@ -30,10 +31,7 @@ def played(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def results(path: Path) -> Path:
     def report(mission: str) -> EpisodeReport:
-        return EpisodeReport(
-            mission=mission, seed=0, mode="star", policy="oracle", success=True, reason="success", scr=1.0, ticks=12,
-            digest="", trace="", metrics={},
-        )  # fmt: skip
+        return made_report(mission=mission, seed=0, policy="oracle", ticks=12)
 
     rows = [Row(case="oracle", column=f"{name}-star", report=report(name)) for name in ("ssr", "cd")]
     path.write_bytes(msgspec.json.encode(rows))

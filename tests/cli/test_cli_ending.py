@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from lingjing.analysis.metrics import StageMetric
 from lingjing.cli.compile import write_whole
 from lingjing.cli.main import main
 from lingjing.cli.scorecard import scorecard
@@ -21,6 +22,7 @@ from lingjing.dsl.loading.shipped import find_mission
 from lingjing.errors import UsageError
 from lingjing.play.report import ABORTED, INTERRUPTED, EpisodeReport, summarise
 from lingjing.trace.reader import read_trace
+from tests.play.report_kit import blank_metrics, made_report
 
 COMMAND = (sys.executable, "-c", "import sys; from lingjing.cli.main import main; sys.exit(main())")
 
@@ -260,9 +262,9 @@ def test_an_output_that_is_a_file_is_called_one(short: Path, tmp_path: Path, cap
     ("wrong", "said"),
     [
         ({"policy": 3}, "3 is not a policy"),
-        ({"seed": -1}, "-1 is not a seed"),
-        ({"seed": "x"}, "'x' is not a seed"),
-        ({"world": "moon"}, "world='moon'"),
+        ({"seed": -1}, "seed: at least 0 is due, this is -1"),
+        ({"seed": "x", "world": "moon"}, "seed: a whole number is due, this is the text 'x'\nworld: inline or process"),
+        ({"settings": {"uavs": "two"}}, "settings.uavs: a number is due"),
     ],
 )
 def test_wrong_arguments_from_python_are_usage_errors(wrong, said, short: Path, tmp_path: Path, monkeypatch) -> None:
@@ -287,7 +289,7 @@ def test_python_plays_a_class_inside_a_running_loop(short: Path, tmp_path: Path)
         async def act(self, observation: object, inbox: object) -> Decision:
             return Decision()
 
-    async def notebook() -> package.EpisodeResult:
+    async def notebook() -> package.EpisodeReport:
         return package.run(package.compile(short), policy=Idle, seed=3, out=tmp_path / "out")
 
     result = asyncio.run(notebook())
@@ -296,10 +298,8 @@ def test_python_plays_a_class_inside_a_running_loop(short: Path, tmp_path: Path)
 
 
 def episode(reason: str, **metrics: object) -> EpisodeReport:
-    return EpisodeReport(
-        mission="ssr", seed=1, mode="star", policy="p", success=reason == "success", reason=reason, scr=0.5, ticks=3,
-        digest="d", trace="t", metrics=metrics,
-    )  # fmt: skip
+    made = blank_metrics(**metrics)
+    return made_report(success=reason == "success", reason=reason, scr=0.5, metrics=made)
 
 
 def test_interrupted_episodes_count_in_no_rate() -> None:
@@ -308,8 +308,9 @@ def test_interrupted_episodes_count_in_no_rate() -> None:
 
 
 def test_the_score_is_grouped_and_says_what_is_undefined() -> None:
+    stage = StageMetric(name="detect", done=1, required=3, cumulative=False)
     report = episode("budget", precision=None, recall=0.25, f1=None, kilobytes=5.688, reports=4, false_positives=1,
-                     localisation_error_m=None, stages=[{"name": "detect", "done": 1, "required": 3}])  # fmt: skip
+                     localisation_error_m=None, stages=(stage,))  # fmt: skip
     groups = {name: dict(rows) for name, rows in scorecard(report)}
     assert list(groups) == ["Outcome", "Perception", "Communication", "Cost"]
     assert groups["Outcome"]["success"] == "no: the budget of ticks ran out"

@@ -20,6 +20,7 @@ from lingjing.cli.scorecard import plain
 from lingjing.data import data_path
 from lingjing.play.report import EpisodeReport
 from lingjing.trace.reader import read_trace
+from tests.play.report_kit import made_report
 
 KEYS = {"mission", "seed", "mode", "success", "reason", "scr", "ticks", "digest", "trace", "metrics"}
 RUN = (sys.executable, "-m", "lingjing.cli.main", "run")
@@ -115,14 +116,10 @@ def test_piped_output_is_grouped_has_units_and_ends_with_the_trace(short: Path, 
 
 
 def test_the_piped_groups_hold_every_metric_once_and_the_map_is_credited(capsys: pytest.CaptureFixture[str]) -> None:
-    metrics: dict[str, object] = dict.fromkeys(Metrics.__struct_fields__)
-    report = EpisodeReport(
-        mission="m", seed=1, mode="star", policy="p", success=True, reason="success", scr=1.0, ticks=7, digest="d" * 64,
-        trace="gone/trace.mcap", metrics=metrics, attribution="© OpenStreetMap contributors, ODbL 1.0",
-    )  # fmt: skip
+    report = made_report(trace="gone/trace.mcap", attribution="© OpenStreetMap contributors, ODbL 1.0")
     names = [name for _, rows in plain(report) for name, _ in rows]
     assert len(names) == len(set(names))
-    assert set(metrics) - {"scr", "reason"} <= set(names)
+    assert set(Metrics.__struct_fields__) - {"scr", "reason"} <= set(names)
     print_episode(report)
     lines = capsys.readouterr().out.splitlines()
     assert lines[-2:] == ["map: © OpenStreetMap contributors, ODbL 1.0", "trace: gone/trace.mcap"]
@@ -194,7 +191,7 @@ def test_a_new_agent_plays_at_once(short: Path, tmp_path: Path) -> None:
     done = lingjing_run(short, "--policy", "./mine.py:Mine", "--json", "-o", "out", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     answer = msgspec.json.decode(done.stdout, type=EpisodeReport)
-    assert (answer.policy, answer.reason, answer.metrics["substitutions"]) == ("./mine.py:Mine", "budget", 0)
+    assert (answer.policy, answer.reason, answer.metrics.substitutions) == ("./mine.py:Mine", "budget", 0)
 
 
 def test_control_c_ends_with_a_partial_trace_and_no_process(tmp_path: Path, descendants) -> None:

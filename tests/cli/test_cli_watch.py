@@ -29,7 +29,7 @@ from lingjing.data import data_path
 from lingjing.dsl.loading.load import load_mission
 from lingjing.errors import UsageError
 from lingjing.kernel.episode import Progress
-from lingjing.play.parallel import RunOptions
+from lingjing.play.options import PlayOptions
 from lingjing.plugins.host import PluginHost
 from lingjing.scene.city import City
 from lingjing.trace.reader import Trace, read_trace
@@ -201,19 +201,19 @@ def test_a_dumb_terminal_gets_a_note_and_the_line(monkeypatch: pytest.MonkeyPatc
     path = data_path("scenarios", "ssr.ljs")
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
     monkeypatch.setenv("TERM", "dumb")
-    audience = Audience(load_mission(path), RunOptions(path=path, policy="random"), truth=False)
+    audience = Audience(load_mission(path), PlayOptions(mission=str(path), policy="random"), truth=False)
     assert type(audience("ssr seed 0")).__name__ == "LiveProgress"
     assert capsys.readouterr().err == "note: this terminal cannot be drawn on (TERM=dumb): progress only\n"
     monkeypatch.setattr(sys.stderr, "isatty", lambda: False)
     with pytest.raises(UsageError, match="--watch draws on the terminal"):
-        Audience(load_mission(path), RunOptions(path=path, policy="random"), truth=False)
+        Audience(load_mission(path), PlayOptions(mission=str(path), policy="random"), truth=False)
 
 
 def test_each_of_several_episodes_is_watched_with_its_own_seed(monkeypatch: pytest.MonkeyPatch) -> None:
     path = data_path("scenarios", "ssr.ljs")
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
     monkeypatch.setenv("TERM", "xterm-256color")
-    audience = Audience(load_mission(path), RunOptions(path=path, policy="random", mode="star"), truth=True)
+    audience = Audience(load_mission(path), PlayOptions(mission=str(path), policy="random", mode="star"), truth=True)
     seen = []
     for seed, _ in audience.follow([(3, None), (5, None)]):
         watching = audience(f"ssr seed {seed}")

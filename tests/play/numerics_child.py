@@ -22,14 +22,23 @@ from lingjing.trace.reader import read_trace
 
 
 def main() -> None:
-    with tempfile.TemporaryDirectory() as name, Session(sys.argv[1]) as session:
-        folder = Path(name)
-        played = [session.run(selfcheck.MISSION, policy=selfcheck.Scripted, seed=7, out=folder / "a", overview=False)]
+    with tempfile.TemporaryDirectory() as name, Session() as session:
+        folder, how = Path(name), {"overview": False, "world": sys.argv[1]}
+        played = [
+            session.run(
+                selfcheck.MISSION,
+                policy=selfcheck.Scripted,
+                seed=7,
+                out=folder / "a",
+                overview=False,
+                world=sys.argv[1],
+            )
+        ]
         if "short" not in sys.argv:
             search = folder / "search.ljs"
             whole = data_path("scenarios", "ssr.ljs").read_text()
             search.write_text(re.sub(r"ticks <= \d+", "ticks <= 8", whole, count=1))
-            played.append(session.run(search, policy="heuristic", seed=5, out=folder / "b", overview=False))
+            played.append(session.run(search, policy="heuristic", seed=5, out=folder / "b", **how))
         print(
             json.dumps(
                 {

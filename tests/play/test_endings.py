@@ -10,9 +10,9 @@ import lingjing
 from lingjing.cli.progress import LiveProgress
 from lingjing.cli.scorecard import plain, scorecard
 from lingjing.dsl import compile_text
-from lingjing.dsl.loading.load import load_mission
 from lingjing.kernel.episode import WON_AT_START
-from lingjing.play.parallel import RunOptions, play_here
+from lingjing.play.options import PlayOptions
+from lingjing.play.parallel import play_here
 from lingjing.trace.reader import read_trace
 
 MISSION = """\
@@ -64,8 +64,8 @@ def test_each_cause_of_an_end_has_its_own_reason(tmp_path: Path, rule: str, reas
     """In the trace, in the row that a study keeps, and in the summary, on a terminal and in a pipe."""
     file = tmp_path / "raft.ljs"
     file.write_text(MISSION.replace("  success when", f"  {rule}\n  success when").replace("MOST", "0 kg"))
-    options = RunOptions(path=file, policy="random", world="inline", overview=False)
-    (report,) = play_here(load_mission(file), options, [(0, tmp_path / "run")], LiveProgress)
+    options = PlayOptions(mission=str(file), policy="random", world="inline", overview=False)
+    (report,) = play_here(options, [(0, tmp_path / "run")], LiveProgress)
     assert (report.reason, report.detail, report.success) == (reason, detail, False)
     trace = read_trace(Path(report.trace))
     assert trace.outcome is not None and trace.complete

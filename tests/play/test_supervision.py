@@ -15,18 +15,19 @@ from pathlib import Path
 
 import pytest
 
+from lingjing.analysis.metrics import StageMetric
 from lingjing.errors import InfrastructureError, LingjingError, MissionError, UsageError
 from lingjing.play import supervision
 from lingjing.play.descendants import _children_by_parent, adopting, children
 from lingjing.play.report import ABORTED, INTERRUPTED, EpisodeReport
 from lingjing.play.supervision import Place, play_supervised
+from tests.play.report_kit import blank_metrics, made_report
+
+METRICS = blank_metrics(kilobytes=1.5, stages=(StageMetric(name="detect", done=1, required=3, cumulative=False),))
 
 
 def report(seed: int, reason: str = "success", detail: str = "") -> EpisodeReport:
-    return EpisodeReport(
-        mission="m", seed=seed, mode="star", policy="p", success=reason == "success", reason=reason, scr=1.0, ticks=3,
-        digest="d", trace="t", metrics={"a": 1.0, "b": None}, detail=detail,
-    )  # fmt: skip
+    return made_report(seed=seed, success=reason == "success", reason=reason, detail=detail, metrics=METRICS)
 
 
 def played(act: Callable[[int], object], folder: Path, seeds: tuple[int, ...] = (0, 1, 2)) -> dict[int, EpisodeReport]:
@@ -71,7 +72,7 @@ def test_a_ruined_process_is_an_abort_of_its_episode(act: Callable[[], object], 
     found = played(lambda seed: act() if seed == 1 else None, tmp_path)
     assert [found[seed].reason for seed in (0, 1, 2)] == ["success", ABORTED, "success"]
     assert found[1].detail.startswith(f"1: {why}")
-    assert found[2].metrics == {"a": 1.0, "b": None}
+    assert found[2].metrics == METRICS
     assert not (tmp_path / "1").exists()  # nothing had been written into it
 
 

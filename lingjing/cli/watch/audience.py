@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Self
 from lingjing.cli.progress import LiveProgress
 from lingjing.errors import UsageError
 from lingjing.mission.model import Mission
-from lingjing.play.parallel import RunOptions
+from lingjing.play.options import PlayOptions
 
 if TYPE_CHECKING:
     from lingjing.cli.watch.screen import Screen
@@ -35,7 +35,7 @@ class Audience:
     progress instead, and is told so.
     """
 
-    def __init__(self, mission: Mission, options: RunOptions, *, truth: bool) -> None:
+    def __init__(self, mission: Mission, options: PlayOptions, *, truth: bool) -> None:
         from lingjing.kernel.staging import Stage
         from lingjing.plugins.host import PluginHost
 

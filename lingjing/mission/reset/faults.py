@@ -8,6 +8,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from lingjing.errors import Fault, MissionError
+from lingjing.mission.faults import kind_of
 from lingjing.mission.reset.shapes import PLACELESS
 from lingjing.mission.reset.spelling import Spelt
 
@@ -73,7 +74,7 @@ def _worded(one: Mapping[str, Any], key: str) -> tuple[str, str]:
         return PLACELESS, "give X and Y in centimetres, or lon and lat in degrees"
     if kind in _DUE:
         hint = "write the number without quotes" if isinstance(given, str) and kind == "float_type" else _SCHEMA
-        return f"{_DUE[kind]} is due, this is {_kind_of(given)}", hint
+        return f"{_DUE[kind]} is due, this is {kind_of(given)}", hint
     if kind == "literal_error":
         return f"'{given}' is not known, {limits.get('expected', '')} is", _SCHEMA
     if kind in ("too_short", "missing_argument"):
@@ -82,18 +83,3 @@ def _worded(one: Mapping[str, Any], key: str) -> tuple[str, str]:
         if bound in limits:
             return f"is {given:g}, {word} {limits[bound]:g} is due", _SCHEMA
     return one["msg"][:1].lower() + one["msg"][1:], _SCHEMA
-
-
-def _kind_of(value: object) -> str:
-    match value:
-        case bool():
-            return "true" if value else "false"
-        case str():
-            return f"the text '{value[:40]}'"
-        case int() | float():
-            return f"the number {value:g}" if abs(value) < 1e300 else "a number out of range"
-        case Mapping():
-            return "an object"
-        case list() | tuple():
-            return "a list"
-    return "null"

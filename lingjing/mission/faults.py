@@ -1,0 +1,136 @@
+"""What is wrong with a JSON value that should have been of a type: every fault, with its path and the way out.
+
+A value is compared with the JSON Schema of the type (draft 2020-12), which `jsonschema` does; it is loaded only here,
+when something is wrong.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+
+from lingjing.errors import Fault
+
+if TYPE_CHECKING:
+    from jsonschema import ValidationError
+
+_DUE = {
+    "number": "a number",
+    "integer": "a whole number",
+    "string": "a text",
+    "array": "a list",
+    "object": "an object",
+    "boolean": "true or false",
+    "null": "null",
+}
+
+
+def schema_faults(value: object, kind: Any) -> tuple[Fault, ...]:
+    """Every fault of a decoded JSON value that is no `kind` (a type that msgspec knows), by its place in the value."""
+    from jsonschema import Draft202012Validator
+
+    validator = Draft202012Validator(msgspec.json.schema(kind))
+    found = [fault for error in validator.iter_errors(value) for fault in _faults(error)]
+    return tuple(dict.fromkeys(found))
+
+
+def lines_of(faults: Iterable[Fault], path: str = "") -> str:
+    """The faults in words, a line each, after the name of the document."""
+    return "\n".join(": ".join(part for part in (path, one.where, one.message) if part) for one in faults)
+
+
+def kind_of(value: object) -> str:
+    """What a JSON value is, in words."""
+    match value:
+        case bool():
+            return "true" if value else "false"
+        case str():
+            return f"the text '{value[:40]}'"
+        case int() | float():
+            return f"the number {value:g}" if abs(value) < 1e300 else "a number out of range"
+        case Mapping():
+            return "an object"
+        case list() | tuple():
+            return "a list"
+    return "null"
+
+
+def _faults(error: ValidationError) -> Iterator[Fault]:
+    """The faults behind one error: of a value that may be one of several types, those of the type that it means."""
+    where = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in error.absolute_path)[:200]
+    where = where.removeprefix(".")
+    given, schema = error.instance, error.schema
+    if error.validator == "anyOf":
+        yield from _of_the_meant(error, where)
+    elif error.validator == "required":
+        (name,) = [one for one in error.validator_value if error.message.startswith(f"{one!r} is")]
+        yield Fault(where, f"'{name}' is missing", "add the field")
+    elif error.validator == "additionalProperties":
+        known = schema.get("properties", {})
+        for name in given:
+            if name not in known:
+                yield Fault(where, f"there is no field '{name[:80]}'", _nearest(name, known))
+    else:
+        yield Fault(where, _worded(error), "")
+
+
+def _of_the_meant(error: ValidationError, where: str) -> Iterator[Fault]:
+    """A tagged object is of the type that its tag names; of anything else it is said what could stand there."""
+    tag = error.schema.get("discriminator", {}).get("propertyName", "")
+    branches: dict[int, list[ValidationError]] = {}
+    for one in error.context or ():
+        branches.setdefault(int(one.relative_schema_path[0]), []).append(one)
+    meant = [found for found in branches.values() if not any(_rules_out(one, tag) for one in found)]
+    if len(meant) == 1:
+        for one in meant[0]:
+            yield from _faults(one)
+        return
+    tags = sorted({one.validator_value[0] for one in error.context or () if list(one.relative_path) == [tag]})
+    kinds = [
+        _DUE[one.validator_value] for one in error.context or () if not one.relative_path and one.validator == "type"
+    ]
+    if tags and isinstance(error.instance, Mapping):
+        given = error.instance.get(tag)
+        yield Fault(
+            f"{where}.{tag}".lstrip("."), f"{_either(tags)} is due, this is {kind_of(given)}", _nearest(given, tags)
+        )
+    else:
+        yield Fault(where, f"{_either(kinds)} is due, this is {kind_of(error.instance)}", "")
+
+
+def _rules_out(error: ValidationError, tag: str) -> bool:
+    """Whether it says that a branch was not meant at all: the value is of another JSON type, or has another tag."""
+    kind = str(error.validator)
+    if error.relative_path:
+        return kind == "enum" and list(error.relative_path) == [tag]
+    return kind == "type" or (kind == "required" and str(error.message).startswith(f"{tag!r} is"))
+
+
+def _worded(error: ValidationError) -> str:
+    given, due = error.instance, error.validator_value
+    match error.validator:
+        case "type":
+            kinds = [_DUE[one] for one in ([due] if isinstance(due, str) else due)]
+            return f"{_either(kinds)} is due, this is {kind_of(given)}"
+        case "enum":
+            return f"{_either([str(one) for one in due])} is due, this is {kind_of(given)}"
+        case "minimum" | "maximum":
+            return f"at {'least' if error.validator == 'minimum' else 'most'} {due} is due, this is {given}"
+        case "minItems" | "maxItems":
+            return f"a list of {due} is due, this one has {len(given)}"
+    return str(error.message)[:200]
+
+
+def _either(words: Iterable[str]) -> str:
+    """`a, b or c`."""
+    *most, last = dict.fromkeys(words)
+    return f"{', '.join(most)} or {last}" if most else last
+
+
+def _nearest(word: object, known: Iterable[str]) -> str:
+    import difflib
+
+    close = difflib.get_close_matches(str(word), list(known), n=1)
+    return f"did you mean '{close[0]}'?" if close else ""

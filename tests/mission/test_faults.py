@@ -1,0 +1,59 @@
+"""What is wrong with a `mission.json`, all of it in one run."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+from lingjing.dsl.loading.load import load_mission
+from lingjing.errors import MissionError
+from lingjing.mission import document
+from lingjing.mission.faults import schema_faults
+
+WHOLE = document.encode(load_mission("ssr"))
+
+
+def test_every_fault_is_told_with_its_path() -> None:
+    value = json.loads(WHOLE)
+    value["name"] = 3
+    value["groups"][0]["count"] = "three"
+    value["rules"][0]["condition"] = {"node": "Binry"}
+    value["rules"][1]["condition"]["left"] = {"node": "Number", "unit": "m"}
+    value["stages"][0]["domian"] = "victim"
+    value["agnts"] = []
+    del value["goal"]
+    with pytest.raises(MissionError) as told:
+        document.decode(json.dumps(value), "m.json")
+    assert [
+        (one.where, one.message, one.hint) for one in told.value.faults if one.where != "rules[0].condition.node"
+    ] == [
+        ("name", "a text is due, this is the number 3", ""),
+        ("groups[0].count", "an object is due, this is the text 'three'", ""),
+        ("rules[1].condition.left", "'value' is missing", "add the field"),
+        ("stages[0]", "there is no field 'domian'", "did you mean 'domain'?"),
+        ("", "'goal' is missing", "add the field"),
+        ("", "there is no field 'agnts'", "did you mean 'agents'?"),
+    ]
+    (tag,) = [one for one in told.value.faults if one.where == "rules[0].condition.node"]
+    assert tag.message.endswith("this is the text 'Binry'") and tag.hint == "did you mean 'Binary'?"
+    assert str(told.value).splitlines()[0] == "m.json: name: a text is due, this is the number 3"
+
+
+def test_what_decodes_has_no_fault_and_needs_no_jsonschema() -> None:
+    assert schema_faults(json.loads(WHOLE), document.Mission) == ()
+    script = (
+        "import sys; from lingjing.mission import document; "
+        "document.decode(sys.stdin.read(), 'm.json'); assert 'jsonschema' not in sys.modules"
+    )
+    subprocess.run([sys.executable, "-c", script], input=WHOLE, text=True, check=True)
+
+
+def test_a_document_that_is_nested_too_deep_is_refused() -> None:
+    value = json.loads(WHOLE)
+    deep = '{"node": "Unary", "operator": "not", "operand": ' * 3000 + '{"node": "Flag", "value": true}' + "}" * 3000
+    text = json.dumps({**value, "success": 3}).replace('"success": 3', f'"success": {deep}')
+    with pytest.raises(Exception, match=r"nested|deep|recursion"):
+        document.decode(text, "m.json")

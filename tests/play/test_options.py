@@ -1,0 +1,82 @@
+"""The options of an episode: one value for the command line, Python, workers and studies, with all its faults told."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import msgspec
+import pytest
+
+import lingjing
+from lingjing.cli.main import main
+from lingjing.errors import ExitCode, UsageError
+from lingjing.play.options import Changes, PlayOptions, options_of, read_options
+
+EXAMPLE = Path(__file__).parents[2] / "scenarios" / "ssr.ljs"
+
+
+def test_python_takes_every_option_but_the_mission_by_name() -> None:
+    assert set(Changes.__annotations__) | {"mission"} == set(PlayOptions.__struct_fields__)
+
+
+def test_options_travel_as_json() -> None:
+    whole = PlayOptions(
+        mission="ssr", policy="oracle", policies_for={"rescuer": "random"}, policy_args={"k": "v"}, seed=5,
+        policy_seed=6, mode="star", settings={"uavs": 2.0}, world="inline", blank_pictures=True, overview=False,
+    )  # fmt: skip
+    assert PlayOptions(**read_options(msgspec.json.encode(whole), "o.json")) == whole
+
+
+def test_policies_given_as_objects_have_names_in_the_options() -> None:
+    def maker(number: int) -> type:
+        return type("Mine", (), {"number": number, "__qualname__": "Mine"})
+
+    first, second = maker(1), maker(2)
+    options, mission, made = options_of(
+        EXAMPLE, {"policy": first, "policies_for": {"rescuer": second, "searcher": first}}
+    )
+    assert mission.name == "ssr"
+    assert {options.policy, *options.policies_for.values()} == set(made) and len(made) == 2
+    assert made[options.policy].factory is made[options.policies_for["searcher"]].factory is first
+    assert made[options.policies_for["rescuer"]].factory is second
+    assert {plugin.name for plugin in made.values()} == {"Mine"}
+
+
+def test_a_file_of_options_tells_all_its_faults() -> None:
+    with pytest.raises(UsageError) as told:
+        read_options(b'{"seed": -4, "polcy": "x", "world": "moon", "settings": {"uavs": "two"}}', "o.json")
+    assert str(told.value).splitlines() == [
+        "o.json: seed: at least 0 is due, this is -4",
+        "o.json: settings.uavs: a number is due, this is the text 'two'",
+        "o.json: world: inline or process is due, this is the text 'moon'",
+        "o.json: there is no field 'polcy'",
+    ]
+    with pytest.raises(UsageError, match="an object is due, this is a list"):
+        read_options(b"[]", "o.json")
+    with pytest.raises(UsageError, match="is not JSON"):
+        read_options(b"{", "o.json")
+
+
+def test_the_command_line_tells_all_its_faults(capsys: pytest.CaptureFixture[str]) -> None:
+    wrong = ["--policy-for", "x", "--seed", "z", "--set", "a", "--set", "b", "--jobs", "0", "--policy-seed", "-1"]
+    assert main(["run", "ssrx", *wrong]) == ExitCode.USAGE
+    said = capsys.readouterr().err
+    assert said.startswith("error: -j 0")
+    for fault in ("there is no mission `ssrx`", "--policy-for x", "--set a:", "--set b:", "`z` is not a seed"):
+        assert fault in said
+
+
+def test_the_command_line_counts_before_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "o.json"
+    file.write_text('{"mission": "ssr", "mode": "single", "seed": 3}')
+    assert main(["run", "--options", str(file)]) == ExitCode.USAGE
+    assert "single" in capsys.readouterr().err
+    assert main(["run", "--options", str(file), "--mode", "star", "--policy", "nobody"]) == ExitCode.USAGE
+    assert "no policy is called `nobody`" in capsys.readouterr().err
+    assert main(["run"]) == ExitCode.USAGE
+    assert "no mission is named" in capsys.readouterr().err
+
+
+def test_every_unknown_role_is_named() -> None:
+    with pytest.raises(UsageError, match="no role or agent is called `cook` or `poet` in broadcast mode"):
+        lingjing.run(EXAMPLE, policies_for={"cook": "random", "poet": "random"}, mode="broadcast", world="inline")
