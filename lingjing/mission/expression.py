@@ -180,12 +180,12 @@ def children(expr: Expr) -> tuple[Expr, ...]:
 
 
 def parts(expr: Expr) -> tuple[Expr, ...]:
-    """The expression and everything below it."""
+    """The expression and everything in it, outermost first, in the order it is read."""
     found, waiting = [], [expr]
     while waiting:
         part = waiting.pop()
         found.append(part)
-        waiting.extend(children(part))
+        waiting.extend(reversed(children(part)))
     return tuple(found)
 
 

@@ -8,7 +8,7 @@ from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.graph.draft import Draft
 from lingjing.mission.graph.needs import DECIDED, needs
-from lingjing.mission.graph.spelling import parts, spell
+from lingjing.mission.graph.spelling import spell
 from lingjing.mission.graph.things import groups_in
 from lingjing.mission.graph.types import NodeKind
 
@@ -142,7 +142,7 @@ def _outcomes(mission: model.Mission) -> tuple[tuple[str, ex.Expr], ...]:
 
 
 def _domains(condition: ex.Expr) -> Iterator[str]:
-    return (part.domain for part in parts(condition) if isinstance(part, ex.Quantified))
+    return (part.domain for part in ex.parts(condition) if isinstance(part, ex.Quantified))
 
 
 def _absent(relation: model.Relation, mission: model.Mission, draft: Draft) -> bool:

@@ -8,7 +8,6 @@ from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.functions import operation
 from lingjing.mission.graph.draft import Draft
-from lingjing.mission.graph.spelling import parts
 from lingjing.mission.graph.things import groups_in
 
 DECIDED = ("rule:", "event:", "inspection:", "stage:")
@@ -22,7 +21,7 @@ def needs(condition: ex.Expr, mission: model.Mission, draft: Draft) -> tuple[str
 
 def _read(condition: ex.Expr, mission: model.Mission, draft: Draft) -> Iterator[str]:
     handed = _handed_on(condition)
-    for part in parts(condition):
+    for part in ex.parts(condition):
         found: str | None = None
         match part:
             case ex.Ref() if id(part) in handed:
@@ -48,10 +47,10 @@ def _read(condition: ex.Expr, mission: model.Mission, draft: Draft) -> Iterator[
 
 def _handed_on(condition: ex.Expr) -> set[int]:
     """Identities of the arguments of rules and interactions: what is judged there is not read here."""
-    calls = (part for part in parts(condition) if isinstance(part, ex.Call))
+    calls = (part for part in ex.parts(condition) if isinstance(part, ex.Call))
     return {id(argument) for call in calls if call.rule or call.function == "emitted" for argument in call.arguments}
 
 
 def _calls_a_rule(body: ex.Expr) -> bool:
     """Whether a rule is called: then the rule, not the quantifier around it, says what is read."""
-    return any(isinstance(part, ex.Call) and part.rule for part in parts(body))
+    return any(isinstance(part, ex.Call) and part.rule for part in ex.parts(body))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import assert_never
 
 from lingjing.mission import expression as ex
@@ -16,15 +15,6 @@ _NOT, _MINUS, _ATOM = 3, 7, 9
 def spell(expr: ex.Expr) -> str:
     """The expression in the language's own spelling, with no more brackets than it needs."""
     return _spell(expr)[0]
-
-
-def parts(expr: ex.Expr) -> Iterator[ex.Expr]:
-    """The expression and everything in it, outermost first, in the order it is read."""
-    waiting = [expr]
-    while waiting:
-        part = waiting.pop()
-        yield part
-        waiting.extend(reversed(tuple(_children(part))))
 
 
 def _spell(expr: ex.Expr) -> tuple[str, int]:  # noqa: C901 - one case for each node class
@@ -88,25 +78,3 @@ def _quantity(value: float, unit: str) -> str:
     if unit == "ticks" and amount == "1":
         unit = "tick"
     return f"{amount} {unit}" if unit else amount
-
-
-def _children(expr: ex.Expr) -> tuple[ex.Expr, ...]:
-    match expr:
-        case ex.Index(base=base, index=index):
-            return (base, index)
-        case ex.Attr(base=base):
-            return (base,)
-        case ex.Point(items=items) | ex.Sequence(items=items):
-            return items
-        case ex.Range(low=low, high=high):
-            return (low, high)
-        case ex.Call(arguments=arguments, named=named) | ex.Draw(arguments=arguments, named=named):
-            return (*arguments, *(value for _, value in named))
-        case ex.Unary(operand=operand):
-            return (operand,)
-        case ex.Binary(left=left, right=right):
-            return (left, right)
-        case ex.Quantified(body=body) | ex.Aggregate(body=body):
-            return (body,)
-        case _:
-            return ()

@@ -6,7 +6,7 @@ from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.graph.draft import Draft
 from lingjing.mission.graph.guards import Presence, either
-from lingjing.mission.graph.spelling import parts, spell
+from lingjing.mission.graph.spelling import spell
 from lingjing.mission.graph.types import NodeKind
 
 BUS = "comms"
@@ -52,7 +52,7 @@ def add_regions(mission: model.Mission, draft: Draft) -> None:
     for region in mission.regions:
         draft.node("region", region.name, detail=_shape(region.shape), text=spell(region.shape))
     for region in mission.regions:
-        for part in parts(region.shape):
+        for part in ex.parts(region.shape):
             if isinstance(part, ex.Ref) and part.kind == "region":
                 source = draft.need(part.name, f"the region `{region.name}`", "region")
                 draft.edge("requires", f"region:{region.name}", source, label="from")
@@ -138,7 +138,7 @@ def add_reveals(mission: model.Mission, draft: Draft) -> None:
 
 def groups_in(expr: ex.Expr, draft: Draft) -> tuple[str, ...]:
     """The assets and targets an expression names, once each, in the order it names them."""
-    names = (part.name for part in parts(expr) if isinstance(part, ex.Ref) and part.kind in ("group", "entity"))
+    names = (part.name for part in ex.parts(expr) if isinstance(part, ex.Ref) and part.kind in ("group", "entity"))
     return tuple(dict.fromkeys(node for name in names if (node := draft.find(name, "asset", "target"))))
 
 
@@ -162,7 +162,7 @@ def _add_property(group: model.Group, item: model.Property, draft: Draft) -> Non
     elif group.role == "asset" and (item.state or item.plain in _STORES):
         store = draft.node("resource", f"{group.name}.{item.name}", title=_bare(item.name), detail=said, within=owner)
         draft.edge("requires", owner, store)
-    for part in parts(item.value):
+    for part in ex.parts(item.value):
         if isinstance(part, ex.Ref) and part.kind in ("region", "grid", "group", "entity"):
             kinds: tuple[NodeKind, ...] = ("region", "grid", "asset", "target")
             place = draft.find(part.name, *kinds)
