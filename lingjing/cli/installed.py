@@ -6,7 +6,7 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from lingjing.dsl.checking.builtin import Offered
+    from lingjing.dsl.feasibility.absent import Offered
 
 
 def offers(kind: Offered) -> tuple[str, ...]:

@@ -9,6 +9,7 @@ from importlib import import_module
 from lingjing.engines.road.options import traffic
 from lingjing.errors import InfrastructureError
 from lingjing.mission.instance import SceneSpec
+from lingjing.mission.kinds import builtin_scenes
 from lingjing.plugins.engine import Engine, EnginePlugin
 from lingjing.plugins.hookspecs import ScenePlugin, hookimpl
 from lingjing.scene.city import City
@@ -35,18 +36,6 @@ def _district(spec: SceneSpec) -> City:
     from lingjing.scene.districts import build
 
     return build(spec)
-
-
-DISTRICTS = {
-    "residential": "Dwellings on a street grid: slabs, houses, towers, and a walled compound (`inside`).",
-    "industrial": "Halls, tanks and yards, a walled factory (`inside`) or a pipeline area (`pipeline`).",
-    "commercial": "Office towers on podiums with shops, plazas and parks between avenues.",
-    "campus": "Lecture halls around lawns, dormitories, sports grounds.",
-    "logistics": "Warehouses with docks, container yards and shops around a central depot.",
-    "coastal": "A town by the sea (`shore`) with promenade, harbour and a long bridge (`bridge`).",
-    "city": "All districts together as a city of wide blocks by the sea, up to 12 km, streamed from tiles.",
-}
-"""The procedural scenes by name."""
 
 
 def _map(spec: SceneSpec) -> City:
@@ -129,8 +118,8 @@ def lingjing_engines() -> Iterable[EnginePlugin]:
 @hookimpl
 def lingjing_scenes() -> Iterable[ScenePlugin]:
     """The scenes that come with the project."""
-    return (
-        ScenePlugin(name="bay", build=_bay, summary="A bay with a pier: open water, shore, buoys and debris."),
-        *(ScenePlugin(name=name, build=_district, summary=summary) for name, summary in DISTRICTS.items()),
-        ScenePlugin(name="map", build=_map, summary="A real city from OpenStreetMap data: a built folder or a file."),
+    builders = {"bay": _bay, "map": _map}
+    return tuple(
+        ScenePlugin(name=kind.name, build=builders.get(kind.name, _district), summary=kind.summary)
+        for kind in builtin_scenes().values()
     )

@@ -7,7 +7,7 @@ Modules in the order a mission passes them:
 - `values`, `operations`, `intervals`, `functions`: what expressions compute with, and the one table of operators and
   functions. `fold`: the one evaluator; its readings are `evaluate` (before the first tick), `certain` (in every run),
   `feasibility.needs` (what must have happened), the kernel's rules and `dsl.words`.
-- `interactions`: who may act on a target from the start. `scenes`: options and limits of the built-in scenes.
+- `interactions`: who may act on a target from the start. `kinds`: what is known of scenes and engines as data.
 - `document`: `mission.json` in and out, and the JSON Schemas generated from the code; `faults`: what is wrong with a
   JSON value, by its schema.
 - `frames`, `jsontext`, `sky`, `elements`: coordinate frames of `resetScenario` documents, JSON with places, words for

@@ -21,19 +21,12 @@ from lingjing.mission.clock import clock_fault
 from lingjing.mission.evaluate import Area, Interval, Place, Scope, Value, area, describe, evaluate, number, whole
 from lingjing.mission.instance import Budget, Cell, Clock, Entity, Instance, Option, Region, SceneSpec, Weather
 from lingjing.mission.interactions import allowed_from_the_start
+from lingjing.mission.kinds import SEA_M, scene_kind
 from lingjing.mission.placing import at_path, datum, entities, holds, member_ids, single
 from lingjing.mission.seeding import integer
 from lingjing.mission.speaker import Speaker
 
 CELLS_MOST = 10_000
-
-
-SEA_M = -3.0
-"""The sea's elevation beside a town whose mission names no datum."""
-
-SHORED = ("coastal", "city")
-SHORELESS = ("residential", "industrial", "commercial", "campus", "logistics")
-"""Kinds of built-in scenes that have a shore of their own, and those that have one where `shore` gives it."""
 
 
 def instantiate(
@@ -139,7 +132,9 @@ def scene_spec(mission: model.Mission, scope: Scope, seed: int) -> SceneSpec:
 
 def _usual_datum(kind: str, options: Mapping[str, Value]) -> float:
     """Where the water lies if the mission does not say: under the ground, which is at 0, where a town has a shore."""
-    return SEA_M if kind in SHORED or ("shore" in options and kind in SHORELESS) else 0.0
+    known = scene_kind(kind)
+    shored = known is not None and (known.shore == "own" or (known.shore == "given" and "shore" in options))
+    return SEA_M if shored else 0.0
 
 
 def _option(value: Value, level: float) -> Option:

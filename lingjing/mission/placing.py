@@ -21,6 +21,7 @@ from lingjing.mission.instance import (
     Vector,
     VerbSpec,
 )
+from lingjing.mission.kinds import engine_kind
 from lingjing.mission.units import without_unit
 
 MEMBERS_MOST = 100_000
@@ -39,13 +40,6 @@ has wings or rotors flies below 30 km. What orbits is exempt."""
 GROUND_REACH_M = 200.0
 """How far the scene moves what is `on = ground`, or stands in something, to the nearest free ground."""
 
-ORBITING = "satellite"
-"""The engine of what orbits: its elements place it, and its position is where it is drawn."""
-
-
-BODIES = ("multirotor", "plane", "quadruped", "road", "vessel", "satellite", "city")
-"""The built-in engines: what their properties mean is known here."""
-
 ABOVE_ZERO = ("cruise_mps", "endurance_s", "swath_m")
 NOT_BELOW_ZERO = ("speed_mps", "drift_mps", "payload_kg", "load_kg", "people", "radius_m")
 """Abilities of bodies: those that must be more than nothing, and those that may be nothing."""
@@ -56,7 +50,7 @@ def place_fault(place: tuple[float, ...], engine: str) -> str:
     shown = f"({', '.join(f'{metres:g} m' for metres in place)})"
     if not all(abs(metres) <= FARTHEST_M for metres in place):
         return f"{shown} is beyond every scene: coordinates are metres from its origin, {FARTHEST_M:,.0f} at most"
-    if engine != ORBITING and len(place) == 3 and not LOWEST_M <= place[2] <= HIGHEST_M:
+    if not engine_kind(engine).orbits and len(place) == 3 and not LOWEST_M <= place[2] <= HIGHEST_M:
         return f"{shown} is no place: elevations lie within {LOWEST_M:g} m and {HIGHEST_M:,.0f} m"
     return ""
 
@@ -181,9 +175,9 @@ def _interaction(one: model.Interaction, scope: Scope, path: str, drifts: bool) 
 
 
 def _check_ability(name: str, value: Value, engine: str, moved: Collection[str]) -> None:
-    """Raise `MissionError` for a speed, an endurance or a load that no body of the built-in engines can have, and for
+    """Raise `MissionError` for a speed, an endurance or a load that no body can have, and for
     less than nothing of a state that interactions move."""
-    if engine not in BODIES or isinstance(value, bool) or not isinstance(value, float):
+    if not engine_kind(engine).standard_properties or isinstance(value, bool) or not isinstance(value, float):
         return
     if name in ABOVE_ZERO and value <= 0.0:
         raise MissionError(f"`{without_unit(name)}` is {value:g}", hint="it must be more than nothing")

@@ -17,11 +17,10 @@ from lingjing.mission import elements, model
 from lingjing.mission import expression as ex
 from lingjing.mission.evaluate import Area, Scope, number
 from lingjing.mission.feasibility.spread import places
-from lingjing.mission.feasibility.standing import ANYWHERE, reach_m
 from lingjing.mission.instance import Instance
 from lingjing.mission.instantiate import instantiate, parameters
-from lingjing.mission.placing import DRAWN_MOST, FARTHEST_M, ORBITING, NodeError, count_of, holds
-from lingjing.mission.scenes import lacks, scene_faults
+from lingjing.mission.kinds import engine_kind, lacks, reach_m, scene_faults
+from lingjing.mission.placing import DRAWN_MOST, FARTHEST_M, NodeError, count_of, holds
 
 MEMBERS_MOST = 2_000
 """A mission with more entities or agents is not tried: compiling it must stay fast."""
@@ -138,7 +137,7 @@ def _of_draws(mission: model.Mission, instance: Instance) -> Iterator[TrialFault
                 where = places(prop.value, scope, group.name)
             except MissionError:
                 continue
-            most = FARTHEST_M if group.engine in ANYWHERE else reach_m(instance.scene) or FARTHEST_M
+            most = FARTHEST_M if engine_kind(group.engine).anywhere else reach_m(instance.scene) or FARTHEST_M
             if any(abs(metres) > most for outline in where.outlines for point in outline for metres in point[:2]):
                 message = f"a place that `{group.name}` may be drawn at is beyond the scene"
                 hint = f"coordinates are metres from the scene's origin, {most:g} at most to every side here"
@@ -150,7 +149,7 @@ def _of_scene(mission: model.Mission, instance: Instance) -> Iterator[TrialFault
         yield TrialFault("LJ0508", f"{mission.name}/scene/{fault.option}", fault.message, fault.hint)
     kind = instance.scene.kind
     for entity in instance.entities:
-        for name, message, hint in elements.faults(entity.properties) if entity.engine == ORBITING else ():
+        for name, message, hint in elements.faults(entity.properties) if engine_kind(entity.engine).orbits else ():
             yield TrialFault("LJ0507", f"{mission.name}/{entity.group}/{name}", message, hint)
         surface = entity.properties.get("on")
         wanted = str(surface) if surface is not None else ROAD if entity.engine == ROAD else ""

@@ -20,9 +20,10 @@ from typing import TypeVar
 import msgspec
 
 from lingjing.errors import MissionError
-from lingjing.mission.feasibility.standing import ANYWHERE, LANDBOUND, UNDER_M
+from lingjing.mission.feasibility.standing import UNDER_M
 from lingjing.mission.geometry2d import contains, edge_distance
 from lingjing.mission.instance import Entity, Instance, Vector
+from lingjing.mission.kinds import engine_kind
 from lingjing.mission.placing import GROUND_REACH_M
 from lingjing.scene.city import Building, City, Tile
 from lingjing.scene.footing import Footing
@@ -117,13 +118,13 @@ class _Anchoring:
         """The entity, if it is in the city and not under its ground; `MissionError` else."""
         x, y, z = entity.position
         west, south, east, north = self._city.bounds
-        if entity.engine not in ANYWHERE and not (west <= x <= east and south <= y <= north):
+        if not engine_kind(entity.engine).anywhere and not (west <= x <= east and south <= y <= north):
             raise MissionError(
                 f"`{entity.id}` begins {_where(entity)}, outside of the scene `{self._city.id}`, "
                 f"which lies within ({west:g} m, {south:g} m) and ({east:g} m, {north:g} m)",
                 hint="move it into the scene, or choose a larger one",
             )
-        if entity.role == "asset" and entity.engine in LANDBOUND and z < self._surface(x, y) - UNDER_M:
+        if entity.role == "asset" and engine_kind(entity.engine).landbound and z < self._surface(x, y) - UNDER_M:
             raise MissionError(
                 f"`{entity.id}` begins {_where(entity)} at an elevation of {z:g} m, under the surface of the scene, "
                 f"which lies at {self._surface(x, y):g} m there",

@@ -5,7 +5,7 @@ the search lies south of -750), but water reaches 1.6 km around the origin, so o
 only the point itself, inside (85..585, -712..-425), is land. The layout is fixed; the seed decides what floats where,
 where rocks and trees stand and how boats lie.
 
-Options: `distractors`, things afloat per square kilometre (default 45).
+Options: `distractors`, things afloat per square kilometre.
 """
 
 from __future__ import annotations
@@ -16,14 +16,15 @@ from math import cos, hypot, pi, radians, sin
 from random import Random
 
 from lingjing.errors import UsageError
-from lingjing.mission.instance import Option, SceneSpec
+from lingjing.mission.instance import SceneSpec
+from lingjing.mission.kinds import builtin_scenes, reach_m, scene_faults
 from lingjing.scene.city import City, Land, Polygon, Prop, Solid, Water
 
 APRON_TOP_M = 0.9
 """Elevation of the UAV apron: the listing's 1.1 m less the height of a quadrotor's legs."""
 
-DISTRACTORS_PER_KM2 = 45.0
-REACH_M = 3000.0
+_KIND = builtin_scenes()["bay"]
+REACH_M = reach_m(SceneSpec(kind=_KIND.name)) or 0.0
 """The city spans this far from the origin to every side."""
 
 OPEN_WATER_M = 1600.0
@@ -68,7 +69,7 @@ def build(spec: SceneSpec) -> City:
     What stands on land is the layout's and the same in every episode; what floats is the seed's.
     """
     level = spec.datum_m
-    density = _density(spec.options)
+    density = _density(spec)
     lands = _lands(level)
     return City(
         id=f"bay-{spec.seed}",
@@ -89,14 +90,11 @@ def build(spec: SceneSpec) -> City:
     )
 
 
-def _density(options: dict[str, Option]) -> float:
-    unknown = sorted(set(options) - {"distractors", "datum"})
-    if unknown:
-        raise UsageError(f"scene `bay` has no option `{unknown[0]}`", hint="known: datum, distractors")
-    value = options.get("distractors", DISTRACTORS_PER_KM2)
-    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= 400:
-        raise UsageError(f"scene `bay`: `distractors` is {value!r}", hint="give 0 to 400 per square kilometre")
-    return float(value)
+def _density(spec: SceneSpec) -> float:
+    fault = next(scene_faults(spec), None)
+    if fault is not None:
+        raise UsageError(fault.message, hint=fault.hint)
+    return float(spec.options.get("distractors", sum(_KIND.default("distractors"))))  # type: ignore[arg-type]
 
 
 def _stream(seed: int, name: str) -> Random:

@@ -7,7 +7,7 @@ import pytest
 
 from lingjing.dsl.loading.load import load_mission
 from lingjing.engines import builtin
-from lingjing.mission.scenes import OPTIONS
+from lingjing.mission.kinds import builtin_scenes
 
 ROOT = Path(__file__).parents[2]
 ENGINES = (ROOT / "docs" / "engines.md").read_text("utf-8")
@@ -36,7 +36,7 @@ def test_every_engine_and_scene_is_on_its_page():
     assert [name for name in NAMES if not rows(name)] == []
     scenes = [plugin.name for plugin in builtin.lingjing_scenes()]
     assert [name for name in scenes if f"`{name}`" not in SCENES and f"scene {name} " not in SCENES] == []
-    assert [name for known in OPTIONS.values() for name in known.values() if f"`{name}`" not in SCENES] == []
+    assert [name for kind in builtin_scenes().values() for name in kind.options if f"`{name}`" not in SCENES] == []
 
 
 def test_the_missions_on_the_page_of_scenes_compile(tmp_path):

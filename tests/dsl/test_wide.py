@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from lingjing.dsl import compile_text
-from lingjing.mission.feasibility.wide import EXTENTS_M
 from lingjing.mission.instance import SceneSpec
+from lingjing.mission.kinds import extent_m
 from lingjing.scene.districts.options import plan
 
 TEXT = """\
@@ -37,7 +37,7 @@ def test_a_camera_for_the_air_in_orbit() -> None:
 
 def test_the_extent_that_a_city_has_by_itself_is_known() -> None:
     assert "the scene is 3 km wide" in compile_text(TEXT.replace("extent = 3 km, ", "")).diagnostics[0].message
-    assert plan(SceneSpec(kind="city", datum_m=-3.0)).extent_m == EXTENTS_M["city"]
+    assert plan(SceneSpec(kind="city", datum_m=-3.0)).extent_m == extent_m(SceneSpec(kind="city")) == 3000.0
 
 
 @pytest.mark.parametrize(
@@ -45,7 +45,7 @@ def test_the_extent_that_a_city_has_by_itself_is_known() -> None:
     [
         ("nadir_hd { size", "orbit { size"),
         ("960 by 540", "960 by 540, hfov = 15 deg"),
-        ("scene city { extent = 3 km,", "scene bay {"),
+        ("scene city { extent = 3 km,", "scene moon {"),
     ],
 )
 def test_what_fits_or_is_not_known_is_silent(old: str, new: str) -> None:

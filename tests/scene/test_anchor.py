@@ -17,12 +17,11 @@ from lingjing.dsl import compile_source
 from lingjing.dsl.source.text import Source, read_source
 from lingjing.engines import builtin
 from lingjing.errors import MissionError
-from lingjing.mission.feasibility import standing
 from lingjing.mission.instance import Entity, Instance
 from lingjing.mission.instantiate import instantiate
+from lingjing.mission.kinds import reach_m
 from lingjing.scene.anchor import anchor
 from lingjing.scene.city import City
-from lingjing.scene.districts.district import OUTSKIRTS_M
 from lingjing.scene.districts.palette import WHITE
 from lingjing.scene.footing import Footing
 from lingjing.scene.lines import nearest, point_at
@@ -309,11 +308,9 @@ def test_an_asset_without_an_elevation_stands_on_the_ground_and_not_at_the_water
 
 
 def test_the_proofs_about_places_know_how_far_the_scenes_span() -> None:
-    assert city_of("ssr", 0).bounds == (-standing.BAY_M, -standing.BAY_M, standing.BAY_M, standing.BAY_M)
-    assert standing.OUTSKIRTS_M == OUTSKIRTS_M
-    for name in ("cd", "ufr", "cr"):
-        extent = instantiate(mission(name), seed=0).scene.options["extent_m"]
-        assert isinstance(extent, float) and city_of(name, 0).bounds[2] <= extent / 2.0 + standing.OUTSKIRTS_M
+    for name in ("ssr", "cd", "ufr", "cr"):
+        reach = reach_m(instantiate(mission(name), seed=0).scene)
+        assert reach is not None and city_of(name, 0).bounds == (-reach, -reach, reach, reach)
 
 
 def test_a_stored_city_anchors_as_the_same_city_held_inline(tmp_path) -> None:

@@ -3,7 +3,7 @@
 In the order of the work:
 
 - `library`: which files `use` means. `toplevel`: the top of a file. `inherit`: what `extends` brings.
-- `builtin`: scenes and engines that the project brings. `values`: checked expressions. `keys`: what a block may say.
+- `values`: checked expressions. `keys`: what a block may say.
 - `scope`: the tables of declared names. `unknown`: names nobody declared. `typenames`: types in words.
 - `constants`: the numbers that expressions always are. `expressions`: what the parts of their checking share.
 - `calls`, `aggregates`, `elaborate`: expressions, typed, with the way hidden values take.

@@ -13,7 +13,6 @@ from collections.abc import Collection, Iterable, Iterator
 import msgspec
 
 from lingjing.dsl.checking.blocks import BlockReader
-from lingjing.dsl.checking.builtin import BUILTIN
 from lingjing.dsl.checking.keys import Entry
 from lingjing.dsl.checking.scope import Attribute, GroupInfo, Scope, TypeDecl
 from lingjing.dsl.checking.typenames import with_article
@@ -21,9 +20,7 @@ from lingjing.dsl.source.suggest import did_you_mean, nearest
 from lingjing.dsl.syntax import tree as s
 from lingjing.mission import expression as ex
 from lingjing.mission import model
-
-NO_ACTORS = frozenset(("camera", "city"))
-"""Engines whose entities perform nothing: a camera owns none, the city's are what things are done to."""
+from lingjing.mission.kinds import builtin_engines
 
 _WORDS = {name: name for name in ("by", "status", "takes", "gives", "up_to", "told")} | {"source": "from"}
 """The names that an interaction is made of → the author's words for them."""
@@ -94,7 +91,7 @@ class InteractionChecker:
             self._own(decl, one, words.get("takes" if one.takes else "from") or node.name, what)
 
     def _actor(self, item: s.Property, name: str) -> None:
-        known = (BUILTIN["engine"] - NO_ACTORS) | set(self._roles)
+        known = {kind.name for kind in builtin_engines().values() if kind.acts} | set(self._roles)
         known |= {decl.engine for decl in self.scope.types.values() if decl.role == "asset" and decl.engine}
         if name in known or self.scope.incomplete:
             return

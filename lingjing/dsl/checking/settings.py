@@ -16,6 +16,7 @@ from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.clock import clock_fault
 from lingjing.mission.functions import DEGREES, FLAG, METRES, NUMBER, POSITIONS, REGION, TEXT, Type
+from lingjing.mission.kinds import SceneOption, builtin_scenes, scene_kind
 from lingjing.mission.units import DATA, LENGTH, MONEY, TICKS, TIME, TOKENS
 
 SECONDS = Type("quantity", TIME)
@@ -28,30 +29,17 @@ def _keys(*keys: Key) -> dict[str, Key]:
 
 
 _DRAWN = ("=", "~")
-SCENE_KEYS = _keys(
-    Key("datum", Type("level")),
-    Key("origin", Type("position", of="degrees")),
-    Key("map", TEXT),
-    Key("folder", TEXT),
-    Key("file", TEXT),
-    Key("bbox", TEXT),
-    Key("extent", METRES, above=0),
-    Key("blocks", Type("size")),
-    Key("height", Type("range", LENGTH)),
-    Key("layout", NUMBER, low=0, whole=True),
-    Key("traffic", NUMBER, _DRAWN, low=0),
-    Key("shore", POSITIONS),
-    Key("bridge", POSITIONS),
-    Key("deck", METRES, above=0),
-    Key("pipeline", POSITIONS),
-    Key("inside", REGION),
-    Key("homes", REGION),
-)
-"""`map` is an OpenStreetMap file beside the mission; `folder` is a city that `lingjing scene build` wrote and `file` a
-map to build one from, both from the working folder, `bbox` the part of a map; the rest shapes a city made up: its
-extent, blocks of houses, their heights, a number that picks another layout of the same kind, moving cars, the shore
-(water on its right), the lines of a bridge (`deck` is its elevation) and of a pipeline, the region that a wall or a
-fence surrounds, and one whose blocks hold dwellings."""
+_SCENE_KEYS = _keys(
+    Key("datum", Type("level")), Key("origin", Type("position", of="degrees")), Key("layout", NUMBER, low=0, whole=True)
+)  # fmt: skip
+"""What every scene reads; `layout` is a number that picks another one of the same kind."""
+
+_OPTION_TYPES = {
+    "text": TEXT, "number": NUMBER, "metres": METRES, "size": Type("size"), "range": Type("range", LENGTH),
+    "positions": POSITIONS, "region": REGION,
+}  # fmt: skip
+
+
 CLOCK_KEYS = _keys(Key("tick", SECONDS, above=0, required=True), Key("sync", SECONDS, above=0, required=True))
 BUDGET_KEYS = _keys(
     Key("ticks", NUMBER, ("<=",), low=1, required=True, whole=True),
@@ -88,6 +76,19 @@ _DEADLINES = {"policy": 90.0, "engine": 30.0, "capture": 10.0}
 """Seconds; the paper's limits, for a budget that names ticks only."""
 
 
+def scene_keys(kind: str) -> dict[str, Key]:
+    """What can be said of a scene: its own options, and those of built-in scenes, which `scene_faults` may refuse."""
+    known = scene_kind(kind)
+    kinds = (*builtin_scenes().values(), *((known,) if known else ()))
+    options = {name: option for each in kinds for name, option in each.options.items()}
+    return _SCENE_KEYS | {name: _option_key(name, option) for name, option in options.items()}
+
+
+def _option_key(name: str, option: SceneOption) -> Key:
+    low, above = (None, 0.0) if option.type == "metres" else (option.low if option.type == "number" else None, None)
+    return Key(name, _OPTION_TYPES[option.type], _DRAWN if option.drawn else ("=",), low=low, above=above)
+
+
 class SettingsChecker:
     """One method a declaration; each gives its part of the graph, or None if it is faulty."""
 
@@ -116,7 +117,7 @@ class SettingsChecker:
 
     def scene(self, node: s.SceneBlock) -> model.Scene:
         """`scene kind { … }`."""
-        entries = self.blocks.read(node.block, SCENE_KEYS, "`scene`")
+        entries = self.blocks.read(node.block, scene_keys(node.kind.text), "`scene`")
         self._map_beside(entries.get("map"))
         return model.Scene(kind=node.kind.text, options=_lowered(entries))
 

@@ -1,21 +1,25 @@
 """`absent`: scenes and engines that a mission names and nobody here offers.
 
 A warning and no error: the mission may be right and be played elsewhere, where the plug-in is installed. Who offers
-what is the caller's to say, because plug-ins lie behind the language; `BUILTIN` spares it the look in most cases.
+what is the caller's to say, because plug-ins lie behind the language; the kinds that are built in
+(`lingjing.mission.kinds`) spare it the look in most cases.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Container, Iterator
+from typing import Literal
 
-from lingjing.dsl.checking.builtin import BUILTIN, Offered
 from lingjing.dsl.source.reporter import Reporter
 from lingjing.dsl.source.suggest import did_you_mean
 from lingjing.dsl.syntax import tree as s
+from lingjing.mission.kinds import builtin_engines, builtin_scenes
 from lingjing.mission.model import Mission
 
+Offered = Literal["scene", "engine"]
+
 Offers = Callable[[Offered], tuple[str, ...]]
-"""The names that are installed, sorted; called only for a name that is not `BUILTIN`."""
+"""The names that are installed, sorted; called only for a name that is not built in."""
 
 
 def absent(mission: Mission, tree: s.File, report: Reporter, offers: Offers) -> None:
@@ -31,11 +35,12 @@ def absent(mission: Mission, tree: s.File, report: Reporter, offers: Offers) -> 
 
 def missing(mission: Mission, offers: Offers) -> Iterator[tuple[Offered, str, str]]:
     """Kind, name and the entity group that asks for it ("" for the scene)."""
+    builtin: dict[Offered, Container[str]] = {"scene": builtin_scenes(), "engine": builtin_engines()}
     seen: set[tuple[Offered, str]] = set()
     wanted: list[tuple[Offered, str, str]] = [("scene", mission.scene.kind, "")]
     wanted += [("engine", group.engine, group.name) for group in mission.groups]
     for kind, name, owner in wanted:
-        if (kind, name) in seen or name in BUILTIN[kind]:
+        if (kind, name) in seen or name in builtin[kind]:
             continue
         seen.add((kind, name))
         if name not in offers(kind):

@@ -137,7 +137,8 @@ def _compiler() -> str:
                 found.append(f"{item.name} {stat.st_size} {stat.st_mtime_ns}")
             elif "." not in item.name and item.name != "__pycache__":
                 waiting.append(item.path)
-    return "\n".join(found)
+    kinds = os.stat(os.path.join(package, "engines", "kinds.json"))  # noqa: PTH116, PTH118
+    return "\n".join((*found, f"kinds.json {kinds.st_size} {kinds.st_mtime_ns}"))
 
 
 def _libraries(source: Source) -> Iterator[tuple[str, str]]:

@@ -1,8 +1,8 @@
 """What begins outside of the scene, and assets under its ground, as far as the text decides that.
 
-Only scenes whose size and ground the text gives are looked at: the bay, and the built-in towns without a bridge or an
-inner region, which may reach farther. What the scene moves (`on = road`) is out only if it is so far out that it could
-not be moved in. All else is found when the city is there (`lingjing.scene.anchor`).
+Only scenes whose reach is known are looked at (`lingjing.mission.kinds`). What the scene moves (`on = road`) is out
+only if it is so far out that it could not be moved in. All else is found when the city is there
+(`lingjing.scene.anchor`).
 """
 
 from __future__ import annotations
@@ -11,23 +11,10 @@ from collections.abc import Iterator
 
 from lingjing.mission.feasibility.outline import Body, Outline
 from lingjing.mission.feasibility.proof import Proof, spelled
-from lingjing.mission.instance import SceneSpec
-
-BAY_M = 3000.0
-"""How far the bay spans from its origin."""
-
-TOWNS = ("residential", "industrial", "commercial", "campus", "logistics", "coastal")
-OUTSKIRTS_M = 60.0
-"""How far a town spans beyond its extent."""
+from lingjing.mission.kinds import engine_kind, reach_m
 
 UNDER_M = 1.0
 """So far below the lowest surface an asset is under it, and not a leg's length short."""
-
-LANDBOUND = ("multirotor", "plane", "quadruped", "road")
-"""Engines whose bodies are never under the ground or the sea. A plug-in's may dive."""
-
-ANYWHERE = ("satellite", "plane")
-"""Engines whose bodies may begin outside of the scene: they cross it at once."""
 
 
 def refute_standing(outline: Outline) -> list[Proof]:
@@ -41,30 +28,19 @@ def _is_known(body: Body) -> bool:
 
 
 def _proofs(body: Body, outline: Outline) -> Iterator[Proof]:
-    scene, engine = outline.instance.scene, body.entity.engine
+    scene, engine = outline.instance.scene, engine_kind(body.entity.engine)
     reach = reach_m(scene)
     if reach is None:
         return
     east, north, up = body.entity.position
     shown = f"`{body.id}` begins at ({spelled(east)} m, {spelled(north)} m, {spelled(up)} m)"
     loose = body.where.loose_m
-    if max(abs(east), abs(north)) > reach + loose and engine not in ANYWHERE:
+    if max(abs(east), abs(north)) > reach + loose and not engine.anywhere:
         hint = "move it into the scene, or give the scene a larger `extent`"
         message = f"{shown}, outside of the scene, which spans {spelled(reach)} m to every side"
         yield Proof("LJ0211", body.path, message, hint, subject=body.id)
     lowest = min(0.0, scene.datum_m)
     is_placed = body.entity.role == "asset" and loose == 0.0
-    if is_placed and up < lowest - UNDER_M and engine in LANDBOUND:
+    if is_placed and up < lowest - UNDER_M and engine.landbound:
         message = f"{shown}, below everything in the scene, whose lowest surface lies at {spelled(lowest)} m"
         yield Proof("LJ0211", body.path, message, "give it the elevation it begins at", subject=body.id)
-
-
-def reach_m(scene: SceneSpec) -> float | None:
-    """How far the scene spans from its origin, if the text says so."""
-    if scene.kind == "bay":
-        return BAY_M
-    extent = scene.options.get("extent_m")
-    wider = {"bridge", "inside", "homes", "pipeline"} & scene.options.keys()
-    if scene.kind not in TOWNS or wider or not isinstance(extent, int | float):
-        return None
-    return float(extent) / 2.0 + OUTSKIRTS_M

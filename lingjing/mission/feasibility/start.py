@@ -16,12 +16,10 @@ from lingjing.mission.feasibility.outline import Body, Outline, of_mission, too_
 from lingjing.mission.feasibility.proof import Proof
 from lingjing.mission.functions import operation
 from lingjing.mission.intervals import Estimate, exactly
+from lingjing.mission.kinds import SceneKind, scene_kind
 from lingjing.mission.values import Value
 
 _NOW = "now"
-_OPEN = "bay"
-ASIDE_M = 250.0
-"""How far at most a scene with buildings puts aside what is not declared `on` a surface; the open bay moves nothing."""
 
 
 def won_at_start(mission: model.Mission) -> tuple[Proof, ...]:
@@ -87,7 +85,8 @@ class Beginning(Nothing):
         points = [outline[0] for outline in value.where.outlines if len(outline) == 1]
         if len(value.where.outlines) != 1 or not points or value.entity.dormant:
             return None
-        off = value.where.loose_m or (0.0 if self._outline.instance.scene.kind == _OPEN else ASIDE_M)
+        kind = scene_kind(self._outline.instance.scene.kind) or SceneKind(name="")
+        off = value.where.loose_m or kind.aside_m
         return Estimate(*points[0], off)
 
     def answer(self, call: ex.Call, arguments: Sequence[Value]) -> Value:

@@ -12,16 +12,14 @@ from lingjing.errors import LingjingError
 from lingjing.mission import model
 from lingjing.mission.feasibility.outline import Outline, of_mission, too_large
 from lingjing.mission.feasibility.proof import Proof, gathered, spelled
-from lingjing.mission.instance import CameraSpec, Entity, Instance
+from lingjing.mission.instance import CameraSpec, Entity
+from lingjing.mission.kinds import extent_m
 
 WIDE = 50.0
 """From how many times the scene's extent on a picture is called too wide: the scene is a fiftieth of its width."""
 
 MADE_M, LEAST_M = 550e3, 160e3
 """Height of the orbit that a satellite without elements gets, and the least one that lasts for those with elements."""
-
-EXTENTS_M = {"city": 3000.0}
-"""Extents of scenes that do not say how large they are, where they are known."""
 
 
 def too_wide(mission: model.Mission) -> tuple[Proof, ...]:
@@ -38,18 +36,12 @@ def too_wide(mission: model.Mission) -> tuple[Proof, ...]:
 
 def too_wide_of(outline: Outline) -> tuple[Proof, ...]:
     """The same of an outline."""
-    extent = extent_m(outline.instance)
+    extent = extent_m(outline.instance.scene)
     if extent is None:
         return ()
     carriers = [body.entity for body in outline.by_engine("satellite")]
     found = [_hint(entity, camera, extent) for entity in carriers for camera in entity.cameras]
     return gathered(proof for proof in found if proof is not None)
-
-
-def extent_m(instance: Instance) -> float | None:
-    """How many metres the scene is wide, if that is known."""
-    given = instance.scene.options.get("extent_m", EXTENTS_M.get(instance.scene.kind))
-    return float(given) if isinstance(given, int | float) and given > 0 else None
 
 
 def _hint(entity: Entity, camera: CameraSpec, extent: float) -> Proof | None:

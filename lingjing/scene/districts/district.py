@@ -20,9 +20,6 @@ from lingjing.scene.districts.streets import APRON_M, Block, Grid, blocks, grid,
 from lingjing.scene.districts.zones import fill, heights, surface
 from lingjing.scene.network import Network, StreetEdge, StreetNode, build_network, read_roads
 
-OUTSKIRTS_M = 60.0
-"""Trees stand this far around the built-up square."""
-
 GUTTER_M = 0.4
 """Asphalt reaches this far under the kerb."""
 
@@ -62,7 +59,7 @@ def lay_out(
 
 def frame(plan: Plan, net: Network) -> City:
     """The city of a plan without its pieces."""
-    reach = plan.half_m + OUTSKIRTS_M
+    reach = plan.half_m + plan.outskirts_m
     boxes = [Box(-reach, -reach, reach, reach)]
     if plan.site:
         boxes.append(plan.site.inset(-40.0))
@@ -200,7 +197,7 @@ def _outskirts(draft: Draft, plan: Plan) -> None:
     from lingjing.scene.districts.furnish import tree
 
     chance = stream(plan.layout, "outskirts")
-    outer = plan.half_m + OUTSKIRTS_M
+    outer = plan.half_m + plan.outskirts_m
     site = plan.site.inset(-20.0) if plan.site else None
     for _ in range(int(plan.extent_m / 3.0)):
         x, y = chance.uniform(-outer, outer), chance.uniform(-outer, outer)

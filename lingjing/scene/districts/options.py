@@ -6,11 +6,9 @@ from dataclasses import dataclass
 
 from lingjing.errors import UsageError
 from lingjing.mission.instance import SceneSpec
-from lingjing.mission.scenes import DISTRICTS, EXTENT_M, HEIGHT_M, USUAL_EXTENT_M, scene_faults
+from lingjing.mission.kinds import builtin_scenes, extent_m, scene_faults
 from lingjing.scene.city import Polygon
 from lingjing.scene.districts.boxes import Box, bounds
-
-KINDS = DISTRICTS
 
 _SPACING_M = {"city": 250.0}
 
@@ -23,7 +21,8 @@ class Plan:
     what floats on the water (nothing in a whole city, which is built once). `inside` is an area without public streets
     (a compound, a factory), `homes` one whose blocks hold dwellings of different colours whatever the rest of the
     district is, `pipeline`, `shore` and `bridge` are lines; empty where the mission names none. `height_m` is the range
-    of building heights, `deck_m` the elevation of the bridge's deck.
+    of building heights, `deck_m` the elevation of the bridge's deck,
+    `outskirts_m` how far trees stand around the square.
     """
 
     kind: str
@@ -34,12 +33,13 @@ class Plan:
     extent_m: float
     spacing: tuple[float, float]
     height_m: tuple[float, float]
+    outskirts_m: float
     inside: Polygon = ()
     homes: Polygon = ()
     pipeline: Polygon = ()
     shore: Polygon = ()
     bridge: Polygon = ()
-    deck_m: float = 12.0
+    deck_m: float = 0.0
 
     @property
     def half_m(self) -> float:
@@ -59,11 +59,12 @@ def plan(spec: SceneSpec) -> Plan:
     fault = next(scene_faults(spec), None)
     if fault is not None:
         raise UsageError(fault.message, hint=fault.hint)
-    extent = _number(spec, "extent_m", EXTENT_M.get(spec.kind, USUAL_EXTENT_M))
+    kind = builtin_scenes()[spec.kind]
+    extent = extent_m(spec) or 0.0
     default = max(2.0, round(extent / _SPACING_M.get(spec.kind, 200.0)))
     rows = _number(spec, "blocks_rows", default)
     columns = _number(spec, "blocks_columns", default)
-    low, high = HEIGHT_M[spec.kind]
+    low, high = kind.default("height")
     low = _number(spec, "height_low_m", low)
     return Plan(
         kind=spec.kind,
@@ -74,12 +75,13 @@ def plan(spec: SceneSpec) -> Plan:
         extent_m=extent,
         spacing=(extent / round(columns), extent / round(rows)),
         height_m=(low, _number(spec, "height_high_m", max(low, high))),
+        outskirts_m=kind.outskirts_m,
         inside=_line(spec, "inside"),
         homes=_line(spec, "homes"),
         pipeline=_line(spec, "pipeline"),
         shore=_line(spec, "shore") or _default_shore(spec.kind, extent),
         bridge=_line(spec, "bridge"),
-        deck_m=_number(spec, "deck_m", 12.0),
+        deck_m=_number(spec, "deck_m", sum(kind.default("deck"))),
     )
 
 

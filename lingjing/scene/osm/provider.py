@@ -15,13 +15,11 @@ import msgspec
 from lingjing.errors import UsageError
 from lingjing.mission.frames import from_geodetic
 from lingjing.mission.instance import SceneSpec
-from lingjing.mission.scenes import scene_faults
+from lingjing.mission.kinds import scene_faults
 from lingjing.scene.city import City
 from lingjing.scene.osm.build import Options, build
 from lingjing.scene.osm.frame import parse_box
 from lingjing.scene.store import read_store, whole
-
-_HINT = 'write: scene map { folder = "DIR" } with a folder that `lingjing scene build MAP.osm -o DIR` wrote'
 
 
 def city_of(spec: SceneSpec) -> City:
@@ -42,13 +40,6 @@ def city_of(spec: SceneSpec) -> City:
 # -- private
 
 
-def _text(spec: SceneSpec, name: str) -> str:
-    value = spec.options[name]
-    if not isinstance(value, str) or not value:
-        raise UsageError(f"scene `map`: `{name}` is {value!r}, not a path in quotes", hint=_HINT)
-    return value
-
-
 def _stored(folder: Path) -> City:
     try:
         city = read_store(folder.absolute())
@@ -64,7 +55,7 @@ def _stored(folder: Path) -> City:
 
 
 def _built(spec: SceneSpec, path: Path) -> City:
-    box = parse_box(_text(spec, "bbox")) if "bbox" in spec.options else None
+    box = parse_box(str(spec.options["bbox"])) if "bbox" in spec.options else None
     try:
         return build(path.absolute(), Options(box=box)).city
     except UsageError as error:

@@ -1,0 +1,301 @@
+"""Kinds of scenes and engines as data: what a check of a mission must know of them before any of them is imported.
+
+Whoever provides a scene or an engine says it in a file `kinds.json` beside the module that its entry point (group
+`lingjing`) names; the built-in ones stand in `lingjing/engines/kinds.json`. The file is found without importing the
+plug-in, and the plug-ins' files are looked for only where a mission names a kind that is not built in. Of a kind that
+no file describes nothing is known, and nothing is refused.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+from typing import Any, Literal
+
+import msgspec
+
+from lingjing.errors import PluginError
+from lingjing.mission.instance import Option, SceneSpec
+
+FILE = "kinds.json"
+
+DRY_M = 1.0
+"""The sea lies at least this far under the ground of a town, which is at elevation 0."""
+
+SEA_M = -3.0
+"""The sea's elevation beside a town whose mission names no datum."""
+
+LINE_MOST_M = 25_000.0
+"""How far from the origin a line or an outline may lead: the widest scene's extent and as much again."""
+
+_SUFFIXES = {"metres": ("_m",), "size": ("_rows", "_columns"), "range": ("_low_m", "_high_m")}
+
+
+class _Record(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    pass
+
+
+class SceneOption(_Record, frozen=True, kw_only=True):
+    """An option of a scene.
+
+    `low` and `high` bound a number and both numbers of a size or a range, `points` says how many points a line or an
+    outline has at least, `within` that it lies in the scene. `default` is what counts where a mission names none.
+    `needs_shore`: it makes no sense in a scene without a shore. `without` is an option that excludes this one.
+    `drawn`: an author may draw the value (`~`).
+    """
+
+    type: Literal["text", "number", "metres", "size", "range", "positions", "region"]
+    help: str = ""
+    low: float | None = None
+    high: float | None = None
+    points: int = 0
+    default: float | tuple[float, float] | None = None
+    within: bool = False
+    needs_shore: bool = False
+    without: str = ""
+    drawn: bool = False
+
+
+class SceneKind(_Record, frozen=True, kw_only=True):
+    """A kind of scene.
+
+    `like` names a kind of the same file that says what this one leaves out; options are joined one by one.
+    `extent_m` is the width of a scene without the option `extent`, `outskirts_m` how far its city reaches beyond its
+    extent on each side, `wider_by` the options with which it may reach farther. `shore` says whether the sea lies
+    beside dry ground at elevation 0: always (`own`), where the option `shore` gives it (`given`), or never (`none`).
+    `lacks` are the surfaces that it has not, `unless` the options that bring one nevertheless. `aside_m` is how far it
+    may move what stands on no declared surface. Exactly one of the options `one_of` must be given, as `one_of_hint`
+    says.
+    """
+
+    name: str
+    like: str = ""
+    summary: str = ""
+    options: dict[str, SceneOption] = {}
+    extent_m: float | None = None
+    outskirts_m: float = 0.0
+    wider_by: tuple[str, ...] = ()
+    shore: Literal["own", "given", "none"] = "none"
+    lacks: tuple[str, ...] = ()
+    unless: dict[str, str] = {}
+    aside_m: float = 250.0
+    one_of: tuple[str, ...] = ()
+    one_of_hint: str = ""
+
+    def spelled(self) -> dict[str, str]:
+        """Each option as an instance has it → as an author spells it."""
+        return {name: spelled for spelled, option in self.options.items() for name in names_of(spelled, option)}
+
+    def default(self, spelled: str) -> tuple[float, ...]:
+        """The numbers of an option that a mission leaves out; none where the scene works them out."""
+        given = self.options[spelled].default if spelled in self.options else None
+        return () if given is None else given if isinstance(given, tuple) else (given,)
+
+
+class EngineKind(_Record, frozen=True, kw_only=True):
+    """A kind of engine. `acts`: its entities can perform interactions. `landbound`: its bodies are never under the
+    ground or the sea. `anywhere`: they may begin outside of the scene, which they cross at once. `orbits`: elements
+    place them. `standard_properties`: speeds, endurances and loads mean what the language says.
+    """
+
+    name: str
+    acts: bool = True
+    landbound: bool = False
+    anywhere: bool = False
+    orbits: bool = False
+    standard_properties: bool = False
+
+
+class SceneFault(msgspec.Struct, frozen=True):
+    """What is wrong with a scene: the option at fault as an author spells it ("" for the scene as a whole)."""
+
+    option: str
+    message: str
+    hint: str = ""
+
+
+def builtin_scenes() -> dict[str, SceneKind]:
+    """The scenes that come with the project, by name."""
+    return _builtin().by_scene
+
+
+def builtin_engines() -> dict[str, EngineKind]:
+    """The engines that come with the project, by name."""
+    return _builtin().by_engine
+
+
+def scene_kind(name: str) -> SceneKind | None:
+    """What is known of a scene; None for one that no file describes. `PluginError` for a file that cannot be read."""
+    return builtin_scenes().get(name) or next((f.by_scene[name] for f in _plugins() if name in f.by_scene), None)
+
+
+def engine_kind(name: str) -> EngineKind:
+    """What is known of an engine; where no file describes it, that its entities act."""
+    found = builtin_engines().get(name)
+    return found or next((f.by_engine[name] for f in _plugins() if name in f.by_engine), EngineKind(name=name))
+
+
+def names_of(spelled: str, option: SceneOption) -> tuple[str, ...]:
+    """What an instance calls the values of an option: `height` is `height_low_m` and `height_high_m`."""
+    return tuple(spelled + suffix for suffix in _SUFFIXES.get(option.type, ("",)))
+
+
+def scene_faults(spec: SceneSpec) -> Iterator[SceneFault]:
+    """Everything for which a scene would be refused, whatever the machine; nothing for one that is not described."""
+    kind = scene_kind(spec.kind)
+    if kind is None:
+        return
+    known = kind.spelled()
+    everywhere = {name: spelled for other in builtin_scenes().values() for name, spelled in other.spelled().items()}
+    for name in sorted(set(spec.options) - known.keys() - {"datum", "origin"}):
+        spelled = everywhere.get(name, name)
+        listed = ", ".join(("datum", *kind.options))
+        yield SceneFault(spelled, f"scene `{kind.name}` has no option `{spelled}`", f"known: {listed}")
+    yield from _choice_faults(spec, kind)
+    for spelled, option in kind.options.items():
+        yield from _option_faults(spec, kind, spelled, option)
+    if has_shore(spec) and spec.datum_m > -DRY_M:
+        message = f"scene `{kind.name}`: the sea at {spec.datum_m:g} m would flood the ground, which is at 0 m"
+        yield SceneFault("datum", message, "write: datum = sea level at -3 m")
+
+
+def has_shore(spec: SceneSpec) -> bool:
+    """Whether dry ground at elevation 0 meets the sea."""
+    kind = scene_kind(spec.kind)
+    return kind is not None and (kind.shore == "own" or (kind.shore == "given" and bool(spec.options.get("shore"))))
+
+
+def lacks(spec: SceneSpec, surface: str) -> bool:
+    """Whether nothing in a scene is such a surface (`on = bridge`); False where only the scene can tell."""
+    kind = scene_kind(spec.kind)
+    return kind is not None and surface in kind.lacks and kind.unless.get(surface) not in spec.options
+
+
+def extent_m(spec: SceneSpec) -> float | None:
+    """How many metres a scene is wide, if that is known."""
+    kind = scene_kind(spec.kind)
+    given = spec.options.get("extent_m", next(iter(kind.default("extent")), kind.extent_m) if kind else None)
+    return float(given) if isinstance(given, int | float) and given > 0 else None
+
+
+def reach_m(spec: SceneSpec) -> float | None:
+    """How far a scene's city spans from its origin to every side, if the scene or its mission says so."""
+    kind = scene_kind(spec.kind)
+    extent = spec.options.get("extent_m", kind.extent_m if kind else None)
+    if kind is None or not isinstance(extent, int | float) or any(name in spec.options for name in kind.wider_by):
+        return None
+    return extent / 2.0 + kind.outskirts_m
+
+
+# -- private
+
+
+class _File(_Record, frozen=True, kw_only=True):
+    scenes: tuple[SceneKind, ...] = ()
+    engines: tuple[EngineKind, ...] = ()
+
+    @property
+    def by_scene(self) -> dict[str, SceneKind]:
+        return {kind.name: kind for kind in self.scenes}
+
+    @property
+    def by_engine(self) -> dict[str, EngineKind]:
+        return {kind.name: kind for kind in self.engines}
+
+
+@cache
+def _builtin() -> _File:
+    return _read(Path(__file__).parents[1] / "engines" / FILE)
+
+
+@cache
+def _plugins() -> tuple[_File, ...]:
+    """The files of the plug-ins that are installed, in the order of their names."""
+    from importlib.metadata import entry_points
+    from importlib.util import find_spec
+
+    found = []
+    for point in sorted(entry_points(group="lingjing"), key=lambda point: point.name):
+        top, *below = point.module.split(".")
+        spec = find_spec(top)  # a package within it is not asked for: that would import the ones around it
+        for folder in (spec.submodule_search_locations or ()) if spec else ():
+            within = Path(folder, *below)
+            file = (within if within.is_dir() else within.parent) / FILE
+            if file.is_file():
+                found.append(_read(file))
+    return tuple(found)
+
+
+def _read(file: Path) -> _File:
+    try:
+        document = msgspec.json.decode(file.read_bytes())
+        scenes = {scene["name"]: scene for scene in document.get("scenes", ())}
+        document["scenes"] = [_joined(scenes[scene["like"]], scene) if "like" in scene else scene
+                              for scene in scenes.values()]  # fmt: skip
+        return msgspec.convert(document, _File)
+    except (OSError, msgspec.DecodeError, msgspec.ValidationError, KeyError, TypeError, AttributeError) as error:
+        raise PluginError(f"{file} does not describe kinds of scenes and engines: {error}") from error
+
+
+def _joined(base: dict[str, Any], scene: dict[str, Any]) -> dict[str, Any]:
+    own = scene.get("options", {})
+    options = {name: {**option, **own.get(name, {})} for name, option in base["options"].items()}
+    return {**base, **scene, "options": {**own, **options}}
+
+
+def _choice_faults(spec: SceneSpec, kind: SceneKind) -> Iterator[SceneFault]:
+    named = [name for name in kind.one_of if name in spec.options]
+    if kind.one_of and len(named) != 1:
+        said = f"its {kind.name} {len(named)} times ({', '.join(named)})" if named else f"no {kind.name}"
+        yield SceneFault("", f"scene `{kind.name}` names {said}", kind.one_of_hint)
+
+
+def _option_faults(spec: SceneSpec, kind: SceneKind, spelled: str, option: SceneOption) -> Iterator[SceneFault]:
+    names = names_of(spelled, option)
+    given = {name: spec.options[name] for name in names if name in spec.options}
+    for value in given.values():
+        message, hint = _value_fault(spec, kind, option, value)
+        if message:
+            yield SceneFault(spelled, f"scene `{kind.name}`: `{spelled}` {message}", hint)
+    if option.type == "range" and given:
+        low, high = (given.get(name, usual) for name, usual in zip(names, kind.default(spelled), strict=True))
+        if isinstance(low, int | float) and isinstance(high, int | float) and low > high:
+            message = f"scene `{kind.name}`: `{spelled}` is {high!r}"
+            yield SceneFault(spelled, message, f"give {low:g} to {option.high:g}")
+    if any(given.values()) and option.needs_shore and not has_shore(spec):
+        hint = f"a {spelled} needs a shore: scene coastal {{ … }}"
+        yield SceneFault(spelled, f"scene `{kind.name}` has no `{spelled}`", hint)
+    if given and option.without in spec.options:
+        message = f"scene `{kind.name}`: with `{option.without}` there is no `{spelled}`"
+        yield SceneFault(spelled, message, f"leave out `{option.without}` or `{spelled}`")
+
+
+def _value_fault(spec: SceneSpec, kind: SceneKind, option: SceneOption, value: Option) -> tuple[str, str]:
+    """What is wrong with one value of an option, and the way out; "" for a good one."""
+    if option.type == "text":
+        return (
+            ("", "") if isinstance(value, str) and value else (f"is {value!r}, not a text in quotes", kind.one_of_hint)
+        )
+    if option.points:
+        metres = _coordinates(value, option.points)
+        if metres is None:
+            return f"is no line of {option.points} or more points", "write [(0 m, 0 m), (10 m, 0 m)]"
+        most = (extent_m(spec) if option.within else None) or LINE_MOST_M
+        reach = max(map(abs, metres), default=0.0)
+        return (f"reaches {reach:g} m from the origin", f"{most:g} m at most") if reach > most else ("", "")
+    low = -math.inf if option.low is None else option.low
+    high = math.inf if option.high is None else option.high
+    if isinstance(value, int | float) and not isinstance(value, bool) and low <= value <= high:
+        return "", ""
+    return f"is {value!r}", f"give {low:g} to {high:g}" if math.isfinite(high) else f"give {low:g} or more"
+
+
+def _coordinates(value: Option, least: int) -> list[float] | None:
+    """The coordinates of a line of at least so many points, or of an empty one; None for what is no line."""
+    if not isinstance(value, tuple):
+        return None
+    points = [point for point in value if isinstance(point, tuple) and all(map(math.isfinite, point))]
+    whole = not value or len(points) == len(value) >= least
+    return [metres for point in points for metres in point] if whole else None
