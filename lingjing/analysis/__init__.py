@@ -9,7 +9,7 @@
 - `incidents`   who crashed, fell, ran out of energy, when and where
 - `metrics`     `metrics(trace) -> Metrics`: the paper's tables of metrics
 - `story`       what a picture of the episode needs, gathered by entity and by tick
-- `groundplan`  a city as flat shapes in painting order; `credit` whose map it is
+- `played_city` the city of an episode, built again, and whom to name for its map
 - `gallery`     the map with the trails and the best picture of each camera, for pages
 - `overview`    `draw_overview(trace, path)`: the picture; the only module here that needs matplotlib
 """

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from lingjing.analysis.groundplan import city_of
+from lingjing.analysis.played_city import city_of
 from lingjing.kernel.world.casting import cast
 from lingjing.kernel.world.contract import StoredFrame
 from lingjing.kernel.world.ensemble import close_engines, start_engines

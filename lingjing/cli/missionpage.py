@@ -76,8 +76,8 @@ def _rows(path: Path, mission: Mission) -> list[Row]:
 
 
 def _episode(mission: Mission, traces: Sequence[Trace], folder: Path) -> Iterator[str]:
-    from lingjing.analysis.credit import credit
     from lingjing.analysis.gallery import draw_trails
+    from lingjing.analysis.played_city import credit
 
     name = f"{mission.name}-map.png"
     draw_trails(traces[0], folder / name)

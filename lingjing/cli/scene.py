@@ -89,14 +89,14 @@ def _info(args: argparse.Namespace) -> int:
 
 def _draw(args: argparse.Namespace) -> int:
     """Draw a city from above: waters, surfaces, roads, buildings (darker is higher), trees."""
-    from lingjing.scene.plan import draw
+    from lingjing.scene.plan import draw_plan
 
     target = Path(args.output)
     if target.suffix.lower() not in _PICTURES:
         raise UsageError(f"no picture is written to `{target.name}`", hint=f"end the name in {', '.join(_PICTURES)}")
     if not target.parent.is_dir():
         raise UsageError(f"cannot write `{target}`: its folder does not exist", hint="choose another place with -o")
-    draw(_city(args), target)
+    draw_plan(_city(args), target)
     print(target)
     return ExitCode.OK
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from lingjing.analysis.credit import credit
+from lingjing.analysis.played_city import credit
 from lingjing.cli.scorecard import plain, scorecard
 from lingjing.errors import ExitCode
 from lingjing.play.report import ABORTED, INTERRUPTED, EpisodeReport, SeedsReport

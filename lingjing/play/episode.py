@@ -7,7 +7,6 @@ own, and the engines live in processes that end with this one.
 from __future__ import annotations
 
 import datetime as dt
-import hashlib
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from os import PathLike
@@ -39,7 +38,7 @@ from lingjing.play.report import ABORTED, EpisodeReport
 from lingjing.plugins.host import PluginHost
 from lingjing.plugins.loading import build_policy
 from lingjing.plugins.policy import PolicyPlugin
-from lingjing.scene.city import City
+from lingjing.scene.city import City, content_sha256
 from lingjing.trace.reader import Trace, read_trace
 from lingjing.trace.records import AgentBinding, BoundaryRecord, Header, Outcome
 from lingjing.trace.writer import Picture, TraceWriter, gone
@@ -181,7 +180,7 @@ def _header(instance: Instance, city: City, assigned: Mapping[str, Assigned], op
             for agent, (plugin, arguments) in assigned.items()
         ),
         fingerprint=versions(),
-        city_sha256=city.sha256 or hashlib.sha256(msgspec.json.encode(city)).hexdigest(),
+        city_sha256=content_sha256(city),
         attribution=city.attribution,
         started_wall=dt.datetime.now(dt.UTC).isoformat(timespec="seconds"),
         policy_seed=options.policy_seed,

@@ -11,6 +11,8 @@ need not know which of the two they have.
 
 from __future__ import annotations
 
+import hashlib
+
 import msgspec
 
 from lingjing.mission.instance import Datum, Vector
@@ -202,3 +204,8 @@ class Tile(Pieces, frozen=True, kw_only=True):
     """The pieces of one square: a piece is in the one tile that holds its first point (`key` is column and row)."""
 
     key: tuple[int, int]
+
+
+def content_sha256(city: City) -> str:
+    """SHA-256 over a city's content, by which a trace knows it again."""
+    return city.sha256 or hashlib.sha256(msgspec.json.encode(city)).hexdigest()

@@ -1,30 +1,149 @@
-"""A plan of a city: the whole of it seen from above, as a picture for people (matplotlib)."""
+"""A city from above as flat shapes in painting order, for maps on paper and in terminals alike; and a painter of them.
+
+`ground_plan` gives the shapes; `paint` draws them with matplotlib in the colours of a `Palette`; `draw_plan` writes the
+whole city as a picture file. Whoever has no matplotlib axes paints the shapes itself.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import math
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Literal, get_args
 
-from lingjing.scene.city import Building, City, Polygon
-from lingjing.scene.tiles import Tiles
+from lingjing.scene.city import City, Pieces, Polygon
+from lingjing.scene.tiles import Bounds, Tiles
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.path import Path as Outline
 
-SURFACES = {
-    "park": "#cfe3b4", "grass": "#d9e8c0", "forest": "#b2cf9b", "plaza": "#e9e0d0", "sidewalk": "#dcd6cc",
-    "parking": "#dcdce2", "asphalt": "#cfcfd2", "industrial": "#e4dde0", "residential": "#ebe7e0",
-    "commercial": "#efe3dc", "sand": "#efe4bf", "concrete": "#dad8d4", "pitch": "#a9d3ad", "rock": "#c9c4bb",
-}  # fmt: skip
-GROUND, WATER, BRIDGE, SOLID = "#f1eee8", "#a9cfe0", "#b9a98f", "#8d8377"
-WIDTHS = {"foot": "#d8cfc2", "bicycle": "#c9b7b0", "bus": "#a9a0a8", "car": "#b3b3b8"}
+Layer = Literal["water", "land", "slab", "area", "path", "road", "solid", "bridge", "building", "tree", "pipe"]
+"""What covers what: a layer lies over those before it."""
+
+Point = tuple[float, float]
+
+SLAB_M = 0.6
+"""A solid no thicker than this is ground to stand on: a kerbed block, a deck."""
+
 SIDE_IN = 12.0
-"""The longer side of the picture, inches."""
+"""The longer side of the picture that `draw_plan` writes, inches."""
+
+_TREE_M = 4.0
+"""Diameter of a drawn tree of scale 1."""
+
+_LAYERS: tuple[Layer, ...] = get_args(Layer)
 
 
-def draw(city: City, path: Path, dpi: int = 150) -> None:
-    """Write the plan to a file; its suffix says which format (`.png`, `.svg`, `.pdf`)."""
+@dataclass(frozen=True, slots=True)
+class Flat:
+    """A polygon with its holes, or (`width_m` > 0) a line of that width; east and north in metres.
+
+    `surface` is that of an area, `grass land` for one of the ground, or the kind of a road's lane; `top_m` is the
+    elevation of a building's top.
+    """
+
+    layer: Layer
+    points: tuple[Point, ...]
+    holes: tuple[Polygon, ...] = ()
+    width_m: float = 0.0
+    surface: str = ""
+    top_m: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Palette:
+    """Colours of layers and, before them, of surfaces; a layer or surface without one is not painted. `ground` is what
+    lies under everything, `edges` the outlines. A building's colour is darker the higher it is if `by_height`."""
+
+    ground: str
+    layers: Mapping[Layer, str]
+    surfaces: Mapping[str, str] = field(default_factory=dict)
+    edges: Mapping[Layer, str] = field(default_factory=dict)
+    by_height: bool = False
+
+    def colour(self, shape: Flat) -> str | tuple[float, float, float] | None:
+        """The fill of a shape; None for one that is not painted."""
+        if self.by_height and shape.layer == "building":
+            shade = 0.82 - 0.62 * min(1.0, (max(shape.top_m, 0.0) / 300.0) ** 0.5)
+            return shade, shade * 0.93, shade * 0.86
+        return self.surfaces.get(shape.surface, self.layers.get(shape.layer))
+
+
+PLAN = Palette(
+    ground="#f1eee8",
+    layers={
+        "water": "#a9cfe0", "land": "#f1eee8", "slab": "#e2dcd2", "road": "#b3b3b8", "solid": "#8d8377",
+        "bridge": "#cfc4b2", "tree": "#9dbb8e", "pipe": "#7d6f5f",
+    },
+    surfaces={
+        "park": "#cfe3b4", "grass": "#d9e8c0", "forest": "#b2cf9b", "plaza": "#e9e0d0", "sidewalk": "#dcd6cc",
+        "parking": "#dcdce2", "asphalt": "#cfcfd2", "industrial": "#e4dde0", "residential": "#ebe7e0",
+        "commercial": "#efe3dc", "sand": "#efe4bf", "concrete": "#dad8d4", "pitch": "#a9d3ad",
+        "grass land": "#d9e8c0", "rock land": "#c9c4bb", "concrete land": "#dad8d4", "foot": "#d8cfc2",
+        "bicycle": "#c9b7b0", "bus": "#a9a0a8",
+    },
+    edges={"building": "#5b5148"},
+    by_height=True,
+)  # fmt: skip
+"""The colours of `draw_plan`."""
+
+
+def ground_plan(city: City, bounds: Bounds | None = None) -> tuple[Flat, ...]:
+    """The shapes of a city in and around `bounds`, or of all of it, in the order in which they cover each other.
+
+    Raises `UsageError` if the city's folder is gone.
+    """
+    west, south, east, north = bounds or city.bounds
+    middle, radius = ((west + east) / 2, (south + north) / 2), math.hypot(east - west, north - south) / 2
+    tiles = Tiles(city)
+    layers: dict[Layer, list[Flat]] = defaultdict(list)
+    for shapes in (_everywhere(city), *map(_of_tile, tiles if bounds is None else tiles.near(*middle, radius))):
+        for shape in shapes:
+            layers[shape.layer].append(shape)
+    return tuple(shape for layer in _LAYERS for shape in layers[layer])
+
+
+def is_sea(shapes: Iterable[Flat]) -> bool:
+    """Whether water is what lies under everything."""
+    return any(shape.layer == "water" for shape in shapes)
+
+
+def paint(axes: Axes, shapes: Sequence[Flat], palette: Palette, z_order: float = 0.0) -> None:
+    """Paint shapes within the limits of `axes`, whose aspect is equal, all below `z_order` + 1."""
+    from matplotlib.collections import LineCollection, PathCollection
+
+    west, east = axes.get_xlim()
+    points_per_m = axes.get_window_extent().width / axes.figure.dpi * 72.0 / (east - west)
+    axes.set_facecolor(palette.layers.get("water", palette.ground) if is_sea(shapes) else palette.ground)
+    for order, layer in enumerate(_LAYERS):
+        z = z_order + order / len(_LAYERS)
+        edge = palette.edges.get(layer)
+        filled = [(shape, colour) for shape in shapes if shape.layer == layer if (colour := palette.colour(shape))]
+        fills = [(_outline(shape), colour) for shape, colour in filled if not shape.width_m and len(shape.points) > 2]
+        if fills:
+            paths, colours = [path for path, _ in fills], [colour for _, colour in fills]
+            axes.add_collection(
+                PathCollection(paths, facecolors=colours, edgecolors=[edge or "none"], linewidths=0.3, zorder=z),
+                autolim=False,
+            )
+        lines = [(shape, colour) for shape, colour in filled if shape.width_m]
+        courses = [shape.points for shape, _ in lines]
+        widths = [max(0.4, shape.width_m * points_per_m) for shape, _ in lines]
+        if lines and edge:
+            wider = [width + 1.0 for width in widths]
+            borders = LineCollection(courses, colors=edge, linewidths=wider, capstyle="round", zorder=z)
+            axes.add_collection(borders, autolim=False)
+        if lines:
+            colours = [colour for _, colour in lines]
+            strokes = LineCollection(courses, colors=colours, linewidths=widths, capstyle="round", zorder=z)
+            axes.add_collection(strokes, autolim=False)
+
+
+def draw_plan(city: City, path: Path, dpi: int = 150) -> None:
+    """Write the whole city as a picture with a scale; the file's suffix says which format (`.png`, `.svg`, `.pdf`)."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -35,9 +154,8 @@ def draw(city: City, path: Path, dpi: int = 150) -> None:
     FigureCanvasAgg(figure)
     share = high * scale / (high * scale + 0.5)
     axes = figure.add_axes((0.0, 1.0 - share, 1.0, share))
-    axes.set(xlim=(west, east), ylim=(south, north), aspect="equal", facecolor=GROUND, xticks=[], yticks=[])
-    _grounds(axes, city)
-    _tiles(axes, city, points_per_m=72.0 * scale)
+    axes.set(xlim=(west, east), ylim=(south, north), aspect="equal", xticks=[], yticks=[])
+    paint(axes, ground_plan(city), PLAN)
     bar = 10 ** len(str(int(wide / 5))) / 10.0
     axes.plot([west + wide * 0.03, west + wide * 0.03 + bar], [south + high * 0.03] * 2, color="black", lw=3, zorder=20)
     axes.text(west + wide * 0.03, south + high * 0.038, f"{bar:g} m", fontsize=9, zorder=20)
@@ -48,51 +166,43 @@ def draw(city: City, path: Path, dpi: int = 150) -> None:
 # -- private
 
 
-def _grounds(axes: Axes, city: City) -> None:
-    _fill(axes, [(w.polygon, *w.holes) for w in city.waters], color=WATER, zorder=1)
+def _everywhere(city: City) -> Iterator[Flat]:
+    for water in city.waters:
+        yield Flat("water", water.polygon, water.holes)
     for land in city.lands:
-        _fill(axes, [(land.polygon,)], color=SURFACES.get(land.surface, GROUND), zorder=1.5)
+        surface = land.surface if land.surface == "sand" else f"{land.surface} land"
+        yield Flat("land", land.polygon, surface=surface)
 
 
-def _tiles(axes: Axes, city: City, points_per_m: float) -> None:
-    from matplotlib.collections import LineCollection
-
-    for tile in Tiles(city):
-        for k, area in enumerate(tile.areas):
-            order = 2.0 + k / (len(tile.areas) + 1.0)
-            _fill(axes, [(area.polygon, *area.holes)], color=SURFACES.get(area.surface, GROUND), zorder=order)
-        _fill(axes, [(junction.polygon,) for junction in tile.junctions], color=WIDTHS["car"], zorder=4)
-        lanes = [lane for road in tile.roads for lane in road.lanes]
-        for kind, colour in WIDTHS.items():
-            chosen = [lane for lane in lanes if lane.kind == kind]
-            lines = [[point[:2] for point in lane.shape] for lane in chosen]
-            widths = [lane.width_m * points_per_m for lane in chosen]
-            axes.add_collection(LineCollection(lines, linewidths=widths, colors=colour, zorder=4.2))
-        decks = [[point[:2] for point in bridge.path] for bridge in tile.bridges]
-        widths = [bridge.width_m * points_per_m for bridge in tile.bridges]
-        axes.add_collection(LineCollection(decks, linewidths=widths, colors=BRIDGE, zorder=5, alpha=0.55))
-        _fill(axes, [(solid.polygon,) for solid in tile.solids], color=SOLID, zorder=3.5)
-        _buildings(axes, tile.buildings)
-        trees = [prop.position for prop in tile.props if prop.cls == "tree"]
-        size = (4.0 * points_per_m) ** 2
-        axes.scatter([x for x, _, _ in trees], [y for _, y, _ in trees], s=size, c="#5d8a4a", lw=0, alpha=0.6, zorder=6)
-
-
-def _buildings(axes: Axes, buildings: Iterable[Building]) -> None:
-    """Footprints, the lower ones first, darker the higher they are."""
-    for building in sorted(buildings, key=lambda item: (item.top_m, item.id)):
-        shade = 0.82 - 0.62 * min(1.0, (building.top_m / 300.0) ** 0.5)
-        colour = (shade, shade * 0.93, shade * 0.86)
-        _fill(axes, [(building.polygon, *building.holes)], color=colour, zorder=7, edge="#5b5148")
+def _of_tile(tile: Pieces) -> Iterator[Flat]:
+    for area in tile.areas:
+        yield Flat("area", area.polygon, area.holes, surface=area.surface)
+    for junction in tile.junctions:
+        yield Flat("road", junction.polygon)
+    for road in tile.roads:
+        for lane in () if road.tunnel else road.lanes:
+            layer: Layer = "path" if lane.kind in ("foot", "bicycle") else "road"
+            yield Flat(layer, _level(lane.shape), width_m=lane.width_m, surface=lane.kind)
+    for solid in tile.solids:
+        yield Flat("slab" if solid.top_m - solid.base_m <= SLAB_M else "solid", solid.polygon)
+    for bridge in tile.bridges:
+        yield Flat("bridge", _level(bridge.path), width_m=bridge.width_m)
+    for building in sorted(tile.buildings, key=lambda one: (one.top_m, one.id)):
+        yield Flat("building", building.polygon, building.holes, top_m=building.top_m)
+    for prop in tile.props:
+        if prop.cls == "tree":
+            x, y, _ = prop.position
+            yield Flat("tree", ((x, y), (x + 0.1, y)), width_m=_TREE_M * prop.scale)  # a line's round ends make a dot
+    for pipe in tile.pipes:
+        yield Flat("pipe", _level(pipe.path), width_m=2 * pipe.radius_m)
 
 
-def _fill(axes: Axes, shapes: Iterable[tuple[Polygon, ...]], *, color: Any, zorder: float, edge: str = "none") -> None:
-    """Polygons with their holes, all in one colour."""
-    from matplotlib.collections import PathCollection
+def _level(path: Sequence[tuple[float, ...]]) -> tuple[Point, ...]:
+    return tuple((point[0], point[1]) for point in path)
+
+
+def _outline(shape: Flat) -> Outline:
     from matplotlib.path import Path as Outline
 
-    paths = []
-    for outline, *holes in shapes:
-        closed = [Outline([*ring, ring[0]], closed=True) for ring in (outline, *(hole[::-1] for hole in holes))]
-        paths.append(Outline.make_compound_path(*closed))
-    axes.add_collection(PathCollection(paths, facecolors=[color], edgecolors=edge, linewidths=0.25, zorder=zorder))
+    rings = (shape.points, *(hole[::-1] for hole in shape.holes))
+    return Outline.make_compound_path(*(Outline([*ring, ring[0]], closed=True) for ring in rings))

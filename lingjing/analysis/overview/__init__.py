@@ -1,7 +1,6 @@
 """`overview.png`: one picture of an episode, drawn from its trace.
 
 - `style`     colours, fonts, the labels' placement
-- `cityview`  the city under the map
 - `mapview`   the map: region, cells, tracks, truth and reports
 - `timeline`  messages, events, batteries over ticks
 - `pictures`  the best detections, cut out of their frames, and one whole frame
@@ -27,8 +26,8 @@ def draw_overview(trace: Trace, path: Path, city: City | None = None) -> None:
 
     Raises `UsageError` if the file cannot be written.
     """
-    from lingjing.analysis.groundplan import city_of
     from lingjing.analysis.overview.sheet import draw_sheet
+    from lingjing.analysis.played_city import city_of
 
     draw_sheet(trace, path, city or city_of(trace))
 

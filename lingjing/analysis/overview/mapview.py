@@ -13,9 +13,9 @@ from matplotlib.patches import Polygon, Rectangle
 
 from lingjing.analysis.detection import Report
 from lingjing.analysis.overview import style
-from lingjing.analysis.overview.cityview import draw_city
 from lingjing.analysis.story import Story, Track
 from lingjing.scene.city import City
+from lingjing.scene.plan import ground_plan, paint
 
 STRAY_M = 400.0
 """Reports farther than this from everything real do not stretch the map; they are clamped to its edge."""
@@ -37,7 +37,7 @@ def draw_map(axes: Axes, story: Story, city: City | None = None, credit: str = "
     axes.set_ylim(south, north)
     axes.set_aspect("equal", adjustable="box")  # after the limits: it would shrink the panel to theirs
     if city is not None:
-        draw_city(axes, city)
+        paint(axes, ground_plan(city, (west, south, east, north)), style.CITY)
     _ground(axes, story)
     labels = style.Labels(axes)
     _assets(axes, story, labels)

@@ -9,13 +9,13 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from lingjing.analysis.credit import credit
 from lingjing.analysis.metrics import metrics
 from lingjing.analysis.overview import style
 from lingjing.analysis.overview.mapview import draw_map
 from lingjing.analysis.overview.pictures import best_views, draw_nothing, draw_view, draw_whole, whole_frame
 from lingjing.analysis.overview.score import draw_score
 from lingjing.analysis.overview.timeline import draw_batteries, draw_events, draw_messages
+from lingjing.analysis.played_city import credit
 from lingjing.analysis.story import Story, tell
 from lingjing.errors import UsageError
 from lingjing.scene.city import City

@@ -10,12 +10,27 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg, RendererAgg
 from matplotlib.text import Annotation, Text
 
+from lingjing.scene.plan import Palette
+
 INK = "#1c2733"
 FAINT = "#7b8794"
 RULE = "#d5dce3"
 PAPER = "#ffffff"
 PANEL = "#f6f8fa"
-WATER = "#dcebf5"
+CITY = Palette(
+    ground="#f4f2ed",
+    layers={
+        "water": "#d6e8f2", "land": "#f4f2ed", "slab": "#eae6df", "path": "#efece6", "road": "#ffffff",
+        "solid": "#c9c2b8", "bridge": "#ffffff", "building": "#d3ccc1", "pipe": "#9c8f7d",
+    },
+    surfaces={
+        "sand": "#f0e8d0", **dict.fromkeys(("park", "grass", "forest", "pitch"), "#e1ecd3"),
+        **dict.fromkeys(("plaza", "sidewalk", "parking", "asphalt", "concrete"), "#e6e3de"),
+    },
+    edges={"building": "#c5bdb1", "bridge": "#b5aa99"},
+)  # fmt: skip
+"""The city under the map, faint enough for tracks and labels to stand out."""
+
 REGION = "#2f7f9e"
 VISITED = "#bfe0d2"
 FATES = {"completed": "#1a8f4b", "found": "#e08a00", "missed": "#d1344b", "aside": "#52606d"}

@@ -74,7 +74,7 @@ class Watching:
     """
 
     def __init__(self, instance: Instance, city: City, policy: str, *, truth: bool) -> None:
-        from lingjing.analysis.credit import credit
+        from lingjing.analysis.played_city import credit
         from lingjing.cli.watch.chart import Chart
         from lingjing.cli.watch.screen import Screen
         from lingjing.cli.watch.state import Watched

@@ -18,19 +18,24 @@ from rich.color import Color
 from rich.segment import Segment
 from rich.style import Style
 
-from lingjing.analysis.groundplan import Kind, Shape, ground_plan, is_sea
 from lingjing.cli.watch.state import Point, Sight, Watched
 from lingjing.scene.city import City
+from lingjing.scene.plan import Flat, ground_plan, is_sea
 from lingjing.scene.tiles import Bounds
 
 Colour = tuple[int, int, int]
 
 LAND: Colour = (30, 32, 36)
-GROUND: dict[Kind, Colour] = {
-    "water": (18, 44, 66), "land": LAND, "sand": (58, 53, 40), "slab": (36, 38, 42), "green": (30, 48, 33),
-    "paved": (40, 42, 46), "path": (50, 52, 56), "road": (84, 88, 96), "solid": (48, 50, 54), "bridge": (96, 98, 102),
-    "building": (66, 58, 52), "pipe": (120, 100, 70),
+_GREEN: Colour = (30, 48, 33)
+_PAVED: Colour = (40, 42, 46)
+GROUND: dict[str, Colour] = {
+    "water": (18, 44, 66), "land": LAND, "slab": (36, 38, 42), "path": (50, 52, 56), "road": (84, 88, 96),
+    "solid": (48, 50, 54), "bridge": (96, 98, 102), "building": (66, 58, 52), "pipe": (120, 100, 70),
+    "sand": (58, 53, 40), "park": _GREEN, "grass": _GREEN, "forest": _GREEN, "pitch": _GREEN, "plaza": _PAVED,
+    "sidewalk": _PAVED, "parking": _PAVED, "asphalt": _PAVED, "concrete": _PAVED,
 }  # fmt: skip
+"""Layer or surface of the plan → colour; what has none is not painted."""
+
 ASSETS: tuple[Colour, ...] = (
     (86, 180, 255), (255, 158, 94), (190, 150, 255), (94, 226, 200), (240, 214, 96), (255, 130, 190), (160, 226, 96),
     (200, 208, 220),
@@ -96,7 +101,7 @@ class Chart:
     def __init__(self, city: City) -> None:
         self._city = city
         self._window: Window | None = None
-        self._shapes: tuple[Shape, ...] = ()
+        self._shapes: tuple[Flat, ...] = ()
         self._ground: list[list[Colour]] = []
 
     def lines(self, watched: Watched, columns: int, rows: int, *, coloured: bool) -> list[list[Segment]]:
@@ -105,7 +110,7 @@ class Chart:
         canvas = _Canvas(window, self._ground if coloured else [])
         if not coloured:
             for shape in self._shapes:
-                if shape.kind == "water" or (shape.kind in ("road", "bridge") and shape.width_m > 0):
+                if shape.layer == "water" or (shape.layer in ("road", "bridge") and shape.width_m > 0):
                     canvas.path(shape.points, GROUND["road"])
         _draw(canvas, watched)
         return [list(line) for line in canvas.lines()]
@@ -225,7 +230,7 @@ class _Canvas:
         return " ", _style(None, None)
 
 
-def _paint(shapes: Sequence[Shape], window: Window) -> list[list[Colour]]:
+def _paint(shapes: Sequence[Flat], window: Window) -> list[list[Colour]]:
     """The ground as two rows of pixels for each row of cells."""
     size = (window.columns * FINE, window.rows * 2 * FINE)
     image = Image.new("RGB", size, GROUND["water"] if is_sea(shapes) else LAND)
@@ -236,10 +241,13 @@ def _paint(shapes: Sequence[Shape], window: Window) -> list[list[Colour]]:
         return [((x - window.west) * scale, (window.north - y) * scale) for x, y in points]
 
     for shape in shapes:
+        colour = GROUND.get(shape.surface, GROUND.get(shape.layer))
+        if colour is None:
+            continue
         if shape.width_m > 0:
-            pen.line(placed(shape.points), fill=GROUND[shape.kind], width=max(1, round(shape.width_m * scale)))
+            pen.line(placed(shape.points), fill=colour, width=max(1, round(shape.width_m * scale)))
         elif len(shape.points) > 2:
-            pen.polygon(placed(shape.points), fill=GROUND[shape.kind])
+            pen.polygon(placed(shape.points), fill=colour)
             for hole in shape.holes:
                 pen.polygon(placed(hole), fill=LAND)
     pixels = image.resize((window.columns, window.rows * 2), Image.Resampling.BOX).tobytes()

@@ -8,15 +8,15 @@ import pytest
 from PIL import Image
 
 from lingjing.analysis.completion import asked_groups
-from lingjing.analysis.credit import credit
-from lingjing.analysis.groundplan import Shape, city_of, ground_plan, identity, is_sea
 from lingjing.analysis.overview import draw_overview
+from lingjing.analysis.played_city import city_of, credit
 from lingjing.analysis.story import tell
 from lingjing.dsl.loading.load import load_mission
 from lingjing.dsl.loading.shipped import find_mission
 from lingjing.mission.instantiate import instantiate
 from lingjing.plugins.host import PluginHost
-from lingjing.scene.city import Area, Bridge, Building, City, Lane, Road, Solid, Water
+from lingjing.scene.city import Area, Bridge, Building, City, Lane, Road, Solid, Water, content_sha256
+from lingjing.scene.plan import PLAN, Flat, ground_plan, is_sea
 from lingjing.trace.reader import Trace
 
 replace = msgspec.structs.replace
@@ -48,12 +48,20 @@ def test_shapes_come_in_painting_order_and_know_what_they_are() -> None:
         ),
     )
     shapes = ground_plan(city, (-50.0, -50.0, 50.0, 50.0))
-    assert [shape.kind for shape in shapes] == [
-        "water", "slab", "green", "path", "road", "solid", "bridge", "building",
+    assert [shape.layer for shape in shapes] == [
+        "water", "slab", "area", "area", "path", "road", "solid", "bridge", "building",
     ]  # fmt: skip
+    assert [shape.surface for shape in shapes[2:5]] == ["park", "residential", "foot"]
+    assert len(ground_plan(city)) == len(shapes) + 1
     assert shapes[0].holes == (SQUARE,) and is_sea(shapes)
-    assert shapes[4] == Shape("road", ((0.0, 0.0), (10.0, 0.0)), width_m=3.5)
+    assert shapes[5] == Flat("road", ((0.0, 0.0), (10.0, 0.0)), width_m=3.5, surface="car")
     assert not is_sea(ground_plan(a_city(), (0.0, 0.0, 1.0, 1.0)))
+
+
+def test_higher_buildings_are_darker_on_a_plan() -> None:
+    low, high = (PLAN.colour(Flat("building", SQUARE, top_m=top)) for top in (9.0, 90.0))
+    assert low is not None and high is not None and low > high
+    assert PLAN.colour(Flat("building", SQUARE, top_m=-1.0)) is not None
 
 
 def test_only_a_map_of_somebody_is_credited() -> None:
@@ -70,13 +78,13 @@ def played_in(trace: Trace, kind: str, sha256: str) -> Trace:
 def test_a_city_is_built_again_only_if_it_is_the_same(trace: Trace) -> None:
     city = PluginHost().scene("bay").build(trace.header.instance.scene)
     assert city_of(played_in(trace, "bay", "0" * 64)) is None
-    assert city_of(played_in(trace, "atlantis", identity(city))) is None
-    assert city_of(played_in(trace, "bay", identity(city))) == city
+    assert city_of(played_in(trace, "atlantis", content_sha256(city))) is None
+    assert city_of(played_in(trace, "bay", content_sha256(city))) == city
 
 
 def test_the_city_and_its_credit_are_on_the_overview(trace: Trace, tmp_path: Path) -> None:
     city = PluginHost().scene("bay").build(trace.header.instance.scene)
-    draw_overview(played_in(trace, "bay", identity(city)), tmp_path / "on.png")
+    draw_overview(played_in(trace, "bay", content_sha256(city)), tmp_path / "on.png")
     draw_overview(played_in(trace, "bay", "0" * 64), tmp_path / "off.png")
     on, off = (
         np.asarray(Image.open(tmp_path / name).convert("RGB"), int)[90:740, 30:1070] for name in ("on.png", "off.png")

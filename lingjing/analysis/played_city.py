@@ -1,0 +1,25 @@
+"""The city that an episode was played in: built again, and whom to name for its map."""
+
+from __future__ import annotations
+
+from lingjing.errors import LingjingError
+from lingjing.plugins.host import PluginHost
+from lingjing.scene.city import City, content_sha256
+from lingjing.trace.reader import Trace
+
+UNCREDITED = ("", "procedural")
+"""Attributions of cities that nobody has to be named for."""
+
+
+def city_of(trace: Trace) -> City | None:
+    """The city a trace was played in, built again; None if it is no longer to be had exactly as it was."""
+    try:
+        city = PluginHost().scene(trace.header.instance.scene.kind).build(trace.header.instance.scene)
+    except LingjingError:
+        return None  # another machine's map, or a plug-in that is not here: the trace is drawn without
+    return city if content_sha256(city) == trace.header.city_sha256 else None
+
+
+def credit(attribution: str) -> str:
+    """`map: © …`, or nothing for a city that was made up."""
+    return "" if attribution in UNCREDITED else f"map: {attribution}"
