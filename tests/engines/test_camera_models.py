@@ -32,10 +32,11 @@ from lingjing.trace.records import BodyState
 
 STD = Path(__file__).parents[2] / "scenarios" / "std"
 TYPES = sorted(
-    name
+    pair
     for file in STD.glob("*.ljs")
-    for name in re.findall(r"^(?:asset|target) (\w+)", file.read_text(encoding="utf-8"), re.MULTILINE)
+    for pair in re.findall(r"^(?:asset|target) (\w+)(?: : (\w+))?", file.read_text(encoding="utf-8"), re.MULTILINE)
 )
+"""Each with what it extends."""
 CALM = Weather(wind_mps=3.0, wind_from_deg=220.0)
 MOST = {"robot_dog": 2000, "car": 600, "person": 400, "street_tree": 150, "poplar": 150, "birch": 150, "conifer": 150}
 UNBODIED = {"building_fire", "bridge_fracture", "congestion"}
@@ -53,9 +54,10 @@ def looks(entity: Entity, time_s: float = 20.0, site: Site | None = None, **more
     return effects_of(entity, state(entity, **more), time_s, CALM, site or Site())
 
 
-@pytest.mark.parametrize("kind", TYPES)
-def test_every_type_of_the_library_has_a_look_and_a_class(kind: str) -> None:
-    entity = thing(kind)
+@pytest.mark.parametrize(("kind", "base"), TYPES)
+def test_every_type_of_the_library_has_a_look_and_a_class_or_its_bases(kind: str, base: str) -> None:
+    entity = thing(kind, bases=(base,))
+    kind = kind if kind in ENTITIES else base
     parts, effects = entity_parts(entity, state(entity), 3.0), looks(entity)
     assert kind in ENTITIES and "unknown" not in {part.key for part in parts}
     assert parts or len(effects.billboards) or effects.solids or kind == "congestion"

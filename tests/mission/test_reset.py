@@ -161,10 +161,6 @@ def test_a_place_without_height_stands_on_the_datum(ssr: m.Mission) -> None:
             "satelliteEntityList: mission 'ssr' has no satellite; 1 kept, not played",
         ),
         (
-            lambda s: s["equipmentList"]["shipEntityList"].append(s["equipmentList"]["shipEntityList"][0]),
-            "the first of 2 is the boat",
-        ),
-        (
             lambda s: s["equipmentList"].update(droneEntityList=s["equipmentList"]["droneEntityList"] * 4),
             "droneEntityList: holds 12, more than the 10 of mission 'ssr'",
         ),

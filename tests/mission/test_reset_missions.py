@@ -1,4 +1,4 @@
-"""resetScenario documents of all nine missions: recognition, hidden places, twins, and what is kept and noted."""
+"""resetScenario documents of all missions: recognition, hidden places, twins, and what is kept and noted."""
 
 import json
 from collections.abc import Callable
@@ -9,7 +9,7 @@ import jsonschema
 import msgspec
 import pytest
 
-from lingjing.dsl import compile_file
+from lingjing.dsl.loading.load import templates_beside
 from lingjing.errors import MissionError
 from lingjing.mission import document, frames
 from lingjing.mission import expression as ex
@@ -24,7 +24,8 @@ from lingjing.mission.reset.shapes import LISTS
 from lingjing.mission.reset.template import signatures
 
 ROOT = Path(__file__).resolve().parents[2]
-NAMES = ("bi", "cd", "cr", "idf", "ld", "queue", "ssr", "ufr", "upr", "vdn")
+NAMES = ("air_delivery", "bi", "cd", "cr", "fire_search", "idf", "ld", "queue", "ssr", "ufr", "upr", "vdn")
+TEMPLATES = templates_beside(ROOT / "nowhere")
 TWINS = sorted((ROOT / "scenarios" / "reset").glob("*.json"))
 Nine = dict[str, m.Mission]
 Scenario = dict[str, Any]
@@ -33,8 +34,7 @@ Edit = Callable[[Scenario], object]
 
 @pytest.fixture(scope="module")
 def nine() -> Nine:
-    missions = {name: compile_file(str(ROOT / "scenarios" / f"{name}.ljs")).mission for name in NAMES}
-    return {name: mission for name, mission in missions.items() if mission is not None}
+    return {name: TEMPLATES(name) for name in NAMES}
 
 
 def read(nine: Nine, text: str) -> tuple[m.Mission, tuple[str, ...]]:
@@ -137,7 +137,7 @@ def test_signatures_are_those_of_the_compiled_missions(nine: Nine) -> None:
     for signature in signatures():
         groups = nine[signature.mission].groups
         assert signature.engines == {g.engine for g in groups if g.role == "asset"} & driven
-        assert signature.types == {g.type for g in groups if g.role == "target"}
+        assert signature.types == {(g.type, *g.bases)[-1] for g in groups if g.role == "target"}
     assert {signature.mission for signature in signatures()} == set(NAMES)
 
 
@@ -266,7 +266,7 @@ def test_a_weight_that_is_missing_or_has_no_place(nine: Nine) -> None:
     with pytest.raises(MissionError, match=r"deliveryPoints\[1\]\.weight: is -3, at least 0 is due"):
         read(nine, foreign(nine, "cd", lambda s: state(s)["deliveryPoints"][1].update(weight=-3.0)))
     _, notes = read(nine, foreign(nine, "upr", lambda s: state(s)["leakPosition"][0].update(weight=3.0)))
-    assert any("'leak' has no demand; its weights are kept, not played" in note for note in notes)
+    assert any("'leak' has no demand; 'weight' is kept, not played" in note for note in notes)
 
 
 def test_geodetic_targets_and_two_spellings_that_disagree(nine: Nine) -> None:

@@ -229,8 +229,11 @@ def test_every_fault_is_told_in_one_run_with_its_path() -> None:
 
 
 def test_what_no_template_binds_is_an_error() -> None:
-    with pytest.raises(MissionError, match="no template fits a scenario of pollutionPosition and droneEntityList"):
+    with pytest.raises(MissionError, match="no template has anything for 'pollutionPosition'"):
         play(document({"pollutionPosition": [PLACE]}, drones=1))
+    with pytest.raises(MissionError, match="no template has anything for 'pollution_source'"):
+        play(document({"pollution_source": PLACE, "goalFirePosition": [PLACE]}, drones=1))
+    assert play(document({"pollutionPosition": [], "goalFirePosition": [PLACE]}, drones=1))[0].mission == "fire_search"
 
 
 @pytest.mark.parametrize("seed", [1, 2])

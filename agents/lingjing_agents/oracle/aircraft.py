@@ -132,7 +132,8 @@ class Searching:
         if mine:
             return self._above(truth, mine[0], looking=True)
         for task in truth.left:
-            if body.id in task.actors and truth.distance(body.id, task.target) > 0.8 * task.within_m:
+            near = truth.distance(body.id, task.target) <= 0.8 * task.within_m
+            if body.id in task.actors and not task.moves_goods and not near:
                 return self._above(truth, task.target, looking=False)
         return None
 

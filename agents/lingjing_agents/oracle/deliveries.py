@@ -14,6 +14,7 @@ from lingjing.plugins.policy import Action, Brief, Datum, Entity, Outgoing, Reso
 from lingjing.plugins.tasks import Task
 from lingjing_agents.ground_plane import GroundPoint
 from lingjing_agents.oracle.ability import Ability
+from lingjing_agents.oracle.aircraft import AircraftControl, flyer
 from lingjing_agents.oracle.composing import MessageComposer
 from lingjing_agents.oracle.privileged_state import InstanceIndex, PrivilegedState
 from lingjing_agents.oracle.vehicles import mover
@@ -115,10 +116,12 @@ def _streets(a: GroundPoint, b: GroundPoint) -> float:
 
 
 class Delivering:
-    """Drives one vehicle along its stops, back to the depot when it is empty."""
+    """Takes one vehicle or aircraft along its stops, back to the depot when it is empty."""
 
-    def __init__(self, body: Resource, trade: SupplyChain, voice: MessageComposer) -> None:
-        self._body, self._trade, self._voice = body, trade, voice
+    def __init__(
+        self, body: Resource, trade: SupplyChain, voice: MessageComposer, flight: AircraftControl | None
+    ) -> None:
+        self._body, self._trade, self._voice, self._flight = body, trade, voice, flight
         self._stops: list[str] | None = None
         self._before: dict[str, float] = {}
         self._load = 0.0
@@ -151,6 +154,9 @@ class Delivering:
         if truth.distance(self._body.id, goal) <= 0.8 * reach:
             return None
         x, y = self._near(truth, goal)
+        if self._flight is not None:
+            height = truth.states[goal].position[2]
+            return self._flight.to(truth, x, y, self._flight.altitude(truth, (x, y), height))
         arguments: dict[str, Datum] = {"x": x, "y": y}
         return Action(verb=mover(self._body), arguments=arguments, resource=self._body.id)
 
@@ -244,7 +250,11 @@ def dispatching(brief: Brief, plan: InstanceIndex, voice: MessageComposer) -> li
         return []
     carriers = {body.id for body in trade.bodies}
     own = [resource for resource in brief.resources if resource.embodied and resource.id in carriers]
-    found: list[Ability] = [Delivering(resource, trade, voice) for resource in own]
+    aircraft = flyer(brief)
+    found: list[Ability] = [
+        Delivering(resource, trade, voice, AircraftControl(resource, plan) if resource == aircraft else None)
+        for resource in own
+    ]
     message = voice.with_fields("assignee", "stops")
     if not brief.resources and message is not None:
         found.append(Dispatching(trade, plan, voice, message.kind))

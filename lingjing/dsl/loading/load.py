@@ -86,7 +86,8 @@ def _winnable(mission: Mission, source: Source) -> None:
 
 
 def templates_beside(folder: Path) -> Callable[[str], Mission]:
-    """Finds a document's template by name: in the document's own folder, else among the shipped missions.
+    """Finds a document's template by name: in the document's own folder, else among the shipped missions and those that
+    are shipped for documents alone (`scenarios/reset`).
 
     The function raises `KeyError` if there is none.
     """
@@ -96,7 +97,8 @@ def templates_beside(folder: Path) -> Callable[[str], Mission]:
             raise KeyError(name)
         from lingjing.data import data_path
 
-        for file in (folder / f"{name}.ljs", data_path("scenarios", f"{name}.ljs")):
+        shipped = (data_path("scenarios", f"{name}.ljs"), data_path("scenarios", "reset", f"{name}.ljs"))
+        for file in (folder / f"{name}.ljs", *shipped):
             if file.is_file():
                 return mission_of(compile_file(str(file)))
         raise KeyError(name)

@@ -18,7 +18,7 @@ from lingjing.mission import frames, jsontext, model
 from lingjing.mission.instance import Entity, Instance, Region
 from lingjing.mission.instantiate import instantiate
 from lingjing.mission.reset.fields import FIELDS
-from lingjing.mission.reset.groups import PEOPLE, WEIGHT
+from lingjing.mission.reset.groups import MEASURES
 from lingjing.mission.reset.reading import search_region
 from lingjing.mission.reset.shapes import LISTS, folded
 from lingjing.mission.reset.targets import PERSONS
@@ -174,7 +174,9 @@ def _targets(mission: model.Mission, instance: Instance) -> tuple[dict[str, Json
         members = [entity for entity in instance.entities if entity.group == group.name]
         if not members and group.when is not None:
             continue  # a group of another mode
-        field = OWN_FIELDS.get(group.type) or next((f.name for f in FIELDS if f.types[0] == group.type), None)
+        field = OWN_FIELDS.get(group.type) or next(
+            (f.name for f in FIELDS if f.types[0] in (group.type, *group.bases)), None
+        )
         places: Json = [_target(entity, field == PERSON_FIELD) for entity in members]
         if field is None or field in fields or group.type in types:
             others[group.name] = places
@@ -185,10 +187,8 @@ def _targets(mission: model.Mission, instance: Instance) -> tuple[dict[str, Json
 
 
 def _target(entity: Entity, person: bool) -> Json:
-    weight = entity.properties.get(WEIGHT)
-    people = entity.properties.get(PEOPLE)
-    added: dict[str, Json] = {"weight": weight} if isinstance(weight, float) else {}
-    added |= {"personCount": people} if isinstance(people, int | float) else {}
+    given = ((one, entity.properties.get(one.property)) for one in MEASURES)
+    added: dict[str, Json] = {one.field: value * one.per_unit for one, value in given if isinstance(value, int | float)}
     return {"personId" if person else "targetId": entity.label or entity.id, **_coordinates(entity.position), **added}
 
 

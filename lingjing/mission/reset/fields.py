@@ -17,9 +17,9 @@ from lingjing.mission.reset.shapes import HiddenPlace, folded
 
 @dataclass(frozen=True, slots=True)
 class HiddenField:
-    """One kind of hidden field: the name it is written under, the target types it may hold (the likeliest first), and
-    its other spellings, folded. A `general` one says nothing of what lies there. It may stand for a target of the types
-    in `also`, but does not tell a mission by them."""
+    """One kind of hidden field: the name it is written under, the target types it may hold (the likeliest first; what
+    extends one is one), and its other spellings, folded. A `general` one says nothing of what lies there. It may stand
+    for a target of the types in `also`, but does not tell a mission by them."""
 
     name: str
     types: tuple[str, ...]
@@ -55,7 +55,12 @@ FIELDS: tuple[HiddenField, ...] = (
         "queuingList", "queue_of_people", "queuinglist queuelist queueinglist queueposition queuingposition 排队 队列"
     ),
     _field("pollutionPosition", "pollution_source", "pollution pollutionpoint pollutionsource 污染点 污染源"),
-    _field("targetHouse", "delivery_door reference_building", "house targethouseposition houseposition 目标房屋"),
+    _field(
+        "targetHouse",
+        "delivery_door reference_building",
+        "house targethouseposition houseposition 目标房屋",
+        also="delivery_point",
+    ),
     _field(
         "deliveryPoints",
         "delivery_point delivery_door",
@@ -68,6 +73,7 @@ FIELDS: tuple[HiddenField, ...] = (
         "reference_building delivery_door destination bridge_fracture pipeline_leak",
         "goalpoint targetposition 目标位置",
         general=True,
+        also="delivery_point",
     ),
     _field(
         "taskPoints",

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple, TypeGuard
 
 import msgspec
 
@@ -18,8 +19,31 @@ from lingjing.mission.reset.elements import elements_fault
 from lingjing.mission.reset.frame import FAR_M, DocumentFrame
 from lingjing.mission.reset.shapes import Coordinates
 
-WEIGHT, PEOPLE = "demand_kg", "people"
-"""The properties of a group that a document's weights and counts of people set."""
+
+class Measure(NamedTuple):
+    """A number that a hidden place may have: its field in the document, the property of a target that it sets and what
+    that says, the property's unit, how many of the document's make one of it, what the document's are, the least."""
+
+    field: str
+    property: str
+    says: str
+    unit: str = ""
+    per_unit: float = 1.0
+    said_in: str = ""
+    least: float = 0.0
+
+    def fits(self, value: object) -> TypeGuard[float]:
+        """Whether a value of the document is such a number."""
+        return isinstance(value, int | float) and not isinstance(value, bool) and value >= self.least
+
+
+MEASURES = (
+    Measure("weight", "demand_kg", "demand", "kg", said_in="kg"),
+    Measure("personCount", "people", "people"),
+    Measure("spacing", "spacing_m", "spacing", "m", 100.0, "centimetres", 20.0),
+    Measure("range", "range_m", "range", "m", 100.0, "centimetres"),
+    Measure("scale", "scale", "scale"),
+)
 
 AGREE_M = 1.0
 """Two spellings of one place may differ by this without a note: documents round degrees."""
@@ -27,7 +51,7 @@ AGREE_M = 1.0
 
 @dataclass(frozen=True, slots=True)
 class DocumentEntry:
-    """One thing the document places: coordinates, their JSON path, its code, compass heading, weight (kg) and people.
+    """One thing the document places: coordinates, their JSON path, its code, compass heading, measures by field.
 
     What orbits has its two `lines` of elements; it alone may lack coordinates (`data` without any).
     """
@@ -36,8 +60,7 @@ class DocumentEntry:
     path: str
     code: str
     heading_deg: float | None = None
-    weight_kg: float | None = None
-    people: float | None = None
+    measures: Mapping[str, object] = field(default_factory=dict)
     lines: tuple[str, ...] = ()
     orbits: bool = False
 
@@ -115,8 +138,9 @@ def filled(
             parsed.report(where, f"is missing or empty, mission '{mission.name}' needs a {group.name}", "add one")
             return mission
         if len(spots) > 1:
-            notes.append(f"{where}: the first of {len(spots)} is the {group.name}; the others are kept, not played")
-            spots = spots[:1]
+            said = f"holds {len(spots)}, mission '{mission.name}' has one {group.name}"
+            parsed.report(where, said, 'leave one, or name a template that has several: "lingjing": {"mission": …}')
+            return mission
     else:
         mission = _counted(mission, group, len(spots), parsed, where, notes)
         group = next(g for g in mission.groups if g.name == group.name)
@@ -126,9 +150,7 @@ def filled(
     if any(spot.heading_deg is not None for spot in spots):
         headings = tuple(ex.Number(spot.heading_deg or 0.0, "deg") for spot in spots)
         properties = _set(properties, "heading_deg", _indexed(group, headings, "heading_deg"), unit="deg")
-    properties = _weighed(group, _orbiting(group, properties, spots, where, notes), spots, parsed, where, notes)
-    if all(spot.people is not None for spot in spots) and _property(properties, PEOPLE) is not None:
-        properties = _set(properties, PEOPLE, _indexed(group, tuple(ex.Number(s.people or 0.0) for s in spots), PEOPLE))
+    properties = _measured(group, _orbiting(group, properties, spots, where, notes), spots, parsed, where, notes)
     labels = tuple("" if spot.code == member_id(group, k) else spot.code for k, spot in enumerate(spots, start=1))
     changed = msgspec.structs.replace(group, properties=properties, labels=labels if any(labels) else ())
     groups = tuple(changed if g.name == group.name else g for g in mission.groups)
@@ -185,26 +207,35 @@ def _orbiting(
     return properties
 
 
-def _weighed(
+def _measured(
     group: model.Group,
     properties: tuple[model.Property, ...],
-    spots: Sequence[DocumentEntry],
+    entries: Sequence[DocumentEntry],
     parsed: Parsed,
     where: str,
     notes: list[str],
 ) -> tuple[model.Property, ...]:
-    """The properties with the document's weights, if it gives any and the group has a demand."""
-    weights = tuple(spot.weight_kg for spot in spots)
-    if all(weight is None for weight in weights):
-        return properties
-    if _property(properties, WEIGHT) is None:
-        notes.append(f"{where}: '{group.name}' has no demand; its weights are kept, not played")
-        return properties
-    for spot in spots:
-        if spot.weight_kg is None:
-            parsed.report(spot.path, "has no weight while others have one", "give all a weight in kg, or none")
-    values = tuple(ex.Number(weight or 0.0, "kg") for weight in weights)
-    return _set(properties, WEIGHT, _indexed(group, values, WEIGHT))
+    """The properties with the document's measures of those that the group has; the others are kept and noted."""
+    for one in MEASURES:
+        given = tuple(entry.measures.get(one.field) for entry in entries)
+        if all(value is None for value in given):
+            continue
+        if _property(properties, one.property) is None:
+            notes.append(f"{where}: '{group.name}' has no {one.says}; '{one.field}' is kept, not played")
+            continue
+        odd = next((value for value in given if value is not None and not one.fits(value)), None)
+        if odd is not None:
+            notes.append(f"{where}: {odd!r} is no {one.says} in {one.said_in}; '{one.field}' is kept, not played")
+            continue
+        if one.per_unit != 1.0:
+            notes.append(f"{where}: '{one.field}' is the {one.says} in {one.said_in}")
+        for entry, value in zip(entries, given, strict=True):
+            if value is None:
+                hint = f"give all a {one.field}, or none"
+                parsed.report(entry.path, f"has no {one.field} while others have one", hint)
+        values = tuple(ex.Number(value / one.per_unit if one.fits(value) else 0.0, one.unit) for value in given)
+        properties = _set(properties, one.property, _indexed(group, values, one.property))
+    return properties
 
 
 def _counted(

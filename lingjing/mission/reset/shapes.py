@@ -115,7 +115,7 @@ class Corner(Data):
 
 class HiddenPlace(Coordinates):
     """A hidden place: a person, a fire, a leak, a delivery point. `weight` or `demand` is what it wants, in kg;
-    `range` and `scale` say how large a fire is, and are kept."""
+    `spacing` is that of a queue and `range` that of a fire, in centimetres."""
 
     model_config = ConfigDict(
         json_schema_extra={"anyOf": [{"required": list(keys)} for keys in (*PLACES, ("data",), ("position",))]}
@@ -146,6 +146,13 @@ class HiddenPlace(Coordinates):
     def place(self) -> Coordinates:
         """Where it lies."""
         return self.data or self.position or self
+
+    @property
+    def measures(self) -> Mapping[str, object]:
+        """What is measured of it, by field."""
+        weight = self.demand if self.weight is None else self.weight
+        given = {"weight": weight, "personCount": self.person_count, "spacing": self.spacing}
+        return given | {"range": self.range, "scale": self.scale}
 
     @property
     def key(self) -> str:

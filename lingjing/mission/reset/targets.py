@@ -10,6 +10,7 @@ from lingjing.mission.reset.fields import Found
 from lingjing.mission.reset.frame import DocumentFrame
 from lingjing.mission.reset.groups import DocumentEntry, allows_none, draw_of, filled, is_hidden, plays, world
 from lingjing.mission.reset.shapes import HiddenPlace
+from lingjing.mission.reset.template import signatures
 
 PERSONS = "person_in_water"
 
@@ -56,7 +57,7 @@ def _claimed(
         g
         for type_ in (*one.field.types, *one.field.also)
         for g in mission.groups
-        if g.role == "target" and g.type == type_
+        if g.role == "target" and type_ in (g.type, *g.bases)
     ]
     groups = [g for g in groups if plays(mission, g)]
     group = next((g for g in groups if g.name not in claimed), None)
@@ -66,6 +67,10 @@ def _claimed(
             notes.append(f"{one.path}: taken for '{group.name}', the only hidden target of mission '{mission.name}'")
     if group is None:
         if one.targets:
+            if not groups and not any(signature.holds(one) for signature in signatures()):
+                hint = f"take it out, or name a template of your own that has a target of type {one.field.types[0]}"
+                parsed.report(one.path, f"no template has anything for '{one.key}'", hint)
+                return mission
             why = f"'{groups[0].name}' is given by {claimed[groups[0].name]}" if groups else _nothing(mission, one)
             notes.append(f"{one.path}: {why}; {len(one.targets)} kept, not played")
         return mission
@@ -106,8 +111,7 @@ def _spots(targets: Sequence[HiddenPlace], paths: Sequence[str]) -> tuple[Docume
             path,
             target.code,
             target.heading,
-            weight_kg=target.demand if target.weight is None else target.weight,
-            people=target.person_count,
+            measures=target.measures,
         )
         for target, path in zip(targets, paths, strict=True)
     )

@@ -18,16 +18,32 @@ from lingjing.mission.reset.shapes import LISTS, folded
 
 
 class TemplateSignature(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What tells a mission apart: the engines of its assets, the types of its targets, and spellings of its task."""
+    """What tells a mission apart: the engines of its assets, the types of its targets, and spellings of its task.
+
+    The words in `also` mean it only where the document has hidden places of its types: they say who is there.
+    It is not for documents with entities of the engines in `without`, who could do more than it asks for; where these
+    are told apart, a `general` field says too little.
+    """
 
     mission: str
     engines: frozenset[str]
     types: frozenset[str]
     spellings: frozenset[str]
+    also: frozenset[str] = frozenset()
+    without: frozenset[str] = frozenset()
+
+    def named(self, word: str, found: Iterable[Found]) -> bool:
+        """Whether a task type, folded, means the mission in a document with these hidden places."""
+        return word in self.spellings or (word in self.also and any(self.holds(one) for one in found))
+
+    def equipped(self, engines: frozenset[str]) -> bool:
+        """Whether a document that lists entities of these engines may be for the mission."""
+        return self.engines <= engines and not self.without & engines
 
     def holds(self, found: Found) -> bool:
         """Whether the mission has targets of a type that the field may hold."""
-        return any(type_ in self.types for type_ in found.field.types)
+        vague = found.field.general and self.without
+        return not vague and any(type_ in self.types for type_ in found.field.types)
 
 
 @cache
@@ -38,7 +54,12 @@ def signatures() -> tuple[TemplateSignature, ...]:
         data_path("scenarios", "reset-templates.json").read_bytes(), type=list[TemplateSignature]
     )
     return tuple(
-        msgspec.structs.replace(one, spellings=frozenset(map(folded, (one.mission, *one.spellings)))) for one in entries
+        msgspec.structs.replace(
+            one,
+            spellings=frozenset(map(folded, (one.mission, *one.spellings))),
+            also=frozenset(map(folded, one.also)),
+        )
+        for one in entries
     )
 
 
@@ -48,7 +69,7 @@ def template_name(parsed: Parsed, found: Sequence[Found]) -> tuple[str, str, str
     if given is not None and given.mission is not None:
         return given.mission, f"{parsed.path}.lingjing.mission", "named by 'lingjing'"
     full = [one for one in found if one.targets]
-    said, unknown = _named(parsed)
+    said, unknown = _named(parsed, full)
     for fitting, where, why in said:
         narrowed = fitting if len(fitting) == 1 else _narrowed(parsed, fitting, full)
         if len(narrowed) == 1:
@@ -67,12 +88,12 @@ def template_name(parsed: Parsed, found: Sequence[Found]) -> tuple[str, str, str
 def _narrowed(parsed: Parsed, fitting: Sequence[TemplateSignature], found: Sequence[Found]) -> list[TemplateSignature]:
     """Of the missions that one word names, those that the hidden fields and the entities leave."""
     engines = frozenset(one.engine for one in LISTS if getattr(parsed.scenario.equipment_list, one.attribute))
-    left = _fitting(engines, found, fitting) or [one for one in fitting if one.engines <= engines]
+    left = _fitting(engines, found, fitting) or [one for one in fitting if one.equipped(engines)]
     most = max((len(one.engines) for one in left), default=0)
     return [one for one in left if len(one.engines) == most]
 
 
-def _named(parsed: Parsed) -> tuple[list[tuple[list[TemplateSignature], str, str]], str]:
+def _named(parsed: Parsed, found: Sequence[Found]) -> tuple[list[tuple[list[TemplateSignature], str, str]], str]:
     """The missions that every task type may mean, in order, and what is to be said of the first unknown one."""
     named: list[tuple[list[TemplateSignature], str, str]] = []
     unknown = ""
@@ -80,7 +101,7 @@ def _named(parsed: Parsed) -> tuple[list[tuple[list[TemplateSignature], str, str
         for key, word in holder.items():
             if folded(key) == "tasktype" and isinstance(word, str) and word:
                 spelt = parsed.spelt.key(holder, key)
-                fitting = [one for one in signatures() if folded(word) in one.spellings]
+                fitting = [one for one in signatures() if one.named(folded(word), found)]
                 if fitting:
                     named.append((fitting, f"{path}.{spelt}", f"named by {spelt} '{word}'"))
                 elif not unknown:
@@ -107,7 +128,11 @@ def _recognised(parsed: Parsed, found: Sequence[Found], unknown: str) -> tuple[s
             f"several templates fit {seen}: {names}{unknown}",
             f'name one of {names}: "lingjing": {{"mission": "{fitting[0].mission}"}} in the scenario, or a taskType',
         )
-    possible = [one for one in signatures() if one.engines <= lists.keys()] or list(signatures())
+    if found and not any(one.holds(field) for one in signatures() for field in found):
+        unheard = _listing(dict.fromkeys(f"'{one.key}'" for one in found))
+        hint = f"take it out, or name a template of your own that has a target of type {found[0].field.types[0]}"
+        raise parsed.fault(found[0].path, f"no template has anything for {unheard}", hint)
+    possible = [one for one in signatures() if one.equipped(frozenset(lists))] or list(signatures())
     names = ", ".join(one.mission for one in possible)
     what = f"of {seen}" if seen else "of empty lists"
     lacking = "" if found else " without any hidden place"
@@ -124,7 +149,7 @@ def _fitting(
 ) -> list[TemplateSignature]:
     """The templates that fit best: their engines and every field; at least their engines; at least one field."""
     known = signatures() if among is None else among
-    enough = [one for one in known if one.engines <= engines and any(one.holds(f) for f in found)]
+    enough = [one for one in known if one.equipped(engines) and any(one.holds(f) for f in found)]
     whole = [one for one in enough if all(one.holds(f) for f in found)]
     exact = [one for one in whole if one.engines == engines]
     return exact or whole or enough

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from itertools import pairwise
 from math import cos, hypot, radians, sin
 
-from lingjing.engines.camera.models.catalogue import SPACING_M, people_in_line
+from lingjing.engines.camera.models.catalogue import people_in_line, spacing_in_line
 from lingjing.mission.geometry2d import contains, edge_distance
 from lingjing.mission.instance import Entity, Vector
 from lingjing.scene.city import Pieces, Polygon
@@ -34,11 +34,12 @@ def facing(entity: Entity, near: Iterable[Pieces]) -> float:
     to it for which they have; if there is none, the one for which most have."""
     x, y, _ = entity.position
     count = people_in_line(entity.properties.get("people"))
-    obstacles = _Obstacles(near, (x, y), SPACING_M * count + ELBOW_M)
+    spacing_m = spacing_in_line(entity.properties.get("spacing_m"))
+    obstacles = _Obstacles(near, (x, y), spacing_m * count + ELBOW_M)
 
     def room(turn: float) -> int:
         h = radians(entity.heading_deg + turn)
-        line = ((x - SPACING_M * k * sin(h), y - SPACING_M * k * cos(h)) for k in range(1, count + 1))
+        line = ((x - spacing_m * k * sin(h), y - spacing_m * k * cos(h)) for k in range(1, count + 1))
         return sum(obstacles.free(spot) for spot in line)
 
     best = max(TURNS_DEG, key=lambda turn: (room(turn), -abs(turn)))

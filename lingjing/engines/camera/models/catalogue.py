@@ -138,16 +138,22 @@ def people_in_line(given: object) -> int:
     return max(0, min(count, MOST_IN_LINE))
 
 
+def spacing_in_line(given: object) -> float:
+    """How far apart people stand in a queue that is said to have that spacing (m)."""
+    return float(given) if isinstance(given, int | float) else SPACING_M
+
+
 def _queue(who: Subject) -> Parts:
     """People in a line behind the position, who sway a little."""
     turn_deg = 0.0 if who.facing_deg is None else who.facing_deg - who.state.heading_deg
     line = [Part("barrier", places.crowd_barrier(), at((0.0, 0.0, 0.0), turn_deg))]
     behind = radians(turn_deg)
+    spacing_m = spacing_in_line(who.properties.get("spacing_m"))
     for k in range(people_in_line(who.state.resources.get("people", who.properties.get("people", 4)))):
         look = (3 * k + who.number) % len(people.OUTFITS)
         aside = 0.12 * ((5 * k + 3 * who.number) % 7 - 3) / 3.0
         turn = turn_deg + 11.0 * ((3 * k + who.number) % 5 - 2)
-        back = -SPACING_M * (k + 1)
+        back = -spacing_m * (k + 1)
         place = aside * cos(behind) + back * sin(behind), back * cos(behind) - aside * sin(behind), 0.0
         line.append(Part(f"pedestrian-{look}-{people.STAND}", people.pedestrian(look, people.STAND), at(place, turn)))
     return tuple(line)
