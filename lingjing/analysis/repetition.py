@@ -1,24 +1,28 @@
-"""Rep: the share of target events that were unnecessary (the paper's repeated target rate).
+"""The repeated target rate (Rep): of all target events of an episode, the share that were repeated.
 
-The paper (its table of communication metrics): "Number of repeated target events divided by all valid target events in
-the matched episodes. A valid event is an assignment request or target-region entry for a target in the scenario. It is
-repeated when the target was already assigned or completed. Continuous presence in one target region counts as one
-entry. If no valid target event occurs, Rep is reported as N/A."
+The paper defines it in its table of communication metrics: "Number of repeated target events divided by all valid
+target events in the matched episodes. A valid event is an assignment request or target-region entry for a target in
+the scenario. It is repeated when the target was already assigned or completed. Continuous presence in one target
+region counts as one entry. If no valid target event occurs, Rep is reported as N/A."
 
-A target event is an assignment request that means a target of the scenario, or an executor's entry into a target's
-region. Executors and regions are read from the mission: `distance_xy(boat, v) <= 50 m` in a rule makes `boat` an
-executor of `v` within 50 m, and so does an interaction of the target's type (`extinguish { by = road, within = 30 m }`)
-every asset of that engine. A place that only hands something out (a depot) is visited again and again and is no target
-in this sense. A request means targets by their names, one or a tour of them, or by a position inside the region in
-which its assignee serves; a `step` without a name guides somebody on its way and assigns nothing. Requests are
-assignment messages and commands to an executor from agents that do not embody it; one sender's requests for one
-target at one tick are one event.
+The terms of that definition are read from a trace as follows.
 
-A request is repeated when its target is already assigned or completed; an entry is repeated when the target is
-completed or assigned to somebody else, since the assignee's own arrival is what was asked for. So is the assignee's
-first answer that it takes what another gave it. A demand larger than one executor's load may be assigned to as many as
-it takes. To enter is to come within the radius, as seen at every macro-step, whether to stop there or to drive past; to
-act on the target from farther away is an entry too. Staying inside is one entry.
+- An *executor* is an asset that can serve targets of a group, and a *target region* is the disc around a target in
+  which it does. Both are read from the mission: `distance_xy(boat, v) <= 50 m` in a rule makes `boat` an executor of
+  every `v`, with a radius of 50 m; an interaction of its type (`extinguish { by = road, within = 30 m }`) makes every
+  asset of that engine one. A place that only hands goods out, as a depot, is no target.
+- An *assignment request* is an assignment message, or a command to an executor from an agent that does not control it.
+  Which targets are meant: those that its fields name; if none, the nearest one in whose region its position lies. A
+  message with a `step` and no name guides somebody on its way and requests nothing. The requests of one sender for one
+  target at one tick are one event.
+- A *target-region entry* happens when an executor comes within the radius, as seen at each macro-step, whether it stops
+  or drives past. Acting on a target from farther away is an entry too.
+- A *request is repeated* if the target is completed, or is assigned to as many executors as it needs, or is assigned to
+  the same one already. A target needs one executor, or as many as its demand has loads. If the sender controls the
+  assignee, and somebody else assigned it before, the request is that executor's consent and is no event.
+- An *entry is repeated* if the target is completed, or is assigned and not to the executor that enters: the arrival of
+  the assignee is what was asked for.
+- A target is *completed* by an interaction that leaves nothing to be done, or by what the mission's success asks of it.
 """
 
 from __future__ import annotations
@@ -37,14 +41,14 @@ from lingjing.trace.reader import Trace
 from lingjing.trace.records import BodyState, BoundaryRecord, TaskEvent
 
 _STEP = "step"
-"""The field of a message that guides somebody by one step."""
+"""The field of a message that guides its recipient by one step."""
 _LEFT = "left_"
-"""What the values of an interaction begin with that say how much of it is still to be done."""
+"""The prefix of an interaction's values that say how much of it is still to be done."""
 
 
 @dataclass(frozen=True, slots=True)
-class Reach:
-    """An executor entity, the target group it serves and the radius (m) in which it does."""
+class ServiceRadius:
+    """An executor, a group of targets that it serves, and the radius of their regions in metres."""
 
     executor: str
     group: str
@@ -53,7 +57,8 @@ class Reach:
 
 @dataclass(frozen=True, slots=True)
 class _Request:
-    """Who asked for which target of whom; `assignees` are bodies where the named agents have any."""
+    """An assignment request: `sender` asked `assignees` to serve `target`. An assignee is an entity where the named
+    agent controls one."""
 
     sender: str
     target: str
@@ -61,61 +66,79 @@ class _Request:
 
 
 @dataclass
-class _Count:
-    room: dict[str, int] = field(default_factory=dict)
+class _TargetEvents:
+    """The target events counted so far: `events` of which `repeated`.
+
+    `executors_needed` is by target (1 where it is not named); `assigned` maps a target to its assignees, each with the
+    sender that assigned it; `completed` are targets; `inside` are the pairs (executor, target) whose executor is in the
+    target's region now.
+    """
+
+    executors_needed: dict[str, int]
     assigned: dict[str, dict[str, str]] = field(default_factory=dict)
     completed: set[str] = field(default_factory=set)
     inside: set[tuple[str, str]] = field(default_factory=set)
     events: int = 0
     repeated: int = 0
 
-    def request(self, asked: _Request, embodied: tuple[str, ...]) -> None:
-        """`embodied` is what the sender controls."""
-        holders = self.assigned.setdefault(asked.target, {})
-        own = next((body for body in asked.assignees if body in embodied), None)
-        if own is not None and holders.get(own, asked.sender) != asked.sender:
-            holders[own] = asked.sender  # the assignee takes what another gave it
+    def request(self, asked: _Request, controlled: tuple[str, ...]) -> None:
+        """Count an assignment request; `controlled` are the entities that its sender controls."""
+        assignees = self.assigned.setdefault(asked.target, {})
+        own = next((body for body in asked.assignees if body in controlled), None)
+        if own is not None and assignees.get(own, asked.sender) != asked.sender:
+            assignees[own] = asked.sender  # consent: the executor takes what another assigned to it
             return
-        full = len(holders) >= self.room.get(asked.target, 1) or any(body in holders for body in asked.assignees)
+        enough = len(assignees) >= self.executors_needed.get(asked.target, 1)
+        again = enough or any(body in assignees for body in asked.assignees)
         self.events += 1
-        self.repeated += full or asked.target in self.completed
-        if not full:
-            holders.update(dict.fromkeys(asked.assignees, asked.sender))
+        self.repeated += again or asked.target in self.completed
+        if not again:
+            assignees.update(dict.fromkeys(asked.assignees, asked.sender))
 
     def entry(self, target: str, executor: str) -> None:
+        """Count a target-region entry."""
         self.events += 1
-        holders = self.assigned.get(target)
-        self.repeated += target in self.completed or (bool(holders) and executor not in (holders or {}))
+        assignees = self.assigned.get(target)
+        self.repeated += target in self.completed or (bool(assignees) and executor not in (assignees or {}))
+
+    def move(self, body: BodyState, target: BodyState, radius_m: float) -> None:
+        """Take in where an executor and a target are: coming within the radius is an entry."""
+        pair = (body.id, target.id)
+        if math.dist(body.position[:2], target.position[:2]) > radius_m:
+            self.inside.discard(pair)
+        elif pair not in self.inside:
+            self.inside.add(pair)
+            self.entry(target.id, body.id)
 
 
 def repeated_target_rate(trace: Trace) -> float | None:
     """Repeated target events over all target events, None if there was none."""
     instance = trace.header.instance
-    reaches = reaches_of(instance)
-    embodied = {agent.id: agent.controls for agent in instance.agents}
-    count = _Count(room=_room(instance))
+    radii = service_radii(instance)
+    controlled = {agent.id: agent.controls for agent in instance.agents}
+    counted = _TargetEvents(_executors_needed(instance))
     for record in trace.boundaries:
-        for asked in _requests(instance, record, reaches):
-            count.request(asked, embodied.get(asked.sender, ()))
-        _entries(count, instance, record, reaches)
-    return ratio(count.repeated, count.events)
+        for asked in _requests(instance, record, radii):
+            counted.request(asked, controlled.get(asked.sender, ()))
+        _count_entries(counted, instance, record, radii)
+    return ratio(counted.repeated, counted.events)
 
 
-def reaches_of(instance: Instance) -> tuple[Reach, ...]:
-    """Who executes what within which radius: the distances that the instance's rules ask for, else the interactions of
-    its targets."""
+def service_radii(instance: Instance) -> tuple[ServiceRadius, ...]:
+    """Every executor with every group that it serves: by the distances that rules ask for, else by the interactions of
+    the targets."""
     outline = of_instance(instance)
-    found: dict[tuple[str, str], Reach] = {}
+    found: dict[tuple[str, str], ServiceRadius] = {}
     for rule in instance.rules:
         domains = {parameter.name: parameter.domain for parameter in rule.parameters}
         for leaf in mentions(rule.condition, outline, domains):
             if isinstance(leaf, VisitNeed) and isinstance(leaf.goal, Body) and leaf.goal.id in domains.values():
                 for name in _assets(leaf.movers, instance):
-                    reach = Reach(name, leaf.goal.entity.group, leaf.radius_m)
-                    found.setdefault((reach.executor, reach.group), reach)
-    for target, task, executor in _services(instance):
-        reach = Reach(executor.id, target.group, task.within_m)
-        found.setdefault((reach.executor, reach.group), reach)
+                    served = ServiceRadius(name, leaf.goal.entity.group, leaf.radius_m)
+                    found.setdefault((served.executor, served.group), served)
+    for target, task, executor in _possible_services(instance):
+        served = ServiceRadius(executor.id, target.group, task.within_m)
+        found.setdefault((served.executor, served.group), served)
     return tuple(found.values())
 
 
@@ -127,8 +150,8 @@ def _assets(movers: tuple[Body, ...], instance: Instance) -> Iterator[str]:
             yield entity.id
 
 
-def _services(instance: Instance) -> Iterator[tuple[Entity, Task, Entity]]:
-    """Target, interaction and asset that can do it, without places that only hand something out."""
+def _possible_services(instance: Instance) -> Iterator[tuple[Entity, Task, Entity]]:
+    """Every target with every interaction of it that takes something, and every asset that can perform it."""
     assets = [entity for entity in instance.entities if entity.role == "asset"]
     for target in instance.entities:
         for task in possible(target, instance) if target.role == "target" else ():
@@ -136,8 +159,8 @@ def _services(instance: Instance) -> Iterator[tuple[Entity, Task, Entity]]:
                 yield from ((target, task, asset) for asset in assets if asset.id in task.actors)
 
 
-def _targets(instance: Instance) -> dict[str, str]:
-    """Group by target, without places that only hand something out."""
+def _group_of_target(instance: Instance) -> dict[str, str]:
+    """The group of every target; places that only hand something out are left out."""
     return {
         entity.id: entity.group
         for entity in instance.entities
@@ -145,10 +168,10 @@ def _targets(instance: Instance) -> dict[str, str]:
     }
 
 
-def _room(instance: Instance) -> dict[str, int]:
-    """How many executors a target takes whose demand is larger than what one of them can bring."""
+def _executors_needed(instance: Instance) -> dict[str, int]:
+    """The executors that a target needs whose demand is larger than what one of them can bring."""
     found: dict[str, int] = {}
-    for target, task, asset in _services(instance):
+    for target, task, asset in _possible_services(instance):
         demand = target.properties.get(f"{task.takes}_kg") if task.moves_goods else None
         brought = asset.properties.get("payload_kg", asset.properties.get(f"{task.source}_kg"))
         if isinstance(demand, int | float) and isinstance(brought, int | float) and brought > 0:
@@ -157,11 +180,11 @@ def _room(instance: Instance) -> dict[str, int]:
     return found
 
 
-def _requests(instance: Instance, record: BoundaryRecord, reaches: tuple[Reach, ...]) -> Iterator[_Request]:
+def _requests(instance: Instance, record: BoundaryRecord, radii: tuple[ServiceRadius, ...]) -> Iterator[_Request]:
     """The requests of one boundary, one per sender and target."""
     owner = {resource: agent.id for agent in instance.agents for resource in agent.controls}
     controls = {agent.id: agent.controls[0] for agent in instance.agents if agent.controls}
-    executors = {reach.executor for reach in reaches}
+    executors = {served.executor for served in radii}
     agents = {agent.id for agent in instance.agents}
     said = [
         (message.sender, str(message.body.get("assignee") or ""), message.body)
@@ -175,7 +198,7 @@ def _requests(instance: Instance, record: BoundaryRecord, reaches: tuple[Reach, 
     found: dict[tuple[str, str], dict[str, None]] = {}
     for sender, named, body in said:
         assignee = controls.get(named, named)
-        for target in _targets_of(instance, record, body, assignee, reaches):
+        for target in _targets_of(instance, record, body, assignee, radii):
             found.setdefault((sender, target), {})[assignee] = None
     for (sender, target), assignees in found.items():
         yield _Request(sender, target, tuple(assignees))
@@ -185,83 +208,66 @@ def assignments_at(instance: Instance, record: BoundaryRecord) -> Iterator[tuple
     """The bodies that assignment messages of one boundary are for, each with the targets that are meant. A message
     that names no assignee is for its recipient."""
     controls = {agent.id: agent.controls for agent in instance.agents}
-    reaches = reaches_of(instance)
+    radii = service_radii(instance)
     seen: set[tuple[str, str]] = set()
     for message in record.messages:
         named = str(message.body.get("assignee") or message.recipient)
         if message.category == "assignment" and (message.id, named) not in seen:
             seen.add((message.id, named))
             for body in controls.get(named, (named,)):
-                yield body, _targets_of(instance, record, message.body, body, reaches)
+                yield body, _targets_of(instance, record, message.body, body, radii)
 
 
 def _targets_of(
-    instance: Instance, record: BoundaryRecord, body: dict[str, Datum], assignee: str, reaches: tuple[Reach, ...]
+    instance: Instance, record: BoundaryRecord, body: dict[str, Datum], assignee: str, radii: tuple[ServiceRadius, ...]
 ) -> tuple[str, ...]:
-    return _meant(instance, record, body, [one for one in reaches if _serves(one, assignee, instance)])
-
-
-def _serves(reach: Reach, assignee: str, instance: Instance) -> bool:
-    """Whether a request to `assignee` may mean a place in this reach; one to nobody known may mean any."""
-    return reach.executor == assignee or assignee not in {entity.id for entity in instance.entities}
-
-
-def _meant(instance: Instance, record: BoundaryRecord, body: dict[str, Datum], reaches: list[Reach]) -> tuple[str, ...]:
-    """The targets that a request names, else the nearest one in whose region its position lies."""
-    targets = _targets(instance)
+    """The targets that the fields of a request name, else the nearest one in whose region its position lies: in one of
+    the assignee's regions, or in anybody's where the assignee is no entity."""
+    targets = _group_of_target(instance)
     words = [word for value in body.values() for word in (value if isinstance(value, tuple) else (value,))]
     named = tuple(dict.fromkeys(word for word in words if isinstance(word, str) and word in targets))
     place = numbers(body.get("position"), 2) or numbers((body.get("x"), body.get("y")), 2)
     if named or place is None or _STEP in body:
         return named
+    anybody = assignee not in {entity.id for entity in instance.entities}
     near = [
         (math.dist(place, state.position[:2]), state.id)
-        for state in _states(record)
-        for reach in reaches
-        if targets.get(state.id) == reach.group and math.dist(place, state.position[:2]) <= reach.radius_m
+        for state in (record.snapshots[-1].states if record.snapshots else ())
+        for served in radii
+        if (anybody or served.executor == assignee) and targets.get(state.id) == served.group
+        if math.dist(place, state.position[:2]) <= served.radius_m
     ]
     return (min(near)[1],) if near else ()
 
 
-def _entries(count: _Count, instance: Instance, record: BoundaryRecord, reaches: tuple[Reach, ...]) -> None:
-    """Entries at every macro-step, in time order with the interactions that the engines performed in between. A
-    target is completed by an unlocked interaction or by what the mission's success asks of it."""
-    groups = _targets(instance)
+def _count_entries(
+    counted: _TargetEvents, instance: Instance, record: BoundaryRecord, radii: tuple[ServiceRadius, ...]
+) -> None:
+    """Count the entries of a boundary, macro-step by macro-step, in time order with the interactions in between."""
+    groups = _group_of_target(instance)
     kinds = {unlock.interaction for unlock in instance.unlocks}
-    acts = [
-        task
-        for task in record.task_events
-        if task.kind in kinds and not task.name and task.entities[:1] and task.entities[0] in groups
+    waiting = [
+        event
+        for event in record.task_events
+        if event.kind in kinds and not event.name and event.entities[:1] and event.entities[0] in groups
     ]
     for snapshot in record.snapshots:
         states = {state.id: state for state in snapshot.states}
-        past = [task for task in acts if task.time_s <= snapshot.time_s]
-        acts = [task for task in acts if task.time_s > snapshot.time_s]
-        for target, executor in ((task.entities[0], task.entities[1]) for task in past if len(task.entities) > 1):
-            if (executor, target) not in count.inside:
-                count.inside.add((executor, target))
-                count.entry(target, executor)
-        for reach in reaches:
+        performed = [event for event in waiting if event.time_s <= snapshot.time_s]
+        waiting = [event for event in waiting if event.time_s > snapshot.time_s]
+        for target, executor in (event.entities[:2] for event in performed if len(event.entities) > 1):
+            if (executor, target) not in counted.inside:
+                counted.inside.add((executor, target))
+                counted.entry(target, executor)
+        for served in radii:
             for target, group in groups.items():
-                if group == reach.group and target in states and reach.executor in states:
-                    _presence(count, states[reach.executor], states[target], reach.radius_m)
-        count.completed |= {name for task in past if not _left(task) for name in task.entities if name in groups}
-    count.completed |= completed_at(instance, record)
-
-
-def _presence(count: _Count, body: BodyState, target: BodyState, radius_m: float) -> None:
-    pair = (body.id, target.id)
-    if math.dist(body.position[:2], target.position[:2]) > radius_m:
-        count.inside.discard(pair)
-    elif pair not in count.inside:
-        count.inside.add(pair)
-        count.entry(target.id, body.id)
+                if group == served.group and target in states and served.executor in states:
+                    counted.move(states[served.executor], states[target], served.radius_m)
+        finished = [event for event in performed if not _left(event)]
+        counted.completed |= {name for event in finished for name in event.entities if name in groups}
+    counted.completed |= completed_at(instance, record)
 
 
 def _left(task: TaskEvent) -> bool:
     """Whether an interaction left something to be done, as a delivery of a part does."""
     return any(key.startswith(_LEFT) and value > 0 for key, value in task.values.items())
-
-
-def _states(record: BoundaryRecord) -> tuple[BodyState, ...]:
-    return record.snapshots[-1].states if record.snapshots else ()

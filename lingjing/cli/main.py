@@ -43,7 +43,7 @@ VERBS = (
     Verb("fmt", "lingjing.cli.fmt", "lay mission files out the one way"),
     Verb("lsp", "lingjing.cli.lsp", "serve an editor: errors, completion, renaming as you type"),
     Verb("scene", "lingjing.cli.scene", "build a city from a map; look at one"),
-    Verb("plugins", "lingjing.cli.plugins", "list engines, policies and scenes and where they come from"),
+    Verb("plugins", "lingjing.cli.plugins", "list engines, policies, scenes and evaluators; the options of one"),
     Verb("new", "lingjing.cli.new", "write a file to start from"),
     Verb("doctor", "lingjing.cli.doctor", "check that this machine can play missions"),
 )

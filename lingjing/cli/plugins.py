@@ -1,4 +1,4 @@
-"""`lingjing plugins [NAME]`: the engines, policies and scenes of this installation, and the options of one of them."""
+"""`lingjing plugins [NAME]`: the engines, policies, scenes and evaluators that are installed; the options of one."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ if TYPE_CHECKING:
 
 
 class Offer(msgspec.Struct, frozen=True, kw_only=True):
-    """One thing on offer: `kind` is engine, policy or scene; `source` the plug-in's entry point; `notes` what is
-    special about it (where an engine runs, whether a policy sees the truth); `options` are listed of one that was
-    asked for by name."""
+    """One thing on offer: `kind` is engine, policy, scene or evaluator; `source` the plug-in's entry point; `notes`
+    what is special about it (where an engine runs, whether a policy sees the truth); `options` are listed of one that
+    was asked for by name."""
 
     kind: str
     name: str
@@ -36,7 +36,7 @@ class Offer(msgspec.Struct, frozen=True, kw_only=True):
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Declare the verb and its options."""
     parser = subparsers.add_parser(
-        "plugins", help="list engines, policies and scenes, or the options of one", description=__doc__
+        "plugins", help="list engines, policies, scenes and evaluators, or the options of one", description=__doc__
     )
     parser.add_argument(
         "name",
@@ -75,6 +75,9 @@ def offers(host: PluginHost) -> Iterator[Offer]:
     for scene in host.scenes.values():
         source = host.sources["lingjing_scenes", scene.name]
         yield Offer(kind="scene", name=scene.name, source=source, summary=scene.summary)
+    for evaluator in host.evaluators.values():
+        source = host.sources["lingjing_evaluators", evaluator.name]
+        yield Offer(kind="evaluator", name=evaluator.name, source=source, summary=evaluator.summary)
 
 
 def offers_called(name: str, host: PluginHost) -> Iterator[Offer]:
@@ -98,6 +101,8 @@ def offers_called(name: str, host: PluginHost) -> Iterator[Offer]:
 def _options(offer: Offer, host: PluginHost) -> tuple[OptionSpec, ...]:
     if offer.kind == "policy":
         return option_specs(options_model(host.policies[offer.name]))
+    if offer.kind == "evaluator":
+        return ()
     declared = host.engines[offer.name].options if offer.kind == "engine" else host.scenes[offer.name].options
     model = declared_model(declared, f"{offer.kind} `{offer.name}`")
     return option_specs(model) if model is not None else ()

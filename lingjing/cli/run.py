@@ -44,6 +44,9 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         "--policy-seed", metavar="N", help="what the policies' own random streams start from (default 0)"
     )
     parser.add_argument(
+        "--evaluator", metavar="NAME", action="append", help="who scores (default mission); of several the mean counts"
+    )
+    parser.add_argument(
         "--options",
         metavar="FILE",
         help="a JSON file with all of these; - reads standard input; what is given here counts",
@@ -107,6 +110,8 @@ def _options(args: argparse.Namespace) -> tuple[PlayOptions, Mission]:
         "overview": options.overview and not args.no_overview,
     }
     single = {"seed": seed, "policy_seed": policy_seed, "policy": args.policy, "mode": args.mode, "world": args.world}
+    if args.evaluator:
+        single["evaluators"] = tuple(dict.fromkeys(args.evaluator))
     over |= {name: value for name, value in single.items() if value is not None}
     options = msgspec.structs.replace(options, **over)
     _check_settings(args.set, mission, options)

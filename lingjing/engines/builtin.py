@@ -1,16 +1,18 @@
-"""The plug-in that declares the built-in engines and scenes; every factory imports what it needs when it is called."""
+"""The plug-in that declares the built-in engines, scenes and evaluator; a factory imports what it needs when called."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from importlib import import_module
+from typing import Any
 
 from lingjing.engines.road.options import traffic
 from lingjing.errors import InfrastructureError
-from lingjing.mission.instance import SceneSpec
+from lingjing.mission.instance import Instance, SceneSpec
 from lingjing.mission.kinds import builtin_scenes
 from lingjing.plugins.engine import Engine, EnginePlugin
+from lingjing.plugins.evaluator import Evaluator, EvaluatorPlugin
 from lingjing.plugins.hookspecs import ScenePlugin, hookimpl
 from lingjing.scene.city import City
 
@@ -24,6 +26,12 @@ def _engine(folder: str, name: str, extra: str = "", package: str = "") -> Calla
             return engine
 
     return make
+
+
+def _mission_evaluator(instance: Instance) -> Evaluator[Any]:
+    from lingjing.kernel.evaluation import MissionEvaluator
+
+    return MissionEvaluator(instance)
 
 
 def _bay(spec: SceneSpec) -> City:
@@ -122,4 +130,12 @@ def lingjing_scenes() -> Iterable[ScenePlugin]:
     return tuple(
         ScenePlugin(name=kind.name, build=builders.get(kind.name, _district), summary=kind.summary)
         for kind in builtin_scenes().values()
+    )
+
+
+@hookimpl
+def lingjing_evaluators() -> Iterable[EvaluatorPlugin]:
+    """The evaluator that comes with the project."""
+    yield EvaluatorPlugin(
+        name="mission", build=_mission_evaluator, summary="The mission's own success, failure, stages and constraints."
     )

@@ -14,8 +14,7 @@ is late. The mission's own ticks are the loop's to count and come last, so a sta
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
-from typing import Literal, Protocol
+from dataclasses import replace
 
 from lingjing.kernel.adjudication import Adjudicator
 from lingjing.kernel.constraints import Watch
@@ -26,50 +25,33 @@ from lingjing.kernel.stages import Late, StageBook
 from lingjing.mission.expression import Binary, Expr, Quantified
 from lingjing.mission.instance import Instance
 from lingjing.mission.wording import some
-from lingjing.trace.records import Event, Reason
-
-
-@dataclass(frozen=True, slots=True)
-class Evaluation:
-    """r and d, with the reason if d and, where the reason leaves it open, which stage or constraint it was."""
-
-    reward: float
-    done: bool
-    reason: Reason | Literal[""] = ""
-    detail: str = ""
-
-
-class Evaluator(Protocol):
-    """One evaluator of the set E: a pure function of the registry and the boundary's adjudicated events."""
-
-    def evaluate(self, registry: Registry, events: Sequence[Event]) -> Evaluation:
-        """The score and the flag at this boundary."""
-        ...
+from lingjing.plugins.evaluator import Evaluation
+from lingjing.trace.records import Event
 
 
 class MissionEvaluator:
-    """Scores by the mission's own success and failure conditions."""
+    """Scores by the mission's own success and failure conditions: the evaluator `mission`."""
 
-    def __init__(self, instance: Instance, adjudicator: Adjudicator) -> None:
+    def __init__(self, instance: Instance, adjudicator: Adjudicator | None = None) -> None:
         self._instance = instance
-        self._adjudicator = adjudicator
+        self._adjudicator = adjudicator or Adjudicator(instance)
         self._watch = Watch(instance)
         self._book = StageBook(instance)
 
-    def evaluate(self, registry: Registry, events: Sequence[Event]) -> Evaluation:
+    def evaluate(self, standing: Registry, events: Sequence[Event]) -> Evaluation:
         """Success before failure and lateness: a mission won at the boundary where it would be lost is won."""
-        at = self._adjudicator.instant(registry, registry.states, registry.time_s)
+        at = self._adjudicator.instant(standing, standing.states, standing.time_s)
         won = holds(self._instance.success, {}, at)
-        score = max(0.0, (1.0 if won else self._share(registry, at)) - self._watch.penalty(registry))
-        broken = self._watch.broken(registry)
+        score = max(0.0, (1.0 if won else self._share(standing, at)) - self._watch.penalty(standing))
+        broken = self._watch.broken(standing)
         if broken:
             return Evaluation(score, True, "constraint", broken)
         if won:
             return Evaluation(score, True, "success")
         if self._instance.failure is not None and holds(self._instance.failure, {}, at):
             return Evaluation(score, True, "failure")
-        late = tuple(self._book.late(registry))
-        return Evaluation(score, True, "late", _lateness(late, registry.tick)) if late else Evaluation(score, False)
+        late = tuple(self._book.late(standing))
+        return Evaluation(score, True, "late", _lateness(late, standing.tick)) if late else Evaluation(score, False)
 
     def _share(self, registry: Registry, at: Instant) -> float:
         score = self._book.score(registry)

@@ -23,7 +23,7 @@ from lingjing.kernel.bus import Bus, Router
 from lingjing.kernel.candidates import received
 from lingjing.kernel.commands import Gate, Resolution
 from lingjing.kernel.course import Course
-from lingjing.kernel.evaluation import Evaluation, Evaluator, MissionEvaluator, combine
+from lingjing.kernel.evaluation import MissionEvaluator, combine
 from lingjing.kernel.happenings import Happenings
 from lingjing.kernel.inspections import Inspections, commands_of
 from lingjing.kernel.playable import check_playable
@@ -35,6 +35,7 @@ from lingjing.kernel.visibility import Projector
 from lingjing.kernel.world.contract import StoredFrame, World, WorldBoundary
 from lingjing.mission.instance import Instance
 from lingjing.plugins.decisions import PHOTO
+from lingjing.plugins.evaluator import Evaluation, Evaluator
 from lingjing.plugins.policy import Brief, Inbox, Observation
 from lingjing.scene.city import City
 from lingjing.trace.digest import START, next_digest, next_frames_digest
@@ -107,7 +108,7 @@ class Kernel:
         world: World,
         *,
         privileged: frozenset[str] = frozenset(),
-        evaluators: Sequence[Evaluator] = (),
+        evaluators: Sequence[Evaluator[Registry]] = (),
         record: Record | None = None,
         blank_pictures: bool = False,
         policy_seed: int = 0,

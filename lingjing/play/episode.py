@@ -105,6 +105,7 @@ class Session:
             record=lambda record, frames: recorder[0].boundary(
                 msgspec.structs.replace(record, relations=relations.take(record)), _stored(frames)
             ),
+            evaluators=[self.host.evaluator(name).build(instance) for name in options.evaluators],
             blank_pictures=options.blank_pictures,
             policy_seed=options.policy_seed,
         )
@@ -184,6 +185,7 @@ def _header(instance: Instance, city: City, assigned: Mapping[str, Assigned], op
         attribution=city.attribution,
         started_wall=dt.datetime.now(dt.UTC).isoformat(timespec="seconds"),
         policy_seed=options.policy_seed,
+        evaluators=options.evaluators,
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from os import PathLike, fspath
 from typing import Annotated, Literal, TypedDict
 
@@ -26,8 +26,9 @@ class PlayOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     `mission` is the path of a file or the name of a shipped mission. `policy` plays every agent; `policies_for`
     overrides it by role, agent or agent id; `policy_args` go to every policy that takes them. `seed` draws the
     instance, `policy_seed` starts the policies' own random streams and tells them nothing about it. `mode` None is the
-    mission's own; `settings` are values of its parameters in SI units. `world` says where the engines run,
-    `blank_pictures` hands the policies black pictures, `overview` draws `overview.png`.
+    mission's own; `settings` are values of its parameters in SI units. `evaluators` score it: the mean of their scores
+    counts, and the first that says so ends the episode. `world` says where the engines run, `blank_pictures` hands the
+    policies black pictures, `overview` draws `overview.png`.
     """
 
     mission: str
@@ -38,6 +39,7 @@ class PlayOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     policy_seed: Seed = 0
     mode: str | None = None
     settings: dict[str, float] = {}
+    evaluators: Annotated[tuple[str, ...], msgspec.Meta(min_length=1)] = ("mission",)
     world: Literal["process", "inline"] = "process"
     blank_pictures: bool = False
     overview: bool = True
@@ -53,6 +55,7 @@ class Changes(TypedDict, total=False):
     policy_seed: int
     mode: str | None
     settings: Mapping[str, float]
+    evaluators: Sequence[str]
     world: Literal["process", "inline"]
     blank_pictures: bool
     overview: bool

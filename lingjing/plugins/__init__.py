@@ -2,7 +2,7 @@
 
 - `hookspecs`     what a plug-in may offer; `host` finds it, `loading` finds policies by name or by file
 - `options`       the models of options that plug-ins declare, and the reading of what people write
-- `engine`, `policy`   the Protocols and their values
+- `engine`, `policy`, `evaluator`   the Protocols and their values
 - `decisions`     the JSON Schema of what an agent may answer, for policies over foreign programs
 - `fleet`         the five methods over moving bodies ← `requests` (admission, receipts), `clock` (fixed steps)
 - `stock`         goods on board; `tasks` what a mission asks for, for policies that may see its rules

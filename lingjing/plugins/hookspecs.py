@@ -13,6 +13,7 @@ import pluggy
 
 from lingjing.mission.instance import SceneSpec
 from lingjing.plugins.engine import EnginePlugin
+from lingjing.plugins.evaluator import EvaluatorPlugin
 from lingjing.plugins.policy import PolicyPlugin
 from lingjing.scene.city import City
 
@@ -47,3 +48,8 @@ def lingjing_policies() -> Iterable[PolicyPlugin]:  # type: ignore[empty-body]
 @hookspec
 def lingjing_scenes() -> Iterable[ScenePlugin]:  # type: ignore[empty-body]
     """Fires once when the host is built: the scene providers this plug-in offers."""
+
+
+@hookspec
+def lingjing_evaluators() -> Iterable[EvaluatorPlugin]:  # type: ignore[empty-body]
+    """Fires once when the host is built: the evaluators this plug-in offers."""

@@ -10,6 +10,7 @@ import pluggy
 from lingjing.errors import PluginError, UsageError
 from lingjing.plugins import hookspecs
 from lingjing.plugins.engine import EnginePlugin
+from lingjing.plugins.evaluator import EvaluatorPlugin
 from lingjing.plugins.hookspecs import ScenePlugin
 from lingjing.plugins.policy import PolicyPlugin
 
@@ -36,6 +37,7 @@ class PluginHost:
         self.engines: dict[str, EnginePlugin] = self._collect("lingjing_engines")
         self.policies: dict[str, PolicyPlugin] = self._collect("lingjing_policies")
         self.scenes: dict[str, ScenePlugin] = self._collect("lingjing_scenes")
+        self.evaluators: dict[str, EvaluatorPlugin] = self._collect("lingjing_evaluators")
 
     def engine(self, name: str) -> EnginePlugin:
         """The engine of that name, or a `UsageError` that lists what there is."""
@@ -48,6 +50,10 @@ class PluginHost:
     def scene(self, name: str) -> ScenePlugin:
         """The scene provider of that name, or a `UsageError` that lists what there is."""
         return self._get("scene", self.scenes, name)
+
+    def evaluator(self, name: str) -> EvaluatorPlugin:
+        """The evaluator of that name, or a `UsageError` that lists what there is."""
+        return self._get("evaluator", self.evaluators, name)
 
     def _load_entry_points(self) -> None:
         try:

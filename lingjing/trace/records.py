@@ -402,7 +402,8 @@ class AgentBinding(Value, frozen=True, kw_only=True):
 
 
 class Header(Value, frozen=True, kw_only=True):
-    """The first record of a trace: what was played, by whom, on what; `policy_seed` started the policies' streams."""
+    """The first record of a trace: what was played, by whom, on what; `policy_seed` started the policies' streams,
+    `evaluators` scored it."""
 
     format: str = "lingjing-trace/1"
     instance: Instance
@@ -412,6 +413,7 @@ class Header(Value, frozen=True, kw_only=True):
     attribution: str = ""
     started_wall: str = ""
     policy_seed: int = 0
+    evaluators: tuple[str, ...] = ("mission",)
 
 
 class Outcome(Value, frozen=True, kw_only=True):

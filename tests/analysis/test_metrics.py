@@ -10,7 +10,7 @@ import pytest
 
 from lingjing.analysis.detection import detect, numbers
 from lingjing.analysis.metrics import GROUPS, Metrics, metrics, printed, table
-from lingjing.analysis.repetition import Reach, reaches_of, repeated_target_rate
+from lingjing.analysis.repetition import ServiceRadius, repeated_target_rate, service_radii
 from lingjing.mission.expression import Attr, Binary, Call, Number, Quantified, Ref
 from lingjing.mission.instance import AgentSpec, Entity, InteractionSpec, StateSpec
 from lingjing.mission.model import Rule, RuleParameter, Unlock
@@ -224,7 +224,7 @@ def test_targets_too_faint_to_see_are_counted_and_not_missed(trace: Trace) -> No
 
 
 def test_executors_and_their_reach_come_from_the_rules(trace: Trace) -> None:
-    assert reaches_of(trace.header.instance) == (Reach("boat", "victim", 50.0),)
+    assert service_radii(trace.header.instance) == (ServiceRadius("boat", "victim", 50.0),)
 
 
 def assignment(tick: int, sender: str, assignee: str, **body: object) -> Envelope:
@@ -411,7 +411,10 @@ def vans(tick: int, one: float, two: float, mps: float = 0.0) -> Snapshot:
 
 def test_executors_come_from_the_interactions_of_targets(trace: Trace) -> None:
     header = courier_service(trace)
-    assert reaches_of(header.instance) == (Reach("van[1]", "point", 30.0), Reach("van[2]", "point", 30.0))  # type: ignore[attr-defined]
+    assert service_radii(header.instance) == (
+        ServiceRadius("van[1]", "point", 30.0),
+        ServiceRadius("van[2]", "point", 30.0),
+    )  # type: ignore[attr-defined]
 
 
 def test_rep_of_a_tour_that_splits_an_order(of, trace: Trace) -> None:  # type: ignore[no-untyped-def]

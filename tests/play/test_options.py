@@ -10,7 +10,7 @@ import pytest
 import lingjing
 from lingjing.cli.main import main
 from lingjing.errors import ExitCode, UsageError
-from lingjing.play.options import Changes, PlayOptions, options_of, read_options
+from lingjing.play.options import Changes, PlayOptions, checked_options, options_of, read_options
 
 EXAMPLE = Path(__file__).parents[2] / "scenarios" / "ssr.ljs"
 
@@ -24,7 +24,7 @@ def test_options_travel_as_json() -> None:
         mission="ssr", policy="oracle", policies_for={"rescuer": "random"}, policy_args={"k": "v"}, seed=5,
         policy_seed=6, mode="star", settings={"uavs": 2.0}, world="inline", blank_pictures=True, overview=False,
     )  # fmt: skip
-    assert PlayOptions(**read_options(msgspec.json.encode(whole), "o.json")) == whole
+    assert checked_options(read_options(msgspec.json.encode(whole), "o.json")) == whole
 
 
 def test_policies_given_as_objects_have_names_in_the_options() -> None:

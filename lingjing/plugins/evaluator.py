@@ -1,0 +1,60 @@
+"""The evaluator contract: what scores a committed boundary and says whether the episode is over."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, Protocol, TypeVar
+
+from lingjing.mission.instance import Instance
+from lingjing.trace.records import BodyState, Event, Reason
+
+
+@dataclass(frozen=True, slots=True)
+class Evaluation:
+    """r and d of the paper: the score (0..1) and whether the episode is over. With `done` comes the reason and, where
+    the reason leaves it open, what it was."""
+
+    reward: float
+    done: bool
+    reason: Reason | Literal[""] = ""
+    detail: str = ""
+
+
+class Standing(Protocol):
+    """What has come to pass by a boundary. `states` are all entities' by id, the hidden ones' too; `achieved` maps
+    (rule, binding) to the time at which it became true, in seconds; `stages` maps (stage, subject) to the tick at which
+    it was done, the subject being "" for a stage without one."""
+
+    @property
+    def tick(self) -> int: ...  # noqa: D102 - a field
+    @property
+    def time_s(self) -> float: ...  # noqa: D102
+    @property
+    def states(self) -> Mapping[str, BodyState]: ...  # noqa: D102
+    @property
+    def achieved(self) -> Mapping[tuple[str, tuple[str, ...]], float]: ...  # noqa: D102
+    @property
+    def stages(self) -> Mapping[tuple[str, str], int]: ...  # noqa: D102
+
+
+StandingT_contra = TypeVar("StandingT_contra", contravariant=True)
+
+
+class Evaluator(Protocol[StandingT_contra]):
+    """One evaluator of the paper's set E. It must be a pure function of its arguments: it keeps nothing from one
+    boundary to the next, since an episode may be forked."""
+
+    def evaluate(self, standing: StandingT_contra, events: Sequence[Event]) -> Evaluation:
+        """The score and the flag at a boundary, `events` being those of the rules that came true at it."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class EvaluatorPlugin:
+    """How an evaluator is declared: `build` makes the one of an instance. A plug-in's takes a `Standing`; the built-in
+    one, `mission`, reads the mission's own conditions and needs the kernel's whole registry for that."""
+
+    name: str
+    build: Callable[[Instance], Evaluator[Any]]
+    summary: str = ""
