@@ -10,8 +10,7 @@ and dropped.
 from __future__ import annotations
 
 import re
-from array import array
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from unicodedata import normalize
 
 from lingjing.dsl.source.reporter import Reporter
@@ -21,9 +20,6 @@ from lingjing.mission.diagnostics import Related
 
 DEEPEST = 64
 """Brackets within brackets. A mission needs about six; the bound keeps every later phase's recursion shallow."""
-
-SLAB = 50_000
-"""Tokens that are packed at a time; more than any statement written by hand has."""
 
 _NOT_A_UNIT = rf"(?!(?:{'|'.join(INNER)})\b)"
 _FACTOR = r"(?:[^\W\d_]+|[%°])(?:\^-?\d|\d)?"
@@ -72,24 +68,6 @@ _OPERANDS = frozenset(("NAME", "NUMBER", "QUANTITY", "STRING", "RPAR", "RSQB", "
 _CLOSERS = {"(": ")", "[": "]", "{": "}", "set": "}"}
 
 
-class Slab:
-    """Tokens in a quarter of their space, for texts with millions of them; a token is made again when it is read."""
-
-    __slots__ = ("bounds", "kinds", "texts", "units")
-
-    def __init__(self, tokens: list[Token]) -> None:
-        self.kinds = [token.type for token in tokens]
-        self.texts = [token.text for token in tokens]
-        self.bounds = array("q", (offset for token in tokens for offset in (token.start, token.end)))
-        self.units = {at: token.unit for at, token in enumerate(tokens) if token.unit}
-
-    def unpacked(self) -> list[Token]:
-        """The tokens."""
-        bounds, unit = self.bounds, self.units.get
-        pairs = enumerate(zip(self.kinds, self.texts, strict=True))
-        return [Token(kind, text, bounds[2 * at], bounds[2 * at + 1], unit(at, "")) for at, (kind, text) in pairs]
-
-
 class Lexer:
     """State of one pass over one text: the tokens so far and the open brackets."""
 
@@ -98,7 +76,6 @@ class Lexer:
         self.start = start
         self.report = report
         self.tokens: list[Token] = []
-        self.packed: list[Slab] = []
         self.words: dict[str, str] = {}
         self.foreign: dict[str, list[tuple[int, int]]] = {}
         self.open: list[tuple[str, int]] = []
@@ -109,11 +86,6 @@ class Lexer:
 
     def run(self) -> list[Token] | None:
         """All tokens, ending in `$END`; None if the nesting is beyond all reason, which ends the compilation."""
-        last = self.finish()
-        return None if last is None else [*(token for slab in self.packed for token in slab.unpacked()), *last]
-
-    def finish(self) -> list[Token] | None:
-        """As `run`, but of a huge text only the last tokens; those before them are in `packed`."""
         self._refuse_bidi()
         handlers: dict[str, Callable[[re.Match[str]], int]] = {
             "WORD": self._word,
@@ -141,9 +113,6 @@ class Lexer:
             if kind == "SPACE":
                 continue
             skip = handlers[kind](match)
-            if len(self.tokens) > 2 * SLAB:
-                self.packed.append(Slab(self.tokens[:SLAB]))
-                del self.tokens[:SLAB]
             if len(self.open) > DEEPEST:
                 self.report("LJ0005", match.start(), match.end(), f"brackets are nested deeper than {DEEPEST}")
                 return None
@@ -620,29 +589,15 @@ _BAD_HINTS = {
 
 
 def lex(text: str, report: Reporter, start: int = 0) -> list[Token] | None:
-    """The tokens of a text from `start` on, see `Lexer.run`; faults go to `report`."""
-    slabs = lex_in_slabs(text, report, start)
-    return None if slabs is None else [token for slab in slabs for token in slab]
-
-
-def lex_in_slabs(text: str, report: Reporter, start: int = 0) -> Iterator[list[Token]] | None:
-    """The tokens, most texts' in one piece; of a huge one the pieces are unpacked as they are asked for.
+    """The tokens of a text from `start` on, see `Lexer.run`; faults go to `report`.
 
     If braces do not balance and the author indents blocks, a second pass goes by the indentation: what is missing or
     too much is then reported where it is, and costs none of the other blocks.
     """
     before = len(report.diagnostics)
     lexer = Lexer(text, report, start=start)
-    last = lexer.finish()
-    if last is not None and lexer.unbalanced and Indentation(text).is_kept():
+    tokens = lexer.run()
+    if tokens is not None and lexer.unbalanced and Indentation(text).is_kept():
         del report.diagnostics[before:]
-        lexer = Lexer(text, report, start=start, guided=True)
-        last = lexer.finish()
-    return None if last is None else _pieces(lexer.packed, last)
-
-
-def _pieces(packed: list[Slab], last: list[Token]) -> Iterator[list[Token]]:
-    packed.reverse()
-    while packed:
-        yield packed.pop().unpacked()
-    yield last
+        tokens = Lexer(text, report, start=start, guided=True).run()
+    return tokens

@@ -7,8 +7,7 @@ place. Braces balance in the token stream, so a fault in a statement never moves
 
 from __future__ import annotations
 
-from bisect import bisect_left, bisect_right
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import cache
 from typing import Any
 
@@ -16,22 +15,20 @@ from lingjing.dsl.source.reporter import Reporter
 from lingjing.dsl.source.suggest import is_certain, nearest
 from lingjing.dsl.syntax import tree as s
 from lingjing.dsl.syntax.builder import Builder
-from lingjing.dsl.syntax.lexer import SLAB, lex_in_slabs
+from lingjing.dsl.syntax.lexer import lex
 from lingjing.dsl.syntax.tables import Tables, load_tables
 from lingjing.dsl.syntax.tokens import INNER, NAMES_IN_MESSAGES, STATEMENTS, Token
 
 
 def parse(report: Reporter, start: int = 0) -> s.File:
     """The syntax tree of the reporter's source from `start` on. Faulty statements are `Faulty` nodes, and reported."""
-    slabs = lex_in_slabs(report.source.text, report, start)
-    if slabs is None:
-        return s.File(0, 0, (s.Faulty(0, 0, (), None),))
-    return Parser(report).run(slabs)
+    tokens = lex(report.source.text, report, start)
+    return s.File(0, 0, (s.Faulty(0, 0, (), None),)) if tokens is None else parse_tokens(tokens, report)
 
 
 def parse_tokens(tokens: list[Token], report: Reporter) -> s.File:
-    """The syntax tree of tokens that are read already, all in one list; the list stays as it is if nothing is wrong."""
-    return Parser(report).run(iter((tokens,)))
+    """The syntax tree of tokens that are read already; their list stays as it is if nothing is wrong."""
+    return Parser(report).run(tokens)
 
 
 @cache
@@ -54,46 +51,23 @@ class Parser:
         self.repaired: set[int] = set()
         self.salvaged: set[int] = set()
 
-    def run(self, slabs: Iterator[list[Token]]) -> s.File:
+    def run(self, tokens: list[Token]) -> s.File:
         """Parse; always ends with a tree."""
-        tokens = next(slabs)
         at, last_fault = 0, -1
-        while True:
-            more = next(slabs, None) if len(tokens) - at <= SLAB else None
-            if more is not None:
-                tokens += more
-            stop = len(tokens) if tokens[-1].type == "$END" else len(tokens) - SLAB // 2
-            fault = self._drive(tokens, at, stop)
-            if fault == _MORE:
-                self._release(tokens)
-                at = stop
-                continue
-            if fault < 0:
-                return self.values[-1]  # type: ignore[no-any-return]
+        while (fault := self._drive(tokens, at)) >= 0:
             if fault == last_fault == len(tokens) - 1:
                 raise AssertionError("the lexer let braces pass that do not balance")
             at = self._recover(tokens, fault, silent=fault == last_fault)
             last_fault = max(fault, at)
+        return self.values[-1]  # type: ignore[no-any-return]
 
-    def _release(self, tokens: list[Token]) -> None:
-        """Let go of the tokens of a mission's finished statements: of a huge mission they would fill the memory.
-
-        Braces stay balanced, because whole statements go; looking back for a statement's beginning still works.
-        """
-        opening = next((i for i, value in enumerate(self.values) if getattr(value, "type", "") == "LBRACE"), None)
-        if opening is None or opening + 2 >= len(self.values) or type(self.values[opening + 2]) is not Token:
-            return
-        first = bisect_right(tokens, self.values[opening].start, key=_start)
-        last = bisect_left(tokens, self.values[opening + 2].start, key=_start)
-        tokens[first:last] = [_GONE] * max(0, last - first)
-
-    def _drive(self, tokens: list[Token], at: int, stop: int) -> int:
-        """Feed tokens from `at` to before `stop`; -1 at the end, else the index of the token that does not fit."""
+    def _drive(self, tokens: list[Token], at: int) -> int:
+        """Feed tokens from `at` on; -1 at the end, else the index of the token that does not fit."""
         table, rules = self.tables.states, self.rules
         states, values = self.states, self.values
         final = self.tables.end
         row = table[states[-1]]
-        for position in range(at, stop):
+        for position in range(at, len(tokens)):
             token = tokens[position]
             kind = token.type
             while True:
@@ -120,7 +94,7 @@ class Parser:
                 row = table[state]
                 if state == final and kind == "$END":
                     return -1
-        return _MORE if stop < len(tokens) else -1
+        return -1
 
     # -- recovery
 
@@ -320,10 +294,6 @@ def _salvage(tokens: list[Token], stop: str) -> list[Token]:
     return []
 
 
-def _start(token: Token) -> int:
-    return token.start
-
-
 def _bracket(tokens: list[Token]) -> tuple[int, int] | None:
     """Where a square bracket opens, if one does."""
     return next(((token.start, token.end) for token in tokens if token.type == "LSQB"), None)
@@ -368,8 +338,6 @@ def _shown(token: Token) -> str:
     return f"`{text}`" if len(text) <= 30 else NAMES_IN_MESSAGES.get(token.type, "this")
 
 
-_MORE = -2
-_GONE = Token("NL", "", 0, 0)
 _LOOKAHEAD = 24
 """Tokens that a repair is tried on."""
 _BOUNDARIES = frozenset(("NL", "LBRACE", "RBRACE", "$END"))
