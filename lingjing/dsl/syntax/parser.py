@@ -48,8 +48,6 @@ class Parser:
         ]
         self.states = [self.tables.start]
         self.values: list[Any] = []
-        self.repaired: set[int] = set()
-        self.salvaged: set[int] = set()
 
     def run(self, tokens: list[Token]) -> s.File:
         """Parse; always ends with a tree."""
@@ -105,15 +103,8 @@ class Parser:
             if mended >= 0:
                 return mended
             self._explain(tokens, begin, fault)
-            if begin not in self.repaired and self._repair(tokens, fault):
-                self.repaired.add(begin)
-                return fault
         self._drop_statement()
         stop = _statement_stop(tokens, fault)
-        if begin not in self.salvaged and (kept := _salvage(tokens[begin:stop], tokens[stop].type)):
-            self.salvaged.add(begin)
-            tokens[begin:stop] = kept
-            return begin
         if stop == fault and silent:
             stop = min(fault + 1, len(tokens) - 1)
         words = " ".join(t.text for t in tokens[begin:stop] if t.type == "NAME")
@@ -123,49 +114,6 @@ class Parser:
         self.states.append(state)
         self.values.append(error)
         return stop
-
-    def _repair(self, tokens: list[Token], fault: int) -> bool:
-        """Change one token where the fault was reported, if the statement then reads to its end.
-
-        What the statement declares stays known to the later phases. Tried in this order, the first that reads
-        farthest wins: leave the token out, swap it with the next, supply what may be missing before it.
-        """
-        token = tokens[fault]
-        follow = tokens[fault : fault + _LOOKAHEAD]
-        tries: list[tuple[list[Token], int]] = []
-        if self._is_doubled(tokens, fault) and self._reads(follow, drop=1):
-            self.states.pop()
-            self.values.pop()
-            return True
-        if token.type not in _BOUNDARIES and len(follow) > 1:
-            tries.append((follow[1:], 1))
-            if follow[1].type not in _BOUNDARIES:
-                tries.append(([follow[1], token, *follow[2:]], 2))
-        tries += [([Token(kind, text, token.start, token.start), *follow], 0) for kind, text in _SUPPLIED]
-        best, reached = None, 0
-        for changed, taken in tries:
-            read = self._reads(changed)
-            if read > reached:
-                best, reached = (changed, taken), read
-        if best is None:
-            return False
-        changed, taken = best
-        tokens[fault : fault + taken] = changed[: {0: 1, 1: 0, 2: 2}[taken]]
-        return True
-
-    def _is_doubled(self, tokens: list[Token], fault: int) -> bool:
-        """Whether the last token read says what the one before it says: `adjudicate adjudicate matched(…)`."""
-        return fault > 1 and self.values[-1] is tokens[fault - 1] and tokens[fault - 1].text == tokens[fault - 2].text
-
-    def _reads(self, tokens: list[Token], drop: int = 0) -> int:
-        """How well these tokens follow the stack without its `drop` last: 0 if they stop fitting in the statement."""
-        states = self.states[: len(self.states) - drop]
-        for position, token in enumerate(tokens):
-            if not self._step(states, token.type):
-                return 0
-            if token.type in _BOUNDARIES and position:
-                return _LOOKAHEAD + 1
-        return len(tokens)
 
     def _drop_statement(self) -> None:
         """Pop to where the unfinished statement began: past any block of its own that is already closed."""
@@ -267,38 +215,6 @@ class Parser:
         return [word for word, kind in {**STATEMENTS, **INNER}.items() if kind in due]
 
 
-def _salvage(tokens: list[Token], stop: str) -> list[Token]:
-    """What can be kept of a faulty statement so that what it declares stays declared; empty if that is nothing.
-
-    A property keeps its name and loses its value; a block keeps its head's names and its body.
-    """
-    kinds = [token.type for token in tokens]
-    broken = Token("NUMBER", "?", tokens[-1].end, tokens[-1].end) if tokens else None
-    if broken is None:
-        return []
-    if stop != "LBRACE":
-        for length in (2, 3):
-            if kinds[length - 2 : length] in (["NAME", "EQUAL"], ["NAME", "TILDE"], ["NAME", "LE"]) and (
-                length == 2 or kinds[0] in ("HIDDEN", "PARAM", "REGION")
-            ):
-                return [*tokens[:length], broken]
-        return []
-    if kinds[:2] in (["TARGET", "NAME"], ["ASSET", "NAME"], ["AGENT", "NAME"]):
-        index = [Token("LSQB", "[", *at), broken, Token("RSQB", "]", *at)] if (at := _bracket(tokens)) else []
-        sign = "AS" if kinds[0] == "AGENT" else "COLON"
-        typed = next((i for i in range(2, len(kinds) - 1) if kinds[i : i + 2] == [sign, "NAME"]), 0)
-        if typed:
-            return [*tokens[:2], *index, *tokens[typed : typed + 2]]
-    if kinds[:2] == ["MISSION", "NAME"]:
-        return tokens[:2]
-    return []
-
-
-def _bracket(tokens: list[Token]) -> tuple[int, int] | None:
-    """Where a square bracket opens, if one does."""
-    return next(((token.start, token.end) for token in tokens if token.type == "LSQB"), None)
-
-
 def _is_value(tokens: list[Token], at: int) -> bool:
     """Whether a value begins there that a forgotten `=` would fit in front of."""
     kind = tokens[at].type
@@ -338,22 +254,6 @@ def _shown(token: Token) -> str:
     return f"`{text}`" if len(text) <= 30 else NAMES_IN_MESSAGES.get(token.type, "this")
 
 
-_LOOKAHEAD = 24
-"""Tokens that a repair is tried on."""
-_BOUNDARIES = frozenset(("NL", "LBRACE", "RBRACE", "$END"))
-_SUPPLIED = (
-    ("COLON", ":"),
-    ("EQUAL", "="),
-    ("COMMA", ","),
-    ("SEP", ","),
-    ("IN", "in"),
-    ("AS", "as"),
-    ("WHEN", "when"),
-    ("RPAR", ")"),
-    ("OP", "*"),
-    ("NUMBER", "?"),
-)
-"""What a repair may supply; the number is none, so that the builder makes a broken expression of it."""
 _AFTER_KEYWORD = frozenset(("NAME", "STRING", "NUMBER", "QUANTITY", "LBRACE", "WHEN"))
 _VALUE_STARTS = frozenset(
     (
