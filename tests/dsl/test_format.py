@@ -97,14 +97,14 @@ def test_comments_between_arguments_keep_their_lines() -> None:
     )  # fmt: skip
 
 
-def test_columns_of_a_run() -> None:
+def test_neighbouring_lines_are_not_lined_up() -> None:
     given = (
-        "param a=1 in 1..2\nparam long = 10 m in 1 m..20 m\n\nparam alone = 1\n"
+        "param a    = 1 in 1..2\nparam long = 10 m in 1 m..20 m\n\nparam alone = 1\n"
         "relation competition a->b\nrelation guidance a->b"
     )
     assert inside(given) == (
-        "param a    = 1    in 1..2\nparam long = 10 m in 1 m..20 m\n\nparam alone = 1\n"
-        "relation competition a -> b\nrelation guidance    a -> b\n"
+        "param a = 1 in 1..2\nparam long = 10 m in 1 m..20 m\n\nparam alone = 1\n"
+        "relation competition a -> b\nrelation guidance a -> b\n"
     )
 
 

@@ -113,7 +113,7 @@ async def test_quick_typing_is_checked_once(editor: Editor) -> None:
 
 
 async def test_a_broken_file_still_answers(editor: Editor) -> None:
-    broken = SSR.replace("clock   {", "clock   {{{ =").replace("} }\n", "\n") + "\nmission {"
+    broken = SSR.replace("clock {", "clock {{{ =").replace("} }\n", "\n") + "\nmission {"
     editor.open(broken)
     assert len(await editor.diagnostics()) >= 2
     symbols = await editor.text_document_document_symbol_async(lsp.DocumentSymbolParams(DOCUMENT))
@@ -127,7 +127,7 @@ async def test_a_broken_file_still_answers(editor: Editor) -> None:
 
 async def test_columns_are_utf16(editor: Editor) -> None:
     text = SSR.replace('"Sea search and rescue"', '"海上搜救 😀😀"').replace(
-        "  mode  broadcast", "  region 水域 = circle((0 m, 0 m), 3 kg)  # 😀\n  mode  broadcast"
+        "  mode broadcast", "  region 水域 = circle((0 m, 0 m), 3 kg)  # 😀\n  mode broadcast"
     )
     editor.open(text)
     (fault,) = await editor.diagnostics()
@@ -180,7 +180,7 @@ def _formatting() -> lsp.DocumentFormattingParams:
 
 
 async def test_formatting_and_code_actions(editor: Editor) -> None:
-    text = SSR.replace("  scene   bay", "scene bay").replace("takeoff,", "takeof,")
+    text = SSR.replace("  scene bay", "scene bay").replace("takeoff,", "takeof,")
     editor.open(text)
     (fault,) = await editor.diagnostics()
     (edit,) = await editor.text_document_formatting_async(_formatting()) or []

@@ -1,9 +1,9 @@
 """The formatter: one layout for one meaning, the author's words untouched.
 
-What is decided here: indentation (two spaces), spaces between tokens, columns, line breaks in what
-is wider than `WIDTH`, at most one blank line. What stays the author's: comments, units and the spelling of
-numbers, which statements share a line, which blocks are spread over lines, where blank lines are. A separator at the
-end of a line is dropped, because the line's end separates.
+What is decided here: indentation (two spaces), spaces between tokens, line breaks in what is wider than `WIDTH`, at
+most one blank line. What stays the author's: comments, units and the spelling of numbers, which statements share a
+line, which blocks are spread over lines, where blank lines are. A separator at the end of a line is dropped, because
+the line's end separates.
 
 Invariants, asserted on every call: the tokens but for newlines and separators, the comments and the syntax tree but
 for its offsets are the same before and after.
@@ -12,12 +12,12 @@ for its offsets are the same before and after.
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
 import msgspec
 
-from lingjing.dsl.formatting.columns import Row, align, with_columns
 from lingjing.dsl.formatting.layout import Block, Comment, Statement, Word, lay_out
 from lingjing.dsl.formatting.spacing import Spelling, spell, text_of
 from lingjing.dsl.source.reporter import Reporter
@@ -74,6 +74,31 @@ def _read(source: Source) -> tuple[list[Token], s.File, tuple[Diagnostic, ...]]:
     return tokens or [], tree, diagnostics
 
 
+@dataclass(slots=True)
+class Row:
+    """One line to be: text without indentation and the comment behind it.
+
+    `joinable`: a further statement may follow on it after a comma. An empty text without a comment is a blank line.
+    """
+
+    level: int
+    text: str
+    comment: str = ""
+    joinable: bool = False
+    extra: int = 0
+
+    def line(self) -> str:
+        """The finished line."""
+        code = " " * (2 * self.level + self.extra) + self.text if self.text else ""
+        if not self.comment:
+            return code
+        return f"{code}  {self.comment}" if code else "  " * self.level + " " * self.extra + self.comment
+
+    def width(self) -> int:
+        """Columns taken by the code; a comment is never a reason to break a line."""
+        return 2 * self.level + self.extra + len(self.text)
+
+
 class _Writer:
     """Blocks to rows."""
 
@@ -86,7 +111,6 @@ class _Writer:
                 rows.append(Row(level, ""))
             self._add(rows, item, level)
         self._comments(rows, block.tail, level)
-        align(rows, WIDTH)
         return rows
 
     def _comments(self, rows: list[Row], comments: list[Comment], level: int) -> None:
@@ -105,39 +129,31 @@ class _Writer:
             return
         last = rows[-1] if rows else None
         if item.joined and last is not None and last.joinable and last.width() + 2 + len(flat) <= WIDTH:
-            last.text, last.comment, last.family, last.anchors = f"{last.text}, {flat}", comment, "", {}
+            last.text, last.comment = f"{last.text}, {flat}", comment
             return
-        row = Row(level, flat, comment, joinable=True)
-        head = _head(item)
-        rows.append(with_columns(row, head, spell(head)))
+        rows.append(Row(level, flat, comment, joinable=True))
 
     def _spread(self, item: Statement, level: int) -> list[Row]:
         """A statement over several lines: its blocks opened, its head wrapped where it is still too wide."""
         rows: list[Row] = []
         words: list[Word] = []
-        opened = False
         for part in item.parts:
             if isinstance(part, Word):
                 words.append(part)
                 continue
             if not _is_empty(part):
-                opened = True
                 words.append(Word(_OPENING))
-                rows.extend(self._wrapped(words, level, rows))
+                rows.extend(self._wrapped(words, level))
                 rows[-1].comment = part.opening.text if part.opening else rows[-1].comment
                 rows.extend(self.block(part, level + 1))
                 words = [Word(_CLOSING)]
             else:
                 words.extend((Word(_OPENING), Word(_CLOSING)))
         if words:
-            more = self._wrapped(words, level, rows)
-            if opened:
-                for row in more:
-                    row.family = ""
-            rows.extend(more)
+            rows.extend(self._wrapped(words, level))
         return rows
 
-    def _wrapped(self, words: list[Word], level: int, before: list[Row]) -> list[Row]:
+    def _wrapped(self, words: list[Word], level: int) -> list[Row]:
         tokens = [word.token for word in words]
         spelling = spell(tokens)
         rows: list[Row] = []
@@ -155,8 +171,6 @@ class _Writer:
                 else:
                     row.comment = comment.text
             start = stop
-        if len(rows) == 1 and not before:
-            with_columns(rows[0], tokens, spelling)
         return rows
 
 
@@ -222,16 +236,6 @@ def _flat_block(block: Block) -> str | None:
     if None in inside:
         return None
     return f"{{ {', '.join(text for text in inside if text is not None)} }}" if inside else "{}"
-
-
-def _head(item: Statement) -> list[Token]:
-    """The statement's tokens up to its first block, with the brace that opens it."""
-    tokens: list[Token] = []
-    for part in item.parts:
-        if isinstance(part, Block):
-            return [*tokens, _OPENING]
-        tokens.append(part.token)
-    return tokens
 
 
 # -- nothing but the layout may change
