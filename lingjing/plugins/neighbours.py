@@ -14,11 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lingjing.mission.instance import Instance, Vector
+from lingjing.mission.instance import Entity, Instance, Vector
 from lingjing.plugins.bodies import mirror_size
+from lingjing.scene.sizes import Size
 from lingjing.trace.records import DORMANT, BodyState
 
-ABSENT = frozenset({DORMANT, "rescued"})
+_ABSENT = frozenset({DORMANT, "rescued"})
 """Status words of what is not there to be touched."""
 
 _HOVERING = frozenset({"quadrotor", "fixed_wing"})
@@ -27,6 +28,15 @@ _HOVERING = frozenset({"quadrotor", "fixed_wing"})
 _LONGEST_S = 1.0
 
 Array = npt.NDArray[np.float64]
+
+
+def solid_mirror(state: BodyState, entity: Entity | None) -> tuple[Size, bool] | None:
+    """The dimensions of a mirror and whether its position is its middle; None where there is nothing to bump into."""
+    size = mirror_size(state, entity)
+    if size is None or state.status in _ABSENT:
+        return None
+    kinds = (state.kind,) if state.kind or entity is None else (entity.type, *entity.bases)
+    return size, not _HOVERING.isdisjoint(kinds)
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,15 +96,12 @@ class Neighbours:
         return tuple(neighbour for neighbour in met if neighbour is not None)
 
     def _neighbour(self, state: BodyState) -> Neighbour | None:
-        entity = self._entities.get(state.id)
-        if entity is None and not state.kind:
+        found = solid_mirror(state, self._entities.get(state.id))
+        if found is None:
             return None
-        size = mirror_size(state, entity)
-        if size is None or state.status in ABSENT:
-            return None
+        size, hovers = found
         heading = math.radians(state.heading_deg)
-        kinds = (state.kind,) if state.kind or entity is None else (entity.type, *entity.bases)
-        sunk = size.height_m / 2.0 if not _HOVERING.isdisjoint(kinds) else 0.0
+        sunk = size.height_m / 2.0 if hovers else 0.0
         return Neighbour(
             id=state.id,
             position=state.position,

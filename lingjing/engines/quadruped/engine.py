@@ -76,7 +76,7 @@ class QuadrupedEngine(FleetEngine):
             return
         members = [self._dogs[name] for name in pack.ids]
         if pack.quiet and all(dog.idle for dog in members) and pack.clearances().min() > _ALERT_M:
-            pack.wait()
+            pack.pass_time()
             for dog in members:
                 self._tell(dog, dog.rest(self._senses[dog.row].watts))
             return
@@ -99,7 +99,7 @@ class QuadrupedEngine(FleetEngine):
                     resources=dog.resources,
                 )
             else:
-                yield dog.state(self._senses[dog.row], self._pack.joints(dog.row), self.clock.remainder_s)
+                yield dog.state(self._senses[dog.row], self._pack.model_angles(dog.row), self.clock.remainder_s)
 
     def progress(self) -> Mapping[str, float]:
         """How far each dog's request has come."""

@@ -10,7 +10,7 @@ steps back by another distance, so that the feet meet the riser in another phase
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from lingjing.engines.quadruped.gait import PERIOD_S
 from lingjing.engines.quadruped.pack import Sense
@@ -54,8 +54,37 @@ def wrapped(angle: float) -> float:
     return (angle + math.pi) % (2.0 * math.pi) - math.pi
 
 
+@dataclass(slots=True, kw_only=True)
+class _Way:
+    """A distance or an angle of size `whole` that is to be covered, how much of it was at best, and since when no
+    more."""
+
+    whole: float = 0.0
+    best: float = 0.0
+    stalled_s: float = 0.0
+    climbing: bool = False
+    done: bool = False
+
+    @property
+    def share(self) -> float:
+        """How much is behind, 0..1."""
+        return min(max(self.best / self.whole, 0.0), 1.0) if self.whole > 0.0 else 1.0
+
+    @property
+    def stuck(self) -> bool:
+        """Whether it has come no further for too long."""
+        return self.stalled_s > (CLIMBING_PATIENCE_S if self.climbing else PATIENCE_S)
+
+    def count(self, covered: float, gained: float) -> None:
+        """Take what is covered now; once stalled, less than `gained` is no progress."""
+        if covered > self.best + gained or (covered > self.best and self.stalled_s <= 0.0):
+            self.best, self.stalled_s = covered, 0.0
+        else:
+            self.stalled_s += PERIOD_S
+
+
 @dataclass(slots=True)
-class Walk:
+class Walk(_Way):
     """Go `length` metres along `yaw` (radians) from where it begins."""
 
     x: float
@@ -63,22 +92,11 @@ class Walk:
     yaw: float
     length: float
     cruise: float
-    best: float = 0.0
-    stalled_s: float = 0.0
     waiting_s: float = 0.0
-    climbing: bool = False
-    done: bool = False
     status: str = "walking"
 
-    @property
-    def share(self) -> float:
-        """How much of the way is behind, 0..1."""
-        return min(max(self.best / self.length, 0.0), 1.0) if self.length > 0.0 else 1.0
-
-    @property
-    def stuck(self) -> bool:
-        """Whether it has come no further for too long."""
-        return self.stalled_s > (CLIMBING_PATIENCE_S if self.climbing else PATIENCE_S)
+    def __post_init__(self) -> None:
+        self.whole = self.length
 
     def end(self, here: Sense) -> Halt:
         """How to stop once the end is reached."""
@@ -94,7 +112,7 @@ class Walk:
         cosine, sine = math.cos(self.yaw), math.sin(self.yaw)
         east, north = here.position[0] - self.x, here.position[1] - self.y
         along, left = east * cosine + north * sine, north * cosine - east * sine
-        self._count(along)
+        self.count(along, _GAINED_M)
         remaining = self.length - along
         self.done = remaining - _COAST_S * max(here.ahead_mps, 0.0) < _THERE_M
         if self.done:
@@ -114,39 +132,19 @@ class Walk:
         speed = max(speed, min(self.cruise, _SLOWEST_MPS)) * max(math.cos(off), 0.0)
         return speed, side, turn
 
-    def _count(self, along: float) -> None:
-        if along > self.best + _GAINED_M or (along > self.best and self.stalled_s <= 0.0):
-            self.best, self.stalled_s = along, 0.0
-        else:
-            self.stalled_s += PERIOD_S
-
 
 @dataclass(slots=True)
-class Turn:
-    """Turn by `angle` radians anticlockwise on the spot; whole turns count."""
+class Turn(_Way):
+    """Turn by `left` radians anticlockwise on the spot; whole turns count."""
 
     x: float
     y: float
-    angle: float
-    left: float = field(init=False)
+    left: float
     last_yaw: float | None = None
-    best: float = 0.0
-    stalled_s: float = 0.0
-    done: bool = False
     status: str = "turning"
 
     def __post_init__(self) -> None:
-        self.left = self.angle
-
-    @property
-    def share(self) -> float:
-        """How much of the turn is behind, 0..1."""
-        return min(max(self.best / abs(self.angle), 0.0), 1.0) if self.angle != 0.0 else 1.0
-
-    @property
-    def stuck(self) -> bool:
-        """Whether it has come no further for too long."""
-        return self.stalled_s > PATIENCE_S
+        self.whole = abs(self.left)
 
     def end(self, here: Sense) -> Halt:
         """How to stop once the turn is done."""
@@ -160,18 +158,12 @@ class Turn:
         if self.last_yaw is not None:
             self.left -= wrapped(here.yaw - self.last_yaw)
         self.last_yaw = here.yaw
-        self._count(abs(self.angle) - abs(self.left))
+        self.count(self.whole - abs(self.left), _GAINED_RAD)
         self.done = abs(self.left) < _TURNED_RAD
         if self.done:
             return _REST
         rate = min(max(abs(_TURN_GAIN * self.left), _SLOWEST_RADPS), _TURN_RADPS)
         return (*_hold(self.x, self.y, here), math.copysign(rate, self.left))
-
-    def _count(self, turned: float) -> None:
-        if turned > self.best + _GAINED_RAD or (turned > self.best and self.stalled_s <= 0.0):
-            self.best, self.stalled_s = turned, 0.0
-        else:
-            self.stalled_s += PERIOD_S
 
 
 @dataclass(slots=True)

@@ -11,8 +11,8 @@ from collections.abc import Iterable, Sequence
 
 from lingjing.engines.quadruped.physics import Mover
 from lingjing.mission.instance import Instance, Vector
-from lingjing.plugins.bodies import mirror_size, solid_size
-from lingjing.plugins.neighbours import ABSENT
+from lingjing.plugins.bodies import solid_size
+from lingjing.plugins.neighbours import solid_mirror
 from lingjing.scene.sizes import SIZES, Size
 from lingjing.trace.records import BodyState
 
@@ -22,8 +22,6 @@ POOL = 16
 RANGE_M = 40.0
 _SOON_S = 0.5
 _FAR_M = RANGE_M + 30.0
-_HOVERING = frozenset({"quadrotor", "fixed_wing"})
-"""Bodies whose position is their middle and not where they stand."""
 
 
 class Lookout:
@@ -49,20 +47,15 @@ class Lookout:
             far = RANGE_M + self._largest_m + ahead
             if not any(abs(x - dog[0]) < far and abs(y - dog[1]) < far for dog in dogs):
                 continue
-            names = self._names(state)
-            entity = self._known.get(state.id)
-            size = None if entity is None and not state.kind else mirror_size(state, entity)
-            if size is None or state.status in ABSENT:
+            solid = solid_mirror(state, self._known.get(state.id))
+            if solid is None:
                 continue
+            size, hovers = solid
             reach = _reach_m(size) + ahead
             away = min(math.dist(state.position, dog) for dog in dogs) - reach
             if away < RANGE_M:
-                found.append((away, state.id, _mover(state, size, hovers=not _HOVERING.isdisjoint(names))))
+                found.append((away, state.id, _mover(state, size, hovers=hovers)))
         return tuple(mover for _, _, mover in sorted(found, key=lambda one: one[:2])[:POOL])
-
-    def _names(self, state: BodyState) -> tuple[str, ...]:
-        entity = self._known.get(state.id)
-        return (state.kind,) if entity is None else (entity.type, *entity.bases)
 
 
 def _reach_m(size: Size) -> float:

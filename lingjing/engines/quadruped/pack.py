@@ -16,7 +16,7 @@ import numpy as np
 from lingjing.engines.quadruped.assets import Assets
 from lingjing.engines.quadruped.gait import PERIOD_S, Array, Gait
 from lingjing.engines.quadruped.pace import Pace
-from lingjing.engines.quadruped.physics import Carry, Floor, Herd, Mover, Touch
+from lingjing.engines.quadruped.physics import Carry, DogBodies
 from lingjing.mission.instance import Vector
 from lingjing.scene.shapes import Shape
 
@@ -82,8 +82,8 @@ class Motion(NamedTuple):
     measured: Vector
 
 
-class Pack:
-    """Dogs `ids` in a model of their own."""
+class Pack(DogBodies):
+    """Dogs in a model of their own, moved by the policy where they walk."""
 
     def __init__(
         self,
@@ -93,8 +93,7 @@ class Pack:
         ground_m: float,
         pool: int,
     ) -> None:
-        self.ids = tuple(name for name, _ in members)
-        self._herd = Herd(assets.model, self.ids, shapes, ground_m, pool)
+        super().__init__(assets.model, [name for name, _ in members], shapes, ground_m, pool)
         self._gait = Gait(assets.policy, len(members))
         self._pace = Pace(len(members))
         self._wanted = np.zeros((len(members), 3))
@@ -102,7 +101,7 @@ class Pack:
         self._motion: list[Motion] | None = None
         for dog, (_, state) in enumerate(members):
             self._enter(dog, state)
-        self._herd.settle()
+        self.settle()
         for dog, (_, state) in enumerate(members):
             if isinstance(state, Spot):
                 self.put(dog, *state.position, state.yaw)
@@ -111,20 +110,20 @@ class Pack:
         """What the next pack needs to let this dog go on."""
         pace = self._pace
         parts = (row[dog].copy() for row in (self._gait.answer, pace.wish, pace.trim, pace.seen))
-        return Memory(self._herd.carry(dog), bool(self._walking[dog]), *parts)
+        return Memory(self.carry(dog), bool(self._walking[dog]), *parts)
 
     def put(self, dog: int, x: float, y: float, z: float, yaw: float) -> None:
         """Stand a dog on what is below a point, at rest."""
-        floor = self._herd.floor(x, y, z + 0.5)
-        self._herd.stand(dog, x, y, floor.z if math.isfinite(floor.z) else z, yaw)
+        floor = self.floor(x, y, z + 0.5)
+        self.stand(dog, x, y, floor.z if math.isfinite(floor.z) else z, yaw)
         self._motion = None
         self._forget(dog)
-        self._herd.settle()
+        self.settle()
 
     def walk(self, dog: int, wanted: tuple[float, float, float]) -> None:
         """Let the policy move a dog: forward and left m/s, anticlockwise rad/s."""
         if not self._walking[dog]:
-            self._herd.unlock(dog)
+            self.unlock(dog)
             self._walking[dog] = True
         self._wanted[dog] = wanted
 
@@ -133,73 +132,40 @@ class Pack:
         self._pace.ease(dog)
 
     def knock(self, dog: int, change: Vector) -> None:
-        """See `Herd.knock`."""
-        self._herd.knock(dog, change)
+        """Change a dog's velocity at once."""
+        super().knock(dog, change)
         self._motion = None
-
-    def burden(self, dog: int, load_kg: float) -> None:
-        """See `Herd.burden`."""
-        self._herd.burden(dog, load_kg)
 
     def lock(self, dog: int) -> None:
         """Let a dog stand as it stands."""
-        self._herd.lock(dog)
+        super().lock(dog)
         self._forget(dog)
 
     def limp(self, dog: int) -> None:
         """Take the power from a dog's motors."""
+        super().limp(dog)
         self._forget(dog)
-        self._herd.limp(dog)
 
     def step(self) -> None:
         """One period."""
-        herd, who = self._herd, np.flatnonzero(self._walking)
+        who = np.flatnonzero(self._walking)
         if len(who):
             now = self._now()
             walking = [now[dog] for dog in who.tolist()]
             told = self._pace.command(who, self._wanted[who], np.array([dog.measured for dog in walking]))
             turning, up = np.array([dog.turning for dog in walking]), np.array([dog.up for dog in walking])
-            herd.aim(who, self._gait.targets(who, turning, -up, told, herd.angles[who], herd.speeds[who]))
-        herd.step()
+            self.aim(who, self._gait.targets(who, turning, -up, told, self.angles[who], self.speeds[who]))
+        super().step()
         self._motion = None
-
-    def drive(self, movers: Sequence[Mover], elapsed_s: float = 0.0) -> None:
-        """Say what moves nearby; where it was `elapsed_s` ago."""
-        self._herd.drive(movers, elapsed_s)
-
-    @property
-    def driven_s(self) -> float:
-        """How long ago the movers were where they were said to be."""
-        return self._herd.driven_s
-
-    def clearances(self) -> Array:
-        """See `Herd.clearances`."""
-        return self._herd.clearances()
-
-    def wait(self) -> None:
-        """A period in which no dog stirs."""
-        self._herd.pass_time()
 
     @property
     def quiet(self) -> bool:
         """Whether every dog stands or lies at rest, so that stepping would change nothing."""
-        return not self._walking.any() and self._herd.stillness < STILL_MPS
-
-    def floor(self, x: float, y: float, below_m: float) -> Floor:
-        """See `Herd.floor`."""
-        return self._herd.floor(x, y, below_m)
-
-    def touches(self) -> list[Touch]:
-        """See `Herd.touches`."""
-        return self._herd.touches()
-
-    def joints(self, dog: int) -> tuple[float, ...]:
-        """See `Herd.model_angles`."""
-        return self._herd.model_angles(dog)
+        return not self._walking.any() and self.stillness < STILL_MPS
 
     def senses(self) -> list[Sense]:
         """All dogs as they are now."""
-        torques, speeds = self._herd.torques, self._herd.speeds
+        torques, speeds = self.torques, self.speeds
         watts = np.maximum(torques * speeds, 0.0).sum(axis=1) + _COPPER_W * (torques * torques).sum(axis=1)
         stirs = np.abs(speeds).max(axis=1)
         return [
@@ -221,15 +187,15 @@ class Pack:
     def _now(self) -> list[Motion]:
         """How the dogs move, computed once a period."""
         if self._motion is None:
-            rows = zip(self._herd.places.tolist(), self._herd.rates.tolist(), strict=True)
+            rows = zip(self.places.tolist(), self.rates.tolist(), strict=True)
             self._motion = [_motion(place, rate) for place, rate in rows]
         return self._motion
 
     def _enter(self, dog: int, state: Memory | Spot) -> None:
         if isinstance(state, Spot):
-            self._herd.stand(dog, *state.position, state.yaw)
+            self.stand(dog, *state.position, state.yaw)
             return
-        self._herd.resume(dog, state.body)
+        self.resume(dog, state.body)
         self._walking[dog] = state.walking
         self._gait.answer[dog] = state.answer
         self._pace.wish[dog], self._pace.trim[dog], self._pace.seen[dog] = state.wish, state.trim, state.seen

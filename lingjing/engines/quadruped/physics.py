@@ -1,8 +1,8 @@
 """The dogs' bodies in MuJoCo: one model of all dogs, what stands near them and what moves near them.
 
 The only module that imports `mujoco`. Numbers go in and come out as numpy arrays with one row a dog, joints in the
-order of `gait.JOINTS`. A model is built for one place; `Herd.carry` and `Herd.resume` move the dogs' whole state into
-the next one, so that a walk goes on bit for bit the same way in every process.
+order of `gait.JOINTS`. A model is built for one place; `DogBodies.carry` and `DogBodies.resume` move the dogs' whole
+state into the next one, so that a walk goes on bit for bit the same way in every process.
 
 The joints' friction, inertia and damping are fits to runs of the real robot under this policy (published with the
 model's package); the motors are position servos with the policy's gains, limited to what the real ones can do.
@@ -103,7 +103,7 @@ class Floor(NamedTuple):
     bare: bool
 
 
-class Herd:
+class DogBodies:
     """Dogs `ids` among `shapes` on flat ground at `ground_m`, with `pool` boxes for what moves."""
 
     def __init__(self, model: Path, ids: Sequence[str], shapes: Sequence[Shape], ground_m: float, pool: int) -> None:
@@ -447,4 +447,4 @@ def _silence() -> None:
     mujoco.set_mju_user_warning(lambda message: None)
 
 
-__all__ = ["Carry", "Floor", "Herd", "Mover", "Touch"]
+__all__ = ["Carry", "DogBodies", "Floor", "Mover", "Touch"]

@@ -1,94 +1,69 @@
-"""The layers of a multilayer perceptron out of an ONNX file, read with numpy alone.
+"""The layers of a multilayer perceptron out of an ONNX file: its float tensors and its matrix products.
 
-An ONNX file is one protobuf message. Of it only the initialisers (named float tensors) and the matrix products of the
-graph are needed: fields 7 of `ModelProto` (graph), 1 and 5 of `GraphProto` (nodes, initialisers), as numbered in
+An ONNX file is one protobuf message. Declared here is the part of it that is read, with the numbers of
 https://github.com/onnx/onnx/blob/main/onnx/onnx.proto.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from google.protobuf.descriptor_pb2 import FieldDescriptorProto, FileDescriptorProto
+from google.protobuf.descriptor_pool import DescriptorPool
+from google.protobuf.message import DecodeError
+from google.protobuf.message_factory import GetMessageClass
 
 from lingjing.errors import InfrastructureError
 
 Matrix = npt.NDArray[np.float32]
 
 _FLOAT = 1
-_GRAPH, _NODE, _INITIALISER = 7, 1, 5
-_NODE_INPUT, _NODE_KIND = 1, 4
-_DIMENSIONS, _TYPE, _NAME, _RAW = 1, 2, 8, 9
+"""`TensorProto.DataType.FLOAT`."""
+
+_MESSAGES: dict[str, dict[str, tuple[int, str]]] = {
+    "Model": {"graph": (7, "Graph")},
+    "Graph": {"node": (1, "Node"), "initializer": (5, "Tensor")},
+    "Node": {"input": (1, "string"), "op_type": (4, "string")},
+    "Tensor": {"dims": (1, "int64"), "data_type": (2, "int32"), "name": (8, "string"), "raw_data": (9, "bytes")},
+}
+_REPEATED = frozenset({"node", "initializer", "input", "dims"})
 
 
 def read_layers(path: Path) -> tuple[tuple[Matrix, Matrix], ...]:
     """Weights (inputs, outputs) and biases (outputs,) of each layer, first to last."""
     try:
-        graph = next(value for number, value in _fields(path.read_bytes()) if number == _GRAPH)
-        parts = list(_fields(_block(graph)))
-        tensors = dict(_tensor(_block(value)) for number, value in parts if number == _INITIALISER)
-        nodes = [list(_fields(_block(value))) for number, value in parts if number == _NODE]
-        products = [node for node in nodes if (_NODE_KIND, b"Gemm") in node]
-        named = [[_block(value).decode() for number, value in node if number == _NODE_INPUT] for node in products]
-        return tuple((np.ascontiguousarray(tensors[weight].T), tensors[bias]) for _, weight, bias in named)
-    except (StopIteration, IndexError, KeyError, ValueError, TypeError, OSError) as fault:
+        graph = _model().FromString(path.read_bytes()).graph
+        tensors = {one.name: _tensor(one) for one in graph.initializer}
+        named = [node.input for node in graph.node if node.op_type == "Gemm"]
+        layers = tuple((np.ascontiguousarray(tensors[weight].T), tensors[bias]) for _, weight, bias in named)
+    except (KeyError, ValueError, OSError, DecodeError) as fault:
         raise InfrastructureError(f"{path} is not a walking policy that can be read: {fault!r}") from fault
+    if not layers:
+        raise InfrastructureError(f"{path} is not a walking policy that can be read: it has no layers")
+    return layers
 
 
-def _tensor(block: bytes) -> tuple[str, Matrix]:
-    name, shape, raw = "", list[int](), b""
-    for number, value in _fields(block):
-        if number == _DIMENSIONS:
-            shape += [value] if isinstance(value, int) else _packed(value)
-        elif number == _TYPE and value != _FLOAT:
-            raise ValueError("a tensor that is not of 32-bit floats")
-        elif number == _NAME:
-            name = _block(value).decode()
-        elif number == _RAW:
-            raw = _block(value)
-    return name, np.frombuffer(raw, "<f4").astype(np.float32).reshape(shape)
+def _tensor(one: Any) -> Matrix:
+    if one.data_type != _FLOAT:
+        raise ValueError("a tensor that is not of 32-bit floats")
+    return np.frombuffer(one.raw_data, "<f4").astype(np.float32).reshape(one.dims)
 
 
-def _fields(block: bytes) -> Iterator[tuple[int, int | bytes]]:
-    """Numbers and values of a message's fields: whole numbers, or bytes for everything that has a length."""
-    at = 0
-    while at < len(block):
-        key, at = _varint(block, at)
-        kind = key & 7
-        if kind == 0:
-            value, at = _varint(block, at)
-            yield key >> 3, value
-            continue
-        if kind == 2:
-            length, at = _varint(block, at)
-        else:
-            length = {1: 8, 5: 4}[kind]
-        yield key >> 3, block[at : at + length]
-        at += length
-
-
-def _packed(block: bytes) -> list[int]:
-    numbers, at = list[int](), 0
-    while at < len(block):
-        number, at = _varint(block, at)
-        numbers.append(number)
-    return numbers
-
-
-def _varint(block: bytes, at: int) -> tuple[int, int]:
-    number = shift = 0
-    while True:
-        byte = block[at]
-        at += 1
-        number |= (byte & 127) << shift
-        shift += 7
-        if byte < 128:
-            return number, at
-
-
-def _block(value: int | bytes) -> bytes:
-    if isinstance(value, int):
-        raise TypeError("a number where a message was expected")
-    return value
+def _model() -> Any:
+    """The class of the whole message."""
+    file = FileDescriptorProto(name="onnx.proto", package="onnx", syntax="proto2")
+    for name, fields in _MESSAGES.items():
+        message = file.message_type.add(name=name)
+        for field, (number, kind) in fields.items():
+            made = message.field.add(name=field, number=number)
+            made.label = made.LABEL_REPEATED if field in _REPEATED else made.LABEL_OPTIONAL
+            if kind in _MESSAGES:
+                made.type, made.type_name = made.TYPE_MESSAGE, f".onnx.{kind}"
+            else:
+                made.type = FieldDescriptorProto.Type.Value(f"TYPE_{kind.upper()}")
+    pool = DescriptorPool()
+    pool.Add(file)
+    return GetMessageClass(pool.FindMessageTypeByName("onnx.Model"))

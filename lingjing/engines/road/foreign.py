@@ -97,7 +97,7 @@ class Foreign:
             if z > self._highest_m + _HEIGHT_M or state.status in ABSENT or not self._graph.is_near_road(x, y):
                 continue
             entity = self._entities.get(state.id)
-            size = None if entity is None and not state.kind else mirror_size(state, entity)
+            size = mirror_size(state, entity)
             kinds = self._kinds(state)
             if size is None or not _AFLOAT.isdisjoint(kinds) or abs(z - self._road_height(x, y)) > _HEIGHT_M:
                 continue
