@@ -12,10 +12,10 @@ Packages, one for each kind of motion or seeing:
 
 Shared by them, from the contract inwards:
 
-- `fleet`        the five methods over bodies that step together ← `requests` (admission, receipts), `clock` (steps)
+- `fleet`        the five methods over bodies that step together ← `requests` (admission, receipts), `step_clock`
 - `aircraft`     phases, falls, collisions and the engine of a fleet of aircraft; `battery` what walks and flies on
 - `stock`        goods on board, from the city's book
-- `bodies`, `neighbours`, `pairs`   sizes of mirrors, which of them are touched, who is close to whom
+- `bodies`, `neighbours`, `close_pairs`   sizes of mirrors, which of them are touched, who is close to whom
 - `terrain` ← `blocks`, `outlines`   what a place of the city is to a body: water, ground, what stands there
 
 Invariants: an engine knows others only as mirrors; chance comes from the seed it is given; MuJoCo, libsumo, JSBSim and

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import ClassVar
 
+from lingjing.engines.close_pairs import close_pairs
 from lingjing.engines.flight_dynamics import STEP_S
 from lingjing.engines.gust import Gust
-from lingjing.engines.pairs import close_pairs
 from lingjing.engines.sea import GRAVITY
 from lingjing.mission.instance import Entity, Vector, Weather
 from lingjing.mission.schedule import Schedule

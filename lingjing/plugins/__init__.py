@@ -4,7 +4,7 @@
 - `options`       the models of options that plug-ins declare, and the reading of what people write
 - `engine`, `policy`, `evaluator`   the Protocols and their values
 - `decisions`     the JSON Schema of what an agent may answer, for policies over foreign programs
-- `fleet`         the five methods over moving bodies ← `requests` (admission, receipts), `clock` (fixed steps)
+- `fleet`         the five methods over moving bodies ← `requests` (admission, receipts), `step_clock` (fixed steps)
 - `stock`         goods on board; `tasks` what a mission asks for, for policies that may see its rules
 - `bodies`, `neighbours`   sizes of mirrors, and which of them is touched
 - `terrain`       the ground and what stands on it; `geometry` camera rays and headings

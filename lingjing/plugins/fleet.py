@@ -9,9 +9,9 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 
-from lingjing.plugins.clock import Clock
 from lingjing.plugins.engine import Boundary, CaptureRequest, EngineSpec, Frame
 from lingjing.plugins.requests import Requests
+from lingjing.plugins.step_clock import StepClock
 from lingjing.scene.city import City
 from lingjing.trace.records import BodyState, Command, Receipt, Route, TaskEvent
 
@@ -30,7 +30,7 @@ class FleetEngine(ABC):
         self._events: list[TaskEvent] = []
         self._routes: list[Route] = []
         self.build(spec, city, seed)
-        self.clock = Clock(self.step_s)
+        self.clock = StepClock(self.step_s)
         return self._boundary()
 
     def submit(self, commands: Sequence[Command]) -> tuple[Receipt, ...]:

@@ -27,7 +27,7 @@ _HOVERING = frozenset({"quadrotor", "fixed_wing"})
 
 _LONGEST_S = 1.0
 
-Array = npt.NDArray[np.float64]
+_Positions = npt.NDArray[np.float64]
 
 
 def solid_mirror(state: BodyState, entity: Entity | None) -> tuple[Size, bool] | None:
@@ -73,7 +73,7 @@ class Neighbours:
         self._entities = {entity.id: entity for entity in instance.entities}
         self._horizon_s = max(instance.clock.sync_s, _LONGEST_S)
         self._states: tuple[BodyState, ...] = ()
-        self._places: Array | None = None
+        self._places: _Positions | None = None
         self._time_s = 0.0
 
     def look(self, mirrors: Iterable[BodyState], time_s: float) -> None:

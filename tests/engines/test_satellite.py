@@ -6,9 +6,9 @@ import msgspec
 import pytest
 from pytest import approx
 
+from lingjing.engines.satellite.earth import Horizon, earth_fixed, elevation_deg, sidereal
 from lingjing.engines.satellite.engine import SatelliteEngine
 from lingjing.engines.satellite.orbit import from_lines, instant
-from lingjing.engines.satellite.sky import Horizon, earth_fixed, elevation_deg, sidereal
 from lingjing.errors import UsageError
 from lingjing.mission.instance import CameraSpec, Entity, Region, VerbSpec
 from lingjing.plugins.geometry import body_camera_pose, mounted_camera_pose, world_to_pixel

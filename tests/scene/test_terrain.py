@@ -138,7 +138,7 @@ def test_close_pairs_are_those_that_comparing_all_finds():
     import itertools
     import math
 
-    from lingjing.engines.pairs import close_pairs
+    from lingjing.engines.close_pairs import close_pairs
     from lingjing.mission.seeding import Stream
 
     random = Stream(5, "pairs")

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from lingjing.engines.city.afloat import STEP_S, body_of
-from lingjing.engines.city.book import Book, check_exchange
-from lingjing.engines.city.crowd import PEOPLE
+from lingjing.engines.city.arrivals import PEOPLE
+from lingjing.engines.city.goods import Goods, check_exchange
 from lingjing.engines.city.interaction import UNLOCK, actors_in_reach, moved_on
 from lingjing.engines.city.radio import Coverage
-from lingjing.engines.city.target import Level, Target, target_of
+from lingjing.engines.city.target import CityTarget, Level, target_of
+from lingjing.engines.city.whereabouts import STEP_S, body_of
 from lingjing.mission.instance import InteractionSpec, Vector
 from lingjing.mission.schedule import Schedule
-from lingjing.plugins.clock import Clock
 from lingjing.plugins.engine import Boundary, CaptureRequest, EngineSpec, Frame
 from lingjing.plugins.requests import Refusal, Requests
+from lingjing.plugins.step_clock import StepClock
 from lingjing.scene.city import City
 from lingjing.scene.terrain import Terrain
 from lingjing.trace.records import DORMANT, BodyState, Command, Receipt, TaskEvent
@@ -32,14 +32,14 @@ class CityEngine:
         instance = spec.instance
         self._name = spec.engine
         self._tick_s = instance.clock.tick_s
-        self._clock = Clock(STEP_S)
+        self._clock = StepClock(STEP_S)
         self._requests = Requests(spec.engine)
         self._events: list[TaskEvent] = []
         self._names = frozenset(entity.id for entity in instance.entities)
         self._actors: dict[tuple[str, str], tuple[str, ...]] = {}
         self._schedule = Schedule(instance)
         self._weather = self._schedule.weather(0.0)
-        self._book = Book(instance)
+        self._book = Goods(instance)
         terrain = Terrain(city)
         self._targets = {
             entity.id: target_of(entity, body_of(entity, terrain, self._weather, seed), seed) for entity in spec.owned()
@@ -125,7 +125,7 @@ class CityEngine:
         for target in self._targets.values():
             target.show(self._schedule.present(target.id, self._clock.time_s))
 
-    def _interact(self, target: Target, elapsed_s: float) -> None:
+    def _interact(self, target: CityTarget, elapsed_s: float) -> None:
         if not target.present:
             target.attended.clear()
             return
@@ -138,7 +138,7 @@ class CityEngine:
             elif open_now:
                 self._attend(target, interaction, reached, elapsed_s)
 
-    def _in_reach(self, target: Target, interaction: InteractionSpec) -> list[tuple[str, float]]:
+    def _in_reach(self, target: CityTarget, interaction: InteractionSpec) -> list[tuple[str, float]]:
         here, _ = self._pose(target)
         there = ((name, self._bodies.get(name)) for name in self._actors[target.id, interaction.name])
         actors = [(name, found[0]) for name, found in there if found is not None and found[1].status not in _IDLE]
@@ -146,7 +146,7 @@ class CityEngine:
 
     def _work_off(
         self,
-        target: Target,
+        target: CityTarget,
         interaction: InteractionSpec,
         level: Level,
         reached: list[tuple[str, float]],
@@ -164,7 +164,7 @@ class CityEngine:
             self._emit(target, interaction, actor, distance_m)
 
     def _attend(
-        self, target: Target, interaction: InteractionSpec, reached: list[tuple[str, float]], elapsed_s: float
+        self, target: CityTarget, interaction: InteractionSpec, reached: list[tuple[str, float]], elapsed_s: float
     ) -> None:
         times = target.attend(interaction.name, [actor for actor, _ in reached], elapsed_s)
         lasting_s = interaction.lasting_s or 0.0
@@ -177,7 +177,7 @@ class CityEngine:
             target.finish(interaction, actor)
             self._emit(target, interaction, actor, distance_m)
 
-    def _trade(self, target: Target, interaction: InteractionSpec, actor: str, distance_m: float) -> None:
+    def _trade(self, target: CityTarget, interaction: InteractionSpec, actor: str, distance_m: float) -> None:
         moved = self._book.transfer(target.id, actor, interaction)
         if not moved:
             return
@@ -188,7 +188,7 @@ class CityEngine:
 
     def _emit(
         self,
-        target: Target,
+        target: CityTarget,
         interaction: InteractionSpec,
         actor: str,
         distance_m: float,
@@ -203,14 +203,14 @@ class CityEngine:
             )
         )
 
-    def _pose(self, target: Target) -> tuple[Vector, Vector]:
+    def _pose(self, target: CityTarget) -> tuple[Vector, Vector]:
         """Position and velocity: its own, or those of the actor that has taken it along."""
         if target.carrier is not None and target.carrier in self._bodies:
             place, carrier = self._bodies[target.carrier]
             return place, carrier.velocity
         return target.body.pose(self._clock.time_s, self._clock.remainder_s)
 
-    def _state(self, target: Target) -> BodyState:
+    def _state(self, target: CityTarget) -> BodyState:
         position, velocity = self._pose(target)
         carrier = self._bodies.get(target.carrier) if target.carrier is not None else None
         return BodyState(
@@ -222,7 +222,7 @@ class CityEngine:
             resources=self._resources(target),
         )
 
-    def _resources(self, target: Target) -> dict[str, float]:
+    def _resources(self, target: CityTarget) -> dict[str, float]:
         return self._book.stocks(target.id) | self._book.accounts(target.id)
 
     def _boundary(self) -> Boundary:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from lingjing.engines.city.crowd import PEOPLE
+from lingjing.engines.city.arrivals import PEOPLE
 from lingjing.mission.instance import Entity
 from lingjing.trace.records import DORMANT
 

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lingjing.engines.pairs import close_pairs
+from lingjing.engines.close_pairs import close_pairs
 from lingjing.mission.instance import Entity, Instance, Vector, Weather
 from lingjing.plugins.bodies import entity_size
 from lingjing.scene.city import Polygon
@@ -41,7 +41,7 @@ _AT_A_TIME = 2000
 """Ways that are sampled together: some hundred thousand places at most."""
 
 Pair = tuple[str, str]
-Array = npt.NDArray[Any]
+Samples = npt.NDArray[Any]
 
 
 class Coverage:
@@ -69,11 +69,11 @@ class Coverage:
         heard: set[Pair] = set()
         for start in range(0, len(near), _AT_A_TIME):
             some = near[start : start + _AT_A_TIME]
-            cut = self._cut([Way.between(ends[one], ends[other], reach_m) for one, other in some])
+            cut = self._cut([RadioPath.between(ends[one], ends[other], reach_m) for one, other in some])
             heard.update((names[a], names[b]) for number, (a, b) in enumerate(some) if number not in cut)
         return heard
 
-    def _cut(self, ways: Sequence[Way]) -> set[int]:
+    def _cut(self, ways: Sequence[RadioPath]) -> set[int]:
         """The numbers of the ways along which any edge costs more than is bearable."""
         cut: set[int] = set()
         owner, share, place = _sampled(ways)
@@ -83,7 +83,7 @@ class Coverage:
                 cut.add(number)
         return cut
 
-    def _suspects(self, ways: Sequence[Way], owner: Array, share: Array, place: Array) -> Array:
+    def _suspects(self, ways: Sequence[RadioPath], owner: Samples, share: Samples, place: Samples) -> Samples:
         """The samples at which something may be high enough to cost too much, the highest loss first."""
         over = self._roofs.bound(place[:, 0], place[:, 1]) - place[:, 2]
         near = np.flatnonzero(over > -_CLEARANCE_M - _SLACK)
@@ -94,7 +94,7 @@ class Coverage:
         found = near[np.argsort(-excess, kind="stable")]
         return found[: np.count_nonzero(excess > -_SLACK)]
 
-    def _loses_more(self, way: Way, share: float, place: Sequence[float]) -> bool:
+    def _loses_more(self, way: RadioPath, share: float, place: Sequence[float]) -> bool:
         x, y, z = place
         for block in self._terrain.solids_at(x, y, z - _CLEARANCE_M, math.inf):
             if block.base_at(x, y) > z:
@@ -106,7 +106,7 @@ class Coverage:
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
+class RadioPath:
     """From one antenna to another. `bearable_db` is the loss that brings the range down to just its length."""
 
     first: Vector
@@ -115,13 +115,13 @@ class Way:
     bearable_db: float
 
     @classmethod
-    def between(cls, first: Vector, second: Vector, reach_m: float) -> Way:
+    def between(cls, first: Vector, second: Vector, reach_m: float) -> RadioPath:
         """The way, where radio reaches so far."""
         length = math.dist(first, second)
         return cls(first, second, length, 20.0 * math.log10(reach_m / length) if length > 0.0 else math.inf)
 
 
-def _sampled(ways: Sequence[Way]) -> tuple[Array, Array, Array]:
+def _sampled(ways: Sequence[RadioPath]) -> tuple[Samples, Samples, Samples]:
     """Places about every 10 m along ways, (n, 3), with the number of each one's way and the share it lies at."""
     counts = np.array([math.floor(way.length_m / _SAMPLE_M) for way in ways])
     owner = np.repeat(np.arange(len(ways)), counts)
@@ -158,7 +158,7 @@ def edge_loss_db(over_m: float, from_m: float, to_m: float) -> float:
     return 6.9 + 20.0 * math.log10(math.sqrt((parameter - 0.1) ** 2 + 1.0) + parameter - 0.1)
 
 
-def _loss_db(parameter: Array) -> Array:
+def _loss_db(parameter: Samples) -> Samples:
     """The same for very many, to be compared and not to be believed to the last digit."""
     return np.asarray(6.9 + 20.0 * np.log10(np.sqrt((parameter - 0.1) ** 2 + 1.0) + parameter - 0.1))
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from lingjing.engines.city.afloat import Body
-from lingjing.engines.city.book import DUST, first_amounts
-from lingjing.engines.city.crowd import PEOPLE, Crowd, rates
+from lingjing.engines.city.arrivals import PEOPLE, PeopleQueue, rates
+from lingjing.engines.city.goods import DUST, first_amounts
 from lingjing.engines.city.nature import Nature, nature_of
+from lingjing.engines.city.whereabouts import TargetBody
 from lingjing.mission.instance import Entity, InteractionSpec
 from lingjing.trace.records import DORMANT
 
@@ -45,16 +45,16 @@ class Level:
 
 
 @dataclass(slots=True)
-class Target:
+class CityTarget:
     """The state of one target. `levels` holds what its interactions work off, by interaction; `attended` is how long
     each actor has been within reach of an interaction, seconds."""
 
     entity: Entity
     nature: Nature
-    body: Body
+    body: TargetBody
     possible: dict[str, InteractionSpec]
     levels: dict[str, Level] = field(default_factory=dict)
-    crowd: Crowd | None = None
+    crowd: PeopleQueue | None = None
     unlocked: list[str] = field(default_factory=list)
     done: list[str] = field(default_factory=list)
     attended: dict[tuple[str, str], float] = field(default_factory=dict)
@@ -100,16 +100,16 @@ class Target:
             self.carrier = actor
 
 
-def target_of(entity: Entity, body: Body, seed: int) -> Target:
+def target_of(entity: Entity, body: TargetBody, seed: int) -> CityTarget:
     """The target that an entity's properties describe."""
     nature, possible = nature_of(entity), {one.name: one for one in entity.interactions}
-    return Target(
+    return CityTarget(
         entity=entity,
         nature=nature,
         body=body,
         possible=possible,
         levels=_levels(entity, nature, possible),
-        crowd=Crowd(entity, seed) if entity.state_of(PEOPLE) is not None and any(rates(entity)) else None,
+        crowd=PeopleQueue(entity, seed) if entity.state_of(PEOPLE) is not None and any(rates(entity)) else None,
         word=nature.word,
     )
 

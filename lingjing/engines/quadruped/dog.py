@@ -12,11 +12,11 @@ from dataclasses import dataclass
 from enum import Enum
 
 from lingjing.engines.battery import Battery
-from lingjing.engines.quadruped.footing import Footing
 from lingjing.engines.quadruped.gait import PERIOD_S
-from lingjing.engines.quadruped.guide import Halt, Task, Turn, Velocity, Walk, stopping
+from lingjing.engines.quadruped.ground_ahead import GroundAhead
 from lingjing.engines.quadruped.pack import Pack, Sense
 from lingjing.engines.quadruped.physics import Touch
+from lingjing.engines.quadruped.tasks import DogTask, HaltTask, TurnTask, Velocity, WalkTask, stopping
 from lingjing.mission.instance import Entity, Vector
 from lingjing.plugins.requests import Refusal, number
 from lingjing.plugins.stock import Stock
@@ -63,7 +63,7 @@ moment. Looked at every so many periods."""
 _LOOK_PERIODS, _DIP_PERIODS = 5, 25
 
 
-class Phase(Enum):
+class DogPhase(Enum):
     """What the dog is doing."""
 
     STANDING = "standing"
@@ -73,7 +73,7 @@ class Phase(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Notice:
+class DogNotice:
     """Something that happened in a period: `done`, `collided`, `blocked`, `unreachable`, `fell`, `drowned` or
     `battery_empty`. `what` names the other thing or the reason."""
 
@@ -88,13 +88,13 @@ class Dog:
     def __init__(self, entity: Entity) -> None:
         self.id = entity.id
         self.row = -1
-        self.phase = Phase.STANDING
-        self.task: Task | None = None
+        self.phase = DogPhase.STANDING
+        self.task: DogTask | None = None
         self.battery = Battery.lasting(WALKING_W, entity.number_or("endurance_s", ENDURANCE_S))
         self.stock = Stock(entity)
         self._payload_kg = entity.number_or("payload_kg", PAYLOAD_KG)
         self._speed_mps = min(entity.number_or("speed_mps", SPEED_MPS), TOP_MPS)
-        self._ending: Halt | None = None
+        self._ending: HaltTask | None = None
         self._careful_m = -math.inf
         self._before: Vector = (0.0, 0.0, 0.0)
         self._tilted_s = 0.0
@@ -119,7 +119,7 @@ class Dog:
     @property
     def idle(self) -> bool:
         """Whether nothing of the dog will move by itself."""
-        return self.phase is Phase.STANDING or self.phase is Phase.DEAD
+        return self.phase is DogPhase.STANDING or self.phase is DogPhase.DEAD
 
     @property
     def progress(self) -> float:
@@ -129,18 +129,18 @@ class Dog:
     @property
     def status(self) -> str:
         """`standing`, `walking`, `turning`, `fallen` or `dead`."""
-        if self.phase is Phase.MOVING and self.task is not None:
+        if self.phase is DogPhase.MOVING and self.task is not None:
             return self.task.status
-        return self.phase.value if self.phase is not Phase.MOVING else "standing"
+        return self.phase.value if self.phase is not DogPhase.MOVING else "standing"
 
-    def start(self, command: Command, here: Sense, pack: Pack, footing: Footing) -> None:
+    def start(self, command: Command, here: Sense, pack: Pack, footing: GroundAhead) -> None:
         """Begin what a command says, or `Refusal`: `battery`, `dead`, `fallen`, `unknown_verb`, `bad_argument`,
         `unreachable`."""
         if self.battery.empty:
             raise Refusal("battery", f"the battery of `{self.id}` is empty")
-        if self.phase is Phase.DEAD:
+        if self.phase is DogPhase.DEAD:
             raise Refusal("dead", f"`{self.id}` is lost")
-        if self.phase is Phase.FALLEN:
+        if self.phase is DogPhase.FALLEN:
             raise Refusal("fallen", f"`{self.id}` has fallen and is getting up")
         if command.verb == "stop":
             self.task = stopping(here)
@@ -149,16 +149,16 @@ class Dog:
             self.task = self._walk(number(command, "distance"), here, footing)
         elif command.verb in ("left", "right"):
             angle = math.radians(_positive(command, "angle"))
-            self.task = Turn(here.position[0], here.position[1], angle if command.verb == "left" else -angle)
+            self.task = TurnTask(here.position[0], here.position[1], angle if command.verb == "left" else -angle)
         else:
             raise Refusal("unknown_verb", f"a robot dog has no verb `{command.verb}`")
         self._careful_m = -math.inf
-        self._ending = self.task if isinstance(self.task, Halt) else None
-        self.phase = Phase.MOVING
+        self._ending = self.task if isinstance(self.task, HaltTask) else None
+        self.phase = DogPhase.MOVING
 
     def step(
-        self, here: Sense, touches: Sequence[Touch], speeds: Mapping[str, Vector], pack: Pack, footing: Footing
-    ) -> list[Notice]:
+        self, here: Sense, touches: Sequence[Touch], speeds: Mapping[str, Vector], pack: Pack, footing: GroundAhead
+    ) -> list[DogNotice]:
         """Decide on the coming period after the last one ended `here`. `speeds` are those of what may be touched."""
         self._time_s += PERIOD_S
         self._period += 1
@@ -166,17 +166,17 @@ class Dog:
         notices = self._bumps(here, touches, speeds, pack)
         self._before = here.velocity
         ended = self._mishap(here, pack, footing)
-        if ended is None and self.phase is Phase.MOVING:
+        if ended is None and self.phase is DogPhase.MOVING:
             ended = self._go(here, pack, footing)
-        elif ended is None and self.phase is Phase.STANDING:
+        elif ended is None and self.phase is DogPhase.STANDING:
             self._balance(here, pack)
         return [*notices, ended] if ended is not None else notices
 
-    def rest(self, watts: float) -> Notice | None:
+    def rest(self, watts: float) -> DogNotice | None:
         """A period in which nothing stirs."""
         self._time_s += PERIOD_S
         self._period += 1
-        if self.phase is Phase.DEAD:
+        if self.phase is DogPhase.DEAD:
             return None
         self.battery.drain(watts + ELECTRONICS_W, PERIOD_S)
         return self._exhausted()
@@ -185,12 +185,12 @@ class Dog:
         """Stand up again where it lies."""
         x, y, z = here.position
         pack.put(self.row, x, y, z, here.yaw)
-        self.phase, self._tilted_s, self._low_s, self._down_s = Phase.STANDING, 0.0, 0.0, 0.0
+        self.phase, self._tilted_s, self._low_s, self._down_s = DogPhase.STANDING, 0.0, 0.0, 0.0
 
     @property
     def rested(self) -> bool:
         """Whether a fallen dog has lain long enough."""
-        return self.phase is Phase.FALLEN and self._down_s >= DOWN_S
+        return self.phase is DogPhase.FALLEN and self._down_s >= DOWN_S
 
     def state(self, here: Sense, joints: tuple[float, ...], remainder_s: float) -> BodyState:
         """The dog `remainder_s` after its last step."""
@@ -207,54 +207,54 @@ class Dog:
             joints=joints,
         )
 
-    def _walk(self, distance: float, here: Sense, footing: Footing) -> Walk:
+    def _walk(self, distance: float, here: Sense, footing: GroundAhead) -> WalkTask:
         if distance < 0.0:
             raise Refusal("bad_argument", "`distance` of `forward` must not be negative")
         hazard = footing.look(here, here.yaw, distance).hazard if distance > 0.0 else ""
         if hazard:
             raise Refusal("unreachable", f"`{self.id}` does not go on: {_HAZARDS[hazard]}")
-        return Walk(here.position[0], here.position[1], here.yaw, distance, self.cruise_mps)
+        return WalkTask(here.position[0], here.position[1], here.yaw, distance, self.cruise_mps)
 
-    def _go(self, here: Sense, pack: Pack, footing: Footing) -> Notice | None:
+    def _go(self, here: Sense, pack: Pack, footing: GroundAhead) -> DogNotice | None:
         task = self._ending or self.task
         assert task is not None
-        if isinstance(task, Walk):
+        if isinstance(task, WalkTask):
             task.climbing = task.best <= self._careful_m
             task.cruise = min(self.cruise_mps, CAREFUL_MPS) if task.climbing else self.cruise_mps
         wanted: Velocity = task.wanted(here)
-        if task.done and isinstance(task, Halt):
-            return self._end(pack, Notice("done"))
-        if task.done and not isinstance(task, Halt):
+        if task.done and isinstance(task, HaltTask):
+            return self._end(pack, DogNotice("done"))
+        if task.done and not isinstance(task, HaltTask):
             self._ending = task.end(here)
             pack.ease(self.row)
             wanted = self._ending.wanted(here)
         elif task.stuck:
             what, when = self._hit
-            return self._end(pack, Notice("blocked", what if self._time_s - when < _REMEMBERED_S else ""))
-        elif isinstance(task, Walk) and self._period % _LOOK_PERIODS == 0:
+            return self._end(pack, DogNotice("blocked", what if self._time_s - when < _REMEMBERED_S else ""))
+        elif isinstance(task, WalkTask) and self._period % _LOOK_PERIODS == 0:
             view = footing.look(here, task.yaw, task.length - task.best)
             if view.hazard:
                 self.task, self._ending = None, stopping(here)
                 pack.ease(self.row)
-                return Notice("unreachable", view.hazard)
+                return DogNotice("unreachable", view.hazard)
             self._careful_m = max(self._careful_m, task.best + view.step_m + _BEYOND_M)
         pack.walk(self.row, wanted)
         return None
 
-    def _end(self, pack: Pack, notice: Notice) -> Notice:
+    def _end(self, pack: Pack, notice: DogNotice) -> DogNotice:
         pack.lock(self.row)
-        self.phase, self.task, self._ending = Phase.STANDING, None, None
+        self.phase, self.task, self._ending = DogPhase.STANDING, None, None
         return notice
 
-    def _mishap(self, here: Sense, pack: Pack, footing: Footing) -> Notice | None:
-        if self.phase is Phase.DEAD:
+    def _mishap(self, here: Sense, pack: Pack, footing: GroundAhead) -> DogNotice | None:
+        if self.phase is DogPhase.DEAD:
             return None
         exhausted = self._exhausted()
         if exhausted is not None:
-            return self._drop(pack, Phase.DEAD, exhausted)
+            return self._drop(pack, DogPhase.DEAD, exhausted)
         if self._period % _DIP_PERIODS == 0 and footing.drowns(here.position):
-            return self._drop(pack, Phase.DEAD, Notice("drowned"))
-        if self.phase is Phase.FALLEN:
+            return self._drop(pack, DogPhase.DEAD, DogNotice("drowned"))
+        if self.phase is DogPhase.FALLEN:
             self._down_s += PERIOD_S
             return None
         if self._period % _LYING_PERIODS == 0:
@@ -262,24 +262,26 @@ class Dog:
             self._low_s = self._low_s + _LYING_PERIODS * PERIOD_S if low else 0.0
         self._tilted_s = self._tilted_s + PERIOD_S if here.upright < _FALLEN else 0.0
         if self._tilted_s >= _FALLEN_S or self._low_s >= _LYING_S:
-            return self._drop(pack, Phase.FALLEN, Notice("fell"))
+            return self._drop(pack, DogPhase.FALLEN, DogNotice("fell"))
         return None
 
-    def _drop(self, pack: Pack, phase: Phase, notice: Notice) -> Notice:
+    def _drop(self, pack: Pack, phase: DogPhase, notice: DogNotice) -> DogNotice:
         pack.limp(self.row)
         self.phase, self.task, self._ending, self._down_s = phase, None, None, 0.0
         return notice
 
-    def _exhausted(self) -> Notice | None:
-        return Notice("battery_empty") if self.battery.empty and self.phase is not Phase.DEAD else None
+    def _exhausted(self) -> DogNotice | None:
+        return DogNotice("battery_empty") if self.battery.empty and self.phase is not DogPhase.DEAD else None
 
     def _balance(self, here: Sense, pack: Pack) -> None:
         """A standing dog that is shoved lets its legs catch it."""
         if math.hypot(*here.velocity) > _SHOVED_MPS or (here.upright < _LEANING and here.stir > 1.0):
-            self._ending, self.phase = stopping(here), Phase.MOVING
+            self._ending, self.phase = stopping(here), DogPhase.MOVING
             pack.walk(self.row, (0.0, 0.0, 0.0))
 
-    def _bumps(self, here: Sense, touches: Sequence[Touch], speeds: Mapping[str, Vector], pack: Pack) -> list[Notice]:
+    def _bumps(
+        self, here: Sense, touches: Sequence[Touch], speeds: Mapping[str, Vector], pack: Pack
+    ) -> list[DogNotice]:
         notices = []
         knocked: set[str] = set()
         for touch in touches:
@@ -301,7 +303,7 @@ class Dog:
             self._met[touch.thing] = self._time_s
             closing = _closing(self._before, other, touch)
             if fresh and closing >= HARD_MPS:
-                notices.append(Notice("collided", touch.thing, closing))
+                notices.append(DogNotice("collided", touch.thing, closing))
         return notices
 
     def _give_way(self, touch: Touch, here: Sense, other: Vector, pack: Pack) -> None:

@@ -10,13 +10,13 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 
 from lingjing.engines.quadruped.assets import Assets, locate
-from lingjing.engines.quadruped.dog import Dog, Notice
-from lingjing.engines.quadruped.footing import Footing
+from lingjing.engines.quadruped.dog import Dog, DogNotice
 from lingjing.engines.quadruped.gait import PERIOD_S
-from lingjing.engines.quadruped.movers import POOL, Lookout
-from lingjing.engines.quadruped.pack import Memory, Pack, Sense, Spot
-from lingjing.engines.quadruped.physics import Mover, Touch
-from lingjing.engines.quadruped.surroundings import Surroundings
+from lingjing.engines.quadruped.ground_ahead import GroundAhead
+from lingjing.engines.quadruped.moving_boxes import POOL, Lookout
+from lingjing.engines.quadruped.pack import DogMemory, Pack, Sense, StandingPlace
+from lingjing.engines.quadruped.physics import MovingBox, Touch
+from lingjing.engines.quadruped.surroundings import DogSurroundings
 from lingjing.mission.instance import Vector
 from lingjing.mission.schedule import Schedule
 from lingjing.plugins.engine import EngineSpec
@@ -41,11 +41,11 @@ class QuadrupedEngine(FleetEngine):
         self._assets: Assets = locate()
         self._schedule = Schedule(spec.instance)
         self._terrain = Terrain(city)
-        self._around = Surroundings(city)
+        self._around = DogSurroundings(city)
         self._lookout = Lookout(spec.instance, spec.owns)
         self._entities = {entity.id: entity for entity in spec.owned()}
         self._dogs = {entity.id: Dog(entity) for entity in spec.owned()}
-        self._movers: tuple[Mover, ...] = ()
+        self._movers: tuple[MovingBox, ...] = ()
         self._pack: Pack | None = None
         self._senses: list[Sense] = []
         self._gather(0.0)
@@ -123,7 +123,7 @@ class QuadrupedEngine(FleetEngine):
                 dog.rise(here, pack)
                 self._senses[dog.row] = pack.senses()[dog.row]
 
-    def _tell(self, dog: Dog, notice: Notice | None) -> None:
+    def _tell(self, dog: Dog, notice: DogNotice | None) -> None:
         if notice is None:
             return
         now = self.clock.now_s
@@ -152,7 +152,7 @@ class QuadrupedEngine(FleetEngine):
         old = {name: pack.remember(row) for row, name in enumerate(pack.ids)} if pack is not None else {}
         self._renew([(name, old.get(name) or self._spot(name)) for name in there])
 
-    def _renew(self, members: Sequence[tuple[str, Memory | Spot]]) -> None:
+    def _renew(self, members: Sequence[tuple[str, DogMemory | StandingPlace]]) -> None:
         """A new model for these dogs, where they are."""
         for dog in self._dogs.values():
             dog.row = -1
@@ -160,9 +160,9 @@ class QuadrupedEngine(FleetEngine):
             self._pack, self._senses, self._movers = None, [], ()
             return
         elapsed_s = self._pack.driven_s if self._pack is not None else 0.0
-        places = [state.place if isinstance(state, Memory) else state.position for _, state in members]
+        places = [state.place if isinstance(state, DogMemory) else state.position for _, state in members]
         self._pack = Pack(self._assets, members, self._around.load(places), self._around.ground_m, POOL)
-        self._footing = Footing(self._terrain, self._pack)
+        self._footing = GroundAhead(self._terrain, self._pack)
         self._pack.drive(self._movers, elapsed_s)
         self._senses = self._pack.senses()
         for row, (name, _) in enumerate(members):
@@ -173,12 +173,9 @@ class QuadrupedEngine(FleetEngine):
         for row, name in enumerate(pack.ids):
             pack.burden(row, self._dogs[name].stock.load_kg)
 
-    def _spot(self, name: str) -> Spot:
+    def _spot(self, name: str) -> StandingPlace:
         entity = self._entities[name]
-        return Spot(entity.position, math.radians(90.0 - entity.heading_deg))
+        return StandingPlace(entity.position, math.radians(90.0 - entity.heading_deg))
 
     def _points(self) -> list[tuple[float, float]]:
         return [(here.position[0], here.position[1]) for here in self._senses]
-
-
-__all__ = ["QuadrupedEngine"]

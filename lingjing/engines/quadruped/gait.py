@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from lingjing.engines.quadruped.weights import read_layers
 
-Array = npt.NDArray[np.float64]
+DogRows = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
 
 PERIOD_S = 0.02
@@ -42,8 +42,8 @@ class Gait:
         self.answer = np.zeros((count, len(JOINTS)))
 
     def targets(
-        self, who: Indices, turning: Array, gravity: Array, wanted: Array, angles: Array, speeds: Array
-    ) -> Array:
+        self, who: Indices, turning: DogRows, gravity: DogRows, wanted: DogRows, angles: DogRows, speeds: DogRows
+    ) -> DogRows:
         """Joint targets (n, 12) in radians of the n dogs `who`; the rest is (n, 3) and (n, 12) as the module says."""
         seen = np.concatenate(
             (turning * _TURN_SCALE, gravity, wanted, angles - STANCE, speeds * _SPEED_SCALE, self.answer[who]), axis=1
@@ -59,12 +59,12 @@ class Gait:
         return np.asarray(STANCE + answer * _REACH)
 
 
-def _product(rows: Array, weight: Array) -> Array:
+def _product(rows: DogRows, weight: DogRows) -> DogRows:
     """Matrix product, a row at a time: for a handful of rows that is faster than the library's blocks, and what a dog
     does then does not depend on how many others walk."""
     return np.array([row @ weight for row in rows])
 
 
-def _rounded(values: Array) -> Array:
+def _rounded(values: DogRows) -> DogRows:
     """To the nearest 32-bit floats, kept as doubles."""
     return values.astype(np.float32).astype(np.float64)

@@ -1,7 +1,7 @@
 """A pack: the dogs that are there now, walking among what is near them, one period at a time.
 
 It joins bodies (`physics`), policy (`gait`) and pace. A pack lasts as long as its surroundings and its members do; the
-next one takes over what each dog remembers (`Memory`).
+next one takes over what each dog remembers (`DogMemory`).
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from typing import NamedTuple
 import numpy as np
 
 from lingjing.engines.quadruped.assets import Assets
-from lingjing.engines.quadruped.gait import PERIOD_S, Array, Gait
-from lingjing.engines.quadruped.pace import Pace
-from lingjing.engines.quadruped.physics import Carry, DogBodies
+from lingjing.engines.quadruped.gait import DogRows, Gait
+from lingjing.engines.quadruped.physics import BodyMemory, DogBodies
+from lingjing.engines.quadruped.velocity_command import VelocityCommand
 from lingjing.mission.instance import Vector
 from lingjing.scene.shapes import Shape
 
@@ -28,7 +28,7 @@ _COPPER_W = 0.05
 
 
 @dataclass(frozen=True, slots=True)
-class Spot:
+class StandingPlace:
     """Where a dog that was not there before is to stand: `yaw` in radians anticlockwise from east."""
 
     position: Vector
@@ -36,15 +36,15 @@ class Spot:
 
 
 @dataclass(frozen=True, slots=True)
-class Memory:
+class DogMemory:
     """All that decides how a dog goes on: its body, what the policy answered last, its pace."""
 
-    body: Carry
+    body: BodyMemory
     walking: bool
-    answer: Array
-    wish: Array
-    trim: Array
-    seen: Array
+    answer: DogRows
+    wish: DogRows
+    trim: DogRows
+    seen: DogRows
 
     @property
     def place(self) -> Vector:
@@ -88,14 +88,14 @@ class Pack(DogBodies):
     def __init__(
         self,
         assets: Assets,
-        members: Sequence[tuple[str, Memory | Spot]],
+        members: Sequence[tuple[str, DogMemory | StandingPlace]],
         shapes: Sequence[Shape],
         ground_m: float,
         pool: int,
     ) -> None:
         super().__init__(assets.model, [name for name, _ in members], shapes, ground_m, pool)
         self._gait = Gait(assets.policy, len(members))
-        self._pace = Pace(len(members))
+        self._pace = VelocityCommand(len(members))
         self._wanted = np.zeros((len(members), 3))
         self._walking = np.zeros(len(members), bool)
         self._motion: list[Motion] | None = None
@@ -103,14 +103,14 @@ class Pack(DogBodies):
             self._enter(dog, state)
         self.settle()
         for dog, (_, state) in enumerate(members):
-            if isinstance(state, Spot):
+            if isinstance(state, StandingPlace):
                 self.put(dog, *state.position, state.yaw)
 
-    def remember(self, dog: int) -> Memory:
+    def remember(self, dog: int) -> DogMemory:
         """What the next pack needs to let this dog go on."""
         pace = self._pace
         parts = (row[dog].copy() for row in (self._gait.answer, pace.wish, pace.trim, pace.seen))
-        return Memory(self.carry(dog), bool(self._walking[dog]), *parts)
+        return DogMemory(self.carry(dog), bool(self._walking[dog]), *parts)
 
     def put(self, dog: int, x: float, y: float, z: float, yaw: float) -> None:
         """Stand a dog on what is below a point, at rest."""
@@ -191,8 +191,8 @@ class Pack(DogBodies):
             self._motion = [_motion(place, rate) for place, rate in rows]
         return self._motion
 
-    def _enter(self, dog: int, state: Memory | Spot) -> None:
-        if isinstance(state, Spot):
+    def _enter(self, dog: int, state: DogMemory | StandingPlace) -> None:
+        if isinstance(state, StandingPlace):
             self.stand(dog, *state.position, state.yaw)
             return
         self.resume(dog, state.body)
@@ -228,6 +228,3 @@ def _motion(place: Sequence[float], rate: Sequence[float]) -> Motion:
             over[0] * rolling + over[1] * nodding + over[2] * turning,
         ),
     )
-
-
-__all__ = ["PERIOD_S", "Memory", "Pack", "Sense", "Spot"]

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from lingjing.engines.quadruped.gait import JOINTS, LEGS, PERIOD_S, STANCE, Array, Indices
+from lingjing.engines.quadruped.gait import JOINTS, LEGS, PERIOD_S, STANCE, DogRows, Indices
 from lingjing.errors import InfrastructureError
 from lingjing.mission.instance import Vector
 from lingjing.scene.shapes import Box, Capsule, Shape
@@ -61,7 +61,7 @@ _WALKING, _LOCKED, _LIMP = Servo(20.0, 0.5), Servo(100.0, 3.0), Servo(0.0, 2.0)
 
 
 @dataclass(frozen=True, slots=True)
-class Mover:
+class MovingBox:
     """Something of another engine: an upright box with a velocity. `base` is the middle of its underside."""
 
     thing: str
@@ -72,13 +72,13 @@ class Mover:
 
 
 @dataclass(frozen=True, slots=True)
-class Carry:
+class BodyMemory:
     """All that a dog's body remembers: it goes on from here in any model."""
 
-    qpos: Array
-    qvel: Array
-    warmstart: Array
-    ctrl: Array
+    qpos: DogRows
+    qvel: DogRows
+    warmstart: DogRows
+    ctrl: DogRows
     servo: Servo = _WALKING
 
 
@@ -113,15 +113,15 @@ class DogBodies:
         self._data = mujoco.MjData(self._model)
         self._index(shapes, pool)
         self._servos = [_WALKING] * len(self.ids)
-        self._movers: tuple[Mover, ...] = ()
+        self._movers: tuple[MovingBox, ...] = ()
         self.drive(())
 
-    def carry(self, dog: int) -> Carry:
+    def carry(self, dog: int) -> BodyMemory:
         """The whole state of a dog."""
         data = self._data
         free, joints, motors = self._free_qpos[dog], self._joint_qpos[dog], self._motors[dog]
         dofs = np.concatenate((self._free_dof[dog], self._joint_dof[dog]))
-        return Carry(
+        return BodyMemory(
             qpos=data.qpos[np.concatenate((free, joints))],
             qvel=data.qvel[dofs],
             warmstart=data.qacc_warmstart[dofs],
@@ -129,7 +129,7 @@ class DogBodies:
             servo=self._servos[dog],
         )
 
-    def resume(self, dog: int, carry: Carry) -> None:
+    def resume(self, dog: int, carry: BodyMemory) -> None:
         """Put a dog where it was; `settle` once all are put."""
         data = self._data
         dofs = np.concatenate((self._free_dof[dog], self._joint_dof[dog]))
@@ -155,7 +155,7 @@ class DogBodies:
         """Let a dog stand at rest with its feet on a floor."""
         upright = np.array((x, y, floor_m + _STANDING_M, math.cos(0.5 * yaw), 0.0, 0.0, math.sin(0.5 * yaw)))
         still = np.zeros(6 + len(JOINTS))
-        self.resume(dog, Carry(np.concatenate((upright, STANCE)), still, still, STANCE, _LOCKED))
+        self.resume(dog, BodyMemory(np.concatenate((upright, STANCE)), still, still, STANCE, _LOCKED))
 
     def lock(self, dog: int) -> None:
         """Hold the joints where they are, stiffly, with the load they carry: how a dog stands still."""
@@ -171,7 +171,7 @@ class DogBodies:
         """Take the power from the motors."""
         self._hold(dog, _LIMP)
 
-    def drive(self, movers: Sequence[Mover], elapsed_s: float = 0.0) -> None:
+    def drive(self, movers: Sequence[MovingBox], elapsed_s: float = 0.0) -> None:
         """Say what moves nearby and where it was `elapsed_s` ago; as many as the pool holds."""
         self._movers = tuple(movers[: len(self._boxes)])
         data = self._data
@@ -187,7 +187,7 @@ class DogBodies:
         self.driven_s = elapsed_s
         data.mocap_pos[:] = self._starts + elapsed_s * self._rates
 
-    def aim(self, dogs: Indices, targets: Array) -> None:
+    def aim(self, dogs: Indices, targets: DogRows) -> None:
         """Set the joint targets of some dogs, (len(dogs), 12) rad."""
         self._data.ctrl[self._motors[dogs]] = targets
 
@@ -210,7 +210,7 @@ class DogBodies:
             self.driven_s += PERIOD_S
             self._data.mocap_pos[:] = self._starts + self.driven_s * self._rates
 
-    def clearances(self) -> Array:
+    def clearances(self) -> DogRows:
         """From each dog's trunk to the nearest box of a mover, (count,) metres; inf without movers."""
         if not self._movers:
             return np.full(len(self.ids), math.inf)
@@ -224,32 +224,32 @@ class DogBodies:
         return np.asarray(np.sqrt((outside * outside).sum(axis=-1)).min(axis=1))
 
     @property
-    def positions(self) -> Array:
+    def positions(self) -> DogRows:
         """Centres of the trunks, (count, 3) metres."""
         return np.asarray(self._data.qpos[self._free_qpos[:, :3]])
 
     @property
-    def places(self) -> Array:
+    def places(self) -> DogRows:
         """Trunks, (count, 7): centres in metres and attitudes as w, x, y, z."""
         return np.asarray(self._data.qpos[self._free_qpos])
 
     @property
-    def rates(self) -> Array:
+    def rates(self) -> DogRows:
         """Of the trunks, (count, 6): velocities in the world (m/s), angular velocities in the body frame (rad/s)."""
         return np.asarray(self._data.qvel[self._free_dof])
 
     @property
-    def angles(self) -> Array:
+    def angles(self) -> DogRows:
         """Joint angles, (count, 12) rad."""
         return np.asarray(self._data.qpos[self._joint_qpos])
 
     @property
-    def speeds(self) -> Array:
+    def speeds(self) -> DogRows:
         """Joint speeds, (count, 12) rad/s."""
         return np.asarray(self._data.qvel[self._joint_dof])
 
     @property
-    def torques(self) -> Array:
+    def torques(self) -> DogRows:
         """What the motors gave in the last step, (count, 12) N m."""
         return np.asarray(self._data.actuator_force[self._motors])
 
@@ -445,6 +445,3 @@ def _silence() -> None:
     """Warnings of an unstable step end as `InfrastructureError`; MuJoCo would also write a log file beside the user's
     own files."""
     mujoco.set_mju_user_warning(lambda message: None)
-
-
-__all__ = ["Carry", "DogBodies", "Floor", "Mover", "Touch"]

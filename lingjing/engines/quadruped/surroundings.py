@@ -25,11 +25,11 @@ _KEPT_CELLS = 256
 _KEPT_TILES = 32
 _LEVEL_M = 1e-3
 
-Cell = tuple[int, int]
-Bounds = tuple[float, float, float, float]
+CellIndex = tuple[int, int]
+PlanBounds = tuple[float, float, float, float]
 
 
-class Surroundings:
+class DogSurroundings:
     """The shapes of a city by place, made when they are first asked for."""
 
     def __init__(self, city: City) -> None:
@@ -38,9 +38,9 @@ class Surroundings:
         self._lands = tuple(
             (land, _bounds(land.polygon)) for land in city.lands if land.top_m > city.datum_m + _LEVEL_M
         )
-        self._made: OrderedDict[Cell, tuple[Shape, ...]] = OrderedDict()
-        self._cut: OrderedDict[Key, tuple[tuple[Shape, Bounds], ...]] = OrderedDict()
-        self._held: frozenset[Cell] = frozenset()
+        self._made: OrderedDict[CellIndex, tuple[Shape, ...]] = OrderedDict()
+        self._cut: OrderedDict[Key, tuple[tuple[Shape, PlanBounds], ...]] = OrderedDict()
+        self._held: frozenset[CellIndex] = frozenset()
 
     def suffices(self, points: Sequence[Point]) -> bool:
         """Whether what was loaded last is enough for dogs at these points."""
@@ -54,7 +54,7 @@ class Surroundings:
         shapes = OrderedDict.fromkeys(shape for cell in wanted for shape in self._cell(cell))
         return tuple(part for shape in shapes if (part := _within(shape, low, high)) is not None)
 
-    def _cell(self, cell: Cell) -> tuple[Shape, ...]:
+    def _cell(self, cell: CellIndex) -> tuple[Shape, ...]:
         if cell not in self._made:
             self._made[cell] = self._make(cell)
             while len(self._made) > _KEPT_CELLS:
@@ -62,7 +62,7 @@ class Surroundings:
         self._made.move_to_end(cell)
         return self._made[cell]
 
-    def _make(self, cell: Cell) -> tuple[Shape, ...]:
+    def _make(self, cell: CellIndex) -> tuple[Shape, ...]:
         square = _square(cell)
         centre = 0.5 * (square[0] + square[2]), 0.5 * (square[1] + square[3])
         found: list[Shape] = []
@@ -73,7 +73,7 @@ class Surroundings:
                 found += _ground(f"land-{number}", land, square, self.ground_m)
         return tuple(found)
 
-    def _shapes(self, tile: Tile) -> tuple[tuple[Shape, Bounds], ...]:
+    def _shapes(self, tile: Tile) -> tuple[tuple[Shape, PlanBounds], ...]:
         """A tile's shapes and what they cover: cut once, although several cells look into it."""
         if tile.key not in self._cut:
             self._cut[tile.key] = tuple((shape, _extent(shape)) for shape in shapes_of(tile))
@@ -83,7 +83,7 @@ class Surroundings:
         return self._cut[tile.key]
 
 
-def _ground(name: str, land: Land, square: Bounds, ground_m: float) -> list[Shape]:
+def _ground(name: str, land: Land, square: PlanBounds, ground_m: float) -> list[Shape]:
     """The part of a raised land in a cell: whole lands are kilometres wide, too wide for exact contacts."""
     import shapely
 
@@ -96,23 +96,23 @@ def _ground(name: str, land: Land, square: Bounds, ground_m: float) -> list[Shap
     return shapes
 
 
-def _cells_around(point: Point, radius_m: float) -> list[Cell]:
+def _cells_around(point: Point, radius_m: float) -> list[CellIndex]:
     x, y = point
     columns = range(math.floor((x - radius_m) / CELL_M), math.floor((x + radius_m) / CELL_M) + 1)
     rows = range(math.floor((y - radius_m) / CELL_M), math.floor((y + radius_m) / CELL_M) + 1)
     return [(column, row) for column in columns for row in rows]
 
 
-def _square(cell: Cell) -> Bounds:
+def _square(cell: CellIndex) -> PlanBounds:
     column, row = cell
     return column * CELL_M, row * CELL_M, (column + 1) * CELL_M, (row + 1) * CELL_M
 
 
-def _meet(one: Bounds, other: Bounds) -> bool:
+def _meet(one: PlanBounds, other: PlanBounds) -> bool:
     return one[0] <= other[2] and other[0] <= one[2] and one[1] <= other[3] and other[1] <= one[3]
 
 
-def _extent(shape: Shape) -> Bounds:
+def _extent(shape: Shape) -> PlanBounds:
     if isinstance(shape, Box):
         x, y, _ = shape.centre
         reach = math.hypot(shape.half[0], shape.half[1])
@@ -139,6 +139,6 @@ def _within(shape: Shape, low: float, high: float) -> Shape | None:
     return Hull(shape.thing, corners) if max(levels) - min(levels) > _LEVEL_M else None
 
 
-def _bounds(points: Sequence[Point]) -> Bounds:
+def _bounds(points: Sequence[Point]) -> PlanBounds:
     xs, ys = [point[0] for point in points], [point[1] for point in points]
     return min(xs), min(ys), max(xs), max(ys)

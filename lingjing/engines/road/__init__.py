@@ -7,11 +7,11 @@ In the order in which an episode meets them:
 - `routing` finds the quickest way on that graph around places to avoid; `waypoints` says where a route passes.
 - `kinds` are the vehicles: sizes, masses, accelerations, what a load does to them.
 - `kerb` is where vehicles park beside the road, and who comes by when one wants to pull out.
-- `vehicle` is one vehicle of the mission: where it is, what it is doing, what it carries; `sideways` shows its lane
-  changes as motion.
+- `vehicle` is one vehicle of the mission: where it is, what it is doing, what it carries; `lateral_motion` shows its
+  lane changes as motion.
 - `verbs` turns commands into what a vehicle does, or refuses them.
 - `traffic` keeps background vehicles driving, `congestion` lets queues stand where a target blocks the road.
-- `foreign` sets the bodies of other engines into the simulation at each of its steps, `contact` sees who is hit.
+- `foreign_bodies` sets the bodies of other engines into the simulation at each of its steps, `contact` sees who is hit.
 - `options` is what the scene asks for.
 - `engine` puts all of it behind `FleetEngine`.
 

@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from lingjing.engines.road.graph import Graph, Lane
+from lingjing.engines.road.graph import Graph, RoadLane
 from lingjing.engines.road.simulation import FOREVER_S, Simulation, SumoError
 from lingjing.engines.road.traffic import Occupied
 from lingjing.engines.road.vehicle import NOWHERE_M, body_state
@@ -41,7 +41,7 @@ class Jam:
     stream: Stream
     queue: dict[str, str] = field(default_factory=dict)
     blocking: bool = False
-    lanes: tuple[Lane, ...] = ()
+    lanes: tuple[RoadLane, ...] = ()
     rounds: int = 0
 
 
@@ -116,7 +116,7 @@ class Congestion:
                     yield body
 
     def _line_up(
-        self, jam: Jam, lane: Lane, front_m: float, back_m: float, most: int, occupied: Occupied | None
+        self, jam: Jam, lane: RoadLane, front_m: float, back_m: float, most: int, occupied: Occupied | None
     ) -> None:
         taken = () if occupied is not None else self._standing_on(lane)
         for _ in range(most):
@@ -130,7 +130,7 @@ class Congestion:
                 self._stand(jam, kind, lane, front_m)
             front_m -= length + gap
 
-    def _stand(self, jam: Jam, kind: str, lane: Lane, front_m: float) -> None:
+    def _stand(self, jam: Jam, kind: str, lane: RoadLane, front_m: float) -> None:
         name = f"traffic/{jam.id}/{jam.rounds}.{len(jam.queue) + 1}"
         vehicles, route = self._sim.vehicle, f"route/{name}"
         following = self._graph.edges[lane.edge].links
@@ -141,7 +141,7 @@ class Congestion:
         vehicles.setStop(name, lane.edge, front_m, lane.index, FOREVER_S)
         jam.queue[name] = kind
 
-    def _standing_on(self, lane: Lane) -> tuple[tuple[float, float], ...]:
+    def _standing_on(self, lane: RoadLane) -> tuple[tuple[float, float], ...]:
         """Stretches of a lane that are taken, with what who drives there needs to brake."""
         vehicles = self._sim.vehicle
         spans = []

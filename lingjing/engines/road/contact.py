@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping
 
-from lingjing.engines.road.foreign import Body, entity_of
+from lingjing.engines.road.foreign_bodies import ForeignBody, entity_of
 from lingjing.engines.road.simulation import Simulation
 from lingjing.engines.road.vehicle import Vehicle
 
@@ -29,7 +29,9 @@ class Contacts:
         self._emit = emit
         self._touching: dict[tuple[str, str], float] = {}
 
-    def step(self, vehicles: Mapping[str, Vehicle], bodies: Iterable[Body], ahead_s: float, time_s: float) -> None:
+    def step(
+        self, vehicles: Mapping[str, Vehicle], bodies: Iterable[ForeignBody], ahead_s: float, time_s: float
+    ) -> None:
         """After a step: `ahead_s` since the bodies' states were taken, simulation time `time_s`."""
         near = list(bodies)
         for collision in self._sim.simulation.getCollisions():
@@ -42,7 +44,7 @@ class Contacts:
         for vehicle in vehicles.values() if near else ():
             self._against(vehicle, near, ahead_s, time_s)
 
-    def _against(self, vehicle: Vehicle, bodies: list[Body], ahead_s: float, time_s: float) -> None:
+    def _against(self, vehicle: Vehicle, bodies: list[ForeignBody], ahead_s: float, time_s: float) -> None:
         speed = vehicle.speed_mps
         if speed < _MOVING_MPS:
             return

@@ -9,8 +9,8 @@ import msgspec
 
 from lingjing.engines.road.congestion import Congestion, jam_of
 from lingjing.engines.road.contact import Contacts
-from lingjing.engines.road.foreign import Foreign
-from lingjing.engines.road.graph import Place, elevations, read_graph
+from lingjing.engines.road.foreign_bodies import Foreign
+from lingjing.engines.road.graph import LanePoint, elevations, read_graph
 from lingjing.engines.road.kerb import Kerb
 from lingjing.engines.road.options import traffic
 from lingjing.engines.road.simulation import STEP_S, Simulation
@@ -203,7 +203,7 @@ class RoadEngine(FleetEngine):
         self.emit("collided", mover, other, speed_mps=speed_mps)
 
 
-def _free_place(place: Place, length_m: float, occupied: Occupied) -> Place:
+def _free_place(place: LanePoint, length_m: float, occupied: Occupied) -> LanePoint:
     """The place itself, or the nearest free one along its lane where somebody stands there already."""
     lane = place.lane
     for number in range(200):

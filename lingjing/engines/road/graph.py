@@ -13,8 +13,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from lingjing.engines.road.simulation import Simulation
-
-Point = tuple[float, float]
+from lingjing.scene.shapes import Point
 
 CAR = "passenger"
 _CELL_M = 50.0
@@ -24,7 +23,7 @@ _ALONG_DEG = 75.0
 
 
 @dataclass(frozen=True, slots=True)
-class Link:
+class RoadLink:
     """A way from the end of an edge onto another: SUMO's direction (`s`, `l`, `r`, `L`, `R`, `t`), metres between."""
 
     edge: str
@@ -33,7 +32,7 @@ class Link:
 
 
 @dataclass(frozen=True, slots=True)
-class Lane:
+class RoadLane:
     """One lane that cars may use; `index` counts from the right, `shape` is its centre line."""
 
     id: str
@@ -45,12 +44,12 @@ class Lane:
 
 
 @dataclass(frozen=True, slots=True)
-class Edge:
+class RoadEdge:
     """One direction of a street. `lanes` are those that cars may use; `links` one to each edge that follows."""
 
     id: str
-    lanes: tuple[Lane, ...]
-    links: tuple[Link, ...]
+    lanes: tuple[RoadLane, ...]
+    links: tuple[RoadLink, ...]
     length_m: float
     speed_mps: float
 
@@ -61,10 +60,10 @@ class Edge:
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class LanePoint:
     """A point on a lane: metres from the lane's start, how far the point asked for lies off, the lane's heading."""
 
-    lane: Lane
+    lane: RoadLane
     at_m: float
     off_m: float
     heading_deg: float
@@ -75,8 +74,8 @@ class Place:
 class Graph:
     """All edges by id in the network's order, and an index of their lanes by squares."""
 
-    edges: Mapping[str, Edge]
-    _cells: Mapping[tuple[int, int], tuple[Lane, ...]]
+    edges: Mapping[str, RoadEdge]
+    _cells: Mapping[tuple[int, int], tuple[RoadLane, ...]]
     _near: dict[tuple[int, int], bool] = field(default_factory=dict)
 
     @cached_property
@@ -84,12 +83,12 @@ class Graph:
         """The edges of the largest part of the network in which every edge can be reached from every other."""
         return max(_components(self.edges), key=len, default=())
 
-    def places(self, x: float, y: float, within_m: float) -> tuple[Place, ...]:
+    def places(self, x: float, y: float, within_m: float) -> tuple[LanePoint, ...]:
         """The nearest point of each lane within a distance, nearest first (ties in the network's order)."""
         found = (locate(lane, x, y) for lane in self._lanes_near(x, y, within_m))
         return tuple(sorted((place for place in found if place.off_m <= within_m), key=lambda place: place.off_m))
 
-    def nearest(self, x: float, y: float, heading_deg: float | None = None, most_m: float = 2000.0) -> Place | None:
+    def nearest(self, x: float, y: float, heading_deg: float | None = None, most_m: float = 2000.0) -> LanePoint | None:
         """The nearest lane point within `most_m`; with a heading, of the lanes beside it one that leads that way."""
         reach = min(_CELL_M, most_m)
         while not (near := self.places(x, y, reach)):
@@ -110,7 +109,7 @@ class Graph:
             self._near[cell] = known
         return known
 
-    def _lanes_near(self, x: float, y: float, within_m: float) -> Iterator[Lane]:
+    def _lanes_near(self, x: float, y: float, within_m: float) -> Iterator[RoadLane]:
         columns = range(math.floor((x - within_m) / _CELL_M), math.floor((x + within_m) / _CELL_M) + 1)
         rows = range(math.floor((y - within_m) / _CELL_M), math.floor((y + within_m) / _CELL_M) + 1)
         lanes = (lane for column in columns for row in rows for lane in self._cells.get((column, row), ()))
@@ -119,8 +118,8 @@ class Graph:
 
 def read_graph(sim: Simulation) -> Graph:
     """The graph of the network that the simulation has loaded."""
-    lanes: dict[str, list[Lane]] = {}
-    links: dict[str, dict[str, Link]] = {}
+    lanes: dict[str, list[RoadLane]] = {}
+    links: dict[str, dict[str, RoadLink]] = {}
     speeds: dict[str, float] = {}
     for name in sim.lane.getIDList():
         if name.startswith(":") or not _drivable(sim, name):
@@ -132,10 +131,12 @@ def read_graph(sim: Simulation) -> Graph:
         for to, _, _, _, via, _, direction, _ in sim.lane.getLinks(name):
             if not to.startswith(":") and _drivable(sim, to):
                 target = sim.lane.getEdgeID(to)
-                following.setdefault(target, Link(target, direction, _through(sim, via)))
+                following.setdefault(target, RoadLink(target, direction, _through(sim, via)))
     edges = _without_traps(
         {
-            name: Edge(name, tuple(own), tuple(links[name].values()), min(lane.length_m for lane in own), speeds[name])
+            name: RoadEdge(
+                name, tuple(own), tuple(links[name].values()), min(lane.length_m for lane in own), speeds[name]
+            )
             for name, own in lanes.items()
         }
     )
@@ -154,7 +155,7 @@ def elevations(sim: Simulation, graph: Graph) -> tuple[float, float]:
     return min(found), max(found)
 
 
-def locate(lane: Lane, x: float, y: float) -> Place:
+def locate(lane: RoadLane, x: float, y: float) -> LanePoint:
     """The point of a lane that is nearest to (x, y)."""
     off_m, at_m, heading, nearest, before = math.inf, 0.0, 0.0, lane.shape[0], 0.0
     for (ax, ay), (bx, by) in itertools.pairwise(lane.shape):
@@ -168,7 +169,7 @@ def locate(lane: Lane, x: float, y: float) -> Place:
         if away < off_m:
             off_m, at_m, heading, nearest = away, before + share * length, bearing(along_x, along_y), point
         before += length
-    return Place(lane, min(at_m * lane.length_m / (before or 1.0), lane.length_m), off_m, heading, nearest)
+    return LanePoint(lane, min(at_m * lane.length_m / (before or 1.0), lane.length_m), off_m, heading, nearest)
 
 
 def bearing(east: float, north: float) -> float:
@@ -195,14 +196,14 @@ def _through(sim: Simulation, via: str) -> float:
     return length
 
 
-def _lane(sim: Simulation, name: str, edge: str) -> Lane:
+def _lane(sim: Simulation, name: str, edge: str) -> RoadLane:
     index = int(name.rsplit("_", 1)[1])
     shape = tuple((float(point[0]), float(point[1])) for point in sim.lane.getShape(name))
-    return Lane(name, edge, index, shape, sim.lane.getLength(name), sim.lane.getWidth(name))
+    return RoadLane(name, edge, index, shape, sim.lane.getLength(name), sim.lane.getWidth(name))
 
 
-def _indexed(lanes: Iterator[Lane]) -> dict[tuple[int, int], tuple[Lane, ...]]:
-    cells: dict[tuple[int, int], list[Lane]] = {}
+def _indexed(lanes: Iterator[RoadLane]) -> dict[tuple[int, int], tuple[RoadLane, ...]]:
+    cells: dict[tuple[int, int], list[RoadLane]] = {}
     for lane in lanes:
         for cell in _crossed(lane.shape):
             cells.setdefault(cell, []).append(lane)
@@ -220,7 +221,7 @@ def _crossed(shape: Sequence[Point]) -> Iterator[tuple[int, int]]:
     return iter(seen)
 
 
-def _components(edges: Mapping[str, Edge]) -> Iterator[tuple[str, ...]]:
+def _components(edges: Mapping[str, RoadEdge]) -> Iterator[tuple[str, ...]]:
     """Strongly connected components (Kosaraju): finish order on the graph, then floods against it."""
     order: list[str] = []
     seen: set[str] = set()
@@ -246,7 +247,7 @@ def _components(edges: Mapping[str, Edge]) -> Iterator[tuple[str, ...]]:
             yield _flood(root, before, left)
 
 
-def _without_traps(edges: Mapping[str, Edge]) -> dict[str, Edge]:
+def _without_traps(edges: Mapping[str, RoadEdge]) -> dict[str, RoadEdge]:
     """Without the edges from which there is no way back, such as one-way streets that leave the map."""
     core = max(_components(edges), key=len, default=())
     before: dict[str, list[str]] = {name: [] for name in edges}

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from lingjing.engines.road.graph import Graph, Lane
+from lingjing.engines.road.graph import Graph, RoadLane
 from lingjing.engines.road.simulation import Simulation
 from lingjing.scene.tiles import Tiles
 
@@ -29,10 +29,10 @@ _END_M = 0.2
 
 
 @dataclass(frozen=True, slots=True)
-class Room:
+class ParkingPlace:
     """A place at the kerb: the lane beside it and metres of the front along it."""
 
-    lane: Lane
+    lane: RoadLane
     at_m: float
 
 
@@ -60,7 +60,7 @@ class Kerb:
 
     def promise(
         self, name: str, edge: str, front_m: float, length_m: float, least_m: float = 0.0, *, bare: bool = False
-    ) -> Room | None:
+    ) -> ParkingPlace | None:
         """Keep the free place nearest to a front for a vehicle, not before `least_m`; None: none is near.
 
         `bare`: also beside an edge without a kerb, for who would block the road otherwise.
@@ -75,10 +75,10 @@ class Kerb:
             free = all(at_m < low - GAP_M or at_m - length_m > high + GAP_M for _, low, high in taken)
             if free and lowest <= at_m <= highest:
                 self._promised[name] = (lane.id, at_m - length_m, at_m)
-                return Room(lane, at_m)
+                return ParkingPlace(lane, at_m)
         return None
 
-    def take(self, name: str, room: Room, length_m: float) -> None:
+    def take(self, name: str, room: ParkingPlace, length_m: float) -> None:
         """A vehicle stands there now."""
         self._promised.pop(name, None)
         self._standing[name] = (room.lane.id, room.at_m - length_m, room.at_m)
@@ -91,7 +91,7 @@ class Kerb:
         """A vehicle is not going to its place any more."""
         self._promised.pop(name, None)
 
-    def passing(self, lane: Lane) -> Iterator[Passing]:
+    def passing(self, lane: RoadLane) -> Iterator[Passing]:
         """Who is on the lane, is just leaving it or comes towards it within sight."""
         yield from self._on(lane.id, 0.0)
         for _, _, _, _, via, *_ in self._sim.lane.getLinks(lane.id):
@@ -114,7 +114,7 @@ class Kerb:
             front, length = start_m + vehicles.getLanePosition(name), vehicles.getLength(name)
             yield Passing(name, front, length, vehicles.getSpeed(name))
 
-    def _is_bare(self, lane: Lane) -> bool:
+    def _is_bare(self, lane: RoadLane) -> bool:
         """Whether its edge has no kerb."""
         if lane.edge not in self._bare:
             near = self._tiles.near(*lane.shape[0], 1.0)

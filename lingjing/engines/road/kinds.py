@@ -18,7 +18,7 @@ SPEED_MPS = 13.9
 
 
 @dataclass(frozen=True, slots=True)
-class Kind:
+class VehicleKind:
     """A kind of vehicle: kerb mass in kg, acceleration and comfortable braking in m/s²."""
 
     name: str
@@ -32,23 +32,25 @@ class Kind:
         return self.accel_mps2 * self.mass_kg / (self.mass_kg + max(load_kg, 0.0))
 
 
-KINDS = {
+VEHICLE_KINDS = {
     kind.name: kind
     for kind in (
-        Kind("car", 1500.0, 2.6),
-        Kind("delivery_van", 2200.0, 2.2),
-        Kind("truck", 12000.0, 1.3, 4.0),
-        Kind("bus", 12500.0, 1.2, 4.0),
-        Kind("fire_truck", 13000.0, 1.8, 4.0),
-        Kind("motorcycle", 220.0, 4.0, 6.0),
+        VehicleKind("car", 1500.0, 2.6),
+        VehicleKind("delivery_van", 2200.0, 2.2),
+        VehicleKind("truck", 12000.0, 1.3, 4.0),
+        VehicleKind("bus", 12500.0, 1.2, 4.0),
+        VehicleKind("fire_truck", 13000.0, 1.8, 4.0),
+        VehicleKind("motorcycle", 220.0, 4.0, 6.0),
     )
 }
 """Masses of common models; accelerations after SUMO's defaults of the vehicle classes."""
 
 
-def kind_of(entity: Entity) -> Kind:
+def vehicle_kind(entity: Entity) -> VehicleKind:
     """The kind of an entity by its type, else by the nearest ancestor that is one, else a car."""
-    return next((KINDS[name] for name in (entity.type, *entity.bases) if name in KINDS), KINDS["car"])
+    return next(
+        (VEHICLE_KINDS[name] for name in (entity.type, *entity.bases) if name in VEHICLE_KINDS), VEHICLE_KINDS["car"]
+    )
 
 
 def top_speed(speed_mps: float, load_kg: float, payload_kg: float) -> float:
@@ -58,7 +60,7 @@ def top_speed(speed_mps: float, load_kg: float, payload_kg: float) -> float:
 
 
 def declare(
-    sim: Simulation, name: str, kind: Kind, top_mps: float, *, blue_light: bool = False, reaction_s: float = 0.0
+    sim: Simulation, name: str, kind: VehicleKind, top_mps: float, *, blue_light: bool = False, reaction_s: float = 0.0
 ) -> None:
     """Make a vehicle type of the simulation. Blue lights drive through red and make others give way.
 

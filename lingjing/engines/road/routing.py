@@ -11,7 +11,7 @@ import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
-from lingjing.engines.road.graph import Graph, Link, Place
+from lingjing.engines.road.graph import Graph, LanePoint, RoadLink
 
 TURN_S = {"s": 1.0, "r": 3.0, "R": 2.0, "l": 6.0, "L": 4.0, "t": 25.0}
 """Seconds that a link of each direction costs beyond driving it: slowing down, giving way."""
@@ -20,7 +20,7 @@ _SAME_EDGE_MARGIN_M = 1.0
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
+class DrivingWay:
     """Edges from the start's to the goal's, with what driving them takes."""
 
     edges: tuple[str, ...]
@@ -44,7 +44,7 @@ def find_way(
     goal: tuple[str, float],
     avoid: Collection[str] = (),
     ahead_m: float = 0.0,
-) -> Way | None:
+) -> DrivingWay | None:
     """The quickest way from (edge, metres along it) to (edge, metres), not by the edges to avoid; None: there is none.
 
     The start's edge is left by its end, avoided or not, for the vehicle is there; what lies less than `ahead_m` ahead
@@ -53,12 +53,12 @@ def find_way(
     (origin, from_m), (target, to_m) = start, goal
     if origin == target and to_m >= from_m + ahead_m - _SAME_EDGE_MARGIN_M:
         length = max(0.0, to_m - from_m)
-        return Way((origin,), length, length / graph.edges[origin].speed_mps)
+        return DrivingWay((origin,), length, length / graph.edges[origin].speed_mps)
     edges = _search(graph, origin, target, frozenset(avoid))
     return None if edges is None else measure(graph, edges, from_m, to_m)
 
 
-def straight_on(graph: Graph, edge: str) -> Link | None:
+def straight_on(graph: Graph, edge: str) -> RoadLink | None:
     """The link by which one drives on at the end of an edge: straight, else a slight turn, else the only way on."""
     links = [link for link in graph.edges[edge].links if link.direction != "t"]
     slight = [link for direction in "sRL" for link in links if link.direction == direction]
@@ -78,7 +78,7 @@ def onward(graph: Graph, edges: Sequence[str], reserve_m: float) -> tuple[str, .
     return tuple(found)
 
 
-def edges_at(graph: Graph, place: Avoided, goal: Place | None = None) -> frozenset[str]:
+def edges_at(graph: Graph, place: Avoided, goal: LanePoint | None = None) -> frozenset[str]:
     """The edges that pass a place, without the goal's where the goal is reached before the place is."""
     found = set()
     for near in graph.places(place.x, place.y, place.radius_m):
@@ -124,11 +124,11 @@ def _unwound(came: dict[str, str], origin: str, target: str) -> tuple[str, ...]:
     return tuple(reversed(edges))
 
 
-def _link_s(graph: Graph, link: Link) -> float:
+def _link_s(graph: Graph, link: RoadLink) -> float:
     return link.length_m / max(graph.edges[link.edge].speed_mps, 0.1) + TURN_S.get(link.direction, 3.0)
 
 
-def measure(graph: Graph, edges: tuple[str, ...], from_m: float, to_m: float) -> Way:
+def measure(graph: Graph, edges: tuple[str, ...], from_m: float, to_m: float) -> DrivingWay:
     """The way along edges that follow each other, from a point on the first to one on the last."""
     length, duration = -from_m, -from_m / graph.edges[edges[0]].speed_mps
     for name, following in itertools.pairwise(edges):
@@ -136,4 +136,4 @@ def measure(graph: Graph, edges: tuple[str, ...], from_m: float, to_m: float) ->
         link = next(link for link in edge.links if link.edge == following)
         length += edge.length_m + link.length_m
         duration += edge.time_s + _link_s(graph, link)
-    return Way(edges, length + to_m, duration + to_m / graph.edges[edges[-1]].speed_mps)
+    return DrivingWay(edges, length + to_m, duration + to_m / graph.edges[edges[-1]].speed_mps)

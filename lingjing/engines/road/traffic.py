@@ -11,8 +11,8 @@ from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 
 from lingjing.engines.road.graph import Graph
-from lingjing.engines.road.kinds import KINDS, declare
-from lingjing.engines.road.sideways import Sideways, shifted
+from lingjing.engines.road.kinds import VEHICLE_KINDS, declare
+from lingjing.engines.road.lateral_motion import Sideways, shifted
 from lingjing.engines.road.simulation import Simulation, SumoError
 from lingjing.engines.road.vehicle import NOWHERE_M, body_state
 from lingjing.mission.seeding import Stream
@@ -36,7 +36,7 @@ _TRIES = 30
 
 
 @dataclass(slots=True)
-class Mover:
+class BackgroundVehicle:
     """A background vehicle: its id, its kind, how many edges its route has."""
 
     id: str
@@ -71,12 +71,12 @@ class Traffic:
         self._sim = sim
         self._graph = graph
         self._stream = Stream(seed, "road/traffic")
-        self._movers: list[Mover] = []
+        self._movers: list[BackgroundVehicle] = []
         self._blocked: frozenset[str] = frozenset()
         self._turn = self._entries = 0
         self._sideways = Sideways()
         for name, _ in MIX:
-            declare(sim, f"traffic/{name}", KINDS[name], KINDS[name].top_mps, reaction_s=REACTION_S)
+            declare(sim, f"traffic/{name}", VEHICLE_KINDS[name], VEHICLE_KINDS[name].top_mps, reaction_s=REACTION_S)
 
     def populate(self, count: int, occupied: Occupied) -> None:
         """Put vehicles at random places; fewer where the streets are full."""
@@ -118,7 +118,7 @@ class Traffic:
                     yield shifted(body, self._sideways.follow(body, after_s))
 
     def _populate(self, name: str, occupied: Occupied) -> None:
-        mover = Mover(name, self._draw_kind(), 1)
+        mover = BackgroundVehicle(name, self._draw_kind(), 1)
         length = SIZES[mover.kind].length_m
         for _ in range(_TRIES):
             edge = self._graph.edges[self._draw_edge()]
@@ -129,7 +129,7 @@ class Traffic:
                 self._movers.append(mover)
                 return
 
-    def _enter(self, mover: Mover) -> None:
+    def _enter(self, mover: BackgroundVehicle) -> None:
         """Start again on an edge that is empty, or be tried again at the next step."""
         for _ in range(_TRIES):
             edge = self._graph.edges[self._draw_edge()]
@@ -138,7 +138,7 @@ class Traffic:
                 self._add(mover, edge.id, edge.lanes[0].index, length)
                 return
 
-    def _add(self, mover: Mover, edge: str, lane: int, front_m: float) -> None:
+    def _add(self, mover: BackgroundVehicle, edge: str, lane: int, front_m: float) -> None:
         self._entries += 1
         self._sideways.forget(mover.id)
         route = f"route/{mover.id}/{self._entries}"
@@ -148,7 +148,7 @@ class Traffic:
         )
         self._redirect(mover)
 
-    def _look_after(self, mover: Mover) -> None:
+    def _look_after(self, mover: BackgroundVehicle) -> None:
         vehicles = self._sim.vehicle
         try:
             index = vehicles.getRouteIndex(mover.id)
@@ -161,7 +161,7 @@ class Traffic:
             vehicles.remove(mover.id)
             self._enter(mover)
 
-    def _redirect(self, mover: Mover) -> None:
+    def _redirect(self, mover: BackgroundVehicle) -> None:
         vehicles = self._sim.vehicle
         for _ in range(_TRIES):
             try:
@@ -172,7 +172,7 @@ class Traffic:
             if mover.edges > _NEARLY_THERE:
                 return
 
-    def _evade(self, mover: Mover, blocked: frozenset[str]) -> None:
+    def _evade(self, mover: BackgroundVehicle, blocked: frozenset[str]) -> None:
         vehicles = self._sim.vehicle
         try:
             route = vehicles.getRoute(mover.id)

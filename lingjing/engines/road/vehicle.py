@@ -16,11 +16,11 @@ from collections.abc import Container, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from lingjing.engines.road.graph import Graph, Place
-from lingjing.engines.road.kerb import REACH_M, Kerb, Passing, Room
-from lingjing.engines.road.kinds import SPEED_MPS, declare, kind_of, top_speed
-from lingjing.engines.road.routing import Avoided, Way, onward
-from lingjing.engines.road.sideways import Sideways, shifted
+from lingjing.engines.road.graph import Graph, LanePoint
+from lingjing.engines.road.kerb import REACH_M, Kerb, ParkingPlace, Passing
+from lingjing.engines.road.kinds import SPEED_MPS, declare, top_speed, vehicle_kind
+from lingjing.engines.road.lateral_motion import Sideways, shifted
+from lingjing.engines.road.routing import Avoided, DrivingWay, onward
 from lingjing.engines.road.simulation import FOREVER_S, STEP_S, Simulation, SumoError
 from lingjing.mission.instance import Entity
 from lingjing.plugins.stock import Stock
@@ -55,28 +55,28 @@ _SAME_PLACE_M = 12.0
 _KEEP_LANE, _CHANGE_LANES = 0, 1621
 """Lane change modes: none at all, and SUMO's default."""
 
-Status = Literal["parked", "driving", "waiting", "arrived"]
-Outcome = Literal["", "done", "arrived"]
+VehicleStatus = Literal["parked", "driving", "waiting", "arrived"]
+TaskEnd = Literal["", "done", "arrived"]
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class DrivingPlan:
     """A way to a destination that was asked for: the point named, the lane point nearest to it, the edges."""
 
     x: float
     y: float
-    goal: Place
-    way: Way
+    goal: LanePoint
+    way: DrivingWay
 
 
 @dataclass(slots=True)
-class Task:
+class VehicleTask:
     """What is being done: `drive` to a goal, cover a `distance` by the odometer, `halt`, or get `aside` for others."""
 
     kind: Literal["drive", "distance", "halt", "aside"]
     total: float
     start_m: float = 0.0
-    plan: Plan | None = None
+    plan: DrivingPlan | None = None
     onto: str = ""
     edges: tuple[str, ...] = ()
     steps: int = 0
@@ -85,7 +85,7 @@ class Task:
 
 
 @dataclass(frozen=True, slots=True)
-class Footing:
+class RouteStart:
     """Where a vehicle's route may change: edges that it must still follow first, then an edge and metres along it."""
 
     before: tuple[str, ...]
@@ -100,10 +100,10 @@ class Vehicle:
         """Declare its type; `place` puts it on the road."""
         self.id = entity.id
         self.entity = entity
-        self.kind = kind_of(entity)
+        self.kind = vehicle_kind(entity)
         self.size = SIZES[self.kind.name]
-        self.task: Task | None = None
-        self.plan: Plan | None = None
+        self.task: VehicleTask | None = None
+        self.plan: DrivingPlan | None = None
         self.avoided: tuple[Avoided, ...] = ()
         self.routes = 0
         self._sim = sim
@@ -115,8 +115,8 @@ class Vehicle:
         self._load_kg = 0.0
         self._arrived = False
         self._waited = 0
-        self._room: Room | None = None
-        self._bound: Room | None = None
+        self._room: ParkingPlace | None = None
+        self._bound: ParkingPlace | None = None
         self.held_by = ""
         """Who stands in its way, while it waits at the kerb."""
         self._sideways = Sideways()
@@ -125,7 +125,7 @@ class Vehicle:
             sim, f"type/{self.id}", self.kind, self._speed_mps, blue_light=bool(entity.properties.get("blue_light"))
         )
 
-    def place(self, place: Place) -> None:
+    def place(self, place: LanePoint) -> None:
         """Stand on a lane from the next step on."""
         lane, front = place.lane, self._front(place)
         name = f"route/{self.id}"
@@ -136,14 +136,14 @@ class Vehicle:
         self._sim.vehicle.setStop(self.id, lane.edge, front, lane.index, FOREVER_S)
         self.carry()
 
-    def _kerbside(self, place: Place) -> Room | None:
+    def _kerbside(self, place: LanePoint) -> ParkingPlace | None:
         """The free place at the kerb that is nearest to a point on a lane, promised to it; None: there is none."""
         return self._kerb.promise(self.id, place.lane.edge, self._front(place), self.size.length_m)
 
-    def _front(self, place: Place) -> float:
+    def _front(self, place: LanePoint) -> float:
         return min(max(place.at_m + self.size.length_m / 2.0, 0.1), place.lane.length_m)
 
-    def _park(self, room: Room | None) -> None:
+    def _park(self, room: ParkingPlace | None) -> None:
         self._room = room
         if room is not None:
             self._kerb.take(self.id, room, self.size.length_m)
@@ -164,34 +164,34 @@ class Vehicle:
         return max(0.0, float(self._sim.vehicle.getDistance(self.id)))
 
     @property
-    def status(self) -> Status:
+    def status(self) -> VehicleStatus:
         """`driving` and `waiting` (standing on the way) while something is being done."""
         if self.task is not None:
             return "waiting" if self.task.kind != "halt" and self.speed_mps < STANDING_MPS else "driving"
         return "arrived" if self._arrived else "parked"
 
-    def footing(self) -> Footing:
+    def footing(self) -> RouteStart:
         """From where a new route may start. Within a junction that is the edge being entered."""
         vehicles = self._sim.vehicle
         road, at_m = vehicles.getRoadID(self.id), vehicles.getLanePosition(self.id)
         if not road.startswith(":"):
-            return Footing((), road, at_m)
+            return RouteStart((), road, at_m)
         route, index = vehicles.getRoute(self.id), vehicles.getRouteIndex(self.id)
-        return Footing((route[index],), route[index + 1], 0.0)
+        return RouteStart((route[index],), route[index + 1], 0.0)
 
     def braking_m(self) -> float:
         """The distance that a comfortable halt takes now."""
         return self.speed_mps**2 / (2.0 * BRAKING_MPS2)
 
-    def drive(self, plan: Plan) -> None:
+    def drive(self, plan: DrivingPlan) -> None:
         """Drive along a plan that begins at the footing, and stay at its goal."""
-        self._begin(Task("drive", max(plan.way.length_m, 1.0), self.odometer_m, plan))
+        self._begin(VehicleTask("drive", max(plan.way.length_m, 1.0), self.odometer_m, plan))
         assert self.task is not None
         self.task.stays = self._is_at(plan.goal)
         if self._room is None:
             self._set_out(plan)
 
-    def _is_at(self, goal: Place) -> bool:
+    def _is_at(self, goal: LanePoint) -> bool:
         """Whether it is parked where it would park for a goal, or a little beyond."""
         if self._room is None or self._room.lane.edge != goal.lane.edge:
             return False
@@ -199,7 +199,7 @@ class Vehicle:
         there = wanted is not None and abs(wanted.at_m - self._room.at_m) <= 1.0
         return there or -1.0 <= self._room.at_m - self._front(goal) <= _SAME_PLACE_M
 
-    def _set_out(self, plan: Plan) -> None:
+    def _set_out(self, plan: DrivingPlan) -> None:
         footing, goal = self.footing(), plan.goal
         self._release()
         self._follow(footing, plan.way.edges)
@@ -208,9 +208,9 @@ class Vehicle:
         room = self._kerb.promise(self.id, goal.lane.edge, self._front(goal), self.size.length_m, least)
         front = min(goal.at_m + self.size.length_m / 2.0, goal.lane.length_m - 0.2)
         front = max(front, min(self.size.length_m, goal.lane.length_m - 0.2))
-        self._stop_at(room or Room(goal.lane, front), 0 if room is None else _PARKING)
+        self._stop_at(room or ParkingPlace(goal.lane, front), 0 if room is None else _PARKING)
 
-    def _stop_at(self, place: Room, flags: int) -> None:
+    def _stop_at(self, place: ParkingPlace, flags: int) -> None:
         """Make it stop with its front there."""
         self._bound = place if flags == _PARKING else None
         try:
@@ -220,7 +220,7 @@ class Vehicle:
 
     def cover(self, edges: tuple[str, ...], distance_m: float, onto: str = "") -> None:
         """Drive a distance along edges that begin at the footing's, and halt there; `onto`: not before that edge."""
-        self._begin(Task("distance", distance_m, self.odometer_m, None, onto, edges))
+        self._begin(VehicleTask("distance", distance_m, self.odometer_m, None, onto, edges))
         if self._room is None:
             self._set_out_along(edges)
 
@@ -237,7 +237,7 @@ class Vehicle:
             route = self._sim.vehicle.getRoute(self.id)[self._sim.vehicle.getRouteIndex(self.id) :]
             self._release()
             self._follow(footing, route[len(footing.before) :])
-        self._begin(Task("halt", max(speed, STANDING_MPS)))
+        self._begin(VehicleTask("halt", max(speed, STANDING_MPS)))
         self._arrived = False
 
     @property
@@ -266,7 +266,7 @@ class Vehicle:
             else:
                 self._set_out_along(task.edges)
 
-    def _in_the_way(self, room: Room, impatient: bool) -> Iterator[str]:
+    def _in_the_way(self, room: ParkingPlace, impatient: bool) -> Iterator[str]:
         """Whom it would cut off by pulling out now; who is impatient asks others to brake comfortably."""
         for other in self._kerb.passing(room.lane):
             behind = room.at_m - self.size.length_m - other.front_m
@@ -299,7 +299,7 @@ class Vehicle:
 
     def _room_ahead(
         self, edges: tuple[str, ...], at_m: float, *, bare: bool = False
-    ) -> tuple[tuple[str, ...], Room] | None:
+    ) -> tuple[tuple[str, ...], ParkingPlace] | None:
         """The next free place at the kerb of the edges ahead within reach, and those of them that lead there."""
         ahead_m = -at_m
         for number, name in enumerate(edges):
@@ -311,7 +311,7 @@ class Vehicle:
         self._kerb.forgo(self.id)
         return None
 
-    def _squeeze(self, room: Room) -> None:
+    def _squeeze(self, room: ParkingPlace) -> None:
         try:
             self._sim.vehicle.setStop(self.id, room.lane.edge, room.at_m, room.lane.index, FOREVER_S, _PARKING)
         except SumoError:
@@ -319,9 +319,9 @@ class Vehicle:
             return
         self._park(room)
 
-    def _move_up(self, footing: Footing, edges: tuple[str, ...], room: Room) -> None:
+    def _move_up(self, footing: RouteStart, edges: tuple[str, ...], room: ParkingPlace) -> None:
         arrived = self._arrived
-        self._begin(Task("aside", REACH_M, self.odometer_m))
+        self._begin(VehicleTask("aside", REACH_M, self.odometer_m))
         self._arrived = arrived
         self._release()
         self._follow(footing, edges)
@@ -334,7 +334,7 @@ class Vehicle:
         standing = follower and 0.0 <= gap < 5.0 and self._sim.vehicle.getSpeed(follower) < STANDING_MPS
         return str(follower) if standing else ""
 
-    def step(self, standing: Container[str]) -> Outcome:
+    def step(self, standing: Container[str]) -> TaskEnd:
         """Look after the task behind a step of the simulation; says when it is done. `standing`: who has no task."""
         self._shift()
         task = self.task
@@ -389,14 +389,14 @@ class Vehicle:
             resources={"load_kg": self._load_kg, "speed_mps": speed, "odometer_m": self.odometer_m},
         )
 
-    def _begin(self, task: Task) -> None:
+    def _begin(self, task: VehicleTask) -> None:
         self.task = task
         self._waited = 0
         self._arrived = False
         self._bound = None
         self._kerb.forgo(self.id)
 
-    def _driven(self, task: Task, standing: Container[str]) -> Outcome:
+    def _driven(self, task: VehicleTask, standing: Container[str]) -> TaskEnd:
         vehicles = self._sim.vehicle
         if self._room is not None:
             return "arrived" if task.stays else ""
@@ -412,14 +412,14 @@ class Vehicle:
                 return "arrived"
         return ""
 
-    def _moved_up(self) -> Outcome:
+    def _moved_up(self) -> TaskEnd:
         vehicles = self._sim.vehicle
         if vehicles.isStoppedParking(self.id):
             self._park(self._bound)
             return "done"
         return "" if vehicles.getStops(self.id, 1) else "done"
 
-    def _left_m(self, task: Task) -> float:
+    def _left_m(self, task: VehicleTask) -> float:
         """Metres to the goal; infinite where there is none on the way."""
         if task.plan is None:
             return math.inf
@@ -435,7 +435,7 @@ class Vehicle:
         body = body_state(self._sim, self.id, self.id, self.size.length_m, 0.0)
         self._offset_m = self._sideways.follow(body, STEP_S, rest)
 
-    def _covered(self, task: Task) -> Outcome:
+    def _covered(self, task: VehicleTask) -> TaskEnd:
         if self._room is not None:
             return ""
         left = task.total - (self.odometer_m - task.start_m)
@@ -449,7 +449,7 @@ class Vehicle:
             self._brake(reachable if left > 0.3 and there else (0.0 if there else 2.0))
         return ""
 
-    def _halted(self) -> Outcome:
+    def _halted(self) -> TaskEnd:
         speed = self.speed_mps
         if speed < _STILL_MPS:
             return "done"
@@ -459,7 +459,7 @@ class Vehicle:
     def _brake(self, speed_mps: float) -> None:
         self._sim.vehicle.setSpeed(self.id, speed_mps)
 
-    def _follow(self, footing: Footing, edges: Sequence[str]) -> None:
+    def _follow(self, footing: RouteStart, edges: Sequence[str]) -> None:
         """Take a route. It goes on behind its end, for at the very end of one SUMO removes a vehicle."""
         self._sim.vehicle.setRoute(self.id, [*footing.before, *onward(self._graph, edges, RESERVE_M)])
 

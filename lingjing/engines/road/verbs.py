@@ -11,10 +11,10 @@ import math
 from collections.abc import Callable
 
 from lingjing.engines.road.congestion import Congestion
-from lingjing.engines.road.graph import Graph, Link
+from lingjing.engines.road.graph import Graph, RoadLink
 from lingjing.engines.road.routing import Avoided, edges_at, find_way, measure, straight_on
 from lingjing.engines.road.simulation import Simulation
-from lingjing.engines.road.vehicle import Footing, Plan, Vehicle
+from lingjing.engines.road.vehicle import DrivingPlan, RouteStart, Vehicle
 from lingjing.engines.road.waypoints import waypoints
 from lingjing.mission.instance import Vector
 from lingjing.plugins.requests import STOP, Refusal, number
@@ -93,7 +93,7 @@ class Planner:
         if vehicle.task is not None and vehicle.task.kind == "drive":
             vehicle.drive(plan)
 
-    def _replan(self, vehicle: Vehicle, x: float, y: float) -> Plan:
+    def _replan(self, vehicle: Vehicle, x: float, y: float) -> DrivingPlan:
         planned = vehicle.plan
         if planned is None:
             raise Refusal("no_route", f"`{vehicle.id}` has no route yet that could be replaced")
@@ -107,7 +107,7 @@ class Planner:
             vehicle.avoided = before
             raise
 
-    def _plan(self, vehicle: Vehicle, x: float, y: float) -> Plan:
+    def _plan(self, vehicle: Vehicle, x: float, y: float) -> DrivingPlan:
         near = self._graph.nearest(x, y, most_m=FARTHEST_M)
         if near is None:
             raise Refusal("unreachable", f"there is no road within {FARTHEST_M:g} m of ({x:.1f}, {y:.1f})")
@@ -120,11 +120,11 @@ class Planner:
                 avoid -= {link.edge for link in self._graph.edges[footing.edge].links}
             way = find_way(self._graph, start, (goal.lane.edge, goal.at_m), avoid, vehicle.braking_m())
             if way is not None:
-                return Plan(x, y, goal, way)
+                return DrivingPlan(x, y, goal, way)
         around = " around the places to avoid" if vehicle.avoided else ""
         raise Refusal("unreachable", f"no road leads from `{vehicle.id}` to ({x:.1f}, {y:.1f}){around}")
 
-    def _from_here(self, vehicle: Vehicle, planned: Plan) -> Plan | None:
+    def _from_here(self, vehicle: Vehicle, planned: DrivingPlan) -> DrivingPlan | None:
         """The rest of a plan from where the vehicle is, or None if it has left it."""
         footing, edges, goal = vehicle.footing(), planned.way.edges, planned.goal
         if footing.edge not in edges:
@@ -133,9 +133,9 @@ class Planner:
         if len(rest) == 1 and goal.at_m < _middle(vehicle, footing) + vehicle.braking_m() - 1.0:
             return None
         way = measure(self._graph, rest, _middle(vehicle, footing), goal.at_m)
-        return Plan(planned.x, planned.y, goal, way)
+        return DrivingPlan(planned.x, planned.y, goal, way)
 
-    def _announce(self, vehicle: Vehicle, plan: Plan, request: str, time_s: float) -> None:
+    def _announce(self, vehicle: Vehicle, plan: DrivingPlan, request: str, time_s: float) -> None:
         vehicle.plan = plan
         vehicle.routes += 1
         footing = vehicle.footing()
@@ -185,14 +185,14 @@ class Planner:
         behind = min(vehicle.size.length_m + _BEHIND_TURN_M, self._graph.edges[turn.edge].length_m - 0.5)
         vehicle.cover((*edges, turn.edge), ahead + turn.length_m + behind, onto=turn.edge)
 
-    def _forward_links(self, edge: str) -> list[Link]:
+    def _forward_links(self, edge: str) -> list[RoadLink]:
         return [link for link in self._graph.edges[edge].links if link.direction != "t"]
 
 
-def _middle(vehicle: Vehicle, footing: Footing) -> float:
+def _middle(vehicle: Vehicle, footing: RouteStart) -> float:
     return max(0.0, footing.at_m - vehicle.size.length_m / 2.0)
 
 
-def _possible(links: list[Link]) -> str:
+def _possible(links: list[RoadLink]) -> str:
     names = dict.fromkeys(_NAMES.get(link.direction, link.direction) for link in links)
     return " and ".join(names) or "nowhere but back"

@@ -12,7 +12,7 @@ import math
 from collections.abc import Sequence
 
 from lingjing.engines.road.graph import Graph, bearing
-from lingjing.engines.road.routing import Way
+from lingjing.engines.road.routing import DrivingWay
 from lingjing.engines.road.simulation import Simulation
 from lingjing.mission.instance import Vector
 
@@ -21,7 +21,7 @@ TURN_DEG = 40.0
 _CLOSEST_M = 80.0
 
 
-def waypoints(sim: Simulation, graph: Graph, way: Way, from_m: float, to_m: float) -> tuple[Vector, ...]:
+def waypoints(sim: Simulation, graph: Graph, way: DrivingWay, from_m: float, to_m: float) -> tuple[Vector, ...]:
     """The points of a way from a point on its first edge to one on its last; the start itself is none of them."""
     stretches = _stretches(graph, way, from_m, to_m)
     ends = tuple(itertools.accumulate(upper - lower for _, lower, upper in stretches))
@@ -40,7 +40,7 @@ Stretch = tuple[str, float, float]
 """A part of an edge: its id and the metres along it from where to where."""
 
 
-def _stretches(graph: Graph, way: Way, from_m: float, to_m: float) -> list[Stretch]:
+def _stretches(graph: Graph, way: DrivingWay, from_m: float, to_m: float) -> list[Stretch]:
     last = len(way.edges) - 1
     return [
         (name, from_m if number == 0 else 0.0, to_m if number == last else graph.edges[name].length_m)

@@ -1,6 +1,6 @@
 """Satellites: SGP4 says where they are, the scene's horizon says what they see.
 
-`engine` (the contract) → `passes` (when the region is in view) → `sky` (Earth's rotation, the scene's horizon) →
+`engine` (the contract) → `passes` (when the region is in view) → `earth` (Earth's rotation, the scene's horizon) →
 `orbit` (the one place that imports sgp4).
 
 A satellite flies by its two-line elements (`tle1`, `tle2`). One without elements gets an orbit of its own, 550 km high

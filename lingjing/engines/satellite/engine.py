@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-from lingjing.engines.satellite.orbit import DAY_S, Instant, Orbit, from_lines, instant
-from lingjing.engines.satellite.passes import Watch, passing
-from lingjing.engines.satellite.sky import Horizon
+from lingjing.engines.satellite.earth import Horizon
+from lingjing.engines.satellite.orbit import DAY_S, JulianDate, Orbit, from_lines, instant
+from lingjing.engines.satellite.passes import PassSearch, passing
 from lingjing.mission.instance import Entity, Instance
 from lingjing.plugins.engine import EngineSpec
 from lingjing.plugins.fleet import FleetEngine
@@ -37,14 +37,14 @@ class SatelliteEngine(FleetEngine):
         region = origin.moved(*_aim(spec.instance))
         whole = spec.instance.budget.ticks * spec.instance.clock.tick_s
         ownless = [entity.id for entity in owned if given[entity.id] is None]
-        self._watches: dict[str, Watch] = {}
+        self._watches: dict[str, PassSearch] = {}
         for entity in owned:
             orbit = given[entity.id]
             if orbit is None:
                 share = (ownless.index(entity.id) + 1) / (len(ownless) + 1)
                 orbit = passing(entity.id, start, origin, city.origin[0], share * whole)
             swath_km = entity.number_or("swath_m", SWATH_M) / 1000.0
-            self._watches[entity.id] = Watch(orbit, start, origin, region, swath_km)
+            self._watches[entity.id] = PassSearch(orbit, start, origin, region, swath_km)
         self._in_view = {name: watch.sees(watch.view(0.0)) for name, watch in self._watches.items()}
 
     def start(self, command: Command) -> None:
@@ -79,7 +79,7 @@ class SatelliteEngine(FleetEngine):
         """Let go of the orbits."""
         self._watches = {}
 
-    def _state(self, name: str, watch: Watch) -> BodyState:
+    def _state(self, name: str, watch: PassSearch) -> BodyState:
         time_s = self.clock.time_s
         view = watch.view(time_s)
         east, north, up = view.region
@@ -108,7 +108,7 @@ def _given(entity: Entity) -> Orbit | None:
     return from_lines(entity.id, *lines) if any(lines) else None
 
 
-def _start(instance: Instance, owned: Iterable[Entity], orbits: Iterable[Orbit]) -> Instant:
+def _start(instance: Instance, owned: Iterable[Entity], orbits: Iterable[Orbit]) -> JulianDate:
     """When simulation time 0 is (see the package's docstring)."""
     for said in (instance.scene.options.get("epoch"), *(entity.properties.get("epoch") for entity in owned)):
         if said:

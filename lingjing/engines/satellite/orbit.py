@@ -23,22 +23,22 @@ _EARTH_KM, _EARTH_MU = 6378.135, 398_600.8
 
 
 @dataclass(frozen=True, slots=True)
-class Instant:
+class JulianDate:
     """A UTC date as a Julian day that ends in .5 and the fraction of the day since."""
 
     day: float
     fraction: float
 
-    def later(self, seconds: float) -> Instant:
+    def later(self, seconds: float) -> JulianDate:
         """The instant some seconds later."""
-        return Instant(self.day, self.fraction + seconds / DAY_S)
+        return JulianDate(self.day, self.fraction + seconds / DAY_S)
 
-    def since(self, other: Instant) -> float:
+    def since(self, other: JulianDate) -> float:
         """Seconds since another instant."""
         return ((self.day - other.day) + (self.fraction - other.fraction)) * DAY_S
 
 
-def instant(text: str) -> Instant:
+def instant(text: str) -> JulianDate:
     """An instant from ISO 8601 (UTC where it names no zone); `UsageError` for anything else."""
     message, hint = epoch_fault(text)
     if message:
@@ -47,7 +47,7 @@ def instant(text: str) -> Instant:
     moment = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
     seconds = (moment - datetime(1970, 1, 1, tzinfo=UTC)).total_seconds()
     whole = math.floor(seconds / DAY_S)
-    return Instant(_UNIX_JD + whole, (seconds - whole * DAY_S) / DAY_S)
+    return JulianDate(_UNIX_JD + whole, (seconds - whole * DAY_S) / DAY_S)
 
 
 class Orbit:
@@ -56,9 +56,9 @@ class Orbit:
     def __init__(self, name: str, record: Satrec) -> None:
         self._name = name
         self._record = record
-        self.epoch = Instant(record.jdsatepoch, record.jdsatepochF)
+        self.epoch = JulianDate(record.jdsatepoch, record.jdsatepochF)
 
-    def at(self, when: Instant) -> tuple[Vector, Vector]:
+    def at(self, when: JulianDate) -> tuple[Vector, Vector]:
         """Position (km) and velocity (km/s) in TEME; an orbit that has decayed is an `InfrastructureError`."""
         error, position, velocity = self._record.sgp4(when.day, when.fraction)
         if error:
@@ -78,7 +78,7 @@ def from_lines(name: str, line1: str, line2: str) -> Orbit:
         raise UsageError(f"the elements of `{name}` cannot be read: {error}", hint="copy both lines again") from error
 
 
-def circular(name: str, epoch: Instant, height_km: float, inclination: float, node: float, anomaly: float) -> Orbit:
+def circular(name: str, epoch: JulianDate, height_km: float, inclination: float, node: float, anomaly: float) -> Orbit:
     """A circular orbit; angles in radians at `epoch`."""
     record = Satrec()
     motion = 60.0 * circular_rate(height_km)

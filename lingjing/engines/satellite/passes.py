@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from lingjing.engines.satellite.orbit import DAY_S, Instant, Orbit, circular, circular_rate
-from lingjing.engines.satellite.sky import Horizon, earth_fixed, elevation_deg, off_track_km
+from lingjing.engines.satellite.earth import Horizon, earth_fixed, elevation_deg, off_track_km
+from lingjing.engines.satellite.orbit import DAY_S, JulianDate, Orbit, circular, circular_rate
 from lingjing.mission.instance import Vector
 
 LEAST_ELEVATION_DEG = 30.0
@@ -27,7 +27,7 @@ _SLOW_S, _FINE_S = 60.0, 10.0
 
 
 @dataclass(frozen=True, slots=True)
-class View:
+class SatelliteView:
     """The satellite from the region and from the scene's origin: (east, north, up) in km, velocity in km/s."""
 
     region: Vector
@@ -37,21 +37,21 @@ class View:
     off_track_km: float
 
 
-class Watch:
+class PassSearch:
     """One satellite over one region. Times are simulation seconds."""
 
-    def __init__(self, orbit: Orbit, start: Instant, origin: Horizon, region: Horizon, swath_km: float) -> None:
+    def __init__(self, orbit: Orbit, start: JulianDate, origin: Horizon, region: Horizon, swath_km: float) -> None:
         self._orbit, self._start = orbit, start
         self._origin, self._region = origin, region
         self._half_km = swath_km / 2.0
         self._passes: list[tuple[float, float]] = []
         self._searched = 0.0
 
-    def view(self, time_s: float) -> View:
+    def view(self, time_s: float) -> SatelliteView:
         """What there is to see at a time."""
         position, velocity = earth_fixed(self._orbit, self._start.later(time_s))
         region = self._region.seen(position)
-        return View(
+        return SatelliteView(
             region=region,
             position=self._origin.seen(position),
             velocity=self._origin.turned(velocity),
@@ -59,7 +59,7 @@ class Watch:
             off_track_km=off_track_km(position, velocity, self._region.place),
         )
 
-    def sees(self, view: View) -> bool:
+    def sees(self, view: SatelliteView) -> bool:
         """Whether a picture of the region can be taken."""
         return view.elevation_deg >= LEAST_ELEVATION_DEG and view.off_track_km <= self._half_km
 
@@ -97,7 +97,7 @@ class Watch:
         return inside
 
 
-def passing(name: str, start: Instant, over: Horizon, latitude_deg: float, at_s: float) -> Orbit:
+def passing(name: str, start: JulianDate, over: Horizon, latitude_deg: float, at_s: float) -> Orbit:
     """A circular orbit that is right above `over` (a place at `latitude_deg`) `at_s` seconds after `start`."""
     inclination = _INCLINATION if abs(latitude_deg) < _FAR_NORTH_DEG else _POLAR
     latitude, longitude = _direction(over.place)

@@ -6,11 +6,12 @@ import math
 
 from lingjing.engines import sea
 from lingjing.engines.vessel import hull
-from lingjing.engines.vessel.pilot import ARRIVED_M, Pilot, Point
+from lingjing.engines.vessel.steering import ARRIVED_M, Steering
 from lingjing.mission.instance import Entity, Weather
 from lingjing.plugins.requests import Refusal
 from lingjing.plugins.stock import Stock
 from lingjing.scene.outlines import compass
+from lingjing.scene.shapes import Point
 from lingjing.scene.terrain import Terrain
 from lingjing.trace.records import BodyState
 
@@ -42,12 +43,12 @@ class Boat:
         self.stock = Stock(entity)
         self._load_kg = 0.0
         self._weather = weather
-        self._around = hull.Surroundings.of(weather)
+        self._around = hull.HullForcing.of(weather)
         self._waves = sea.waves(weather)
         self._light_speed = entity.number_or("speed_mps", SPEED_MPS)
-        self._pilot = Pilot(self._light_speed, self._around)
+        self._pilot = Steering(self._light_speed, self._around)
         self.carry()
-        self._state: hull.State = (x, y, math.radians(entity.heading_deg), 0.0, 0.0, 0.0)
+        self._state: hull.HullState = (x, y, math.radians(entity.heading_deg), 0.0, 0.0, 0.0)
         self._start: Point = (x, y)
         self._station: Point = (x, y)
         self._level = terrain.surface(x, y)
@@ -71,7 +72,7 @@ class Boat:
         """Be in this weather from now on."""
         if weather is not self._weather:
             self._weather = weather
-            self._around = hull.Surroundings.of(weather)
+            self._around = hull.HullForcing.of(weather)
             self._waves = sea.waves(weather)
             self._pilot.around = self._around
 

@@ -37,7 +37,7 @@ _SIDE_M2 = 6.0
 _WAVE_DRAG = 80.0
 """Added resistance in head seas, N per metre of significant wave height squared; none in following seas."""
 
-State = tuple[float, float, float, float, float, float]
+HullState = tuple[float, float, float, float, float, float]
 """east, north (m), heading (rad), surge, sway (m/s through the water), yaw rate (rad/s)."""
 
 
@@ -47,7 +47,7 @@ def surge_drag(speed: float) -> float:
 
 
 @dataclass(frozen=True, slots=True)
-class Surroundings:
+class HullForcing:
     """What wind, current and waves are for a hull during an episode."""
 
     wind: tuple[float, float]
@@ -56,13 +56,13 @@ class Surroundings:
     wave_to_rad: float
 
     @classmethod
-    def of(cls, weather: Weather) -> Surroundings:
+    def of(cls, weather: Weather) -> HullForcing:
         """The surroundings of a weather."""
         towards = math.radians(weather.wind_from_deg + 180.0)
         return cls(wind_velocity(weather), current_velocity(weather), weather.wave_height_m, towards)
 
 
-def ground_velocity(state: State, around: Surroundings) -> tuple[float, float]:
+def ground_velocity(state: HullState, around: HullForcing) -> tuple[float, float]:
     """Velocity over ground (east, north), m/s."""
     _, _, heading, surge, sway, _ = state
     sine, cosine = math.sin(heading), math.cos(heading)
@@ -72,7 +72,7 @@ def ground_velocity(state: State, around: Surroundings) -> tuple[float, float]:
     )
 
 
-def advance(state: State, thrust: float, moment: float, around: Surroundings) -> State:
+def advance(state: HullState, thrust: float, moment: float, around: HullForcing) -> HullState:
     """The state `STEP_S` later under constant thrust (N) and steering moment (N m)."""
     first = _rates(state, thrust, moment, around)
     second = _rates(_moved(state, first, STEP_S / 2.0), thrust, moment, around)
@@ -82,12 +82,12 @@ def advance(state: State, thrust: float, moment: float, around: Surroundings) ->
     return _moved(state, mean, STEP_S)
 
 
-def _moved(state: State, rates: tuple[float, ...], seconds: float) -> State:
+def _moved(state: HullState, rates: tuple[float, ...], seconds: float) -> HullState:
     east, north, heading, surge, sway, yaw = (x + seconds * dx for x, dx in zip(state, rates, strict=True))
     return east, north, heading, surge, sway, yaw
 
 
-def _rates(state: State, thrust: float, moment: float, around: Surroundings) -> State:
+def _rates(state: HullState, thrust: float, moment: float, around: HullForcing) -> HullState:
     _, _, heading, surge, sway, yaw = state
     east, north = ground_velocity(state, around)
     air_surge, air_sway = _air_force(heading, around.wind[0] - east, around.wind[1] - north)

@@ -21,7 +21,7 @@ _WANDER = 0.25
 _WANDER_TIME_S = 30.0
 
 
-class Body(Protocol):
+class TargetBody(Protocol):
     """A target's whereabouts."""
 
     def blow(self, weather: Weather) -> None:
@@ -37,15 +37,15 @@ class Body(Protocol):
         ...
 
 
-def body_of(entity: Entity, terrain: Terrain, weather: Weather, seed: int) -> Body:
+def body_of(entity: Entity, terrain: Terrain, weather: Weather, seed: int) -> TargetBody:
     """A body adrift for what drifts or stands on water, else one that stays where it is (on a bridge, say)."""
     x, y, _ = entity.position
     floating = "drift_mps" in entity.properties or entity.properties.get("on") == "water"
     level = terrain.water_level(x, y) if floating else None
-    return Fixed(entity.position) if level is None else Afloat(entity, terrain, level, weather, seed)
+    return FixedBody(entity.position) if level is None else DriftingBody(entity, terrain, level, weather, seed)
 
 
-class Fixed:
+class FixedBody:
     """A target that does not move by itself."""
 
     def __init__(self, position: Vector) -> None:
@@ -62,7 +62,7 @@ class Fixed:
         return self._position, (0.0, 0.0, 0.0)
 
 
-class Afloat:
+class DriftingBody:
     """A drifting target. Its mean speed is the declared drift, its course that of the current plus leeway."""
 
     def __init__(self, entity: Entity, terrain: Terrain, level_m: float, weather: Weather, seed: int) -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 
-from lingjing.engines.quadruped.physics import Mover
+from lingjing.engines.quadruped.physics import MovingBox
 from lingjing.mission.instance import Instance, Vector
 from lingjing.plugins.bodies import solid_size
 from lingjing.plugins.neighbours import solid_mirror
@@ -33,7 +33,7 @@ class Lookout:
         sizes = (size for size in map(solid_size, self._known.values()) if size is not None)
         self._largest_m = max((_reach_m(size) for size in (*SIZES.values(), *sizes)), default=0.0)
 
-    def nearest(self, mirrors: Sequence[BodyState], dogs: Sequence[Vector]) -> tuple[Mover, ...]:
+    def nearest(self, mirrors: Sequence[BodyState], dogs: Sequence[Vector]) -> tuple[MovingBox, ...]:
         """The solid ones that come near, nearest first; ties go by name."""
         if not dogs:
             return ()
@@ -63,8 +63,8 @@ def _reach_m(size: Size) -> float:
     return 0.5 * math.hypot(size.length_m, size.width_m)
 
 
-def _mover(state: BodyState, size: Size, *, hovers: bool) -> Mover:
+def _mover(state: BodyState, size: Size, *, hovers: bool) -> MovingBox:
     half = 0.5 * size.length_m, 0.5 * size.width_m, 0.5 * size.height_m
     x, y, z = state.position
     base = (x, y, z - half[2]) if hovers else (x, y, z)
-    return Mover(state.id, base, half, math.radians(90.0 - state.heading_deg), state.velocity)
+    return MovingBox(state.id, base, half, math.radians(90.0 - state.heading_deg), state.velocity)

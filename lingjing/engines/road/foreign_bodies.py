@@ -13,7 +13,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from lingjing.engines.road.graph import Graph, Place
+from lingjing.engines.road.graph import Graph, LanePoint
 from lingjing.engines.road.simulation import FOREVER_S, Simulation, SumoError
 from lingjing.mission.instance import Entity
 from lingjing.plugins.bodies import mirror_size
@@ -36,7 +36,7 @@ _FREELY_BY_CAR = 2
 
 
 @dataclass(frozen=True, slots=True)
-class Body:
+class ForeignBody:
     """A foreign body near a road: its state at the interval's start, its size, how many seconds ahead it is shown."""
 
     state: BodyState
@@ -55,7 +55,7 @@ class Foreign:
 
     def __init__(self, sim: Simulation, graph: Graph, entities: Sequence[Entity], highest_m: float) -> None:
         """`highest_m` is the elevation of the highest road."""
-        self.bodies: dict[str, Body] = {}
+        self.bodies: dict[str, ForeignBody] = {}
         self._sim = sim
         self._graph = graph
         self._entities = {entity.id: entity for entity in entities}
@@ -79,7 +79,7 @@ class Foreign:
             for lead in body.leads_s:
                 self._set(_stand_in(body.state.id, lead), body, time_s - self._time_s + lead)
 
-    def _set(self, name: str, body: Body, ahead_s: float) -> None:
+    def _set(self, name: str, body: ForeignBody, ahead_s: float) -> None:
         x, y = body.at(ahead_s)
         if name not in self._present:
             self._enter(name, body, x, y)
@@ -91,7 +91,7 @@ class Foreign:
         else:
             self._sim.person.moveToXY(name, "", x, y, heading, _FREELY)
 
-    def _near(self, mirrors: Sequence[BodyState]) -> Iterator[Body]:
+    def _near(self, mirrors: Sequence[BodyState]) -> Iterator[ForeignBody]:
         for state in mirrors:
             x, y, z = state.position
             if z > self._highest_m + _HEIGHT_M or state.status in ABSENT or not self._graph.is_near_road(x, y):
@@ -102,7 +102,7 @@ class Foreign:
             if size is None or not _AFLOAT.isdisjoint(kinds) or abs(z - self._road_height(x, y)) > _HEIGHT_M:
                 continue
             drives = size.length_m >= _VEHICLE_LENGTH_M and "bicycle" not in kinds
-            yield Body(state, size, drives, (0.0,) if drives else (0.0, *self._heralds(state)))
+            yield ForeignBody(state, size, drives, (0.0,) if drives else (0.0, *self._heralds(state)))
 
     def _heralds(self, state: BodyState) -> tuple[float, ...]:
         """The leads at which a walking body will be on a lane."""
@@ -124,7 +124,7 @@ class Foreign:
             return -math.inf
         return float(self._sim.simulation.convert3D(near.lane.edge, near.at_m, near.lane.index)[2])
 
-    def _enter(self, name: str, body: Body, x: float, y: float) -> None:
+    def _enter(self, name: str, body: ForeignBody, x: float, y: float) -> None:
         near = self._graph.nearest(x, y, most_m=_ROAD_M)
         assert near is not None  # bodies are near a road, their heralds on one
         kind = self._declared(body)
@@ -136,13 +136,13 @@ class Foreign:
             self._sim.person.add(name, near.lane.edge, max(0.0, min(near.at_m, length - 0.1)), typeID=kind)
             self._sim.person.appendWaitingStage(name, FOREVER_S)
 
-    def _enter_vehicle(self, name: str, kind: str, near: Place) -> None:
+    def _enter_vehicle(self, name: str, kind: str, near: LanePoint) -> None:
         self._entries += 1
         route = f"route/{name}/{self._entries}"
         self._sim.route.add(route, [near.lane.edge])
         self._sim.vehicle.add(name, route, kind)
 
-    def _declared(self, body: Body) -> str:
+    def _declared(self, body: ForeignBody) -> str:
         size = body.size
         name = f"foreign/{size.length_m}x{size.width_m}x{size.height_m}/{body.drives}"
         if name not in self._types:

@@ -84,7 +84,7 @@ class _Way:
 
 
 @dataclass(slots=True)
-class Walk(_Way):
+class WalkTask(_Way):
     """Go `length` metres along `yaw` (radians) from where it begins."""
 
     x: float
@@ -98,10 +98,10 @@ class Walk(_Way):
     def __post_init__(self) -> None:
         self.whole = self.length
 
-    def end(self, here: Sense) -> Halt:
+    def end(self, here: Sense) -> HaltTask:
         """How to stop once the end is reached."""
         goal = self.x + self.length * math.cos(self.yaw), self.y + self.length * math.sin(self.yaw)
-        return Halt(*goal, self.yaw)
+        return HaltTask(*goal, self.yaw)
 
     def bump(self) -> None:
         """Something is in the way: wait before the next try."""
@@ -134,7 +134,7 @@ class Walk(_Way):
 
 
 @dataclass(slots=True)
-class Turn(_Way):
+class TurnTask(_Way):
     """Turn by `left` radians anticlockwise on the spot; whole turns count."""
 
     x: float
@@ -146,9 +146,9 @@ class Turn(_Way):
     def __post_init__(self) -> None:
         self.whole = abs(self.left)
 
-    def end(self, here: Sense) -> Halt:
+    def end(self, here: Sense) -> HaltTask:
         """How to stop once the turn is done."""
-        return Halt(self.x, self.y, wrapped(here.yaw + self.left))
+        return HaltTask(self.x, self.y, wrapped(here.yaw + self.left))
 
     def bump(self) -> None:
         """Turning goes on: what is touched on the way is pushed along."""
@@ -167,7 +167,7 @@ class Turn(_Way):
 
 
 @dataclass(slots=True)
-class Halt:
+class HaltTask:
     """Come to rest at a place, facing `yaw` (radians)."""
 
     x: float
@@ -206,10 +206,10 @@ def _steps_back(stalled_s: float) -> bool:
     return False
 
 
-def stopping(here: Sense) -> Halt:
+def stopping(here: Sense) -> HaltTask:
     """Come to rest from any speed, as soon as legs can."""
     x, y = (at + _STOP_S * rate for at, rate in zip(here.position[:2], here.velocity[:2], strict=True))
-    return Halt(x, y, here.yaw)
+    return HaltTask(x, y, here.yaw)
 
 
 def _hold(x: float, y: float, here: Sense) -> tuple[float, float]:
@@ -220,4 +220,4 @@ def _hold(x: float, y: float, here: Sense) -> tuple[float, float]:
     return min(max(_HELD_GAIN * ahead, -_HELD_MPS), _HELD_MPS), min(max(_HELD_GAIN * side, -_HELD_MPS), _HELD_MPS)
 
 
-Task = Walk | Turn | Halt
+DogTask = WalkTask | TurnTask | HaltTask

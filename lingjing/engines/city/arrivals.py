@@ -14,7 +14,7 @@ PEOPLE = "people"
 _NEVER = math.inf
 
 
-class Crowd:
+class PeopleQueue:
     """Who comes and goes. `arrivals` and `departures` (Hz) of the entity are mean rates; 0 by default."""
 
     def __init__(self, entity: Entity, seed: int) -> None:

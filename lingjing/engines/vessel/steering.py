@@ -8,9 +8,8 @@ from __future__ import annotations
 
 import math
 
-from lingjing.engines.vessel.hull import STEP_S, YAW_INERTIA, State, Surroundings, ground_velocity, surge_drag
-
-Point = tuple[float, float]
+from lingjing.engines.vessel.hull import STEP_S, YAW_INERTIA, HullForcing, HullState, ground_velocity, surge_drag
+from lingjing.scene.shapes import Point
 
 ARRIVED_M = 5.0
 """A move is complete this close to its goal."""
@@ -32,10 +31,10 @@ _STATION_GAIN = 0.3
 _STATION_MPS = 1.0
 
 
-class Pilot:
+class Steering:
     """Steers one hull of top speed `speed_mps` (through the water) and remembers the drift it has measured."""
 
-    def __init__(self, speed_mps: float, around: Surroundings) -> None:
+    def __init__(self, speed_mps: float, around: HullForcing) -> None:
         self.around = around
         self._drift: Point = around.current
         self.drive(speed_mps)
@@ -45,14 +44,14 @@ class Pilot:
         self._speed = speed_mps
         self._most = _THRUST_MARGIN * surge_drag(speed_mps)
 
-    def follow(self, state: State, start: Point, goal: Point) -> tuple[float, float]:
+    def follow(self, state: HullState, start: Point, goal: Point) -> tuple[float, float]:
         """Thrust (N) and moment (N m) on the way along the line from `start` to `goal`."""
         self._measure(state)
         left = math.dist(state[:2], goal)
         speed = min(self._speed, math.sqrt(2.0 * _BRAKE_MPS2 * max(left - _STANDOFF_M, 0.0)) + _CREEP_MPS)
         return self._steer(state, line_of_sight(state[:2], start, goal), speed)
 
-    def keep(self, state: State, station: Point) -> tuple[float, float]:
+    def keep(self, state: HullState, station: Point) -> tuple[float, float]:
         """Thrust and moment that stay near a point with little power."""
         self._measure(state)
         left = math.dist(state[:2], station)
@@ -62,26 +61,26 @@ class Pilot:
         need = _STATION_GAIN * left + math.hypot(*self._drift)
         return self._steer(state, course, min(need, _STATION_MPS, self._speed))
 
-    def stop(self, state: State) -> tuple[float, float]:
+    def stop(self, state: HullState) -> tuple[float, float]:
         """Thrust and moment that take the way off the hull."""
         self._measure(state)
         return self._surge(state, 0.0), self._turn(state, state[2])
 
-    def _steer(self, state: State, course: float, speed: float) -> tuple[float, float]:
+    def _steer(self, state: HullState, course: float, speed: float) -> tuple[float, float]:
         abeam = self._drift[0] * math.cos(course) - self._drift[1] * math.sin(course)
         heading = course - math.asin(min(max(abeam / max(speed, 0.1), -0.95), 0.95))
         off = _wrapped(heading - state[2])
         return self._surge(state, speed * max(math.cos(off), 0.2)), self._turn(state, heading)
 
-    def _surge(self, state: State, speed: float) -> float:
+    def _surge(self, state: HullState, speed: float) -> float:
         return min(max(surge_drag(speed) + _SURGE_GAIN * (speed - state[3]), -_REVERSE * self._most), self._most)
 
-    def _turn(self, state: State, heading: float) -> float:
+    def _turn(self, state: HullState, heading: float) -> float:
         error = min(max(_wrapped(heading - state[2]), -_MAX_HEADING_ERROR), _MAX_HEADING_ERROR)
         moment = YAW_INERTIA * (_HEADING_GAIN * error - _YAW_DAMPING * state[5])
         return min(max(moment, -_MAX_MOMENT), _MAX_MOMENT)
 
-    def _measure(self, state: State) -> None:
+    def _measure(self, state: HullState) -> None:
         east, north = ground_velocity(state, self.around)
         share = STEP_S / _DRIFT_TIME_S
         self._drift = (

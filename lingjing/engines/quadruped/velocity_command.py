@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lingjing.engines.quadruped.gait import PERIOD_S, Array, Indices
+from lingjing.engines.quadruped.gait import PERIOD_S, DogRows, Indices
 
 _CHANGE = np.array((2.5, 2.0, 6.0)) * PERIOD_S
 """Most that forward, sideways (m/s) and turning (rad/s) may change in a period."""
@@ -18,7 +18,7 @@ _MOST = np.array((0.45, 0.35, 0.6))
 _FILTER_S = 0.25
 
 
-class Pace:
+class VelocityCommand:
     """Commands of `count` dogs; rows are (forward m/s, left m/s, anticlockwise rad/s) in the dog's heading frame."""
 
     def __init__(self, count: int) -> None:
@@ -26,7 +26,7 @@ class Pace:
         self.trim = np.zeros((count, 3))
         self.seen = np.zeros((count, 3))
 
-    def command(self, who: Indices, wanted: Array, measured: Array) -> Array:
+    def command(self, who: Indices, wanted: DogRows, measured: DogRows) -> DogRows:
         """One period: what to tell the policy about the n dogs `who`, (n, 3) as the arguments."""
         wish, seen = self.wish[who], self.seen[who]
         wish += _within(wanted - wish, _CHANGE)
@@ -44,6 +44,6 @@ class Pace:
         self.wish[dog] = self.trim[dog] = self.seen[dog] = 0.0
 
 
-def _within(values: Array, most: Array) -> Array:
+def _within(values: DogRows, most: DogRows) -> DogRows:
     """Limited to ±`most`; a quarter of the price of `numpy.clip` for so few numbers."""
     return np.minimum(np.maximum(values, -most), most)

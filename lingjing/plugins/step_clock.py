@@ -13,7 +13,7 @@ from lingjing.errors import InfrastructureError
 
 
 @dataclass(slots=True)
-class Clock:
+class StepClock:
     """Counts steps of `dt_s`; `done` is how many have been taken, `time_s` what the kernel has been told."""
 
     dt_s: float

@@ -17,7 +17,7 @@ DUST = 1e-9
 """Less than this of anything is nothing: what is left of a sum of floating-point transfers."""
 
 
-class Book:
+class Goods:
     """All stocks of an instance: declared states by entity and by the name without its unit."""
 
     def __init__(self, instance: Instance) -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from lingjing.engines.satellite.orbit import Instant, Orbit
+from lingjing.engines.satellite.orbit import JulianDate, Orbit
 from lingjing.mission.instance import Vector
 
 _EQUATOR_KM, _FLATTENING = 6378.137, 1.0 / 298.257223563
@@ -18,14 +18,14 @@ _ROTATION = 7.292115146706979e-5
 _J2000_JD = 2_451_545.0
 
 
-def sidereal(when: Instant) -> float:
+def sidereal(when: JulianDate) -> float:
     """Greenwich mean sidereal time, radians in [0, 2 pi)."""
     centuries = ((when.day - _J2000_JD) + when.fraction) / 36_525.0
     seconds = 67_310.54841 + centuries * (3_164_400_184.812866 + centuries * (0.093104 - 6.2e-6 * centuries))
     return math.radians(seconds / 240.0) % (2.0 * math.pi)
 
 
-def earth_fixed(orbit: Orbit, when: Instant) -> tuple[Vector, Vector]:
+def earth_fixed(orbit: Orbit, when: JulianDate) -> tuple[Vector, Vector]:
     """Position (km) and velocity (km/s) over the turning Earth."""
     (x, y, z), (vx, vy, vz) = orbit.at(when)
     angle = sidereal(when)

@@ -22,7 +22,7 @@ _STANDING_M = 0.5
 
 
 @dataclass(frozen=True, slots=True)
-class View:
+class WayAhead:
     """What is ahead: a `hazard` (`water`, `drop` or nothing) and how far away the last step before it is, metres (minus
     infinity: there is none)."""
 
@@ -30,14 +30,14 @@ class View:
     step_m: float
 
 
-class Footing:
+class GroundAhead:
     """Looks at the ground of one pack's surroundings."""
 
     def __init__(self, terrain: Terrain, pack: Pack) -> None:
         self._terrain = terrain
         self._pack = pack
 
-    def look(self, here: Sense, yaw: float, remaining_m: float) -> View:
+    def look(self, here: Sense, yaw: float, remaining_m: float) -> WayAhead:
         """What a dog that goes on along `yaw` comes to before it could stop: every edge of the way there."""
         speed = max(here.ahead_mps, 0.0)
         far = NOSE_M + min(speed * speed / (2.0 * _BRAKE_MPS2) + _REACTION_S * speed, max(remaining_m, 0.0))
@@ -51,14 +51,14 @@ class Footing:
             if floor.z == math.inf:  # inside of something that stands there: a wall, not a hole
                 break
             if self._wet(*point, floor):
-                return View("water", step_m)
+                return WayAhead("water", step_m)
             if math.isfinite(before):
                 if before - floor.z > _DROP_M:
-                    return View("drop", step_m)
+                    return WayAhead("drop", step_m)
                 if abs(before - floor.z) > _STEP_M:
                     step_m = ahead
             before = floor.z
-        return View("", step_m)
+        return WayAhead("", step_m)
 
     def height(self, at: Vector) -> float:
         """How high a trunk is over what is below it."""
