@@ -22,11 +22,11 @@ from pathlib import Path
 from typing import Any
 
 import lingjing
-import lingjing.kernel.world.calling as calling
+import lingjing.kernel.world.guarded_calls as calling
 from lingjing.bench.columns import columns, shipped
 from lingjing.kernel.barrier import PolicyBarrier
 from lingjing.kernel.step import Kernel
-from lingjing.kernel.world.ensemble import Ensemble
+from lingjing.kernel.world.engine_group import EngineGroup
 from lingjing.kernel.world.inline import InlineWorld
 
 HERE = Path(__file__).resolve().parent
@@ -62,7 +62,7 @@ class Clock:
 def play(path: str, mode: str, policy: str, seed: int) -> dict[str, Any]:
     """One episode in this process."""
     clock = Clock()
-    clock.over(Ensemble, "advance", "physics")
+    clock.over(EngineGroup, "advance", "physics")
     clock.over(InlineWorld, "capture", "rendering")
     clock.over(InlineWorld, "reset", "start")
     clock.over(Kernel, "step", "kernel")

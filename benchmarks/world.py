@@ -22,11 +22,11 @@ import time
 import types
 from pathlib import Path
 
-import lingjing.kernel.world.calling as calling
+import lingjing.kernel.world.guarded_calls as calling
 from lingjing.dsl.loading.load import load_mission
-from lingjing.kernel.staging import Stage
+from lingjing.kernel.cities import CityBuilder
 from lingjing.kernel.step import Kernel
-from lingjing.kernel.world.coherence import checked_boundary
+from lingjing.kernel.world.boundary_checks import checked_boundary
 from lingjing.kernel.world.contract import World, WorldBoundary
 from lingjing.kernel.world.inline import InlineWorld
 from lingjing.mission.instance import Entity, Instance
@@ -104,7 +104,7 @@ def measured(ticks: int, settings: dict[str, float], count: bool = False) -> dic
     calls a tick in the ticks after them: of each engine's own functions and of all."""
     by_the_processors_clock()
     world = Timed()
-    instance, city = Stage(PluginHost()).set(instantiate(load_mission(MISSION), seed=3, settings=settings))
+    instance, city = CityBuilder(PluginHost()).place(instantiate(load_mission(MISSION), seed=3, settings=settings))
     kernel = Kernel(instance, city, world)
     kernel.reset()
     gc.freeze()  # as the world's own process does after a reset
@@ -148,7 +148,7 @@ def counted(kernel: Kernel, instance: Instance, ticks: range) -> dict[str, float
 
 def resets(count: int) -> dict[str, object]:
     """Megabytes held after the first 20 resets, each with a tick, and after all of them."""
-    instance, city = Stage(PluginHost()).set(instantiate(load_mission(MISSION), seed=3))
+    instance, city = CityBuilder(PluginHost()).place(instantiate(load_mission(MISSION), seed=3))
     world = InlineWorld(PluginHost())
     held = {}
     for number in range(1, count + 1):

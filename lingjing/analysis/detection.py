@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from statistics import median
 
 from lingjing.analysis.spoken import Spoken, spoken
-from lingjing.kernel.references import CAMERA as REFERENCE
+from lingjing.kernel.reference_pictures import CAMERA as REFERENCE
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import FrameInfo
 

@@ -22,7 +22,7 @@ from dataclasses import replace
 from lingjing.analysis.spoken import categories_of, spoken_at
 from lingjing.kernel.assignments import point
 from lingjing.kernel.facts import HANDOFF_M, SAME_POINT_M
-from lingjing.kernel.references import CAMERA as REFERENCE
+from lingjing.kernel.reference_pictures import CAMERA as REFERENCE
 from lingjing.kernel.registry import Registry, Report, initial
 from lingjing.mission.geometry2d import contains
 from lingjing.mission.instance import AgentSpec, Entity, Instance

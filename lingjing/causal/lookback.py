@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from lingjing.analysis.played_city import city_of
-from lingjing.kernel.world.casting import cast
 from lingjing.kernel.world.contract import StoredFrame
-from lingjing.kernel.world.ensemble import close_engines, start_engines
+from lingjing.kernel.world.engine_group import close_engines, start_engines
+from lingjing.kernel.world.selection import select_engines
 from lingjing.kernel.world.sensor import Sensor
 from lingjing.plugins.engine import CaptureRequest
 from lingjing.plugins.host import PluginHost
@@ -30,7 +30,7 @@ def look_back(trace: Trace, wanted: Sequence[tuple[str, str, BoundaryRecord]]) -
     """
     instance, host = trace.header.instance, PluginHost()
     city = city_of(trace) if wanted else None
-    name = cast(instance, host).sensor
+    name = select_engines(instance, host).sensor
     if city is None or name is None:
         return
     engines = start_engines(host, (name,))

@@ -11,8 +11,8 @@ from typing import Literal
 
 from lingjing.errors import UsageError
 from lingjing.kernel.barrier import PolicyBarrier
+from lingjing.kernel.cities import CityBuilder
 from lingjing.kernel.episode import seat
-from lingjing.kernel.staging import Stage
 from lingjing.kernel.step import Kernel, Published
 from lingjing.kernel.world import open_world
 from lingjing.kernel.world.contract import World
@@ -40,7 +40,7 @@ class Game:
             raise UsageError(f"world={world!r}", hint='engines run in "process" or "inline"')
         self._mission, self._mode, self._settings = mission, mode, dict(settings)
         self._host = PluginHost()
-        self._stage = Stage(self._host)
+        self._cities = CityBuilder(self._host)
         self._others = load_policy(others, self._host)
         self._kind = world
         self._policy_seed = policy_seed
@@ -56,7 +56,7 @@ class Game:
     def begin(self, seed: int, outside: Collection[str]) -> Published:
         """Boundary 0 of the episode of `seed`; the agents `outside` are played by the caller."""
         self._end()
-        instance, city = self._stage.set(self.instance(seed))
+        instance, city = self._cities.place(self.instance(seed))
         if self._world is None:
             self._world = open_world(self._kind, host=self._host)
         played = [agent.id for agent in instance.agents if agent.id not in outside]

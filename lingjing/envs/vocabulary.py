@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from lingjing.kernel.happenings import APPEARED, VANISHED, WEATHER
+from lingjing.kernel.scheduled import APPEARED, VANISHED, WEATHER
 from lingjing.mission.instance import Instance
 
 STATUSES = ("accepted", "running", "completed", "rejected", "timed_out", "substituted")

@@ -1,28 +1,28 @@
 """The lockstep kernel: Algorithm 1 of the paper and its operational expansion, line by line.
 
-In the order control flows:
+In the order of control:
 
-- `staging` builds the city of an instance and puts everything where it belongs there;
-- `barrier` calls every policy in a thread of its own and collects by name within K_model;
-- `bus` validates and expands messages (ValidateAndExpand, Stage, Commit, DeliveredTo), as far as the `air` carries;
-- `candidates` makes plain values of what policies returned;
-- `commands` validates and resolves physical commands (ValidateAndResolve);
-- `world` hosts and couples the engines (`contract` is all the kernel knows of it);
-- `assignments` reads destinations out of commands and messages;
-- `budgets` counts what commands and messages use up, `inspections` follows routes waypoint by waypoint;
-- `registry` is G, the shared state: an immutable value that `Update` replaces; `course` is the part of it that budgets,
-  inspections and stages keep, `ledger` a mapping in it that only grows;
-- `happenings` are the mission's own events (weather, who comes and goes) at their boundaries;
-- `pictures` turns captures into what is stored and what policies receive;
-- `stocks` finds a declared state among an engine's resources (`p.demand`);
-- `visibility` projects what an agent may see (ProjectVisible) and may know (the brief); `announcements` decides which
-  events are told to whom, `references` the pictures shown at the start;
-- `instant` is one moment, `facts` what only a running mission answers, `rules` the evaluation of expressions,
-  `adjudication` latches them as events (Adjudicate), `constraints` what must hold all along, `stages` their times;
-- `subtasks` counts the parts of success;
-- `evaluation` scores and ends the episode (Evaluate, TerminationReason);
+- `cities` builds the city of an instance and places its entities there; `supported` refuses what cannot be played;
+- `barrier` calls every policy in a thread of its own and collects their answers by name within K_model;
+- `candidates` turns what policies returned into plain values; `admission` compiles the checks of arguments and bodies;
+- `bus` validates and expands messages (ValidateAndExpand, Stage, Commit, DeliveredTo) over the `links` between agents;
+- `commands` validates and resolves physical commands (ValidateAndResolve); `budgets` counts what both use up;
+- `world` hosts and couples the engines (`contract` is all that the kernel knows of it);
+- `registry` is G, the shared state: an immutable value that `Update` replaces; `progress` is the part of it that
+  budgets, inspections, stages and constraints keep; `append_only` is the mapping that its growing parts are made of;
+- `assignments` reads destinations from commands and messages; `inspections` follows routes waypoint by waypoint;
+- `scheduled` are the mission's own events (weather, entities that come and go) at their boundaries;
+- `pictures` decides which pictures are taken and what policies receive of them; `reference_pictures` are those shown at
+  the start;
+- `stocks` reads declared states from an engine's resources (`p.demand`);
+- `visibility` projects what an agent may see (ProjectVisible) and may know (the brief); `event_visibility` decides
+  which events are told to whom;
+- `context` is what expressions are evaluated on, `facts` the functions that only a running mission answers, `rules`
+  the evaluation of expressions;
+- `adjudication` latches rules as events (Adjudicate), `constraints` checks what must always hold, `stages` times
+  the stages;
+- `subtasks` counts the parts of success; `evaluation` scores and ends the episode (Evaluate, TerminationReason);
 - `recording` derives records from what was published;
-- `playable` refuses what a mission may say and the kernel does not play yet;
 - `step` is W.Step, `episode` the loop around it.
 
 In: an `Instance`, a `City`, a `World`, policies. Out: boundary records and an `Outcome`. Invariants: nothing that

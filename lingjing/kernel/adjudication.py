@@ -14,11 +14,12 @@ from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from lingjing.kernel.assignments import point
-from lingjing.kernel.constraints import Watch
-from lingjing.kernel.instant import Instant
+from lingjing.kernel.constraints import ConstraintMonitor
+from lingjing.kernel.context import RuntimeContext
+from lingjing.kernel.facts import FACTS
 from lingjing.kernel.registry import Binding, Registry, Report
 from lingjing.kernel.rules import bindings, holds, identity, rule_moves, settles_at_once
-from lingjing.kernel.stages import StageBook
+from lingjing.kernel.stages import Stages
 from lingjing.mission.expression import Call, Expr, children
 from lingjing.mission.fold import Meaning
 from lingjing.mission.instance import Datum, Entity, Instance
@@ -44,8 +45,8 @@ class Adjudicator:
         self._instance = instance
         self.kinds = frozenset(message.kind for message in instance.messages)
         self._groups = _groups(instance.entities)
-        self._watch = Watch(instance)
-        self._book = StageBook(instance)
+        self._monitor = ConstraintMonitor(instance)
+        self._declared_stages = Stages(instance)
         self._rules = {rule.name: rule for rule in instance.rules}
         ordered = _sorted_rules(instance.rules)
         self._moving = tuple(rule for rule in ordered if rule_moves(rule, self._rules, self.kinds))
@@ -54,9 +55,9 @@ class Adjudicator:
         self._meanings: dict[int, tuple[Expr, Meaning]] = {}
         self._at_once = frozenset(rule.name for rule in ordered if settles_at_once(rule, self._rules, self.kinds))
 
-    def instant(self, registry: Registry, states: Mapping[str, BodyState], time_s: float) -> Instant:
-        """An instant of this instance, ready for evaluation."""
-        return Instant(
+    def instant(self, registry: Registry, states: Mapping[str, BodyState], time_s: float) -> RuntimeContext:
+        """The evaluation context of this instance at `time_s`."""
+        return RuntimeContext(
             self._instance,
             registry,
             states,
@@ -65,6 +66,7 @@ class Adjudicator:
             self._rules,
             self.kinds,
             self._areas,
+            FACTS,
             self._meanings,
         )
 
@@ -79,10 +81,10 @@ class Adjudicator:
         last = Snapshot(time_s=registry.time_s, states=tuple(registry.states.values()))
         registry = self._apply(self._settled, registry, last, events)
         registry = self._apply(self._moving, registry, last, events)
-        registry, broken = self._watch.look(registry, snapshots, self.instant, len(events) + 1)
+        registry, broken = self._monitor.look(registry, snapshots, self.instant, len(events) + 1)
         events.extend(broken)
         registry, stages = self._stages(registry)
-        registry = self._book.begin(registry)
+        registry = self._declared_stages.begin(registry)
         registry, unlocks = self._unlocks(registry)
         return Verdict(registry, tuple(events), stages, unlocks)
 
@@ -93,7 +95,7 @@ class Adjudicator:
             registry = self._match(rule, at, events) if rule.matching else self._latch(rule, at, events)
         return registry
 
-    def _latch(self, rule: Rule, at: Instant, events: list[Event]) -> Registry:
+    def _latch(self, rule: Rule, at: RuntimeContext, events: list[Event]) -> Registry:
         achieved: dict[Binding, float] = {}
         for scope in bindings(_domains(rule), at, fresh=rule.name in self._at_once):
             binding = tuple(identity(value) for value in scope.values())
@@ -105,7 +107,7 @@ class Adjudicator:
                 events.append(self._event(rule, scope, at, len(events)))
         return at.registry.with_achieved(rule.name, achieved)
 
-    def _match(self, rule: Rule, at: Instant, events: list[Event]) -> Registry:
+    def _match(self, rule: Rule, at: RuntimeContext, events: list[Event]) -> Registry:
         registry = at.registry
         achieved: dict[Binding, float] = {}
         for report, scopes in self._by_report(rule, at).items():
@@ -120,7 +122,7 @@ class Adjudicator:
             events.append(self._event(rule, scope, at, len(events)))
         return registry.with_achieved(rule.name, achieved)
 
-    def _by_report(self, rule: Rule, at: Instant) -> dict[str, list[dict[str, Entity | Report]]]:
+    def _by_report(self, rule: Rule, at: RuntimeContext) -> dict[str, list[dict[str, Entity | Report]]]:
         """Candidate bindings of each report that no boundary has judged yet, in arrival order."""
         arrived = dict.fromkeys(
             value.id for _, domain in _domains(rule) for value in at.fresh(domain) if isinstance(value, Report)
@@ -137,7 +139,7 @@ class Adjudicator:
         rule: Rule,
         scopes: list[dict[str, Entity | Report]],
         claimed: Container[tuple[str, str]],
-        at: Instant,
+        at: RuntimeContext,
     ) -> tuple[dict[str, Entity | Report], tuple[str, str], dict[str, float]] | None:
         best: tuple[dict[str, Entity | Report], tuple[str, str], dict[str, float]] | None = None
         for scope in scopes:
@@ -149,7 +151,7 @@ class Adjudicator:
                 best = (scope, claim, dict(at.evidence))
         return best
 
-    def _event(self, rule: Rule, scope: Mapping[str, Entity | Report], at: Instant, number: int) -> Event:
+    def _event(self, rule: Rule, scope: Mapping[str, Entity | Report], at: RuntimeContext, number: int) -> Event:
         evidence: dict[str, Datum] = dict(at.evidence)
         error = _localisation_error(scope, at)
         if error is not None:
@@ -203,7 +205,7 @@ def _claim(scope: Mapping[str, Entity | Report]) -> tuple[str, str]:
     return frame, entity
 
 
-def _sighted(registry: Registry, scope: Mapping[str, Entity | Report], at: Instant) -> Registry:
+def _sighted(registry: Registry, scope: Mapping[str, Entity | Report], at: RuntimeContext) -> Registry:
     """The registry that knows where a matched report says its entities are."""
     for report in (value for value in scope.values() if isinstance(value, Report)):
         place = point(report.body.get("position"))
@@ -212,7 +214,7 @@ def _sighted(registry: Registry, scope: Mapping[str, Entity | Report], at: Insta
     return registry
 
 
-def _localisation_error(scope: Mapping[str, Entity | Report], at: Instant) -> float | None:
+def _localisation_error(scope: Mapping[str, Entity | Report], at: RuntimeContext) -> float | None:
     """Planar distance between a report's position and where the bound entity was when its frame was taken."""
     report = next((value for value in scope.values() if isinstance(value, Report)), None)
     entity = next((value for value in scope.values() if isinstance(value, Entity)), None)

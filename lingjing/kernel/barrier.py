@@ -83,7 +83,7 @@ def _drain(loop: asyncio.AbstractEventLoop) -> None:
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class PolicyAnswer:
     """What came out of one call: a value, or the reason code and detail of its failure and what it spent."""
 
     value: Any = None
@@ -101,7 +101,7 @@ class PolicyBarrier:
         self._limit_s = limit_s
         self._threads = {name: AgentThread(name) for name in self._policies}
 
-    def reset(self, briefs: Mapping[str, Brief]) -> dict[str, Answer]:
+    def reset(self, briefs: Mapping[str, Brief]) -> dict[str, PolicyAnswer]:
         """Give every policy its brief; failures come back as answers with a reason."""
         return self._collect({name: _reset_call(policy, briefs[name]) for name, policy in self._policies.items()})
 
@@ -115,7 +115,7 @@ class PolicyBarrier:
         silent = exhausted or {}
         asked = {name: policy for name, policy in self._policies.items() if name not in silent}
         given = self._collect({name: _act_call(policy, *inputs[name]) for name, policy in asked.items()})
-        refused = {name: Answer(reason=ALLOWANCE, detail=detail) for name, detail in silent.items()}
+        refused = {name: PolicyAnswer(reason=ALLOWANCE, detail=detail) for name, detail in silent.items()}
         answers = {name: {**given, **refused}[name] for name in self._policies}
         return tuple(_decision_record(name, _check(answer)) for name, answer in answers.items())
 
@@ -128,12 +128,12 @@ class PolicyBarrier:
         for thread in self._threads.values():
             thread.close()
 
-    def _collect(self, calls: Mapping[str, Callable[[], Awaitable[Any]]]) -> dict[str, Answer]:
+    def _collect(self, calls: Mapping[str, Callable[[], Awaitable[Any]]]) -> dict[str, PolicyAnswer]:
         started = time.monotonic()
         futures = {name: self._threads[name].submit(call) for name, call in calls.items()}
         return {name: self._wait(name, future, started) for name, future in futures.items()}
 
-    def _wait(self, name: str, future: concurrent.futures.Future[Any], started: float) -> Answer:
+    def _wait(self, name: str, future: concurrent.futures.Future[Any], started: float) -> PolicyAnswer:
         left = max(0.0, started + self._limit_s - time.monotonic())
         try:
             value, wall_s = future.result(timeout=left)
@@ -142,15 +142,15 @@ class PolicyBarrier:
                 return _failure(error, started)
             future.cancel()
             self._threads[name].abandon()
-            return Answer(reason="policy_timeout", detail=f"no answer within {self._limit_s:g} s")
+            return PolicyAnswer(reason="policy_timeout", detail=f"no answer within {self._limit_s:g} s")
         except InfrastructureError:
             raise
         except Exception as error:  # noqa: BLE001 - whatever a policy raises is the policy's failure
             return _failure(error, started)
-        return Answer(value=value, wall_s=wall_s)
+        return PolicyAnswer(value=value, wall_s=wall_s)
 
 
-def _decision_record(agent: str, answer: Answer) -> DecisionRecord:
+def _decision_record(agent: str, answer: PolicyAnswer) -> DecisionRecord:
     return DecisionRecord(
         agent=agent,
         decision=Decision(usage=answer.usage) if answer.reason else answer.value,
@@ -160,7 +160,7 @@ def _decision_record(agent: str, answer: Answer) -> DecisionRecord:
     )
 
 
-def _failure(error: Exception, started: float) -> Answer:
+def _failure(error: Exception, started: float) -> PolicyAnswer:
     """Without addresses of objects, which differ from run to run and would make the digest differ."""
     try:
         text = f"{type(error).__name__}: {error}".splitlines()[0]
@@ -169,7 +169,7 @@ def _failure(error: Exception, started: float) -> Answer:
     text = text.encode("utf-8", "backslashreplace").decode()  # a lone surrogate cannot be stored
     usage = error.usage if isinstance(error, NoDecisionError) and isinstance(error.usage, Usage) else None
     wall_s = time.monotonic() - started
-    return Answer(reason="policy_error", detail=_ADDRESS.sub("0x…", text)[:300], wall_s=wall_s, usage=usage)
+    return PolicyAnswer(reason="policy_error", detail=_ADDRESS.sub("0x…", text)[:300], wall_s=wall_s, usage=usage)
 
 
 def _reset_call(policy: Policy, brief: Brief) -> Callable[[], Awaitable[Any]]:
@@ -180,9 +180,9 @@ def _act_call(policy: Policy, observation: Observation, inbox: Inbox) -> Callabl
     return lambda: policy.act(observation, inbox)
 
 
-def _check(answer: Answer) -> Answer:
+def _check(answer: PolicyAnswer) -> PolicyAnswer:
     """A `Decision`, or `malformed`."""
     if answer.reason or isinstance(answer.value, Decision):
         return answer
     kind = type(answer.value).__name__
-    return Answer(reason="malformed", detail=f"`act` returned {kind}, not a Decision", wall_s=answer.wall_s)
+    return PolicyAnswer(reason="malformed", detail=f"`act` returned {kind}, not a Decision", wall_s=answer.wall_s)

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
-from lingjing.kernel.course import Course, Spent
+from lingjing.kernel.progress import EpisodeProgress, Spent
 from lingjing.kernel.registry import Registry
 from lingjing.mission.instance import Allowance, Budget, Instance, LimitSpec
 from lingjing.trace.records import DecisionRecord
@@ -39,22 +39,22 @@ class Budgets:
     def tally(self, registry: Registry) -> Tally:
         """A fresh count for the candidates of one boundary."""
         running = tuple(limit for limit in self._limits if not limit.stage or _is_running(limit.stage, registry))
-        return Tally(self, running, dict(registry.course.used), dict(registry.course.spent))
+        return Tally(self, running, dict(registry.progress.used), dict(registry.progress.spent))
 
-    def exhausted(self, course: Course, agents: Iterable[str]) -> dict[str, str]:
+    def exhausted(self, progress: EpisodeProgress, agents: Iterable[str]) -> dict[str, str]:
         """The agents that have nothing left to think with, and which bound says so."""
-        whole = self._model_bound(self._whole, _total(course.spent))
+        whole = self._model_bound(self._whole, _total(progress.spent))
         found: dict[str, str] = {}
         for agent in agents:
             own = self._own.get(agent)
-            bound = self._model_bound(own, course.spent.get(agent, Spent())) if own is not None else ""
+            bound = self._model_bound(own, progress.spent.get(agent, Spent())) if own is not None else ""
             if bound or whole:
                 found[agent] = f"`{agent}` has spent its {bound}" if bound else f"all together have spent their {whole}"
         return found
 
-    def spend(self, course: Course, decisions: Iterable[DecisionRecord]) -> Course:
-        """The course with what the decisions' model calls have cost."""
-        spent = dict(course.spent)
+    def spend(self, progress: EpisodeProgress, decisions: Iterable[DecisionRecord]) -> EpisodeProgress:
+        """The progress with what the decisions' model calls have cost."""
+        spent = dict(progress.spent)
         for made in decisions:
             usage = made.decision.usage
             if usage is not None:
@@ -64,7 +64,7 @@ class Budgets:
                     tokens=before.tokens + usage.prompt_tokens + usage.completion_tokens,
                     money_usd=before.money_usd + usage.cost_usd,
                 )
-        return replace(course, spent=spent)
+        return replace(progress, spent=spent)
 
     def no_messages_left(self, sender: str, spent: Mapping[str, Spent]) -> str:
         """Which allowance of messages the sender has used up, or ""."""
@@ -116,9 +116,9 @@ class Tally:
         before = self.spent.get(sender, Spent())
         self.spent[sender] = replace(before, messages=before.messages + 1)
 
-    def onto(self, course: Course) -> Course:
-        """The course with these counts."""
-        return replace(course, used=self.used, spent=self.spent)
+    def onto(self, progress: EpisodeProgress) -> EpisodeProgress:
+        """The progress with these counts."""
+        return replace(progress, used=self.used, spent=self.spent)
 
     def _forbidden(self, limits: Iterable[LimitSpec]) -> str:
         for limit in limits:
@@ -144,7 +144,7 @@ def _counts_message(limit: LimitSpec, kind: str) -> bool:
 
 def _is_running(stage: str, registry: Registry) -> bool:
     """Whether a stage has begun for somebody and is not done for everybody who began it."""
-    begun = [subject for name, subject in registry.course.began if name == stage]
+    begun = [subject for name, subject in registry.progress.began if name == stage]
     return any((stage, subject) not in registry.stages for subject in begun)
 
 

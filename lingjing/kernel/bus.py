@@ -15,12 +15,11 @@ from dataclasses import dataclass, replace
 
 import msgspec
 
-from lingjing.kernel.air import Air
+from lingjing.kernel.admission import body_check
 from lingjing.kernel.budgets import Tally
-from lingjing.kernel.candidates import is_number
-from lingjing.mission.instance import AgentSpec, Datum, Instance, MessageSpec
-from lingjing.mission.model import Field
-from lingjing.plugins.decisions import MESSAGES_PER_CALL, REACH_M
+from lingjing.kernel.links import Links
+from lingjing.mission.instance import AgentSpec, Instance, MessageSpec
+from lingjing.plugins.decisions import MESSAGES_PER_CALL
 from lingjing.trace.records import Envelope, Outgoing, Receipt
 
 
@@ -45,7 +44,7 @@ class Bus:
         return replace(self, committed=tuple(e for e in self.committed if e.deliver_at > tick)), due
 
 
-class Router:
+class MessageRouter:
     """ValidateAndExpand for one instance: envelope validation and topology expansion."""
 
     def __init__(self, instance: Instance) -> None:
@@ -53,7 +52,8 @@ class Router:
         self._comms = instance.comms
         self._agents = {agent.id: agent for agent in instance.agents}
         self._kinds: Mapping[str, MessageSpec] = {message.kind: message for message in instance.messages}
-        self._air = Air(instance)
+        self._bodies = {message.kind: body_check(message) for message in instance.messages}
+        self._links = Links(instance)
 
     def expand(
         self,
@@ -117,7 +117,7 @@ class Router:
         recipients, reason, detail = self._recipients(self._agents[sender], message)
         if not reason and tick <= self._instance.budget.ticks < deliver_at:
             recipients, reason, detail = (), "expired", "the episode ends before it could be read"
-        heard, cuts = self._through_the_air(name, sender, recipients, unheard)
+        heard, cuts = self._over_links(name, sender, recipients, unheard)
         if recipients and not heard:
             reason, detail = cuts
         if reason in ("out_of_range", "lost") and spec.category == "report":
@@ -144,11 +144,11 @@ class Router:
         detail = "; ".join(part for part in (", ".join(heard), cuts[1]) if part)
         return edges, self._receipt(name, sender, message, tick, "accepted", cuts[0], detail)
 
-    def _through_the_air(
+    def _over_links(
         self, name: str, sender: str, recipients: Sequence[str], unheard: Sequence[tuple[str, str]]
     ) -> tuple[tuple[str, ...], tuple[str, str]]:
         """Who hears the message, and the reason code and detail for those who do not, or two empty strings."""
-        fates = {recipient: self._air.cut(name, sender, recipient, unheard) for recipient in recipients}
+        fates = {recipient: self._links.cut(name, sender, recipient, unheard) for recipient in recipients}
         heard = tuple(recipient for recipient in recipients if not fates[recipient])
         parts = [
             (reason, ", ".join(recipient for recipient in recipients if fates[recipient] == reason))
@@ -172,7 +172,7 @@ class Router:
         size = len(msgspec.json.encode(message.body))
         if size > self._comms.payload_bytes:
             return "payload", f"{size} bytes, at most {self._comms.payload_bytes}"
-        detail = body_fault(spec, message.body, frames)
+        detail = self._bodies[message.kind].fault(message.body, frames)
         return ("bad_field", detail) if detail else ("", "")
 
     def _recipients(self, agent: AgentSpec, message: Outgoing) -> tuple[tuple[str, ...], str, str]:
@@ -207,64 +207,3 @@ class Router:
             by="bus",
             time_s=(tick - 1) * self._instance.clock.tick_s,
         )
-
-
-def body_fault(spec: MessageSpec, body: Mapping[str, Datum], frames: Container[str]) -> str:
-    """What is wrong with a message body, or "": unknown, missing or ill-typed fields, an unknown frame."""
-    fields = {item.name: item for item in spec.fields}
-    for name in body:
-        if name not in fields:
-            return f"`{name}` is not a field of `{spec.type}`; fields: {', '.join(fields)}"
-    for item in spec.fields:
-        value = body.get(item.name)
-        if value is None:
-            if not item.optional:
-                return f"`{item.name}` is missing"
-            continue
-        fault = field_fault(item, value, frames)
-        if fault:
-            return f"`{item.name}` {fault}"
-    return ""
-
-
-def field_fault(item: Field, value: Datum, frames: Container[str]) -> str:
-    """What is wrong with one field's value, or ""."""
-    if item.type == "frame":
-        return "" if isinstance(value, str) and value in frames else "names no picture taken so far"
-    if item.type in ("name", "text"):
-        return "" if isinstance(value, str) else "must be a text"
-    if item.type == "flag":
-        return "" if isinstance(value, bool) else "must be true or false"
-    if item.type == "number":
-        return _number_fault(item, value)
-    if item.type == "names":
-        fine = isinstance(value, tuple | list) and all(isinstance(one, str) for one in value)
-        return "" if fine else "must be a list of names"
-    if not isinstance(value, tuple | list) or not all(is_number(one) for one in value):
-        return "must be a list of finite numbers"
-    return _box_fault(value) if item.type == "box" else _position_fault(value)
-
-
-def _number_fault(item: Field, value: Datum) -> str:
-    if not is_number(value):
-        return "must be a finite number"
-    low, high = item.minimum, item.maximum
-    if (low is not None and value < low) or (high is not None and value > high):  # type: ignore[operator]
-        return f"must lie in {low}..{high}"
-    return ""
-
-
-def _box_fault(value: Sequence[object]) -> str:
-    """A normalised box with 0 ≤ min < max ≤ 1 (the paper's adjudication section)."""
-    if len(value) != 4:
-        return "must have four numbers"
-    left, top, right, bottom = value
-    fine = 0 <= left < right <= 1 and 0 <= top < bottom <= 1  # type: ignore[operator]
-    return "" if fine else "must be x0, y0, x1, y1 with 0 ≤ min < max ≤ 1"
-
-
-def _position_fault(value: Sequence[object]) -> str:
-    if len(value) not in (2, 3):
-        return "must have two or three numbers"
-    far = any(abs(one) > REACH_M for one in value)  # type: ignore[arg-type]
-    return f"must lie within {REACH_M:g} m" if far else ""

@@ -13,13 +13,13 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
+from lingjing.kernel.admission import arguments_check
 from lingjing.kernel.budgets import LIMIT, Tally
-from lingjing.kernel.candidates import is_number
-from lingjing.kernel.instant import Instant
+from lingjing.kernel.context import RuntimeContext
 from lingjing.kernel.registry import Registry
 from lingjing.kernel.rules import holds
 from lingjing.mission.instance import AgentSpec, ArgumentSpec, Datum, Entity, Instance, VerbSpec
-from lingjing.plugins.decisions import PHOTO, REACH_M
+from lingjing.plugins.decisions import PHOTO
 from lingjing.trace.records import Action, Command, Receipt
 
 PREEMPTING = "stop"
@@ -36,7 +36,7 @@ BLIND = ("out_of_view", "below_horizon")
 
 
 @dataclass(frozen=True, slots=True)
-class Fault:
+class Rejection:
     """Why a candidate is refused: a stable reason code and a sentence."""
 
     reason: str
@@ -52,7 +52,7 @@ class Resolution:
     clipped: Mapping[str, str] = field(default_factory=dict)
 
 
-class Gate:
+class CommandValidator:
     """ValidateAndResolve for one instance. `bounds` are the city's: west, south, east, north in metres."""
 
     def __init__(self, instance: Instance, bounds: tuple[float, float, float, float] | None = None) -> None:
@@ -60,6 +60,10 @@ class Gate:
         self._bounds = bounds
         self._agents = {agent.id: agent for agent in instance.agents}
         self._entities = {entity.id: entity for entity in instance.entities}
+        self._verbs = {entity.id: {verb.name: verb for verb in entity.verbs} for entity in instance.entities}
+        self._arguments = {
+            (entity.id, verb.name): arguments_check(verb) for entity in instance.entities for verb in entity.verbs
+        }
 
     def resolve(
         self,
@@ -68,7 +72,7 @@ class Gate:
         tick: int,
         *,
         tally: Tally | None = None,
-        at: Instant | None = None,
+        at: RuntimeContext | None = None,
     ) -> Resolution:
         """At most one command per resource; everything in policy order.
 
@@ -101,8 +105,7 @@ class Gate:
     ) -> tuple[Command, str]:
         """The command of a valid candidate, and what was clipped."""
         entity = self._entities[resource]
-        verb = _verb(entity, action.verb)
-        assert verb is not None
+        verb = self._verbs[resource][action.verb]
         arguments, note = _clip(verb, action.arguments, entity, registry)
         command = Command(id=name, tick=tick, sender=sender, resource=resource, verb=action.verb, arguments=arguments)
         return command, note
@@ -121,7 +124,7 @@ class Gate:
         registry: Registry,
         tick: int,
         admitted: Mapping[str, Command],
-    ) -> Fault | None:
+    ) -> Rejection | None:
         agent = self._agents.get(sender)
         return (
             _identity_fault(sender, agent, action, tick)
@@ -131,40 +134,44 @@ class Gate:
             or _resource_fault(action, resource, registry, admitted)
         )
 
-    def _conduct_fault(self, action: Action, resource: str, tally: Tally | None, at: Instant | None) -> Fault | None:
+    def _conduct_fault(
+        self, action: Action, resource: str, tally: Tally | None, at: RuntimeContext | None
+    ) -> Rejection | None:
         """What the mission itself forbids for now, or for good."""
         for permit in self._instance.permits if at is not None else ():
             concerned = permit.resource == resource and permit.verb in ("", action.verb)
             if concerned and action.verb != PREEMPTING and at is not None and not holds(permit.condition, {}, at):
-                return Fault("not_permitted", f"the mission does not permit `{action.verb}` of `{resource}` yet")
+                return Rejection("not_permitted", f"the mission does not permit `{action.verb}` of `{resource}` yet")
         forbidden = tally.command(resource, action.verb) if tally is not None else ""
-        return Fault(LIMIT, forbidden) if forbidden else None
+        return Rejection(LIMIT, forbidden) if forbidden else None
 
-    def forbidden(self, at: Instant) -> tuple[tuple[str, str], ...]:
+    def forbidden(self, at: RuntimeContext) -> tuple[tuple[str, str], ...]:
         """The (resource, verb) pairs of the permits that do not hold at an instant; the verb is "" for all."""
         permits = self._instance.permits
         return tuple((permit.resource, permit.verb) for permit in permits if not holds(permit.condition, {}, at))
 
-    def _authority_fault(self, agent: AgentSpec | None, resource: str) -> Fault | None:
+    def _authority_fault(self, agent: AgentSpec | None, resource: str) -> Rejection | None:
         assert agent is not None
         if resource in agent.commands:
             return None
         allowed = ", ".join(agent.commands) or "nothing"
         entity = self._entities.get(resource)
         if entity is None or "position" in entity.hidden:  # that a hidden entity exists is not for a receipt to say
-            return Fault("unknown_resource", f"there is no resource `{resource}`; `{agent.id}` may command {allowed}")
-        return Fault("no_authority", f"`{agent.id}` may not command `{resource}`, only {allowed}")
+            return Rejection(
+                "unknown_resource", f"there is no resource `{resource}`; `{agent.id}` may command {allowed}"
+            )
+        return Rejection("no_authority", f"`{agent.id}` may not command `{resource}`, only {allowed}")
 
-    def _schema_fault(self, action: Action, resource: str) -> Fault | None:
+    def _schema_fault(self, action: Action, resource: str) -> Rejection | None:
         entity = self._entities[resource]
-        verb = _verb(entity, action.verb)
-        if verb is None:
+        check = self._arguments.get((resource, action.verb))
+        if check is None:
             known = ", ".join(item.name for item in entity.verbs)
-            return Fault("unknown_verb", f"`{action.verb}` is not in the action space of `{resource}`: {known}")
-        detail = _argument_fault(verb, action.arguments) or _camera_fault(entity, action)
-        return Fault("bad_argument", detail) if detail else None
+            return Rejection("unknown_verb", f"`{action.verb}` is not in the action space of `{resource}`: {known}")
+        detail = check.fault(action.arguments) or _camera_fault(entity, action)
+        return Rejection("bad_argument", detail) if detail else None
 
-    def _place_fault(self, action: Action) -> Fault | None:
+    def _place_fault(self, action: Action) -> Rejection | None:
         """A place far from the city is one in another frame: centimetres, another grid, degrees made metres."""
         x, y = action.arguments.get("x"), action.arguments.get("y")
         if self._bounds is None or not isinstance(x, int | float) or not isinstance(y, int | float):
@@ -173,13 +180,13 @@ class Gate:
         beyond_m = max(west - x, x - east, south - y, y - north)
         if beyond_m <= MARGIN_M:
             return None
-        return Fault(
+        return Rejection(
             "outside_world",
             f"({x:g}, {y:g}) lies {beyond_m:.0f} m outside the city: places are metres east and north of its origin, "
             f"within ({west:g}, {south:g}) and ({east:g}, {north:g})",
         )
 
-    def _refusal(self, name: str, sender: str, resource: str, tick: int, fault: Fault) -> Receipt:
+    def _refusal(self, name: str, sender: str, resource: str, tick: int, fault: Rejection) -> Receipt:
         return Receipt(
             request=name,
             tick=tick,
@@ -199,56 +206,34 @@ def camera_of(entity: Entity, arguments: Mapping[str, Datum]) -> str:
     return str(name) if name is not None else entity.cameras[0].name if entity.cameras else ""
 
 
-def _identity_fault(sender: str, agent: AgentSpec | None, action: Action, tick: int) -> Fault | None:
+def _identity_fault(sender: str, agent: AgentSpec | None, action: Action, tick: int) -> Rejection | None:
     if agent is None:
-        return Fault("unknown_agent", f"`{sender}` is not active in this episode")
+        return Rejection("unknown_agent", f"`{sender}` is not active in this episode")
     if action.tick is not None and action.tick != tick - 1:
-        return Fault("stale", f"decided on boundary {action.tick}, now is {tick - 1}")
+        return Rejection("stale", f"decided on boundary {action.tick}, now is {tick - 1}")
     return None
 
 
-def _resource_fault(action: Action, resource: str, registry: Registry, admitted: Mapping[str, Command]) -> Fault | None:
+def _resource_fault(
+    action: Action, resource: str, registry: Registry, admitted: Mapping[str, Command]
+) -> Rejection | None:
     first = admitted.get(resource)
     if first is not None:
-        return Fault("conflict", f"`{first.sender}` was admitted first (`{first.verb}`, {first.id})")
+        return Rejection("conflict", f"`{first.sender}` was admitted first (`{first.verb}`, {first.id})")
     held = registry.pending.get(resource)
     if held is not None and action.verb != PREEMPTING:
-        return Fault("busy", f"`{resource}` is still doing `{held.verb}` ({held.id}); `stop` pre-empts it")
+        return Rejection("busy", f"`{resource}` is still doing `{held.verb}` ({held.id}); `stop` pre-empts it")
     if action.verb == PHOTO:
         return _sight_fault(resource, registry.states[resource].status)
     return None
 
 
-def _sight_fault(resource: str, status: str) -> Fault | None:
+def _sight_fault(resource: str, status: str) -> Rejection | None:
     if status == DEAD:
-        return Fault("dead", f"`{resource}` is dead and takes no pictures")
+        return Rejection("dead", f"`{resource}` is dead and takes no pictures")
     if status in BLIND:
-        return Fault("not_in_view", f"`{resource}` does not see the region now: {status}")
+        return Rejection("not_in_view", f"`{resource}` does not see the region now: {status}")
     return None
-
-
-def _verb(entity: Entity, name: str) -> VerbSpec | None:
-    return next((verb for verb in entity.verbs if verb.name == name), None)
-
-
-def _argument_fault(verb: VerbSpec, arguments: Mapping[str, Datum]) -> str:
-    known = {argument.name: argument for argument in verb.arguments}
-    for name in arguments:
-        if name not in known:
-            return f"`{verb.name}` has no argument `{name}`; it takes {', '.join(known) or 'none'}"
-    for name, spec in known.items():
-        value = arguments.get(name)
-        if value is None:
-            if not spec.optional and spec.default is None:
-                return f"`{verb.name}` needs `{name}`"
-        elif spec.unit == "name":
-            if not isinstance(value, str):
-                return f"`{name}` must be a name"
-        elif not isinstance(value, int | float) or not is_number(value):
-            return f"`{name}` must be a finite number"
-        elif abs(value) > REACH_M:
-            return f"`{name}` must lie within {REACH_M:g}"
-    return ""
 
 
 def _camera_fault(entity: Entity, action: Action) -> str:

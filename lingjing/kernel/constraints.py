@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
-from lingjing.kernel.instant import Instant
+from lingjing.kernel.context import RuntimeContext
 from lingjing.kernel.registry import Registry
 from lingjing.kernel.rules import bindings, holds, identity
 from lingjing.mission.expression import Number
@@ -14,10 +14,10 @@ from lingjing.mission.model import Constraint
 from lingjing.mission.wording import some
 from lingjing.trace.records import BodyState, Event, Snapshot
 
-At = Callable[[Registry, Mapping[str, BodyState], float], Instant]
+At = Callable[[Registry, Mapping[str, BodyState], float], RuntimeContext]
 
 
-class Watch:
+class ConstraintMonitor:
     """The constraints of one instance; holds no run-time state."""
 
     def __init__(self, instance: Instance) -> None:
@@ -28,7 +28,7 @@ class Watch:
     ) -> tuple[Registry, tuple[Event, ...]]:
         """The registry that knows what was broken, and an event for each; their ids go on from `first`."""
         events: list[Event] = []
-        broken = dict(registry.course.broken)
+        broken = dict(registry.progress.broken)
         for snapshot in snapshots if self._constraints else ():
             at = instant(registry, {state.id: state for state in snapshot.states}, snapshot.time_s)
             for constraint in self._constraints:
@@ -38,17 +38,17 @@ class Watch:
                         events.append(_event(constraint, subject, at, first + len(events)))
         if not events:
             return registry, ()
-        return replace(registry, course=replace(registry.course, broken=broken)), tuple(events)
+        return replace(registry, progress=replace(registry.progress, broken=broken)), tuple(events)
 
     def broken(self, registry: Registry) -> str:
         """Which hard constraint was broken, when and by whom, or "": then the episode can be no success any more."""
         hard = [constraint.name for constraint in self._constraints if constraint.kind == "hard"]
-        name = next((one for one, _ in registry.course.broken if one in hard), None)
+        name = next((one for one, _ in registry.progress.broken if one in hard), None)
         if name is None:
             return ""
         acts = [
             f"at {time_s:g} s" + (f" by {subject}" if subject else "")
-            for (one, subject), time_s in registry.course.broken.items()
+            for (one, subject), time_s in registry.progress.broken.items()
             if one == name
         ]
         return f"the constraint `{name}` was broken {some(acts)}"
@@ -56,10 +56,10 @@ class Watch:
     def penalty(self, registry: Registry) -> float:
         """What the broken soft constraints take off the score."""
         cost = {one.name: one.penalty.value for one in self._constraints if isinstance(one.penalty, Number)}
-        return sum(cost.get(name, 0.0) for name, _ in registry.course.broken)
+        return sum(cost.get(name, 0.0) for name, _ in registry.progress.broken)
 
 
-def _offenders(constraint: Constraint, at: Instant) -> list[str]:
+def _offenders(constraint: Constraint, at: RuntimeContext) -> list[str]:
     domain = ((constraint.variable, constraint.domain),) if constraint.variable and constraint.domain else ()
     return [
         "".join(identity(value) for value in scope.values())
@@ -68,7 +68,7 @@ def _offenders(constraint: Constraint, at: Instant) -> list[str]:
     ]
 
 
-def _event(constraint: Constraint, subject: str, at: Instant, number: int) -> Event:
+def _event(constraint: Constraint, subject: str, at: RuntimeContext, number: int) -> Event:
     return Event(
         id=f"e{at.registry.tick}-{number}",
         kind=constraint.name,

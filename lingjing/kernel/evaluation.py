@@ -17,11 +17,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from lingjing.kernel.adjudication import Adjudicator
-from lingjing.kernel.constraints import Watch
-from lingjing.kernel.instant import Instant, Locals
+from lingjing.kernel.constraints import ConstraintMonitor
+from lingjing.kernel.context import Locals, RuntimeContext
 from lingjing.kernel.registry import Registry
 from lingjing.kernel.rules import holds
-from lingjing.kernel.stages import Late, StageBook
+from lingjing.kernel.stages import Late, Stages
 from lingjing.mission.expression import Binary, Expr, Quantified
 from lingjing.mission.instance import Instance
 from lingjing.mission.wording import some
@@ -35,26 +35,26 @@ class MissionEvaluator:
     def __init__(self, instance: Instance, adjudicator: Adjudicator | None = None) -> None:
         self._instance = instance
         self._adjudicator = adjudicator or Adjudicator(instance)
-        self._watch = Watch(instance)
-        self._book = StageBook(instance)
+        self._monitor = ConstraintMonitor(instance)
+        self._declared_stages = Stages(instance)
 
     def evaluate(self, standing: Registry, events: Sequence[Event]) -> Evaluation:
         """Success before failure and lateness: a mission won at the boundary where it would be lost is won."""
         at = self._adjudicator.instant(standing, standing.states, standing.time_s)
         won = holds(self._instance.success, {}, at)
-        score = max(0.0, (1.0 if won else self._share(standing, at)) - self._watch.penalty(standing))
-        broken = self._watch.broken(standing)
+        score = max(0.0, (1.0 if won else self._share(standing, at)) - self._monitor.penalty(standing))
+        broken = self._monitor.broken(standing)
         if broken:
             return Evaluation(score, True, "constraint", broken)
         if won:
             return Evaluation(score, True, "success")
         if self._instance.failure is not None and holds(self._instance.failure, {}, at):
             return Evaluation(score, True, "failure")
-        late = tuple(self._book.late(standing))
+        late = tuple(self._declared_stages.late(standing))
         return Evaluation(score, True, "late", _lateness(late, standing.tick)) if late else Evaluation(score, False)
 
-    def _share(self, registry: Registry, at: Instant) -> float:
-        score = self._book.score(registry)
+    def _share(self, registry: Registry, at: RuntimeContext) -> float:
+        score = self._declared_stages.score(registry)
         if score is not None:
             return score
         parts = list(parts_of(self._instance.success, {}, at))
@@ -68,7 +68,7 @@ def _lateness(late: Sequence[Late], tick: int) -> str:
     return told + (f"; so were {some([one.name for one in others])}" if others else "")
 
 
-def parts_of(condition: Expr, scope: Locals, at: Instant) -> Iterator[bool]:
+def parts_of(condition: Expr, scope: Locals, at: RuntimeContext) -> Iterator[bool]:
     """Whether each part of a condition holds: the sides of a conjunction, the members of a `forall`."""
     if isinstance(condition, Binary) and condition.operator == "and":
         yield from parts_of(condition.left, scope, at)

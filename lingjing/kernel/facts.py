@@ -1,21 +1,18 @@
 """What only a running mission answers: ground truth, task events, assignments, routes, counted budgets.
 
-Each takes the instant and evaluated arguments. Total: what does not exist is `None`.
+Each takes the evaluation context and evaluated arguments. Total: what does not exist is `None`.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING
 
 from lingjing.kernel.budgets import limit_key
+from lingjing.kernel.context import RuntimeContext
 from lingjing.mission.instance import Entity
 from lingjing.mission.values import Value
 from lingjing.trace.records import DORMANT
-
-if TYPE_CHECKING:
-    from lingjing.kernel.instant import Instant
 
 HANDOFF_M = 50.0
 """How near a destination must be to a target for `assigned` to mean that target (the paper's vessel radius)."""
@@ -24,7 +21,7 @@ SAME_POINT_M = 1.0
 """A destination this near a matched report's position was taken from it."""
 
 
-def _truth(at: Instant, entity: Value, frame: Value) -> Value:
+def _truth(at: RuntimeContext, entity: Value, frame: Value) -> Value:
     """The ground-truth box of an entity in a frame, or None where no pixel of it is visible."""
     info = at.registry.frames.get(frame) if isinstance(frame, str) else None
     if info is None or not isinstance(entity, Entity):
@@ -32,7 +29,7 @@ def _truth(at: Instant, entity: Value, frame: Value) -> Value:
     return next((box for box in info.boxes if box.entity == entity.id), None)
 
 
-def _emitted(at: Instant, kind: Value, *entities: Value) -> Value:
+def _emitted(at: RuntimeContext, kind: Value, *entities: Value) -> Value:
     """An engine has emitted the task event `kind` about every entity given, by this instant."""
     names = {entity.id for entity in entities if isinstance(entity, Entity)}
     return any(
@@ -41,7 +38,7 @@ def _emitted(at: Instant, kind: Value, *entities: Value) -> Value:
     )
 
 
-def _assigned(at: Instant, resource: Value, target: Value) -> Value:
+def _assigned(at: RuntimeContext, resource: Value, target: Value) -> Value:
     """A destination that the resource was given last means this target (see `HANDOFF_M`, `SAME_POINT_M`)."""
     if not isinstance(resource, Entity) or not isinstance(target, Entity):
         return None
@@ -54,13 +51,13 @@ def _assigned(at: Instant, resource: Value, target: Value) -> Value:
     )
 
 
-def _inspected(at: Instant, inspection: Value) -> Value:
+def _inspected(at: RuntimeContext, inspection: Value) -> Value:
     """Every waypoint of the route as it is now has been inspected by this instant."""
-    known = at.registry.course.inspected.get(str(inspection))
+    known = at.registry.progress.inspected.get(str(inspection))
     return known is not None and known.complete_s is not None and known.complete_s <= at.time_s
 
 
-def _clear(at: Instant, inspection: Value) -> Value:
+def _clear(at: RuntimeContext, inspection: Value) -> Value:
     """No target that blocks, and is there, stands within its radius of a waypoint of the route as it is now: waypoints
     are what is inspected, so a jam between two of them is nobody's to find."""
     declared = next((one for one in at.instance.inspections if one.name == inspection), None)
@@ -70,7 +67,7 @@ def _clear(at: Instant, inspection: Value) -> Value:
     return not any(_blocks(entity, route.waypoints, at) for entity in at.instance.entities)
 
 
-def _blocks(entity: Entity, waypoints: Sequence[tuple[float, ...]], at: Instant) -> bool:
+def _blocks(entity: Entity, waypoints: Sequence[tuple[float, ...]], at: RuntimeContext) -> bool:
     radius, here = entity.properties.get("radius_m"), at.place(entity)
     if entity.properties.get("blocks") is not True or here is None or not isinstance(radius, int | float):
         return False
@@ -79,16 +76,16 @@ def _blocks(entity: Entity, waypoints: Sequence[tuple[float, ...]], at: Instant)
     return any(math.dist((here.east, here.north), waypoint[:2]) <= radius for waypoint in waypoints)
 
 
-def _replans(at: Instant, inspection: Value) -> Value:
+def _replans(at: RuntimeContext, inspection: Value) -> Value:
     """How often the route was planned anew: routes are numbered from 1."""
     declared = next((one for one in at.instance.inspections if one.name == inspection), None)
     route = at.registry.routes.get(declared.asset) if declared is not None else None
     return None if declared is None else float(max(0, route.number - 1) if route is not None else 0)
 
 
-def _used(at: Instant, limit: Value) -> Value:
+def _used(at: RuntimeContext, limit: Value) -> Value:
     """What a counted budget has counted; one inside a stage is found by its own name."""
-    used = at.registry.course.used
+    used = at.registry.progress.used
     keys = [limit_key(one) for one in at.instance.limits if one.name == limit]
     return float(sum(used.get(key, 0) for key in keys)) if keys else None
 

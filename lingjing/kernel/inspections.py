@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 from lingjing.kernel.assignments import point
-from lingjing.kernel.course import Course, Inspected
+from lingjing.kernel.progress import EpisodeProgress, Inspected
 from lingjing.kernel.registry import Registry, Report
 from lingjing.mission.instance import InspectionSpec, Instance
 from lingjing.trace.records import BodyState, Command, Route, Snapshot
@@ -54,14 +54,14 @@ class Inspections:
         """The registry with what was inspected during the macro-steps that led to it."""
         if not self._inspections:
             return registry
-        course = before.course
+        progress = before.progress
         for snapshot in snapshots:
             states = {state.id: state for state in snapshot.states}
             for inspection in self._inspections:
                 route = _current(inspection.asset, before, registry, snapshot.time_s)
                 if route is not None:
-                    course = _looked(course, inspection, route, states, snapshot.time_s)
-        return replace(registry, course=replace(registry.course, inspected=course.inspected))
+                    progress = _looked(progress, inspection, route, states, snapshot.time_s)
+        return replace(registry, progress=replace(registry.progress, inspected=progress.inspected))
 
 
 def _current(asset: str, before: Registry, registry: Registry, time_s: float) -> Route | None:
@@ -73,16 +73,16 @@ def _current(asset: str, before: Registry, registry: Registry, time_s: float) ->
 
 
 def _looked(
-    course: Course, inspection: InspectionSpec, route: Route, states: Mapping[str, BodyState], time_s: float
-) -> Course:
-    known = course.inspected.get(inspection.name, Inspected())
+    progress: EpisodeProgress, inspection: InspectionSpec, route: Route, states: Mapping[str, BodyState], time_s: float
+) -> EpisodeProgress:
+    known = progress.inspected.get(inspection.name, Inspected())
     if known.route != route.number:
         known = Inspected(route=route.number)
     if known.complete_s is None:
         known = _seen(known, inspection, route, states, time_s)
-    if course.inspected.get(inspection.name) == known:
-        return course
-    return replace(course, inspected={**course.inspected, inspection.name: known})
+    if progress.inspected.get(inspection.name) == known:
+        return progress
+    return replace(progress, inspected={**progress.inspected, inspection.name: known})
 
 
 def _seen(

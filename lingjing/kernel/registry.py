@@ -1,7 +1,8 @@
 """G: the shared state registry, an immutable value that each boundary replaces.
 
 Holds what adjudication and visibility need of the past. It grows with what happened (reports, pictures, events) and
-never with ticks alone; what grows is a `Ledger`, so that a boundary costs what it adds and a fork copies nothing.
+never with ticks alone; what grows is an
+`AppendOnlyMap`, so that a boundary costs what it adds and a fork copies nothing.
 """
 
 from __future__ import annotations
@@ -9,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
-from lingjing.kernel.course import Course
-from lingjing.kernel.ledger import Ledger
+from lingjing.kernel.append_only import AppendOnlyMap
+from lingjing.kernel.progress import EpisodeProgress
 from lingjing.mission.geometry2d import contains
 from lingjing.mission.instance import Cell, Datum, Entity, Instance
 from lingjing.trace.records import BodyState, Command, FrameInfo, Receipt, Route, TaskEvent
@@ -49,7 +50,7 @@ class Assignment:
 
 
 @dataclass(frozen=True, slots=True)
-class Visit:
+class CellVisit:
     """The first photograph taken from above a cell."""
 
     cell: str
@@ -66,7 +67,7 @@ class Registry:
     positions by matched entity; `claimed` holds (frame, entity) pairs that a report has been matched with; `emitted`
     maps (kind, entities) to the first time an engine said so; `assignments` are the destinations given to a resource
     at the latest boundary where it was given any; `unlocked` the (interaction, entity) pairs the kernel has allowed;
-    `routes` the latest route of each entity that one was planned for; `course` what budgets, inspections, stages and
+    `routes` the latest route of each entity that one was planned for; `progress` what budgets, inspections, stages and
     constraints keep; `unheard` the pairs of entities that radio does not reach between.
     """
 
@@ -74,20 +75,20 @@ class Registry:
     time_s: float = 0.0
     states: Mapping[str, BodyState] = field(default_factory=dict)
     pending: Mapping[str, Command] = field(default_factory=dict)
-    reports: Ledger[str, Report] = field(default_factory=Ledger)
-    frames: Ledger[str, FrameInfo] = field(default_factory=Ledger)
-    frame_states: Ledger[str, Mapping[str, BodyState]] = field(default_factory=Ledger)
+    reports: AppendOnlyMap[str, Report] = field(default_factory=AppendOnlyMap)
+    frames: AppendOnlyMap[str, FrameInfo] = field(default_factory=AppendOnlyMap)
+    frame_states: AppendOnlyMap[str, Mapping[str, BodyState]] = field(default_factory=AppendOnlyMap)
     emitted: Mapping[tuple[str, tuple[str, ...]], float] = field(default_factory=dict)
     assignments: Mapping[str, tuple[Assignment, ...]] = field(default_factory=dict)
-    visits: Mapping[str, Visit] = field(default_factory=dict)
-    achieved: Ledger[tuple[str, Binding], float] = field(default_factory=Ledger)
-    witnesses: Ledger[tuple[str, int, Binding], str] = field(default_factory=Ledger)
+    visits: Mapping[str, CellVisit] = field(default_factory=dict)
+    achieved: AppendOnlyMap[tuple[str, Binding], float] = field(default_factory=AppendOnlyMap)
+    witnesses: AppendOnlyMap[tuple[str, int, Binding], str] = field(default_factory=AppendOnlyMap)
     sightings: Mapping[str, tuple[tuple[float, float], ...]] = field(default_factory=dict)
-    claimed: Ledger[tuple[str, str], str] = field(default_factory=Ledger)
+    claimed: AppendOnlyMap[tuple[str, str], str] = field(default_factory=AppendOnlyMap)
     unlocked: Mapping[tuple[str, str], int] = field(default_factory=dict)
     stages: Mapping[tuple[str, str], int] = field(default_factory=dict)
     routes: Mapping[str, Route] = field(default_factory=dict)
-    course: Course = field(default_factory=Course)
+    progress: EpisodeProgress = field(default_factory=EpisodeProgress)
     unheard: tuple[tuple[str, str], ...] = ()
 
     def with_boundary(self, tick: int, time_s: float, states: Iterable[BodyState]) -> Registry:
@@ -146,7 +147,7 @@ class Registry:
             if frame.pose.tilt_deg < DOWNWARD_DEG:
                 continue
             for cell in cells_at(instance.cells, frame.pose.position[0], frame.pose.position[1]):
-                visits.setdefault(cell.name, Visit(cell.name, frame.entity, frame.tick))
+                visits.setdefault(cell.name, CellVisit(cell.name, frame.entity, frame.tick))
         return replace(
             self,
             frames=self.frames.extended(new),

@@ -14,7 +14,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 
 from lingjing.errors import LingjingError, MissionError
-from lingjing.kernel.instant import Instant, Locals
+from lingjing.kernel.context import Locals, RuntimeContext
 from lingjing.kernel.registry import Binding, Report
 from lingjing.kernel.stocks import current
 from lingjing.mission.expression import (
@@ -47,7 +47,7 @@ def identity(value: Entity | Report) -> str:
     return value.id
 
 
-def evaluate(expr: Expr, scope: Locals, at: Instant) -> Value:
+def evaluate(expr: Expr, scope: Locals, at: RuntimeContext) -> Value:
     """The value of `expr` at an instant with `scope` bound. Raises `LingjingError` only for what the checker should
     never have let through."""
     known = at.meanings.get(id(expr))
@@ -56,13 +56,13 @@ def evaluate(expr: Expr, scope: Locals, at: Instant) -> Value:
     return known[1](scope, at)
 
 
-def holds(condition: Expr, scope: Locals, at: Instant) -> bool:
+def holds(condition: Expr, scope: Locals, at: RuntimeContext) -> bool:
     """The expression as a condition: only `True` is true."""
     return evaluate(condition, scope, at) is True
 
 
 def bindings(
-    domains: tuple[tuple[str, str], ...], at: Instant, *, fresh: bool = False
+    domains: tuple[tuple[str, str], ...], at: RuntimeContext, *, fresh: bool = False
 ) -> Iterator[dict[str, Entity | Report]]:
     """Every assignment of the (variable, domain) pairs, first variable slowest."""
     names = [name for name, _ in domains]
@@ -74,7 +74,7 @@ def bindings(
 
 
 class _Running:
-    """Expressions as values of a running mission; their world is an `Instant`."""
+    """Expressions as values of a running mission; their world is an `RuntimeContext`."""
 
     def literal(self, node: Literal) -> Meaning:
         constant = node.name if isinstance(node, Symbol) else node.value
@@ -124,7 +124,7 @@ class _Running:
         variable, domain, found = node.variable, node.domain, any if node.quantifier == "exists" else all
         witnessed = _witnessed(node)
 
-        def quantified(scope: Locals, at: Instant) -> Value:
+        def quantified(scope: Locals, at: RuntimeContext) -> Value:
             known = witnessed(scope, at) if witnessed is not None else None
             if known is not None:
                 return known
@@ -140,7 +140,7 @@ RUNNING = _Running()
 def _applied(function: Callable[..., Value], operands: tuple[Meaning, ...]) -> Meaning:
     """An operation; without a value where an operand has none, or where it has none for these operands."""
 
-    def applied(scope: Locals, at: Instant) -> Value:
+    def applied(scope: Locals, at: RuntimeContext) -> Value:
         values = []
         for operand in operands:
             value = operand(scope, at)
@@ -156,14 +156,14 @@ def _applied(function: Callable[..., Value], operands: tuple[Meaning, ...]) -> M
 
 
 def _member(group: str, index: Meaning) -> Meaning:
-    def member(scope: Locals, at: Instant) -> Value:
+    def member(scope: Locals, at: RuntimeContext) -> Value:
         position, members = index(scope, at), at.groups.get(group, ())
         return members[int(position) - 1] if is_number(position) and 1 <= position <= len(members) else None
 
     return member
 
 
-def _field(base: Value, name: str, at: Instant) -> Value:
+def _field(base: Value, name: str, at: RuntimeContext) -> Value:
     if isinstance(base, Entity):
         state = at.states.get(base.id)
         if state is None:
@@ -186,7 +186,7 @@ def _aggregated(node: Aggregate, body: Meaning) -> Meaning:
     """Of nothing, `count` and `sum` are 0, `min` and `max` are None; a member without a value counts for nothing."""
     variable, domain, function = node.variable, node.domain, node.function
 
-    def aggregated(scope: Locals, at: Instant) -> Value:
+    def aggregated(scope: Locals, at: RuntimeContext) -> Value:
         values = [body({**scope, variable: member}, at) for member in at.domain(domain)]
         if function == "count":
             return float(sum(value is True for value in values))
@@ -198,7 +198,7 @@ def _aggregated(node: Aggregate, body: Meaning) -> Meaning:
     return aggregated
 
 
-def _binding(scope: Locals, at: Instant, operands: tuple[Meaning, ...]) -> Binding:
+def _binding(scope: Locals, at: RuntimeContext, operands: tuple[Meaning, ...]) -> Binding:
     values = [operand(scope, at) for operand in operands]
     return tuple(identity(value) for value in values if isinstance(value, Entity | Report))
 
@@ -214,7 +214,7 @@ def _witnessed(node: Quantified) -> Meaning | None:
     name, place = body.function, names.index(node.variable)
     others = tuple(meaning(one, RUNNING) for number, one in enumerate(body.arguments) if number != place)
 
-    def witnessed(scope: Locals, at: Instant) -> Value:
+    def witnessed(scope: Locals, at: RuntimeContext) -> Value:
         rule = at.rules.get(name)
         if rule is None or len(names) != len(rule.parameters) or rule.parameters[place].domain != node.domain:
             return None

@@ -35,7 +35,7 @@ class Late:
         return f"`{self.stage}` of {self.subject}" if self.subject else f"`{self.stage}`"
 
 
-class StageBook:
+class Stages:
     """The stages of one instance; holds no run-time state."""
 
     def __init__(self, instance: Instance) -> None:
@@ -59,11 +59,11 @@ class StageBook:
             (stage.name, subject): registry.tick
             for stage in self._stages
             for subject in self._subjects[stage.name]
-            if (stage.name, subject) not in registry.course.began and self._may_begin(stage, subject, registry)
+            if (stage.name, subject) not in registry.progress.began and self._may_begin(stage, subject, registry)
         }
         if not fresh:
             return registry
-        return replace(registry, course=replace(registry.course, began={**registry.course.began, **fresh}))
+        return replace(registry, progress=replace(registry.progress, began={**registry.progress.began, **fresh}))
 
     def late(self, registry: Registry) -> Iterator[Late]:
         """What has passed its own bound of ticks without being done, in declaration order."""
@@ -72,7 +72,7 @@ class StageBook:
                 continue
             most = int(_number(stage.ticks, 0.0))
             for subject in self._subjects[stage.name]:
-                began = registry.course.began.get((stage.name, subject))
+                began = registry.progress.began.get((stage.name, subject))
                 if began is not None and registry.tick - began >= most and (stage.name, subject) not in registry.stages:
                     yield Late(stage.name, subject, most, began)
 

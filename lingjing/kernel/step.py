@@ -19,18 +19,18 @@ import msgspec
 from lingjing.kernel import assignments, pictures
 from lingjing.kernel.adjudication import Adjudicator, Verdict
 from lingjing.kernel.budgets import Budgets
-from lingjing.kernel.bus import Bus, Router
+from lingjing.kernel.bus import Bus, MessageRouter
 from lingjing.kernel.candidates import received
-from lingjing.kernel.commands import Gate, Resolution
-from lingjing.kernel.course import Course
+from lingjing.kernel.commands import CommandValidator, Resolution
 from lingjing.kernel.evaluation import MissionEvaluator, combine
-from lingjing.kernel.happenings import Happenings
 from lingjing.kernel.inspections import Inspections, commands_of
-from lingjing.kernel.playable import check_playable
+from lingjing.kernel.progress import EpisodeProgress
 from lingjing.kernel.recording import inbox_record, observation_record, substitutions
-from lingjing.kernel.references import References, is_reference
+from lingjing.kernel.reference_pictures import ReferencePictures, is_reference
 from lingjing.kernel.registry import UNLOCK, Registry, Report, initial
+from lingjing.kernel.scheduled import ScheduledEvents
 from lingjing.kernel.subtasks import Subtasks
+from lingjing.kernel.supported import check_playable
 from lingjing.kernel.visibility import Projector
 from lingjing.kernel.world.contract import StoredFrame, World, WorldBoundary
 from lingjing.mission.instance import Instance
@@ -56,7 +56,7 @@ KERNEL: Literal["kernel"] = "kernel"
 
 _UNLOCK_ID = "k"
 
-Record = Callable[[BoundaryRecord, Sequence[StoredFrame]], None]
+Recorder = Callable[[BoundaryRecord, Sequence[StoredFrame]], None]
 """The recorder R: receives every committed boundary with its pictures."""
 
 
@@ -94,7 +94,7 @@ class _Inputs:
     envelopes: tuple[Envelope, ...] = ()
     reports: tuple[Report, ...] = ()
     receipts: tuple[Receipt, ...] = ()
-    course: Course = field(default_factory=Course)
+    progress: EpisodeProgress = field(default_factory=EpisodeProgress)
     started: float = field(default_factory=time.perf_counter)
 
 
@@ -109,7 +109,7 @@ class Kernel:
         *,
         privileged: frozenset[str] = frozenset(),
         evaluators: Sequence[Evaluator[Registry]] = (),
-        record: Record | None = None,
+        record: Recorder | None = None,
         blank_pictures: bool = False,
         policy_seed: int = 0,
     ) -> None:
@@ -120,15 +120,15 @@ class Kernel:
         self._privileged = privileged
         self._record = record
         self._blank = blank_pictures
-        self._router = Router(instance)
-        self._gate = Gate(instance, city.bounds)
+        self._router = MessageRouter(instance)
+        self._validator = CommandValidator(instance, city.bounds)
         self._adjudicator = Adjudicator(instance)
         self._projector = Projector(instance, policy_seed)
         self._subtasks = Subtasks(instance, self._adjudicator)
         self._budgets = Budgets(instance)
         self._inspections = Inspections(instance)
-        self._happenings = Happenings(instance)
-        self._references = References(instance)
+        self._scheduled = ScheduledEvents(instance)
+        self._reference_pictures = ReferencePictures(instance)
         self._evaluators = tuple(evaluators) or (MissionEvaluator(instance, self._adjudicator),)
         self.state = KernelState(registry=initial(instance))
 
@@ -154,23 +154,25 @@ class Kernel:
             tally,
             registry.unheard,
         )
-        resolved = self._gate.resolve(  # line 30: ValidateAndResolve
+        resolved = self._validator.resolve(  # line 30: ValidateAndResolve
             [(made.agent, made.decision.command) for made in decisions],
             registry,
             tick,
             tally=tally,
             at=self._adjudicator.instant(registry, registry.states, registry.time_s),
         )
-        course = self._budgets.spend(tally.onto(registry.course), decisions)
+        progress = self._budgets.spend(tally.onto(registry.progress), decisions)
         self.state = replace(self.state, bus=self.state.bus.stage(envelopes))  # line 31
         motion = tuple(command for command in resolved.commands if command.verb != PHOTO)
         reports = _reports(decisions, about_messages)
         own = self._own_commands(tick, reports)
         boundary = self.world.step(tick, own + motion)  # lines 32 to 42
         receipts = about_messages + resolved.receipts + substitutions(decisions, tick, registry.time_s)
-        return self._commit(boundary, _Inputs(decisions, resolved, own, envelopes, reports, receipts, course, started))
+        return self._commit(
+            boundary, _Inputs(decisions, resolved, own, envelopes, reports, receipts, progress, started)
+        )
 
-    def fork(self, record: Record | None = None) -> Kernel:
+    def fork(self, record: Recorder | None = None) -> Kernel:
         """A kernel that goes on alone from this boundary: engines forked, state copied, its own recorder."""
         other = Kernel.__new__(Kernel)
         other.__dict__.update(self.__dict__)
@@ -180,7 +182,7 @@ class Kernel:
 
     def exhausted(self) -> dict[str, str]:
         """The agents that may not be asked any more, with the reason: their allowances are spent."""
-        return self._budgets.exhausted(self.state.registry.course, [agent.id for agent in self.instance.agents])
+        return self._budgets.exhausted(self.state.registry.progress, [agent.id for agent in self.instance.agents])
 
     def _own_commands(self, tick: int, reports: Sequence[Report]) -> tuple[Command, ...]:
         """Kernel-origin commands: the interactions that the last boundary allowed, the routes that are asked for."""
@@ -205,7 +207,7 @@ class Kernel:
         receipts = inputs.receipts + self._engine_receipts(boundary, inputs, answers)  # lines 44 and 45
         inboxes = self._inboxes(delivered, receipts)  # lines 46 and 47
         registry = self._update(before, boundary, inputs, receipts, frames)  # line 48: Update
-        happened = self._happenings.at(boundary.tick) + boundary.events
+        happened = self._scheduled.at(boundary.tick) + boundary.events
         observations = self._observe(registry, happened, answers)  # line 49: ProjectVisible
         verdict = self._adjudicator.adjudicate(before, registry, boundary.snapshots)  # line 50: Adjudicate
         evaluation = combine([one.evaluate(verdict.registry, verdict.events) for one in self._evaluators])  # line 51
@@ -236,7 +238,7 @@ class Kernel:
 
     def _capture(self, boundary: WorldBoundary, commands: Sequence[Command]) -> tuple[StoredFrame | Absent, ...]:
         wanted = pictures.requests(self.instance, commands, boundary.tick, boundary.time_s)
-        wanted += self._references.requests(boundary.tick, boundary.time_s)
+        wanted += self._reference_pictures.requests(boundary.tick, boundary.time_s)
         if not wanted:
             return ()
         now = boundary.snapshots[-1]
@@ -295,7 +297,7 @@ class Kernel:
         frames: Sequence[StoredFrame],
     ) -> Registry:
         updated = (
-            replace(registry, course=inputs.course, unheard=boundary.unheard)
+            replace(registry, progress=inputs.progress, unheard=boundary.unheard)
             .with_boundary(boundary.tick, boundary.time_s, boundary.snapshots[-1].states)
             .with_receipts(inputs.resolved.commands, receipts)
             .with_lost_unlocks(inputs.own, boundary.missing)
@@ -329,8 +331,8 @@ class Kernel:
                 task_events=happened,
                 adjudicated=self.state.adjudicated,
             )
-            revealed = self._references.shown_to(agent, shown)
-            missed = self._references.missed_by(agent, absent)
+            revealed = self._reference_pictures.shown_to(agent, shown)
+            missed = self._reference_pictures.missed_by(agent, absent)
             if revealed or missed:
                 observation = replace(
                     observation, pictures=observation.pictures + revealed, absent=observation.absent + missed
@@ -340,7 +342,7 @@ class Kernel:
                 truth = self._projector.privileged(
                     registry,
                     [frame.info for frame in frames if frame.info.id in mine],
-                    forbidden=self._gate.forbidden(at),
+                    forbidden=self._validator.forbidden(at),
                     city=self._city,
                 )
                 observation = replace(observation, privileged=truth)

@@ -13,11 +13,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from lingjing.kernel.adjudication import Adjudicator
+from lingjing.kernel.context import RuntimeContext
 from lingjing.kernel.evaluation import parts_of
-from lingjing.kernel.instant import Instant
 from lingjing.kernel.registry import Registry
 from lingjing.kernel.rules import holds
-from lingjing.kernel.stages import StageBook
+from lingjing.kernel.stages import Stages
 from lingjing.mission.expression import Quantified, conjuncts
 from lingjing.mission.instance import Instance
 
@@ -29,7 +29,7 @@ class Subtasks:
         self._success = instance.success
         self._adjudicator = adjudicator
         self._groups = required_groups(instance)
-        self._book = StageBook(instance)
+        self._declared_stages = Stages(instance)
 
     def share(self, registry: Registry) -> float:
         """Completed over required, 0..1."""
@@ -39,13 +39,13 @@ class Subtasks:
         done = list(self._done(registry, at))
         return sum(done) / len(done) if done else 0.0
 
-    def _done(self, registry: Registry, at: Instant) -> Iterator[bool]:
+    def _done(self, registry: Registry, at: RuntimeContext) -> Iterator[bool]:
         if self._groups:
             for asked in self._groups:
                 for member in at.domain(asked.domain):
                     yield holds(asked.body, {asked.variable: member}, at)
-        elif self._book.parts:
-            yield from (part in registry.stages for part in self._book.parts)
+        elif self._declared_stages.parts:
+            yield from (part in registry.stages for part in self._declared_stages.parts)
         else:
             yield from parts_of(self._success, {}, at)
 

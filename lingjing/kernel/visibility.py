@@ -12,7 +12,7 @@ from collections.abc import Iterable, Sequence
 
 import msgspec
 
-from lingjing.kernel.announcements import Announcements
+from lingjing.kernel.event_visibility import EventVisibility
 from lingjing.kernel.registry import Registry
 from lingjing.kernel.stocks import public, stocks
 from lingjing.mission.instance import AgentSpec, Cell, ChannelSpec, Entity, Instance
@@ -46,7 +46,7 @@ class Projector:
         self._instance = instance
         self._policy_seed = policy_seed
         self._entities = {entity.id: entity for entity in instance.entities}
-        self._announcements = Announcements(instance)
+        self._event_visibility = EventVisibility(instance)
         self._schedule = Schedule(instance)
         self._public = frozenset(entity.id for entity in instance.entities if "position" not in entity.hidden)
 
@@ -98,7 +98,7 @@ class Projector:
             if channel.source == "grid":
                 cells.extend(self._cells(channel, registry))
             elif channel.source == "events":
-                events = self._announcements.of(agent, task_events, adjudicated, registry.tick)
+                events = self._event_visibility.of(agent, task_events, adjudicated, registry.tick)
             else:
                 self._entities_of(agent, channel, registry, entities)
         eyes = frozenset(channel.name for channel in agent.observes if channel.source == "entity")
@@ -124,7 +124,7 @@ class Projector:
         city: City | None = None,
     ) -> Privileged:
         """The truth, for a policy that was declared privileged."""
-        course = registry.course
+        course = registry.progress
         return Privileged(
             instance=self._instance,
             states=tuple(msgspec.structs.replace(state, resources=public(state)) for state in registry.states.values()),

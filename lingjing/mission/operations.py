@@ -18,11 +18,11 @@ from lingjing.mission.spacing import Spacing
 from lingjing.mission.units import LARGEST
 from lingjing.mission.values import (
     Area,
+    EvaluationContext,
     Interval,
     Members,
     Place,
     Value,
-    World,
     as_area,
     as_flag,
     as_number,
@@ -32,23 +32,25 @@ from lingjing.mission.values import (
 )
 
 Function = Callable[..., Value]
-"""`(world, *operands) -> value`."""
+"""`(context, *operands) -> value`."""
 
 # -- operators ------------------------------------------------------------------------------------------------------
 
 
-def negative(world: World, value: Value) -> Value:
+def negative(context: EvaluationContext, value: Value) -> Value:
     """`-x`."""
     return -as_number(value)
 
 
-def inverse(world: World, value: Value) -> Value:
+def inverse(context: EvaluationContext, value: Value) -> Value:
     """`not x`."""
     return not as_flag(value)
 
 
-def _arithmetic(symbol: str, apply: Callable[[float, float], float]) -> Callable[[World, Value, Value], Value]:
-    def applied(world: World, left: Value, right: Value) -> Value:
+def _arithmetic(
+    symbol: str, apply: Callable[[float, float], float]
+) -> Callable[[EvaluationContext, Value, Value], Value]:
+    def applied(context: EvaluationContext, left: Value, right: Value) -> Value:
         if is_number(left) and is_number(right):
             if symbol == "/" and right == 0:
                 raise MissionError("division by zero")
@@ -74,8 +76,8 @@ plus, minus = _arithmetic("+", operator.add), _arithmetic("-", operator.sub)
 times, over = _arithmetic("*", operator.mul), _arithmetic("/", operator.truediv)
 
 
-def _ordering(apply: Callable[[float, float], bool]) -> Callable[[World, Value, Value], Value]:
-    def applied(world: World, left: Value, right: Value) -> Value:
+def _ordering(apply: Callable[[float, float], bool]) -> Callable[[EvaluationContext, Value, Value], Value]:
+    def applied(context: EvaluationContext, left: Value, right: Value) -> Value:
         return apply(as_number(left), as_number(right))
 
     return applied
@@ -85,21 +87,21 @@ less, at_most = _ordering(operator.lt), _ordering(operator.le)
 more, at_least = _ordering(operator.gt), _ordering(operator.ge)
 
 
-def same(world: World, left: Value, right: Value) -> Value:
+def same(context: EvaluationContext, left: Value, right: Value) -> Value:
     """`a == b`."""
     return bool(left == right)
 
 
-def different(world: World, left: Value, right: Value) -> Value:
+def different(context: EvaluationContext, left: Value, right: Value) -> Value:
     """`a != b`."""
     return bool(left != right)
 
 
-def within(world: World, item: Value, whole: Value) -> Value:
+def within(context: EvaluationContext, item: Value, whole: Value) -> Value:
     """`x in low..high`, `place in region`, `name in { a, b }`."""
     if isinstance(whole, Interval) and is_number(item):
         return whole.low <= item <= whole.high
-    if isinstance(whole, Area) and (place := world.place(item)) is not None:
+    if isinstance(whole, Area) and (place := context.place(item)) is not None:
         return geometry2d.contains(whole.polygon, place.east, place.north)
     if isinstance(whole, tuple):
         return item in whole
@@ -109,19 +111,19 @@ def within(world: World, item: Value, whole: Value) -> Value:
 # -- composites -----------------------------------------------------------------------------------------------------
 
 
-def point(world: World, *items: Value) -> Value:
+def point(context: EvaluationContext, *items: Value) -> Value:
     """`(east, north)` or `(east, north, elevation)`."""
     if len(items) not in (2, 3):
         raise MissionError(f"a point has 2 or 3 components, this has {len(items)}")
     return Place(*(as_number(item) for item in items))
 
 
-def listed(world: World, *items: Value) -> Value:
+def listed(context: EvaluationContext, *items: Value) -> Value:
     """`[a, b]`."""
     return items
 
 
-def interval(world: World, low: Value, high: Value) -> Value:
+def interval(context: EvaluationContext, low: Value, high: Value) -> Value:
     """`low..high`."""
     least, most = as_number(low), as_number(high)
     if least > most:
@@ -129,7 +131,7 @@ def interval(world: World, low: Value, high: Value) -> Value:
     return Interval(least, most)
 
 
-def member(world: World, items: Value, index: Value) -> Value:
+def member(context: EvaluationContext, items: Value, index: Value) -> Value:
     """`uav[2]`, counted from 1."""
     position = as_whole(index)
     match items:
@@ -167,7 +169,7 @@ def field(value: Value, name: str) -> Value:
 # -- regions --------------------------------------------------------------------------------------------------------
 
 
-def polygon(world: World, *corners: Value) -> Value:
+def polygon(context: EvaluationContext, *corners: Value) -> Value:
     """`polygon(corner, …)`, or of one list of corners."""
     if len(corners) == 1 and isinstance(corners[0], tuple):
         corners = corners[0]
@@ -179,23 +181,23 @@ def polygon(world: World, *corners: Value) -> Value:
     return _checked(tuple(outline))
 
 
-def circle(world: World, centre: Value, reach: Value) -> Value:
+def circle(context: EvaluationContext, centre: Value, reach: Value) -> Value:
     """`circle(centre, radius)`."""
-    place = world.place(centre)
+    place = context.place(centre)
     if place is None or not is_number(reach) or not reach > 0:
         raise MissionError("circle(centre, radius) takes a point and a length above 0")
     return _checked(geometry2d.circle((place.east, place.north), reach))
 
 
-def box(world: World, one: Value, other: Value) -> Value:
+def box(context: EvaluationContext, one: Value, other: Value) -> Value:
     """`box(corner, corner)`: an upright rectangle."""
-    first, second = world.place(one), world.place(other)
+    first, second = context.place(one), context.place(other)
     if first is None or second is None:
         raise MissionError("box(corner, corner) takes two points")
     return _checked(geometry2d.rectangle((first.east, first.north), (second.east, second.north)))
 
 
-def buffer(world: World, shape: Value, reach: Value) -> Value:
+def buffer(context: EvaluationContext, shape: Value, reach: Value) -> Value:
     """`buffer(shape, distance)`: what lies within the distance of a region or of a line."""
     if not is_number(reach):
         raise MissionError("buffer(shape, distance) takes a length")
@@ -207,7 +209,7 @@ def buffer(world: World, shape: Value, reach: Value) -> Value:
     return _checked(geometry2d.buffered(tuple((p.east, p.north) for p in points), reach, closed=False))
 
 
-def union(world: World, *regions: Value) -> Value:
+def union(context: EvaluationContext, *regions: Value) -> Value:
     """`union(region, …)` of regions that meet."""
     return _checked(geometry2d.united(tuple(as_area(region).polygon for region in regions)))
 
@@ -222,7 +224,7 @@ def _checked(outline: geometry2d.Polygon) -> Area:
 def of_the_map(name: str) -> Callable[..., Value]:
     """`road(…)` and `along(…)`: regions that only the built city knows."""
 
-    def refused(world: World, *arguments: Value) -> Value:
+    def refused(context: EvaluationContext, *arguments: Value) -> Value:
         raise MissionError(
             f"where '{name}(…)' lies is known only once the city is built",
             hint="draw from a polygon; what stands `on = road` is moved to the nearest one",
@@ -234,7 +236,9 @@ def of_the_map(name: str) -> Callable[..., Value]:
 # -- lists ----------------------------------------------------------------------------------------------------------
 
 
-def item_at(world: World, index: Value, values: Value, *, spread: Value = None, rest: Value = None) -> Value:
+def item_at(
+    context: EvaluationContext, index: Value, values: Value, *, spread: Value = None, rest: Value = None
+) -> Value:
     """`at(i, [values], spread d)`: the i-th value; beyond the list they are `rest`, points spread, others repeat."""
     position = as_whole(index)
     if position < 1:
@@ -294,7 +298,7 @@ def _ringed(places: tuple[Place, ...], spread: float, count: int) -> tuple[Place
 def numeric(name: str, function: Callable[..., float]) -> Callable[..., Value]:
     """A function of numbers, as an operation."""
 
-    def applied(world: World, *arguments: Value) -> Value:
+    def applied(context: EvaluationContext, *arguments: Value) -> Value:
         numbers = [as_number(argument) for argument in arguments]
         try:
             return float(function(*numbers))
@@ -304,23 +308,23 @@ def numeric(name: str, function: Callable[..., float]) -> Callable[..., Value]:
     return applied
 
 
-def distance(world: World, one: Value, other: Value) -> Value:
+def distance(context: EvaluationContext, one: Value, other: Value) -> Value:
     """Metres between two places; the same height where one of them has none."""
-    first, second = _ends(world, "distance", one, other)
+    first, second = _ends(context, "distance", one, other)
     up = (first.elevation or 0.0) - (second.elevation or 0.0)
     return math.hypot(first.east - second.east, first.north - second.north, up)
 
 
-def distance_xy(world: World, one: Value, other: Value) -> Value:
+def distance_xy(context: EvaluationContext, one: Value, other: Value) -> Value:
     """Horizontal metres between two places."""
-    first, second = _ends(world, "distance_xy", one, other)
+    first, second = _ends(context, "distance_xy", one, other)
     apart = math.hypot(first.east - second.east, first.north - second.north)
-    world.note("distance_m", apart)
+    context.note("distance_m", apart)
     return apart
 
 
-def _ends(world: World, name: str, one: Value, other: Value) -> tuple[Place, Place]:
-    first, second = world.place(one), world.place(other)
+def _ends(context: EvaluationContext, name: str, one: Value, other: Value) -> tuple[Place, Place]:
+    first, second = context.place(one), context.place(other)
     if first is None or second is None:
         raise MissionError(f"{name}(…) of points only, before the mission runs")
     return first, second
@@ -329,12 +333,12 @@ def _ends(world: World, name: str, one: Value, other: Value) -> tuple[Place, Pla
 # -- boxes ----------------------------------------------------------------------------------------------------------
 
 
-def iou(world: World, one: Value, other: Value) -> Value:
+def iou(context: EvaluationContext, one: Value, other: Value) -> Value:
     """Intersection over union of two boxes."""
     if not (_is_box(one) and _is_box(other)):
         raise MissionError(f"iou(…) takes two boxes, these are {describe(one)} and {describe(other)}")
     value = overlap(one, other)
-    world.note("iou", value)
+    context.note("iou", value)
     return value
 
 
@@ -360,7 +364,7 @@ def _is_box(value: Value) -> bool:
 def fact(name: str) -> Callable[..., Value]:
     """A function that only a running mission answers."""
 
-    def asked(world: World, *arguments: Value) -> Value:
-        return world.fact(name, arguments)
+    def asked(context: EvaluationContext, *arguments: Value) -> Value:
+        return context.fact(name, arguments)
 
     return asked

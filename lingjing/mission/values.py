@@ -47,7 +47,7 @@ class Members(msgspec.Struct, frozen=True):
     ids: tuple[str, ...]
 
 
-class World(Protocol):
+class EvaluationContext(Protocol):
     """What operations ask beyond their operands."""
 
     def place(self, value: Value) -> Place | None:

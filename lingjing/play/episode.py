@@ -21,8 +21,8 @@ from lingjing.analysis.metrics import metrics
 from lingjing.analysis.relations import RelationTracker
 from lingjing.errors import UsageError
 from lingjing.kernel.barrier import PolicyBarrier
+from lingjing.kernel.cities import CityBuilder
 from lingjing.kernel.episode import Progress, play, seat
-from lingjing.kernel.staging import Stage
 from lingjing.kernel.step import Kernel
 from lingjing.kernel.world import open_world
 from lingjing.kernel.world.contract import StoredFrame, World
@@ -63,7 +63,7 @@ class Session:
 
     def __init__(self, host: PluginHost | None = None) -> None:
         self.host = host or PluginHost()
-        self._stage = Stage(self.host)
+        self._cities = CityBuilder(self.host)
         self._worlds: dict[str, World] = {}
 
     def run(
@@ -90,7 +90,7 @@ class Session:
         """Play the episode of the options. `mission` is theirs where it has been compiled already, `given` are policies
         that have been loaded already, by their names in the options."""
         mission = mission or compiled(options)
-        instance, city = self._stage.set(
+        instance, city = self._cities.place(
             instantiate(mission, seed=options.seed, mode=options.mode, settings=options.settings)
         )
         assigned = assign_policies(instance, options, self.host, given or {})

@@ -127,7 +127,7 @@ class TaskEvent(Value, frozen=True, kw_only=True):
     """Something an engine did or saw: `arrived`, `rescue`, `collided`, `battery_empty`, … at an instant.
 
     One with a `name` is an event of the mission that happens by itself: `weather`, whose values are the fields that
-    change, `appeared` or `vanished` (`lingjing.kernel.happenings`).
+    change, `appeared` or `vanished` (`lingjing.kernel.scheduled`).
     """
 
     kind: str

@@ -12,7 +12,7 @@ from typing import Any
 import msgspec
 
 from lingjing.dsl.loading.load import load_mission
-from lingjing.kernel.staging import Stage
+from lingjing.kernel.cities import CityBuilder
 from lingjing.kernel.step import Kernel
 from lingjing.kernel.world import open_world
 from lingjing.kernel.world.contract import StoredFrame, World, WorldBoundary
@@ -33,8 +33,8 @@ def host() -> PluginHost:
 
 
 @cache
-def stage() -> Stage:
-    return Stage(host())
+def cities() -> CityBuilder:
+    return CityBuilder(host())
 
 
 def staged(
@@ -46,7 +46,7 @@ def staged(
     dictionary `properties` adds to what is declared.
     """
     instance = instantiate(load_mission(mission), seed=seed, settings=settings)
-    return stage().set(_changed(instance, dict(changed or {})))
+    return cities().place(_changed(instance, dict(changed or {})))
 
 
 def _changed(instance: Instance, changes: dict[str, Mapping[str, Any]]) -> Instance:

@@ -4,7 +4,7 @@ import msgspec
 import pytest
 
 import tests.kernel.kernel_kit as kit
-from lingjing.kernel.bus import Router
+from lingjing.kernel.bus import MessageRouter
 from lingjing.plugins.decisions import MESSAGES_PER_CALL
 
 
@@ -89,7 +89,7 @@ GOOD = {
 )
 def test_an_envelope_is_refused_with_its_reason(kind, change, reason, word):
     body = {key: value for key, value in {**GOOD, **change}.items() if value is not None}
-    edges, (receipt,) = Router(kit.make_instance()).expand(
+    edges, (receipt,) = MessageRouter(kit.make_instance()).expand(
         [("scout[1]", kit.says(kind, **body).messages)], 1, frames=["f0"]
     )
     assert (receipt.reason, receipt.status) == (reason, "rejected" if reason else "accepted")
@@ -99,20 +99,22 @@ def test_an_envelope_is_refused_with_its_reason(kind, change, reason, word):
 
 def test_the_list_of_messages_is_finite():
     many = kit.says("order", assignee="boat").messages * (MESSAGES_PER_CALL + 2)
-    edges, receipts = Router(kit.make_instance()).expand([("scout[1]", many)], 1, frames=())
+    edges, receipts = MessageRouter(kit.make_instance()).expand([("scout[1]", many)], 1, frames=())
     assert len(edges) == 2 * MESSAGES_PER_CALL
     assert [r.reason for r in receipts[-2:]] == ["too_many", "too_many"]
 
 
 def test_an_unknown_sender_and_an_unknown_recipient_are_refused():
-    router = Router(kit.make_instance("star"))
+    router = MessageRouter(kit.make_instance("star"))
     _, (ghost,) = router.expand([("ghost", kit.says("order", assignee="boat").messages)], 1, frames=())
     _, (lost,) = router.expand([("commander", kit.says("order", to=("ghost",), assignee="b").messages)], 1, frames=())
     assert (ghost.reason, lost.reason) == ("unknown_agent", "bad_recipient")
 
 
 def test_bytes_are_those_of_the_body_as_json():
-    edges, _ = Router(kit.make_instance()).expand([("scout[1]", kit.says("order", assignee="boat").messages)], 1, ())
+    edges, _ = MessageRouter(kit.make_instance()).expand(
+        [("scout[1]", kit.says("order", assignee="boat").messages)], 1, ()
+    )
     assert {edge.bytes for edge in edges} == {len(b'{"assignee":"boat"}')}
 
 
@@ -153,10 +155,10 @@ def test_a_report_is_adjudicated_when_it_is_sent_also_if_its_readers_wait_or_do_
 
 def test_a_message_to_oneself_or_to_a_hub_that_is_not_active_is_refused():
     star = kit.make_instance("star")
-    router = Router(star)
+    router = MessageRouter(star)
     _, (self_addressed,) = router.expand(
         [("commander", kit.says("order", ("commander",), assignee="b").messages)], 1, ()
     )
-    headless = Router(msgspec.structs.replace(star, agents=star.agents[:3]))
+    headless = MessageRouter(msgspec.structs.replace(star, agents=star.agents[:3]))
     _, (lost,) = headless.expand([("scout[1]", kit.says("order", assignee="b").messages)], 1, ())
     assert (self_addressed.reason, lost.reason) == ("bad_recipient", "no_recipient")

@@ -67,7 +67,7 @@ def test_a_limit_counts_admitted_commands_and_refuses_the_next():
     for _ in range(2):
         assert refused(kernel.step(decisions(skipper=does("stop"))), "skipper") == []
     assert refused(kernel.step(decisions(skipper=does("stop"))), "skipper") == [("rejected", "limit")]
-    assert kernel.state.registry.course.used == {"moves": 2}
+    assert kernel.state.registry.progress.used == {"moves": 2}
 
 
 def test_what_is_refused_uses_nothing_up():
@@ -75,7 +75,7 @@ def test_what_is_refused_uses_nothing_up():
     kernel = started(limits=(limit,))
     kernel.step(decisions(skipper=does("go", x="far", y=0)))
     kernel.step(decisions(skipper=does("stop")))
-    assert kernel.state.registry.course.used == {}
+    assert kernel.state.registry.progress.used == {}
 
 
 def test_messages_of_a_kind_are_counted_in_policy_order():
@@ -299,10 +299,10 @@ def test_the_route_is_asked_for_and_inspected_waypoint_by_waypoint():
     out = kernel.step(decisions(scout_1=does("go", x=130, y=0)))
     assert next((command.verb, command.origin) for command in out.record.commands) == ("route", "kernel")
     assert [route.number for route in out.record.routes] == [1]
-    assert sorted(kernel.state.registry.course.inspected["check"].seen) == [0, 1]
+    assert sorted(kernel.state.registry.progress.inspected["check"].seen) == [0, 1]
     out = kernel.step(decisions(scout_1=does("go", x=160, y=0), skipper=does("go", x=0, y=0)))
     assert refused(out, "skipper") == [("rejected", "not_permitted")]
-    assert kernel.state.registry.course.inspected["check"].complete_s == pytest.approx(12.5)
+    assert kernel.state.registry.progress.inspected["check"].complete_s == pytest.approx(12.5)
     assert refused(kernel.step(decisions(skipper=does("go", x=0, y=0))), "skipper") == []
 
 
@@ -310,16 +310,16 @@ def test_the_route_is_asked_for_and_inspected_waypoint_by_waypoint():
 def test_out_of_order_counts_only_where_any_order_is_declared(order, seen):
     kernel = inspecting(order=order, within_m=3.0)  # it has left the first waypoint before the first macro-step ends
     kernel.step(decisions(scout_1=does("go", x=160, y=0)))
-    assert sorted(kernel.state.registry.course.inspected["check"].seen) == seen
+    assert sorted(kernel.state.registry.progress.inspected["check"].seen) == seen
 
 
 def test_a_replan_begins_the_inspection_again():
     kernel = inspecting()
     kernel.step(decisions(scout_1=does("go", x=160, y=0)))
-    assert kernel.state.registry.course.inspected["check"].complete_s is not None
+    assert kernel.state.registry.progress.inspected["check"].complete_s is not None
     out = kernel.step(decisions(scout_2=says("order", assignee="boat", position=(130.0, 0.0))))
     assert ("replan", {"x": 130.0, "y": 0.0}) in [(one.verb, one.arguments) for one in out.record.commands]
-    known = kernel.state.registry.course.inspected["check"]
+    known = kernel.state.registry.progress.inspected["check"]
     assert (known.route, known.complete_s, known.seen) == (2, None, frozenset())
     at = kernel._adjudicator.instant(kernel.state.registry, kernel.state.registry.states, out.record.time_s)
     replans = Call(function="replans", arguments=(Symbol(name="check"),))

@@ -6,8 +6,8 @@ from hypothesis import event, given, settings
 from hypothesis import strategies as st
 
 import tests.kernel.kernel_kit as kit
-from lingjing.kernel.bus import Router
-from lingjing.kernel.commands import Gate
+from lingjing.kernel.bus import MessageRouter
+from lingjing.kernel.commands import CommandValidator
 from lingjing.kernel.registry import Registry
 from lingjing.kernel.visibility import Projector
 from lingjing.mission.instance import ArgumentSpec, MessageSpec, VerbSpec
@@ -129,8 +129,8 @@ def admits(instance, agent, decision):
     states = {
         entity.id: BodyState(id=entity.id, position=entity.position, status="idle") for entity in instance.entities
     }
-    resolution = Gate(instance).resolve([(agent.id, decision.command)], Registry(states=states), 1)
-    _, receipts = Router(instance).expand([(agent.id, decision.messages)], 1, {FRAME})
+    resolution = CommandValidator(instance).resolve([(agent.id, decision.command)], Registry(states=states), 1)
+    _, receipts = MessageRouter(instance).expand([(agent.id, decision.messages)], 1, {FRAME})
     return all(receipt.status != "rejected" for receipt in (*resolution.receipts, *receipts))
 
 

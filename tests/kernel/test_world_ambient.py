@@ -11,8 +11,8 @@ import tests.kernel.kernel_kit as kit
 import tests.kernel.world_toys as toys
 from lingjing.errors import InfrastructureError
 from lingjing.kernel.world import open_world
-from lingjing.kernel.world.casting import cast
-from lingjing.kernel.world.coherence import checked_boundary
+from lingjing.kernel.world.boundary_checks import checked_boundary
+from lingjing.kernel.world.selection import select_engines
 from lingjing.plugins.engine import Boundary
 from lingjing.plugins.host import PluginHost
 from lingjing.trace.records import BodyState, Route
@@ -139,9 +139,9 @@ def test_numbers_of_movers_become_plain(world):
 def test_an_engine_takes_part_for_an_entity_or_because_it_wants_to():
     host = PluginHost(entry_points=False, extra=(toys.plugin, toys.painter))
     ant = toys.entity("ant", "toy_a")
-    assert cast(toys.instance(ant), host).local == ("toy_a",)
-    assert cast(toys.instance(ant, crowd=1.0), host).local == ("toy_a", "toy_crowd")
-    assert cast(toys.instance(toys.entity("cat", "toy_crowd")), host).local == ("toy_crowd",)
+    assert select_engines(toys.instance(ant), host).local == ("toy_a",)
+    assert select_engines(toys.instance(ant, crowd=1.0), host).local == ("toy_a", "toy_crowd")
+    assert select_engines(toys.instance(toys.entity("cat", "toy_crowd")), host).local == ("toy_crowd",)
 
 
 def test_an_engine_without_entities_plays_along(world):

@@ -7,7 +7,7 @@ import pytest
 
 import tests.kernel.world_toys as toys
 from lingjing.errors import InfrastructureError, UsageError
-from lingjing.kernel.world.conductor import macro_steps, macro_time_s
+from lingjing.kernel.world.cosimulation import macro_steps, macro_time_s
 from lingjing.kernel.world.inline import InlineWorld
 from lingjing.mission.instance import Clock
 from lingjing.plugins.host import PluginHost

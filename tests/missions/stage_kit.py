@@ -20,7 +20,7 @@ import numpy as np
 from lingjing.analysis.relations import RelationTracker
 from lingjing.dsl.loading.load import load_mission
 from lingjing.engines import builtin
-from lingjing.kernel.staging import Stage
+from lingjing.kernel.cities import CityBuilder
 from lingjing.kernel.step import Kernel, Published
 from lingjing.kernel.world.inline import InlineWorld
 from lingjing.mission.instance import Instance, Weather
@@ -87,7 +87,7 @@ def staged(
     name: str, mode: str | None = None, seed: int = 0, settings: tuple[tuple[str, float], ...] = ()
 ) -> tuple[Instance, City]:
     """The anchored instance and its city, as an episode gets them."""
-    return Stage(PluginHost()).set(instantiate(mission(name), seed=seed, mode=mode, settings=dict(settings)))
+    return CityBuilder(PluginHost()).place(instantiate(mission(name), seed=seed, mode=mode, settings=dict(settings)))
 
 
 def still(instance: Instance) -> Instance:

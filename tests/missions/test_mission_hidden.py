@@ -17,7 +17,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import tests.missions.stage_kit as kit
-from lingjing.kernel.staging import Stage
+from lingjing.kernel.cities import CityBuilder
 from lingjing.mission.instance import Instance, MessageSpec
 from lingjing.mission.instantiate import instantiate
 from lingjing.plugins.host import PluginHost
@@ -60,8 +60,8 @@ def pair(name: str, mode: str) -> tuple[Instance, Instance]:
         if all(moved):
             break
     assert moved and all(moved)
-    stage = Stage(host())
-    return stage.set(first)[0], stage.set(second)[0]
+    cities = CityBuilder(host())
+    return cities.place(first)[0], cities.place(second)[0]
 
 
 def filler(spec: MessageSpec, frame: str | None) -> dict[str, object] | None:
@@ -169,15 +169,15 @@ def test_anchoring_puts_what_is_public_in_the_same_place(name, mode):
 def test_what_is_public_gives_no_way_to_what_is_hidden(name, mode):
     """Not even to something hidden that would stand on the very same spot."""
     plain = drawn(name, mode, 0)
-    stage = Stage(host())
-    before, _ = stage.set(plain)
+    cities = CityBuilder(host())
+    before, _ = cities.place(plain)
     public = [entity for entity in before.entities if not entity.hidden]
     for crowded in public:
         entities = tuple(
             msgspec.structs.replace(entity, position=crowded.position) if entity.hidden else entity
             for entity in plain.entities
         )
-        after, _ = stage.set(msgspec.structs.replace(plain, entities=entities))
+        after, _ = cities.place(msgspec.structs.replace(plain, entities=entities))
         assert [entity for entity in after.entities if not entity.hidden] == public
 
 

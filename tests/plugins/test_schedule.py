@@ -4,7 +4,7 @@ import msgspec
 import pytest
 
 from lingjing.engines import builtin
-from lingjing.kernel.world.casting import cast
+from lingjing.kernel.world.selection import select_engines
 from lingjing.mission.instance import CommsSpec, EventSpec, SceneSpec, Weather
 from lingjing.mission.schedule import Schedule
 from lingjing.plugins.host import PluginHost
@@ -49,8 +49,8 @@ def test_traffic_and_radio_are_there_without_an_entity_of_their_own(instance_of,
     bare = instance_of([boat()])
     busy = SceneSpec(kind="bay", options={"traffic": 40.0})
     heard = CommsSpec(mode="broadcast", hub=None, range_m=500.0)
-    assert cast(bare, host).local == ("vessel",)
-    assert cast(msgspec.structs.replace(bare, scene=busy), host).local == ("road", "vessel")
-    assert cast(msgspec.structs.replace(bare, comms=heard), host).local == ("city", "vessel")
+    assert select_engines(bare, host).local == ("vessel",)
+    assert select_engines(msgspec.structs.replace(bare, scene=busy), host).local == ("road", "vessel")
+    assert select_engines(msgspec.structs.replace(bare, comms=heard), host).local == ("city", "vessel")
     quiet = SceneSpec(kind="bay", options={"traffic": 0.0})
-    assert cast(msgspec.structs.replace(bare, scene=quiet), host).local == ("vessel",)
+    assert select_engines(msgspec.structs.replace(bare, scene=quiet), host).local == ("vessel",)

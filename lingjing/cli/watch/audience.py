@@ -36,7 +36,7 @@ class Audience:
     """
 
     def __init__(self, mission: Mission, options: PlayOptions, *, truth: bool) -> None:
-        from lingjing.kernel.staging import Stage
+        from lingjing.kernel.cities import CityBuilder
         from lingjing.plugins.host import PluginHost
 
         if not sys.stderr.isatty():
@@ -45,7 +45,7 @@ class Audience:
         if not self._drawable:
             print("note: this terminal cannot be drawn on (TERM=dumb): progress only", file=sys.stderr)
         self._mission, self._options, self._truth = mission, options, truth
-        self._stage = Stage(PluginHost())
+        self._cities = CityBuilder(PluginHost())
         self._seed = 0
 
     def follow(self, places: Iterable[tuple[int, Path | None]]) -> Iterator[tuple[int, Path | None]]:
@@ -61,7 +61,7 @@ class Audience:
         if not self._drawable:
             return LiveProgress(title)
         options = self._options
-        instance, city = self._stage.set(
+        instance, city = self._cities.place(
             instantiate(self._mission, seed=self._seed, mode=options.mode, settings=options.settings)
         )
         return Watching(instance, city, options.policy, truth=self._truth)

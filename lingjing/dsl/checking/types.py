@@ -49,7 +49,7 @@ INTERACTION_KEYS = {
 """`by` names the engine of who acts, `status` the target's word afterwards, `aboard` whether it is taken along.
 `takes = demand, from = load` lowers the target's `demand` by what the actor's `load` allows; `gives = load, up_to =
 payload` raises the actor's `load` to its `payload`. `told` says which agents learn of it
-(`lingjing.kernel.announcements`)."""
+(`lingjing.kernel.event_visibility`)."""
 COMMON_KEYS = {
     key.name: key
     for key in (

@@ -1,18 +1,18 @@
-"""The world: engines behind one door, in the caller or in two worker processes.
+"""The world: the engines of an episode behind one interface, in the caller or in two worker processes.
 
-In the order in which a call meets them:
+In the order of a call:
 
 - `contract`    what the kernel asks (`World`) and gets (`WorldBoundary`, `StoredFrame`)
 - `process`     `ProcessWorld`: a world process and a camera process; `inline` `InlineWorld`: all in the caller
 - `camera`      the camera process as the caller sees it; `deadlines` that a busy machine does not shorten
-- `casting`     which engines an instance needs and where each runs
-- `conductor`   the coupling: a tick as macro-steps of all parts
-- `ensemble`    the engines of one place ← `coherence` (what a boundary must be) ← `calling` (the guarded call)
+- `selection`   which engines an instance needs and where each runs
+- `cosimulation`   the coupling of the engines: a tick as macro-steps
+- `engine_group`   the engines of one process ← `boundary_checks` (what a boundary must be) ← `guarded_calls`
 - `stocks`      declared states that no engine keeps; `times` how long each engine has taken
 - `sensor`      the sensor engine ← `frames` (a drawn picture as it is stored)
-- `handle`      the caller's end of a worker ← `launch` (its process) ← `channel` (framing) ← `messages`, `shared`
+- `handle`      the caller's end of a worker ← `launch` (its process) ← `packets` (framing) ← `messages`, `shared`
 - `worker`      the far end, `python -m lingjing.kernel.world.worker` ← `handlers` (its answer to each request)
-- `extras`      plug-ins named on top of the installed ones, the same at both ends
+- `extra_plugins`   plug-ins named on top of the installed ones, the same at both ends
 
 Invariants: both worlds report the same boundaries and pictures; a worker never outlives its caller; whatever goes
 wrong with an engine is one `InfrastructureError` that names it, after which `reset` starts afresh.
@@ -46,7 +46,7 @@ def open_world(
     already, must offer the same; workers always find plug-ins for themselves. `quality` is that of the JPEGs.
     """
     if kind == "inline":
-        from lingjing.kernel.world.extras import host_with
+        from lingjing.kernel.world.extra_plugins import host_with
         from lingjing.kernel.world.inline import InlineWorld
 
         return InlineWorld(host if host is not None else host_with(plugins, installed=installed), quality=quality)

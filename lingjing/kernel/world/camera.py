@@ -8,11 +8,11 @@ from __future__ import annotations
 import threading
 from collections.abc import Sequence
 
-from lingjing.kernel.world.calling import absent
 from lingjing.kernel.world.contract import StoredFrame
 from lingjing.kernel.world.deadlines import OwnDeadline
+from lingjing.kernel.world.guarded_calls import absent
 from lingjing.kernel.world.handle import Worker
-from lingjing.kernel.world.messages import Capture, Picture, encoded
+from lingjing.kernel.world.messages import Capture, PictureReply, encoded
 from lingjing.kernel.world.shared import load_frame
 from lingjing.plugins.engine import CaptureRequest
 from lingjing.trace.records import Absent, BodyState
@@ -21,7 +21,7 @@ _PATIENCE = 3
 """How many deadlines a camera may be late before it counts as hung."""
 
 
-class Camera:
+class CameraProcess:
     """The caller's end of a camera process that has been reset for an episode."""
 
     def __init__(self, worker: Worker) -> None:
@@ -76,7 +76,7 @@ class Camera:
                 raise self.worker.hung(patience.allowed_s) from None
             return False
         try:
-            if not isinstance(reply, Picture):
+            if not isinstance(reply, PictureReply):
                 raise self.worker.fault(reply)
             self._settle(reply.serial)
             if reply.serial != self._serial:

@@ -10,8 +10,8 @@ import hashlib
 import msgspec
 import numpy as np
 
-from lingjing.kernel.world.calling import broken
 from lingjing.kernel.world.contract import StoredFrame
+from lingjing.kernel.world.guarded_calls import broken
 from lingjing.plugins.engine import CaptureRequest, Frame
 from lingjing.trace.images import encode_jpeg
 

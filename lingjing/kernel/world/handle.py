@@ -17,24 +17,24 @@ from collections.abc import Sequence
 from typing import TypeVar
 
 from lingjing.errors import InfrastructureError
-from lingjing.kernel.world.channel import Channel, ChannelClosedError, Packet
 from lingjing.kernel.world.deadlines import Deadline, OwnDeadline, own_clock_of_s
-from lingjing.kernel.world.launch import LastWords, Place, Recipe, launch
+from lingjing.kernel.world.launch import ErrorOutput, WorkerPlace, WorkerSettings, launch
 from lingjing.kernel.world.messages import (
     Close,
     Closed,
     Failed,
     Fork,
     Forked,
-    Message,
     Refused,
     Reply,
+    WorkerMessage,
     decoded_reply,
     encoded,
 )
-from lingjing.kernel.world.shared import Doing, Progress, progress_memory
+from lingjing.kernel.world.packets import ChannelClosedError, Packet, PacketSocket
+from lingjing.kernel.world.shared import CallMonitor, CurrentCall, progress_memory
 
-ReplyT = TypeVar("ReplyT", bound=Message)
+ReplyT = TypeVar("ReplyT", bound=WorkerMessage)
 
 _CLOSE_S = 5.0
 _EXIT_S = 60.0
@@ -55,7 +55,7 @@ class Worker:
         pidfd: int,
         end: socket.socket,
         progress: int,
-        words: LastWords,
+        words: ErrorOutput,
         *,
         process: subprocess.Popen[bytes] | None = None,
         parent: Worker | None = None,
@@ -69,15 +69,15 @@ class Worker:
         self._owner = os.getpid()
         self._process = process
         self._pidfd = pidfd
-        self._channel = Channel(end)
-        self._progress = Progress(progress)
+        self._channel = PacketSocket(end)
+        self._progress = CallMonitor(progress)
         os.close(progress)
         self._words = words
 
     @classmethod
-    def start(cls, place: Place, recipe: Recipe) -> Worker:
+    def start(cls, place: WorkerPlace, settings: WorkerSettings) -> Worker:
         """A new process of its own."""
-        started = launch(place, recipe)
+        started = launch(place, settings)
         name = f"{place} process"
         return cls(name, started.pidfd, started.end, started.progress, started.words, process=started.process)
 
@@ -126,12 +126,12 @@ class Worker:
             return reply
         raise self.fault(reply)
 
-    def ask(self, message: Message, kind: type[ReplyT], deadline: OwnDeadline) -> ReplyT:
+    def ask(self, message: WorkerMessage, kind: type[ReplyT], deadline: OwnDeadline) -> ReplyT:
         """One round trip."""
         self.send(encoded(message), deadline)
         return self.expect(kind, deadline)
 
-    def fault(self, reply: Message) -> InfrastructureError:
+    def fault(self, reply: WorkerMessage) -> InfrastructureError:
         """The error for a reply that is not the one expected."""
         if isinstance(reply, Refused):
             return InfrastructureError(reply.message)
@@ -191,12 +191,12 @@ class Worker:
             raise InfrastructureError(f"the {self.name} has ended")
 
     def _died(self) -> InfrastructureError:
-        doing = self._progress.read()
+        call = self._progress.read()
         self._await_exit(_EXIT_S)
         self._words.drain()
         reason = self._exit_reason()
         self.kill()
-        where = f" while engine `{doing.engine}` was in {doing.call}" if doing.engine else ""
+        where = f" while engine `{call.engine}` was in {call.call}" if call.engine else ""
         # What the interpreter dumps when it crashes is for who wrote the engine; the rest is for everybody.
         said, crash, dump = self._words.text().partition(_CRASH)
         last = f"; its last words: {_tail(said, _SHOWN_LINES)}" if said.strip() else ""
@@ -271,14 +271,14 @@ class Worker:
             self.parent.release()
 
 
-def _late(doing: Doing, now_s: float, name: str, allowed_s: float) -> str:
+def _late(call: CurrentCall, now_s: float, name: str, allowed_s: float) -> str:
     """Who did not answer: the engine it is in, unless another one took more of the time."""
-    if not doing.engine:
+    if not call.engine:
         return f"{name} did not answer within {allowed_s:g} s"
-    if doing.slowest != doing.engine and doing.slowest_s > now_s - doing.since_s:
-        took = f"engine `{doing.slowest}` took {doing.slowest_s:.1f} of {allowed_s:g} s"
-        return f"{took}, so that engine `{doing.engine}` ({doing.call}) had no time left"
-    return f"engine `{doing.engine}` ({doing.call}) did not answer within {allowed_s:g} s"
+    if call.slowest != call.engine and call.slowest_s > now_s - call.since_s:
+        took = f"engine `{call.slowest}` took {call.slowest_s:.1f} of {allowed_s:g} s"
+        return f"{took}, so that engine `{call.engine}` ({call.call}) had no time left"
+    return f"engine `{call.engine}` ({call.call}) did not answer within {allowed_s:g} s"
 
 
 def _tail(text: str, count: int) -> str:

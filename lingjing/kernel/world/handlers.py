@@ -7,15 +7,14 @@ import os
 from collections.abc import Callable, Iterator
 from typing import Protocol
 
-from lingjing.kernel.world.conductor import Conductor
-from lingjing.kernel.world.ensemble import Ensemble, close_engines, start_engines
+from lingjing.kernel.world.cosimulation import CoSimulation
+from lingjing.kernel.world.engine_group import EngineGroup, close_engines, start_engines
 from lingjing.kernel.world.messages import (
     Admitted,
     Advance,
     Begin,
     Capture,
-    Message,
-    Picture,
+    PictureReply,
     Prepare,
     Ready,
     Reported,
@@ -24,21 +23,22 @@ from lingjing.kernel.world.messages import (
     Step,
     Stepped,
     Submit,
+    WorkerMessage,
 )
 from lingjing.kernel.world.sensor import Sensor
-from lingjing.kernel.world.shared import Progress, store_frame
+from lingjing.kernel.world.shared import CallMonitor, store_frame
 from lingjing.numerics import taken
 from lingjing.plugins.engine import CaptureRequest, Engine
 from lingjing.plugins.host import PluginHost
 
-Answer = tuple[Message, tuple[int, ...]]
+ReplyWithDescriptors = tuple[WorkerMessage, tuple[int, ...]]
 """A reply and the descriptors that go with it; who yields it closes them after it was sent."""
 
 
 class RequestHandler(Protocol):
     """A worker's trade."""
 
-    def answer(self, request: Request) -> Iterator[Answer]:
+    def answer(self, request: Request) -> Iterator[ReplyWithDescriptors]:
         """The replies to one request; raises what the engines raise."""
         ...
 
@@ -50,7 +50,7 @@ class RequestHandler(Protocol):
 class _Engines:
     """The engine objects of the present episode."""
 
-    def __init__(self, find_host: Callable[[], PluginHost], progress: Progress) -> None:
+    def __init__(self, find_host: Callable[[], PluginHost], progress: CallMonitor) -> None:
         self._find_host = find_host
         self._host: PluginHost | None = None
         self._progress = progress
@@ -85,13 +85,13 @@ class WorldHandler:
     Each episode gets fresh engine objects, so that nothing carries over but what was imported.
     """
 
-    def __init__(self, find_host: Callable[[], PluginHost], progress: Progress) -> None:
+    def __init__(self, find_host: Callable[[], PluginHost], progress: CallMonitor) -> None:
         self._engines = _Engines(find_host, progress)
         self._enter = progress.enter
-        self._ensemble: Ensemble | None = None
-        self._conductor: Conductor | None = None
+        self._ensemble: EngineGroup | None = None
+        self._conductor: CoSimulation | None = None
 
-    def answer(self, request: Request) -> Iterator[Answer]:
+    def answer(self, request: Request) -> Iterator[ReplyWithDescriptors]:
         """One reply to each request."""
         yield self._reply(request), ()
 
@@ -99,15 +99,15 @@ class WorldHandler:
         """Close all engines."""
         return self._engines.close()
 
-    def _reply(self, request: Request) -> Message:
+    def _reply(self, request: Request) -> WorkerMessage:
         match request:
             case Prepare():
                 gc.unfreeze()
                 self._ensemble = self._conductor = None
                 return self._engines.prepare(request.engines)
             case Reset():
-                self._ensemble = Ensemble(request.instance, request.city, self._engines.by_name, self._enter)
-                self._conductor = Conductor(request.instance, (self._ensemble,)) if request.coupled else None
+                self._ensemble = EngineGroup(request.instance, request.city, self._engines.by_name, self._enter)
+                self._conductor = CoSimulation(request.instance, (self._ensemble,)) if request.coupled else None
                 return Ready(taken=self._engines.taken)
             case Begin() if self._ensemble is not None:
                 ready = self._begin(self._ensemble)
@@ -123,7 +123,7 @@ class WorldHandler:
                 return Reported(reports=self._ensemble.advance(request.until, request.foreign, request.ambient))
         raise RuntimeError(f"{type(request).__name__} came out of turn to the world process")
 
-    def _begin(self, ensemble: Ensemble) -> Message:
+    def _begin(self, ensemble: EngineGroup) -> WorkerMessage:
         if self._conductor is None:
             return Reported(reports=ensemble.reset())
         return Stepped(boundary=self._conductor.reset())
@@ -135,13 +135,13 @@ class CameraHandler:
     One engine object stays from episode to episode with its graphics context: a picture depends on nothing before it.
     """
 
-    def __init__(self, find_host: Callable[[], PluginHost], progress: Progress, quality: int) -> None:
+    def __init__(self, find_host: Callable[[], PluginHost], progress: CallMonitor, quality: int) -> None:
         self._engines = _Engines(find_host, progress)
         self._enter = progress.enter
         self._quality = quality
         self._sensor: Sensor | None = None
 
-    def answer(self, request: Request) -> Iterator[Answer]:
+    def answer(self, request: Request) -> Iterator[ReplyWithDescriptors]:
         """One reply, or one for each picture asked for."""
         match request:
             case Prepare():
@@ -158,7 +158,7 @@ class CameraHandler:
         """Close the sensor engine."""
         return self._engines.close()
 
-    def _prepare(self, request: Prepare) -> Message:
+    def _prepare(self, request: Prepare) -> WorkerMessage:
         (name,) = request.engines
         if name in self._engines.by_name:
             return Ready()
@@ -166,18 +166,20 @@ class CameraHandler:
         self._sensor = Sensor(name, self._engines.by_name[name], self._quality, self._enter)
         return ready
 
-    def _capture(self, sensor: Sensor, request: Capture) -> Iterator[Answer]:
+    def _capture(self, sensor: Sensor, request: Capture) -> Iterator[ReplyWithDescriptors]:
         sensor.settle(request.time_s, request.states)
         for index, wanted in enumerate(request.requests):
             yield from self._picture(sensor, request.serial, index, wanted)
 
-    def _picture(self, sensor: Sensor, serial: int, index: int, wanted: CaptureRequest) -> Iterator[Answer]:
+    def _picture(
+        self, sensor: Sensor, serial: int, index: int, wanted: CaptureRequest
+    ) -> Iterator[ReplyWithDescriptors]:
         frame = sensor.picture(wanted)
         if frame is None:
-            yield Picture(serial=serial, index=index), ()
+            yield PictureReply(serial=serial, index=index), ()
             return
         layout, descriptor = store_frame(frame)
         try:
-            yield Picture(serial=serial, index=index, info=frame.info, layout=layout), (descriptor,)
+            yield PictureReply(serial=serial, index=index, info=frame.info, layout=layout), (descriptor,)
         finally:
             os.close(descriptor)

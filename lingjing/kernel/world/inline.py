@@ -13,12 +13,12 @@ import warnings
 from collections.abc import Mapping, Sequence
 
 from lingjing.errors import InfrastructureError, UsageError
-from lingjing.kernel.world.calling import absent, no_episode, no_sensor
-from lingjing.kernel.world.casting import cast
-from lingjing.kernel.world.conductor import Conductor, macro_steps
 from lingjing.kernel.world.contract import StoredFrame, World, WorldBoundary
+from lingjing.kernel.world.cosimulation import CoSimulation, macro_steps
 from lingjing.kernel.world.deadlines import OwnDeadline
-from lingjing.kernel.world.ensemble import Ensemble, close_engines, start_engines
+from lingjing.kernel.world.engine_group import EngineGroup, close_engines, start_engines
+from lingjing.kernel.world.guarded_calls import absent, no_episode, no_sensor
+from lingjing.kernel.world.selection import select_engines
 from lingjing.kernel.world.sensor import Sensor
 from lingjing.kernel.world.times import EngineTimes
 from lingjing.mission.instance import Instance
@@ -38,19 +38,19 @@ class InlineWorld:
         self._drawing: dict[str, Engine] = {}
         self.processes: Mapping[str, Mapping[str, str]] = {}
         self._instance: Instance | None = None
-        self._conductor: Conductor | None = None
+        self._conductor: CoSimulation | None = None
         self._sensor: Sensor | None = None
         self._times = EngineTimes()
 
     def reset(self, instance: Instance, city: City) -> WorldBoundary:
         """Start an episode on fresh motion engines; the sensor engine keeps its graphics context."""
-        roles = cast(instance, self._host)
+        roles = select_engines(instance, self._host)
         macro_steps(instance.clock)  # a clock that does not divide is refused before anything starts
         self._end_episode()
         try:
             self._motion = start_engines(self._host, (*roles.local, *roles.remote))
             self._sensor = self._find_sensor(roles.sensor)
-            self._conductor = Conductor(instance, (Ensemble(instance, city, self._motion, self._times.enter),))
+            self._conductor = CoSimulation(instance, (EngineGroup(instance, city, self._motion, self._times.enter),))
             self._instance = instance
             return self._reset(instance, city, self._conductor)
         except BaseException:
@@ -104,7 +104,7 @@ class InlineWorld:
             self._drawing = start_engines(self._host, (name,))
         return Sensor(name, self._drawing[name], self._quality)
 
-    def _reset(self, instance: Instance, city: City, conductor: Conductor) -> WorldBoundary:
+    def _reset(self, instance: Instance, city: City, conductor: CoSimulation) -> WorldBoundary:
         if self._sensor is not None:
             self._sensor.reset(instance, city)
         self._times.clear()
@@ -120,7 +120,7 @@ class InlineWorld:
             return absent(request, "not_drawn")
         return absent(request, "late") if deadline.left_s() <= 0.0 else frame
 
-    def _episode(self) -> tuple[Instance, Conductor]:
+    def _episode(self) -> tuple[Instance, CoSimulation]:
         if self._instance is None or self._conductor is None:
             raise no_episode()
         return self._instance, self._conductor

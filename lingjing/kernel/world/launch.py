@@ -27,7 +27,7 @@ from lingjing.errors import InfrastructureError
 from lingjing.kernel.world.shared import progress_memory
 from lingjing.numerics import worker_environment
 
-Place = Literal["world", "camera"]
+WorkerPlace = Literal["world", "camera"]
 
 _TAIL_BYTES = 16_384
 _PIPE_BYTES = 1_048_576
@@ -36,7 +36,7 @@ _QUIET = {"MUJOCO_GL": "disable", "JSBSIM_DEBUG": "0"}
 
 
 @dataclass(frozen=True, slots=True)
-class Recipe:
+class WorkerSettings:
     """How the workers of a world are started; see `lingjing.kernel.world.open_world` for the meaning."""
 
     plugins: tuple[str, ...] = ()
@@ -44,14 +44,14 @@ class Recipe:
     installed: bool = True
     quality: int = 90
 
-    def arguments(self, place: Place) -> list[str]:
+    def arguments(self, place: WorkerPlace) -> list[str]:
         """The worker's command line but for its descriptors."""
         options = ["--place", place, "--quality", str(self.quality), "--parent", str(os.getpid())]
         options += [] if self.installed else ["--bare"]
         return options + [part for plugin in self.plugins for part in ("--plugin", plugin)]
 
 
-class LastWords:
+class ErrorOutput:
     """The end of what a worker and its forks write to standard output and error, read whenever the caller waits."""
 
     def __init__(self, descriptor: int) -> None:
@@ -108,18 +108,18 @@ class Launched:
     pidfd: int
     end: socket.socket
     progress: int
-    words: LastWords
+    words: ErrorOutput
 
 
-def launch(place: Place, recipe: Recipe) -> Launched:
+def launch(place: WorkerPlace, settings: WorkerSettings) -> Launched:
     """Start `python -m lingjing.kernel.world.worker`; returns at once, the worker answers when it is up."""
     try:
-        return _launch(place, recipe)
+        return _launch(place, settings)
     except OSError as error:
         raise InfrastructureError(f"the {place} process cannot be started: {error}") from error
 
 
-def _launch(place: Place, recipe: Recipe) -> Launched:
+def _launch(place: WorkerPlace, settings: WorkerSettings) -> Launched:
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
     progress = progress_memory()
     reading, writing = os.pipe2(os.O_CLOEXEC)
@@ -127,8 +127,8 @@ def _launch(place: Place, recipe: Recipe) -> Launched:
     fcntl.fcntl(writing, fcntl.F_SETPIPE_SZ, _PIPE_BYTES)
     descriptors = (theirs.fileno(), progress)
     try:
-        command = [*_command(descriptors), *recipe.arguments(place)]
-        process, pidfd = _started(command, _environment(recipe.paths), descriptors, writing)
+        command = [*_command(descriptors), *settings.arguments(place)]
+        process, pidfd = _started(command, _environment(settings.paths), descriptors, writing)
     except BaseException:
         ours.close()
         os.close(progress)
@@ -137,7 +137,7 @@ def _launch(place: Place, recipe: Recipe) -> Launched:
     finally:
         theirs.close()
         os.close(writing)
-    return Launched(process, pidfd, ours, progress, LastWords(reading))
+    return Launched(process, pidfd, ours, progress, ErrorOutput(reading))
 
 
 def _command(descriptors: tuple[int, int]) -> list[str]:

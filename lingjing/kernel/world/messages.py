@@ -5,7 +5,7 @@ from __future__ import annotations
 import msgspec
 
 from lingjing.kernel.world.contract import WorldBoundary
-from lingjing.kernel.world.ensemble import Report
+from lingjing.kernel.world.engine_group import EngineReport
 from lingjing.kernel.world.shared import Layout
 from lingjing.mission.instance import Instance
 from lingjing.plugins.engine import CaptureRequest
@@ -13,17 +13,17 @@ from lingjing.scene.city import City
 from lingjing.trace.records import BodyState, Command, FrameInfo, Receipt
 
 
-class Message(msgspec.Struct, frozen=True, kw_only=True, tag=True, tag_field="is"):
+class WorkerMessage(msgspec.Struct, frozen=True, kw_only=True, tag=True, tag_field="is"):
     """Base of all requests and replies; the tag is the class name."""
 
 
-class Prepare(Message, frozen=True, kw_only=True):
+class Prepare(WorkerMessage, frozen=True, kw_only=True):
     """Create fresh engines of these names (heavy imports happen now) and close those of the episode before."""
 
     engines: tuple[str, ...]
 
 
-class Reset(Message, frozen=True, kw_only=True):
+class Reset(WorkerMessage, frozen=True, kw_only=True):
     """Take in what an episode is played on. `coupled`: the worker conducts whole ticks; otherwise the caller drives
     each macro-step because it hosts other engines of the episode. A camera makes its pictures ready as well."""
 
@@ -32,24 +32,24 @@ class Reset(Message, frozen=True, kw_only=True):
     coupled: bool = True
 
 
-class Begin(Message, frozen=True, kw_only=True):
+class Begin(WorkerMessage, frozen=True, kw_only=True):
     """Reset every prepared engine to the episode of the last `Reset`: boundary 0."""
 
 
-class Step(Message, frozen=True, kw_only=True):
+class Step(WorkerMessage, frozen=True, kw_only=True):
     """A whole tick."""
 
     tick: int
     commands: tuple[Command, ...]
 
 
-class Submit(Message, frozen=True, kw_only=True):
+class Submit(WorkerMessage, frozen=True, kw_only=True):
     """Admission alone, when the caller drives."""
 
     commands: tuple[Command, ...]
 
 
-class Advance(Message, frozen=True, kw_only=True):
+class Advance(WorkerMessage, frozen=True, kw_only=True):
     """One macro-step, when the caller drives; `foreign` are the states of its own engines' entities, `ambient` those
     of their background movers by engine."""
 
@@ -58,8 +58,8 @@ class Advance(Message, frozen=True, kw_only=True):
     ambient: dict[str, tuple[BodyState, ...]] = {}
 
 
-class Capture(Message, frozen=True, kw_only=True):
-    """Pictures of one boundary; each is answered by a `Picture` of the same `serial`."""
+class Capture(WorkerMessage, frozen=True, kw_only=True):
+    """Pictures of one boundary; each is answered by a `PictureReply` of the same `serial`."""
 
     serial: int
     time_s: float
@@ -67,15 +67,15 @@ class Capture(Message, frozen=True, kw_only=True):
     states: tuple[BodyState, ...]
 
 
-class Fork(Message, frozen=True, kw_only=True):
+class Fork(WorkerMessage, frozen=True, kw_only=True):
     """Copy yourself; with it come a socket and a progress memory for the copy."""
 
 
-class Close(Message, frozen=True, kw_only=True):
+class Close(WorkerMessage, frozen=True, kw_only=True):
     """Close all engines and end."""
 
 
-class Ready(Message, frozen=True, kw_only=True):
+class Ready(WorkerMessage, frozen=True, kw_only=True):
     """Done. `problems` are engines of the episode before that failed to close; after a `Reset`, `taken` is what the
     process runs (`lingjing.numerics.taken`)."""
 
@@ -83,25 +83,25 @@ class Ready(Message, frozen=True, kw_only=True):
     taken: dict[str, str] = {}
 
 
-class Stepped(Message, frozen=True, kw_only=True):
+class Stepped(WorkerMessage, frozen=True, kw_only=True):
     """The boundary that was reached."""
 
     boundary: WorldBoundary
 
 
-class Reported(Message, frozen=True, kw_only=True):
+class Reported(WorkerMessage, frozen=True, kw_only=True):
     """The boundaries of the worker's engines, when the caller drives."""
 
-    reports: tuple[Report, ...]
+    reports: tuple[EngineReport, ...]
 
 
-class Admitted(Message, frozen=True, kw_only=True):
+class Admitted(WorkerMessage, frozen=True, kw_only=True):
     """Admission receipts by command id."""
 
     receipts: dict[str, Receipt]
 
 
-class Picture(Message, frozen=True, kw_only=True):
+class PictureReply(WorkerMessage, frozen=True, kw_only=True):
     """The answer to request `index` of a `Capture`: a descriptor with the bytes comes along, or `info` is None."""
 
     serial: int
@@ -110,25 +110,25 @@ class Picture(Message, frozen=True, kw_only=True):
     layout: Layout | None = None
 
 
-class Forked(Message, frozen=True, kw_only=True):
+class Forked(WorkerMessage, frozen=True, kw_only=True):
     """The process id of the copy."""
 
     pid: int
 
 
-class Closed(Message, frozen=True, kw_only=True):
+class Closed(WorkerMessage, frozen=True, kw_only=True):
     """The worker is about to end; `problems` are engines that failed to close."""
 
     problems: tuple[str, ...] = ()
 
 
-class Refused(Message, frozen=True, kw_only=True):
+class Refused(WorkerMessage, frozen=True, kw_only=True):
     """The request cannot be met, and nothing is broken."""
 
     message: str
 
 
-class Failed(Message, frozen=True, kw_only=True):
+class Failed(WorkerMessage, frozen=True, kw_only=True):
     """The episode is broken. `message` names engine and call; `traceback` is for who wrote the engine."""
 
     message: str
@@ -137,14 +137,14 @@ class Failed(Message, frozen=True, kw_only=True):
 
 
 Request = Prepare | Reset | Begin | Step | Submit | Advance | Capture | Fork | Close
-Reply = Ready | Stepped | Reported | Admitted | Picture | Forked | Closed | Refused | Failed
+Reply = Ready | Stepped | Reported | Admitted | PictureReply | Forked | Closed | Refused | Failed
 
 _ENCODER = msgspec.msgpack.Encoder()
 _REQUESTS: msgspec.msgpack.Decoder[Request] = msgspec.msgpack.Decoder(Request)
 _REPLIES: msgspec.msgpack.Decoder[Reply] = msgspec.msgpack.Decoder(Reply)
 
 
-def encoded(message: Message) -> bytes:
+def encoded(message: WorkerMessage) -> bytes:
     """The message as it travels."""
     return _ENCODER.encode(message)
 

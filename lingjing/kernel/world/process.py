@@ -13,21 +13,26 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from lingjing.errors import UsageError
-from lingjing.kernel.world.calling import no_episode, no_sensor
-from lingjing.kernel.world.camera import Camera
-from lingjing.kernel.world.casting import Cast, cast
-from lingjing.kernel.world.conductor import Conductor, Part, macro_steps
+from lingjing.kernel.world.camera import CameraProcess
 from lingjing.kernel.world.contract import StoredFrame, WorldBoundary
+from lingjing.kernel.world.cosimulation import CoSimulation, CoupledGroup, macro_steps
 from lingjing.kernel.world.deadlines import OwnDeadline
-from lingjing.kernel.world.ensemble import NO_MOVERS, Ensemble, Movers, Report, close_engines, start_engines
-from lingjing.kernel.world.extras import host_with
+from lingjing.kernel.world.engine_group import (
+    NO_MOVERS,
+    EngineGroup,
+    EngineReport,
+    Movers,
+    close_engines,
+    start_engines,
+)
+from lingjing.kernel.world.extra_plugins import host_with
+from lingjing.kernel.world.guarded_calls import no_episode, no_sensor
 from lingjing.kernel.world.handle import ReplyT, Worker
-from lingjing.kernel.world.launch import Place, Recipe
+from lingjing.kernel.world.launch import WorkerPlace, WorkerSettings
 from lingjing.kernel.world.messages import (
     Admitted,
     Advance,
     Begin,
-    Message,
     Prepare,
     Ready,
     Reported,
@@ -35,8 +40,10 @@ from lingjing.kernel.world.messages import (
     Step,
     Stepped,
     Submit,
+    WorkerMessage,
     encoded,
 )
+from lingjing.kernel.world.selection import EngineSelection, select_engines
 from lingjing.kernel.world.times import EngineTimes
 from lingjing.mission.instance import Instance
 from lingjing.plugins.engine import CaptureRequest, Engine
@@ -63,7 +70,7 @@ class _FarPart:
         """A barrier begins: all the time that is allowed is there again."""
         self._spent_s = 0.0
 
-    def reset(self) -> tuple[Report, ...]:
+    def reset(self) -> tuple[EngineReport, ...]:
         return self._ask(Begin(), Reported).reports
 
     def submit(self, commands: Sequence[Command]) -> dict[str, Receipt]:
@@ -71,10 +78,10 @@ class _FarPart:
 
     def advance(
         self, until: float, foreign: Sequence[BodyState] = (), ambient: Movers = NO_MOVERS
-    ) -> tuple[Report, ...]:
+    ) -> tuple[EngineReport, ...]:
         return self._ask(Advance(until=until, foreign=tuple(foreign), ambient=dict(ambient)), Reported).reports
 
-    def _ask(self, message: Message, kind: type[ReplyT]) -> ReplyT:
+    def _ask(self, message: WorkerMessage, kind: type[ReplyT]) -> ReplyT:
         self._remote.pause()
         deadline = OwnDeadline(self._worker.pid, self._allowed_s, already_s=self._spent_s)
         reply = self._worker.ask(message, kind, deadline)
@@ -86,7 +93,7 @@ class _FarPart:
 class _Driver:
     """How an episode with remote engines is driven from here; `times` are those of the remote engines."""
 
-    conductor: Conductor
+    conductor: CoSimulation
     far: _FarPart | None
     times: EngineTimes
     allowed_s: float
@@ -112,7 +119,7 @@ class _Driver:
 @dataclass(slots=True)
 class _Episode:
     instance: Instance
-    cast: Cast
+    cast: EngineSelection
     tick: int = 0
     driver: _Driver | None = None
 
@@ -120,7 +127,7 @@ class _Episode:
 class _Workers:
     """The workers and the remote engines of a world; they can be ended without the world that uses them."""
 
-    def __init__(self, world: Worker | None = None, camera: Camera | None = None) -> None:
+    def __init__(self, world: Worker | None = None, camera: CameraProcess | None = None) -> None:
         self.world = world
         self.camera = camera
         self.remote: dict[str, Engine] = {}
@@ -154,7 +161,7 @@ class ProcessWorld:
         quality: int = 90,
         host: PluginHost | None = None,
     ) -> None:
-        self._recipe = Recipe(plugins, paths, installed, quality)
+        self._settings = WorkerSettings(plugins, paths, installed, quality)
         self._host = host if host is not None else host_with(plugins, installed=installed)
         self._episode: _Episode | None = None
         self.processes: Mapping[str, Mapping[str, str]] = {}
@@ -162,7 +169,7 @@ class ProcessWorld:
 
     def reset(self, instance: Instance, city: City) -> WorldBoundary:
         """Start an episode on warm workers, or on new ones where there are none."""
-        roles = cast(instance, self._host)
+        roles = select_engines(instance, self._host)
         macro_steps(instance.clock)
         self._episode = None
         try:
@@ -214,10 +221,10 @@ class ProcessWorld:
         world = self._workers.world
         copy = world.fork(world.deadline(episode.instance.budget.engine_s))
         twin = ProcessWorld(
-            plugins=self._recipe.plugins,
-            paths=self._recipe.paths,
-            installed=self._recipe.installed,
-            quality=self._recipe.quality,
+            plugins=self._settings.plugins,
+            paths=self._settings.paths,
+            installed=self._settings.installed,
+            quality=self._settings.quality,
             host=self._host,
         )
         camera = self._workers.camera
@@ -242,7 +249,7 @@ class ProcessWorld:
             raise no_episode()
         return self._episode
 
-    def _recruit(self, roles: Cast) -> None:
+    def _recruit(self, roles: EngineSelection) -> None:
         """Have the workers that this episode needs; they come up side by side."""
         workers = self._workers
         workers.world = self._fit(workers.world)
@@ -253,7 +260,7 @@ class ProcessWorld:
             _let_go(camera)
             workers.camera = None
         if roles.sensor is not None and workers.camera is None:
-            workers.camera = Camera(self._start("camera"))
+            workers.camera = CameraProcess(self._start("camera"))
 
     def _fit(self, worker: Worker | None) -> Worker | None:
         """The worker if it can play another episode: alive and nobody's copy or original."""
@@ -262,10 +269,10 @@ class ProcessWorld:
         worker.release()
         return None
 
-    def _start(self, place: Place) -> Worker:
-        return Worker.start(place, self._recipe)
+    def _start(self, place: WorkerPlace) -> Worker:
+        return Worker.start(place, self._settings)
 
-    def _prepare(self, roles: Cast) -> None:
+    def _prepare(self, roles: EngineSelection) -> None:
         workers = self._workers
         old, workers.remote = workers.remote, {}
         _warn(close_engines(old))
@@ -303,12 +310,12 @@ class ProcessWorld:
     def _driver(self, episode: _Episode, city: City) -> _Driver:
         world, roles, instance = self._workers.world, episode.cast, episode.instance
         allowed_s, times = instance.budget.engine_s, EngineTimes()
-        parts: list[Part] = [Ensemble(instance, city, self._workers.remote, times.enter)]
+        parts: list[CoupledGroup] = [EngineGroup(instance, city, self._workers.remote, times.enter)]
         far = None
         if roles.local and world is not None:
             far = _FarPart(world, roles.local, allowed_s, times)
             parts.append(far)
-        return _Driver(Conductor(instance, parts), far, times, allowed_s)
+        return _Driver(CoSimulation(instance, parts), far, times, allowed_s)
 
     def _step(self, episode: _Episode, tick: int, commands: tuple[Command, ...]) -> WorldBoundary:
         if episode.driver is not None:
@@ -329,7 +336,7 @@ class ProcessWorld:
             camera.worker.release()
 
 
-def _sent(worker: Worker, message: Message) -> tuple[Worker, OwnDeadline]:
+def _sent(worker: Worker, message: WorkerMessage) -> tuple[Worker, OwnDeadline]:
     """Have a worker begin what is part of no budget; with the deadline of its answer."""
     deadline = worker.deadline(START_S)
     worker.send(encoded(message), deadline)
@@ -341,7 +348,7 @@ def _warn(problems: Sequence[str]) -> None:
         warnings.warn(problem, RuntimeWarning, stacklevel=3)
 
 
-def _let_go(camera: Camera) -> None:
+def _let_go(camera: CameraProcess) -> None:
     # A camera that still draws what nobody waits for is not worth a polite end.
     if camera.busy and camera.worker.users == 1:
         camera.worker.kill()

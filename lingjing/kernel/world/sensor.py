@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from lingjing.kernel.world.calling import Enter, broken, engine_seed, guarded, ignore
-from lingjing.kernel.world.coherence import checked_boundary
+from lingjing.kernel.world.boundary_checks import checked_boundary
 from lingjing.kernel.world.contract import StoredFrame
 from lingjing.kernel.world.frames import stored
+from lingjing.kernel.world.guarded_calls import Enter, broken, engine_seed, guarded, ignore
 from lingjing.mission.instance import Instance
 from lingjing.plugins.engine import CaptureRequest, Engine, EngineSpec
 from lingjing.scene.city import City

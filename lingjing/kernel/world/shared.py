@@ -59,7 +59,7 @@ def load_frame(info: FrameInfo, layout: Layout, descriptor: int) -> StoredFrame:
     return StoredFrame(info, bytes(jpeg), depth, semantic)
 
 
-class Doing(msgspec.Struct, frozen=True):
+class CurrentCall(msgspec.Struct, frozen=True):
     """What a worker is doing: the engine and the call it is in (empty: none) and since when on the worker's clock
     (`own_clock_of_s`); the engine that has taken most of the barrier before, and its seconds."""
 
@@ -70,7 +70,7 @@ class Doing(msgspec.Struct, frozen=True):
     slowest_s: float = 0.0
 
 
-class Progress:
+class CallMonitor:
     """One word in shared memory: what a worker is doing. Readable after it hangs or dies."""
 
     def __init__(self, descriptor: int) -> None:
@@ -80,24 +80,24 @@ class Progress:
     def enter(self, engine: str, call: str) -> None:
         """Note the call."""
         self._times.enter(engine, call)
-        self._write(Doing(engine[:_NAME], call, self._times.since_s, *_short(self._times.slowest())))
+        self._write(CurrentCall(engine[:_NAME], call, self._times.since_s, *_short(self._times.slowest())))
 
     def rest(self) -> None:
         """Note that no engine is being called: a barrier has ended."""
         self._times.clear()
-        self._write(Doing())
+        self._write(CurrentCall())
 
-    def read(self) -> Doing:
+    def read(self) -> CurrentCall:
         """What was noted last."""
         word = self._memory[:].rstrip(b"\0")
         try:
-            return msgspec.json.decode(word, type=Doing)
+            return msgspec.json.decode(word, type=CurrentCall)
         except msgspec.DecodeError:  # nothing has been noted, or it is being noted just now
-            return Doing()
+            return CurrentCall()
 
-    def _write(self, doing: Doing) -> None:
+    def _write(self, call: CurrentCall) -> None:
         # One slice assignment: a reader never sees an older word's tail.
-        self._memory[:] = msgspec.json.encode(doing).ljust(_PROGRESS_BYTES, b"\0")
+        self._memory[:] = msgspec.json.encode(call).ljust(_PROGRESS_BYTES, b"\0")
 
     def rebind(self, descriptor: int) -> None:
         """Write into another memory from now on: a forked worker must not speak for its parent."""
@@ -110,7 +110,7 @@ class Progress:
 
 
 def progress_memory() -> int:
-    """A descriptor for a new `Progress`; the caller closes it."""
+    """A descriptor for a new `CallMonitor`; the caller closes it."""
     descriptor = os.memfd_create("lingjing-progress", os.MFD_CLOEXEC)
     os.ftruncate(descriptor, _PROGRESS_BYTES)
     return descriptor

@@ -22,9 +22,8 @@ from pathlib import Path
 from typing import NoReturn
 
 from lingjing.errors import LingjingError
-from lingjing.kernel.world.channel import Channel, ChannelClosedError, Packet
 from lingjing.kernel.world.deadlines import WallDeadline
-from lingjing.kernel.world.extras import host_with
+from lingjing.kernel.world.extra_plugins import host_with
 from lingjing.kernel.world.handlers import CameraHandler, RequestHandler, WorldHandler
 from lingjing.kernel.world.messages import (
     Close,
@@ -32,13 +31,14 @@ from lingjing.kernel.world.messages import (
     Failed,
     Fork,
     Forked,
-    Message,
     Refused,
     Request,
+    WorkerMessage,
     decoded_request,
     encoded,
 )
-from lingjing.kernel.world.shared import Progress
+from lingjing.kernel.world.packets import ChannelClosedError, Packet, PacketSocket
+from lingjing.kernel.world.shared import CallMonitor
 from lingjing.plugins.host import PluginHost
 from lingjing.terminal import guard_streams
 
@@ -51,12 +51,12 @@ _UNFORKABLE = ("cv2", "moderngl", "OpenGL", "glcontext", "glfw", "torch")
 class Post:
     """Where this process stands: whom it answers, who started it, whom it started."""
 
-    channel: Channel
-    progress: Progress
+    channel: PacketSocket
+    progress: CallMonitor
     parent: int
     forks: set[int] = field(default_factory=set)
 
-    def reply(self, message: Message, descriptors: Sequence[int] = ()) -> None:
+    def reply(self, message: WorkerMessage, descriptors: Sequence[int] = ()) -> None:
         """Send one reply."""
         self.channel.send(encoded(message), descriptors)
 
@@ -77,9 +77,9 @@ def main() -> NoReturn:
     faulthandler.register(signal.SIGUSR2)
     for descriptor in (options.fd, options.progress):
         os.set_inheritable(descriptor, False)
-    progress = Progress(options.progress)
+    progress = CallMonitor(options.progress)
     os.close(options.progress)
-    post = Post(Channel(socket.socket(fileno=options.fd)), progress, options.parent)
+    post = Post(PacketSocket(socket.socket(fileno=options.fd)), progress, options.parent)
     signal.signal(signal.SIGCHLD, post.reap)
     _serve(_handler(options, progress), post)
 
@@ -96,7 +96,7 @@ def _options() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def _handler(options: argparse.Namespace, progress: Progress) -> RequestHandler:
+def _handler(options: argparse.Namespace, progress: CallMonitor) -> RequestHandler:
     plugins = tuple(options.plugin)
 
     def find_host() -> PluginHost:
@@ -179,7 +179,7 @@ def _fork(post: Post, packet: Packet) -> None:
 def _take_post(post: Post, packet: Packet, parent: int) -> None:
     end, progress = packet.descriptors
     post.channel.close()
-    post.channel = Channel(socket.socket(fileno=end))
+    post.channel = PacketSocket(socket.socket(fileno=end))
     post.progress.rebind(progress)
     os.close(progress)
     post.parent = parent

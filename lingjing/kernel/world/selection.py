@@ -12,7 +12,7 @@ CAMERA = "camera"
 
 
 @dataclass(frozen=True, slots=True)
-class Cast:
+class EngineSelection:
     """Engine names by place, each sorted: `local` motion engines, `remote` bridges, and the sensor engine, if the
     instance has a camera and a plug-in draws pictures."""
 
@@ -21,8 +21,8 @@ class Cast:
     sensor: str | None
 
 
-def cast(instance: Instance, host: PluginHost) -> Cast:
-    """The cast of `instance`; `UsageError` names an engine that is not installed or cannot own entities.
+def select_engines(instance: Instance, host: PluginHost) -> EngineSelection:
+    """The engines of `instance`; `UsageError` names an engine that is not installed or cannot own entities.
 
     An engine takes part if it owns an entity or wants to all the same (`EnginePlugin.wanted`).
     """
@@ -32,7 +32,7 @@ def cast(instance: Instance, host: PluginHost) -> Cast:
         for name, plugin in host.engines.items()
         if plugin.wanted is not None and not plugin.sensor and plugin.wanted(instance)
     }
-    return Cast(
+    return EngineSelection(
         local=tuple(sorted(name for name, place in places.items() if place == "world")),
         remote=tuple(sorted(name for name, place in places.items() if place == "remote")),
         sensor=_sensor(host) if any(entity.cameras for entity in instance.entities) else None,

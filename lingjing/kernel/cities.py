@@ -1,4 +1,4 @@
-"""From an instance to the city it is played in, with everything put where it belongs there."""
+"""The city of an instance, and the instance with its entities placed in that city."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from lingjing.scene.anchor import anchor
 from lingjing.scene.city import City
 
 
-class Stage:
-    """Builds cities for episodes that follow each other; the last one is kept, since most share it."""
+class CityBuilder:
+    """Builds the cities of successive episodes. The last one is kept, since most episodes share it."""
 
     def __init__(self, host: PluginHost) -> None:
         self._host = host
         self._last: tuple[SceneSpec, City] | None = None
 
-    def set(self, instance: Instance) -> tuple[Instance, City]:
+    def place(self, instance: Instance) -> tuple[Instance, City]:
         """The instance with its entities on roads, roofs and ground of its city, and the city.
 
         Raises `UsageError` for a scene that nobody offers, `MissionError` where something has no place.

@@ -15,7 +15,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from lingjing.kernel.world.calling import broken
+from lingjing.kernel.world.guarded_calls import broken
 from lingjing.plugins.engine import Boundary
 from lingjing.trace.records import BodyState, Command, Receipt, Route, TaskEvent
 

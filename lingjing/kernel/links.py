@@ -1,8 +1,8 @@
-"""The air between agents: which edges of a message get through.
+"""The communication links between agents: which edges of a message get through.
 
-Two conditions on the way, both of the instance's `comms`: the reach of radio, which the city engine works out for
+A link has two conditions, both of the instance's `comms`: the reach of radio, which the city engine works out for
 pairs of assets at each boundary (`unheard`), and `loss`, the share of edges that never arrive. An agent without a
-body, a coordinator at a desk, is in reach of all; one with several is where any of them is. Which edges are lost comes
+body, such as a coordinator, is in reach of all; one with several is where any of them is. Which edges are lost comes
 from a stream of its own: it depends on the message and its recipient alone.
 """
 
@@ -14,14 +14,14 @@ from typing import Literal
 from lingjing.mission.instance import Instance
 from lingjing.mission.seeding import integer
 
-Cut = Literal["", "out_of_range", "lost"]
+LossReason = Literal["", "out_of_range", "lost"]
 """Why an edge does not get through; "" if it does. Also the reason code of the sender's receipt."""
 
 _BITS = 53
 
 
-class Air:
-    """The air of one instance; holds no run-time state."""
+class Links:
+    """The links of one instance; holds no run-time state."""
 
     def __init__(self, instance: Instance) -> None:
         self._path = f"{instance.mission}/comms/loss"
@@ -29,7 +29,7 @@ class Air:
         self._loss = instance.comms.loss
         self._bodies = {agent.id: agent.controls for agent in instance.agents}
 
-    def cut(self, message: str, sender: str, recipient: str, unheard: Iterable[tuple[str, str]]) -> Cut:
+    def cut(self, message: str, sender: str, recipient: str, unheard: Iterable[tuple[str, str]]) -> LossReason:
         """Whether the edge of a message (by id) to one recipient is cut, given the pairs of assets out of reach."""
         if not self._in_reach(sender, recipient, unheard):
             return "out_of_range"

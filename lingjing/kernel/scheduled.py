@@ -1,4 +1,4 @@
-"""What happens by itself: a mission's events, as the task events of the boundaries at which they are due.
+"""A mission's scheduled events, as task events of the boundaries at which they are due.
 
 `weather` carries what changes of the weather, `appeared` and `vanished` whom the event brings or takes; each has the
 event's name. Who is there already does not appear again. They are the mission's and no engine's: no rule reads them as
@@ -15,7 +15,7 @@ from lingjing.trace.records import TaskEvent
 WEATHER, APPEARED, VANISHED = "weather", "appeared", "vanished"
 
 
-class Happenings:
+class ScheduledEvents:
     """The events of one instance; holds no run-time state."""
 
     def __init__(self, instance: Instance) -> None:

@@ -31,7 +31,7 @@ _NOWHERE = CameraPose(
 )
 
 
-class References:
+class ReferencePictures:
     """The reference pictures of one instance; holds no run-time state."""
 
     def __init__(self, instance: Instance) -> None:

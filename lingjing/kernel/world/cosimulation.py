@@ -1,8 +1,8 @@
-"""The coupling of all motion engines of an episode: one decision tick is a whole number of macro-steps.
+"""Fixed-step co-simulation of the motion engines of an episode: one decision tick is a whole number of macro-steps.
 
-Pure: it knows no process and no clock on the wall. It conducts *parts* (the engines of one place); a part may be an
-`Ensemble` here or the far end of a socket. Where there is more than one part (a remote engine in the caller beside
-the world process), each sees the others' states at the interval's start, exactly as engines do within a part.
+It knows no process and no wall clock. It couples *groups*, each the engines of one process; a group is an `EngineGroup`
+here or the far end of a socket. Where there are several (a remote engine in the caller beside the world process), each
+sees the others' states at the interval's start, as engines do within a group.
 """
 
 from __future__ import annotations
@@ -14,23 +14,23 @@ from typing import Protocol
 import msgspec
 
 from lingjing.errors import UsageError
-from lingjing.kernel.world.coherence import check_apart
+from lingjing.kernel.world.boundary_checks import check_apart
 from lingjing.kernel.world.contract import WorldBoundary
-from lingjing.kernel.world.ensemble import NO_MOVERS, Movers, Report
+from lingjing.kernel.world.engine_group import NO_MOVERS, EngineReport, Movers
 from lingjing.kernel.world.stocks import Stocks
 from lingjing.mission.instance import Clock, Instance
 from lingjing.trace.records import BodyState, Command, EngineStatus, Receipt, Route, Snapshot, TaskEvent
 
 
-class Part(Protocol):
-    """The engines of one place, named in `engines`; see `Ensemble` for the meaning of the calls."""
+class CoupledGroup(Protocol):
+    """The engines of one process, named in `engines`; see `EngineGroup` for the meaning of the calls."""
 
     @property
     def engines(self) -> tuple[str, ...]:
         """Names of the engines it hosts."""
         ...
 
-    def reset(self) -> tuple[Report, ...]:
+    def reset(self) -> tuple[EngineReport, ...]:
         """READY(0) of every engine."""
         ...
 
@@ -40,7 +40,7 @@ class Part(Protocol):
 
     def advance(
         self, until: float, foreign: Sequence[BodyState] = (), ambient: Movers = NO_MOVERS
-    ) -> tuple[Report, ...]:
+    ) -> tuple[EngineReport, ...]:
         """One macro-step to `until` (s)."""
         ...
 
@@ -62,15 +62,15 @@ def macro_time_s(clock: Clock, tick: int, step: int) -> float:
 
 @dataclass(frozen=True, slots=True)
 class _Seat:
-    part: Part
+    part: CoupledGroup
     resources: frozenset[str]
     foreign: tuple[str, ...]
 
 
-class Conductor:
-    """Drives the parts of one episode from boundary to boundary."""
+class CoSimulation:
+    """Advances the engine groups of one episode from boundary to boundary."""
 
-    def __init__(self, instance: Instance, parts: Sequence[Part]) -> None:
+    def __init__(self, instance: Instance, parts: Sequence[CoupledGroup]) -> None:
         self._clock = instance.clock
         self._order = tuple(entity.id for entity in instance.entities)
         self._seats = tuple(_seat(instance, part) for part in parts)
@@ -103,7 +103,7 @@ class Conductor:
             raise ValueError(f"boundary {tick} does not follow boundary {self.tick}")
         admitted = self._submit(commands)
         snapshots: list[Snapshot] = []
-        reports: list[Report] = []
+        reports: list[EngineReport] = []
         for step in range(1, self._macro_steps + 1):
             until = macro_time_s(self._clock, tick, step)
             latest = self._advance(until)
@@ -135,7 +135,7 @@ class Conductor:
                 admitted.update(seat.part.submit(mine))
         return admitted
 
-    def _advance(self, until: float) -> list[Report]:
+    def _advance(self, until: float) -> list[EngineReport]:
         states = self._states
         return _by_engine(
             [
@@ -145,7 +145,7 @@ class Conductor:
             ]
         )
 
-    def _commit(self, reports: Sequence[Report], time_s: float) -> Snapshot:
+    def _commit(self, reports: Sequence[EngineReport], time_s: float) -> Snapshot:
         for report in reports:
             boundary = report.boundary
             self._frames[boundary.engine] = self._frames.get(boundary.engine, -1) + 1
@@ -172,7 +172,7 @@ class Conductor:
         """The pairs that any engine says do not hear each other now."""
         return tuple(dict.fromkeys(pair for _, pairs in sorted(self._unheard.items()) for pair in pairs))
 
-    def _status(self, reports: Sequence[Report], time_s: float) -> tuple[EngineStatus, ...]:
+    def _status(self, reports: Sequence[EngineReport], time_s: float) -> tuple[EngineStatus, ...]:
         waits: dict[str, float] = {}
         for report in reports:
             waits[report.boundary.engine] = waits.get(report.boundary.engine, 0.0) + report.wall_s
@@ -182,23 +182,23 @@ class Conductor:
         )
 
 
-def _seat(instance: Instance, part: Part) -> _Seat:
+def _seat(instance: Instance, part: CoupledGroup) -> _Seat:
     mine = [entity.id for entity in instance.entities if entity.engine in part.engines]
     foreign = tuple(entity.id for entity in instance.entities if entity.engine not in part.engines)
     return _Seat(part, frozenset(mine), foreign)
 
 
-def _by_engine(reports: list[Report]) -> list[Report]:
+def _by_engine(reports: list[EngineReport]) -> list[EngineReport]:
     return sorted(reports, key=lambda report: report.boundary.engine)
 
 
-def _receipts(reports: Sequence[Report]) -> tuple[Receipt, ...]:
+def _receipts(reports: Sequence[EngineReport]) -> tuple[Receipt, ...]:
     return tuple(receipt for report in reports for receipt in report.boundary.receipts)
 
 
-def _events(reports: Sequence[Report]) -> tuple[TaskEvent, ...]:
+def _events(reports: Sequence[EngineReport]) -> tuple[TaskEvent, ...]:
     return tuple(event for report in reports for event in report.boundary.events)
 
 
-def _routes(reports: Sequence[Report]) -> tuple[Route, ...]:
+def _routes(reports: Sequence[EngineReport]) -> tuple[Route, ...]:
     return tuple(route for report in reports for route in report.boundary.routes)

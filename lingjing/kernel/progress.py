@@ -1,4 +1,4 @@
-"""What an episode has used up and gone through: the part of the registry that budgets, inspections and stages keep."""
+"""How far an episode has come: the part of the registry that budgets, inspections, stages and constraints keep."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ class Inspected:
 
 
 @dataclass(frozen=True, slots=True)
-class Course:
-    """All of it at one boundary.
+class EpisodeProgress:
+    """The progress of an episode at one boundary.
 
     `used` counts by limit (`stage.name`, or `name` for the whole episode); `spent` by agent; `began` holds the tick at
     which a stage began for a subject; `broken` the time at which a constraint was first broken by a subject.

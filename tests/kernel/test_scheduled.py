@@ -7,7 +7,7 @@ import tests.kernel.kernel_kit as kit
 from lingjing.dsl import compile_text
 from lingjing.kernel.barrier import PolicyBarrier
 from lingjing.kernel.episode import play
-from lingjing.kernel.happenings import Happenings
+from lingjing.kernel.scheduled import ScheduledEvents
 from lingjing.mission.expression import Call, Ref, Symbol
 from lingjing.mission.instance import ChannelSpec, EventSpec, Weather
 from lingjing.trace.encoding import from_json, to_json
@@ -71,7 +71,7 @@ def test_events_of_one_tick_each_leave_a_mark_of_what_they_change():
     first = EventSpec(name="rain", tick=1, weather=Weather(wind_mps=4.0, rain=1.0))
     second = EventSpec(name="gale", tick=1, weather=Weather(wind_mps=20.0, rain=1.0))
     same = EventSpec(name="again", tick=1, weather=Weather(wind_mps=20.0, rain=1.0))
-    events = Happenings(instance(first, second, same)).at(1)
+    events = ScheduledEvents(instance(first, second, same)).at(1)
     assert [event.line for event in events] == [
         "weather rain: rain 1", "weather gale: wind_mps 20", "weather again: nothing changes",
     ]  # fmt: skip

@@ -50,7 +50,7 @@ class Packet:
             os.close(descriptor)
 
 
-class Channel:
+class PacketSocket:
     """One end of a socket pair."""
 
     def __init__(self, end: socket.socket) -> None:

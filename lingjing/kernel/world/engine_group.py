@@ -1,4 +1,4 @@
-"""The engines that one place hosts: created by name, reset, commanded and advanced side by side.
+"""The engines that one process hosts: created by name, reset, commanded and advanced side by side.
 
 Order is by engine name. Within one `advance` every engine sees the others as they were at the interval's start
 (fixed-step Jacobi, DESIGN section 4), so the order decides nothing but the sequence of receipts and events. Mirrors
@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import msgspec
 
 from lingjing.errors import InfrastructureError
-from lingjing.kernel.world.calling import Enter, engine_seed, guarded, ignore
-from lingjing.kernel.world.coherence import check_apart, checked_admissions, checked_boundary
+from lingjing.kernel.world.boundary_checks import check_apart, checked_admissions, checked_boundary
+from lingjing.kernel.world.guarded_calls import Enter, engine_seed, guarded, ignore
 from lingjing.mission.instance import Instance
 from lingjing.plugins.engine import Boundary, Engine, EngineSpec
 from lingjing.plugins.host import PluginHost
@@ -27,7 +27,7 @@ Movers = Mapping[str, tuple[BodyState, ...]]
 NO_MOVERS: Movers = {}
 
 
-class Report(msgspec.Struct, frozen=True):
+class EngineReport(msgspec.Struct, frozen=True):
     """A checked boundary of one engine and the wall-clock seconds its call took."""
 
     boundary: Boundary
@@ -61,8 +61,8 @@ class _Member:
     others: tuple[str, ...]
 
 
-class Ensemble:
-    """The motion engines of one place, coupled among themselves and to states from other places: `foreign` entities
+class EngineGroup:
+    """The motion engines of one process, coupled among themselves and to states from other places: `foreign` entities
     and `ambient` background movers."""
 
     def __init__(self, instance: Instance, city: City, engines: Mapping[str, Engine], enter: Enter = ignore) -> None:
@@ -75,7 +75,7 @@ class Ensemble:
         self._ambient: dict[str, tuple[BodyState, ...]] = {}
         self.engines = tuple(member.name for member in self._members)
 
-    def reset(self) -> tuple[Report, ...]:
+    def reset(self) -> tuple[EngineReport, ...]:
         """READY(0) of every engine."""
         return self._commit([self._reset(member) for member in self._members])
 
@@ -90,18 +90,18 @@ class Ensemble:
 
     def advance(
         self, until: float, foreign: Sequence[BodyState] = (), ambient: Movers = NO_MOVERS
-    ) -> tuple[Report, ...]:
+    ) -> tuple[EngineReport, ...]:
         """One macro-step of all engines to `until` (s), each with the others' states at the interval's start."""
         known = self._states
         known.update((state.id, state) for state in foreign)
         crowds = sorted((name, movers) for name, movers in {**self._ambient, **ambient}.items() if movers)
         return self._commit([self._advance(member, until, known, crowds) for member in self._members])
 
-    def _reset(self, member: _Member) -> Report:
+    def _reset(self, member: _Member) -> EngineReport:
         spec = EngineSpec(engine=member.name, instance=self._instance, owns=member.owns)
         seed = engine_seed(self._instance.seed, member.name)
         report, wall_s = guarded(self._enter, member.name, "reset", lambda: member.engine.reset(spec, self._city, seed))
-        return Report(checked_boundary(member.name, "reset", report, 0.0, member.owns, self._entities), wall_s)
+        return EngineReport(checked_boundary(member.name, "reset", report, 0.0, member.owns, self._entities), wall_s)
 
     def _submit(self, member: _Member, commands: tuple[Command, ...]) -> dict[str, Receipt]:
         answer, _ = guarded(self._enter, member.name, "submit", lambda: tuple(member.engine.submit(commands)))
@@ -113,16 +113,16 @@ class Ensemble:
         until: float,
         known: Mapping[str, BodyState],
         crowds: Sequence[tuple[str, tuple[BodyState, ...]]],
-    ) -> Report:
+    ) -> EngineReport:
         mirrors = tuple([known[name] for name in member.others])
         for name, movers in crowds:
             if name != member.name:
                 mirrors += movers
         report, wall_s = guarded(self._enter, member.name, "advance", lambda: member.engine.advance(until, mirrors))
         checked = checked_boundary(member.name, "advance", report, until, member.owns, self._entities)
-        return Report(checked, wall_s)
+        return EngineReport(checked, wall_s)
 
-    def _commit(self, reports: Sequence[Report]) -> tuple[Report, ...]:
+    def _commit(self, reports: Sequence[EngineReport]) -> tuple[EngineReport, ...]:
         # Only after the last engine: nobody may see a state of the interval's end.
         for report in reports:
             boundary = report.boundary

@@ -4,7 +4,7 @@ import msgspec
 import pytest
 
 import tests.kernel.kernel_kit as kit
-from lingjing.kernel.bus import Router
+from lingjing.kernel.bus import MessageRouter
 
 FAR = (("uav[1]", "uav[2]"), ("boat", "uav[1]"))
 """Neither the other scout nor the skipper hears the first scout."""
@@ -88,7 +88,7 @@ def test_what_counts_is_the_reach_at_the_boundary_where_it_was_said():
 def expanded(loss, seed=3, count=400):
     instance = kit.make_instance()
     comms = msgspec.structs.replace(instance.comms, loss=loss)
-    router = Router(msgspec.structs.replace(instance, comms=comms, seed=seed))
+    router = MessageRouter(msgspec.structs.replace(instance, comms=comms, seed=seed))
     said = [("scout[1]", kit.says("order", assignee="boat").messages)]
     return [router.expand(said, tick, ()) for tick in range(1, count // 2 + 1)]
 
@@ -113,7 +113,7 @@ def test_losses_depend_on_the_seed_and_on_nothing_else():
     assert expanded(0.3) != expanded(0.3, seed=4)
     more = [(scout, kit.says("order", assignee="boat").messages) for scout in ("scout[1]", "scout[2]")]
     instance = kit.make_instance()
-    router = Router(msgspec.structs.replace(instance, comms=msgspec.structs.replace(instance.comms, loss=0.3)))
+    router = MessageRouter(msgspec.structs.replace(instance, comms=msgspec.structs.replace(instance.comms, loss=0.3)))
     both = [router.expand(more, tick, ()) for tick in range(1, 201)]
     assert [[e for e in edges if e.sender == "scout[1]"] for edges, _ in both] == [list(e) for e, _ in expanded(0.3)]
 

@@ -23,7 +23,7 @@ ALL, ACTOR, NONE = "all", "actor", "none"
 """Whoever observes events; of them who commands a body that took part; nobody."""
 
 
-class Announcements:
+class EventVisibility:
     """What the agents of one instance are told of its events; holds no run-time state."""
 
     def __init__(self, instance: Instance) -> None:
@@ -100,4 +100,4 @@ def _reads(expr: Expr, rules: Mapping[str, Rule], secret: set[str]) -> bool:
     return any(_reads(child, rules, secret) for child in children(expr))
 
 
-__all__ = ["ACTOR", "ALL", "NONE", "Announcements"]
+__all__ = ["ACTOR", "ALL", "NONE", "EventVisibility"]

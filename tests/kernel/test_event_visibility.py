@@ -4,7 +4,7 @@ import msgspec
 import pytest
 
 import tests.kernel.kernel_kit as kit
-from lingjing.kernel.announcements import Announcements
+from lingjing.kernel.event_visibility import EventVisibility
 from lingjing.mission.expression import Binary, Call, Number, Point, Quantified, Ref, Symbol
 from lingjing.mission.instance import ChannelSpec, InteractionSpec
 from lingjing.mission.model import Constraint
@@ -32,7 +32,7 @@ def instance(told=None, **changes):
 
 def told(of, task_events=(), judged=()):
     """By agent, what it is told."""
-    announcements = Announcements(of)
+    announcements = EventVisibility(of)
     return {agent.id: announcements.of(agent, task_events, judged, 4) for agent in of.agents}
 
 

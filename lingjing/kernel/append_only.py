@@ -1,8 +1,8 @@
-"""`Ledger`: a mapping that only grows, as a value.
+"""`AppendOnlyMap`: an immutable mapping that shares its entries with the mappings extended from it.
 
-The kernel's state must be copied by every boundary and every fork, and parts of it grow with all that happens. A
-ledger shares its entries with those that continue it: adding to the newest one costs what is added, adding to an
-older one (a fork) copies it first. Entries that were added later are invisible in the older ledger.
+The kernel's state is copied by every boundary and every fork, and parts of it grow with all that happens. Extending the
+newest map costs what is added; extending an older one (a fork) copies it first. Entries that were added later are
+invisible in the older map.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ K = TypeVar("K")
 V = TypeVar("V")
 
 
-class Ledger(Mapping[K, V]):
+class AppendOnlyMap(Mapping[K, V]):
     """An immutable mapping in the order of entry. A key is entered once; what is entered stays."""
 
     __slots__ = ("_entries", "_size")
@@ -24,8 +24,8 @@ class Ledger(Mapping[K, V]):
         self._entries: dict[K, tuple[int, V]] = {}
         self._size = 0
 
-    def extended(self, fresh: Mapping[K, V]) -> Ledger[K, V]:
-        """A ledger with the entries of `fresh` after these; keys that are known already keep their value."""
+    def extended(self, fresh: Mapping[K, V]) -> AppendOnlyMap[K, V]:
+        """A map with the entries of `fresh` after these; keys that are known already keep their value."""
         new = {key: value for key, value in fresh.items() if key not in self}
         if not new:
             return self
@@ -56,10 +56,10 @@ class Ledger(Mapping[K, V]):
         return self._size
 
     def __repr__(self) -> str:
-        return f"Ledger({dict(self)!r})"
+        return f"AppendOnlyMap({dict(self)!r})"
 
     @classmethod
-    def _of(cls, entries: dict[K, tuple[int, V]]) -> Ledger[K, V]:
-        made: Ledger[K, V] = cls()
+    def _of(cls, entries: dict[K, tuple[int, V]]) -> AppendOnlyMap[K, V]:
+        made: AppendOnlyMap[K, V] = cls()
         made._entries, made._size = entries, len(entries)
         return made

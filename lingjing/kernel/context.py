@@ -1,13 +1,12 @@
-"""One moment of an episode, as rules see it."""
+"""What expressions are evaluated on: the registry, states and events of one instant of an episode."""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from lingjing.kernel.assignments import point
-from lingjing.kernel.facts import FACTS
 from lingjing.kernel.registry import Registry, Report
 from lingjing.mission.expression import Expr
 from lingjing.mission.fold import Meaning
@@ -20,11 +19,12 @@ Locals = Mapping[str, Entity | Report]
 
 
 @dataclass(slots=True)
-class Instant:
-    """One moment at which expressions are evaluated: the registry, the entities' states and what was emitted.
+class RuntimeContext:
+    """The evaluation context of a running mission at `time_s`; an `EvaluationContext` of `lingjing.mission.values`.
 
-    `evidence` collects the numbers of the latest evaluation. `meanings` holds what the mission's expressions mean, each
-    worked out at its first use; instants of one mission share it.
+    `facts` are the functions that only a running mission answers. `meanings` holds what the mission's expressions mean,
+    each worked out at its first use; the contexts of one mission share it. `evidence` collects the numbers of the
+    latest evaluation.
     """
 
     instance: Instance
@@ -35,6 +35,7 @@ class Instant:
     rules: Mapping[str, Rule]
     kinds: frozenset[str]
     areas: Mapping[str, Area]
+    facts: Mapping[str, Callable[..., Value]]
     meanings: dict[int, tuple[Expr, Meaning]]
     evidence: dict[str, float] = field(default_factory=dict)
 
@@ -68,4 +69,4 @@ class Instant:
 
     def fact(self, name: str, arguments: Sequence[Value]) -> Value:
         """What a function of a running mission answers; None where it has no answer."""
-        return FACTS[name](self, *arguments)
+        return self.facts[name](self, *arguments)

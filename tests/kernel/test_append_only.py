@@ -3,14 +3,14 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lingjing.kernel.ledger import Ledger
+from lingjing.kernel.append_only import AppendOnlyMap
 
 STEPS = st.lists(st.tuples(st.integers(0, 8), st.dictionaries(st.integers(0, 12), st.integers(), max_size=3)))
 
 
 @given(STEPS)
 def test_every_version_keeps_what_it_had_when_any_version_is_continued(steps):
-    versions: list[tuple[Ledger, dict]] = [(Ledger(), {})]
+    versions: list[tuple[AppendOnlyMap, dict]] = [(AppendOnlyMap(), {})]
     for which, fresh in steps:
         ledger, model = versions[which % len(versions)]
         versions.append((ledger.extended(fresh), {**fresh, **model} | model))
@@ -23,6 +23,6 @@ def test_every_version_keeps_what_it_had_when_any_version_is_continued(steps):
 
 
 def test_entries_come_in_the_order_they_were_made():
-    ledger = Ledger().extended({"b": 1}).extended({"a": 2, "b": 9})
+    ledger = AppendOnlyMap().extended({"b": 1}).extended({"a": 2, "b": 9})
     assert list(ledger.items()) == [("b", 1), ("a", 2)]
     assert list(ledger.newest()) == [2, 1]
