@@ -163,11 +163,11 @@ class Mujoco:
         )  # fmt: skip
 
     def _cameras(self, given: Instance) -> None:
-        from lingjing.plugins.geometry import body_camera_pose, camera_axes
+        from lingjing.plugins.geometry import camera_axes, mounted_camera_pose
 
         for name, (camera, height, heading) in VIEWS.items():
             mount = next(c for c in given.entities[0].cameras if c.name == camera)
-            pose = body_camera_pose(BodyState(id="u", position=(0.0, 0.0, height), heading_deg=heading), mount)
+            pose = mounted_camera_pose(BodyState(id="u", position=(0.0, 0.0, height), heading_deg=heading), mount, ())
             right, down, _ = camera_axes(pose)
             turn = np.stack([right, -np.array(down), np.cross(right, -np.array(down))], axis=1)
             quat = np.zeros(4)

@@ -28,7 +28,7 @@ from lingjing.engines.camera.noise import noise_texture
 from lingjing.mission.expression import Flag
 from lingjing.mission.instance import Budget, CameraSpec, Clock, CommsSpec, Entity, Instance, SceneSpec, Weather
 from lingjing.plugins.engine import CaptureRequest, EngineSpec
-from lingjing.plugins.geometry import body_camera_pose, camera_axes
+from lingjing.plugins.geometry import camera_axes, mounted_camera_pose
 from lingjing.scene.bay import build
 from lingjing.trace.records import BodyState
 
@@ -52,7 +52,17 @@ def instance() -> Instance:
     who = [("uav[1]", "quadrotor", (200.0, -900.0, 96.6), cameras), ("boat", "lifeboat", (170.0, -880.0, LEVEL), ())]
     who += [(f"victim[{k}]", "person_in_water", (170.0 + 12 * k, -925.0 + 9 * (k % 4), LEVEL), ()) for k in range(1, 7)]
     entities = tuple(
-        Entity(id=name, group=name, index=k, role="asset", type=kind, engine="x", position=at, cameras=mounts)
+        Entity(
+            id=name,
+            group=name,
+            index=k,
+            role="asset",
+            type=kind,
+            engine="x",
+            position=at,
+            cameras=mounts,
+            properties={"look": kind, "on": "water"},
+        )
         for k, (name, kind, at, mounts) in enumerate(who)
     )
     return Instance(
@@ -123,7 +133,7 @@ class Mujoco:
             self._geom(key, mesh, entity.position, 0.0)
         for name, (camera, position, heading) in VIEWS.items():
             mount = next(c for c in given.entities[0].cameras if c.name == camera)
-            pose = body_camera_pose(BodyState(id="u", position=position, heading_deg=heading), mount)
+            pose = mounted_camera_pose(BodyState(id="u", position=position, heading_deg=heading), mount, ())
             right, down, _ = camera_axes(pose)
             turn = np.stack([right, -np.array(down), np.cross(right, -np.array(down))], axis=1)
             quat = np.zeros(4)

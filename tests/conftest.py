@@ -22,6 +22,7 @@ from lingjing.mission.instance import (
 from lingjing.plugins.engine import Boundary, Engine, EngineSpec
 from lingjing.scene.city import City, Land, Solid, Water
 from lingjing.trace.records import BodyState, Command, Receipt, TaskEvent
+from tests.declared import declared
 
 LEVEL_M = -3.5
 MOVES = ("takeoff", "setDestination", "forward", "backward", "left", "right", "up", "down", "stop")
@@ -57,46 +58,52 @@ def build_instance(entities: Sequence[Entity], weather: Weather | None = None, s
 
 
 def build_uav(index: int = 1, position: tuple[float, float, float] = (0.0, 0.0, 1.1), **properties: float) -> Entity:
-    return Entity(
-        id=f"uav[{index}]",
-        group="uav",
-        index=index,
-        role="asset",
-        type="quadrotor",
-        engine="multirotor",
-        position=position,
-        properties={"cruise_mps": 12.0, "endurance_s": 2100.0, **properties},
-        verbs=tuple(VerbSpec(name=name) for name in MOVES),
+    return declared(
+        Entity(
+            id=f"uav[{index}]",
+            group="uav",
+            index=index,
+            role="asset",
+            type="quadrotor",
+            engine="multirotor",
+            position=position,
+            properties={"cruise_mps": 12.0, "endurance_s": 2100.0, **properties},
+            verbs=tuple(VerbSpec(name=name) for name in MOVES),
+        )
     )
 
 
 def build_boat(position: tuple[float, float, float] = (0.0, 0.0, LEVEL_M), heading_deg: float = 0.0) -> Entity:
-    return Entity(
-        id="boat",
-        group="boat",
-        index=1,
-        role="asset",
-        type="lifeboat",
-        engine="vessel",
-        position=position,
-        heading_deg=heading_deg,
-        properties={"speed_mps": 3.0},
-        verbs=(VerbSpec(name="moveTo"), VerbSpec(name="stop")),
+    return declared(
+        Entity(
+            id="boat",
+            group="boat",
+            index=1,
+            role="asset",
+            type="lifeboat",
+            engine="vessel",
+            position=position,
+            heading_deg=heading_deg,
+            properties={"speed_mps": 3.0},
+            verbs=(VerbSpec(name="moveTo"), VerbSpec(name="stop")),
+        )
     )
 
 
 def build_victim(index: int = 1, position: tuple[float, float, float] = (0.0, 0.0, LEVEL_M), **more: object) -> Entity:
-    return Entity(
-        id=f"victim[{index}]",
-        group="victim",
-        index=index,
-        role="target",
-        type="person_in_water",
-        engine="city",
-        position=position,
-        properties={"drift_mps": 0.1, **more},
-        interactions=(InteractionSpec(name="rescue", by="vessel", within_m=50.0, aboard=True),),
-        hidden=("position",),
+    return declared(
+        Entity(
+            id=f"victim[{index}]",
+            group="victim",
+            index=index,
+            role="target",
+            type="person_in_water",
+            engine="city",
+            position=position,
+            properties={"drift_mps": 0.1, **more},
+            interactions=(InteractionSpec(name="rescue", by="vessel", within_m=50.0, aboard=True),),
+            hidden=("position",),
+        )
     )
 
 

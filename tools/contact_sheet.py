@@ -20,10 +20,13 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image, ImageDraw, ImageFont
 
+from lingjing.dsl.checking import library
+from lingjing.dsl.checking.toplevel import load_library
 from lingjing.dsl.loading.load import load_mission
 from lingjing.engines.camera.engine import CameraEngine
 from lingjing.mission.instance import CameraSpec, Entity, Instance, Vector
 from lingjing.mission.instantiate import instantiate
+from lingjing.mission.model import CameraMount
 from lingjing.plugins.engine import CaptureRequest, EngineSpec
 from lingjing.plugins.host import PluginHost
 from lingjing.scene.anchor import anchor
@@ -250,7 +253,7 @@ def _extra(subject: Entity, given: tuple[str, float, float, float, float]) -> En
     place = _beside(subject, right, ahead, up)
     heading += subject.heading_deg
     return Entity(id="extra", group="extra", index=1, role="target", type=kind, engine="city", position=place,
-                  heading_deg=heading % 360.0)  # fmt: skip
+                  heading_deg=heading % 360.0, properties={"look": kind})  # fmt: skip
 
 
 def _prop(subject: Entity, city: City, models: tuple[str, ...]) -> Entity:
@@ -297,7 +300,15 @@ def _viewer(shot: Shot, subject: Entity, bearing: float) -> Entity:
                         channels=("rgb",), capture="on_request")  # fmt: skip
     heading = 0.0 if shot.ahead_m == 0.0 else (bearing + 180.0) % 360.0
     return Entity(id="viewer", group="viewer", index=1, role="asset", type=BODIES.get(shot.view, "quadrotor"),
-                  engine="x", position=place, heading_deg=heading, cameras=(camera,))  # fmt: skip
+                  engine="x", position=place, heading_deg=heading, cameras=(camera,),
+                  mounts=_mounts(BODIES.get(shot.view, "quadrotor")))  # fmt: skip
+
+
+def _mounts(kind: str) -> tuple[CameraMount, ...]:
+    """Where a type of the standard library declares its cameras."""
+    files = [library.find_file(("std", name)) for name in ("air", "ground", "orbit")]
+    types = [load_library(file)[0].types for file in files if file is not None]
+    return next(tuple(known[kind].mounts.values()) for known in types if kind in known)
 
 
 def cell(frame: npt.NDArray[np.uint8], box: Box | None, view: str) -> Image.Image:

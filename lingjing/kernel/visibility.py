@@ -15,6 +15,7 @@ import msgspec
 from lingjing.kernel.event_visibility import EventVisibility
 from lingjing.kernel.registry import Registry
 from lingjing.kernel.stocks import public, stocks
+from lingjing.mission.appearance import PHYSICAL
 from lingjing.mission.instance import AgentSpec, Cell, ChannelSpec, Entity, Instance
 from lingjing.mission.schedule import Schedule
 from lingjing.mission.seeding import integer
@@ -151,7 +152,11 @@ class Projector:
             embodied=name in agent.controls,
             verbs=entity.verbs,
             cameras=entity.cameras,
-            properties={key: value for key, value in entity.properties.items() if key not in entity.hidden},
+            properties={
+                key: value
+                for key, value in entity.properties.items()
+                if key not in entity.hidden and key not in PHYSICAL
+            },
         )
 
     def _entities_of(

@@ -45,7 +45,7 @@ STATEMENTS_IN: dict[str, tuple[str, ...]] = {
     ),
     "ASSET": ("camera", "actions", "hidden", "state"),
     "TARGET": ("hidden", "state"),
-    "type": ("engine", "verb", "interaction", "hidden", "state"),
+    "type": ("engine", "verb", "interaction", "mount", "part", "hidden", "state"),
     "AGENT": ("observes", "prompt", "budget"),
     "ADJUDICATE": ("when",),
     "STAGE": ("done", "limit"),

@@ -45,6 +45,8 @@ KEYWORDS: dict[str, str] = {
     "observes": "`observes uav[i].*, cells, peers.position`: what the agent sees each tick.",
     "verb": "`verb forward(distance: length in 0 m..500 m)`: a command of an asset type.",
     "interaction": "`interaction rescue { by = vessel, within = 50 m }`: what can be done to a target.",
+    "mount": "`mount front { ahead = 0.3 m, above = 0 m, tilt = 10 deg }`: where a type's cameras of a view sit.",
+    "part": "`part hull : box { length = 2 m, width = 1 m, height = 1 m }`: a solid that a type's bodies show.",
     "record": "`record report : report { class: name }`: the fields of a message.",
     "reveal": "`reveal image(target) to role`: the one audited way out of `hidden`.",
     "hidden": "`hidden position ~ …`: no agent may learn it but through a sensor; what reads it is hidden too.",

@@ -65,6 +65,9 @@ SILENT = frozenset(
         "RevealLine.what",
         "Use.path",
         "UnknownBlock.name",
+        "MountBlock.view",
+        "PartBlock.name",
+        "PartBlock.shape",
     )
 )
 """Words of the language's own tables, and fields of other things: no names of declarations."""

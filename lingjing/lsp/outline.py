@@ -20,6 +20,7 @@ _KEYWORDS = {
     "RecordBlock": "record",
     "VerbLine": "verb",
     "InteractionBlock": "interaction",
+    "PartBlock": "part",
     "LimitLine": "limit",
     "InspectionBlock": "inspection",
     "ConstraintBlock": "constraint",

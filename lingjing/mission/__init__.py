@@ -14,6 +14,7 @@ Modules in the order a mission passes them:
   weather, two-line elements.
 - `reset`: `resetScenario` documents in and out.
 - `seeding`, `draws`: named random streams, and what is drawn from them.
+- `appearance`: colours, shapes and looks that a type may have.
 - `geometry2d`, `grid`, `spacing`: polygons, search cells cut from them, and places that keep their distance.
 - `clock`: how tick and macro-step fit.
 - `placing`, `roster`, `instantiate`: (mission, seed, mode, settings) to an `Instance` of `instance`, the reset

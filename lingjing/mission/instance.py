@@ -10,7 +10,18 @@ from __future__ import annotations
 from typing import Literal
 
 from lingjing.mission.expression import Expr
-from lingjing.mission.model import Constraint, Exchange, Field, Record, Relation, Rule, Stage, Unlock
+from lingjing.mission.model import (
+    BodyPart,
+    CameraMount,
+    Constraint,
+    Exchange,
+    Field,
+    Record,
+    Relation,
+    Rule,
+    Stage,
+    Unlock,
+)
 
 Vector = tuple[float, float, float]
 Scalar = bool | int | float | str
@@ -158,7 +169,7 @@ class Entity(Record, frozen=True, kw_only=True):
     `hidden` names the properties (and `position`) that must never reach a policy, `state` are those that
     change while the mission runs. A `dormant` entity is not there until an event lets it appear. `bases` are the
     types that its type extends, nearest first, `interactions` what may be done to it. `drawn_in` is the outline its
-    place is drawn from, metres: the scene does not move it out of there.
+    place is drawn from, metres: the scene does not move it out of there. `mounts` and `parts` are those of its type.
     """
 
     id: str
@@ -179,6 +190,8 @@ class Entity(Record, frozen=True, kw_only=True):
     bases: tuple[str, ...] = ()
     interactions: tuple[InteractionSpec, ...] = ()
     drawn_in: tuple[tuple[float, float], ...] = ()
+    mounts: tuple[CameraMount, ...] = ()
+    parts: tuple[BodyPart, ...] = ()
 
     def state_of(self, field: str) -> StateSpec | None:
         """The state that rules call `field`, if it is one."""

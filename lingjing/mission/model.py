@@ -215,6 +215,40 @@ class Interaction(Exchange, frozen=True, kw_only=True):
     aboard: Expr | None = None
 
 
+class CameraMount(Record, frozen=True, kw_only=True):
+    """`mount front { ahead = 0.3 m, above = -0.05 m, tilt = 10 deg }` of a type: where its cameras of a view sit.
+
+    Metres ahead of and above the body's position, degrees below the horizon. Without a `gimbal` the camera pitches and
+    rolls with the body.
+    """
+
+    view: Literal["nadir", "front", "oblique"]
+    ahead_m: float
+    above_m: float
+    tilt_deg: float
+    gimbal: bool = True
+
+
+class BodyPart(Record, frozen=True, kw_only=True):
+    """`part basket : box { length = 1 m, width = 1 m, height = 1 m, above = -4 m, colour = brown }` of a type: a solid
+    that is drawn as a part of its bodies.
+
+    It fills a box of `length` by `width` by `height` metres along, across and up, turned clockwise by `heading` degrees
+    from the body's heading. Its middle lies `ahead`, `right` and `above` metres from the body's position.
+    """
+
+    name: str
+    shape: Literal["box", "cylinder", "sphere", "cone"]
+    length_m: float
+    width_m: float
+    height_m: float
+    ahead_m: float = 0.0
+    right_m: float = 0.0
+    above_m: float = 0.0
+    heading_deg: float = 0.0
+    colour: str = "grey"
+
+
 class Group(Record, frozen=True, kw_only=True):
     """A declared entity or an indexed group of them: `asset uav[1..uavs] : quadrotor` or `target victim[…] : …`.
 
@@ -236,6 +270,8 @@ class Group(Record, frozen=True, kw_only=True):
     when: Guard | None = None
     bases: tuple[str, ...] = ()
     interactions: tuple[Interaction, ...] = ()
+    mounts: tuple[CameraMount, ...] = ()
+    parts: tuple[BodyPart, ...] = ()
 
 
 class Channel(Record, frozen=True, kw_only=True):

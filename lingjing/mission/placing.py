@@ -158,6 +158,8 @@ def entities(
                     bases=group.bases,
                     interactions=interactions,
                     drawn_in=drawn_in,
+                    mounts=group.mounts,
+                    parts=group.parts,
                 )
             )
     return tuple(made)
@@ -238,6 +240,8 @@ def _values(
     with at_path(path):
         if isinstance(prop.value, ex.Draw):
             return draw(prop.value, scope, seed=seed, path=path, count=count)
+        if isinstance(prop.value, ex.Number | ex.Symbol | ex.Text | ex.Flag):  # the same for every member
+            return (evaluate(prop.value, scope),) * count
         return tuple(evaluate(prop.value, scope.binding(group.index, float(k))) for k in range(1, count + 1))
 
 

@@ -6,7 +6,7 @@
 - `decisions`     the JSON Schema of what an agent may answer, for policies over foreign programs
 - `fleet`         the five methods over moving bodies ← `requests` (admission, receipts), `step_clock` (fixed steps)
 - `stock`         goods on board; `tasks` what a mission asks for, for policies that may see its rules
-- `bodies`, `neighbours`   sizes of mirrors, and which of them is touched
+- `bodies`, `neighbours`   how large others are and of what shape, and which of them is touched
 - `terrain`       the ground and what stands on it; `geometry` camera rays and headings
 - `conformance`   tests for engines and policies
 

@@ -1,44 +1,67 @@
-"""How large things are that engines know of each other only as mirrors: length, width and height by kind, metres.
+"""What engines know of others that reach them only as mirrors: how large they are, and whether they are in the way.
 
-The kind of a mirror is its own (`BodyState.kind`, background traffic) or its entity's type. A type that is not listed
-counts as its nearest listed ancestor; one without any has the `length`, `width` and `height` that its type or mission
-gives it, and half a metre where none is given.
+An entity's type or its mission declares `length`, `width`, `height`, `shape` and `origin` (docs/language.md).
+Background traffic is of a kind (`BodyState.kind`), which `scene.sizes` measures.
 """
 
 from __future__ import annotations
 
+from math import hypot
+
+from lingjing.mission.appearance import BARE, MEASURES
 from lingjing.mission.instance import Entity
-from lingjing.scene.sizes import SIZES, UNKNOWN, Size
+from lingjing.scene.sizes import SIZES, Size
 from lingjing.trace.records import BodyState
 
-
-def size_of(kind: str, bases: tuple[str, ...] = ()) -> Size:
-    """Dimensions of a kind, else of the nearest ancestor that is listed."""
-    return next((SIZES[name] for name in (kind, *bases) if name in SIZES), UNKNOWN)
+UNSAID_M = 0.5
+"""Length, width or height of a body that does not declare it."""
 
 
 def entity_size(entity: Entity) -> Size:
-    """Dimensions of an entity by its type and that type's ancestors."""
-    return size_of(entity.type, entity.bases)
+    """Dimensions of an entity; half a metre where it declares none."""
+    return Size(*((entity.number(f"{name}_m") or UNSAID_M) for name in MEASURES))
 
 
 def solid_size(entity: Entity) -> Size | None:
     """Dimensions of an entity that one can bump into; None for one that is nothing to bump into.
 
-    Every asset is a body, a stranger's too. A target is one where its type is listed: a fire or a leak is none.
+    Every asset is a body. A target is one if it declares its length, width and height: a fire or a leak does not.
+    Nothing of the shape `none` is one.
     """
-    if entity.role != "asset" or any(name in SIZES for name in (entity.type, *entity.bases)):
-        size = entity_size(entity)
-        return None if size is UNKNOWN else size
-    return Size(*(_given(entity, name) for name in ("length_m", "width_m", "height_m")))
+    measured = all(entity.number(f"{name}_m") for name in MEASURES)
+    if entity.properties.get("shape") == BARE or not (entity.role == "asset" or measured):
+        return None
+    return entity_size(entity)
 
 
 def mirror_size(state: BodyState, entity: Entity | None) -> Size | None:
-    """Dimensions of a mirrored body that one can bump into: an entity, or background traffic of a listed kind."""
+    """Dimensions of a mirrored body that one can bump into: an entity, or background traffic of a known kind."""
     return solid_size(entity) if entity is not None and not state.kind else SIZES.get(state.kind)
 
 
-def _given(entity: Entity, name: str) -> float:
-    value = entity.properties.get(name)
-    number = float(value) if isinstance(value, int | float) and not isinstance(value, bool) else 0.0
-    return number if number > 0.0 else UNKNOWN.length_m
+def shape_of(entity: Entity | None) -> str:
+    """What fills the box of a body's dimensions: a box, a cylinder, a sphere or a cone."""
+    return "box" if entity is None else str(entity.properties.get("shape", "box"))
+
+
+def within(shape: str, ahead: float, abeam: float, up: float) -> bool:
+    """Whether a point lies in a shape that fills the box from -1 to 1 along each axis."""
+    if max(abs(ahead), abs(abeam), abs(up)) >= 1.0:
+        return False
+    if shape == "sphere":
+        return hypot(ahead, abeam, up) < 1.0
+    if shape == "cylinder":
+        return hypot(ahead, abeam) < 1.0
+    return shape != "cone" or 2.0 * hypot(ahead, abeam) < 1.0 - up
+
+
+def sunk_m(entity: Entity | None) -> float:
+    """How far an entity reaches below its position: half of its height if its origin is its middle."""
+    if entity is None or entity.properties.get("origin") != "middle":
+        return 0.0
+    return entity_size(entity).height_m / 2.0
+
+
+def floats(entity: Entity) -> bool:
+    """Whether an entity is afloat where there is water: a vessel, what drifts, and what stands on water."""
+    return entity.engine == "vessel" or "drift_mps" in entity.properties or entity.properties.get("on") == "water"

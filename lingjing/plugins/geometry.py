@@ -8,45 +8,30 @@ Frames. World: east, north, elevation (m). Camera: pinhole with square pixels, o
 bottom-right one, so pixel column c is centred at c + 0.5; a normalised box coordinate times the image size is such a
 pixel. Angles are degrees, headings clockwise from north.
 
-Mounts. Cameras are gimballed: they follow the body's heading and ignore its pitch and roll. `nadir` looks straight
-down with image-up along the heading, from 0.10 m under the body's origin; `front` looks along the heading, 10 deg
-below the horizon, from 0.30 m ahead of it and 0.05 m under it; `oblique` looks 45 deg down from the same place.
-Other bodies than multirotors have mounts of their own (`BODY_MOUNTS`): a dog's eye 0.4 m over its feet, fixed to its
-body, so its pictures tilt and roll with it; a car's behind the windscreen. `mounted_camera_pose` knows them. Above
-100 km there is no gimbal: a satellite turns as a whole, and every camera looks along its nose.
+Mounts. A body's type declares where its cameras of a view sit (`mount` in docs/language.md); `MOUNTS` holds for views
+of which it says nothing. Cameras with a gimbal follow the body's heading and ignore its pitch and roll, those without
+one pitch and roll with it. Above 100 km there is no gimbal: a satellite turns as a whole, and every camera looks along
+its nose.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import atan2, cos, degrees, hypot, radians, sin, tan
 
 from lingjing.mission.instance import CameraSpec, Vector
+from lingjing.mission.model import CameraMount
 from lingjing.trace.records import BodyState, CameraPose
 
-MOUNTS: dict[str, tuple[float, float, float]] = {
-    "nadir": (0.0, -0.10, 90.0),
-    "front": (0.30, -0.05, 10.0),
-    "oblique": (0.30, -0.05, 45.0),
+MOUNTS: dict[str, CameraMount] = {
+    "nadir": CameraMount(view="nadir", ahead_m=0.0, above_m=-0.10, tilt_deg=90.0),
+    "front": CameraMount(view="front", ahead_m=0.30, above_m=-0.05, tilt_deg=10.0),
+    "oblique": CameraMount(view="oblique", ahead_m=0.30, above_m=-0.05, tilt_deg=45.0),
 }
-"""View → (metres ahead of the body's origin, metres above it, tilt below the horizon in degrees)."""
-
-BODY_MOUNTS: dict[str, dict[str, tuple[float, float, float]]] = {
-    "robot_dog": {"front": (0.34, 0.08, 5.0), "oblique": (0.34, 0.08, 35.0), "nadir": (0.30, 0.0, 90.0)},
-    "car": {"front": (0.75, 1.30, 3.0), "oblique": (0.75, 1.45, 30.0), "nadir": (2.4, 1.0, 90.0)},
-    "delivery_van": {"front": (2.0, 1.75, 4.0), "oblique": (2.0, 1.9, 30.0), "nadir": (3.1, 1.2, 90.0)},
-    "truck": {"front": (3.7, 2.2, 5.0), "oblique": (3.7, 2.3, 30.0), "nadir": (4.7, 1.2, 90.0)},
-    "bus": {"front": (5.6, 2.2, 5.0), "oblique": (5.6, 2.3, 30.0), "nadir": (6.2, 1.2, 90.0)},
-    "fire_truck": {"front": (3.5, 2.2, 5.0), "oblique": (3.5, 2.3, 30.0), "nadir": (4.5, 1.2, 90.0)},
-    "lifeboat": {"front": (0.2, 2.6, 4.0), "oblique": (0.2, 2.8, 30.0), "nadir": (4.4, 1.5, 90.0)},
-    "fixed_wing": {"front": (3.2, -0.2, 8.0), "oblique": (1.0, -1.2, 45.0), "nadir": (0.0, -1.4, 90.0)},
-}
-"""Kind of body → its mounts. A satellite has none: above `SPACE_M` every camera looks along the body's nose."""
-
-FIXED_TO_BODY = frozenset({"robot_dog"})
-"""Kinds whose cameras pitch and roll with the body."""
+"""View → where a camera sits whose body's type declares no mount for it."""
 
 SPACE_M = 100_000.0
-"""Where space begins: bodies above it are satellites."""
+"""Where space begins: above it every camera looks along its body's nose."""
 
 Axes = tuple[Vector, Vector, Vector]
 
@@ -79,53 +64,30 @@ def offset_xy(origin: tuple[float, ...], heading_deg: float, distance_m: float) 
 
 
 def camera_pose(position: Vector, heading_deg: float, camera: CameraSpec) -> CameraPose:
-    """Pose of a mounted camera for a body at `position` (m) with `heading_deg`."""
-    ahead, above, tilt = MOUNTS[camera.view]
-    east, north = offset_xy(position, heading_deg, ahead)
-    return CameraPose(
-        position=(east, north, position[2] + above),
-        heading_deg=heading_deg % 360.0,
-        tilt_deg=tilt,
-        hfov_deg=camera.hfov_deg,
-        width=camera.width,
-        height=camera.height,
-    )
+    """Pose of a camera on a level body at `position` (m) with `heading_deg` whose type declares no mounts."""
+    return mounted_camera_pose(BodyState(id="", position=position, heading_deg=heading_deg), camera, ())
 
 
-def body_camera_pose(state: BodyState, camera: CameraSpec) -> CameraPose:
-    """Pose of a mounted camera from its body's state; the body's pitch and roll are ignored (gimbal), but for a
-    satellite's."""
+def mounted_camera_pose(state: BodyState, camera: CameraSpec, mounts: Sequence[CameraMount]) -> CameraPose:
+    """Pose of a camera of a body from the body's state and the mounts of its type."""
     if state.position[2] > SPACE_M:
-        return orbital_pose(state, camera)
-    return camera_pose(state.position, state.heading_deg, camera)
-
-
-def orbital_pose(state: BodyState, camera: CameraSpec) -> CameraPose:
-    """Pose of a camera that is fixed to its body and looks along its nose."""
-    return CameraPose(
-        position=state.position,
-        heading_deg=state.heading_deg % 360.0,
-        tilt_deg=-state.pitch_deg,
-        hfov_deg=camera.hfov_deg,
-        width=camera.width,
-        height=camera.height,
-    )
-
-
-def mounted_camera_pose(state: BodyState, camera: CameraSpec, kind: str, bases: tuple[str, ...] = ()) -> CameraPose:
-    """Pose of a camera on a body of a type (`kind`, extending `bases`); a multirotor's mounts where none are known."""
-    known = next((name for name in (kind, *bases) if name in BODY_MOUNTS), None)
-    if known is None or state.position[2] > SPACE_M:
-        return body_camera_pose(state, camera)
-    ahead, above, tilt = BODY_MOUNTS[known][camera.view]
-    pitch, roll = (state.pitch_deg, state.roll_deg) if known in FIXED_TO_BODY else (0.0, 0.0)
+        return _posed(camera, state.position, state.heading_deg, -state.pitch_deg)
+    mount = next((one for one in mounts if one.view == camera.view), MOUNTS[camera.view])
+    pitch, roll = (0.0, 0.0) if mount.gimbal else (state.pitch_deg, state.roll_deg)
     rise, reach = sin(radians(pitch)), cos(radians(pitch))
-    east, north = offset_xy(state.position, state.heading_deg, ahead * reach - above * rise)
+    east, north = offset_xy(state.position, state.heading_deg, mount.ahead_m * reach - mount.above_m * rise)
+    up = state.position[2] + mount.above_m * reach + mount.ahead_m * rise
+    return _posed(camera, (east, north, up), state.heading_deg, mount.tilt_deg - pitch, roll)
+
+
+def _posed(
+    camera: CameraSpec, position: Vector, heading_deg: float, tilt_deg: float, roll_deg: float = 0.0
+) -> CameraPose:
     return CameraPose(
-        position=(east, north, state.position[2] + above * reach + ahead * rise),
-        heading_deg=state.heading_deg % 360.0,
-        tilt_deg=tilt - pitch,
-        roll_deg=roll,
+        position=position,
+        heading_deg=heading_deg % 360.0,
+        tilt_deg=tilt_deg,
+        roll_deg=roll_deg,
         hfov_deg=camera.hfov_deg,
         width=camera.width,
         height=camera.height,
@@ -218,12 +180,9 @@ def _dot(a: Vector, b: Vector) -> float:
 
 
 __all__ = [
-    "BODY_MOUNTS",
-    "FIXED_TO_BODY",
     "MOUNTS",
     "SPACE_M",
     "bearing_deg",
-    "body_camera_pose",
     "box_to_plane",
     "camera_axes",
     "camera_pose",
@@ -234,7 +193,6 @@ __all__ = [
     "in_image",
     "mounted_camera_pose",
     "offset_xy",
-    "orbital_pose",
     "pixel_ray",
     "pixel_to_plane",
     "pixel_to_world",

@@ -1,7 +1,7 @@
 """The others as obstacles: which mirrors are solid bodies, how large they are, and whether one is touched.
 
-Background traffic, assets and targets of a listed type are solid (`bodies.mirror_size`): a fire, a leak or a place
-where goods are wanted is nothing to bump into. Mirrors are states at an interval's start and move on along their
+Background traffic, assets and targets that declare their measures are solid (`bodies.mirror_size`): a fire, a leak or a
+place where goods are wanted is nothing to bump into. Mirrors are states at an interval's start and move on along their
 velocity.
 """
 
@@ -15,28 +15,34 @@ import numpy as np
 import numpy.typing as npt
 
 from lingjing.mission.instance import Entity, Instance, Vector
-from lingjing.plugins.bodies import mirror_size
+from lingjing.plugins.bodies import mirror_size, shape_of, sunk_m, within
 from lingjing.scene.sizes import Size
 from lingjing.trace.records import DORMANT, BodyState
 
 _ABSENT = frozenset({DORMANT, "rescued"})
 """Status words of what is not there to be touched."""
 
-_HOVERING = frozenset({"quadrotor", "fixed_wing"})
-"""Bodies whose position is their middle; that of the others is where they stand."""
-
 _LONGEST_S = 1.0
 
 _Positions = npt.NDArray[np.float64]
 
 
-def solid_mirror(state: BodyState, entity: Entity | None) -> tuple[Size, bool] | None:
-    """The dimensions of a mirror and whether its position is its middle; None where there is nothing to bump into."""
+@dataclass(frozen=True, slots=True)
+class SolidMirror:
+    """What a mirror is to bump into: its dimensions, how far it reaches below its position (m), what fills them."""
+
+    size: Size
+    sunk_m: float
+    shape: str
+
+
+def solid_mirror(state: BodyState, entity: Entity | None) -> SolidMirror | None:
+    """What a mirror is to bump into; None where there is nothing."""
     size = mirror_size(state, entity)
     if size is None or state.status in _ABSENT:
         return None
-    kinds = (state.kind,) if state.kind or entity is None else (entity.type, *entity.bases)
-    return size, not _HOVERING.isdisjoint(kinds)
+    body = None if state.kind else entity
+    return SolidMirror(size, sunk_m(body), shape_of(body))
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,9 +58,13 @@ class Neighbour:
     low_m: float
     high_m: float
     time_s: float
+    shape: str = "box"
 
     def touches(self, position: Vector, radius_m: float, half_height_m: float, now_s: float) -> bool:
-        """Whether a body of that size at `position` is in touch with it at `now_s`."""
+        """Whether a body of that size at `position` is in touch with it at `now_s`.
+
+        What comes near is taken for as much larger as the body is, whatever its shape.
+        """
         passed = now_s - self.time_s
         up = position[2] - self.position[2] - passed * self.velocity[2]
         if not (self.low_m - half_height_m < up < self.high_m + half_height_m):
@@ -63,7 +73,13 @@ class Neighbour:
         north = position[1] - self.position[1] - passed * self.velocity[1]
         ahead = east * self.along[0] + north * self.along[1]
         abeam = east * self.along[1] - north * self.along[0]
-        return abs(ahead) < self.half_length_m + radius_m and abs(abeam) < self.half_width_m + radius_m
+        half_m = (self.high_m - self.low_m) / 2.0 + half_height_m
+        return within(
+            self.shape,
+            ahead / (self.half_length_m + radius_m),
+            abeam / (self.half_width_m + radius_m),
+            (up - (self.high_m + self.low_m) / 2.0) / half_m,
+        )
 
 
 class Neighbours:
@@ -96,12 +112,11 @@ class Neighbours:
         return tuple(neighbour for neighbour in met if neighbour is not None)
 
     def _neighbour(self, state: BodyState) -> Neighbour | None:
-        found = solid_mirror(state, self._entities.get(state.id))
-        if found is None:
+        solid = solid_mirror(state, self._entities.get(state.id))
+        if solid is None:
             return None
-        size, hovers = found
+        size, sunk = solid.size, solid.sunk_m
         heading = math.radians(state.heading_deg)
-        sunk = size.height_m / 2.0 if hovers else 0.0
         return Neighbour(
             id=state.id,
             position=state.position,
@@ -112,4 +127,5 @@ class Neighbours:
             low_m=-sunk,
             high_m=size.height_m - sunk,
             time_s=self._time_s,
+            shape=solid.shape,
         )

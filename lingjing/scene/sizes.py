@@ -1,4 +1,7 @@
-"""How large things are by kind: length, width and height, metres."""
+"""How large things are that a scene and its traffic put up by kind: length, width and height, metres.
+
+What a mission's own entities measure their types declare (`lingjing.plugins.bodies`).
+"""
 
 from __future__ import annotations
 
@@ -23,12 +26,5 @@ SIZES: dict[str, Size] = {
     "motorcycle": Size(2.2, 0.8, 1.5),
     "bicycle": Size(1.7, 0.6, 1.6),
     "person": Size(0.4, 0.5, 1.75),
-    "robot_dog": Size(0.7, 0.32, 0.4),
-    "quadrotor": Size(0.9, 0.9, 0.35),
-    "fixed_wing": Size(8.2, 11.0, 2.7),
-    "lifeboat": Size(8.2, 2.7, 2.4),
-    "person_in_water": Size(0.6, 0.5, 0.4),
 }
-"""Cars after the traffic simulator's defaults, the dog after Unitree's data sheet of the Go2, the rest as drawn."""
-
-UNKNOWN = Size(0.5, 0.5, 0.5)
+"""Cars after the traffic simulator's defaults, the rest as drawn."""

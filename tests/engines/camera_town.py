@@ -32,6 +32,7 @@ from lingjing.scene.city import (
     Road,
     Water,
 )
+from tests.declared import declared
 
 
 def missing() -> str:
@@ -94,7 +95,7 @@ def mounts() -> tuple[CameraSpec, ...]:
 
 
 def entity(name: str, kind: str, at: tuple[float, float, float], **more: object) -> Entity:
-    return Entity(id=name, group=name, index=1, role="asset", type=kind, engine="x", position=at, **more)
+    return declared(Entity(id=name, group=name, index=1, role="asset", type=kind, engine="x", position=at, **more))
 
 
 def instance(*others: Entity, weather: Weather | None = None, events: tuple[EventSpec, ...] = ()) -> Instance:

@@ -31,6 +31,7 @@ from lingjing.plugins.engine import BodyState, CaptureRequest, City, Command, En
 from lingjing.plugins.geometry import pixel_to_world, world_to_pixel
 from lingjing.scene.bay import build
 from lingjing.scene.city import Solid, Water
+from tests.declared import declared
 
 LEVEL = -3.5
 
@@ -59,8 +60,18 @@ def mounts(size: tuple[int, int] = (960, 540)) -> tuple[CameraSpec, ...]:
 
 def entity(name: str, kind: str, position: tuple[float, float, float], **more: object) -> Entity:
     group, _, rest = name.partition("[")
-    return Entity(id=name, group=group, index=int(rest[:-1]) if rest else 1, type=kind, engine="x",
-                  role="target" if kind == "person_in_water" else "asset", position=position, **more)  # fmt: skip
+    return declared(
+        Entity(
+            id=name,
+            group=group,
+            index=int(rest[:-1]) if rest else 1,
+            type=kind,
+            engine="vessel" if kind == "lifeboat" else "x",
+            role="target" if kind == "person_in_water" else "asset",
+            position=position,
+            **more,
+        )
+    )
 
 
 def instance(weather: Weather | None = None) -> Instance:

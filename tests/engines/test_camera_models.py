@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import re
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -21,29 +18,30 @@ from lingjing.engines.camera.effects import (
     site_of,
 )
 from lingjing.engines.camera.effects.city import split
-from lingjing.engines.camera.models import ENTITIES, ambient_parts, entity_model, entity_parts, prop_model
+from lingjing.engines.camera.models import MODELS, ambient_parts, entity_model, entity_parts, look_of, prop_model
 from lingjing.engines.camera.models.catalogue import SINGLE, VARIED
 from lingjing.engines.camera.models.dog import STANDING, STANDING_M, dog_parts
 from lingjing.engines.camera.models.shapes import turned
+from lingjing.mission import appearance
+from lingjing.mission.appearance import COLOURS
 from lingjing.mission.instance import Entity, Weather
+from lingjing.mission.model import BodyPart
+from lingjing.plugins.bodies import entity_size
 from lingjing.scene.city import Bridge, Building, Lane, Pieces, Pipe, Prop, Road, Solid, Tile
 from lingjing.scene.sizes import SIZES
 from lingjing.trace.records import BodyState
+from tests.declared import declared, shipped_types
 
-STD = Path(__file__).parents[2] / "scenarios" / "std"
-TYPES = sorted(
-    pair
-    for file in STD.glob("*.ljs")
-    for pair in re.findall(r"^(?:asset|target) (\w+)(?: : (\w+))?", file.read_text(encoding="utf-8"), re.MULTILINE)
-)
-"""Each with what it extends."""
+TYPES = sorted(shipped_types())
 CALM = Weather(wind_mps=3.0, wind_from_deg=220.0)
 MOST = {"robot_dog": 2000, "car": 600, "person": 400, "street_tree": 150, "poplar": 150, "birch": 150, "conifer": 150}
 UNBODIED = {"building_fire", "bridge_fracture", "congestion"}
 
 
 def thing(kind: str, place: tuple[float, float, float] = (0.0, 0.0, 0.0), **more: object) -> Entity:
-    return Entity(id=f"{kind}[2]", group=kind, index=2, role="target", type=kind, engine="city", position=place, **more)  # type: ignore[arg-type]
+    return declared(
+        Entity(id=f"{kind}[2]", group=kind, index=2, role="target", type=kind, engine="city", position=place, **more)
+    )  # type: ignore[arg-type]
 
 
 def state(entity: Entity, **more: object) -> BodyState:
@@ -54,29 +52,79 @@ def looks(entity: Entity, time_s: float = 20.0, site: Site | None = None, **more
     return effects_of(entity, state(entity, **more), time_s, CALM, site or Site())
 
 
-@pytest.mark.parametrize(("kind", "base"), TYPES)
-def test_every_type_of_the_library_has_a_look_and_a_class_or_its_bases(kind: str, base: str) -> None:
-    entity = thing(kind, bases=(base,))
-    kind = kind if kind in ENTITIES else base
+@pytest.mark.parametrize("name", TYPES)
+def test_every_type_of_the_library_has_a_look_and_a_class(name: str) -> None:
+    entity = thing(name)
+    kind = look_of(entity)
     parts, effects = entity_parts(entity, state(entity), 3.0), looks(entity)
-    assert kind in ENTITIES and "unknown" not in {part.key for part in parts}
+    assert kind in MODELS and "unknown" not in {part.key for part in parts}
     assert parts or len(effects.billboards) or effects.solids or kind == "congestion"
     assert (not parts) == (kind in UNBODIED)
     assert entity_class(entity) == CLASSES[kind] != CLASSES["entity"]
 
 
-def test_a_derived_type_looks_as_its_nearest_known_base() -> None:
-    taxi = thing("my_taxi", bases=("town_car", "car"))
+def test_a_type_of_its_own_has_the_look_it_declares() -> None:
+    taxi = thing("my_taxi", properties={"look": "car"})
     assert entity_parts(taxi, state(taxi), 0.0)[0].key.startswith("car-") and entity_class(taxi) == CLASSES["car"]
-    blaze = thing("warehouse_fire", bases=("building_fire",))
+    blaze = thing("warehouse_fire", properties={"look": "building_fire"})
     assert len(looks(blaze).billboards) > 50
     cube = thing("contraption")
-    assert entity_parts(cube, state(cube), 0.0)[0].key == "unknown"
+    assert entity_parts(cube, state(cube), 0.0)[0].key == "unknown" and entity_class(cube) == CLASSES["entity"]
+    assert entity_parts(thing("idea", properties={"look": "none"}), state(cube), 0.0) == ()
 
 
-@pytest.mark.parametrize("name", [*ENTITIES, *VARIED, *SINGLE])
+@pytest.mark.parametrize("shape", ["box", "cylinder", "sphere", "cone"])
+def test_a_type_without_a_look_is_the_shape_size_and_colour_it_declares(shape: str) -> None:
+    said: dict[str, object] = {"length_m": 6.0, "width_m": 4.0, "height_m": 3.0, "shape": shape, "colour": "red"}
+    for origin, low in (("base", 0.0), ("middle", -1.5)):
+        balloon = thing("balloon", properties={**said, "origin": origin})
+        (part,) = entity_parts(balloon, state(balloon), 0.0)
+        mesh = turned(part.mesh, part.rows)
+        assert np.ptp(mesh[:, :3], axis=0) == pytest.approx([4.0, 6.0, 3.0], abs=0.08)
+        assert mesh[:, 2].min() == pytest.approx(low, abs=1e-5)
+        assert np.allclose(np.linalg.norm(mesh[:, 3:6], axis=1), 1.0, atol=1e-3)
+        assert np.allclose(mesh[:, 6:9], COLOURS["red"])
+
+
+def test_parts_stand_where_the_type_puts_them_beside_its_look() -> None:
+    crate = BodyPart(name="crate", shape="box", length_m=2.0, width_m=1.0, height_m=0.5, ahead_m=3.0, right_m=-1.0,
+                     above_m=4.0, heading_deg=90.0, colour="blue")  # fmt: skip
+    alone = thing("frame", parts=(crate,), properties={"length_m": 9.0, "width_m": 9.0, "height_m": 9.0})
+    (part,) = entity_parts(alone, state(alone), 0.0)
+    mesh = turned(part.mesh, part.rows)[:, :3]
+    assert mesh.min(axis=0) == pytest.approx([-2.0, 2.5, 3.75]) and mesh.max(axis=0) == pytest.approx([0.0, 3.5, 4.25])
+    carried = thing("crane", parts=(crate,), properties={"look": "truck"})
+    assert len(entity_parts(carried, state(carried), 0.0)) == 2
+
+
+def test_a_coloured_body_is_painted_and_what_is_no_body_is_not() -> None:
+    plain, red = (declared_car(colour) for colour in ("", "red"))
+    (was,), (now,) = (entity_parts(car, state(car), 0.0) for car in (plain, red))
+    changed = (was.mesh[:, 6:9] != now.mesh[:, 6:9]).any(axis=1)
+    assert was.key != now.key and 0.2 < changed.mean() < 0.9
+    assert np.allclose(now.mesh[changed, 6:9], COLOURS["red"])
+    house = thing("reference_building", properties={"colour": "red"})
+    assert [p.key for p in entity_parts(house, state(house), 0.0)] == [
+        p.key for p in entity_parts(thing("reference_building"), state(house), 0.0)
+    ]
+
+
+def declared_car(colour: str) -> Entity:
+    return thing("car", properties={"colour": colour} if colour else {})
+
+
+def test_the_looks_that_a_mission_may_name_are_those_that_are_drawn() -> None:
+    assert sorted(MODELS) == sorted(appearance.MODELS)
+
+
+def test_kinds_of_traffic_are_as_large_as_the_types_of_that_name() -> None:
+    for kind in SIZES.keys() & shipped_types().keys():
+        assert entity_size(thing(kind)) == SIZES[kind], kind
+
+
+@pytest.mark.parametrize("name", [*MODELS, *VARIED, *SINGLE])
 def test_meshes_are_whole_and_small(name: str) -> None:
-    mesh = entity_model(name, 1, 0.0)[1] if name in ENTITIES and name not in UNBODIED else prop_model(name, 1)[1]
+    mesh = entity_model(name, 1, 0.0)[1] if name in MODELS and name not in UNBODIED else prop_model(name, 1)[1]
     assert len(mesh) % 3 == 0 and len(mesh) > 0 and np.isfinite(mesh).all()
     assert np.allclose(np.linalg.norm(mesh[:, 3:6], axis=1), 1.0, atol=1e-3)
     assert (mesh[:, 6:9] >= 0.0).all() and (mesh[:, 6:9] <= 0.95).all()
@@ -122,8 +170,19 @@ def test_effects_depend_on_the_id_the_time_and_nothing_else() -> None:
     again, later, other = looks(fire), looks(fire, 20.4), looks(thing("building_fire", (5.0, 6.0, 20.0)), 20.0)
     assert looks(fire).billboards.tobytes() == again.billboards.tobytes() == other.billboards.tobytes()
     assert later.billboards.tobytes() != again.billboards.tobytes()
-    neighbour = looks(Entity(id="fire[3]", group="fire", index=3, role="target", type="building_fire", engine="city",
-                             position=(5.0, 6.0, 20.0)))  # fmt: skip
+    neighbour = looks(
+        declared(
+            Entity(
+                id="fire[3]",
+                group="fire",
+                index=3,
+                role="target",
+                type="building_fire",
+                engine="city",
+                position=(5.0, 6.0, 20.0),
+            )
+        )
+    )
     assert neighbour.billboards.tobytes() != again.billboards.tobytes()
 
 

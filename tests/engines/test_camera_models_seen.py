@@ -18,6 +18,7 @@ from lingjing.plugins.engine import CaptureRequest, EngineSpec, Frame
 from lingjing.plugins.geometry import focal_px
 from lingjing.scene.city import Area, Bridge, Building, City, Lane, Pipe, Road, Water
 from lingjing.trace.records import BodyState, Box
+from tests.declared import declared
 
 
 def missing() -> str:
@@ -64,8 +65,18 @@ CAMERAS = {
 
 
 def instance(kind: str, viewer: Entity) -> Instance:
-    target = Entity(id="target", group="target", index=1, role="target", type=kind, engine="city",
-                    position=TARGETS[kind], properties={"width_m": 8.0, "colour": "red"})  # fmt: skip
+    target = declared(
+        Entity(
+            id="target",
+            group="target",
+            index=1,
+            role="target",
+            type=kind,
+            engine="city",
+            position=TARGETS[kind],
+            properties={"width_m": 8.0, "colour": "red"},
+        )
+    )
     return Instance(
         mission="t", title="", goal="", seed=3, settings={}, scene=SceneSpec(kind="x"),
         clock=Clock(tick_s=10, sync_s=0.5), budget=Budget(ticks=9, policy_s=9, engine_s=9, capture_s=9),
@@ -87,8 +98,18 @@ def take(engine: CameraEngine, kind: str, above_m: float = 0.0, away_m: float = 
     x, y, z = TARGETS[kind]
     view = "eye" if away_m else "nadir"
     place = (x, y - away_m, 0.3) if away_m else (x, y, z + above_m)
-    viewer = Entity(id="viewer", group="viewer", index=1, role="asset", type="robot_dog" if away_m else "quadrotor",
-                    engine="x", position=place, cameras=(CAMERAS[view],))  # fmt: skip
+    viewer = declared(
+        Entity(
+            id="viewer",
+            group="viewer",
+            index=1,
+            role="asset",
+            type="robot_dog" if away_m else "quadrotor",
+            engine="x",
+            position=place,
+            cameras=(CAMERAS[view],),
+        )
+    )
     given = instance(kind, viewer)
     engine.reset(EngineSpec(engine="camera", instance=given, owns=()), CITY, 3)
     engine.advance(20.0, [BodyState(id="target", position=TARGETS[kind], status=status)])
@@ -175,8 +196,18 @@ def test_the_reference_building_is_its_box_in_its_colour(engine: CameraEngine) -
 
 def test_a_fire_lights_the_ground_about_it_at_night_and_not_by_day(engine: CameraEngine) -> None:
     x, y, _ = TARGETS["fire_source"]
-    viewer = Entity(id="viewer", group="viewer", index=1, role="asset", type="quadrotor", engine="x",
-                    position=(x, y, 40.0), cameras=(CAMERAS["nadir"],))  # fmt: skip
+    viewer = declared(
+        Entity(
+            id="viewer",
+            group="viewer",
+            index=1,
+            role="asset",
+            type="quadrotor",
+            engine="x",
+            position=(x, y, 40.0),
+            cameras=(CAMERAS["nadir"],),
+        )
+    )
     beside = {}
     for up in (DAY, NIGHT):
         weather = Weather(wind_mps=4, wind_from_deg=220, sun_elevation_deg=up)

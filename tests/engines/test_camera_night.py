@@ -17,14 +17,25 @@ from lingjing.mission.geometry2d import contains, edge_distance
 from lingjing.mission.instance import Entity, Weather
 from lingjing.scene.city import Building, Lane, Pieces, Prop, Road
 from lingjing.trace.records import BodyState
+from tests.declared import declared
 
 DAY, SUNSET, NIGHT = (Weather(wind_mps=3.0, sun_elevation_deg=up) for up in (45.0, 4.0, -20.0))
 SHINING = ("building_fire", "fire_source", "fire_truck", "lifeboat", "quadrotor")
 
 
 def thing(kind: str, people: float = 4.0) -> Entity:
-    return Entity(id=kind, group=kind, index=1, role="target", type=kind, engine="city", position=(0.0, 0.0, 0.0),
-                  properties={"people": people})  # fmt: skip
+    return declared(
+        Entity(
+            id=kind,
+            group=kind,
+            index=1,
+            role="target",
+            type=kind,
+            engine="city",
+            position=(0.0, 0.0, 0.0),
+            properties={"people": people},
+        )
+    )
 
 
 def state(kind: str) -> BodyState:

@@ -13,6 +13,7 @@ from lingjing.engines.camera.programs import active, carried, source, uniforms
 from lingjing.mission.instance import Entity
 from lingjing.plugins.geometry import camera_axes, focal_px
 from lingjing.trace.records import CameraPose
+from tests.declared import declared
 
 SQUARE = [(0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)]
 
@@ -96,7 +97,9 @@ def test_straight_down_has_no_sky_unless_from_high_above() -> None:
 def test_classes_of_a_picture_are_those_of_the_table() -> None:
     kinds = ("car", "person", "no_such_kind")
     entities = [
-        Entity(id=f"e[{k}]", group="e", index=k, role="target", type=kind, engine="x", position=(0.0, 0.0, 0.0))
+        declared(
+            Entity(id=f"e[{k}]", group="e", index=k, role="target", type=kind, engine="x", position=(0.0, 0.0, 0.0))
+        )
         for k, kind in enumerate(kinds)
     ]
     ids = np.array([[0, 12, FIRST_ENTITY], [FIRST_ENTITY + 2, FIRST_ENTITY + 1, 255]], np.uint16)

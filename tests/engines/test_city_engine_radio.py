@@ -10,6 +10,7 @@ from lingjing.mission.instance import AgentSpec, CommsSpec, Entity, EventSpec, W
 from lingjing.scene.city import Bridge, Building, City
 from lingjing.scene.terrain import Terrain
 from lingjing.trace.records import BodyState
+from tests.declared import declared
 
 DRY = City(id="dry", origin=(31.0, 121.5), bounds=(-2000.0, -2000.0, 2000.0, 2000.0))
 CLEAR = Weather(visibility_m=10_000.0)
@@ -21,14 +22,16 @@ def block(top, x=200.0, half=10.0, base=0.0):
 
 
 def dog(number, x, z=0.0):
-    return Entity(
-        id=f"dog[{number}]",
-        group="dog",
-        index=number,
-        role="asset",
-        type="robot_dog",
-        engine="quadruped",
-        position=(x, 0.0, z),
+    return declared(
+        Entity(
+            id=f"dog[{number}]",
+            group="dog",
+            index=number,
+            role="asset",
+            type="robot_dog",
+            engine="quadruped",
+            position=(x, 0.0, z),
+        )
     )
 
 

@@ -11,20 +11,23 @@ from lingjing.engines.fixed_wing.engine import PlaneEngine
 from lingjing.mission.instance import Entity, EventSpec, VerbSpec, Weather
 from lingjing.scene.city import Building
 from lingjing.trace.records import BodyState
+from tests.declared import declared
 
 
 def wing(index=1, position=(0.0, 0.0, 300.0), heading_deg=0.0, **properties):
-    return Entity(
-        id=f"wing[{index}]",
-        group="wing",
-        index=index,
-        role="asset",
-        type="fixed_wing",
-        engine="plane",
-        position=position,
-        heading_deg=heading_deg,
-        properties={"cruise_mps": 40.0, "endurance_s": 14_400.0, **properties},
-        verbs=(VerbSpec(name="setDestination"), VerbSpec(name="takePhoto")),
+    return declared(
+        Entity(
+            id=f"wing[{index}]",
+            group="wing",
+            index=index,
+            role="asset",
+            type="fixed_wing",
+            engine="plane",
+            position=position,
+            heading_deg=heading_deg,
+            properties={"cruise_mps": 40.0, "endurance_s": 14_400.0, **properties},
+            verbs=(VerbSpec(name="setDestination"), VerbSpec(name="takePhoto")),
+        )
     )
 
 

@@ -11,6 +11,7 @@ from lingjing.mission.instance import Entity, EventSpec, Instance, StateSpec, Ve
 from lingjing.plugins.conformance import check_engine
 from lingjing.scene.city import Building, City, Land, Slope, Solid, Water
 from lingjing.trace.records import BodyState, Command
+from tests.declared import declared
 
 VERBS = ("forward", "left", "right", "stop")
 
@@ -26,18 +27,20 @@ def city_of(**pieces: object) -> City:
 def dog(index: int = 1, x: float = 0.0, y: float = 0.0, z: float = 0.0, heading: float = 0.0, **more: object) -> Entity:
     properties = {"speed_mps": 1.5, "endurance_s": 5400.0}
     properties.update(more.pop("properties", {}))
-    return Entity(
-        id=f"dog[{index}]",
-        group="dog",
-        index=index,
-        role="asset",
-        type="robot_dog",
-        engine="quadruped",
-        position=(x, y, z),
-        heading_deg=heading,
-        properties=properties,
-        verbs=tuple(VerbSpec(name=name) for name in VERBS),
-        **more,
+    return declared(
+        Entity(
+            id=f"dog[{index}]",
+            group="dog",
+            index=index,
+            role="asset",
+            type="robot_dog",
+            engine="quadruped",
+            position=(x, y, z),
+            heading_deg=heading,
+            properties=properties,
+            verbs=tuple(VerbSpec(name=name) for name in VERBS),
+            **more,
+        )
     )
 
 

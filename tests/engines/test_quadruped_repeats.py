@@ -16,6 +16,7 @@ from lingjing.mission.instance import Entity, Instance, VerbSpec
 from lingjing.plugins.engine import EngineSpec
 from lingjing.scene.city import City, Solid
 from lingjing.trace.records import BodyState, Command
+from tests.declared import declared
 
 SCRIPT = """
 import importlib.util, sys
@@ -44,16 +45,18 @@ def yard() -> City:
 
 def three(instance_of) -> Instance:
     dogs = [
-        Entity(
-            id=f"dog[{k}]",
-            group="dog",
-            index=k,
-            role="asset",
-            type="robot_dog",
-            engine="quadruped",
-            position=(2.5 * k - 3.0, -4.0, 0.0),
-            heading_deg=10.0 * k,
-            verbs=(VerbSpec(name="forward"),),
+        declared(
+            Entity(
+                id=f"dog[{k}]",
+                group="dog",
+                index=k,
+                role="asset",
+                type="robot_dog",
+                engine="quadruped",
+                position=(2.5 * k - 3.0, -4.0, 0.0),
+                heading_deg=10.0 * k,
+                verbs=(VerbSpec(name="forward"),),
+            )
         )
         for k in (1, 2, 3)
     ]

@@ -35,6 +35,7 @@ from lingjing.scene.city import City, Lane, Road
 from lingjing.scene.network import StreetEdge, StreetNode, build_network
 from lingjing.scene.sizes import SIZES, Size
 from lingjing.trace.records import BodyState, Command, Receipt, Route, TaskEvent
+from tests.declared import declared
 
 SPAN_M = 200.0
 SIDE = 5
@@ -73,19 +74,21 @@ def vehicle(
     heading_deg: float = 90.0,
     **properties: Datum,
 ) -> Entity:
-    return Entity(
-        id=name,
-        group=name,
-        index=1,
-        role="asset",
-        type=kind,
-        bases=() if kind == "car" else ("car",),
-        engine="road",
-        position=(*position, 0.0),
-        heading_deg=heading_deg,
-        properties={"speed_mps": 13.9, "load_kg": 0.0, "payload_kg": 400.0, **properties},
-        verbs=tuple(VerbSpec(name=verb) for verb in VERBS),
-        state=(StateSpec(name="load", unit="kg"),),
+    return declared(
+        Entity(
+            id=name,
+            group=name,
+            index=1,
+            role="asset",
+            type=kind,
+            bases=() if kind == "car" else ("car",),
+            engine="road",
+            position=(*position, 0.0),
+            heading_deg=heading_deg,
+            properties={"speed_mps": 13.9, "load_kg": 0.0, "payload_kg": 400.0, **properties},
+            verbs=tuple(VerbSpec(name=verb) for verb in VERBS),
+            state=(StateSpec(name="load", unit="kg"),),
+        )
     )
 
 
@@ -105,7 +108,9 @@ def jam(name: str = "jam", position: tuple[float, float] = (500.0, 0.0), dormant
 
 def other(name: str, kind: str, engine: str) -> Entity:
     """An entity of another engine; where it is its mirrors say."""
-    return Entity(id=name, group=name, index=1, role="asset", type=kind, engine=engine, position=(0.0, 0.0, 0.0))
+    return declared(
+        Entity(id=name, group=name, index=1, role="asset", type=kind, engine=engine, position=(0.0, 0.0, 0.0))
+    )
 
 
 def mission(

@@ -11,9 +11,10 @@ from lingjing.engines.satellite.engine import SatelliteEngine
 from lingjing.engines.satellite.orbit import from_lines, instant
 from lingjing.errors import UsageError
 from lingjing.mission.instance import CameraSpec, Entity, Region, VerbSpec
-from lingjing.plugins.geometry import body_camera_pose, mounted_camera_pose, world_to_pixel
+from lingjing.plugins.geometry import mounted_camera_pose, world_to_pixel
 from lingjing.scene.city import City
 from lingjing.trace.records import BodyState
+from tests.declared import declared
 
 ISS = (
     "1 25544U 98067A   19343.69339541  .00001764  00000-0  38792-4 0  9991",
@@ -29,16 +30,18 @@ VALLADO = (
 
 
 def satellite(index=1, **properties):
-    return Entity(
-        id=f"eye[{index}]",
-        group="eye",
-        index=index,
-        role="asset",
-        type="satellite",
-        engine="satellite",
-        position=(0.0, 0.0, 550_000.0),
-        properties={"swath_m": 20_000.0, "tle1": "", "tle2": "", "epoch": "", **properties},
-        verbs=(VerbSpec(name="takePhoto"),),
+    return declared(
+        Entity(
+            id=f"eye[{index}]",
+            group="eye",
+            index=index,
+            role="asset",
+            type="satellite",
+            engine="satellite",
+            position=(0.0, 0.0, 550_000.0),
+            properties={"swath_m": 20_000.0, "tle1": "", "tle2": "", "epoch": "", **properties},
+            verbs=(VerbSpec(name="takePhoto"),),
+        )
     )
 
 
@@ -169,7 +172,7 @@ def test_its_camera_looks_at_the_middle_of_the_regions(watch):
     )
     for _ in range(3):
         play.run(100.0)
-        pose = mounted_camera_pose(play.state, camera, "satellite")
+        pose = mounted_camera_pose(play.state, camera, ())
         u, v, depth = world_to_pixel(pose, (1000.0, 0.0, 0.0))
         assert (u, v) == approx((500.0, 500.0), abs=4.0)
         assert depth == approx(play.state.resources["range_m"], rel=1e-3)
@@ -229,5 +232,5 @@ def test_a_body_in_the_air_keeps_its_gimbal():
     camera = CameraSpec(
         name="n", view="nadir", width=100, height=100, hfov_deg=60.0, channels=("rgb",), capture="on_request"
     )
-    pose = body_camera_pose(BodyState(id="uav", position=(0.0, 0.0, 100.0), pitch_deg=20.0), camera)
+    pose = mounted_camera_pose(BodyState(id="uav", position=(0.0, 0.0, 100.0), pitch_deg=20.0), camera, ())
     assert (pose.tilt_deg, pose.position[2]) == (90.0, 99.9)

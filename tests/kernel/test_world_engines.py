@@ -10,6 +10,7 @@ from lingjing.kernel.world import open_world
 from lingjing.mission.instance import CameraSpec, Entity, InteractionSpec, SceneSpec, Weather
 from lingjing.plugins.host import PluginHost
 from lingjing.trace.records import Command
+from tests.declared import declared
 
 CAMERA = CameraSpec(
     name="nadir",
@@ -23,44 +24,50 @@ CAMERA = CameraSpec(
 
 
 def uav(index):
-    return Entity(
-        id=f"uav[{index}]",
-        group="uav",
-        index=index,
-        role="asset",
-        type="quadrotor",
-        engine="multirotor",
-        position=(306.6 + 20.0 * index, -600.0, 1.1),
-        properties={"cruise_mps": 12.0, "endurance_s": 2100.0},
-        cameras=(CAMERA,),
+    return declared(
+        Entity(
+            id=f"uav[{index}]",
+            group="uav",
+            index=index,
+            role="asset",
+            type="quadrotor",
+            engine="multirotor",
+            position=(306.6 + 20.0 * index, -600.0, 1.1),
+            properties={"cruise_mps": 12.0, "endurance_s": 2100.0},
+            cameras=(CAMERA,),
+        )
     )
 
 
 def boat():
-    return Entity(
-        id="boat",
-        group="boat",
-        index=1,
-        role="asset",
-        type="lifeboat",
-        engine="vessel",
-        position=(12.4, -1351.8, -3.5),
-        heading_deg=30.0,
-        properties={"speed_mps": 3.0},
+    return declared(
+        Entity(
+            id="boat",
+            group="boat",
+            index=1,
+            role="asset",
+            type="lifeboat",
+            engine="vessel",
+            position=(12.4, -1351.8, -3.5),
+            heading_deg=30.0,
+            properties={"speed_mps": 3.0},
+        )
     )
 
 
 def victim():
-    return Entity(
-        id="victim[1]",
-        group="victim",
-        index=1,
-        role="target",
-        type="person_in_water",
-        engine="city",
-        position=(300.0, -850.0, -3.5),
-        properties={"drift_mps": 0.1},
-        interactions=(InteractionSpec(name="rescue", by="vessel", within_m=50.0, aboard=True),),
+    return declared(
+        Entity(
+            id="victim[1]",
+            group="victim",
+            index=1,
+            role="target",
+            type="person_in_water",
+            engine="city",
+            position=(300.0, -850.0, -3.5),
+            properties={"drift_mps": 0.1},
+            interactions=(InteractionSpec(name="rescue", by="vessel", within_m=50.0, aboard=True),),
+        )
     )
 
 

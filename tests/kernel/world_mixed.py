@@ -19,6 +19,7 @@ from lingjing.mission.instance import (
 from lingjing.scene.city import Building, City, Water
 from lingjing.scene.network import StreetEdge, StreetNode, build_network
 from lingjing.trace.records import Command
+from tests.declared import declared
 
 SPAN_M = 200.0
 VERBS = ("takeoff", "setDestination", "forward", "left", "right", "stop", "moveTo")
@@ -69,18 +70,20 @@ def entity(
     **properties: object,
 ) -> Entity:
     group, _, number = name.partition("[")
-    return Entity(
-        id=name,
-        group=group,
-        index=int(number.rstrip("]") or 0) if number else 0,
-        role="target" if engine == "city" else "asset",
-        type=kind,
-        engine=engine,
-        position=position,
-        properties=properties,
-        verbs=() if engine == "city" else tuple(VerbSpec(name=verb) for verb in VERBS),
-        interactions=acts,
-        state=tuple(one for one in (HEAT, LOAD, DEMAND) if one.field in properties),
+    return declared(
+        Entity(
+            id=name,
+            group=group,
+            index=int(number.rstrip("]") or 0) if number else 0,
+            role="target" if engine == "city" else "asset",
+            type=kind,
+            engine=engine,
+            position=position,
+            properties=properties,
+            verbs=() if engine == "city" else tuple(VerbSpec(name=verb) for verb in VERBS),
+            interactions=acts,
+            state=tuple(one for one in (HEAT, LOAD, DEMAND) if one.field in properties),
+        )
     )
 
 

@@ -21,7 +21,7 @@ asset truck {
 asset airship { engine = balloon, speed = 1 m/s, verb setDestination(x: length, y: length) }
 asset glider { engine = multirotor, cruise = 12 m/s, verb setDestination(x: length, y: length, z: length) }
 target buoy { engine = city }
-target rock { engine = city, length = 1 m }
+target rock { engine = city, length = 0.48 m, width = 0.64 m, height = 0.6 m }
 target order {
   engine = city, state demand = 100 kg
   interaction unload { by = road, within = 50 m, takes = demand, from = freight }
@@ -199,7 +199,7 @@ def test_what_nobody_declares_means_nothing() -> None:
     body = cargo("250 kg", orders=9, way=2401)
     text = f"{unbounded}  budget {{ ticks <= 60 }}\n{body}\n}}\n"
     assert [item.code for item in compile_text(text).diagnostics] == []
-    narrow = TYPES.replace("length = 1 m", "diameter = 1 m, size = 1 m")
+    narrow = TYPES.replace("length = 0.48 m, width = 0.64 m, height = 0.6 m", "diameter = 1 m, size = 1 m")
     text = f"{narrow}  budget {{ ticks <= 60 }}\n{SEEN + seeing(8000)}\n}}\n"
     assert [item.code for item in compile_text(text).diagnostics] == []
 

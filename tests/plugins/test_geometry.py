@@ -59,7 +59,7 @@ def test_axes_are_orthonormal_and_right_handed(pose: CameraPose) -> None:
 
 def test_nadir_image_up_is_the_heading() -> None:
     body = BodyState(id="uav[1]", position=(10.0, 20.0, 100.1), heading_deg=90.0, pitch_deg=20.0, roll_deg=-15.0)
-    pose = geometry.body_camera_pose(body, camera("nadir"))
+    pose = geometry.mounted_camera_pose(body, camera("nadir"), ())
     assert (pose.position, pose.tilt_deg) == ((10.0, 20.0, 100.0), 90.0)
     middle, top = geometry.pixel_to_plane(pose, 960, 540, 0.0), geometry.pixel_to_plane(pose, 960, 0, 0.0)
     right = geometry.pixel_to_plane(pose, 1920, 540, 0.0)

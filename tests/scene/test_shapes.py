@@ -138,5 +138,5 @@ def test_the_nearest_solid_mirrors_are_boxes(instance_of, uav, victim):
     assert len(movers) == POOL
     assert {mover.thing for mover in movers} == {"uav[1]", *(f"crowd/{k}" for k in range(POOL - 1))}
     hovering = next(mover for mover in movers if mover.thing == "uav[1]")
-    assert hovering.base[2] == pytest.approx(5.0 - SIZES["quadrotor"].height_m / 2)
+    assert hovering.base[2] == pytest.approx(5.0 - 0.35 / 2)
     assert lookout.nearest(mirrors, []) == ()

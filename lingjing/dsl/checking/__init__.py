@@ -8,7 +8,7 @@ In the order of the work:
 - `constants`: the numbers that expressions always are. `expressions`: what the parts of their checking share.
 - `calls`, `aggregates`, `elaborate`: expressions, typed, with the way hidden values take.
 - `blocks`: properties of a block against the keys it knows. `properties`: their form in the mission.
-- `types`, `interactions`, `settings`, `entities`, `equipment`, `agents`, `wording`, `rules`, `conduct`, `events`,
-  `studies`: one checker for each sort of declaration.
+- `types`, `bodies`, `interactions`, `settings`, `entities`, `equipment`, `agents`, `wording`, `rules`, `conduct`,
+  `events`, `studies`: one checker for each sort of declaration.
 - `checker`: a whole mission.
 """

@@ -154,12 +154,34 @@ class BlockReader:
         parts = self.parts(item.value, key, item.relation, environment)
         if any(part is UNKNOWN for part in parts):
             return
-        if not self._in_bounds(item, key, parts):
+        if not self.in_bounds(item, key, parts):
             return
         if key.public:
             for part in parts:
                 self.leak(part.taint, item.value, f"`{name.text}` of {what}")
         entries[name.text] = Entry(item, key, parts)
+
+    def in_bounds(self, item: s.Property, key: Key, parts: tuple[Value, ...]) -> bool:
+        """Whether a value lies within its key's bounds; one outside of them is reported."""
+        number = self.of.constant(parts[0].ir)
+        if number is not None and key.whole and number != int(number):
+            place = item.value
+            self.report("LJ0206", place.start, place.end, f"`{key.name}` counts in whole numbers, this is {number:g}")
+            return False
+        if number is None or (key.low is None and key.high is None and key.above is None):
+            return True
+        below = (key.low is not None and number < key.low) or (key.above is not None and number <= key.above)
+        if not below and (key.high is None or number <= key.high):
+            return True
+        bounds = []
+        if key.above is not None:
+            bounds.append(f"above {key.above:g}")
+        if key.low is not None:
+            bounds.append(f"at least {key.low:g}")
+        if key.high is not None:
+            bounds.append(f"at most {key.high:g}")
+        self.report("LJ0206", item.value.start, item.value.end, f"`{key.name}` must be {' and '.join(bounds)}")
+        return False
 
     def check_state(self, item: s.Property, kind: Type) -> None:
         """A state is a number that changes in a run; places and headings change by themselves."""
@@ -281,27 +303,6 @@ class BlockReader:
             self.report("LJ0205", left.start, left.end, "a level is that of the sea", "write `sea level at -3.5 m`")
             return UNKNOWN
         return self.of.expect(node, environment, metres, what)
-
-    def _in_bounds(self, item: s.Property, key: Key, parts: tuple[Value, ...]) -> bool:
-        number = self.of.constant(parts[0].ir)
-        if number is not None and key.whole and number != int(number):
-            place = item.value
-            self.report("LJ0206", place.start, place.end, f"`{key.name}` counts in whole numbers, this is {number:g}")
-            return False
-        if number is None or (key.low is None and key.high is None and key.above is None):
-            return True
-        below = (key.low is not None and number < key.low) or (key.above is not None and number <= key.above)
-        if not below and (key.high is None or number <= key.high):
-            return True
-        bounds = []
-        if key.above is not None:
-            bounds.append(f"above {key.above:g}")
-        if key.low is not None:
-            bounds.append(f"at least {key.low:g}")
-        if key.high is not None:
-            bounds.append(f"at most {key.high:g}")
-        self.report("LJ0206", item.value.start, item.value.end, f"`{key.name}` must be {' and '.join(bounds)}")
-        return False
 
     def _required(self, keys: dict[str, Key], seen: dict[str, s.Property], what: str, place: s.Node) -> None:
         for key in keys.values():

@@ -7,6 +7,7 @@ from typing import Literal
 import msgspec
 
 from lingjing.dsl.checking.blocks import BlockReader
+from lingjing.dsl.checking.bodies import reshaped
 from lingjing.dsl.checking.equipment import EquipmentChecker
 from lingjing.dsl.checking.keys import Entry, Key
 from lingjing.dsl.checking.properties import lowered
@@ -141,7 +142,8 @@ class EntityChecker:
             if name not in ("label", "labels"):
                 known = self.scope.groups[node.name.text].attributes.get(name, _PUBLIC)
                 own.extend(lowered(entry, hidden=bool(known.taint), state=known.state))
-        given = {prop.name for prop in own}
+        anew = reshaped(set(entries))
+        given = {prop.name for prop in own} | ({"look"} if anew else set())
         inherited = tuple(
             msgspec.structs.replace(prop, hidden=True) if self._is_hidden(node, prop.name, decl) else prop
             for prop in decl.properties
@@ -162,6 +164,8 @@ class EntityChecker:
             when=guard,
             bases=decl.bases,
             interactions=tuple(decl.interactions.values()),
+            mounts=tuple(decl.mounts.values()),
+            parts=() if anew else tuple(decl.parts.values()),
         )
 
     def count(self, index: s.Expression | None) -> tuple[ex.Expr | None, str]:

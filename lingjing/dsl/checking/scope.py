@@ -35,6 +35,8 @@ class TypeDecl(msgspec.Struct, frozen=True):
     interactions: dict[str, model.Interaction]
     span: Span
     bases: tuple[str, ...] = ()
+    mounts: dict[str, model.CameraMount] = {}
+    parts: dict[str, model.BodyPart] = {}
 
 
 class RecordDecl(msgspec.Struct, frozen=True):

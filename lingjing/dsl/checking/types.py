@@ -11,6 +11,7 @@ from typing import Literal
 import msgspec
 
 from lingjing.dsl.checking.blocks import BlockReader
+from lingjing.dsl.checking.bodies import BODY_KEYS, BodyChecker, reshaped
 from lingjing.dsl.checking.equipment import CAMERA_KEYS
 from lingjing.dsl.checking.interactions import declared
 from lingjing.dsl.checking.keys import Entry, Key
@@ -59,7 +60,7 @@ COMMON_KEYS = {
         Key("labels", Type("list", item="text")),
         Key("on", Type("name"), choices=SURFACES),
     )
-}
+} | BODY_KEYS
 """What every entity may be given, whatever its type."""
 
 
@@ -68,6 +69,7 @@ class TypeChecker:
 
     def __init__(self, blocks: BlockReader) -> None:
         self.blocks = blocks
+        self.bodies = BodyChecker(blocks)
         self.of = blocks.of
         self.report = blocks.report
         self.scope: Scope = blocks.of.scope
@@ -106,11 +108,19 @@ class TypeChecker:
                 entries = self._interaction(item)
                 name = item.name.text
                 interactions[name] = declared(name, entries, interactions.get(name))
-            elif not isinstance(item, s.Faulty):
+            elif not isinstance(item, s.MountBlock | s.PartBlock | s.Faulty):
                 self.blocks.misplaced(
                     item, f"the {node.keyword} type `{node.name.text}`", ("engine", "verb", "interaction")
                 )
-        faulty = any(isinstance(item, s.Faulty) for item in (node.block.items if node.block else ()))
+        items = node.block.items if node.block else ()
+        anew = reshaped(set(seen))
+        if anew:
+            attributes.pop("look", None)
+        mounts = self.bodies.mounts([i for i in items if isinstance(i, s.MountBlock)], base.mounts if base else {})
+        parts = self.bodies.parts(
+            [i for i in items if isinstance(i, s.PartBlock)], base.parts if base and not anew else {}
+        )
+        faulty = any(isinstance(item, s.Faulty) for item in items)
         if not engine and "engine" not in seen and not faulty and node.type is None:
             self.report(
                 "LJ0106",
@@ -120,7 +130,7 @@ class TypeChecker:
                 "add `engine = …`: who moves it",
             )
         self._crowd(node, attributes)
-        given = {prop.name for prop in own}
+        given = {prop.name for prop in own} | ({"look"} if anew else set())
         kept = tuple(prop for prop in (base.properties if base else ()) if prop.name not in given)
         return TypeDecl(
             node.name.text,
@@ -132,6 +142,8 @@ class TypeChecker:
             interactions,
             self.report.span(node.name.start, node.name.end),
             (base.name, *base.bases) if base else (),
+            mounts,
+            parts,
         )
 
     def camera(self, node: s.CameraBlock) -> CameraDecl | None:
@@ -226,6 +238,8 @@ class TypeChecker:
             key = Key(name.text, Type("name"), ANY_RELATION)
         parts = self.blocks.parts(item.value, key, item.relation, STATIC)
         if any(part is UNKNOWN for part in parts) or self._ends_like_a_unit(item, parts[0].type):
+            return None
+        if not self.blocks.in_bounds(item, key, parts):
             return None
         self.blocks.check_state(item, parts[0].type)
         return Entry(item, Key(name.text, parts[0].type, ANY_RELATION), parts)

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 import msgspec
 
 from lingjing.dsl.checking import library
+from lingjing.dsl.checking.bodies import reshaped
 from lingjing.dsl.checking.scope import Library, RecordDecl, TypeDecl
 from lingjing.dsl.checking.toplevel import load_library
 from lingjing.mission import expression as ex
@@ -29,6 +30,8 @@ class LocalType:
     verbs: tuple[model.Verb, ...]
     interactions: tuple[model.Interaction, ...] = ()
     base: str = ""
+    mounts: tuple[model.CameraMount, ...] = ()
+    parts: tuple[model.BodyPart, ...] = ()
 
 
 @dataclass(slots=True)
@@ -111,9 +114,14 @@ def _gives(decl: TypeDecl, group: model.Group) -> bool:
     if not _extends(decl, group, group.bases):
         return False
     own = {prop.name for prop in group.properties if not prop.inherited}
+    anew = reshaped({prop.plain for prop in group.properties if not prop.inherited})
+    if anew:
+        own.add("look")
     due = [_shown(prop) for prop in decl.properties if prop.name not in own]
     given = [_shown(prop) for prop in group.properties if prop.inherited]
-    if group.interactions != tuple(decl.interactions.values()):
+    if group.interactions != tuple(decl.interactions.values()) or group.mounts != tuple(decl.mounts.values()):
+        return False
+    if group.parts != (() if anew else tuple(decl.parts.values())):
         return False
     return due == given and all(_is_verb_of(verb, decl.verbs.get(verb.name)) for verb in group.verbs)
 
@@ -152,8 +160,9 @@ def _put_together(name: str, groups: list[model.Group], mission: model.Mission, 
             known = verbs.get(verb.name)
             verbs[verb.name] = verb if known is None else _wider(known, verb)
     return LocalType(
-        name, first.role, first.engine, tuple(properties.values()), tuple(verbs.values()), first.interactions, base
-    )
+        name, first.role, first.engine, tuple(properties.values()), tuple(verbs.values()), first.interactions, base,
+        first.mounts, first.parts,
+    )  # fmt: skip
 
 
 def _wider(a: model.Verb, b: model.Verb) -> model.Verb:

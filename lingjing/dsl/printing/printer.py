@@ -14,10 +14,11 @@ import msgspec
 
 from lingjing.dsl.formatting.formatter import format_text
 from lingjing.dsl.printing.imports import Imports, LocalType, find_imports
-from lingjing.dsl.printing.phrases import RANGE, SUM, Locals, Phrases, long_text, quoted
+from lingjing.dsl.printing.phrases import RANGE, SUM, Locals, Phrases, long_text, number_text, quoted
 from lingjing.errors import MissionError
 from lingjing.mission import expression as ex
 from lingjing.mission import model
+from lingjing.mission.appearance import MEASURES
 from lingjing.mission.units import BY_NAME
 
 _LOW = re.compile(r"(.+)_low(_[a-z0-9]+)?")
@@ -99,6 +100,8 @@ class Printer:
         lines.extend(self.properties(local.properties))
         lines.extend(self.verb(verb) for verb in local.verbs)
         lines.extend(_block(f"interaction {one.name}", self.interaction(one)) for one in local.interactions)
+        lines.extend(_block(f"mount {one.view}", _mount(one)) for one in local.mounts)
+        lines.extend(_block(f"part {one.name} : {one.shape}", _part(one)) for one in local.parts)
         head = f"{local.role} {local.name} : {local.base}" if local.base else f"{local.role} {local.name}"
         return _block(head, lines, spread=True)
 
@@ -448,6 +451,23 @@ def _bound(one: Any) -> dict[str, str]:
 
 def _per(one: Any) -> str:
     return f" per {one.variable} in {one.domain}" if one.variable else ""
+
+
+def _mount(one: model.CameraMount) -> Iterator[str]:
+    yield from (f"{name} = {number_text(getattr(one, f'{name}_m'), 'm')}" for name in ("ahead", "above"))
+    yield f"tilt = {number_text(one.tilt_deg, 'deg')}"
+    if not one.gimbal:
+        yield "gimbal = false"
+
+
+def _part(one: model.BodyPart) -> Iterator[str]:
+    for name in (*MEASURES, "ahead", "right", "above"):
+        metres = getattr(one, f"{name}_m")
+        if metres or name in MEASURES:
+            yield f"{name} = {number_text(metres, 'm')}"
+    if one.heading_deg:
+        yield f"heading = {number_text(one.heading_deg, 'deg')}"
+    yield f"colour = {one.colour}"
 
 
 def _block(head: str, lines: Iterable[str], *, spread: bool = False) -> str:

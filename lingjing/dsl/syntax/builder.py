@@ -357,6 +357,12 @@ class Builder:
     def interaction(self, keyword: Token, name: Token, block: s.Block) -> s.InteractionBlock:
         return s.InteractionBlock(keyword.start, block.end, _word(name), block)
 
+    def mount(self, keyword: Token, view: Token, block: s.Block) -> s.MountBlock:
+        return s.MountBlock(keyword.start, block.end, _word(view), block)
+
+    def part(self, keyword: Token, name: Token, _colon: Token, shape: Token, block: s.Block) -> s.PartBlock:
+        return s.PartBlock(keyword.start, block.end, _word(name), _word(shape), block)
+
     def record(self, keyword: Token, name: Token, _colon: Token, category: Token, block: s.Block) -> s.RecordBlock:
         return s.RecordBlock(keyword.start, block.end, _word(name), _word(category), block)
 

@@ -54,6 +54,8 @@ STATEMENTS: dict[str, str] = {
         "observes",
         "verb",
         "interaction",
+        "mount",
+        "part",
         "record",
         "reveal",
         "prompt",

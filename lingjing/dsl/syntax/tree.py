@@ -454,6 +454,21 @@ class InteractionBlock(Statement, frozen=True, gc=False):
     block: Block
 
 
+class MountBlock(Statement, frozen=True, gc=False):
+    """`mount view { … }`."""
+
+    view: Name
+    block: Block
+
+
+class PartBlock(Statement, frozen=True, gc=False):
+    """`part name : shape { … }`."""
+
+    name: Name
+    shape: Name
+    block: Block
+
+
 class RecordBlock(Statement, frozen=True, gc=False):
     """`record name : category { … }`."""
 

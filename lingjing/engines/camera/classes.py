@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from lingjing.engines.camera.models import look_of
 from lingjing.mission.instance import Entity
 
 CLASSES: dict[str, int] = {
@@ -78,8 +79,8 @@ def prop_class(cls: str) -> int:
 
 
 def entity_class(entity: Entity) -> int:
-    """Class id of an entity: its type's, else that of the nearest type that has one among those it extends."""
-    return next((CLASSES[kind] for kind in (entity.type, *entity.bases) if kind in CLASSES), CLASSES["entity"])
+    """Class id of an entity: its look's, `entity` for one without."""
+    return CLASSES.get(look_of(entity), CLASSES["entity"])
 
 
 def semantic_table(entities: Sequence[Entity]) -> npt.NDArray[np.uint8]:

@@ -18,6 +18,7 @@ from lingjing.engines.camera.draw import Renderer, Scenery
 from lingjing.engines.camera.effects import Site, dress
 from lingjing.engines.camera.ground import build_ground, height_under, water_level
 from lingjing.engines.camera.instances import Batch, prop_batches
+from lingjing.engines.camera.models import look_of
 from lingjing.engines.camera.noise import noise_texture
 from lingjing.engines.camera.ocean import Ocean
 from lingjing.engines.camera.staging import stage
@@ -153,7 +154,7 @@ class CameraEngine:
             return self._picture_from(request.pose, request)
         entity, camera = self._mount(request)
         assert self._renderer is not None
-        pose = self._above(mounted_camera_pose(self._states[entity.id], camera, entity.type, entity.bases))
+        pose = self._above(mounted_camera_pose(self._states[entity.id], camera, entity.mounts))
         depth, semantic = "depth" in camera.channels, "semantic" in camera.channels
         shot = Shot(pose, depth, semantic, partial(self._scenery, entity))
         shown = self._withheld.take(self._renderer, shot)
@@ -226,7 +227,7 @@ class CameraEngine:
             state = self._states[entity.id]
             here = state.status not in HIDDEN_STATUSES and self._schedule.present(entity.id, self._time_s)
             if here and viewer is not None and entity.id == viewer.id:
-                own = state, entity.type
+                own = state, look_of(entity)
             elif here and entity.id not in without:
                 shown.append((number, entity, state))
         cast = stage(shown, self._ambient, self._sites, self._time_s, weather, self._under, self._level, own)

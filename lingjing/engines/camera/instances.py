@@ -13,6 +13,7 @@ from lingjing.engines.camera.classes import prop_class
 from lingjing.engines.camera.meshes import Array
 from lingjing.engines.camera.models import prop_model
 from lingjing.engines.camera.ocean import Surface
+from lingjing.mission.instance import Entity
 from lingjing.plugins.geometry import camera_axes, focal_px
 from lingjing.scene.city import Pieces
 from lingjing.trace.records import BodyState, CameraPose
@@ -125,16 +126,16 @@ def in_sight(
 MARK = np.dtype([("place", "f4", (4,)), ("kind", "f4", (2,))])
 
 
-def marks(states: Sequence[tuple[BodyState, str]]) -> npt.NDArray[np.void]:
-    """Marks on the water: rings around people, the wake of a boat under way."""
+def marks(states: Sequence[tuple[BodyState, Entity]]) -> npt.NDArray[np.void]:
+    """Marks on the water: rings around targets, the wake of an asset under way."""
     out = []
-    for state, kind in states:
+    for state, entity in states:
         east, north, _ = state.position
         speed = float(np.hypot(state.velocity[0], state.velocity[1]))
         heading = radians(state.heading_deg)
-        if kind == "person_in_water":
+        if entity.role == "target":
             out.append(((east, north, 1.3, heading), (0.0, 0.5)))
-        elif kind == "lifeboat" and speed > 0.3:
+        elif speed > 0.3:
             size = 6.0 + 6.0 * speed
             back = 0.97 * size - 4.1
             at = (east - back * sin(heading), north - back * cos(heading), size, heading)

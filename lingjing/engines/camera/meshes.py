@@ -7,6 +7,7 @@ how much a surface mirrors the sun. Everything is built once from numbers in thi
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -89,6 +90,34 @@ def ellipsoid(centre: Point, radii: Point, colour: Colour, gloss: float = 0.0, r
     normals = unit / np.array(radii)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     return _rows(unit * np.array(radii) + np.array(centre), normals, colour, gloss)
+
+
+@cache
+def solid(shape: str, length: float, width: float, height: float, colour: Colour) -> Array:
+    """A box, cylinder, sphere or cone (upright) about the origin that fills a box of `length` ahead by `width` to the
+    right by `height` up."""
+    half = np.array([width, length, height]) / 2.0
+    if shape == "box":
+        return box((0.0, 0.0, 0.0), (width, length, height), colour)
+    if shape == "sphere":
+        return ellipsoid((0.0, 0.0, 0.0), _point(half), colour, rows=12, sides=24)
+    top = 0.0 if shape == "cone" else 1.0
+    mesh = cylinder((0.0, 0.0, -1.0), (0.0, 0.0, 1.0), (1.0, top), colour, sides=24)
+    mesh[:, :3] *= half.astype(np.float32)
+    mesh[:, 3:6] /= half.astype(np.float32)
+    mesh[:, 3:6] /= np.linalg.norm(mesh[:, 3:6], axis=1, keepdims=True)
+    return mesh
+
+
+def repainted(mesh: Array, colour: Colour) -> Array:
+    """The mesh with the colour that covers most of its surface replaced."""
+    corners = mesh[:, :3].astype(np.float64).reshape(-1, 3, 3)
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    _, which = np.unique(mesh[::3, 6:9], axis=0, return_inverse=True)
+    most = np.bincount(which.ravel(), weights=area).argmax()
+    made = mesh.copy()
+    made[np.repeat(which.ravel() == most, 3), 6:9] = colour
+    return made
 
 
 def torus(centre: Point, radius: float, tube: float, colours: Sequence[Colour], sides: int = 16) -> Array:

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 import numpy.typing as npt
 
+from lingjing.engines.camera.effects.night import DRIVEN
 from lingjing.engines.camera.effects.particles import DROP, Rows, ahead, billboards
 from lingjing.engines.camera.light import LAMPS_DEG
 from lingjing.mission.instance import Weather
@@ -18,7 +19,6 @@ HEADS: dict[str, tuple[float, float, float]] = {"lamp": (0.0, 1.9, 7.95), "park_
 """Prop model → where its light is, in the model's frame."""
 
 WARM, WHITE, RED = (0.80, 0.62, 0.36), (0.80, 0.78, 0.70), (0.75, 0.03, 0.02)
-VEHICLES = ("car", "taxi", "delivery_van", "truck", "bus", "fire_truck", "motorcycle")
 MURKY_M = 1000.0
 REACH_M = 450.0
 
@@ -48,8 +48,8 @@ def lamp_rows(heads: npt.NDArray[np.float64], eye: tuple[float, float, float], d
 
 
 def vehicle_rows(bodies: Sequence[tuple[BodyState, str]]) -> Rows:
-    """Head and tail lights of bodies of the kinds that have them."""
-    rows = [_lights(state, SIZES.get(kind, SIZES["car"])) for state, kind in bodies if kind in VEHICLES]
+    """Head and tail lights of bodies of the looks that have them."""
+    rows = [_lights(state, SIZES.get(look, SIZES["car"])) for state, look in bodies if look in DRIVEN]
     return np.concatenate([billboards(np.zeros((0, 3)), 0.0, 0.0, 0.0), *rows])
 
 

@@ -14,14 +14,11 @@ from lingjing.engines.camera.effects import BILLBOARD, DECAL, Site, effects_of
 from lingjing.engines.camera.effects.night import road_light
 from lingjing.engines.camera.instances import Batch, entity_batches, marks, matrix
 from lingjing.engines.camera.meshes import Array
-from lingjing.engines.camera.models import Part, ambient_parts, entity_parts
+from lingjing.engines.camera.models import Part, ambient_parts, entity_parts, look_of
 from lingjing.engines.camera.nightlights import vehicle_rows, vehicles_lit
 from lingjing.mission.instance import Entity, Weather
+from lingjing.plugins.bodies import floats
 from lingjing.trace.records import BodyState
-
-AFLOAT = frozenset({"person_in_water", "lifeboat"})
-"""Types that are drawn on the water's plane: the drawn sea is flat (waves live in its shading), so a body that an
-engine heaves with its waves would sink out of sight or hover."""
 
 Support = Callable[[float, float, float], float]
 """Elevation of what lies under a point (east, north, elevation)."""
@@ -48,7 +45,7 @@ def stage(
     own: tuple[BodyState, str] | None = None,
 ) -> Cast:
     """The cast of the entities (with their numbers in the instance) and of background traffic; `sites` says by entity
-    what lies about it, where that matters. `own` is who looks and is not drawn, with its type: the road in front of it
+    what lies about it, where that matters. `own` is who looks and is not drawn, with its look: the road in front of it
     lies in its headlights all the same."""
     drawn: list[tuple[npt.NDArray[np.float64], str, Array, int, float]] = []
     wet = []
@@ -56,9 +53,9 @@ def stage(
     cast = tuple(entities)
     for number, entity, state in cast:
         plane = under(*state.position)
-        if entity.type in AFLOAT and plane == level_m:
+        if floats(entity) and plane == level_m:  # the drawn sea is flat: its waves live in the shading
             state = msgspec.structs.replace(state, position=(*state.position[:2], plane))
-            wet.append((state, entity.type))
+            wet.append((state, entity))
         site = sites.get(entity.id, Site(plane))
         parts = entity_parts(entity, state, time_s, site.kerb_m, site.radius_m, site.heading_deg)
         drawn += _placed(state, parts, "entity", FIRST_ENTITY + number, plane)
@@ -69,7 +66,7 @@ def stage(
         billboards.append(rows)
         decals.append(effects.decals)
     if vehicles_lit(weather):
-        lit = [(state, entity.type) for _, entity, state in cast] + [(state, state.kind) for state in ambient]
+        lit = [(state, look_of(entity)) for _, entity, state in cast] + [(state, state.kind) for state in ambient]
         billboards.append(vehicle_rows(lit))
         decals.append(road_light(lit if own is None else [*lit, own], weather))
     for state in ambient:

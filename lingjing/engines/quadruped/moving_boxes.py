@@ -1,7 +1,8 @@
 """What moves near the dogs and is another engine's: boxes from mirrors, the nearest ones first.
 
-Solid are background traffic, assets and targets of a listed type (`bodies.mirror_size`): a fire or a leak is nothing
-to bump into. Between two mirrors everything goes on along its velocity.
+Solid are background traffic, assets and targets that declare their measures (`bodies.mirror_size`): a fire or a leak is
+nothing to bump into. What is round in plan is a box of the same area. Between two mirrors everything goes on along its
+velocity.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from collections.abc import Iterable, Sequence
 from lingjing.engines.quadruped.physics import MovingBox
 from lingjing.mission.instance import Instance, Vector
 from lingjing.plugins.bodies import solid_size
-from lingjing.plugins.neighbours import solid_mirror
+from lingjing.plugins.neighbours import SolidMirror, solid_mirror
 from lingjing.scene.sizes import SIZES, Size
 from lingjing.trace.records import BodyState
 
@@ -22,6 +23,8 @@ POOL = 16
 RANGE_M = 40.0
 _SOON_S = 0.5
 _FAR_M = RANGE_M + 30.0
+_ROUND = math.sqrt(math.pi) / 2.0
+"""Side of a square over the diameter of the circle of the same area."""
 
 
 class Lookout:
@@ -50,11 +53,10 @@ class Lookout:
             solid = solid_mirror(state, self._known.get(state.id))
             if solid is None:
                 continue
-            size, hovers = solid
-            reach = _reach_m(size) + ahead
+            reach = _reach_m(solid.size) + ahead
             away = min(math.dist(state.position, dog) for dog in dogs) - reach
             if away < RANGE_M:
-                found.append((away, state.id, _mover(state, size, hovers=hovers)))
+                found.append((away, state.id, _mover(state, solid)))
         return tuple(mover for _, _, mover in sorted(found, key=lambda one: one[:2])[:POOL])
 
 
@@ -63,8 +65,9 @@ def _reach_m(size: Size) -> float:
     return 0.5 * math.hypot(size.length_m, size.width_m)
 
 
-def _mover(state: BodyState, size: Size, *, hovers: bool) -> MovingBox:
-    half = 0.5 * size.length_m, 0.5 * size.width_m, 0.5 * size.height_m
+def _mover(state: BodyState, solid: SolidMirror) -> MovingBox:
+    share = 0.5 if solid.shape == "box" else 0.5 * _ROUND
+    half = share * solid.size.length_m, share * solid.size.width_m, 0.5 * solid.size.height_m
     x, y, z = state.position
-    base = (x, y, z - half[2]) if hovers else (x, y, z)
+    base = (x, y, z - solid.sunk_m)
     return MovingBox(state.id, base, half, math.radians(90.0 - state.heading_deg), state.velocity)

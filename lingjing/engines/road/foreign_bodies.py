@@ -16,14 +16,13 @@ from dataclasses import dataclass
 from lingjing.engines.road.graph import Graph, LanePoint
 from lingjing.engines.road.simulation import FOREVER_S, Simulation, SumoError
 from lingjing.mission.instance import Entity
-from lingjing.plugins.bodies import mirror_size
+from lingjing.plugins.bodies import floats, mirror_size
 from lingjing.scene.sizes import Size
 from lingjing.trace.records import DORMANT, BodyState
 
 ABSENT = frozenset({DORMANT, "rescued", "served", "cleared"})
 """Statuses of bodies that are not there."""
 
-_AFLOAT = frozenset({"lifeboat", "person_in_water"})
 _HEIGHT_M = 2.5
 _ROAD_M = 60.0
 _LANE_REACH_M = 4.0
@@ -98,10 +97,10 @@ class Foreign:
                 continue
             entity = self._entities.get(state.id)
             size = mirror_size(state, entity)
-            kinds = self._kinds(state)
-            if size is None or not _AFLOAT.isdisjoint(kinds) or abs(z - self._road_height(x, y)) > _HEIGHT_M:
+            afloat = entity is not None and floats(entity)
+            if size is None or afloat or abs(z - self._road_height(x, y)) > _HEIGHT_M:
                 continue
-            drives = size.length_m >= _VEHICLE_LENGTH_M and "bicycle" not in kinds
+            drives = size.length_m >= _VEHICLE_LENGTH_M and state.kind != "bicycle"
             yield ForeignBody(state, size, drives, (0.0,) if drives else (0.0, *self._heralds(state)))
 
     def _heralds(self, state: BodyState) -> tuple[float, ...]:
@@ -113,10 +112,6 @@ class Foreign:
 
     def _on_lane(self, x: float, y: float) -> bool:
         return any(place.off_m <= place.lane.width_m / 2.0 for place in self._graph.places(x, y, _LANE_REACH_M))
-
-    def _kinds(self, state: BodyState) -> tuple[str, ...]:
-        entity = self._entities.get(state.id)
-        return (state.kind,) if state.kind or entity is None else (entity.type, *entity.bases)
 
     def _road_height(self, x: float, y: float) -> float:
         near = self._graph.nearest(x, y, most_m=_ROAD_M)

@@ -9,8 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from lingjing.engines.road.simulation import Simulation
+from lingjing.mission.appearance import MEASURES
 from lingjing.mission.instance import Entity
-from lingjing.scene.sizes import SIZES
+from lingjing.plugins.bodies import entity_size
+from lingjing.scene.sizes import SIZES, Size
 
 FULL_LOAD_SLOWDOWN = 0.15
 SPEED_MPS = 13.9
@@ -19,9 +21,10 @@ SPEED_MPS = 13.9
 
 @dataclass(frozen=True, slots=True)
 class VehicleKind:
-    """A kind of vehicle: kerb mass in kg, acceleration and comfortable braking in m/s²."""
+    """A kind of vehicle: outer dimensions, kerb mass in kg, acceleration and comfortable braking in m/s²."""
 
     name: str
+    size: Size
     mass_kg: float
     accel_mps2: float
     decel_mps2: float = 4.5
@@ -35,21 +38,26 @@ class VehicleKind:
 VEHICLE_KINDS = {
     kind.name: kind
     for kind in (
-        VehicleKind("car", 1500.0, 2.6),
-        VehicleKind("delivery_van", 2200.0, 2.2),
-        VehicleKind("truck", 12000.0, 1.3, 4.0),
-        VehicleKind("bus", 12500.0, 1.2, 4.0),
-        VehicleKind("fire_truck", 13000.0, 1.8, 4.0),
-        VehicleKind("motorcycle", 220.0, 4.0, 6.0),
+        VehicleKind("car", SIZES["car"], 1500.0, 2.6),
+        VehicleKind("delivery_van", SIZES["delivery_van"], 2200.0, 2.2),
+        VehicleKind("truck", SIZES["truck"], 12000.0, 1.3, 4.0),
+        VehicleKind("bus", SIZES["bus"], 12500.0, 1.2, 4.0),
+        VehicleKind("motorcycle", SIZES["motorcycle"], 220.0, 4.0, 6.0),
     )
 }
-"""Masses of common models; accelerations after SUMO's defaults of the vehicle classes."""
+"""The background traffic. Masses of common models; accelerations after SUMO's defaults of the vehicle classes."""
 
 
 def vehicle_kind(entity: Entity) -> VehicleKind:
-    """The kind of an entity by its type, else by the nearest ancestor that is one, else a car."""
-    return next(
-        (VEHICLE_KINDS[name] for name in (entity.type, *entity.bases) if name in VEHICLE_KINDS), VEHICLE_KINDS["car"]
+    """The vehicle that an entity is, by its measures, mass, acceleration and braking; a car where it declares none."""
+    usual = VEHICLE_KINDS["car"]
+    measured = any(entity.number(f"{name}_m") for name in MEASURES)
+    return VehicleKind(
+        entity.type,
+        entity_size(entity) if measured else usual.size,
+        entity.number("mass_kg") or usual.mass_kg,
+        entity.number("acceleration_mps2") or usual.accel_mps2,
+        entity.number("braking_mps2") or usual.decel_mps2,
     )
 
 
@@ -66,7 +74,7 @@ def declare(
 
     `reaction_s` is how long a driver goes on before deciding anew; 0: decides in each step.
     """
-    types, size = sim.vehicletype, SIZES[kind.name]
+    types, size = sim.vehicletype, kind.size
     types.copy("DEFAULT_VEHTYPE", name)
     types.setLength(name, size.length_m)
     types.setWidth(name, size.width_m)

@@ -24,7 +24,6 @@ from lingjing.engines.road.routing import Avoided, DrivingWay, onward
 from lingjing.engines.road.simulation import FOREVER_S, STEP_S, Simulation, SumoError
 from lingjing.mission.instance import Entity
 from lingjing.plugins.stock import Stock
-from lingjing.scene.sizes import SIZES
 from lingjing.trace.records import BodyState
 
 BRAKING_MPS2 = 2.0
@@ -101,7 +100,7 @@ class Vehicle:
         self.id = entity.id
         self.entity = entity
         self.kind = vehicle_kind(entity)
-        self.size = SIZES[self.kind.name]
+        self.size = self.kind.size
         self.task: VehicleTask | None = None
         self.plan: DrivingPlan | None = None
         self.avoided: tuple[Avoided, ...] = ()

@@ -18,8 +18,11 @@ it appears largest, cannot be told from noise."""
 EXTENTS = ("length_m", "width_m", "height_m")
 """Properties of a target that say how large it is."""
 
+UNSAID_M = 0.5
+"""What a target measures that says another of its measures."""
+
 LARGEST_M = {"person_in_water": 2.5}
-"""Extents of known target types that do not say how large they are, generous."""
+"""Extents of looks, generous. Others may show flames, spray or people, however far they reach."""
 
 _RAISED_M = {"ground": 100.0, "road": 100.0, "water": 0.0, "None": 0.0}
 """By how much the scene may raise what stands on a surface; on others it may be anywhere."""
@@ -52,9 +55,14 @@ def takes_pictures_by_itself(outline: Outline) -> bool:
 
 
 def extent_m(target: Body) -> float:
-    """The longest extent of a target in metres, from corner to corner; infinity if it is not known."""
-    known = [target.bounds(name)[1] for name in EXTENTS if name in target.entity.properties]
-    return math.hypot(*known) if known else LARGEST_M.get(target.entity.type, math.inf)
+    """The longest extent of what shows of a target in metres, from corner to corner; infinity if it is not known."""
+    entity = target.entity
+    look = entity.properties.get("look")
+    if entity.parts or look is not None:
+        return math.inf if entity.parts else LARGEST_M.get(str(look), math.inf)
+    if not any(name in entity.properties for name in EXTENTS):
+        return math.inf
+    return math.hypot(*(target.bounds(name)[1] if name in entity.properties else UNSAID_M for name in EXTENTS))
 
 
 def most_pixels(size_m: float, height_m: float, camera: CameraSpec) -> float:

@@ -8,14 +8,16 @@ In a test of your own plug-in:
     def test_engine(check): check(case)
 
 or `check_engine(plugin, instance, city, …)` for all at once; `case_of(plugin, mission, {resource: (verb, arguments)})`
-makes a case of a mission. Each check makes engines of its own from the plug-in's
+makes a case of a mission. `check_body(mission, entity)` tries the body that an entity's type declares: whether it is
+seen as large as it says, and whether it can be hit. Each check makes engines of its own from the plug-in's
 factory, raises `ConformanceError` with one sentence, and needs nothing but the contract of `lingjing.plugins.engine`.
 The commands of a case should be admissible ones that take a while; they are submitted at time 0.
 
 `case` (what is tried, how it is played) → `boundaries` (what every boundary must be) → `engines` and `requests` (the
-checks of an engine) and `policies` (those of a policy).
+checks of an engine), `policies` (those of a policy) and `bodies` (those of a type's body).
 """
 
+from lingjing.plugins.conformance.bodies import BODY_CHECKS, BodyCase, check_body, check_can_be_hit, check_is_seen
 from lingjing.plugins.conformance.case import ConformanceError, EngineCase, Run, case_of, check_name
 from lingjing.plugins.conformance.engines import (
     ENGINE_CHECKS,
@@ -49,10 +51,12 @@ from lingjing.plugins.conformance.requests import (
 )
 
 __all__ = [
+    "BODY_CHECKS",
     "ENGINE_CHECKS",
     "POLICY_CHECKS",
     "UNKNOWN_RESOURCE",
     "UNKNOWN_VERB",
+    "BodyCase",
     "ConformanceError",
     "EngineCase",
     "PolicyCase",
@@ -61,13 +65,16 @@ __all__ = [
     "check_admission",
     "check_advance",
     "check_arguments",
+    "check_body",
     "check_busy",
+    "check_can_be_hit",
     "check_capture",
     "check_close",
     "check_cuts",
     "check_decisions",
     "check_engine",
     "check_fork",
+    "check_is_seen",
     "check_name",
     "check_policy",
     "check_preemption",

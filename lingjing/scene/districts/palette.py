@@ -9,13 +9,6 @@ Colour = tuple[float, float, float]
 WHITE: Colour = (0.82, 0.82, 0.80)
 """Walls of the one building that a mission calls white; no wall of `WALLS` or `HOMES` comes near it."""
 
-NAMED: dict[str, Colour] = {
-    "white": WHITE, "red": (0.55, 0.06, 0.05), "yellow": (0.72, 0.52, 0.06), "blue": (0.08, 0.18, 0.50),
-    "green": (0.08, 0.34, 0.12), "grey": (0.30, 0.30, 0.30), "orange": (0.75, 0.26, 0.04), "brown": (0.22, 0.10, 0.05),
-    "black": (0.03, 0.03, 0.03), "pink": (0.72, 0.30, 0.36),
-}  # fmt: skip
-"""Wall colours by the names that a mission gives them."""
-
 HOMES: tuple[Colour, ...] = (
     (0.47, 0.13, 0.08), (0.62, 0.42, 0.13), (0.20, 0.30, 0.42), (0.55, 0.30, 0.22), (0.30, 0.36, 0.20),
     (0.60, 0.24, 0.12), (0.33, 0.28, 0.25), (0.14, 0.34, 0.36), (0.56, 0.46, 0.30), (0.42, 0.20, 0.26),

@@ -15,16 +15,17 @@ from typing import TypeVar
 import msgspec
 
 from lingjing.engines.camera.effects.standing import facing, inward
+from lingjing.engines.camera.models import look_of
 from lingjing.engines.camera.models.places import KERB_M
+from lingjing.mission.appearance import COLOURS
 from lingjing.mission.instance import Entity, Vector
 from lingjing.scene.city import Bridge, Building, Lane, Pieces, Polygon, Road, Solid, Tile
-from lingjing.scene.districts.palette import NAMED
 
 AWARE = (
     "bridge_fracture", "pipeline_leak", "reference_building", "destination", "delivery_point", "warehouse",
     "queue_of_people", "building_fire",
 )  # fmt: skip
-"""Types whose looks depend on what they stand on."""
+"""Looks that depend on what they stand on."""
 NEAR_M = 40.0
 """A target belongs to the bridge or building within this distance of it, the nearest one."""
 TILES_M = 80.0
@@ -85,7 +86,7 @@ def dress(
     a building that is one of them is not there either."""
     made = Dress()
     for number, entity in enumerate(entities):
-        if not any(is_a(entity, kind) for kind in AWARE):
+        if look_of(entity) not in AWARE:
             continue
         x, y, _ = entity.position
         tiles = near(x, y, TILES_M)
@@ -151,26 +152,22 @@ def _razed(pieces: Pieces, gone: Mapping[str, Entity]) -> Pieces:
     return pieces if len(left) == len(pieces.buildings) else msgspec.structs.replace(pieces, buildings=left)
 
 
-def is_a(entity: Entity, kind: str) -> bool:
-    """Whether an entity is of a type or of one that extends it."""
-    return entity.type == kind or kind in entity.bases
-
-
 def site_of(entity: Entity, near: Iterable[Pieces], ground_m: float) -> Site:
     """The surroundings of an entity among the pieces near it; `ground_m` is the elevation that things fall to."""
     x, y, _ = entity.position
-    if is_a(entity, "bridge_fracture"):
+    look = look_of(entity)
+    if look == "bridge_fracture":
         found = _nearest([(bridge, bridge.path) for piece in near for bridge in piece.bridges], x, y)
         if found is not None:
             bridge, foot, heading = found
             return Site(ground_m, heading, bridge.width_m, bridge.thickness_m, foot[2])
-    if is_a(entity, "pipeline_leak"):
+    if look == "pipeline_leak":
         pipe = _nearest([(pipe, pipe.path) for piece in near for pipe in piece.pipes], x, y)
         if pipe is not None:
             return Site(ground_m, pipe[2], radius_m=pipe[0].radius_m)
-    if is_a(entity, "building_fire"):
+    if look == "building_fire":
         return Site(ground_m, inward=inward(entity.position, near))
-    if is_a(entity, "queue_of_people"):
+    if look == "queue_of_people":
         return Site(ground_m, facing(entity, near))
     if entity.properties.get("on") == "road":
         return Site(ground_m, kerb_m=_kerb(near, entity))
@@ -189,7 +186,7 @@ def dressed(
     """
     made = pieces
     for entity in entities:
-        if is_a(entity, "bridge_fracture") and not entity.dormant:
+        if look_of(entity) == "bridge_fracture" and not entity.dormant:
             known = sites.get(entity.id) if sites is not None else None
             made = _broken(made, entity, known or site_of(entity, [pieces], 0.0))
     chosen = faced(pieces, entities) if painted is None else painted
@@ -205,7 +202,7 @@ def faced(pieces: Pieces, entities: Sequence[Entity]) -> dict[str, Entity]:
     """Building id → the reference building's entity: the one that it was anchored to, else the nearest of these."""
     found: dict[str, Entity] = {}
     for entity in entities:
-        if not is_a(entity, "reference_building"):
+        if look_of(entity) != "reference_building":
             continue
         anchored = entity.properties.get("building")
         if isinstance(anchored, str):
@@ -313,7 +310,7 @@ def _painted(building: Building, entity: Entity | None) -> Building:
 
 def _paint(entity: Entity) -> tuple[float, float, float] | None:
     given = entity.properties.get("colour")
-    return NAMED.get(given) if isinstance(given, str) else None
+    return COLOURS.get(given) if isinstance(given, str) else None
 
 
 def _nearest(things: list[tuple[T, Path]], x: float, y: float) -> tuple[T, Vector, float] | None:
@@ -378,4 +375,4 @@ def _outline_distance(polygon: Polygon, x: float, y: float) -> float:
     return 0.0 if crossings % 2 else _project(ring, x, y)[0]
 
 
-__all__ = ["Dress", "Site", "altered", "dress", "dressed", "faced", "gap_of", "is_a", "site_of", "split"]
+__all__ = ["Dress", "Site", "altered", "dress", "dressed", "faced", "gap_of", "site_of", "split"]

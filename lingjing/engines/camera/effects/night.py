@@ -63,7 +63,7 @@ CARRIED: dict[str, tuple[Lamp, ...]] = {
         Lamp((0.0, -0.2, -0.08), WHITE, 0.045, 0.28, blinks=True),
     ),
 }
-"""Type → its lights after dark: red to port, green to starboard."""
+"""Look → its lights after dark: red to port, green to starboard."""
 BLINK_S, BLINK_ON = 1.0, 0.3
 
 
@@ -79,10 +79,10 @@ def pool(place: Floats, radius_m: float, colour: Colour, strength: float) -> Row
                  POOL, 0.0)  # fmt: skip
 
 
-def carried(kind: str, state: BodyState, time_s: float, weather: Weather) -> Effects:
-    """The lights that a body of a type carries after dark."""
+def carried(look: str, state: BodyState, time_s: float, weather: Weather) -> Effects:
+    """The lights that a body of a look carries after dark."""
     dark = darkness(weather)
-    lamps = [lamp for lamp in CARRIED[kind] if not lamp.blinks or time_s % BLINK_S < BLINK_ON]
+    lamps = [lamp for lamp in CARRIED[look] if not lamp.blinks or time_s % BLINK_S < BLINK_ON]
     if dark <= 0.0:
         return Effects()
     right, along = ahead(state.heading_deg)
@@ -97,7 +97,7 @@ def carried(kind: str, state: BodyState, time_s: float, weather: Weather) -> Eff
 def road_light(bodies: Sequence[tuple[BodyState, str]], weather: Weather) -> Rows:
     """What headlights and tail lights of vehicles throw on the road after dark: rows of `DECAL`."""
     dark = darkness(weather)
-    driven = [(state, SIZES.get(kind, SIZES["car"])) for state, kind in bodies if kind in DRIVEN]
+    driven = [(state, SIZES.get(look, SIZES["car"])) for state, look in bodies if look in DRIVEN]
     if dark <= 0.0 or not driven:
         return np.zeros(0, DECAL)
     heading = np.array([radians(state.heading_deg) for state, _ in driven])

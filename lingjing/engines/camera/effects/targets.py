@@ -1,4 +1,4 @@
-"""Which entity and which prop shows which effect."""
+"""Which look of an entity and which prop shows which effect."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from lingjing.engines.camera.effects import fire, lights, night, water
 from lingjing.engines.camera.effects.city import Site, gap_of
 from lingjing.engines.camera.effects.fracture import fracture
 from lingjing.engines.camera.effects.particles import Effects, Floats, seed_of
+from lingjing.engines.camera.models import look_of
 from lingjing.mission.instance import Entity, Weather
 from lingjing.scene.city import Prop
 from lingjing.trace.records import BodyState
@@ -20,7 +21,7 @@ HERE = Site()
 
 def effects_of(entity: Entity, state: BodyState, time_s: float, weather: Weather, site: Site = HERE) -> Effects:
     """What an entity in a state shows at a time beside its model; `site` is what it stands on (`city.site_of`)."""
-    build = next((ENTITIES[kind] for kind in (entity.type, *entity.bases) if kind in ENTITIES), None)
+    build = EFFECTS.get(look_of(entity))
     return NOTHING if build is None else build(entity, state, time_s, weather, site)
 
 
@@ -77,19 +78,19 @@ def _lights(entity: Entity, state: BodyState, time_s: float, weather: Weather, s
     return lights.blue_lights(_place(state), state.heading_deg, time_s, weather)
 
 
-def _carried(kind: str) -> Callable[[Entity, BodyState, float, Weather, Site], Effects]:
+def _carried(look: str) -> Callable[[Entity, BodyState, float, Weather, Site], Effects]:
     def show(entity: Entity, state: BodyState, time_s: float, weather: Weather, site: Site) -> Effects:
-        return night.carried(kind, state, time_s, weather)
+        return night.carried(look, state, time_s, weather)
 
     return show
 
 
-ENTITIES: dict[str, Callable[[Entity, BodyState, float, Weather, Site], Effects]] = {
+EFFECTS: dict[str, Callable[[Entity, BodyState, float, Weather, Site], Effects]] = {
     "building_fire": _fire(fire.BUILDING),
     "fire_source": _fire(fire.GROUND),
     "pipeline_leak": _leak,
     "bridge_fracture": _fracture,
     "fire_truck": _lights,
-    **{kind: _carried(kind) for kind in night.CARRIED},
+    **{look: _carried(look) for look in night.CARRIED},
 }
-"""Type → its effects."""
+"""Look → its effects."""

@@ -21,13 +21,24 @@ delivery_van and steam.
 from __future__ import annotations
 
 from lingjing.engines.camera.models.catalogue import (
-    ENTITIES,
+    MODELS,
     ambient_parts,
     entity_model,
     entity_parts,
+    look_of,
     prop_model,
 )
 from lingjing.engines.camera.models.sea import CLOTHES, POSES
 from lingjing.engines.camera.models.shapes import Part
 
-__all__ = ["CLOTHES", "ENTITIES", "POSES", "Part", "ambient_parts", "entity_model", "entity_parts", "prop_model"]
+__all__ = [
+    "CLOTHES",
+    "MODELS",
+    "POSES",
+    "Part",
+    "ambient_parts",
+    "entity_model",
+    "entity_parts",
+    "look_of",
+    "prop_model",
+]

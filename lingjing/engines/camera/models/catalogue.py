@@ -1,9 +1,10 @@
 """Names → models: what an entity, a body of the background traffic or a prop looks like.
 
-An entity's model is looked up by its type, else by the nearest type that its own extends, else it is a grey metre cube,
-so that a new plug-in's entity is seen before it has a look. Chance (colours, clothes) comes from the entity's index or
-a hash of a body's id. Some targets have no model of their own: `congestion` is its vehicles, a fire or spray is an
-effect, a reference building is the building and people before its door.
+An entity's type declares its `look`, the name of a model, and its `part`s, which are drawn beside it. One without look
+and parts is the shape, size and colour that it declares, else a metre cube, so that a new plug-in's entity is seen.
+Chance (colours, clothes) comes from the entity's index or a hash of a body's id. Some looks have no model of their
+own: `congestion` is its vehicles, a fire or spray is an effect, a reference building is the building and people before
+its door.
 """
 
 from __future__ import annotations
@@ -14,15 +15,19 @@ from dataclasses import dataclass
 from functools import cache
 from math import cos, hypot, radians, sin
 
-from lingjing.engines.camera.meshes import Array, box, merge
+from lingjing.engines.camera.meshes import Array, box, merge, repainted, solid
 from lingjing.engines.camera.models import air, dog, nature, people, places, sea, street, vehicles
 from lingjing.engines.camera.models.shapes import Part, at, turned
+from lingjing.mission.appearance import BARE, COLOURS, MEASURES
 from lingjing.mission.instance import Datum, Entity
+from lingjing.mission.model import BodyPart
+from lingjing.plugins.bodies import entity_size, shape_of, solid_size, sunk_m
 from lingjing.trace.records import BodyState
 
 MOST_IN_LINE = 40
 SPACING_M = 0.8
 PIPE_RADIUS_M = 0.4
+UNPAINTED = COLOURS["grey"]
 STROLL_M = 2.5
 """Somebody who walks up and down before a house goes so far to both sides."""
 STROLL_MPS = 1.1
@@ -59,19 +64,57 @@ def entity_parts(
 
     `kerb_m`, `pipe_m` and `facing_deg` are what its surroundings are (`effects.city.Site`).
     """
-    build = next((ENTITIES[kind] for kind in (entity.type, *entity.bases) if kind in ENTITIES), _unknown)
-    return build(Subject(entity.index - 1, state, time_s, entity.properties, kerb_m, pipe_m, facing_deg))
+    look, own = look_of(entity), tuple(map(_part, entity.parts))
+    if look in MODELS:
+        drawn = MODELS[look](Subject(entity.index - 1, state, time_s, entity.properties, kerb_m, pipe_m, facing_deg))
+        return (*(painted(part, _colour(entity)) for part in drawn), *own)
+    return own if own or look == BARE else _body(entity)
+
+
+def look_of(entity: Entity) -> str:
+    """The name of the model that an entity's type declares; "" for none."""
+    return str(entity.properties.get("look", ""))
+
+
+def _part(part: BodyPart) -> Part:
+    mesh = solid(part.shape, part.length_m, part.width_m, part.height_m, COLOURS.get(part.colour, UNPAINTED))
+    place = at((part.right_m, part.ahead_m, part.above_m), part.heading_deg)
+    return Part(f"{part.shape}-{part.length_m}-{part.width_m}-{part.height_m}-{part.colour}", mesh, place)
+
+
+def _body(entity: Entity) -> Parts:
+    """The shape, size and colour that an entity declares; a metre cube without any size."""
+    if not any(entity.number(f"{name}_m") for name in MEASURES):
+        return (painted(Part("unknown", unknown()), _colour(entity)),)
+    size, shape, colour = entity_size(entity), shape_of(entity), str(entity.properties.get("colour", "grey"))
+    mesh = solid(shape, size.length_m, size.width_m, size.height_m, COLOURS.get(colour, UNPAINTED))
+    rows = at((0.0, 0.0, 0.5 * size.height_m - sunk_m(entity)))
+    return (Part(f"{shape}-{size.length_m}-{size.width_m}-{size.height_m}-{colour}", mesh, rows),)
+
+
+def _colour(entity: Entity) -> str:
+    """What a body is to be painted; "" for a body of its model's own colours, and for what is no body."""
+    return "" if solid_size(entity) is None else str(entity.properties.get("colour", ""))
+
+
+def painted(part: Part, colour: str) -> Part:
+    """A part whose paint, the colour that most of its surface has, is another one."""
+    return (
+        part
+        if colour not in COLOURS
+        else Part(f"{part.key}-{colour}", repainted(part.mesh, COLOURS[colour]), part.rows)
+    )
 
 
 def ambient_parts(state: BodyState, time_s: float) -> Parts:
     """The meshes of a body of the background traffic, by its `kind`."""
-    build = ENTITIES.get(state.kind, _unknown)
+    build = MODELS.get(state.kind, _unknown)
     return build(Subject(zlib.crc32(state.id.encode()), state, time_s, {}))
 
 
 def entity_model(kind: str, index: int, time_s: float) -> tuple[str, Array]:
-    """(key, mesh) of the `index`-th entity of a type at a time, standing still."""
-    build = ENTITIES.get(kind, _unknown)
+    """(key, mesh) of the `index`-th entity of a look at a time, standing still."""
+    build = MODELS.get(kind, _unknown)
     parts = build(Subject(index - 1, BodyState(id=kind, position=(0.0, 0.0, 0.0)), time_s, {}))
     if len(parts) == 1:
         return parts[0].key, parts[0].mesh
@@ -211,7 +254,7 @@ def _served(key: str, build: Callable[[bool], Array]) -> Callable[[Subject], Par
     return look
 
 
-ENTITIES: dict[str, Callable[[Subject], Parts]] = {
+MODELS: dict[str, Callable[[Subject], Parts]] = {
     "quadrotor": _one("quadrotor", air.quadrotor),
     "fixed_wing": _one("fixed_wing", air.fixed_wing),
     "satellite": _one("satellite", air.satellite),
@@ -239,7 +282,7 @@ ENTITIES: dict[str, Callable[[Subject], Parts]] = {
     "reference_building": _residents,
     "queue_of_people": _queue,
 }
-"""Type or kind → its meshes."""
+"""Look, or kind of background traffic → its meshes."""
 
 _PARKED: dict[str, tuple[Callable[[int], Array], int]] = {
     "car": (lambda v: vehicles.motorcar(vehicles.SHAPES[v % 3], v // 3), 3 * len(vehicles.PAINTS)),

@@ -1,0 +1,140 @@
+"""Checks of what a type says of its body: measures, colour, shape and look as properties, `mount` and `part` as blocks.
+
+All of it is constant: a body is the same in every mission. A mission may give its entities measures and a colour of
+their own, as any other property.
+"""
+
+from __future__ import annotations
+
+from typing import Literal, cast
+
+from lingjing.dsl.checking.blocks import BlockReader
+from lingjing.dsl.checking.equipment import VIEWS
+from lingjing.dsl.checking.keys import Entry, Key
+from lingjing.dsl.source.suggest import did_you_mean, nearest
+from lingjing.dsl.syntax import tree as s
+from lingjing.mission import expression as ex
+from lingjing.mission import model
+from lingjing.mission.appearance import BARE, COLOURS, MEASURES, MODELS, ORIGINS, RESHAPING, SHAPES
+from lingjing.mission.functions import DEGREES, FLAG, METRES, Type
+from lingjing.mission.units import MASS
+
+_DRAWN = ("=", "~")
+
+BODY_KEYS = {
+    key.name: key
+    for key in (
+        *(Key(name, METRES, _DRAWN, above=0, hideable=True, public=False) for name in MEASURES),
+        Key("mass", Type("quantity", MASS), _DRAWN, above=0, hideable=True, public=False),
+        Key("colour", Type("name"), _DRAWN, choices=tuple(COLOURS), hideable=True, public=False),
+        Key("shape", Type("name"), choices=(*SHAPES, BARE)),
+        Key("origin", Type("name"), choices=ORIGINS),
+        Key("look", Type("name"), choices=(*MODELS, BARE)),
+    )
+}
+"""Properties of any type and entity: how large, heavy and of what colour its body is, what one bumps into, where in it
+the position lies, and which of the camera's models shows it."""
+
+MOUNT_KEYS = {
+    key.name: key
+    for key in (
+        Key("ahead", METRES, required=True),
+        Key("above", METRES, required=True),
+        Key("tilt", DEGREES, required=True, low=-90, high=90),
+        Key("gimbal", FLAG),
+    )
+}
+PART_KEYS = {
+    key.name: key
+    for key in (
+        *(Key(name, METRES, required=True, above=0) for name in MEASURES),
+        *(Key(name, METRES) for name in ("ahead", "right", "above")),
+        Key("heading", DEGREES),
+        Key("colour", Type("name"), choices=tuple(COLOURS)),
+    )
+}
+
+
+def reshaped(said: set[str]) -> bool:
+    """Whether what a type or an entity says makes its body another one than that of the type it begins with."""
+    return "look" not in said and not RESHAPING.isdisjoint(said)
+
+
+class BodyChecker:
+    """The mounts and parts of asset and target types."""
+
+    def __init__(self, blocks: BlockReader) -> None:
+        self.blocks = blocks
+        self.report = blocks.report
+
+    def mounts(self, nodes: list[s.MountBlock], base: dict[str, model.CameraMount]) -> dict[str, model.CameraMount]:
+        """View → where its cameras sit: what the type says, beside what its base says of other views."""
+        made = dict(base)
+        seen: set[str] = set()
+        for node in nodes:
+            name = node.view
+            entries = self.blocks.read(node.block, MOUNT_KEYS, f"the mount `{name.text}`", owner=name)
+            if self._known(name, VIEWS, "view") and self._once(name, seen):
+                numbers = self._constants(entries)
+                gimbal = entries.get("gimbal")
+                if {"ahead", "above", "tilt"} <= numbers.keys():
+                    made[name.text] = model.CameraMount(
+                        view=cast("Literal['nadir', 'front', 'oblique']", name.text),
+                        ahead_m=numbers["ahead"],
+                        above_m=numbers["above"],
+                        tilt_deg=numbers["tilt"],
+                        gimbal=gimbal is None or gimbal.value.ir != ex.Flag(value=False),
+                    )
+        return made
+
+    def parts(self, nodes: list[s.PartBlock], base: dict[str, model.BodyPart]) -> dict[str, model.BodyPart]:
+        """Name → solid: what the type says, beside the other parts of its base."""
+        made = dict(base)
+        seen: set[str] = set()
+        for node in nodes:
+            name = node.name
+            entries = self.blocks.read(node.block, PART_KEYS, f"the part `{name.text}`", owner=name)
+            if self._known(node.shape, SHAPES, "shape") and self._once(name, seen):
+                numbers = self._constants(entries)
+                if numbers.keys() >= set(MEASURES):
+                    units = {key: f"{key}_{'deg' if key == 'heading' else 'm'}" for key in numbers}
+                    made[name.text] = model.BodyPart(
+                        name=name.text,
+                        shape=cast("Literal['box', 'cylinder', 'sphere', 'cone']", node.shape.text),
+                        colour=_word(entries.get("colour")) or "grey",
+                        **{units[key]: value for key, value in numbers.items()},
+                    )
+        return made
+
+    def _known(self, name: s.Name, known: tuple[str, ...], what: str) -> bool:
+        if name.text in known:
+            return True
+        close = nearest(name.text, known)
+        hint = did_you_mean(name.text, known) or f"known: {', '.join(known)}"
+        self.report("LJ0109", name.start, name.end, f"no {what} is called `{name.text}`", hint, replace=close)
+        return False
+
+    def _once(self, name: s.Name, seen: set[str]) -> bool:
+        if name.text in seen:
+            self.report("LJ0104", name.start, name.end, f"`{name.text}` is declared twice")
+            return False
+        seen.add(name.text)
+        return True
+
+    def _constants(self, entries: dict[str, Entry]) -> dict[str, float]:
+        """The numbers among the entries. One that is no constant is reported."""
+        found = {}
+        for name, entry in entries.items():
+            if entry.key.type.kind != "quantity":
+                continue
+            number = self.blocks.of.constant(entry.value.ir)
+            if number is None:
+                place = entry.node.value
+                self.report("LJ0201", place.start, place.end, f"`{name}` of a body is a constant")
+            else:
+                found[name] = number
+        return found
+
+
+def _word(entry: Entry | None) -> str:
+    return entry.value.ir.name if entry is not None and isinstance(entry.value.ir, ex.Symbol) else ""

@@ -1,0 +1,83 @@
+"""What a type may say of its body: measures, colour, shape, look. Data alone, for checker, camera and engines."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+Rgb = tuple[float, float, float]
+"""Linear red, green and blue, 0..1."""
+
+COLOURS: Mapping[str, Rgb] = {
+    "white": (0.82, 0.82, 0.80),
+    "red": (0.55, 0.06, 0.05),
+    "yellow": (0.72, 0.52, 0.06),
+    "blue": (0.08, 0.18, 0.50),
+    "green": (0.08, 0.34, 0.12),
+    "grey": (0.30, 0.30, 0.30),
+    "orange": (0.75, 0.26, 0.04),
+    "brown": (0.22, 0.10, 0.05),
+    "black": (0.03, 0.03, 0.03),
+    "pink": (0.72, 0.30, 0.36),
+}
+"""The colours that a type, a part or a building can have, by name."""
+
+SHAPES = ("box", "cylinder", "sphere", "cone")
+"""What a part or a whole body can be: each fills the box of its length, width and height."""
+
+ORIGINS = ("base", "middle")
+"""Where in its body an entity's position lies."""
+
+BARE = "none"
+"""The `look` of what shows nothing but its parts, and the `shape` of what nobody bumps into."""
+
+MODELS = (
+    "bicycle",
+    "bridge_fracture",
+    "building_fire",
+    "bus",
+    "car",
+    "congestion",
+    "delivery_door",
+    "delivery_point",
+    "delivery_van",
+    "destination",
+    "fire_source",
+    "fire_truck",
+    "fixed_wing",
+    "lifeboat",
+    "motorcycle",
+    "person",
+    "person_in_water",
+    "pipeline_leak",
+    "quadrotor",
+    "queue_of_people",
+    "reference_building",
+    "robot_dog",
+    "satellite",
+    "taxi",
+    "truck",
+    "warehouse",
+)
+"""The models that the built-in camera offers as a `look` (a test compares them with what it draws)."""
+
+MEASURES = ("length", "width", "height")
+"""A body's measures along, across and up, in the author's words."""
+
+RESHAPING = frozenset((*MEASURES, "shape"))
+"""Words that say another body: with one of them and no `look` of its own, a type does not look like its base."""
+
+PHYSICAL = frozenset(
+    (
+        "length_m",
+        "width_m",
+        "height_m",
+        "mass_kg",
+        "colour",
+        "shape",
+        "origin",
+        "look",
+        "acceleration_mps2",
+        "braking_mps2",
+    )
+)
+"""Properties that are for engines alone: agents are not told them."""

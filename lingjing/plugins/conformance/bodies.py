@@ -1,0 +1,135 @@
+"""The checks of a type's body: a picture shows it as large as it says, and what flies into it collides.
+
+They try one entity of a mission in the engines `camera` and `multirotor` that are installed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import msgspec
+
+from lingjing.mission.instance import Entity, Instance, VerbSpec
+from lingjing.mission.instantiate import instantiate
+from lingjing.mission.model import Mission
+from lingjing.plugins.bodies import entity_size, solid_size, sunk_m
+from lingjing.plugins.conformance.case import require, run_all
+from lingjing.plugins.engine import CaptureRequest, EngineSpec
+from lingjing.plugins.host import PluginHost
+from lingjing.scene.anchor import anchor
+from lingjing.scene.city import City
+from lingjing.trace.records import BodyState, Box, CameraPose, Command
+
+PIXELS = 400
+HFOV_DEG = 60.0
+BEARINGS = 8
+"""From so many sides the entity is looked at, until a picture shows it."""
+
+MOST_TIMES = 2.0
+"""A body that declares its size is drawn at most so many times as wide or as high, and at least half as much."""
+
+_PROBE = "conformance"
+_ABOVE_M, _SECONDS = 4.0, 30.0
+
+
+@dataclass(frozen=True, slots=True)
+class BodyCase:
+    """An entity of an instance, where the instance puts it, and the city that it is in."""
+
+    instance: Instance
+    city: City
+    entity: Entity
+
+    @property
+    def state(self) -> BodyState:
+        """The entity at rest."""
+        return BodyState(id=self.entity.id, position=self.entity.position, heading_deg=self.entity.heading_deg)
+
+    @property
+    def middle_m(self) -> float:
+        """Elevation of its middle."""
+        return self.entity.position[2] + entity_size(self.entity).height_m / 2.0 - sunk_m(self.entity)
+
+
+def check_body(mission: Mission, entity: str, *, seed: int = 1) -> None:
+    """Run every check of an entity of a mission; one `ConformanceError` tells all that failed."""
+    instance = instantiate(mission, seed=seed)
+    city = PluginHost().scene(instance.scene.kind).build(instance.scene)
+    instance = anchor(instance, city)
+    found = {one.id: one for one in instance.entities}
+    require(entity in found, f"the mission has no entity `{entity}`, it has {', '.join(found)}")
+    run_all(f"the type `{found[entity].type}`", BODY_CHECKS, BodyCase(instance, city, found[entity]))
+
+
+def check_is_seen(case: BodyCase) -> None:
+    """A picture from some side shows the entity, and one that declares its size about as large as that."""
+    size = solid_size(case.entity)
+    about_m = 1.0 if size is None else max(size.length_m, size.width_m, size.height_m)
+    away_m = 3.0 * about_m + 2.0
+    seen = [box for box in _boxes(case, away_m) if box is not None]
+    require(bool(seen), f"no picture from {away_m:g} m away shows `{case.entity.id}`")
+    if size is None or not any(case.entity.number(f"{name}_m") for name in ("length", "width", "height")):
+        return
+    pixels_m = PIXELS / (2.0 * away_m * math.tan(math.radians(HFOV_DEG) / 2.0))
+    wide = max(box.box[2] - box.box[0] for box in seen) * PIXELS / pixels_m
+    high = max(box.box[3] - box.box[1] for box in seen) * PIXELS / pixels_m
+    for what, drawn, said in (
+        ("wide", wide, math.hypot(size.length_m, size.width_m)),
+        ("high", high, size.height_m),
+    ):
+        right = said / MOST_TIMES <= drawn <= said * MOST_TIMES
+        require(right, f"`{case.entity.id}` is drawn {drawn:.1f} m {what}, by its measures it is up to {said:.1f} m")
+
+
+def check_can_be_hit(case: BodyCase) -> None:
+    """A multirotor that comes down on the entity collides with it, if it is a body."""
+    if solid_size(case.entity) is None:
+        return
+    x, y, _ = case.entity.position
+    top_m = case.middle_m + entity_size(case.entity).height_m / 2.0
+    probe = Entity(id=_PROBE, group=_PROBE, index=1, role="asset", type=_PROBE, engine="multirotor",
+                   position=(x, y, top_m + _ABOVE_M), verbs=(VerbSpec(name="setDestination"),))  # fmt: skip
+    others = tuple(one for one in case.instance.entities if one.engine != probe.engine or one.id == case.entity.id)
+    instance = msgspec.structs.replace(case.instance, entities=(*others, probe))
+    down = Command(id="c0-1", tick=0, sender=_PROBE, resource=_PROBE, verb="setDestination",
+                   arguments={"x": x, "y": y, "z": case.middle_m})  # fmt: skip
+    engine = PluginHost().engine(probe.engine).factory()
+    met: list[tuple[str, ...]] = []
+    try:
+        engine.reset(EngineSpec(engine=probe.engine, instance=instance, owns=(_PROBE,)), case.city, 1)
+        engine.submit((down,))
+        step_s = instance.clock.sync_s
+        for number in range(1, round(_SECONDS / step_s) + 1):
+            boundary = engine.advance(number * step_s, (case.state,))
+            met += [event.entities for event in boundary.events if event.kind == "collided"]
+    finally:
+        engine.close()
+    hit = any(case.entity.id in entities for entities in met)
+    require(hit, f"a multirotor comes down on `{case.entity.id}` and does not collide with it")
+
+
+BODY_CHECKS: tuple[Callable[[BodyCase], None], ...] = (check_is_seen, check_can_be_hit)
+"""Every check of a body."""
+
+
+def _boxes(case: BodyCase, away_m: float) -> list[Box | None]:
+    """The entity's boxes in pictures from all sides, level with its middle; None where it is not in sight."""
+    x, y, _ = case.entity.position
+    engine = PluginHost().engine("camera").factory()
+    try:
+        engine.reset(EngineSpec(engine="camera", instance=case.instance, owns=()), case.city, 1)
+        engine.advance(1.0, (case.state,))
+        requests = []
+        for number in range(BEARINGS):
+            bearing = math.radians(360.0 * number / BEARINGS)
+            place = (x - away_m * math.sin(bearing), y - away_m * math.cos(bearing), case.middle_m)
+            pose = CameraPose(position=place, heading_deg=math.degrees(bearing), tilt_deg=0.0, hfov_deg=HFOV_DEG,
+                              width=PIXELS, height=PIXELS)  # fmt: skip
+            requests.append(CaptureRequest(frame=f"f{number}", entity=case.entity.id, camera=_PROBE, tick=0,
+                                           time_s=1.0, pose=pose))  # fmt: skip
+        frames = engine.capture(tuple(requests))
+    finally:
+        engine.close()
+    return [next((b for b in frame.info.boxes if b.entity == case.entity.id), None) for frame in frames]

@@ -1,0 +1,122 @@
+"""What a type says of its body: measures, colour, shape, look, mounts and parts; what is wrong with them, and the way
+back to text."""
+
+from __future__ import annotations
+
+import pytest
+
+from lingjing.dsl import compile_text
+from lingjing.dsl.printing.printer import lost, to_ljs
+from lingjing.mission.instantiate import instantiate
+from lingjing.mission.model import BodyPart, CameraMount, Group
+
+BUOY = """target beacon : person_in_water {
+  length = 2 m, width = 1 m, height = 3 m
+  colour = yellow
+  mount front { ahead = 20 cm, above = 1 m, tilt = -10 deg, gimbal = false }
+  part lamp : cone { length = 0.2 m, width = 0.2 m, height = 30 cm, above = 3 m, heading = 45 deg, colour = red }
+}
+"""
+
+
+def with_type(small: str, text: str) -> str:
+    """The small mission with targets of a type `beacon` that stands before it."""
+    mission = small.replace(": person_in_water {", ": beacon {")
+    return mission.replace("mission ", f"{text}mission ", 1)
+
+
+def group_of(text: str) -> Group:
+    compilation = compile_text(text)
+    assert compilation.mission is not None, [item.message for item in compilation.diagnostics]
+    return next(group for group in compilation.mission.groups if group.name == "victim")
+
+
+def test_mounts_and_parts_are_values_of_the_group(small: str) -> None:
+    text = with_type(small, BUOY)
+    group = group_of(text)
+    assert group.mounts == (CameraMount(view="front", ahead_m=0.2, above_m=1.0, tilt_deg=-10.0, gimbal=False),)
+    (lamp,) = group.parts
+    assert lamp == BodyPart(name="lamp", shape="cone", length_m=0.2, width_m=0.2, height_m=0.3, above_m=3.0,
+                            heading_deg=45.0, colour="red")  # fmt: skip
+    said = {prop.name for prop in group.properties}
+    assert {"length_m", "width_m", "height_m", "colour"} <= said and "look" not in said
+
+
+def test_a_type_keeps_its_bases_look_unless_it_says_another_body(small: str) -> None:
+    def look(extra: str) -> set[str]:
+        text = f"target beacon : person_in_water {{\n{extra}\n}}\n"
+        made = group_of(with_type(small, text))
+        return {getattr(prop.value, "name", "") for prop in made.properties if prop.name == "look"}
+
+    assert look("colour = red") == {"person_in_water"}
+    assert look("length = 2 m") == look("shape = cone") == set()
+    assert look("length = 2 m\nlook = car") == {"car"}
+
+
+def test_a_mission_may_give_measures_of_its_own(small: str) -> None:
+    text = small.replace(
+        "  target victim[1..3] : person_in_water {",
+        "  target victim[1..3] : person_in_water {\n    height ~ uniform(1 m, 2 m)\n    colour = pink",
+    )
+    compilation = compile_text(text)
+    assert compilation.mission is not None
+    first, second, _ = (one for one in instantiate(compilation.mission, seed=3).entities if one.group == "victim")
+    assert 1.0 <= float(first.properties["height_m"]) <= 2.0  # type: ignore[arg-type]
+    assert first.properties["height_m"] != second.properties["height_m"] and first.properties["colour"] == "pink"
+    assert "look" not in first.properties and lost(compilation.mission, to_ljs(compilation.mission)) == ()
+
+
+def test_bodies_survive_the_way_back_to_text(small: str) -> None:
+    text = with_type(small, BUOY)
+    mission = compile_text(text).mission
+    assert mission is not None
+    assert lost(mission, to_ljs(mission)) == ()
+
+
+@pytest.mark.parametrize(
+    ("line", "code", "message"),
+    [
+        ("look = cra", "LJ0109", "`look` cannot be `cra`"),
+        ("colour = purpel", "LJ0109", "`colour` cannot be `purpel`"),
+        ("shape = blob", "LJ0109", "`shape` cannot be `blob`"),
+        ("origin = top", "LJ0109", "`origin` cannot be `top`"),
+        ("length = 3", "LJ0202", ""),
+        ("height = 0 m", "LJ0206", "`height` must be above 0"),
+        ("mass = -3 kg", "LJ0206", "`mass` must be above 0"),
+        ("mount side { ahead = 1 m, above = 1 m, tilt = 0 deg }", "LJ0109", "no view is called `side`"),
+        ("mount front { ahead = 1 m, above = 1 m }", "LJ0106", "the mount `front` lacks `tilt`"),
+        ("mount front { ahead = 1 kg, above = 1 m, tilt = 0 deg }", "LJ0203", ""),
+        ("mount front { ahead = 1 m, above = 1 m, tilt = 91 deg }", "LJ0206", ""),
+        ("part a : bax { length = 1 m, width = 1 m, height = 1 m }", "LJ0109", "no shape is called `bax`"),
+        ("part a : box { length = 1 m, width = 1 m }", "LJ0106", "the part `a` lacks `height`"),
+        ("part a : box { length = 1 m, width = 1 m, height = 1 m, colour = rd }", "LJ0109", "`colour` cannot be `rd`"),
+        ("part a : box { length = 1 m, width = 1 m, height = 1 m, far = 1 m }", "LJ0108", ""),
+    ],
+)  # fmt: skip
+def test_faults_of_a_body(small: str, line: str, code: str, message: str) -> None:
+    text = with_type(small, f"target beacon : person_in_water {{\n  {line}\n}}\n")
+    (found,) = compile_text(text).diagnostics
+    assert (found.code, found.message if message else "") == (code, message)
+
+
+def test_a_part_and_a_mount_are_declared_once(small: str) -> None:
+    part = "part a : box { length = 1 m, width = 1 m, height = 1 m }\n"
+    mount = "mount front { ahead = 1 m, above = 1 m, tilt = 0 deg }\n"
+    text = f"target beacon : person_in_water {{\n{part}{part}{mount}{mount}}}\n"
+    found = compile_text(with_type(small, text)).diagnostics
+    assert [item.code for item in found] == ["LJ0104", "LJ0104"]
+
+
+def test_a_mission_has_no_mounts_of_its_own(small: str) -> None:
+    text = small.replace("  success when", "  part a : box { length = 1 m, width = 1 m, height = 1 m }\n  success when")
+    assert {item.code for item in compile_text(text).diagnostics} == {"LJ0107"}
+
+
+def test_part_and_mount_stay_names_of_properties(small: str) -> None:
+    group = group_of(
+        with_type(
+            small,
+            "target beacon : person_in_water {\n  part = 3, mount = 4\n}\n",
+        )
+    )
+    assert {"part", "mount"} <= {prop.name for prop in group.properties}
