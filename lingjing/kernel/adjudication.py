@@ -20,7 +20,7 @@ from lingjing.kernel.facts import FACTS
 from lingjing.kernel.registry import Binding, Registry, Report
 from lingjing.kernel.rules import bindings, holds, identity, rule_moves, settles_at_once
 from lingjing.kernel.stages import Stages
-from lingjing.mission.expression import Call, Expr, children
+from lingjing.mission.expression import Call, Expr, parts
 from lingjing.mission.fold import Meaning
 from lingjing.mission.instance import Datum, Entity, Instance
 from lingjing.mission.model import Rule
@@ -253,10 +253,7 @@ def _sorted_rules(rules: Sequence[Rule]) -> tuple[Rule, ...]:
 
 
 def _calls(expr: Expr) -> Iterable[str]:
-    if isinstance(expr, Call) and expr.rule:
-        yield expr.function
-    for child in children(expr):
-        yield from _calls(child)
+    return (part.function for part in parts(expr) if isinstance(part, Call) and part.rule)
 
 
 __all__ = ["Adjudicator", "Verdict"]

@@ -22,7 +22,7 @@ from lingjing.kernel.context import Locals, RuntimeContext
 from lingjing.kernel.registry import Registry
 from lingjing.kernel.rules import holds
 from lingjing.kernel.stages import Late, Stages
-from lingjing.mission.expression import Binary, Expr, Quantified
+from lingjing.mission.expression import Expr, components
 from lingjing.mission.instance import Instance
 from lingjing.mission.wording import some
 from lingjing.plugins.evaluator import Evaluation
@@ -69,15 +69,13 @@ def _lateness(late: Sequence[Late], tick: int) -> str:
 
 
 def parts_of(condition: Expr, scope: Locals, at: RuntimeContext) -> Iterator[bool]:
-    """Whether each part of a condition holds: the sides of a conjunction, the members of a `forall`."""
-    if isinstance(condition, Binary) and condition.operator == "and":
-        yield from parts_of(condition.left, scope, at)
-        yield from parts_of(condition.right, scope, at)
-    elif isinstance(condition, Quantified) and condition.quantifier == "forall":
-        for member in at.domain(condition.domain):
-            yield from parts_of(condition.body, {**scope, condition.variable: member}, at)
-    else:
-        yield holds(condition, scope, at)
+    """Whether each part of a condition holds: its components, once for each member that a `forall` asks them of."""
+    for each, part in components(condition):
+        if each is None:
+            yield holds(part, scope, at)
+        else:
+            for member in at.domain(each.domain):
+                yield from parts_of(part, {**scope, each.variable: member}, at)
 
 
 def combine(results: Sequence[Evaluation]) -> Evaluation:

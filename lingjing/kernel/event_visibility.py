@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 
-from lingjing.mission.expression import Aggregate, Call, Expr, Quantified, Ref, Symbol, children
+from lingjing.mission.expression import Aggregate, Call, Expr, Quantified, Ref, Symbol, parts
 from lingjing.mission.functions import OPERATIONS
 from lingjing.mission.instance import AgentSpec, Instance
 from lingjing.mission.model import Rule
@@ -86,18 +86,20 @@ def _rule_reads(rule: Rule, rules: Mapping[str, Rule], secret: set[str]) -> bool
 
 def _reads(expr: Expr, rules: Mapping[str, Rule], secret: set[str]) -> bool:
     """Whether the expression names something secret, itself or through the rules that it calls."""
-    if isinstance(expr, Ref) and expr.kind != "local" and expr.name in secret:
-        return True
-    if isinstance(expr, Symbol) and expr.name in secret:
-        return True
-    if isinstance(expr, Quantified | Aggregate) and expr.domain in secret:
-        return True
-    if isinstance(expr, Call):
-        called = rules.get(expr.function) if expr.rule else None
-        known = OPERATIONS.get(expr.function)
-        if (known is not None and known.secret) or (called is not None and _rule_reads(called, rules, secret)):
-            return True
-    return any(_reads(child, rules, secret) for child in children(expr))
+    return any(_tells(part, rules, secret) for part in parts(expr))
+
+
+def _tells(part: Expr, rules: Mapping[str, Rule], secret: set[str]) -> bool:
+    match part:
+        case Symbol(name=name) | Quantified(domain=name) | Aggregate(domain=name):
+            return name in secret
+        case Ref(name=name, kind=kind):
+            return kind != "local" and name in secret
+        case Call(function=name, rule=True):
+            return name in rules and _rule_reads(rules[name], rules, secret)
+        case Call(function=name):
+            return name in OPERATIONS and OPERATIONS[name].secret
+    return False
 
 
 __all__ = ["ACTOR", "ALL", "NONE", "EventVisibility"]

@@ -29,6 +29,7 @@ from lingjing.mission.expression import (
     Symbol,
     Unary,
     children,
+    parts,
 )
 from lingjing.mission.fold import Composite, Literal, Meaning, meaning
 from lingjing.mission.functions import OPERATIONS, operation
@@ -258,16 +259,18 @@ def settles_at_once(rule: Rule, rules: Mapping[str, Rule], kinds: frozenset[str]
     truth, constants and rules of the same kind about the same report.
     """
     reports = [parameter.name for parameter in rule.parameters if parameter.domain in kinds]
-    return len(reports) == 1 and not rule_moves(rule, rules, kinds) and _fixed(rule.condition, reports[0], rules, kinds)
+    if len(reports) != 1 or rule_moves(rule, rules, kinds):
+        return False
+    return all(_fixed(part, reports[0], rules, kinds) for part in parts(rule.condition))
 
 
-def _fixed(expr: Expr, report: str, rules: Mapping[str, Rule], kinds: frozenset[str]) -> bool:
-    if isinstance(expr, Quantified):
-        return False
-    if isinstance(expr, Call) and expr.rule:
-        about = any(isinstance(argument, Ref) and argument.name == report for argument in expr.arguments)
-        rule = rules.get(expr.function)
-        return about and rule is not None and settles_at_once(rule, rules, kinds)
-    if isinstance(expr, Call) and not OPERATIONS[expr.function].settled:
-        return False
-    return all(_fixed(child, report, rules, kinds) for child in children(expr))
+def _fixed(part: Expr, report: str, rules: Mapping[str, Rule], kinds: frozenset[str]) -> bool:
+    match part:
+        case Quantified():
+            return False
+        case Call(function=name, rule=True, arguments=given):
+            about = any(isinstance(argument, Ref) and argument.name == report for argument in given)
+            return about and name in rules and settles_at_once(rules[name], rules, kinds)
+        case Call(function=name):
+            return OPERATIONS[name].settled
+    return True

@@ -18,7 +18,7 @@ from lingjing.kernel.evaluation import parts_of
 from lingjing.kernel.registry import Registry
 from lingjing.kernel.rules import holds
 from lingjing.kernel.stages import Stages
-from lingjing.mission.expression import Quantified, conjuncts
+from lingjing.mission.expression import Quantified, components
 from lingjing.mission.instance import Instance
 
 
@@ -53,5 +53,4 @@ class Subtasks:
 def required_groups(instance: Instance) -> tuple[Quantified, ...]:
     """What success asks of whole groups of targets."""
     targets = {entity.group for entity in instance.entities if entity.role == "target"}
-    each = (part for part in conjuncts(instance.success) if isinstance(part, Quantified))
-    return tuple(part for part in each if part.quantifier == "forall" and part.domain in targets)
+    return tuple(each for each, _ in components(instance.success) if each is not None and each.domain in targets)

@@ -9,17 +9,17 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from lingjing.errors import UsageError
-from lingjing.mission.expression import Call, Expr, children
+from lingjing.mission.expression import Call, Expr, parts
 from lingjing.mission.functions import OPERATIONS
 from lingjing.mission.instance import Instance
 
 
 def check_playable(instance: Instance) -> None:
     """`UsageError` that lists every declared part of the instance that would not be played."""
-    parts = tuple(dict.fromkeys(unplayed(instance)))
-    if parts:
+    unknown = tuple(dict.fromkeys(unplayed(instance)))
+    if unknown:
         raise UsageError(
-            f"`{instance.mission}` cannot be played yet: the kernel does not know {', '.join(parts)}",
+            f"`{instance.mission}` cannot be played yet: the kernel does not know {', '.join(unknown)}",
             hint="`lingjing validate`, `graph` and `docs` work for it; playing takes a mission without them",
         )
 
@@ -29,7 +29,8 @@ def unplayed(instance: Instance) -> Iterator[str]:
     if any(region.on_map is not None for region in instance.regions):
         yield "regions along roads"
     for condition in _conditions(instance):
-        yield from (f"`{name}(…)` in rules" for name in _unknown_calls(condition))
+        calls = (part for part in parts(condition) if isinstance(part, Call) and not part.rule)
+        yield from (f"`{call.function}(…)` in rules" for call in calls if call.function not in OPERATIONS)
 
 
 def _conditions(instance: Instance) -> Iterator[Expr]:
@@ -41,10 +42,3 @@ def _conditions(instance: Instance) -> Iterator[Expr]:
     yield from (permit.condition for permit in instance.permits)
     yield from (constraint.condition for constraint in instance.constraints)
     yield from (stage.condition for stage in instance.stages)
-
-
-def _unknown_calls(condition: Expr) -> Iterator[str]:
-    if isinstance(condition, Call) and not condition.rule and condition.function not in OPERATIONS:
-        yield condition.function
-    for child in children(condition):
-        yield from _unknown_calls(child)

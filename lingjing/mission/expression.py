@@ -9,6 +9,7 @@ Invariants: every tree is finite and immutable; `Draw` appears only at the root 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Literal
 
 import msgspec
@@ -199,3 +200,13 @@ def conjuncts(expr: Expr) -> tuple[Expr, ...]:
     if isinstance(expr, Binary) and expr.operator == "and":
         return (*conjuncts(expr.left), *conjuncts(expr.right))
     return (expr,)
+
+
+def components(condition: Expr) -> Iterator[tuple[Quantified | None, Expr]]:
+    """What score and subtasks count of a condition: its conjuncts, where one is a `forall` what it asks of each member,
+    together with it."""
+    for part in conjuncts(condition):
+        if isinstance(part, Quantified) and part.quantifier == "forall":
+            yield part, part.body
+        else:
+            yield None, part
