@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
+from lingjing.plugins.decisions import sendable
 from lingjing.plugins.policy import Action, Brief, CameraSpec, Datum, MessageSpec, Outgoing, Resource
+from lingjing_agents.perception.images import ImageBox
 
 
 def has_verb(resource: Resource, verb: str) -> bool:
@@ -64,17 +66,12 @@ def fly(body: Resource, x: float, y: float, z: float) -> Action:
 
 def may_send(brief: Brief, category: str) -> MessageSpec | None:
     """The first message kind of that category that this agent may send in this mode."""
-    mine = {brief.agent, brief.role, "all"}
-    for message in brief.messages:
-        if message.category == category and mine.intersection(message.senders):
-            return message
-    return None
+    return next((message for message in sendable(brief) if message.category == category), None)
 
 
 def sends(brief: Brief, record: str) -> MessageSpec | None:
     """The first message kind made of that record (`assignment`, `trafficJam`, …) that this agent may send."""
-    mine = {brief.agent, brief.role, "all"}
-    return next((each for each in brief.messages if each.type == record and mine.intersection(each.senders)), None)
+    return next((message for message in sendable(brief) if message.type == record), None)
 
 
 def exchanged(brief: Brief, record: str) -> bool:
@@ -87,6 +84,32 @@ def compose(message: MessageSpec, body: Mapping[str, Datum], to: tuple[str, ...]
     names = {field.name for field in message.fields}
     kept: dict[str, Datum] = {name: value for name, value in body.items() if name in names and value is not None}
     return Outgoing(kind=message.kind, body=kept, to=to)
+
+
+def centimetres(place: Sequence[float]) -> tuple[float, ...]:
+    """A place rounded to the centimetre, as messages give it."""
+    return tuple(round(value, 2) for value in place)
+
+
+def sighting(
+    message: MessageSpec,
+    frame: str,
+    cls: str,
+    box: ImageBox,
+    position: Sequence[float],
+    confidence: float,
+    **more: Datum,
+) -> Outgoing:
+    """A message that a picture shows something of a class in a box at a place, `more` of what its record has fields
+    for."""
+    body: dict[str, Datum] = {
+        "frame": frame,
+        "class": cls,
+        "box": tuple(round(edge, 6) for edge in box),
+        "position": tuple(position),
+        "confidence": round(confidence, 3),
+    }
+    return compose(message, {**body, **more})
 
 
 def natural(name: str) -> tuple[tuple[int, int, str], ...]:

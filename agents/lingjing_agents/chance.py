@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from lingjing.plugins.decisions import sendable
 from lingjing.plugins.policy import (
     Action,
     ArgumentSpec,
@@ -29,8 +30,7 @@ class RandomPolicy:
         """Start the stream and remember the action schema."""
         self._brief = brief
         self._random = np.random.Generator(np.random.PCG64(brief.seed))
-        mine = {brief.agent, brief.role, "all"}
-        self._speech = tuple(message for message in brief.messages if mine.intersection(message.senders))
+        self._speech = sendable(brief)
         points = [corner for region in brief.regions for corner in region.polygon] or [(-500.0, -500.0), (500.0, 500.0)]
         self._low, self._high = np.min(points, axis=0), np.max(points, axis=0)
 

@@ -58,3 +58,18 @@ def distance_to_segment_m(point: GroundPoint, start: GroundPoint, end: GroundPoi
     length2 = east * east + north * north
     along = 0.0 if length2 == 0.0 else ((point[0] - start[0]) * east + (point[1] - start[1]) * north) / length2
     return math.dist(point, between(start, end, min(max(along, 0.0), 1.0)))
+
+
+def lattice(polygon: Sequence[GroundPoint], spacing_m: float, shift_m: float = 0.0) -> list[GroundPoint]:
+    """The points inside a polygon of a square lattice over its rectangle, moved north-east by `shift_m`."""
+    if not polygon:
+        return []
+    own = GroundRectangle.around(polygon)
+    first = spacing_m / 2 + shift_m
+    columns, rows = int((own.east - own.west) / spacing_m) + 1, int((own.north - own.south) / spacing_m) + 1
+    places = [
+        (own.west + first + spacing_m * i, own.south + first + spacing_m * j)
+        for i in range(columns)
+        for j in range(rows)
+    ]
+    return [place for place in places if inside(polygon, place)]

@@ -244,8 +244,8 @@ STOPS = {"p[1]": (300.0, 0.0), "p[2]": (320.0, 60.0), "p[3]": (-200.0, 0.0)}
 
 def test_tours_hold_what_a_van_holds_and_split_what_it_does_not():
     plan = tours((0.0, 0.0), STOPS, {"p[1]": 100.0, "p[2]": 100.0, "p[3]": 250.0}, 200.0)
-    assert sum(tour.load_kg for tour in plan) == pytest.approx(450.0)
-    assert max(tour.load_kg for tour in plan) <= 200.0
+    assert sum(tour.load for tour in plan) == pytest.approx(450.0)
+    assert max(tour.load for tour in plan) <= 200.0
     assert sorted(sorted(tour.stops) for tour in plan) == [["p[1]", "p[2]"], ["p[3]"], ["p[3]"]]
     assert plan[0].length_m == pytest.approx(street_m((0, 0), (320.0, 60.0)) * 2)
     shares = shared_out(plan, ("a", "b"))

@@ -89,10 +89,10 @@ def test_tours_bring_everything_in_loads_that_a_van_holds_and_split_the_large_or
     tasks = tuple(Task("deliver", name, "road", 30.0, "demand", "load") for name in demands)
     supply = Task("restock", "depot", "road", 50.0, gives="load", up_to="payload")
     trade = deliveries.SupplyChain(tasks, supply, tuple(Van(f"v{n}") for n in range(vans)), 200.0)
-    loads = [load for mine in deliveries.tours(DeliveryView(demands), trade).values() for load in mine]
+    loads = [tour for mine in deliveries.shares(DeliveryView(demands), trade).values() for tour in mine]
     brought = {name: sum(a for load in loads for s, a in zip(load.stops, load.amounts, strict=True) if s == name)
                for name in demands}  # fmt: skip
     assert brought == demands
-    assert max(load.amount for load in loads) <= 200.0
+    assert max(load.load for load in loads) <= 200.0
     assert sum("big" in load.stops for load in loads) == 2
     assert len(loads) <= 7

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 from lingjing.plugins.geometry import box_to_plane, ground_footprint, offset_xy
 from lingjing.plugins.policy import (
@@ -24,7 +25,17 @@ from lingjing.plugins.policy import (
     Resource,
     Vector,
 )
-from lingjing_agents.capability import compose, may_send, nadir_camera, natural, rated, team, vessel
+from lingjing_agents.capability import (
+    centimetres,
+    compose,
+    may_send,
+    nadir_camera,
+    natural,
+    rated,
+    sighting,
+    team,
+    vessel,
+)
 from lingjing_agents.flight_levels import LAYER_M, FlightLevels, crowded, overhead
 from lingjing_agents.ground_plane import GroundPoint
 from lingjing_agents.heuristic.events import EventLog, view_of
@@ -61,6 +72,9 @@ class PictureGoal:
 
 class AerialSearcher:
     """One camera in the air. All state is of this episode."""
+
+    reads: ClassVar[tuple[str, ...]] = ("report", "assignment", "status")
+    sends: ClassVar[tuple[str, ...]] = ("report", "assignment", "status")
 
     def __init__(self, brief: Brief, body: Resource, *, sure: float = 0.5, doubtful: float = 0.05) -> None:
         camera = nadir_camera(body)
@@ -197,18 +211,11 @@ class AerialSearcher:
         if self._report is None:
             return ()
         cell = min(self._brief.cells, key=lambda cell: (math.dist(cell.centre, place[:2]), cell.name)).name
-        sighting = self._sightings.add(Sighting(place[0], place[1], picture.time_s, find.confidence, cell))
-        sighting.state = "open"
-        body: dict[str, Datum] = {
-            "frame": picture.frame,
-            "class": self._class,
-            "box": tuple(round(edge, 6) for edge in find.box),
-            "position": tuple(round(value, 2) for value in place),
-            "confidence": round(find.confidence, 3),
-            "cell": cell,
-            "hover": False,
-        }
-        return (compose(self._report, body),)
+        known = self._sightings.add(Sighting(place[0], place[1], picture.time_s, find.confidence, cell))
+        known.state = "open"
+        where = centimetres(place)
+        more: dict[str, Datum] = {"cell": cell, "hover": False}
+        return (sighting(self._report, picture.frame, self._class, find.box, where, find.confidence, **more),)
 
     def _progress(self) -> tuple[Outgoing, ...]:
         done = self._sweep.finished_cells() if self._ordered else ()

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
+from typing import ClassVar
 
 from lingjing.plugins.geometry import box_to_plane
 from lingjing.plugins.policy import (
@@ -23,7 +24,7 @@ from lingjing.plugins.policy import (
     Resource,
     Vector,
 )
-from lingjing_agents.capability import compose, fly, may_send, nadir_camera, photo, rated, team
+from lingjing_agents.capability import centimetres, fly, may_send, nadir_camera, photo, rated, sighting, team
 from lingjing_agents.flight_levels import FlightLevels
 from lingjing_agents.ground_plane import GroundPoint
 from lingjing_agents.heuristic.centreline import centreline, longest
@@ -41,6 +42,9 @@ SURE = 0.5
 
 class BridgeInspector:
     """One camera that follows one line. All state is of this episode."""
+
+    reads: ClassVar[tuple[str, ...]] = ()
+    sends: ClassVar[tuple[str, ...]] = ("report",)
 
     def __init__(self, brief: Brief, body: Resource) -> None:
         camera = nadir_camera(body)
@@ -79,14 +83,8 @@ class BridgeInspector:
             place = box_to_plane(picture.pose, find.box, self._brief.water_level_m + DECK_M)
             if find.confidence < SURE or place is None:
                 continue
-            body: dict[str, Datum] = {
-                "frame": picture.frame,
-                "class": self._class,
-                "box": tuple(round(edge, 6) for edge in find.box),
-                "position": tuple(round(value, 2) for value in place),
-                "confidence": round(find.confidence, 3),
-            }
-            found.append(compose(self._report, body))
+            where = centimetres(place)
+            found.append(sighting(self._report, picture.frame, self._class, find.box, where, find.confidence))
         return tuple(found)
 
     def _move(self, here: Vector) -> Action | None:

@@ -26,7 +26,7 @@ class CoverageMap:
         """Count one look at everything inside a convex polygon, clockwise or anticlockwise (east, north; m)."""
         self._views[self._inside(np.array(polygon))] += 1
 
-    def gain(self, x: float, y: float, size: GroundPoint, looks: int) -> float:
+    def gain(self, x: float, y: float, size: tuple[float, float], looks: int) -> float:
         """Share (0..1) of a rectangle of `size` (east, north; m) that has been looked at fewer than `looks` times."""
         near = np.abs(self._points - (x, y)) <= np.array(size) / 2
         inside = near[:, 0] & near[:, 1]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import ClassVar
 
 from lingjing.plugins.policy import Brief, Decision, Inbox, Observation, Outgoing
 from lingjing_agents.capability import compose, natural, sends
@@ -20,6 +21,9 @@ STILL_TICKS, STILL_M = 4, 3.0
 
 class DeliveryCoordinator:
     """Hands out tours and keeps count. All state is of this episode."""
+
+    reads: ClassVar[tuple[str, ...]] = ()
+    sends: ClassVar[tuple[str, ...]] = ("tour",)
 
     def __init__(self, brief: Brief) -> None:
         self._brief = brief
@@ -93,7 +97,7 @@ class DeliveryCoordinator:
 
     def _say(self, name: str, tour: DeliveryTour) -> Outgoing:
         assert self._plan is not None
-        return compose(self._plan, {"assignee": name, "stops": tour.stops, "load": tour.load_kg}, to=(name,))
+        return compose(self._plan, {"assignee": name, "stops": tour.stops, "load": tour.load}, to=(name,))
 
 
 def _open(tour: DeliveryTour, town: DeliveryView) -> bool:

@@ -7,6 +7,7 @@ when it sets out, and who has none left takes the last of whoever has most. Unde
 from __future__ import annotations
 
 import math
+from typing import ClassVar
 
 from lingjing.plugins.policy import Action, Brief, Decision, EntityView, Inbox, Observation, Outgoing, Resource
 from lingjing_agents.capability import compose, rated, sends, team
@@ -28,6 +29,9 @@ HUB_PATIENCE_TICKS = 6
 
 class DeliveryDriver:
     """One van. All state is of this episode."""
+
+    reads: ClassVar[tuple[str, ...]] = ("tour", "assignment")
+    sends: ClassVar[tuple[str, ...]] = ("assignment", "delivery")
 
     def __init__(self, brief: Brief, body: Resource) -> None:
         self._brief, self._body = brief, body
@@ -163,7 +167,7 @@ class DeliveryDriver:
         """Stops of the tour that still want what this van has for them."""
         return [
             stop
-            for stop, amount in zip(tour.stops, tour.amounts_kg, strict=True)
+            for stop, amount in zip(tour.stops, tour.amounts, strict=True)
             if town.demands_kg.get(stop, 0.0) > 0.0 and self._given.get(stop, 0.0) < amount - 1e-6
         ]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import ClassVar
 
 from lingjing.plugins.policy import (
     Action,
@@ -17,7 +18,7 @@ from lingjing.plugins.policy import (
     Resource,
     Vector,
 )
-from lingjing_agents.capability import compose, fly, nadir_camera, photo, rated, sends
+from lingjing_agents.capability import centimetres, compose, fly, nadir_camera, photo, rated, sends, sighting
 from lingjing_agents.heuristic.events import view_of
 from lingjing_agents.perception.people_in_line import PeopleLine, find_line
 
@@ -32,6 +33,9 @@ AGAIN_TICKS = 12
 
 class LineCounter:
     """One camera over a few places that everybody knows. All state is of this episode."""
+
+    reads: ClassVar[tuple[str, ...]] = ()
+    sends: ClassVar[tuple[str, ...]] = ("count", "assignment")
 
     def __init__(self, brief: Brief, body: Resource) -> None:
         camera = nadir_camera(body)
@@ -75,15 +79,8 @@ class LineCounter:
     def _told(self, picture: Picture, place: Vector, line: PeopleLine) -> list[Outgoing]:
         if self._tally is None:
             return []
-        body: dict[str, Datum] = {
-            "frame": picture.frame,
-            "class": self._class,
-            "box": tuple(round(edge, 6) for edge in line.box),
-            "position": tuple(round(value, 2) for value in place),
-            "confidence": round(line.confidence, 3),
-            "people": float(line.people),
-        }
-        return [compose(self._tally, body)]
+        where, people = centimetres(place), float(line.people)
+        return [sighting(self._tally, picture.frame, self._class, line.box, where, line.confidence, people=people)]
 
     def _visit(self, own: EntityView, places: dict[str, Vector], left: list[str]) -> Action:
         """Up over the roofs first, then to the nearest place that has not been counted, and a picture there."""
@@ -103,6 +100,6 @@ class LineCounter:
             return []
         self._said_at = tick
         longest = max(places, key=lambda name: self._people[name])
-        where = tuple(round(value, 2) for value in places[longest])
+        where = centimetres(places[longest])
         body: dict[str, Datum] = {"assignee": walkers[0].id, "task": "join", "position": where}
         return [compose(self._order, body, to=(walkers[0].id,))]

@@ -13,7 +13,7 @@ import math
 from dataclasses import dataclass
 
 from lingjing.plugins.policy import CameraSpec, Cell
-from lingjing_agents.ground_plane import GroundPoint
+from lingjing_agents.ground_plane import GroundRectangle
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,10 +29,10 @@ class PictureWaypoint:
     height_m: float
     cell: str
     course_deg: float | None = None
-    size: GroundPoint = (0.0, 0.0)
+    size: tuple[float, float] = (0.0, 0.0)
 
 
-def footprint(camera: CameraSpec, height_m: float) -> GroundPoint:
+def footprint(camera: CameraSpec, height_m: float) -> tuple[float, float]:
     """Width and height in metres of what a nadir camera sees of flat water from `height_m` above it."""
     width = 2.0 * height_m * math.tan(math.radians(camera.hfov_deg) / 2.0)
     return width, width * camera.height / camera.width
@@ -55,13 +55,11 @@ def lattice(
 
 
 def _lanes(
-    cells: tuple[Cell, ...], height_m: float, size: GroundPoint, course_deg: float, overlap: float
+    cells: tuple[Cell, ...], height_m: float, size: tuple[float, float], course_deg: float, overlap: float
 ) -> tuple[PictureWaypoint, ...]:
-    corners = [corner for cell in cells for corner in cell.polygon]
-    west, south = min(x for x, _ in corners), min(y for _, y in corners)
-    east, north = max(x for x, _ in corners), max(y for _, y in corners)
-    xs = _stations(west, east, size[0], overlap)
-    ys = _stations(south, north, size[1], overlap)
+    whole = GroundRectangle.around([corner for cell in cells for corner in cell.polygon])
+    xs = _stations(whole.west, whole.east, size[0], overlap)
+    ys = _stations(whole.south, whole.north, size[1], overlap)
     return tuple(PictureWaypoint(x, y, height_m, _owner(cells, x, y), course_deg, size) for y in ys for x in xs)
 
 

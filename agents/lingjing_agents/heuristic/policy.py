@@ -19,6 +19,22 @@ from lingjing_agents.heuristic.route_inspector import RouteInspector
 from lingjing_agents.heuristic.search_coordinator import SearchCoordinator
 from lingjing_agents.heuristic.target_types import GAPS, target_type_of
 
+ROLE_RULES: tuple[type[RoleRules], ...] = (
+    AerialSearcher,
+    SearchCoordinator,
+    Rescuer,
+    BridgeInspector,
+    RouteInspector,
+    RouteCoordinator,
+    RouteDriver,
+    DeliveryDriver,
+    DeliveryCoordinator,
+    LineCounter,
+    LeakGuidance,
+    DogRules,
+)
+"""All rules there are; each says which message records it reads and sends."""
+
 
 class HeuristicPolicy:
     """The rule baseline. It needs no arguments and draws no random numbers."""

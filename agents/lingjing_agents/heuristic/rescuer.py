@@ -6,6 +6,7 @@ A vessel goes where it is sent; a vehicle only to the nearest road, so that it h
 from __future__ import annotations
 
 import math
+from typing import ClassVar
 
 from lingjing.plugins.policy import Action, Brief, Decision, EntityView, Inbox, Observation, Outgoing, Resource
 from lingjing_agents.capability import compose, has_verb, may_send
@@ -25,6 +26,9 @@ STAGING_TICKS = 2.0
 
 class Rescuer:
     """Keeps reported positions, drives to them one by one, tells the others what came of each."""
+
+    reads: ClassVar[tuple[str, ...]] = ("report", "assignment")
+    sends: ClassVar[tuple[str, ...]] = ("status",)
 
     def __init__(self, brief: Brief, body: Resource) -> None:
         self._brief = brief

@@ -9,9 +9,10 @@ down on that stretch, and the walking body is led by what these show (`guidance.
 from __future__ import annotations
 
 import math
+from typing import ClassVar
 
 from lingjing.plugins.policy import Brief, Datum, Decision, Envelope, Inbox, Observation, Outgoing, Peer
-from lingjing_agents.capability import compose, sends
+from lingjing_agents.capability import centimetres, compose, sends
 from lingjing_agents.ground_plane import GroundPoint
 from lingjing_agents.heuristic.guidance.to_building import BuildingGuidance
 from lingjing_agents.heuristic.route_inspector import INSPECT, LOOK
@@ -33,6 +34,9 @@ LOOKING_TICKS = 10
 
 class RouteCoordinator:
     """Inspect, replan, drive. All state is of this episode."""
+
+    reads: ClassVar[tuple[str, ...]] = ("status",)
+    sends: ClassVar[tuple[str, ...]] = ("assignment", "trafficJam", "guidance")
 
     def __init__(self, brief: Brief) -> None:
         self._brief = brief
@@ -128,7 +132,7 @@ class RouteCoordinator:
 
     def _send(self, assignee: str, task: str, place: GroundPosition) -> Outgoing:
         assert self._order is not None
-        where = tuple(round(value, 2) for value in place)
+        where = centimetres(place)
         return compose(self._order, {"assignee": assignee, "task": task, "position": where}, to=(assignee,))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import ClassVar
 
 from lingjing.plugins.policy import Action, Brief, Decision, Inbox, Observation, Resource
 from lingjing_agents.ground_plane import GroundPoint
@@ -17,6 +18,9 @@ PAUSE_TICKS = 2
 
 class RouteDriver:
     """One vehicle that keeps still until it is ordered. All state is of this episode."""
+
+    reads: ClassVar[tuple[str, ...]] = ("assignment",)
+    sends: ClassVar[tuple[str, ...]] = ()
 
     def __init__(self, brief: Brief, body: Resource) -> None:
         self._brief, self._body = brief, body

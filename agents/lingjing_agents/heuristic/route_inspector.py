@@ -7,11 +7,11 @@ the road between the waypoints is judged, so that parked cars in yards say nothi
 from __future__ import annotations
 
 import math
+from typing import ClassVar
 
 from lingjing.plugins.policy import (
     Action,
     Brief,
-    Datum,
     Decision,
     EntityView,
     Inbox,
@@ -20,7 +20,7 @@ from lingjing.plugins.policy import (
     Picture,
     Resource,
 )
-from lingjing_agents.capability import compose, fly, nadir_camera, photo, rated, sends, team
+from lingjing_agents.capability import compose, fly, nadir_camera, photo, rated, sends, sighting, team
 from lingjing_agents.flight_levels import FlightLevels
 from lingjing_agents.ground_plane import GroundPoint, between
 from lingjing_agents.heuristic.events import view_of
@@ -46,6 +46,9 @@ WAIT_TICKS = 5
 
 class RouteInspector:
     """One camera over one route. All state is of this episode."""
+
+    reads: ClassVar[tuple[str, ...]] = ("assignment",)
+    sends: ClassVar[tuple[str, ...]] = ("status", "report")
 
     def __init__(self, brief: Brief, body: Resource) -> None:
         camera = nadir_camera(body)
@@ -115,14 +118,8 @@ class RouteInspector:
         self._wait_until = tick + WAIT_TICKS
         messages = self._say("jammed", number, jams[0].place)
         if self._report is not None:
-            body: dict[str, Datum] = {
-                "frame": picture.frame,
-                "class": self._class,
-                "box": tuple(round(edge, 6) for edge in jams[0].box),
-                "position": (*jams[0].place, self._brief.water_level_m),
-                "confidence": round(jams[0].confidence, 3),
-            }
-            messages += (compose(self._report, body),)
+            where = (*jams[0].place, self._brief.water_level_m)
+            messages += (sighting(self._report, picture.frame, self._class, jams[0].box, where, jams[0].confidence),)
         return messages
 
     def _say(self, state: str, number: int, place: GroundPoint) -> tuple[Outgoing, ...]:

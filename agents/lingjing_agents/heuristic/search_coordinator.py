@@ -6,6 +6,7 @@ It controls nothing and sees no pictures: what it knows came in messages and pub
 from __future__ import annotations
 
 import math
+from typing import ClassVar
 
 from lingjing.plugins.policy import Brief, Decision, Inbox, Observation, Outgoing, Vector
 from lingjing_agents.capability import compose, may_send, natural
@@ -20,6 +21,9 @@ RESCUE_PATIENCE_S = 350.0
 
 class SearchCoordinator:
     """Assigns, merges, and hands over one rescue after the other."""
+
+    reads: ClassVar[tuple[str, ...]] = ("report", "status")
+    sends: ClassVar[tuple[str, ...]] = ("assignment",)
 
     def __init__(self, brief: Brief) -> None:
         self._brief = brief
@@ -94,7 +98,7 @@ class SearchCoordinator:
         return (self._order(self._rescuers[0], self._kind.task, position=place),)
 
     def _choose(self, time_s: float) -> Sighting | None:
-        def cost(sighting: Sighting) -> GroundPoint:
+        def cost(sighting: Sighting) -> tuple[float, float]:
             distance = math.dist(self._vessel, self._sightings.where(sighting, time_s)) if self._vessel else 0.0
             return distance, -sighting.confidence
 

@@ -14,10 +14,9 @@ from dataclasses import dataclass, field
 from lingjing.plugins.geometry import bearing_deg
 from lingjing.plugins.policy import Brief, CameraSpec, Cell
 from lingjing_agents.capability import team
-from lingjing_agents.ground_plane import GroundPoint
+from lingjing_agents.ground_plane import GroundPoint, GroundRectangle
 from lingjing_agents.heuristic.coverage_map import CoverageMap
 from lingjing_agents.heuristic.picture_lattice import PictureWaypoint, lattice, partition
-from lingjing_agents.perception.images import ImageBox
 
 PASSES = ((1.0, False), (1.0, True), (0.7, False), (0.55, False))
 """Height of each pass as a share of the mission's altitude, and whether lanes run crosswise; the last one repeats."""
@@ -93,29 +92,18 @@ class SearchPlan:
         return cell in self.open_cells and self.owner.get(cell) == self.brief.agent
 
     def _looked_at(self, cell: Cell) -> bool:
-        west, south, east, north = _extent(cell)
-        middle, size = ((west + east) / 2, (south + north) / 2), (east - west, north - south)
-        return self.map.gain(*middle, size, self.number + 1) < 0.5
+        own = GroundRectangle.around(cell.polygon)
+        middle = (own.west + own.east) / 2, (own.south + own.north) / 2
+        return self.map.gain(*middle, (own.east - own.west, own.north - own.south), self.number + 1) < 0.5
 
     def _worth(self, waypoint: PictureWaypoint) -> bool:
         return self.map.gain(waypoint.x, waypoint.y, waypoint.size, self.number + 1) >= WORTH_GAIN
 
 
-def _extent(cell: Cell) -> ImageBox:
-    """West, south, east and north of a cell in metres."""
-    xs, ys = [x for x, _ in cell.polygon], [y for _, y in cell.polygon]
-    return min(xs), min(ys), max(xs), max(ys)
-
-
 def _touches(waypoint: PictureWaypoint, cell: Cell) -> bool:
-    west, south, east, north = _extent(cell)
-    wide, high = waypoint.size[0] / 2, waypoint.size[1] / 2
-    return (
-        west < waypoint.x + wide
-        and waypoint.x - wide < east
-        and south < waypoint.y + high
-        and waypoint.y - high < north
-    )
+    own, wide, high = GroundRectangle.around(cell.polygon), waypoint.size[0] / 2, waypoint.size[1] / 2
+    across = own.west < waypoint.x + wide and waypoint.x - wide < own.east
+    return across and own.south < waypoint.y + high and waypoint.y - high < own.north
 
 
 def off_course_deg(course_deg: float, heading_deg: float) -> float:

@@ -109,7 +109,7 @@ class AircraftControl:
         return photo(self.body, self.camera)
 
 
-class Searching:
+class Searching(Ability):
     """Takes a picture from above of each target of its share, then deals with those that aircraft deal with."""
 
     def __init__(self, flight: AircraftControl, plan: InstanceIndex, reporting: Reporting) -> None:
@@ -174,7 +174,7 @@ class Searching:
         return drift(truth, target, *self._first[target])
 
 
-class Inspecting:
+class Inspecting(Ability):
     """Flies along a route, waypoint after waypoint; what blocks it is photographed, reported, and another route asked
     for."""
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from lingjing.plugins.decisions import sendable
 from lingjing.plugins.policy import Brief, Datum, FrameInfo, MessageSpec, Outgoing
 from lingjing_agents.capability import compose
 
@@ -12,21 +13,16 @@ class MessageComposer:
     """What one agent may say."""
 
     def __init__(self, brief: Brief) -> None:
-        mine = {brief.agent, brief.role, "all"}
-        self._brief = brief
-        self._open = tuple(message for message in brief.messages if mine.intersection(message.senders))
+        self._brief, self._open = brief, sendable(brief)
 
     def kind(self, name: str) -> MessageSpec | None:
         """The message kind of that name, if this agent may send it."""
         return next((message for message in self._open if message.kind == name), None)
 
-    def with_fields(self, *names: str, without: tuple[str, ...] = ()) -> MessageSpec | None:
-        """The first kind whose record has all of the fields and none of those in `without`."""
-        for message in self._open:
-            fields = {field.name for field in message.fields}
-            if fields.issuperset(names) and not fields.intersection(without):
-                return message
-        return None
+    def with_fields(self, *names: str) -> MessageSpec | None:
+        """The first kind whose record has all of the fields."""
+        wanted = set(names)
+        return next((one for one in self._open if wanted <= {field.name for field in one.fields}), None)
 
     def order(self, assignee: str, task: str, body: Mapping[str, Datum], to: tuple[str, ...] = ()) -> list[Outgoing]:
         """An assignment of a task, if this agent may give one."""
@@ -59,6 +55,6 @@ class MessageComposer:
         return self._said(self.kind(kind), body, to)
 
     def _said(self, message: MessageSpec | None, body: Mapping[str, Datum], to: tuple[str, ...] = ()) -> list[Outgoing]:
-        if message is None or (not self._brief.peers and message.category != "report"):
+        if message is None:
             return []
         return [compose(message, body, to if self._brief.hub == self._brief.agent else ())]

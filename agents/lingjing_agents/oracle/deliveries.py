@@ -1,8 +1,8 @@
 """Goods: who brings what where, in loads that a vehicle holds.
 
-The plan is made once, from the first boundary: stops are swept around the depot into loads, an order of more than a
-load is split, the longest loads go to whoever is free first. Every driver makes the same plan, so without a coordinator
-they agree; with one they follow its tours. What happens on the way (a stop served in passing) is seen in the truth.
+The plan of `paths.delivery_tours` is made once, from the first boundary. Every driver makes the same plan, so without
+a coordinator they agree; with one they follow its tours. What happens on the way (a stop served in passing) is seen in
+the truth.
 """
 
 from __future__ import annotations
@@ -18,20 +18,7 @@ from lingjing_agents.oracle.aircraft import AircraftControl, flyer
 from lingjing_agents.oracle.composing import MessageComposer
 from lingjing_agents.oracle.privileged_state import InstanceIndex, PrivilegedState
 from lingjing_agents.oracle.vehicles import mover
-
-
-@dataclass(frozen=True, slots=True)
-class VehicleLoad:
-    """One trip: the stops in order and how much is for each."""
-
-    stops: tuple[str, ...]
-    amounts: tuple[float, ...]
-    length_m: float
-
-    @property
-    def amount(self) -> float:
-        """All of it."""
-        return sum(self.amounts)
+from lingjing_agents.paths.delivery_tours import DeliveryTour, shared_out, tours
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,66 +43,15 @@ def trade_of(plan: InstanceIndex) -> SupplyChain | None:
     return None
 
 
-def tours(truth: PrivilegedState, trade: SupplyChain) -> dict[str, tuple[VehicleLoad, ...]]:
-    """The loads of each vehicle in order."""
-    loads = sorted(_loads(truth, trade), key=lambda load: -load.length_m)
-    busy_m = {body.id: 0.0 for body in trade.bodies}
-    found: dict[str, tuple[VehicleLoad, ...]] = {body.id: () for body in trade.bodies}
-    for load in loads:
-        name = min(busy_m, key=lambda name: (busy_m[name], name))
-        busy_m[name] += load.length_m
-        found[name] = (*found[name], load)
-    return found
-
-
-def _loads(truth: PrivilegedState, trade: SupplyChain) -> list[VehicleLoad]:
-    """Stops swept around the depot into loads; of all beginnings the one with the shortest way in all."""
-    depot = truth.place(trade.supply.target)
+def shares(truth: PrivilegedState, trade: SupplyChain) -> dict[str, list[DeliveryTour]]:
+    """The tours of each vehicle in order."""
     demands = {task.target: truth.stock(task.target, task.takes) for task in trade.deliveries}
-    places = {name: truth.place(name) for name, demand in demands.items() if demand > 0.0}
-    order = sorted(places, key=lambda name: math.atan2(places[name][1] - depot[1], places[name][0] - depot[0]))
-    whole: list[VehicleLoad] = []
-    for name in order:  # full loads of what is more than a load go straight there
-        while demands[name] > trade.holds:
-            whole.append(_trip(depot, places, {name: trade.holds}))
-            demands[name] -= trade.holds
-    turns = range(max(1, len(order)))
-    options = [_swept(depot, places, demands, order[first:] + order[:first], trade.holds) for first in turns]
-    best = min(options, key=lambda loads: (len(loads), sum(load.length_m for load in loads)))
-    return whole + best
+    places = {name: truth.place(name) for name in demands}
+    plan = tours(truth.place(trade.supply.target), places, demands, trade.holds)
+    return shared_out(plan, tuple(body.id for body in trade.bodies))
 
 
-def _swept(
-    depot: GroundPoint, places: dict[str, GroundPoint], demands: dict[str, float], order: list[str], holds: float
-) -> list[VehicleLoad]:
-    loads: list[VehicleLoad] = []
-    waiting: dict[str, float] = {}
-    for name in order:
-        if sum(waiting.values()) + demands[name] > holds:
-            loads.append(_trip(depot, places, waiting))
-            waiting = {}
-        waiting[name] = demands[name]
-    return [*loads, _trip(depot, places, waiting)] if waiting else loads
-
-
-def _trip(depot: GroundPoint, places: dict[str, GroundPoint], amounts: dict[str, float]) -> VehicleLoad:
-    """There and back, nearest stop first."""
-    here, left, stops, length = depot, dict(amounts), [], 0.0
-    while left:
-        name = min(left, key=lambda name: (_streets(here, places[name]), name))
-        length += _streets(here, places[name])
-        here = places[name]
-        stops.append(name)
-        del left[name]
-    return VehicleLoad(tuple(stops), tuple(amounts[name] for name in stops), length + _streets(here, depot))
-
-
-def _streets(a: GroundPoint, b: GroundPoint) -> float:
-    """The way between two places of a town with streets at right angles."""
-    return abs(a[0] - b[0]) + abs(a[1] - b[1])
-
-
-class Delivering:
+class Delivering(Ability):
     """Takes one vehicle or aircraft along its stops, back to the depot when it is empty."""
 
     def __init__(
@@ -198,7 +134,7 @@ class Delivering:
             if isinstance(stops, tuple | list) and assignee in (truth.brief.agent, self._body.id):
                 self._stops = [str(name) for name in stops]
         if self._stops is None and truth.brief.hub is None:
-            self._stops = [name for load in tours(truth, self._trade)[self._body.id] for name in load.stops]
+            self._stops = [name for tour in shares(truth, self._trade)[self._body.id] for name in tour.stops]
         return self._stops != before
 
     def _hand_over(self, truth: PrivilegedState) -> list[Outgoing]:
@@ -217,7 +153,7 @@ class Delivering:
         return messages
 
 
-class Dispatching:
+class Dispatching(Ability):
     """A coordinator without a vehicle: sends everybody a tour."""
 
     def __init__(self, trade: SupplyChain, plan: InstanceIndex, voice: MessageComposer, kind: str) -> None:
@@ -230,17 +166,13 @@ class Dispatching:
             return []
         self._sent = True
         messages: list[Outgoing] = []
-        for body, loads in tours(truth, self._trade).items():
+        for body, plan in shares(truth, self._trade).items():
             owner = self._plan.owners[body].id
-            stops = tuple(name for load in loads for name in load.stops)
-            first = loads[0].amount if loads else 0.0
+            stops = tuple(name for tour in plan for name in tour.stops)
+            first = plan[0].load if plan else 0.0
             content: dict[str, Datum] = {"assignee": owner, "stops": stops, "load": first}
             messages += self._voice.say(self._kind, content, (owner,))
         return messages
-
-    def act(self, truth: PrivilegedState) -> Action | None:
-        """Nothing."""
-        return None
 
 
 def dispatching(brief: Brief, plan: InstanceIndex, voice: MessageComposer) -> list[Ability]:

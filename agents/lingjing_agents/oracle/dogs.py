@@ -129,7 +129,7 @@ class DogPath:
         return next((verb for verb in self.dog.verbs if verb.name == name), None)
 
 
-class DogControl:
+class DogControl(Ability):
     """Commands one dog: by itself, or by the steps it is told if it does not see."""
 
     def __init__(self, walk: DogPath, plan: InstanceIndex, voice: MessageComposer, reporting: Reporting | None) -> None:
@@ -187,7 +187,7 @@ class DogControl:
         return Action(verb="takePhoto", arguments={"camera": self._camera.name}, resource=dog.id)
 
 
-class GuidanceSender:
+class GuidanceSender(Ability):
     """Tells somebody else's dog its next step."""
 
     def __init__(self, walk: DogPath, plan: InstanceIndex, voice: MessageComposer, kind: str) -> None:
@@ -214,10 +214,6 @@ class GuidanceSender:
             "assignee": owner, "step": step[0], "amount": round(step[1], 2), "position": place,
         }  # fmt: skip
         return self._voice.say(self._kind, body, (owner,))
-
-    def act(self, truth: PrivilegedState) -> Action | None:
-        """Nothing."""
-        return None
 
 
 _EVERY_TICKS = 2

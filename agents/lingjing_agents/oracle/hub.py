@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from lingjing.plugins.policy import Action, Brief, Datum, Envelope, Outgoing
+from lingjing.plugins.policy import Brief, Datum, Envelope, Outgoing
 from lingjing.plugins.tasks import Task
 from lingjing_agents.oracle.ability import Ability
 from lingjing_agents.oracle.composing import MessageComposer
 from lingjing_agents.oracle.privileged_state import InstanceIndex, PrivilegedState
 
 
-class Leading:
+class Leading(Ability):
     """The hub of a star."""
 
     def __init__(self, brief: Brief, plan: InstanceIndex, voice: MessageComposer) -> None:
@@ -24,10 +24,6 @@ class Leading:
         for message in truth.inbox.messages:
             messages += self._pass_on(message, truth)
         return messages + self._cells(truth) + self._inspections(truth) + self._tasks(truth)
-
-    def act(self, truth: PrivilegedState) -> Action | None:
-        """Nothing."""
-        return None
 
     def _pass_on(self, message: Envelope, truth: PrivilegedState) -> list[Outgoing]:
         """To those whom a relation says it is for: as it is, or as an order to its place."""

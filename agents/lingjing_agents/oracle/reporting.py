@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lingjing.plugins.policy import Action, Brief, FrameInfo, Outgoing
+from lingjing.plugins.policy import Brief, FrameInfo, Outgoing
 from lingjing_agents.oracle.ability import Ability
 from lingjing_agents.oracle.composing import MessageComposer
 from lingjing_agents.oracle.privileged_state import InstanceIndex, PrivilegedState
@@ -11,7 +11,7 @@ PATIENCE_TICKS = 3
 """A report is adjudicated one boundary after it was sent and seen to be one later; after that it is sent again."""
 
 
-class Reporting:
+class Reporting(Ability):
     """Says what the agent's own pictures show, and hands each target over to whoever deals with it."""
 
     def __init__(self, plan: InstanceIndex, voice: MessageComposer) -> None:
@@ -29,10 +29,6 @@ class Reporting:
         for frame in truth.known.frames:
             messages += self._of(frame, truth)
         return messages
-
-    def act(self, truth: PrivilegedState) -> Action | None:
-        """Pictures are taken by those who fly and walk."""
-        return None
 
     def _of(self, frame: FrameInfo, truth: PrivilegedState) -> list[Outgoing]:
         messages: list[Outgoing] = []

@@ -89,7 +89,7 @@ class TargetApproach:
         return there[0] + _RING_M * math.sin(angle), there[1] + _RING_M * math.cos(angle)
 
 
-class Going:
+class Going(Ability):
     """The body's own driver or skipper."""
 
     def __init__(self, course: TargetApproach, voice: MessageComposer) -> None:
@@ -114,7 +114,7 @@ class Going:
         return found[1] if found is not None else None
 
 
-class Claiming:
+class Claiming(Ability):
     """Somebody who may command a body of another agent's: sends it where its driver would, when itself has nothing to
     do. Whoever comes first is obeyed, the others get a receipt of the conflict."""
 

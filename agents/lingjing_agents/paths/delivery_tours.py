@@ -15,16 +15,16 @@ from lingjing_agents.ground_plane import GroundPoint
 
 @dataclass(frozen=True, slots=True)
 class DeliveryTour:
-    """Stops in order, what each gets (kg), and how long the way from the depot and back is (m, along streets)."""
+    """Stops in order, what each gets, and how long the way from the depot and back is (m, along streets)."""
 
     stops: tuple[str, ...]
-    amounts_kg: tuple[float, ...]
+    amounts: tuple[float, ...]
     length_m: float
 
     @property
-    def load_kg(self) -> float:
+    def load(self) -> float:
         """What is loaded for it."""
-        return sum(self.amounts_kg)
+        return sum(self.amounts)
 
 
 def street_m(a: GroundPoint, b: GroundPoint) -> float:
@@ -33,10 +33,10 @@ def street_m(a: GroundPoint, b: GroundPoint) -> float:
 
 
 def tours(
-    depot: GroundPoint, places: Mapping[str, GroundPoint], demands_kg: Mapping[str, float], load_kg: float
+    depot: GroundPoint, places: Mapping[str, GroundPoint], demands: Mapping[str, float], load: float
 ) -> tuple[DeliveryTour, ...]:
-    """Tours that serve all demands with at most `load_kg` each, the longest first."""
-    visits = _visits(demands_kg, load_kg)
+    """Tours that serve all demands with at most `load` each, the longest first."""
+    visits = _visits(demands, load)
     routes: list[list[int]] = [[number] for number in range(len(visits))]
     where = [places[stop] for stop, _ in visits]
     savings = sorted(
@@ -46,7 +46,7 @@ def tours(
     )
     for saving, a, b in savings:
         first, second = _route_of(routes, a), _route_of(routes, b)
-        heavy = sum(visits[number][1] for number in (*first, *second)) > load_kg + 1e-6
+        heavy = sum(visits[number][1] for number in (*first, *second)) > load + 1e-6
         if saving >= 0.0 or first is second or heavy:
             continue
         joined = _joined(first, second, a, b)
@@ -67,11 +67,11 @@ def shared_out(plan: tuple[DeliveryTour, ...], vans: tuple[str, ...]) -> dict[st
     return queue
 
 
-def _visits(demands_kg: Mapping[str, float], load_kg: float) -> list[tuple[str, float]]:
+def _visits(demands: Mapping[str, float], load: float) -> list[tuple[str, float]]:
     visits: list[tuple[str, float]] = []
-    for stop, demand in demands_kg.items():
-        full, rest = divmod(demand, load_kg) if load_kg > 0 else (0, 0.0)
-        visits += [(stop, load_kg)] * int(full) + ([(stop, rest)] if rest > 1e-6 else [])
+    for stop, demand in demands.items():
+        full, rest = divmod(demand, load) if load > 0 else (0, 0.0)
+        visits += [(stop, load)] * int(full) + ([(stop, rest)] if rest > 1e-6 else [])
     return visits
 
 

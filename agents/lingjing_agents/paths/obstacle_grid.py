@@ -6,22 +6,17 @@ side by side: each bump closes a few metres, and the way around becomes the shor
 
 from __future__ import annotations
 
-import heapq
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from lingjing_agents.ground_plane import GroundPoint, GroundRectangle, between
+from lingjing_agents.paths.grid_search import NEIGHBOURS, GridCell, cheapest_path, straightened
 
 CELL_M = 1.5
 SIDES = 5
 NEAR_COST = 2.0
 """What a step beside something closed costs more, in cells: keeps the way off walls where there is room."""
-
-MAX_EXPANSIONS = 60_000
-
-GridCell = tuple[int, int]
-
-_STEPS = tuple((i, j, math.hypot(i, j)) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j)
 
 
 @dataclass(slots=True)
@@ -35,12 +30,9 @@ class ObstacleGrid:
     def reach(self, place: GroundPoint, margin_m: float) -> None:
         """Routes may go as far as a place and so much beyond."""
         own = self.bounds
-        self.bounds = GroundRectangle(
-            min(own.west, place[0] - margin_m),
-            min(own.south, place[1] - margin_m),
-            max(own.east, place[0] + margin_m),
-            max(own.north, place[1] + margin_m),
-        )
+        corners = ((own.west, own.south), (own.east, own.north))
+        near = ((place[0] - margin_m, place[1] - margin_m), (place[0] + margin_m, place[1] + margin_m))
+        self.bounds = GroundRectangle.around((*corners, *near))
 
     def tread(self, place: GroundPoint) -> None:
         """Somebody stands here, so it is free."""
@@ -79,10 +71,6 @@ class ObstacleGrid:
         """All that is closed may be open again: what stood there may have gone."""
         self.closed.clear()
 
-    def is_closed(self, place: GroundPoint) -> bool:
-        """Whether something is known to be in the way at a place."""
-        return _cell(place) in self.closed
-
     def clear(self, here: GroundPoint, there: GroundPoint) -> bool:
         """Whether nothing known is in the way of a straight walk."""
         length = math.dist(here, there)
@@ -101,37 +89,27 @@ class ObstacleGrid:
             return ()
         if self.clear(here, goal):
             return (goal,)
-        cells = self._search(_cell(here), goal, max(reach_m, CELL_M))
+        gx, gy = goal[0] / CELL_M - 0.5, goal[1] / CELL_M - 0.5
+        reach = max(reach_m, CELL_M) / CELL_M
+
+        def left(cell: GridCell) -> float:
+            return math.hypot(cell[0] - gx, cell[1] - gy)
+
+        cells = cheapest_path(_cell(here), self._steps, left, lambda cell: left(cell) <= reach)
         places = [_centre(cell) for cell in cells]
         if places and math.dist(places[-1], goal) <= 2 * CELL_M and self.clear(places[-1], goal):
             places.append(goal)
-        return self._pulled(here, places)
+        return tuple(straightened([here, *places], self._roomy))
 
-    def _search(self, start: GridCell, goal: GroundPoint, reach_m: float) -> list[GridCell]:
-        gx, gy = goal[0] / CELL_M - 0.5, goal[1] / CELL_M - 0.5
-        reach = reach_m / CELL_M
-        best = {start: 0.0}
-        came: dict[GridCell, GridCell] = {}
-        queue = [(math.hypot(start[0] - gx, start[1] - gy), start)]
-        done: set[GridCell] = set()
-        while queue and len(done) < MAX_EXPANSIONS:
-            _, cell = heapq.heappop(queue)
-            if cell in done:
+    def _steps(self, cell: GridCell) -> Iterator[tuple[GridCell, float]]:
+        """The open neighbours of a cell; nothing goes between two closed ones."""
+        for i, j, length in NEIGHBOURS:
+            other = cell[0] + i, cell[1] + j
+            if other in self.closed or not self.bounds.holds(_centre(other)):
                 continue
-            done.add(cell)
-            if math.hypot(cell[0] - gx, cell[1] - gy) <= reach:
-                return _traced(came, cell)
-            for i, j, length in _STEPS:
-                other = cell[0] + i, cell[1] + j
-                if other in done or other in self.closed or not self.bounds.holds(_centre(other)):
-                    continue
-                if i and j and ((cell[0] + i, cell[1]) in self.closed or (cell[0], cell[1] + j) in self.closed):
-                    continue
-                cost = best[cell] + length + (NEAR_COST if self._beside(other) else 0.0)
-                if cost < best.get(other, math.inf):
-                    best[other], came[other] = cost, cell
-                    heapq.heappush(queue, (cost + math.hypot(other[0] - gx, other[1] - gy), other))
-        return []
+            if i and j and ((cell[0] + i, cell[1]) in self.closed or (cell[0], cell[1] + j) in self.closed):
+                continue
+            yield other, length + (NEAR_COST if self._beside(other) else 0.0)
 
     def _beside(self, cell: GridCell) -> bool:
         i, j = cell
@@ -139,18 +117,6 @@ class ObstacleGrid:
         return bool(closed) and (
             (i + 1, j) in closed or (i - 1, j) in closed or (i, j + 1) in closed or (i, j - 1) in closed
         )
-
-    def _pulled(self, here: GroundPoint, places: list[GroundPoint]) -> tuple[GroundPoint, ...]:
-        """The corners that remain when the way is pulled tight."""
-        corners: list[GroundPoint] = []
-        at, index = here, 0
-        while index < len(places):
-            far = index
-            while far + 1 < len(places) and self._roomy(at, places[far + 1]):
-                far += 1
-            corners.append(places[far])
-            at, index = places[far], far + 1
-        return tuple(corners)
 
     def _roomy(self, here: GroundPoint, there: GroundPoint) -> bool:
         """A straight walk with half a metre to spare on both sides."""
@@ -170,11 +136,3 @@ def _cell(place: GroundPoint) -> GridCell:
 
 def _centre(cell: GridCell) -> GroundPoint:
     return (cell[0] + 0.5) * CELL_M, (cell[1] + 0.5) * CELL_M
-
-
-def _traced(came: dict[GridCell, GridCell], cell: GridCell) -> list[GridCell]:
-    way = [cell]
-    while cell in came:
-        cell = came[cell]
-        way.append(cell)
-    return way[-2::-1]

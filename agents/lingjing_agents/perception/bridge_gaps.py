@@ -14,8 +14,7 @@ import numpy.typing as npt
 
 from lingjing.plugins.geometry import focal_px
 from lingjing.plugins.policy import CameraPose
-from lingjing_agents.ground_plane import GroundPoint
-from lingjing_agents.perception.images import ByteImage, ImageBox, MaskArray, opencv
+from lingjing_agents.perception.images import ByteImage, ImageBox, MaskArray, opencv, runs
 from lingjing_agents.perception.people_at_sea import FoundBox
 
 SCALE = 4
@@ -35,8 +34,8 @@ WHOLE_SHARE = 0.25
 class DeckEdges:
     """The deck's two edges: columns as linear functions of the row, and which rows show it whole."""
 
-    left: GroundPoint
-    right: GroundPoint
+    left: tuple[float, float]
+    right: tuple[float, float]
     whole: MaskArray
 
 
@@ -69,8 +68,8 @@ def water_mask(rgb: ByteImage) -> MaskArray:
 
 def deck_edges(water: MaskArray, metres_per_px: float) -> DeckEdges | None:
     """The edges of a deck that runs up and down, or None if no plain one is in the picture."""
-    spans = np.array([_longest_run(~row) for row in water])
-    starts, widths = spans[:, 0], spans[:, 1]
+    spans = [max(runs(~row), key=lambda run: run[1] - run[0], default=(0, 0)) for row in water]
+    starts, widths = np.array([(start, end - start) for start, end in spans]).T
     fits = (widths * metres_per_px >= DECK_M[0]) & (widths * metres_per_px <= DECK_M[1])
     if fits.mean() < WHOLE_SHARE:
         return None
@@ -94,7 +93,7 @@ def _finds(water: MaskArray, edges: DeckEdges, metres_per_px: float) -> list[Fou
     inner = zip(water, np.maximum(left + 2, 0).round().astype(int), (right - 2).round().astype(int), strict=True)
     share = np.array([row[a : max(a + 1, b)].mean() for row, a, b in inner])
     found = []
-    for top, bottom in _runs(share > OPEN, round(2.0 / metres_per_px)):
+    for top, bottom in runs(share > OPEN, round(2.0 / metres_per_px)):
         long_m = (bottom - top) * metres_per_px
         if not GAP_M[0] <= long_m <= GAP_M[1] or top <= 1 or bottom >= height - 1:
             continue
@@ -118,29 +117,7 @@ def _upright(water: MaskArray, metres_per_px: float) -> bool:
     return bool(up.whole.mean() >= across.whole.mean())
 
 
-def _longest_run(row: MaskArray) -> tuple[int, int]:
-    """Start and length of the longest run of True."""
-    padded = np.diff(np.concatenate(([0], row.astype(np.int8), [0])))
-    starts, ends = np.flatnonzero(padded == 1), np.flatnonzero(padded == -1)
-    if len(starts) == 0:
-        return 0, 0
-    best = int(np.argmax(ends - starts))
-    return int(starts[best]), int(ends[best] - starts[best])
-
-
-def _runs(flags: MaskArray, bridge: int) -> list[tuple[int, int]]:
-    """Runs of True as (first, last + 1); runs at most `bridge` apart are one."""
-    padded = np.diff(np.concatenate(([0], flags.astype(np.int8), [0])))
-    merged: list[tuple[int, int]] = []
-    for start, end in zip(np.flatnonzero(padded == 1).tolist(), np.flatnonzero(padded == -1).tolist(), strict=True):
-        if merged and start - merged[-1][1] <= bridge:
-            merged[-1] = merged[-1][0], end
-        else:
-            merged.append((start, end))
-    return merged
-
-
-def _line(rows: npt.NDArray[np.int64], columns: npt.NDArray[np.int64]) -> GroundPoint:
+def _line(rows: npt.NDArray[np.int64], columns: npt.NDArray[np.int64]) -> tuple[float, float]:
     """Slope and offset of a line through the points, outliers left out once."""
     slope, offset = np.polyfit(rows, columns, 1)
     near = np.abs(slope * rows + offset - columns) <= 3.0

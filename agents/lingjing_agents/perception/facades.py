@@ -14,7 +14,6 @@ import numpy as np
 
 from lingjing.plugins.geometry import bearing_deg, focal_px, pixel_ray
 from lingjing.plugins.policy import CameraPose
-from lingjing_agents.ground_plane import GroundPoint
 from lingjing_agents.perception.images import ByteImage, GreyPlane, MaskArray
 
 COLUMNS = 64
@@ -65,7 +64,7 @@ def look_of(rgb: ByteImage) -> WallColour:
     return WallColour(red, green, blue)
 
 
-def skyline(rgb: ByteImage, pose: CameraPose) -> tuple[GroundPoint, ...]:
+def skyline(rgb: ByteImage, pose: CameraPose) -> tuple[tuple[float, float], ...]:
     """For each column its bearing and how high (degrees over the horizon) what stands there hides the sky."""
     strip = rgb.shape[1] // COLUMNS
     part = rgb[::2, : strip * COLUMNS].reshape(-1, COLUMNS, strip, 3).astype(np.float32).mean(axis=2)

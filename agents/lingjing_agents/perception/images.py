@@ -29,3 +29,14 @@ def opencv() -> Any:
 
     cv2.setNumThreads(1)
     return cv2
+
+
+def runs(flags: MaskArray, bridge: int = 0) -> list[tuple[int, int]]:
+    """Runs of True as (first, last + 1), in order; runs at most `bridge` apart are one."""
+    steps = np.diff(np.concatenate(([0], flags.astype(np.int8), [0])))
+    merged: list[tuple[int, int]] = []
+    for start, end in zip(np.flatnonzero(steps == 1).tolist(), np.flatnonzero(steps == -1).tolist(), strict=True):
+        if bridge and merged and start - merged[-1][1] <= bridge:
+            start = merged.pop()[0]
+        merged.append((start, end))
+    return merged

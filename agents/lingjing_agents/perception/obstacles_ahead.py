@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from lingjing.plugins.geometry import focal_px, pixel_ray
-from lingjing.plugins.policy import CameraPose, Vector
+from lingjing.plugins.policy import CameraPose
 from lingjing_agents.ground_plane import GroundPoint
 from lingjing_agents.perception.images import ByteImage
 
@@ -29,7 +29,7 @@ def near_walls(rgb: ByteImage, pose: CameraPose, eye_m: float = EYE_M) -> tuple[
     being there. A single column may be a pole or a mistake: two neighbours must agree."""
     height, width = rgb.shape[:2]
     focal = focal_px(pose)
-    found: list[Vector | None] = []
+    found: list[tuple[float, float, float] | None] = []  # east, north, distance (m)
     for index in range(COLUMNS):
         u = (index + 0.5) * width / COLUMNS
         horizon = _horizon_row(pose, u)
@@ -56,7 +56,7 @@ def near_walls(rgb: ByteImage, pose: CameraPose, eye_m: float = EYE_M) -> tuple[
     return tuple((a[0], a[1]) for index, a in enumerate(found) if a is not None and _agrees(a[2], found, index))
 
 
-def _agrees(distance: float, found: list[Vector | None], index: int) -> bool:
+def _agrees(distance: float, found: list[tuple[float, float, float] | None], index: int) -> bool:
     near = [other for other in found[max(0, index - 1) : index + 2] if other is not None]
     return sum(abs(other[2] - distance) < 0.3 * distance for other in near) >= 2
 

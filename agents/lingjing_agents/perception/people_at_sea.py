@@ -33,7 +33,7 @@ GAPS_M = (0.0, 0.15)
 BACKGROUND_SCALE = 8
 BACKGROUND_WINDOW = 7
 
-RULES: tuple[tuple[str, ImageBox], ...] = (
+RULES: tuple[tuple[str, tuple[float, float, float, float]], ...] = (
     ("length_m", (0.80, 1.00, 1.70, 2.10)),
     ("width_m", (0.40, 0.58, 1.30, 1.60)),
     ("area_m2", (0.12, 0.24, 0.95, 1.20)),
@@ -180,5 +180,5 @@ def likelihood(measures: dict[str, float]) -> float:
     return product
 
 
-def _membership(value: float, corners: ImageBox) -> float:
+def _membership(value: float, corners: tuple[float, float, float, float]) -> float:
     return float(np.interp(value, corners, (0.0, 1.0, 1.0, 0.0)))

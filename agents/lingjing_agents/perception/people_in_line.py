@@ -70,7 +70,7 @@ def find_line(rgb: ByteImage, pose: CameraPose, head: GroundPoint, level_m: floa
     return PeopleLine(box, people, min(1.0, 0.4 + 0.6 * len(row) / people))
 
 
-def _spots(rgb: ByteImage, middle: GroundPoint, scale: float) -> list[GroundPoint]:
+def _spots(rgb: ByteImage, middle: tuple[float, float], scale: float) -> list[tuple[float, float]]:
     """Centres (u, v) of what stands out from the ground within reach of a pixel; `scale` is pixels a metre."""
     cv2 = opencv()
     reach = int(REACH_M * scale)

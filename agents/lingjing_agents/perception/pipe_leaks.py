@@ -13,7 +13,6 @@ import numpy.typing as npt
 
 from lingjing.plugins.geometry import focal_px, pixel_to_plane
 from lingjing.plugins.policy import CameraPose, Vector
-from lingjing_agents.ground_plane import GroundPoint
 from lingjing_agents.perception.images import ByteImage, ImageBox, MaskArray, PixelBox, opencv
 
 Metres = npt.NDArray[np.floating]
@@ -148,7 +147,7 @@ def _square(side: float) -> ByteImage:
     return np.ones((max(1, round(side)),) * 2, np.uint8)
 
 
-def _within(edges: PixelBox, metres: float, span: GroundPoint) -> bool:
+def _within(edges: PixelBox, metres: float, span: tuple[float, float]) -> bool:
     return span[0] <= max(edges[2] - edges[0], edges[3] - edges[1]) * metres <= span[1]
 
 

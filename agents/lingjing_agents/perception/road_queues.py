@@ -16,7 +16,7 @@ import numpy as np
 from lingjing.plugins.geometry import world_to_pixel
 from lingjing.plugins.policy import CameraPose
 from lingjing_agents.ground_plane import GroundPoint
-from lingjing_agents.perception.images import ByteImage, ImageBox, MaskArray, opencv
+from lingjing_agents.perception.images import ByteImage, ImageBox, MaskArray, opencv, runs
 
 STEP_M = 0.2
 HALF_LANE_M = 0.8
@@ -94,9 +94,8 @@ def _along(
     strip = _strip(rgb, pose, level_m, leg)
     if strip is None:
         return None
-    taken = _taken(strip)
-    runs = _joined(_runs(taken))
-    vehicles = [run for run in runs if VEHICLE_M[0] <= (run[1] - run[0]) * STEP_M <= VEHICLE_M[1]]
+    pieces = runs(_taken(strip), round(SPLIT_M / STEP_M))
+    vehicles = [run for run in pieces if VEHICLE_M[0] <= (run[1] - run[0]) * STEP_M <= VEHICLE_M[1]]
     best: list[tuple[int, int]] = []
     row: list[tuple[int, int]] = []
     for vehicle in vehicles:
@@ -161,21 +160,6 @@ def _moved(start: GroundPoint, end: GroundPoint, offset_m: float) -> tuple[Groun
     return (start[0] + east, start[1] + north), (end[0] + east, end[1] + north)
 
 
-def _unit(start: GroundPoint, end: GroundPoint) -> GroundPoint:
+def _unit(start: GroundPoint, end: GroundPoint) -> tuple[float, float]:
     run = math.dist(start, end)
     return ((end[0] - start[0]) / run, (end[1] - start[1]) / run) if run else (1.0, 0.0)
-
-
-def _runs(flags: MaskArray) -> list[tuple[int, int]]:
-    padded = np.diff(np.concatenate(([0], flags.astype(np.int8), [0])))
-    return list(zip(np.flatnonzero(padded == 1).tolist(), np.flatnonzero(padded == -1).tolist(), strict=True))
-
-
-def _joined(runs: list[tuple[int, int]]) -> list[tuple[int, int]]:
-    joined: list[tuple[int, int]] = []
-    for start, end in runs:
-        if joined and (start - joined[-1][1]) * STEP_M <= SPLIT_M:
-            joined[-1] = joined[-1][0], end
-        else:
-            joined.append((start, end))
-    return joined

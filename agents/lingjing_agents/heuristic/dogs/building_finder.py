@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import ClassVar
 
 import numpy as np
 
@@ -74,6 +75,9 @@ FAR_M = 220.0
 class BuildingFinder:
     """One dog with a picture of where it should go. All state is of this episode."""
 
+    reads: ClassVar[tuple[str, ...]] = ("assignment", "guidance")
+    sends: ClassVar[tuple[str, ...]] = ()
+
     def __init__(
         self, brief: Brief, body: Resource, camera: CameraSpec, reference: Picture | None, here: GroundPoint
     ) -> None:
@@ -95,7 +99,7 @@ class BuildingFinder:
         self._snaps = camera.capture == "on_request"
         self._waits = 0
         self._snapped: tuple[GroundPoint, float] | None = None
-        self._skylines: list[tuple[GroundPoint, tuple[GroundPoint, ...]]] = []
+        self._skylines: list[tuple[GroundPoint, tuple[tuple[float, float], ...]]] = []
 
     def act(self, observation: Observation, inbox: Inbox) -> Decision:
         """Look, believe, one step."""

@@ -7,6 +7,8 @@ Without a camera it carries out the steps it is told (`step_executor`); where re
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 from lingjing.plugins.policy import Brief, CameraSpec, Decision, Inbox, Observation, Resource
 from lingjing_agents.capability import has_verb, may_send
 from lingjing_agents.heuristic.dogs.building_finder import BuildingFinder
@@ -35,6 +37,9 @@ def front_camera(body: Resource) -> CameraSpec | None:
 
 class DogRules:
     """One walker, whatever it is for."""
+
+    reads: ClassVar[tuple[str, ...]] = (*FireSearcher.reads, *BuildingFinder.reads)
+    sends: ClassVar[tuple[str, ...]] = FireSearcher.sends
 
     def __init__(self, brief: Brief, body: Resource) -> None:
         self._brief, self._body = brief, body

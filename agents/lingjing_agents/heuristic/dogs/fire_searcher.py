@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
+from typing import ClassVar
 
 from lingjing.plugins.geometry import bearing_deg, turn_deg
 from lingjing.plugins.policy import (
@@ -23,7 +24,7 @@ from lingjing.plugins.policy import (
     Picture,
     Resource,
 )
-from lingjing_agents.capability import compose, may_send, natural, photo
+from lingjing_agents.capability import centimetres, compose, may_send, natural, photo, sighting
 from lingjing_agents.ground_plane import GroundPoint, GroundRectangle, between
 from lingjing_agents.heuristic.dogs.known_fires import CLOSER, KnownFire, KnownFires
 from lingjing_agents.heuristic.dogs.movement import DogMovement
@@ -78,6 +79,9 @@ TRIES = 14
 
 class FireSearcher:
     """One dog. All state is of this episode."""
+
+    reads: ClassVar[tuple[str, ...]] = ("report", "status")
+    sends: ClassVar[tuple[str, ...]] = ("report", "status")
 
     def __init__(self, brief: Brief, body: Resource, camera: CameraSpec) -> None:
         self._brief, self._body, self._camera = brief, body, camera
@@ -195,14 +199,8 @@ class FireSearcher:
         if flames.distance_m > CLOSER * fire.reported_from_m:
             return
         fire.reported_from_m = flames.distance_m
-        body: dict[str, Datum] = {
-            "frame": picture.frame,
-            "class": self._brief.classes[0] if self._brief.classes else "fire",
-            "box": tuple(round(edge, 6) for edge in flames.box),
-            "position": (round(flames.place[0], 2), round(flames.place[1], 2), 0.0),
-            "confidence": round(flames.confidence, 3),
-        }
-        self._outbox.append(compose(self._report, body))
+        cls, where = (*self._brief.classes, "fire")[0], (*centimetres(flames.place), 0.0)
+        self._outbox.append(sighting(self._report, picture.frame, cls, flames.box, where, flames.confidence))
 
     def _tell(self, task: str, state: str, place: GroundPoint) -> None:
         if self._status is not None:

@@ -97,11 +97,6 @@ class DogMovement:
         distance = math.dist(here, corner) - (reach_m * 0.5 if last else 0.0)
         return self.step(own, bearing_deg(here, corner), max(distance, self.shortest_m))
 
-    def heading_for(self, here: GroundPoint, goal: GroundPoint, *, reach_m: float = 1.0) -> float | None:
-        """The bearing of the next leg; None if there is none."""
-        way = self._way.ahead(here, goal, reach_m)
-        return bearing_deg(here, way[0]) if way else None
-
     def step(self, own: EntityView, bearing: float, distance_m: float) -> Action:
         """Turn to a bearing, or walk along it if the nose is near enough."""
         assert own.position is not None and own.heading_deg is not None
@@ -120,7 +115,7 @@ class DogMovement:
         return Action(verb=verb, arguments={"angle": round(angle, 1)}, resource=self.body.id)
 
 
-def limits(body: Resource, verb: str, least: float, most: float) -> GroundPoint:
+def limits(body: Resource, verb: str, least: float, most: float) -> tuple[float, float]:
     """The smallest and largest first argument of a verb, with defaults for what is not limited."""
     for spec in body.verbs:
         if spec.name == verb and spec.arguments:

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from lingjing.plugins.geometry import bearing_deg, turn_deg
-from lingjing_agents.ground_plane import GroundPoint, inside
+from lingjing_agents.ground_plane import GroundPoint, lattice
 
 SAMPLE_M = 8.0
 PASSES_M = (36.0, 24.0, 18.0)
@@ -55,7 +55,7 @@ class SeenGround:
         """Begin with everything unseen, on a lattice shifted by half a step in every second pass."""
         shift = SAMPLE_M / 2 * (self.number % 2)
         self.refused.clear()
-        self.unseen = {place for polygon in self.polygons for place in _lattice(polygon, shift)}
+        self.unseen = {place for polygon in self.polygons for place in lattice(polygon, SAMPLE_M, shift)}
 
     def next_pass(self) -> None:
         """Look at everything once more, more closely."""
@@ -109,15 +109,3 @@ class SeenGround:
             if score > best_score:
                 best, best_score = place, score
         return best
-
-
-def _lattice(polygon: tuple[GroundPoint, ...], shift: float) -> list[GroundPoint]:
-    xs, ys = [x for x, _ in polygon], [y for _, y in polygon]
-    columns = int((max(xs) - min(xs)) / SAMPLE_M) + 1
-    rows = int((max(ys) - min(ys)) / SAMPLE_M) + 1
-    places = [
-        (min(xs) + SAMPLE_M / 2 + shift + SAMPLE_M * i, min(ys) + SAMPLE_M / 2 + shift + SAMPLE_M * j)
-        for i in range(columns)
-        for j in range(rows)
-    ]
-    return [place for place in places if inside(polygon, place)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from typing import ClassVar
 
 from lingjing.plugins.policy import Action, Brief, Datum, Decision, Envelope, Inbox, Observation, Outgoing, Resource
 from lingjing_agents.capability import compose, has_verb, may_send
@@ -17,6 +18,9 @@ PATIENCE_TICKS = 4
 
 class StepExecutor:
     """One body that is told each step."""
+
+    reads: ClassVar[tuple[str, ...]] = ("guidance",)
+    sends: ClassVar[tuple[str, ...]] = ("status",)
 
     def __init__(self, brief: Brief, body: Resource) -> None:
         self._brief, self._body = brief, body

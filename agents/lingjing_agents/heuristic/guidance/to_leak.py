@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 from lingjing.plugins.geometry import bearing_deg, ground_footprint, turn_deg
 from lingjing.plugins.policy import (
@@ -26,8 +27,8 @@ from lingjing.plugins.policy import (
     Resource,
     Vector,
 )
-from lingjing_agents.capability import compose, may_send, nadir_camera, rated, sends
-from lingjing_agents.ground_plane import GroundPoint, GroundRectangle, inside
+from lingjing_agents.capability import centimetres, compose, may_send, nadir_camera, rated, sends, sighting
+from lingjing_agents.ground_plane import GroundPoint, GroundRectangle, inside, lattice
 from lingjing_agents.heuristic.events import view_of
 from lingjing_agents.heuristic.sightings import name_in
 from lingjing_agents.paths.kept_path import KeptPath
@@ -69,6 +70,9 @@ class BelievedLeak:
 class LeakGuidance:
     """One camera in the air and one follower on the ground. All state is of this episode."""
 
+    reads: ClassVar[tuple[str, ...]] = ("status",)
+    sends: ClassVar[tuple[str, ...]] = ("report", "guidance")
+
     def __init__(self, brief: Brief, body: Resource) -> None:
         camera = nadir_camera(body)
         assert camera is not None
@@ -83,7 +87,7 @@ class LeakGuidance:
         self._map = ObstacleGrid(GroundRectangle.around(corners, 4.0))
         self._low, self._high = rated(body, "band_low_m", 12.0), rated(body, "band_high_m", 60.0)
         self._way = KeptPath(self._map, 1.0)
-        self._passes, self._left = 0, _samples(self._line)
+        self._passes, self._left = 0, lattice(self._line, SAMPLE_M)
         self._ground = 0.0
         self._dog_at: GroundPoint | None = None
         self._leak: BelievedLeak | None = None
@@ -145,14 +149,8 @@ class LeakGuidance:
         self._leak.told, self._leak.reports = tick, self._leak.reports + 1
         if self._report is None:
             return ()
-        body: dict[str, Datum] = {
-            "frame": picture.frame,
-            "class": self._class(),
-            "box": tuple(round(edge, 6) for edge in leak.box),
-            "position": tuple(round(value, 2) for value in leak.place),
-            "confidence": round(leak.confidence, 3),
-        }
-        return (compose(self._report, body),)
+        where = centimetres(leak.place)
+        return (sighting(self._report, picture.frame, self._class(), leak.box, where, leak.confidence),)
 
     def _class(self) -> str:
         return next((name for name in self._brief.classes if "leak" in name), (*self._brief.classes, "leak")[0])
@@ -201,7 +199,7 @@ class LeakGuidance:
             "assignee": self._follower.id if self._follower is not None else "",
             "step": verb,
             "amount": round(amount, 1),
-            "position": tuple(round(value, 2) for value in self._leak.place),
+            "position": centimetres(self._leak.place),
         }
         return (compose(self._guide, body),)
 
@@ -224,7 +222,7 @@ class LeakGuidance:
     def _next_place(self, here: Vector) -> Vector | None:
         if not self._left:
             self._passes += 1
-            self._left = _samples(self._line)
+            self._left = lattice(self._line, SAMPLE_M)
         height = min(max(PASSES_M[min(self._passes, len(PASSES_M) - 1)], self._low + 1.0), self._high - 1.0)
         reach = 0.4 * height
         if not self._left:
@@ -277,14 +275,3 @@ def _follower(brief: Brief) -> Peer | None:
 def _area(polygon: tuple[GroundPoint, ...]) -> float:
     pairs = zip(polygon, (*polygon[1:], polygon[0]), strict=True)
     return abs(sum(ax * by - bx * ay for (ax, ay), (bx, by) in pairs)) / 2.0
-
-
-def _samples(polygon: tuple[GroundPoint, ...]) -> list[GroundPoint]:
-    if not polygon:
-        return []
-    xs, ys = [x for x, _ in polygon], [y for _, y in polygon]
-    columns, rows = int((max(xs) - min(xs)) / SAMPLE_M) + 1, int((max(ys) - min(ys)) / SAMPLE_M) + 1
-    lattice = [
-        (min(xs) + (i + 0.5) * SAMPLE_M, min(ys) + (j + 0.5) * SAMPLE_M) for i in range(columns) for j in range(rows)
-    ]
-    return [place for place in lattice if inside(polygon, place)]

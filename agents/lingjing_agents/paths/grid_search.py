@@ -1,0 +1,64 @@
+"""The one search for paths over a grid: A*, and the fewest straight legs that replace a path of neighbouring cells."""
+
+from __future__ import annotations
+
+import heapq
+import math
+from collections.abc import Callable, Iterable, Sequence
+
+from lingjing_agents.ground_plane import GroundPoint
+
+GridCell = tuple[int, int]
+
+NEIGHBOURS = tuple((i, j, math.hypot(i, j)) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j)
+"""Steps to the eight neighbours of a cell and their lengths, in cells."""
+
+MOST_CELLS = 60_000
+"""So many cells are looked at before there is no path."""
+
+
+def cheapest_path(
+    start: GridCell,
+    steps: Callable[[GridCell], Iterable[tuple[GridCell, float]]],
+    left: Callable[[GridCell], float],
+    arrived: Callable[[GridCell], bool],
+) -> list[GridCell]:
+    """The cells of the cheapest path from `start` to one that has `arrived`, without `start`; empty if there is none or
+    none is needed.
+
+    `steps` are the neighbours of a cell and what it costs to go there, `left` a lower bound of the cost from a cell.
+    """
+    cost, before = {start: 0.0}, dict[GridCell, GridCell]()
+    queue, done = [(left(start), start)], set[GridCell]()
+    while queue and len(done) < MOST_CELLS:
+        _, cell = heapq.heappop(queue)
+        if cell in done:
+            continue
+        done.add(cell)
+        if arrived(cell):
+            return _traced(before, cell)
+        for other, step in steps(cell):
+            total = cost[cell] + step
+            if other not in done and total < cost.get(other, math.inf):
+                cost[other], before[other] = total, cell
+                heapq.heappush(queue, (total + left(other), other))
+    return []
+
+
+def straightened(points: Sequence[GroundPoint], free: Callable[[GroundPoint, GroundPoint], bool]) -> list[GroundPoint]:
+    """The corners that remain of a path when each leg goes straight to the farthest point that is `free` from its
+    start; the first point is left out."""
+    corners, at = list[GroundPoint](), 0
+    while at < len(points) - 1:
+        ahead = range(len(points) - 1, at + 1, -1)
+        at = next((far for far in ahead if free(points[at], points[far])), at + 1)
+        corners.append(points[at])
+    return corners
+
+
+def _traced(before: dict[GridCell, GridCell], cell: GridCell) -> list[GridCell]:
+    path = [cell]
+    while cell in before:
+        cell = before[cell]
+        path.append(cell)
+    return path[-2::-1]
