@@ -8,7 +8,7 @@ from itertools import pairwise, permutations
 import numpy as np
 import pytest
 from lingjing_agents.oracle import deliveries
-from lingjing_agents.paths.clearance_paths import NARROW_M, find_way
+from lingjing_agents.paths.clearance_paths import NARROW_M, find_path
 from lingjing_agents.paths.visiting_order import shares, shortest
 
 from lingjing.plugins.tasks import Task
@@ -26,13 +26,13 @@ def ground(*walls: tuple[float, float, float, float]) -> ObstacleMap:
 
 
 def test_a_free_way_is_one_straight_leg_to_within_reach():
-    (end,) = find_way(ground(), (5.0, 5.0), (50.0, 5.0), 3.0)
+    (end,) = find_path(ground(), (5.0, 5.0), (50.0, 5.0), 3.0)
     assert math.dist(end, (50.0, 5.0)) <= 3.0
 
 
 def test_a_way_leads_through_the_gap_and_keeps_clear_of_the_wall():
     place = ground((29.0, 0.0, 31.0, 40.0), (29.0, 44.0, 31.0, 60.0))
-    way = [(5.0, 5.0), *find_way(place, (5.0, 5.0), (55.0, 5.0), 1.0)]
+    way = [(5.0, 5.0), *find_path(place, (5.0, 5.0), (55.0, 5.0), 1.0)]
     points = [
         (a[0] + k / 50 * (b[0] - a[0]), a[1] + k / 50 * (b[1] - a[1])) for a, b in pairwise(way) for k in range(51)
     ]
@@ -42,8 +42,8 @@ def test_a_way_leads_through_the_gap_and_keeps_clear_of_the_wall():
 
 
 def test_no_way_leads_through_a_closed_wall_and_what_is_shut_is_gone_around():
-    assert find_way(ground((29.0, 0.0, 31.0, 60.0)), (5.0, 5.0), (55.0, 5.0), 1.0) == []
-    around = find_way(ground(), (5.0, 30.0), (55.0, 30.0), 1.0, shut=((30.0, 30.0),))
+    assert find_path(ground((29.0, 0.0, 31.0, 60.0)), (5.0, 5.0), (55.0, 5.0), 1.0) == []
+    around = find_path(ground(), (5.0, 30.0), (55.0, 30.0), 1.0, shut=((30.0, 30.0),))
     assert len(around) >= 2
     assert all(math.dist(point, (30.0, 30.0)) >= 1.0 for point in around)
 
@@ -89,7 +89,7 @@ def test_tours_bring_everything_in_loads_that_a_van_holds_and_split_the_large_or
     tasks = tuple(Task("deliver", name, "road", 30.0, "demand", "load") for name in demands)
     supply = Task("restock", "depot", "road", 50.0, gives="load", up_to="payload")
     trade = deliveries.SupplyChain(tasks, supply, tuple(Van(f"v{n}") for n in range(vans)), 200.0)
-    loads = [tour for mine in deliveries.shares(DeliveryView(demands), trade).values() for tour in mine]
+    loads = [tour for mine in deliveries.vehicle_tours(DeliveryView(demands), trade).values() for tour in mine]
     brought = {name: sum(a for load in loads for s, a in zip(load.stops, load.amounts, strict=True) if s == name)
                for name in demands}  # fmt: skip
     assert brought == demands

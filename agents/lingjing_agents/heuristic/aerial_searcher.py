@@ -84,10 +84,13 @@ class AerialSearcher:
         self._report = may_send(brief, "report")
         self._status = may_send(brief, "target_status")
         self._assignment = may_send(brief, "assignment")
-        self._kind, self._class = target_type_of(brief) or (PEOPLE, brief.classes[0] if brief.classes else "person")
-        self._sightings = self._kind.sightings(brief)
-        self._log = EventLog(self._kind.done)
-        height = brief.settings.get("altitude", 100.0) * self._kind.aloft
+        self._target_type, self._class = target_type_of(brief) or (
+            PEOPLE,
+            brief.classes[0] if brief.classes else "person",
+        )
+        self._sightings = self._target_type.sightings(brief)
+        self._log = EventLog(self._target_type.done)
+        height = brief.settings.get("altitude", 100.0) * self._target_type.aloft
         lowest = rated(body, "band_low_m", 20.0)
         self._lowest_m = lowest
         mates = team(brief)
@@ -97,8 +100,8 @@ class AerialSearcher:
             brief,
             camera,
             max(min(height, highest), lowest),
-            max(lowest, self._kind.lowest * min(height, highest)),
-            overlap=self._kind.overlap,
+            max(lowest, self._target_type.lowest * min(height, highest)),
+            overlap=self._target_type.overlap,
         )
         self._layers = FlightLevels(
             index=mates.index(brief.agent),
@@ -179,18 +182,18 @@ class AerialSearcher:
             self._sweep.drop(goal.waypoint)
         again = goal is not None and goal.doubt is not None
         messages: tuple[Outgoing, ...] = ()
-        for find in self._kind.find(picture.rgb, picture.pose, self._brief.water_level_m):
+        for find in self._target_type.find(picture.rgb, picture.pose, self._brief.water_level_m):
             messages += self._judge(picture, find, again=again)
         return messages
 
     def _judge(self, picture: Picture, find: FoundBox, *, again: bool) -> tuple[Outgoing, ...]:
-        place = box_to_plane(picture.pose, find.box, self._brief.water_level_m + self._kind.raised_m)
+        place = box_to_plane(picture.pose, find.box, self._brief.water_level_m + self._target_type.raised_m)
         if place is None or find.confidence < (CONFIRMED if again else self._doubtful):
             return ()
         known = self._sightings.nearest(place[:2], picture.time_s, within=self._sightings.merge_m)
         if known is not None and known.state != "missed":
             return ()
-        aside = _aside(find) > self._kind.aside
+        aside = _aside(find) > self._target_type.aside
         if aside or (find.confidence < self._sure and not again):
             self._doubt(find, place)
             return ()
@@ -198,8 +201,8 @@ class AerialSearcher:
 
     def _doubt(self, find: FoundBox, place: Vector) -> None:
         """Look again from right above, unless that is planned already or was tried often enough."""
-        low = max(self._sweep.height_m * self._kind.confirm, self._sweep.lowest_m)
-        near = self._kind.merge_m / 2 if self._kind.aside < 1.0 else 0.0
+        low = max(self._sweep.height_m * self._target_type.confirm, self._sweep.lowest_m)
+        near = self._target_type.merge_m / 2 if self._target_type.aside < 1.0 else 0.0
         planned = [goal.waypoint for goal in self._second_looks]
         tried = sum(math.dist(spot, place[:2]) <= near for spot in self._doubted)
         if tried >= LOOKS or any(math.dist((goal.x, goal.y), place[:2]) < near for goal in planned):
@@ -258,7 +261,7 @@ class AerialSearcher:
     def _pursue(self, goal: PictureGoal, here: Vector, heading_deg: float | None) -> Action:
         z = self._height(goal)
         target = (goal.waypoint.x, goal.waypoint.y, z)
-        if self._kind.raised_m > 0.0 and here[2] < self._lowest_m + self._brief.water_level_m - REACHED_M:
+        if self._target_type.raised_m > 0.0 and here[2] < self._lowest_m + self._brief.water_level_m - REACHED_M:
             return self._fly(here[0], here[1], z)
         if math.dist(here, target) > REACHED_M:
             goal.flights += 1
@@ -305,7 +308,7 @@ class AerialSearcher:
         return True
 
     def _all_found(self) -> bool:
-        known = [self._brief.settings[name] for name in self._kind.counts if name in self._brief.settings]
+        known = [self._brief.settings[name] for name in self._target_type.counts if name in self._brief.settings]
         return bool(known) and self._log.rescues >= known[0]
 
     def _send_boat(self, observation: Observation) -> Action | None:

@@ -50,7 +50,7 @@ class BridgeInspector:
         camera = nadir_camera(body)
         assert camera is not None
         self._brief, self._body, self._camera = brief, body, camera
-        self._kind, self._class = target_type_of(brief) or (GAPS, brief.classes[0] if brief.classes else "gap")
+        self._target_type, self._class = target_type_of(brief) or (GAPS, brief.classes[0] if brief.classes else "gap")
         self._report = may_send(brief, "report")
         low, high = body.properties.get("band_low_m"), body.properties.get("band_high_m")
         height = brief.settings.get("altitude", 60.0)
@@ -77,7 +77,7 @@ class BridgeInspector:
     def _look(self, picture: Picture) -> tuple[Outgoing, ...]:
         if self._report is None:
             return ()
-        finds = self._kind.find(picture.rgb, picture.pose, self._brief.water_level_m)
+        finds = self._target_type.find(picture.rgb, picture.pose, self._brief.water_level_m)
         found = []
         for find in finds:
             place = box_to_plane(picture.pose, find.box, self._brief.water_level_m + DECK_M)

@@ -38,27 +38,27 @@ class DeliveryCoordinator:
 
     def act(self, observation: Observation, inbox: Inbox) -> Decision:
         """Plan once; then give whoever has fewer than two tours the next one."""
-        town = look(observation)
-        if self._plan is None or town.depot is None or not town.vans:
+        seen = look(observation)
+        if self._plan is None or seen.depot is None or not seen.vans:
             return Decision()
         if self._waiting is None:
-            self._vans = {name: van for name, van in self._vans.items() if van in town.vans}
-            payload = self._payload(town)
-            made = tours(town.depot, town.places, town.demands_kg, payload)
+            self._vans = {name: van for name, van in self._vans.items() if van in seen.vans}
+            payload = self._payload(seen)
+            made = tours(seen.depot, seen.places, seen.demands_kg, payload)
             self._waiting = shared_out(made, tuple(self._vans))
         messages: tuple[Outgoing, ...] = ()
         for name in self._vans:
-            self._given[name] = [each for each in self._given[name] if _open(each[0], town)]
+            self._given[name] = [each for each in self._given[name] if _open(each[0], seen)]
             while len(self._given[name]) < AHEAD and (tour := self._next(name)) is not None:
                 self._given[name].append((tour, observation.tick))
                 messages += (self._say(name, tour),)
-        messages += self._remind(observation.tick, town)
+        messages += self._remind(observation.tick, seen)
         return Decision(messages=messages + self._rescue(observation.tick))
 
-    def _remind(self, tick: int, town: DeliveryView) -> tuple[Outgoing, ...]:
+    def _remind(self, tick: int, seen: DeliveryView) -> tuple[Outgoing, ...]:
         said: tuple[Outgoing, ...] = ()
         for name, van in self._vans.items():
-            view = town.vans.get(van)
+            view = seen.vans.get(van)
             if view is None or view.position is None:
                 continue
             here = view.position[:2]
@@ -69,9 +69,9 @@ class DeliveryCoordinator:
                 said += (self._say(name, self._given[name][0][0]),)
         return said
 
-    def _payload(self, town: DeliveryView) -> float:
+    def _payload(self, seen: DeliveryView) -> float:
         """What a van holds: at the start they are full."""
-        loads = [(view.resources or {}).get("load", 0.0) for view in town.vans.values()]
+        loads = [(view.resources or {}).get("load", 0.0) for view in seen.vans.values()]
         return max(loads, default=0.0)
 
     def _next(self, name: str) -> DeliveryTour | None:
@@ -100,5 +100,5 @@ class DeliveryCoordinator:
         return compose(self._plan, {"assignee": name, "stops": tour.stops, "load": tour.load}, to=(name,))
 
 
-def _open(tour: DeliveryTour, town: DeliveryView) -> bool:
-    return any(town.demands_kg.get(stop, 0.0) > 0.0 for stop in tour.stops)
+def _open(tour: DeliveryTour, seen: DeliveryView) -> bool:
+    return any(seen.demands_kg.get(stop, 0.0) > 0.0 for stop in tour.stops)

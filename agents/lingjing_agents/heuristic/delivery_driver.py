@@ -47,41 +47,41 @@ class DeliveryDriver:
 
     def act(self, observation: Observation, inbox: Inbox) -> Decision:
         """Listen, tell what was delivered, then drive on."""
-        town, own = look(observation), view_of(observation, self._body.id)
-        if own is None or own.position is None or town.depot is None:
+        seen, own = look(observation), view_of(observation, self._body.id)
+        if own is None or own.position is None or seen.depot is None:
             return Decision()
-        self._listen(inbox, town, observation.tick)
-        self._plan(observation.tick, town)
-        messages = self._tell(town, own)
-        if self._tour is None or not self._left(self._tour, town):
-            messages += self._next_tour(observation.tick, town)
-        command = self._unblock(own) if own.busy else self._move(town, own)
+        self._listen(inbox, seen, observation.tick)
+        self._plan(observation.tick, seen)
+        messages = self._tell(seen, own)
+        if self._tour is None or not self._left(self._tour, seen):
+            messages += self._next_tour(observation.tick, seen)
+        command = self._unblock(own) if own.busy else self._move(seen, own)
         return Decision(command=command, messages=messages)
 
     # -- who takes which tour
 
-    def _plan(self, tick: int, town: DeliveryView) -> None:
+    def _plan(self, tick: int, seen: DeliveryView) -> None:
         late = self._brief.hub is not None and tick >= HUB_PATIENCE_TICKS and not any(self._shares.values())
-        if self._planned or (self._brief.hub is not None and not late) or not town.demands_kg:
+        if self._planned or (self._brief.hub is not None and not late) or not seen.demands_kg:
             return
-        assert town.depot is not None
-        plan = tours(town.depot, town.places, town.demands_kg, self._payload)
+        assert seen.depot is not None
+        plan = tours(seen.depot, seen.places, seen.demands_kg, self._payload)
         self._shares = shared_out(plan, team(self._brief))
         self._planned = True
 
-    def _listen(self, inbox: Inbox, town: DeliveryView, tick: int) -> None:
+    def _listen(self, inbox: Inbox, seen: DeliveryView, tick: int) -> None:
         for envelope in inbox.messages:
             stops = envelope.body.get("stops")
             assignee = name_in(envelope.body, "assignee")
             if isinstance(stops, (tuple, list)) and assignee in {self._brief.agent, self._body.id}:
-                known = tuple(str(stop) for stop in stops if str(stop) in town.places)
+                known = tuple(str(stop) for stop in stops if str(stop) in seen.places)
                 self._planned = True
                 each = self._payload / max(1, len(known))
                 self._shares[self._brief.agent].append(DeliveryTour(known, (each,) * len(known), 0.0))
             elif envelope.category == "assignment" and name_in(envelope.body, "task") == DELIVER:
                 place = position_in(envelope.body)
-                if place is not None and town.places and envelope.sender != self._brief.agent:
-                    stop = min(town.places, key=lambda name: math.dist(town.places[name], place))
+                if place is not None and seen.places and envelope.sender != self._brief.agent:
+                    stop = min(seen.places, key=lambda name: math.dist(seen.places[name], place))
                     self._hear_claim(envelope.sender, stop, tick)
 
     def _hear_claim(self, sender: str, stop: str, tick: int) -> None:
@@ -96,20 +96,20 @@ class DeliveryDriver:
                     queue.remove(tour)
                     self._shares[sender].append(tour)
 
-    def _next_tour(self, tick: int, town: DeliveryView) -> tuple[Outgoing, ...]:
+    def _next_tour(self, tick: int, seen: DeliveryView) -> tuple[Outgoing, ...]:
         queue = self._shares[self._brief.agent]
         self._tour, self._given = None, {}
         while queue:
             tour = queue.pop(0)
-            if any(town.demands_kg.get(stop, 0.0) > 0.0 for stop in tour.stops):
+            if any(seen.demands_kg.get(stop, 0.0) > 0.0 for stop in tour.stops):
                 self._tour = tour
-                return self._say_claim(tour, town)
-        return self._take_over(tick, town) if self._brief.hub is None or tick > self._brief.ticks * 0.6 else ()
+                return self._say_claim(tour, seen)
+        return self._take_over(tick, seen) if self._brief.hub is None or tick > self._brief.ticks * 0.6 else ()
 
-    def _take_over(self, tick: int, town: DeliveryView) -> tuple[Outgoing, ...]:
+    def _take_over(self, tick: int, seen: DeliveryView) -> tuple[Outgoing, ...]:
         """Nothing left of one's own: the last tour of whoever has most (at least one that is not under way)."""
         left = {
-            name: [tour for tour in queue if all(town.demands_kg.get(stop, 0.0) > 0.0 for stop in tour.stops)]
+            name: [tour for tour in queue if all(seen.demands_kg.get(stop, 0.0) > 0.0 for stop in tour.stops)]
             for name, queue in self._shares.items()
             if name != self._brief.agent
         }
@@ -117,76 +117,76 @@ class DeliveryDriver:
         if busiest is not None and len(left[busiest]) >= 2:
             self._tour = left[busiest][-1]
             self._shares[busiest].remove(self._tour)
-            return self._say_claim(self._tour, town)
-        return self._mop_up(tick, town)
+            return self._say_claim(self._tour, seen)
+        return self._mop_up(tick, seen)
 
-    def _mop_up(self, tick: int, town: DeliveryView) -> tuple[Outgoing, ...]:
+    def _mop_up(self, tick: int, seen: DeliveryView) -> tuple[Outgoing, ...]:
         """What is still wanted and nobody has claimed of late: the longest tour over it."""
         free = {
             stop: left
-            for stop, left in town.demands_kg.items()
+            for stop, left in seen.demands_kg.items()
             if left > 0.0 and tick - self._claims.get(stop, -CLAIM_TICKS) >= CLAIM_TICKS
         }
-        assert town.depot is not None
-        rest = tours(town.depot, town.places, free, self._payload)
+        assert seen.depot is not None
+        rest = tours(seen.depot, seen.places, free, self._payload)
         if not rest:
             return ()
         self._tour = rest[0]
-        return self._say_claim(self._tour, town)
+        return self._say_claim(self._tour, seen)
 
-    def _say_claim(self, tour: DeliveryTour, town: DeliveryView) -> tuple[Outgoing, ...]:
+    def _say_claim(self, tour: DeliveryTour, seen: DeliveryView) -> tuple[Outgoing, ...]:
         if self._claim is None:
             return ()
         said = []
         for stop in tour.stops:
-            place = (*(round(value, 1) for value in town.places[stop]), self._brief.water_level_m)
+            place = (*(round(value, 1) for value in seen.places[stop]), self._brief.water_level_m)
             said.append(compose(self._claim, {"assignee": self._brief.agent, "task": DELIVER, "position": place}))
         return tuple(said)
 
     # -- what was delivered
 
-    def _tell(self, town: DeliveryView, own: EntityView) -> tuple[Outgoing, ...]:
+    def _tell(self, seen: DeliveryView, own: EntityView) -> tuple[Outgoing, ...]:
         """Where the load went down and a stop's demand with it, something was delivered."""
         load = (own.resources or {}).get(LOADED, 0.0)
-        before, self._before = self._before, (town.demands_kg, load)
+        before, self._before = self._before, (seen.demands_kg, load)
         if before is None or load >= before[1] or own.position is None:
             return ()
         here = own.position[:2]
-        fallen = [stop for stop, left in town.demands_kg.items() if before[0].get(stop, left) - left > 1e-6]
-        stop = min(fallen, key=lambda name: math.dist(town.places[name], here), default=None)
+        fallen = [stop for stop, left in seen.demands_kg.items() if before[0].get(stop, left) - left > 1e-6]
+        stop = min(fallen, key=lambda name: math.dist(seen.places[name], here), default=None)
         if stop is None:
             return ()
-        dropped = min(before[1] - load, before[0][stop] - town.demands_kg[stop])
+        dropped = min(before[1] - load, before[0][stop] - seen.demands_kg[stop])
         self._given[stop] = self._given.get(stop, 0.0) + dropped
         if self._handover is None:
             return ()
-        left = town.demands_kg[stop]
+        left = seen.demands_kg[stop]
         return (compose(self._handover, {"stop": stop, "delivered": dropped, "left": left}),)
 
-    def _left(self, tour: DeliveryTour, town: DeliveryView) -> list[str]:
+    def _left(self, tour: DeliveryTour, seen: DeliveryView) -> list[str]:
         """Stops of the tour that still want what this van has for them."""
         return [
             stop
             for stop, amount in zip(tour.stops, tour.amounts, strict=True)
-            if town.demands_kg.get(stop, 0.0) > 0.0 and self._given.get(stop, 0.0) < amount - 1e-6
+            if seen.demands_kg.get(stop, 0.0) > 0.0 and self._given.get(stop, 0.0) < amount - 1e-6
         ]
 
     # -- where to go
 
-    def _move(self, town: DeliveryView, own: EntityView) -> Action | None:
+    def _move(self, seen: DeliveryView, own: EntityView) -> Action | None:
         assert own.position is not None
-        assert town.depot is not None
+        assert seen.depot is not None
         load = (own.resources or {}).get(LOADED, 0.0)
-        left = self._left(self._tour, town) if self._tour is not None else []
+        left = self._left(self._tour, seen) if self._tour is not None else []
         here = own.position[:2]
-        wanted = min(self._payload, sum(town.demands_kg[stop] for stop in left))
-        at_depot = math.dist(here, town.depot) <= DEPOT_M
+        wanted = min(self._payload, sum(seen.demands_kg[stop] for stop in left))
+        at_depot = math.dist(here, seen.depot) <= DEPOT_M
         self._loading = False
         if left and (load >= wanted - 1e-6 or (load > 0.0 and not at_depot and load >= 0.5 * self._payload)):
-            return self._drive(here, town.places[left[0]], NEAR_M)
+            return self._drive(here, seen.places[left[0]], NEAR_M)
         if left or self._shares[self._brief.agent] or load < self._payload:
             self._loading = True
-            return self._drive(here, town.depot, DEPOT_M)
+            return self._drive(here, seen.depot, DEPOT_M)
         return None
 
     def _unblock(self, own: EntityView) -> Action | None:

@@ -33,10 +33,10 @@ class Rescuer:
     def __init__(self, brief: Brief, body: Resource) -> None:
         self._brief = brief
         self._body = body
-        self._kind = (target_type_of(brief) or (PEOPLE, ""))[0]
+        self._target_type = (target_type_of(brief) or (PEOPLE, ""))[0]
         self._afloat = has_verb(body, "moveTo")
-        self._sightings = self._kind.sightings(brief)
-        self._log = EventLog(self._kind.done)
+        self._sightings = self._target_type.sightings(brief)
+        self._log = EventLog(self._target_type.done)
         self._before: GroundPoint | None = None
         self._sent: Sighting | None = None
         self._target: Sighting | None = None
@@ -100,7 +100,7 @@ class Rescuer:
             return distance_to_segment_m(self._sightings.where(sighting, time_s), self._before or here, here)
 
         near = min(self._sightings.of("open"), key=off, default=None)
-        if near is not None and off(near) <= 2 * self._kind.settle_m:
+        if near is not None and off(near) <= 2 * self._target_type.settle_m:
             return near
         return None if self._afloat else self._target
 
@@ -116,7 +116,7 @@ class Rescuer:
                 return None
             self._sent = self._target
             return self._go(x, y)
-        if math.dist(here, (x, y)) > self._kind.settle_m / 2:
+        if math.dist(here, (x, y)) > self._target_type.settle_m / 2:
             lead_s = math.dist(here, (x, y)) / self._speed()
             return self._go(*self._sightings.where(self._target, observation.time_s + lead_s))
         return None
@@ -134,7 +134,7 @@ class Rescuer:
         middle = (sum(x for x, _ in corners) / len(corners), sum(y for _, y in corners) / len(corners))
         distance = math.dist(here, middle)
         hop = min(distance, STAGING_TICKS * self._brief.tick_s * self._speed())
-        if distance < 2 * self._kind.settle_m:
+        if distance < 2 * self._target_type.settle_m:
             return None
         return self._go(*between(here, middle, hop / distance))
 
@@ -155,7 +155,7 @@ class Rescuer:
             return ()
         x, y = self._sightings.where(sighting, time_s)
         place = (round(x, 1), round(y, 1), self._brief.water_level_m)
-        return (compose(self._status, {"task": self._kind.task, "state": state, "position": place}),)
+        return (compose(self._status, {"task": self._target_type.task, "state": state, "position": place}),)
 
     def _go(self, x: float, y: float) -> Action:
         verb = "moveTo" if self._afloat else "setDestination"

@@ -49,7 +49,7 @@ class RouteCoordinator:
         self._told: set[int] = set()
         self._asked: list[GroundPoint] = []
         self._arrived = False
-        self._guide: BuildingGuidance | None = None
+        self._guidance: BuildingGuidance | None = None
 
     def act(self, observation: Observation, inbox: Inbox) -> Decision:
         """Order the inspection of a new route; else listen, and replan or drive; lead whoever walks on."""
@@ -60,13 +60,13 @@ class RouteCoordinator:
     def _have_led(self, observation: Observation) -> tuple[Outgoing, ...]:
         """The way for the walker, from the moment the route is verified."""
         if observation.tick == 0:
-            self._guide = BuildingGuidance.of(self._brief, observation)
-        if self._guide is None:
+            self._guidance = BuildingGuidance.of(self._brief, observation)
+        if self._guidance is None:
             return ()
-        self._guide.see(observation)
+        self._guidance.see(observation)
         if self._drive_tick < 0:
             return ()
-        return self._guide.lead(observation, waited=observation.tick - self._drive_tick > LOOKING_TICKS)
+        return self._guidance.lead(observation, waited=observation.tick - self._drive_tick > LOOKING_TICKS)
 
     def _have_route(self, observation: Observation, inbox: Inbox) -> Decision:
         self._arrived = self._arrived or any(
@@ -95,7 +95,7 @@ class RouteCoordinator:
         if self._order is None:
             return ()
         end = self._route[-1][0], self._route[-1][1]
-        last = self._guide.viewpoints(end, self._looks()) if self._guide is not None else ()
+        last = self._guidance.viewpoints(end, self._looks()) if self._guidance is not None else ()
         inspect = [self._send(self._inspector, INSPECT, place) for place in self._route[first:]]
         return (*inspect, *(self._send(self._inspector, LOOK, (*place, 0.0)) for place in last))
 

@@ -31,9 +31,9 @@ class SearchCoordinator:
         self._searchers, self._rescuers = _split(brief)
         self._owner: dict[str, str] = {}
         self._done: set[str] = set()
-        self._kind = (target_type_of(brief) or (PEOPLE, ""))[0]
-        self._sightings = self._kind.sightings(brief)
-        self._log = EventLog(self._kind.done)
+        self._target_type = (target_type_of(brief) or (PEOPLE, ""))[0]
+        self._sightings = self._target_type.sightings(brief)
+        self._log = EventLog(self._target_type.done)
         self._current: Sighting | None = None
         self._current_tick = 0
         self._vessel: GroundPoint | None = None
@@ -95,7 +95,7 @@ class SearchCoordinator:
         self._current_tick = observation.tick
         x, y = self._sightings.where(self._current, observation.time_s)
         place = (round(x, 1), round(y, 1), self._brief.water_level_m)
-        return (self._order(self._rescuers[0], self._kind.task, position=place),)
+        return (self._order(self._rescuers[0], self._target_type.task, position=place),)
 
     def _choose(self, time_s: float) -> Sighting | None:
         def cost(sighting: Sighting) -> tuple[float, float]:

@@ -112,8 +112,8 @@ class AircraftControl:
 class Searching(Ability):
     """Takes a picture from above of each target of its share, then deals with those that aircraft deal with."""
 
-    def __init__(self, flight: AircraftControl, plan: InstanceIndex, reporting: Reporting) -> None:
-        self._flight, self._plan, self._reporting = flight, plan, reporting
+    def __init__(self, aircraft: AircraftControl, plan: InstanceIndex, reporting: Reporting) -> None:
+        self._aircraft, self._plan, self._reporting = aircraft, plan, reporting
         self._first: dict[str, tuple[GroundPoint, float]] = {}
         self._tries: dict[str, int] = {}
 
@@ -125,7 +125,7 @@ class Searching(Ability):
 
     def act(self, truth: PrivilegedState) -> Action | None:
         """Fly on, or take the picture."""
-        body = self._flight.body
+        body = self._aircraft.body
         if truth.busy(body.id):
             return None
         mine = self._share(truth)
@@ -139,35 +139,35 @@ class Searching(Ability):
 
     def _share(self, truth: PrivilegedState) -> list[str]:
         open_now = self._reporting.open(truth)
-        if not open_now or self._flight.camera is None:
+        if not open_now or self._aircraft.camera is None:
             return []
         places = {name: truth.place(name) for name in open_now}
         mates = {
             body.id: truth.place(body.id)
-            for body in self._plan.bodies(self._plan.entities[self._flight.body.id].engine)
+            for body in self._plan.bodies(self._plan.entities[self._aircraft.body.id].engine)
             if _alive(truth, body.id) and self._plan.owners[body.id].role == truth.brief.role
         }
-        return shares(mates, self._order(truth, places), places).get(self._flight.body.id, [])
+        return shares(mates, self._order(truth, places), places).get(self._aircraft.body.id, [])
 
     def _order(self, truth: PrivilegedState, places: dict[str, GroundPoint]) -> tuple[str, ...]:
         """As those who deal with the targets will visit them."""
         tasks = [task for task in truth.left if task.target in places]
         actors = [body.id for body in sorted(self._plan.able(*tasks), key=lambda body: body.engine)]
-        start = truth.place(actors[0] if actors else self._flight.body.id)
+        start = truth.place(actors[0] if actors else self._aircraft.body.id)
         return shortest(start, places)
 
     def _above(self, truth: PrivilegedState, target: str, *, looking: bool) -> Action | None:
-        state, body = truth.states[target], truth.states[self._flight.body.id]
+        state, body = truth.states[target], truth.states[self._aircraft.body.id]
         x, y = state.position[:2]
         tries = self._tries.get(target, 0)
         above = ABOVE_M * 0.6**tries
-        z = self._flight.altitude(truth, (x, y), state.position[2], above)
+        z = self._aircraft.altitude(truth, (x, y), state.position[2], above)
         if math.dist(body.position, (x, y, z)) <= NEAR_M:
             self._tries[target] = tries + 1
-            return self._flight.photo() if looking else None
+            return self._aircraft.photo() if looking else None
         east, north = self._drift(truth, target)
         lead_s = min(_LEAD_S, math.dist(body.position[:2], (x, y)) / _LEAD_MPS)
-        return self._flight.to(truth, x + lead_s * east, y + lead_s * north, z)
+        return self._aircraft.to(truth, x + lead_s * east, y + lead_s * north, z)
 
     def _drift(self, truth: PrivilegedState, target: str) -> GroundPoint:
         """Mean velocity (m/s) since the episode began; the water's current before anything has moved."""
@@ -179,9 +179,9 @@ class Inspecting(Ability):
     for."""
 
     def __init__(
-        self, flight: AircraftControl, plan: InstanceIndex, voice: MessageComposer, inspection: InspectionSpec
+        self, aircraft: AircraftControl, plan: InstanceIndex, composer: MessageComposer, inspection: InspectionSpec
     ) -> None:
-        self._flight, self._plan, self._voice, self._inspection = flight, plan, voice, inspection
+        self._aircraft, self._plan, self._composer, self._inspection = aircraft, plan, composer, inspection
         self._told: set[tuple[str, tuple[Vector, ...]]] = set()
         self._looked: set[tuple[str, int]] = set()
         self._sighted = 0
@@ -203,7 +203,7 @@ class Inspecting(Ability):
 
     def act(self, truth: PrivilegedState) -> Action | None:
         """The next waypoint, or what blocks the way before it."""
-        body = self._flight.body
+        body = self._aircraft.body
         if truth.busy(body.id):
             return None
         route = truth.routes.get(self._inspection.asset)
@@ -211,25 +211,25 @@ class Inspecting(Ability):
             return self._take_off(truth)
         if self._asked == truth.tick:  # the new route begins where this one does
             x, y, z = route.waypoints[0]
-            return self._flight.to(truth, x, y, self._flight.altitude(truth, (x, y), z))
+            return self._aircraft.to(truth, x, y, self._aircraft.altitude(truth, (x, y), z))
         place = self._next(truth, route)
         if place is None:
             end = self._plan.entities.get(self._inspection.destination)
             unseen = end is not None and self._sighted != route.number
-            return self._flight.photo() if unseen and self._carried() and not truth.known.frames else None
+            return self._aircraft.photo() if unseen and self._carried() and not truth.known.frames else None
         jam = self._jam(truth, route)
         if jam is not None and _segment(truth, route, jam) <= place:
             return self._look_at(truth, jam, route)
         x, y, z = route.waypoints[self._farthest(truth, route, place)]
-        return self._flight.to(truth, x, y, self._flight.altitude(truth, (x, y), z))
+        return self._aircraft.to(truth, x, y, self._aircraft.altitude(truth, (x, y), z))
 
     def _look_at(self, truth: PrivilegedState, jam: Entity, route: Route) -> Action | None:
         x, y = truth.place(jam.id)
-        here = truth.place(self._flight.body.id)
+        here = truth.place(self._aircraft.body.id)
         if math.dist(here, (x, y)) > 0.6 * self._inspection.within_m:
-            return self._flight.to(truth, x, y, self._flight.altitude(truth, (x, y), jam.position[2]))
+            return self._aircraft.to(truth, x, y, self._aircraft.altitude(truth, (x, y), jam.position[2]))
         self._looked.add((jam.id, route.number))
-        return self._flight.photo()
+        return self._aircraft.photo()
 
     def _sighting(self, truth: PrivilegedState, jam: Entity) -> list[Outgoing]:
         for frame in truth.known.frames:
@@ -255,17 +255,17 @@ class Inspecting(Ability):
             "frame": frame, "class": cls, "box": box, "position": position, "confidence": 1.0,
         }  # fmt: skip
         kind = self._carried()
-        return self._voice.say(kind, body) if kind else []
+        return self._composer.say(kind, body) if kind else []
 
     def _carried(self) -> str:
         """The kind of report with which inspectors hand over what they see."""
-        message = self._voice.with_fields("frame", "class", "box", "position")
+        message = self._composer.with_fields("frame", "class", "box", "position")
         return message.kind if message is not None else ""
 
     def _ask_anew(self, truth: PrivilegedState, route: Route, jam: Entity) -> list[Outgoing]:
         state = truth.states[jam.id]
         number = min(_segment(truth, route, jam) + 1, len(route.waypoints))
-        return self._voice.say(
+        return self._composer.say(
             self._inspection.replan, {"waypoint": number, "position": state.position, "confidence": 1.0}
         )
 
@@ -287,7 +287,7 @@ class Inspecting(Ability):
 
     def _farthest(self, truth: PrivilegedState, route: Route, place: int) -> int:
         """The last waypoint that a straight flight reaches past all those before it."""
-        here, best = truth.place(self._flight.body.id), place
+        here, best = truth.place(self._aircraft.body.id), place
         jam = self._jam(truth, route)
         last = len(route.waypoints) if jam is None else min(len(route.waypoints), _segment(truth, route, jam))
         for candidate in range(place + 1, last):
@@ -298,22 +298,22 @@ class Inspecting(Ability):
         return best
 
     def _take_off(self, truth: PrivilegedState) -> Action | None:
-        state = truth.states[self._flight.body.id]
+        state = truth.states[self._aircraft.body.id]
         x, y, z = state.position
-        height = self._flight.altitude(truth, (x, y), 0.0)
-        return self._flight.to(truth, x, y, height) if z < height - NEAR_M else None
+        height = self._aircraft.altitude(truth, (x, y), 0.0)
+        return self._aircraft.to(truth, x, y, height) if z < height - NEAR_M else None
 
 
-def flying(brief: Brief, plan: InstanceIndex, reporting: Reporting | None, voice: MessageComposer) -> list[Ability]:
+def flying(brief: Brief, plan: InstanceIndex, reporting: Reporting | None, composer: MessageComposer) -> list[Ability]:
     """What an agent with an aircraft does: inspections first."""
     body = flyer(brief)
     if body is None:
         return []
-    flight = AircraftControl(body, plan)
+    aircraft = AircraftControl(body, plan)
     found: list[Ability] = [
-        Inspecting(flight, plan, voice, one) for one in plan.instance.inspections if body.id in one.by
+        Inspecting(aircraft, plan, composer, one) for one in plan.instance.inspections if body.id in one.by
     ]
-    return [*found, Searching(flight, plan, reporting or Reporting(plan, voice))]
+    return [*found, Searching(aircraft, plan, reporting or Reporting(plan, composer))]
 
 
 def drift(truth: PrivilegedState, target: str, first: GroundPoint, since_s: float) -> GroundPoint:

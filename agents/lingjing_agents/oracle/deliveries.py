@@ -31,7 +31,7 @@ class SupplyChain:
     holds: float
 
 
-def trade_of(plan: InstanceIndex) -> SupplyChain | None:
+def supply_chain(plan: InstanceIndex) -> SupplyChain | None:
     """The trade that the mission asks for, if it asks for one."""
     deliveries = tuple(task for task in plan.tasks if task.takes and task.source)
     for supply in plan.supplies:
@@ -43,21 +43,21 @@ def trade_of(plan: InstanceIndex) -> SupplyChain | None:
     return None
 
 
-def shares(truth: PrivilegedState, trade: SupplyChain) -> dict[str, list[DeliveryTour]]:
+def vehicle_tours(truth: PrivilegedState, chain: SupplyChain) -> dict[str, list[DeliveryTour]]:
     """The tours of each vehicle in order."""
-    demands = {task.target: truth.stock(task.target, task.takes) for task in trade.deliveries}
+    demands = {task.target: truth.stock(task.target, task.takes) for task in chain.deliveries}
     places = {name: truth.place(name) for name in demands}
-    plan = tours(truth.place(trade.supply.target), places, demands, trade.holds)
-    return shared_out(plan, tuple(body.id for body in trade.bodies))
+    plan = tours(truth.place(chain.supply.target), places, demands, chain.holds)
+    return shared_out(plan, tuple(body.id for body in chain.bodies))
 
 
 class Delivering(Ability):
     """Takes one vehicle or aircraft along its stops, back to the depot when it is empty."""
 
     def __init__(
-        self, body: Resource, trade: SupplyChain, voice: MessageComposer, flight: AircraftControl | None
+        self, body: Resource, chain: SupplyChain, composer: MessageComposer, aircraft: AircraftControl | None
     ) -> None:
-        self._body, self._trade, self._voice, self._flight = body, trade, voice, flight
+        self._body, self._chain, self._composer, self._aircraft = body, chain, composer, aircraft
         self._stops: list[str] | None = None
         self._before: dict[str, float] = {}
         self._load = 0.0
@@ -69,7 +69,7 @@ class Delivering(Ability):
         if self._learn(truth):
             for stop in dict.fromkeys(self._stops or ()):
                 place = truth.states[stop].position
-                messages += self._voice.order(truth.brief.agent, "deliver", {"position": place})
+                messages += self._composer.order(truth.brief.agent, "deliver", {"position": place})
         return messages
 
     def act(self, truth: PrivilegedState) -> Action | None:
@@ -79,20 +79,20 @@ class Delivering(Ability):
         if self._stops is None:
             return None
         goal = self._next(truth)
-        load = truth.stock(self._body.id, self._trade.supply.gives)
+        load = truth.stock(self._body.id, self._chain.supply.gives)
         if not goal and not self._open(truth):
             return None
         if load <= 0.0 or self._short(truth, goal, load):
-            goal = self._trade.supply.target
+            goal = self._chain.supply.target
         if not goal:
             return None
-        reach = self._trade.supply.within_m if goal == self._trade.supply.target else self._trade.deliveries[0].within_m
+        reach = self._chain.supply.within_m if goal == self._chain.supply.target else self._chain.deliveries[0].within_m
         if truth.distance(self._body.id, goal) <= 0.8 * reach:
             return None
         x, y = self._near(truth, goal)
-        if self._flight is not None:
+        if self._aircraft is not None:
             height = truth.states[goal].position[2]
-            return self._flight.to(truth, x, y, self._flight.altitude(truth, (x, y), height))
+            return self._aircraft.to(truth, x, y, self._aircraft.altitude(truth, (x, y), height))
         arguments: dict[str, Datum] = {"x": x, "y": y}
         return Action(verb=mover(self._body), arguments=arguments, resource=self._body.id)
 
@@ -109,7 +109,7 @@ class Delivering(Ability):
         """Whether it would leave the stop half served although a full load would do."""
         if not goal:
             return False
-        wanted = min(truth.stock(goal, self._trade.deliveries[0].takes), self._trade.holds)
+        wanted = min(truth.stock(goal, self._chain.deliveries[0].takes), self._chain.holds)
         return load < wanted
 
     def _next(self, truth: PrivilegedState) -> str:
@@ -123,7 +123,7 @@ class Delivering(Ability):
         return min(open_now, key=lambda name: (truth.distance(self._body.id, name), name))
 
     def _open(self, truth: PrivilegedState) -> tuple[str, ...]:
-        return tuple(task.target for task in truth.left if task in self._trade.deliveries)
+        return tuple(task.target for task in truth.left if task in self._chain.deliveries)
 
     def _learn(self, truth: PrivilegedState) -> bool:
         """Take the coordinator's latest tour for this vehicle or, without a coordinator, the plan that all make;
@@ -134,20 +134,20 @@ class Delivering(Ability):
             if isinstance(stops, tuple | list) and assignee in (truth.brief.agent, self._body.id):
                 self._stops = [str(name) for name in stops]
         if self._stops is None and truth.brief.hub is None:
-            self._stops = [name for tour in shares(truth, self._trade)[self._body.id] for name in tour.stops]
+            self._stops = [name for tour in vehicle_tours(truth, self._chain)[self._body.id] for name in tour.stops]
         return self._stops != before
 
     def _hand_over(self, truth: PrivilegedState) -> list[Outgoing]:
         messages: list[Outgoing] = []
-        load = truth.stock(self._body.id, self._trade.supply.gives)
-        message = self._voice.with_fields("stop", "delivered")
-        for task in self._trade.deliveries:
+        load = truth.stock(self._body.id, self._chain.supply.gives)
+        message = self._composer.with_fields("stop", "delivered")
+        for task in self._chain.deliveries:
             wants = truth.stock(task.target, task.takes)
             given = self._before.get(task.target, wants) - wants
             near = truth.distance(self._body.id, task.target) <= 200.0
             if message is not None and given > 0.0 and near and load < self._load:
                 body: dict[str, Datum] = {"stop": task.target, "delivered": given, "left": wants}
-                messages += self._voice.say(message.kind, body)
+                messages += self._composer.say(message.kind, body)
             self._before[task.target] = wants
         self._load = load
         return messages
@@ -156,8 +156,8 @@ class Delivering(Ability):
 class Dispatching(Ability):
     """A coordinator without a vehicle: sends everybody a tour."""
 
-    def __init__(self, trade: SupplyChain, plan: InstanceIndex, voice: MessageComposer, kind: str) -> None:
-        self._trade, self._plan, self._voice, self._kind = trade, plan, voice, kind
+    def __init__(self, chain: SupplyChain, plan: InstanceIndex, composer: MessageComposer, kind: str) -> None:
+        self._chain, self._plan, self._composer, self._kind = chain, plan, composer, kind
         self._sent = False
 
     def say(self, truth: PrivilegedState) -> list[Outgoing]:
@@ -166,30 +166,30 @@ class Dispatching(Ability):
             return []
         self._sent = True
         messages: list[Outgoing] = []
-        for body, plan in shares(truth, self._trade).items():
+        for body, plan in vehicle_tours(truth, self._chain).items():
             owner = self._plan.owners[body].id
             stops = tuple(name for tour in plan for name in tour.stops)
             first = plan[0].load if plan else 0.0
             content: dict[str, Datum] = {"assignee": owner, "stops": stops, "load": first}
-            messages += self._voice.say(self._kind, content, (owner,))
+            messages += self._composer.say(self._kind, content, (owner,))
         return messages
 
 
-def dispatching(brief: Brief, plan: InstanceIndex, voice: MessageComposer) -> list[Ability]:
+def dispatching(brief: Brief, plan: InstanceIndex, composer: MessageComposer) -> list[Ability]:
     """Drivers of what carries goods, and the coordinator who sends tours."""
-    trade = trade_of(plan)
-    if trade is None:
+    chain = supply_chain(plan)
+    if chain is None:
         return []
-    carriers = {body.id for body in trade.bodies}
+    carriers = {body.id for body in chain.bodies}
     own = [resource for resource in brief.resources if resource.embodied and resource.id in carriers]
     aircraft = flyer(brief)
     found: list[Ability] = [
-        Delivering(resource, trade, voice, AircraftControl(resource, plan) if resource == aircraft else None)
+        Delivering(resource, chain, composer, AircraftControl(resource, plan) if resource == aircraft else None)
         for resource in own
     ]
-    message = voice.with_fields("assignee", "stops")
+    message = composer.with_fields("assignee", "stops")
     if not brief.resources and message is not None:
-        found.append(Dispatching(trade, plan, voice, message.kind))
+        found.append(Dispatching(chain, plan, composer, message.kind))
     return found
 
 

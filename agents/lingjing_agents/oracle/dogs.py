@@ -13,7 +13,7 @@ from lingjing_agents.oracle.ability import Ability
 from lingjing_agents.oracle.composing import MessageComposer
 from lingjing_agents.oracle.privileged_state import InstanceIndex, PrivilegedState
 from lingjing_agents.oracle.reporting import Reporting
-from lingjing_agents.paths.clearance_paths import find_way
+from lingjing_agents.paths.clearance_paths import find_path
 from lingjing_agents.paths.visiting_order import shares, shortest
 
 AROUND_M = 50.0
@@ -35,7 +35,7 @@ class DogPath:
     def __init__(self, dog: Entity, plan: InstanceIndex) -> None:
         self.dog, self._plan = dog, plan
         self._map: tuple[GroundPoint, ObstacleMap] | None = None
-        self._way: list[GroundPoint] = []
+        self._path: list[GroundPoint] = []
         self._goal = ""
         self._shut: list[GroundPoint] = []
         self._last: tuple[GroundPoint, float] | None = None
@@ -64,17 +64,17 @@ class DogPath:
         if math.dist(here, goal) <= near + 0.3:
             return None
         self._look_back(truth, here)
-        if self._goal != task.target or not self._way:
+        if self._goal != task.target or not self._path:
             self._goal = task.target
-            self._way = self._find(truth, here, goal, near) or [goal]
-        while len(self._way) > 1 and math.dist(here, self._way[0]) <= REACHED_M:
-            self._way.pop(0)
-        return self._towards(truth, here, self._way[0])
+            self._path = self._find(truth, here, goal, near) or [goal]
+        while len(self._path) > 1 and math.dist(here, self._path[0]) <= REACHED_M:
+            self._path.pop(0)
+        return self._towards(truth, here, self._path[0])
 
     def _towards(self, truth: PrivilegedState, here: GroundPoint, there: GroundPoint) -> tuple[str, float] | None:
         length = math.dist(here, there)
         if length < 0.2:
-            self._way = []
+            self._path = []
             return None
         step = min(length, _most(self._verb("forward"), "distance"))
         turn = turn_deg(truth.states[self.dog.id].heading_deg, bearing_deg(here, there))
@@ -105,15 +105,15 @@ class DogPath:
         gained = math.dist((x, y), here)
         if gained < _GAINED_M:
             self._shut = [*self._shut[-7:], (here[0] + 1.3 * math.sin(heading), here[1] + 1.3 * math.cos(heading))]
-            self._way = []
-        elif self._way and math.dist(here, self._way[0]) > REACHED_M and len(self._way) > 1:
+            self._path = []
+        elif self._path and math.dist(here, self._path[0]) > REACHED_M and len(self._path) > 1:
             self._goal = ""  # it strayed or was stopped half-way: look for the way from here
 
     def _find(self, truth: PrivilegedState, here: GroundPoint, goal: GroundPoint, within_m: float) -> list[GroundPoint]:
         ground = self._ground(truth, here, goal)
         if ground is None:
             return []
-        return find_way(ground, here, goal, within_m, self._shut) or find_way(ground, here, goal, within_m)
+        return find_path(ground, here, goal, within_m, self._shut) or find_path(ground, here, goal, within_m)
 
     def _ground(self, truth: PrivilegedState, here: GroundPoint, goal: GroundPoint) -> ObstacleMap | None:
         if truth.known.city is None:
@@ -132,8 +132,10 @@ class DogPath:
 class DogControl(Ability):
     """Commands one dog: by itself, or by the steps it is told if it does not see."""
 
-    def __init__(self, walk: DogPath, plan: InstanceIndex, voice: MessageComposer, reporting: Reporting | None) -> None:
-        self._walk, self._plan, self._voice, self._reporting = walk, plan, voice, reporting
+    def __init__(
+        self, walk: DogPath, plan: InstanceIndex, composer: MessageComposer, reporting: Reporting | None
+    ) -> None:
+        self._walk, self._plan, self._composer, self._reporting = walk, plan, composer, reporting
         self._camera = _front(walk.dog)
         self._looks: dict[str, int] = {}
         self._told = ""
@@ -147,7 +149,7 @@ class DogControl(Ability):
             return []
         self._told = name
         x, y, z = truth.states[self._walk.dog.id].position
-        return self._voice.status(name or "all done", "begun" if name else "done", {"position": (x, y, z)})
+        return self._composer.status(name or "all done", "begun" if name else "done", {"position": (x, y, z)})
 
     def act(self, truth: PrivilegedState) -> Action | None:
         """A picture of what must be reported, else the next step."""
@@ -190,8 +192,8 @@ class DogControl(Ability):
 class GuidanceSender(Ability):
     """Tells somebody else's dog its next step."""
 
-    def __init__(self, walk: DogPath, plan: InstanceIndex, voice: MessageComposer, kind: str) -> None:
-        self._walk, self._plan, self._voice, self._kind = walk, plan, voice, kind
+    def __init__(self, walk: DogPath, plan: InstanceIndex, composer: MessageComposer, kind: str) -> None:
+        self._walk, self._plan, self._composer, self._kind = walk, plan, composer, kind
         self._sent = -_EVERY_TICKS
         self._said: tuple[str, float] | None = None
 
@@ -213,25 +215,25 @@ class GuidanceSender(Ability):
         body: dict[str, Datum] = {
             "assignee": owner, "step": step[0], "amount": round(step[1], 2), "position": place,
         }  # fmt: skip
-        return self._voice.say(self._kind, body, (owner,))
+        return self._composer.say(self._kind, body, (owner,))
 
 
 _EVERY_TICKS = 2
 _WAIT_TICKS = 4
 
 
-def walking(brief: Brief, plan: InstanceIndex, voice: MessageComposer, reporting: Reporting | None) -> list[Ability]:
+def walking(brief: Brief, plan: InstanceIndex, composer: MessageComposer, reporting: Reporting | None) -> list[Ability]:
     """Whoever embodies a dog walks it; whoever may send guidance guides the dogs of others."""
     found: list[Ability] = []
     own = {resource.id for resource in brief.resources if resource.embodied}
-    message = voice.with_fields("assignee", "step")
+    message = composer.with_fields("assignee", "step")
     for entity in plan.instance.entities:
         if entity.role != "asset" or not _walks(entity) or entity.id not in plan.owners:
             continue
         if entity.id in own:
-            found.append(DogControl(DogPath(entity, plan), plan, voice, reporting))
+            found.append(DogControl(DogPath(entity, plan), plan, composer, reporting))
         elif message is not None and brief.resources:
-            found.append(GuidanceSender(DogPath(entity, plan), plan, voice, message.kind))
+            found.append(GuidanceSender(DogPath(entity, plan), plan, composer, message.kind))
     return found
 
 

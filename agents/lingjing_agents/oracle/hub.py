@@ -12,8 +12,8 @@ from lingjing_agents.oracle.privileged_state import InstanceIndex, PrivilegedSta
 class Leading(Ability):
     """The hub of a star."""
 
-    def __init__(self, brief: Brief, plan: InstanceIndex, voice: MessageComposer) -> None:
-        self._brief, self._plan, self._voice = brief, plan, voice
+    def __init__(self, brief: Brief, plan: InstanceIndex, composer: MessageComposer) -> None:
+        self._brief, self._plan, self._composer = brief, plan, composer
         self._roles = {peer.id: peer.role for peer in brief.peers}
         self._ordered: set[tuple[str, str]] = set()
         self._routes: dict[str, int] = {}
@@ -35,8 +35,8 @@ class Leading(Ability):
             to = tuple(name for name, role in self._roles.items() if role == relation.target and name != message.sender)
             if not to:
                 continue
-            if self._voice.kind(message.kind) is not None:
-                said += self._voice.say(message.kind, message.body, to)
+            if self._composer.kind(message.kind) is not None:
+                said += self._composer.say(message.kind, message.body, to)
             elif "position" in message.body:
                 said += self._order_there(message, to)
         return said
@@ -45,7 +45,7 @@ class Leading(Ability):
         body: dict[str, Datum] = {"position": message.body["position"]}
         said: list[Outgoing] = []
         for name in to:
-            said += self._voice.order(name, str(message.body.get("class", "go")), body, (name,))
+            said += self._composer.order(name, str(message.body.get("class", "go")), body, (name,))
         return said
 
     def _cells(self, truth: PrivilegedState) -> list[Outgoing]:
@@ -57,7 +57,7 @@ class Leading(Ability):
         said: list[Outgoing] = []
         for number, name in enumerate(mates):
             cell = self._brief.cells[number % len(self._brief.cells)]
-            said += self._voice.order(name, "search", {"cell": cell.name}, (name,))
+            said += self._composer.order(name, "search", {"cell": cell.name}, (name,))
         return said
 
     def _inspections(self, truth: PrivilegedState) -> list[Outgoing]:
@@ -72,7 +72,7 @@ class Leading(Ability):
                 agent = self._plan.owners[name].id
                 if agent in self._roles:
                     body: dict[str, Datum] = {"position": route.waypoints[0]}
-                    said += self._voice.order(agent, "inspect", body, (agent,))
+                    said += self._composer.order(agent, "inspect", body, (agent,))
         return said
 
     def _tasks(self, truth: PrivilegedState) -> list[Outgoing]:
@@ -85,7 +85,7 @@ class Leading(Ability):
             if name and (name, task.target) not in self._ordered:
                 self._ordered.add((name, task.target))
                 body: dict[str, Datum] = {"position": truth.states[task.target].position}
-                said += self._voice.order(name, task.name, body, (name,))
+                said += self._composer.order(name, task.name, body, (name,))
         return said
 
     def _performer(self, truth: PrivilegedState, task: Task) -> str:
@@ -100,6 +100,6 @@ class Leading(Ability):
         return self._plan.owners[min(able, key=lambda name: truth.distance(name, task.target))].id
 
 
-def leading(brief: Brief, plan: InstanceIndex, voice: MessageComposer) -> list[Ability]:
+def leading(brief: Brief, plan: InstanceIndex, composer: MessageComposer) -> list[Ability]:
     """The hub alone leads."""
-    return [Leading(brief, plan, voice)] if brief.hub == brief.agent else []
+    return [Leading(brief, plan, composer)] if brief.hub == brief.agent else []

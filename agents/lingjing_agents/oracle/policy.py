@@ -39,14 +39,14 @@ class OraclePolicy:
 
 def abilities(brief: Brief, plan: InstanceIndex) -> tuple[Ability, ...]:
     """What an agent can do, most urgent first."""
-    voice = MessageComposer(brief)
-    reports = reporting(brief, plan, voice)
-    eyes = next((one for one in reports if isinstance(one, Reporting)), None)
+    composer = MessageComposer(brief)
+    reports = reporting(brief, plan, composer)
+    reporter = next((one for one in reports if isinstance(one, Reporting)), None)
     return (
         *reports,
-        *flying(brief, plan, eyes, voice),
-        *walking(brief, plan, voice, eyes),
-        *dispatching(brief, plan, voice),
-        *going(brief, plan, voice),
-        *leading(brief, plan, voice),
+        *flying(brief, plan, reporter, composer),
+        *walking(brief, plan, composer, reporter),
+        *dispatching(brief, plan, composer),
+        *going(brief, plan, composer),
+        *leading(brief, plan, composer),
     )

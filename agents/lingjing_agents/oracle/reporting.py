@@ -14,8 +14,8 @@ PATIENCE_TICKS = 3
 class Reporting(Ability):
     """Says what the agent's own pictures show, and hands each target over to whoever deals with it."""
 
-    def __init__(self, plan: InstanceIndex, voice: MessageComposer) -> None:
-        self._plan, self._voice = plan, voice
+    def __init__(self, plan: InstanceIndex, composer: MessageComposer) -> None:
+        self._plan, self._composer = plan, composer
         self.told: dict[str, int] = {}
 
     def open(self, truth: PrivilegedState) -> tuple[str, ...]:
@@ -38,7 +38,7 @@ class Reporting(Ability):
             if box.entity not in wanted or state is None:
                 continue
             kind = self._plan.kinds[self._plan.entities[box.entity].group]
-            said = self._voice.report(kind, frame, box.cls, box.box, state.position, state.resources)
+            said = self._composer.report(kind, frame, box.cls, box.box, state.position, state.resources)
             if said:
                 self.told[box.entity] = truth.tick
                 messages += said + self._hand_over(box.entity, truth)
@@ -52,11 +52,11 @@ class Reporting(Ability):
                 own = {resource.id for resource in truth.brief.resources if resource.embodied}
                 if bodies and not own.intersection(bodies):
                     nearest = min(bodies, key=lambda name: truth.distance(name, target))
-                    return self._voice.order(nearest, task.name, {"position": state.position})
+                    return self._composer.order(nearest, task.name, {"position": state.position})
         return []
 
 
-def reporting(brief: Brief, plan: InstanceIndex, voice: MessageComposer) -> list[Ability]:
+def reporting(brief: Brief, plan: InstanceIndex, composer: MessageComposer) -> list[Ability]:
     """Whoever may send a kind that a rule matches."""
-    able = any(voice.kind(kind) is not None for kind in plan.kinds.values())
-    return [Reporting(plan, voice)] if able else []
+    able = any(composer.kind(kind) is not None for kind in plan.kinds.values())
+    return [Reporting(plan, composer)] if able else []

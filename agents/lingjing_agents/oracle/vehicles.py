@@ -92,8 +92,8 @@ class TargetApproach:
 class Going(Ability):
     """The body's own driver or skipper."""
 
-    def __init__(self, course: TargetApproach, voice: MessageComposer) -> None:
-        self._course, self._voice = course, voice
+    def __init__(self, course: TargetApproach, composer: MessageComposer) -> None:
+        self._course, self._composer = course, composer
         self._told = ""
 
     def say(self, truth: PrivilegedState) -> list[Outgoing]:
@@ -104,7 +104,7 @@ class Going(Ability):
         if name == self._told:
             return []
         self._told = name
-        return self._voice.status(name or "all done", "begun" if name else "done", {})
+        return self._composer.status(name or "all done", "begun" if name else "done", {})
 
     def act(self, truth: PrivilegedState) -> Action | None:
         """On to the next target."""
@@ -138,14 +138,14 @@ class Claiming(Ability):
         return found[1]
 
 
-def going(brief: Brief, plan: InstanceIndex, voice: MessageComposer) -> list[Ability]:
+def going(brief: Brief, plan: InstanceIndex, composer: MessageComposer) -> list[Ability]:
     """Bodies that go to points in the plane, and do something there that is not moving goods."""
     found: list[Ability] = []
     for resource in brief.resources:
         if not mover(resource):
             continue
         course = TargetApproach(resource, plan)
-        found.append(Going(course, voice) if resource.embodied else Claiming(course, plan))
+        found.append(Going(course, composer) if resource.embodied else Claiming(course, plan))
     return found
 
 

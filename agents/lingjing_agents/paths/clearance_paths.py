@@ -18,7 +18,7 @@ WIDE_M = 1.2
 _DEAR = 2.5
 
 
-def find_way(
+def find_path(
     ground: ObstacleMap, start: GroundPoint, goal: GroundPoint, within_m: float, shut: Sequence[GroundPoint] = ()
 ) -> list[GroundPoint]:
     """Points to walk to, one after another, until the goal is `within_m` away; [] if no way leads there.

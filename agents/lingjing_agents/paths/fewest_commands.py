@@ -76,18 +76,18 @@ def ground_of(points: FloatArray, bounds: GroundRectangle, here: GroundPoint) ->
 
 def fewest_commands(
     ground: OpenGround,
-    lawn: GroundRectangle,
+    within: GroundRectangle,
     here: GroundPoint,
     heading_deg: float,
     goal: GroundPoint,
     within_m: float,
     longest_m: float,
 ) -> tuple[GroundPoint, ...]:
-    """Corners inside `lawn` of the way to within `within_m` of `goal`, without the start; empty if none is known or
+    """Corners inside `within` of the way to within `within_m` of `goal`, without the start; empty if none is known or
     needed."""
     if math.dist(here, goal) <= within_m:
         return ()
-    nodes = _nodes(ground, lawn, here)
+    nodes = _nodes(ground, within, here)
     arrived = np.hypot(nodes[:, 0] - goal[0], nodes[:, 1] - goal[1]) <= within_m
     best = np.full(len(nodes), math.inf)
     best[0] = 0.0
@@ -119,11 +119,11 @@ def _turns(heading_deg: float, bearing: float) -> int:
     return 0 if off < 5.0 else 1 if off <= 90.0 else 2
 
 
-def _nodes(ground: OpenGround, lawn: GroundRectangle, here: GroundPoint) -> FloatArray:
+def _nodes(ground: OpenGround, within: GroundRectangle, here: GroundPoint) -> FloatArray:
     """The start and all free places of a lattice."""
     bounds = ground.bounds
-    east = np.arange(lawn.west, lawn.east, NODES_M)
-    north = np.arange(lawn.south, lawn.north, NODES_M)
+    east = np.arange(within.west, within.east, NODES_M)
+    north = np.arange(within.south, within.north, NODES_M)
     lattice = np.stack(np.meshgrid(east, north), axis=-1).reshape(-1, 2)
     rows, columns = ground.closed.shape
     row = np.minimum(((lattice[:, 1] - bounds.south) / CELL_M).astype(np.int64), rows - 1)

@@ -82,7 +82,7 @@ class BuildingFinder:
         self, brief: Brief, body: Resource, camera: CameraSpec, reference: Picture | None, here: GroundPoint
     ) -> None:
         self._brief, self._body, self._camera = brief, body, camera
-        self._look: WallColour | None = look_of(reference.rgb) if reference is not None else None
+        self._wanted: WallColour | None = look_of(reference.rgb) if reference is not None else None
         self._ordered: GroundPoint | None = None
         self._led: tuple[tuple[str, GroundPoint], ...] = ()
         self._guided = any(
@@ -91,8 +91,8 @@ class BuildingFinder:
         )
         self._led_tick = 0
         self._ground, self._entrance = where_to_look(brief, here)
-        self._legs = DogMovement(body, ObstacleGrid(GroundRectangle.around((*self._ground, here), MARGIN_M)))
-        self._views = SeenGround((self._ground,) if self._ground else (), VIEWS_M, VIEW_WORTH)
+        self._movement = DogMovement(body, ObstacleGrid(GroundRectangle.around((*self._ground, here), MARGIN_M)))
+        self._seen_ground = SeenGround((self._ground,) if self._ground else (), VIEWS_M, VIEW_WORTH)
         self._belief = Belief(self._ground)
         self._goal: GroundPoint | None = None
         self._patience = 0
@@ -107,7 +107,7 @@ class BuildingFinder:
         if own is None or own.position is None or own.heading_deg is None:
             return Decision()
         here = own.position[:2]
-        self._legs.feel(own, inbox)
+        self._movement.feel(own, inbox)
         self._listen(inbox)
         for picture in observation.pictures:
             if picture.entity == self._body.id and picture.camera == self._camera.name:
@@ -140,7 +140,7 @@ class BuildingFinder:
                     way.append((step, place))
                 else:
                     self._ordered = place
-                    self._legs.map.reach(place, MARGIN_M)
+                    self._movement.map.reach(place, MARGIN_M)
         if way:
             self._led = tuple(way)
 
@@ -149,11 +149,11 @@ class BuildingFinder:
         here = pose.position[:2]
         self._snapped = here, pose.heading_deg
         for place in near_walls(picture.rgb, pose):
-            self._legs.map.close(place)
-        self._views.see(here, pose.heading_deg, pose.hfov_deg / 2.0)
+            self._movement.map.close(place)
+        self._seen_ground.see(here, pose.heading_deg, pose.hfov_deg / 2.0)
         self._skylines = [*self._skylines[-7:], (here, skyline(picture.rgb, pose))]
-        if self._look is not None:
-            facades = find_facades(picture.rgb, pose, self._look)
+        if self._wanted is not None:
+            facades = find_facades(picture.rgb, pose, self._wanted)
             self._belief.add(here, pose.heading_deg, pose.hfov_deg / 2.0, facades)
 
     def _next(self, own: EntityView, here: GroundPoint) -> Action | None:
@@ -161,15 +161,15 @@ class BuildingFinder:
         if (action := self._follow(own, here)) is not None:
             return action
         if self._ordered is not None:
-            action = self._legs.towards(own, self._ordered, reach_m=ORDERED_M)
+            action = self._movement.towards(own, self._ordered, reach_m=ORDERED_M)
             if action is not None:
                 return action  # a bump costs less than a look before every step
             self._ordered = None
         if self._snaps and not self._fresh(here, own.heading_deg):
             return photo(self._body, self._camera)
         if self._entrance is not None:
-            if math.dist(here, self._entrance) > 8.0 and not self._legs.bumps > 12:
-                action = self._legs.towards(own, self._entrance, reach_m=6.0)
+            if math.dist(here, self._entrance) > 8.0 and not self._movement.bumps > 12:
+                action = self._movement.towards(own, self._entrance, reach_m=6.0)
                 if action is not None:
                     return action
             self._entrance = None
@@ -177,7 +177,7 @@ class BuildingFinder:
         known = self._goal is not None and self._belief.at(self._goal) * HELD >= score and self._patience > 0
         if best is not None and score >= WORTH_GOING:
             if not known:
-                self._goal, self._patience = best, 10 + int(3 * math.dist(here, best) / self._legs.longest_m)
+                self._goal, self._patience = best, 10 + int(3 * math.dist(here, best) / self._movement.longest_m)
             assert self._goal is not None
             return self._approach(own, here, self._goal)
         return self._explore(own, here)
@@ -190,10 +190,10 @@ class BuildingFinder:
             if step == FACE:
                 off = turn_deg(own.heading_deg, bearing_deg(here, place))
                 if abs(off) > FACING_DEG:
-                    return self._legs.turn(off)
+                    return self._movement.turn(off)
                 self._led = self._led[1:]
                 return photo(self._body, self._camera)
-            action = self._legs.towards(own, place, reach_m=ORDERED_M)
+            action = self._movement.towards(own, place, reach_m=ORDERED_M)
             if action is not None:
                 return action
             self._led = self._led[1:]
@@ -201,7 +201,7 @@ class BuildingFinder:
 
     def _approach(self, own: EntityView, here: GroundPoint, goal: GroundPoint) -> Action | None:
         self._patience -= 1
-        action = self._legs.towards(own, goal, reach_m=ARRIVAL_M * 0.5) if self._patience > 0 else None
+        action = self._movement.towards(own, goal, reach_m=ARRIVAL_M * 0.5) if self._patience > 0 else None
         if action is not None:
             return action
         self._belief.strike(goal, GRID_M * 1.6)  # it cannot be reached or is not the one
@@ -210,23 +210,23 @@ class BuildingFinder:
 
     def _explore(self, own: EntityView, here: GroundPoint) -> Action | None:
         assert own.heading_deg is not None
-        turn = self._views.best_turn(here, own.heading_deg, self._camera.hfov_deg / 2.0)
+        turn = self._seen_ground.best_turn(here, own.heading_deg, self._camera.hfov_deg / 2.0)
         if turn:
-            return self._legs.turn(turn)
+            return self._movement.turn(turn)
         if self._goal is None or math.dist(here, self._goal) < 8.0 or self._patience <= 0:
             if self._goal is not None and self._patience <= 0:
-                self._views.refuse(self._goal)
-            self._goal = self._views.next_place(here, (), self._in_the_open(here))
+                self._seen_ground.refuse(self._goal)
+            self._goal = self._seen_ground.next_place(here, (), self._in_the_open(here))
             if self._goal is None:
-                self._views.next_pass()
-                self._goal = self._views.next_place(here, ())
-            self._patience = 8 + int(2.5 * math.dist(here, self._goal or here) / self._legs.longest_m)
+                self._seen_ground.next_pass()
+                self._goal = self._seen_ground.next_place(here, ())
+            self._patience = 8 + int(2.5 * math.dist(here, self._goal or here) / self._movement.longest_m)
         self._patience -= 1
         if self._goal is None:
             return None
-        action = self._legs.towards(own, self._goal, reach_m=7.0)
+        action = self._movement.towards(own, self._goal, reach_m=7.0)
         if action is None:
-            self._views.refuse(self._goal)
+            self._seen_ground.refuse(self._goal)
             self._goal = None
         return action
 
@@ -238,7 +238,7 @@ class BuildingFinder:
             bearing, away = bearing_deg(here, place), math.dist(here, place)
             near = [elevation for line in lines for at, elevation in line if abs(turn_deg(at, bearing)) < BESIDE_DEG]
             clear = bool(near) and away * math.tan(math.radians(max(near))) < LOW_M
-            return clear and away > LEAST_WALK_M and self._legs.map.clear(here, place)
+            return clear and away > LEAST_WALK_M and self._movement.map.clear(here, place)
 
         return seen
 

@@ -88,8 +88,8 @@ class FireSearcher:
         self._report, self._status = may_send(brief, "report"), may_send(brief, "target_status")
         polygons = tuple(region.polygon for region in brief.regions if region.polygon)
         corners = tuple(corner for polygon in polygons for corner in polygon)
-        self._legs = DogMovement(body, ObstacleGrid(GroundRectangle.around(corners, MARGIN_M)))
-        self._views, self._fires = SeenGround(polygons, sight=self._in_sight), KnownFires()
+        self._movement = DogMovement(body, ObstacleGrid(GroundRectangle.around(corners, MARGIN_M)))
+        self._seen_ground, self._fires = SeenGround(polygons, visible=self._is_visible), KnownFires()
         self._half_deg = camera.hfov_deg / 2.0
         self._goal: GroundPoint | None = None
         self._patience = 0
@@ -105,7 +105,7 @@ class FireSearcher:
         if own is None or own.position is None or own.heading_deg is None:
             return Decision()
         here = own.position[:2]
-        self._legs.feel(own, inbox)
+        self._movement.feel(own, inbox)
         self._listen(observation, inbox)
         for picture in observation.pictures:
             if picture.entity == self._body.id:
@@ -113,7 +113,7 @@ class FireSearcher:
         self._hear_events(observation, here)
         command = None if own.busy else self._next(observation, own, here)
         if not own.busy:
-            self._legs.sent(command)
+            self._movement.sent(command)
         said, self._outbox = tuple(self._outbox), []
         return Decision(command=command, messages=said, thought=self._thought)
 
@@ -129,7 +129,7 @@ class FireSearcher:
             elif envelope.category == "target_status":
                 state = name_in(envelope.body, "state")
                 if state == "searched":
-                    self._views.see_around(place)
+                    self._seen_ground.see_around(place)
                 elif state == "done":
                     self._fires.put_out(place, 8.0)
 
@@ -156,7 +156,7 @@ class FireSearcher:
         here = pose.position[:2]
         self._snapped = here, pose.heading_deg
         self._looked = True
-        self._views.see(here, pose.heading_deg, self._half_deg)
+        self._seen_ground.see(here, pose.heading_deg, self._half_deg)
         for flames in find_fires_ahead(picture.rgb, pose, pose.position[2] - 0.37):
             place = self._inside(here, flames.place)
             if place is None:
@@ -172,23 +172,23 @@ class FireSearcher:
             if math.dist(place, here) <= SURE_M and self._fires.near(place, FIRE_M) is None
         ]
         for place in walls:
-            self._legs.map.close(place)
+            self._movement.map.close(place)
         for a, b in pairwise(walls):
             if math.dist(a, b) <= ONE_WALL_M:
-                self._legs.map.wall(a, b)
+                self._movement.map.wall(a, b)
 
-    def _in_sight(self, here: GroundPoint, place: GroundPoint) -> bool:
+    def _is_visible(self, here: GroundPoint, place: GroundPoint) -> bool:
         """Whether no known wall hides a place. Just behind one is the inside of a building: not worth a look."""
         away = math.dist(here, place)
         if away <= DEEP_M:
             return True
-        return self._legs.map.clear(here, between(here, place, (away - DEEP_M) / away))
+        return self._movement.map.clear(here, between(here, place, (away - DEEP_M) / away))
 
     def _inside(self, here: GroundPoint, place: GroundPoint) -> GroundPoint | None:
         """A place seen from here, drawn nearer until it is in the region; None if it burns outside."""
         for share in (1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4):
             nearer = between(here, place, share)
-            if self._legs.map.bounds.holds(nearer):
+            if self._movement.map.bounds.holds(nearer):
                 return nearer
         return None
 
@@ -245,7 +245,7 @@ class FireSearcher:
             return None
         due = fire.looked_at is None or distance < FRESH_SHARE * math.dist(fire.looked_at, fire.place)
         moved = fire.looked_at is None or math.dist(here, fire.looked_at) > 1.5
-        if due and moved and distance > BESIDE_M + 0.6 and self._legs.map.clear(here, fire.place):
+        if due and moved and distance > BESIDE_M + 0.6 and self._movement.map.clear(here, fire.place):
             return self._glance(own, here, fire)
         action = self._walk(own, here, fire.place, BESIDE_M)
         if action is not None and distance > NEAR_M:
@@ -262,19 +262,19 @@ class FireSearcher:
         fire.tries += 1
         if fire.tries > TRIES:
             fire.state = "false"
-            self._legs.map.forget()
+            self._movement.map.forget()
             return None
         if action is not None and fire.tries % 3:
             return action
         if math.dist(here, fire.place) > UPON_M:
             return self._glance(own, here, fire)
         if self._snapped is not None and _same_view(self._snapped, (here, own.heading_deg)):
-            return self._legs.turn(2.0 * self._half_deg)
+            return self._movement.turn(2.0 * self._half_deg)
         return photo(self._body, self._camera)
 
     def _shut_in(self, fire: KnownFire) -> None:
         """No way to a fire is known: some of what is closed is not, so it is felt out anew, but not for ever."""
-        self._legs.map.forget()
+        self._movement.map.forget()
         fire.tries += SHUT_IN
         if fire.tries > TRIES:
             fire.state = "false"
@@ -284,7 +284,7 @@ class FireSearcher:
         assert own.heading_deg is not None
         off = turn_deg(own.heading_deg, bearing_deg(here, fire.place))
         if abs(off) > LOOK_AHEAD_DEG:
-            return self._legs.turn(off)
+            return self._movement.turn(off)
         fire.looked_at = here
         return photo(self._body, self._camera)
 
@@ -296,14 +296,14 @@ class FireSearcher:
         if self._goal is None and self._snapped is None:
             return photo(self._body, self._camera)
         if self._goal is None:
-            self._goal = self._views.next_place(here, others)
+            self._goal = self._seen_ground.next_place(here, others)
             if self._goal is None:
-                self._views.next_pass()
-                self._legs.map.forget()
-                self._goal = self._views.next_place(here, others)
+                self._seen_ground.next_pass()
+                self._movement.map.forget()
+                self._goal = self._seen_ground.next_place(here, others)
             if self._goal is None:
                 return None
-            self._patience = 8 + int(2.5 * math.dist(here, self._goal) / self._legs.longest_m)
+            self._patience = 8 + int(2.5 * math.dist(here, self._goal) / self._movement.longest_m)
         self._patience -= 1
         action = self._walk(own, here, self._goal, 3.0) if self._patience > 0 else None
         if action is not None:
@@ -312,7 +312,7 @@ class FireSearcher:
 
     def _walk(self, own: EntityView, here: GroundPoint, goal: GroundPoint, reach_m: float) -> Action | None:
         """The next step, after a picture of what is ahead if none shows it yet: a bump costs more than a look."""
-        action = self._legs.towards(own, goal, reach_m=reach_m)
+        action = self._movement.towards(own, goal, reach_m=reach_m)
         if action is None or action.verb != "forward" or own.heading_deg is None:
             return action
         length = action.arguments["distance"]
@@ -328,15 +328,15 @@ class FireSearcher:
 
     def _look_around(self, own: EntityView, here: GroundPoint) -> Action | None:
         assert own.heading_deg is not None and self._goal is not None
-        turn = self._views.best_turn(here, own.heading_deg, self._half_deg)
+        turn = self._seen_ground.best_turn(here, own.heading_deg, self._half_deg)
         if turn is None:
             if math.dist(here, self._goal) > 6.0:
-                self._views.refuse(self._goal)
+                self._seen_ground.refuse(self._goal)
             elif self._looked:
                 self._tell("search", "searched", here)
             self._goal, self._looked = None, False
             return None
-        return photo(self._body, self._camera) if turn == 0.0 else self._legs.turn(turn)
+        return photo(self._body, self._camera) if turn == 0.0 else self._movement.turn(turn)
 
 
 def _way_m(name: str, here: GroundPoint, fire: KnownFire) -> float:

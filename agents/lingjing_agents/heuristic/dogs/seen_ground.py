@@ -32,13 +32,13 @@ def _always(_here: GroundPoint, _there: GroundPoint) -> bool:
 
 @dataclass(slots=True)
 class SeenGround:
-    """The samples of the regions' polygons that nobody has looked at in this pass. `sight` says whether one place may
+    """The samples of the regions' polygons that nobody has looked at in this pass. `visible` says whether one place may
     be seen from another, as far as is known."""
 
     polygons: tuple[tuple[GroundPoint, ...], ...]
     passes_m: tuple[float, ...] = PASSES_M
     worth: int = WORTH
-    sight: Callable[[GroundPoint, GroundPoint], bool] = _always
+    visible: Callable[[GroundPoint, GroundPoint], bool] = _always
     number: int = 0
     unseen: set[GroundPoint] = field(default_factory=set)
     refused: set[GroundPoint] = field(default_factory=set)
@@ -82,7 +82,7 @@ class SeenGround:
             for place in self.unseen
             if math.dist(here, place) <= self.far_m
             and (math.dist(here, place) < 1.0 or abs(turn_deg(heading_deg, bearing_deg(here, place))) <= half_deg)
-            and self.sight(here, place)
+            and self.visible(here, place)
         ]
 
     def best_turn(self, here: GroundPoint, heading_deg: float, half_deg: float) -> float | None:

@@ -43,7 +43,7 @@ them, and how near to such a place one counts."""
 NEAR_M, NEARER_M = 9.0, 4.0
 """How near to a door the way ends; who came so near in vain is sent nearer once."""
 
-KERB_M = -5.0
+INSET_M = -5.0
 """The way keeps so far inside the region: there are streets around it."""
 
 LONGEST_M = 25.0
@@ -55,7 +55,7 @@ DOOR_BONUS, LONG_BONUS = 0.06, 0.05
 SURE = 0.72
 """Likeness from which a wall is gone to before all pictures have come."""
 
-AT_M, VAIN_TICKS, VAIN_M = 5.0, 4, 22.0
+AT_M, STOOD_TICKS, RULED_OUT_M = 5.0, 4, 22.0
 """Who stood so near to the way's end for so many ticks was there in vain; all walls this near are struck out."""
 
 SAME_M = 12.0
@@ -83,15 +83,15 @@ class BuildingGuidance:
     """What one episode has shown of the region and where the walker is being led."""
 
     def __init__(
-        self, brief: Brief, walker: Peer, message: MessageSpec, look: ColourSpread, region: tuple[GroundPoint, ...]
-    ):
-        self._walker, self._message, self._look = walker, message, look
-        self._bounds, self._lawn = GroundRectangle.around(region, MARGIN_M), GroundRectangle.around(region, KERB_M)
-        self._region = region
+        self, follower: Peer, message: MessageSpec, reference: ColourSpread, region: tuple[GroundPoint, ...]
+    ) -> None:
+        self._follower, self._message, self._reference, self._region = follower, message, reference, region
+        self._bounds = GroundRectangle.around(region, MARGIN_M)
+        self._path_bounds = GroundRectangle.around(region, INSET_M)
         self._unseen: list[GroundPoint] | None = None
         self._views: tuple[ColouredPoints, ...] = ()
         self._walls: tuple[BuildingWall, ...] | None = None
-        self._struck: list[GroundPoint] = []
+        self._ruled_out: list[GroundPoint] = []
         self._target: ApproachedWall | None = None
 
     @staticmethod
@@ -108,10 +108,8 @@ class BuildingGuidance:
                 continue
             around = [region.polygon for region in brief.regions if inside(region.polygon, view.position[:2])]
             if around:
-                look = reference_signature(reference.rgb)
-                return BuildingGuidance(
-                    brief, peer, message, look, min(around, key=lambda polygon: GroundRectangle.around(polygon).area_m2)
-                )
+                smallest = min(around, key=lambda polygon: GroundRectangle.around(polygon).area_m2)
+                return BuildingGuidance(peer, message, reference_signature(reference.rgb), smallest)
         return None
 
     def viewpoints(self, start: GroundPoint, most: int) -> tuple[GroundPoint, ...]:
@@ -123,8 +121,8 @@ class BuildingGuidance:
 
     def see(self, observation: Observation) -> None:
         """Take in the pictures from above that came."""
-        walker = self._view(observation)
-        ground = walker.position[2] - EYE_M if walker is not None and walker.position is not None else 0.0
+        follower = self._view(observation)
+        ground = follower.position[2] - EYE_M if follower is not None and follower.position is not None else 0.0
         for picture in observation.pictures:
             view = ColouredPoints.of(picture, ground, self._bounds) if picture.camera != REFERENCE else None
             if view is not None and len(view.points):
@@ -132,18 +130,18 @@ class BuildingGuidance:
                 over = picture.pose.position[:2]
                 if self._unseen is not None:
                     self._unseen = [place for place in self._unseen if math.dist(place, over) > SEEN_M]
-            elif picture.entity == self._walker.resources[0]:
+            elif picture.entity == self._follower.resources[0]:
                 self._confirm(picture)
 
     def lead(self, observation: Observation, *, waited: bool) -> tuple[Outgoing, ...]:
         """The way to the most likely front as messages, whenever that is another one than before. Until all pictures
         have come or have been `waited` for long enough only a wall that is very like the reference is gone to."""
-        walker = self._view(observation)
-        if walker is None or walker.position is None or not self._views:
+        follower = self._view(observation)
+        if follower is None or follower.position is None or not self._views:
             return ()
-        self._notice(walker.position[:2])
-        if self._target is not None and self._target.stood > VAIN_TICKS and not self._target.nearer:
-            return self._send_to(walker, self._target.wall, nearer=True)
+        self._notice(follower.position[:2])
+        if self._target is not None and self._target.stood > STOOD_TICKS and not self._target.nearer:
+            return self._send_to(follower, self._target.wall, nearer=True)
         if self._walls is not None and self._target is not None:
             return ()
         if self._walls is None:
@@ -153,16 +151,16 @@ class BuildingGuidance:
             return ()
         if self._target is not None and math.dist(self._target.wall.middle, best.middle) < SAME_M:
             return ()
-        return self._send_to(walker, best, nearer=False)
+        return self._send_to(follower, best, nearer=False)
 
-    def _send_to(self, walker: EntityView, wall: BuildingWall, *, nearer: bool) -> tuple[Outgoing, ...]:
+    def _send_to(self, follower: EntityView, wall: BuildingWall, *, nearer: bool) -> tuple[Outgoing, ...]:
         """The way to a wall's door, or to its middle where none shows."""
-        assert walker.position is not None
-        goal, here = wall.door or wall.middle, walker.position[:2]
+        assert follower.position is not None
+        goal, here = wall.door or wall.middle, follower.position[:2]
         points = np.concatenate([view.points for view in self._views])
         ground = ground_of(points, self._bounds, here)
-        within, heading = (NEARER_M if nearer else NEAR_M), walker.heading_deg or 0.0
-        way = fewest_commands(ground, self._lawn, here, heading, goal, within, LONGEST_M)
+        within, heading = (NEARER_M if nearer else NEAR_M), follower.heading_deg or 0.0
+        way = fewest_commands(ground, self._path_bounds, here, heading, goal, within, LONGEST_M)
         way = way or (offset_xy(goal, wall.bearing_deg, within),)
         self._target = ApproachedWall(wall, way[-1], nearer=nearer)
         unsure = self._likeness(wall) < SURE and len(way) > 1
@@ -183,15 +181,15 @@ class BuildingGuidance:
             slice(part.start * size // 100, part.stop * size // 100)
             for part, size in zip(FRONT, picture.rgb.shape[:2], strict=True)
         )
-        if self._look.likeness(signature(picture.rgb[rows, columns].reshape(-1, 3))) < OTHER:
-            self._strike(target)
+        if self._reference.likeness(signature(picture.rgb[rows, columns].reshape(-1, 3))) < OTHER:
+            self._rule_out(target)
 
-    def _strike(self, target: ApproachedWall) -> None:
-        self._struck.append(target.wall.middle)
+    def _rule_out(self, target: ApproachedWall) -> None:
+        self._ruled_out.append(target.wall.middle)
         self._target = None
 
     def _view(self, observation: Observation) -> EntityView | None:
-        return view_of(observation, self._walker.resources[0])
+        return view_of(observation, self._follower.resources[0])
 
     def _notice(self, here: GroundPoint) -> None:
         """Strike out what the walker stands near to, if nothing has come of it."""
@@ -199,14 +197,16 @@ class BuildingGuidance:
         if target is None:
             return
         target.stood = target.stood + 1 if math.dist(here, target.end) <= AT_M else 0
-        if target.nearer and target.stood > VAIN_TICKS:
-            self._strike(target)
+        if target.nearer and target.stood > STOOD_TICKS:
+            self._rule_out(target)
 
     def _best(self) -> BuildingWall | None:
         open_walls = [
-            wall for wall in self._walls or ()
-            if wall.colours is not None and all(math.dist(wall.middle, place) > VAIN_M for place in self._struck)
-        ]  # fmt: skip
+            wall
+            for wall in self._walls or ()
+            if wall.colours is not None
+            and all(math.dist(wall.middle, place) > RULED_OUT_M for place in self._ruled_out)
+        ]
         return max(open_walls, key=lambda wall: self._score(wall), default=None)
 
     def _score(self, wall: BuildingWall) -> float:
@@ -215,18 +215,18 @@ class BuildingGuidance:
 
     def _likeness(self, wall: BuildingWall) -> float:
         assert wall.colours is not None
-        return self._look.likeness(wall.colours)
+        return self._reference.likeness(wall.colours)
 
     def _tell(self, steps: list[tuple[str, GroundPoint]]) -> tuple[Outgoing, ...]:
         messages = []
         for number, (step, place) in enumerate(steps, 1):
             body: dict[str, Datum] = {
-                "assignee": self._walker.id,
+                "assignee": self._follower.id,
                 "step": step,
                 "amount": number,
                 "position": (round(place[0], 2), round(place[1], 2), 0.0),
             }
-            messages.append(compose(self._message, body, to=(self._walker.id,)))
+            messages.append(compose(self._message, body, to=(self._follower.id,)))
         return tuple(messages)
 
 
