@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 
 from lingjing.plugins.decisions import sendable
-from lingjing.plugins.policy import Action, Brief, CameraSpec, Datum, MessageSpec, Outgoing, Resource
+from lingjing.plugins.policy import Action, Brief, CameraSpec, Datum, MessageSpec, Outgoing, Resource, VerbSpec
+from lingjing_agents.ground_plane import GroundPoint
 from lingjing_agents.perception.images import ImageBox
 
 
@@ -62,6 +64,24 @@ def fly(body: Resource, x: float, y: float, z: float) -> Action:
     return Action(
         verb="setDestination", arguments={"x": round(x, 2), "y": round(y, 2), "z": round(z, 2)}, resource=body.id
     )
+
+
+def drive(body: Resource, place: GroundPoint) -> Action:
+    """The command that sends a vehicle or a vessel to a place, metres to the centimetre."""
+    verb = "moveTo" if has_verb(body, "moveTo") else "setDestination"
+    x, y = centimetres(place)
+    return Action(verb=verb, arguments={"x": x, "y": y}, resource=body.id)
+
+
+def first_argument_bounds(
+    verbs: tuple[VerbSpec, ...], name: str, least: float = 0.0, most: float = math.inf
+) -> tuple[float, float]:
+    """The smallest (at least `least`) and the largest value of a verb's first argument; `most` if it has no bound."""
+    for spec in verbs:
+        if spec.name == name and spec.arguments:
+            argument = spec.arguments[0]
+            return max(argument.minimum or least, least), most if argument.maximum is None else argument.maximum
+    return least, most
 
 
 def may_send(brief: Brief, category: str) -> MessageSpec | None:

@@ -28,9 +28,12 @@ from lingjing.plugins.policy import (
 from lingjing_agents.capability import (
     centimetres,
     compose,
+    drive,
+    fly,
     may_send,
     nadir_camera,
     natural,
+    photo,
     rated,
     sighting,
     team,
@@ -253,7 +256,7 @@ class AerialSearcher:
         if overhead(here, others) and self._waited < PATIENCE_TICKS:
             self._waited += 1
             return None
-        return self._fly(here[0], here[1], self._height(goal))
+        return fly(self._body, here[0], here[1], self._height(goal))
 
     def _height(self, goal: PictureGoal) -> float:
         return self._layers.level(goal.waypoint.height_m + self._brief.water_level_m)
@@ -262,20 +265,17 @@ class AerialSearcher:
         z = self._height(goal)
         target = (goal.waypoint.x, goal.waypoint.y, z)
         if self._target_type.raised_m > 0.0 and here[2] < self._lowest_m + self._brief.water_level_m - REACHED_M:
-            return self._fly(here[0], here[1], z)
+            return fly(self._body, here[0], here[1], z)
         if math.dist(here, target) > REACHED_M:
             goal.flights += 1
-            return self._fly(*target)
+            return fly(self._body, *target)
         course = goal.waypoint.course_deg
         if course is not None and heading_deg is not None and off_course_deg(course, heading_deg) > ALIGNED_DEG:
             goal.turns += 1
             if goal.turns <= ATTEMPTS:
-                return self._fly(*offset_xy(here, course, TURN_HOP_M), target[2])
+                return fly(self._body, *offset_xy(here, course, TURN_HOP_M), target[2])
         goal.shots += 1
-        return self._command("takePhoto", camera=self._camera.name)
-
-    def _fly(self, x: float, y: float, z: float) -> Action:
-        return self._command("setDestination", x=round(x, 2), y=round(y, 2), z=round(z, 2))
+        return photo(self._body, self._camera)
 
     def _choose(self, here: GroundPoint, time_s: float) -> PictureGoal | None:
         if not self._ordered:
@@ -314,7 +314,7 @@ class AerialSearcher:
     def _send_boat(self, observation: Observation) -> Action | None:
         """Send the vessel to the nearest open sighting if it has not moved for a while; its crew usually does."""
         boat = view_of(observation, self._boat.id) if self._boat is not None else None
-        if boat is None or boat.position is None:
+        if self._boat is None or boat is None or boat.position is None:
             return None
         here = boat.position[:2]
         if self._boat_at is None or math.dist(self._boat_at[0], here) > 2.0:
@@ -324,12 +324,8 @@ class AerialSearcher:
         sighting = self._sightings.nearest(here, observation.time_s, state="open")
         if sighting is None:
             return None
-        x, y = self._sightings.where(sighting, observation.time_s)
         self._boat_at = here, observation.tick
-        return Action(verb="moveTo", arguments={"x": round(x, 2), "y": round(y, 2)}, resource=boat.id)
-
-    def _command(self, verb: str, **arguments: float | str) -> Action:
-        return Action(verb=verb, arguments=dict(arguments), resource=self._body.id)
+        return drive(self._boat, self._sightings.where(sighting, observation.time_s))
 
 
 def _aside(find: FoundBox) -> float:

@@ -10,7 +10,7 @@ import math
 from typing import ClassVar
 
 from lingjing.plugins.policy import Action, Brief, Decision, EntityView, Inbox, Observation, Outgoing, Resource
-from lingjing_agents.capability import compose, rated, sends, team
+from lingjing_agents.capability import compose, drive, rated, sends, team
 from lingjing_agents.ground_plane import GroundPoint
 from lingjing_agents.heuristic.delivery_view import LOADED, DeliveryView, look
 from lingjing_agents.heuristic.events import view_of
@@ -198,7 +198,4 @@ class DeliveryDriver:
         return Action(verb="stop", resource=self._body.id)
 
     def _drive(self, here: GroundPoint, there: GroundPoint, near_m: float) -> Action | None:
-        if math.dist(here, there) <= near_m:
-            return None
-        x, y = (round(value, 2) for value in there)
-        return Action(verb="setDestination", arguments={"x": x, "y": y}, resource=self._body.id)
+        return drive(self._body, there) if math.dist(here, there) > near_m else None

@@ -9,7 +9,7 @@ import math
 from typing import ClassVar
 
 from lingjing.plugins.policy import Action, Brief, Decision, EntityView, Inbox, Observation, Outgoing, Resource
-from lingjing_agents.capability import compose, has_verb, may_send
+from lingjing_agents.capability import compose, drive, has_verb, may_send
 from lingjing_agents.ground_plane import GroundPoint, between, distance_to_segment_m
 from lingjing_agents.heuristic.events import EventLog, view_of
 from lingjing_agents.heuristic.sightings import Sighting, confidence_in, name_in, position_in
@@ -115,10 +115,10 @@ class Rescuer:
             if self._sent is self._target and math.dist(here, (x, y)) <= ROAD_OFF_M:
                 return None
             self._sent = self._target
-            return self._go(x, y)
+            return drive(self._body, (x, y))
         if math.dist(here, (x, y)) > self._target_type.settle_m / 2:
             lead_s = math.dist(here, (x, y)) / self._speed()
-            return self._go(*self._sightings.where(self._target, observation.time_s + lead_s))
+            return drive(self._body, self._sightings.where(self._target, observation.time_s + lead_s))
         return None
 
     def _choose(self, here: GroundPoint, time_s: float) -> Sighting | None:
@@ -136,7 +136,7 @@ class Rescuer:
         hop = min(distance, STAGING_TICKS * self._brief.tick_s * self._speed())
         if distance < 2 * self._target_type.settle_m:
             return None
-        return self._go(*between(here, middle, hop / distance))
+        return drive(self._body, between(here, middle, hop / distance))
 
     def _give_up(self, observation: Observation) -> tuple[Outgoing, ...]:
         """At the target, and nothing happens: after some patience it was a false alarm or has drifted away."""
@@ -156,10 +156,6 @@ class Rescuer:
         x, y = self._sightings.where(sighting, time_s)
         place = (round(x, 1), round(y, 1), self._brief.water_level_m)
         return (compose(self._status, {"task": self._target_type.task, "state": state, "position": place}),)
-
-    def _go(self, x: float, y: float) -> Action:
-        verb = "moveTo" if self._afloat else "setDestination"
-        return Action(verb=verb, arguments={"x": round(x, 2), "y": round(y, 2)}, resource=self._body.id)
 
     def _speed(self) -> float:
         speed = self._body.properties.get("speed_mps")

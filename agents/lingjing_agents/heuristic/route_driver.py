@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from typing import ClassVar
 
-from lingjing.plugins.policy import Action, Brief, Decision, Inbox, Observation, Resource
+from lingjing.plugins.policy import Brief, Decision, Inbox, Observation, Resource
+from lingjing_agents.capability import drive
 from lingjing_agents.ground_plane import GroundPoint
 from lingjing_agents.heuristic.events import view_of
 from lingjing_agents.heuristic.route_coordinator import DRIVE
@@ -40,5 +41,4 @@ class RouteDriver:
             return Decision()
         if math.dist(own.position[:2], self._goal) <= ARRIVED_M:
             return Decision()
-        x, y = (round(value, 2) for value in self._goal)
-        return Decision(command=Action(verb="setDestination", arguments={"x": x, "y": y}, resource=self._body.id))
+        return Decision(command=drive(self._body, self._goal))

@@ -8,6 +8,7 @@ from lingjing.plugins.geometry import bearing_deg, turn_deg
 from lingjing.plugins.policy import Action, Brief, CameraSpec, Datum, Entity, Outgoing, VerbSpec
 from lingjing.plugins.tasks import Task
 from lingjing.plugins.terrain import ObstacleMap, obstacle_map
+from lingjing_agents.capability import first_argument_bounds
 from lingjing_agents.ground_plane import GroundPoint
 from lingjing_agents.oracle.ability import Ability
 from lingjing_agents.oracle.composing import MessageComposer
@@ -76,12 +77,13 @@ class DogPath:
         if length < 0.2:
             self._path = []
             return None
-        step = min(length, _most(self._verb("forward"), "distance"))
+        least, most = first_argument_bounds(self.dog.verbs, "forward")
+        step = min(length, most)
         turn = turn_deg(truth.states[self.dog.id].heading_deg, bearing_deg(here, there))
         if abs(turn) > min(max(math.degrees(math.atan(_STRAY_M / step)), _FINEST_DEG), _COARSEST_DEG):
             verb = "right" if turn > 0.0 else "left"
-            return verb, min(abs(turn), _most(self._verb(verb), "angle"))
-        return "forward", max(step, _least(self._verb("forward"), "distance"))
+            return verb, min(abs(turn), first_argument_bounds(self.dog.verbs, verb)[1])
+        return "forward", max(step, least)
 
     def command(self, truth: PrivilegedState, step: tuple[str, float]) -> Action:
         """The step as a command."""
@@ -272,13 +274,3 @@ def _left(truth: PrivilegedState, kind: str) -> int:
 def _front(dog: Entity) -> CameraSpec | None:
     able = any(verb.name == "takePhoto" for verb in dog.verbs)
     return next((camera for camera in dog.cameras if camera.view == "front"), None) if able else None
-
-
-def _most(verb: VerbSpec | None, name: str) -> float:
-    bounds = [argument.maximum for argument in (verb.arguments if verb else ()) if argument.name == name]
-    return bounds[0] if bounds and bounds[0] is not None else math.inf
-
-
-def _least(verb: VerbSpec | None, name: str) -> float:
-    bounds = [argument.minimum for argument in (verb.arguments if verb else ()) if argument.name == name]
-    return bounds[0] if bounds and bounds[0] is not None else 0.0

@@ -9,6 +9,7 @@ import math
 
 from lingjing.plugins.geometry import bearing_deg, offset_xy, turn_deg
 from lingjing.plugins.policy import Action, EntityView, Inbox, Resource
+from lingjing_agents.capability import first_argument_bounds
 from lingjing_agents.ground_plane import GroundPoint, between
 from lingjing_agents.paths.kept_path import KeptPath
 from lingjing_agents.paths.obstacle_grid import CELL_M, ObstacleGrid
@@ -35,8 +36,8 @@ class DogMovement:
 
     def __init__(self, body: Resource, known: ObstacleGrid) -> None:
         self.body, self.map = body, known
-        self.shortest_m, self.longest_m = limits(body, "forward", 0.5, 10.0)
-        self.least_deg, self.most_deg = limits(body, "left", 1.0, 90.0)
+        self.shortest_m, self.longest_m = first_argument_bounds(body.verbs, "forward", 0.5, 10.0)
+        self.least_deg, self.most_deg = first_argument_bounds(body.verbs, "left", 1.0, 90.0)
         self.bumps = 0
         self._asked: tuple[GroundPoint, float, float] | None = None
         self._cap_m = math.inf
@@ -113,13 +114,3 @@ class DogMovement:
         angle = min(max(abs(off_deg), self.least_deg), self.most_deg)
         verb = "right" if off_deg > 0 else "left"
         return Action(verb=verb, arguments={"angle": round(angle, 1)}, resource=self.body.id)
-
-
-def limits(body: Resource, verb: str, least: float, most: float) -> tuple[float, float]:
-    """The smallest and largest first argument of a verb, with defaults for what is not limited."""
-    for spec in body.verbs:
-        if spec.name == verb and spec.arguments:
-            argument = spec.arguments[0]
-            low = argument.minimum if argument.minimum else least
-            return max(low, least), argument.maximum if argument.maximum is not None else most
-    return least, most

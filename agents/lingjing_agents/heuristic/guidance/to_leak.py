@@ -27,7 +27,7 @@ from lingjing.plugins.policy import (
     Resource,
     Vector,
 )
-from lingjing_agents.capability import centimetres, compose, may_send, nadir_camera, rated, sends, sighting
+from lingjing_agents.capability import centimetres, compose, fly, may_send, nadir_camera, photo, rated, sends, sighting
 from lingjing_agents.ground_plane import GroundPoint, GroundRectangle, inside, lattice
 from lingjing_agents.heuristic.events import view_of
 from lingjing_agents.heuristic.sightings import name_in
@@ -254,13 +254,9 @@ class LeakGuidance:
         assert own.position is not None
         if math.dist(own.position, goal) <= REACHED_M or self._flights >= 3:
             self._flights, self._goal = 0, None
-            return self._command("takePhoto", camera=self._camera.name)
+            return photo(self._body, self._camera)
         self._flights += 1
-        x, y, z = (round(value, 2) for value in goal)
-        return self._command("setDestination", x=x, y=y, z=z)
-
-    def _command(self, verb: str, **arguments: float | str) -> Action:
-        return Action(verb=verb, arguments=dict(arguments), resource=self._body.id)
+        return fly(self._body, *goal)
 
 
 def _follower(brief: Brief) -> Peer | None:
