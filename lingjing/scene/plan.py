@@ -39,7 +39,7 @@ _LAYERS: tuple[Layer, ...] = get_args(Layer)
 
 @dataclass(frozen=True, slots=True)
 class Flat:
-    """A polygon with its holes, or (`width_m` > 0) a line of that width; east and north in metres.
+    """A polygon with its holes, or (`width_m` > 0) a line of that width or a dot; east and north in metres.
 
     `surface` is that of an area, `grass land` for one of the ground, or the kind of a road's lane; `top_m` is the
     elevation of a building's top.
@@ -76,7 +76,7 @@ PLAN = Palette(
     ground="#f1eee8",
     layers={
         "water": "#a9cfe0", "land": "#f1eee8", "slab": "#e2dcd2", "road": "#b3b3b8", "solid": "#8d8377",
-        "bridge": "#cfc4b2", "tree": "#9dbb8e", "pipe": "#7d6f5f",
+        "bridge": "#cfc4b2", "tree": "#5d8a4a", "pipe": "#7d6f5f",
     },
     surfaces={
         "park": "#cfe3b4", "grass": "#d9e8c0", "forest": "#b2cf9b", "plaza": "#e9e0d0", "sidewalk": "#dcd6cc",
@@ -129,7 +129,12 @@ def paint(axes: Axes, shapes: Sequence[Flat], palette: Palette, z_order: float =
                 PathCollection(paths, facecolors=colours, edgecolors=[edge or "none"], linewidths=0.3, zorder=z),
                 autolim=False,
             )
-        lines = [(shape, colour) for shape, colour in filled if shape.width_m]
+        dots = [(shape, colour) for shape, colour in filled if len(shape.points) == 1]
+        if dots:
+            xs, ys = zip(*(shape.points[0] for shape, _ in dots), strict=True)
+            sizes = [(shape.width_m * points_per_m) ** 2 for shape, _ in dots]
+            axes.scatter(xs, ys, s=sizes, c=[colour for _, colour in dots], linewidths=0, alpha=0.7, zorder=z)
+        lines = [(shape, colour) for shape, colour in filled if shape.width_m and len(shape.points) > 1]
         courses = [shape.points for shape, _ in lines]
         widths = [max(0.4, shape.width_m * points_per_m) for shape, _ in lines]
         if lines and edge:
@@ -191,8 +196,7 @@ def _of_tile(tile: Pieces) -> Iterator[Flat]:
         yield Flat("building", building.polygon, building.holes, top_m=building.top_m)
     for prop in tile.props:
         if prop.cls == "tree":
-            x, y, _ = prop.position
-            yield Flat("tree", ((x, y), (x + 0.1, y)), width_m=_TREE_M * prop.scale)  # a line's round ends make a dot
+            yield Flat("tree", (prop.position[:2],), width_m=_TREE_M * prop.scale)
     for pipe in tile.pipes:
         yield Flat("pipe", _level(pipe.path), width_m=2 * pipe.radius_m)
 
