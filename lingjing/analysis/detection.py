@@ -26,7 +26,7 @@ UnitBox = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
-class Report:
+class MatchedReport:
     """One detection report: what was said, about which frame, and the target it matched, if any.
 
     `judged` if a rule of the mission compares such reports with the truth: only then is one without a target false.
@@ -56,7 +56,7 @@ class Report:
 class Detection:
     """Counts over aligned frames; rates are None where their denominator is zero."""
 
-    reports: tuple[Report, ...]
+    reports: tuple[MatchedReport, ...]
     frames: int
     true_positives: int
     false_positives: int
@@ -171,20 +171,20 @@ def numbers(value: object, count: int) -> tuple[float, ...] | None:
     return tuple(plain) if len(plain) == count else None
 
 
-def _reports(trace: Trace) -> Iterator[Report]:
+def _reports(trace: Trace) -> Iterator[MatchedReport]:
     matches, judged = _matches(trace), judged_kinds(trace)
     for message in spoken(trace):
         if message.category == "report":
             yield _report(trace, message, matches.get(message.id), message.kind in judged)
 
 
-def _report(trace: Trace, said: Spoken, target: str | None, judged: bool) -> Report:
+def _report(trace: Trace, said: Spoken, target: str | None, judged: bool) -> MatchedReport:
     body = said.body
     frame, box = str(body.get("frame") or ""), _box(said)
     position, confidence = numbers(body.get("position"), 2), body.get("confidence")
     info = trace.frames.get(frame)
     truth = position_of(trace, target, info.tick) if target is not None and info is not None else None
-    return Report(
+    return MatchedReport(
         id=said.id,
         tick=said.tick,
         sender=said.sender,

@@ -40,7 +40,7 @@ TRUTH = (24, 220, 110)
 
 
 @dataclass(frozen=True, slots=True)
-class Shown:
+class ShownFrame:
     """A frame worth showing and who took it with what; `targets` are those that can be seen in it. `drawn` is its JPEG
     where it is not in the trace because nobody asked for it."""
 
@@ -82,13 +82,13 @@ def draw_trails(trace: Trace, path: Path) -> None:
     figure.savefig(path, format="png", dpi=MAP_DPI, metadata={"Software": "lingjing"})
 
 
-def best_frames(traces: Iterable[Trace]) -> list[Shown]:
+def best_frames(traces: Iterable[Trace]) -> list[ShownFrame]:
     """One frame for each kind of camera that an agent looks through: the one that shows a target best; where none ever
     saw a target, the one with most to see (the largest file)."""
     return _best(shown for trace in traces for shown in _frames(trace))
 
 
-def unasked_frames(trace: Trace, shown: Iterable[Shown], look_back: LookBack) -> list[Shown]:
+def unasked_frames(trace: Trace, shown: Iterable[ShownFrame], look_back: LookBack) -> list[ShownFrame]:
     """A frame of each kind of camera that is mounted in the episode and not among `shown`, the best of a few moments;
     [] if the city is no longer to be had. `look_back` is that of `lingjing.causal.lookback`. Raises
     `InfrastructureError` if no picture can be drawn here."""
@@ -111,10 +111,10 @@ def unasked_frames(trace: Trace, shown: Iterable[Shown], look_back: LookBack) ->
     return _best(found)
 
 
-def in_order(shown: Iterable[Shown]) -> list[Shown]:
+def in_order(shown: Iterable[ShownFrame]) -> list[ShownFrame]:
     """Frames as their cameras are declared, reference pictures last."""
 
-    def place(one: Shown) -> tuple[int, int]:
+    def place(one: ShownFrame) -> tuple[int, int]:
         for at, entity in enumerate(one.trace.header.instance.entities):
             for number, camera in enumerate(entity.cameras):
                 if (entity.group, camera.name) == _kind(one):
@@ -124,7 +124,7 @@ def in_order(shown: Iterable[Shown]) -> list[Shown]:
     return sorted(shown, key=place)
 
 
-def write_frame(shown: Shown, path: Path) -> None:
+def write_frame(shown: ShownFrame, path: Path) -> None:
     """The frame as a JPEG of page width, a thin box around each target in it."""
     image = Image.open(io.BytesIO(shown.jpeg)).convert("RGB")
     if image.width > FRAME_WIDTH:
@@ -140,7 +140,7 @@ def write_frame(shown: Shown, path: Path) -> None:
 # -- private
 
 
-def _frames(trace: Trace) -> Iterator[Shown]:
+def _frames(trace: Trace) -> Iterator[ShownFrame]:
     """Every frame with the agent that controls what took it, else with the first one that was shown it."""
     pilots = _pilots(trace.header.instance)
     viewers: dict[str, str] = {}
@@ -158,15 +158,15 @@ def _pilots(instance: Instance) -> dict[str, AgentSpec]:
     return {name: agent for agent in reversed(instance.agents) for name in agent.controls}
 
 
-def _shown(trace: Trace, frame: FrameInfo, agent: str, drawn: bytes = b"") -> Shown:
+def _shown(trace: Trace, frame: FrameInfo, agent: str, drawn: bytes = b"") -> ShownFrame:
     targets = {entity.id for entity in trace.header.instance.entities if entity.role == "target"}
     role = next(one.role for one in trace.header.instance.agents if one.id == agent)
     inside = tuple(dict.fromkeys(box.entity for box in frame.boxes if box.entity in targets and box.pixels > 0))
-    return Shown(trace, frame, agent, role, inside, drawn)
+    return ShownFrame(trace, frame, agent, role, inside, drawn)
 
 
-def _best(frames: Iterable[Shown]) -> list[Shown]:
-    best: dict[tuple[str, str], tuple[tuple[float, int], Shown]] = {}
+def _best(frames: Iterable[ShownFrame]) -> list[ShownFrame]:
+    best: dict[tuple[str, str], tuple[tuple[float, int], ShownFrame]] = {}
     for shown in frames:
         view = max((_worth(box, shown.info) for box in shown.info.boxes if box.entity in shown.targets), default=0.0)
         worth = view, 0 if view else len(shown.jpeg)
@@ -175,7 +175,7 @@ def _best(frames: Iterable[Shown]) -> list[Shown]:
     return [shown for _, shown in best.values()]
 
 
-def _kind(shown: Shown) -> tuple[str, str]:
+def _kind(shown: ShownFrame) -> tuple[str, str]:
     """Group and camera: what is shown once."""
     groups = {entity.id: entity.group for entity in shown.trace.header.instance.entities}
     return groups.get(shown.info.entity, shown.info.entity), shown.info.camera

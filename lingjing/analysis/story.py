@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from lingjing.analysis.completion import asked_groups, completion_ticks
-from lingjing.analysis.detection import Report, detect, judged_kinds, shots
+from lingjing.analysis.detection import MatchedReport, detect, judged_kinds, shots
 from lingjing.analysis.incidents import Incident, incidents
 from lingjing.analysis.spoken import Spoken, spoken
 from lingjing.mission.instance import Instance
@@ -47,7 +47,7 @@ class Story:
 
     instance: Instance
     tracks: dict[str, Track]
-    reports: tuple[Report, ...]
+    reports: tuple[MatchedReport, ...]
     frames: dict[str, FrameInfo]
     shots: tuple[FrameInfo, ...]
     reporting: bool
@@ -155,7 +155,7 @@ def _dealt_with(trace: Trace) -> dict[str, str]:
     return found
 
 
-def _fate(trace: Trace, reports: tuple[Report, ...], dealt: Iterable[str]) -> dict[str, str]:
+def _fate(trace: Trace, reports: tuple[MatchedReport, ...], dealt: Iterable[str]) -> dict[str, str]:
     completed, found = completion_ticks(trace), {report.target for report in reports}.union(dealt)
     asked = asked_groups(trace.header.instance)
     return {

@@ -14,7 +14,7 @@ from lingjing.errors import InfrastructureError, UsageError
 from lingjing.mission.model import Mission
 
 if TYPE_CHECKING:
-    from lingjing.analysis.gallery import Shown
+    from lingjing.analysis.gallery import ShownFrame
     from lingjing.bench.study import Row
     from lingjing.trace.reader import Trace
 
@@ -120,7 +120,7 @@ def _sights(mission: Mission, traces: Sequence[Trace], folder: Path) -> Iterator
         yield f"*{shown.caption}.*\n"  # it begins with a name, which stays as it is
 
 
-def _plain(shown: Shown) -> str:
+def _plain(shown: ShownFrame) -> str:
     """`uav-2-nadir`: a name for a file."""
     return re.sub(r"[^a-z0-9]+", "-", f"{shown.info.entity}-{shown.info.camera}".lower()).strip("-")
 

@@ -16,9 +16,10 @@ from math import cos, hypot, pi, radians, sin
 from random import Random
 
 from lingjing.errors import UsageError
+from lingjing.mission.geometry2d import Polygon
 from lingjing.mission.instance import SceneSpec
 from lingjing.mission.kinds import builtin_scenes, reach_m, scene_faults
-from lingjing.scene.city import City, Land, Polygon, Prop, Solid, Water
+from lingjing.scene.city import City, Land, Prop, Solid, Water
 
 APRON_TOP_M = 0.9
 """Elevation of the UAV apron: the listing's 1.1 m less the height of a quadrotor's legs."""

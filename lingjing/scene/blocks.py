@@ -11,9 +11,10 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from lingjing.mission.geometry2d import Polygon
 from lingjing.mission.instance import Vector
-from lingjing.scene.city import Bridge, Building, Pieces, Polygon, Slope, Solid
-from lingjing.scene.outlines import Area, inside
+from lingjing.scene.city import Bridge, Building, Pieces, Slope, Solid
+from lingjing.scene.outlines import BoundedPolygon, inside
 
 PIER_M = 1.8
 """Side of a leg of a bridge's pier."""
@@ -29,7 +30,7 @@ class Block:
     """Something solid. `id` is the piece's own; parts of one bridge share its id."""
 
     id: str
-    area: Area
+    area: BoundedPolygon
     base: Plane
     top: Plane
     holes: tuple[Polygon, ...] = ()
@@ -61,14 +62,14 @@ def blocks(pieces: Pieces) -> Iterator[Block]:
 
 
 def _prism(piece: Solid | Building, holes: tuple[Polygon, ...] = ()) -> Block:
-    return Block(piece.id, Area.of(piece.polygon), (0.0, 0.0, piece.base_m), (0.0, 0.0, piece.top_m), holes)
+    return Block(piece.id, BoundedPolygon.of(piece.polygon), (0.0, 0.0, piece.base_m), (0.0, 0.0, piece.top_m), holes)
 
 
 def _slab(slope: Slope) -> Iterator[Block]:
     top = _plane(slope.top)
     if top is not None:
         outline = tuple((x, y) for x, y, _ in slope.top)
-        yield Block(slope.id, Area.of(outline), (top[0], top[1], top[2] - slope.thickness_m), top)
+        yield Block(slope.id, BoundedPolygon.of(outline), (top[0], top[1], top[2] - slope.thickness_m), top)
 
 
 def _plane(points: tuple[Vector, ...]) -> Plane | None:
@@ -94,7 +95,7 @@ def _decks(bridge: Bridge) -> Iterator[Block]:
         top = (rise * east, rise * north, level)
         yield Block(
             bridge.id,
-            Area.of(_oblong(start, end, (east, north), bridge.width_m / 2.0)),
+            BoundedPolygon.of(_oblong(start, end, (east, north), bridge.width_m / 2.0)),
             (top[0], top[1], level - bridge.thickness_m),
             top,
         )
@@ -114,7 +115,7 @@ def _piers(bridge: Bridge) -> Iterator[Block]:
     half = PIER_M / 2.0
     for x, y, z in pier_places(bridge):
         square = ((x - half, y - half), (x + half, y - half), (x + half, y + half), (x - half, y + half))
-        yield Block(bridge.id, Area.of(square), (0.0, 0.0, -math.inf), (0.0, 0.0, z - bridge.thickness_m))
+        yield Block(bridge.id, BoundedPolygon.of(square), (0.0, 0.0, -math.inf), (0.0, 0.0, z - bridge.thickness_m))
 
 
 def pier_places(bridge: Bridge) -> Iterator[Vector]:

@@ -15,9 +15,11 @@ import hashlib
 
 import msgspec
 
+from lingjing.mission.geometry2d import Polygon
 from lingjing.mission.instance import Datum, Vector
 
-Polygon = tuple[tuple[float, float], ...]
+LinearRgb = tuple[float, float, float]
+"""A colour: linear red, green and blue, each 0..1."""
 
 
 class Water(msgspec.Struct, frozen=True, kw_only=True):
@@ -36,7 +38,7 @@ class Land(msgspec.Struct, frozen=True, kw_only=True):
     surface: str = "grass"
 
 
-class Area(msgspec.Struct, frozen=True, kw_only=True):
+class PaintedArea(msgspec.Struct, frozen=True, kw_only=True):
     """A surface painted on the ground at its height, nothing to bump into.
 
     `surface` is one of `park`, `grass`, `forest`, `plaza`, `sidewalk`, `parking`, `asphalt`, `industrial`,
@@ -169,7 +171,7 @@ class Pieces(msgspec.Struct, frozen=True, kw_only=True):
 
     waters: tuple[Water, ...] = ()
     lands: tuple[Land, ...] = ()
-    areas: tuple[Area, ...] = ()
+    areas: tuple[PaintedArea, ...] = ()
     solids: tuple[Solid, ...] = ()
     slopes: tuple[Slope, ...] = ()
     buildings: tuple[Building, ...] = ()

@@ -15,8 +15,9 @@ from typing import Any
 
 import msgspec
 
+from lingjing.mission.geometry2d import Polygon
 from lingjing.mission.instance import Vector
-from lingjing.scene.city import Area, Bridge, Lane, Pieces, Polygon, Road
+from lingjing.scene.city import Bridge, Lane, PaintedArea, Pieces, Road
 
 STICKS_OUT_M = 100.0
 """A road or bridge longer than a square by no more than this is left as it is."""
@@ -38,7 +39,7 @@ def cut(pieces: Pieces, tile_m: float) -> Pieces:
 # -- areas
 
 
-def _areas(area: Area, side: float) -> Iterator[Area]:
+def _areas(area: PaintedArea, side: float) -> Iterator[PaintedArea]:
     if _fits(area.polygon, side):
         yield area
         return

@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from math import cos, hypot, pi, sin
 
-from lingjing.mission.geometry2d import contains, edge_distance
-from lingjing.scene.city import City, Polygon, Road
+from lingjing.mission.geometry2d import Polygon, contains, edge_distance
+from lingjing.scene.city import City, Road
 from lingjing.scene.lines import nearest
 from lingjing.scene.tiles import Tiles
 

@@ -13,8 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from lingjing.mission.geometry2d import Extent, Vector2
 from lingjing.scene.city import City
-from lingjing.scene.shapes import Box, Capsule, Shape, shapes_of
+from lingjing.scene.shapes import Capsule, OrientedBox, Shape, shapes_of
 from lingjing.scene.terrain import Terrain
 from lingjing.scene.tiles import Tiles
 
@@ -23,9 +24,6 @@ STEP_M = 0.2
 
 HEAD_M = 0.8
 """What begins higher than this over the ground is walked under."""
-
-Bounds = tuple[float, float, float, float]
-Point = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,12 +41,12 @@ class ObstacleMap:
         """Row and column of a point; may lie outside the map."""
         return math.floor((y - self.south) / self.cell_m), math.floor((x - self.west) / self.cell_m)
 
-    def middle(self, row: int, column: int) -> Point:
+    def middle(self, row: int, column: int) -> Vector2:
         """The middle of a cell, metres."""
         return self.west + (column + 0.5) * self.cell_m, self.south + (row + 0.5) * self.cell_m
 
 
-def obstacle_map(city: City, bounds: Bounds, *, cell_m: float = 0.5, far_m: float = 1.6) -> ObstacleMap:
+def obstacle_map(city: City, bounds: Extent, *, cell_m: float = 0.5, far_m: float = 1.6) -> ObstacleMap:
     """The map of a rectangle (west, south, east, north; metres)."""
     west, south, east, north = bounds
     columns, rows = max(1, math.ceil((east - west) / cell_m)), max(1, math.ceil((north - south) / cell_m))
@@ -85,9 +83,9 @@ def _draw(drawing: ObstacleMap, shape: Shape, terrain: Terrain) -> None:
     np.minimum(part, away, out=part)
 
 
-def _footprint(shape: Shape) -> tuple[list[Point], float, float, float]:
+def _footprint(shape: Shape) -> tuple[list[Vector2], float, float, float]:
     """A convex outline (anticlockwise) or a segment, the radius around it, and the lowest and highest elevation."""
-    if isinstance(shape, Box):
+    if isinstance(shape, OrientedBox):
         (x, y, z), (length, width, height) = shape.centre, shape.half
         cosine, sine = math.cos(shape.yaw), math.sin(shape.yaw)
         corners = [(-length, -width), (length, -width), (length, width), (-length, width)]
@@ -100,7 +98,7 @@ def _footprint(shape: Shape) -> tuple[list[Point], float, float, float]:
 
 
 def _distance(
-    outline: Sequence[Point], xs: npt.NDArray[np.float64], ys: npt.NDArray[np.float64]
+    outline: Sequence[Vector2], xs: npt.NDArray[np.float64], ys: npt.NDArray[np.float64]
 ) -> npt.NDArray[np.float64]:
     """Distance of points to a convex outline, 0 inside it."""
     nearest = np.full(xs.shape, np.inf)
@@ -114,7 +112,7 @@ def _distance(
     return np.where(inside, 0.0, nearest)
 
 
-def _hull(points: Sequence[Point]) -> list[Point]:
+def _hull(points: Sequence[Vector2]) -> list[Vector2]:
     """The convex hull, anticlockwise (Andrew's monotone chain)."""
     ordered = sorted(set(points))
     if len(ordered) < 3:
@@ -122,8 +120,8 @@ def _hull(points: Sequence[Point]) -> list[Point]:
     return _chain(ordered)[:-1] + _chain(ordered[::-1])[:-1]
 
 
-def _chain(points: Sequence[Point]) -> list[Point]:
-    chain: list[Point] = []
+def _chain(points: Sequence[Vector2]) -> list[Vector2]:
+    chain: list[Vector2] = []
     for x, y in points:
         while len(chain) > 1 and _turn(chain[-2], chain[-1], (x, y)) <= 0.0:
             chain.pop()
@@ -131,7 +129,7 @@ def _chain(points: Sequence[Point]) -> list[Point]:
     return chain
 
 
-def _turn(a: Point, b: Point, c: Point) -> float:
+def _turn(a: Vector2, b: Vector2, c: Vector2) -> float:
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 

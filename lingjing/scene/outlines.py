@@ -9,9 +9,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from lingjing.scene.city import Polygon
-
-Point = tuple[float, float]
+from lingjing.mission.geometry2d import Polygon, Vector2
 
 
 def compass(angle_deg: float) -> float:
@@ -19,7 +17,7 @@ def compass(angle_deg: float) -> float:
     return angle_deg % 360.0 % 360.0
 
 
-def inside(polygon: Sequence[Point], x: float, y: float) -> bool:
+def inside(polygon: Sequence[Vector2], x: float, y: float) -> bool:
     """Whether a point lies in a polygon (even-odd rule; points on the edge may fall on either side)."""
     found = False
     before_x, before_y = polygon[-1]
@@ -30,7 +28,7 @@ def inside(polygon: Sequence[Point], x: float, y: float) -> bool:
     return found
 
 
-def edge_distance(polygon: Sequence[Point], x: float, y: float) -> float:
+def edge_distance(polygon: Sequence[Vector2], x: float, y: float) -> float:
     """Distance from a point to the polygon's outline, metres."""
     nearest = math.inf
     before_x, before_y = polygon[-1]
@@ -44,13 +42,13 @@ def edge_distance(polygon: Sequence[Point], x: float, y: float) -> float:
     return nearest
 
 
-def within(polygon: Sequence[Point], x: float, y: float, margin_m: float) -> bool:
+def within(polygon: Sequence[Vector2], x: float, y: float, margin_m: float) -> bool:
     """Whether a point lies in the polygon or within `margin_m` of it."""
     return inside(polygon, x, y) or edge_distance(polygon, x, y) <= margin_m
 
 
 @dataclass(frozen=True, slots=True)
-class Area:
+class BoundedPolygon:
     """A polygon with its bounding box, so that most points are ruled out by four comparisons."""
 
     polygon: Polygon
@@ -60,7 +58,7 @@ class Area:
     north: float
 
     @classmethod
-    def of(cls, polygon: Polygon) -> Area:
+    def of(cls, polygon: Polygon) -> BoundedPolygon:
         """The area of a polygon."""
         xs, ys = [point[0] for point in polygon], [point[1] for point in polygon]
         return cls(polygon, min(xs), min(ys), max(xs), max(ys))

@@ -13,8 +13,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, get_args
 
-from lingjing.scene.city import City, Pieces, Polygon
-from lingjing.scene.tiles import Bounds, Tiles
+from lingjing.mission.geometry2d import Extent, Polygon, Vector2
+from lingjing.scene.city import City, Pieces
+from lingjing.scene.tiles import Tiles
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
 Layer = Literal["water", "land", "slab", "area", "path", "road", "solid", "bridge", "building", "tree", "pipe"]
 """What covers what: a layer lies over those before it."""
 
-Point = tuple[float, float]
 
 SLAB_M = 0.6
 """A solid no thicker than this is ground to stand on: a kerbed block, a deck."""
@@ -38,7 +38,7 @@ _LAYERS: tuple[Layer, ...] = get_args(Layer)
 
 
 @dataclass(frozen=True, slots=True)
-class Flat:
+class PlanShape:
     """A polygon with its holes, or (`width_m` > 0) a line of that width or a dot; east and north in metres.
 
     `surface` is that of an area, `grass land` for one of the ground, or the kind of a road's lane; `top_m` is the
@@ -46,7 +46,7 @@ class Flat:
     """
 
     layer: Layer
-    points: tuple[Point, ...]
+    points: tuple[Vector2, ...]
     holes: tuple[Polygon, ...] = ()
     width_m: float = 0.0
     surface: str = ""
@@ -64,7 +64,7 @@ class Palette:
     edges: Mapping[Layer, str] = field(default_factory=dict)
     by_height: bool = False
 
-    def colour(self, shape: Flat) -> str | tuple[float, float, float] | None:
+    def colour(self, shape: PlanShape) -> str | tuple[float, float, float] | None:
         """The fill of a shape; None for one that is not painted."""
         if self.by_height and shape.layer == "building":
             shade = 0.82 - 0.62 * min(1.0, (max(shape.top_m, 0.0) / 300.0) ** 0.5)
@@ -91,7 +91,7 @@ PLAN = Palette(
 """The colours of `draw_plan`."""
 
 
-def ground_plan(city: City, bounds: Bounds | None = None) -> tuple[Flat, ...]:
+def ground_plan(city: City, bounds: Extent | None = None) -> tuple[PlanShape, ...]:
     """The shapes of a city in and around `bounds`, or of all of it, in the order in which they cover each other.
 
     Raises `UsageError` if the city's folder is gone.
@@ -99,19 +99,19 @@ def ground_plan(city: City, bounds: Bounds | None = None) -> tuple[Flat, ...]:
     west, south, east, north = bounds or city.bounds
     middle, radius = ((west + east) / 2, (south + north) / 2), math.hypot(east - west, north - south) / 2
     tiles = Tiles(city)
-    layers: dict[Layer, list[Flat]] = defaultdict(list)
+    layers: dict[Layer, list[PlanShape]] = defaultdict(list)
     for shapes in (_everywhere(city), *map(_of_tile, tiles if bounds is None else tiles.near(*middle, radius))):
         for shape in shapes:
             layers[shape.layer].append(shape)
     return tuple(shape for layer in _LAYERS for shape in layers[layer])
 
 
-def is_sea(shapes: Iterable[Flat]) -> bool:
+def is_sea(shapes: Iterable[PlanShape]) -> bool:
     """Whether water is what lies under everything."""
     return any(shape.layer == "water" for shape in shapes)
 
 
-def paint(axes: Axes, shapes: Sequence[Flat], palette: Palette, z_order: float = 0.0) -> None:
+def paint(axes: Axes, shapes: Sequence[PlanShape], palette: Palette, z_order: float = 0.0) -> None:
     """Paint shapes within the limits of `axes`, whose aspect is equal, all below `z_order` + 1."""
     from matplotlib.collections import LineCollection, PathCollection
 
@@ -171,41 +171,41 @@ def draw_plan(city: City, path: Path, dpi: int = 150) -> None:
 # -- private
 
 
-def _everywhere(city: City) -> Iterator[Flat]:
+def _everywhere(city: City) -> Iterator[PlanShape]:
     for water in city.waters:
-        yield Flat("water", water.polygon, water.holes)
+        yield PlanShape("water", water.polygon, water.holes)
     for land in city.lands:
         surface = land.surface if land.surface == "sand" else f"{land.surface} land"
-        yield Flat("land", land.polygon, surface=surface)
+        yield PlanShape("land", land.polygon, surface=surface)
 
 
-def _of_tile(tile: Pieces) -> Iterator[Flat]:
+def _of_tile(tile: Pieces) -> Iterator[PlanShape]:
     for area in tile.areas:
-        yield Flat("area", area.polygon, area.holes, surface=area.surface)
+        yield PlanShape("area", area.polygon, area.holes, surface=area.surface)
     for junction in tile.junctions:
-        yield Flat("road", junction.polygon)
+        yield PlanShape("road", junction.polygon)
     for road in tile.roads:
         for lane in () if road.tunnel else road.lanes:
             layer: Layer = "path" if lane.kind in ("foot", "bicycle") else "road"
-            yield Flat(layer, _level(lane.shape), width_m=lane.width_m, surface=lane.kind)
+            yield PlanShape(layer, _level(lane.shape), width_m=lane.width_m, surface=lane.kind)
     for solid in tile.solids:
-        yield Flat("slab" if solid.top_m - solid.base_m <= SLAB_M else "solid", solid.polygon)
+        yield PlanShape("slab" if solid.top_m - solid.base_m <= SLAB_M else "solid", solid.polygon)
     for bridge in tile.bridges:
-        yield Flat("bridge", _level(bridge.path), width_m=bridge.width_m)
+        yield PlanShape("bridge", _level(bridge.path), width_m=bridge.width_m)
     for building in sorted(tile.buildings, key=lambda one: (one.top_m, one.id)):
-        yield Flat("building", building.polygon, building.holes, top_m=building.top_m)
+        yield PlanShape("building", building.polygon, building.holes, top_m=building.top_m)
     for prop in tile.props:
         if prop.cls == "tree":
-            yield Flat("tree", (prop.position[:2],), width_m=_TREE_M * prop.scale)
+            yield PlanShape("tree", (prop.position[:2],), width_m=_TREE_M * prop.scale)
     for pipe in tile.pipes:
-        yield Flat("pipe", _level(pipe.path), width_m=2 * pipe.radius_m)
+        yield PlanShape("pipe", _level(pipe.path), width_m=2 * pipe.radius_m)
 
 
-def _level(path: Sequence[tuple[float, ...]]) -> tuple[Point, ...]:
+def _level(path: Sequence[tuple[float, ...]]) -> tuple[Vector2, ...]:
     return tuple((point[0], point[1]) for point in path)
 
 
-def _outline(shape: Flat) -> Outline:
+def _outline(shape: PlanShape) -> Outline:
     from matplotlib.path import Path as Outline
 
     rings = (shape.points, *(hole[::-1] for hole in shape.holes))

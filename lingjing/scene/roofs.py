@@ -12,7 +12,8 @@ from collections import OrderedDict
 import numpy as np
 import numpy.typing as npt
 
-from lingjing.scene.terrain import Key, Square, Terrain
+from lingjing.scene.terrain import Square, Terrain
+from lingjing.scene.tiles import TileKey
 
 CELL_M = 5.0
 _KEPT_SQUARES = 128
@@ -25,7 +26,7 @@ class Roofs:
 
     def __init__(self, terrain: Terrain) -> None:
         self._terrain = terrain
-        self._held: OrderedDict[Key, Array] = OrderedDict()
+        self._held: OrderedDict[TileKey, Array] = OrderedDict()
 
     def bound(self, x: Array, y: Array) -> Array:
         """For each place an elevation over which nothing that covers it reaches."""
@@ -42,7 +43,7 @@ class Roofs:
                 found[here] = heights[east, north]
         return found
 
-    def _heights(self, key: Key) -> Array:
+    def _heights(self, key: TileKey) -> Array:
         heights = self._held.get(key)
         if heights is None:
             heights = self._held[key] = _drawn(self._terrain.square(key), key, self._terrain.tile_m)
@@ -51,7 +52,7 @@ class Roofs:
         return heights
 
 
-def _drawn(square: Square, key: Key, side_m: float) -> Array:
+def _drawn(square: Square, key: TileKey, side_m: float) -> Array:
     """The tops of a square's blocks over the cells that their bounds touch."""
     many = math.ceil(side_m / CELL_M)
     heights = np.full((many, many), -np.inf)

@@ -12,12 +12,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
+from lingjing.mission.geometry2d import Polygon, Vector2
 from lingjing.mission.instance import Vector
 from lingjing.scene.blocks import PIER_M, pier_places
-from lingjing.scene.city import Bridge, Building, Pieces, Pipe, Polygon, Prop, Slope, Solid
+from lingjing.scene.city import Bridge, Building, Pieces, Pipe, Prop, Slope, Solid
 from lingjing.scene.props import BOXES, RODS
-
-Point = tuple[float, float]
 
 _TINY_M = 1e-4
 _THICK_M, _ROUND = 0.5, math.sqrt(math.pi) / 2.0
@@ -33,7 +32,7 @@ class Hull:
 
 
 @dataclass(frozen=True, slots=True)
-class Box:
+class OrientedBox:
     """An upright box: centre, half sizes, and the direction of its first axis (radians anticlockwise from east)."""
 
     thing: str
@@ -52,7 +51,7 @@ class Capsule:
     radius_m: float
 
 
-Shape = Hull | Box | Capsule
+Shape = Hull | OrientedBox | Capsule
 
 
 def shapes_of(pieces: Pieces) -> Iterator[Shape]:
@@ -94,7 +93,7 @@ def bridge_shapes(bridge: Bridge) -> Iterator[Shape]:
         top = z - bridge.thickness_m
         height = 0.5 * (top + _FOOT_M)
         if height > 0.0:
-            yield Box(bridge.id, (x, y, top - height), (half, half, height))
+            yield OrientedBox(bridge.id, (x, y, top - height), (half, half, height))
 
 
 def pipe_shapes(pipe: Pipe) -> Iterator[Capsule]:
@@ -112,13 +111,13 @@ def prop_shapes(prop: Prop) -> Iterator[Shape]:
     if prop.model in RODS:
         radius, height = (prop.scale * part for part in RODS[prop.model])
         if radius > 0.5 * height or radius > _THICK_M:
-            yield Box(prop.id, (x, y, z + 0.5 * height), (_ROUND * radius, _ROUND * radius, 0.5 * height))
+            yield OrientedBox(prop.id, (x, y, z + 0.5 * height), (_ROUND * radius, _ROUND * radius, 0.5 * height))
         else:  # from a little below, so that the round end is in the ground
             yield Capsule(prop.id, (x, y, z), (x, y, z + height - radius), radius)
     elif prop.model in BOXES:
         size = BOXES[prop.model]
         length, width, height = (0.5 * prop.scale * part for part in (size.length_m, size.width_m, size.height_m))
-        yield Box(prop.id, (x, y, z + height), (length, width, height), math.radians(90.0 - prop.heading_deg))
+        yield OrientedBox(prop.id, (x, y, z + height), (length, width, height), math.radians(90.0 - prop.heading_deg))
 
 
 def prisms(thing: str, outline: Polygon, holes: Sequence[Polygon], base_m: float, top_m: float) -> Iterator[Shape]:
@@ -133,7 +132,7 @@ def prisms(thing: str, outline: Polygon, holes: Sequence[Polygon], base_m: float
             yield Hull(thing, tuple((x, y, z) for z in (base_m, top_m) for x, y in part))
 
 
-def convex_parts(outline: Polygon, holes: Sequence[Polygon] = ()) -> tuple[tuple[Point, ...], ...]:
+def convex_parts(outline: Polygon, holes: Sequence[Polygon] = ()) -> tuple[tuple[Vector2, ...], ...]:
     """Convex polygons (anticlockwise) that together are the polygon; none where it has no area."""
     points = _without_straights(outline)
     if len(points) < 3:
@@ -144,7 +143,7 @@ def convex_parts(outline: Polygon, holes: Sequence[Polygon] = ()) -> tuple[tuple
     return tuple(tuple(corners[index] for index in part) for part in _joined(corners, triangles))
 
 
-def _triangles(outline: Sequence[Point], holes: Sequence[Polygon]) -> tuple[list[Point], list[tuple[int, ...]]]:
+def _triangles(outline: Sequence[Vector2], holes: Sequence[Polygon]) -> tuple[list[Vector2], list[tuple[int, ...]]]:
     import mapbox_earcut
     import numpy as np
 
@@ -160,7 +159,7 @@ def _triangles(outline: Sequence[Point], holes: Sequence[Polygon]) -> tuple[list
     return corners, triangles
 
 
-def _joined(corners: Sequence[Point], triangles: Sequence[tuple[int, ...]]) -> list[tuple[int, ...]]:
+def _joined(corners: Sequence[Vector2], triangles: Sequence[tuple[int, ...]]) -> list[tuple[int, ...]]:
     """Join parts over their common edges, in the order of the edges, while the union stays convex."""
     parts: dict[int, tuple[int, ...]] = dict(enumerate(triangles))
     owner = {(a, b): number for number, part in parts.items() for a, b in _edges(part)}
@@ -189,7 +188,7 @@ def _edges(part: Sequence[int]) -> Iterator[tuple[int, int]]:
     return zip(part, (*part[1:], part[0]), strict=True)
 
 
-def _is_convex(points: Sequence[Point]) -> bool:
+def _is_convex(points: Sequence[Vector2]) -> bool:
     count = len(points)
     turns = [_turn(points[n - 2], points[n - 1], points[n]) for n in range(count)]
     if min(turns) < -_TINY_M * _TINY_M:
@@ -200,7 +199,7 @@ def _is_convex(points: Sequence[Point]) -> bool:
     return abs(around - 2.0 * math.pi) < 1.0
 
 
-def _without_straights(outline: Sequence[Point]) -> tuple[Point, ...]:
+def _without_straights(outline: Sequence[Vector2]) -> tuple[Vector2, ...]:
     """The outline, anticlockwise, without repeated points and points on straight edges."""
     points = [point for n, point in enumerate(outline) if math.dist(point, outline[n - 1]) > _TINY_M]
     kept = [
@@ -212,12 +211,12 @@ def _without_straights(outline: Sequence[Point]) -> tuple[Point, ...]:
     return tuple(kept) if area > 0.0 else tuple(reversed(kept))
 
 
-def _turn(a: Point, b: Point, c: Point) -> float:
+def _turn(a: Vector2, b: Vector2, c: Vector2) -> float:
     """Twice the area of a triangle; positive anticlockwise."""
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
-def _as_box(thing: str, part: Sequence[Point], base_m: float, top_m: float) -> Box | None:
+def _as_box(thing: str, part: Sequence[Vector2], base_m: float, top_m: float) -> OrientedBox | None:
     """The part as a box if it is a rectangle to the millimetre."""
     if len(part) != 4:
         return None
@@ -228,7 +227,7 @@ def _as_box(thing: str, part: Sequence[Point], base_m: float, top_m: float) -> B
         return None
     half = (0.5 * math.hypot(bx - ax, by - ay), 0.5 * math.hypot(cx - bx, cy - by), 0.5 * (top_m - base_m))
     centre = ((ax + bx + cx + dx) / 4.0, (ay + by + cy + dy) / 4.0, 0.5 * (base_m + top_m))
-    return Box(thing, centre, half, math.atan2(by - ay, bx - ax))
+    return OrientedBox(thing, centre, half, math.atan2(by - ay, bx - ax))
 
 
 def _crossing(bridge: Bridge, number: int) -> tuple[Vector, Vector]:

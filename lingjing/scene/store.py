@@ -30,7 +30,7 @@ from lingjing.errors import UsageError
 from lingjing.scene.beside import beside
 from lingjing.scene.city import City, Pieces
 from lingjing.scene.cutting import cut
-from lingjing.scene.tiles import INDEX_FILE, TILED, Index, extent, partition, tile_file
+from lingjing.scene.tiles import INDEX_FILE, TILED, TileIndex, extent, partition, tile_file
 
 CITY_FILE = "city.msgpack"
 NETWORK_FILE = "road.net.xml"
@@ -170,7 +170,7 @@ def _copied(source: Path, target: Path) -> None:
 
 def _checked(folder: Path) -> City | None:
     city = read_store(folder)
-    index = msgspec.msgpack.decode((folder / INDEX_FILE).read_bytes(), type=Index)
+    index = msgspec.msgpack.decode((folder / INDEX_FILE).read_bytes(), type=TileIndex)
     digest = hashlib.sha256()
     for key in city.tiles:
         digest.update(hashlib.sha256((folder / tile_file(key)).read_bytes()).digest())
@@ -187,7 +187,7 @@ def _write_files(folder: Path, city: City, pieces: Pieces, extra: Mapping[str, b
         data = msgspec.msgpack.encode(tile)
         digest.update(hashlib.sha256(data).digest())
         (folder / tile_file(key)).write_bytes(data)
-    index = Index(tuple(tiles), tuple(extent(tile, city.tile_m) for tile in tiles.values()))
+    index = TileIndex(tuple(tiles), tuple(extent(tile, city.tile_m) for tile in tiles.values()))
     (folder / INDEX_FILE).write_bytes(msgspec.msgpack.encode(index))
     if city.network:
         shutil.copyfile(city.network, folder / NETWORK_FILE)

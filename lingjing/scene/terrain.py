@@ -14,8 +14,8 @@ from collections.abc import Iterable
 
 from lingjing.scene.blocks import Block, blocks
 from lingjing.scene.city import City
-from lingjing.scene.outlines import Area, inside
-from lingjing.scene.tiles import Tiles
+from lingjing.scene.outlines import BoundedPolygon, inside
+from lingjing.scene.tiles import TileKey, Tiles
 
 REACH_M = 8.0
 """The largest `margin_m` that a body may ask with: half the span of a light aircraft and some."""
@@ -23,21 +23,19 @@ REACH_M = 8.0
 _CELL_M = 50.0
 _KEPT_SQUARES = 128
 
-Key = tuple[int, int]
-
 
 class Terrain:
     """A city as an obstacle course. Points are world metres; elevations are over the datum's zero."""
 
     def __init__(self, city: City) -> None:
         self.datum_m = city.datum_m
-        self._waters = tuple((Area.of(water.polygon), water) for water in city.waters)
-        self._lands = tuple((Area.of(land.polygon), land.top_m) for land in city.lands)
+        self._waters = tuple((BoundedPolygon.of(water.polygon), water) for water in city.waters)
+        self._lands = tuple((BoundedPolygon.of(land.polygon), land.top_m) for land in city.lands)
         levels = [city.datum_m, *(top for _, top in self._lands), *(water.level_m for water in city.waters)]
         self._highest_ground_m = max(levels)
         self._tiles = Tiles(city)
         self.tile_m = city.tile_m
-        self._squares: OrderedDict[Key, Square] = OrderedDict()
+        self._squares: OrderedDict[TileKey, Square] = OrderedDict()
 
     def water_level(self, x: float, y: float) -> float | None:
         """Still-water elevation at a point that is afloat, or None on dry land and off every water."""
@@ -78,7 +76,7 @@ class Terrain:
     def _square(self, x: float, y: float) -> Square:
         return self.square((math.floor(x / self.tile_m), math.floor(y / self.tile_m)))
 
-    def square(self, key: Key) -> Square:
+    def square(self, key: TileKey) -> Square:
         """The square of a column and a row of `tile_m` side."""
         square = self._squares.get(key)
         if square is None:
@@ -87,7 +85,7 @@ class Terrain:
                 self._squares.popitem(last=False)
         return square
 
-    def _read(self, key: Key) -> Square:
+    def _read(self, key: TileKey) -> Square:
         side = self.tile_m
         west, south = key[0] * side, key[1] * side
         reach = side * math.sqrt(0.5) + REACH_M  # the corners are that far from the middle
@@ -100,7 +98,7 @@ class Square:
 
     def __init__(self, bounds: tuple[float, float, float, float], found: Iterable[Block]) -> None:
         self.highest_m = -math.inf
-        self._cells: dict[Key, tuple[Block, ...]] = {}
+        self._cells: dict[TileKey, tuple[Block, ...]] = {}
         limits = _cells(*bounds)
         reaching: list[Block] = []
         for block in found:
@@ -132,5 +130,5 @@ def _common(one: range, other: range) -> range:
     return range(max(one.start, other.start), min(one.stop, other.stop))
 
 
-def _wet(area: Area, holes: Iterable[tuple[tuple[float, float], ...]], x: float, y: float) -> bool:
+def _wet(area: BoundedPolygon, holes: Iterable[tuple[tuple[float, float], ...]], x: float, y: float) -> bool:
     return area.holds(x, y) and not any(inside(hole, x, y) for hole in holes)

@@ -21,12 +21,13 @@ from weakref import WeakValueDictionary
 import msgspec
 
 from lingjing.errors import UsageError
+from lingjing.mission.geometry2d import Extent
 from lingjing.scene.city import (
-    Area,
     Bridge,
     Building,
     City,
     Junction,
+    PaintedArea,
     Pieces,
     Pipe,
     Prop,
@@ -36,11 +37,9 @@ from lingjing.scene.city import (
     Tile,
 )
 
-Key = tuple[int, int]
-Bounds = tuple[float, float, float, float]
-"""West, south, east, north in metres."""
+TileKey = tuple[int, int]
 
-Piece = Area | Solid | Slope | Building | Road | Junction | Bridge | Pipe | Prop
+Piece = PaintedArea | Solid | Slope | Building | Road | Junction | Bridge | Pipe | Prop
 
 KEPT_TILES = 64
 """Tiles held at a time by default: four square kilometres of 250 m squares."""
@@ -52,11 +51,11 @@ TILED = ("areas", "solids", "slopes", "buildings", "roads", "junctions", "bridge
 _Read = TypeVar("_Read")
 
 
-class Index(msgspec.Struct, frozen=True, array_like=True):
+class TileIndex(msgspec.Struct, frozen=True, array_like=True):
     """What each tile of a store covers, in key order: its square grown to the bounds of its pieces."""
 
-    keys: tuple[Key, ...]
-    extents: tuple[Bounds, ...]
+    keys: tuple[TileKey, ...]
+    extents: tuple[Extent, ...]
 
 
 class Tiles:
@@ -69,10 +68,10 @@ class Tiles:
         self._tile_m = city.tile_m
         self._source = _source(city, max(1, keep))
         extents = self._source.extents
-        self.keys: tuple[Key, ...] = tuple(sorted(extents))
+        self.keys: tuple[TileKey, ...] = tuple(sorted(extents))
         self._overhang_m = max((_overhang(key, extents[key], city.tile_m) for key in self.keys), default=0.0)
 
-    def load(self, key: Key) -> Tile:
+    def load(self, key: TileKey) -> Tile:
         """The tile of a square in `keys`; `KeyError` for another."""
         return self._source.load(key)
 
@@ -80,13 +79,13 @@ class Tiles:
         """Every tile that holds something within `radius_m` of a point, or whose square is, in key order."""
         return tuple(self._source.load(key) for key in self.keys_near(x, y, radius_m))
 
-    def keys_near(self, x: float, y: float, radius_m: float) -> tuple[Key, ...]:
+    def keys_near(self, x: float, y: float, radius_m: float) -> tuple[TileKey, ...]:
         """The keys of `near`, without reading a tile."""
         side, reach, extents = self._tile_m, radius_m + self._overhang_m, self._source.extents
         columns = range(floor((x - reach) / side), floor((x + reach) / side) + 1)
         rows = range(floor((y - reach) / side), floor((y + reach) / side) + 1)
         if len(columns) * len(rows) > len(self.keys):
-            asked: Iterable[Key] = self.keys
+            asked: Iterable[TileKey] = self.keys
         else:
             asked = ((column, row) for column in columns for row in rows if (column, row) in extents)
         return tuple(key for key in asked if _distance(extents[key], x, y) <= radius_m)
@@ -96,9 +95,9 @@ class Tiles:
         return (self._source.load(key) for key in self.keys)
 
 
-def partition(pieces: Pieces, tile_m: float) -> dict[Key, Tile]:
+def partition(pieces: Pieces, tile_m: float) -> dict[TileKey, Tile]:
     """The pieces by the square of their first point, in key order. Waters and lands are left out."""
-    found: dict[Key, dict[str, list[Piece]]] = {}
+    found: dict[TileKey, dict[str, list[Piece]]] = {}
     for field in TILED:
         for piece in getattr(pieces, field):
             found.setdefault(key_of(piece, tile_m), {}).setdefault(field, []).append(piece)
@@ -106,7 +105,7 @@ def partition(pieces: Pieces, tile_m: float) -> dict[Key, Tile]:
     return {key: msgspec.convert({"key": key, **filled}, Tile) for key, filled in fields.items()}
 
 
-def key_of(piece: Piece, tile_m: float) -> Key:
+def key_of(piece: Piece, tile_m: float) -> TileKey:
     """The square that holds a piece's first point; the one at the origin for a piece without any."""
     point = next(points_of(piece), (0.0, 0.0))
     return floor(point[0] / tile_m), floor(point[1] / tile_m)
@@ -127,7 +126,7 @@ def points_of(piece: Piece) -> Iterator[tuple[float, ...]]:
         yield from piece.polygon
 
 
-def extent(tile: Tile, tile_m: float) -> Bounds:
+def extent(tile: Tile, tile_m: float) -> Extent:
     """The bounds of a tile's square and of all its pieces' points."""
     column, row = tile.key
     xs, ys = [column * tile_m, (column + 1) * tile_m], [row * tile_m, (row + 1) * tile_m]
@@ -139,7 +138,7 @@ def extent(tile: Tile, tile_m: float) -> Bounds:
     return min(xs), min(ys), max(xs), max(ys)
 
 
-def tile_file(key: Key) -> str:
+def tile_file(key: TileKey) -> str:
     """The name of a tile's file in a store's folder."""
     return f"tiles/{key[0]}_{key[1]}.msgpack"
 
@@ -151,9 +150,9 @@ INDEX_FILE = "tiles/index.msgpack"
 
 
 class _Source(Protocol):
-    extents: Mapping[Key, Bounds]
+    extents: Mapping[TileKey, Extent]
 
-    def load(self, key: Key) -> Tile: ...
+    def load(self, key: TileKey) -> Tile: ...
 
 
 class _Memory:
@@ -162,9 +161,9 @@ class _Memory:
     def __init__(self, city: City) -> None:
         self._city = city
         self._tiles = partition(city, city.tile_m)
-        self.extents: Mapping[Key, Bounds] = {key: extent(tile, city.tile_m) for key, tile in self._tiles.items()}
+        self.extents: Mapping[TileKey, Extent] = {key: extent(tile, city.tile_m) for key, tile in self._tiles.items()}
 
-    def load(self, key: Key) -> Tile:
+    def load(self, key: TileKey) -> Tile:
         return self._tiles[key]
 
 
@@ -173,11 +172,11 @@ class _Folder:
 
     def __init__(self, folder: str, keep: int) -> None:
         self._folder, self._keep = folder, keep
-        index = _decode(folder, INDEX_FILE, Index)
-        self.extents: Mapping[Key, Bounds] = dict(zip(index.keys, index.extents, strict=True))
-        self._held: OrderedDict[Key, Tile] = OrderedDict()
+        index = _decode(folder, INDEX_FILE, TileIndex)
+        self.extents: Mapping[TileKey, Extent] = dict(zip(index.keys, index.extents, strict=True))
+        self._held: OrderedDict[TileKey, Tile] = OrderedDict()
 
-    def load(self, key: Key) -> Tile:
+    def load(self, key: TileKey) -> Tile:
         if key in self._held:
             self._held.move_to_end(key)
             return self._held[key]
@@ -220,12 +219,12 @@ def _decode(folder: str, name: str, kind: type[_Read]) -> _Read:
         raise UsageError(f"the city in `{folder}` is damaged: `{name}`: {error}", hint=hint) from None
 
 
-def _overhang(key: Key, bounds: Bounds, side: float) -> float:
+def _overhang(key: TileKey, bounds: Extent, side: float) -> float:
     column, row = key
     west, south, east, north = bounds
     return max(column * side - west, row * side - south, east - (column + 1) * side, north - (row + 1) * side, 0.0)
 
 
-def _distance(bounds: Bounds, x: float, y: float) -> float:
+def _distance(bounds: Extent, x: float, y: float) -> float:
     west, south, east, north = bounds
     return hypot(max(west - x, x - east, 0.0), max(south - y, y - north, 0.0))

@@ -15,8 +15,8 @@ from lingjing.dsl.loading.load import load_mission
 from lingjing.dsl.loading.shipped import find_mission
 from lingjing.mission.instantiate import instantiate
 from lingjing.plugins.host import PluginHost
-from lingjing.scene.city import Area, Bridge, Building, City, Lane, Road, Solid, Water, content_sha256
-from lingjing.scene.plan import PLAN, Flat, ground_plan, is_sea
+from lingjing.scene.city import Bridge, Building, City, Lane, PaintedArea, Road, Solid, Water, content_sha256
+from lingjing.scene.plan import PLAN, PlanShape, ground_plan, is_sea
 from lingjing.trace.reader import Trace
 
 replace = msgspec.structs.replace
@@ -32,7 +32,7 @@ def test_shapes_come_in_painting_order_and_know_what_they_are() -> None:
     lane = Lane(id="l", shape=((0.0, 0.0, 0.0), (10.0, 0.0, 1.0)), width_m=3.5)
     city = a_city(
         waters=(Water(polygon=SQUARE, level_m=0.0, holes=(SQUARE,)),),
-        areas=(Area(polygon=SQUARE, surface="park"), Area(polygon=SQUARE, surface="residential")),
+        areas=(PaintedArea(polygon=SQUARE, surface="park"), PaintedArea(polygon=SQUARE, surface="residential")),
         solids=(
             Solid(id="wall", polygon=SQUARE, base_m=0.0, top_m=2.0),
             Solid(id="kerb", polygon=SQUARE, base_m=0.0, top_m=0.15),
@@ -54,14 +54,14 @@ def test_shapes_come_in_painting_order_and_know_what_they_are() -> None:
     assert [shape.surface for shape in shapes[2:5]] == ["park", "residential", "foot"]
     assert len(ground_plan(city)) == len(shapes) + 1
     assert shapes[0].holes == (SQUARE,) and is_sea(shapes)
-    assert shapes[5] == Flat("road", ((0.0, 0.0), (10.0, 0.0)), width_m=3.5, surface="car")
+    assert shapes[5] == PlanShape("road", ((0.0, 0.0), (10.0, 0.0)), width_m=3.5, surface="car")
     assert not is_sea(ground_plan(a_city(), (0.0, 0.0, 1.0, 1.0)))
 
 
 def test_higher_buildings_are_darker_on_a_plan() -> None:
-    low, high = (PLAN.colour(Flat("building", SQUARE, top_m=top)) for top in (9.0, 90.0))
+    low, high = (PLAN.colour(PlanShape("building", SQUARE, top_m=top)) for top in (9.0, 90.0))
     assert low is not None and high is not None and low > high
-    assert PLAN.colour(Flat("building", SQUARE, top_m=-1.0)) is not None
+    assert PLAN.colour(PlanShape("building", SQUARE, top_m=-1.0)) is not None
 
 
 def test_only_a_map_of_somebody_is_credited() -> None:

@@ -7,6 +7,7 @@ from lingjing.engines.camera.classes import CLASSES
 from lingjing.engines.camera.engine import CameraEngine
 from lingjing.errors import InfrastructureError
 from lingjing.mission.expression import Flag
+from lingjing.mission.geometry2d import Polygon
 from lingjing.mission.instance import (
     Budget,
     CameraSpec,
@@ -19,19 +20,7 @@ from lingjing.mission.instance import (
     Weather,
 )
 from lingjing.plugins.engine import BodyState, CaptureRequest, EngineSpec, Frame
-from lingjing.scene.city import (
-    Area,
-    Bridge,
-    Building,
-    City,
-    Junction,
-    Lane,
-    Pieces,
-    Polygon,
-    Prop,
-    Road,
-    Water,
-)
+from lingjing.scene.city import Bridge, Building, City, Junction, Lane, PaintedArea, Pieces, Prop, Road, Water
 from tests.declared import declared
 
 
@@ -71,7 +60,7 @@ def pieces() -> Pieces:
     way = Road(id="w", lanes=(lane("w", (0.0, -8.0, 8.0), (0.0, -170.0, 8.0)),), bridge=True)
     bridge = Bridge(id="bridge", path=((0.0, -8.0, 8.0), (0.0, -170.0, 8.0)), width_m=9.0, pier_spacing_m=50.0)
     return Pieces(
-        areas=(Area(polygon=box(100, -20, 300, 30), surface="grass"), Area(polygon=box(150, -10, 200, 20),
+        areas=(PaintedArea(polygon=box(100, -20, 300, 30), surface="grass"), PaintedArea(polygon=box(150, -10, 200, 20),
                                                                             surface="sidewalk")),
         buildings=buildings, roads=(street, tunnel, way), bridges=(bridge,),
         junctions=(Junction(id="j", polygon=box(-8, -8, 8, 8), lights=True),),

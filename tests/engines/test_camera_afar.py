@@ -12,7 +12,7 @@ from lingjing.engines.camera.light import light_of
 from lingjing.engines.camera.reduced_meshes import COARSE_CELLS, coarsened, reduced
 from lingjing.engines.camera.town_ground import REACH_M, build_town_ground
 from lingjing.plugins.geometry import camera_axes, focal_px
-from lingjing.scene.city import Area, City, Land, Pieces, Prop, Water
+from lingjing.scene.city import City, Land, PaintedArea, Pieces, Prop, Water
 from tests.engines.camera_town import WHY_NOT, box, instance, look, ready, seen_at, town
 
 EVERYWHERE = Water(polygon=box(-5000, -5000, 5000, 5000), level_m=-3.0)
@@ -21,8 +21,9 @@ COAST = Land(polygon=box(-3000, -3000, 0, 3000), top_m=0.0, surface="grass")
 
 def shore() -> City:
     """Land in the west with a field of asphalt on it, the sea in the east."""
+    field = PaintedArea(polygon=box(-900, -100, -700, 100), surface="asphalt")
     return City(id="shore", origin=(31.0, 121.5), bounds=(-3000.0, -3000.0, 3000.0, 3000.0), lands=(COAST,),
-                waters=(EVERYWHERE,), areas=(Area(polygon=box(-900, -100, -700, 100), surface="asphalt"),))  # fmt: skip
+                waters=(EVERYWHERE,), areas=(field,))  # fmt: skip
 
 
 @pytest.mark.skipif(bool(WHY_NOT), reason=WHY_NOT)

@@ -16,7 +16,7 @@ from lingjing.mission.expression import Flag
 from lingjing.mission.instance import Budget, CameraSpec, Clock, CommsSpec, Entity, Instance, SceneSpec, Weather
 from lingjing.plugins.engine import CaptureRequest, EngineSpec, Frame
 from lingjing.plugins.geometry import focal_px
-from lingjing.scene.city import Area, Bridge, Building, City, Lane, Pipe, Road, Water
+from lingjing.scene.city import Bridge, Building, City, Lane, PaintedArea, Pipe, Road, Water
 from lingjing.trace.records import BodyState, Box
 from tests.declared import declared
 
@@ -39,7 +39,7 @@ CITY = City(
     id="yard",
     origin=(31.0, 121.0),
     bounds=(-300.0, -300.0, 500.0, 300.0),
-    areas=(Area(polygon=((-300, -300), (300, -300), (300, 300), (-300, 300)), surface="concrete"),),
+    areas=(PaintedArea(polygon=((-300, -300), (300, -300), (300, 300), (-300, 300)), surface="concrete"),),
     waters=(Water(polygon=((310, -300), (500, -300), (500, 300), (310, 300)), level_m=0.0),),
     buildings=(
         Building(id="hall", polygon=((-20, -15), (20, -15), (20, 15), (-20, 15)), base_m=0.0, top_m=18.0),

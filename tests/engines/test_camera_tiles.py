@@ -26,7 +26,7 @@ from lingjing.engines.camera.paving import CENTRE, EDGE, areas, lanes, middles_o
 from lingjing.engines.camera.view import choose
 from lingjing.mission.instance import Weather
 from lingjing.plugins.geometry import world_to_pixel
-from lingjing.scene.city import Area, Building, City, Lane, Pieces, Prop, Road
+from lingjing.scene.city import Building, City, Lane, PaintedArea, Pieces, Prop, Road
 from lingjing.scene.store import write_store
 from lingjing.trace.records import CameraPose
 from tests.engines.camera_town import WHY_NOT, box, instance, look, ready
@@ -127,8 +127,9 @@ def test_walls_look_outwards_and_a_tower_is_as_few_triangles_as_a_hut() -> None:
 
 
 def test_later_areas_lie_on_earlier_ones() -> None:
-    parts = areas([Area(polygon=box(0, 0, 50, 50), surface="grass"), Area(polygon=box(10, 10, 20, 20), surface="plaza"),
-                   Area(polygon=box(200, 0, 250, 50), surface="sand")])  # fmt: skip
+    parts = areas([PaintedArea(polygon=box(0, 0, 50, 50), surface="grass"),
+                   PaintedArea(polygon=box(10, 10, 20, 20), surface="plaza"),
+                   PaintedArea(polygon=box(200, 0, 250, 50), surface="sand")])  # fmt: skip
     layers = {tuple(v["colour"][:3].round(2)): float(v["layer"]) for part in parts for v in part.vertices}
     assert sorted(layers.values()) == [1.0, 1.0, 2.5]
 

@@ -22,7 +22,7 @@ from lingjing.mission.draw.mermaid import mermaid
 from lingjing.mission.draw.sentences import printable, readable
 from lingjing.mission.draw.styles import EDGES, LANES, NODES
 from lingjing.mission.draw.svg import svg
-from lingjing.mission.graph import Edge, EdgeKind, MissionGraph, Node, NodeKind, graph
+from lingjing.mission.graph import EdgeKind, GraphEdge, GraphNode, MissionGraph, NodeKind, graph
 
 HERE = Path(__file__).parent
 SVG = "{http://www.w3.org/2000/svg}"
@@ -37,12 +37,12 @@ def ssr_graph() -> MissionGraph:
 def random_graph(seed: int) -> MissionGraph:
     """A graph of up to 40 nodes of all kinds and up to 90 edges between any of them."""
     chance = random.Random(seed)
-    nodes: list[Node] = []
+    nodes: list[GraphNode] = []
     for number in range(chance.randint(1, 40)):
         kind: NodeKind = chance.choice(get_args(NodeKind))
         tops = [node.id for node in nodes if node.within is None]
         nodes.append(
-            Node(
+            GraphNode(
                 id=f"{kind}:n{number}",
                 kind=kind,
                 name=f"n{number}",
@@ -54,12 +54,12 @@ def random_graph(seed: int) -> MissionGraph:
                 modes=("star", "broadcast"),
             )
         )
-    edges: list[Edge] = []
+    edges: list[GraphEdge] = []
     for number in range(chance.randint(0, 90)):
         source, target = chance.choice(nodes), chance.choice(nodes)
         sort: EdgeKind = chance.choice(get_args(EdgeKind))
         edges.append(
-            Edge(
+            GraphEdge(
                 id=str(number),
                 kind=sort,
                 source=source.id,
@@ -84,7 +84,7 @@ MISSIONS = ("vdn", "bi", "idf", "upr", "ufr", "ssr", "cr", "ld", "cd")
 GRAPHS = [*MISSIONS, *(pytest.param(seed, id=f"random-{seed}") for seed in range(25))]
 
 
-def within_card(edge: Edge, shown: MissionGraph) -> bool:
+def within_card(edge: GraphEdge, shown: MissionGraph) -> bool:
     """Whether an edge joins two nodes of one card, which says it without a line."""
     card = {node.id: node.within or node.id for node in shown.nodes}
     return card[edge.source] == card[edge.target] and edge.source != edge.target

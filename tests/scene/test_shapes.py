@@ -7,7 +7,7 @@ import pytest
 from lingjing.engines.quadruped.moving_boxes import POOL, Lookout
 from lingjing.engines.quadruped.surroundings import LOAD_M, NEED_M, DogSurroundings
 from lingjing.scene.city import Bridge, Building, City, Land, Pipe, Prop, Slope, Solid, Tile
-from lingjing.scene.shapes import Box, Capsule, Hull, convex_parts, shapes_of, solid_shapes
+from lingjing.scene.shapes import Capsule, Hull, OrientedBox, convex_parts, shapes_of, solid_shapes
 from lingjing.scene.sizes import SIZES
 from lingjing.trace.records import BodyState
 
@@ -48,7 +48,7 @@ def test_parts_are_convex_and_cover_the_polygon(outline, holes, most, wanted):
 def test_rectangles_become_boxes_however_they_stand():
     turned = tuple((x * 0.6 - y * 0.8, x * 0.8 + y * 0.6) for x, y in ((0, 0), (4, 0), (4, 2), (0, 2)))
     (box,) = solid_shapes(Solid(id="hut", polygon=turned, base_m=1.0, top_m=4.0))
-    assert isinstance(box, Box)
+    assert isinstance(box, OrientedBox)
     assert box.half == pytest.approx((2.0, 1.0, 1.5))
     assert box.centre == pytest.approx((0.4, 2.2, 2.5))
     assert math.tan(box.yaw) == pytest.approx(4.0 / 3.0)
@@ -74,7 +74,7 @@ def test_every_kind_of_piece_is_felt():
     decks = [shape for shape in shapes if shape.thing == "span" and isinstance(shape, Hull)]
     assert len(decks) == 2
     assert set(decks[0].corners[2:4]) == set(decks[1].corners[0:2])
-    assert [shape for shape in shapes if shape.thing == "span" and isinstance(shape, Box)]
+    assert [shape for shape in shapes if shape.thing == "span" and isinstance(shape, OrientedBox)]
     (oak,) = (shape for shape in shapes if shape.thing == "oak")
     assert isinstance(oak, Capsule)
     assert oak.radius_m == pytest.approx(0.36)
@@ -112,13 +112,15 @@ def test_raised_land_is_cut_to_what_is_near_and_tall_things_too():
     flat = Land(polygon=((-5e3, -5e3), (5e3, -5e3), (5e3, 5e3), (-5e3, 5e3)), top_m=0.0)
     shapes = DogSurroundings(city(solids=(tower,), lands=(big, flat))).load([(0.0, 0.0, 2.3)])
     ground = [shape for shape in shapes if shape.thing == "land-0"]
-    assert all(isinstance(shape, Box) and shape.centre[2] + shape.half[2] == pytest.approx(2.0) for shape in ground)
+    assert all(
+        isinstance(shape, OrientedBox) and shape.centre[2] + shape.half[2] == pytest.approx(2.0) for shape in ground
+    )
     assert sum(4.0 * shape.half[0] * shape.half[1] for shape in ground) == pytest.approx(len(ground) * 32.0**2)
     levels = [corner[2] for shape in shapes if shape.thing == "tower" for corner in getattr(shape, "corners", ())]
     levels += [
         shape.centre[2] + sign * shape.half[2]
         for shape in shapes
-        if shape.thing == "tower" and isinstance(shape, Box)
+        if shape.thing == "tower" and isinstance(shape, OrientedBox)
         for sign in (1, -1)
     ]
     assert (min(levels), max(levels)) == pytest.approx((-22.7, 27.3))

@@ -9,7 +9,7 @@ import pytest
 
 import lingjing.scene.tiles as module
 from lingjing.errors import UsageError
-from lingjing.scene.city import Area, Bridge, Building, City, Lane, Pieces, Prop, Road, Water
+from lingjing.scene.city import Bridge, Building, City, Lane, PaintedArea, Pieces, Prop, Road, Water
 from lingjing.scene.cutting import cut
 from lingjing.scene.store import read_store, write_store
 from lingjing.scene.tiles import TILED, Tiles
@@ -89,7 +89,7 @@ def test_few_tiles_are_held(tmp_path: Path) -> None:
 
 def test_long_pieces_are_cut_and_nothing_is_lost() -> None:
     lane = Lane(id="e_0", shape=((0.0, 5.0, 0.0), (400.0, 5.0, 0.0), (400.0, 900.0, 8.0)), width_m=3.2)
-    park = Area(polygon=block(-100, -100, 700), surface="park", holes=(block(0, 0, 400),))
+    park = PaintedArea(polygon=block(-100, -100, 700), surface="park", holes=(block(0, 0, 400),))
     bridge = Bridge(id="b", path=((0.0, 0.0, 6.0), (1000.0, 0.0, 6.0)), width_m=12.0, pier_spacing_m=40.0)
     got = cut(Pieces(roads=(Road(id="e", lanes=(lane,)),), areas=(park,), bridges=(bridge,)), 250.0)
     assert {road.id for road in got.roads} == {"e"}

@@ -11,7 +11,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon, Rectangle
 
-from lingjing.analysis.detection import Report
+from lingjing.analysis.detection import MatchedReport
 from lingjing.analysis.overview import style
 from lingjing.analysis.story import Story, Track
 from lingjing.scene.city import City
@@ -172,7 +172,7 @@ def _clamped(point: tuple[float, float], bounds: tuple[float, float, float, floa
     return min(max(point[0], west + dx), east - dx), min(max(point[1], south + dy), north - dy)
 
 
-def _truth(story: Story, report: Report) -> tuple[float, float] | None:
+def _truth(story: Story, report: MatchedReport) -> tuple[float, float] | None:
     frame = story.frames.get(report.frame)
     if report.target is None or frame is None:
         return None

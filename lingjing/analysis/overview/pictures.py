@@ -26,7 +26,7 @@ FRONT = "front"
 
 
 @dataclass(frozen=True, slots=True)
-class View:
+class ReportView:
     """One thing worth showing in a frame; boxes are normalised."""
 
     frame: FrameInfo
@@ -51,10 +51,10 @@ class View:
         return f"{first}\nIoU {self.overlap:.2f}{error}"
 
 
-def best_views(story: Story, count: int) -> list[View]:
+def best_views(story: Story, count: int) -> list[ReportView]:
     """The best match of each target first, then further matches, a false report, and what was missed."""
     matches = sorted(_matches(story), key=lambda view: (-view.overlap, view.frame.tick))
-    first: dict[str, View] = {}
+    first: dict[str, ReportView] = {}
     for view in matches:
         first.setdefault(view.entity, view)
     firsts = sorted(first.values(), key=lambda view: view.frame.tick)
@@ -79,7 +79,7 @@ def whole_frame(story: Story) -> FrameInfo | None:
     return max(story.shots, key=worth, default=None)
 
 
-def draw_view(axes: Axes, trace: Trace, view: View) -> None:
+def draw_view(axes: Axes, trace: Trace, view: ReportView) -> None:
     """One cut-out, about eight times as wide as what it shows."""
     rgb = _rgb(trace, view.frame)
     style.bare(axes)
@@ -115,7 +115,7 @@ def draw_whole(axes: Axes, trace: Trace, story: Story, frame: FrameInfo | None) 
     axes.set_xlabel(caption, fontsize=8, color=style.INK, labelpad=3)
 
 
-def _matches(story: Story) -> list[View]:
+def _matches(story: Story) -> list[ReportView]:
     views = []
     for report in story.reports:
         frame = story.frames.get(report.frame)
@@ -124,41 +124,41 @@ def _matches(story: Story) -> list[View]:
         truth = next((box.box for box in frame.boxes if box.entity == report.target), None)
         if truth is not None:
             share = overlap(truth, report.box)
-            views.append(View(frame, truth, report.box, report.target, share, report.error_m))
+            views.append(ReportView(frame, truth, report.box, report.target, share, report.error_m))
     return views
 
 
-def _false(story: Story) -> list[View]:
+def _false(story: Story) -> list[ReportView]:
     return [
-        View(story.frames[report.frame], None, report.box, "", 0.0, None)
+        ReportView(story.frames[report.frame], None, report.box, "", 0.0, None)
         for report in story.reports
         if report.false and report.box is not None and report.frame in story.frames
     ]
 
 
-def _unjudged(story: Story) -> list[View]:
+def _unjudged(story: Story) -> list[ReportView]:
     """What was reported where no rule compares it with the truth."""
     return [
-        View(story.frames[report.frame], None, report.box, report.cls, 0.0, None, judged=False)
+        ReportView(story.frames[report.frame], None, report.box, report.cls, 0.0, None, judged=False)
         for report in story.reports
         if not report.judged and report.box is not None and report.frame in story.frames
     ]
 
 
-def _missed(story: Story, found: set[str]) -> list[View]:
-    best: dict[str, tuple[int, View]] = {}
+def _missed(story: Story, found: set[str]) -> list[ReportView]:
+    best: dict[str, tuple[int, ReportView]] = {}
     wanted = set(story.fate) - found
     for frame in story.shots:
         for truth in frame.boxes:
             if truth.entity in wanted and truth.pixels > best.get(truth.entity, (0,))[0]:
                 best[truth.entity] = (
                     truth.pixels,
-                    View(frame, truth.box, None, truth.entity, 0.0, None, story.judging),
+                    ReportView(frame, truth.box, None, truth.entity, 0.0, None, story.judging),
                 )
     return [view for _, view in best.values()]
 
 
-def _window(view: View, width: int, height: int, shape: float) -> tuple[int, int, int, int]:
+def _window(view: ReportView, width: int, height: int, shape: float) -> tuple[int, int, int, int]:
     """Pixels to cut out: the boxes in the middle, at least a twenty-fourth of the frame wide, `shape` wide by high."""
     boxes = [box for box in (view.truth, view.claim) if box is not None]
     x0, y0 = min(box[0] for box in boxes) * width, min(box[1] for box in boxes) * height

@@ -19,9 +19,9 @@ from rich.segment import Segment
 from rich.style import Style
 
 from lingjing.cli.watch.state import Point, Sight, Watched
+from lingjing.mission.geometry2d import Extent
 from lingjing.scene.city import City
-from lingjing.scene.plan import Flat, ground_plan, is_sea
-from lingjing.scene.tiles import Bounds
+from lingjing.scene.plan import PlanShape, ground_plan, is_sea
 
 Colour = tuple[int, int, int]
 
@@ -71,7 +71,7 @@ class Window:
     rows: int
 
     @property
-    def bounds(self) -> Bounds:
+    def bounds(self) -> Extent:
         """West, south, east, north in metres."""
         wide, high = self.columns * 2 * self.dot_m, self.rows * 4 * self.dot_m
         return self.west, self.north - high, self.west + wide, self.north
@@ -101,7 +101,7 @@ class Chart:
     def __init__(self, city: City) -> None:
         self._city = city
         self._window: Window | None = None
-        self._shapes: tuple[Flat, ...] = ()
+        self._shapes: tuple[PlanShape, ...] = ()
         self._ground: list[list[Colour]] = []
 
     def lines(self, watched: Watched, columns: int, rows: int, *, coloured: bool) -> list[list[Segment]]:
@@ -230,7 +230,7 @@ class _Canvas:
         return " ", _style(None, None)
 
 
-def _paint(shapes: Sequence[Flat], window: Window) -> list[list[Colour]]:
+def _paint(shapes: Sequence[PlanShape], window: Window) -> list[list[Colour]]:
     """The ground as two rows of pixels for each row of cells."""
     size = (window.columns * FINE, window.rows * 2 * FINE)
     image = Image.new("RGB", size, GROUND["water"] if is_sea(shapes) else LAND)

@@ -39,7 +39,7 @@ from lingjing.engines.camera.town_ground import build_town_ground
 from lingjing.engines.camera.view import MAPPED_FROM, View, choose
 from lingjing.plugins.geometry import focal_px
 from lingjing.scene.city import City, Pieces, Prop, Tile
-from lingjing.scene.tiles import Key, Tiles
+from lingjing.scene.tiles import TileKey, Tiles
 from lingjing.trace.records import CameraPose
 
 KEPT_TILES, KEPT_PIECES = 48, 12
@@ -128,8 +128,8 @@ class Cityscape:
         self.tiles = Tiles(city, KEPT_PIECES)
         self._skyline: Skyline = build_skyline(city, self.tiles)
         self._number = {key: k for k, key in enumerate(self._skyline.keys)}
-        self._residents: OrderedDict[tuple[Key, int], Resident] = OrderedDict()
-        self._differing: tuple[frozenset[Key], ...] = (frozenset(),)
+        self._residents: OrderedDict[tuple[TileKey, int], Resident] = OrderedDict()
+        self._differing: tuple[frozenset[TileKey], ...] = (frozenset(),)
         self.worn = 0
         self.town_ground = build_town_ground(city)
         self._blocks = self._upload("wall", self._skyline.blocks, casts=False)
@@ -149,7 +149,7 @@ class Cityscape:
         self._shade.filter = moderngl.LINEAR, moderngl.LINEAR
         self._shade.repeat_x = self._shade.repeat_y = False
         self._shade_frame = context.framebuffer(depth_attachment=self._shade)
-        self._shade_is: tuple[Window, tuple[Key, ...]] | None = None
+        self._shade_is: tuple[Window, tuple[TileKey, ...]] | None = None
         self.shade_matrix = np.eye(4)
         self.light_uniform: tuple[float, ...] = ()
 
@@ -174,7 +174,7 @@ class Cityscape:
         """What a picture needs."""
         return choose(self._skyline, self.town_ground, pose, visibility_m, light)
 
-    def _closest(self, full: tuple[Key, ...], pose: CameraPose) -> float:
+    def _closest(self, full: tuple[TileKey, ...], pose: CameraPose) -> float:
         """A lower bound of the distance to anything that stands still and is in sight."""
         found = [max(pose.position[2] - 0.15, 0.1)]
         sky = self._skyline
@@ -194,7 +194,7 @@ class Cityscape:
             others_m = max(others_m, TOUCHING_M)
         return near_plane(pose, min(self._closest(view.full, pose), others_m))
 
-    def resident(self, key: Key) -> Resident:
+    def resident(self, key: TileKey) -> Resident:
         """A tile, made ready if it is not."""
         known = key, self.worn if key in self._differing[self.worn] else 0
         found = self._residents.get(known)
@@ -221,7 +221,7 @@ class Cityscape:
         for sheet in resident.sheets.values():
             sheet.release()
 
-    def _ready(self, key: Key) -> Resident:
+    def _ready(self, key: TileKey) -> Resident:
         dress = self._dresses[self.worn]
         pieces: Pieces = dress.tiles.get(key) or self.tiles.load(key)
         near = self._around(key)
@@ -236,7 +236,7 @@ class Cityscape:
         walls = walls_of(mesh.parts["wall"]) if "wall" in sheets else None
         return Resident(bare, sheets, walls, prop_batches(pieces), lively, lamp_heads(pieces.props))
 
-    def _around(self, key: Key) -> tuple[Tile, ...]:
+    def _around(self, key: TileKey) -> tuple[Tile, ...]:
         west, south, _, east, north, _ = self._skyline.boxes[self._number[key]].tolist()
         radius = float(np.hypot(east - west, north - south)) / 2.0 + CROSSINGS_REACH_M
         return self.tiles.near((west + east) / 2.0, (south + north) / 2.0, radius)

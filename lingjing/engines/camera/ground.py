@@ -17,7 +17,8 @@ from scipy import ndimage
 
 from lingjing.engines.camera.classes import CLASSES, prop_class
 from lingjing.engines.camera.meshes import Array, Colour, flat, indexed, merge, prism
-from lingjing.scene.city import City, Land, Polygon
+from lingjing.mission.geometry2d import Polygon
+from lingjing.scene.city import City, Land
 
 SURFACES: dict[str, tuple[Colour, float]] = {
     "sand": ((0.42, 0.33, 0.21), 1.0 / 14.0),

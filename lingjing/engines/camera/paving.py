@@ -16,7 +16,8 @@ import shapely
 from lingjing.engines.camera.classes import CLASSES
 from lingjing.engines.camera.mesh_rows import Floats, Part, Style, joined, quads, rows, sheet
 from lingjing.engines.camera.meshes import Colour
-from lingjing.scene.city import Area, Junction, Lane, Polygon, Road
+from lingjing.mission.geometry2d import Polygon
+from lingjing.scene.city import Junction, Lane, PaintedArea, Road
 
 SURFACES: dict[str, tuple[Colour, Style]] = {
     "ground": ((0.205, 0.200, 0.182), (9.0, 0.0, 0.45, 0.50)),
@@ -70,7 +71,7 @@ def surface_id(surface: str) -> int:
     return 0
 
 
-def areas(given: Sequence[Area]) -> tuple[Part, Part]:
+def areas(given: Sequence[PaintedArea]) -> tuple[Part, Part]:
     """Painted areas with joints and without, the topmost first (it is drawn first and hides what is under it)."""
     boxes = [shapely.Polygon(area.polygon).bounds if len(area.polygon) > 2 else None for area in given]
     layers: list[float] = []
@@ -88,7 +89,7 @@ def _touch(a: tuple[float, ...], b: tuple[float, ...] | None) -> bool:
     return b is not None and a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3]
 
 
-def _area(area: Area, layer: float) -> Part:
+def _area(area: PaintedArea, layer: float) -> Part:
     colour, style = SURFACES.get(area.surface, SURFACES["concrete"])
     return sheet([area.polygon, *area.holes], area.top_m, colour, surface_id(area.surface), style=style, layer=layer)
 

@@ -13,7 +13,8 @@ from lingjing.engines.camera.masonry import building
 from lingjing.engines.camera.mesh_rows import Part, joined
 from lingjing.engines.camera.paving import Middles, areas, junctions, lanes, middles_of, pavements
 from lingjing.engines.camera.spans import bridge, pipe, slope, solid
-from lingjing.scene.city import Junction, Pieces, Polygon
+from lingjing.mission.geometry2d import Polygon
+from lingjing.scene.city import Junction, Pieces
 
 Under = Callable[[float, float], float]
 MATERIALS = ("wall", "plain", "road", "paving", "soil")

@@ -26,7 +26,7 @@ from lingjing.engines.camera.skyline import Skyline
 from lingjing.engines.camera.surroundings import HIGH_M
 from lingjing.engines.camera.town_ground import TownGround
 from lingjing.plugins.geometry import focal_px
-from lingjing.scene.tiles import Key
+from lingjing.scene.tiles import TileKey
 from lingjing.trace.records import CameraPose
 
 FAR_REACH_M, BLOCKS_REACH_M = 14_000.0, 2600.0
@@ -57,13 +57,13 @@ class View:
     it, ranges of the ground and of the lands on it; `high`: whether the eye sees the country around the city as well.
     Such an eye looks down through the air: how far it sees does not depend on the visibility at the ground."""
 
-    full: tuple[Key, ...]
-    shaded: frozenset[Key]
-    detailed: frozenset[Key]
-    blunt: frozenset[Key]
+    full: tuple[TileKey, ...]
+    shaded: frozenset[TileKey]
+    detailed: frozenset[TileKey]
+    blunt: frozenset[TileKey]
     far: tuple[tuple[int, int], ...]
     farther: tuple[tuple[int, int], ...]
-    casters: tuple[Key, ...]
+    casters: tuple[TileKey, ...]
     ground: tuple[Cells, ...]
     lands: tuple[Cells, ...]
     window: Window

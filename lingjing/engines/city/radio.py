@@ -18,9 +18,9 @@ import numpy as np
 import numpy.typing as npt
 
 from lingjing.engines.close_pairs import close_pairs
+from lingjing.mission.geometry2d import Polygon
 from lingjing.mission.instance import Entity, Instance, Vector, Weather
 from lingjing.plugins.bodies import entity_size
-from lingjing.scene.city import Polygon
 from lingjing.scene.roofs import Roofs
 from lingjing.scene.terrain import Terrain
 

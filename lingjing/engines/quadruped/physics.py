@@ -22,7 +22,7 @@ import numpy as np
 from lingjing.engines.quadruped.gait import JOINTS, LEGS, PERIOD_S, STANCE, DogRows, Indices
 from lingjing.errors import InfrastructureError
 from lingjing.mission.instance import Vector
-from lingjing.scene.shapes import Box, Capsule, Shape
+from lingjing.scene.shapes import Capsule, OrientedBox, Shape
 
 STEP_S = 0.005
 """Integration step; tracking is the same from 2.5 to 10 ms, falls are rarer up to 5."""
@@ -417,7 +417,7 @@ def _servo(motor: mujoco.MjsActuator) -> None:
 
 def _add(spec: mujoco.MjSpec, name: str, shape: Shape) -> None:
     """Add a shape, a little lower and felt that much earlier: see `_SKIN_M`."""
-    if isinstance(shape, Box):
+    if isinstance(shape, OrientedBox):
         x, y, z = shape.centre
         form = {
             "type": mujoco.mjtGeom.mjGEOM_BOX,

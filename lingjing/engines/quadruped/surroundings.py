@@ -10,10 +10,11 @@ import math
 from collections import OrderedDict
 from collections.abc import Sequence
 
+from lingjing.mission.geometry2d import Vector2
 from lingjing.mission.instance import Vector
 from lingjing.scene.city import City, Land, Tile
-from lingjing.scene.shapes import Box, Capsule, Hull, Point, Shape, prisms, shapes_of
-from lingjing.scene.tiles import Key, Tiles
+from lingjing.scene.shapes import Capsule, Hull, OrientedBox, Shape, prisms, shapes_of
+from lingjing.scene.tiles import TileKey, Tiles
 
 CELL_M = 32.0
 LOAD_M = 60.0
@@ -39,10 +40,10 @@ class DogSurroundings:
             (land, _bounds(land.polygon)) for land in city.lands if land.top_m > city.datum_m + _LEVEL_M
         )
         self._made: OrderedDict[CellIndex, tuple[Shape, ...]] = OrderedDict()
-        self._cut: OrderedDict[Key, tuple[tuple[Shape, PlanBounds], ...]] = OrderedDict()
+        self._cut: OrderedDict[TileKey, tuple[tuple[Shape, PlanBounds], ...]] = OrderedDict()
         self._held: frozenset[CellIndex] = frozenset()
 
-    def suffices(self, points: Sequence[Point]) -> bool:
+    def suffices(self, points: Sequence[Vector2]) -> bool:
         """Whether what was loaded last is enough for dogs at these points."""
         return all(cell in self._held for point in points for cell in _cells_around(point, NEED_M))
 
@@ -96,7 +97,7 @@ def _ground(name: str, land: Land, square: PlanBounds, ground_m: float) -> list[
     return shapes
 
 
-def _cells_around(point: Point, radius_m: float) -> list[CellIndex]:
+def _cells_around(point: Vector2, radius_m: float) -> list[CellIndex]:
     x, y = point
     columns = range(math.floor((x - radius_m) / CELL_M), math.floor((x + radius_m) / CELL_M) + 1)
     rows = range(math.floor((y - radius_m) / CELL_M), math.floor((y + radius_m) / CELL_M) + 1)
@@ -113,7 +114,7 @@ def _meet(one: PlanBounds, other: PlanBounds) -> bool:
 
 
 def _extent(shape: Shape) -> PlanBounds:
-    if isinstance(shape, Box):
+    if isinstance(shape, OrientedBox):
         x, y, _ = shape.centre
         reach = math.hypot(shape.half[0], shape.half[1])
         return x - reach, y - reach, x + reach, y + reach
@@ -125,12 +126,12 @@ def _extent(shape: Shape) -> PlanBounds:
 
 def _within(shape: Shape, low: float, high: float) -> Shape | None:
     """The part of a shape between two elevations: exact for prisms, which alone are tall. None if nothing is left."""
-    if isinstance(shape, Box):
+    if isinstance(shape, OrientedBox):
         (x, y, z), (length, width, height) = shape.centre, shape.half
         base, top = max(z - height, low), min(z + height, high)
         if top - base < _LEVEL_M:
             return None
-        return Box(shape.thing, (x, y, 0.5 * (base + top)), (length, width, 0.5 * (top - base)), shape.yaw)
+        return OrientedBox(shape.thing, (x, y, 0.5 * (base + top)), (length, width, 0.5 * (top - base)), shape.yaw)
     if isinstance(shape, Capsule):
         reachable = low < max(shape.start[2], shape.end[2]) and min(shape.start[2], shape.end[2]) < high
         return shape if reachable else None
@@ -139,6 +140,6 @@ def _within(shape: Shape, low: float, high: float) -> Shape | None:
     return Hull(shape.thing, corners) if max(levels) - min(levels) > _LEVEL_M else None
 
 
-def _bounds(points: Sequence[Point]) -> PlanBounds:
+def _bounds(points: Sequence[Vector2]) -> PlanBounds:
     xs, ys = [point[0] for point in points], [point[1] for point in points]
     return min(xs), min(ys), max(xs), max(ys)

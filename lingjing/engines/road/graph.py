@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from lingjing.engines.road.simulation import Simulation
-from lingjing.scene.shapes import Point
+from lingjing.mission.geometry2d import Vector2
 
 CAR = "passenger"
 _CELL_M = 50.0
@@ -38,7 +38,7 @@ class RoadLane:
     id: str
     edge: str
     index: int
-    shape: tuple[Point, ...]
+    shape: tuple[Vector2, ...]
     length_m: float
     width_m: float
 
@@ -67,7 +67,7 @@ class LanePoint:
     at_m: float
     off_m: float
     heading_deg: float
-    point: Point
+    point: Vector2
 
 
 @dataclass(frozen=True)
@@ -210,7 +210,7 @@ def _indexed(lanes: Iterator[RoadLane]) -> dict[tuple[int, int], tuple[RoadLane,
     return {cell: tuple(found) for cell, found in cells.items()}
 
 
-def _crossed(shape: Sequence[Point]) -> Iterator[tuple[int, int]]:
+def _crossed(shape: Sequence[Vector2]) -> Iterator[tuple[int, int]]:
     """The squares in which a line has a point, taken each half square."""
     seen: dict[tuple[int, int], None] = {}
     for (ax, ay), (bx, by) in itertools.pairwise(shape):

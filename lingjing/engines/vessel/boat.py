@@ -7,11 +7,11 @@ import math
 from lingjing.engines import sea
 from lingjing.engines.vessel import hull
 from lingjing.engines.vessel.steering import ARRIVED_M, Steering
+from lingjing.mission.geometry2d import Vector2
 from lingjing.mission.instance import Entity, Weather
 from lingjing.plugins.requests import Refusal
 from lingjing.plugins.stock import Stock
 from lingjing.scene.outlines import compass
-from lingjing.scene.shapes import Point
 from lingjing.scene.terrain import Terrain
 from lingjing.trace.records import BodyState
 
@@ -37,7 +37,7 @@ class Boat:
     def __init__(self, entity: Entity, terrain: Terrain, weather: Weather) -> None:
         x, y, _ = entity.position
         self.id = entity.id
-        self.goal: Point | None = None
+        self.goal: Vector2 | None = None
         self.stopping = False
         self._terrain = terrain
         self.stock = Stock(entity)
@@ -49,13 +49,13 @@ class Boat:
         self._pilot = Steering(self._light_speed, self._around)
         self.carry()
         self._state: hull.HullState = (x, y, math.radians(entity.heading_deg), 0.0, 0.0, 0.0)
-        self._start: Point = (x, y)
-        self._station: Point = (x, y)
+        self._start: Vector2 = (x, y)
+        self._station: Vector2 = (x, y)
         self._level = terrain.surface(x, y)
         self.aground = terrain.water_level(x, y) is None
 
     @property
-    def position(self) -> Point:
+    def position(self) -> Vector2:
         """(east, north) metres."""
         return self._state[0], self._state[1]
 
@@ -83,7 +83,7 @@ class Boat:
             deeper = (_LIGHT_KG + self._load_kg) / _LIGHT_KG
             self._pilot.drive(self._light_speed * deeper**-_ADMIRALTY)
 
-    def head_for(self, goal: Point) -> None:
+    def head_for(self, goal: Vector2) -> None:
         """Make for a point, or `Refusal` if the hull would not float there."""
         if not all(self._floats(goal[0] + _BERTH_M * dx, goal[1] + _BERTH_M * dy) for dx, dy in _COMPASS_POINTS):
             raise Refusal("unreachable", f"({goal[0]:.1f}, {goal[1]:.1f}) is on land or too close to it")

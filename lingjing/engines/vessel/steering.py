@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from lingjing.engines.vessel.hull import STEP_S, YAW_INERTIA, HullForcing, HullState, ground_velocity, surge_drag
-from lingjing.scene.shapes import Point
+from lingjing.mission.geometry2d import Vector2
 
 ARRIVED_M = 5.0
 """A move is complete this close to its goal."""
@@ -36,7 +36,7 @@ class Steering:
 
     def __init__(self, speed_mps: float, around: HullForcing) -> None:
         self.around = around
-        self._drift: Point = around.current
+        self._drift: Vector2 = around.current
         self.drive(speed_mps)
 
     def drive(self, speed_mps: float) -> None:
@@ -44,14 +44,14 @@ class Steering:
         self._speed = speed_mps
         self._most = _THRUST_MARGIN * surge_drag(speed_mps)
 
-    def follow(self, state: HullState, start: Point, goal: Point) -> tuple[float, float]:
+    def follow(self, state: HullState, start: Vector2, goal: Vector2) -> tuple[float, float]:
         """Thrust (N) and moment (N m) on the way along the line from `start` to `goal`."""
         self._measure(state)
         left = math.dist(state[:2], goal)
         speed = min(self._speed, math.sqrt(2.0 * _BRAKE_MPS2 * max(left - _STANDOFF_M, 0.0)) + _CREEP_MPS)
         return self._steer(state, line_of_sight(state[:2], start, goal), speed)
 
-    def keep(self, state: HullState, station: Point) -> tuple[float, float]:
+    def keep(self, state: HullState, station: Vector2) -> tuple[float, float]:
         """Thrust and moment that stay near a point with little power."""
         self._measure(state)
         left = math.dist(state[:2], station)
@@ -89,7 +89,7 @@ class Steering:
         )
 
 
-def line_of_sight(here: Point, start: Point, goal: Point) -> float:
+def line_of_sight(here: Vector2, start: Vector2, goal: Vector2) -> float:
     """Course over ground (rad) that leads back to the line and along it; close to the goal, straight to it."""
     along = math.atan2(goal[0] - start[0], goal[1] - start[1])
     if math.dist(here, goal) < _LOOKAHEAD_M or math.dist(start, goal) < _LOOKAHEAD_M:

@@ -13,13 +13,13 @@ from itertools import pairwise
 
 from lingjing.mission.draw.sentences import edge_sentence, edge_words, node_sentence, printable, readable
 from lingjing.mission.draw.styles import EDGES, LANES, MUTED, NODES, guard_words, lane_of
-from lingjing.mission.graph.types import Edge, EdgeKind, MissionGraph, Node
+from lingjing.mission.graph.types import EdgeKind, GraphEdge, GraphNode, MissionGraph
 
 _LEGEND_COLUMNS = 5
 _ARCS_ON_LEFT = (0, 2)
 """Lanes whose inner edges run on the left: the first has nothing else there, the world nothing on its right."""
 
-_Card = list[Node]
+_Card = list[GraphNode]
 
 
 def dot(graph: MissionGraph) -> str:
@@ -52,7 +52,7 @@ def quote(text: str) -> str:
 # -- private
 
 
-def _cards(nodes: Iterable[Node]) -> list[_Card]:
+def _cards(nodes: Iterable[GraphNode]) -> list[_Card]:
     """Each node that is within no other, followed by those that are within it."""
     cards = {node.id: [node] for node in nodes if node.within is None}
     for node in nodes:
@@ -61,11 +61,11 @@ def _cards(nodes: Iterable[Node]) -> list[_Card]:
     return list(cards.values())
 
 
-def _within_card(edge: Edge, cards: list[_Card]) -> bool:
+def _within_card(edge: GraphEdge, cards: list[_Card]) -> bool:
     return any({edge.source, edge.target} <= {node.id for node in card} for card in cards)
 
 
-def _heading(graph: MissionGraph, drawn: list[Edge]) -> str:
+def _heading(graph: MissionGraph, drawn: list[GraphEdge]) -> str:
     """The title, the goal and a legend of the kinds of edges that are drawn."""
     kinds: list[EdgeKind] = [kind for kind in EDGES if any(edge.kind == kind for edge in drawn)]
     signs = [(EDGES[kind].light, f"→ {EDGES[kind].words}: {EDGES[kind].means}") for kind in kinds]
@@ -90,7 +90,7 @@ def _lane(lane: int, title: str, cards: list[_Card]) -> Iterator[str]:
     yield "  }"
 
 
-def _row(node: Node, port: int) -> str:
+def _row(node: GraphNode, port: int) -> str:
     fill, border = NODES[node.kind].light
     kind = f"{node.kind} · {guard_words(node.when)}" if node.when else node.kind
     said = f"<b>{_text(node.title)}</b>  {_font(kind, 8)}"
@@ -101,7 +101,7 @@ def _row(node: Node, port: int) -> str:
     return f'<td port="{_port(port)}" align="left" balign="left" {look}>{said}</td>'
 
 
-def _edge(edge: Edge, cards: list[_Card]) -> str:
+def _edge(edge: GraphEdge, cards: list[_Card]) -> str:
     style = EDGES[edge.kind]
     places = {node.id: (card[0], port) for card in cards for port, node in enumerate(card)}
     lanes = [lane_of(places[end][0]) for end in (edge.source, edge.target)]

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 
 from lingjing.mission.draw.sentences import edge_words, printable, readable
 from lingjing.mission.draw.styles import EDGES, LANES, NODES, guard_words, lane_of
-from lingjing.mission.graph.types import Edge, MissionGraph, Node
+from lingjing.mission.graph.types import GraphEdge, GraphNode, MissionGraph
 
 _SHAPES = {"role": ("([", "])"), "fact": ("{{", "}}"), "rule": ("[/", "/]"), "outcome": ("([", "])")}
 _ENTITIES = {"#": "#35;", '"': "#quot;", "<": "#lt;", ">": "#gt;", "`": "#96;", "&": "#amp;", "\n": " "}
@@ -33,14 +33,14 @@ def escape(text: str) -> str:
     return "".join(_ENTITIES.get(letter, letter) for letter in printable(text))
 
 
-def _node(node: Node, names: Mapping[str, str]) -> str:
+def _node(node: GraphNode, names: Mapping[str, str]) -> str:
     opening, closing = _SHAPES.get(node.kind, ("[", "]"))
     lines = [node.title, node.detail, f"when {guard_words(node.when)}" if node.when else ""]
     label = "<br/>".join(escape(line) for line in lines if line)
     return f'{names[node.id]}{opening}"{label}"{closing}'
 
 
-def _edge(edge: Edge, names: Mapping[str, str]) -> str:
+def _edge(edge: GraphEdge, names: Mapping[str, str]) -> str:
     arrow = "-.->" if edge.when else "==>" if EDGES[edge.kind].relation else "-->"
     arrow = f"<{arrow}" if edge.mutual else arrow
     return f'{names[edge.source]} {arrow}|"{escape(edge_words(edge, always=True))}"| {names[edge.target]}'
@@ -59,7 +59,7 @@ def _styles(graph: MissionGraph, names: Mapping[str, str]) -> Iterator[str]:
             yield f"linkStyle {','.join(places)} stroke:{look.light},stroke-width:{look.width}px,color:{look.light}"
 
 
-def _names(nodes: tuple[Node, ...]) -> dict[str, str]:
+def _names(nodes: tuple[GraphNode, ...]) -> dict[str, str]:
     """An id of ASCII letters, digits and underscores for each node, numbered where two would be the same."""
     taken: dict[str, str] = {}
     for node in nodes:

@@ -7,7 +7,7 @@ from unicodedata import category
 import msgspec
 
 from lingjing.mission.draw.styles import EDGES, guard_words
-from lingjing.mission.graph.types import Edge, MissionGraph, Node
+from lingjing.mission.graph.types import GraphEdge, GraphNode, MissionGraph
 
 _UNHELD = frozenset(("Cc", "Cs", "Cn"))
 """Unicode categories: control characters, surrogates, and code points that are no characters."""
@@ -23,7 +23,7 @@ def readable(graph: MissionGraph) -> MissionGraph:
     )
 
 
-def edge_words(edge: Edge, *, always: bool = False) -> str:
+def edge_words(edge: GraphEdge, *, always: bool = False) -> str:
     """What stands beside an edge whose kind its colour says: a relation's name and means, a guard, other particulars.
 
     With `always` the kind of any edge, for pictures without a legend.
@@ -37,7 +37,7 @@ def edge_words(edge: Edge, *, always: bool = False) -> str:
     return " ".join(said)
 
 
-def edge_sentence(edge: Edge) -> str:
+def edge_sentence(edge: GraphEdge) -> str:
     """The edge as a sentence for whoever points at it: `searcher may command boat, when mode == broadcast`."""
     words = EDGES[edge.kind].words
     both = "↔" if edge.mutual else "→"
@@ -49,7 +49,7 @@ def edge_sentence(edge: Edge) -> str:
     return f"{says}, when {edge.when}" if edge.when else says
 
 
-def node_sentence(node: Node) -> str:
+def node_sentence(node: GraphNode) -> str:
     """Everything about a node, a line each."""
     lines = [f"{node.kind} {node.title}", node.detail, node.text, f"when {node.when}" if node.when else ""]
     return "\n".join(line for line in lines if line)
@@ -60,13 +60,13 @@ def printable(text: str) -> str:
     return "".join(letter if letter == "\n" or category(letter) not in _UNHELD else " " for letter in text)
 
 
-def _read_by_all(node: Node, graph: MissionGraph) -> bool:
+def _read_by_all(node: GraphNode, graph: MissionGraph) -> bool:
     roles = {other.id: set(other.modes) & set(node.modes) for other in graph.nodes if other.kind == "role"}
     readers = {edge.target: set(edge.modes) for edge in graph.out_of(node.id, "speaks_to")}
     return len(roles) > 1 and all(modes <= readers.get(role, set()) for role, modes in roles.items())
 
 
-def _to_all(node: Node) -> Node:
+def _to_all(node: GraphNode) -> GraphNode:
     return msgspec.structs.replace(node, detail=f"{node.detail}, to all" if node.detail else "to all")
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from lingjing.mission.graph.types import EdgeKind, Node, NodeKind
+from lingjing.mission.graph.types import EdgeKind, GraphNode, NodeKind
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +84,7 @@ LANES: tuple[tuple[str, tuple[NodeKind, ...]], ...] = (
 _LANE_OF = {kind: place for place, (_, kinds) in enumerate(LANES) for kind in kinds}
 
 
-def lane_of(node: Node) -> int:
+def lane_of(node: GraphNode) -> int:
     """The lane of a node; what is within another node stands in that one's lane."""
     if node.within is not None:
         kind = node.within.partition(":")[0]

@@ -2,12 +2,12 @@
 
 Modules in the order a mission passes them:
 
-- `types`: `Node`, `Edge`, `MissionGraph`, and the closed lists of their kinds.
+- `types`: `GraphNode`, `GraphEdge`, `MissionGraph`, and the closed lists of their kinds.
 - `spelling`, `guards`: conditions in the language's spelling; the modes a guarded declaration exists in.
-- `draft`: the graph while it is drawn up.
+- `builder`: the graph while it is drawn up.
 - `needs`: the nodes a condition reads.
-- `things`, `course`, `terms`: the passes, one small function a kind of declaration. A new kind of declaration is a new
-  function here and a line in `PASSES`.
+- `entities`, `rules`, `limits`: the passes, one small function a kind of declaration. A new kind of declaration is a
+  new function here and a line in `PASSES`.
 
 Sweeps and parameters are not drawn: they say which missions are played, not what one is.
 
@@ -20,37 +20,37 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from lingjing.errors import UsageError
-from lingjing.mission.graph import course, terms, things
-from lingjing.mission.graph.draft import Draft
-from lingjing.mission.graph.types import Edge, EdgeKind, MissionGraph, Node, NodeKind
+from lingjing.mission.graph import entities, limits, rules
+from lingjing.mission.graph.builder import GraphBuilder
+from lingjing.mission.graph.types import EdgeKind, GraphEdge, GraphNode, MissionGraph, NodeKind
 from lingjing.mission.model import Mission
 
-__all__ = ["PASSES", "Edge", "EdgeKind", "MissionGraph", "Node", "NodeKind", "graph"]
+__all__ = ["PASSES", "EdgeKind", "GraphEdge", "GraphNode", "MissionGraph", "NodeKind", "graph"]
 
-PASSES: tuple[Callable[[Mission, Draft], None], ...] = (
-    things.add_roles,
-    things.add_agents,
-    things.add_regions,
-    things.add_grids,
-    things.add_entities,
-    things.add_messages,
-    course.add_rules,
-    course.add_events,
-    terms.add_happenings,
-    terms.add_inspections,
-    course.add_stages,
-    course.add_outcomes,
-    terms.add_allowances,
-    terms.add_limits,
-    things.add_controls,
-    things.add_observations,
-    things.add_reveals,
-    course.add_unlocks,
-    course.add_judgements,
-    course.add_completions,
-    terms.add_permits,
-    terms.add_constraints,
-    course.add_relations,
+PASSES: tuple[Callable[[Mission, GraphBuilder], None], ...] = (
+    entities.add_roles,
+    entities.add_agents,
+    entities.add_regions,
+    entities.add_grids,
+    entities.add_entities,
+    entities.add_messages,
+    rules.add_rules,
+    rules.add_events,
+    limits.add_happenings,
+    limits.add_inspections,
+    rules.add_stages,
+    rules.add_outcomes,
+    limits.add_allowances,
+    limits.add_limits,
+    entities.add_controls,
+    entities.add_observations,
+    entities.add_reveals,
+    rules.add_unlocks,
+    rules.add_judgements,
+    rules.add_completions,
+    limits.add_permits,
+    limits.add_constraints,
+    rules.add_relations,
 )
 """Nodes before the edges that name them; within that, the order of a mission file."""
 
@@ -63,7 +63,7 @@ def graph(mission: Mission, mode: str | None = None) -> MissionGraph:
     allowed = mission.modes.allowed
     if mode is not None and mode not in allowed:
         raise UsageError(f"mission `{mission.name}` has no mode `{mode}`", hint=f"choose one of {', '.join(allowed)}")
-    draft = Draft(mission, allowed if mode is None else (mode,))
+    draft = GraphBuilder(mission, allowed if mode is None else (mode,))
     for add in PASSES:
         add(mission, draft)
     return draft.done()

@@ -7,19 +7,19 @@ from collections.abc import Iterator
 from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.functions import operation
-from lingjing.mission.graph.draft import Draft
-from lingjing.mission.graph.things import groups_in
+from lingjing.mission.graph.builder import GraphBuilder
+from lingjing.mission.graph.entities import groups_in
 
 DECIDED = ("rule:", "event:", "inspection:", "stage:")
 """Ids of nodes that become true: these unlock what waits for them, others are merely needed."""
 
 
-def needs(condition: ex.Expr, mission: model.Mission, draft: Draft) -> tuple[str, ...]:
+def needs(condition: ex.Expr, mission: model.Mission, draft: GraphBuilder) -> tuple[str, ...]:
     """The nodes whose state a condition reads, once each, in the order it reads them."""
     return tuple(dict.fromkeys(_read(condition, mission, draft)))
 
 
-def _read(condition: ex.Expr, mission: model.Mission, draft: Draft) -> Iterator[str]:
+def _read(condition: ex.Expr, mission: model.Mission, draft: GraphBuilder) -> Iterator[str]:
     handed = _handed_on(condition)
     for part in ex.parts(condition):
         found: str | None = None

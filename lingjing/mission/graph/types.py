@@ -59,7 +59,7 @@ EdgeKind = Literal[
 """
 
 
-class Node(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+class GraphNode(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """One declaration.
 
     `title` is what it is called where it is drawn (`uav[1..3]`), `detail` one short line about it, `text` the rest
@@ -81,9 +81,9 @@ class Node(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     modes: tuple[str, ...] = ()
 
 
-class Edge(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+class GraphEdge(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """One statement about two nodes. `label` is its particulars (`position`), `via` the node a relation names
-    (what it carries, is over, or is by), `mutual` holds both ways. `when` and `modes` as in `Node`."""
+    (what it carries, is over, or is by), `mutual` holds both ways. `when` and `modes` as in `GraphNode`."""
 
     id: str
     kind: EdgeKind
@@ -105,20 +105,20 @@ class MissionGraph(msgspec.Struct, frozen=True, kw_only=True):
     goal: str
     modes: tuple[str, ...]
     default: str
-    nodes: tuple[Node, ...]
-    edges: tuple[Edge, ...]
+    nodes: tuple[GraphNode, ...]
+    edges: tuple[GraphEdge, ...]
 
-    def node(self, identity: str) -> Node:
+    def node(self, identity: str) -> GraphNode:
         """The node of that id; `KeyError` if there is none."""
         for node in self.nodes:
             if node.id == identity:
                 return node
         raise KeyError(identity)
 
-    def out_of(self, identity: str, *kinds: EdgeKind) -> Iterator[Edge]:
+    def out_of(self, identity: str, *kinds: EdgeKind) -> Iterator[GraphEdge]:
         """Edges that leave a node, of the given kinds or of all."""
         return (e for e in self.edges if e.source == identity and (not kinds or e.kind in kinds))
 
-    def into(self, identity: str, *kinds: EdgeKind) -> Iterator[Edge]:
+    def into(self, identity: str, *kinds: EdgeKind) -> Iterator[GraphEdge]:
         """Edges that reach a node, of the given kinds or of all."""
         return (e for e in self.edges if e.target == identity and (not kinds or e.kind in kinds))

@@ -13,13 +13,13 @@ from random import Random
 
 import msgspec
 
+from lingjing.mission.geometry2d import Polygon, Vector2
 from lingjing.mission.instance import Vector
-from lingjing.scene.city import Bridge, Land, Polygon, Road, Water
-from lingjing.scene.districts.boxes import Box, around
+from lingjing.scene.city import Bridge, Land, Road, Water
 from lingjing.scene.districts.draft import Draft, stream
 from lingjing.scene.districts.furnish import disc, erect
-from lingjing.scene.districts.options import Plan
-from lingjing.scene.districts.streets import Point
+from lingjing.scene.districts.options import DistrictPlan
+from lingjing.scene.districts.rectangles import Rect, around
 from lingjing.scene.network import StreetEdge, StreetNode
 
 SEA_M = 6000.0
@@ -47,7 +47,7 @@ def coast_land(shore: Polygon, reach_m: float) -> Polygon:
     return tuple((round(x, 3), round(y, 3)) for x, y in outline)
 
 
-def seaside(draft: Draft, plan: Plan, chance: Random) -> None:
+def seaside(draft: Draft, plan: DistrictPlan, chance: Random) -> None:
     """Sea, land, promenade, harbour and what floats."""
     reach = plan.half_m + SEA_M
     draft.waters.append(Water(polygon=around(0.0, 0.0, 2 * reach, 2 * reach).polygon, level_m=plan.datum_m))
@@ -60,7 +60,7 @@ def seaside(draft: Draft, plan: Plan, chance: Random) -> None:
         _bridge(draft, plan)
 
 
-def bridge_foot(plan: Plan) -> tuple[float, float]:
+def bridge_foot(plan: DistrictPlan) -> tuple[float, float]:
     """Where the bridge's ramp begins on the ground, behind its first point in the direction of its first span."""
     (ax, ay), (bx, by) = plan.bridge[:2]
     length, run = hypot(bx - ax, by - ay), plan.deck_m / RAMP_GRADE
@@ -69,7 +69,7 @@ def bridge_foot(plan: Plan) -> tuple[float, float]:
     return (crossing[0], crossing[1]) if hypot(crossing[0] - foot[0], crossing[1] - foot[1]) < SNAP_M else foot
 
 
-def bridge_streets(plan: Plan, foot: str) -> tuple[list[StreetNode], list[StreetEdge]]:
+def bridge_streets(plan: DistrictPlan, foot: str) -> tuple[list[StreetNode], list[StreetEdge]]:
     """The carriageway over the bridge from the node `foot`, up the ramp and out to its far end."""
     start, *inner, end = ((x, y, plan.deck_m) for x, y in plan.bridge)
     far = StreetNode(id="bridge-end", east=end[0], north=end[1], elevation=plan.deck_m, control="priority")
@@ -80,7 +80,7 @@ def bridge_streets(plan: Plan, foot: str) -> tuple[list[StreetNode], list[Street
     return [far], [there, back]
 
 
-def fit_ramp(draft: Draft, plan: Plan, roads: Sequence[Road]) -> None:
+def fit_ramp(draft: Draft, plan: DistrictPlan, roads: Sequence[Road]) -> None:
     """Let the ramp rise where its lanes do: they begin behind the crossing, and so must the slab under them."""
     foot = bridge_foot(plan)
     starts = [road.lanes[0].shape[0] for road in roads if road.bridge and road.id.endswith("_to_bridge-end")]
@@ -95,7 +95,7 @@ def fit_ramp(draft: Draft, plan: Plan, roads: Sequence[Road]) -> None:
         ]
 
 
-def under_ramp(plan: Plan, start: Point, end: Point) -> bool:
+def under_ramp(plan: DistrictPlan, start: Vector2, end: Vector2) -> bool:
     """Whether a street would run along the ramp and not across it."""
     if not plan.bridge:
         return False
@@ -120,7 +120,7 @@ def distance_to(line: Polygon, x: float, y: float) -> float:
 # -- private
 
 
-def _beyond(before: Point, at: Point, reach: float) -> Point:
+def _beyond(before: Vector2, at: Vector2, reach: float) -> Vector2:
     dx, dy = at[0] - before[0], at[1] - before[1]
     length = hypot(dx, dy) or 1.0
     return at[0] + dx / length * reach, at[1] + dy / length * reach
@@ -138,7 +138,7 @@ def _stations(line: Polygon, gap: float) -> Iterator[tuple[float, float, float]]
         left -= length
 
 
-def _promenade(draft: Draft, plan: Plan, chance: Random) -> None:
+def _promenade(draft: Draft, plan: DistrictPlan, chance: Random) -> None:
     """A paved strip behind the quay wall with trees, lamps and benches."""
     inland = tuple(_aside((x, y), bearing, -14.0) for x, y, bearing in _stations(plan.shore, 40.0))
     seaward = tuple(_aside((x, y), bearing, -0.8) for x, y, bearing in _stations(plan.shore, 40.0))
@@ -159,13 +159,13 @@ def _promenade(draft: Draft, plan: Plan, chance: Random) -> None:
             draft.prop("tree", *place, 0.0, scale=chance.uniform(0.7, 1.3), variant=chance.randrange(8))
 
 
-def _harbour(draft: Draft, plan: Plan, chance: Random) -> None:
+def _harbour(draft: Draft, plan: DistrictPlan, chance: Random) -> None:
     """A quay that juts into the water in the north, with sheds and containers, and a jetty in the south."""
     level, half = plan.datum_m, plan.half_m
     x, y, _ = min(_stations(plan.shore, 10.0), key=lambda at: abs(at[1] - 0.55 * half))
-    quay = Box(x - 30.0, y - 0.2 * half, x + 70.0, y + 0.2 * half)
+    quay = Rect(x - 30.0, y - 0.2 * half, x + 70.0, y + 0.2 * half)
     draft.lands.append(Land(polygon=quay.polygon, top_m=0.0, surface="concrete"))
-    shed = Box(quay.west + 36.0, quay.south + 8.0, quay.west + 60.0, quay.south + 58.0)
+    shed = Rect(quay.west + 36.0, quay.south + 8.0, quay.west + 60.0, quay.south + 58.0)
     erect(draft, chance, shed, use="warehouse", top_m=9.0, roof="gabled", roof_m=2.5, side="east")
     for row in range(int((quay.depth - 80.0) // 10.0)):
         for column in range(2):
@@ -178,7 +178,7 @@ def _harbour(draft: Draft, plan: Plan, chance: Random) -> None:
         draft.prop("moored_boat", quay.east + 5.0, quay.south + 13.0 + 26.0 * k, level, chance.choice((0.0, 180.0)),
                    model=model, floating=True, variant=k)  # fmt: skip
     x, y, _ = min(_stations(plan.shore, 10.0), key=lambda at: abs(at[1] + 0.5 * half))
-    draft.solid("jetty", Box(x - 4.0, y - 2.0, x + 90.0, y + 2.0), -0.4, 0.0, "wood")
+    draft.solid("jetty", Rect(x - 4.0, y - 2.0, x + 90.0, y + 2.0), -0.4, 0.0, "wood")
     for k in range(9):
         for side in (-1.7, 1.7):
             draft.solid("pile", around(x + 6.0 + 10.0 * k, y + side, 0.4, 0.4), level - 6.0, -0.4, "wood")
@@ -188,7 +188,7 @@ def _harbour(draft: Draft, plan: Plan, chance: Random) -> None:
             )
 
 
-def _afloat(draft: Draft, plan: Plan, chance: Random) -> None:
+def _afloat(draft: Draft, plan: DistrictPlan, chance: Random) -> None:
     """Buoys and anchored boats on open water."""
     land = coast_land(plan.shore, plan.half_m + SEA_M)
     for k in range(int(26 * (plan.extent_m / 1600.0) ** 2) + 6):
@@ -207,7 +207,7 @@ def _afloat(draft: Draft, plan: Plan, chance: Random) -> None:
                        model=chance.choice(("fishing_boat", "sailboat")), variant=k)  # fmt: skip
 
 
-def _island(draft: Draft, plan: Plan) -> None:
+def _island(draft: Draft, plan: DistrictPlan) -> None:
     """The rock that the bridge's far end stands on."""
     x, y = plan.bridge[-1]
     for radius, top in ((95.0, plan.datum_m + 1.5), (72.0, 0.55 * plan.deck_m), (52.0, plan.deck_m - 0.15)):
@@ -225,7 +225,7 @@ def _island(draft: Draft, plan: Plan) -> None:
     draft.solid("lighthouse", disc(*tower, 2.2, 14), base + 15.0, base + 18.0, "white")
 
 
-def _bridge(draft: Draft, plan: Plan) -> None:
+def _bridge(draft: Draft, plan: DistrictPlan) -> None:
     """Deck, ramp and railings; piers every 40 m are the bridge's own."""
     foot = bridge_foot(plan)
     deck = tuple((x, y, plan.deck_m) for x, y in plan.bridge)
@@ -239,7 +239,7 @@ def _bridge(draft: Draft, plan: Plan) -> None:
                 draft.solid("railing", outline, plan.deck_m, plan.deck_m + 1.1, "metal")
 
 
-def _pieces(a: Point, b: Point, most: float) -> Iterator[tuple[Point, Point]]:
+def _pieces(a: Vector2, b: Vector2, most: float) -> Iterator[tuple[Vector2, Vector2]]:
     many = max(1, round(hypot(b[0] - a[0], b[1] - a[1]) / most))
     for k in range(many):
         yield (
@@ -253,7 +253,7 @@ def _ahead(a: Vector, b: Vector, metres: float) -> Vector:
     return a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]), a[2] + share * (b[2] - a[2])
 
 
-def _rail(a: Point, b: Point, aside: float) -> Polygon:
+def _rail(a: Vector2, b: Vector2, aside: float) -> Polygon:
     dx, dy = b[0] - a[0], b[1] - a[1]
     length = hypot(dx, dy)
     x, y = dy / length, -dx / length
@@ -262,7 +262,7 @@ def _rail(a: Point, b: Point, aside: float) -> Polygon:
     return tuple((round(p[0] + x * d, 3), round(p[1] + y * d, 3)) for p, d in corners)
 
 
-def _aside(place: Point, bearing: float, right: float) -> Point:
+def _aside(place: Vector2, bearing: float, right: float) -> Vector2:
     angle = (bearing + 90.0) * pi / 180.0
     return round(place[0] + right * sin(angle), 3), round(place[1] + right * cos(angle), 3)
 

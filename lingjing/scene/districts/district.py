@@ -11,12 +11,12 @@ import msgspec
 from lingjing.errors import UsageError
 from lingjing.scene.city import City, Land, Pieces
 from lingjing.scene.districts import coast, sites
-from lingjing.scene.districts.boxes import Box, around, bounds
 from lingjing.scene.districts.draft import Draft, stream
 from lingjing.scene.districts.furnish import CHAMFER_M, block_slab
-from lingjing.scene.districts.options import Plan
+from lingjing.scene.districts.options import DistrictPlan
 from lingjing.scene.districts.palette import HOMES
-from lingjing.scene.districts.streets import APRON_M, Block, Grid, blocks, grid, network
+from lingjing.scene.districts.rectangles import Rect, around, bounds
+from lingjing.scene.districts.streets import APRON_M, CityBlock, StreetGrid, blocks, grid, network
 from lingjing.scene.districts.zones import fill, heights, surface
 from lingjing.scene.network import Network, StreetEdge, StreetNode, build_network, read_roads
 
@@ -27,7 +27,7 @@ GROUND_M = 3000.0
 """The ground goes on this far beyond, so that the horizon is land."""
 
 
-def build_district(plan: Plan) -> City:
+def build_district(plan: DistrictPlan) -> City:
     """The district, its pieces held by the city itself."""
     pieces, net = lay_out(plan, grid(plan.half_m, plan.spacing), lambda block: plan.kind)
     digest = hashlib.sha256(msgspec.msgpack.encode(pieces) + net.sha256.encode()).hexdigest()
@@ -38,7 +38,7 @@ def build_district(plan: Plan) -> City:
 
 
 def lay_out(
-    plan: Plan, made: Grid, kind_of: Callable[[Block], str], tree_gap_m: float = 16.0
+    plan: DistrictPlan, made: StreetGrid, kind_of: Callable[[CityBlock], str], tree_gap_m: float = 16.0
 ) -> tuple[Pieces, Network]:
     """Everything of a plan on a grid, each block filled as a part of the district that `kind_of` names."""
     draft = Draft()
@@ -57,10 +57,10 @@ def lay_out(
     return msgspec.structs.replace(draft.pieces(), roads=roads, junctions=junctions), net
 
 
-def frame(plan: Plan, net: Network) -> City:
+def frame(plan: DistrictPlan, net: Network) -> City:
     """The city of a plan without its pieces."""
     reach = plan.half_m + plan.outskirts_m
-    boxes = [Box(-reach, -reach, reach, reach)]
+    boxes = [Rect(-reach, -reach, reach, reach)]
     if plan.site:
         boxes.append(plan.site.inset(-40.0))
     if plan.bridge:
@@ -83,7 +83,7 @@ def frame(plan: Plan, net: Network) -> City:
 # -- private
 
 
-def _ground(draft: Draft, plan: Plan) -> None:
+def _ground(draft: Draft, plan: DistrictPlan) -> None:
     if plan.shore:
         coast.seaside(draft, plan, stream(plan.layout, "coast"))
     else:
@@ -91,7 +91,7 @@ def _ground(draft: Draft, plan: Plan) -> None:
         draft.lands.append(Land(polygon=around(0.0, 0.0, reach, reach).polygon, top_m=0.0, surface="grass"))
 
 
-def _site(draft: Draft, plan: Plan) -> sites.Gates:
+def _site(draft: Draft, plan: DistrictPlan) -> sites.Gates:
     """Build the plan's site, if it has one; its gates."""
     if plan.site is None:
         return {}
@@ -105,7 +105,7 @@ def _site(draft: Draft, plan: Plan) -> sites.Gates:
     return gates
 
 
-def _keep_out(plan: Plan) -> list[Box]:
+def _keep_out(plan: DistrictPlan) -> list[Rect]:
     """What no block may cover: the site, the bridge's ramp."""
     found = [] if plan.site is None else [plan.site.inset(-APRON_M)]
     if plan.bridge:
@@ -113,7 +113,7 @@ def _keep_out(plan: Plan) -> list[Box]:
     return found
 
 
-def _dry(plan: Plan, box: Box) -> bool:
+def _dry(plan: DistrictPlan, box: Rect) -> bool:
     """Whether a block lies wholly on land."""
     if not plan.shore:
         return True
@@ -122,7 +122,7 @@ def _dry(plan: Plan, box: Box) -> bool:
     return all(coast.inside(land, x, y) and coast.distance_to(plan.shore, x, y) > coast.STRAND_M for x, y in corners)
 
 
-def _block(draft: Draft, plan: Plan, block: Block, kind: str, tree_gap_m: float) -> None:
+def _block(draft: Draft, plan: DistrictPlan, block: CityBlock, kind: str, tree_gap_m: float) -> None:
     chance = stream(plan.layout, f"block/{block.column}/{block.row}/{block.box.south:.0f}/{block.box.west:.0f}")
     inner = block_slab(draft, block.box, surface(kind), chance, tree_gap_m)
     first = "warehouse" if kind == "logistics" and hypot(block.box.west, block.box.south) < 25.0 else ""
@@ -135,7 +135,7 @@ def _block(draft: Draft, plan: Plan, block: Block, kind: str, tree_gap_m: float)
         fill(draft, kind, inner, tall, chance, first)
 
 
-def _streets(plan: Plan, made: Grid, gates: sites.Gates) -> tuple[list[StreetNode], list[StreetEdge]]:
+def _streets(plan: DistrictPlan, made: StreetGrid, gates: sites.Gates) -> tuple[list[StreetNode], list[StreetEdge]]:
     blocked = None
     if plan.shore:
         land = coast.coast_land(plan.shore, plan.half_m + coast.SEA_M)
@@ -173,7 +173,7 @@ def _pave(draft: Draft, nodes: list[StreetNode], edges: list[StreetEdge]) -> Non
 
 
 def _with_bridge(
-    plan: Plan, nodes: list[StreetNode], edges: list[StreetEdge]
+    plan: DistrictPlan, nodes: list[StreetNode], edges: list[StreetEdge]
 ) -> tuple[list[StreetNode], list[StreetEdge]]:
     """The net with the bridge joined to the crossing nearest to its foot."""
     foot = coast.bridge_foot(plan)
@@ -190,7 +190,7 @@ def _with_bridge(
     return [*nodes, start, *far], [*edges, *links, *spans]
 
 
-def _outskirts(draft: Draft, plan: Plan) -> None:
+def _outskirts(draft: Draft, plan: DistrictPlan) -> None:
     """Trees around the square, so that it does not end like a cut."""
     if plan.shore:
         return

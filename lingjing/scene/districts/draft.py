@@ -8,9 +8,10 @@ from random import Random
 
 import msgspec
 
+from lingjing.mission.geometry2d import Polygon
 from lingjing.mission.instance import Datum
-from lingjing.scene.city import Area, Bridge, Building, Land, Pieces, Pipe, Polygon, Prop, Slope, Solid, Water
-from lingjing.scene.districts.boxes import Box, bounds
+from lingjing.scene.city import Bridge, Building, Land, PaintedArea, Pieces, Pipe, Prop, Slope, Solid, Water
+from lingjing.scene.districts.rectangles import Rect, bounds
 
 KERB_M = 0.10
 """A block stands this high over its streets: a `Solid` slab, so that legs meet a kerb they have to step on."""
@@ -30,14 +31,14 @@ class Draft:
     def __init__(self) -> None:
         self.waters: list[Water] = []
         self.lands: list[Land] = []
-        self.areas: list[Area] = []
+        self.areas: list[PaintedArea] = []
         self.solids: list[Solid] = []
         self.slopes: list[Slope] = []
         self.buildings: list[Building] = []
         self.bridges: list[Bridge] = []
         self.pipes: list[Pipe] = []
         self.props: list[Prop] = []
-        self._taken: dict[tuple[int, int], list[Box]] = {}
+        self._taken: dict[tuple[int, int], list[Rect]] = {}
         self._numbers: dict[str, int] = {}
 
     def name(self, kind: str) -> str:
@@ -45,11 +46,11 @@ class Draft:
         number = self._numbers[kind] = self._numbers.get(kind, 0) + 1
         return f"{kind}-{number}"
 
-    def area(self, shape: Box | Polygon, surface: str, top_m: float = PAINT_M) -> None:
+    def area(self, shape: Rect | Polygon, surface: str, top_m: float = PAINT_M) -> None:
         """Paint a surface."""
-        self.areas.append(Area(polygon=_outline(shape), surface=surface, top_m=top_m))
+        self.areas.append(PaintedArea(polygon=_outline(shape), surface=surface, top_m=top_m))
 
-    def solid(self, kind: str, shape: Box | Polygon, base_m: float, top_m: float, material: str = "concrete") -> None:
+    def solid(self, kind: str, shape: Rect | Polygon, base_m: float, top_m: float, material: str = "concrete") -> None:
         """Put up a prism; what is higher than a step takes its place."""
         outline = _outline(shape)
         self.solids.append(
@@ -82,12 +83,12 @@ class Draft:
             )
         )  # fmt: skip
 
-    def take(self, box: Box) -> None:
+    def take(self, box: Rect) -> None:
         """Mark a box as built."""
         for key in _squares(box):
             self._taken.setdefault(key, []).append(box)
 
-    def free(self, box: Box, margin: float = 0.0) -> bool:
+    def free(self, box: Rect, margin: float = 0.0) -> bool:
         """Whether nothing built comes nearer to the box than `margin` metres."""
         grown = box.inset(-margin)
         return not any(other.meets(grown) for key in _squares(grown) for other in self._taken.get(key, ()))
@@ -107,10 +108,10 @@ class Draft:
         )
 
 
-def _outline(shape: Box | Polygon) -> Polygon:
-    return shape.polygon if isinstance(shape, Box) else shape
+def _outline(shape: Rect | Polygon) -> Polygon:
+    return shape.polygon if isinstance(shape, Rect) else shape
 
 
-def _squares(box: Box) -> list[tuple[int, int]]:
+def _squares(box: Rect) -> list[tuple[int, int]]:
     columns = range(int(box.west // 50), int(box.east // 50) + 1)
     return [(column, row) for column in columns for row in range(int(box.south // 50), int(box.north // 50) + 1)]

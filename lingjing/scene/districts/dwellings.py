@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from random import Random
 
-from lingjing.scene.districts.boxes import Box, around
 from lingjing.scene.districts.draft import KERB_M, Draft
 from lingjing.scene.districts.furnish import STOREY_M, bench, doorstep, erect, parking, trees
+from lingjing.scene.districts.rectangles import Rect, around
 
 Heights = tuple[float, float]
 
@@ -18,20 +18,20 @@ def storeys(heights: Heights, chance: Random, low: float = 0.0, high: float = 1.
     return max(STOREY_M, min(heights[1], round(metres / STOREY_M) * STOREY_M))
 
 
-def slabs(draft: Draft, lot: Box, heights: Heights, chance: Random, use: str = "residential") -> None:
+def slabs(draft: Draft, lot: Rect, heights: Heights, chance: Random, use: str = "residential") -> None:
     """Long houses that face south, in rows with gardens and parked cars between."""
     depth, gap = 13.0, max(17.0, 0.8 * heights[1])
     rows = max(1, int((lot.depth + gap) // (depth + gap)))
     pitch = (lot.depth - depth) / max(1, rows - 1) if rows > 1 else 0.0
     for row in range(rows):
         south = lot.south + row * pitch if rows > 1 else lot.centre[1] - depth / 2.0
-        _row(draft, Box(lot.west, south, lot.east, south + depth), heights, chance, use)
+        _row(draft, Rect(lot.west, south, lot.east, south + depth), heights, chance, use)
         if row and pitch > depth + 14.0:
-            yard = Box(lot.west + 2.0, south - pitch + depth + 2.0, lot.east - 2.0, south - 2.0)
+            yard = Rect(lot.west + 2.0, south - pitch + depth + 2.0, lot.east - 2.0, south - 2.0)
             _garden(draft, yard, chance, cars=row % 2 == 1)
 
 
-def houses(draft: Draft, lot: Box, heights: Heights, chance: Random) -> None:
+def houses(draft: Draft, lot: Rect, heights: Heights, chance: Random) -> None:
     """Detached houses under tiled roofs, each in its garden."""
     columns, rows = max(1, int(lot.width // 19.0)), max(1, int(lot.depth // 24.0))
     for k, cell in enumerate(lot.cells(columns, rows, 0.0)):
@@ -51,11 +51,11 @@ def houses(draft: Draft, lot: Box, heights: Heights, chance: Random) -> None:
             doorstep(draft, made.entrance, chance)
         if chance.random() < 0.25:
             side = cell.east - 0.4
-            draft.solid("wall", Box(side - 0.1, cell.south + 5.0, side + 0.1, cell.north - 5.0), 0.0, 1.0, "brick")
+            draft.solid("wall", Rect(side - 0.1, cell.south + 5.0, side + 0.1, cell.north - 5.0), 0.0, 1.0, "brick")
         trees(draft, cell.inset(1.5), 2, chance)
 
 
-def towers(draft: Draft, lot: Box, heights: Heights, chance: Random) -> None:
+def towers(draft: Draft, lot: Rect, heights: Heights, chance: Random) -> None:
     """Point towers on lawns."""
     columns, rows = max(1, int(lot.width // 50.0)), max(1, int(lot.depth // 50.0))
     for cell in lot.cells(columns, rows, 0.0):
@@ -68,14 +68,14 @@ def towers(draft: Draft, lot: Box, heights: Heights, chance: Random) -> None:
     _garden(draft, lot, chance, cars=False)
 
 
-def ring(draft: Draft, lot: Box, heights: Heights, chance: Random, use: str = "residential") -> None:
+def ring(draft: Draft, lot: Rect, heights: Heights, chance: Random, use: str = "residential") -> None:
     """Houses along all four sides around a courtyard, with passages at the corners and here and there between."""
     depth = min(15.0, lot.width / 4.0, lot.depth / 4.0)
     spans = (
-        (Box(lot.west, lot.south, lot.east, lot.south + depth), True, "south"),
-        (Box(lot.west, lot.north - depth, lot.east, lot.north), True, "north"),
-        (Box(lot.west, lot.south + depth + 8.0, lot.west + depth, lot.north - depth - 8.0), False, "west"),
-        (Box(lot.east - depth, lot.south + depth + 8.0, lot.east, lot.north - depth - 8.0), False, "east"),
+        (Rect(lot.west, lot.south, lot.east, lot.south + depth), True, "south"),
+        (Rect(lot.west, lot.north - depth, lot.east, lot.north), True, "north"),
+        (Rect(lot.west, lot.south + depth + 8.0, lot.west + depth, lot.north - depth - 8.0), False, "west"),
+        (Rect(lot.east - depth, lot.south + depth + 8.0, lot.east, lot.north - depth - 8.0), False, "east"),
     )
     for span, flat, side in spans:
         length = span.width if flat else span.depth
@@ -103,14 +103,14 @@ def ring(draft: Draft, lot: Box, heights: Heights, chance: Random, use: str = "r
 # -- private
 
 
-def _row(draft: Draft, strip: Box, heights: Heights, chance: Random, use: str) -> None:
+def _row(draft: Draft, strip: Rect, heights: Heights, chance: Random, use: str) -> None:
     x = strip.west + chance.uniform(0.0, 4.0)
     while x < strip.east - 18.0:
         length = min(chance.uniform(30.0, 54.0), strip.east - x)
         if strip.east - x - length < 26.0:
             length = min(strip.east - x, 56.0)
         shift = chance.uniform(-1.0, 1.0)
-        box = Box(x, strip.south + max(0.0, shift), x + length, strip.north + min(0.0, shift))
+        box = Rect(x, strip.south + max(0.0, shift), x + length, strip.north + min(0.0, shift))
         roof = chance.choice(("flat", "flat", "hipped"))
         made = erect(draft, chance, box, use=use, top_m=storeys(heights, chance), roof=roof, side="south",
                      roof_m=0.0 if roof == "flat" else 3.0)  # fmt: skip
@@ -119,14 +119,14 @@ def _row(draft: Draft, strip: Box, heights: Heights, chance: Random, use: str) -
         x += length + chance.uniform(9.0, 14.0)
 
 
-def _garden(draft: Draft, yard: Box, chance: Random, cars: bool) -> None:
+def _garden(draft: Draft, yard: Rect, chance: Random, cars: bool) -> None:
     """A path through the middle, trees beside it, benches, or a row of parked cars."""
     if yard.depth < 6.0 or yard.width < 6.0:
         return
     middle = yard.centre[1]
-    draft.area(Box(yard.west, middle - 1.2, yard.east, middle + 1.2), "plaza", KERB_M + 0.012)
+    draft.area(Rect(yard.west, middle - 1.2, yard.east, middle + 1.2), "plaza", KERB_M + 0.012)
     if cars and yard.depth > 12.0:
-        parking(draft, Box(yard.west + 4.0, middle + 1.4, yard.east - 4.0, middle + 6.6), chance, 0.45)
+        parking(draft, Rect(yard.west + 4.0, middle + 1.4, yard.east - 4.0, middle + 6.6), chance, 0.45)
     trees(draft, yard, int(yard.width * yard.depth / 260.0), chance)
     for _ in range(int(yard.width // 60.0)):
         bench(draft, chance.uniform(yard.west + 3.0, yard.east - 3.0), middle - 1.8, chance)

@@ -5,10 +5,11 @@ from __future__ import annotations
 from math import cos, hypot, pi, radians, sin
 from random import Random
 
-from lingjing.scene.city import Building, Polygon, Slope
-from lingjing.scene.districts.boxes import Box, around
+from lingjing.mission.geometry2d import Polygon
+from lingjing.scene.city import Building, LinearRgb, Slope
 from lingjing.scene.districts.draft import KERB_M, Draft
-from lingjing.scene.districts.palette import FACADES, WALLS, Colour, roof_colour, varied
+from lingjing.scene.districts.palette import FACADES, WALLS, roof_colour, varied
+from lingjing.scene.districts.rectangles import Rect, around
 
 SIDEWALK_M = 3.5
 CHAMFER_M = 5.0
@@ -23,7 +24,7 @@ SIDES = {"south": 180.0, "east": 90.0, "north": 0.0, "west": 270.0}
 """Outward bearing of each side of a box."""
 
 
-def block_slab(draft: Draft, box: Box, surface: str, chance: Random, tree_gap_m: float = 16.0) -> Box:
+def block_slab(draft: Draft, box: Rect, surface: str, chance: Random, tree_gap_m: float = 16.0) -> Rect:
     """The raised slab of a block with its sidewalk, dropped kerbs at the corners, trees and lamps; gives its inner."""
     corner = min(CHAMFER_M, box.width / 5.0, box.depth / 5.0)
     outline = box.chamfered(corner)
@@ -38,13 +39,13 @@ def block_slab(draft: Draft, box: Box, surface: str, chance: Random, tree_gap_m:
 
 
 def erect(
-    draft: Draft, chance: Random, shape: Box | Polygon, *, use: str, top_m: float, base_m: float = 0.0,
-    roof: str = "flat", roof_m: float = 0.0, facade: str = "", colour: Colour | None = None, side: str = "",
+    draft: Draft, chance: Random, shape: Rect | Polygon, *, use: str, top_m: float, base_m: float = 0.0,
+    roof: str = "flat", roof_m: float = 0.0, facade: str = "", colour: LinearRgb | None = None, side: str = "",
     name: str = "", door: tuple[float, float, float] | None = None,
 ) -> Building:  # fmt: skip
     """Put up a building; `side` names the side of its box that has the entrance, `door` is one given as it is."""
-    outline = shape.polygon if isinstance(shape, Box) else shape
-    entrance = _entrance(shape, side) if isinstance(shape, Box) and side else door
+    outline = shape.polygon if isinstance(shape, Rect) else shape
+    entrance = _entrance(shape, side) if isinstance(shape, Rect) and side else door
     building = Building(
         id=draft.name("building"),
         polygon=outline,
@@ -80,7 +81,7 @@ def doorstep(draft: Draft, entrance: tuple[float, float, float], chance: Random)
         draft.slopes.append(Slope(id=draft.name("ramp"), top=top))
 
 
-def trees(draft: Draft, box: Box, many: int, chance: Random, base_m: float = KERB_M) -> None:
+def trees(draft: Draft, box: Rect, many: int, chance: Random, base_m: float = KERB_M) -> None:
     """Up to `many` trees where nothing is built."""
     for _ in range(many):
         if box.width < 2.0 or box.depth < 2.0:
@@ -103,7 +104,7 @@ def bench(draft: Draft, x: float, y: float, chance: Random) -> None:
     draft.prop("lamp", x + 1.6, y)
 
 
-def parking(draft: Draft, box: Box, chance: Random, full: float = 0.6, cls: str = "parked_car") -> None:
+def parking(draft: Draft, box: Rect, chance: Random, full: float = 0.6, cls: str = "parked_car") -> None:
     """A row of bays along the longer side of a box, some of them taken."""
     draft.area(box, "parking", KERB_M + 0.015)
     flat = box.width >= box.depth
@@ -120,7 +121,7 @@ def parking(draft: Draft, box: Box, chance: Random, full: float = 0.6, cls: str 
 
 
 def wall_ring(
-    draft: Draft, box: Box, gates: dict[str, float], height_m: float = 2.2, material: str = "plaster"
+    draft: Draft, box: Rect, gates: dict[str, float], height_m: float = 2.2, material: str = "plaster"
 ) -> None:
     """A wall around a box with a gap of the given width in the middle of each side named, flanked by pillars."""
     w, s, e, n = box
@@ -131,7 +132,7 @@ def wall_ring(
         length = hypot(x1 - x0, y1 - y0)
         spans = ((0.0, 1.0),) if gap <= 0 else ((0.0, 0.5 - gap / 2 / length), (0.5 + gap / 2 / length, 1.0))
         for low, high in spans:
-            part = Box(x0 + low * (x1 - x0), y0 + low * (y1 - y0), x0 + high * (x1 - x0), y0 + high * (y1 - y0))
+            part = Rect(x0 + low * (x1 - x0), y0 + low * (y1 - y0), x0 + high * (x1 - x0), y0 + high * (y1 - y0))
             draft.solid("wall", part.inset(-0.15), 0.0, height_m, material)
         for sign in (-1, 1) if gap > 0 else ():
             at = 0.5 + sign * (gap / 2 + 0.35) / length
@@ -150,7 +151,7 @@ def disc(x: float, y: float, radius: float, corners: int = 20) -> Polygon:
 # -- private
 
 
-def _entrance(box: Box, side: str) -> tuple[float, float, float]:
+def _entrance(box: Rect, side: str) -> tuple[float, float, float]:
     x, y = box.centre
     place = {"south": (x, box.south), "north": (x, box.north), "east": (box.east, y), "west": (box.west, y)}[side]
     return round(place[0], 3), round(place[1], 3), SIDES[side]
@@ -187,7 +188,7 @@ def _dropped_kerb(draft: Draft, a: tuple[float, float], b: tuple[float, float]) 
     draft.slopes.append(Slope(id=draft.name("dropped-kerb"), top=top, thickness_m=0.2))
 
 
-def _street_trees(draft: Draft, box: Box, chance: Random, gap: float) -> None:
+def _street_trees(draft: Draft, box: Rect, chance: Random, gap: float) -> None:
     rim = box.inset(1.3)
     for side in SIDES:
         flat = side in ("south", "north")

@@ -5,16 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from lingjing.errors import UsageError
+from lingjing.mission.geometry2d import Polygon
 from lingjing.mission.instance import SceneSpec
 from lingjing.mission.kinds import builtin_scenes, extent_m, scene_faults
-from lingjing.scene.city import Polygon
-from lingjing.scene.districts.boxes import Box, bounds
+from lingjing.scene.districts.rectangles import Rect, bounds
 
 _SPACING_M = {"city": 250.0}
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class DistrictPlan:
     """A district to build: square of `extent_m` about the origin, streets every `spacing` metres east and north.
 
     `layout` feeds the streams of what stays from episode to episode, `seed` those of what an episode's seed may change:
@@ -47,14 +47,14 @@ class Plan:
         return self.extent_m / 2.0
 
     @property
-    def site(self) -> Box | None:
+    def site(self) -> Rect | None:
         """The box around `inside` or the pipeline, which public streets keep out of."""
         if self.inside:
             return bounds(self.inside)
         return bounds(self.pipeline).inset(-15.0) if self.pipeline else None
 
 
-def plan(spec: SceneSpec) -> Plan:
+def plan(spec: SceneSpec) -> DistrictPlan:
     """The plan of a spec. Raises `UsageError` for an option that the district does not know or that makes no sense."""
     fault = next(scene_faults(spec), None)
     if fault is not None:
@@ -66,7 +66,7 @@ def plan(spec: SceneSpec) -> Plan:
     columns = _number(spec, "blocks_columns", default)
     low, high = kind.default("height")
     low = _number(spec, "height_low_m", low)
-    return Plan(
+    return DistrictPlan(
         kind=spec.kind,
         layout=spec.layout,
         seed=0 if spec.kind == "city" else spec.seed,

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from random import Random
 
-Colour = tuple[float, float, float]
+from lingjing.scene.city import LinearRgb
 
-WHITE: Colour = (0.82, 0.82, 0.80)
+WHITE: LinearRgb = (0.82, 0.82, 0.80)
 """Walls of the one building that a mission calls white; no wall of `WALLS` or `HOMES` comes near it."""
 
-HOMES: tuple[Colour, ...] = (
+HOMES: tuple[LinearRgb, ...] = (
     (0.47, 0.13, 0.08), (0.62, 0.42, 0.13), (0.20, 0.30, 0.42), (0.55, 0.30, 0.22), (0.30, 0.36, 0.20),
     (0.60, 0.24, 0.12), (0.33, 0.28, 0.25), (0.14, 0.34, 0.36), (0.56, 0.46, 0.30), (0.42, 0.20, 0.26),
     (0.24, 0.24, 0.27), (0.64, 0.52, 0.20), (0.26, 0.18, 0.13), (0.45, 0.36, 0.40), (0.52, 0.38, 0.30),
@@ -17,7 +17,7 @@ HOMES: tuple[Colour, ...] = (
 )  # fmt: skip
 """Sixteen wall colours that tell dwellings apart from the height of a dog's eye."""
 
-WALLS: dict[str, tuple[Colour, ...]] = {
+WALLS: dict[str, tuple[LinearRgb, ...]] = {
     "residential": ((0.55, 0.47, 0.36), (0.50, 0.33, 0.24), (0.58, 0.52, 0.42), (0.42, 0.38, 0.34), (0.60, 0.44, 0.30)),
     "house": ((0.60, 0.50, 0.36), (0.50, 0.24, 0.16), (0.46, 0.46, 0.40), (0.36, 0.42, 0.44), (0.60, 0.40, 0.26)),
     "commercial": ((0.42, 0.40, 0.38), (0.55, 0.50, 0.44), (0.30, 0.32, 0.36), (0.50, 0.42, 0.34)),
@@ -37,23 +37,23 @@ FACADES: dict[str, tuple[str, ...]] = {
     "school": ("punched", "ribbon"),
     "public": ("ribbon", "curtain"),
 }
-ROOFS: tuple[Colour, ...] = ((0.30, 0.29, 0.28), (0.38, 0.36, 0.33), (0.24, 0.24, 0.25), (0.44, 0.43, 0.41))
-TILES: tuple[Colour, ...] = ((0.36, 0.12, 0.08), (0.28, 0.15, 0.11), (0.20, 0.20, 0.22), (0.16, 0.22, 0.28))
-METAL: tuple[Colour, ...] = ((0.40, 0.42, 0.44), (0.18, 0.28, 0.42), (0.30, 0.34, 0.30), (0.48, 0.46, 0.42))
-ORANGE: Colour = (0.80, 0.24, 0.03)
+ROOFS: tuple[LinearRgb, ...] = ((0.30, 0.29, 0.28), (0.38, 0.36, 0.33), (0.24, 0.24, 0.25), (0.44, 0.43, 0.41))
+TILES: tuple[LinearRgb, ...] = ((0.36, 0.12, 0.08), (0.28, 0.15, 0.11), (0.20, 0.20, 0.22), (0.16, 0.22, 0.28))
+METAL: tuple[LinearRgb, ...] = ((0.40, 0.42, 0.44), (0.18, 0.28, 0.42), (0.30, 0.34, 0.30), (0.48, 0.46, 0.42))
+ORANGE: LinearRgb = (0.80, 0.24, 0.03)
 """Roofs that a hasty eye takes for fire."""
 
 ORANGE_SHARE = 0.03
 
 
-def varied(colour: Colour, chance: Random, by: float = 0.12) -> Colour:
+def varied(colour: LinearRgb, chance: Random, by: float = 0.12) -> LinearRgb:
     """The colour a little lighter or darker, to three digits."""
     factor = chance.uniform(1.0 - by, 1.0 + by)
     red, green, blue = (round(min(0.78, channel * factor), 3) for channel in colour)
     return red, green, blue
 
 
-def roof_colour(use: str, roof: str, chance: Random) -> Colour:
+def roof_colour(use: str, roof: str, chance: Random) -> LinearRgb:
     """A roof's colour: felt or gravel, tiles, metal, now and then orange."""
     if chance.random() < ORANGE_SHARE:
         return ORANGE

@@ -6,11 +6,11 @@ from itertools import cycle
 from random import Random
 
 from lingjing.scene.city import Pipe
-from lingjing.scene.districts.boxes import Box, around
 from lingjing.scene.districts.draft import Draft
 from lingjing.scene.districts.dwellings import Heights, storeys
 from lingjing.scene.districts.furnish import STOREY_M, bench, disc, erect, parking, trees, wall_ring
 from lingjing.scene.districts.palette import HOMES
+from lingjing.scene.districts.rectangles import Rect, around
 from lingjing.scene.districts.works import RACK_M, clutter
 
 GATE_M = 9.0
@@ -20,7 +20,7 @@ AXIS_M = 8.0
 Gates = dict[str, tuple[float, float]]
 
 
-def gates(site: Box, every: bool) -> Gates:
+def gates(site: Rect, every: bool) -> Gates:
     """The gates of a site by side, in the middle of each: all four, or the one nearest the origin."""
     x, y = site.centre
     found = {"west": (site.west, y), "south": (x, site.south), "east": (site.east, y), "north": (x, site.north)}
@@ -30,7 +30,7 @@ def gates(site: Box, every: bool) -> Gates:
     return {nearest: found[nearest]}
 
 
-def compound(draft: Draft, site: Box, heights: Heights, chance: Random, openings: Gates) -> None:
+def compound(draft: Draft, site: Rect, heights: Heights, chance: Random, openings: Gates) -> None:
     """A walled residential community: houses of different shape and colour on a grid of lots, paths, lawns, cars.
 
     Every house has a wall colour of its own as far as the palette reaches, and an entrance on the path before it.
@@ -60,11 +60,11 @@ def compound(draft: Draft, site: Box, heights: Heights, chance: Random, openings
             _corner_house(draft, lot.inset(5.0), heights, chance, next(painted))
         trees(draft, lot.inset(1.5), int(lot.width * lot.depth / 320.0), chance, 0.0)
         bench(draft, lot.west + 3.0, lot.south - 1.0, chance)
-    strip = Box(inner.west, inner.north + 1.0, inner.east, inner.north + 6.2)
+    strip = Rect(inner.west, inner.north + 1.0, inner.east, inner.north + 6.2)
     parking(draft, strip, chance, 0.35)
 
 
-def factory(draft: Draft, site: Box, heights: Heights, chance: Random, openings: Gates) -> None:
+def factory(draft: Draft, site: Rect, heights: Heights, chance: Random, openings: Gates) -> None:
     """A walled factory: halls in the four quarters, free ways from gate to gate, yards that dogs can walk."""
     draft.area(site, "industrial", 0.005)
     wall_ring(draft, site, dict.fromkeys(openings, GATE_M), 2.4, "concrete")
@@ -83,7 +83,7 @@ def factory(draft: Draft, site: Box, heights: Heights, chance: Random, openings:
     clutter(draft, site.inset(3.0), int(site.width * site.depth / 220.0), chance)
 
 
-def pipeline(draft: Draft, site: Box, path: tuple[tuple[float, float], ...], chance: Random) -> None:
+def pipeline(draft: Draft, site: Rect, path: tuple[tuple[float, float], ...], chance: Random) -> None:
     """An open yard with the pipeline on its supports; tanks and huts stand at the corners, out of the ways."""
     draft.area(site.inset(-10.0), "concrete", 0.005)
     draft.area(site, "industrial", 0.008)
@@ -111,7 +111,7 @@ def pipeline(draft: Draft, site: Box, path: tuple[tuple[float, float], ...], cha
 # -- private
 
 
-def _home(draft: Draft, part: Box, heights: Heights, chance: Random, colour: tuple[float, float, float]) -> None:
+def _home(draft: Draft, part: Rect, heights: Heights, chance: Random, colour: tuple[float, float, float]) -> None:
     long = min(part.width - 4.0, chance.uniform(24.0, 46.0))
     deep = min(part.depth - 4.0, chance.uniform(11.0, 14.5))
     x = part.centre[0] + chance.uniform(-0.5, 0.5) * max(0.0, part.width - long - 2.0) * 0.5
@@ -123,14 +123,16 @@ def _home(draft: Draft, part: Box, heights: Heights, chance: Random, colour: tup
           side=chance.choice(("south", "north")))  # fmt: skip
 
 
-def _tower(draft: Draft, lot: Box, heights: Heights, chance: Random, colour: tuple[float, float, float]) -> None:
+def _tower(draft: Draft, lot: Rect, heights: Heights, chance: Random, colour: tuple[float, float, float]) -> None:
     side = min(chance.uniform(18.0, 24.0), lot.width, lot.depth)
     box = around(lot.centre[0] + chance.uniform(-6, 6), lot.centre[1] + chance.uniform(-6, 6), side, side)
     erect(draft, chance, box, use="residential", top_m=storeys(heights, chance, 0.7, 1.0), colour=colour,
           side=chance.choice(("south", "north", "west")))  # fmt: skip
 
 
-def _corner_house(draft: Draft, lot: Box, heights: Heights, chance: Random, colour: tuple[float, float, float]) -> None:
+def _corner_house(
+    draft: Draft, lot: Rect, heights: Heights, chance: Random, colour: tuple[float, float, float]
+) -> None:
     """A house with two wings that meet in a corner, its door in the yard between them."""
     w, s, e, n = lot.west, lot.south + chance.uniform(0, 10), lot.east - chance.uniform(2, 12), lot.north
     outline = ((w, s), (w + 13.0, s), (w + 13.0, n - 13.0), (e, n - 13.0), (e, n), (w, n))
@@ -139,7 +141,7 @@ def _corner_house(draft: Draft, lot: Box, heights: Heights, chance: Random, colo
           door=(round((w + 13.0 + e) / 2.0, 3), round(n - 13.0, 3), 180.0))  # fmt: skip
 
 
-def _quarter(draft: Draft, quarter: Box, heights: Heights, chance: Random) -> None:
+def _quarter(draft: Draft, quarter: Rect, heights: Heights, chance: Random) -> None:
     width, depth = quarter.width * chance.uniform(0.5, 0.66), quarter.depth * chance.uniform(0.42, 0.55)
     x = quarter.centre[0] + chance.uniform(-0.3, 0.3) * (quarter.width - width) * 0.5
     y = quarter.centre[1] + chance.uniform(-0.3, 0.3) * (quarter.depth - depth) * 0.5
@@ -152,9 +154,9 @@ def _quarter(draft: Draft, quarter: Box, heights: Heights, chance: Random) -> No
     draft.prop("steam_vent", body.east + 1.0, y, 0.0)
 
 
-def _between(box: Box, many: int, gap: float, avenues: bool) -> list[Box]:
+def _between(box: Rect, many: int, gap: float, avenues: bool) -> list[Rect]:
     """The strips between the cells of a box."""
     cells = list(box.cells(many, 1, gap)) if avenues else list(box.cells(1, many, gap))
     if avenues:
-        return [Box(cell.east, box.south, cell.east + gap, box.north) for cell in cells[:-1]]
-    return [Box(box.west, cell.north, box.east, cell.north + gap) for cell in cells[:-1]]
+        return [Rect(cell.east, box.south, cell.east + gap, box.north) for cell in cells[:-1]]
+    return [Rect(box.west, cell.north, box.east, cell.north + gap) for cell in cells[:-1]]

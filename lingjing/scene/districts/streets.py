@@ -1,9 +1,9 @@
 """The street grid of a district: lines through the origin, the nodes and edges of its net, the blocks between.
 
 Streets run along every multiple of the spacing. Every second one is a main street (two lanes each way, lights where
-two of them cross); the others have one lane each way. A site (`Plan.site`) has no public streets: they end in front
-of its gates, or at the crossing before. Water and what `blocked` names have none either. Where that leaves no street
-at all, a road runs around the site, or around the one block.
+two of them cross); the others have one lane each way. A site (`DistrictPlan.site`) has no public streets: they end in
+front of its gates, or at the crossing before. Water and what `blocked` names have none either. Where that leaves no
+street at all, a road runs around the site, or around the one block.
 """
 
 from __future__ import annotations
@@ -12,7 +12,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from lingjing.scene.districts.boxes import Box
+from lingjing.mission.geometry2d import Vector2
+from lingjing.scene.districts.rectangles import Rect
 from lingjing.scene.network import LANE_WIDTH_M, StreetEdge, StreetNode
 
 APRON_M = 12.0
@@ -23,12 +24,11 @@ RING_M = APRON_M / 2.0
 
 BLOCK_LEAST_M = 25.0
 
-Point = tuple[float, float]
-Blocked = Callable[[Point, Point], bool]
+Blocked = Callable[[Vector2, Vector2], bool]
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class StreetLine:
     """A street along the whole grid: where it lies on its axis, lanes in each direction, and its name."""
 
     at_m: float
@@ -47,26 +47,28 @@ class Line:
 
 
 @dataclass(frozen=True, slots=True)
-class Block:
+class CityBlock:
     """Ground between kerbs. `column` and `row` are those of its cell of the grid, counted from the south-west."""
 
     column: int
     row: int
-    box: Box
+    box: Rect
 
 
 @dataclass(frozen=True, slots=True)
-class Grid:
+class StreetGrid:
     """Avenues run north (`avenues[k].at_m` is their east), streets east."""
 
-    avenues: tuple[Line, ...]
-    streets: tuple[Line, ...]
+    avenues: tuple[StreetLine, ...]
+    streets: tuple[StreetLine, ...]
     half_m: float
 
 
-def grid(half_m: float, spacing: tuple[float, float], lanes: tuple[int, int] = (2, 1), main_every: int = 2) -> Grid:
+def grid(
+    half_m: float, spacing: tuple[float, float], lanes: tuple[int, int] = (2, 1), main_every: int = 2
+) -> StreetGrid:
     """The lines of a square that reaches `half_m` from the origin; `lanes` each way of main and other streets."""
-    return Grid(
+    return StreetGrid(
         avenues=_lines(half_m, spacing[0], lanes, main_every, ("Avenue", "E", "W")),
         streets=_lines(half_m, spacing[1], lanes, main_every, ("Street", "N", "S")),
         half_m=half_m,
@@ -75,11 +77,11 @@ def grid(half_m: float, spacing: tuple[float, float], lanes: tuple[int, int] = (
 
 def _lines(
     half_m: float, spacing: float, lanes: tuple[int, int], every: int, words: tuple[str, str, str]
-) -> tuple[Line, ...]:
+) -> tuple[StreetLine, ...]:
     many = int(half_m / spacing + 1e-6)
     word, plus, minus = words
     return tuple(
-        Line(
+        StreetLine(
             at_m=k * spacing,
             lanes=lanes[0] if k % every == 0 else lanes[1],
             name=f"{word} {plus if k > 0 else minus}{abs(k)}" if k else f"Central {word}",
@@ -88,27 +90,27 @@ def _lines(
     )
 
 
-def blocks(made: Grid, keep_out: Sequence[Box] = ()) -> Iterator[Block]:
+def blocks(made: StreetGrid, keep_out: Sequence[Rect] = ()) -> Iterator[CityBlock]:
     """The blocks row by row from the south-west, those at the rim of the square included, without `keep_out`."""
     columns, rows = _gaps(made.avenues, made.half_m), _gaps(made.streets, made.half_m)
     for row, (south, north) in enumerate(rows):
         for column, (west, east) in enumerate(columns):
-            parts: tuple[Box, ...] = (Box(west, south, east, north),)
+            parts: tuple[Rect, ...] = (Rect(west, south, east, north),)
             for box in keep_out:
                 parts = tuple(left for part in parts for left in part.without(box, BLOCK_LEAST_M))
             for part in parts:
                 if part.width >= BLOCK_LEAST_M and part.depth >= BLOCK_LEAST_M:
-                    yield Block(column, row, part)
+                    yield CityBlock(column, row, part)
 
 
-def _gaps(lines: tuple[Line, ...], half_m: float) -> tuple[tuple[float, float], ...]:
+def _gaps(lines: tuple[StreetLine, ...], half_m: float) -> tuple[tuple[float, float], ...]:
     inner = [(low.at_m + low.half_m, high.at_m - high.half_m) for low, high in pairwise(lines)]
     first, last = lines[0], lines[-1]
     return ((-half_m, first.at_m - first.half_m), *inner, (last.at_m + last.half_m, half_m))
 
 
 def network(
-    made: Grid, site: Box | None = None, gates: Sequence[Point] = (), blocked: Blocked | None = None
+    made: StreetGrid, site: Rect | None = None, gates: Sequence[Vector2] = (), blocked: Blocked | None = None
 ) -> tuple[list[StreetNode], list[StreetEdge]]:
     """Nodes and edges of the grid's net; none only where `blocked` leaves no way around either."""
     closed = None if site is None else site.inset(-APRON_M)
@@ -120,7 +122,7 @@ def network(
     kept = [item for item in sections if closed is None or not _enters(item[0][1], item[1][1], closed)]
     stubs = [] if closed is None else list(_stubs(sections, closed, gates))
     if not kept and not stubs:
-        square = Box(-made.half_m, -made.half_m, made.half_m, made.half_m)
+        square = Rect(-made.half_m, -made.half_m, made.half_m, made.half_m)
         rings = ([item for item in _ring(box) if blocked is None or not blocked(item[0][1], item[1][1])]
                  for box in (site, square) if box is not None)  # fmt: skip
         kept = next((ring for ring in rings if ring), [])
@@ -135,15 +137,15 @@ def network(
 
 # -- private
 
-_End = tuple[str, Point]
-_Section = tuple[_End, _End, Line]
+_End = tuple[str, Vector2]
+_Section = tuple[_End, _End, StreetLine]
 
 
 def _node_id(column: int, row: int) -> str:
     return f"n{column}_{row}"
 
 
-def _sections(made: Grid) -> Iterator[_Section]:
+def _sections(made: StreetGrid) -> Iterator[_Section]:
     for i, avenue in enumerate(made.avenues):
         for j, (south, north) in enumerate(pairwise(made.streets)):
             start, end = (avenue.at_m, south.at_m), (avenue.at_m, north.at_m)
@@ -154,24 +156,24 @@ def _sections(made: Grid) -> Iterator[_Section]:
             yield (_node_id(i, j), start), (_node_id(i + 1, j), end), street
 
 
-def _ring(inner: Box) -> Iterator[_Section]:
+def _ring(inner: Rect) -> Iterator[_Section]:
     """The four sides of a road around a box, half an apron away from it."""
     box = inner.inset(-RING_M)
     corners = (("sw", box.west, box.south), ("se", box.east, box.south), ("ne", box.east, box.north),
                ("nw", box.west, box.north))  # fmt: skip
     nodes = [(f"ring_{name}", (x, y)) for name, x, y in corners]
     for start, end in zip(nodes, (*nodes[1:], nodes[0]), strict=True):
-        yield start, end, Line(at_m=0.0, lanes=1, name="Ring Road")
+        yield start, end, StreetLine(at_m=0.0, lanes=1, name="Ring Road")
 
 
-def _enters(start: Point, end: Point, box: Box) -> bool:
+def _enters(start: Vector2, end: Vector2, box: Rect) -> bool:
     """Whether an axis-parallel section meets the inner of the box."""
     west, east = sorted((start[0], end[0]))
     south, north = sorted((start[1], end[1]))
     return west < box.east and east > box.west and south < box.north and north > box.south
 
 
-def _stubs(sections: Sequence[_Section], closed: Box, gates: Sequence[Point]) -> Iterator[_Section]:
+def _stubs(sections: Sequence[_Section], closed: Rect, gates: Sequence[Vector2]) -> Iterator[_Section]:
     """What is left of sections that run straight at a gate, ending in front of it."""
     for start, end, line in sections:
         for outer, inner, forward in ((start, end, True), (end, start, False)):
@@ -188,7 +190,7 @@ def _stubs(sections: Sequence[_Section], closed: Box, gates: Sequence[Point]) ->
                 yield (outer, last, line) if forward else (last, outer, line)
 
 
-def _edges(start: _End, end: _End, line: Line) -> Iterator[StreetEdge]:
+def _edges(start: _End, end: _End, line: StreetLine) -> Iterator[StreetEdge]:
     for one, other in ((start, end), (end, start)):
         yield StreetEdge(
             id=f"{one[0]}_to_{other[0]}",
@@ -202,7 +204,7 @@ def _edges(start: _End, end: _End, line: Line) -> Iterator[StreetEdge]:
         )
 
 
-def _crossings_of_mains(made: Grid) -> frozenset[str]:
+def _crossings_of_mains(made: StreetGrid) -> frozenset[str]:
     return frozenset(
         _node_id(i, j)
         for i, avenue in enumerate(made.avenues)
@@ -211,6 +213,6 @@ def _crossings_of_mains(made: Grid) -> frozenset[str]:
     )
 
 
-def _node(name: str, place: Point, mains: frozenset[str], degree: int) -> StreetNode:
+def _node(name: str, place: Vector2, mains: frozenset[str], degree: int) -> StreetNode:
     control = "traffic_light" if name in mains and degree >= 3 else "priority"
     return StreetNode(id=name, east=place[0], north=place[1], control=control)

@@ -5,10 +5,10 @@ from __future__ import annotations
 from random import Random
 
 from lingjing.scene.city import Pipe
-from lingjing.scene.districts.boxes import Box, around
 from lingjing.scene.districts.draft import KERB_M, Draft
 from lingjing.scene.districts.dwellings import Heights
 from lingjing.scene.districts.furnish import disc, erect, parking, wall_ring
+from lingjing.scene.districts.rectangles import Rect, around
 
 DOCK_M = 1.1
 CONTAINER_M = (12.2, 2.44)
@@ -16,7 +16,7 @@ RACK_M = 1.4
 """Height of a pipe's centre line over the ground: a robot dog walks under it."""
 
 
-def halls(draft: Draft, lot: Box, heights: Heights, chance: Random) -> None:
+def halls(draft: Draft, lot: Rect, heights: Heights, chance: Random) -> None:
     """Production halls with yards between them, behind a wall with gates."""
     draft.area(lot, "industrial", KERB_M + 0.012)
     wall_ring(draft, lot.inset(0.5), {"south": 9.0, "north": 9.0, "west": 9.0, "east": 9.0}, 2.0, "concrete")
@@ -30,16 +30,16 @@ def halls(draft: Draft, lot: Box, heights: Heights, chance: Random) -> None:
     clutter(draft, lot.inset(2.0), int(lot.width * lot.depth / 900.0), chance)
 
 
-def hall(draft: Draft, cell: Box, heights: Heights, chance: Random) -> None:
+def hall(draft: Draft, cell: Rect, heights: Heights, chance: Random) -> None:
     """One hall with its office annexe and things along its walls."""
     top = chance.uniform(*heights)
-    body = Box(cell.west + chance.uniform(1, 6), cell.south + chance.uniform(1, 5),
+    body = Rect(cell.west + chance.uniform(1, 6), cell.south + chance.uniform(1, 5),
                cell.east - chance.uniform(1, 6), cell.north - chance.uniform(1, 5))  # fmt: skip
     gabled = chance.random() < 0.6
     erect(draft, chance, body, use="industrial", top_m=top, roof="gabled" if gabled else "flat",
           roof_m=min(2.5, body.depth / 12.0) if gabled else 0.0, side=chance.choice(("south", "north")))  # fmt: skip
     if chance.random() < 0.5 and body.width > 30.0:
-        annexe = Box(body.west + 3.0, body.south - 5.0, body.west + 15.0, body.south - 0.05)
+        annexe = Rect(body.west + 3.0, body.south - 5.0, body.west + 15.0, body.south - 0.05)
         if draft.free(annexe.inset(0.2)):
             erect(draft, chance, annexe, use="commercial", top_m=min(6.0, top * 0.6), facade="ribbon", side="south")
     draft.prop("steam_vent", body.east + 1.2, body.centre[1])
@@ -49,7 +49,7 @@ def hall(draft: Draft, cell: Box, heights: Heights, chance: Random) -> None:
         )
 
 
-def tank_farm(draft: Draft, cell: Box, chance: Random) -> None:
+def tank_farm(draft: Draft, cell: Rect, chance: Random) -> None:
     """Cylindrical tanks in a bund, joined by a pipe."""
     draft.area(cell, "concrete", KERB_M + 0.014)
     radius = min(cell.width, cell.depth) * 0.17
@@ -63,16 +63,16 @@ def tank_farm(draft: Draft, cell: Box, chance: Random) -> None:
         draft.pipes.append(Pipe(id=draft.name("pipe"), path=path, radius_m=0.3))
 
 
-def warehouse(draft: Draft, lot: Box, heights: Heights, chance: Random, name: str = "") -> None:
+def warehouse(draft: Draft, lot: Rect, heights: Heights, chance: Random, name: str = "") -> None:
     """A long warehouse with loading docks to the south and a yard where lorries stand."""
     draft.area(lot, "asphalt", KERB_M + 0.012)
     width = lot.width - chance.uniform(8.0, 20.0)
     deep = min(lot.depth * 0.45, 60.0)
     x = lot.centre[0]
-    body = Box(x - width / 2.0, lot.north - 8.0 - deep, x + width / 2.0, lot.north - 8.0)
+    body = Rect(x - width / 2.0, lot.north - 8.0 - deep, x + width / 2.0, lot.north - 8.0)
     top = max(heights[0], min(heights[1], chance.uniform(9.0, 13.0)))
     erect(draft, chance, body, use="warehouse", top_m=top, side="west", name=name)
-    dock = Box(body.west + 6.0, body.south - 4.0, body.east - 6.0, body.south)
+    dock = Rect(body.west + 6.0, body.south - 4.0, body.east - 6.0, body.south)
     draft.solid("dock", dock, 0.0, DOCK_M)
     for k in range(int(dock.width // 7.0)):
         if chance.random() < 0.4:
@@ -80,22 +80,24 @@ def warehouse(draft: Draft, lot: Box, heights: Heights, chance: Random, name: st
                        variant=chance.randrange(6))  # fmt: skip
             draft.take(around(dock.west + 3.5 + 7.0 * k, dock.south - 6.0, 3.0, 11.0))
     if dock.south - 30.0 > lot.south + 12.0:
-        containers(draft, Box(lot.west + 6.0, lot.south + 2.0, lot.centre[0] - 12.0, dock.south - 26.0), chance, 0.6)
-        bays = Box(lot.centre[0] + 12.0, lot.south + 3.0, lot.east - 6.0, lot.south + 14.0)
+        containers(draft, Rect(lot.west + 6.0, lot.south + 2.0, lot.centre[0] - 12.0, dock.south - 26.0), chance, 0.6)
+        bays = Rect(lot.centre[0] + 12.0, lot.south + 3.0, lot.east - 6.0, lot.south + 14.0)
         parking(draft, bays, chance, 0.4, "parked_truck")
     clutter(draft, lot.inset(4.0), int(lot.width / 16.0), chance)
 
 
-def yard(draft: Draft, lot: Box, heights: Heights, chance: Random) -> None:
+def yard(draft: Draft, lot: Rect, heights: Heights, chance: Random) -> None:
     """Stacks of containers with lanes between them and a small office."""
     draft.area(lot, "asphalt", KERB_M + 0.012)
-    erect(draft, chance, Box(lot.west + 3.0, lot.north - 14.0, lot.west + 21.0, lot.north - 3.0), use="commercial",
+    erect(draft, chance, Rect(lot.west + 3.0, lot.north - 14.0, lot.west + 21.0, lot.north - 3.0), use="commercial",
           top_m=max(heights[0], 6.0), side="south")  # fmt: skip
-    containers(draft, Box(lot.west + 4.0, lot.south + 4.0, lot.east - 4.0, lot.north - 24.0), chance, 0.75)
-    parking(draft, Box(lot.west + 30.0, lot.north - 15.0, lot.east - 3.0, lot.north - 4.0), chance, 0.4, "parked_truck")
+    containers(draft, Rect(lot.west + 4.0, lot.south + 4.0, lot.east - 4.0, lot.north - 24.0), chance, 0.75)
+    parking(
+        draft, Rect(lot.west + 30.0, lot.north - 15.0, lot.east - 3.0, lot.north - 4.0), chance, 0.4, "parked_truck"
+    )
 
 
-def containers(draft: Draft, box: Box, chance: Random, full: float) -> None:
+def containers(draft: Draft, box: Rect, chance: Random, full: float) -> None:
     """Rows of containers, one to three high, with lanes of 9 m between pairs of rows."""
     columns, rows = int(box.width // (CONTAINER_M[0] + 1.5)), int((box.depth + 9.0) // 14.5)
     for row in range(rows):
@@ -110,7 +112,7 @@ def containers(draft: Draft, box: Box, chance: Random, full: float) -> None:
                 draft.take(around(x, y, *CONTAINER_M))
 
 
-def clutter(draft: Draft, box: Box, many: int, chance: Random) -> None:
+def clutter(draft: Draft, box: Rect, many: int, chance: Random) -> None:
     """Crates, lorries, containers and vents near walls, wherever there is room."""
     for _ in range(many):
         x, y = chance.uniform(box.west, box.east), chance.uniform(box.south, box.north)

@@ -6,18 +6,18 @@ from collections.abc import Callable
 from random import Random
 
 from lingjing.scene.districts import dwellings, offices, works
-from lingjing.scene.districts.boxes import Box
 from lingjing.scene.districts.draft import KERB_M, Draft
 from lingjing.scene.districts.dwellings import Heights
+from lingjing.scene.districts.rectangles import Rect
 
-Filling = Callable[[Draft, Box, Heights, Random], None]
+Filling = Callable[[Draft, Rect, Heights, Random], None]
 
 
-def _park(draft: Draft, lot: Box, heights: Heights, chance: Random) -> None:
+def _park(draft: Draft, lot: Rect, heights: Heights, chance: Random) -> None:
     offices.park(draft, lot, chance)
 
 
-def _shops(draft: Draft, lot: Box, heights: Heights, chance: Random) -> None:
+def _shops(draft: Draft, lot: Rect, heights: Heights, chance: Random) -> None:
     dwellings.ring(draft, lot, heights, chance, "commercial")
 
 
@@ -58,7 +58,7 @@ LOT_MOST_M = 215.0
 LOT_GAP_M = 9.0
 
 
-def fill(draft: Draft, kind: str, lot: Box, heights: Heights, chance: Random, first: str = "") -> None:
+def fill(draft: Draft, kind: str, lot: Rect, heights: Heights, chance: Random, first: str = "") -> None:
     """Fill the inner of a block, divided where it is large; `first` names the filling of the first lot."""
     columns, rows = -(-int(lot.width) // int(LOT_MOST_M)), -(-int(lot.depth) // int(LOT_MOST_M))
     for part in lot.cells(max(1, columns), max(1, rows), LOT_GAP_M):
@@ -99,7 +99,7 @@ def zone(x: float, y: float, half_m: float) -> str:
 # -- private
 
 
-def _drawn(kind: str, lot: Box, chance: Random) -> str:
+def _drawn(kind: str, lot: Rect, chance: Random) -> str:
     """A filling by weight; a strip that is too narrow for most becomes a park or houses."""
     if min(lot.width, lot.depth) < 34.0:
         return (

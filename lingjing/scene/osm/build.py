@@ -24,10 +24,10 @@ from lingjing.scene.city import City, Junction, Pieces, Road, Solid
 from lingjing.scene.osm import buildings, ground, read, structures, trees, water
 from lingjing.scene.osm.features import Features, collect
 from lingjing.scene.osm.footbridges import footbridges
-from lingjing.scene.osm.frame import Frame, choose
-from lingjing.scene.osm.read import Box, MapData
+from lingjing.scene.osm.frame import MapFrame, choose
+from lingjing.scene.osm.read import DegreeBox, MapData
 from lingjing.scene.osm.streets import streets_xml
-from lingjing.scene.osm.summary import ATTRIBUTION, SUMMARY_FILE, Source, Summary, counts, encode, read_summary
+from lingjing.scene.osm.summary import ATTRIBUTION, SUMMARY_FILE, MapSource, Summary, counts, encode, read_summary
 from lingjing.scene.store import check_free, copy_store, whole, write_store
 
 TILE_M = 250.0
@@ -41,7 +41,7 @@ Say = Callable[[str], None]
 class Options:
     """What of the map is built (`box`, degrees; None: all), the seed of what it leaves open, the waters' elevation."""
 
-    box: Box | None = None
+    box: DegreeBox | None = None
     seed: int = 0
     water_m: float = water.LEVEL_M
 
@@ -70,7 +70,7 @@ def build(path: Path, options: Options, folder: Path | None = None, say: Say = l
     if folder is not None:
         check_free(folder)
     say("looking at the map")
-    source = Source(name=path.name, sha256=read.digest(path), bytes=path.stat().st_size)
+    source = MapSource(name=path.name, sha256=read.digest(path), bytes=path.stat().st_size)
     versions = _versions()
     key = _key(source, options, versions)
     known = None if _is_off() else cities_folder() / key[:40]
@@ -120,7 +120,7 @@ def cities_folder() -> Path:
 
 
 def _assemble(
-    path: Path, data: MapData, frame: Frame, options: Options, say: Say
+    path: Path, data: MapData, frame: MapFrame, options: Options, say: Say
 ) -> tuple[Pieces, City, dict[str, int], list[str]]:
     say("finding shapes")
     features = collect(data, frame)
@@ -195,7 +195,7 @@ def _network(data: MapData, features: Features) -> tuple[str, tuple[Road, ...], 
 # -- knowing a build again
 
 
-def _key(source: Source, options: Options, versions: dict[str, str]) -> str:
+def _key(source: MapSource, options: Options, versions: dict[str, str]) -> str:
     digest = hashlib.sha256(msgspec.json.encode([source.name, source.sha256, repr(options), versions]))
     here = Path(__file__).parent
     for file in (*sorted(here.glob("*.py")), *(here.parent / f"{name}.py" for name in _DECIDING)):
@@ -234,5 +234,5 @@ def _is_off() -> bool:
     return os.environ.get(OFF, "0") not in ("", "0")
 
 
-def _text(box: Box | None) -> str | None:
+def _text(box: DegreeBox | None) -> str | None:
     return None if box is None else ",".join(f"{value:.7g}" for value in box)

@@ -14,11 +14,12 @@ from typing import Any
 
 import msgspec
 
-from lingjing.scene.city import Building, Polygon
+from lingjing.mission.geometry2d import Polygon
+from lingjing.scene.city import Building
 from lingjing.scene.cutting import polygons, rings
 from lingjing.scene.osm import looks
 from lingjing.scene.osm.features import Feature, Features
-from lingjing.scene.osm.neighbours import Neighbours
+from lingjing.scene.osm.neighbours import NearbyBuildings
 from lingjing.scene.osm.stacking import settled
 from lingjing.scene.osm.tags import is_below, is_set, metres, number
 
@@ -48,7 +49,7 @@ def buildings(features: Features, seed: int) -> tuple[Building, ...]:
     """The buildings whose middle is in the frame; whole even where they stick out of it."""
     around = _Around(features)
     whole = [f for f in features.areas if is_building(f.tags)]
-    neighbours = Neighbours((f.tags, looks.use_of(f.tags, around.use(f.shape)), f.shape) for f in whole)
+    neighbours = NearbyBuildings((f.tags, looks.use_of(f.tags, around.use(f.shape)), f.shape) for f in whole)
     found: list[Building] = []
     for body in _bodies(features):
         found += _raise(body, around, neighbours, seed)
@@ -130,7 +131,7 @@ class _Around:
 # -- heights
 
 
-def _raise(body: _Body, around: _Around, neighbours: Neighbours, seed: int) -> Iterator[Building]:
+def _raise(body: _Body, around: _Around, neighbours: NearbyBuildings, seed: int) -> Iterator[Building]:
     """The prisms of a footprint: one for each of its polygons."""
     chance = looks.stream(seed, f"building/{body.ref}")
     tags = body.tags

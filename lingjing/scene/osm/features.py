@@ -13,8 +13,8 @@ from itertools import groupby
 from typing import Any
 
 from lingjing.mission.frames import from_geodetic
-from lingjing.scene.osm.frame import Frame
-from lingjing.scene.osm.read import MapData, Relation, Way
+from lingjing.scene.osm.frame import MapFrame
+from lingjing.scene.osm.read import MapData, MapRelation, Way
 
 AREA_KEYS = (
     "building", "building:part", "landuse", "natural", "leisure", "amenity", "waterway", "man_made", "place",
@@ -40,7 +40,7 @@ class Feature:
 class Features:
     """The objects of a map in its frame, each kind in the order of ids (ways before relations)."""
 
-    frame: Frame
+    frame: MapFrame
     areas: tuple[Feature, ...]
     lines: tuple[Feature, ...]
     spots: tuple[Feature, ...]
@@ -55,7 +55,7 @@ class Features:
         return shapely.box(*self.frame.bounds)
 
 
-def collect(data: MapData, frame: Frame) -> Features:
+def collect(data: MapData, frame: MapFrame) -> Features:
     """The features of a map."""
     import shapely
 
@@ -93,7 +93,7 @@ def is_area(way: Way) -> bool:
 class _Shaper:
     """Turns ways and relations into shapes; knows each node's place once it has been asked for."""
 
-    def __init__(self, data: MapData, frame: Frame) -> None:
+    def __init__(self, data: MapData, frame: MapFrame) -> None:
         import shapely
 
         self._data, self._origin = data, frame.origin
@@ -177,7 +177,7 @@ class _Shaper:
             return None
         return sound(shapely.Polygon(line.coords))
 
-    def _assembled(self, relation: Relation) -> Any:
+    def _assembled(self, relation: MapRelation) -> Any:
         """Rings of the outer ways less rings of the inner ones; None if the outer ways leave no ring."""
         import shapely
 
@@ -187,7 +187,7 @@ class _Shaper:
         inner = self._rings(relation, inner=True)
         return sound(outer if inner is None else shapely.difference(outer, inner))
 
-    def _rings(self, relation: Relation, *, inner: bool) -> Any:
+    def _rings(self, relation: MapRelation, *, inner: bool) -> Any:
         import shapely
 
         refs = [ref for kind, ref, role in relation.members if kind == "w" and (role == "inner") is inner]

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from lingjing.errors import UsageError
 from lingjing.mission.frames import from_geodetic
-from lingjing.scene.osm.read import Box, MapData, Way
+from lingjing.scene.osm.read import DegreeBox, MapData, Way
 from lingjing.scene.osm.tags import VEHICLES
 
 LARGEST_M = 60_000.0
@@ -27,20 +27,20 @@ REACH_DEG = 0.005
 
 
 @dataclass(frozen=True, slots=True)
-class Frame:
+class MapFrame:
     """`box` in degrees, why it is that one, the origin (latitude, longitude) and the bounds in metres about it.
 
     `notes` say what of the map lies outside of a box that nobody asked for.
     """
 
-    box: Box
+    box: DegreeBox
     because: str
     origin: tuple[float, float]
     bounds: tuple[float, float, float, float]
     notes: tuple[str, ...] = ()
 
 
-def parse_box(text: str) -> Box:
+def parse_box(text: str) -> DegreeBox:
     """`W,S,E,N` in degrees. `UsageError` if it is malformed or crosses the antimeridian."""
     hint = "give west,south,east,north in degrees: --bbox=121.49,31.22,121.52,31.25"
     try:
@@ -57,7 +57,7 @@ def parse_box(text: str) -> Box:
     return west, south, east, north
 
 
-def choose(data: MapData, box: Box | None) -> Frame:
+def choose(data: MapData, box: DegreeBox | None) -> MapFrame:
     """The frame of a map: the box asked for, else the one the file states, else around its buildings or roads.
 
     `UsageError` where that crosses the antimeridian, is too large, or has no data in it.
@@ -75,13 +75,13 @@ def choose(data: MapData, box: Box | None) -> Frame:
     return frame_of(data.box, "stated in the file")
 
 
-def _check_data(data: MapData, box: Box) -> None:
+def _check_data(data: MapData, box: DegreeBox) -> None:
     if not any(_holds(box, place) for place in data.nodes.values()):
         covers = ",".join(f"{value:.4f}" for value in _bounds(data.nodes.values()))
         raise UsageError(f"the bounding box {_text(box)} lies outside the map", hint=f"it covers {covers} (W,S,E,N)")
 
 
-def frame_of(box: Box, because: str) -> Frame:
+def frame_of(box: DegreeBox, because: str) -> MapFrame:
     """The frame about a box's middle. `UsageError` if it is too large or too small for a city, or next to a pole."""
     west, south, east, north = box
     if max(abs(south), abs(north)) > FARTHEST_DEG:
@@ -111,13 +111,13 @@ def frame_of(box: Box, because: str) -> Frame:
             hint="choose a larger part with --bbox=W,S,E,N",
         )
     west_m, south_m, east_m, north_m = (round(value, 3) for value in bounds)
-    return Frame(box, because, origin, (west_m, south_m, east_m, north_m))
+    return MapFrame(box, because, origin, (west_m, south_m, east_m, north_m))
 
 
 # -- private
 
 
-def _around(data: MapData) -> Frame:
+def _around(data: MapData) -> MapFrame:
     """Extracts keep whole ways, so their outermost nodes say little: a river may lead 50 km away."""
     built, driven = _places(data, "building"), _places(data, "highway")
     if len(built) > 2:
@@ -127,7 +127,7 @@ def _around(data: MapData) -> Frame:
     return frame_of(_grown(_bounds(data.nodes.values())), "around all its data")
 
 
-def _among(data: MapData, box: Box) -> Frame:
+def _among(data: MapData, box: DegreeBox) -> MapFrame:
     """The frame around buildings: grown to the streets near them where none runs among them. Says what it leaves."""
     roads = [way for way in data.ways if way.tags.get("highway") in VEHICLES]
     frame = frame_of(box, "around its buildings")
@@ -156,23 +156,23 @@ def _nodes(data: MapData, way: Way) -> list[tuple[float, float]]:
     return [data.nodes[ref] for ref in way.nodes if ref in data.nodes]
 
 
-def _is_outside(data: MapData, way: Way, box: Box) -> bool:
+def _is_outside(data: MapData, way: Way, box: DegreeBox) -> bool:
     return not any(_holds(box, place) for place in _nodes(data, way))
 
 
-def _holds(box: Box, place: tuple[float, float]) -> bool:
+def _holds(box: DegreeBox, place: tuple[float, float]) -> bool:
     return box[0] <= place[1] <= box[2] and box[1] <= place[0] <= box[3]
 
 
-def _grown(box: Box, by: float = MARGIN_DEG) -> Box:
+def _grown(box: DegreeBox, by: float = MARGIN_DEG) -> DegreeBox:
     west, south, east, north = box
     return west - by, south - by, east + by, north + by
 
 
-def _bounds(places: Iterable[tuple[float, float]]) -> Box:
+def _bounds(places: Iterable[tuple[float, float]]) -> DegreeBox:
     latitudes, longitudes = zip(*places, strict=True)
     return min(longitudes), min(latitudes), max(longitudes), max(latitudes)
 
 
-def _text(box: Box) -> str:
+def _text(box: DegreeBox) -> str:
     return ",".join(f"{value:g}" for value in box)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from lingjing.scene.city import Area
+from lingjing.scene.city import PaintedArea
 from lingjing.scene.cutting import polygons, rings
 from lingjing.scene.osm.features import Feature, Features
 from lingjing.scene.osm.tags import is_below, is_set, layer, metres
@@ -54,7 +54,7 @@ PATHS_M = {"footway": 2.2, "pedestrian": 5.0, "path": 1.6, "cycleway": 2.4, "ste
 SIMPLIFY_M = 0.15
 
 
-def areas(features: Features, wet: Any) -> tuple[Area, ...]:
+def areas(features: Features, wet: Any) -> tuple[PaintedArea, ...]:
     """The painted surfaces of the frame, in the order of painting."""
     import shapely
 
@@ -72,7 +72,7 @@ def areas(features: Features, wet: Any) -> tuple[Area, ...]:
     painted.append((ORDER.index("sidewalk"), 0.0, "sidewalk", paths.simplify(SIMPLIFY_M)))
     painted.sort(key=lambda item: (item[0], item[1], item[3].bounds))
     return tuple(
-        Area(polygon=outline, surface=surface, holes=(*holes,))
+        PaintedArea(polygon=outline, surface=surface, holes=(*holes,))
         for _, _, surface, shape in painted
         for part in polygons(shape)
         for outline, *holes in filter(None, (rings(part),))

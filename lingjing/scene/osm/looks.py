@@ -12,17 +12,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from random import Random
 
-from lingjing.scene.osm.tags import Colour, colour, linear, metres, number
+from lingjing.scene.city import LinearRgb
+from lingjing.scene.osm.tags import colour, linear, metres, number
 
 
 @dataclass(frozen=True, slots=True)
-class Kind:
+class BuildingKind:
     """A use: a storey's height, (fewest, usual, most) storeys where untagged, facades and wall colours to draw from."""
 
     storey_m: float
     storeys: tuple[int, int, int]
     facades: tuple[str, ...]
-    walls: tuple[Colour, ...]
+    walls: tuple[LinearRgb, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,18 +44,18 @@ _STONE = (linear(198, 192, 180), linear(176, 170, 160), linear(160, 152, 142))
 _GLASS = (linear(112, 138, 156), linear(92, 116, 136), linear(140, 156, 164), linear(78, 98, 112))
 _SHEET = (linear(176, 180, 184), linear(140, 152, 164), linear(196, 190, 178))
 
-KINDS: dict[str, Kind] = {
-    "residential": Kind(3.0, (4, 6, 14), ("punched",), (*_PLASTER, *_BRICK, _STONE[0])),
-    "house": Kind(2.9, (1, 2, 3), ("punched",), (*_PLASTER, *_BRICK)),
-    "commercial": Kind(4.0, (2, 4, 8), ("ribbon", "curtain", "punched"), (*_STONE, *_PLASTER[:2])),
-    "office": Kind(3.8, (6, 14, 30), ("curtain", "ribbon", "curtain"), (*_GLASS, *_STONE[:2])),
-    "industrial": Kind(5.0, (1, 2, 3), ("industrial",), _SHEET),
-    "warehouse": Kind(8.0, (1, 1, 1), ("industrial",), _SHEET),
-    "school": Kind(3.7, (3, 4, 5), ("ribbon", "punched"), (*_PLASTER, _BRICK[1])),
-    "public": Kind(4.2, (2, 3, 5), ("punched", "ribbon"), (*_STONE, _PLASTER[2])),
+KINDS: dict[str, BuildingKind] = {
+    "residential": BuildingKind(3.0, (4, 6, 14), ("punched",), (*_PLASTER, *_BRICK, _STONE[0])),
+    "house": BuildingKind(2.9, (1, 2, 3), ("punched",), (*_PLASTER, *_BRICK)),
+    "commercial": BuildingKind(4.0, (2, 4, 8), ("ribbon", "curtain", "punched"), (*_STONE, *_PLASTER[:2])),
+    "office": BuildingKind(3.8, (6, 14, 30), ("curtain", "ribbon", "curtain"), (*_GLASS, *_STONE[:2])),
+    "industrial": BuildingKind(5.0, (1, 2, 3), ("industrial",), _SHEET),
+    "warehouse": BuildingKind(8.0, (1, 1, 1), ("industrial",), _SHEET),
+    "school": BuildingKind(3.7, (3, 4, 5), ("ribbon", "punched"), (*_PLASTER, _BRICK[1])),
+    "public": BuildingKind(4.2, (2, 3, 5), ("punched", "ribbon"), (*_STONE, _PLASTER[2])),
 }
 
-_OLD_OFFICE = Kind(3.8, (3, 5, 7), ("punched", "punched", "ribbon"), (*_STONE, *_PLASTER[:2], _BRICK[2]))
+_OLD_OFFICE = BuildingKind(3.8, (3, 5, 7), ("punched", "punched", "ribbon"), (*_STONE, *_PLASTER[:2], _BRICK[2]))
 """How an office looks among low blocks: cities of towers clad theirs in glass, old towns do not."""
 
 HOUSES_M2, BLOCKS_M2 = 200.0, 400.0
@@ -100,7 +101,7 @@ _AMENITIES = {
 LOW = {"garage", "garages", "carport", "shed", "kiosk", "hut", "service", "roof", "tent", "toilets", "pavilion"}
 """Values of `building` that are one low storey."""
 
-_MATERIALS: dict[str, Colour] = {
+_MATERIALS: dict[str, LinearRgb] = {
     "glass": _GLASS[0], "mirror": _GLASS[3], "brick": _BRICK[0], "concrete": linear(170, 167, 160),
     "stone": _STONE[0], "sandstone": linear(205, 184, 150), "wood": linear(150, 112, 78), "metal": _SHEET[0],
     "steel": _SHEET[1], "plaster": _PLASTER[0], "gold": linear(207, 171, 80), "copper": linear(120, 160, 140),
@@ -181,13 +182,13 @@ def _by_form(use: str, said: str, near: Near) -> tuple[float, float, float]:
     return fewest, usual, most
 
 
-def kind_of(use: str, top_m: float, near: Near) -> Kind:
+def kind_of(use: str, top_m: float, near: Near) -> BuildingKind:
     """What a building of a use is drawn like: its kind, but that of an old office for a low one among low blocks."""
     old = use == "office" and top_m <= _OLD_TOP_M and near.all is not None and near.all <= _LOW_TOWN
     return _OLD_OFFICE if old else KINDS[use]
 
 
-def facade_of(tags: Mapping[str, str], use: str, kind: Kind, height_m: float, chance: Random) -> str:
+def facade_of(tags: Mapping[str, str], use: str, kind: BuildingKind, height_m: float, chance: Random) -> str:
     """The pattern of windows."""
     material = tags.get("building:material", tags.get("building:facade:material", ""))
     pick = chance.choice(kind.facades)
@@ -200,14 +201,14 @@ def facade_of(tags: Mapping[str, str], use: str, kind: Kind, height_m: float, ch
     return pick
 
 
-def wall_colour(tags: Mapping[str, str], kind: Kind, facade: str, chance: Random) -> Colour:
+def wall_colour(tags: Mapping[str, str], kind: BuildingKind, facade: str, chance: Random) -> LinearRgb:
     """The walls' colour: said, or the material's, or one that suits the use."""
     pick = chance.choice(_GLASS if facade == "curtain" else kind.walls)
     said = colour(tags, "building:colour", "building:color", "building:facade:colour", "colour")
     return said or _MATERIALS.get(tags.get("building:material", ""), pick)
 
 
-def roof_colour(tags: Mapping[str, str], roof: str, chance: Random) -> Colour:
+def roof_colour(tags: Mapping[str, str], roof: str, chance: Random) -> LinearRgb:
     """The roof's colour: said, or the material's, or one that suits its shape."""
     pick = chance.choice(_FLAT if roof == "flat" else _TILES)
     said = colour(tags, "roof:colour", "roof:color", "building:roof:colour")

@@ -24,7 +24,7 @@ STOREY_M = 3.5
 """A storey where only the height is said."""
 
 
-class Neighbours:
+class NearbyBuildings:
     """The tagged buildings of a map: (tags, use, shape in metres) of each, parts of buildings not among them."""
 
     def __init__(self, buildings: Iterable[tuple[Mapping[str, str], str, Any]]) -> None:

@@ -24,7 +24,7 @@ _WINDOW = 64 << 20
 _CHUNK = 1 << 20
 _FEW = 100_000
 
-Box = tuple[float, float, float, float]
+DegreeBox = tuple[float, float, float, float]
 """West, south, east, north in degrees."""
 
 
@@ -48,7 +48,7 @@ class Way:
 
 
 @dataclass(frozen=True, slots=True)
-class Relation:
+class MapRelation:
     """A multipolygon or a turn restriction: its members as (`n`, `w` or `r`, id, role)."""
 
     id: int
@@ -63,8 +63,8 @@ class MapData:
     nodes: dict[int, tuple[float, float]]
     spots: tuple[Spot, ...]
     ways: tuple[Way, ...]
-    relations: tuple[Relation, ...]
-    box: Box | None
+    relations: tuple[MapRelation, ...]
+    box: DegreeBox | None
 
 
 def read(path: Path) -> MapData:
@@ -95,7 +95,7 @@ def read(path: Path) -> MapData:
                 ways.append(Way(item.id, _tags(item), tuple(node.ref for node in item.nodes)))
             elif item.is_relation() and item.tags.get("type") in ("multipolygon", "restriction"):
                 members = tuple((member.type, member.ref, member.role) for member in item.members)
-                relations.append(Relation(item.id, _tags(item), members))
+                relations.append(MapRelation(item.id, _tags(item), members))
     except ImportError:
         raise _missing() from None
     except (RuntimeError, osmium.InvalidLocationError) as error:

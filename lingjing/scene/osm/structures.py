@@ -13,12 +13,12 @@ from typing import Any
 
 import msgspec
 
+from lingjing.mission.geometry2d import Extent, Polygon
 from lingjing.mission.instance import Vector
-from lingjing.scene.city import Bridge, Junction, Lane, Polygon, Road, Solid
+from lingjing.scene.city import Bridge, Junction, Lane, Road, Solid
 from lingjing.scene.cutting import polygons, rings
 from lingjing.scene.osm.features import Feature, Features
 from lingjing.scene.osm.tags import is_below, is_set, layer, metres
-from lingjing.scene.tiles import Bounds
 
 DECK_M = 0.9
 """A raised way lower than this above the ground is drawn on it; higher, it gets a deck."""
@@ -65,7 +65,7 @@ def lapped(road: Road) -> Road:
     return msgspec.structs.replace(road, lanes=tuple(lanes))
 
 
-def cut_off(road: Road, bounds: Bounds) -> Road | None:
+def cut_off(road: Road, bounds: Extent) -> Road | None:
     """The part of a road that is in the frame: of each lane its longest stretch there. None if there is none.
 
     A net keeps whole edges that touch the frame, and one of a bridge or an expressway may lead a kilometre out of it.
@@ -82,7 +82,7 @@ def is_open(junction: Junction) -> bool:
     return junction.elevation_m > BURIED_M
 
 
-def is_inside(junction: Junction, bounds: Bounds) -> bool:
+def is_inside(junction: Junction, bounds: Extent) -> bool:
     """Whether a junction touches the frame."""
     return any(_holds(bounds, (x, y, 0.0)) for x, y in junction.polygon)
 
@@ -175,12 +175,12 @@ def _gap(right: Lane, left: Lane) -> float:
     return apart - (right.width_m + left.width_m) / 2.0
 
 
-def _holds(bounds: Bounds, point: Vector) -> bool:
+def _holds(bounds: Extent, point: Vector) -> bool:
     west, south, east, north = bounds
     return west <= point[0] <= east and south <= point[1] <= north
 
 
-def _longest_within(path: tuple[Vector, ...], bounds: Bounds) -> tuple[Vector, ...]:
+def _longest_within(path: tuple[Vector, ...], bounds: Extent) -> tuple[Vector, ...]:
     runs: list[list[Vector]] = []
     for a, b in pairwise(path):
         shares = _within(a, b, bounds)
@@ -197,7 +197,7 @@ def _longest_within(path: tuple[Vector, ...], bounds: Bounds) -> tuple[Vector, .
     return tuple(max(runs, key=_length)) if runs else ()
 
 
-def _within(a: Vector, b: Vector, bounds: Bounds) -> tuple[float, float] | None:
+def _within(a: Vector, b: Vector, bounds: Extent) -> tuple[float, float] | None:
     """The shares of a segment between which it is inside a box (Liang and Barsky), None if it is outside."""
     west, south, east, north = bounds
     first, last = 0.0, 1.0

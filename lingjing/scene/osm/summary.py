@@ -8,13 +8,13 @@ from typing import Literal
 import msgspec
 
 from lingjing.scene.city import Pieces
-from lingjing.scene.osm.frame import Frame
+from lingjing.scene.osm.frame import MapFrame
 
 SUMMARY_FILE = "scene.json"
 ATTRIBUTION = "© OpenStreetMap contributors, ODbL 1.0"
 
 
-class Source(msgspec.Struct, frozen=True, kw_only=True):
+class MapSource(msgspec.Struct, frozen=True, kw_only=True):
     """The map file: its name without folders, and what identifies its content."""
 
     name: str
@@ -33,7 +33,7 @@ class Summary(msgspec.Struct, frozen=True, kw_only=True):
     key: str
     city: str
     attribution: str
-    source: Source
+    source: MapSource
     box: tuple[float, float, float, float]
     box_is: str
     origin: tuple[float, float]
@@ -72,7 +72,7 @@ def reason_text(count: int, reason: str) -> str:
     return f"1 {told}"
 
 
-def counts(pieces: Pieces, frame: Frame) -> dict[str, int]:
+def counts(pieces: Pieces, frame: MapFrame) -> dict[str, int]:
     """How much there is of each kind; lanes in metres, areas in square metres."""
     west, south, east, north = frame.bounds
     return {

@@ -6,8 +6,7 @@ import re
 from collections.abc import Mapping
 from math import isfinite
 
-Colour = tuple[float, float, float]
-"""Linear RGB, 0 to 1."""
+from lingjing.scene.city import LinearRgb
 
 VEHICLES = {
     f"{kind}{link}"
@@ -68,7 +67,7 @@ def is_below(tags: Mapping[str, str]) -> bool:
     )
 
 
-def colour(tags: Mapping[str, str], *keys: str) -> Colour | None:
+def colour(tags: Mapping[str, str], *keys: str) -> LinearRgb | None:
     """The first of some keys that names a colour (`#rrggbb`, `#rgb` or a CSS name)."""
     for key in keys:
         text = tags.get(key, "").split(";")[0].strip().lower().replace(" ", "").replace("_", "")
@@ -80,7 +79,7 @@ def colour(tags: Mapping[str, str], *keys: str) -> Colour | None:
     return None
 
 
-def linear(red: int, green: int, blue: int) -> Colour:
+def linear(red: int, green: int, blue: int) -> LinearRgb:
     """Bytes of sRGB as linear RGB (IEC 61966-2-1)."""
     first, second, third = (_linear(value / 255.0) for value in (red, green, blue))
     return first, second, third
@@ -98,7 +97,7 @@ def _linear(value: float) -> float:
     return round(value / 12.92 if value <= 0.04045 else ((value + 0.055) / 1.055) ** 2.4, 4)
 
 
-def _named(text: str) -> Colour | None:
+def _named(text: str) -> LinearRgb | None:
     from PIL import ImageColor
 
     try:

@@ -10,7 +10,7 @@ from math import ceil, floor, sqrt
 from random import Random
 from typing import Any
 
-from lingjing.scene.city import Area, Building, Prop, Road
+from lingjing.scene.city import Building, PaintedArea, Prop, Road
 from lingjing.scene.osm.features import Features
 from lingjing.scene.osm.looks import stream
 from lingjing.scene.osm.tags import metres
@@ -33,7 +33,7 @@ MOST_PER_AREA = 10_000
 _MOST_SPOTS = 1_000_000
 
 
-def trees(features: Features, areas: tuple[Area, ...], built: Any, seed: int) -> Iterator[Prop]:
+def trees(features: Features, areas: tuple[PaintedArea, ...], built: Any, seed: int) -> Iterator[Prop]:
     """The trees of the frame; `built` is where none can stand (see `taken`)."""
     box = features.box
     for spot in features.spots:
@@ -83,7 +83,7 @@ def _row(ref: str, line: Any, tags: dict[str, str], box: Any, chance: Random) ->
                 yield tree
 
 
-def _sown(areas: tuple[Area, ...], built: Any, seed: int) -> Iterator[Prop]:
+def _sown(areas: tuple[PaintedArea, ...], built: Any, seed: int) -> Iterator[Prop]:
     """Trees of green areas: at most one in each square of a grid, so that none crowd; where areas overlap the one
     painted last decides."""
     import shapely

@@ -18,8 +18,9 @@ from lingjing.engines.camera.effects.standing import facing, inward
 from lingjing.engines.camera.models import look_of
 from lingjing.engines.camera.models.places import KERB_M
 from lingjing.mission.appearance import COLOURS
+from lingjing.mission.geometry2d import Polygon
 from lingjing.mission.instance import Entity, Vector
-from lingjing.scene.city import Bridge, Building, Lane, Pieces, Polygon, Road, Solid, Tile
+from lingjing.scene.city import Bridge, Building, Lane, Pieces, Road, Solid, Tile
 
 AWARE = (
     "bridge_fracture", "pipeline_leak", "reference_building", "destination", "delivery_point", "warehouse",

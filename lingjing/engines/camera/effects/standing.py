@@ -8,9 +8,9 @@ from itertools import pairwise
 from math import cos, hypot, radians, sin
 
 from lingjing.engines.camera.models.catalogue import people_in_line, spacing_in_line
-from lingjing.mission.geometry2d import contains, edge_distance
+from lingjing.mission.geometry2d import Polygon, contains, edge_distance
 from lingjing.mission.instance import Entity, Vector
-from lingjing.scene.city import Pieces, Polygon
+from lingjing.scene.city import Pieces
 from lingjing.scene.footing import BODIES_M, HEAD_M, STEP_M
 
 ELBOW_M = 0.6

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from lingjing.mission import expression as ex
 from lingjing.mission import model
-from lingjing.mission.graph.draft import Draft
+from lingjing.mission.graph.builder import GraphBuilder
 from lingjing.mission.graph.guards import Presence, either
 from lingjing.mission.graph.spelling import spell
 from lingjing.mission.graph.types import NodeKind
@@ -19,7 +19,7 @@ _STORES = ("endurance", "payload")
 """The properties that say how much an asset can spend or carry, beside its states."""
 
 
-def add_roles(mission: model.Mission, draft: Draft) -> None:
+def add_roles(mission: model.Mission, draft: GraphBuilder) -> None:
     """A role for every name that agents play, there whenever one of them is."""
     for role in dict.fromkeys(agent.role for agent in mission.agents):
         found = (draft.presence(agent.when) for agent in mission.agents if agent.role == role)
@@ -28,7 +28,7 @@ def add_roles(mission: model.Mission, draft: Draft) -> None:
             draft.node("role", role, at=at)
 
 
-def add_agents(mission: model.Mission, draft: Draft) -> None:
+def add_agents(mission: model.Mission, draft: GraphBuilder) -> None:
     """Agents within their roles."""
     for agent in mission.agents:
         at = draft.presence(agent.when)
@@ -47,7 +47,7 @@ def add_agents(mission: model.Mission, draft: Draft) -> None:
         draft.edge("plays", node, role)
 
 
-def add_regions(mission: model.Mission, draft: Draft) -> None:
+def add_regions(mission: model.Mission, draft: GraphBuilder) -> None:
     """Named areas, and those they are made from."""
     for region in mission.regions:
         draft.node("region", region.name, detail=_shape(region.shape), text=spell(region.shape))
@@ -58,7 +58,7 @@ def add_regions(mission: model.Mission, draft: Draft) -> None:
                 draft.edge("requires", f"region:{region.name}", source, label="from")
 
 
-def add_grids(mission: model.Mission, draft: Draft) -> None:
+def add_grids(mission: model.Mission, draft: GraphBuilder) -> None:
     """Search cells, within the region they are cut from."""
     for grid in mission.grids:
         region = draft.need(grid.region, f"the grid `{grid.name}`", "region")
@@ -67,7 +67,7 @@ def add_grids(mission: model.Mission, draft: Draft) -> None:
         draft.edge("requires", node, region, label="over")
 
 
-def add_entities(mission: model.Mission, draft: Draft) -> None:
+def add_entities(mission: model.Mission, draft: GraphBuilder) -> None:
     """Assets and targets; then what they hide, what they spend and what their properties refer to."""
     there = tuple((group, at) for group in mission.groups if (at := draft.presence(group.when)))
     for group, at in there:
@@ -85,7 +85,7 @@ def add_entities(mission: model.Mission, draft: Draft) -> None:
             _add_property(group, item, draft)
 
 
-def add_messages(mission: model.Mission, draft: Draft) -> None:
+def add_messages(mission: model.Mission, draft: GraphBuilder) -> None:
     """The bus, and the message kinds that travel on it from roles to roles."""
     if not mission.messages:
         return
@@ -102,7 +102,7 @@ def add_messages(mission: model.Mission, draft: Draft) -> None:
         _add_message(kind, bus, draft)
 
 
-def add_controls(mission: model.Mission, draft: Draft) -> None:
+def add_controls(mission: model.Mission, draft: GraphBuilder) -> None:
     """Who embodies which asset, and who else may command it."""
     for agent in mission.agents:
         source = draft.find(agent.name, "agent")
@@ -115,7 +115,7 @@ def add_controls(mission: model.Mission, draft: Draft) -> None:
             draft.edge("may_command", str(role), target, label=_member(grant.resource), at=at)
 
 
-def add_observations(mission: model.Mission, draft: Draft) -> None:
+def add_observations(mission: model.Mission, draft: GraphBuilder) -> None:
     """What every agent sees: entities, grids, and the built-in channels."""
     for agent in mission.agents:
         source = draft.find(agent.name, "agent")
@@ -128,7 +128,7 @@ def add_observations(mission: model.Mission, draft: Draft) -> None:
             draft.edge("observes", str(source), target, label=label)
 
 
-def add_reveals(mission: model.Mission, draft: Draft) -> None:
+def add_reveals(mission: model.Mission, draft: GraphBuilder) -> None:
     """The audited ways out of `hidden`."""
     for reveal in mission.reveals:
         role = draft.find(reveal.role, "role")
@@ -136,7 +136,7 @@ def add_reveals(mission: model.Mission, draft: Draft) -> None:
             draft.edge("reveals", entity, str(role), label=reveal.what)
 
 
-def groups_in(expr: ex.Expr, draft: Draft) -> tuple[str, ...]:
+def groups_in(expr: ex.Expr, draft: GraphBuilder) -> tuple[str, ...]:
     """The assets and targets an expression names, once each, in the order it names them."""
     names = (part.name for part in ex.parts(expr) if isinstance(part, ex.Ref) and part.kind in ("group", "entity"))
     return tuple(dict.fromkeys(node for name in names if (node := draft.find(name, "asset", "target"))))
@@ -145,7 +145,7 @@ def groups_in(expr: ex.Expr, draft: Draft) -> tuple[str, ...]:
 # -- private
 
 
-def _add_property(group: model.Group, item: model.Property, draft: Draft) -> None:
+def _add_property(group: model.Group, item: model.Property, draft: GraphBuilder) -> None:
     owner = f"{group.role}:{group.name}"
     said = spell(item.value) if item.relation == "=" else f"{item.relation} {spell(item.value)}"
     source = owner
@@ -179,7 +179,7 @@ def _gist(value: ex.Expr) -> str:
     return ""
 
 
-def _add_message(kind: model.MessageKind, bus: str, draft: Draft) -> None:
+def _add_message(kind: model.MessageKind, bus: str, draft: GraphBuilder) -> None:
     at = draft.presence(kind.when)
     senders, readers = (_roles(names, draft) for names in (kind.senders, kind.recipients))
     if at is None or not senders or not readers:
@@ -193,14 +193,14 @@ def _add_message(kind: model.MessageKind, bus: str, draft: Draft) -> None:
         draft.edge("speaks_to", node, role)
 
 
-def _roles(names: tuple[str, ...], draft: Draft) -> tuple[str, ...]:
+def _roles(names: tuple[str, ...], draft: GraphBuilder) -> tuple[str, ...]:
     """The roles played in the modes shown; `all` is every one of them."""
     if "all" in names:
         return draft.all_of("role")
     return tuple(node for name in names if (node := draft.find(name, "role")))
 
 
-def _observed(source: ex.Expr, agent: str, draft: Draft) -> tuple[str, ...]:
+def _observed(source: ex.Expr, agent: str, draft: GraphBuilder) -> tuple[str, ...]:
     groups = groups_in(source, draft)
     if groups or not isinstance(source, ex.Symbol | ex.Ref):
         return groups

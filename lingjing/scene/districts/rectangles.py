@@ -1,14 +1,14 @@
-"""`Box`: an axis-parallel rectangle in metres, what blocks, lots and most buildings are made from."""
+"""`Rect`: an axis-parallel rectangle in metres, what blocks, lots and most buildings are made from."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from lingjing.scene.city import Polygon
+from lingjing.mission.geometry2d import Polygon
 
 
-class Box(NamedTuple):
+class Rect(NamedTuple):
     """West, south, east, north in metres."""
 
     west: float
@@ -37,25 +37,25 @@ class Box(NamedTuple):
         w, s, e, n = (round(value, 3) for value in self)
         return (w, s), (e, s), (e, n), (w, n)
 
-    def inset(self, margin: float) -> Box:
+    def inset(self, margin: float) -> Rect:
         """Smaller by `margin` on every side (negative: larger)."""
-        return Box(self.west + margin, self.south + margin, self.east - margin, self.north - margin)
+        return Rect(self.west + margin, self.south + margin, self.east - margin, self.north - margin)
 
     def chamfered(self, corner: float) -> Polygon:
         """The outline with its corners cut off by `corner` metres along both sides."""
         w, s, e, n, c = (*(round(value, 3) for value in self), corner)
         return (w + c, s), (e - c, s), (e, s + c), (e, n - c), (e - c, n), (w + c, n), (w, n - c), (w, s + c)
 
-    def cells(self, columns: int, rows: int, gap: float) -> Iterator[Box]:
+    def cells(self, columns: int, rows: int, gap: float) -> Iterator[Rect]:
         """Equal parts with a gap between them, row by row from the south-west."""
         width = (self.width - gap * (columns - 1)) / columns
         depth = (self.depth - gap * (rows - 1)) / rows
         for row in range(rows):
             for column in range(columns):
                 west, south = self.west + column * (width + gap), self.south + row * (depth + gap)
-                yield Box(west, south, west + width, south + depth)
+                yield Rect(west, south, west + width, south + depth)
 
-    def meets(self, other: Box, margin: float = 0.0) -> bool:
+    def meets(self, other: Rect, margin: float = 0.0) -> bool:
         """Whether the two come nearer than `margin` metres along both axes."""
         apart = self.west - other.east >= margin or other.west - self.east >= margin
         return not (apart or self.south - other.north >= margin or other.south - self.north >= margin)
@@ -64,26 +64,26 @@ class Box(NamedTuple):
         """Whether the point lies in the box or on its edge."""
         return self.west <= x <= self.east and self.south <= y <= self.north
 
-    def without(self, other: Box, least: float) -> tuple[Box, ...]:
+    def without(self, other: Rect, least: float) -> tuple[Rect, ...]:
         """What is left outside of `other`, in up to four boxes of which no side is below `least`."""
         if not self.meets(other):
             return (self,)
         low, high = max(self.south, other.south), min(self.north, other.north)
         parts = (
-            Box(self.west, self.south, self.east, low),
-            Box(self.west, high, self.east, self.north),
-            Box(self.west, low, max(self.west, other.west), high),
-            Box(min(self.east, other.east), low, self.east, high),
+            Rect(self.west, self.south, self.east, low),
+            Rect(self.west, high, self.east, self.north),
+            Rect(self.west, low, max(self.west, other.west), high),
+            Rect(min(self.east, other.east), low, self.east, high),
         )
         return tuple(part for part in parts if part.width >= least and part.depth >= least)
 
 
-def around(x: float, y: float, width: float, depth: float) -> Box:
+def around(x: float, y: float, width: float, depth: float) -> Rect:
     """The box of that size about a centre."""
-    return Box(x - width / 2.0, y - depth / 2.0, x + width / 2.0, y + depth / 2.0)
+    return Rect(x - width / 2.0, y - depth / 2.0, x + width / 2.0, y + depth / 2.0)
 
 
-def bounds(points: Polygon) -> Box:
+def bounds(points: Polygon) -> Rect:
     """The bounding box."""
     xs, ys = [x for x, _ in points], [y for _, y in points]
-    return Box(min(xs), min(ys), max(xs), max(ys))
+    return Rect(min(xs), min(ys), max(xs), max(ys))

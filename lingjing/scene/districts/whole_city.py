@@ -11,8 +11,8 @@ from pathlib import Path
 
 from lingjing.scene.city import City
 from lingjing.scene.districts.district import frame, lay_out
-from lingjing.scene.districts.options import Plan
-from lingjing.scene.districts.streets import Block, grid
+from lingjing.scene.districts.options import DistrictPlan
+from lingjing.scene.districts.streets import CityBlock, grid
 from lingjing.scene.districts.zones import zone
 from lingjing.scene.network import network_folder
 from lingjing.scene.store import whole, write_store
@@ -21,14 +21,14 @@ TREE_GAP_M = 30.0
 """Street trees stand wider apart than in a single district: there are a hundred times as many."""
 
 
-def build_wide(plan: Plan) -> City:
+def build_wide(plan: DistrictPlan) -> City:
     """The city of a plan, read from the cache where it is known."""
     folder = network_folder().parent / "cities" / _key(plan)
     known = whole(folder)
     if known is not None:
         return known
 
-    def kind_of(block: Block) -> str:
+    def kind_of(block: CityBlock) -> str:
         return zone(*block.box.centre, plan.half_m)
 
     made = grid(plan.half_m, plan.spacing, lanes=(3, 1))
@@ -39,7 +39,7 @@ def build_wide(plan: Plan) -> City:
 # -- private
 
 
-def _key(plan: Plan) -> str:
+def _key(plan: DistrictPlan) -> str:
     """A name for what this plan becomes under this code."""
     digest = hashlib.sha256(repr(plan).encode())
     here = Path(__file__).parent

@@ -12,18 +12,18 @@ from lingjing.mission import model
 from lingjing.mission.evaluate import Scope, number, whole
 from lingjing.mission.graph.guards import Presence, presence
 from lingjing.mission.graph.spelling import spell
-from lingjing.mission.graph.types import Edge, EdgeKind, MissionGraph, Node, NodeKind
+from lingjing.mission.graph.types import EdgeKind, GraphEdge, GraphNode, MissionGraph, NodeKind
 
 
-class Draft:
+class GraphBuilder:
     """Collects one mission's nodes and edges for the modes shown. A pass adds what one kind of declaration says."""
 
     def __init__(self, mission: model.Mission, modes: tuple[str, ...]) -> None:
         self.modes = modes
         self._mission = mission
         self._defaults = _defaults(mission, modes)
-        self._nodes: dict[str, Node] = {}
-        self._edges: dict[str, Edge] = {}
+        self._nodes: dict[str, GraphNode] = {}
+        self._edges: dict[str, GraphEdge] = {}
 
     def node(
         self,
@@ -42,7 +42,7 @@ class Draft:
         identity = f"{kind}:{name}"
         if identity in self._nodes:
             raise MissionError(f"two things are called `{name}`, both of the kind {kind}", hint="rename one of them")
-        self._nodes[identity] = Node(
+        self._nodes[identity] = GraphNode(
             id=identity,
             kind=kind,
             name=name,
@@ -74,7 +74,7 @@ class Draft:
         if not modes:
             return
         base = f"{kind} {source} {target}"
-        made = Edge(
+        made = GraphEdge(
             id=base,
             kind=kind,
             source=source,
@@ -176,5 +176,5 @@ def _defaults(mission: model.Mission, modes: tuple[str, ...]) -> Scope:
     return Scope(parameters=values, mode=modes[0] if len(modes) == 1 else mission.modes.default)
 
 
-def _same(one: Edge, other: Edge) -> bool:
+def _same(one: GraphEdge, other: GraphEdge) -> bool:
     return msgspec.structs.replace(one, id="") == msgspec.structs.replace(other, id="")

@@ -6,10 +6,10 @@ from collections.abc import Iterator
 
 from lingjing.mission import expression as ex
 from lingjing.mission import model
-from lingjing.mission.graph.draft import Draft
+from lingjing.mission.graph.builder import GraphBuilder
+from lingjing.mission.graph.entities import groups_in
 from lingjing.mission.graph.needs import DECIDED, needs
 from lingjing.mission.graph.spelling import spell
-from lingjing.mission.graph.things import groups_in
 from lingjing.mission.graph.types import NodeKind
 
 SUCCESS, FAILURE = "success", "failure"
@@ -18,7 +18,7 @@ _ENDS: tuple[NodeKind, ...] = ("role", "stage", "agent", "asset", "target", "eve
 _MEANS: tuple[NodeKind, ...] = ("channel", "grid", "asset", "target", "region", "resource")
 
 
-def add_rules(mission: model.Mission, draft: Draft) -> None:
+def add_rules(mission: model.Mission, draft: GraphBuilder) -> None:
     """What the kernel adjudicates."""
     for rule in mission.rules:
         judged = " × ".join(parameter.domain for parameter in rule.parameters)
@@ -26,7 +26,7 @@ def add_rules(mission: model.Mission, draft: Draft) -> None:
         draft.node("rule", rule.name, detail=detail, text=spell(rule.condition))
 
 
-def add_events(mission: model.Mission, draft: Draft) -> None:
+def add_events(mission: model.Mission, draft: GraphBuilder) -> None:
     """Interactions of the groups' types: the owning engine performs them and says so."""
     performers: dict[str, list[str]] = {}
     for group in mission.groups:
@@ -43,11 +43,11 @@ def add_events(mission: model.Mission, draft: Draft) -> None:
                 draft.edge("requires", event, performer)
 
 
-def _controlled(agent: model.Agent, draft: Draft) -> set[str]:
+def _controlled(agent: model.Agent, draft: GraphBuilder) -> set[str]:
     return {node for expr in agent.controls for node in groups_in(expr, draft)}
 
 
-def add_unlocks(mission: model.Mission, draft: Draft) -> None:
+def add_unlocks(mission: model.Mission, draft: GraphBuilder) -> None:
     """What must be true before an engine may perform an interaction."""
     for unlock in mission.unlocks:
         event = draft.find(unlock.interaction, "event") or draft.node("event", unlock.interaction)
@@ -58,7 +58,7 @@ def add_unlocks(mission: model.Mission, draft: Draft) -> None:
                 draft.edge("requires", event, node)
 
 
-def add_judgements(mission: model.Mission, draft: Draft) -> None:
+def add_judgements(mission: model.Mission, draft: GraphBuilder) -> None:
     """What every rule judges, and what it needs to know for that."""
     for rule in mission.rules:
         node = f"rule:{rule.name}"
@@ -73,7 +73,7 @@ def add_judgements(mission: model.Mission, draft: Draft) -> None:
             draft.edge("requires", node, needed)
 
 
-def add_stages(mission: model.Mission, draft: Draft) -> None:
+def add_stages(mission: model.Mission, draft: GraphBuilder) -> None:
     """Stages, once per member of their group."""
     for stage in mission.stages:
         said = [f"per {stage.domain}"] if stage.domain else []
@@ -83,7 +83,7 @@ def add_stages(mission: model.Mission, draft: Draft) -> None:
         draft.node("stage", stage.name, detail=", ".join(said), text=spell(stage.condition), per=per)
 
 
-def add_outcomes(mission: model.Mission, draft: Draft) -> None:
+def add_outcomes(mission: model.Mission, draft: GraphBuilder) -> None:
     """Success, failure, and the ticks that all of it may take."""
     for name, condition in _outcomes(mission):
         per = next((node for domain in _domains(condition) if (node := draft.find(domain, "target", "asset"))), None)
@@ -102,7 +102,7 @@ def add_outcomes(mission: model.Mission, draft: Draft) -> None:
     draft.edge("requires", f"outcome:{SUCCESS}", ticks)
 
 
-def add_completions(mission: model.Mission, draft: Draft) -> None:
+def add_completions(mission: model.Mission, draft: GraphBuilder) -> None:
     """What completes every stage, and what decides the outcome."""
     for stage in mission.stages:
         for needed in needs(stage.condition, mission, draft):
@@ -112,7 +112,7 @@ def add_completions(mission: model.Mission, draft: Draft) -> None:
             draft.edge("requires", f"outcome:{name}", needed)
 
 
-def add_relations(mission: model.Mission, draft: Draft) -> None:
+def add_relations(mission: model.Mission, draft: GraphBuilder) -> None:
     """The declared relations; `via` is what one carries, is over, or is by."""
     for relation in mission.relations:
         at = draft.presence(relation.when)
@@ -145,7 +145,7 @@ def _domains(condition: ex.Expr) -> Iterator[str]:
     return (part.domain for part in ex.parts(condition) if isinstance(part, ex.Quantified))
 
 
-def _absent(relation: model.Relation, mission: model.Mission, draft: Draft) -> bool:
+def _absent(relation: model.Relation, mission: model.Mission, draft: GraphBuilder) -> bool:
     """Whether it names something declared that exists in none of the modes shown: then the relation does not either."""
     declared = {agent.role for agent in mission.agents}.union(
         *({part.name for part in table} for table in (mission.agents, mission.groups, mission.messages))

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from lingjing.mission import model
-from lingjing.mission.graph.course import SUCCESS
-from lingjing.mission.graph.draft import Draft
+from lingjing.mission.graph.builder import GraphBuilder
+from lingjing.mission.graph.entities import groups_in
 from lingjing.mission.graph.needs import DECIDED, needs
+from lingjing.mission.graph.rules import SUCCESS
 from lingjing.mission.graph.spelling import spell
-from lingjing.mission.graph.things import groups_in
 
 
-def add_allowances(mission: model.Mission, draft: Draft) -> None:
+def add_allowances(mission: model.Mission, draft: GraphBuilder) -> None:
     """Tokens, money and messages: those of everybody are needed for success, those of an agent by the agent."""
     _add_allowance(mission.budget, "", f"outcome:{SUCCESS}", draft)
     for agent in mission.agents:
@@ -19,7 +19,7 @@ def add_allowances(mission: model.Mission, draft: Draft) -> None:
             _add_allowance(agent.budget, agent.name, owner, draft)
 
 
-def add_limits(mission: model.Mission, draft: Draft) -> None:
+def add_limits(mission: model.Mission, draft: GraphBuilder) -> None:
     """Counted budgets, of the mission and of its stages: what is counted needs what is left."""
     for limit in mission.limits:
         _add_limit(limit, "", None, draft)
@@ -28,7 +28,7 @@ def add_limits(mission: model.Mission, draft: Draft) -> None:
             _add_limit(limit, f"{stage.name}.", f"stage:{stage.name}", draft)
 
 
-def add_inspections(mission: model.Mission, draft: Draft) -> None:
+def add_inspections(mission: model.Mission, draft: GraphBuilder) -> None:
     """Routes whose waypoints must be looked at, and by whom."""
     for inspection in mission.inspections:
         at = draft.presence(inspection.when)
@@ -49,7 +49,7 @@ def add_inspections(mission: model.Mission, draft: Draft) -> None:
             draft.edge("requires", node, channel, label="replan")
 
 
-def add_constraints(mission: model.Mission, draft: Draft) -> None:
+def add_constraints(mission: model.Mission, draft: GraphBuilder) -> None:
     """What must hold all along: success needs the hard ones, the soft ones cost points."""
     for constraint in mission.constraints:
         at = draft.presence(constraint.when)
@@ -73,7 +73,7 @@ def add_constraints(mission: model.Mission, draft: Draft) -> None:
             draft.edge("requires", f"outcome:{SUCCESS}", node)
 
 
-def add_permits(mission: model.Mission, draft: Draft) -> None:
+def add_permits(mission: model.Mission, draft: GraphBuilder) -> None:
     """Commands that wait for a condition: what it reads unlocks them."""
     for permit in mission.permits:
         for asset in groups_in(permit.resource, draft):
@@ -84,7 +84,7 @@ def add_permits(mission: model.Mission, draft: Draft) -> None:
                     draft.edge("requires", asset, needed, label=permit.verb)
 
 
-def add_happenings(mission: model.Mission, draft: Draft) -> None:
+def add_happenings(mission: model.Mission, draft: GraphBuilder) -> None:
     """What happens by itself at its time: an entity appears or vanishes, the weather turns."""
     for event in mission.events:
         at = draft.presence(event.when)
@@ -104,7 +104,7 @@ def add_happenings(mission: model.Mission, draft: Draft) -> None:
 
 
 def _add_allowance(
-    given: model.BudgetDeclaration | model.AllowanceDeclaration, whose: str, owner: str, draft: Draft
+    given: model.BudgetDeclaration | model.AllowanceDeclaration, whose: str, owner: str, draft: GraphBuilder
 ) -> None:
     units = (("tokens", given.tokens), ("money", given.money), ("messages", given.messages))
     for name, most in units:
@@ -115,7 +115,7 @@ def _add_allowance(
             draft.edge("requires", owner, node)
 
 
-def _add_limit(limit: model.Limit, prefix: str, owner: str | None, draft: Draft) -> None:
+def _add_limit(limit: model.Limit, prefix: str, owner: str | None, draft: GraphBuilder) -> None:
     at = draft.presence(limit.when)
     if at is None:
         return
