@@ -13,7 +13,7 @@ from lingjing.errors import ExitCode, UsageError
 from lingjing.terminal import write_data, write_styled
 
 if TYPE_CHECKING:
-    from lingjing.dsl.source.text import Source
+    from lingjing.dsl.source.text import SourceText
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -79,7 +79,7 @@ def _file(name: str, *, check: bool, diff: bool) -> int:
     return ExitCode.MISSION if wrong else ExitCode.OK
 
 
-def _diff(source: Source, after: str) -> str:
+def _diff(source: SourceText, after: str) -> str:
     before = source.text.splitlines(keepends=True)
     lines = difflib.unified_diff(before, after.splitlines(keepends=True), source.path, source.path)
     return "".join(line if line.endswith("\n") else f"{line}\n\\ No newline at end of file\n" for line in lines)

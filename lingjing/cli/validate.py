@@ -12,7 +12,7 @@ from lingjing.terminal import visible, write_data, write_styled
 
 if TYPE_CHECKING:
     from lingjing.dsl import Compilation
-    from lingjing.dsl.source.text import Source
+    from lingjing.dsl.source.text import SourceText
     from lingjing.mission.diagnostics import Diagnostic
 
 
@@ -119,7 +119,7 @@ def _check(path: str, args: argparse.Namespace) -> Checked:
     return Checked(compilation.diagnostics, _text(compilation.diagnostics, source) if as_text else "")
 
 
-def _check_document(source: Source, *, as_text: bool) -> Checked:
+def _check_document(source: SourceText, *, as_text: bool) -> Checked:
     """A JSON document: its notes, and errors for what cannot be won or is not installed, at its first line."""
     from lingjing.cli.installed import offers
     from lingjing.dsl.feasibility.absent import missing
@@ -139,14 +139,14 @@ def _mends(args: argparse.Namespace) -> bool:
     return bool(args.fix or args.unsafe_fixes)
 
 
-def _compile(source: Source) -> Compilation:
+def _compile(source: SourceText) -> Compilation:
     from lingjing.cli.installed import offers
     from lingjing.dsl import compile_source
 
     return compile_source(source, offers=offers)
 
 
-def _fix(path: str, source: Source, args: argparse.Namespace) -> Checked:
+def _fix(path: str, source: SourceText, args: argparse.Namespace) -> Checked:
     """Apply fixes. What was done goes to standard error where standard output is data: JSON, SARIF, the text of `-`."""
     from lingjing.dsl.diagnostics.fixes import fix_source, unified_diff, write_text
     from lingjing.dsl.loading.load import STDIN
@@ -169,7 +169,7 @@ def _fix(path: str, source: Source, args: argparse.Namespace) -> Checked:
     return Checked(left, "")
 
 
-def _text(diagnostics: tuple[Diagnostic, ...], source: Source) -> str:
+def _text(diagnostics: tuple[Diagnostic, ...], source: SourceText) -> str:
     if not diagnostics:
         return ""
     from lingjing.dsl.diagnostics.render import render_text

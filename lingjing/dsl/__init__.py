@@ -19,6 +19,6 @@ good neighbours are; nothing but `UsageError` (unreadable input) and `PluginErro
 from __future__ import annotations
 
 from lingjing.dsl.compilation import Compilation, compile_file, compile_source, compile_text
-from lingjing.dsl.source.text import Source
+from lingjing.dsl.source.text import SourceText
 
-__all__ = ["Compilation", "Source", "compile_file", "compile_source", "compile_text"]
+__all__ = ["Compilation", "SourceText", "compile_file", "compile_source", "compile_text"]

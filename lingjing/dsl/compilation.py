@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from lingjing.dsl.source.text import Source
+from lingjing.dsl.source.text import SourceText
 
 if TYPE_CHECKING:
     from lingjing.dsl.feasibility.absent import Offers
@@ -19,12 +19,12 @@ class Compilation(msgspec.Struct, frozen=True):
 
     mission: Mission | None
     diagnostics: tuple[Diagnostic, ...]
-    source: Source
+    source: SourceText
 
 
 def compile_text(text: str, *, path: str = "<string>") -> Compilation:
     """Compile a mission's text. Never raises for what the text says."""
-    return compile_source(Source(text, path))
+    return compile_source(SourceText(text, path))
 
 
 def compile_file(path: str) -> Compilation:
@@ -34,7 +34,7 @@ def compile_file(path: str) -> Compilation:
     return compile_source(read_source(path))
 
 
-def compile_source(source: Source, *, offers: Offers | None = None) -> Compilation:
+def compile_source(source: SourceText, *, offers: Offers | None = None) -> Compilation:
     """Compile a source: parse, check, and look whether the mission can be won.
 
     With `offers` (the names that plug-ins offer) a scene or an engine that is not installed is a warning.
@@ -45,7 +45,7 @@ def compile_source(source: Source, *, offers: Offers | None = None) -> Compilati
         return _compile(source, offers)
 
 
-def _compile(source: Source, offers: Offers | None) -> Compilation:
+def _compile(source: SourceText, offers: Offers | None) -> Compilation:
     from lingjing.dsl.checking.checker import check
     from lingjing.dsl.feasibility.infeasible import infeasible
     from lingjing.dsl.feasibility.refused import refused

@@ -6,7 +6,7 @@ from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lingjing.dsl import Source, compile_source
+from lingjing.dsl import SourceText, compile_source
 from lingjing.dsl.source.reporter import Reporter
 from lingjing.dsl.source.text import read_source
 from lingjing.dsl.syntax import tree as s
@@ -15,7 +15,7 @@ from lingjing.errors import LingjingError
 from lingjing.lsp.names import Names, Occurrence, find_names
 
 if TYPE_CHECKING:
-    from lingjing.dsl.checking.scope import Scope
+    from lingjing.dsl.checking.scope import SymbolTables
     from lingjing.mission.diagnostics import Diagnostic, Span
 
 
@@ -23,7 +23,7 @@ class Analysis:
     """A text at `path` (a file's path, or `<…>` for one that is none)."""
 
     def __init__(self, text: str, path: str) -> None:
-        self.source = Source(text, path)
+        self.source = SourceText(text, path)
 
     @cached_property
     def diagnostics(self) -> tuple[Diagnostic, ...]:
@@ -41,7 +41,7 @@ class Analysis:
         return find_names(self.tree, self.source.text)
 
     @cached_property
-    def scope(self) -> Scope:
+    def scope(self) -> SymbolTables:
         """The compiler's symbol tables, as far as the text could be read."""
         from lingjing.dsl.checking import checker
         from lingjing.dsl.checking.toplevel import FileChecker
@@ -108,7 +108,7 @@ def _library_file(path: str, _modified: int, _size: int) -> Analysis:
     return Analysis(read_source(path).text, path)
 
 
-def comment_above(source: Source, offset: int) -> str:
+def comment_above(source: SourceText, offset: int) -> str:
     """The block of comment lines that ends right above an offset's line, without `#`."""
     line = source.line_of(offset) - 1
     found: list[str] = []

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from importlib import import_module
 
 from lingjing.dsl.checking import library
-from lingjing.dsl.checking.keys import Key
-from lingjing.dsl.checking.scope import Scope, TypeDecl
+from lingjing.dsl.checking.keys import PropertyKey
+from lingjing.dsl.checking.scope import SymbolTables, TypeDecl
 from lingjing.dsl.checking.toplevel import load_library
 from lingjing.dsl.checking.typenames import word as type_word
 from lingjing.dsl.syntax.tokens import Token
@@ -72,7 +72,7 @@ class _Completer:
         self.analysis = analysis
         self.at = context
         self.offset = offset
-        self.scope: Scope = analysis.scope
+        self.scope: SymbolTables = analysis.scope
 
     def items(self) -> Iterator[Item]:
         at = self.at
@@ -354,14 +354,14 @@ class _Completer:
                     if option.name == tokens[-1].text and option.type.dimension is not None:
                         yield option.type.dimension
 
-    def _key(self) -> Key | None:
+    def _key(self) -> PropertyKey | None:
         """The property whose value is being written."""
         name = next((token.text for token in self.at.statement if token.type == "NAME"), "")
         if self.at.kind() not in ("ASSET", "TARGET"):
             return _keys_of(self.at.kind()).get(name)
         decl = self._type()
         attribute = decl.attributes.get(name) if decl else None
-        return Key(name, attribute.type) if attribute else _keys_of("COMMON").get(name)
+        return PropertyKey(name, attribute.type) if attribute else _keys_of("COMMON").get(name)
 
     def _bound_of_verb(self) -> Dimension | None:
         name = self.at.statement[-3].text if len(self.at.statement) >= 3 else self.at.statement[0].text
@@ -385,7 +385,7 @@ _SPECIAL: dict[str, Callable[[_Completer], Iterable[Item]]] = {
 """Statements whose words are not expressions, by their first token."""
 
 
-def _keys_of(kind: str) -> dict[str, Key]:
+def _keys_of(kind: str) -> dict[str, PropertyKey]:
     """The properties a block knows: the compiler's own table, found by the block's name."""
     for module in _KEY_TABLES:
         try:

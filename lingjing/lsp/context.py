@@ -9,7 +9,7 @@ import re
 from dataclasses import dataclass, field
 
 from lingjing.dsl.source.reporter import Reporter
-from lingjing.dsl.source.text import Source
+from lingjing.dsl.source.text import SourceText
 from lingjing.dsl.syntax.lexer import Lexer
 from lingjing.dsl.syntax.tokens import OPERATORS_THAT_CONTINUE, STATEMENTS, Token
 
@@ -74,7 +74,7 @@ def context_at(text: str, offset: int) -> Context:
 
 
 def _read(text: str, context: Context) -> None:
-    source = Source(text)
+    source = SourceText(text)
     blocks: list[list[Token]] = []
     statement: list[Token] = []
     tokens = Lexer(source.text, Reporter(source)).run() or []

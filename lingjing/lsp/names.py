@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 
 from lingjing.dsl.syntax import tree as s
 
-Scope = tuple[int, int]
-Key = tuple[str, str, Scope | None]
+TextExtent = tuple[int, int]
+NameKey = tuple[str, str, TextExtent | None]
 """Space, name, and for what is known in a part of the text only, that part."""
 
 DECLARES: dict[str, str] = {
@@ -37,7 +37,7 @@ DECLARES: dict[str, str] = {
 """Node and field → the space it declares into. Entities and cameras depend on where they stand, see `_declared`."""
 
 LOCALS = frozenset(
-    ("StageBlock.variable", "ConstraintBlock.variable", "Quantified.variable", "Binding.variable", "Typed.name")
+    ("StageBlock.variable", "ConstraintBlock.variable", "QuantifiedExpr.variable", "ForClause.variable", "Typed.name")
 )
 USES: dict[str, tuple[str, ...]] = {
     "EntityBlock.type": ("type",),
@@ -48,22 +48,22 @@ USES: dict[str, tuple[str, ...]] = {
     "AuthorityLine.role": ("role",),
     "AuthorityLine.roles": ("role",),
     "RevealLine.role": ("role",),
-    "Call.function": ("rule",),
+    "CallExpr.function": ("rule",),
     "UnlockLine.name": ("interaction",),
     "Typed.type": ("symbol", "message"),
 }
 SILENT = frozenset(
     (
-        "Attribute.name",
-        "Property.name",
-        "Argument.name",
+        "FieldExpr.name",
+        "PropertyLine.name",
+        "CallArgument.name",
         "RelationLine.kind",
         "ConstraintBlock.kind",
         "SceneBlock.kind",
         "ModeLine.default",
         "RecordBlock.category",
         "RevealLine.what",
-        "Use.path",
+        "UseLine.path",
         "UnknownBlock.name",
         "MountBlock.view",
         "PartBlock.name",
@@ -86,9 +86,9 @@ class Occurrence:
 
     start: int
     end: int
-    key: Key
+    key: NameKey
     declares: bool
-    node: s.Node | None = None
+    node: s.SyntaxNode | None = None
 
 
 @dataclass(slots=True)
@@ -104,7 +104,7 @@ class Names:
     """All occurrences of a file, by place; `declared` holds the first declaration of each key."""
 
     occurrences: list[Occurrence] = field(default_factory=list)
-    declared: dict[Key, Occurrence] = field(default_factory=dict)
+    declared: dict[NameKey, Occurrence] = field(default_factory=dict)
 
     def at(self, offset: int) -> Occurrence | None:
         """The occurrence a cursor stands in or right behind."""
@@ -114,7 +114,7 @@ class Names:
                 return candidate
         return None
 
-    def of(self, key: Key) -> list[Occurrence]:
+    def of(self, key: NameKey) -> list[Occurrence]:
         """All that mean the same."""
         return [one for one in self.occurrences if one.key == key]
 
@@ -141,17 +141,17 @@ class _Finder:
         self.names = Names()
         self.uses: list[_Use] = []
 
-    def walk(self, node: s.Node, above: tuple[s.Node, ...]) -> None:
+    def walk(self, node: s.SyntaxNode, above: tuple[s.SyntaxNode, ...]) -> None:
         if isinstance(node, s.TextLine):
             self._holes(node)
         for place, child in _children(node):
             if isinstance(child, s.Name):
                 self._name(child, node, f"{type(node).__name__}.{place}", above)
-            elif isinstance(child, s.Node):
+            elif isinstance(child, s.SyntaxNode):
                 self.walk(child, (*above, node))
 
     def resolved(self) -> Names:
-        scopes: dict[str, list[Scope]] = {}
+        scopes: dict[str, list[TextExtent]] = {}
         for space, name, scope in self.names.declared:
             if space == "local" and scope is not None:
                 scopes.setdefault(name, []).append(scope)
@@ -160,7 +160,7 @@ class _Finder:
         self.names.occurrences = sorted(found, key=lambda one: (one.start, one.end))
         return self.names
 
-    def _meaning(self, use: _Use, scopes: dict[str, list[Scope]]) -> Key:
+    def _meaning(self, use: _Use, scopes: dict[str, list[TextExtent]]) -> NameKey:
         if "local" in use.spaces:
             around = [scope for scope in scopes.get(use.name, ()) if scope[0] <= use.start < scope[1]]
             if around:
@@ -170,7 +170,7 @@ class _Finder:
                 return (space, use.name, None)
         return (use.spaces[0] if len(use.spaces) == 1 else "", use.name, None)
 
-    def _name(self, node: s.Name, parent: s.Node, place: str, above: tuple[s.Node, ...]) -> None:
+    def _name(self, node: s.Name, parent: s.SyntaxNode, place: str, above: tuple[s.SyntaxNode, ...]) -> None:
         if place in SILENT or (isinstance(parent, s.Typed) and not _binds(above)):
             return
         space = _declared(parent, place, above)
@@ -184,7 +184,7 @@ class _Finder:
         else:
             self.uses.append(_Use(node.text, node.start, node.end, _spaces(parent, place, above)))
 
-    def _declare(self, node: s.Name, key: Key, by: s.Node) -> None:
+    def _declare(self, node: s.Name, key: NameKey, by: s.SyntaxNode) -> None:
         known = key in self.names.declared
         again = known and key[0] == "role"
         one = Occurrence(node.start, node.end, key, declares=not again, node=by)
@@ -200,17 +200,17 @@ class _Finder:
             self.uses.append(_Use(hole[1], start, start + len(hole[1]), ("symbol",)))
 
 
-def _children(node: s.Node) -> Iterator[tuple[str, object]]:
+def _children(node: s.SyntaxNode) -> Iterator[tuple[str, object]]:
     for place in node.__struct_fields__:
         value = getattr(node, place)
         if isinstance(value, tuple):
             for item in value:
                 yield place, item
-        elif isinstance(value, s.Node):
+        elif isinstance(value, s.SyntaxNode):
             yield place, value
 
 
-def _declared(parent: s.Node, place: str, above: tuple[s.Node, ...]) -> str | None:
+def _declared(parent: s.SyntaxNode, place: str, above: tuple[s.SyntaxNode, ...]) -> str | None:
     inside = any(isinstance(node, s.MissionBlock) for node in above)
     if place == "EntityBlock.name":
         return "symbol" if inside else "type"
@@ -221,9 +221,9 @@ def _declared(parent: s.Node, place: str, above: tuple[s.Node, ...]) -> str | No
     return DECLARES.get(place)
 
 
-def _spaces(parent: s.Node, place: str, above: tuple[s.Node, ...]) -> tuple[str, ...]:
+def _spaces(parent: s.SyntaxNode, place: str, above: tuple[s.SyntaxNode, ...]) -> tuple[str, ...]:
     if place == "Bare.name":
-        return ("type", "record", "preset") if any(isinstance(node, s.Use) for node in above) else ("verb",)
+        return ("type", "record", "preset") if any(isinstance(node, s.UseLine) for node in above) else ("verb",)
     if isinstance(parent, s.RelationLine):
         return ("stage",) if parent.kind.text == "dependency" else ("role",)
     if place == "CameraBlock.name":
@@ -231,20 +231,20 @@ def _spaces(parent: s.Node, place: str, above: tuple[s.Node, ...]) -> tuple[str,
     return USES.get(place, SPACES)
 
 
-def _binds(above: tuple[s.Node, ...]) -> bool:
+def _binds(above: tuple[s.SyntaxNode, ...]) -> bool:
     return bool(above) and isinstance(above[-1], s.RuleBlock | s.UnlockLine)
 
 
-def _scope_of(parent: s.Node, place: str, above: tuple[s.Node, ...]) -> Scope:
+def _scope_of(parent: s.SyntaxNode, place: str, above: tuple[s.SyntaxNode, ...]) -> TextExtent:
     """Where a bound name is known: its quantifier, or the declaration around its parameter."""
-    owner = above[-1] if place in ("Typed.name", "Binding.variable") else parent
+    owner = above[-1] if place in ("Typed.name", "ForClause.variable") else parent
     return (owner.start, owner.end)
 
 
-def _is_index(node: s.Name, parent: s.Node, above: tuple[s.Node, ...]) -> bool:
+def _is_index(node: s.Name, parent: s.SyntaxNode, above: tuple[s.SyntaxNode, ...]) -> bool:
     """`i` of `agent scout[i in 1..n]`."""
     return (
-        isinstance(parent, s.Binary)
+        isinstance(parent, s.BinaryExpr)
         and parent.operator == "in"
         and parent.left is node
         and bool(above)

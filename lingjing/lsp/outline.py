@@ -31,7 +31,7 @@ _KEYWORDS = {
 
 
 @dataclass(slots=True)
-class Entry:
+class OutlineEntry:
     """One declaration: what it is, where it and its name stand (offsets), and what is declared in its block."""
 
     name: str
@@ -41,26 +41,28 @@ class Entry:
     end: int
     name_start: int
     name_end: int
-    children: list[Entry] = field(default_factory=list)
+    children: list[OutlineEntry] = field(default_factory=list)
 
 
-def outline(tree: s.File) -> list[Entry]:
+def outline(tree: s.File) -> list[OutlineEntry]:
     """The file's declarations in order."""
     return _entries(tree.items)
 
 
-def _entries(items: tuple[s.Statement, ...]) -> list[Entry]:
-    found: list[Entry] = []
+def _entries(items: tuple[s.Statement, ...]) -> list[OutlineEntry]:
+    found: list[OutlineEntry] = []
     for item in items:
         inner = getattr(item, "item", item)
         block = getattr(inner, "block", None)
-        children = _entries(block.items) if isinstance(block, s.Block) else []
+        children = _entries(block.items) if isinstance(block, s.BracedBlock) else []
         keyword = inner.keyword if isinstance(inner, s.EntityBlock) else _KEYWORDS.get(type(inner).__name__)
         name = getattr(inner, "name", None)
         if keyword is None or not isinstance(name, s.Name):
             found.extend(children)
             continue
-        found.append(Entry(name.text, keyword, _detail(inner), item.start, item.end, name.start, name.end, children))
+        found.append(
+            OutlineEntry(name.text, keyword, _detail(inner), item.start, item.end, name.start, name.end, children)
+        )
     return found
 
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from bisect import bisect_right
 from dataclasses import dataclass
 
-from lingjing.dsl.source.text import Source
+from lingjing.dsl.source.text import SourceText
 
 ENCODINGS = ("utf-16", "utf-8", "utf-32")
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class TextPosition:
     """A position as the protocol counts: line and code unit from 0."""
 
     line: int
@@ -21,18 +21,18 @@ class Place:
 class Positions:
     """Converts for one text."""
 
-    def __init__(self, source: Source, encoding: str = "utf-16") -> None:
+    def __init__(self, source: SourceText, encoding: str = "utf-16") -> None:
         self.text = source.text
         self.starts = source.line_starts()
         self.encoding = encoding if encoding in ENCODINGS else "utf-16"
 
-    def place(self, offset: int) -> Place:
+    def place(self, offset: int) -> TextPosition:
         """Where a character stands."""
         offset = max(0, min(offset, len(self.text)))
         line = bisect_right(self.starts, offset) - 1
-        return Place(line, self._units(self.text[self.starts[line] : offset]))
+        return TextPosition(line, self._units(self.text[self.starts[line] : offset]))
 
-    def offset(self, place: Place) -> int:
+    def offset(self, place: TextPosition) -> int:
         """The offset of a position; one beyond the line's end means its end, within a character its beginning."""
         if place.line < 0:
             return 0

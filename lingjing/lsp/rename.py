@@ -7,7 +7,7 @@ import re
 from lingjing.dsl.syntax.tokens import INNER, STATEMENTS
 from lingjing.errors import UsageError
 from lingjing.lsp.analysis import Analysis
-from lingjing.lsp.names import GLOBAL, Key, Occurrence
+from lingjing.lsp.names import GLOBAL, NameKey, Occurrence
 from lingjing.mission.functions import DISTRIBUTIONS, FUNCTIONS
 
 _WORD = re.compile(r"[^\W\d]\w*")
@@ -54,7 +54,7 @@ def applied(text: str, places: list[Occurrence], new: str) -> str:
     return "".join([*parts, text[at:]])
 
 
-def _taken(analysis: Analysis, key: Key, new: str) -> Occurrence | None:
+def _taken(analysis: Analysis, key: NameKey, new: str) -> Occurrence | None:
     """A declaration the new name would clash with, or hide, or be hidden by."""
     declared = analysis.names.declared
     for space in GLOBAL:

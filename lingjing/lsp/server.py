@@ -19,14 +19,14 @@ from pygls.lsp.server import LanguageServer
 
 from lingjing import __version__
 from lingjing.dsl.formatting.formatter import format_source
-from lingjing.dsl.source.text import Source
+from lingjing.dsl.source.text import SourceText
 from lingjing.errors import LingjingError
 from lingjing.lsp import complete as completing
 from lingjing.lsp import explain as explaining
 from lingjing.lsp import outline as outlining
 from lingjing.lsp import rename as renaming
 from lingjing.lsp.analysis import Analysis, library_file
-from lingjing.lsp.positions import Place, Positions
+from lingjing.lsp.positions import Positions, TextPosition
 from lingjing.mission.diagnostics import Diagnostic, Edit, Fix, Span
 
 DELAY_S = 0.2
@@ -85,7 +85,7 @@ class Server(LanguageServer):
             known = self.analyses[uri] = (version, Analysis(document.source, _path(uri)))
         return known[1]
 
-    def positions(self, source: Source) -> Positions:
+    def positions(self, source: SourceText) -> Positions:
         """Positions of a text in the encoding agreed with the client."""
         return Positions(source, str(getattr(self.workspace.position_encoding, "value", "utf-16")))
 
@@ -360,7 +360,7 @@ def _range(positions: Positions, start: int, end: int) -> lsp.Range:
 
 
 def _offset(positions: Positions, place: lsp.Position) -> int:
-    return positions.offset(Place(place.line, place.character))
+    return positions.offset(TextPosition(place.line, place.character))
 
 
 def _edit(edit: Edit, positions: Positions) -> lsp.TextEdit:
@@ -377,7 +377,7 @@ def _action(fix: Fix, diagnostic: lsp.Diagnostic, edit: lsp.WorkspaceEdit) -> ls
     )
 
 
-def _symbols(entries: Iterable[outlining.Entry], positions: Positions) -> list[lsp.DocumentSymbol]:
+def _symbols(entries: Iterable[outlining.OutlineEntry], positions: Positions) -> list[lsp.DocumentSymbol]:
     return [
         lsp.DocumentSymbol(
             name=entry.name,

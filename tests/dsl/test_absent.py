@@ -7,14 +7,14 @@ from pathlib import Path
 import pytest
 
 from lingjing.cli.main import main
-from lingjing.dsl import Source, compile_source
+from lingjing.dsl import SourceText, compile_source
 from lingjing.errors import ExitCode
 from lingjing.mission.kinds import builtin_engines, builtin_scenes
 from lingjing.plugins.host import PluginHost
 
 
 def warned(text: str, *offered: str) -> list[tuple[str, int, int, str, str]]:
-    found = compile_source(Source(text, "m.ljs"), offers=lambda kind: offered)
+    found = compile_source(SourceText(text, "m.ljs"), offers=lambda kind: offered)
     assert found.mission is not None
     return [(item.severity, item.span.line, item.span.column, item.message, item.hint) for item in found.diagnostics]
 

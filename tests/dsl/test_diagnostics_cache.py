@@ -11,7 +11,7 @@ import pytest
 
 from lingjing.dsl import compile_source
 from lingjing.dsl.loading import cache
-from lingjing.dsl.source.text import Source
+from lingjing.dsl.source.text import SourceText
 
 
 @pytest.fixture(autouse=True)
@@ -22,7 +22,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_the_second_time_gives_the_same_mission(small: str, folder: Path) -> None:
-    source = Source(small, "m.ljs")
+    source = SourceText(small, "m.ljs")
     assert cache.known_good(source) is None
     first = cache.compile_cached(source)
     (entry,) = folder.iterdir()
@@ -35,17 +35,17 @@ def test_the_second_time_gives_the_same_mission(small: str, folder: Path) -> Non
 
 
 def test_errors_are_not_kept(small: str, folder: Path) -> None:
-    source = Source(small.replace("boat, v)", "boot, v)"), "m.ljs")
+    source = SourceText(small.replace("boat, v)", "boot, v)"), "m.ljs")
     assert cache.compile_cached(source).mission is None
     assert not folder.exists()
 
 
 def test_another_text_path_or_compiler_is_another_entry(small: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    cache.compile_cached(Source(small, "m.ljs"))
-    assert cache.known_good(Source(small, "n.ljs")) is None
-    assert cache.known_good(Source(small + "\n", "m.ljs")) is None
+    cache.compile_cached(SourceText(small, "m.ljs"))
+    assert cache.known_good(SourceText(small, "n.ljs")) is None
+    assert cache.known_good(SourceText(small + "\n", "m.ljs")) is None
     monkeypatch.setattr(cache, "_compiler", lambda: "another")
-    assert cache.known_good(Source(small, "m.ljs")) is None
+    assert cache.known_good(SourceText(small, "m.ljs")) is None
 
 
 def test_a_changed_library_counts(small: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -56,7 +56,7 @@ def test_a_changed_library_counts(small: str, tmp_path: Path, monkeypatch: pytes
     for file in Path(library.standard_folder()).glob("*.ljs"):
         (std / file.name).write_bytes(file.read_bytes())
     monkeypatch.setattr(library, "standard_folder", lambda: str(std))
-    source = Source(small, "m.ljs")
+    source = SourceText(small, "m.ljs")
     cache.compile_cached(source)
     assert cache.known_good(source) == ()
     text = (std / "sea.ljs").read_text()
@@ -72,21 +72,21 @@ def test_where_nothing_can_be_kept_nothing_fails(small: str, tmp_path: Path, mon
     blocked = tmp_path / "file"
     blocked.write_text("")
     monkeypatch.setenv("XDG_CACHE_HOME", str(blocked))
-    source = Source(small, "m.ljs")
+    source = SourceText(small, "m.ljs")
     assert cache.compile_cached(source) == cache.compile_cached(source)
     assert cache.known_good(source) is None
 
 
 def test_the_cache_can_be_turned_off(small: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(cache.OFF, "1")
-    cache.compile_cached(Source(small, "m.ljs"))
+    cache.compile_cached(SourceText(small, "m.ljs"))
     assert not folder.exists()
 
 
 def test_the_oldest_entries_go(small: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cache, "MOST_ENTRIES", 3)
     for number in range(6):
-        cache.compile_cached(Source(f"{small}# {number}\n", "m.ljs"))
+        cache.compile_cached(SourceText(f"{small}# {number}\n", "m.ljs"))
     assert len(list(folder.iterdir())) == 3
 
 
@@ -97,4 +97,4 @@ def test_writers_at_once_leave_a_whole_entry(small: str, tmp_path: Path, folder:
     running = [subprocess.Popen([sys.executable, "-c", script, str(file)], env=os.environ) for _ in range(4)]
     assert [process.wait() for process in running] == [0, 0, 0, 0]
     assert [path.name.startswith(".new-") for path in folder.iterdir()] == [False]
-    assert cache.known_good(Source(small, str(file))) == ()
+    assert cache.known_good(SourceText(small, str(file))) == ()

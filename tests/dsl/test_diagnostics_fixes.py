@@ -15,7 +15,7 @@ from lingjing.cli.main import main
 from lingjing.dsl import compile_source, compile_text
 from lingjing.dsl.diagnostics.fixes import fix_source
 from lingjing.dsl.diagnostics.render import diagnostics_schema
-from lingjing.dsl.source.text import Source
+from lingjing.dsl.source.text import SourceText
 from lingjing.errors import ExitCode
 
 ROOT = Path(__file__).parents[2]
@@ -45,7 +45,7 @@ def ended(small: str) -> str:
 @pytest.mark.parametrize(("good", "bad"), SAFE)
 def test_a_safe_fix_gives_back_the_mission(ended: str, good: str, bad: str) -> None:
     assert ended.count(good) == 1
-    fixed = fix_source(Source(ended.replace(good, bad)), compile_source)
+    fixed = fix_source(SourceText(ended.replace(good, bad)), compile_source)
     assert len(fixed.applied) == 1 and fixed.compilation.diagnostics == ()
     now, then = fixed.compilation.mission, compile_text(ended).mission
     assert now is not None and then is not None
@@ -54,7 +54,7 @@ def test_a_safe_fix_gives_back_the_mission(ended: str, good: str, bad: str) -> N
 
 @pytest.mark.parametrize(("good", "bad"), UNSAFE)
 def test_a_likely_fix_waits_to_be_asked_for(ended: str, good: str, bad: str) -> None:
-    broken = Source(ended.replace(good, bad))
+    broken = SourceText(ended.replace(good, bad))
     assert fix_source(broken, compile_source).applied == ()
     fixed = fix_source(broken, compile_source, unsafe=True)
     assert fixed.applied and fixed.compilation.diagnostics == ()
@@ -64,7 +64,7 @@ def test_all_safe_fixes_at_once(ended: str) -> None:
     text = ended
     for good, bad in SAFE:
         text = text.replace(good, bad)
-    fixed = fix_source(Source(text), compile_source)
+    fixed = fix_source(SourceText(text), compile_source)
     assert len(fixed.applied) == len(SAFE) and fixed.text == ended
 
 

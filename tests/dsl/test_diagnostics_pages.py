@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from lingjing.cli.main import main
-from lingjing.dsl import Source, compile_file, compile_source, compile_text
+from lingjing.dsl import SourceText, compile_file, compile_source, compile_text
 from lingjing.dsl.diagnostics.codes import CODES
 from lingjing.errors import ExitCode
 
@@ -49,7 +49,7 @@ def test_an_example_has_exactly_this_error_and_the_mended_one_has_not(code: str)
     example = (PAGES / "example.ljs").read_text()
     assert mended is not None and example.count(mended["text"]) == 1
     text = example.replace(mended["text"], broken["text"])
-    found = compile_source(Source(text, "example.ljs"), offers=lambda kind: ()).diagnostics
+    found = compile_source(SourceText(text, "example.ljs"), offers=lambda kind: ()).diagnostics
     assert [item.code for item in found] == [code]
 
 

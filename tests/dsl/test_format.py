@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from lingjing.dsl import compile_text
 from lingjing.dsl.formatting.formatter import WIDTH, format_text
 from lingjing.dsl.source.reporter import Reporter
-from lingjing.dsl.source.text import Source
+from lingjing.dsl.source.text import SourceText
 from lingjing.dsl.syntax.lexer import lex
 
 ROOT = Path(__file__).parents[2]
@@ -155,7 +155,7 @@ _MISSION = re.compile(r"\bmission\b")
 def perturbed(text: str, seed: int) -> str:
     """The same text with other white space: spaces, indentation, line ends, blank lines, breaks within brackets."""
     chance = random.Random(seed)
-    tokens = lex(text, Reporter(Source(text)))
+    tokens = lex(text, Reporter(SourceText(text)))
     assert tokens is not None
     pieces, at, depth = [], 0, 0
     for token in tokens:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from lingjing.dsl import Source, compile_text
+from lingjing.dsl import SourceText, compile_text
 from lingjing.dsl.checking.checker import check
 from lingjing.dsl.source.reporter import Reporter
 from lingjing.dsl.syntax.parser import parse
@@ -13,7 +13,7 @@ from lingjing.mission.model import Mission
 
 def checked(text: str) -> Mission:
     """What the checker makes of a text in which it finds no fault, whether or not it could be played."""
-    report = Reporter(Source(text, "m.ljs"))
+    report = Reporter(SourceText(text, "m.ljs"))
     found = check(parse(report), report)
     assert found is not None and report.diagnostics == []
     return found

@@ -120,26 +120,26 @@ _TREES = st.recursive(
 def test_arithmetic_reads_back_as_the_tree_it_was(tree: ex.Expr) -> None:
     """Checked by reading alone: the phrase, parsed, has the tree's operators in the tree's places."""
     from lingjing.dsl.source.reporter import Reporter
-    from lingjing.dsl.source.text import Source
+    from lingjing.dsl.source.text import SourceText
     from lingjing.dsl.syntax import tree as s
     from lingjing.dsl.syntax.parser import parse
 
     phrases = Phrases(PLAIN)
-    report = Reporter(Source(f"param x = {phrases.text(tree)}"))
+    report = Reporter(SourceText(f"param x = {phrases.text(tree)}"))
     (item,) = parse(report).items
     assert report.diagnostics == [] and isinstance(item, s.Param)
 
     def raised(node: s.Expression) -> ex.Expr:
         match node:
-            case s.Number():
+            case s.NumberLiteral():
                 return ex.Number(node.value)
             case s.Name():
                 return ex.Ref(node.text, "param")
-            case s.Unary():
+            case s.UnaryExpr():
                 return ex.Unary("-", raised(node.operand))
-            case s.Binary():
+            case s.BinaryExpr():
                 return ex.Binary(node.operator, raised(node.left), raised(node.right))  # type: ignore[arg-type]
-            case s.Call():
+            case s.CallExpr():
                 return ex.Call(node.function.text, tuple(raised(argument.value) for argument in node.arguments))
         raise AssertionError(node)
 

@@ -8,14 +8,14 @@ from hypothesis import strategies as st
 
 from lingjing.data import data_path
 from lingjing.dsl import compile_text
-from lingjing.dsl.source.text import Source
+from lingjing.dsl.source.text import SourceText
 from lingjing.dsl.syntax.tokens import STATEMENTS
 from lingjing.errors import UsageError
 from lingjing.lsp.analysis import Analysis
 from lingjing.lsp.complete import STATEMENTS_IN, complete
 from lingjing.lsp.explain import KEYWORDS, explain
 from lingjing.lsp.outline import outline
-from lingjing.lsp.positions import Place, Positions
+from lingjing.lsp.positions import Positions, TextPosition
 from lingjing.lsp.rename import applied, rename
 
 SSR = data_path("scenarios", "ssr.ljs").read_text(encoding="utf-8")
@@ -225,7 +225,7 @@ def test_outline_is_nested() -> None:
 
 @given(st.text(max_size=60), st.sampled_from(["utf-16", "utf-8", "utf-32"]))
 def test_positions_go_there_and_back(text: str, encoding: str) -> None:
-    source = Source(text)
+    source = SourceText(text)
     positions = Positions(source, encoding)
     for offset in range(len(source.text) + 1):
         before = source.text[offset - 1 : offset]
@@ -235,11 +235,11 @@ def test_positions_go_there_and_back(text: str, encoding: str) -> None:
 
 
 def test_columns_count_code_units() -> None:
-    positions = Positions(Source("a😀灵b\nc"))
-    assert positions.place(3) == Place(0, 4)
-    assert positions.offset(Place(0, 2)) == 1
-    assert positions.offset(Place(0, 99)) == 4
-    assert positions.offset(Place(9, 0)) == 6
+    positions = Positions(SourceText("a😀灵b\nc"))
+    assert positions.place(3) == TextPosition(0, 4)
+    assert positions.offset(TextPosition(0, 2)) == 1
+    assert positions.offset(TextPosition(0, 99)) == 4
+    assert positions.offset(TextPosition(9, 0)) == 6
 
 
 def test_every_keyword_is_explained_and_offered_somewhere() -> None:

@@ -14,7 +14,7 @@ import pytest
 import shapely
 
 from lingjing.dsl import compile_source
-from lingjing.dsl.source.text import Source, read_source
+from lingjing.dsl.source.text import SourceText, read_source
 from lingjing.engines import builtin
 from lingjing.errors import MissionError
 from lingjing.mission.instance import Entity, Instance
@@ -329,7 +329,7 @@ ON_MAP = 'region main = road("Central Avenue")\n  region strip = along(main, 20 
 
 def test_regions_made_of_roads_get_outlines() -> None:
     text = (SCENARIOS / "cr.ljs").read_text(encoding="utf-8").replace("region district", ON_MAP)
-    found = compile_source(Source(text, "m.ljs")).mission
+    found = compile_source(SourceText(text, "m.ljs")).mission
     assert found is not None
     base = instantiate(found, seed=0)
     assert [region.name for region in base.regions if region.on_map is not None] == ["main", "strip"]
@@ -340,7 +340,7 @@ def test_regions_made_of_roads_get_outlines() -> None:
     assert main.is_valid and main.contains(shapely.Point(0, 100)) and main.contains(shapely.Point(0, 0))
     assert not main.contains(shapely.Point(15, 100)) and main.bounds[3] > 350.0
     assert regions["strip"].contains(shapely.Point(15, 100)) and not regions["strip"].contains(shapely.Point(40, 100))
-    wrong = compile_source(Source(text.replace("Central Avenue", "Nowhere Lane"), "m.ljs")).mission
+    wrong = compile_source(SourceText(text.replace("Central Avenue", "Nowhere Lane"), "m.ljs")).mission
     assert wrong is not None
     with pytest.raises(MissionError, match="no road named 'Nowhere Lane'") as caught:
         anchor(instantiate(wrong, seed=0), city_of("cr", 0))

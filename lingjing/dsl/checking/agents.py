@@ -7,12 +7,11 @@ from collections.abc import Iterable
 from lingjing.dsl.checking.blocks import BlockReader
 from lingjing.dsl.checking.entities import EntityChecker
 from lingjing.dsl.checking.properties import suffix_of
-from lingjing.dsl.checking.scope import Scope
+from lingjing.dsl.checking.scope import SymbolTables
 from lingjing.dsl.checking.settings import SettingsChecker
 from lingjing.dsl.checking.typenames import with_article
-from lingjing.dsl.checking.values import STATIC, UNKNOWN, Environment, Value
+from lingjing.dsl.checking.values import STATIC, UNKNOWN, Environment, TypedExpression
 from lingjing.dsl.checking.wording import WordingChecker
-from lingjing.dsl.source.suggest import did_you_mean, nearest
 from lingjing.dsl.syntax import tree as s
 from lingjing.mission import expression as ex
 from lingjing.mission import model
@@ -32,7 +31,7 @@ class AgentChecker:
         self.entities = entities
         self.of = blocks.of
         self.report = blocks.report
-        self.scope: Scope = blocks.of.scope
+        self.scope: SymbolTables = blocks.of.scope
         self.wording = WordingChecker(blocks)
         self.controlled: dict[str, s.Expression] = {}
 
@@ -43,10 +42,9 @@ class AgentChecker:
         if first is None:
             self.scope.agents[node.name.text] = span
         else:
-            self.report(
+            self.report.at(
                 "LJ0104",
-                node.name.start,
-                node.name.end,
+                node.name,
                 f"the agent `{node.name.text}` is declared twice",
                 "choose another name",
                 related=(Related(first, "first declared here"),),
@@ -69,7 +67,7 @@ class AgentChecker:
                         channels.append(checked)
             elif isinstance(item, s.TextLine) and item.keyword == "prompt":
                 prompt = self.wording.text(item, environment)
-            elif isinstance(item, s.Section) and item.keyword == "budget":
+            elif isinstance(item, s.SettingsBlock) and item.keyword == "budget":
                 budget = self.settings.allowance(item)
             elif not isinstance(item, s.Faulty):
                 self.blocks.misplaced(item, f"the agent `{node.name.text}`", ("observes", "prompt", "budget"))
@@ -102,10 +100,9 @@ class AgentChecker:
             self.of.unknown_name(node.type, list(self.scope.records), "no message record")
         known = self.scope.messages.get(node.name.text)
         if known is not None:
-            self.report(
+            self.report.at(
                 "LJ0104",
-                node.name.start,
-                node.name.end,
+                node.name,
                 f"the message `{node.name.text}` is declared twice",
                 "choose another name",
                 related=(Related(known[1], "first declared here"),),
@@ -138,22 +135,11 @@ class AgentChecker:
     def reveal(self, node: s.RevealLine) -> model.Reveal | None:
         """`reveal image(target) to role`."""
         if node.what.text != "image":
-            self.report(
-                "LJ0109",
-                node.what.start,
-                node.what.end,
-                f"`{node.what.text}` cannot be revealed",
-                "only an `image` can",
-            )
+            self.report.at("LJ0109", node.what, f"`{node.what.text}` cannot be revealed", "only an `image` can")
             return None
         value = self.of.value(node.entity, STATIC)
         if value.type.kind not in ("entity", "group", "any"):
-            self.report(
-                "LJ0201",
-                node.entity.start,
-                node.entity.end,
-                f"a target is due here, this is {with_article(value.type)}",
-            )
+            self.report.at("LJ0201", node.entity, f"a target is due here, this is {with_article(value.type)}")
             return None
         self.role(node.role)
         return None if value is UNKNOWN else model.Reveal(what="image", entity=value.ir, role=node.role.text)
@@ -162,14 +148,7 @@ class AgentChecker:
         """One of the paper's five relations."""
         kind = node.kind
         if kind.text not in RELATIONS:
-            self.report(
-                "LJ0109",
-                kind.start,
-                kind.end,
-                f"no relation is called `{kind.text}`",
-                did_you_mean(kind.text, RELATIONS),
-                replace=nearest(kind.text, RELATIONS),
-            )
+            self.report.unknown("LJ0109", kind, f"no relation is called `{kind.text}`", RELATIONS)
             return None
         for end in (node.source, node.target):
             if kind.text == "dependency":
@@ -196,23 +175,21 @@ class AgentChecker:
 
     # -- private
 
-    def _asset(self, node: s.Expression, environment: Environment, what: str) -> Value:
+    def _asset(self, node: s.Expression, environment: Environment, what: str) -> TypedExpression:
         value = self.of.value(node, environment)
         if value is UNKNOWN:
             return UNKNOWN
         kind = value.type.kind
         if kind not in ("entity", "group"):
-            self.report(
-                "LJ0201", node.start, node.end, f"an asset is due for {what}, this is {with_article(value.type)}"
-            )
+            self.report.at("LJ0201", node, f"an asset is due for {what}, this is {with_article(value.type)}")
             return UNKNOWN
         info = self.scope.groups[value.type.of]
         if info.role != "asset":
-            self.report("LJ0114", node.start, node.end, f"`{info.name}` is a target: nobody commands it")
+            self.report.at("LJ0114", node, f"`{info.name}` is a target: nobody commands it")
             return UNKNOWN
         return value
 
-    def _controlled(self, node: s.Expression, environment: Environment) -> Value:
+    def _controlled(self, node: s.Expression, environment: Environment) -> TypedExpression:
         value = self._asset(node, environment, "`controls`")
         if value is UNKNOWN:
             return UNKNOWN
@@ -222,20 +199,19 @@ class AgentChecker:
         text = self.report.source.text[node.start : node.end]
         first = self.controlled.setdefault(text, node)
         if first is not node and constant:
-            self.report(
+            self.report.at(
                 "LJ0115",
-                node.start,
-                node.end,
+                node,
                 f"`{text}` is controlled by two agents",
                 "use `authority … may command …`",
                 related=(Related(self.report.span(first.start, first.end), "first controlled here"),),
             )
         return value
 
-    def _channel(self, node: s.Channel, environment: Environment) -> model.Channel | None:
+    def _channel(self, node: s.ObservedChannel, environment: Environment) -> model.Channel | None:
         source = node.source
         field: s.Name | None = None
-        if isinstance(source, s.Attribute) and not node.everything:
+        if isinstance(source, s.FieldExpr) and not node.everything:
             field = source.name
             source = source.base
         if isinstance(source, s.Name) and source.text in ("events", "peers") and source.text not in self.scope.symbols:
@@ -248,10 +224,9 @@ class AgentChecker:
         if kind == "grid":
             return self._grid_channel(value, field)
         if kind not in ("entity", "group"):
-            self.report(
+            self.report.at(
                 "LJ0116",
-                node.start,
-                node.end,
+                node,
                 f"{with_article(value.type)} cannot be observed",
                 "observe an entity, a grid, `peers` or `events`",
             )
@@ -265,30 +240,17 @@ class AgentChecker:
             return model.Channel(source=ex.Symbol(source.text))
         known = OBSERVED_FIELDS if source.text == "peers" else ()
         if field.text not in known:
-            self.report(
-                "LJ0102",
-                field.start,
-                field.end,
-                f"`{source.text}` has no field `{field.text}`",
-                did_you_mean(field.text, known),
-                replace=nearest(field.text, known),
-            )
+            self.report.unknown("LJ0102", field, f"`{source.text}` has no field `{field.text}`", known)
             return None
         return model.Channel(source=ex.Symbol(source.text), fields=(_lowered_field(field.text),))
 
-    def _grid_channel(self, value: Value, field: s.Name | None) -> model.Channel | None:
+    def _grid_channel(self, value: TypedExpression, field: s.Name | None) -> model.Channel | None:
         if field is not None:
-            self.report(
-                "LJ0102",
-                field.start,
-                field.end,
-                f"a grid's cells have no field `{field.text}`",
-                "observe the grid whole",
-            )
+            self.report.at("LJ0102", field, f"a grid's cells have no field `{field.text}`", "observe the grid whole")
             return None
         return model.Channel(source=ex.Symbol(value.type.of))
 
-    def _entity_channel(self, node: s.Channel, value: Value, field: s.Name) -> model.Channel | None:
+    def _entity_channel(self, node: s.ObservedChannel, value: TypedExpression, field: s.Name) -> model.Channel | None:
         info = self.scope.groups[value.type.of]
         attribute = info.attributes.get(field.text)
         if attribute is not None and attribute.taint:
@@ -302,21 +264,14 @@ class AgentChecker:
             return model.Channel(source=value.ir, fields=(field.text,))
         if field.text not in OBSERVED_FIELDS:
             known += self._cameras(info.name)
-            self.report(
-                "LJ0102",
-                field.start,
-                field.end,
-                f"`{info.name}` shows no `{field.text}`",
-                did_you_mean(field.text, known),
-                replace=nearest(field.text, known),
-            )
+            self.report.unknown("LJ0102", field, f"`{info.name}` shows no `{field.text}`", known)
             return None
         return model.Channel(source=value.ir, fields=(_lowered_field(field.text),))
 
     def _cameras(self, group: str) -> list[str]:
         return self.scope.mounted.get(group, [])
 
-    def _text(self, node: s.Node) -> str:
+    def _text(self, node: s.SyntaxNode) -> str:
         return self.report.source.text[node.start : node.end]
 
     def _stage(self, name: s.Name) -> None:
@@ -327,7 +282,7 @@ class AgentChecker:
         seen: dict[str, s.Clause] = {}
         for clause in node.clauses:
             if clause.keyword in seen:
-                self.report("LJ0103", clause.start, clause.end, f"`{clause.keyword}` is given twice")
+                self.report.at("LJ0103", clause, f"`{clause.keyword}` is given twice")
             else:
                 seen[clause.keyword] = clause
         return seen.values()

@@ -8,34 +8,34 @@ from __future__ import annotations
 from typing import Any
 
 from lingjing.dsl.checking.calls import CallChecker
-from lingjing.dsl.checking.values import UNKNOWN, Environment, Value
+from lingjing.dsl.checking.values import UNKNOWN, Environment, TypedExpression
 from lingjing.dsl.source.suggest import did_you_mean
 from lingjing.dsl.syntax import tree as s
 from lingjing.mission import expression as ex
 from lingjing.mission.functions import AGGREGATES, FUNCTIONS, NUMBER
 
 
-def is_aggregate(node: s.Call) -> bool:
+def is_aggregate(node: s.CallExpr) -> bool:
     """Whether the call is meant as an aggregate: by its name, or by a `for` inside."""
     name = node.function.text
     return (name in AGGREGATES and name not in FUNCTIONS) or any(argument.over for argument in node.arguments)
 
 
-def aggregate(calls: CallChecker, node: s.Call, environment: Environment) -> Value:
+def aggregate(calls: CallChecker, node: s.CallExpr, environment: Environment) -> TypedExpression:
     """The checked aggregate; its value is a number, or a quantity of its body's dimension."""
     function, of = node.function, calls.of
     if function.text not in AGGREGATES:
         hint = did_you_mean(function.text, AGGREGATES)
-        of.report("LJ0306", function.start, function.end, f"`{function.text}` does not range over a group", hint)
+        of.report.at("LJ0306", function, f"`{function.text}` does not range over a group", hint)
         return UNKNOWN
     if not environment.rule:
         message = f"`{function.text}(…)` over a group is known only while the mission runs"
-        of.report("LJ0304", function.start, function.end, message, "it belongs into a rule")
+        of.report.at("LJ0304", function, message, "it belongs into a rule")
         return UNKNOWN
     over = node.arguments[0].over if len(node.arguments) == 1 else None
     if over is None:
         hint = f"`{function.text}(… for x in group)`"
-        of.report("LJ0306", node.start, node.end, f"`{function.text}` takes one argument with `for … in …`", hint)
+        of.report.at("LJ0306", node, f"`{function.text}` takes one argument with `for … in …`", hint)
         return UNKNOWN
     kind = calls.domain_type(over.domain)
     if kind is None:
@@ -46,4 +46,4 @@ def aggregate(calls: CallChecker, node: s.Call, environment: Environment) -> Val
         return UNKNOWN
     name: Any = function.text
     result = NUMBER if function.text == "count" else body.type
-    return Value(ex.Aggregate(name, over.variable.text, over.domain.text, body.ir), result, body.taint)
+    return TypedExpression(ex.Aggregate(name, over.variable.text, over.domain.text, body.ir), result, body.taint)

@@ -1,6 +1,6 @@
 """Blocks of `key = value` lines: which keys a block knows, and reading them into checked values.
 
-A `Key` says what a property is called, what fits it and with which relation. `BlockReader.read` reports what does not
+A key says what a property is called, what fits it and with which relation. `BlockReader.read` reports what does not
 belong (unknown keys, wrong relations, repeats, misplaced statements) and gives the good ones by name.
 """
 
@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from lingjing.dsl.checking.elaborate import Elaborator
-from lingjing.dsl.checking.keys import Entry, Key
+from lingjing.dsl.checking.keys import PropertyEntry, PropertyKey
 from lingjing.dsl.checking.typenames import with_article
-from lingjing.dsl.checking.values import STATIC, UNKNOWN, Environment, Taint, Value
+from lingjing.dsl.checking.values import STATIC, UNKNOWN, Environment, Taint, TypedExpression
 from lingjing.dsl.source.suggest import did_you_mean, is_certain, nearest
 from lingjing.dsl.syntax import tree as s
 from lingjing.mission import expression as ex
@@ -29,23 +29,23 @@ class BlockReader:
 
     def read(
         self,
-        block: s.Block | None,
-        keys: dict[str, Key],
+        block: s.BracedBlock | None,
+        keys: dict[str, PropertyKey],
         what: str,
         *,
         environment: Environment = STATIC,
         others: tuple[type, ...] = (),
-        owner: s.Node | None = None,
+        owner: s.SyntaxNode | None = None,
         lenient: bool = False,
-    ) -> dict[str, Entry]:
+    ) -> dict[str, PropertyEntry]:
         """The block's good properties. `others` are statement types that the caller reads itself.
 
         `lenient` passes over unknown keys: what they could be is itself not known.
         """
-        entries: dict[str, Entry] = {}
-        seen: dict[str, s.Property] = {}
+        entries: dict[str, PropertyEntry] = {}
+        seen: dict[str, s.PropertyLine] = {}
         for item in block.items if block else ():
-            if isinstance(item, s.Property):
+            if isinstance(item, s.PropertyLine):
                 if lenient and item.name.text not in keys:
                     continue
                 self._property(item, keys, what, environment, seen, entries)
@@ -63,9 +63,9 @@ class BlockReader:
         first = text.split(None, 1)[0].rstrip(":({,") if text.split() else ""
         declared = getattr(item, "name", None)
         was_poisoned = isinstance(declared, s.Name) and declared.text in self.of.scope.poisoned
-        if isinstance(item, s.Property | s.UnknownBlock) and isinstance(declared, s.Name):
+        if isinstance(item, s.PropertyLine | s.UnknownBlock) and isinstance(declared, s.Name):
             self.of.scope.poisoned.add(declared.text)  # it may have been meant as the declaration it looks like
-        name: s.Node = item
+        name: s.SyntaxNode = item
         if isinstance(item, s.Bare | s.UnknownBlock):
             name, first = item.name, item.name.text
         end = name.end if name is not item else item.start + len(first)
@@ -78,7 +78,7 @@ class BlockReader:
         message = f"`{first}` has no meaning in {what}" if code == "LJ0107" else f"{what} knows no `{first}`"
         self.report(code, name.start, max(end, name.start + 1), message, hint)
 
-    def leak(self, taint: Taint, node: s.Node, sink: str) -> None:
+    def leak(self, taint: Taint, node: s.SyntaxNode, sink: str) -> None:
         """Report a hidden value that becomes visible, with the way it took."""
         if not taint:
             return
@@ -89,10 +89,9 @@ class BlockReader:
         related = tuple(
             Related(step.span, f"{step.name}{' is hidden here' if i == 0 else ''}") for i, step in enumerate(taint)
         )
-        self.report(
+        self.report.at(
             "LJ0401",
-            node.start,
-            node.end,
+            node,
             f"a hidden value reaches {sink}: {way}",
             "hidden values may reach only `adjudicate`, `truth(…)` and sensors",
             related=related,
@@ -102,12 +101,12 @@ class BlockReader:
 
     def _property(
         self,
-        item: s.Property,
-        keys: dict[str, Key],
+        item: s.PropertyLine,
+        keys: dict[str, PropertyKey],
         what: str,
         environment: Environment,
-        seen: dict[str, s.Property],
-        entries: dict[str, Entry],
+        seen: dict[str, s.PropertyLine],
+        entries: dict[str, PropertyEntry],
     ) -> None:
         name = item.name
         key = keys.get(name.text)
@@ -115,9 +114,7 @@ class BlockReader:
             hint = did_you_mean(name.text, keys)
             close = nearest(name.text, keys)
             certain = is_certain(name.text, keys.keys() - seen.keys())
-            self.report(
-                "LJ0108", name.start, name.end, f"{what} knows no `{name.text}`", hint, replace=close, safe=certain
-            )
+            self.report.at("LJ0108", name, f"{what} knows no `{name.text}`", hint, replace=close, safe=certain)
             if close is not None:
                 seen.setdefault(close, item)  # so that it is not reported as missing, too
             return
@@ -137,7 +134,7 @@ class BlockReader:
             return
         if item.guard is not None and not key.guarded:
             guard = item.guard
-            self.report("LJ0307", guard.start, guard.end, f"`{name.text}` cannot depend on a condition")
+            self.report.at("LJ0307", guard, f"`{name.text}` cannot depend on a condition")
             return
         if item.relation not in key.relations:
             allowed = " or ".join(f"`{relation}`" for relation in key.relations)
@@ -159,14 +156,14 @@ class BlockReader:
         if key.public:
             for part in parts:
                 self.leak(part.taint, item.value, f"`{name.text}` of {what}")
-        entries[name.text] = Entry(item, key, parts)
+        entries[name.text] = PropertyEntry(item, key, parts)
 
-    def in_bounds(self, item: s.Property, key: Key, parts: tuple[Value, ...]) -> bool:
+    def in_bounds(self, item: s.PropertyLine, key: PropertyKey, parts: tuple[TypedExpression, ...]) -> bool:
         """Whether a value lies within its key's bounds; one outside of them is reported."""
         number = self.of.constant(parts[0].ir)
         if number is not None and key.whole and number != int(number):
             place = item.value
-            self.report("LJ0206", place.start, place.end, f"`{key.name}` counts in whole numbers, this is {number:g}")
+            self.report.at("LJ0206", place, f"`{key.name}` counts in whole numbers, this is {number:g}")
             return False
         if number is None or (key.low is None and key.high is None and key.above is None):
             return True
@@ -180,34 +177,33 @@ class BlockReader:
             bounds.append(f"at least {key.low:g}")
         if key.high is not None:
             bounds.append(f"at most {key.high:g}")
-        self.report("LJ0206", item.value.start, item.value.end, f"`{key.name}` must be {' and '.join(bounds)}")
+        self.report.at("LJ0206", item.value, f"`{key.name}` must be {' and '.join(bounds)}")
         return False
 
-    def check_state(self, item: s.Property, kind: Type) -> None:
+    def check_state(self, item: s.PropertyLine, kind: Type) -> None:
         """A state is a number that changes in a run; places and headings change by themselves."""
         if not item.state or kind.kind == "any":
             return
         if item.name.text in ("position", "heading"):
             self.report("LJ0110", item.start, item.name.end, f"`{item.name.text}` changes by itself: it is no state")
         elif kind.kind != "quantity":
-            self.report(
-                "LJ0201", item.value.start, item.value.end, f"a state is a number, this is {with_article(kind)}"
-            )
+            self.report.at("LJ0201", item.value, f"a state is a number, this is {with_article(kind)}")
 
-    def duplicate(self, node: s.Node, first: s.Node, message: str, code: str = "LJ0103") -> None:
+    def duplicate(self, node: s.SyntaxNode, first: s.SyntaxNode, message: str, code: str = "LJ0103") -> None:
         """Report a repeated declaration and point at the first."""
         from lingjing.mission.diagnostics import Related
 
-        self.report(
+        self.report.at(
             code,
-            node.start,
-            node.end,
+            node,
             message,
             "remove one of the two",
             related=(Related(self.report.span(first.start, first.end), "first given here"),),
         )
 
-    def parts(self, node: s.Expression, key: Key, relation: str, environment: Environment) -> tuple[Value, ...]:
+    def parts(
+        self, node: s.Expression, key: PropertyKey, relation: str, environment: Environment
+    ) -> tuple[TypedExpression, ...]:
         """The checked value in its parts."""
         what = f"`{key.name}`"
         kind = key.type.kind
@@ -232,17 +228,17 @@ class BlockReader:
             return (self._choices(node, key, environment),)
         return (self.of.expect(node, environment, key.type, what),)
 
-    def _choice(self, node: s.Name, key: Key) -> Value:
+    def _choice(self, node: s.Name, key: PropertyKey) -> TypedExpression:
         if key.choices is None or node.text in key.choices:
-            return Value(ex.Symbol(node.text), key.type)
+            return TypedExpression(ex.Symbol(node.text), key.type)
         close = nearest(node.text, key.choices)
         hint = did_you_mean(node.text, key.choices)
         certain = is_certain(node.text, key.choices)
         message = f"`{key.name}` cannot be `{node.text}`"
-        self.report("LJ0109", node.start, node.end, message, hint, replace=close, safe=certain)
+        self.report.at("LJ0109", node, message, hint, replace=close, safe=certain)
         return UNKNOWN
 
-    def _choices(self, node: s.List, key: Key, environment: Environment) -> Value:
+    def _choices(self, node: s.List, key: PropertyKey, environment: Environment) -> TypedExpression:
         items = []
         for item in node.items:
             if isinstance(item, s.Name):
@@ -251,60 +247,61 @@ class BlockReader:
                 items.append(self.of.expect(item, environment, Type("name"), f"`{key.name}`"))
         names = [item.ir for item in items]
         if len(names) != len(set(names)) and UNKNOWN not in items:
-            self.report("LJ0103", node.start, node.end, f"`{key.name}` names something twice")
+            self.report.at("LJ0103", node, f"`{key.name}` names something twice")
             return UNKNOWN
         if UNKNOWN in items:
             return UNKNOWN
-        return Value(ex.Sequence(tuple(names)), key.type)
+        return TypedExpression(ex.Sequence(tuple(names)), key.type)
 
-    def _directed(self, node: s.Expression, key: Key, relation: str, environment: Environment) -> tuple[Value, ...]:
+    def _directed(
+        self, node: s.Expression, key: PropertyKey, relation: str, environment: Environment
+    ) -> tuple[TypedExpression, ...]:
         word = key.type.of
-        if not isinstance(node, s.Binary) or node.operator != word:
-            self.report(
+        if not isinstance(node, s.BinaryExpr) or node.operator != word:
+            self.report.at(
                 "LJ0205",
-                node.start,
-                node.end,
+                node,
                 f"`{key.name}` is a speed and a direction",
                 f"write `{key.name} {relation} 4 m/s {word} 220 deg`",
             )
             return (UNKNOWN,)
         parts = []
         for part, due in ((node.left, MPS), (node.right, DEGREES)):
-            drawn = relation == "~" and isinstance(part, s.Call)
+            drawn = relation == "~" and isinstance(part, s.CallExpr)
             value = self.of.calls.draw(part, environment) if drawn else self.of.value(part, environment)
             parts.append(value if self.of.fits(value, due, part, f"`{key.name}`") else UNKNOWN)
         if relation == "~" and not any(isinstance(part.ir, ex.Draw) for part in parts) and UNKNOWN not in parts:
-            self.report(
-                "LJ0301", node.start, node.end, "nothing is drawn here", f"write `{key.name} = …`, or draw the speed"
-            )
+            self.report.at("LJ0301", node, "nothing is drawn here", f"write `{key.name} = …`, or draw the speed")
             return (UNKNOWN,)
         return tuple(parts)
 
-    def _size(self, node: s.Expression, what: str, environment: Environment) -> tuple[Value, ...]:
-        if not isinstance(node, s.Binary) or node.operator != "by":
-            self.report("LJ0205", node.start, node.end, f"{what} is two numbers", "write `3 by 3`")
+    def _size(self, node: s.Expression, what: str, environment: Environment) -> tuple[TypedExpression, ...]:
+        if not isinstance(node, s.BinaryExpr) or node.operator != "by":
+            self.report.at("LJ0205", node, f"{what} is two numbers", "write `3 by 3`")
             return (UNKNOWN,)
         return tuple(self._whole(part, what, environment) for part in (node.left, node.right))
 
-    def _whole(self, node: s.Expression, what: str, environment: Environment) -> Value:
+    def _whole(self, node: s.Expression, what: str, environment: Environment) -> TypedExpression:
         value = self.of.expect(node, environment, NUMBER, what)
         number = self.of.constant(value.ir)
         if number is not None and (number < 1 or number != int(number)):
-            self.report("LJ0206", node.start, node.end, f"{what} counts in whole numbers from 1")
+            self.report.at("LJ0206", node, f"{what} counts in whole numbers from 1")
             return UNKNOWN
         return value
 
-    def _level(self, node: s.Expression, what: str, environment: Environment) -> Value:
+    def _level(self, node: s.Expression, what: str, environment: Environment) -> TypedExpression:
         metres = Type("quantity", (1, 0, 0, 0, 0, 0, 0, 0))
-        if isinstance(node, s.Binary) and node.operator == "at":
+        if isinstance(node, s.BinaryExpr) and node.operator == "at":
             if isinstance(node.left, s.Name) and node.left.text.split() == SEA_LEVEL.split():
                 return self.of.expect(node.right, environment, metres, what)
             left = node.left
-            self.report("LJ0205", left.start, left.end, "a level is that of the sea", "write `sea level at -3.5 m`")
+            self.report.at("LJ0205", left, "a level is that of the sea", "write `sea level at -3.5 m`")
             return UNKNOWN
         return self.of.expect(node, environment, metres, what)
 
-    def _required(self, keys: dict[str, Key], seen: dict[str, s.Property], what: str, place: s.Node) -> None:
+    def _required(
+        self, keys: dict[str, PropertyKey], seen: dict[str, s.PropertyLine], what: str, place: s.SyntaxNode
+    ) -> None:
         for key in keys.values():
             if key.required and key.name not in seen:
                 end = place.start + len(self.report.source.text[place.start : place.end].split(None, 1)[0])

@@ -10,7 +10,7 @@ from typing import Literal, cast
 
 from lingjing.dsl.checking.blocks import BlockReader
 from lingjing.dsl.checking.equipment import VIEWS
-from lingjing.dsl.checking.keys import Entry, Key
+from lingjing.dsl.checking.keys import PropertyEntry, PropertyKey
 from lingjing.dsl.source.suggest import did_you_mean, nearest
 from lingjing.dsl.syntax import tree as s
 from lingjing.mission import expression as ex
@@ -24,12 +24,12 @@ _DRAWN = ("=", "~")
 BODY_KEYS = {
     key.name: key
     for key in (
-        *(Key(name, METRES, _DRAWN, above=0, hideable=True, public=False) for name in MEASURES),
-        Key("mass", Type("quantity", MASS), _DRAWN, above=0, hideable=True, public=False),
-        Key("colour", Type("name"), _DRAWN, choices=tuple(COLOURS), hideable=True, public=False),
-        Key("shape", Type("name"), choices=(*SHAPES, BARE)),
-        Key("origin", Type("name"), choices=ORIGINS),
-        Key("look", Type("name"), choices=(*MODELS, BARE)),
+        *(PropertyKey(name, METRES, _DRAWN, above=0, hideable=True, public=False) for name in MEASURES),
+        PropertyKey("mass", Type("quantity", MASS), _DRAWN, above=0, hideable=True, public=False),
+        PropertyKey("colour", Type("name"), _DRAWN, choices=tuple(COLOURS), hideable=True, public=False),
+        PropertyKey("shape", Type("name"), choices=(*SHAPES, BARE)),
+        PropertyKey("origin", Type("name"), choices=ORIGINS),
+        PropertyKey("look", Type("name"), choices=(*MODELS, BARE)),
     )
 }
 """Properties of any type and entity: how large, heavy and of what colour its body is, what one bumps into, where in it
@@ -38,19 +38,19 @@ the position lies, and which of the camera's models shows it."""
 MOUNT_KEYS = {
     key.name: key
     for key in (
-        Key("ahead", METRES, required=True),
-        Key("above", METRES, required=True),
-        Key("tilt", DEGREES, required=True, low=-90, high=90),
-        Key("gimbal", FLAG),
+        PropertyKey("ahead", METRES, required=True),
+        PropertyKey("above", METRES, required=True),
+        PropertyKey("tilt", DEGREES, required=True, low=-90, high=90),
+        PropertyKey("gimbal", FLAG),
     )
 }
 PART_KEYS = {
     key.name: key
     for key in (
-        *(Key(name, METRES, required=True, above=0) for name in MEASURES),
-        *(Key(name, METRES) for name in ("ahead", "right", "above")),
-        Key("heading", DEGREES),
-        Key("colour", Type("name"), choices=tuple(COLOURS)),
+        *(PropertyKey(name, METRES, required=True, above=0) for name in MEASURES),
+        *(PropertyKey(name, METRES) for name in ("ahead", "right", "above")),
+        PropertyKey("heading", DEGREES),
+        PropertyKey("colour", Type("name"), choices=tuple(COLOURS)),
     )
 }
 
@@ -111,17 +111,17 @@ class BodyChecker:
             return True
         close = nearest(name.text, known)
         hint = did_you_mean(name.text, known) or f"known: {', '.join(known)}"
-        self.report("LJ0109", name.start, name.end, f"no {what} is called `{name.text}`", hint, replace=close)
+        self.report.at("LJ0109", name, f"no {what} is called `{name.text}`", hint, replace=close)
         return False
 
     def _once(self, name: s.Name, seen: set[str]) -> bool:
         if name.text in seen:
-            self.report("LJ0104", name.start, name.end, f"`{name.text}` is declared twice")
+            self.report.at("LJ0104", name, f"`{name.text}` is declared twice")
             return False
         seen.add(name.text)
         return True
 
-    def _constants(self, entries: dict[str, Entry]) -> dict[str, float]:
+    def _constants(self, entries: dict[str, PropertyEntry]) -> dict[str, float]:
         """The numbers among the entries. One that is no constant is reported."""
         found = {}
         for name, entry in entries.items():
@@ -130,11 +130,11 @@ class BodyChecker:
             number = self.blocks.of.constant(entry.value.ir)
             if number is None:
                 place = entry.node.value
-                self.report("LJ0201", place.start, place.end, f"`{name}` of a body is a constant")
+                self.report.at("LJ0201", place, f"`{name}` of a body is a constant")
             else:
                 found[name] = number
         return found
 
 
-def _word(entry: Entry | None) -> str:
+def _word(entry: PropertyEntry | None) -> str:
     return entry.value.ir.name if entry is not None and isinstance(entry.value.ir, ex.Symbol) else ""

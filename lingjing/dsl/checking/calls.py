@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from lingjing.dsl.checking.expressions import ExpressionChecker
 from lingjing.dsl.checking.typenames import with_article
-from lingjing.dsl.checking.values import UNKNOWN, Environment, Taint, Value
+from lingjing.dsl.checking.values import UNKNOWN, Environment, Taint, TypedExpression
 from lingjing.dsl.source.suggest import did_you_mean, nearest
 from lingjing.dsl.syntax import tree as s
 from lingjing.mission import expression as ex
@@ -28,7 +28,7 @@ class CallChecker:
         self.report = checker.report
         self.scope = checker.scope
 
-    def call(self, node: s.Call, environment: Environment) -> Value:
+    def call(self, node: s.CallExpr, environment: Environment) -> TypedExpression:
         """A call of a rule or of a built-in."""
         name = node.function.text
         if name in self.scope.rules:
@@ -52,21 +52,21 @@ class CallChecker:
             result = self._item_type(node, environment)
         elif name == "buffer" and not self._buffers(node, environment):
             return UNKNOWN
-        return Value(ex.Call(name, arguments, named), result, taint)
+        return TypedExpression(ex.Call(name, arguments, named), result, taint)
 
-    def draw(self, node: s.Expression, environment: Environment) -> Value:
+    def draw(self, node: s.Expression, environment: Environment) -> TypedExpression:
         """What stands after `~`: a distribution's call, lowered to a `Draw`."""
         if isinstance(node, s.Broken):
             return UNKNOWN
-        if not isinstance(node, s.Call):
-            self.report("LJ0301", node.start, node.end, "a distribution is due after `~`", _distributions())
+        if not isinstance(node, s.CallExpr):
+            self.report.at("LJ0301", node, "a distribution is due after `~`", _distributions())
             return UNKNOWN
         signature = DISTRIBUTIONS.get(node.function.text)
         if signature is None:
             name = node.function
             hint = did_you_mean(name.text, DISTRIBUTIONS)
             close = nearest(name.text, DISTRIBUTIONS)
-            self.report("LJ0301", name.start, name.end, f"no distribution is called `{name.text}`", hint, replace=close)
+            self.report.at("LJ0301", name, f"no distribution is called `{name.text}`", hint, replace=close)
             return UNKNOWN
         checked = self._arguments(node, signature, environment)
         if checked is None:
@@ -75,16 +75,14 @@ class CallChecker:
         if signature.name == "uniform":
             low, high = (self.of.constant(argument) for argument in arguments)
             if low is not None and high is not None and low > high:
-                self.report(
-                    "LJ0206", node.start, node.end, "the range of the draw is empty", "the smaller end stands first"
-                )
+                self.report.at("LJ0206", node, "the range of the draw is empty", "the smaller end stands first")
         result = Type("quantity", dimension) if signature.same else signature.result
         if signature.name in ("choice", "subset"):
             kind = self.of.value(node.arguments[0].value, environment).type
             result = Type(kind.item or "any", kind.dimension)
-        return Value(ex.Draw(signature.name, arguments, named), result, taint)
+        return TypedExpression(ex.Draw(signature.name, arguments, named), result, taint)
 
-    def domain_of(self, node: s.Quantified) -> tuple[str, Type] | None:
+    def domain_of(self, node: s.QuantifiedExpr) -> tuple[str, Type] | None:
         """What a quantifier ranges over: as written, or as the rules in its body take the variable."""
         if node.domain is not None:
             kind = self.domain_type(node.domain)
@@ -94,16 +92,14 @@ class CallChecker:
             variable = node.variable
             hint = f"say over what: `{node.quantifier} {variable.text} in …:`"
             if not _mentions_unknown(node.body, self.scope.rules):
-                self.report(
-                    "LJ0105", variable.start, variable.end, f"what `{variable.text}` ranges over is not clear", hint
-                )
+                self.report.at("LJ0105", variable, f"what `{variable.text}` ranges over is not clear", hint)
             return None
         first = found[0]
         for other in found[1:]:
             if other.text != first.text:
                 variable = node.variable
                 message = f"`{variable.text}` is used both as `{first.text}` and as `{other.text}`"
-                self.report("LJ0105", variable.start, variable.end, message, "use two variables")
+                self.report.at("LJ0105", variable, message, "use two variables")
                 return None
         kind = self.domain_type(first, silent=True)
         return None if kind is None else (first.text, kind)
@@ -120,7 +116,7 @@ class CallChecker:
 
     # -- private
 
-    def _item_type(self, node: s.Call, environment: Environment) -> Type:
+    def _item_type(self, node: s.CallExpr, environment: Environment) -> Type:
         """What `at(i, [items], rest = …)` gives: one of the items."""
         listed = [argument.value for argument in node.arguments if argument.name is None]
         kind = self.of.value(listed[1], environment).type
@@ -130,23 +126,23 @@ class CallChecker:
                 self.of.expect(argument.value, environment, item, "`rest`")
         return item
 
-    def _buffers(self, node: s.Call, environment: Environment) -> bool:
+    def _buffers(self, node: s.CallExpr, environment: Environment) -> bool:
         shape = node.arguments[0].value
         kind = self.of.value(shape, environment).type
         if kind.kind in ("region", "any") or (kind.kind == "list" and kind.item in ("position", None)):
             return True
         message = f"a region or a list of positions is due for `shape` of `buffer`, this is {with_article(kind)}"
-        self.report("LJ0201", shape.start, shape.end, message)
+        self.report.at("LJ0201", shape, message)
         return False
 
-    def _named(self, node: s.Expression, kind: str) -> Value:
+    def _named(self, node: s.Expression, kind: str) -> TypedExpression:
         """The name of an inspection or of a counted budget."""
         known = self.scope.inspections if kind == "inspection" else self.scope.limits
         if isinstance(node, s.Name) and node.text in known:
-            return Value(ex.Symbol(node.text), Type("inspection" if kind == "inspection" else "limit"))
+            return TypedExpression(ex.Symbol(node.text), Type("inspection" if kind == "inspection" else "limit"))
         if isinstance(node, s.Name):
             return self.of.unknown_name(node, list(known), f"no {kind}")
-        self.report("LJ0201", node.start, node.end, f"the name of {'an' if kind[0] == 'i' else 'a'} {kind} is due here")
+        self.report.at("LJ0201", node, f"the name of {'an' if kind[0] == 'i' else 'a'} {kind} is due here")
         return UNKNOWN
 
     def _inferred(self, node: s.Expression, variable: str) -> list[s.Name]:
@@ -154,9 +150,9 @@ class CallChecker:
         waiting: list[s.Expression] = [node]
         while waiting:
             part = waiting.pop()
-            if isinstance(part, s.Quantified) and part.variable.text == variable:
+            if isinstance(part, s.QuantifiedExpr) and part.variable.text == variable:
                 continue
-            if isinstance(part, s.Call) and part.function.text in self.scope.rules:
+            if isinstance(part, s.CallExpr) and part.function.text in self.scope.rules:
                 parameters = self.scope.rules[part.function.text].parameters
                 for parameter, argument in zip(parameters, part.arguments, strict=False):
                     if isinstance(argument.value, s.Name) and argument.value.text == variable:
@@ -164,7 +160,7 @@ class CallChecker:
             waiting.extend(children(part))
         return found
 
-    def _rule(self, node: s.Call, environment: Environment) -> Value:
+    def _rule(self, node: s.CallExpr, environment: Environment) -> TypedExpression:
         rule = self.scope.rules[node.function.text]
         if not environment.rule:
             self._misplaced(
@@ -173,26 +169,26 @@ class CallChecker:
             return UNKNOWN
         if len(node.arguments) != len(rule.parameters):
             due, given = len(rule.parameters), len(node.arguments)
-            self.report("LJ0306", node.start, node.end, f"`{rule.name}` takes {_count(due, 'argument')}, {given} given")
+            self.report.at("LJ0306", node, f"`{rule.name}` takes {_count(due, 'argument')}, {given} given")
             self._all_arguments(node, environment)
             return UNKNOWN
         values = []
         for parameter, argument in zip(rule.parameters, node.arguments, strict=True):
             if argument.name is not None:
-                self.report("LJ0306", argument.start, argument.end, "a rule's arguments go by their place")
+                self.report.at("LJ0306", argument, "a rule's arguments go by their place")
             kind = self.domain_type(parameter.type, silent=True)
             what = f"`{parameter.name.text}` of `{rule.name}`"
             if kind is None:
                 values.append(self.of.value(argument.value, environment))
             else:
                 values.append(self.of.expect(argument.value, environment, kind, what))
-        return Value(ex.Call(rule.name, tuple(v.ir for v in values), rule=True), FLAG)
+        return TypedExpression(ex.Call(rule.name, tuple(v.ir for v in values), rule=True), FLAG)
 
     def _arguments(
-        self, node: s.Call, signature: Signature, environment: Environment
+        self, node: s.CallExpr, signature: Signature, environment: Environment
     ) -> tuple[tuple[ex.Expr, ...], tuple[tuple[str, ex.Expr], ...], Dimension | None, Taint] | None:
         options = {option.name: option for option in signature.options}
-        positional: list[s.Argument] = []
+        positional: list[s.CallArgument] = []
         named: list[tuple[str, ex.Expr]] = []
         taint: Taint = ()
         good = True
@@ -209,7 +205,7 @@ class CallChecker:
                 good = False
                 continue
             if any(name == option.name for name, _ in named):
-                self.report("LJ0103", argument.start, argument.end, f"`{option.name}` is given twice")
+                self.report.at("LJ0103", argument, f"`{option.name}` is given twice")
             named.append((option.name, value.ir))
             taint = taint or value.taint
         if not self._count_fits(node, signature, len(positional)):
@@ -223,8 +219,8 @@ class CallChecker:
         return (tuple(v.ir for v in values), tuple(named), dimension, taint) if good else None
 
     def _positional(
-        self, arguments: list[s.Argument], signature: Signature, environment: Environment
-    ) -> tuple[list[Value], Dimension | None]:
+        self, arguments: list[s.CallArgument], signature: Signature, environment: Environment
+    ) -> tuple[list[TypedExpression], Dimension | None]:
         dimension: Dimension | None = None
         values = []
         for position, argument in enumerate(arguments):
@@ -243,7 +239,7 @@ class CallChecker:
         due: Type,
         signature: Signature,
         environment: Environment,
-    ) -> Value:
+    ) -> TypedExpression:
         if due.kind == "interaction":
             return self._interaction(node)
         if due.kind in ("inspection", "limit"):
@@ -253,9 +249,7 @@ class CallChecker:
         if due.kind in ("entity", "position") and value.type.kind == "group":
             group = value.type.of
             message = f"one member of `{group}` is due for {what}, this is the whole group"
-            self.report(
-                "LJ0201", node.start, node.end, message, f"bind one: `exists v in {group}: …`, or name it: `{group}[1]`"
-            )
+            self.report.at("LJ0201", node, message, f"bind one: `exists v in {group}: …`, or name it: `{group}[1]`")
             return UNKNOWN
         if not self.of.fits(value, due, node, what):
             return UNKNOWN
@@ -263,49 +257,46 @@ class CallChecker:
             return self._place_of(value, node)
         return value
 
-    def _place_of(self, value: Value, node: s.Expression) -> Value:
+    def _place_of(self, value: TypedExpression, node: s.Expression) -> TypedExpression:
         attribute = self.scope.groups[value.type.of].attributes.get("position")
         if attribute is None or not attribute.taint:
             return value
-        return Value(value.ir, value.type, (*attribute.taint, self.of.step(f"`{value.type.of}`", node)))
+        return TypedExpression(value.ir, value.type, (*attribute.taint, self.of.step(f"`{value.type.of}`", node)))
 
-    def _interaction(self, node: s.Expression) -> Value:
+    def _interaction(self, node: s.Expression) -> TypedExpression:
         known = self.scope.interactions()
         if isinstance(node, s.Name) and node.text in known:
-            return Value(ex.Symbol(node.text), Type("interaction"))
+            return TypedExpression(ex.Symbol(node.text), Type("interaction"))
         if isinstance(node, s.Name):
             return UNKNOWN if self.scope.incomplete else self.of.unknown_name(node, list(known), "no interaction")
-        self.report("LJ0201", node.start, node.end, "an interaction's name is due here")
+        self.report.at("LJ0201", node, "an interaction's name is due here")
         return UNKNOWN
 
-    def _option_value(self, argument: s.Argument, option: FunctionOption, environment: Environment) -> Value | None:
+    def _option_value(
+        self, argument: s.CallArgument, option: FunctionOption, environment: Environment
+    ) -> TypedExpression | None:
         node = argument.value
-        if argument.name is None and isinstance(node, s.Binary):
+        if argument.name is None and isinstance(node, s.BinaryExpr):
             if node.operator != option.relation:
                 message = f"`{option.name}` is given with `{option.relation}`"
-                self.report("LJ0303", node.start, node.end, message, f"write `{option.name} {option.relation} …`")
+                self.report.at("LJ0303", node, message, f"write `{option.name} {option.relation} …`")
                 return None
             node = node.right
         elif option.relation != "=":
             message = f"`{option.name}` is a bound"
-            self.report("LJ0303", argument.start, argument.end, message, f"write `{option.name} {option.relation} …`")
+            self.report.at("LJ0303", argument, message, f"write `{option.name} {option.relation} …`")
             return None
         return self.of.expect(node, environment, option.type, f"`{option.name}`")
 
     def _unknown_option(self, name: s.Name, signature: Signature) -> bool:
         known = [option.name for option in signature.options]
         hint = did_you_mean(name.text, known) or f"`{signature.name}` takes no named arguments"
-        self.report(
-            "LJ0306",
-            name.start,
-            name.end,
-            f"`{signature.name}` has no argument `{name.text}`",
-            hint,
-            replace=nearest(name.text, known),
+        self.report.at(
+            "LJ0306", name, f"`{signature.name}` has no argument `{name.text}`", hint, replace=nearest(name.text, known)
         )
         return False
 
-    def _count_fits(self, node: s.Call, signature: Signature, given: int) -> bool:
+    def _count_fits(self, node: s.CallExpr, signature: Signature, given: int) -> bool:
         least = signature.least or sum(1 for p in signature.parameters if not p.optional)
         most = None if signature.variadic else len(signature.parameters)
         if given >= least and (most is None or given <= most):
@@ -313,32 +304,32 @@ class CallChecker:
         due = f"at least {least}" if most is None else str(least) if least == most else f"{least} to {most}"
         shown = ", ".join(p.name for p in signature.parameters) + (", …" if signature.variadic else "")
         message = f"`{signature.name}` takes {due} argument{'' if due == '1' else 's'}, {given} given"
-        self.report("LJ0306", node.start, node.end, message, f"`{signature.name}({shown})`")
+        self.report.at("LJ0306", node, message, f"`{signature.name}({shown})`")
         return False
 
-    def _all_arguments(self, node: s.Call, environment: Environment) -> None:
+    def _all_arguments(self, node: s.CallExpr, environment: Environment) -> None:
         for argument in node.arguments:
             self.of.value(argument.value, environment)
 
-    def _misplaced(self, node: s.Call, message: str, hint: str) -> None:
-        self.report("LJ0304", node.function.start, node.function.end, message, hint)
+    def _misplaced(self, node: s.CallExpr, message: str, hint: str) -> None:
+        self.report.at("LJ0304", node.function, message, hint)
 
 
 def children(node: s.Expression) -> tuple[s.Expression, ...]:
     """The direct sub-expressions."""
-    if isinstance(node, s.Binary):
+    if isinstance(node, s.BinaryExpr):
         return (node.left, node.right)
-    if isinstance(node, s.Call):
+    if isinstance(node, s.CallExpr):
         return tuple(argument.value for argument in node.arguments)
     if isinstance(node, s.Tuple | s.List):
         return node.items
     if isinstance(node, s.Subscript):
         return (node.base, node.index)
-    if isinstance(node, s.Attribute):
+    if isinstance(node, s.FieldExpr):
         return (node.base,)
-    if isinstance(node, s.Unary):
+    if isinstance(node, s.UnaryExpr):
         return (node.operand,)
-    if isinstance(node, s.Quantified):
+    if isinstance(node, s.QuantifiedExpr):
         return (node.body,)
     return ()
 
@@ -351,17 +342,17 @@ def _mentions_unknown(node: s.Expression, rules: dict[str, object] | object) -> 
         part = waiting.pop()
         if isinstance(part, s.Broken):
             return True
-        if isinstance(part, s.Call) and part.function.text not in FUNCTIONS:
+        if isinstance(part, s.CallExpr) and part.function.text not in FUNCTIONS:
             unknown = unknown or part.function.text not in rules  # type: ignore[operator]
         waiting.extend(children(part))
     return unknown
 
 
-def _option(argument: s.Argument, options: dict[str, FunctionOption]) -> FunctionOption | None:
+def _option(argument: s.CallArgument, options: dict[str, FunctionOption]) -> FunctionOption | None:
     if argument.name is not None:
         return options.get(argument.name.text)
     value = argument.value
-    if isinstance(value, s.Binary) and value.operator in ("<", "<=", ">", ">=") and isinstance(value.left, s.Name):
+    if isinstance(value, s.BinaryExpr) and value.operator in ("<", "<=", ">", ">=") and isinstance(value.left, s.Name):
         return options.get(value.left.text)
     return None
 

@@ -16,11 +16,11 @@ from lingjing.dsl.checking.conduct import ConductChecker
 from lingjing.dsl.checking.events import EventChecker
 from lingjing.dsl.checking.inherit import inherited
 from lingjing.dsl.checking.rules import RuleChecker
-from lingjing.dsl.checking.scope import Scope
+from lingjing.dsl.checking.scope import SymbolTables
 from lingjing.dsl.checking.studies import StudyChecker
 from lingjing.dsl.checking.toplevel import FileChecker, Files, names_in_faults
 from lingjing.dsl.source.reporter import Reporter
-from lingjing.dsl.source.text import Source
+from lingjing.dsl.source.text import SourceText
 from lingjing.dsl.syntax import tree as s
 from lingjing.mission import expression as ex
 from lingjing.mission import model
@@ -58,7 +58,7 @@ def check_mission(file: FileChecker, tree: s.File) -> model.Mission | None:
     report = file.report
     missions = [item for item in tree.items if isinstance(item, s.MissionBlock)]
     for extra in missions[1:]:
-        report("LJ0104", extra.name.start, extra.name.end, "a file holds one mission", "move it into a file of its own")
+        report.at("LJ0104", extra.name, "a file holds one mission", "move it into a file of its own")
     if missions:
         whole = inherited(file, missions[0], check)
         return None if whole is None else MissionChecker(file).mission(whole)
@@ -156,7 +156,7 @@ class MissionChecker:
         for item in items:
             inside = isinstance(item, _MISSION_STATEMENTS) and not (
                 (isinstance(item, s.TextLine) and item.keyword != "goal")
-                or (isinstance(item, s.Section) and item.keyword == "actions")
+                or (isinstance(item, s.SettingsBlock) and item.keyword == "actions")
             )
             if not inside:
                 self.blocks.misplaced(item, "a mission")
@@ -206,9 +206,9 @@ class MissionChecker:
             for region in regions:
                 self.entities.veils(region)
 
-    def _sections(self, items: tuple[s.Statement, ...]) -> dict[str, s.Section]:
-        found: dict[str, s.Section] = {}
-        for item in _all(items, s.Section):
+    def _sections(self, items: tuple[s.Statement, ...]) -> dict[str, s.SettingsBlock]:
+        found: dict[str, s.SettingsBlock] = {}
+        for item in _all(items, s.SettingsBlock):
             if item.keyword in found:
                 self._twice(item.keyword, item, found[item.keyword])
             else:
@@ -217,8 +217,8 @@ class MissionChecker:
 
     def _outcomes(self, items: tuple[s.Statement, ...]) -> dict[str, ex.Expr]:
         found: dict[str, ex.Expr] = {}
-        first: dict[str, s.Outcome] = {}
-        for item in _all(items, s.Outcome):
+        first: dict[str, s.OutcomeLine] = {}
+        for item in _all(items, s.OutcomeLine):
             if item.keyword in first:
                 self._twice(item.keyword, item, first[item.keyword])
                 continue
@@ -250,7 +250,7 @@ class MissionChecker:
         strays = sum(isinstance(item, s.UnknownBlock) for item in node.block.items) + broken.count("{")
         if len(missing) > strays:  # else each block without a keyword of its own may be what is missing
             for keyword, hint in missing:
-                self.report("LJ0106", node.name.start, node.name.end, f"the mission lacks `{keyword}`", hint)
+                self.report.at("LJ0106", node.name, f"the mission lacks `{keyword}`", hint)
 
     def _whole(self, node: s.MissionBlock, modes: model.Modes | None) -> None:
         """What only the whole mission can show."""
@@ -258,12 +258,11 @@ class MissionChecker:
         if any(isinstance(item, s.Faulty) for item in items):
             return
         if not _all(items, s.AgentBlock):
-            self.report(
-                "LJ0106", node.name.start, node.name.end, "the mission has no agent", "add `agent … as … controls …`"
-            )
-        comms = next((item for item in _all(items, s.Section) if item.keyword == "comms"), None)
+            self.report.at("LJ0106", node.name, "the mission has no agent", "add `agent … as … controls …`")
+        comms = next((item for item in _all(items, s.SettingsBlock) if item.keyword == "comms"), None)
         hub_given = comms is not None and any(
-            isinstance(i, s.Faulty) or (isinstance(i, s.Property) and i.name.text == "hub") for i in comms.block.items
+            isinstance(i, s.Faulty) or (isinstance(i, s.PropertyLine) and i.name.text == "hub")
+            for i in comms.block.items
         )
         mode = next(iter(_all(items, s.ModeLine)), None)
         self._alone(node, modes)
@@ -283,10 +282,9 @@ class MissionChecker:
         if modes is None or modes.default != "single" or not several:
             return
         second = agents[-1]
-        self.report(
+        self.report.at(
             "LJ0504",
-            second.name.start,
-            second.name.end,
+            second.name,
             "the mode is `single`, this mission has several agents",
             "write `mode broadcast`, or `mode star` with a hub",
         )
@@ -295,7 +293,7 @@ class MissionChecker:
 _MISSION_STATEMENTS = (
     s.TextLine,
     s.SceneBlock,
-    s.Section,
+    s.SettingsBlock,
     s.Param,
     s.ModeLine,
     s.RegionLine,
@@ -308,7 +306,7 @@ _MISSION_STATEMENTS = (
     s.UnlockLine,
     s.StageBlock,
     s.RelationLine,
-    s.Outcome,
+    s.OutcomeLine,
     s.RevealLine,
     s.LimitLine,
     s.PermitLine,
@@ -329,12 +327,12 @@ def _good(parts: list[T | None]) -> tuple[T, ...]:
     return tuple([part for part in parts if part is not None])
 
 
-def _hidden_count(scope: Scope) -> int:
+def _hidden_count(scope: SymbolTables) -> int:
     attributes = (attribute for info in scope.groups.values() for attribute in info.attributes.values())
     return len(scope.veiled) + sum(1 for attribute in attributes if attribute.taint)
 
 
-def _origin(source: Source) -> model.Origin:
+def _origin(source: SourceText) -> model.Origin:
     name = source.path.replace("\\", "/").rsplit("/", 1)[-1]
     return model.Origin(file=name, sha256=hashlib.sha256(source.text.encode("utf-8", "surrogatepass")).hexdigest())
 
@@ -343,11 +341,11 @@ def _ceilings(nodes: list[s.Param]) -> dict[str, float]:
     """The greatest value of each param whose bounds are written as bare numbers."""
     found: dict[str, float] = {}
     for node in nodes:
-        bounds = node.value.right if isinstance(node.value, s.Binary) and node.value.operator == "in" else None
+        bounds = node.value.right if isinstance(node.value, s.BinaryExpr) and node.value.operator == "in" else None
         items = bounds.items if isinstance(bounds, s.List) else ()
-        if isinstance(bounds, s.Binary) and bounds.operator == "..":
+        if isinstance(bounds, s.BinaryExpr) and bounds.operator == "..":
             items = (bounds.right,)
-        values = [item.value for item in items if isinstance(item, s.Number) and not item.unit]
+        values = [item.value for item in items if isinstance(item, s.NumberLiteral) and not item.unit]
         if values and len(values) == len(items):
             found[node.name.text] = max(values)
     return found

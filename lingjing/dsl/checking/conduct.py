@@ -5,13 +5,12 @@ from __future__ import annotations
 from typing import Literal
 
 from lingjing.dsl.checking.blocks import BlockReader
-from lingjing.dsl.checking.keys import Entry, Key
+from lingjing.dsl.checking.keys import PropertyEntry, PropertyKey
 from lingjing.dsl.checking.rules import RuleChecker
-from lingjing.dsl.checking.scope import Scope
+from lingjing.dsl.checking.scope import SymbolTables
 from lingjing.dsl.checking.settings import SettingsChecker
 from lingjing.dsl.checking.typenames import with_article
-from lingjing.dsl.checking.values import RULE, STATIC, UNKNOWN, Value
-from lingjing.dsl.source.suggest import did_you_mean, nearest
+from lingjing.dsl.checking.values import RULE, STATIC, UNKNOWN, TypedExpression
 from lingjing.dsl.syntax import tree as s
 from lingjing.mission import expression as ex
 from lingjing.mission import model
@@ -23,13 +22,13 @@ ORDERS = ("strict", "any")
 _INSPECTION_KEYS = {
     key.name: key
     for key in (
-        Key("within", METRES, above=0, required=True),
-        Key("destination", ENTITY),
-        Key("order", Type("name"), choices=ORDERS),
-        Key("replan", Type("name")),
+        PropertyKey("within", METRES, above=0, required=True),
+        PropertyKey("destination", ENTITY),
+        PropertyKey("order", Type("name"), choices=ORDERS),
+        PropertyKey("replan", Type("name")),
     )
 }
-_CONSTRAINT_KEYS = {"penalty": Key("penalty", NUMBER, low=0, high=1)}
+_CONSTRAINT_KEYS = {"penalty": PropertyKey("penalty", NUMBER, low=0, high=1)}
 
 
 class ConductChecker:
@@ -41,7 +40,7 @@ class ConductChecker:
         self.rules = rules
         self.of = blocks.of
         self.report = blocks.report
-        self.scope: Scope = blocks.of.scope
+        self.scope: SymbolTables = blocks.of.scope
 
     def head(self, node: s.InspectionBlock | s.LimitLine) -> None:
         """Make the name of an inspection or a counted budget known, for the functions that ask about it."""
@@ -50,10 +49,9 @@ class ConductChecker:
         span = self.report.span(node.name.start, node.name.end)
         first = table.setdefault(node.name.text, span)
         if first is not span:
-            self.report(
+            self.report.at(
                 "LJ0104",
-                node.name.start,
-                node.name.end,
+                node.name,
                 f"the {what} `{node.name.text}` is declared twice",
                 "choose another name",
                 related=(Related(first, "first declared here"),),
@@ -65,7 +63,7 @@ class ConductChecker:
         self.blocks.leak(most.taint, node.most, f"the limit `{node.name.text}`")
         constant = self.of.constant(most.ir)
         if constant is not None and (constant < 0 or constant != int(constant)):
-            self.report("LJ0206", node.most.start, node.most.end, "a limit counts in whole numbers from 0")
+            self.report.at("LJ0206", node.most, "a limit counts in whole numbers from 0")
         counted = [self._counted(channel) for channel in node.counts]
         guard = self.settings.guard(node.guard)
         if most is UNKNOWN or None in counted:
@@ -85,24 +83,17 @@ class ConductChecker:
     def constraint(self, node: s.ConstraintBlock) -> model.Constraint | None:
         """`constraint hard name per v in group { always … }`."""
         if node.kind.text not in KINDS:
-            self.report(
-                "LJ0109",
-                node.kind.start,
-                node.kind.end,
-                f"a constraint is hard or soft, not `{node.kind.text}`",
-                did_you_mean(node.kind.text, KINDS),
-                replace=nearest(node.kind.text, KINDS),
-            )
+            self.report.unknown("LJ0109", node.kind, f"a constraint is hard or soft, not `{node.kind.text}`", KINDS)
             return None
         environment = self.rules.per(node.variable, node.domain)
         what = f"the constraint `{node.name.text}`"
         entries = self.blocks.read(node.block, _CONSTRAINT_KEYS, what, others=(s.Condition,), owner=node.name)
-        condition = self.rules.only_condition(node.block, "always", what, node.name, others=(s.Property,))
+        condition = self.rules.only_condition(node.block, "always", what, node.name, others=(s.PropertyLine,))
         guard = self.settings.guard(node.guard)
         penalty = entries.get("penalty")
         if penalty is not None and node.kind.text == "hard":
             place = penalty.node
-            self.report("LJ0110", place.start, place.end, "a hard constraint has no penalty: it decides the episode")
+            self.report.at("LJ0110", place, "a hard constraint has no penalty: it decides the episode")
         if condition is None or environment is None:
             return None
         value = self.of.expect(condition, environment, FLAG, "`always`")
@@ -122,7 +113,7 @@ class ConductChecker:
         entries = self.blocks.read(node.block, _INSPECTION_KEYS, f"the inspection `{node.name.text}`", owner=node.name)
         asset = self._asset(node.asset, "`of`")
         if asset is not None and asset.type.kind == "group":
-            self.report("LJ0201", node.asset.start, node.asset.end, "one asset's route is inspected, this is a group")
+            self.report.at("LJ0201", node.asset, "one asset's route is inspected, this is a group")
             asset = None
         by = [self._asset(part, "`by`") for part in node.by]
         replan = entries.get("replan")
@@ -148,7 +139,7 @@ class ConductChecker:
 
     # -- private
 
-    def _destination(self, entry: Entry | None) -> ex.Expr | None:
+    def _destination(self, entry: PropertyEntry | None) -> ex.Expr | None:
         """Where the inspected route leads: an entity whose place is no secret, for every agent may see its route."""
         if entry is None:
             return None
@@ -157,48 +148,41 @@ class ConductChecker:
             self.blocks.leak(place.taint, entry.node.value, "the route")
         return entry.value.ir
 
-    def _counted(self, channel: s.Channel) -> model.Counted | None:
+    def _counted(self, channel: s.ObservedChannel) -> model.Counted | None:
         node = channel.source
         if isinstance(node, s.Name) and node.text in self.scope.messages and not channel.everything:
             return model.Counted(kind="message", name=node.text)
         resource, verb = self._command(channel, "`counts`")
         return None if resource is None else model.Counted(kind="command", resource=resource.ir, name=verb)
 
-    def _command(self, channel: s.Channel, what: str) -> tuple[Value | None, str]:
+    def _command(self, channel: s.ObservedChannel, what: str) -> tuple[TypedExpression | None, str]:
         """`dog.forward`, `dog.*` or `dog`: the resource and the verb, "" for all of them."""
         node = channel.source
-        if channel.everything or not isinstance(node, s.Attribute):
+        if channel.everything or not isinstance(node, s.FieldExpr):
             return self._asset(node, what), ""
         resource = self._asset(node.base, what)
         if resource is None:
             return None, ""
         decl = self.scope.groups[resource.type.of].type
         if decl is not None and node.name.text not in decl.verbs:
-            self.report(
-                "LJ0113",
-                node.name.start,
-                node.name.end,
-                f"the type `{decl.name}` has no verb `{node.name.text}`",
-                did_you_mean(node.name.text, decl.verbs),
-                replace=nearest(node.name.text, decl.verbs),
+            self.report.unknown(
+                "LJ0113", node.name, f"the type `{decl.name}` has no verb `{node.name.text}`", decl.verbs
             )
             return None, ""
         return resource, node.name.text
 
-    def _asset(self, node: s.Expression, what: str) -> Value | None:
+    def _asset(self, node: s.Expression, what: str) -> TypedExpression | None:
         value = self.of.value(node, STATIC)
         if value is UNKNOWN:
             return None
         if value.type.kind not in ("entity", "group"):
-            self.report(
-                "LJ0201", node.start, node.end, f"an asset is due after {what}, this is {with_article(value.type)}"
-            )
+            self.report.at("LJ0201", node, f"an asset is due after {what}, this is {with_article(value.type)}")
             return None
         if self.scope.groups[value.type.of].role != "asset":
-            self.report("LJ0114", node.start, node.end, f"`{value.type.of}` is a target: nobody commands it")
+            self.report.at("LJ0114", node, f"`{value.type.of}` is a target: nobody commands it")
             return None
         return value
 
 
-def _word(value: Value) -> str:
+def _word(value: TypedExpression) -> str:
     return value.ir.name if isinstance(value.ir, ex.Symbol) else ""

@@ -13,9 +13,9 @@ from typing import Any
 from lingjing.dsl.checking.aggregates import aggregate, is_aggregate
 from lingjing.dsl.checking.calls import CallChecker
 from lingjing.dsl.checking.expressions import ExpressionChecker
-from lingjing.dsl.checking.scope import Scope
+from lingjing.dsl.checking.scope import SymbolTables
 from lingjing.dsl.checking.typenames import dimension_of, of_type, with_article
-from lingjing.dsl.checking.values import UNKNOWN, Environment, Taint, Value
+from lingjing.dsl.checking.values import UNKNOWN, Environment, Taint, TypedExpression
 from lingjing.dsl.source.reporter import Reporter
 from lingjing.dsl.source.suggest import did_you_mean, nearest
 from lingjing.dsl.syntax import tree as s
@@ -54,26 +54,26 @@ _REGION_FIELDS = {"centre": POSITION, "area": Type("quantity", AREA)}
 class Elaborator(ExpressionChecker):
     """Checks expressions against one scope and gives their form in the mission."""
 
-    def __init__(self, report: Reporter, scope: Scope) -> None:
+    def __init__(self, report: Reporter, scope: SymbolTables) -> None:
         super().__init__(report, scope)
         self.calls = CallChecker(self)
         self.before_clock = False
         """Whether what is read is evaluated before the clock: params, their sweeps, the clock itself."""
-        self._handlers: dict[type, Callable[[Any, Environment], Value]] = {
-            s.Number: self._number,
+        self._handlers: dict[type, Callable[[Any, Environment], TypedExpression]] = {
+            s.NumberLiteral: self._number,
             s.Name: self._name,
-            s.Text: lambda node, _: Value(ex.Text(node.value), TEXT),
-            s.Flag: lambda node, _: Value(ex.Flag(node.value), FLAG),
+            s.TextLiteral: lambda node, _: TypedExpression(ex.Text(node.value), TEXT),
+            s.FlagLiteral: lambda node, _: TypedExpression(ex.Flag(node.value), FLAG),
             s.Broken: lambda _node, _environment: UNKNOWN,
             s.Tuple: self._tuple,
             s.List: self._list,
             s.NameSet: self._set,
-            s.Call: self._call,
+            s.CallExpr: self._call,
             s.Subscript: self._subscript,
-            s.Attribute: self._attribute,
-            s.Unary: self._unary,
-            s.Binary: self._binary,
-            s.Quantified: self._quantified,
+            s.FieldExpr: self._attribute,
+            s.UnaryExpr: self._unary,
+            s.BinaryExpr: self._binary,
+            s.QuantifiedExpr: self._quantified,
         }
 
     @contextmanager
@@ -85,13 +85,13 @@ class Elaborator(ExpressionChecker):
         finally:
             self.before_clock = False
 
-    def value(self, node: s.Expression, environment: Environment) -> Value:
+    def value(self, node: s.Expression, environment: Environment) -> TypedExpression:
         """The checked expression."""
         return self._handlers[type(node)](node, environment)
 
     # -- leaves
 
-    def _number(self, node: s.Number, _environment: Environment) -> Value:
+    def _number(self, node: s.NumberLiteral, _environment: Environment) -> TypedExpression:
         if not node.unit:
             return self._measured(node, node.value, NUMBER)
         unit = unit_of(node.unit)
@@ -103,42 +103,42 @@ class Elaborator(ExpressionChecker):
             return UNKNOWN
         return self._measured(node, si_value(node.value, node.unit), Type("quantity", unit.dimension))
 
-    def _measured(self, node: s.Number, value: float, kind: Type) -> Value:
-        return Value(ex.Number(value, node.unit), kind) if abs(value) <= LARGEST else self._too_large(node)
+    def _measured(self, node: s.NumberLiteral, value: float, kind: Type) -> TypedExpression:
+        return TypedExpression(ex.Number(value, node.unit), kind) if abs(value) <= LARGEST else self._too_large(node)
 
-    def _too_large(self, node: s.Node) -> Value:
+    def _too_large(self, node: s.SyntaxNode) -> TypedExpression:
         """Report a number beyond what is computed with."""
         text = self.report.source.text[node.start : node.end]
         shown = f"`{text}`" if len(text) <= 30 else "this"
         hint = f"numbers go up to {LARGEST:g} in SI units"
-        self.report("LJ0209", node.start, node.end, f"{shown} is too large", hint)
+        self.report.at("LJ0209", node, f"{shown} is too large", hint)
         return UNKNOWN
 
-    def _name(self, node: s.Name, environment: Environment) -> Value:
+    def _name(self, node: s.Name, environment: Environment) -> TypedExpression:
         name = node.text
         if name in environment.locals:
-            return Value(ex.Ref(name, "local"), environment.locals[name])
+            return TypedExpression(ex.Ref(name, "local"), environment.locals[name])
         symbol = self.scope.symbols.get(name)
         if symbol is not None:
-            return Value(ex.Ref(name, symbol.kind), symbol.type, self._through(symbol.taint, node))
+            return TypedExpression(ex.Ref(name, symbol.kind), symbol.type, self._through(symbol.taint, node))
         if name == "mode":
-            return Value(ex.Ref("mode", "mode"), Type("name", of="mode"))
+            return TypedExpression(ex.Ref("mode", "mode"), Type("name", of="mode"))
         if name == "now":
             if not environment.rule:
-                self.report("LJ0304", node.start, node.end, "`now` is known only while the mission runs")
+                self.report.at("LJ0304", node, "`now` is known only while the mission runs")
                 return UNKNOWN
-            return Value(ex.Ref("now", "clock"), Type("quantity", TIME))
+            return TypedExpression(ex.Ref("now", "clock"), Type("quantity", TIME))
         if name == "tick":
             if self.before_clock:
-                self.report("LJ0304", node.start, node.end, "how long a `tick` is, is not known before the clock is")
+                self.report.at("LJ0304", node, "how long a `tick` is, is not known before the clock is")
                 return UNKNOWN
-            return Value(ex.Ref("tick", "clock"), Type("quantity", TIME))
+            return TypedExpression(ex.Ref("tick", "clock"), Type("quantity", TIME))
         if name in self.scope.types:
-            return Value(ex.Symbol(name), Type("name", of="type"))
+            return TypedExpression(ex.Symbol(name), Type("name", of="type"))
         if name in self.scope.modes:
-            return Value(ex.Symbol(name), Type("name", of="mode"))
+            return TypedExpression(ex.Symbol(name), Type("name", of="mode"))
         if name in self.scope.agents or name in self.scope.roles or name in self.scope.stages:
-            return Value(ex.Symbol(name), NAME)
+            return TypedExpression(ex.Symbol(name), NAME)
         return self.unknown_name(node, [*environment.locals, *self.scope.known_names()])
 
     def _through(self, taint: Taint, node: s.Name) -> Taint:
@@ -146,9 +146,9 @@ class Elaborator(ExpressionChecker):
 
     # -- composites
 
-    def _tuple(self, node: s.Tuple, environment: Environment) -> Value:
+    def _tuple(self, node: s.Tuple, environment: Environment) -> TypedExpression:
         if len(node.items) not in (2, 3):
-            self.report("LJ0201", node.start, node.end, f"a point has 2 or 3 coordinates, this has {len(node.items)}")
+            self.report.at("LJ0201", node, f"a point has 2 or 3 coordinates, this has {len(node.items)}")
             return UNKNOWN
         items = [self.value(item, environment) for item in node.items]
         dimension = items[0].type.dimension
@@ -157,9 +157,9 @@ class Elaborator(ExpressionChecker):
         if not all(good):
             return UNKNOWN
         kind = POSITION if due is METRES else Type("position", of="degrees")
-        return Value(ex.Point(tuple(item.ir for item in items)), kind, _taint(*items))
+        return TypedExpression(ex.Point(tuple(item.ir for item in items)), kind, _taint(*items))
 
-    def _list(self, node: s.List, environment: Environment) -> Value:
+    def _list(self, node: s.List, environment: Environment) -> TypedExpression:
         items = [self.value(item, environment) for item in node.items]
         kinds = {item.type.kind for item in items} - {"any"}
         dimensions = {item.type.dimension for item in items if item.type.kind == "quantity"}
@@ -167,19 +167,19 @@ class Elaborator(ExpressionChecker):
             odd = next(i for i, item in enumerate(items) if item.type not in (items[0].type, UNKNOWN.type))
             first, other = with_article(items[0].type), with_article(items[odd].type)
             place = node.items[odd]
-            self.report(
-                "LJ0201", place.start, place.end, f"a list holds one kind of thing: this is {other} among {first}s"
-            )
+            self.report.at("LJ0201", place, f"a list holds one kind of thing: this is {other} among {first}s")
             return UNKNOWN
         item_kind = next(iter(kinds), None)
         dimension = next(iter(dimensions), None)
-        return Value(ex.Sequence(tuple(i.ir for i in items)), Type("list", dimension, item_kind), _taint(*items))
+        return TypedExpression(
+            ex.Sequence(tuple(i.ir for i in items)), Type("list", dimension, item_kind), _taint(*items)
+        )
 
-    def _set(self, node: s.NameSet, environment: Environment) -> Value:
+    def _set(self, node: s.NameSet, environment: Environment) -> TypedExpression:
         items = [self._name(name, environment) for name in node.names]
-        return Value(ex.Sequence(tuple(i.ir for i in items)), Type("list", item="name"), _taint(*items))
+        return TypedExpression(ex.Sequence(tuple(i.ir for i in items)), Type("list", item="name"), _taint(*items))
 
-    def _call(self, node: s.Call, environment: Environment) -> Value:
+    def _call(self, node: s.CallExpr, environment: Environment) -> TypedExpression:
         if is_aggregate(node):
             return aggregate(self.calls, node, environment)
         if node.function.text in DISTRIBUTIONS and node.function.text not in self.scope.rules:
@@ -194,31 +194,29 @@ class Elaborator(ExpressionChecker):
             return UNKNOWN
         return self.calls.call(node, environment)
 
-    def _subscript(self, node: s.Subscript, environment: Environment) -> Value:
+    def _subscript(self, node: s.Subscript, environment: Environment) -> TypedExpression:
         base = self.value(node.base, environment)
         index = self.expect(node.index, environment, NUMBER, "an index")
         if base.type.kind == "any":
             return UNKNOWN
         if base.type.kind != "group":
-            self.report(
-                "LJ0201", node.base.start, node.base.end, f"{with_article(base.type)} has no members to pick from"
-            )
+            self.report.at("LJ0201", node.base, f"{with_article(base.type)} has no members to pick from")
             return UNKNOWN
         self._index_in_range(node, base.type.of, index)
-        return Value(ex.Index(base.ir, index.ir), Type("entity", of=base.type.of), _taint(index))
+        return TypedExpression(ex.Index(base.ir, index.ir), Type("entity", of=base.type.of), _taint(index))
 
-    def _index_in_range(self, node: s.Subscript, group: str, index: Value) -> None:
+    def _index_in_range(self, node: s.Subscript, group: str, index: TypedExpression) -> None:
         number = self.constant(index.ir)
         if number is None:
             return
         most = self.scope.groups[group].most if group in self.scope.groups else None
         if number < 1 or number != int(number):
-            self.report("LJ0201", node.index.start, node.index.end, "members are counted 1, 2, 3, …")
+            self.report.at("LJ0201", node.index, "members are counted 1, 2, 3, …")
         elif most is not None and number > most:
             there = f"has {most:g} {'member' if most == 1 else 'members'}"
-            self.report("LJ0206", node.index.start, node.index.end, f"`{group}` {there}, there is no {number:g}")
+            self.report.at("LJ0206", node.index, f"`{group}` {there}, there is no {number:g}")
 
-    def _attribute(self, node: s.Attribute, environment: Environment) -> Value:
+    def _attribute(self, node: s.FieldExpr, environment: Environment) -> TypedExpression:
         base = self.value(node.base, environment)
         kind, name = base.type.kind, node.name
         if kind == "any":
@@ -235,13 +233,13 @@ class Elaborator(ExpressionChecker):
         fields = tables.get(kind)
         if fields is None:
             hint = f"name one member: `{base.type.of}[1]`" if kind == "group" else ""
-            self.report("LJ0102", name.start, name.end, f"{with_article(base.type)} has no fields", hint)
+            self.report.at("LJ0102", name, f"{with_article(base.type)} has no fields", hint)
             return UNKNOWN
         if name.text not in fields:
             return self._no_field(name, with_article(base.type), list(fields))
-        return Value(ex.Attr(base.ir, name.text), fields[name.text], base.taint)
+        return TypedExpression(ex.Attr(base.ir, name.text), fields[name.text], base.taint)
 
-    def _entity_field(self, base: Value, node: s.Attribute, environment: Environment) -> Value:
+    def _entity_field(self, base: TypedExpression, node: s.FieldExpr, environment: Environment) -> TypedExpression:
         group, name = self.scope.groups[base.type.of], node.name
         attribute = group.attributes.get(name.text)
         lowered, kind = STATE_FIELDS.get(name.text, ("", None))
@@ -254,43 +252,38 @@ class Elaborator(ExpressionChecker):
         taint = base.taint
         if attribute is not None and attribute.taint and not environment.rule:
             taint = (*attribute.taint, self.step(f"`{self.report.source.text[node.start : node.end]}`", node))
-        return Value(ex.Attr(base.ir, lowered), kind, taint)
+        return TypedExpression(ex.Attr(base.ir, lowered), kind, taint)
 
-    def _record_field(self, base: Value, name: s.Name) -> Value:
+    def _record_field(self, base: TypedExpression, name: s.Name) -> TypedExpression:
         record = self.scope.messages[base.type.of][0]
         if record is None:
             return UNKNOWN
         for field in record.fields:
             if field.name == name.text:
                 kind = FIELD_TYPES[field.type]
-                return Value(ex.Attr(base.ir, name.text), of_type(kind, "type") if name.text == "class" else kind)
+                return TypedExpression(
+                    ex.Attr(base.ir, name.text), of_type(kind, "type") if name.text == "class" else kind
+                )
         return self._no_field(name, f"a message of the record `{record.name}`", [f.name for f in record.fields])
 
-    def _no_field(self, name: s.Name, owner: str, known: list[str]) -> Value:
+    def _no_field(self, name: s.Name, owner: str, known: list[str]) -> TypedExpression:
         hint = did_you_mean(name.text, known)
-        self.report(
-            "LJ0102",
-            name.start,
-            name.end,
-            f"{owner} has no field `{name.text}`",
-            hint,
-            replace=nearest(name.text, known),
-        )
+        self.report.at("LJ0102", name, f"{owner} has no field `{name.text}`", hint, replace=nearest(name.text, known))
         return UNKNOWN
 
     # -- operators
 
-    def _unary(self, node: s.Unary, environment: Environment) -> Value:
+    def _unary(self, node: s.UnaryExpr, environment: Environment) -> TypedExpression:
         value = self.value(node.operand, environment)
         due = FLAG if node.operator == "not" else Type("quantity")
         if not self.fits(value, due, node.operand, f"`{node.operator}`"):
             return UNKNOWN
-        return Value(ex.Unary(node.operator, value.ir), value.type, value.taint)  # type: ignore[arg-type]
+        return TypedExpression(ex.Unary(node.operator, value.ir), value.type, value.taint)  # type: ignore[arg-type]
 
-    def _binary(self, node: s.Binary, environment: Environment) -> Value:
-        spine: list[s.Binary] = []
+    def _binary(self, node: s.BinaryExpr, environment: Environment) -> TypedExpression:
+        spine: list[s.BinaryExpr] = []
         left_node: s.Expression = node
-        while isinstance(left_node, s.Binary):
+        while isinstance(left_node, s.BinaryExpr):
             spine.append(left_node)
             left_node = left_node.left
         left = self.value(left_node, environment)
@@ -302,7 +295,7 @@ class Elaborator(ExpressionChecker):
                 left = self._too_large(part)
         return left
 
-    def _combine(self, node: s.Binary, left: Value, environment: Environment) -> Value:
+    def _combine(self, node: s.BinaryExpr, left: TypedExpression, environment: Environment) -> TypedExpression:
         operator = node.operator
         if operator in ("==", "!=", "in") and left.type.kind == "name":
             right = self._name_side(left, node.right, environment)
@@ -323,59 +316,59 @@ class Elaborator(ExpressionChecker):
         if operator == "..":
             return self._range(node, left, right)
         if operator in ("by", "from", "to", "at"):
-            self.report("LJ0205", node.start, node.end, f"`{operator}` does not make a value here", _PHRASES[operator])
+            self.report.at("LJ0205", node, f"`{operator}` does not make a value here", _PHRASES[operator])
             return UNKNOWN
         return self._arithmetic(node, left, right)
 
-    def _name_side(self, left: Value, node: s.Expression, environment: Environment) -> Value:
+    def _name_side(self, left: TypedExpression, node: s.Expression, environment: Environment) -> TypedExpression:
         """The right side of a comparison with a name: a bare word is looked up among the names of that sort."""
         if left.type.of == "mode" and isinstance(node, s.Name):
             return self._one_of(node, self.scope.modes, "mode")
         if left.type.of == "mode" and isinstance(node, s.NameSet):
             items = [self._one_of(name, self.scope.modes, "mode") for name in node.names]
-            return Value(ex.Sequence(tuple(i.ir for i in items)), Type("list", item="name"))
+            return TypedExpression(ex.Sequence(tuple(i.ir for i in items)), Type("list", item="name"))
         if left.type.of == "type" and isinstance(node, s.Name) and node.text not in environment.locals:
             return self._one_of(node, tuple(self.scope.types), "type")
         return self.value(node, environment)
 
-    def _one_of(self, node: s.Name, known: tuple[str, ...], what: str) -> Value:
+    def _one_of(self, node: s.Name, known: tuple[str, ...], what: str) -> TypedExpression:
         if node.text in known:
-            return Value(ex.Symbol(node.text), Type("name", of=what))
+            return TypedExpression(ex.Symbol(node.text), Type("name", of=what))
         return self.unknown_name(node, list(known), f"no {what}")
 
-    def _logic(self, node: s.Binary, left: Value, right: Value) -> Value:
+    def _logic(self, node: s.BinaryExpr, left: TypedExpression, right: TypedExpression) -> TypedExpression:
         good = self.fits(left, FLAG, node.left, f"`{node.operator}`")
         if not (self.fits(right, FLAG, node.right, f"`{node.operator}`") and good):
             return UNKNOWN
         return self._made(node, left, right, FLAG)
 
-    def _equality(self, node: s.Binary, left: Value, right: Value) -> Value:
+    def _equality(self, node: s.BinaryExpr, left: TypedExpression, right: TypedExpression) -> TypedExpression:
         alike = left.type.kind == right.type.kind and left.type.dimension == right.type.dimension
         if not alike and not {left.type.kind, right.type.kind} <= _NAMELIKE:
             return self._not_comparable(node, left, right)
         return self._made(node, left, right, FLAG)
 
-    def _comparison(self, node: s.Binary, left: Value, right: Value) -> Value:
+    def _comparison(self, node: s.BinaryExpr, left: TypedExpression, right: TypedExpression) -> TypedExpression:
         both = left.type.kind == right.type.kind == "quantity"
         if not both or left.type.dimension != right.type.dimension:
             return self._not_comparable(node, left, right)
         return self._made(node, left, right, FLAG)
 
-    def _not_comparable(self, node: s.Binary, left: Value, right: Value) -> Value:
+    def _not_comparable(self, node: s.BinaryExpr, left: TypedExpression, right: TypedExpression) -> TypedExpression:
         if left.type.kind == right.type.kind == "quantity":
             for value, other, part in ((left, right, node.right), (right, left, node.left)):
                 bare = other if value is left else left
-                if bare.type.dimension == NONE and isinstance(part, s.Number):
+                if bare.type.dimension == NONE and isinstance(part, s.NumberLiteral):
                     self.mismatch(
                         part, bare, value.type, f"{with_article(value.type)} is due here, this is a bare number"
                     )
                     return UNKNOWN
         code = "LJ0203" if left.type.kind == right.type.kind == "quantity" else "LJ0201"
         ours, theirs = with_article(left.type), with_article(right.type)
-        self.report(code, node.start, node.end, f"`{node.operator}` cannot compare {ours} with {theirs}")
+        self.report.at(code, node, f"`{node.operator}` cannot compare {ours} with {theirs}")
         return UNKNOWN
 
-    def _membership(self, node: s.Binary, left: Value, right: Value) -> Value:
+    def _membership(self, node: s.BinaryExpr, left: TypedExpression, right: TypedExpression) -> TypedExpression:
         kinds = (left.type.kind, right.type.kind)
         good = (
             (kinds == ("quantity", "range") and left.type.dimension == right.type.dimension)
@@ -384,30 +377,27 @@ class Elaborator(ExpressionChecker):
         )
         if not good:
             ours, theirs = with_article(left.type), with_article(right.type)
-            self.report("LJ0201", node.start, node.end, f"{ours} cannot be `in` {theirs}")
+            self.report.at("LJ0201", node, f"{ours} cannot be `in` {theirs}")
             return UNKNOWN
         return self._made(node, left, right, FLAG)
 
-    def _range(self, node: s.Binary, left: Value, right: Value) -> Value:
+    def _range(self, node: s.BinaryExpr, left: TypedExpression, right: TypedExpression) -> TypedExpression:
         good = self.fits(left, Type("quantity"), node.left, "a range")
         if not (good and self.fits(right, Type("quantity", left.type.dimension), node.right, "the range's upper end")):
             return UNKNOWN
         low, high = self.constant(left.ir), self.constant(right.ir)
         if low is not None and high is not None and low > high:
-            self.report("LJ0206", node.start, node.end, "the range is empty", "the smaller end stands first")
+            self.report.at("LJ0206", node, "the range is empty", "the smaller end stands first")
             return UNKNOWN
-        return Value(ex.Range(left.ir, right.ir), Type("range", left.type.dimension), _taint(left, right))
+        return TypedExpression(ex.Range(left.ir, right.ir), Type("range", left.type.dimension), _taint(left, right))
 
-    def _arithmetic(self, node: s.Binary, left: Value, right: Value) -> Value:
+    def _arithmetic(self, node: s.BinaryExpr, left: TypedExpression, right: TypedExpression) -> TypedExpression:
         a, b = left.type, right.type
         if a.kind == b.kind == "position" and node.operator in ("+", "-"):
             return self._made(node, left, right, POSITION)
         if a.kind != "quantity" or b.kind != "quantity":
-            self.report(
-                "LJ0201",
-                node.start,
-                node.end,
-                f"`{node.operator}` does not apply to {with_article(a)} and {with_article(b)}",
+            self.report.at(
+                "LJ0201", node, f"`{node.operator}` does not apply to {with_article(a)} and {with_article(b)}"
             )
             return UNKNOWN
         da, db = dimension_of(a), dimension_of(b)
@@ -416,19 +406,19 @@ class Elaborator(ExpressionChecker):
                 verb = "added to" if node.operator == "+" else "taken from"
                 pair = (b, a)
                 message = f"{with_article(pair[0])} cannot be {verb} {with_article(pair[1])}"
-                self.report("LJ0203", node.start, node.end, message)
+                self.report.at("LJ0203", node, message)
                 return UNKNOWN
             return self._made(node, left, right, a)
         sign = 1 if node.operator == "*" else -1
         if sign < 0 and self.constant(right.ir) == 0.0:
-            self.report("LJ0207", node.right.start, node.right.end, "division by zero")
+            self.report.at("LJ0207", node.right, "division by zero")
             return UNKNOWN
         return self._made(node, left, right, Type("quantity", multiply(da, db, sign)))
 
-    def _made(self, node: s.Binary, left: Value, right: Value, result: Type) -> Value:
-        return Value(ex.Binary(node.operator, left.ir, right.ir), result, _taint(left, right))  # type: ignore[arg-type]
+    def _made(self, node: s.BinaryExpr, left: TypedExpression, right: TypedExpression, result: Type) -> TypedExpression:
+        return TypedExpression(ex.Binary(node.operator, left.ir, right.ir), result, _taint(left, right))  # type: ignore[arg-type]
 
-    def _quantified(self, node: s.Quantified, environment: Environment) -> Value:
+    def _quantified(self, node: s.QuantifiedExpr, environment: Environment) -> TypedExpression:
         if not environment.rule:
             self.report(
                 "LJ0304", node.start, node.start + len(node.quantifier), f"`{node.quantifier}` belongs into a rule"
@@ -440,7 +430,7 @@ class Elaborator(ExpressionChecker):
             return UNKNOWN
         name, kind = domain
         body = self.expect(node.body, environment.binding(node.variable.text, kind), FLAG, f"`{node.quantifier}`")
-        return Value(ex.Quantified(node.quantifier, node.variable.text, name, body.ir), FLAG, body.taint)  # type: ignore[arg-type]
+        return TypedExpression(ex.Quantified(node.quantifier, node.variable.text, name, body.ir), FLAG, body.taint)  # type: ignore[arg-type]
 
 
 _PHRASES = {
@@ -451,7 +441,7 @@ _PHRASES = {
 }
 
 
-def _taint(*values: Value) -> Taint:
+def _taint(*values: TypedExpression) -> Taint:
     for value in values:
         if value.taint:
             return value.taint

@@ -9,9 +9,9 @@ import msgspec
 from lingjing.dsl.checking.blocks import BlockReader
 from lingjing.dsl.checking.bodies import reshaped
 from lingjing.dsl.checking.equipment import EquipmentChecker
-from lingjing.dsl.checking.keys import Entry, Key
+from lingjing.dsl.checking.keys import PropertyEntry, PropertyKey
 from lingjing.dsl.checking.properties import lowered
-from lingjing.dsl.checking.scope import Attribute, GroupInfo, Scope, Symbol, TypeDecl
+from lingjing.dsl.checking.scope import DeclaredName, GroupInfo, PropertyType, SymbolTables, TypeDecl
 from lingjing.dsl.checking.settings import SettingsChecker
 from lingjing.dsl.checking.types import ANY_RELATION, COMMON_KEYS
 from lingjing.dsl.checking.values import STATIC, UNKNOWN, Taint
@@ -32,21 +32,21 @@ class EntityChecker:
         self.equipment = EquipmentChecker(blocks)
         self.of = blocks.of
         self.report = blocks.report
-        self.scope: Scope = blocks.of.scope
+        self.scope: SymbolTables = blocks.of.scope
 
     def head(self, node: s.EntityBlock) -> None:
         """Make the name known before anything refers to it, with what can be said without its values."""
         decl = self._type_of(node)
-        attributes: dict[str, Attribute] = {"position": Attribute(POSITION), "heading": Attribute(DEGREES)}
+        attributes: dict[str, PropertyType] = {"position": PropertyType(POSITION), "heading": PropertyType(DEGREES)}
         if decl is not None:
             attributes.update(decl.attributes)
         for item in node.block.items if node.block else ():
-            if isinstance(item, s.Property) and item.hidden:
+            if isinstance(item, s.PropertyLine) and item.hidden:
                 known = attributes.get(item.name.text)
                 step = self.of.step(f"`{node.name.text}.{item.name.text}`", item)
                 state = item.state or (known is not None and known.state)
-                attributes[item.name.text] = Attribute(known.type if known else Type("any"), (step,), state)
-            elif isinstance(item, s.Property) and item.state and item.name.text in attributes:
+                attributes[item.name.text] = PropertyType(known.type if known else Type("any"), (step,), state)
+            elif isinstance(item, s.PropertyLine) and item.state and item.name.text in attributes:
                 attributes[item.name.text] = msgspec.structs.replace(attributes[item.name.text], state=True)
         cameras = [
             item.name.text for item in (node.block.items if node.block else ()) if isinstance(item, s.CameraBlock)
@@ -55,7 +55,7 @@ class EntityChecker:
         single = node.index is None
         kind: Literal["group", "entity"] = "entity" if single else "group"
         span = self.report.span(node.name.start, node.name.end)
-        self.settings.declare(node.name, Symbol(kind, Type(kind, of=node.name.text), span))
+        self.settings.declare(node.name, DeclaredName(kind, Type(kind, of=node.name.text), span))
         if node.name.text not in self.scope.groups:
             most = None if node.index is None else self._most(node.index)
             self.scope.groups[node.name.text] = GroupInfo(node.name.text, node.keyword, decl, attributes, single, most)
@@ -63,7 +63,7 @@ class EntityChecker:
     def taints(self, node: s.EntityBlock) -> None:
         """Properties computed from hidden ones are hidden too; runs until nothing changes, over all entities."""
         for item in node.block.items if node.block else ():
-            if not isinstance(item, s.Property) or item.hidden:
+            if not isinstance(item, s.PropertyLine) or item.hidden:
                 continue
             info = self.scope.groups[node.name.text]
             known = info.attributes.get(item.name.text)
@@ -72,7 +72,7 @@ class EntityChecker:
             taint = self.hidden_source(item.value)
             if taint:
                 step = self.of.step(f"`{node.name.text}.{item.name.text}`", item.name)
-                info.attributes[item.name.text] = Attribute(known.type, (*taint, step), known.state)
+                info.attributes[item.name.text] = PropertyType(known.type, (*taint, step), known.state)
 
     def veils(self, node: s.RegionLine) -> None:
         """A region around something hidden is hidden; known by names before any region is checked."""
@@ -90,7 +90,7 @@ class EntityChecker:
         waiting = [node]
         while waiting:
             part = waiting.pop()
-            if isinstance(part, s.Attribute):
+            if isinstance(part, s.FieldExpr):
                 base = part.base.base if isinstance(part.base, s.Subscript) else part.base
                 info = self.scope.groups.get(base.text) if isinstance(base, s.Name) else None
                 if info is not None:
@@ -125,7 +125,7 @@ class EntityChecker:
         environment = STATIC.binding(index, NUMBER) if node.index is not None else STATIC
         what = f"`{node.name.text}`"
         keys = self._keys_of(decl)
-        others = (s.CameraBlock, s.Section) if node.keyword == "asset" else ()
+        others = (s.CameraBlock, s.SettingsBlock) if node.keyword == "asset" else ()
         entries = self.blocks.read(node.block, keys, what, environment=environment, others=others, lenient=decl is None)
         cameras, verbs = self.equipment.equipment(node, decl)
         guard = self.settings.guard(node.guard)
@@ -173,26 +173,25 @@ class EntityChecker:
         if index is None:
             return None, "i"
         name, range_node = "i", index
-        if isinstance(index, s.Binary) and index.operator == "in" and isinstance(index.left, s.Name):
+        if isinstance(index, s.BinaryExpr) and index.operator == "in" and isinstance(index.left, s.Name):
             name, range_node = index.left.text, index.right
         value = self.of.value(range_node, STATIC)
         if value is UNKNOWN:
             return ex.Number(1.0), name
         if not isinstance(value.ir, ex.Range) or value.type.dimension != NONE:
             text = self.report.source.text[range_node.start : range_node.end]
-            self.report(
+            self.report.at(
                 "LJ0111",
-                range_node.start,
-                range_node.end,
+                range_node,
                 "members are counted `1..n`",
                 f"write `[1..{text}]`" if value.type.kind == "quantity" else "",
             )
             return ex.Number(1.0), name
         if self.of.constant(value.ir.low) != 1.0:
-            self.report("LJ0111", range_node.start, range_node.end, "members are counted from 1")
+            self.report.at("LJ0111", range_node, "members are counted from 1")
         high = self.of.constant(value.ir.high)
         if high is not None and (high < 0 or high != int(high) or high > 100_000):
-            self.report("LJ0206", range_node.start, range_node.end, "a group has 0 to 100000 members, in whole numbers")
+            self.report.at("LJ0206", range_node, "a group has 0 to 100000 members, in whole numbers")
         self.blocks.leak(value.taint, range_node, "the number of members")
         return value.ir.high, name
 
@@ -200,20 +199,16 @@ class EntityChecker:
 
     def _most(self, index: s.Expression) -> float | None:
         """How many members `[1..n]` means at most; None if a param without bounds, or a computation, says it."""
-        range_node = index.right if isinstance(index, s.Binary) and index.operator == "in" else index
-        high = range_node.right if isinstance(range_node, s.Binary) and range_node.operator == ".." else None
-        if isinstance(high, s.Number) and not high.unit:
+        range_node = index.right if isinstance(index, s.BinaryExpr) and index.operator == "in" else index
+        high = range_node.right if isinstance(range_node, s.BinaryExpr) and range_node.operator == ".." else None
+        if isinstance(high, s.NumberLiteral) and not high.unit:
             return high.value
         return self.scope.ceilings.get(high.text) if isinstance(high, s.Name) else None
 
     def _type_of(self, node: s.EntityBlock) -> TypeDecl | None:
         if node.type is None:
-            self.report(
-                "LJ0106",
-                node.name.start,
-                node.name.end,
-                f"`{node.name.text}` lacks a type",
-                f"write `{node.keyword} {node.name.text} : …`",
+            self.report.at(
+                "LJ0106", node.name, f"`{node.name.text}` lacks a type", f"write `{node.keyword} {node.name.text} : …`"
             )
             return None
         decl = self.scope.types.get(node.type.text)
@@ -223,22 +218,21 @@ class EntityChecker:
             return None
         if decl.role != node.keyword:
             place = node.type
-            self.report(
+            self.report.at(
                 "LJ0112",
-                place.start,
-                place.end,
+                place,
                 f"`{decl.name}` is {'an asset' if decl.role == 'asset' else 'a target'} type",
                 f"write `{decl.role} {node.name.text} : {decl.name}`",
             )
             return None
         return decl
 
-    def _keys_of(self, decl: TypeDecl | None) -> dict[str, Key]:
+    def _keys_of(self, decl: TypeDecl | None) -> dict[str, PropertyKey]:
         keys = dict(COMMON_KEYS)
         if decl is not None:
             for name, attribute in decl.attributes.items():
                 if name not in keys:
-                    keys[name] = Key(name, attribute.type, ANY_RELATION, hideable=True, public=False)
+                    keys[name] = PropertyKey(name, attribute.type, ANY_RELATION, hideable=True, public=False)
         return keys
 
     def _is_hidden(self, node: s.EntityBlock, lowered_name: str, decl: TypeDecl) -> bool:
@@ -249,7 +243,7 @@ class EntityChecker:
             if name in decl.attributes
         )
 
-    def _told_by_receipts(self, node: s.EntityBlock, entries: dict[str, Entry]) -> None:
+    def _told_by_receipts(self, node: s.EntityBlock, entries: dict[str, PropertyEntry]) -> None:
         """An asset's band bounds its commands, and a receipt says where it clipped one: so the band is public."""
         entry = entries.get("band")
         known = self.scope.groups[node.name.text].attributes.get("band")
@@ -258,18 +252,17 @@ class EntityChecker:
 
     def _needs_position(self, node: s.EntityBlock, decl: TypeDecl) -> None:
         items = node.block.items if node.block else ()
-        given = any(isinstance(item, s.Property) and item.name.text == "position" for item in items)
+        given = any(isinstance(item, s.PropertyLine) and item.name.text == "position" for item in items)
         faulty = any(isinstance(item, s.Faulty) for item in items)
         if not given and not faulty and "position" not in decl.attributes:
-            self.report(
+            self.report.at(
                 "LJ0106",
-                node.name.start,
-                node.name.end,
+                node.name,
                 f"`{node.name.text}` lacks `position`",
                 "add `position = (… m, … m)` or `position ~ sites(…)`",
             )
 
-    def _possible_places(self, entry: Entry | None, engine: str) -> None:
+    def _possible_places(self, entry: PropertyEntry | None, engine: str) -> None:
         """Report points that no scene has, as far as they are constants."""
         for part in ex.parts(entry.value.ir) if entry else ():
             if entry is None or not isinstance(part, ex.Point):
@@ -279,10 +272,10 @@ class EntityChecker:
             if fault:
                 value = entry.node.value
                 hint = "look at the sign and the unit of the elevation"
-                self.report("LJ0211", value.start, value.end, fault, hint)
+                self.report.at("LJ0211", value, fault, hint)
                 return
 
-    def _labels(self, entries: dict[str, Entry], count: ex.Expr | None, node: s.EntityBlock) -> tuple[str, ...]:
+    def _labels(self, entries: dict[str, PropertyEntry], count: ex.Expr | None, node: s.EntityBlock) -> tuple[str, ...]:
         entry = entries.get("labels") or entries.get("label")
         if entry is None:
             return ()
@@ -291,8 +284,8 @@ class EntityChecker:
         items = entry.value.ir.items if isinstance(entry.value.ir, ex.Sequence) else ()
         if count is None and len(items) > 1:
             place = entry.node.value
-            self.report("LJ0206", place.start, place.end, f"`{node.name.text}` is one, it has one label")
+            self.report.at("LJ0206", place, f"`{node.name.text}` is one, it has one label")
         return tuple(item.value for item in items if isinstance(item, ex.Text))
 
 
-_PUBLIC = Attribute(Type("any"))
+_PUBLIC = PropertyType(Type("any"))

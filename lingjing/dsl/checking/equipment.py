@@ -5,10 +5,9 @@ from __future__ import annotations
 import msgspec
 
 from lingjing.dsl.checking.blocks import BlockReader
-from lingjing.dsl.checking.keys import Entry, Key
-from lingjing.dsl.checking.scope import Scope, TypeDecl
-from lingjing.dsl.checking.values import STATIC, UNKNOWN, Value
-from lingjing.dsl.source.suggest import did_you_mean, nearest
+from lingjing.dsl.checking.keys import PropertyEntry, PropertyKey
+from lingjing.dsl.checking.scope import SymbolTables, TypeDecl
+from lingjing.dsl.checking.values import STATIC, UNKNOWN, TypedExpression
 from lingjing.dsl.syntax import tree as s
 from lingjing.mission import expression as ex
 from lingjing.mission import model
@@ -22,11 +21,11 @@ CAPTURES = ("on_request", "each_tick")
 CAMERA_KEYS = {
     key.name: key
     for key in (
-        Key("view", Type("name"), choices=VIEWS),
-        Key("size", Type("size"), required=True),
-        Key("hfov", DEGREES, required=True, above=0, high=179),
-        Key("channels", Type("list", item="name"), choices=CHANNELS, required=True),
-        Key("capture", Type("name"), choices=CAPTURES),
+        PropertyKey("view", Type("name"), choices=VIEWS),
+        PropertyKey("size", Type("size"), required=True),
+        PropertyKey("hfov", DEGREES, required=True, above=0, high=179),
+        PropertyKey("channels", Type("list", item="name"), choices=CHANNELS, required=True),
+        PropertyKey("capture", Type("name"), choices=CAPTURES),
     )
 }
 
@@ -38,7 +37,7 @@ class EquipmentChecker:
         self.blocks = blocks
         self.of = blocks.of
         self.report = blocks.report
-        self.scope: Scope = blocks.of.scope
+        self.scope: SymbolTables = blocks.of.scope
 
     def equipment(
         self, node: s.EntityBlock, decl: TypeDecl | None
@@ -49,13 +48,13 @@ class EquipmentChecker:
         for item in node.block.items if node.block else ():
             if isinstance(item, s.CameraBlock):
                 if item.name.text in cameras:
-                    self.report("LJ0104", item.name.start, item.name.end, f"`{item.name.text}` is declared twice")
+                    self.report.at("LJ0104", item.name, f"`{item.name.text}` is declared twice")
                 cameras[item.name.text] = self._camera(item)
-            elif isinstance(item, s.Section) and item.keyword == "actions":
+            elif isinstance(item, s.SettingsBlock) and item.keyword == "actions":
                 if verbs is not None:
                     self.report("LJ0103", item.start, item.start + len("actions"), "`actions` is given twice")
                 verbs = self._actions(item, decl)
-            elif isinstance(item, s.Section):
+            elif isinstance(item, s.SettingsBlock):
                 self.blocks.misplaced(item, f"`{node.name.text}`")
         if verbs is None:
             verbs = tuple(decl.verbs.values()) if decl else ()
@@ -70,19 +69,18 @@ class EquipmentChecker:
         entries = {**preset, **own}
         view = _word(entries.get("view")) or node.name.text
         if view not in VIEWS:
-            self.report(
+            self.report.at(
                 "LJ0106",
-                node.name.start,
-                node.name.end,
+                node.name,
                 f"the camera `{node.name.text}` lacks `view`",
                 f"add `view = …`: {', '.join(VIEWS)}",
             )
             return None
         missing = [key for key in ("size", "hfov", "channels") if key not in entries]
         if missing:
-            if preset and not any(isinstance(item, s.Faulty | s.Property) for item in _items(node)):
+            if preset and not any(isinstance(item, s.Faulty | s.PropertyLine) for item in _items(node)):
                 message = f"neither the camera `{node.name.text}` nor its preset says `{missing[0]}`"
-                self.report("LJ0106", node.name.start, node.name.end, message, f"add `{missing[0]} = …`")
+                self.report.at("LJ0106", node.name, message, f"add `{missing[0]} = …`")
             return None
         width, height = entries["size"].parts
         listed = entries["channels"].value.ir
@@ -97,7 +95,7 @@ class EquipmentChecker:
             capture=_word(entries.get("capture")) or "on_request",  # type: ignore[arg-type]
         )
 
-    def _preset(self, node: s.CameraBlock) -> dict[str, Entry]:
+    def _preset(self, node: s.CameraBlock) -> dict[str, PropertyEntry]:
         if node.type is None:
             return {}
         decl = self.scope.cameras.get(node.type.text)
@@ -106,34 +104,27 @@ class EquipmentChecker:
             return {}
         return decl.entries
 
-    def _actions(self, node: s.Section, decl: TypeDecl | None) -> tuple[model.Verb, ...]:
+    def _actions(self, node: s.SettingsBlock, decl: TypeDecl | None) -> tuple[model.Verb, ...]:
         verbs: dict[str, model.Verb] = {}
         for item in node.block.items:
             if isinstance(item, s.Faulty):
                 continue
-            if not isinstance(item, s.Bare | s.Property):
+            if not isinstance(item, s.Bare | s.PropertyLine):
                 self.blocks.misplaced(item, "`actions`")
                 continue
             name = item.name
             verb = decl.verbs.get(name.text) if decl else None
             if name.text in verbs:
-                self.report("LJ0103", name.start, name.end, f"`{name.text}` is given twice")
+                self.report.at("LJ0103", name, f"`{name.text}` is given twice")
                 continue
             if verb is None:
                 if decl is not None:
-                    self.report(
-                        "LJ0113",
-                        name.start,
-                        name.end,
-                        f"the type `{decl.name}` has no verb `{name.text}`",
-                        did_you_mean(name.text, decl.verbs),
-                        replace=nearest(name.text, decl.verbs),
-                    )
+                    self.report.unknown("LJ0113", name, f"the type `{decl.name}` has no verb `{name.text}`", decl.verbs)
                 continue
             verbs[name.text] = verb if isinstance(item, s.Bare) else self._bounded(item, verb)
         return tuple(verbs.values())
 
-    def _bounded(self, item: s.Property, verb: model.Verb) -> model.Verb:
+    def _bounded(self, item: s.PropertyLine, verb: model.Verb) -> model.Verb:
         """`forward <= 50 m`, `forward in 5 m..25 m`, `forward = 10 m in 5 m..25 m`: the verb's first argument."""
         first = verb.arguments[0] if verb.arguments else None
         if item.relation == "~" or item.hidden or item.state or item.guard:
@@ -142,9 +133,7 @@ class EquipmentChecker:
             )
             return verb
         if first is None or first.dimension == "name":
-            self.report(
-                "LJ0306", item.value.start, item.value.end, f"`{verb.name}` has no argument that could be bounded"
-            )
+            self.report.at("LJ0306", item.value, f"`{verb.name}` has no argument that could be bounded")
             return verb
         due = next(entry.dimension for entry in BY_NAME.values() if entry.unit == first.dimension)
         kind, what = Type("quantity", due), f"the bound of `{verb.name}`"
@@ -164,7 +153,7 @@ class EquipmentChecker:
             return verb
         return msgspec.structs.replace(verb, arguments=(changed, *verb.arguments[1:]))
 
-    def _inside(self, item: s.Property, verb: model.Verb, first: model.Argument, changed: model.Argument) -> bool:
+    def _inside(self, item: s.PropertyLine, verb: model.Verb, first: model.Argument, changed: model.Argument) -> bool:
         least, most = (None if e is None else self.of.constant(e) for e in (first.minimum, first.maximum))
         low, high = (None if e is None else self.of.constant(e) for e in (changed.minimum, changed.maximum))
         default = None if changed.default is None else self.of.constant(changed.default)
@@ -173,25 +162,27 @@ class EquipmentChecker:
             if value is not None and ((least is not None and value < least) or (most is not None and value > most)):
                 ends = ("" if least is None else f"{least:g}", "" if most is None else f"{most:g}")
                 shown = f"{ends[0]}..{ends[1]} {first.dimension}"
-                self.report("LJ0206", node.start, node.end, f"`{verb.name}` takes {shown}: the bound lies outside")
+                self.report.at("LJ0206", node, f"`{verb.name}` takes {shown}: the bound lies outside")
                 return False
         if default is not None and ((low is not None and default < low) or (high is not None and default > high)):
-            self.report("LJ0206", node.start, node.end, f"the default of `{verb.name}` is outside of its bounds")
+            self.report.at("LJ0206", node, f"the default of `{verb.name}` is outside of its bounds")
             return False
         return True
 
 
-def _parts(item: s.Property) -> tuple[s.Expression | None, s.Expression | None]:
+def _parts(item: s.PropertyLine) -> tuple[s.Expression | None, s.Expression | None]:
     """The default and the bounds that an action's line gives."""
     value = item.value
     if item.relation != "=":
         return None, value
-    if isinstance(value, s.Binary) and value.operator == "in":
+    if isinstance(value, s.BinaryExpr) and value.operator == "in":
         return value.left, value.right
     return value, None
 
 
-def _narrowed(argument: model.Argument, default: Value | None, bounds: Value | None) -> model.Argument:
+def _narrowed(
+    argument: model.Argument, default: TypedExpression | None, bounds: TypedExpression | None
+) -> model.Argument:
     low, high = argument.minimum, argument.maximum
     if bounds is not None:
         low, high = (bounds.ir.low, bounds.ir.high) if isinstance(bounds.ir, ex.Range) else (low, bounds.ir)
@@ -204,7 +195,7 @@ def _items(node: s.CameraBlock) -> tuple[s.Statement, ...]:
     return node.block.items if node.block else ()
 
 
-def _word(entry: Entry | None) -> str:
+def _word(entry: PropertyEntry | None) -> str:
     if entry is None or not isinstance(entry.value.ir, ex.Symbol):
         return ""
     return entry.value.ir.name

@@ -5,10 +5,10 @@ from __future__ import annotations
 import msgspec
 
 from lingjing.dsl.checking.blocks import BlockReader
-from lingjing.dsl.checking.scope import Scope
+from lingjing.dsl.checking.scope import SymbolTables
 from lingjing.dsl.checking.settings import SettingsChecker
 from lingjing.dsl.checking.typenames import with_article
-from lingjing.dsl.checking.values import STATIC, UNKNOWN, Value
+from lingjing.dsl.checking.values import STATIC, UNKNOWN, TypedExpression
 from lingjing.dsl.syntax import tree as s
 from lingjing.mission import expression as ex
 from lingjing.mission import model
@@ -24,7 +24,7 @@ class EventChecker:
         self.settings = settings
         self.of = blocks.of
         self.report = blocks.report
-        self.scope: Scope = blocks.of.scope
+        self.scope: SymbolTables = blocks.of.scope
         self.seen: dict[str, Span] = {}
 
     def event(self, node: s.EventBlock) -> model.Event | None:
@@ -34,10 +34,9 @@ class EventChecker:
         changes = [self._change(item, node) for item in node.block.items if not isinstance(item, s.Faulty)]
         guard = self.settings.guard(node.guard)
         if not node.block.items:
-            self.report(
-                "LJ0106", node.name.start, node.name.end, f"the event `{node.name.text}` changes nothing",
-                "add `weather { … }`, `appear …` or `vanish …`",
-            )  # fmt: skip
+            self.report.at(
+                "LJ0106", node.name, f"the event `{node.name.text}` changes nothing",
+                "add `weather { … }`, `appear …` or `vanish …`")  # fmt: skip
             return None
         if at is None or None in changes:
             return None
@@ -50,16 +49,15 @@ class EventChecker:
         span = self.report.span(name.start, name.end)
         first = self.seen.setdefault(name.text, span)
         if first is not span:
-            self.report(
+            self.report.at(
                 "LJ0104",
-                name.start,
-                name.end,
+                name,
                 f"the event `{name.text}` is declared twice",
                 "choose another name",
                 related=(Related(first, "first declared here"),),
             )
 
-    def _time(self, node: s.EventBlock) -> Value | None:
+    def _time(self, node: s.EventBlock) -> TypedExpression | None:
         value = self.of.calls.draw(node.at, STATIC) if node.drawn else self.of.value(node.at, STATIC)
         if value is UNKNOWN:
             return None
@@ -67,18 +65,18 @@ class EventChecker:
             unit = value.type.dimension == (0,) * 8
             code = "LJ0202" if unit else "LJ0203" if value.type.kind == "quantity" else "LJ0201"
             message = f"an event's time is in ticks or seconds, this is {with_article(value.type)}"
-            self.report(code, node.at.start, node.at.end, message, "write `at 12 tick` or `at 90 s`")
+            self.report.at(code, node.at, message, "write `at 12 tick` or `at 90 s`")
             return None
         number = self.of.constant(value.ir)
         if number is not None and number < 0:
-            self.report("LJ0206", node.at.start, node.at.end, "nothing happens before the mission begins")
+            self.report.at("LJ0206", node.at, "nothing happens before the mission begins")
             return None
         self.blocks.leak(value.taint, node.at, f"the time of the event `{node.name.text}`")
         counted_in = "s" if value.type.dimension == TIME else "tick"
         return msgspec.structs.replace(value, ir=_in_unit(value.ir, counted_in))
 
     def _change(self, item: s.Statement, node: s.EventBlock) -> model.Change | None:
-        if isinstance(item, s.Section) and item.keyword == "weather":
+        if isinstance(item, s.SettingsBlock) and item.keyword == "weather":
             return model.Change(kind="weather", weather=self.settings.weather(item))
         if not isinstance(item, s.ChangeLine):
             self.blocks.misplaced(item, f"the event `{node.name.text}`", ("weather", "appear", "vanish"))
@@ -90,9 +88,7 @@ class EventChecker:
             shown = with_article(value.type)
             if value.type.kind in ("entity", "group"):
                 shown = f"the asset `{value.type.of}`"
-            self.report(
-                "LJ0201", item.entity.start, item.entity.end, f"what can {item.keyword} is a target, this is {shown}"
-            )
+            self.report.at("LJ0201", item.entity, f"what can {item.keyword} is a target, this is {shown}")
             return None
         if isinstance(value.ir, ex.Index):
             self.blocks.leak(value.taint, item.entity, f"the event `{node.name.text}`")

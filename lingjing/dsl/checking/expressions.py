@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from lingjing.dsl.checking.constants import Constants
-from lingjing.dsl.checking.scope import Scope
+from lingjing.dsl.checking.scope import SymbolTables
 from lingjing.dsl.checking.typenames import fits, with_article
 from lingjing.dsl.checking.unknown import UnknownNames
-from lingjing.dsl.checking.values import UNKNOWN, Environment, Step, Value
+from lingjing.dsl.checking.values import UNKNOWN, Environment, FlowStep, TypedExpression
 from lingjing.dsl.source.reporter import Reporter
 from lingjing.dsl.syntax import tree as s
 from lingjing.mission import expression as ex
@@ -17,13 +17,13 @@ from lingjing.mission.units import BY_DIMENSION, LENGTH, NONE, dimension_unit
 class ExpressionChecker:
     """Base of `elaborate.Elaborator`, which says what `value` does with each kind of node."""
 
-    def __init__(self, report: Reporter, scope: Scope) -> None:
+    def __init__(self, report: Reporter, scope: SymbolTables) -> None:
         self.report = report
         self.scope = scope
         self.names = UnknownNames(report, scope)
         self.constants = Constants(scope.constants)
 
-    def value(self, node: s.Expression, environment: Environment) -> Value:
+    def value(self, node: s.Expression, environment: Environment) -> TypedExpression:
         """The checked expression; `UNKNOWN` if it is faulty."""
         raise NotImplementedError
 
@@ -31,12 +31,12 @@ class ExpressionChecker:
         """The number an expression always is (parameters at their defaults), or None."""
         return self.constants.of(ir)
 
-    def expect(self, node: s.Expression, environment: Environment, due: Type, what: str = "") -> Value:
+    def expect(self, node: s.Expression, environment: Environment, due: Type, what: str = "") -> TypedExpression:
         """The checked expression, which must be of the type `due`; `what` names the place in the message."""
         value = self.value(node, environment)
         return value if self.fits(value, due, node, what) else UNKNOWN
 
-    def fits(self, value: Value, due: Type, node: s.Node, what: str = "") -> bool:
+    def fits(self, value: TypedExpression, due: Type, node: s.SyntaxNode, what: str = "") -> bool:
         """Whether the value fits; reports if it does not."""
         if fits(value.type, due):
             return True
@@ -44,33 +44,32 @@ class ExpressionChecker:
         self.mismatch(node, value, due, f"{with_article(due)} is due{where}, this is {with_article(value.type)}")
         return False
 
-    def mismatch(self, node: s.Node, value: Value, due: Type, message: str) -> None:
+    def mismatch(self, node: s.SyntaxNode, value: TypedExpression, due: Type, message: str) -> None:
         """Report a value of the wrong type: a missing unit, a wrong dimension, or a wrong kind."""
         if due.kind == "quantity" and due.dimension not in (None, NONE) and value.type.dimension == NONE:
             unit = dimension_unit(due.dimension)
-            bare = isinstance(node, s.Number) and not node.unit
+            bare = isinstance(node, s.NumberLiteral) and not node.unit
             text = self.report.source.text[node.start : node.end]
-            self.report(
+            self.report.at(
                 "LJ0202",
-                node.start,
-                node.end,
+                node,
                 message,
                 f"give it a unit: `{text} {unit}`" if bare else "",
                 replace=f"{text} {unit}" if bare else None,
             )
         elif due.kind == value.type.kind and due.kind in ("quantity", "range"):
-            self.report("LJ0203", node.start, node.end, message, _unit_hint(due))
+            self.report.at("LJ0203", node, message, _unit_hint(due))
         else:
-            self.report("LJ0201", node.start, node.end, message)
+            self.report.at("LJ0201", node, message)
 
-    def unknown_name(self, node: s.Name, known: list[str], what: str = "nothing") -> Value:
+    def unknown_name(self, node: s.Name, known: list[str], what: str = "nothing") -> TypedExpression:
         """Note a name nobody declared; it is reported at the end unless a faulty statement may have declared it."""
         self.names.note(node, known, what)
         return UNKNOWN
 
-    def step(self, name: str, node: s.Node) -> Step:
+    def step(self, name: str, node: s.SyntaxNode) -> FlowStep:
         """A station of a hidden value's path."""
-        return Step(name, self.report.span(node.start, node.end))
+        return FlowStep(name, self.report.span(node.start, node.end))
 
 
 def _unit_hint(due: Type) -> str:

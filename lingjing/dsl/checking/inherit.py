@@ -17,7 +17,7 @@ from lingjing.dsl.checking.scope import MissionDecl
 from lingjing.dsl.checking.toplevel import FileChecker, Files
 from lingjing.dsl.source.reporter import Reporter
 from lingjing.dsl.source.suggest import did_you_mean, nearest
-from lingjing.dsl.source.text import JoinedSource, Source, read_source
+from lingjing.dsl.source.text import JoinedSource, SourceText, read_source
 from lingjing.dsl.syntax import tree as s
 from lingjing.dsl.syntax.parser import parse
 from lingjing.mission.diagnostics import Diagnostic, Related, in_source_order
@@ -29,12 +29,12 @@ LONGEST_TEXT = 16 * 1024 * 1024
 """Characters of a mission and of all that it extends."""
 
 Items = tuple[s.Statement, ...]
-Check = Callable[[s.File, Reporter, Files], object]
+CheckFile = Callable[[s.File, Reporter, Files], object]
 """`checker.check`."""
 
 
 def inherited(
-    file: FileChecker, node: s.MissionBlock, check: Check, chain: tuple[str, ...] = ()
+    file: FileChecker, node: s.MissionBlock, check: CheckFile, chain: tuple[str, ...] = ()
 ) -> s.MissionBlock | None:
     """The mission with its base's statements; None if the base cannot be had, which is reported.
 
@@ -51,14 +51,14 @@ def inherited(
     if above is None:
         return None
     items = _merged(file.report, above.block.items, node)
-    return msgspec.structs.replace(node, block=s.Block(node.block.start, node.block.end, items))
+    return msgspec.structs.replace(node, block=s.BracedBlock(node.block.start, node.block.end, items))
 
 
 # -- private
 
 
 def _base(
-    file: FileChecker, name: s.Name, check: Check, chain: tuple[str, ...]
+    file: FileChecker, name: s.Name, check: CheckFile, chain: tuple[str, ...]
 ) -> tuple[MissionDecl, s.MissionBlock] | None:
     decl = file.scope.missions.get(name.text)
     if decl is None:
@@ -66,7 +66,7 @@ def _base(
         return None
     if decl.path in chain or len(chain) >= DEEPEST:
         why = "extends itself, through others" if decl.path in chain else f"is the end of more than {DEEPEST} in a row"
-        file.report("LJ0120", name.start, name.end, f"`{name.text}` {why}")
+        file.report.at("LJ0120", name, f"`{name.text}` {why}")
         return None
     if not _is_good(file, name, decl, check):
         return None
@@ -74,7 +74,7 @@ def _base(
     source, part = report.source, read_source(decl.path)
     if len(source.text) + len(part.text) > LONGEST_TEXT:
         message = f"with `{name.text}` the mission has more than {LONGEST_TEXT:,} characters"
-        report("LJ0120", name.start, name.end, message, "extend a shorter mission")
+        report.at("LJ0120", name, message, "extend a shorter mission")
         return None
     joined = source if isinstance(source, JoinedSource) else JoinedSource(source, name.start, name.end)
     start = joined.append(part)
@@ -85,18 +85,17 @@ def _base(
     return None if block is None else (decl, block)
 
 
-def _is_good(file: FileChecker, name: s.Name, decl: MissionDecl, check: Check) -> bool:
+def _is_good(file: FileChecker, name: s.Name, decl: MissionDecl, check: CheckFile) -> bool:
     """Whether the base is good by itself; only then is it looked at here. Whether it can be won does not matter."""
     report = file.report
     found = _errors(file, decl.path, check)
     if found is None:
-        report("LJ0120", name.start, name.end, f"`{name.text}` extends itself, through others")
+        report.at("LJ0120", name, f"`{name.text}` extends itself, through others")
         return False
     if found:
-        report(
+        report.at(
             "LJ0119",
-            name.start,
-            name.end,
+            name,
             f"the mission `{name.text}` has errors",
             f"run `lingjing validate {decl.path}`",
             related=(Related(found[0].span, found[0].message),),
@@ -104,7 +103,7 @@ def _is_good(file: FileChecker, name: s.Name, decl: MissionDecl, check: Check) -
     return not found
 
 
-def _errors(file: FileChecker, path: str, check: Check) -> tuple[Diagnostic, ...] | None:
+def _errors(file: FileChecker, path: str, check: CheckFile) -> tuple[Diagnostic, ...] | None:
     """The errors of the mission in a file; None if it is being checked right now, so that it leads back to itself.
 
     Each file is checked once in a compilation: a chain of missions costs what its members cost.
@@ -183,7 +182,7 @@ def _no_such(report: Reporter, item: s.Override, known: list[tuple[str, str]], b
 
 def _key(item: s.Statement) -> tuple[str, str] | None:
     """What makes two statements the same declaration: its keyword and its name, or what it joins."""
-    if isinstance(item, s.TextLine | s.Section | s.Outcome):
+    if isinstance(item, s.TextLine | s.SettingsBlock | s.OutcomeLine):
         return item.keyword, ""
     if isinstance(item, s.SceneBlock):
         return "scene", ""
@@ -218,9 +217,9 @@ _NAMED: dict[type, str] = {
 
 def _amended(old: s.Statement, new: s.Statement) -> s.Statement:
     """Settings and entities keep the lines that the override does not name; all else is replaced whole."""
-    if isinstance(old, s.Section) and isinstance(new, s.Section):
+    if isinstance(old, s.SettingsBlock) and isinstance(new, s.SettingsBlock):
         block = _joined(old.block, new.block) or new.block
-        return s.Section(new.start, new.end, new.keyword, block, new.preset or old.preset)
+        return s.SettingsBlock(new.start, new.end, new.keyword, block, new.preset or old.preset)
     if isinstance(old, s.SceneBlock) and isinstance(new, s.SceneBlock) and old.kind.text == new.kind.text:
         return msgspec.structs.replace(new, block=_joined(old.block, new.block))
     if isinstance(old, s.EntityBlock) and isinstance(new, s.EntityBlock):
@@ -236,37 +235,39 @@ def _amended(old: s.Statement, new: s.Statement) -> s.Statement:
     return new
 
 
-def _veiled(old: s.Block | None, new: s.Block | None) -> s.Block | None:
+def _veiled(old: s.BracedBlock | None, new: s.BracedBlock | None) -> s.BracedBlock | None:
     """The new lines, of which those are hidden that the old ones hid: another value is no reason to show it."""
     if old is None or new is None:
         return new
-    hidden = {_line(item) for item in old.items if isinstance(item, s.Property) and item.hidden}
+    hidden = {_line(item) for item in old.items if isinstance(item, s.PropertyLine) and item.hidden}
     items = tuple(
-        msgspec.structs.replace(item, hidden=True) if isinstance(item, s.Property) and _line(item) in hidden else item
+        msgspec.structs.replace(item, hidden=True)
+        if isinstance(item, s.PropertyLine) and _line(item) in hidden
+        else item
         for item in new.items
     )
     return msgspec.structs.replace(new, items=items)
 
 
-def _joined(old: s.Block | None, new: s.Block | None) -> s.Block | None:
+def _joined(old: s.BracedBlock | None, new: s.BracedBlock | None) -> s.BracedBlock | None:
     if old is None or new is None:
         return new or old
     said = {_line(item) for item in new.items} - {None}
     kept = [item for item in old.items if _line(item) not in said]
-    return s.Block(new.start, new.end, (*kept, *new.items))
+    return s.BracedBlock(new.start, new.end, (*kept, *new.items))
 
 
 def _line(item: s.Statement) -> tuple[str, str] | None:
-    if isinstance(item, s.Property):
+    if isinstance(item, s.PropertyLine):
         return "", item.name.text
     if isinstance(item, s.CameraBlock):
         return "camera", item.name.text
-    if isinstance(item, s.Section):
+    if isinstance(item, s.SettingsBlock):
         return item.keyword, ""
     return None
 
 
-def source_of(report: Reporter) -> Source:
+def source_of(report: Reporter) -> SourceText:
     """The source of the mission itself, without its bases."""
     source = report.source
     return source.own if isinstance(source, JoinedSource) else source

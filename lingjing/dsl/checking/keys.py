@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import msgspec
 
-from lingjing.dsl.checking.values import Value
+from lingjing.dsl.checking.values import TypedExpression
 from lingjing.dsl.syntax import tree as s
 from lingjing.mission.functions import Type
 
 
-class Key(msgspec.Struct, frozen=True):
+class PropertyKey(msgspec.Struct, frozen=True):
     """One property of a block. `choices` are the words allowed for a name or a list of names, None for any.
 
     `public` names where the value becomes visible to agents or engines, so that a hidden one is a leak.
@@ -29,15 +29,15 @@ class Key(msgspec.Struct, frozen=True):
     whole: bool = False
 
 
-class Entry(msgspec.Struct, frozen=True):
+class PropertyEntry(msgspec.Struct, frozen=True):
     """A property that was read: its statement and its parts (two for a speed with a direction, a size, a range)."""
 
-    node: s.Property
-    key: Key
-    parts: tuple[Value, ...]
+    node: s.PropertyLine
+    key: PropertyKey
+    parts: tuple[TypedExpression, ...]
 
     @property
-    def value(self) -> Value:
+    def value(self) -> TypedExpression:
         """The only or first part."""
         return self.parts[0]
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Literal
 
-from lingjing.dsl.checking.keys import Entry
-from lingjing.dsl.checking.values import Value
+from lingjing.dsl.checking.keys import PropertyEntry
+from lingjing.dsl.checking.values import TypedExpression
 from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.functions import Type
@@ -22,7 +22,7 @@ def suffix_of(dimension: Dimension | None) -> str:
 
 
 def lowered(
-    entry: Entry, *, inherited: bool = False, hidden: bool = False, state: bool = False
+    entry: PropertyEntry, *, inherited: bool = False, hidden: bool = False, state: bool = False
 ) -> tuple[model.Property, ...]:
     """The graph's properties for one read entry."""
     name, kind = entry.node.name.text, entry.key.type
@@ -45,7 +45,7 @@ def lowered(
     return _of_value(made, entry.value)
 
 
-def _of_value(made: Made, value: Value) -> tuple[model.Property, ...]:
+def _of_value(made: Made, value: TypedExpression) -> tuple[model.Property, ...]:
     kind: Type = value.type
     if kind.kind == "quantity":
         suffix = suffix_of(kind.dimension)

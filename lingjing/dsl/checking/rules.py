@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 from lingjing.dsl.checking.blocks import BlockReader
 from lingjing.dsl.checking.calls import children
-from lingjing.dsl.checking.keys import Key
-from lingjing.dsl.checking.scope import RuleInfo, Scope
+from lingjing.dsl.checking.keys import PropertyKey
+from lingjing.dsl.checking.scope import RuleInfo, SymbolTables
 from lingjing.dsl.checking.values import RULE, UNKNOWN, Environment
 from lingjing.dsl.syntax import tree as s
 from lingjing.mission import expression as ex
@@ -16,7 +16,8 @@ from lingjing.mission.diagnostics import Related
 from lingjing.mission.functions import AGGREGATES, FLAG, FUNCTIONS, NUMBER
 
 STAGE_KEYS = {
-    key.name: key for key in (Key("ticks", NUMBER, ("<=",), low=1, whole=True), Key("weight", NUMBER, above=0))
+    key.name: key
+    for key in (PropertyKey("ticks", NUMBER, ("<=",), low=1, whole=True), PropertyKey("weight", NUMBER, above=0))
 }
 
 
@@ -27,24 +28,23 @@ class RuleChecker:
         self.blocks = blocks
         self.of = blocks.of
         self.report = blocks.report
-        self.scope: Scope = blocks.of.scope
+        self.scope: SymbolTables = blocks.of.scope
 
     def head(self, node: s.RuleBlock) -> None:
         """Make the rule's name and parameters known."""
         name = node.name
         known = self.scope.rules.get(name.text)
         if known is not None:
-            self.report(
+            self.report.at(
                 "LJ0104",
-                name.start,
-                name.end,
+                name,
                 f"the rule `{name.text}` is declared twice",
                 "choose another name",
                 related=(Related(known.span, "first declared here"),),
             )
             return
         if name.text in FUNCTIONS or name.text in AGGREGATES:
-            self.report("LJ0104", name.start, name.end, f"`{name.text}` is a built-in function", "choose another name")
+            self.report.at("LJ0104", name, f"`{name.text}` is a built-in function", "choose another name")
             return
         self.scope.rules[name.text] = RuleInfo(name.text, node.parameters, self.report.span(name.start, name.end))
 
@@ -52,10 +52,9 @@ class RuleChecker:
         """Make the stage's name known."""
         known = self.scope.stages.get(node.name.text)
         if known is not None:
-            self.report(
+            self.report.at(
                 "LJ0104",
-                node.name.start,
-                node.name.end,
+                node.name,
                 f"the stage `{node.name.text}` is declared twice",
                 "choose another name",
                 related=(Related(known[1], "first declared here"),),
@@ -94,7 +93,7 @@ class RuleChecker:
         environment = self.per(node.variable, node.domain)
         what = f"the stage `{node.name.text}`"
         entries = self.blocks.read(node.block, STAGE_KEYS, what, others=(s.Condition, s.LimitLine), owner=node.name)
-        condition = self.only_condition(node.block, "done", what, node.name, others=(s.Property, s.LimitLine))
+        condition = self.only_condition(node.block, "done", what, node.name, others=(s.PropertyLine, s.LimitLine))
         limits = [limit(item) for item in node.block.items if isinstance(item, s.LimitLine)]
         if condition is None or environment is None:
             return None
@@ -116,7 +115,7 @@ class RuleChecker:
         kind = self.of.calls.domain_type(domain)
         return None if kind is None else RULE.binding(variable.text, kind)
 
-    def outcome(self, node: s.Outcome) -> ex.Expr:
+    def outcome(self, node: s.OutcomeLine) -> ex.Expr:
         """`success when …`, `failure when …`."""
         return self.of.expect(node.condition, RULE, FLAG, f"`{node.keyword} when`").ir
 
@@ -141,16 +140,15 @@ class RuleChecker:
                     Related(self.report.span(by_name[n].name.start, by_name[n].name.end), "which refers on from here")
                     for n in way[1:-1]
                 )
-                self.report(
+                self.report.at(
                     "LJ0308",
-                    node.name.start,
-                    node.name.end,
+                    node.name,
                     f"the rule `{node.name.text}` refers to itself: {' → '.join(way)}",
                     related=related,
                 )
 
     def only_condition(
-        self, block: s.Block, keyword: str, what: str, owner: s.Name, others: tuple[type, ...] = ()
+        self, block: s.BracedBlock, keyword: str, what: str, owner: s.Name, others: tuple[type, ...] = ()
     ) -> s.Expression | None:
         """The one condition of a block, `when …`, `done when …` or `always …`; `others` are read elsewhere."""
         found: s.Condition | None = None
@@ -181,7 +179,7 @@ class RuleChecker:
             elif not isinstance(item, others):
                 self.blocks.misplaced(item, what, (spelled,))
         if found is None and not faulty:
-            self.report("LJ0106", owner.start, owner.end, f"{what} lacks its condition", f"add `{spelled} …`")
+            self.report.at("LJ0106", owner, f"{what} lacks its condition", f"add `{spelled} …`")
         return found.condition if found else None
 
     # -- private
@@ -192,10 +190,10 @@ class RuleChecker:
         for node in nodes:
             kind = self.of.calls.domain_type(node.type)
             if node.name.text in names:
-                self.report("LJ0103", node.name.start, node.name.end, f"`{node.name.text}` is given twice")
+                self.report.at("LJ0103", node.name, f"`{node.name.text}` is given twice")
             names.add(node.name.text)
             if node.optional or node.bounds is not None:
-                self.report("LJ0110", node.start, node.end, "a rule's parameter has a name and a group or message kind")
+                self.report.at("LJ0110", node, "a rule's parameter has a name and a group or message kind")
             if kind is None:
                 good = False
                 environment = environment.binding(node.name.text, UNKNOWN.type)
@@ -209,18 +207,18 @@ def _calls(node: s.Expression, function: str) -> bool:
     waiting = [node]
     while waiting:
         part = waiting.pop()
-        if isinstance(part, s.Call) and part.function.text == function:
+        if isinstance(part, s.CallExpr) and part.function.text == function:
             return True
         waiting.extend(children(part))
     return False
 
 
-def _called(node: s.RuleBlock, scope: Scope) -> list[str]:
+def _called(node: s.RuleBlock, scope: SymbolTables) -> list[str]:
     found: list[str] = []
     waiting: list[s.Expression] = [item.condition for item in node.block.items if isinstance(item, s.Condition)]
     while waiting:
         part = waiting.pop()
-        if isinstance(part, s.Call) and part.function.text in scope.rules:
+        if isinstance(part, s.CallExpr) and part.function.text in scope.rules:
             found.append(part.function.text)
         waiting.extend(children(part))
     return sorted(set(found))

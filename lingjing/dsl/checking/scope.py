@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 import msgspec
 
-from lingjing.dsl.checking.keys import Entry
+from lingjing.dsl.checking.keys import PropertyEntry
 from lingjing.dsl.checking.values import Taint
 from lingjing.dsl.syntax import tree as s
 from lingjing.mission import model
@@ -14,7 +14,7 @@ from lingjing.mission.diagnostics import Span
 from lingjing.mission.functions import Type
 
 
-class Attribute(msgspec.Struct, frozen=True):
+class PropertyType(msgspec.Struct, frozen=True):
     """One property of a type or a group: its type, the path by which it is hidden, whether it changes in a run."""
 
     type: Type
@@ -29,7 +29,7 @@ class TypeDecl(msgspec.Struct, frozen=True):
     name: str
     role: str
     engine: str
-    attributes: dict[str, Attribute]
+    attributes: dict[str, PropertyType]
     properties: tuple[model.Property, ...]
     verbs: dict[str, model.Verb]
     interactions: dict[str, model.Interaction]
@@ -52,7 +52,7 @@ class CameraDecl(msgspec.Struct, frozen=True):
     """A camera preset: what it says, by key."""
 
     name: str
-    entries: dict[str, Entry]
+    entries: dict[str, PropertyEntry]
     span: Span
 
 
@@ -60,7 +60,7 @@ class WeatherDecl(msgspec.Struct, frozen=True):
     """A weather preset: what it says, by key."""
 
     name: str
-    entries: dict[str, Entry]
+    entries: dict[str, PropertyEntry]
     span: Span
 
 
@@ -93,7 +93,7 @@ class Library(msgspec.Struct, frozen=True):
         return {name: decl for name, decl in self.declared.items() if isinstance(decl, RecordDecl)}
 
 
-class Symbol(msgspec.Struct, frozen=True):
+class DeclaredName(msgspec.Struct, frozen=True):
     """A declared name that expressions may use."""
 
     kind: Literal["param", "region", "grid", "group", "entity"]
@@ -109,7 +109,7 @@ class GroupInfo(msgspec.Struct, frozen=True):
     name: str
     role: str
     type: TypeDecl | None
-    attributes: dict[str, Attribute]
+    attributes: dict[str, PropertyType]
     single: bool
     most: float | None = None
 
@@ -122,7 +122,7 @@ class RuleInfo(msgspec.Struct, frozen=True):
     span: Span
 
 
-class Scope:
+class SymbolTables:
     """All tables of one mission, filled in the order in which declarations may refer to each other."""
 
     def __init__(self) -> None:
@@ -131,7 +131,7 @@ class Scope:
         self.cameras: dict[str, CameraDecl] = {}
         self.weathers: dict[str, WeatherDecl] = {}
         self.missions: dict[str, MissionDecl] = {}
-        self.symbols: dict[str, Symbol] = {}
+        self.symbols: dict[str, DeclaredName] = {}
         self.groups: dict[str, GroupInfo] = {}
         self.veiled: dict[str, Taint] = {}
         """Region → why it is hidden: found before the regions are checked."""

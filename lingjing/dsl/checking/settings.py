@@ -5,12 +5,11 @@ from __future__ import annotations
 from typing import Literal
 
 from lingjing.dsl.checking.blocks import BlockReader
-from lingjing.dsl.checking.keys import Entry, Key
+from lingjing.dsl.checking.keys import PropertyEntry, PropertyKey
 from lingjing.dsl.checking.properties import lowered
-from lingjing.dsl.checking.scope import Scope, Symbol
+from lingjing.dsl.checking.scope import DeclaredName, SymbolTables
 from lingjing.dsl.checking.typenames import with_article
-from lingjing.dsl.checking.values import STATIC, UNKNOWN, Value
-from lingjing.dsl.source.suggest import did_you_mean, nearest
+from lingjing.dsl.checking.values import STATIC, UNKNOWN, TypedExpression
 from lingjing.dsl.syntax import tree as s
 from lingjing.mission import expression as ex
 from lingjing.mission import model
@@ -24,14 +23,16 @@ MODES = ("star", "broadcast", "single")
 RECEIPTS = ("own", "all", "none")
 
 
-def _keys(*keys: Key) -> dict[str, Key]:
+def _keys(*keys: PropertyKey) -> dict[str, PropertyKey]:
     return {key.name: key for key in keys}
 
 
 _DRAWN = ("=", "~")
 _SCENE_KEYS = _keys(
-    Key("datum", Type("level")), Key("origin", Type("position", of="degrees")), Key("layout", NUMBER, low=0, whole=True)
-)  # fmt: skip
+    PropertyKey("datum", Type("level")),
+    PropertyKey("origin", Type("position", of="degrees")),
+    PropertyKey("layout", NUMBER, low=0, whole=True),
+)
 """What every scene reads; `layout` is a number that picks another one of the same kind."""
 
 _OPTION_TYPES = {
@@ -40,43 +41,45 @@ _OPTION_TYPES = {
 }  # fmt: skip
 
 
-CLOCK_KEYS = _keys(Key("tick", SECONDS, above=0, required=True), Key("sync", SECONDS, above=0, required=True))
+CLOCK_KEYS = _keys(
+    PropertyKey("tick", SECONDS, above=0, required=True), PropertyKey("sync", SECONDS, above=0, required=True)
+)
 BUDGET_KEYS = _keys(
-    Key("ticks", NUMBER, ("<=",), low=1, required=True, whole=True),
-    Key("policy", SECONDS, ("<=",), above=0),
-    Key("engine", SECONDS, ("<=",), above=0),
-    Key("capture", SECONDS, ("<=",), above=0),
-    Key("tokens", Type("quantity", TOKENS), ("<=",), above=0, whole=True),
-    Key("money", Type("quantity", MONEY), ("<=",), above=0),
-    Key("messages", NUMBER, ("<=",), low=0, whole=True),
+    PropertyKey("ticks", NUMBER, ("<=",), low=1, required=True, whole=True),
+    PropertyKey("policy", SECONDS, ("<=",), above=0),
+    PropertyKey("engine", SECONDS, ("<=",), above=0),
+    PropertyKey("capture", SECONDS, ("<=",), above=0),
+    PropertyKey("tokens", Type("quantity", TOKENS), ("<=",), above=0, whole=True),
+    PropertyKey("money", Type("quantity", MONEY), ("<=",), above=0),
+    PropertyKey("messages", NUMBER, ("<=",), low=0, whole=True),
 )
 ALLOWANCES = ("tokens", "money", "messages")
 WEATHER_KEYS = _keys(
-    Key("wind", Type("directed", of="from"), _DRAWN, low=0),
-    Key("current", Type("directed", of="to"), _DRAWN, low=0),
-    Key("turbulence", NUMBER, _DRAWN, low=0),
-    Key("visibility", METRES, _DRAWN, above=0),
-    Key("wave_height", METRES, _DRAWN, low=0),
-    Key("wave_period", SECONDS, _DRAWN, above=0),
-    Key("cloud", NUMBER, _DRAWN, low=0, high=1),
-    Key("rain", NUMBER, _DRAWN, low=0, high=1),
-    Key("sun_azimuth", DEGREES, _DRAWN),
-    Key("sun_elevation", DEGREES, _DRAWN, low=-90, high=90),
+    PropertyKey("wind", Type("directed", of="from"), _DRAWN, low=0),
+    PropertyKey("current", Type("directed", of="to"), _DRAWN, low=0),
+    PropertyKey("turbulence", NUMBER, _DRAWN, low=0),
+    PropertyKey("visibility", METRES, _DRAWN, above=0),
+    PropertyKey("wave_height", METRES, _DRAWN, low=0),
+    PropertyKey("wave_period", SECONDS, _DRAWN, above=0),
+    PropertyKey("cloud", NUMBER, _DRAWN, low=0, high=1),
+    PropertyKey("rain", NUMBER, _DRAWN, low=0, high=1),
+    PropertyKey("sun_azimuth", DEGREES, _DRAWN),
+    PropertyKey("sun_elevation", DEGREES, _DRAWN, low=-90, high=90),
 )
-GRID_KEYS = _keys(Key("shape", Type("size"), required=True), Key("overlap", NUMBER, low=0, high=0.9))
+GRID_KEYS = _keys(PropertyKey("shape", Type("size"), required=True), PropertyKey("overlap", NUMBER, low=0, high=0.9))
 COMMS_KEYS = _keys(
-    Key("hub", Type("name"), guarded=True),
-    Key("delay", Type("quantity", TICKS), low=1, whole=True),
-    Key("payload", Type("quantity", DATA), ("<=",), above=0),
-    Key("range", METRES, ("<=",), above=0),
-    Key("loss", NUMBER, low=0, high=1),
-    Key("receipts", Type("name"), choices=RECEIPTS),
+    PropertyKey("hub", Type("name"), guarded=True),
+    PropertyKey("delay", Type("quantity", TICKS), low=1, whole=True),
+    PropertyKey("payload", Type("quantity", DATA), ("<=",), above=0),
+    PropertyKey("range", METRES, ("<=",), above=0),
+    PropertyKey("loss", NUMBER, low=0, high=1),
+    PropertyKey("receipts", Type("name"), choices=RECEIPTS),
 )
 _DEADLINES = {"policy": 90.0, "engine": 30.0, "capture": 10.0}
 """Seconds; the paper's limits, for a budget that names ticks only."""
 
 
-def scene_keys(kind: str) -> dict[str, Key]:
+def scene_keys(kind: str) -> dict[str, PropertyKey]:
     """What can be said of a scene: its own options, and those of built-in scenes, which `scene_faults` may refuse."""
     known = scene_kind(kind)
     kinds = (*builtin_scenes().values(), *((known,) if known else ()))
@@ -84,9 +87,9 @@ def scene_keys(kind: str) -> dict[str, Key]:
     return _SCENE_KEYS | {name: _option_key(name, option) for name, option in options.items()}
 
 
-def _option_key(name: str, option: SceneOption) -> Key:
+def _option_key(name: str, option: SceneOption) -> PropertyKey:
     low, above = (None, 0.0) if option.type == "metres" else (option.low if option.type == "number" else None, None)
-    return Key(name, _OPTION_TYPES[option.type], _DRAWN if option.drawn else ("=",), low=low, above=above)
+    return PropertyKey(name, _OPTION_TYPES[option.type], _DRAWN if option.drawn else ("=",), low=low, above=above)
 
 
 class SettingsChecker:
@@ -96,9 +99,9 @@ class SettingsChecker:
         self.blocks = blocks
         self.of = blocks.of
         self.report = blocks.report
-        self.scope: Scope = blocks.of.scope
+        self.scope: SymbolTables = blocks.of.scope
 
-    def declare(self, name: s.Name, symbol: Symbol) -> None:
+    def declare(self, name: s.Name, symbol: DeclaredName) -> None:
         """Enter a name that expressions may use; reports a second declaration."""
         first = self.scope.symbols.get(name.text)
         if first is None:
@@ -106,10 +109,9 @@ class SettingsChecker:
             return
         from lingjing.mission.diagnostics import Related
 
-        self.report(
+        self.report.at(
             "LJ0104",
-            name.start,
-            name.end,
+            name,
             f"`{name.text}` is declared twice",
             "choose another name",
             related=(Related(first.span, "first declared here"),),
@@ -121,7 +123,7 @@ class SettingsChecker:
         self._map_beside(entries.get("map"))
         return model.Scene(kind=node.kind.text, options=_lowered(entries))
 
-    def clock(self, node: s.Section) -> model.ClockDeclaration | None:
+    def clock(self, node: s.SettingsBlock) -> model.ClockDeclaration | None:
         """`clock { tick = …, sync = … }`; the tick must be a whole multiple of the macro-step."""
         with self.of.without_clock():
             entries = self.blocks.read(node.block, CLOCK_KEYS, "`clock`", owner=node)
@@ -132,11 +134,11 @@ class SettingsChecker:
         fault = "" if a is None or b is None else clock_fault(a, b)
         if fault:
             place = sync.node.value
-            self.report("LJ0501", place.start, place.end, fault)
+            self.report.at("LJ0501", place, fault)
             return None
         return model.ClockDeclaration(tick=tick.value.ir, sync=sync.value.ir)
 
-    def budget(self, node: s.Section) -> model.BudgetDeclaration | None:
+    def budget(self, node: s.SettingsBlock) -> model.BudgetDeclaration | None:
         """`budget { ticks <= …, … }`; deadlines not given are the paper's."""
         entries = self.blocks.read(node.block, BUDGET_KEYS, "`budget`", owner=node)
         if "ticks" not in entries:
@@ -148,13 +150,13 @@ class SettingsChecker:
         spent = {name: entries[name].value.ir for name in ALLOWANCES if name in entries}
         return model.BudgetDeclaration(ticks=entries["ticks"].value.ir, **limits, **spent)
 
-    def allowance(self, node: s.Section) -> model.AllowanceDeclaration:
+    def allowance(self, node: s.SettingsBlock) -> model.AllowanceDeclaration:
         """`budget { tokens <= …, money <= …, messages <= … }` of one agent."""
         keys = {name: BUDGET_KEYS[name] for name in ALLOWANCES}
         entries = self.blocks.read(node.block, keys, "an agent's `budget`", owner=node)
         return model.AllowanceDeclaration(**{name: entry.value.ir for name, entry in entries.items()})
 
-    def weather(self, node: s.Section) -> tuple[model.Property, ...]:
+    def weather(self, node: s.SettingsBlock) -> tuple[model.Property, ...]:
         """`weather { … }`, or `weather storm { … }`: the preset and what differs from it."""
         entries = self.blocks.read(node.block, WEATHER_KEYS, "`weather`")
         return _lowered({**self._preset(node.preset), **entries})
@@ -164,34 +166,19 @@ class SettingsChecker:
         names = [name.text for name in node.allowed.names]
         for position, name in enumerate(node.allowed.names):
             if name.text not in MODES:
-                self.report(
-                    "LJ0109",
-                    name.start,
-                    name.end,
-                    f"no mode is called `{name.text}`",
-                    did_you_mean(name.text, MODES),
-                    replace=nearest(name.text, MODES),
-                )
+                self.report.unknown("LJ0109", name, f"no mode is called `{name.text}`", MODES)
                 self.scope.poisoned.add(name.text)
                 return None
             if name.text in names[:position]:
-                self.report("LJ0103", name.start, name.end, f"`{name.text}` is given twice")
+                self.report.at("LJ0103", name, f"`{name.text}` is given twice")
         if node.default.text not in names:
             default = node.default
-            self.report(
-                "LJ0109",
-                default.start,
-                default.end,
-                f"the mode `{default.text}` is not among those allowed",
-                did_you_mean(default.text, names),
-                replace=nearest(default.text, names),
-            )
+            self.report.unknown("LJ0109", default, f"the mode `{default.text}` is not among those allowed", names)
             return None
         if "single" in names and len(names) > 1:
-            self.report(
+            self.report.at(
                 "LJ0504",
-                node.allowed.start,
-                node.allowed.end,
+                node.allowed,
                 "`single` stands alone: a mission with one agent has no way to speak",
                 "write `mode single`",
             )
@@ -205,7 +192,7 @@ class SettingsChecker:
 
     def _param(self, node: s.Param) -> model.Parameter | None:
         default_node, bounds_node = node.value, None
-        if isinstance(node.value, s.Binary) and node.value.operator == "in":
+        if isinstance(node.value, s.BinaryExpr) and node.value.operator == "in":
             default_node, bounds_node = node.value.left, node.value.right
         default = self.of.expect(default_node, STATIC, Type("quantity"), f"the param `{node.name.text}`")
         bounds = self._bounds(node, bounds_node, default) if bounds_node is not None else None
@@ -214,7 +201,7 @@ class SettingsChecker:
                 self.blocks.leak(value.taint, place, f"the param `{node.name.text}`")
         kind = default.type if default is not UNKNOWN and bounds is not UNKNOWN else Type("any")
         span = self.report.span(node.name.start, node.name.end)
-        self.declare(node.name, Symbol("param", kind, span))  # a leak is reported here, once
+        self.declare(node.name, DeclaredName("param", kind, span))  # a leak is reported here, once
         constant = self.of.constant(default.ir)
         if constant is not None and default is not UNKNOWN:
             self.scope.constants[node.name.text] = constant
@@ -228,7 +215,7 @@ class SettingsChecker:
         shape = self.of.expect(node.shape, STATIC, REGION, f"the region `{node.name.text}`")
         taint = (*shape.taint, self.of.step(f"region `{node.name.text}`", node.name)) if shape.taint else ()
         span = self.report.span(node.name.start, node.name.end)
-        self.declare(node.name, Symbol("region", REGION, span, taint))
+        self.declare(node.name, DeclaredName("region", REGION, span, taint))
         if shape is UNKNOWN:
             return None
         self._outline(node.shape, shape.ir)
@@ -242,7 +229,7 @@ class SettingsChecker:
             self.of.unknown_name(node.region, regions, "no region")
         taint = (*region.taint, self.of.step(f"grid `{node.name.text}`", node.name)) if region and region.taint else ()
         span = self.report.span(node.name.start, node.name.end)
-        self.declare(node.name, Symbol("grid", Type("grid", of=node.name.text), span, taint))
+        self.declare(node.name, DeclaredName("grid", Type("grid", of=node.name.text), span, taint))
         entries = self.blocks.read(node.block, GRID_KEYS, "`grid`", owner=node)
         if "shape" not in entries:
             return None
@@ -252,7 +239,7 @@ class SettingsChecker:
             name=node.name.text, region=node.region.text, rows=rows.ir, columns=columns.ir, overlap=overlap
         )
 
-    def comms(self, node: s.Section) -> model.Comms:
+    def comms(self, node: s.SettingsBlock) -> model.Comms:
         """`comms { … }`; a hub's only condition can be `mode == star`, because only star mode has one."""
         entries = self.blocks.read(node.block, COMMS_KEYS, "`comms`")
         hub = entries.get("hub")
@@ -278,7 +265,7 @@ class SettingsChecker:
 
     # -- private
 
-    def _preset(self, name: s.Name | None) -> dict[str, Entry]:
+    def _preset(self, name: s.Name | None) -> dict[str, PropertyEntry]:
         if name is None:
             return {}
         decl = self.scope.weathers.get(name.text)
@@ -287,7 +274,7 @@ class SettingsChecker:
             return {}
         return decl.entries
 
-    def _map_beside(self, entry: Entry | None) -> None:
+    def _map_beside(self, entry: PropertyEntry | None) -> None:
         """A map is a file of the project: its path goes down, never up or out."""
         if entry is None or not isinstance(entry.value.ir, ex.Text):
             return
@@ -295,9 +282,9 @@ class SettingsChecker:
         if ".." in words or not words[0] or ":" in words[0]:
             place = entry.node.value
             hint = "put the map beside the mission and name it from there"
-            self.report("LJ0122", place.start, place.end, "the path leads out of the project", hint)
+            self.report.at("LJ0122", place, "the path leads out of the project", hint)
 
-    def _bounds(self, node: s.Param, bounds: s.Expression, default: Value) -> Value:
+    def _bounds(self, node: s.Param, bounds: s.Expression, default: TypedExpression) -> TypedExpression:
         if isinstance(bounds, s.List):
             value = self.of.value(bounds, STATIC)
             same = default is UNKNOWN or value is UNKNOWN or value.type.dimension == default.type.dimension
@@ -310,29 +297,28 @@ class SettingsChecker:
         due = Type("range", default.type.dimension if default is not UNKNOWN else None)
         value = self.of.value(bounds, STATIC)
         if value.type.kind == "range" and due.dimension is not None and value.type.dimension != due.dimension:
-            self.report(
+            self.report.at(
                 "LJ0203",
-                bounds.start,
-                bounds.end,
+                bounds,
                 f"{with_article(due)} is due for the bounds of `{node.name.text}`, this is {with_article(value.type)}",
             )
             return UNKNOWN
         return value if self.of.fits(value, due, bounds, f"the bounds of `{node.name.text}`") else UNKNOWN
 
-    def _default_in_bounds(self, node: s.Expression, default: Value, bounds: Value | None) -> None:
+    def _default_in_bounds(self, node: s.Expression, default: TypedExpression, bounds: TypedExpression | None) -> None:
         number = self.of.constant(default.ir)
         if bounds is None or number is None:
             return
         if isinstance(bounds.ir, ex.Sequence):
             allowed = [self.of.constant(item) for item in bounds.ir.items]
             if None not in allowed and number not in allowed:
-                self.report("LJ0206", node.start, node.end, "the default is none of the values allowed")
+                self.report.at("LJ0206", node, "the default is none of the values allowed")
             return
         if not isinstance(bounds.ir, ex.Range):
             return
         low, high = self.of.constant(bounds.ir.low), self.of.constant(bounds.ir.high)
         if (low is not None and number < low) or (high is not None and number > high):
-            self.report("LJ0206", node.start, node.end, "the default is outside of its bounds")
+            self.report.at("LJ0206", node, "the default is outside of its bounds")
 
     def _outline(self, node: s.Expression, shape: ex.Expr) -> None:
         """A polygon of constant corners must enclose an area without crossing itself."""
@@ -350,28 +336,20 @@ class SettingsChecker:
 
         wrong = fault(tuple(corners))
         if wrong:
-            self.report(
-                "LJ0208", node.start, node.end, f"the outline {wrong}", "list the corners in order around the area"
-            )
+            self.report.at("LJ0208", node, f"the outline {wrong}", "list the corners in order around the area")
 
-    def _hub(self, hub: Entry) -> str | None:
+    def _hub(self, hub: PropertyEntry) -> str | None:
         guard, node = hub.node.guard, hub.node.value
         if guard is not None:
             condition = self.of.expect(guard, STATIC, FLAG, "`when`")
             star = ex.Binary("==", ex.Ref("mode", "mode"), ex.Symbol("star"))
             if condition is not UNKNOWN and condition.ir != star:
-                self.report(
-                    "LJ0307",
-                    guard.start,
-                    guard.end,
-                    "a hub exists in star mode, and only there",
-                    "write `when mode == star`",
+                self.report.at(
+                    "LJ0307", guard, "a hub exists in star mode, and only there", "write `when mode == star`"
                 )
                 return None
         if not isinstance(node, s.Name):
-            self.report(
-                "LJ0201", node.start, node.end, "the hub is one agent", "name a single agent, not a group's member"
-            )
+            self.report.at("LJ0201", node, "the hub is one agent", "name a single agent, not a group's member")
             return None
         if node.text not in self.scope.agents:
             self.of.unknown_name(node, list(self.scope.agents), "no agent")
@@ -379,10 +357,10 @@ class SettingsChecker:
         return node.text
 
 
-def _receipts(entry: Entry | None) -> Literal["own", "all", "none"]:
+def _receipts(entry: PropertyEntry | None) -> Literal["own", "all", "none"]:
     word = entry.value.ir.name if entry is not None and isinstance(entry.value.ir, ex.Symbol) else "own"
     return "all" if word == "all" else "none" if word == "none" else "own"
 
 
-def _lowered(entries: dict[str, Entry]) -> tuple[model.Property, ...]:
+def _lowered(entries: dict[str, PropertyEntry]) -> tuple[model.Property, ...]:
     return tuple(prop for entry in entries.values() for prop in lowered(entry))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from lingjing.dsl.checking.blocks import BlockReader
-from lingjing.dsl.checking.scope import Scope
+from lingjing.dsl.checking.scope import SymbolTables
 from lingjing.dsl.checking.settings import SettingsChecker
 from lingjing.dsl.checking.typenames import with_article
 from lingjing.dsl.checking.values import STATIC, UNKNOWN
@@ -26,7 +26,7 @@ class StudyChecker:
         self.settings = settings
         self.of = blocks.of
         self.report = blocks.report
-        self.scope: Scope = blocks.of.scope
+        self.scope: SymbolTables = blocks.of.scope
         self.bounds: dict[str, ex.Expr | None] = {}
         self.seen: dict[str, Span] = {}
 
@@ -35,17 +35,16 @@ class StudyChecker:
         span = self.report.span(node.name.start, node.name.end)
         first = self.seen.setdefault(node.name.text, span)
         if first is not span:
-            self.report(
-                "LJ0104", node.name.start, node.name.end, f"the sweep `{node.name.text}` is declared twice",
-                "choose another name", related=(Related(first, "first declared here"),),
-            )  # fmt: skip
+            self.report.at(
+                "LJ0104", node.name, f"the sweep `{node.name.text}` is declared twice",
+                "choose another name", related=(Related(first, "first declared here"),))  # fmt: skip
         with self.of.without_clock():
             axes = [self._axis(axis) for axis in node.axes]
             guard = self.settings.guard(node.guard)
         names = [axis.name for axis in node.axes]
         for position, name in enumerate(names):
             if any(name.text == other.text for other in names[:position]):
-                self.report("LJ0103", name.start, name.end, f"`{name.text}` is swept twice")
+                self.report.at("LJ0103", name, f"`{name.text}` is swept twice")
                 return None
         if None in axes:
             return None
@@ -56,8 +55,7 @@ class StudyChecker:
         if size > MOST:
             self.report(
                 "LJ0503", node.name.start, node.axes[-1].end, f"the sweep `{node.name.text}` has {size:,} combinations",
-                f"at most {MOST:,} are possible: sweep fewer params or fewer values",
-            )  # fmt: skip
+                f"at most {MOST:,} are possible: sweep fewer params or fewer values")  # fmt: skip
             return None
         return model.Sweep(name=node.name.text, parameters=tuple(n.text for n in names), values=values, when=guard)
 
@@ -75,15 +73,14 @@ class StudyChecker:
             return None
         self.blocks.leak(value.taint, node, f"the sweep over `{axis.name.text}`")
         if value.type.kind not in ("list", "range") or value.type.item not in (None, "quantity"):
-            self.report(
-                "LJ0201", node.start, node.end, f"the values of a sweep are a list or a range, this is "
-                f"{with_article(value.type)}", f"write `{axis.name.text} in [1, 2, 3]`",
-            )  # fmt: skip
+            self.report.at(
+                "LJ0201", node, f"the values of a sweep are a list or a range, this is "
+                f"{with_article(value.type)}", f"write `{axis.name.text} in [1, 2, 3]`")  # fmt: skip
             return None
         if (value.type.dimension or NONE) != (symbol.type.dimension or NONE):
             due = with_article(symbol.type)
             given = with_article(Type("quantity", value.type.dimension or NONE))
-            self.report("LJ0203", node.start, node.end, f"`{axis.name.text}` is {due}, the values are {given}s")
+            self.report.at("LJ0203", node, f"`{axis.name.text}` is {due}, the values are {given}s")
             return None
         items = self._items(node, value.ir)
         return items if items is not None and self._allowed(axis, items) else None
@@ -91,18 +88,17 @@ class StudyChecker:
     def _items(self, node: s.Expression, ir: ex.Expr) -> tuple[ex.Expr, ...] | None:
         if isinstance(ir, ex.Sequence):
             if not ir.items:
-                self.report("LJ0206", node.start, node.end, "a sweep over nothing")
+                self.report.at("LJ0206", node, "a sweep over nothing")
             return ir.items or None
         assert isinstance(ir, ex.Range)
         low, high = self.of.constant(ir.low), self.of.constant(ir.high)
         if low is None or high is None or low != int(low) or high != int(high):
-            self.report("LJ0206", node.start, node.end, "a range is swept in whole numbers", "list the values instead")
+            self.report.at("LJ0206", node, "a range is swept in whole numbers", "list the values instead")
             return None
         if high - low >= MOST:
-            self.report(
-                "LJ0503", node.start, node.end, f"the range has {high - low + 1:,.0f} values",
-                f"at most {MOST:,} are possible",
-            )  # fmt: skip
+            self.report.at(
+                "LJ0503", node, f"the range has {high - low + 1:,.0f} values",
+                f"at most {MOST:,} are possible")  # fmt: skip
             return None
         unit = ir.low.unit if isinstance(ir.low, ex.Number) else ""
         return tuple(ex.Number(float(k), unit) for k in range(int(low), int(high) + 1))
@@ -116,6 +112,6 @@ class StudyChecker:
             number = self.of.constant(item)
             if number is not None and ((low is not None and number < low) or (high is not None and number > high)):
                 message = f"{number:g} is outside of the bounds of `{axis.name.text}`"
-                self.report("LJ0206", axis.values.start, axis.values.end, message)
+                self.report.at("LJ0206", axis.values, message)
                 return False
         return True

@@ -13,12 +13,12 @@ from lingjing.dsl.checking.blocks import BlockReader
 from lingjing.dsl.checking.elaborate import Elaborator
 from lingjing.dsl.checking.entities import EntityChecker
 from lingjing.dsl.checking.interactions import InteractionChecker
-from lingjing.dsl.checking.scope import Declaration, Library, MissionDecl, Scope, TypeDecl
+from lingjing.dsl.checking.scope import Declaration, Library, MissionDecl, SymbolTables, TypeDecl
 from lingjing.dsl.checking.settings import SettingsChecker
 from lingjing.dsl.checking.types import TypeChecker
 from lingjing.dsl.source.reporter import Reporter
 from lingjing.dsl.source.suggest import did_you_mean, nearest
-from lingjing.dsl.source.text import Source, read_source
+from lingjing.dsl.source.text import SourceText, read_source
 from lingjing.dsl.syntax import tree as s
 from lingjing.dsl.syntax.parser import parse
 from lingjing.mission.diagnostics import Diagnostic, Related
@@ -45,7 +45,7 @@ class Files:
         self.bases: dict[str, tuple[Diagnostic, ...] | None] = {}
 
 
-def check_library(source: Source, chain: tuple[str, ...], files: Files) -> Loaded:
+def check_library(source: SourceText, chain: tuple[str, ...], files: Files) -> Loaded:
     """Check the top of a file that another one uses. Its mission, if it has one, is only named: who extends it checks
     it."""
     report = Reporter(source)
@@ -93,7 +93,7 @@ class FileChecker:
         self.report = report
         self.files = files or Files()
         self.chain = (*chain, os.path.realpath(report.source.path))
-        self.scope = Scope()
+        self.scope = SymbolTables()
         self.of = Elaborator(report, self.scope)
         self.blocks = BlockReader(self.of)
         self.settings = SettingsChecker(self.blocks)
@@ -108,7 +108,7 @@ class FileChecker:
         self.scope.incomplete = self.scope.incomplete or any(isinstance(item, s.Faulty) for item in tree.items)
         self._version(tree)
         for item in tree.items:
-            if isinstance(item, s.Use):
+            if isinstance(item, s.UseLine):
                 self._use(item, self.report.source.path if path is None else path)
         for item in tree.items:
             if isinstance(item, s.EntityBlock):
@@ -117,9 +117,9 @@ class FileChecker:
                 self._enter(item.name, self.types.record(item))
             elif isinstance(item, s.CameraBlock):
                 self._enter(item.name, self.types.camera(item))
-            elif isinstance(item, s.Section) and item.keyword == "weather":
+            elif isinstance(item, s.SettingsBlock) and item.keyword == "weather":
                 self._enter(item.preset, self.types.weather(item))
-            elif not isinstance(item, s.Use | s.Version | s.MissionBlock | s.Faulty):
+            elif not isinstance(item, s.UseLine | s.Version | s.MissionBlock | s.Faulty):
                 self.blocks.misplaced(item, "a file outside of its mission")
         self._interactions(tree)
 
@@ -145,19 +145,18 @@ class FileChecker:
                 )
             return
         number = first.number
-        if isinstance(number, s.Number) and number.value != VERSION:
-            self.report(
+        if isinstance(number, s.NumberLiteral) and number.value != VERSION:
+            self.report.at(
                 "LJ0117",
-                number.start,
-                number.end,
+                number,
                 f"this is version {number.value:g} of the language, known is {VERSION}",
                 f"write `ljs {VERSION}`",
             )
         for item in tree.items[1:]:
             if isinstance(item, s.Version):
-                self.report("LJ0103", item.start, item.end, "the version is given twice")
+                self.report.at("LJ0103", item, "the version is given twice")
 
-    def _use(self, node: s.Use, path: str) -> None:
+    def _use(self, node: s.UseLine, path: str) -> None:
         words = tuple(word.text for word in node.path)
         shown = ("." if node.relative else "") + ".".join(words)
         start, end = node.path[0].start, node.path[-1].end
@@ -188,7 +187,7 @@ class FileChecker:
             )
         self._import(node, found, shown)
 
-    def _not_found(self, node: s.Use, shown: str, words: tuple[str, ...], folder: str | None) -> None:
+    def _not_found(self, node: s.UseLine, shown: str, words: tuple[str, ...], folder: str | None) -> None:
         self.scope.incomplete = True
         known = library.known_paths(words[0], folder) if folder or not node.relative else []
         hint = did_you_mean(shown, known)
@@ -208,7 +207,7 @@ class FileChecker:
         else:
             self.scope.poisoned.update(re.findall(r"[^\W\d]\w*", self.report.source.text))
 
-    def _import(self, node: s.Use, found: Library, shown: str) -> None:
+    def _import(self, node: s.UseLine, found: Library, shown: str) -> None:
         declared = found.declared
         wanted = list(declared)
         if node.names is not None:
@@ -223,14 +222,7 @@ class FileChecker:
                     wanted.append(item.name.text)
                     continue
                 name = item.name
-                self.report(
-                    "LJ0101",
-                    name.start,
-                    name.end,
-                    f"`{shown}` declares no `{name.text}`",
-                    did_you_mean(name.text, declared),
-                    replace=nearest(name.text, declared),
-                )
+                self.report.unknown("LJ0101", name, f"`{shown}` declares no `{name.text}`", declared)
                 self.scope.poisoned.add(name.text)
                 close = nearest(name.text, declared)
                 if close is not None:
@@ -246,10 +238,9 @@ class FileChecker:
             return
         first = self.scope.declared(name.text)
         if first is not None:
-            self.report(
+            self.report.at(
                 "LJ0104",
-                name.start,
-                name.end,
+                name,
                 f"the type `{name.text}` is declared twice",
                 "choose another name",
                 related=(Related(first.span, "first declared here"),),
@@ -271,7 +262,7 @@ def names_in_faults(items: tuple[s.Statement, ...]) -> set[str]:
         if isinstance(item, s.Faulty):
             found.update(item.names)
         block = getattr(item, "block", None)
-        if isinstance(block, s.Block):
+        if isinstance(block, s.BracedBlock):
             waiting.extend(block.items)
     return found
 

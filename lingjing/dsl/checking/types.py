@@ -14,13 +14,12 @@ from lingjing.dsl.checking.blocks import BlockReader
 from lingjing.dsl.checking.bodies import BODY_KEYS, BodyChecker, reshaped
 from lingjing.dsl.checking.equipment import CAMERA_KEYS
 from lingjing.dsl.checking.interactions import declared
-from lingjing.dsl.checking.keys import Entry, Key
+from lingjing.dsl.checking.keys import PropertyEntry, PropertyKey
 from lingjing.dsl.checking.properties import lowered
-from lingjing.dsl.checking.scope import Attribute, CameraDecl, RecordDecl, Scope, TypeDecl, WeatherDecl
+from lingjing.dsl.checking.scope import CameraDecl, PropertyType, RecordDecl, SymbolTables, TypeDecl, WeatherDecl
 from lingjing.dsl.checking.settings import WEATHER_KEYS
 from lingjing.dsl.checking.typenames import with_article
 from lingjing.dsl.checking.values import STATIC, UNKNOWN, Environment
-from lingjing.dsl.source.suggest import did_you_mean, nearest
 from lingjing.dsl.syntax import tree as s
 from lingjing.mission import expression as ex
 from lingjing.mission import model
@@ -35,16 +34,16 @@ ANY_RELATION = ("=", "~", "<=")
 INTERACTION_KEYS = {
     key.name: key
     for key in (
-        Key("by", Type("name"), choices=None),
-        Key("within", Type("quantity", LENGTH), above=0),
-        Key("lasting", Type("quantity", TIME), low=0),
-        Key("status", Type("name")),
-        Key("aboard", FLAG),
-        Key("takes", Type("name")),
-        Key("from", Type("name")),
-        Key("gives", Type("name")),
-        Key("up_to", Type("name")),
-        Key("told", Type("name"), choices=("all", "actor", "none")),
+        PropertyKey("by", Type("name"), choices=None),
+        PropertyKey("within", Type("quantity", LENGTH), above=0),
+        PropertyKey("lasting", Type("quantity", TIME), low=0),
+        PropertyKey("status", Type("name")),
+        PropertyKey("aboard", FLAG),
+        PropertyKey("takes", Type("name")),
+        PropertyKey("from", Type("name")),
+        PropertyKey("gives", Type("name")),
+        PropertyKey("up_to", Type("name")),
+        PropertyKey("told", Type("name"), choices=("all", "actor", "none")),
     )
 }
 """`by` names the engine of who acts, `status` the target's word afterwards, `aboard` whether it is taken along.
@@ -54,11 +53,11 @@ payload` raises the actor's `load` to its `payload`. `told` says which agents le
 COMMON_KEYS = {
     key.name: key
     for key in (
-        Key("position", POSITION, ("=", "~"), hideable=True, public=False),
-        Key("heading", DEGREES, ("=", "~"), hideable=True, public=False),
-        Key("label", TEXT),
-        Key("labels", Type("list", item="text")),
-        Key("on", Type("name"), choices=SURFACES),
+        PropertyKey("position", POSITION, ("=", "~"), hideable=True, public=False),
+        PropertyKey("heading", DEGREES, ("=", "~"), hideable=True, public=False),
+        PropertyKey("label", TEXT),
+        PropertyKey("labels", Type("list", item="text")),
+        PropertyKey("on", Type("name"), choices=SURFACES),
     )
 } | BODY_KEYS
 """What every entity may be given, whatever its type."""
@@ -72,32 +71,31 @@ class TypeChecker:
         self.bodies = BodyChecker(blocks)
         self.of = blocks.of
         self.report = blocks.report
-        self.scope: Scope = blocks.of.scope
+        self.scope: SymbolTables = blocks.of.scope
 
     def type(self, node: s.EntityBlock) -> TypeDecl | None:
         """An asset or target type: engine, properties, verbs, interactions."""
         if node.index is not None or node.guard is not None:
             wrong = node.index or node.guard
             assert wrong is not None
-            self.report(
+            self.report.at(
                 "LJ0110",
-                wrong.start,
-                wrong.end,
+                wrong,
                 f"outside of a mission `{node.keyword} {node.name.text}` declares a type",
                 f"write `{node.keyword} {node.name.text} {{ … }}`",
             )
         base = self._base(node)
-        attributes: dict[str, Attribute] = dict(base.attributes) if base else {}
+        attributes: dict[str, PropertyType] = dict(base.attributes) if base else {}
         verbs: dict[str, model.Verb] = dict(base.verbs) if base else {}
         interactions: dict[str, model.Interaction] = dict(base.interactions) if base else {}
         engine = base.engine if base else ""
         own: list[model.Property] = []
-        seen: dict[str, s.Property] = {}
+        seen: dict[str, s.PropertyLine] = {}
         said: set[str] = set()
         for item in node.block.items if node.block else ():
-            if isinstance(item, s.Property) and item.name.text == "engine":
+            if isinstance(item, s.PropertyLine) and item.name.text == "engine":
                 engine = self._engine(item, seen)
-            elif isinstance(item, s.Property):
+            elif isinstance(item, s.PropertyLine):
                 entry = self._type_property(item, seen, base)
                 if entry is not None:
                     attribute = attributes[item.name.text] = _attribute(entry, self, attributes.get(item.name.text))
@@ -122,12 +120,8 @@ class TypeChecker:
         )
         faulty = any(isinstance(item, s.Faulty) for item in items)
         if not engine and "engine" not in seen and not faulty and node.type is None:
-            self.report(
-                "LJ0106",
-                node.name.start,
-                node.name.end,
-                f"the type `{node.name.text}` lacks `engine`",
-                "add `engine = …`: who moves it",
+            self.report.at(
+                "LJ0106", node.name, f"the type `{node.name.text}` lacks `engine`", "add `engine = …`: who moves it"
             )
         self._crowd(node, attributes)
         given = {prop.name for prop in own} | ({"look"} if anew else set())
@@ -149,19 +143,18 @@ class TypeChecker:
     def camera(self, node: s.CameraBlock) -> CameraDecl | None:
         """`camera nadir_hd { … }`: a preset that a mission's cameras may begin with."""
         if node.type is not None:
-            self.report("LJ0110", node.type.start, node.type.end, "a camera preset has no other to begin with")
+            self.report.at("LJ0110", node.type, "a camera preset has no other to begin with")
         keys = {name: msgspec.structs.replace(key, required=False) for name, key in CAMERA_KEYS.items()}
         entries = self.blocks.read(node.block, keys, f"the camera `{node.name.text}`", owner=node.name)
         return CameraDecl(node.name.text, entries, self.report.span(node.name.start, node.name.end))
 
-    def weather(self, node: s.Section) -> WeatherDecl | None:
+    def weather(self, node: s.SettingsBlock) -> WeatherDecl | None:
         """`weather storm { … }`: a preset that a mission's weather may begin with."""
         name = node.preset
         if name is None:
             self.report(
                 "LJ0107", node.start, node.start + len("weather"), "outside of a mission a weather has a name",
-                "write `weather storm { … }`",
-            )  # fmt: skip
+                "write `weather storm { … }`")  # fmt: skip
             return None
         entries = self.blocks.read(node.block, WEATHER_KEYS, f"the weather `{name.text}`")
         return WeatherDecl(name.text, entries, self.report.span(name.start, name.end))
@@ -170,20 +163,13 @@ class TypeChecker:
         """`record name : category { fields }`."""
         category = node.category
         if category.text not in CATEGORIES:
-            self.report(
-                "LJ0109",
-                category.start,
-                category.end,
-                f"no category of messages is called `{category.text}`",
-                did_you_mean(category.text, CATEGORIES),
-                replace=nearest(category.text, CATEGORIES),
-            )
+            self.report.unknown("LJ0109", category, f"no category of messages is called `{category.text}`", CATEGORIES)
         fields: dict[str, model.Field] = {}
         for item in node.block.items:
             if isinstance(item, s.FieldLine):
                 field = self._field(item.typed)
                 if field is not None and field.name in fields:
-                    self.report("LJ0103", item.start, item.end, f"the field `{field.name}` is given twice")
+                    self.report.at("LJ0103", item, f"the field `{field.name}` is given twice")
                 elif field is not None:
                     fields[field.name] = field
             elif not isinstance(item, s.Faulty):
@@ -206,65 +192,65 @@ class TypeChecker:
             return None
         if base.role != node.keyword:
             kind = "an asset" if base.role == "asset" else "a target"
-            self.report("LJ0112", node.type.start, node.type.end, f"`{base.name}` is {kind} type")
+            self.report.at("LJ0112", node.type, f"`{base.name}` is {kind} type")
             return None
         return base
 
-    def _engine(self, item: s.Property, seen: dict[str, s.Property]) -> str:
+    def _engine(self, item: s.PropertyLine, seen: dict[str, s.PropertyLine]) -> str:
         if "engine" in seen:
             self.blocks.duplicate(item.name, seen["engine"].name, "`engine` is given twice")
         seen["engine"] = item
         if item.relation == "=" and isinstance(item.value, s.Name):
             return item.value.text
-        self.report(
-            "LJ0201", item.value.start, item.value.end, "an engine's name is due here", "write `engine = vessel`"
-        )
+        self.report.at("LJ0201", item.value, "an engine's name is due here", "write `engine = vessel`")
         return ""
 
-    def _type_property(self, item: s.Property, seen: dict[str, s.Property], base: TypeDecl | None) -> Entry | None:
+    def _type_property(
+        self, item: s.PropertyLine, seen: dict[str, s.PropertyLine], base: TypeDecl | None
+    ) -> PropertyEntry | None:
         name = item.name
         if name.text in seen:
             self.blocks.duplicate(name, seen[name.text].name, f"`{name.text}` is given twice")
             return None
         seen[name.text] = item
         known = base.attributes.get(name.text) if base else None
-        key = COMMON_KEYS.get(name.text) or Key(
+        key = COMMON_KEYS.get(name.text) or PropertyKey(
             name.text, known.type if known else Type("any"), ANY_RELATION, hideable=True, public=False
         )
         if item.guard is not None:
-            self.report("LJ0307", item.guard.start, item.guard.end, f"`{name.text}` cannot depend on a condition")
+            self.report.at("LJ0307", item.guard, f"`{name.text}` cannot depend on a condition")
             return None
         if key.type.kind == "any" and isinstance(item.value, s.Name) and item.value.text not in self.scope.symbols:
-            key = Key(name.text, Type("name"), ANY_RELATION)
+            key = PropertyKey(name.text, Type("name"), ANY_RELATION)
         parts = self.blocks.parts(item.value, key, item.relation, STATIC)
         if any(part is UNKNOWN for part in parts) or self._ends_like_a_unit(item, parts[0].type):
             return None
         if not self.blocks.in_bounds(item, key, parts):
             return None
         self.blocks.check_state(item, parts[0].type)
-        return Entry(item, Key(name.text, parts[0].type, ANY_RELATION), parts)
+        return PropertyEntry(item, PropertyKey(name.text, parts[0].type, ANY_RELATION), parts)
 
-    def _ends_like_a_unit(self, item: s.Property, kind: Type) -> bool:
+    def _ends_like_a_unit(self, item: s.PropertyLine, kind: Type) -> bool:
         """`load_kg = 5` would be taken for the mass `load = 5 kg`, which is how the graph calls it."""
         plain = without_unit(item.name.text)
         if kind != NUMBER or plain == item.name.text:
             return False
         place, named = item.name, next(n for n in NAMED if n.suffix == item.name.text.removeprefix(plain))
         message = f"`{place.text}` is how {with_article(Type('quantity', named.dimension))} `{plain}` is kept"
-        self.report("LJ0202", place.start, place.end, message, f"write `{plain} = … {named.unit}`")
+        self.report.at("LJ0202", place, message, f"write `{plain} = … {named.unit}`")
         return True
 
-    def _crowd(self, node: s.EntityBlock, attributes: dict[str, Attribute]) -> None:
+    def _crowd(self, node: s.EntityBlock, attributes: dict[str, PropertyType]) -> None:
         """Who comes and goes is counted: rates change a state `people` without a unit."""
         rate = next((name for name in ("arrivals", "departures") if name in attributes), None)
         people = attributes.get("people")
         if node.keyword == "target" and rate and (people is None or not people.state or people.type != NUMBER):
             message = f"`{rate}` counts people, `{node.name.text}` lacks a state for them"
-            self.report("LJ0106", node.name.start, node.name.end, message, "add `state people = 0`, without a unit")
+            self.report.at("LJ0106", node.name, message, "add `state people = 0`, without a unit")
 
     def _add_verb(self, node: s.VerbLine, verbs: dict[str, model.Verb], said: set[str]) -> None:
         if node.name.text in said:
-            self.report("LJ0104", node.name.start, node.name.end, f"the verb `{node.name.text}` is declared twice")
+            self.report.at("LJ0104", node.name, f"the verb `{node.name.text}` is declared twice")
             return
         said.add(node.name.text)
         arguments = []
@@ -296,14 +282,7 @@ class TypeChecker:
         return value.ir.low, value.ir.high
 
     def _no_type(self, node: s.Name, known: list[str]) -> None:
-        self.report(
-            "LJ0109",
-            node.start,
-            node.end,
-            f"no type is called `{node.text}`",
-            did_you_mean(node.text, known),
-            replace=nearest(node.text, known),
-        )
+        self.report.unknown("LJ0109", node, f"no type is called `{node.text}`", known)
 
     def _field(self, node: s.Typed) -> model.Field | None:
         measured = BY_NAME.get(node.type.text)
@@ -312,7 +291,7 @@ class TypeChecker:
             return None
         low, high = self._limits(node, Type("quantity", measured.dimension) if measured else NUMBER)
         if node.bounds is not None and measured is None:
-            self.report("LJ0201", node.bounds.start, node.bounds.end, "only a number has bounds")
+            self.report.at("LJ0201", node.bounds, "only a number has bounds")
         minimum = None if low is None else self.of.constant(low)
         maximum = None if high is None else self.of.constant(high)
         kind = "number" if measured else node.type.text
@@ -325,15 +304,15 @@ class TypeChecker:
             unit=dimension_unit(measured.dimension) if measured else "",
         )
 
-    def _interaction(self, node: s.InteractionBlock) -> dict[str, Entry]:
+    def _interaction(self, node: s.InteractionBlock) -> dict[str, PropertyEntry]:
         what = f"the interaction `{node.name.text}`"
         return self.blocks.read(node.block, INTERACTION_KEYS, what, environment=Environment())
 
 
-def _attribute(entry: Entry, checker: TypeChecker, base: Attribute | None) -> Attribute:
+def _attribute(entry: PropertyEntry, checker: TypeChecker, base: PropertyType | None) -> PropertyType:
     """What the base hides stays hidden whatever value it is given, and what changes in a run goes on changing."""
     item = entry.node
     taint = base.taint if base is not None else ()
     taint = (checker.of.step(f"`{item.name.text}`", item),) if item.hidden else taint
     kind = entry.key.type if entry.key.type.kind != "any" else entry.value.type
-    return Attribute(kind, taint, item.state or (base is not None and base.state))
+    return PropertyType(kind, taint, item.state or (base is not None and base.state))

@@ -10,7 +10,7 @@ import re
 
 import msgspec
 
-from lingjing.dsl.checking.scope import Scope
+from lingjing.dsl.checking.scope import SymbolTables
 from lingjing.dsl.source.reporter import Reporter
 from lingjing.dsl.source.suggest import did_you_mean, nearest
 from lingjing.dsl.syntax import tree as s
@@ -34,7 +34,7 @@ _HEADS = {
 _FROM_LIBRARIES = ("no asset type", "no target type", "no type", "no message record", "no interaction")
 
 
-class Use(msgspec.Struct, frozen=True):
+class UnknownUse(msgspec.Struct, frozen=True):
     """One place where an unknown name stands; `known` is what it could have been, `what` what was looked for."""
 
     node: s.Name
@@ -45,14 +45,14 @@ class Use(msgspec.Struct, frozen=True):
 class UnknownNames:
     """The unknown names of one file."""
 
-    def __init__(self, report: Reporter, scope: Scope) -> None:
+    def __init__(self, report: Reporter, scope: SymbolTables) -> None:
         self.report = report
         self.scope = scope
-        self.uses: dict[str, list[Use]] = {}
+        self.uses: dict[str, list[UnknownUse]] = {}
 
     def note(self, node: s.Name, known: list[str], what: str) -> None:
         """Remember a name that was not found; `what` begins the message: `nothing`, `no role`."""
-        self.uses.setdefault(node.text, []).append(Use(node, tuple(known), what))
+        self.uses.setdefault(node.text, []).append(UnknownUse(node, tuple(known), what))
 
     def report_all(self) -> None:
         """Report what was noted."""
@@ -109,24 +109,24 @@ class UnknownNames:
             return True
         return len(name) > 2 and any(word.startswith(name) or word.endswith(name) for word in poisoned)
 
-    def _at_use(self, use: Use) -> None:
+    def _at_use(self, use: UnknownUse) -> None:
         node, name = use.node, use.node.text
         library = self.scope.left_behind.get(name)
         if self.scope.incomplete and (library is not None or use.what in _FROM_LIBRARIES):
             return
         hint = f"add it: `use {library} {{ {name} }}`" if library else did_you_mean(name, use.known)
         close = None if library else nearest(name, use.known)
-        self.report("LJ0101", node.start, node.end, f"{use.what} is called `{name}`", hint, replace=close)
+        self.report.at("LJ0101", node, f"{use.what} is called `{name}`", hint, replace=close)
 
-    def _at_declaration(self, name: str, declared: str, span: Span, uses: list[Use]) -> None:
+    def _at_declaration(self, name: str, declared: str, span: Span, uses: list[UnknownUse]) -> None:
         related = tuple(
             Related(self.report.span(use.node.start, use.node.end), f"`{name}` is used here")
             for use in uses[:_MOST_RELATED]
         )
         message = f"`{declared}` is declared, but `{name}` is what the rest of the file uses"
-        self.report("LJ0101", span.start, span.end, message, f"did you mean `{name}`?", related=related, replace=name)
+        self.report.at("LJ0101", span, message, f"did you mean `{name}`?", related=related, replace=name)
 
-    def _misspelt_declaration(self, name: str, uses: list[Use]) -> tuple[str, Span] | None:
+    def _misspelt_declaration(self, name: str, uses: list[UnknownUse]) -> tuple[str, Span] | None:
         if len(uses) < 2:
             return None
         close = nearest(name, uses[0].known)

@@ -9,18 +9,18 @@ from lingjing.mission.diagnostics import Span
 from lingjing.mission.functions import ANY, Type
 
 
-class Step(msgspec.Struct, frozen=True):
+class FlowStep(msgspec.Struct, frozen=True):
     """One station on the way of a hidden value: what it is called there and where that stands."""
 
     name: str
     span: Span
 
 
-Taint = tuple[Step, ...]
+Taint = tuple[FlowStep, ...]
 """How a hidden value came here, first the declaration that hides it; empty for a public value."""
 
 
-class Value(msgspec.Struct, frozen=True):
+class TypedExpression(msgspec.Struct, frozen=True):
     """A checked expression: its form in the graph, its type, and the hidden value it depends on, if any."""
 
     ir: ex.Expr
@@ -28,7 +28,7 @@ class Value(msgspec.Struct, frozen=True):
     taint: Taint = ()
 
 
-UNKNOWN = Value(ex.Symbol("?"), ANY)
+UNKNOWN = TypedExpression(ex.Symbol("?"), ANY)
 """Stands for what was already reported; fits everywhere, so that nothing is reported twice."""
 
 

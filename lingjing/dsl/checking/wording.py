@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 
 from lingjing.dsl.checking.blocks import BlockReader
-from lingjing.dsl.checking.scope import Scope
+from lingjing.dsl.checking.scope import SymbolTables
 from lingjing.dsl.checking.typenames import with_article
 from lingjing.dsl.checking.values import STATIC, Environment
 from lingjing.dsl.source.suggest import did_you_mean, nearest
@@ -28,7 +28,7 @@ class WordingChecker:
     def __init__(self, blocks: BlockReader) -> None:
         self.blocks = blocks
         self.report = blocks.report
-        self.scope: Scope = blocks.of.scope
+        self.scope: SymbolTables = blocks.of.scope
 
     def text(self, node: s.TextLine, environment: Environment = STATIC) -> str:
         """A goal or a prompt; reports holes that name nothing, cannot be shown, or would tell what is hidden."""
@@ -72,20 +72,20 @@ class WordingChecker:
             return
         self._field(node, name, field, place)
 
-    def _field(self, node: s.TextLine, name: str, field: str, place: s.Node) -> None:
+    def _field(self, node: s.TextLine, name: str, field: str, place: s.SyntaxNode) -> None:
         info = self.scope.groups.get(name)
         if info is None:
             kind = with_article(self.scope.symbols[name].type)
-            self.report("LJ0102", place.start, place.end, f"`{name}` is {kind} and has no field `{field}`")
+            self.report.at("LJ0102", place, f"`{name}` is {kind} and has no field `{field}`")
             return
         attribute = info.attributes.get(field)
         if attribute is None:
             hint = did_you_mean(field, info.attributes)
-            self.report("LJ0102", place.start, place.end, f"`{name}` has no field `{field}`", hint)
+            self.report.at("LJ0102", place, f"`{name}` has no field `{field}`", hint)
             return
         self._shown(attribute.type, place)
         self.blocks.leak(attribute.taint, place, f"the {node.keyword}'s text")
 
-    def _shown(self, kind: Type, place: s.Node) -> None:
+    def _shown(self, kind: Type, place: s.SyntaxNode) -> None:
         if kind.kind not in _SHOWN:
-            self.report("LJ0121", place.start, place.end, f"{with_article(kind)} cannot be put into words")
+            self.report.at("LJ0121", place, f"{with_article(kind)} cannot be put into words")

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from lingjing.dsl.source.text import Source
+from lingjing.dsl.source.text import SourceText
 from lingjing.errors import UsageError
 from lingjing.mission.diagnostics import Diagnostic, Edit, Fix
 
@@ -31,7 +31,7 @@ class Applied(msgspec.Struct, frozen=True):
     title: str
 
 
-class Fixed(msgspec.Struct, frozen=True):
+class FixedText(msgspec.Struct, frozen=True):
     """A text after its fixes, what was done to it, and the compilation of the text as it is now."""
 
     text: str
@@ -39,7 +39,9 @@ class Fixed(msgspec.Struct, frozen=True):
     compilation: Compilation
 
 
-def fix_source(source: Source, compile_it: Callable[[Source], Compilation], *, unsafe: bool = False) -> Fixed:
+def fix_source(
+    source: SourceText, compile_it: Callable[[SourceText], Compilation], *, unsafe: bool = False
+) -> FixedText:
     """Compile, apply the fixes that do not touch each other, and again, until there are none left."""
     compilation = compile_it(source)
     applied: list[Applied] = []
@@ -48,13 +50,13 @@ def fix_source(source: Source, compile_it: Callable[[Source], Compilation], *, u
         if not chosen:
             break
         text = apply_edits(source.text, [edit for _, fix in chosen for edit in fix.edits])
-        changed = Source(text, source.path)
+        changed = SourceText(text, source.path)
         after = compile_it(changed)
         if _errors(after) >= _errors(compilation) and text != source.text:
             break
         source, compilation = changed, after
         applied += [Applied(item.span.line, item.code, fix.title) for item, fix in chosen]
-    return Fixed(source.text, tuple(applied), compilation)
+    return FixedText(source.text, tuple(applied), compilation)
 
 
 def choose(diagnostics: Iterable[Diagnostic], path: str, *, unsafe: bool) -> list[tuple[Diagnostic, Fix]]:

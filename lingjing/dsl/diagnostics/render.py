@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import msgspec
 
-from lingjing.dsl.source.text import Source
+from lingjing.dsl.source.text import SourceText
 from lingjing.mission.diagnostics import Diagnostic, Span
 from lingjing.terminal import visible
 
@@ -16,7 +16,7 @@ WIDEST = 140
 _COLOURS = {"error": "1;31", "warning": "1;33", "note": "1;36", "frame": "1;34", "bold": "1", "hint": "1;32"}
 
 
-def render_text(diagnostics: Iterable[Diagnostic], source: Source, *, color: bool = False) -> str:
+def render_text(diagnostics: Iterable[Diagnostic], source: SourceText, *, color: bool = False) -> str:
     """One block a diagnostic: place, code, message, the line with carets, related places, hint. Ends with a newline
     if there is anything. What the mission says is spelled out: no escape sequence but ours is in it."""
     paint = _Ansi if color else _Plain
@@ -61,7 +61,7 @@ def diagnostics_schema() -> bytes:
     return msgspec.json.format(msgspec.json.encode(schema), indent=2) + b"\n"
 
 
-def _one(item: Diagnostic, source: Source, paint: type[_Plain]) -> str:
+def _one(item: Diagnostic, source: SourceText, paint: type[_Plain]) -> str:
     place = visible(f"{item.span.path}:{item.span.line}:{item.span.column}")
     kind = paint.put(item.severity, f"{item.severity}[{item.code}]")
     lines = [f"{paint.put('bold', place)}: {kind}: {visible(item.message)}"]
@@ -83,7 +83,7 @@ def _one(item: Diagnostic, source: Source, paint: type[_Plain]) -> str:
     return "\n".join(lines) + "\n\n"
 
 
-def _snippet(span: Span, source: Source, margin: str, paint: type[_Plain], colour: str, mark: str) -> list[str]:
+def _snippet(span: Span, source: SourceText, margin: str, paint: type[_Plain], colour: str, mark: str) -> list[str]:
     text = source.line_text(span.line)
     start = span.column - 1
     end = span.end_column - 1 if span.end_line == span.line else len(text)

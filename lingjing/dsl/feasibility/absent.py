@@ -30,7 +30,7 @@ def absent(mission: Mission, tree: s.File, report: Reporter, offers: Offers) -> 
     for kind, name, owner in missing(mission, offers):
         place = _place(node, kind, owner)
         what = f"no {kind} called `{name}` is installed"
-        report("LJ0505", place.start, place.end, what, did_you_mean(name, offers(kind)), severity="warning")
+        report.at("LJ0505", place, what, did_you_mean(name, offers(kind)), severity="warning")
 
 
 def missing(mission: Mission, offers: Offers) -> Iterator[tuple[Offered, str, str]]:

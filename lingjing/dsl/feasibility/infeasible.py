@@ -64,10 +64,12 @@ def _named(item: s.Statement) -> list[tuple[str, _Place]]:
             return [(f"stage/{item.name.text}", _at(item.name)), *inner]
         case s.RelationLine():
             return [(f"{item.kind.text}/{item.source.text}/{item.target.text}", (item.source.start, item.target.end))]
-        case s.Outcome():
+        case s.OutcomeLine():
             return [(item.keyword, (item.start, item.start + len(item.keyword)))]
-        case s.Section(keyword="budget"):
-            return [(f"budget/{p.name.text}", (p.start, p.end)) for p in item.block.items if isinstance(p, s.Property)]
+        case s.SettingsBlock(keyword="budget"):
+            return [
+                (f"budget/{p.name.text}", (p.start, p.end)) for p in item.block.items if isinstance(p, s.PropertyLine)
+            ]
     return []
 
 

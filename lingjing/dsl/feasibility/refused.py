@@ -43,7 +43,7 @@ def _place(node: s.MissionBlock, path: str) -> _Place:
 
 
 def _head(item: s.Statement, owner: str) -> _Place | None:
-    if isinstance(item, s.Section):
+    if isinstance(item, s.SettingsBlock):
         return (item.start, item.start + len(item.keyword)) if item.keyword == owner else None
     if isinstance(item, s.SceneBlock):
         return (item.kind.start, item.kind.end) if owner == "scene" else None
@@ -54,7 +54,7 @@ def _head(item: s.Statement, owner: str) -> _Place | None:
 def _property(item: s.Statement, name: str) -> _Place | None:
     """The line of a block that a property of the graph comes from: `height` for `height_low_m`."""
     block = getattr(item, "block", None)
-    items = block.items if isinstance(block, s.Block) else ()
-    lines = [line for line in items if isinstance(line, s.Property | s.CameraBlock)]
+    items = block.items if isinstance(block, s.BracedBlock) else ()
+    lines = [line for line in items if isinstance(line, s.PropertyLine | s.CameraBlock)]
     found = [line for line in lines if name == line.name.text or name.startswith(f"{line.name.text}_")]
     return (found[0].name.start, found[0].name.end) if found else None

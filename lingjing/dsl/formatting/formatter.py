@@ -18,10 +18,10 @@ from typing import Any
 
 import msgspec
 
-from lingjing.dsl.formatting.layout import Block, Comment, Statement, Word, lay_out
+from lingjing.dsl.formatting.layout import BlockLayout, Comment, StatementLayout, Word, lay_out
 from lingjing.dsl.formatting.spacing import Spelling, spell, text_of
 from lingjing.dsl.source.reporter import Reporter
-from lingjing.dsl.source.text import Source
+from lingjing.dsl.source.text import SourceText
 from lingjing.dsl.syntax import tree as s
 from lingjing.dsl.syntax.collector import collector_at_rest
 from lingjing.dsl.syntax.lexer import lex
@@ -46,16 +46,16 @@ class Formatted(msgspec.Struct, frozen=True):
 
 def format_text(text: str, *, path: str = "<string>") -> Formatted:
     """Format a text; see `format_source`."""
-    return format_source(Source(text, path))
+    return format_source(SourceText(text, path))
 
 
-def format_source(source: Source) -> Formatted:
+def format_source(source: SourceText) -> Formatted:
     """Format a source. A file with syntax errors is not touched; other errors do not matter here."""
     with collector_at_rest():
         return _formatted(source)
 
 
-def _formatted(source: Source) -> Formatted:
+def _formatted(source: SourceText) -> Formatted:
     tokens, tree, diagnostics = _read(source)
     if diagnostics:
         return Formatted(None, diagnostics)
@@ -66,7 +66,7 @@ def _formatted(source: Source) -> Formatted:
     return Formatted(text)
 
 
-def _read(source: Source) -> tuple[list[Token], s.File, tuple[Diagnostic, ...]]:
+def _read(source: SourceText) -> tuple[list[Token], s.File, tuple[Diagnostic, ...]]:
     report = Reporter(source)
     tokens = lex(source.text, report)
     tree = s.File(0, 0, ()) if tokens is None else parse_tokens(tokens, report)
@@ -75,7 +75,7 @@ def _read(source: Source) -> tuple[list[Token], s.File, tuple[Diagnostic, ...]]:
 
 
 @dataclass(slots=True)
-class Row:
+class LineLayout:
     """One line to be: text without indentation and the comment behind it.
 
     `joinable`: a further statement may follow on it after a comma. An empty text without a comment is a blank line.
@@ -102,24 +102,24 @@ class Row:
 class _Writer:
     """Blocks to rows."""
 
-    def block(self, block: Block, level: int) -> list[Row]:
+    def block(self, block: BlockLayout, level: int) -> list[LineLayout]:
         """The rows of a block's inside."""
-        rows: list[Row] = []
+        rows: list[LineLayout] = []
         for item in block.items:
             self._comments(rows, item.leading, level)
             if item.blank_before and rows:
-                rows.append(Row(level, ""))
+                rows.append(LineLayout(level, ""))
             self._add(rows, item, level)
         self._comments(rows, block.tail, level)
         return rows
 
-    def _comments(self, rows: list[Row], comments: list[Comment], level: int) -> None:
+    def _comments(self, rows: list[LineLayout], comments: list[Comment], level: int) -> None:
         for comment in comments:
             if comment.blank_before and rows:
-                rows.append(Row(level, ""))
-            rows.append(Row(level, "", comment.text))
+                rows.append(LineLayout(level, ""))
+            rows.append(LineLayout(level, "", comment.text))
 
-    def _add(self, rows: list[Row], item: Statement, level: int) -> None:
+    def _add(self, rows: list[LineLayout], item: StatementLayout, level: int) -> None:
         flat = _flat(item)
         comment = item.trailing.text if item.trailing else ""
         if flat is None or 2 * level + len(flat) > WIDTH:
@@ -131,11 +131,11 @@ class _Writer:
         if item.joined and last is not None and last.joinable and last.width() + 2 + len(flat) <= WIDTH:
             last.text, last.comment = f"{last.text}, {flat}", comment
             return
-        rows.append(Row(level, flat, comment, joinable=True))
+        rows.append(LineLayout(level, flat, comment, joinable=True))
 
-    def _spread(self, item: Statement, level: int) -> list[Row]:
+    def _spread(self, item: StatementLayout, level: int) -> list[LineLayout]:
         """A statement over several lines: its blocks opened, its head wrapped where it is still too wide."""
-        rows: list[Row] = []
+        rows: list[LineLayout] = []
         words: list[Word] = []
         for part in item.parts:
             if isinstance(part, Word):
@@ -153,21 +153,21 @@ class _Writer:
             rows.extend(self._wrapped(words, level))
         return rows
 
-    def _wrapped(self, words: list[Word], level: int) -> list[Row]:
+    def _wrapped(self, words: list[Word], level: int) -> list[LineLayout]:
         tokens = [word.token for word in words]
         spelling = spell(tokens)
-        rows: list[Row] = []
+        rows: list[LineLayout] = []
         start = 0
         while start < len(words):
             extra = _CONTINUATION if rows else 0
             stop = next((i + 1 for i in range(start, len(words)) if words[i].comments), len(words))
             stop = _line_stop(tokens, spelling, start, stop, WIDTH - 2 * level - extra)
             text = spelling.text[spelling.begins[start] : spelling.ends[stop - 1]]
-            row = Row(level, text, extra=extra)
+            row = LineLayout(level, text, extra=extra)
             rows.append(row)
             for comment in words[stop - 1].comments:
                 if comment.own_line or row.comment:
-                    rows.append(Row(level, "", comment.text, extra=_CONTINUATION))
+                    rows.append(LineLayout(level, "", comment.text, extra=_CONTINUATION))
                 else:
                     row.comment = comment.text
             start = stop
@@ -204,11 +204,11 @@ def _may_break(tokens: list[Token], at: int) -> bool:
     return tokens[at - 1].type in ("COMMA", "SEP") or tokens[at].type in ("AND", "OR")
 
 
-def _is_empty(block: Block) -> bool:
+def _is_empty(block: BlockLayout) -> bool:
     return not block.items and not block.tail and block.opening is None
 
 
-def _flat(item: Statement) -> str | None:
+def _flat(item: StatementLayout) -> str | None:
     """The statement on one line, or None if its author or a comment spread it."""
     texts: list[str] = []
     words: list[Token] = []
@@ -229,7 +229,7 @@ def _flat(item: Statement) -> str | None:
     return " ".join(texts)
 
 
-def _flat_block(block: Block) -> str | None:
+def _flat_block(block: BlockLayout) -> str | None:
     if block.broken or block.tail or block.opening is not None:
         return None
     inside = [_flat(item) for item in block.items]
@@ -241,8 +241,8 @@ def _flat_block(block: Block) -> str | None:
 # -- nothing but the layout may change
 
 
-def _assert_same(source: Source, tokens: list[Token], tree: s.File, text: str) -> None:
-    after = Source(text, source.path)
+def _assert_same(source: SourceText, tokens: list[Token], tree: s.File, text: str) -> None:
+    after = SourceText(text, source.path)
     new_tokens, new_tree, diagnostics = _read(after)
     same = (
         not diagnostics
@@ -273,7 +273,7 @@ def _same_but_for_places(one: Any, other: Any) -> bool:
     """Whether two trees, or parts of trees, differ in nothing but offsets."""
     if isinstance(one, tuple):
         return type(other) is type(one) and len(one) == len(other) and all(map(_same_but_for_places, one, other))
-    if isinstance(one, s.Node):
+    if isinstance(one, s.SyntaxNode):
         return type(other) is type(one) and all(
             _same_but_for_places(getattr(one, name), getattr(other, name)) for name in _fields(type(one))
         )
@@ -281,5 +281,5 @@ def _same_but_for_places(one: Any, other: Any) -> bool:
 
 
 @cache
-def _fields(kind: type[s.Node]) -> tuple[str, ...]:
+def _fields(kind: type[s.SyntaxNode]) -> tuple[str, ...]:
     return tuple(name for name in kind.__struct_fields__ if name not in ("start", "end"))

@@ -36,10 +36,10 @@ class Word:
 
 
 @dataclass(slots=True)
-class Statement:
+class StatementLayout:
     """Words and blocks in order. `joined`: it stands on the line of the statement before it."""
 
-    parts: list[Word | Block] = field(default_factory=list)
+    parts: list[Word | BlockLayout] = field(default_factory=list)
     leading: list[Comment] = field(default_factory=list)
     trailing: Comment | None = None
     blank_before: bool = False
@@ -47,10 +47,10 @@ class Statement:
 
 
 @dataclass(slots=True)
-class Block:
+class BlockLayout:
     """`{ … }`; `broken` if the author spread it over lines. `opening` stands behind `{`, `tail` before `}`."""
 
-    items: list[Statement] = field(default_factory=list)
+    items: list[StatementLayout] = field(default_factory=list)
     opening: Comment | None = None
     tail: list[Comment] = field(default_factory=list)
     broken: bool = False
@@ -63,7 +63,7 @@ class _Gap:
     blank: bool
 
 
-def lay_out(text: str, tokens: list[Token], tree: s.File) -> Block:
+def lay_out(text: str, tokens: list[Token], tree: s.File) -> BlockLayout:
     """The whole file as one block without braces. `tokens` and `tree` must come from `text`, without errors."""
     starts = frozenset(_statement_starts(tree))
     return _Reader(text, [token for token in tokens if token.type not in ("NL", "$END")], starts).file()
@@ -75,15 +75,15 @@ def _statement_starts(tree: s.File) -> Iterator[int]:
         node = waiting.pop()
         if isinstance(node, tuple):
             waiting.extend(node)
-        elif isinstance(node, s.Node):
-            if isinstance(node, s.Statement) and not isinstance(node, s.Block):
+        elif isinstance(node, s.SyntaxNode):
+            if isinstance(node, s.Statement) and not isinstance(node, s.BracedBlock):
                 yield node.start
             if isinstance(node, s.Override):  # one statement with what it overrides
                 node = node.item
             waiting.extend(getattr(node, name) for name in _nested_fields(type(node)))
 
 
-def _nested_fields(kind: type[s.Node]) -> tuple[str, ...]:
+def _nested_fields(kind: type[s.SyntaxNode]) -> tuple[str, ...]:
     """The fields of a node that statements can stand in: its blocks and its items."""
     known = _NESTED.get(kind)
     if known is None:
@@ -93,7 +93,7 @@ def _nested_fields(kind: type[s.Node]) -> tuple[str, ...]:
     return known
 
 
-_NESTED: dict[type[s.Node], tuple[str, ...]] = {}
+_NESTED: dict[type[s.SyntaxNode], tuple[str, ...]] = {}
 
 
 class _Reader:
@@ -105,8 +105,8 @@ class _Reader:
         self.tokens = [t for i, t in enumerate(tokens) if not (t.type == "SEP" and self._before_item(tokens, i))]
         self.at = 0
 
-    def file(self) -> Block:
-        block = Block(broken=True)
+    def file(self) -> BlockLayout:
+        block = BlockLayout(broken=True)
         self._items(block)
         return block
 
@@ -130,9 +130,9 @@ class _Reader:
                 lines = 0
         return _Gap(comments, newline, lines > 1)
 
-    def _items(self, block: Block) -> None:
+    def _items(self, block: BlockLayout) -> None:
         """Read statements up to the block's `}`, or to the end of the file."""
-        previous: Statement | None = None
+        previous: StatementLayout | None = None
         while True:
             gap = self._gap()
             block.broken = block.broken or gap.newline
@@ -145,7 +145,7 @@ class _Reader:
             if self.at >= len(self.tokens) or self.tokens[self.at].type == "RBRACE":
                 block.tail = gap.comments
                 break
-            statement = Statement(leading=gap.comments, blank_before=gap.blank)
+            statement = StatementLayout(leading=gap.comments, blank_before=gap.blank)
             statement.joined = previous is not None and not gap.newline
             self._statement(statement)
             block.items.append(statement)
@@ -154,7 +154,7 @@ class _Reader:
             block.broken = False
         block.broken = block.broken or any(_is_broken(item) for item in block.items)
 
-    def _statement(self, statement: Statement) -> None:
+    def _statement(self, statement: StatementLayout) -> None:
         first = True
         while self.at < len(self.tokens):
             token = self.tokens[self.at]
@@ -165,18 +165,18 @@ class _Reader:
             first = False
             self.at += 1
             if token.type == "LBRACE":
-                block = Block()
+                block = BlockLayout()
                 self._items(block)
                 self.at += 1
                 statement.parts.append(block)
             else:
                 statement.parts.append(Word(token))
 
-    def _inner_comments(self, statement: Statement) -> None:
+    def _inner_comments(self, statement: StatementLayout) -> None:
         last = statement.parts[-1]
         if isinstance(last, Word):
             last.comments.extend(self._gap().comments)
 
 
-def _is_broken(statement: Statement) -> bool:
-    return any(part.broken if isinstance(part, Block) else bool(part.comments) for part in statement.parts)
+def _is_broken(statement: StatementLayout) -> bool:
+    return any(part.broken if isinstance(part, BlockLayout) else bool(part.comments) for part in statement.parts)

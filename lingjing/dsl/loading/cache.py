@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from lingjing.data import cache_folder
-from lingjing.dsl.source.text import Source, read_source
+from lingjing.dsl.source.text import SourceText, read_source
 from lingjing.errors import PluginError, UsageError
 from lingjing.mission.diagnostics import Diagnostic
 
@@ -40,7 +40,7 @@ _USE = re.compile(r"\buse\b[ \t]*(?P<dot>\.?)[ \t]*(?P<path>[^\W\d]\w*(?:[ \t]*\
 _CHECKSUM = 32
 
 
-class Entry(msgspec.Struct, frozen=True, array_like=True):
+class CacheEntry(msgspec.Struct, frozen=True, array_like=True):
     """`libraries`: file and SHA-256 of its text, in the order they are met; `mission` is msgpack, empty for types."""
 
     libraries: tuple[tuple[str, str], ...]
@@ -48,13 +48,13 @@ class Entry(msgspec.Struct, frozen=True, array_like=True):
     mission: bytes
 
 
-def known_good(source: Source) -> tuple[Diagnostic, ...] | None:
+def known_good(source: SourceText) -> tuple[Diagnostic, ...] | None:
     """The diagnostics of a text that is known to have no error; None if it is not known."""
     entry = _entry(source)
     return None if entry is None else entry.diagnostics
 
 
-def compile_cached(source: Source) -> Compilation:
+def compile_cached(source: SourceText) -> Compilation:
     """As `compile_source`, from the cache where it is known, and kept there where it is good."""
     from lingjing.dsl.compilation import Compilation, compile_source
 
@@ -83,7 +83,7 @@ def keep(compilation: Compilation) -> None:
     if len(mission) > LARGEST_ENTRY:
         return
     try:
-        entry = Entry(tuple(_libraries(source)), compilation.diagnostics, mission)
+        entry = CacheEntry(tuple(_libraries(source)), compilation.diagnostics, mission)
         payload = msgspec.msgpack.encode(entry)
         _write(_file(source), hashlib.sha256(payload).digest() + payload)
     except (OSError, UsageError, PluginError):
@@ -103,7 +103,7 @@ def _is_off() -> bool:
     return os.environ.get(OFF, "0") not in ("", "0")
 
 
-def _entry(source: Source) -> Entry | None:
+def _entry(source: SourceText) -> CacheEntry | None:
     if _is_off():
         return None
     try:
@@ -111,13 +111,13 @@ def _entry(source: Source) -> Entry | None:
             data = file.read()
         if hashlib.sha256(data[_CHECKSUM:]).digest() != data[:_CHECKSUM]:
             return None
-        entry = msgspec.msgpack.decode(data[_CHECKSUM:], type=Entry)
+        entry = msgspec.msgpack.decode(data[_CHECKSUM:], type=CacheEntry)
         return entry if tuple(_libraries(source)) == entry.libraries else None
     except (OSError, msgspec.DecodeError, UsageError, PluginError):
         return None
 
 
-def _file(source: Source) -> str:
+def _file(source: SourceText) -> str:
     digest = hashlib.sha256(FORMAT)
     for part in (_compiler(), source.path, source.text):
         data = part.encode("utf-8", "surrogatepass")
@@ -141,7 +141,7 @@ def _compiler() -> str:
     return "\n".join((*found, f"kinds.json {kinds.st_size} {kinds.st_mtime_ns}"))
 
 
-def _libraries(source: Source) -> Iterator[tuple[str, str]]:
+def _libraries(source: SourceText) -> Iterator[tuple[str, str]]:
     """Every library a text names in a `use`, and those that these name; a `use` in a comment does no harm."""
     from lingjing.dsl.checking import library
 

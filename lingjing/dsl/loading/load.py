@@ -12,7 +12,7 @@ from lingjing.dsl.compilation import Compilation, compile_file
 from lingjing.dsl.diagnostics.render import render_text, summary
 from lingjing.dsl.loading.cache import compile_cached
 from lingjing.dsl.loading.shipped import find_mission
-from lingjing.dsl.source.text import Source, read_source, read_stream
+from lingjing.dsl.source.text import SourceText, read_source, read_stream
 from lingjing.errors import MissionError, UsageError
 from lingjing.mission.model import Mission
 
@@ -41,28 +41,28 @@ def load_noted(path: str) -> tuple[Mission, tuple[str, ...]]:
     return mission_of(compile_cached(source)), ()
 
 
-def source_of(path: str) -> Source:
+def source_of(path: str) -> SourceText:
     """The text of a file, or of standard input for `-`."""
     if path == STDIN:
         return read_stream(sys.stdin.buffer, "<stdin>")
     return read_source(path)
 
 
-def is_document(source: Source) -> bool:
+def is_document(source: SourceText) -> bool:
     """Whether the text is JSON: by the file's name, or for standard input by its first character."""
     if source.path == "<stdin>":
         return source.text.lstrip()[:1] in ("{", "[")
     return source.path.lower().endswith(".json")
 
 
-def read_document(source: Source) -> tuple[Mission, tuple[str, ...]]:
+def read_document(source: SourceText) -> tuple[Mission, tuple[str, ...]]:
     """The mission of a `mission.json` or a `resetScenario` document, and notes."""
     from lingjing.mission.document import read
 
     return read(source.text, source.path, templates_beside(Path(source.path).parent))
 
 
-def proofs(mission: Mission, source: Source) -> tuple[Diagnostic, ...]:
+def proofs(mission: Mission, source: SourceText) -> tuple[Diagnostic, ...]:
     """Why the mission of a document cannot be won or played, at the document's first line."""
     from lingjing.mission.diagnostics import Diagnostic
     from lingjing.mission.feasibility import prove
@@ -76,7 +76,7 @@ def proofs(mission: Mission, source: Source) -> tuple[Diagnostic, ...]:
     return (*found, *(Diagnostic(item.code, start, item.message, item.hint) for item in trial(mission)))
 
 
-def _winnable(mission: Mission, source: Source) -> None:
+def _winnable(mission: Mission, source: SourceText) -> None:
     """`MissionError` for the mission of a document that cannot be won, as for one written in the language."""
     from lingjing.mission.diagnostics import has_errors
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from lingjing.dsl.pages.words import Words
+from lingjing.dsl.pages.words import ConditionWords
 from lingjing.dsl.printing.printer import Printer
 from lingjing.mission import expression as ex
 from lingjing.mission import model
@@ -20,7 +20,7 @@ HEADS = ("Event", "Made true by", "Bounds", "In words")
 def judging(mission: model.Mission) -> Iterator[tuple[str, ...]]:
     """A row for each rule, then for what the missions' targets offer: what an engine performs once it is allowed."""
     printer = Printer(mission)
-    words = Words(printer.phrases)
+    words = ConditionWords(printer.phrases)
     for rule in mission.rules:
         over = ", ".join(parameter.domain for parameter in rule.parameters)
         by = "a report" if rule.matching else "the kernel"

@@ -10,7 +10,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 
 from lingjing.dsl.pages.judging import interactions
-from lingjing.dsl.pages.words import Words
+from lingjing.dsl.pages.words import ConditionWords
 from lingjing.dsl.printing.printer import Printer
 from lingjing.mission import expression as ex
 from lingjing.mission import model
@@ -20,11 +20,11 @@ from lingjing.mission.graph import graph
 _MANY_BLANKS = re.compile(r"\n{3,}")
 
 
-Section = tuple[str, Sequence[str]]
+PageSection = tuple[str, Sequence[str]]
 """A title and Markdown lines."""
 
 
-def page(mission: model.Mission, *, lead: Sequence[Section] = (), graph_picture: str = "") -> str:
+def page(mission: model.Mission, *, lead: Sequence[PageSection] = (), graph_picture: str = "") -> str:
     """The whole page, ending in a newline; the same text for equal missions.
 
     `lead` are sections that come first; `graph_picture` is a drawing of the mission graph that is shown instead of
@@ -47,7 +47,7 @@ class _Page:
         self.mission = mission
         self.graph_picture = graph_picture
         self.printer = Printer(mission)
-        self.words = Words(self.printer.phrases)
+        self.words = ConditionWords(self.printer.phrases)
 
     def glance(self) -> Iterator[str]:
         """What a reader wants to know first."""

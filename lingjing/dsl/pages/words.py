@@ -24,7 +24,7 @@ class _Said(msgspec.Struct, frozen=True):
     measure: str | None = None
 
 
-class Words:
+class ConditionWords:
     """Puts the conditions of one mission into words: a reading whose world is the list of the bounds met so far, and
     whose bound names are the groups they range over."""
 

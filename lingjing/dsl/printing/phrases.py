@@ -19,7 +19,7 @@ RANGE, SUM, OPERAND = RANKS[".."], RANKS["+"], 8
 _MOST_DIGITS = 17
 _FIELDS = {lowered: name for name, (lowered, _) in STATE_FIELDS.items()}
 _SUFFIXES = sorted((entry.suffix for entry in NAMED if entry.suffix), key=len, reverse=True)
-Locals = Mapping[str, str]
+LocalNames = Mapping[str, str]
 """Bound names → the group or the message kind they range over."""
 
 
@@ -70,7 +70,7 @@ class Phrases:
     def __init__(self, mission: model.Mission) -> None:
         self.groups = {group.name: group for group in mission.groups}
         self.parameters = {parameter.name: parameter.default for parameter in mission.parameters}
-        self._writers: dict[type, Callable[[Any, int, Locals], str]] = {
+        self._writers: dict[type, Callable[[Any, int, LocalNames], str]] = {
             ex.Number: lambda node, _rank, _locals: number_text(node.value, node.unit),
             ex.Text: lambda node, _rank, _locals: quoted(node.value),
             ex.Flag: lambda node, _rank, _locals: "true" if node.value else "false",
@@ -89,11 +89,11 @@ class Phrases:
             **{kind: self._aggregate for kind in (getattr(ex, "Aggregate", None),) if kind is not None},
         }
 
-    def text(self, node: ex.Expr, rank: int = 0, names: Locals | None = None) -> str:
+    def text(self, node: ex.Expr, rank: int = 0, names: LocalNames | None = None) -> str:
         """The expression; in brackets if it binds looser than `rank`."""
         return self._writers[type(node)](node, rank, names or {})
 
-    def dimension(self, node: ex.Expr, names: Locals | None = None) -> Dimension | None:
+    def dimension(self, node: ex.Expr, names: LocalNames | None = None) -> Dimension | None:
         """The dimension of a quantity; None if it is none, or cannot be told."""
         if isinstance(node, ex.Number):
             unit = unit_of(node.unit) if node.unit else None
@@ -110,7 +110,7 @@ class Phrases:
             return self._dimension_of_call(node, names)
         return None
 
-    def field(self, source: ex.Expr, lowered: str, names: Locals | None = None) -> str:
+    def field(self, source: ex.Expr, lowered: str, names: LocalNames | None = None) -> str:
         """The author's name of a lowered field of an entity (or of what is none: then the name itself)."""
         group = self.groups.get(self._entity(source, names or {}))
         if group is None and not isinstance(source, ex.Symbol):
@@ -122,24 +122,24 @@ class Phrases:
 
     # -- writers
 
-    def _listed(self, items: tuple[ex.Expr, ...], names: Locals) -> str:
+    def _listed(self, items: tuple[ex.Expr, ...], names: LocalNames) -> str:
         return ", ".join(self.text(item, 0, names) for item in items)
 
-    def _index(self, node: ex.Index, _rank: int, names: Locals) -> str:
+    def _index(self, node: ex.Index, _rank: int, names: LocalNames) -> str:
         return f"{self.text(node.base, OPERAND, names)}[{self.text(node.index, 0, names)}]"
 
-    def _attribute(self, node: ex.Attr, _rank: int, names: Locals) -> str:
+    def _attribute(self, node: ex.Attr, _rank: int, names: LocalNames) -> str:
         return f"{self.text(node.base, OPERAND, names)}.{self.field(node.base, node.name, names)}"
 
-    def _entity(self, node: ex.Expr, names: Locals) -> str:
+    def _entity(self, node: ex.Expr, names: LocalNames) -> str:
         """The group an expression picks a member of, or the empty string."""
         base = node.base if isinstance(node, ex.Index) else node
         return names.get(base.name, base.name) if isinstance(base, ex.Ref) else ""
 
-    def _range(self, node: ex.Range, rank: int, names: Locals) -> str:
+    def _range(self, node: ex.Range, rank: int, names: LocalNames) -> str:
         return _bracketed(f"{self.text(node.low, SUM, names)}..{self.text(node.high, SUM, names)}", rank > RANGE)
 
-    def _call(self, function: str, node: ex.Call | ex.Draw, names: Locals) -> str:
+    def _call(self, function: str, node: ex.Call | ex.Draw, names: LocalNames) -> str:
         signature = FUNCTIONS.get(function) if isinstance(node, ex.Call) else DISTRIBUTIONS.get(function)
         relations = {option.name: option.relation for option in signature.options} if signature else {}
         arguments = [self.text(argument, 0, names) for argument in node.arguments]
@@ -147,12 +147,12 @@ class Phrases:
             arguments.append(self._named(name, relations.get(name, "="), value, names))
         return f"{function}({', '.join(arguments)})"
 
-    def _named(self, name: str, relation: str, value: ex.Expr, names: Locals) -> str:
+    def _named(self, name: str, relation: str, value: ex.Expr, names: LocalNames) -> str:
         if relation == "=" and isinstance(value, ex.Number) and value.value >= 0:
             return f"{name} {self.text(value, 0, names)}"
         return f"{name} {relation} {self.text(value, RANGE, names)}"
 
-    def _unary(self, node: ex.Unary, rank: int, names: Locals) -> str:
+    def _unary(self, node: ex.Unary, rank: int, names: LocalNames) -> str:
         operand = node.operand
         if node.operator == "not":
             plain = isinstance(operand, ex.Call | ex.Ref | ex.Attr | ex.Flag)
@@ -162,14 +162,14 @@ class Phrases:
         inner = self.text(operand, 0, names)
         return f"-{inner}" if plain else f"-({inner})"
 
-    def _binary(self, node: ex.Binary, rank: int, names: Locals) -> str:
+    def _binary(self, node: ex.Binary, rank: int, names: LocalNames) -> str:
         """A chain of operators is walked down its left side, as it was built."""
         own = RANKS[node.operator]
         right = self._side(node, rank, names)
         left = self.text(node.left, own, names)
         return _bracketed(f"{left} {node.operator} {right}", rank > own)
 
-    def _side(self, node: ex.Binary, rank: int, names: Locals) -> str:
+    def _side(self, node: ex.Binary, rank: int, names: LocalNames) -> str:
         right = node.right
         words = isinstance(right, ex.Sequence) and all(isinstance(item, ex.Symbol | ex.Ref) for item in right.items)
         if node.operator == "in" and isinstance(right, ex.Sequence) and words and right.items:
@@ -178,11 +178,11 @@ class Phrases:
             return self.text(right, 0, names)
         return self.text(right, RANKS[node.operator] + 1, names)
 
-    def _quantified(self, node: ex.Quantified, rank: int, names: Locals) -> str:
+    def _quantified(self, node: ex.Quantified, rank: int, names: LocalNames) -> str:
         body = self.text(node.body, 0, {**names, node.variable: node.domain})
         return _bracketed(f"{node.quantifier} {node.variable} in {node.domain}: {body}", rank > 0)
 
-    def _aggregate(self, node: Any, _rank: int, names: Locals) -> str:
+    def _aggregate(self, node: Any, _rank: int, names: LocalNames) -> str:
         body = self.text(node.body, 0, {**names, node.variable: node.domain})
         return f"{node.function}({body} for {node.variable} in {node.domain})"
 
@@ -194,7 +194,7 @@ class Phrases:
             return None if default is None else self.dimension(default)
         return NONE if node.kind == "local" else None
 
-    def _dimension_of_operation(self, node: ex.Binary, names: Locals | None) -> Dimension | None:
+    def _dimension_of_operation(self, node: ex.Binary, names: LocalNames | None) -> Dimension | None:
         left, right = self.dimension(node.left, names), self.dimension(node.right, names)
         if node.operator in ("+", "-"):
             return left if left is not None else right
@@ -208,7 +208,7 @@ class Phrases:
         suffix = next((suffix for suffix in _SUFFIXES if node.name.endswith(suffix)), "")
         return next((entry.dimension for entry in NAMED if suffix and entry.suffix == suffix), None)
 
-    def _dimension_of_call(self, node: ex.Call | ex.Draw, names: Locals | None) -> Dimension | None:
+    def _dimension_of_call(self, node: ex.Call | ex.Draw, names: LocalNames | None) -> Dimension | None:
         name = node.function if isinstance(node, ex.Call) else node.distribution
         signature = FUNCTIONS.get(name) or DISTRIBUTIONS.get(name)
         if signature is None or (isinstance(node, ex.Call) and node.rule):

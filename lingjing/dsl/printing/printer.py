@@ -14,7 +14,7 @@ import msgspec
 
 from lingjing.dsl.formatting.formatter import format_text
 from lingjing.dsl.printing.imports import Imports, LocalType, find_imports
-from lingjing.dsl.printing.phrases import RANGE, SUM, Locals, Phrases, long_text, number_text, quoted
+from lingjing.dsl.printing.phrases import RANGE, SUM, LocalNames, Phrases, long_text, number_text, quoted
 from lingjing.errors import MissionError
 from lingjing.mission import expression as ex
 from lingjing.mission import model
@@ -361,7 +361,7 @@ class Printer:
         inside = format_text("mission m {\n" + "\n".join(lines) + "\n}").text or ""
         return "\n".join(line.removeprefix("  ") for line in inside.splitlines()[1:-1])
 
-    def text(self, node: ex.Expr, rank: int = 0, names: Locals | None = None) -> str:
+    def text(self, node: ex.Expr, rank: int = 0, names: LocalNames | None = None) -> str:
         """An expression."""
         return self.phrases.text(node, rank, names)
 

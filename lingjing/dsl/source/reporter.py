@@ -3,12 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Protocol
 
-from lingjing.dsl.source.text import JoinedSource, Source
+from lingjing.dsl.source.suggest import did_you_mean, nearest
+from lingjing.dsl.source.text import JoinedSource, SourceText
 from lingjing.mission.diagnostics import Diagnostic, Edit, Fix, Related, Severity, Span
 
 MOST = 1000
 """Diagnostics of one file. Beyond that a reader is not helped, and a file of garbage must not eat the memory."""
+
+
+class Placed(Protocol):
+    """What stands somewhere in a text: a node, a token."""
+
+    @property
+    def start(self) -> int: ...  # noqa: D102 - character offset
+    @property
+    def end(self) -> int: ...  # noqa: D102 - character offset, just behind
+
+
+class PlacedWord(Placed, Protocol):
+    """A word that stands somewhere in a text."""
+
+    @property
+    def text(self) -> str: ...  # noqa: D102
 
 
 class Reporter:
@@ -16,7 +34,7 @@ class Reporter:
 
     __slots__ = ("diagnostics", "source")
 
-    def __init__(self, source: Source) -> None:
+    def __init__(self, source: SourceText) -> None:
         self.source = source
         self.diagnostics: list[Diagnostic] = []
 
@@ -47,6 +65,27 @@ class Reporter:
         spans = (span, *(self.source.span(*place) for place in also))
         fix = None if replace is None else Fix(_title(span, replace), tuple(Edit(at, replace) for at in spans), safe)
         self.diagnostics.append(Diagnostic(code, span, message, hint, severity, related, fix))
+
+    def at(
+        self,
+        code: str,
+        place: Placed,
+        message: str,
+        hint: str = "",
+        *,
+        related: tuple[Related, ...] = (),
+        replace: str | None = None,
+        safe: bool = False,
+        severity: Severity = "error",
+    ) -> None:
+        """Report at a node or a token."""
+        start, end = place.start, place.end
+        self(code, start, end, message, hint, related=related, replace=replace, safe=safe, severity=severity)
+
+    def unknown(self, code: str, word: PlacedWord, message: str, known: Iterable[str]) -> None:
+        """Report a word that is none of the known ones, with the nearest of them as hint and fix."""
+        words = tuple(known)
+        self.at(code, word, message, did_you_mean(word.text, words), replace=nearest(word.text, words))
 
     @property
     def full(self) -> bool:

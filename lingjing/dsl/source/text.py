@@ -1,4 +1,4 @@
-"""`Source`: the text of one file with what is needed to say where something stands in it."""
+"""`SourceText`: the text of one file with what is needed to say where something stands in it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ LARGEST_FILE = 32_000_000
 _LARGEST = f"a mission has at most {LARGEST_FILE // 1_000_000} MB"
 
 
-class Source:
+class SourceText:
     """One text. Lines end with LF, CRLF or CR; a byte-order mark is dropped; offsets count characters of `text`."""
 
     __slots__ = ("_line_starts", "path", "text")
@@ -64,7 +64,7 @@ class Source:
         return self._line_starts
 
 
-class JoinedSource(Source):
+class JoinedSource(SourceText):
     """A mission's text with those of the missions it extends behind it: offsets count through all of them.
 
     Spans say where a thing really is. `place` is where the mission names its base: there errors inside the base are
@@ -73,13 +73,13 @@ class JoinedSource(Source):
 
     __slots__ = ("_parts", "own", "place")
 
-    def __init__(self, own: Source, start: int, end: int) -> None:
+    def __init__(self, own: SourceText, start: int, end: int) -> None:
         super().__init__(own.text, own.path)
         self.own = own
         self.place = own.span(start, end)
-        self._parts: list[tuple[int, Source]] = []
+        self._parts: list[tuple[int, SourceText]] = []
 
-    def append(self, part: Source) -> int:
+    def append(self, part: SourceText) -> int:
         """Add a base's text; the offset at which it begins."""
         start = len(self.text) + 1
         self.text = f"{self.text}\n{part.text}"
@@ -113,7 +113,7 @@ def _line_starts(text: str) -> list[int]:
     return starts
 
 
-def read_stream(file: BinaryIO, path: str) -> Source:
+def read_stream(file: BinaryIO, path: str) -> SourceText:
     """Read what has no size before it ends, such as standard input; errors as `read_source`."""
     return decode_source(_bounded(file, path), path)
 
@@ -125,7 +125,7 @@ def _bounded(file: BinaryIO, path: str) -> bytes:
     return data
 
 
-def read_source(path: str) -> Source:
+def read_source(path: str) -> SourceText:
     """Read a file. `UsageError` names it and says why it cannot be read: missing, a folder, not text, far too large."""
     try:
         with open(path, "rb") as file:  # noqa: PTH123 - pathlib costs a tenth of the cold start
@@ -144,7 +144,7 @@ def read_source(path: str) -> Source:
     return decode_source(data, path)
 
 
-def decode_source(data: bytes, path: str) -> Source:
+def decode_source(data: bytes, path: str) -> SourceText:
     """Text from bytes. `UsageError` on what is not UTF-8 (with the byte's offset) or has a line beyond all reason."""
     try:
         text = data.decode("utf-8")
@@ -158,7 +158,7 @@ def decode_source(data: bytes, path: str) -> Source:
             f"`{path}` has a line of {longest:,} characters at line {text.count(chr(10), 0, at) + 1}",
             hint=f"a line has at most {LONGEST_LINE:,} characters; break it after commas",
         )
-    return Source(text, path)
+    return SourceText(text, path)
 
 
 def longest_line(text: str) -> tuple[int, int]:

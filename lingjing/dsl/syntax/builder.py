@@ -23,8 +23,8 @@ DEEPEST = 120
 _ESCAPE = re.compile(r"\\(.)")
 _ESCAPES = {"n": "\n", "t": "\t"}
 T = TypeVar("T")
-Arguments = list[s.Argument]
-Flat = list[Any]
+Arguments = list[s.CallArgument]
+FlatExpr = list[Any]
 """`[operand, operator token, operand, …]`, or a lone operand."""
 
 
@@ -55,16 +55,16 @@ class Builder:
     def empty_file(self) -> s.File:
         return s.File(0, 0, ())
 
-    def block(self, opening: Token, items: list[s.Statement], closing: Token) -> s.Block:
-        return s.Block(opening.start, closing.end, tuple(items))
+    def block(self, opening: Token, items: list[s.Statement], closing: Token) -> s.BracedBlock:
+        return s.BracedBlock(opening.start, closing.end, tuple(items))
 
-    def empty_block(self, opening: Token, closing: Token) -> s.Block:
-        return s.Block(opening.start, closing.end, ())
+    def empty_block(self, opening: Token, closing: Token) -> s.BracedBlock:
+        return s.BracedBlock(opening.start, closing.end, ())
 
-    def guard(self, _when: Token, condition: Flat) -> s.Expression:
+    def guard(self, _when: Token, condition: FlatExpr) -> s.Expression:
         return self._done(condition)
 
-    def index(self, _opening: Token, value: Flat, _closing: Token) -> s.Expression:
+    def index(self, _opening: Token, value: FlatExpr, _closing: Token) -> s.Expression:
         return self._done(value)
 
     def set(self, opening: Token, names: list[Token], closing: Token) -> s.NameSet:
@@ -84,7 +84,13 @@ class Builder:
         return tuple(items)
 
     def typed(
-        self, name: Token, _colon: Token, kind: Token, _in: Token | None, bounds: Flat | None, optional: Token | None
+        self,
+        name: Token,
+        _colon: Token,
+        kind: Token,
+        _in: Token | None,
+        bounds: FlatExpr | None,
+        optional: Token | None,
     ) -> s.Typed:
         limits = None if bounds is None else self._done(bounds)
         end = optional.end if optional else limits.end if limits else kind.end
@@ -100,17 +106,17 @@ class Builder:
     def clause(self, keyword: Token, name: Token) -> s.Clause:
         return s.Clause(keyword.start, name.end, keyword.text, _word(name))
 
-    def channel(self, source: Flat, star: Token | None = None) -> s.Channel:
+    def channel(self, source: FlatExpr, star: Token | None = None) -> s.ObservedChannel:
         value = self._done(source)
-        return s.Channel(value.start, star.end if star else value.end, value, star is not None)
+        return s.ObservedChannel(value.start, star.end if star else value.end, value, star is not None)
 
     # -- statements
 
     def version(self, keyword: Token, number: Token) -> s.Version:
         return s.Version(keyword.start, number.end, self.number(number))
 
-    def use(self, keyword: Token, dot: Token | None, path: list[Token], names: s.Block | None) -> s.Use:
-        return s.Use(keyword.start, (names or path[-1]).end, tuple(map(_word, path)), names, dot is not None)
+    def use(self, keyword: Token, dot: Token | None, path: list[Token], names: s.BracedBlock | None) -> s.UseLine:
+        return s.UseLine(keyword.start, (names or path[-1]).end, tuple(map(_word, path)), names, dot is not None)
 
     def mission(
         self,
@@ -119,7 +125,7 @@ class Builder:
         _extends: Token | None,
         base: Token | None,
         title: Token | None,
-        block: s.Block,
+        block: s.BracedBlock,
     ) -> s.MissionBlock:
         shown = self.text(title) if title else None
         return s.MissionBlock(keyword.start, block.end, _word(name), shown, block, _word(base) if base else None)
@@ -132,17 +138,17 @@ class Builder:
 
     prompt = goal
 
-    def scene(self, keyword: Token, kind: Token, block: s.Block | None) -> s.SceneBlock:
+    def scene(self, keyword: Token, kind: Token, block: s.BracedBlock | None) -> s.SceneBlock:
         return s.SceneBlock(keyword.start, (block or kind).end, _word(kind), block)
 
-    def section(self, keyword: Token, block: s.Block) -> s.Section:
-        return s.Section(keyword.start, block.end, keyword.text, block)
+    def section(self, keyword: Token, block: s.BracedBlock) -> s.SettingsBlock:
+        return s.SettingsBlock(keyword.start, block.end, keyword.text, block)
 
-    def preset(self, keyword: Token, name: Token, block: s.Block | None) -> s.Section:
-        inside = block or s.Block(name.end, name.end, ())
-        return s.Section(keyword.start, inside.end, keyword.text, inside, _word(name))
+    def preset(self, keyword: Token, name: Token, block: s.BracedBlock | None) -> s.SettingsBlock:
+        inside = block or s.BracedBlock(name.end, name.end, ())
+        return s.SettingsBlock(keyword.start, inside.end, keyword.text, inside, _word(name))
 
-    def param(self, keyword: Token, name: Token, _equal: Token, value: Flat) -> s.Param:
+    def param(self, keyword: Token, name: Token, _equal: Token, value: FlatExpr) -> s.Param:
         done = self._done(value)
         return s.Param(keyword.start, done.end, _word(name), done)
 
@@ -151,11 +157,11 @@ class Builder:
         names = allowed or s.NameSet(only.start, only.end, (only,))
         return s.ModeLine(keyword.start, names.end, only, names)
 
-    def region(self, keyword: Token, name: Token, _equal: Token, shape: Flat) -> s.RegionLine:
+    def region(self, keyword: Token, name: Token, _equal: Token, shape: FlatExpr) -> s.RegionLine:
         done = self._done(shape)
         return s.RegionLine(keyword.start, done.end, _word(name), done)
 
-    def grid(self, keyword: Token, name: Token, _over: Token, region: Token, block: s.Block) -> s.GridBlock:
+    def grid(self, keyword: Token, name: Token, _over: Token, region: Token, block: s.BracedBlock) -> s.GridBlock:
         return s.GridBlock(keyword.start, block.end, _word(name), _word(region), block)
 
     def entity(
@@ -166,14 +172,14 @@ class Builder:
         _colon: Token | None,
         kind: Token | None,
         guard: s.Expression | None,
-        block: s.Block | None,
+        block: s.BracedBlock | None,
     ) -> s.EntityBlock:
         end = (block or guard or kind or index or name).end
         of_type = _word(kind) if kind else None
         return s.EntityBlock(keyword.start, end, keyword.text, _word(name), index, of_type, guard, block)
 
     def camera(
-        self, keyword: Token, name: Token, _colon: Token | None, preset: Token | None, block: s.Block | None
+        self, keyword: Token, name: Token, _colon: Token | None, preset: Token | None, block: s.BracedBlock | None
     ) -> s.CameraBlock:
         end = (block or preset or name).end
         return s.CameraBlock(keyword.start, end, _word(name), block, _word(preset) if preset else None)
@@ -186,9 +192,9 @@ class Builder:
         _as: Token,
         role: Token,
         _controls: Token | None,
-        controls: list[Flat] | None,
+        controls: list[FlatExpr] | None,
         guard: s.Expression | None,
-        block: s.Block | None,
+        block: s.BracedBlock | None,
     ) -> s.AgentBlock:
         held = tuple(map(self._done, controls or ()))
         end = (block or guard or (held[-1] if held else role)).end
@@ -200,7 +206,7 @@ class Builder:
         roles: list[Token],
         _may: Token,
         _command: Token,
-        resource: Flat,
+        resource: FlatExpr,
         guard: s.Expression | None,
     ) -> s.AuthorityLine:
         done = self._done(resource)
@@ -229,7 +235,9 @@ class Builder:
             guard,
         )
 
-    def adjudicate(self, keyword: Token, name: Token, parameters: tuple[s.Typed, ...], block: s.Block) -> s.RuleBlock:
+    def adjudicate(
+        self, keyword: Token, name: Token, parameters: tuple[s.Typed, ...], block: s.BracedBlock
+    ) -> s.RuleBlock:
         return s.RuleBlock(keyword.start, block.end, _word(name), parameters, block)
 
     def unlock(self, keyword: Token, name: Token, parameters: tuple[s.Typed, ...], guard: s.Expression) -> s.UnlockLine:
@@ -243,7 +251,7 @@ class Builder:
         variable: Token | None,
         _in: Token | None,
         domain: Token | None,
-        block: s.Block,
+        block: s.BracedBlock,
     ) -> s.StageBlock:
         bound = _word(variable) if variable else None
         over = _word(domain) if domain else None
@@ -265,15 +273,15 @@ class Builder:
             keyword.start, end, _word(kind), _word(source), _word(target), mutual, tuple(clauses), guard
         )
 
-    def outcome(self, keyword: Token, _when: Token, condition: Flat) -> s.Outcome:
+    def outcome(self, keyword: Token, _when: Token, condition: FlatExpr) -> s.OutcomeLine:
         done = self._done(condition)
-        return s.Outcome(keyword.start, done.end, keyword.text, done)
+        return s.OutcomeLine(keyword.start, done.end, keyword.text, done)
 
-    def condition(self, keyword: Token, _when: Token, condition: Flat) -> s.Condition:
+    def condition(self, keyword: Token, _when: Token, condition: FlatExpr) -> s.Condition:
         done = self._done(condition)
         return s.Condition(keyword.start, done.end, keyword.text, done)
 
-    def bare_condition(self, keyword: Token, condition: Flat) -> s.Condition:
+    def bare_condition(self, keyword: Token, condition: FlatExpr) -> s.Condition:
         done = self._done(condition)
         return s.Condition(keyword.start, done.end, keyword.text, done)
 
@@ -282,15 +290,15 @@ class Builder:
         keyword: Token,
         name: Token,
         _le: Token,
-        most: Flat,
+        most: FlatExpr,
         _counts: Token,
-        counts: list[s.Channel],
+        counts: list[s.ObservedChannel],
         guard: s.Expression | None,
     ) -> s.LimitLine:
         end = (guard or counts[-1]).end
         return s.LimitLine(keyword.start, end, _word(name), self._done(most), tuple(counts), guard)
 
-    def permit(self, keyword: Token, resource: s.Channel, guard: s.Expression) -> s.PermitLine:
+    def permit(self, keyword: Token, resource: s.ObservedChannel, guard: s.Expression) -> s.PermitLine:
         return s.PermitLine(keyword.start, guard.end, resource, guard)
 
     def constraint(
@@ -303,7 +311,7 @@ class Builder:
         _in: Token | None,
         domain: Token | None,
         guard: s.Expression | None,
-        block: s.Block,
+        block: s.BracedBlock,
     ) -> s.ConstraintBlock:
         bound, over = _word(variable) if variable else None, _word(domain) if domain else None
         return s.ConstraintBlock(keyword.start, block.end, _word(kind), _word(name), bound, over, guard, block)
@@ -313,11 +321,11 @@ class Builder:
         keyword: Token,
         name: Token,
         _of: Token,
-        asset: Flat,
+        asset: FlatExpr,
         _by: Token,
-        inspectors: list[Flat],
+        inspectors: list[FlatExpr],
         guard: s.Expression | None,
-        block: s.Block,
+        block: s.BracedBlock,
     ) -> s.InspectionBlock:
         by = tuple(map(self._done, inspectors))
         return s.InspectionBlock(keyword.start, block.end, _word(name), self._done(asset), by, guard, block)
@@ -328,18 +336,18 @@ class Builder:
         name: Token,
         _at: Token,
         tilde: Token | None,
-        at: Flat,
+        at: FlatExpr,
         guard: s.Expression | None,
-        block: s.Block,
+        block: s.BracedBlock,
     ) -> s.EventBlock:
         drawn = tilde is not None
         return s.EventBlock(keyword.start, block.end, _word(name), self._done(at), drawn, guard, block)
 
-    def change(self, keyword: Token, entity: Flat) -> s.ChangeLine:
+    def change(self, keyword: Token, entity: FlatExpr) -> s.ChangeLine:
         done = self._done(entity)
         return s.ChangeLine(keyword.start, done.end, keyword.text, done)
 
-    def axis(self, name: Token, _in: Token, values: Flat) -> s.Axis:
+    def axis(self, name: Token, _in: Token, values: FlatExpr) -> s.Axis:
         done = self._done(values)
         return s.Axis(name.start, done.end, _word(name), done)
 
@@ -348,26 +356,28 @@ class Builder:
     ) -> s.SweepLine:
         return s.SweepLine(keyword.start, (guard or axes[-1]).end, _word(name), tuple(axes), guard)
 
-    def observes(self, keyword: Token, channels: list[s.Channel]) -> s.Observes:
+    def observes(self, keyword: Token, channels: list[s.ObservedChannel]) -> s.Observes:
         return s.Observes(keyword.start, channels[-1].end, tuple(channels))
 
     def verb(self, keyword: Token, name: Token, parameters: tuple[s.Typed, ...]) -> s.VerbLine:
         return s.VerbLine(keyword.start, (parameters[-1] if parameters else name).end, _word(name), parameters)
 
-    def interaction(self, keyword: Token, name: Token, block: s.Block) -> s.InteractionBlock:
+    def interaction(self, keyword: Token, name: Token, block: s.BracedBlock) -> s.InteractionBlock:
         return s.InteractionBlock(keyword.start, block.end, _word(name), block)
 
-    def mount(self, keyword: Token, view: Token, block: s.Block) -> s.MountBlock:
+    def mount(self, keyword: Token, view: Token, block: s.BracedBlock) -> s.MountBlock:
         return s.MountBlock(keyword.start, block.end, _word(view), block)
 
-    def part(self, keyword: Token, name: Token, _colon: Token, shape: Token, block: s.Block) -> s.PartBlock:
+    def part(self, keyword: Token, name: Token, _colon: Token, shape: Token, block: s.BracedBlock) -> s.PartBlock:
         return s.PartBlock(keyword.start, block.end, _word(name), _word(shape), block)
 
-    def record(self, keyword: Token, name: Token, _colon: Token, category: Token, block: s.Block) -> s.RecordBlock:
+    def record(
+        self, keyword: Token, name: Token, _colon: Token, category: Token, block: s.BracedBlock
+    ) -> s.RecordBlock:
         return s.RecordBlock(keyword.start, block.end, _word(name), _word(category), block)
 
     def reveal(
-        self, keyword: Token, what: Token, _o: Token, entity: Flat, _c: Token, _to: Token, role: Token
+        self, keyword: Token, what: Token, _o: Token, entity: FlatExpr, _c: Token, _to: Token, role: Token
     ) -> s.RevealLine:
         return s.RevealLine(keyword.start, role.end, _word(what), self._done(entity), _word(role))
 
@@ -377,16 +387,18 @@ class Builder:
         state: Token | None,
         name: Token,
         relation: Token,
-        value: Flat,
+        value: FlatExpr,
         guard: s.Expression | None,
-    ) -> s.Property:
+    ) -> s.PropertyLine:
         done = self._done(value)
         start, end = (hidden or state or name).start, (guard or done).end
-        return s.Property(start, end, _word(name), relation.text, done, hidden is not None, guard, state is not None)
+        return s.PropertyLine(
+            start, end, _word(name), relation.text, done, hidden is not None, guard, state is not None
+        )
 
-    def bounded(self, name: Token, relation: Token, value: Flat) -> s.Property:
+    def bounded(self, name: Token, relation: Token, value: FlatExpr) -> s.PropertyLine:
         done = self._done(value)
-        return s.Property(name.start, done.end, _word(name), relation.text, done, hidden=False, guard=None)
+        return s.PropertyLine(name.start, done.end, _word(name), relation.text, done, hidden=False, guard=None)
 
     def field(self, typed: s.Typed) -> s.FieldLine:
         return s.FieldLine(typed.start, typed.end, typed)
@@ -394,13 +406,13 @@ class Builder:
     def bare(self, name: Token) -> s.Bare:
         return s.Bare(name.start, name.end, _word(name))
 
-    def unknown_block(self, name: Token, block: s.Block) -> s.UnknownBlock:
+    def unknown_block(self, name: Token, block: s.BracedBlock) -> s.UnknownBlock:
         return s.UnknownBlock(name.start, block.end, _word(name), block)
 
     def faulty(self, error: Token) -> s.Faulty:
         return s.Faulty(error.start, error.end, tuple(error.text.split()), None)
 
-    def faulty_block(self, error: Token, block: s.Block) -> s.Faulty:
+    def faulty_block(self, error: Token, block: s.BracedBlock) -> s.Faulty:
         return s.Faulty(error.start, block.end, tuple(error.text.split()), block)
 
     # -- expressions
@@ -408,7 +420,7 @@ class Builder:
     def operand(self, value: s.Expression) -> s.Expression:
         return value
 
-    def operation(self, left: Flat, operator: Token, right: s.Expression) -> Flat:
+    def operation(self, left: FlatExpr, operator: Token, right: s.Expression) -> FlatExpr:
         if type(left) is list:
             left.append(operator)
             left.append(right)
@@ -418,27 +430,27 @@ class Builder:
     def name(self, token: Token) -> s.Name:
         return s.Name(token.start, token.end, token.text)
 
-    def number(self, token: Token) -> s.Number | s.Broken:
+    def number(self, token: Token) -> s.NumberLiteral | s.Broken:
         try:
             value = float(token.text)
         except ValueError:
             return s.Broken(token.start, token.end)
         if value in (float("inf"), float("-inf")):
-            self.report("LJ0006", token.start, token.end, f"`{token.text[:20]}` is too large a number")
+            self.report.at("LJ0006", token, f"`{token.text[:20]}` is too large a number")
             return s.Broken(token.start, token.end)
-        return s.Number(token.start, token.end, value, token.unit)
+        return s.NumberLiteral(token.start, token.end, value, token.unit)
 
-    def text(self, token: Token) -> s.Text:
+    def text(self, token: Token) -> s.TextLiteral:
         if token.text.startswith('""' + '"') and len(token.text) >= 6:
             raw = _dedented(token.text[3:-3])
         else:
             raw = token.text[1:-1] if len(token.text) > 1 and token.text.endswith('"') else token.text[1:]
         if "\\" in raw:
             raw = _ESCAPE.sub(lambda match: _ESCAPES.get(match[1], match[1]), raw)
-        return s.Text(token.start, token.end, raw)
+        return s.TextLiteral(token.start, token.end, raw)
 
-    def flag(self, token: Token) -> s.Flag:
-        return s.Flag(token.start, token.end, token.text == "true")
+    def flag(self, token: Token) -> s.FlagLiteral:
+        return s.FlagLiteral(token.start, token.end, token.text == "true")
 
     def set_operand(self, names: s.NameSet) -> s.NameSet:
         return names
@@ -447,8 +459,8 @@ class Builder:
         items = self._unnamed(arguments)
         if len(items) == 1:
             item = items[0]
-            if type(item) is s.Unary and item.operator == "not":  # a `not` in brackets is closed: see `_Ranker`
-                return s.Unary(opening.start, closing.end, item.depth, "not", item.operand)
+            if type(item) is s.UnaryExpr and item.operator == "not":  # a `not` in brackets is closed: see `_Ranker`
+                return s.UnaryExpr(opening.start, closing.end, item.depth, "not", item.operand)
             return item
         return self._bounded(s.Tuple(opening.start, closing.end, _below(items), items))
 
@@ -459,68 +471,68 @@ class Builder:
         items = self._unnamed(arguments)
         return self._bounded(s.List(opening.start, closing.end, _below(items), items))
 
-    def empty_call(self, name: Token, _opening: Token, closing: Token) -> s.Call:
-        return s.Call(name.start, closing.end, 1, _word(name), ())
+    def empty_call(self, name: Token, _opening: Token, closing: Token) -> s.CallExpr:
+        return s.CallExpr(name.start, closing.end, 1, _word(name), ())
 
     def call(self, name: Token, _opening: Token, arguments: Arguments, closing: Token) -> s.Expression:
         depth = _below(tuple(argument.value for argument in arguments))
-        return self._bounded(s.Call(name.start, closing.end, depth, _word(name), tuple(arguments)))
+        return self._bounded(s.CallExpr(name.start, closing.end, depth, _word(name), tuple(arguments)))
 
-    def subscript(self, base: s.Expression, _opening: Token, index: Flat, closing: Token) -> s.Expression:
+    def subscript(self, base: s.Expression, _opening: Token, index: FlatExpr, closing: Token) -> s.Expression:
         done = self._done(index)
         return self._bounded(s.Subscript(base.start, closing.end, _below((base, done)), base, done))
 
     def attribute(self, base: s.Expression, _dot: Token, name: Token) -> s.Expression:
-        return self._bounded(s.Attribute(base.start, name.end, _below((base,)), base, _word(name)))
+        return self._bounded(s.FieldExpr(base.start, name.end, _below((base,)), base, _word(name)))
 
     def negative(self, sign: Token, operand: s.Expression) -> s.Expression:
-        return self._bounded(s.Unary(sign.start, operand.end, _below((operand,)), "-", operand))
+        return self._bounded(s.UnaryExpr(sign.start, operand.end, _below((operand,)), "-", operand))
 
     def negation(self, sign: Token, operand: s.Expression) -> s.Expression:
-        return self._bounded(s.Unary(sign.start, operand.end, _below((operand,)), "not", operand))
+        return self._bounded(s.UnaryExpr(sign.start, operand.end, _below((operand,)), "not", operand))
 
-    def quantified(self, word: Token, variable: Token, _colon: Token, body: Flat) -> s.Expression:
+    def quantified(self, word: Token, variable: Token, _colon: Token, body: FlatExpr) -> s.Expression:
         return self._quantified(word, variable, None, body)
 
     def quantified_in(
-        self, word: Token, variable: Token, _in: Token, domain: Token, _colon: Token, body: Flat
+        self, word: Token, variable: Token, _in: Token, domain: Token, _colon: Token, body: FlatExpr
     ) -> s.Expression:
         return self._quantified(word, variable, _word(domain), body)
 
-    def positional(self, value: Flat) -> s.Argument:
+    def positional(self, value: FlatExpr) -> s.CallArgument:
         done = self._done(value)
-        return s.Argument(done.start, done.end, None, done)
+        return s.CallArgument(done.start, done.end, None, done)
 
-    def named(self, name: Token, _equal: Token, value: Flat) -> s.Argument:
+    def named(self, name: Token, _equal: Token, value: FlatExpr) -> s.CallArgument:
         done = self._done(value)
-        return s.Argument(name.start, done.end, _word(name), done)
+        return s.CallArgument(name.start, done.end, _word(name), done)
 
-    def comprehension(self, value: Flat, _for: Token, variable: Token, _in: Token, domain: Token) -> s.Argument:
+    def comprehension(self, value: FlatExpr, _for: Token, variable: Token, _in: Token, domain: Token) -> s.CallArgument:
         done = self._done(value)
-        over = s.Binding(variable.start, domain.end, _word(variable), _word(domain))
-        return s.Argument(done.start, domain.end, None, done, over)
+        over = s.ForClause(variable.start, domain.end, _word(variable), _word(domain))
+        return s.CallArgument(done.start, domain.end, None, done, over)
 
-    def named_number(self, name: Token, value: Token) -> s.Argument:
-        return s.Argument(name.start, value.end, _word(name), self.number(value))
+    def named_number(self, name: Token, value: Token) -> s.CallArgument:
+        return s.CallArgument(name.start, value.end, _word(name), self.number(value))
 
     # -- private
 
-    def _quantified(self, word: Token, variable: Token, domain: s.Name | None, body: Flat) -> s.Expression:
+    def _quantified(self, word: Token, variable: Token, domain: s.Name | None, body: FlatExpr) -> s.Expression:
         done = self._done(body)
         depth = _below((done,))
-        return self._bounded(s.Quantified(word.start, done.end, depth, word.text, _word(variable), domain, done))
+        return self._bounded(s.QuantifiedExpr(word.start, done.end, depth, word.text, _word(variable), domain, done))
 
     def _unnamed(self, arguments: Arguments) -> tuple[s.Expression, ...]:
         for argument in arguments:
             if argument.over is not None:
                 over = argument.over
-                self.report("LJ0012", over.start, over.end, "`for … in …` belongs into a call: `sum(… for x in group)`")
+                self.report.at("LJ0012", over, "`for … in …` belongs into a call: `sum(… for x in group)`")
             if argument.name is not None:
                 name = argument.name
-                self.report("LJ0012", name.start, name.end, "only a call has named arguments")
+                self.report.at("LJ0012", name, "only a call has named arguments")
         return tuple([argument.value for argument in arguments])
 
-    def _done(self, flat: Flat | s.Expression) -> s.Expression:
+    def _done(self, flat: FlatExpr | s.Expression) -> s.Expression:
         if type(flat) is not list:
             return flat  # type: ignore[return-value]
         if len(flat) > 2 * DEEPEST:
@@ -529,17 +541,17 @@ class Builder:
             return s.Broken(start, end)
         return _Ranker(self, flat).run()
 
-    def _bounded(self, node: s.Composite) -> s.Expression:
+    def _bounded(self, node: s.CompositeExpr) -> s.Expression:
         if node.depth <= DEEPEST:
             return node  # type: ignore[return-value]
-        self.report("LJ0005", node.start, node.end, f"an expression is nested deeper than {DEEPEST}")
+        self.report.at("LJ0005", node, f"an expression is nested deeper than {DEEPEST}")
         return s.Broken(node.start, node.end)
 
 
 class _Ranker:
     """Precedence climbing over one flat list; `not` binds looser than comparisons and tighter than `and`."""
 
-    def __init__(self, builder: Builder, flat: Flat) -> None:
+    def __init__(self, builder: Builder, flat: FlatExpr) -> None:
         self.builder = builder
         self.flat = flat
         self.at = 0
@@ -557,20 +569,20 @@ class _Ranker:
             self.at += 1
             right = self._climb(rank + 1)
             depth = _below((left, right))
-            left = self.builder._bounded(s.Binary(left.start, right.end, depth, operator, left, right))
+            left = self.builder._bounded(s.BinaryExpr(left.start, right.end, depth, operator, left, right))
         return left
 
     def _operand(self) -> s.Expression:
         value: s.Expression = self.flat[self.at]
-        if type(value) is s.Unary and value.operator == "not" and not self._closed(value):
+        if type(value) is s.UnaryExpr and value.operator == "not" and not self._closed(value):
             self.flat[self.at] = value.operand
             operand = self._climb(RANKS["not"] + 1)
             depth = _below((operand,))
-            return self.builder._bounded(s.Unary(value.start, operand.end, depth, "not", operand))
+            return self.builder._bounded(s.UnaryExpr(value.start, operand.end, depth, "not", operand))
         self.at += 1
         return value
 
-    def _closed(self, value: s.Unary) -> bool:
+    def _closed(self, value: s.UnaryExpr) -> bool:
         """Whether the `not` stands in brackets of its own, and so takes nothing to its right."""
         return self.builder.report.source.text.startswith("(", value.start)
 
@@ -598,6 +610,6 @@ def _word(token: Token) -> s.Name:
 def _below(nodes: tuple[s.Expression, ...]) -> int:
     depth = 0
     for node in nodes:
-        if isinstance(node, s.Composite) and node.depth > depth:
+        if isinstance(node, s.CompositeExpr) and node.depth > depth:
             depth = node.depth
     return depth + 1

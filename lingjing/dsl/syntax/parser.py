@@ -136,7 +136,7 @@ class Parser:
             if close is not None:
                 message, hint = f"no statement is called `{first.text}`", f"did you mean `{close}`?"
                 certain = is_certain(first.text, STATEMENTS)
-                self.report("LJ0011", first.start, first.end, message, hint, replace=close, safe=certain)
+                self.report.at("LJ0011", first, message, hint, replace=close, safe=certain)
                 tokens[begin] = Token(STATEMENTS[close], close, first.start, first.end)
                 self._drop_statement()
                 return begin
@@ -149,7 +149,7 @@ class Parser:
             message = f"`=` is due after `{first.text}`"
             text = self.report.source.text[token.start : token.end]
             hint = f"write `{first.text} = …`"
-            self.report("LJ0010", token.start, token.end, message, hint, replace=f"= {text}")
+            self.report.at("LJ0010", token, message, hint, replace=f"= {text}")
             tokens.insert(fault, Token("EQUAL", "=", token.start, token.start))
             return fault
         if token.type == "NAME":
@@ -160,7 +160,7 @@ class Parser:
                 message = f"`{token.text}` does not fit here{where}"
                 certain = is_certain(token.text, self._words_due(due))
                 hint = f"did you mean `{close}`?"
-                self.report("LJ0010", token.start, token.end, message, hint, replace=close, safe=certain)
+                self.report.at("LJ0010", token, message, hint, replace=close, safe=certain)
                 kind = INNER.get(close) or STATEMENTS[close]
                 tokens[fault] = Token(kind, close, token.start, token.end)
                 return fault
@@ -184,7 +184,7 @@ class Parser:
         if token.type not in _AFTER_KEYWORD or token.type == "LBRACE":
             return False
         hint = "a statement begins with a keyword, or is `name = value`"
-        self.report("LJ0011", first.start, first.end, f"no statement is called `{first.text}`", hint)
+        self.report.at("LJ0011", first, f"no statement is called `{first.text}`", hint)
         return True
 
     def _due(self) -> list[str]:

@@ -25,7 +25,7 @@ GRAMMAR_FILE = Path(__file__).with_name("ljs.lark")
 PACKAGED_FILE = Path(__file__).with_name("ljs.tables")
 
 
-class Rule(msgspec.Struct, frozen=True, array_like=True):
+class Reduction(msgspec.Struct, frozen=True, array_like=True):
     """A reduction: pop `size` values, call the builder's `action`, go on with `origin`.
 
     `missing` lists where absent optional symbols leave a gap in the action's arguments.
@@ -44,7 +44,7 @@ class Tables(msgspec.Struct, frozen=True, array_like=True):
     start: int
     end: int
     states: tuple[dict[str, int], ...]
-    rules: tuple[Rule, ...]
+    rules: tuple[Reduction, ...]
 
 
 def load_tables() -> Tables:
@@ -85,7 +85,7 @@ def _numbered(key: str, states: dict[int, dict[str, tuple[Any, Any]]], start: in
     seed, and equal grammars should give equal files."""
     order, numbers = [start], {start: 0}
     rules: dict[object, int] = {}
-    kept: list[Rule] = []
+    kept: list[Reduction] = []
     rows: list[dict[str, int]] = []
     for state in order:
         row: dict[str, int] = {}
@@ -104,11 +104,11 @@ def _numbered(key: str, states: dict[int, dict[str, tuple[Any, Any]]], start: in
     return Tables(key, 0, numbers[end], tuple(rows), tuple(kept))
 
 
-def _rule(rule: object) -> Rule:
+def _rule(rule: object) -> Reduction:
     gaps = rule.options.empty_indices  # type: ignore[attr-defined]
     missing = [position for position, gap in enumerate(gaps) if gap]
     name = str(rule.alias or rule.origin.name)  # type: ignore[attr-defined]
-    return Rule(str(rule.origin.name), len(rule.expansion), name, tuple(missing))  # type: ignore[attr-defined]
+    return Reduction(str(rule.origin.name), len(rule.expansion), name, tuple(missing))  # type: ignore[attr-defined]
 
 
 def write_tables(path: Path = PACKAGED_FILE) -> None:

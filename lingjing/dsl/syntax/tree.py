@@ -9,7 +9,7 @@ from __future__ import annotations
 import msgspec
 
 
-class Node(msgspec.Struct, frozen=True, gc=False):
+class SyntaxNode(msgspec.Struct, frozen=True, gc=False):
     """Base of the tree."""
 
     start: int
@@ -19,103 +19,103 @@ class Node(msgspec.Struct, frozen=True, gc=False):
 # -- expressions
 
 
-class Broken(Node, frozen=True, gc=False):
+class Broken(SyntaxNode, frozen=True, gc=False):
     """An expression already reported; later phases pass over it in silence."""
 
 
-class Name(Node, frozen=True, gc=False):
+class Name(SyntaxNode, frozen=True, gc=False):
     """A bare word."""
 
     text: str
 
 
-class Number(Node, frozen=True, gc=False):
+class NumberLiteral(SyntaxNode, frozen=True, gc=False):
     """`value` as written, before its unit is applied; `unit` is empty for a bare number."""
 
     value: float
     unit: str = ""
 
 
-class Text(Node, frozen=True, gc=False):
+class TextLiteral(SyntaxNode, frozen=True, gc=False):
     """A quoted text, unescaped."""
 
     value: str
 
 
-class Flag(Node, frozen=True, gc=False):
+class FlagLiteral(SyntaxNode, frozen=True, gc=False):
     """`true` or `false`."""
 
     value: bool
 
 
-class Binding(Node, frozen=True, gc=False):
+class ForClause(SyntaxNode, frozen=True, gc=False):
     """`for o in order` after the argument of an aggregate."""
 
     variable: Name
     domain: Name
 
 
-class Argument(Node, frozen=True, gc=False):
+class CallArgument(SyntaxNode, frozen=True, gc=False):
     """An argument of a call; `name` is None if it goes by its place; `over` is what an aggregate ranges over."""
 
     name: Name | None
     value: Expression
-    over: Binding | None = None
+    over: ForClause | None = None
 
 
-class Composite(Node, frozen=True, gc=False):
+class CompositeExpr(SyntaxNode, frozen=True, gc=False):
     """An expression made of others; `depth` counts the levels below and is bounded by the builder."""
 
     depth: int
 
 
-class Tuple(Composite, frozen=True, gc=False):
+class Tuple(CompositeExpr, frozen=True, gc=False):
     """`(a, b)`: a point."""
 
     items: tuple[Expression, ...]
 
 
-class List(Composite, frozen=True, gc=False):
+class List(CompositeExpr, frozen=True, gc=False):
     """`[a, b]`."""
 
     items: tuple[Expression, ...]
 
 
-class NameSet(Node, frozen=True, gc=False):
+class NameSet(SyntaxNode, frozen=True, gc=False):
     """`{ a, b }` after `in`."""
 
     names: tuple[Name, ...]
 
 
-class Call(Composite, frozen=True, gc=False):
+class CallExpr(CompositeExpr, frozen=True, gc=False):
     """`function(…)`."""
 
     function: Name
-    arguments: tuple[Argument, ...]
+    arguments: tuple[CallArgument, ...]
 
 
-class Subscript(Composite, frozen=True, gc=False):
+class Subscript(CompositeExpr, frozen=True, gc=False):
     """`base[index]`."""
 
     base: Expression
     index: Expression
 
 
-class Attribute(Composite, frozen=True, gc=False):
+class FieldExpr(CompositeExpr, frozen=True, gc=False):
     """`base.name`."""
 
     base: Expression
     name: Name
 
 
-class Unary(Composite, frozen=True, gc=False):
+class UnaryExpr(CompositeExpr, frozen=True, gc=False):
     """`-x`, `not x`."""
 
     operator: str
     operand: Expression
 
 
-class Binary(Composite, frozen=True, gc=False):
+class BinaryExpr(CompositeExpr, frozen=True, gc=False):
     """`left operator right`; besides arithmetic and logic also `..`, `by`, `from`, `to`, `at`."""
 
     operator: str
@@ -123,7 +123,7 @@ class Binary(Composite, frozen=True, gc=False):
     right: Expression
 
 
-class Quantified(Composite, frozen=True, gc=False):
+class QuantifiedExpr(CompositeExpr, frozen=True, gc=False):
     """`exists r: body`, `forall v in victim: body`; `domain` is None if it is to be inferred."""
 
     quantifier: str
@@ -135,29 +135,29 @@ class Quantified(Composite, frozen=True, gc=False):
 Expression = (
     Broken
     | Name
-    | Number
-    | Text
-    | Flag
+    | NumberLiteral
+    | TextLiteral
+    | FlagLiteral
     | Tuple
     | List
     | NameSet
-    | Call
+    | CallExpr
     | Subscript
-    | Attribute
-    | Unary
-    | Binary
-    | Quantified
+    | FieldExpr
+    | UnaryExpr
+    | BinaryExpr
+    | QuantifiedExpr
 )
 
 
 # -- statements
 
 
-class Statement(Node, frozen=True, gc=False):
+class Statement(SyntaxNode, frozen=True, gc=False):
     """Base of all statements."""
 
 
-class Block(Node, frozen=True, gc=False):
+class BracedBlock(SyntaxNode, frozen=True, gc=False):
     """`{ … }`."""
 
     items: tuple[Statement, ...]
@@ -166,14 +166,14 @@ class Block(Node, frozen=True, gc=False):
 class Version(Statement, frozen=True, gc=False):
     """`ljs 1`."""
 
-    number: Number | Broken
+    number: NumberLiteral | Broken
 
 
-class Use(Statement, frozen=True, gc=False):
+class UseLine(Statement, frozen=True, gc=False):
     """`use std.air { quadrotor }`; no names means all of the file's. `use .boats` is a file beside this one."""
 
     path: tuple[Name, ...]
-    names: Block | None
+    names: BracedBlock | None
     relative: bool = False
 
 
@@ -181,8 +181,8 @@ class MissionBlock(Statement, frozen=True, gc=False):
     """`mission name extends base "title" { … }`."""
 
     name: Name
-    title: Text | None
-    block: Block
+    title: TextLiteral | None
+    block: BracedBlock
     base: Name | None = None
 
 
@@ -196,22 +196,22 @@ class TextLine(Statement, frozen=True, gc=False):
     """`goal "…"`, `prompt "…"`."""
 
     keyword: str
-    text: Text
+    text: TextLiteral
 
 
 class SceneBlock(Statement, frozen=True, gc=False):
     """`scene bay { … }`."""
 
     kind: Name
-    block: Block | None
+    block: BracedBlock | None
 
 
-class Section(Statement, frozen=True, gc=False):
+class SettingsBlock(Statement, frozen=True, gc=False):
     """`clock { … }` and the other unnamed blocks: budget, weather, comms, actions. A weather may have a name: that
     of the preset it begins with or, at the top of a file, its own."""
 
     keyword: str
-    block: Block
+    block: BracedBlock
     preset: Name | None = None
 
 
@@ -241,7 +241,7 @@ class GridBlock(Statement, frozen=True, gc=False):
 
     name: Name
     region: Name
-    block: Block
+    block: BracedBlock
 
 
 class EntityBlock(Statement, frozen=True, gc=False):
@@ -252,14 +252,14 @@ class EntityBlock(Statement, frozen=True, gc=False):
     index: Expression | None
     type: Name | None
     guard: Expression | None
-    block: Block | None
+    block: BracedBlock | None
 
 
 class CameraBlock(Statement, frozen=True, gc=False):
     """`camera name : preset { … }`; at the top of a file without a type, the preset itself."""
 
     name: Name
-    block: Block | None
+    block: BracedBlock | None
     type: Name | None = None
 
 
@@ -271,7 +271,7 @@ class AgentBlock(Statement, frozen=True, gc=False):
     role: Name
     controls: tuple[Expression, ...]
     guard: Expression | None
-    block: Block | None
+    block: BracedBlock | None
 
 
 class AuthorityLine(Statement, frozen=True, gc=False):
@@ -292,7 +292,7 @@ class MessageLine(Statement, frozen=True, gc=False):
     guard: Expression | None
 
 
-class Typed(Node, frozen=True, gc=False):
+class Typed(SyntaxNode, frozen=True, gc=False):
     """`name: type in low..high optional`: a parameter of a rule or a verb, a field of a record."""
 
     name: Name
@@ -306,7 +306,7 @@ class RuleBlock(Statement, frozen=True, gc=False):
 
     name: Name
     parameters: tuple[Typed, ...]
-    block: Block
+    block: BracedBlock
 
 
 class UnlockLine(Statement, frozen=True, gc=False):
@@ -323,10 +323,10 @@ class StageBlock(Statement, frozen=True, gc=False):
     name: Name
     variable: Name | None
     domain: Name | None
-    block: Block
+    block: BracedBlock
 
 
-class Clause(Node, frozen=True, gc=False):
+class Clause(SyntaxNode, frozen=True, gc=False):
     """`carries x`, `over x`, `by x`, `per x` of a relation."""
 
     keyword: str
@@ -344,7 +344,7 @@ class RelationLine(Statement, frozen=True, gc=False):
     guard: Expression | None
 
 
-class Outcome(Statement, frozen=True, gc=False):
+class OutcomeLine(Statement, frozen=True, gc=False):
     """`success when …`, `failure when …`."""
 
     keyword: str
@@ -358,7 +358,7 @@ class Condition(Statement, frozen=True, gc=False):
     condition: Expression
 
 
-class Channel(Node, frozen=True, gc=False):
+class ObservedChannel(SyntaxNode, frozen=True, gc=False):
     """One observed channel; `everything` is true for `x.*`."""
 
     source: Expression
@@ -368,7 +368,7 @@ class Channel(Node, frozen=True, gc=False):
 class Observes(Statement, frozen=True, gc=False):
     """`observes a.*, b, c.position`."""
 
-    channels: tuple[Channel, ...]
+    channels: tuple[ObservedChannel, ...]
 
 
 class LimitLine(Statement, frozen=True, gc=False):
@@ -376,14 +376,14 @@ class LimitLine(Statement, frozen=True, gc=False):
 
     name: Name
     most: Expression
-    counts: tuple[Channel, ...]
+    counts: tuple[ObservedChannel, ...]
     guard: Expression | None
 
 
 class PermitLine(Statement, frozen=True, gc=False):
     """`permit van.setDestination when …`."""
 
-    resource: Channel
+    resource: ObservedChannel
     condition: Expression
 
 
@@ -395,7 +395,7 @@ class ConstraintBlock(Statement, frozen=True, gc=False):
     variable: Name | None
     domain: Name | None
     guard: Expression | None
-    block: Block
+    block: BracedBlock
 
 
 class InspectionBlock(Statement, frozen=True, gc=False):
@@ -405,7 +405,7 @@ class InspectionBlock(Statement, frozen=True, gc=False):
     asset: Expression
     by: tuple[Expression, ...]
     guard: Expression | None
-    block: Block
+    block: BracedBlock
 
 
 class EventBlock(Statement, frozen=True, gc=False):
@@ -415,7 +415,7 @@ class EventBlock(Statement, frozen=True, gc=False):
     at: Expression
     drawn: bool
     guard: Expression | None
-    block: Block
+    block: BracedBlock
 
 
 class ChangeLine(Statement, frozen=True, gc=False):
@@ -425,7 +425,7 @@ class ChangeLine(Statement, frozen=True, gc=False):
     entity: Expression
 
 
-class Axis(Node, frozen=True, gc=False):
+class Axis(SyntaxNode, frozen=True, gc=False):
     """`uavs in [1, 2, 3]` of a sweep."""
 
     name: Name
@@ -451,14 +451,14 @@ class InteractionBlock(Statement, frozen=True, gc=False):
     """`interaction name { … }`."""
 
     name: Name
-    block: Block
+    block: BracedBlock
 
 
 class MountBlock(Statement, frozen=True, gc=False):
     """`mount view { … }`."""
 
     view: Name
-    block: Block
+    block: BracedBlock
 
 
 class PartBlock(Statement, frozen=True, gc=False):
@@ -466,7 +466,7 @@ class PartBlock(Statement, frozen=True, gc=False):
 
     name: Name
     shape: Name
-    block: Block
+    block: BracedBlock
 
 
 class RecordBlock(Statement, frozen=True, gc=False):
@@ -474,7 +474,7 @@ class RecordBlock(Statement, frozen=True, gc=False):
 
     name: Name
     category: Name
-    block: Block
+    block: BracedBlock
 
 
 class RevealLine(Statement, frozen=True, gc=False):
@@ -485,7 +485,7 @@ class RevealLine(Statement, frozen=True, gc=False):
     role: Name
 
 
-class Property(Statement, frozen=True, gc=False):
+class PropertyLine(Statement, frozen=True, gc=False):
     """`name = value`, `name ~ draw`, `name <= bound`, `name in low..high`; perhaps `hidden`, `state` or guarded."""
 
     name: Name
@@ -512,17 +512,17 @@ class UnknownBlock(Statement, frozen=True, gc=False):
     """`word { … }` where the word is no statement."""
 
     name: Name
-    block: Block
+    block: BracedBlock
 
 
 class Faulty(Statement, frozen=True, gc=False):
     """A statement the parser gave up on. `names` are the words in it, `block` what could be read of its block."""
 
     names: tuple[str, ...]
-    block: Block | None
+    block: BracedBlock | None
 
 
-class File(Node, frozen=True, gc=False):
+class File(SyntaxNode, frozen=True, gc=False):
     """A whole file."""
 
     items: tuple[Statement, ...]
