@@ -1,15 +1,13 @@
 """The heuristic's rules, one situation at a time, without engines."""
 
 import math
-import re
 from dataclasses import replace
 from itertools import pairwise
-from pathlib import Path
 
 import pytest
 from lingjing_agents.heuristic import aerial_searcher as searching
 from lingjing_agents.heuristic.aerial_searcher import AerialSearcher
-from lingjing_agents.heuristic.policy import ROLE_RULES, rules_for
+from lingjing_agents.heuristic.policy import rules_for
 from lingjing_agents.heuristic.rescuer import Rescuer
 from lingjing_agents.heuristic.search_coordinator import SearchCoordinator
 from lingjing_agents.heuristic.target_types import PEOPLE
@@ -299,11 +297,3 @@ def test_a_searcher_among_other_pads_climbs_straight_up_and_waits_for_who_is_ove
     away = rules_for(brief("scout[1]"))
     far = view("uav[2]", (340.0, -620.0, 1.1))
     assert go(away.act(observe("scout[1]", 0, own, far), Inbox()))[:2] != (300.0, -620.0)
-
-
-def test_rules_name_records_of_the_standard_library():
-    text = (Path(__file__).parents[2] / "scenarios/std/messages.ljs").read_text()
-    known = set(re.findall(r"^record (\w+) :", text, re.MULTILINE))
-    for rules in ROLE_RULES:
-        assert rules.reads or rules.sends, rules
-        assert {*rules.reads, *rules.sends} <= known, rules

@@ -76,6 +76,7 @@ class PictureGoal:
 class AerialSearcher:
     """One camera in the air. All state is of this episode."""
 
+    roles: ClassVar[tuple[str, ...]] = ("searcher",)
     reads: ClassVar[tuple[str, ...]] = ("report", "assignment", "status")
     sends: ClassVar[tuple[str, ...]] = ("report", "assignment", "status")
 

@@ -43,6 +43,7 @@ SURE = 0.5
 class BridgeInspector:
     """One camera that follows one line. All state is of this episode."""
 
+    roles: ClassVar[tuple[str, ...]] = ("inspector",)
     reads: ClassVar[tuple[str, ...]] = ()
     sends: ClassVar[tuple[str, ...]] = ("report",)
 

@@ -22,6 +22,7 @@ STILL_TICKS, STILL_M = 4, 3.0
 class DeliveryCoordinator:
     """Hands out tours and keeps count. All state is of this episode."""
 
+    roles: ClassVar[tuple[str, ...]] = ("coordinator",)
     reads: ClassVar[tuple[str, ...]] = ()
     sends: ClassVar[tuple[str, ...]] = ("tour",)
 

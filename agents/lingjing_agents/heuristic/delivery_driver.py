@@ -30,6 +30,7 @@ HUB_PATIENCE_TICKS = 6
 class DeliveryDriver:
     """One van. All state is of this episode."""
 
+    roles: ClassVar[tuple[str, ...]] = ("driver",)
     reads: ClassVar[tuple[str, ...]] = ("tour", "assignment")
     sends: ClassVar[tuple[str, ...]] = ("assignment", "delivery")
 

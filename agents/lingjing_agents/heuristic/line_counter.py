@@ -34,6 +34,7 @@ AGAIN_TICKS = 12
 class LineCounter:
     """One camera over a few places that everybody knows. All state is of this episode."""
 
+    roles: ClassVar[tuple[str, ...]] = ("counter",)
     reads: ClassVar[tuple[str, ...]] = ()
     sends: ClassVar[tuple[str, ...]] = ("count", "assignment")
 

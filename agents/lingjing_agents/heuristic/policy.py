@@ -33,7 +33,7 @@ ROLE_RULES: tuple[type[RoleRules], ...] = (
     LeakGuidance,
     DogRules,
 )
-"""All rules there are; each says which message records it reads and sends."""
+"""All rules there are; each says which roles and message records it serves."""
 
 
 class HeuristicPolicy:

@@ -27,6 +27,7 @@ STAGING_TICKS = 2.0
 class Rescuer:
     """Keeps reported positions, drives to them one by one, tells the others what came of each."""
 
+    roles: ClassVar[tuple[str, ...]] = ("rescuer", "responder")
     reads: ClassVar[tuple[str, ...]] = ("report", "assignment")
     sends: ClassVar[tuple[str, ...]] = ("status",)
 

@@ -10,10 +10,12 @@ from lingjing.plugins.policy import Decision, Inbox, Observation
 class RoleRules(Protocol):
     """One role's rules: a pure function of what it has seen so far. All state is of one episode.
 
-    `reads` and `sends` are the message records it serves, by the names that the language's standard library gives them
-    (`report`, `assignment`, `status`, …).
+    `roles` are those that it serves in the shipped missions, `reads` and `sends` the message records, by the names that
+    the language's standard library gives them (`report`, `assignment`, `status`, …). The rules of an agent are chosen
+    by what it can do, so a mission may call its roles otherwise.
     """
 
+    roles: ClassVar[tuple[str, ...]]
     reads: ClassVar[tuple[str, ...]]
     sends: ClassVar[tuple[str, ...]]
 

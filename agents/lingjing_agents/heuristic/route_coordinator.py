@@ -35,6 +35,7 @@ LOOKING_TICKS = 10
 class RouteCoordinator:
     """Inspect, replan, drive. All state is of this episode."""
 
+    roles: ClassVar[tuple[str, ...]] = ("coordinator",)
     reads: ClassVar[tuple[str, ...]] = ("status",)
     sends: ClassVar[tuple[str, ...]] = ("assignment", "trafficJam", "guidance")
 

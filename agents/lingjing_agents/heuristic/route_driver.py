@@ -20,6 +20,7 @@ PAUSE_TICKS = 2
 class RouteDriver:
     """One vehicle that keeps still until it is ordered. All state is of this episode."""
 
+    roles: ClassVar[tuple[str, ...]] = ("driver",)
     reads: ClassVar[tuple[str, ...]] = ("assignment",)
     sends: ClassVar[tuple[str, ...]] = ()
 

@@ -47,6 +47,7 @@ WAIT_TICKS = 5
 class RouteInspector:
     """One camera over one route. All state is of this episode."""
 
+    roles: ClassVar[tuple[str, ...]] = ("inspector",)
     reads: ClassVar[tuple[str, ...]] = ("assignment",)
     sends: ClassVar[tuple[str, ...]] = ("status", "report")
 

@@ -22,6 +22,7 @@ RESCUE_PATIENCE_S = 350.0
 class SearchCoordinator:
     """Assigns, merges, and hands over one rescue after the other."""
 
+    roles: ClassVar[tuple[str, ...]] = ("coordinator",)
     reads: ClassVar[tuple[str, ...]] = ("report", "status")
     sends: ClassVar[tuple[str, ...]] = ("assignment",)
 

@@ -75,6 +75,7 @@ FAR_M = 220.0
 class BuildingFinder:
     """One dog with a picture of where it should go. All state is of this episode."""
 
+    roles: ClassVar[tuple[str, ...]] = ("navigator", "courier", "walker")
     reads: ClassVar[tuple[str, ...]] = ("assignment", "guidance")
     sends: ClassVar[tuple[str, ...]] = ()
 

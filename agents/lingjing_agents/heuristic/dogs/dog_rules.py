@@ -38,6 +38,7 @@ def front_camera(body: Resource) -> CameraSpec | None:
 class DogRules:
     """One walker, whatever it is for."""
 
+    roles: ClassVar[tuple[str, ...]] = (*FireSearcher.roles, *BuildingFinder.roles, *StepExecutor.roles)
     reads: ClassVar[tuple[str, ...]] = (*FireSearcher.reads, *BuildingFinder.reads)
     sends: ClassVar[tuple[str, ...]] = FireSearcher.sends
 

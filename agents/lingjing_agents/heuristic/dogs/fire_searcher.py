@@ -80,6 +80,7 @@ TRIES = 14
 class FireSearcher:
     """One dog. All state is of this episode."""
 
+    roles: ClassVar[tuple[str, ...]] = ("searcher",)
     reads: ClassVar[tuple[str, ...]] = ("report", "status")
     sends: ClassVar[tuple[str, ...]] = ("report", "status")
 

@@ -19,6 +19,7 @@ PATIENCE_TICKS = 4
 class StepExecutor:
     """One body that is told each step."""
 
+    roles: ClassVar[tuple[str, ...]] = ("executor",)
     reads: ClassVar[tuple[str, ...]] = ("guidance",)
     sends: ClassVar[tuple[str, ...]] = ("status",)
 

@@ -70,6 +70,7 @@ class BelievedLeak:
 class LeakGuidance:
     """One camera in the air and one follower on the ground. All state is of this episode."""
 
+    roles: ClassVar[tuple[str, ...]] = ("pilot",)
     reads: ClassVar[tuple[str, ...]] = ("status",)
     sends: ClassVar[tuple[str, ...]] = ("report", "guidance")
 
