@@ -18,9 +18,6 @@ from lingjing.plugins.host import PluginHost
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import BoundaryRecord
 
-QUALITY = 90
-"""JPEG quality of the pictures, as in an episode."""
-
 
 def look_back(trace: Trace, wanted: Sequence[tuple[str, str, BoundaryRecord]]) -> Iterator[StoredFrame]:
     """The picture of each (entity, camera, boundary), in that order but for those that the camera does not draw.
@@ -35,7 +32,7 @@ def look_back(trace: Trace, wanted: Sequence[tuple[str, str, BoundaryRecord]]) -
         return
     engines = start_engines(host, (name,))
     try:
-        sensor = Sensor(name, engines[name], QUALITY)
+        sensor = Sensor(name, engines[name])
         sensor.reset(instance, city)
         for entity, camera, record in wanted:
             now = record.snapshots[-1]

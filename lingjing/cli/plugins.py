@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from lingjing.errors import ExitCode, PluginError, UsageError
+from lingjing.mission.kinds import SceneOption, scene_kind
 from lingjing.plugins.host import PluginHost
 from lingjing.plugins.loading import load_policy, options_model
 from lingjing.plugins.options import OptionSpec, declared_model, option_specs
@@ -103,9 +104,30 @@ def _options(offer: Offer, host: PluginHost) -> tuple[OptionSpec, ...]:
         return option_specs(options_model(host.policies[offer.name]))
     if offer.kind == "evaluator":
         return ()
-    declared = host.engines[offer.name].options if offer.kind == "engine" else host.scenes[offer.name].options
-    model = declared_model(declared, f"{offer.kind} `{offer.name}`")
+    if offer.kind == "scene":
+        kind = scene_kind(offer.name)
+        return tuple(_scene_option(*one) for one in kind.options.items()) if kind is not None else ()
+    model = declared_model(host.engines[offer.name].options, f"engine `{offer.name}`")
     return option_specs(model) if model is not None else ()
+
+
+def _scene_option(name: str, option: SceneOption) -> OptionSpec:
+    bounds = [f"{word} {bound:g}" for word, bound in (("from", option.low), ("to", option.high)) if bound is not None]
+    usual = option.default if isinstance(option.default, tuple) else (option.default,)
+    return OptionSpec(
+        name=name,
+        type=_SCENE_TYPES[option.type],
+        bounds=" ".join(bounds) or (f"{option.points} or more" if option.points else ""),
+        default=" to ".join(f"{number:g}" for number in usual if number is not None),
+        help=option.help,
+    )
+
+
+_SCENE_TYPES = {
+    "text": "text", "number": "number", "metres": "metres", "size": "rows by columns", "range": "range in metres",
+    "positions": "list of positions", "region": "region",
+}  # fmt: skip
+"""The types of scenes' options, as `lingjing.mission.kinds` has them, in words."""
 
 
 def _policy_offer(policy: PolicyPlugin, source: str, options: tuple[OptionSpec, ...] = ()) -> Offer:

@@ -41,6 +41,9 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     )
     parser.add_argument("--policy-arg", metavar="K=V", action="append", default=[], help="an option of the policy")
     parser.add_argument(
+        "--engine-arg", metavar="ENGINE.K=V", action="append", default=[], help="an option of an engine"
+    )
+    parser.add_argument(
         "--policy-seed", metavar="N", help="what the policies' own random streams start from (default 0)"
     )
     parser.add_argument(
@@ -91,10 +94,11 @@ def _options(args: argparse.Namespace) -> tuple[PlayOptions, Mission]:
     named = args.mission or given.get("mission")
     if not named:
         raise UsageError("no mission is named", hint="name a .ljs file or a shipped mission: lingjing run ssr")
-    path, policies_for, policy_args, pairs, seed, policy_seed = all_of(
+    path, policies_for, policy_args, engine_args, pairs, seed, policy_seed = all_of(
         lambda: find_mission(str(named)),
         lambda: parse_pairs("--policy-for", args.policy_for),
         lambda: parse_pairs("--policy-arg", args.policy_arg),
+        lambda: parse_pairs("--engine-arg", args.engine_arg),
         lambda: parse_pairs("--set", args.set),
         lambda: parse_seed(args.seed) if args.seed is not None else None,
         lambda: parse_seed(args.policy_seed) if args.policy_seed is not None else None,
@@ -105,6 +109,7 @@ def _options(args: argparse.Namespace) -> tuple[PlayOptions, Mission]:
     over = {
         "policies_for": options.policies_for | policies_for,
         "policy_args": options.policy_args | policy_args,
+        "engine_args": options.engine_args | engine_args,
         "settings": options.settings | settings,
         "blank_pictures": options.blank_pictures or args.blank_pictures,
         "overview": options.overview and not args.no_overview,

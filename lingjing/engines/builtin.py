@@ -116,6 +116,7 @@ def lingjing_engines() -> Iterable[EnginePlugin]:
         EnginePlugin(
             name="camera",
             factory=_engine("camera", "CameraEngine"),
+            options="lingjing.engines.camera.options:CameraOptions",
             place="camera",
             sensor=True,
             summary="Rendered pictures of the city: RGB, depth and class ids with exact ground-truth boxes.",

@@ -332,7 +332,7 @@ class RevealSpec(Record, frozen=True, kw_only=True):
 
 
 class Instance(Record, frozen=True, kw_only=True):
-    """The whole reset specification."""
+    """The whole reset specification. `engine_options` are what engines are told for the episode, by engine and name."""
 
     format: Literal["lingjing-instance/2"] = "lingjing-instance/2"
     mission: str
@@ -362,6 +362,7 @@ class Instance(Record, frozen=True, kw_only=True):
     inspections: tuple[InspectionSpec, ...] = ()
     events: tuple[EventSpec, ...] = ()
     reveals: tuple[RevealSpec, ...] = ()
+    engine_options: dict[str, dict[str, str]] = {}
 
     @property
     def mode(self) -> str:

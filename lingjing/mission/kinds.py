@@ -16,7 +16,7 @@ from typing import Any, Literal
 
 import msgspec
 
-from lingjing.errors import PluginError
+from lingjing.errors import Fault, PluginError, UsageError
 from lingjing.mission.instance import Option, SceneSpec
 
 FILE = "kinds.json"
@@ -159,6 +159,14 @@ def scene_faults(spec: SceneSpec) -> Iterator[SceneFault]:
     if has_shore(spec) and spec.datum_m > -DRY_M:
         message = f"scene `{kind.name}`: the sea at {spec.datum_m:g} m would flood the ground, which is at 0 m"
         yield SceneFault("datum", message, "write: datum = sea level at -3 m")
+
+
+def check_scene(spec: SceneSpec) -> None:
+    """Raise `UsageError` that tells every fault of a scene's options."""
+    faults = tuple(Fault(one.option, one.message, one.hint) for one in scene_faults(spec))
+    if faults:
+        hints = dict.fromkeys(fault.hint for fault in faults if fault.hint)
+        raise UsageError("\n".join(fault.message for fault in faults), hint="; ".join(hints), faults=faults)
 
 
 def has_shore(spec: SceneSpec) -> bool:

@@ -36,7 +36,7 @@ from lingjing.play.options import Changes, PlayOptions, compiled, options_of
 from lingjing.play.policies import Assigned, assign_policies
 from lingjing.play.report import ABORTED, EpisodeReport
 from lingjing.plugins.host import PluginHost
-from lingjing.plugins.loading import build_policy
+from lingjing.plugins.loading import build_policy, engine_options
 from lingjing.plugins.policy import PolicyPlugin
 from lingjing.scene.city import City, content_sha256
 from lingjing.trace.reader import Trace, read_trace
@@ -90,9 +90,9 @@ class Session:
         """Play the episode of the options. `mission` is theirs where it has been compiled already, `given` are policies
         that have been loaded already, by their names in the options."""
         mission = mission or compiled(options)
-        instance, city = self._cities.place(
-            instantiate(mission, seed=options.seed, mode=options.mode, settings=options.settings)
-        )
+        drawn = instantiate(mission, seed=options.seed, mode=options.mode, settings=options.settings)
+        told = engine_options(options.engine_args, self.host)
+        instance, city = self._cities.place(msgspec.structs.replace(drawn, engine_options=told))
         assigned = assign_policies(instance, options, self.host, given or {})
         policies = {agent: build_policy(plugin, arguments) for agent, (plugin, arguments) in assigned.items()}
         relations = RelationTracker(instance)

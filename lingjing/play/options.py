@@ -24,17 +24,19 @@ class PlayOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     """All that decides an episode, as JSON wherever it travels.
 
     `mission` is the path of a file or the name of a shipped mission. `policy` plays every agent; `policies_for`
-    overrides it by role, agent or agent id; `policy_args` go to every policy that takes them. `seed` draws the
-    instance, `policy_seed` starts the policies' own random streams and tells them nothing about it. `mode` None is the
-    mission's own; `settings` are values of its parameters in SI units. `evaluators` score it: the mean of their scores
-    counts, and the first that says so ends the episode. `world` says where the engines run, `blank_pictures` hands the
-    policies black pictures, `overview` draws `overview.png`.
+    overrides it by role, agent or agent id; `policy_args` go to every policy that takes them, `engine_args` to the
+    engine that each names (`camera.quality`). `seed` draws the instance, `policy_seed` starts the policies' own random
+    streams and tells them nothing about it. `mode` None is the mission's own; `settings` are values of its parameters
+    in SI units. `evaluators` score it: the mean of their scores counts, and the first that says so ends the episode.
+    `world` says where the engines run, `blank_pictures` hands the policies black pictures, `overview` draws
+    `overview.png`.
     """
 
     mission: str
     policy: str = "heuristic"
     policies_for: dict[str, str] = {}
     policy_args: dict[str, str] = {}
+    engine_args: dict[str, str] = {}
     seed: Seed = 0
     policy_seed: Seed = 0
     mode: str | None = None
@@ -51,6 +53,7 @@ class Changes(TypedDict, total=False):
     policy: PolicySpec
     policies_for: Mapping[str, PolicySpec]
     policy_args: Mapping[str, object]
+    engine_args: Mapping[str, object]
     seed: int
     policy_seed: int
     mode: str | None
@@ -98,6 +101,7 @@ def options_of(
         "mission": mission.name if isinstance(mission, Mission) else _path(mission),
         "policies_for": {one: _named(spec, made) for one, spec in (changes.get("policies_for") or {}).items()},
         "policy_args": {name: str(value) for name, value in (changes.get("policy_args") or {}).items()},
+        "engine_args": {name: str(value) for name, value in (changes.get("engine_args") or {}).items()},
         "settings": dict(changes.get("settings") or {}),
     }
     if "policy" in changes:

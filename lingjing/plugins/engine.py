@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from lingjing.mission.instance import Entity, Instance
 from lingjing.scene.city import City
+from lingjing.trace.images import JPEG_QUALITY
 from lingjing.trace.records import BodyState, CameraPose, Command, FrameInfo, Receipt, Route, TaskEvent
 
 if TYPE_CHECKING:
@@ -70,9 +71,9 @@ class CaptureRequest(msgspec.Struct, frozen=True, kw_only=True):
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """A captured picture. `info.boxes` is the exact ground truth, without `info.faint`: targets that were drawn and
-    that nobody can see.
+    """A captured picture, to be stored as a JPEG of `quality` (1..100).
 
+    `info.boxes` is the exact ground truth, without `info.faint`: targets that were drawn and that nobody can see.
     `rgb` is (height, width, 3) uint8; `depth` (height, width) float32 metres along the optical axis, inf where
     nothing is hit, or None if not declared; `semantic` (height, width) uint8 class ids, or None: policies get
     it, so it shows what would be drawn without the entities that have a hidden value.
@@ -82,6 +83,7 @@ class Frame:
     rgb: npt.NDArray[np.uint8]
     depth: npt.NDArray[np.float32] | None = None
     semantic: npt.NDArray[np.uint8] | None = None
+    quality: int = JPEG_QUALITY
 
 
 class Engine(Protocol):
@@ -119,8 +121,8 @@ class EnginePlugin:
     `sensor` engines answer `capture` and are advanced once a tick, after the motion barrier. `factory` does the
     heavy imports. `native_dt_s` is documentation and a bound on `sync`. A motion engine takes part in an episode if it
     owns an entity or if `wanted` says so of the instance: traffic and radio matter without an entity of their own.
-    `options` is the model of what a mission may say to the engine in its `scene` block, as a class or, so that nothing
-    heavy is loaded before it is needed, as `package.module:Class`; the engine reads them with
+    `options` is the model of what the engine can be told for an episode (`--engine-arg NAME.OPTION=VALUE`), as a class
+    or, so that nothing heavy is loaded before it is needed, as `package.module:Class`; the engine reads them with
     `lingjing.plugins.options.engine_options`.
     """
 

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import pluggy
 
@@ -17,9 +16,6 @@ from lingjing.plugins.evaluator import EvaluatorPlugin
 from lingjing.plugins.policy import PolicyPlugin
 from lingjing.scene.city import City
 
-if TYPE_CHECKING:
-    from lingjing.plugins.options import PluginOptions
-
 hookspec = pluggy.HookspecMarker("lingjing")
 hookimpl = pluggy.HookimplMarker("lingjing")
 
@@ -27,12 +23,11 @@ hookimpl = pluggy.HookimplMarker("lingjing")
 @dataclass(frozen=True, slots=True)
 class ScenePlugin:
     """How a scene provider is declared: `name` is what a mission names after `scene`; `build` must be a pure
-    function of the spec; `options` is the model of the spec's options, as a class or as `package.module:Class`."""
+    function of the spec. The spec's options are declared in the plug-in's file of kinds (`lingjing.mission.kinds`)."""
 
     name: str
     build: Callable[[SceneSpec], City]
     summary: str = ""
-    options: type[PluginOptions] | str | None = None
 
 
 @hookspec

@@ -90,6 +90,15 @@ def share_arguments(plugins: Iterable[PolicyPlugin], arguments: Mapping[str, Val
     return shares
 
 
+def engine_options(arguments: Mapping[str, str], host: PluginHost) -> dict[str, dict[str, str]]:
+    """The `--engine-arg` pairs by engine and option. Raises `UsageError` that tells every fault."""
+    if not arguments:
+        return {}
+    from lingjing.plugins.options import shared_among_engines
+
+    return shared_among_engines(arguments, host.engines)
+
+
 def build_policy(plugin: PolicyPlugin, arguments: Mapping[str, object]) -> Policy:
     """One policy object for one agent. Raises `UsageError` that tells every fault of its options."""
     from lingjing.plugins.options import given_parameters, read_options

@@ -20,6 +20,7 @@ import msgspec
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model
 
 from lingjing.errors import Fault, PluginError, UsageError
+from lingjing.plugins.engine import EnginePlugin, EngineSpec
 from lingjing.validation import worded
 
 _FEW = 8
@@ -115,9 +116,32 @@ def options_error(faults: Mapping[str, tuple[Fault, ...]]) -> UsageError:
         f"{owner}: {f'option `{one.where}` ' if one.where else ''}{one.message}{one.hint and f'; {one.hint}'}"
         for owner, one in each
     ]
-    names = dict.fromkeys(owner.partition("`")[2].partition("`")[0] for owner, _ in each)
-    hint = f"{' and '.join(f'`lingjing plugins {name}`' for name in names)} lists the options"
+    names = dict.fromkeys(owner.partition("`")[2].partition("`")[0] or "NAME" for owner, _ in each)
+    hint = f"`lingjing plugins {next(iter(names)) if len(names) == 1 else 'NAME'}` lists the options"
     return UsageError("\n".join(lines), hint=hint, faults=tuple(one for _, one in each))
+
+
+def engine_options(model: type[OptionsT], spec: EngineSpec) -> OptionsT:
+    """What an engine is told for an episode. Raises `UsageError` with every fault."""
+    return read_options(model, spec.instance.engine_options.get(spec.engine, {}), f"engine `{spec.engine}`")
+
+
+def shared_among_engines(given: Mapping[str, str], plugins: Mapping[str, EnginePlugin]) -> dict[str, dict[str, str]]:
+    """`{"camera.quality": "80"}` by engine and option. Raises `UsageError` that tells every fault."""
+    shares: dict[str, dict[str, str]] = {}
+    faults: dict[str, tuple[Fault, ...]] = {}
+    for key, value in given.items():
+        name, dot, option = key.partition(".")
+        if name not in plugins or not dot:
+            faults["engines"] = (*faults.get("engines", ()), _unknown_engine(key, plugins))
+        else:
+            shares.setdefault(name, {})[option] = value
+    for name, share in shares.items():
+        owner = f"engine `{name}`"
+        faults[owner] = option_faults(declared_model(plugins[name].options, owner) or PluginOptions, share)
+    if any(faults.values()):
+        raise options_error(faults)
+    return shares
 
 
 def spellings(model: type[PluginOptions]) -> tuple[str, ...]:
@@ -176,6 +200,11 @@ def _parameters(factory: Callable[..., object]) -> Mapping[str, inspect.Paramete
         return {}
 
 
+def _unknown_engine(key: str, plugins: Mapping[str, EnginePlugin]) -> Fault:
+    fault = unknown_option(key.partition(".")[0], plugins)
+    return Fault(key, "names no installed engine and one of its options", fault.hint)
+
+
 def _validated(model: type[OptionsT], given: Mapping[str, object]) -> tuple[OptionsT | None, tuple[Fault, ...]]:
     try:
         return model.model_validate(dict(given)), ()
@@ -232,12 +261,14 @@ __all__ = [
     "OptionSpec",
     "PluginOptions",
     "declared_model",
+    "engine_options",
     "given_parameters",
     "model_of_parameters",
     "option_faults",
     "option_specs",
     "options_error",
     "read_options",
+    "shared_among_engines",
     "spellings",
     "takes_any_name",
     "unknown_option",

@@ -15,10 +15,9 @@ from collections.abc import Iterator
 from math import cos, hypot, pi, radians, sin
 from random import Random
 
-from lingjing.errors import UsageError
 from lingjing.mission.geometry2d import Polygon
 from lingjing.mission.instance import SceneSpec
-from lingjing.mission.kinds import builtin_scenes, reach_m, scene_faults
+from lingjing.mission.kinds import builtin_scenes, check_scene, reach_m
 from lingjing.scene.city import City, Land, Prop, Solid, Water
 
 APRON_TOP_M = 0.9
@@ -92,9 +91,7 @@ def build(spec: SceneSpec) -> City:
 
 
 def _density(spec: SceneSpec) -> float:
-    fault = next(scene_faults(spec), None)
-    if fault is not None:
-        raise UsageError(fault.message, hint=fault.hint)
+    check_scene(spec)
     return float(spec.options.get("distractors", sum(_KIND.default("distractors"))))  # type: ignore[arg-type]
 
 

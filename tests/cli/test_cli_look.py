@@ -49,6 +49,15 @@ def test_plugins_lists_the_options_of_one_with_type_bounds_default_and_help(caps
     assert "did you mean `react`?" in capsys.readouterr().err
 
 
+def test_plugins_lists_the_options_of_engines_and_scenes(capsys) -> None:
+    assert main(["plugins", "camera"]) == 0
+    assert "  quality  whole number: 50 to 100  default 90  JPEG quality" in capsys.readouterr().out
+    assert main(["plugins", "bay"]) == 0
+    assert "  distractors  number: from 0 to 400  default 45  things afloat" in capsys.readouterr().out
+    assert main(["plugins", "city", "--output-format", "json"]) == 0
+    assert [offer["kind"] for offer in json.loads(capsys.readouterr().out)] == ["engine", "scene"]
+
+
 def test_plugins_lists_the_options_of_a_policy_in_a_file(tmp_path: Path, monkeypatch, capsys) -> None:
     monkeypatch.chdir(tmp_path)
     assert main(["new", "agent", "scout"]) == 0

@@ -7,7 +7,10 @@ from typing import Annotated, Literal
 import pytest
 
 from lingjing.errors import PluginError, UsageError
-from lingjing.plugins.loading import build_policy, policy_of, share_arguments
+from lingjing.plugins.engine import EnginePlugin
+from lingjing.plugins.hookspecs import hookimpl
+from lingjing.plugins.host import PluginHost
+from lingjing.plugins.loading import build_policy, engine_options, policy_of, share_arguments
 from lingjing.plugins.options import (
     Field,
     PluginOptions,
@@ -134,4 +137,40 @@ def test_the_faults_of_several_policies_are_told_together():
         "policy `scout`: option `place` is missing",
         "policy `other`: option `gamma` is 'x', a whole number is due",
         "policies `scout`, `other`: option `higth` is not known; did you mean `height`?",
+    ]
+
+
+class Bridge(PluginOptions):
+    host: str = "localhost"
+    port: int = Field(41451, ge=1, le=65535)
+
+
+class _Engines:
+    @hookimpl
+    def lingjing_engines(self):
+        return [
+            EnginePlugin(name="bridge", factory=object, place="remote", options=f"{__name__}:Bridge"),
+            EnginePlugin(name="kite", factory=object),
+        ]
+
+
+def test_what_engines_are_told_is_shared_among_them():
+    host = PluginHost(entry_points=False, extra=[_Engines()])
+    given = {"bridge.host": "gpu.local", "bridge.port": "5000"}
+    assert engine_options(given, host) == {"bridge": {"host": "gpu.local", "port": "5000"}}
+    assert engine_options({}, host) == {}
+
+
+def test_every_fault_of_what_engines_are_told_is_told_at_once():
+    host = PluginHost(entry_points=False, extra=[_Engines()])
+    with pytest.raises(UsageError) as caught:
+        engine_options(
+            {"bridge.port": "0", "bridge.hots": "x", "brigde.port": "1", "kite.line": "2", "kite": "3"}, host
+        )
+    assert [(fault.where, fault.hint) for fault in caught.value.faults] == [
+        ("brigde.port", "did you mean `bridge`?"),
+        ("kite", "did you mean `kite`?"),
+        ("port", ""),
+        ("hots", "did you mean `host`?"),
+        ("line", "known: none"),
     ]

@@ -21,6 +21,7 @@ from lingjing.engines.camera.instances import Batch, prop_batches
 from lingjing.engines.camera.models import look_of
 from lingjing.engines.camera.noise import noise_texture
 from lingjing.engines.camera.ocean import Ocean
+from lingjing.engines.camera.options import CameraOptions
 from lingjing.engines.camera.staging import stage
 from lingjing.engines.camera.withheld import ALL, Shot, Withheld
 from lingjing.errors import InfrastructureError
@@ -29,9 +30,11 @@ from lingjing.mission.placing import DRAWN_MOST
 from lingjing.mission.schedule import Schedule
 from lingjing.plugins.engine import Boundary, CaptureRequest, EngineSpec, Frame
 from lingjing.plugins.geometry import mounted_camera_pose
+from lingjing.plugins.options import engine_options
 from lingjing.scene.city import City
 from lingjing.scene.terrain import Terrain
 from lingjing.scene.tiles import Tiles
+from lingjing.trace.images import JPEG_QUALITY
 from lingjing.trace.records import DORMANT, BodyState, CameraPose, Command, FrameInfo, Receipt
 
 HIDDEN_STATUSES = frozenset({"rescued", DORMANT, "cleared"})
@@ -57,6 +60,7 @@ class CameraEngine:
         self._sites: dict[str, Site] = {}
         self._withheld = Withheld(())
         self._seed = 0
+        self._quality = JPEG_QUALITY
         self._states: dict[str, BodyState] = {}
         self._ambient: tuple[BodyState, ...] = ()
         self._time_s = 0.0
@@ -73,6 +77,7 @@ class CameraEngine:
         if city != self._city:
             self._build(self._renderer, city)
         self._spec, self._time_s, self._seed = spec, 0.0, seed
+        self._quality = engine_options(CameraOptions, spec).quality
         self._oceans, self._schedule = {}, Schedule(spec.instance)
         self._sites, self._withheld = {}, Withheld(entities)
         if self._terrain is not None:
@@ -170,7 +175,7 @@ class CameraEngine:
             faint=shown.faint,
             renderer=self._renderer.name,
         )
-        return Frame(info=info, rgb=shown.rgb, depth=shown.depth, semantic=shown.semantic)
+        return Frame(info, shown.rgb, shown.depth, shown.semantic, self._quality)
 
     def _above(self, pose: CameraPose) -> CameraPose:
         """The pose of a camera, lifted out of the ground or the deck that its body stands on."""
@@ -195,7 +200,7 @@ class CameraEngine:
             boxes=entity_boxes(buffers.ids, self._playing().instance.entities),
             renderer=self._renderer.name,
         )
-        return Frame(info=info, rgb=buffers.rgb)
+        return Frame(info, buffers.rgb, quality=self._quality)
 
     def _build(self, renderer: Renderer, city: City) -> None:
         """The static world: open country is drawn whole, a town by tiles with its solids and props in them."""

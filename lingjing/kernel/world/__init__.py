@@ -37,23 +37,22 @@ def open_world(
     plugins: tuple[str, ...] = (),
     paths: tuple[str, ...] = (),
     installed: bool = True,
-    quality: int = 90,
 ) -> World:
     """A world of the given kind, idle until `reset`.
 
     `plugins` are extra plug-in objects as `module:attribute`, importable here and in the workers (where `paths` come
     before the caller's `sys.path`); without `installed` they are the only ones. `host`, if the caller has built one
-    already, must offer the same; workers always find plug-ins for themselves. `quality` is that of the JPEGs.
+    already, must offer the same; workers always find plug-ins for themselves.
     """
     if kind == "inline":
         from lingjing.kernel.world.extra_plugins import host_with
         from lingjing.kernel.world.inline import InlineWorld
 
-        return InlineWorld(host if host is not None else host_with(plugins, installed=installed), quality=quality)
+        return InlineWorld(host if host is not None else host_with(plugins, installed=installed))
     if sys.platform != "linux":
         from lingjing.errors import UsageError
 
         raise UsageError("worker processes need Linux (or WSL2)", hint="use `--world inline`")
     from lingjing.kernel.world.process import ProcessWorld
 
-    return ProcessWorld(plugins=plugins, paths=paths, installed=installed, quality=quality, host=host)
+    return ProcessWorld(plugins=plugins, paths=paths, installed=installed, host=host)

@@ -16,11 +16,11 @@ from lingjing.plugins.engine import CaptureRequest, Frame
 from lingjing.trace.images import encode_jpeg
 
 
-def stored(engine: str, frame: Frame, request: CaptureRequest, quality: int) -> StoredFrame:
+def stored(engine: str, frame: Frame, request: CaptureRequest) -> StoredFrame:
     """`frame` as it is kept; `InfrastructureError` if it is not an answer to `request` or has the wrong arrays."""
     _check_identity(engine, frame, request)
     _check_arrays(engine, frame)
-    jpeg = encode_jpeg(frame.rgb, quality)
+    jpeg = encode_jpeg(frame.rgb, frame.quality)
     info = msgspec.structs.replace(
         frame.info, sha256=hashlib.sha256(jpeg).hexdigest(), channels_sha256=_channels_sha256(frame)
     )

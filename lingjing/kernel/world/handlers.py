@@ -135,10 +135,9 @@ class CameraHandler:
     One engine object stays from episode to episode with its graphics context: a picture depends on nothing before it.
     """
 
-    def __init__(self, find_host: Callable[[], PluginHost], progress: CallMonitor, quality: int) -> None:
+    def __init__(self, find_host: Callable[[], PluginHost], progress: CallMonitor) -> None:
         self._engines = _Engines(find_host, progress)
         self._enter = progress.enter
-        self._quality = quality
         self._sensor: Sensor | None = None
 
     def answer(self, request: Request) -> Iterator[ReplyWithDescriptors]:
@@ -163,7 +162,7 @@ class CameraHandler:
         if name in self._engines.by_name:
             return Ready()
         ready = self._engines.prepare(request.engines)
-        self._sensor = Sensor(name, self._engines.by_name[name], self._quality, self._enter)
+        self._sensor = Sensor(name, self._engines.by_name[name], self._enter)
         return ready
 
     def _capture(self, sensor: Sensor, request: Capture) -> Iterator[ReplyWithDescriptors]:

@@ -31,9 +31,8 @@ from lingjing.trace.records import Absent, BodyState, Command
 class InlineWorld:
     """A `World` without processes: conductor and sensor in the caller. See `World` for the methods."""
 
-    def __init__(self, host: PluginHost, *, quality: int = 90) -> None:
+    def __init__(self, host: PluginHost) -> None:
         self._host = host
-        self._quality = quality
         self._motion: dict[str, Engine] = {}
         self._drawing: dict[str, Engine] = {}
         self.processes: Mapping[str, Mapping[str, str]] = {}
@@ -102,7 +101,7 @@ class InlineWorld:
             return None
         if name not in self._drawing:
             self._drawing = start_engines(self._host, (name,))
-        return Sensor(name, self._drawing[name], self._quality)
+        return Sensor(name, self._drawing[name])
 
     def _reset(self, instance: Instance, city: City, conductor: CoSimulation) -> WorldBoundary:
         if self._sensor is not None:

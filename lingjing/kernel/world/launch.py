@@ -42,11 +42,10 @@ class WorkerSettings:
     plugins: tuple[str, ...] = ()
     paths: tuple[str, ...] = ()
     installed: bool = True
-    quality: int = 90
 
     def arguments(self, place: WorkerPlace) -> list[str]:
         """The worker's command line but for its descriptors."""
-        options = ["--place", place, "--quality", str(self.quality), "--parent", str(os.getpid())]
+        options = ["--place", place, "--parent", str(os.getpid())]
         options += [] if self.installed else ["--bare"]
         return options + [part for plugin in self.plugins for part in ("--plugin", plugin)]
 

@@ -158,10 +158,9 @@ class ProcessWorld:
         plugins: tuple[str, ...] = (),
         paths: tuple[str, ...] = (),
         installed: bool = True,
-        quality: int = 90,
         host: PluginHost | None = None,
     ) -> None:
-        self._settings = WorkerSettings(plugins, paths, installed, quality)
+        self._settings = WorkerSettings(plugins, paths, installed)
         self._host = host if host is not None else host_with(plugins, installed=installed)
         self._episode: _Episode | None = None
         self.processes: Mapping[str, Mapping[str, str]] = {}
@@ -224,7 +223,6 @@ class ProcessWorld:
             plugins=self._settings.plugins,
             paths=self._settings.paths,
             installed=self._settings.installed,
-            quality=self._settings.quality,
             host=self._host,
         )
         camera = self._workers.camera

@@ -19,12 +19,11 @@ from lingjing.trace.records import BodyState
 
 
 class Sensor:
-    """One sensor engine, by name, with the JPEG quality its pictures are stored in."""
+    """One sensor engine, by name."""
 
-    def __init__(self, name: str, engine: Engine, quality: int, enter: Enter = ignore) -> None:
+    def __init__(self, name: str, engine: Engine, enter: Enter = ignore) -> None:
         self.name = name
         self._engine = engine
-        self._quality = quality
         self._enter = enter
 
     def reset(self, instance: Instance, city: City) -> None:
@@ -48,6 +47,6 @@ class Sensor:
         if not frames:
             return None
         try:
-            return stored(self.name, frames[0], request, self._quality)
+            return stored(self.name, frames[0], request)
         except (TypeError, ValueError, AttributeError) as error:
             raise broken(self.name, "capture", f"its picture is malformed: {error}") from error

@@ -90,7 +90,6 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--progress", type=int, required=True)
     parser.add_argument("--parent", type=int, required=True)
     parser.add_argument("--place", choices=("world", "camera"), required=True)
-    parser.add_argument("--quality", type=int, required=True)
     parser.add_argument("--plugin", action="append", default=[])
     parser.add_argument("--bare", action="store_true")
     return parser.parse_args()
@@ -103,7 +102,7 @@ def _handler(options: argparse.Namespace, progress: CallMonitor) -> RequestHandl
         return host_with(plugins, installed=not options.bare)
 
     if options.place == "camera":
-        return CameraHandler(find_host, progress, options.quality)
+        return CameraHandler(find_host, progress)
     return WorldHandler(find_host, progress)
 
 

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from lingjing.errors import UsageError
 from lingjing.mission.geometry2d import Polygon
 from lingjing.mission.instance import SceneSpec
-from lingjing.mission.kinds import builtin_scenes, extent_m, scene_faults
+from lingjing.mission.kinds import builtin_scenes, check_scene, extent_m
 from lingjing.scene.districts.rectangles import Rect, bounds
 
 _SPACING_M = {"city": 250.0}
@@ -56,9 +55,7 @@ class DistrictPlan:
 
 def plan(spec: SceneSpec) -> DistrictPlan:
     """The plan of a spec. Raises `UsageError` for an option that the district does not know or that makes no sense."""
-    fault = next(scene_faults(spec), None)
-    if fault is not None:
-        raise UsageError(fault.message, hint=fault.hint)
+    check_scene(spec)
     kind = builtin_scenes()[spec.kind]
     extent = extent_m(spec) or 0.0
     default = max(2.0, round(extent / _SPACING_M.get(spec.kind, 200.0)))

@@ -15,7 +15,7 @@ import msgspec
 from lingjing.errors import UsageError
 from lingjing.mission.frames import from_geodetic
 from lingjing.mission.instance import SceneSpec
-from lingjing.mission.kinds import scene_faults
+from lingjing.mission.kinds import check_scene
 from lingjing.scene.city import City
 from lingjing.scene.osm.build import Options, build
 from lingjing.scene.osm.frame import parse_box
@@ -24,9 +24,7 @@ from lingjing.scene.store import read_store, whole
 
 def city_of(spec: SceneSpec) -> City:
     """The city of a spec. `UsageError` for options it does not know, or that name no city."""
-    fault = next(scene_faults(spec), None)
-    if fault is not None:
-        raise UsageError(fault.message, hint=fault.hint)
+    check_scene(spec)
     name = next(name for name in ("folder", "file", "map") if name in spec.options)
     path = str(spec.options[name])
     stored = name == "folder" or Path(path).is_dir()

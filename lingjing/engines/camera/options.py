@@ -1,0 +1,17 @@
+"""What the camera engine can be told for an episode."""
+
+from __future__ import annotations
+
+from lingjing.plugins.options import Field, PluginOptions
+from lingjing.trace.images import JPEG_QUALITY
+
+
+class CameraOptions(PluginOptions):
+    """The options of the engine `camera`."""
+
+    quality: int = Field(
+        JPEG_QUALITY,
+        ge=50,
+        le=100,
+        description="JPEG quality of the pictures; far below 90, visible targets are lost in them (ADR 0012)",
+    )
