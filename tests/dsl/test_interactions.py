@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+import re
+
+import msgspec
 import pytest
 
 from lingjing.dsl import compile_text
+from lingjing.dsl.loading.load import proofs
 from lingjing.dsl.pages.judging import judging
+from lingjing.dsl.source.text import SourceText
+from lingjing.mission import document, model
+from lingjing.mission import expression as ex
 from lingjing.mission.graph import graph
 from lingjing.mission.instantiate import instantiate
+from lingjing.mission.interactions import UNSAID
 
 TYPES = """\
 ljs 1
@@ -160,3 +168,52 @@ def test_a_state_is_a_number_under_its_own_name(line: str, code: str, column: in
     number = 7 if code == "LJ0106" else 9
     text = TYPES.replace("state people = 4\n", f"{line}\n").replace(f"\n  {BOARD}", "")
     assert found(text) == [(code, number, column)]
+
+
+# -- the same in a mission.json
+
+
+def as_json(interaction: str) -> set[tuple[str, str]]:
+    """Code and message of everything that is refused of the bus stop with this interaction, written as JSON."""
+    mission = compile_text(TYPES + MISSION).mission
+    assert mission is not None
+    words = dict(re.findall(r"(\w+) = (\w+)", interaction.replace("from =", "source =")))
+    within = ex.Number(value=1.0, unit="m") if "within" in words else UNSAID
+    words = {key: value for key, value in words.items() if key not in ("within", "lasting")}
+    one = model.Interaction(**{"name": "board", "by": "", **words}, within=within)
+    stop, *others = sorted(mission.groups, key=lambda group: group.name != "corner")
+    changed = msgspec.structs.replace(mission, groups=(msgspec.structs.replace(stop, interactions=(one,)), *others))
+    read = document.decode(document.encode(changed), "m.json")
+    return {(one.code, one.message) for one in proofs(read, SourceText("m.json", document.encode(changed)))}
+
+
+@pytest.mark.parametrize(
+    "interaction",
+    [*(words for words, *_ in OF_A_TYPE), *(f"{{ by = road, within = 1 m, {words} }}" for words, *_ in IN_A_MISSION)],
+)
+def test_a_document_is_refused_for_what_its_text_is_refused_for(interaction: str) -> None:
+    text = (TYPES + MISSION).replace(BOARD, f"interaction board {interaction}")
+    told = {(item.code, item.message) for item in compile_text(text).diagnostics if item.severity == "error"}
+    refused = {(code, message.removeprefix("bus/corner: ")) for code, message in as_json(interaction)}
+    # a text whose type is at fault is looked through no further; its roles are those of the file's missions
+    assert told and told <= refused, (told, refused)
+
+
+def test_a_good_document_is_not_refused() -> None:
+    assert as_json(BOARD.removeprefix("interaction board ")) == set()
+
+
+@pytest.mark.parametrize("value", [ex.Text(value="many"), ex.Symbol(name="many"), ex.Flag(value=True)])
+def test_a_state_of_a_document_is_a_number(value: ex.Expr) -> None:
+    mission = compile_text(TYPES + MISSION).mission
+    assert mission is not None
+
+    def spoilt(group: model.Group) -> model.Group:
+        old = group.properties
+        new = (msgspec.structs.replace(one, value=value) if one.name == "people" else one for one in old)
+        return msgspec.structs.replace(group, properties=tuple(new))
+
+    groups = tuple(map(spoilt, mission.groups))
+    text = document.encode(msgspec.structs.replace(mission, groups=groups))
+    (told,) = proofs(document.decode(text, "m.json"), SourceText("m.json", text))
+    assert (told.code, told.message) == ("LJ0201", "bus/corner: `people` of `corner` is a state and no number")

@@ -63,12 +63,17 @@ def read_document(source: SourceText) -> tuple[Mission, tuple[str, ...]]:
 
 
 def proofs(mission: Mission, source: SourceText) -> tuple[Diagnostic, ...]:
-    """Why the mission of a document cannot be won or played, at the document's first line."""
+    """Why the mission of a document would be refused as a text, cannot be won or cannot be played, at the document's
+    first line."""
     from lingjing.mission.diagnostics import Diagnostic
     from lingjing.mission.feasibility import prove
+    from lingjing.mission.interactions import faults_of
     from lingjing.mission.trial import trial
 
     start = source.span(0, 0)
+    refused = tuple(Diagnostic(one.code, start, f"{path}: {one.message}", one.hint) for path, one in faults_of(mission))
+    if refused:
+        return refused
     found = [
         Diagnostic(one.code, start, one.message, one.hint, severity="warning" if one.partly else "error")
         for one in prove(mission)
