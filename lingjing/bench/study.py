@@ -27,6 +27,7 @@ from lingjing.bench.columns import Column, columns, shipped
 from lingjing.bench.countdown import Countdown
 from lingjing.data import data_path
 from lingjing.errors import ExitCode, LingjingError, UsageError
+from lingjing.mission.faults import lines_of, schema_faults
 from lingjing.mission.seeding import integer
 from lingjing.play.folders import RUNS
 from lingjing.play.options import PlayOptions
@@ -60,7 +61,7 @@ CASES = (
 )
 
 
-class Row(msgspec.Struct, frozen=True, kw_only=True):
+class StudyRow(msgspec.Struct, frozen=True, kw_only=True):
     """One played episode of the study; `tries` counts the aborted ones before it too, `wall_s` is how long the last
     took, `code` which code and missions made it (see `code_sha256`), as far as it is known."""
 
@@ -72,6 +73,20 @@ class Row(msgspec.Struct, frozen=True, kw_only=True):
     report: EpisodeReport
 
 
+def read_rows(file: Path) -> list[StudyRow]:
+    """The rows of a study's `results.json`. Raises `UsageError` that tells everything that makes it none."""
+    try:
+        text = file.read_bytes()
+        return msgspec.json.decode(text, type=list[StudyRow])
+    except OSError as error:
+        raise UsageError(f"cannot read {file}: {error.strerror}") from error
+    except msgspec.ValidationError:
+        said = lines_of(schema_faults(msgspec.json.decode(text), list[StudyRow]))
+    except msgspec.DecodeError as error:
+        said = str(error)
+    raise UsageError(f"`{file}` holds no results of a study:\n{said}", hint="name another folder, or its results.json")
+
+
 class Study:
     """The episodes of one study in one folder: `results.json` grows by a row at a time."""
 
@@ -79,17 +94,7 @@ class Study:
         self.folder = folder
         self.code = code
         self._file = folder / "results.json"
-        self.rows = self._stored()
-
-    def _stored(self) -> list[Row]:
-        if not self._file.is_file():
-            return []
-        try:
-            return msgspec.json.decode(self._file.read_bytes(), type=list[Row])
-        except msgspec.DecodeError as error:
-            raise UsageError(
-                f"`{self._file}` holds no results of a study: {error}", hint="name another folder with -o"
-            ) from error
+        self.rows = read_rows(self._file) if self._file.is_file() else []
 
     def strangers(self) -> int:
         """How many rows were made by other code or other missions than what plays now."""
@@ -113,7 +118,7 @@ class Study:
             _replace(file, f"{salt}\n".encode())
         return salt
 
-    def add(self, row: Row) -> None:
+    def add(self, row: StudyRow) -> None:
         """Keep a row; the file is replaced whole, so that a stop in between loses nothing."""
         self.rows.append(row)
         _replace(self._file, msgspec.json.format(msgspec.json.encode(self.rows), indent=1))
@@ -146,7 +151,7 @@ def play(
     jobs: int,
     *,
     keep: bool,
-    tell: Callable[[Row, float], None] = lambda row, left_s: None,
+    tell: Callable[[StudyRow, float], None] = lambda row, left_s: None,
 ) -> None:
     """Play what is missing; `keep` keeps the runs, else only their reports are kept.
 
@@ -167,7 +172,7 @@ def play(
             if report.reason == ABORTED and attempt < TRIES:
                 aborted.append(task)
                 continue
-            row = Row(
+            row = StudyRow(
                 case=episode.case.name, column=episode.column.name, tries=attempt, wall_s=wall_s, code=study.code,
                 report=report,
             )  # fmt: skip
@@ -196,13 +201,13 @@ def missing(
     ]
 
 
-def table(rows: Sequence[Row]) -> str:
+def table(rows: Sequence[StudyRow]) -> str:
     """Markdown: successes, SCR, ticks and wall time of every case in every column; aborted ones are counted apart."""
     head = "| column | policy | success | SCR | ticks when won | aborted | wall s |"
     return "\n".join([head, "| --- | --- | --- | --- | --- | --- | --- |", *_lines(rows)])
 
 
-def line(row: Row) -> str:
+def line(row: StudyRow) -> str:
     """One episode in one line."""
     report = row.report
     scored = f"{report.reason}, SCR {report.scr:.2f}, {report.ticks} ticks, {row.wall_s:.0f} s"
@@ -299,7 +304,7 @@ def _play(args: argparse.Namespace, study: Study, wanted: Sequence[Column], seed
     print(f"{len(study.rows)} episodes are there, {len(episodes)} to play, results in {folder}", file=sys.stderr)
     before, whole = len(study.rows), len(episodes)
 
-    def tell(row: Row, left_s: float) -> None:
+    def tell(row: StudyRow, left_s: float) -> None:
         print(f"{_bar(len(study.rows) - before, whole, left_s)} {line(row)}", file=sys.stderr, flush=True)
 
     play(study, episodes, args.jobs, keep=args.keep, tell=tell)
@@ -363,7 +368,7 @@ def _task(study: Study, case: Case, column: Column, seed: int, *, overview: bool
     return Task(options, study.folder / f"{case.name}-{column.name}-{seed}")
 
 
-def _lines(rows: Sequence[Row]) -> Iterator[str]:
+def _lines(rows: Sequence[StudyRow]) -> Iterator[str]:
     for name in dict.fromkeys(row.column for row in rows):
         for case in CASES:
             found = [row for row in rows if (row.case, row.column) == (case.name, name)]
@@ -372,7 +377,7 @@ def _lines(rows: Sequence[Row]) -> Iterator[str]:
                 yield _line(name, case.name, counted, len(found) - len(counted))
 
 
-def _line(column: str, case: str, counted: Sequence[Row], aborted: int) -> str:
+def _line(column: str, case: str, counted: Sequence[StudyRow], aborted: int) -> str:
     won = [row.report for row in counted if row.report.success]
     scr = f"{sum(row.report.scr for row in counted) / len(counted):.2f}" if counted else "–"
     ticks = f"{sum(report.ticks for report in won) / len(won):.1f}" if won else "–"

@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
-import os
 import sys
-import tempfile
-from pathlib import Path
 from typing import TYPE_CHECKING
 
+from lingjing.cli.files import read_mission, write_output
 from lingjing.cli.pairs import MODES
 from lingjing.errors import ExitCode, UsageError
-from lingjing.terminal import write_data
 
 if TYPE_CHECKING:
     from lingjing.mission.model import Mission
@@ -40,11 +36,7 @@ def handler(args: argparse.Namespace) -> int:
         )
     if args.plain and args.emit != "reset-scenario":
         raise UsageError(f"--plain is for resetScenario documents, not for --emit {args.emit}")
-    from lingjing.dsl.loading.load import load_noted
-
-    mission, notes = load_noted(args.file)
-    for note in notes:
-        print(f"note: {note}", file=sys.stderr)
+    mission = read_mission(args.file)
     if args.emit == "mission":
         from lingjing.mission.document import encode
 
@@ -53,10 +45,7 @@ def handler(args: argparse.Namespace) -> int:
         text = _ljs(mission)
     else:
         text = _reset_scenario(mission, args)
-    if args.output in (None, "-"):
-        write_data(text)
-    else:
-        write_whole(args.output, text)
+    write_output(text, args.output)
     return ExitCode.OK
 
 
@@ -84,37 +73,3 @@ def _ljs(mission: Mission) -> str:
     for place in lost(mission, text):
         print(f"note: {place} has no place in .ljs text and is left out", file=sys.stderr)
     return text
-
-
-def write_whole(path: str, text: str) -> None:
-    """Write a file so that it is there whole or not at all; `UsageError` if it cannot be written.
-
-    A device or a pipe gets the text itself. A link is followed.
-    """
-    target = Path(path).resolve()
-    if target.is_dir():
-        raise UsageError(f"cannot write `{path}`: it is a folder", hint="name a file")
-    if target.exists() and not target.is_file():  # a device or a pipe is written to, never replaced
-        with target.open("w", encoding="utf-8", newline="\n") as file:
-            file.write(text)
-        return
-    try:
-        handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=".lingjing-", suffix=".part")
-    except OSError as error:
-        raise UsageError(f"cannot write `{path}`: {error.strerror}", hint="choose another place with -o") from None
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
-            file.write(text)
-        Path(temporary).chmod(0o666 & ~_umask())
-        Path(temporary).replace(target)
-    except BaseException:
-        with contextlib.suppress(OSError):
-            Path(temporary).unlink()
-        raise
-
-
-def _umask() -> int:
-    """The process's umask: `mkstemp` gives 0600, a written file should be as readable as any other."""
-    mask = os.umask(0o022)
-    os.umask(mask)
-    return mask

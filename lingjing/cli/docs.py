@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 
+from lingjing.cli.files import read_mission, write_output
 from lingjing.errors import ExitCode, UsageError
 from lingjing.mission.model import Mission
-from lingjing.terminal import write_data
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -29,15 +28,13 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def handler(args: argparse.Namespace) -> int:
     """Write the page; without pictures it appears whole or not at all."""
-    from lingjing.dsl.loading.load import load_noted
-
-    mission, notes = load_noted(args.file)
-    for note in notes:
-        print(f"note: {note}", file=sys.stderr)
+    mission = read_mission(args.file)
     if args.trace or args.results:
         _illustrated(args, mission)
     else:
-        _text(args, mission)
+        from lingjing.dsl.pages.page import page
+
+        write_output(page(mission), args.output)
     return ExitCode.OK
 
 
@@ -48,15 +45,3 @@ def _illustrated(args: argparse.Namespace, mission: Mission) -> None:
         raise UsageError("a page with pictures needs a folder", hint="name one: -o DIR")
     results = Path(args.results) if args.results else None
     print(write_page(mission, [Path(trace) for trace in args.trace], results, Path(args.output)))
-
-
-def _text(args: argparse.Namespace, mission: Mission) -> None:
-    from lingjing.dsl.pages.page import page
-
-    text = page(mission)
-    if args.output in (None, "-"):
-        write_data(text)
-    else:
-        from lingjing.cli.compile import write_whole
-
-        write_whole(args.output, text)

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import argparse
-import difflib
 import os
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from lingjing.cli.files import write_whole
+from lingjing.cli.process import say_error
 from lingjing.errors import ExitCode, UsageError
 from lingjing.terminal import write_data, write_styled
-
-if TYPE_CHECKING:
-    from lingjing.dsl.source.text import SourceText
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -47,7 +44,7 @@ def _files(word: str) -> list[str]:
 
 
 def _file(name: str, *, check: bool, diff: bool) -> int:
-    from lingjing.cli.compile import write_whole
+    from lingjing.dsl.diagnostics.fixes import unified_diff
     from lingjing.dsl.diagnostics.render import render_text, summary
     from lingjing.dsl.formatting.formatter import format_source
     from lingjing.dsl.loading.load import source_of
@@ -55,9 +52,7 @@ def _file(name: str, *, check: bool, diff: bool) -> int:
     try:
         source = source_of(name)
     except UsageError as error:
-        print(f"error: {error}", file=sys.stderr)
-        if error.hint:
-            print(f"hint: {error.hint}", file=sys.stderr)
+        say_error(error)
         return ExitCode.USAGE
     formatted = format_source(source)
     if formatted.text is None:
@@ -67,7 +62,7 @@ def _file(name: str, *, check: bool, diff: bool) -> int:
         return ExitCode.MISSION
     changes = name != "-" and formatted.text.encode() != Path(name).read_bytes()
     if diff:
-        write_data(_diff(source, formatted.text))
+        write_data(unified_diff(source.text, formatted.text, source.path))
     elif name == "-" and not check:
         write_data(formatted.text)
     elif check and (changes or formatted.text != source.text):
@@ -77,9 +72,3 @@ def _file(name: str, *, check: bool, diff: bool) -> int:
         print(f"reformatted {name}")
     wrong = (check or diff) and (changes or formatted.text != source.text)
     return ExitCode.MISSION if wrong else ExitCode.OK
-
-
-def _diff(source: SourceText, after: str) -> str:
-    before = source.text.splitlines(keepends=True)
-    lines = difflib.unified_diff(before, after.splitlines(keepends=True), source.path, source.path)
-    return "".join(line if line.endswith("\n") else f"{line}\n\\ No newline at end of file\n" for line in lines)

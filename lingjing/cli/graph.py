@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import PurePath
 from typing import TYPE_CHECKING
 
+from lingjing.cli.files import read_mission, write_output
 from lingjing.errors import ExitCode, UsageError
-from lingjing.terminal import write_data
 
 if TYPE_CHECKING:
     from lingjing.mission.graph import MissionGraph
@@ -29,20 +28,10 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def handler(args: argparse.Namespace) -> int:
     """Draw and write; the output appears whole or not at all."""
-    from lingjing.dsl.loading.load import load_noted
     from lingjing.mission.graph import graph
 
     chosen = args.format or format_of(args.output)
-    mission, notes = load_noted(args.file)
-    for note in notes:
-        print(f"note: {note}", file=sys.stderr)
-    text = render(graph(mission, args.mode), chosen)
-    if args.output in (None, "-"):
-        write_data(text)
-    else:
-        from lingjing.cli.compile import write_whole
-
-        write_whole(args.output, text)
+    write_output(render(graph(read_mission(args.file), args.mode), chosen), args.output)
     return ExitCode.OK
 
 

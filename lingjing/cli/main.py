@@ -13,7 +13,7 @@ from importlib import import_module
 from types import TracebackType
 from typing import NamedTuple
 
-from lingjing.cli.process import deaf, endable, leave, open_streams, silence_stdout
+from lingjing.cli.process import deaf, endable, leave, open_streams, say, say_error, silence_stdout
 from lingjing.errors import ExitCode, LingjingError, UsageError
 
 BROKEN_PIPE = 141
@@ -71,7 +71,7 @@ def _guarded(arguments: list[str]) -> int:
             finally:
                 sys.stdout.flush()  # here, where a closed pipe can still be met quietly, also after --help
     except KeyboardInterrupt:
-        _say("interrupted")
+        say("interrupted")
         return ExitCode.INTERRUPTED
     except BrokenPipeError:
         silence_stdout()
@@ -129,9 +129,7 @@ def _report(error: LingjingError, arguments: Sequence[str]) -> int:
         _print_traceback(error)
     if error.exit_code == ExitCode.BUG:
         return _bug(error, arguments)
-    _say(f"error: {error}")
-    if error.hint:
-        _say(f"hint: {error.hint}")
+    say_error(error)
     return error.exit_code
 
 
@@ -147,8 +145,8 @@ def _bug(error: BaseException, arguments: Sequence[str]) -> int:
     import lingjing
 
     verb = _first_word(arguments)
-    _say(f"bug: lingjing {lingjing.__version__} {verb}: {type(error).__name__}: {error} [{_origin(error)}]")
-    _say("hint: please report the line above; LINGJING_TRACEBACK=1 shows the traceback")
+    say(f"bug: lingjing {lingjing.__version__} {verb}: {type(error).__name__}: {error} [{_origin(error)}]")
+    say("hint: please report the line above; LINGJING_TRACEBACK=1 shows the traceback")
     return ExitCode.BUG
 
 
@@ -170,13 +168,6 @@ def _print_traceback(error: BaseException) -> None:
     import traceback
 
     traceback.print_exception(error)
-
-
-def _say(line: str) -> None:
-    try:
-        print(line, file=sys.stderr, flush=True)
-    except BrokenPipeError:
-        return  # nobody is listening; the exit code still says it
 
 
 if __name__ == "__main__":

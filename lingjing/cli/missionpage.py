@@ -8,14 +8,12 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import msgspec
-
 from lingjing.errors import InfrastructureError, UsageError
 from lingjing.mission.model import Mission
 
 if TYPE_CHECKING:
     from lingjing.analysis.gallery import ShownFrame
-    from lingjing.bench.study import Row
+    from lingjing.bench.study import StudyRow
     from lingjing.trace.reader import Trace
 
 ENDINGS = {"success": "won", "failure": "lost", "budget": "out of time", "late": "late", "constraint": "lost"}
@@ -63,16 +61,10 @@ def _trace(path: Path, mission: Mission) -> Trace:
     return trace
 
 
-def _rows(path: Path, mission: Mission) -> list[Row]:
-    from lingjing.bench.study import Row
+def _rows(path: Path, mission: Mission) -> list[StudyRow]:
+    from lingjing.bench.study import read_rows
 
-    try:
-        rows = msgspec.json.decode(path.read_bytes(), type=list[Row])
-    except OSError as error:
-        raise UsageError(f"cannot read {path}: {error.strerror}") from error
-    except (msgspec.DecodeError, msgspec.ValidationError) as error:
-        raise UsageError(f"{path} holds no results of a study: {error}", hint="give its results.json") from error
-    return [row for row in rows if row.report.mission == mission.name]
+    return [row for row in read_rows(path) if row.report.mission == mission.name]
 
 
 def _episode(mission: Mission, traces: Sequence[Trace], folder: Path) -> Iterator[str]:
@@ -125,7 +117,7 @@ def _plain(shown: ShownFrame) -> str:
     return re.sub(r"[^a-z0-9]+", "-", f"{shown.info.entity}-{shown.info.camera}".lower()).strip("-")
 
 
-def _results(rows: Sequence[Row]) -> list[str]:
+def _results(rows: Sequence[StudyRow]) -> list[str]:
     from lingjing.bench.study import table
 
     return [table(rows)] if rows else []

@@ -12,10 +12,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
 
+from lingjing.errors import LingjingError
 from lingjing.terminal import Visible, guard_streams, write_styled
 
 _ENDING = ("SIGTERM", "SIGHUP")
-_PR_SET_PDEATHSIG = 1
 
 
 def open_streams() -> None:
@@ -65,16 +65,17 @@ def leave(code: int) -> int:
     os._exit(code)
 
 
-def end_with(parent: int) -> None:
-    """Have the kernel send SIGTERM to this process when its parent ends; raise `KeyboardInterrupt` if it has."""
-    import ctypes
+def say(line: str) -> None:
+    """One line on standard error."""
+    with suppress(BrokenPipeError):  # nobody is listening; the exit code still says it
+        print(line, file=sys.stderr, flush=True)
 
-    # prctl(2), Linux only; if the parent ended before this call no signal will come, so look afterwards.
-    prctl = getattr(ctypes.CDLL(None), "prctl", None)
-    if prctl is not None:
-        prctl(_PR_SET_PDEATHSIG, signal.SIGTERM, 0, 0, 0)
-    if os.getppid() != parent:
-        raise KeyboardInterrupt
+
+def say_error(error: LingjingError) -> None:
+    """What is wrong, and the way out."""
+    say(f"error: {error}")
+    if error.hint:
+        say(f"hint: {error.hint}")
 
 
 @contextmanager

@@ -4,42 +4,15 @@ from __future__ import annotations
 
 import sys
 from types import TracebackType
-from typing import TYPE_CHECKING, Protocol, Self
+from typing import TYPE_CHECKING, Self
 
 if TYPE_CHECKING:
     from rich.progress import Progress as Bar
 
-
-class Boundary(Protocol):
-    """What the kernel tells after each boundary."""
-
-    @property
-    def tick(self) -> int:
-        """The boundary's tick."""
-        ...
-
-    @property
-    def ticks(self) -> int:
-        """The budget of ticks."""
-        ...
-
-    @property
-    def time_s(self) -> float:
-        """Simulated seconds."""
-        ...
-
-    @property
-    def wall_s(self) -> float:
-        """Real seconds since the episode began."""
-        ...
-
-    @property
-    def last_event(self) -> str:
-        """One line about the latest event, or an empty one."""
-        ...
+    from lingjing.kernel.episode import Progress
 
 
-def describe(boundary: Boundary) -> str:
+def describe(boundary: Progress) -> str:
     """`t=120 s  ×3.4  rescued victim[1]`."""
     return f"t={boundary.time_s:.0f} s  {factor(boundary.time_s, boundary.wall_s)}  {boundary.last_event}"
 
@@ -66,7 +39,7 @@ class LiveProgress:
             self._bar.add_task(self._title, total=None, text="starting")
         return self
 
-    def __call__(self, boundary: Boundary) -> None:
+    def __call__(self, boundary: Progress) -> None:
         """Show this boundary."""
         if self._bar is not None:
             self._bar.update(
@@ -81,11 +54,12 @@ class LiveProgress:
 
 
 def _bar() -> Bar:
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
+    from rich.progress import Progress as Bar
 
     from lingjing.cli.console import console
 
-    return Progress(
+    return Bar(
         TextColumn("{task.description}", markup=False),
         BarColumn(bar_width=24),
         MofNCompleteColumn(),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -10,13 +11,14 @@ from pathlib import Path
 import msgspec
 
 from lingjing.cli.pairs import MODES, all_of, parse_pairs, parse_seed, parse_seeds, parse_settings
-from lingjing.cli.process import end_with, restore_terminal, results_alone
+from lingjing.cli.process import restore_terminal, results_alone
 from lingjing.cli.progress import LiveProgress
 from lingjing.cli.scoreboard import exit_code, explain, print_episode, print_json, print_seeds
 from lingjing.dsl.loading.load import load_mission
 from lingjing.dsl.loading.shipped import find_mission
 from lingjing.errors import ExitCode, MissionError, UsageError
 from lingjing.mission.model import Mission
+from lingjing.play.descendants import be_told_of_the_end_of
 from lingjing.play.folders import RUNS, claim_folder, claim_run_folder, release_if_empty
 from lingjing.play.options import PlayOptions, checked_options, read_options
 from lingjing.play.parallel import Task, play_apart, play_here, without_result
@@ -69,8 +71,8 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def handler(args: argparse.Namespace) -> int:
     """Play, print, and answer with the exit code."""
-    if args.end_with is not None:
-        end_with(args.end_with)
+    if args.end_with is not None and not be_told_of_the_end_of(args.end_with, signal.SIGTERM):
+        raise KeyboardInterrupt
     _, (options, mission), seeds = all_of(
         lambda: _check(args), lambda: _options(args), lambda: parse_seeds(args.seeds) if args.seeds else ()
     )
@@ -208,10 +210,10 @@ def _played(
     def play(places: Iterator[Place]) -> Iterator[EpisodeReport]:
         if not _watched(args):
             return play_here(options, places, LiveProgress, mission)
-        from lingjing.cli.watch import Audience
+        from lingjing.cli.watch import EpisodeDisplays
 
-        audience = Audience(mission, options, truth=args.watch_truth)
-        return play_here(options, audience.follow(places), audience, mission)
+        displays = EpisodeDisplays(mission, options, truth=args.watch_truth)
+        return play_here(options, displays.follow(places), displays, mission)
 
     if not can_supervise():
         return play((seed, claim(seed)) for seed in seeds)

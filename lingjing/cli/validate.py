@@ -7,6 +7,7 @@ import os
 import sys
 from typing import TYPE_CHECKING, NamedTuple
 
+from lingjing.cli.process import say_error
 from lingjing.errors import ExitCode, MissionError, UsageError
 from lingjing.terminal import visible, write_data, write_styled
 
@@ -44,12 +45,12 @@ def handler(args: argparse.Namespace) -> int:
             checked = _check(path, args)
         except UsageError as error:
             unreadable += 1
-            _say_error(error)
+            say_error(error)
             continue
         except MissionError as error:
             wrong += 1
             if args.output_format == "text":
-                _say_error(error)
+                say_error(error)
             else:
                 found.extend(_as_diagnostics(error, path))
             continue
@@ -186,9 +187,3 @@ def _as_diagnostics(error: MissionError, path: str) -> tuple[Diagnostic, ...]:
     start = Span(path, 0, 0, 1, 1, 1, 1)
     faults = [(lines_of([one]), one.hint) for one in error.faults]
     return tuple(Diagnostic("LJ0009", start, said, hint) for said, hint in faults or [(str(error), error.hint)])
-
-
-def _say_error(error: UsageError | MissionError) -> None:
-    print(f"error: {error}", file=sys.stderr)
-    if error.hint:
-        print(f"hint: {error.hint}", file=sys.stderr)

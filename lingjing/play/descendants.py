@@ -61,7 +61,9 @@ def _children_by_parent() -> list[int]:
 
 def be_told_of_the_end_of(parent: int, number: int) -> bool:
     """Have the kernel send this signal when the parent ends; False if it has ended already."""
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, number, 0, 0, 0)
+    prctl = getattr(ctypes.CDLL(None), "prctl", None)
+    if prctl is not None:
+        prctl(_PR_SET_PDEATHSIG, number, 0, 0, 0)
     return os.getppid() == parent
 
 

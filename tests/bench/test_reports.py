@@ -13,7 +13,7 @@ import pytest
 
 from lingjing.bench.columns import Column, columns, shipped
 from lingjing.bench.countdown import Countdown
-from lingjing.bench.study import CASES, Row, Study, _bar, missing, play, table
+from lingjing.bench.study import CASES, Study, StudyRow, _bar, missing, play, table
 from lingjing.errors import InfrastructureError, UsageError
 from lingjing.play import parallel
 from lingjing.play.options import PlayOptions
@@ -174,9 +174,9 @@ def test_an_aborted_episode_is_played_again_with_its_seed(child, tmp_path: Path)
 
 def test_the_table_counts_successes_of_what_was_not_aborted() -> None:
     rows = [
-        Row(case="oracle", column="m-star", wall_s=4.0, report=report(0, success=True, reason="success", scr=1.0)),
-        Row(case="oracle", column="m-star", wall_s=6.0, report=report(1, success=False, scr=0.5)),
-        Row(case="oracle", column="m-star", wall_s=9.0, report=report(2, success=False, reason=ABORTED)),
+        StudyRow(case="oracle", column="m-star", wall_s=4.0, report=report(0, success=True, reason="success", scr=1.0)),
+        StudyRow(case="oracle", column="m-star", wall_s=6.0, report=report(1, success=False, scr=0.5)),
+        StudyRow(case="oracle", column="m-star", wall_s=9.0, report=report(2, success=False, reason=ABORTED)),
     ]
     assert table(rows).splitlines()[2:] == ["| m-star | oracle | 1 of 2 | 0.75 | 10.0 | 1 | 5 |"]
 

@@ -155,8 +155,13 @@ def test_nonsense_is_a_usage_error(
     assert os.listdir(tmp_path) == []
 
 
-def test_a_file_that_holds_no_results_is_not_overwritten(tmp_path: Path) -> None:
-    (tmp_path / "results.json").write_text('[{"case": 1}]')
-    with pytest.raises(UsageError, match="holds no results of a study"):
+def test_a_file_that_holds_no_results_is_not_overwritten_and_all_its_faults_are_told(tmp_path: Path) -> None:
+    (tmp_path / "results.json").write_text('[{"case": 1, "tries": "x"}]')
+    with pytest.raises(UsageError, match="holds no results of a study") as told:
         Study(tmp_path)
-    assert (tmp_path / "results.json").read_text() == '[{"case": 1}]'
+    assert str(told.value).splitlines()[1:] == [
+        "[0].case: a text is due, this is the number 1",
+        "[0].tries: a whole number is due, this is the text 'x'",
+        "[0]: 'report' is missing",
+    ]
+    assert (tmp_path / "results.json").read_text() == '[{"case": 1, "tries": "x"}]'

@@ -10,7 +10,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from lingjing.bench.study import Row
+from lingjing.bench.study import StudyRow
 from lingjing.cli.main import main
 from lingjing.play.report import EpisodeReport
 from tests.play.report_kit import made_report
@@ -33,7 +33,7 @@ def results(path: Path) -> Path:
     def report(mission: str) -> EpisodeReport:
         return made_report(mission=mission, seed=0, policy="oracle", ticks=12)
 
-    rows = [Row(case="oracle", column=f"{name}-star", report=report(name)) for name in ("ssr", "cd")]
+    rows = [StudyRow(case="oracle", column=f"{name}-star", report=report(name)) for name in ("ssr", "cd")]
     path.write_bytes(msgspec.json.encode(rows))
     return path
 

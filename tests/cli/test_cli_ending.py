@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from lingjing.analysis.metrics import StageMetric
-from lingjing.cli.compile import write_whole
+from lingjing.cli.files import write_whole
 from lingjing.cli.main import main
 from lingjing.cli.scorecard import scorecard
 from lingjing.data import data_path

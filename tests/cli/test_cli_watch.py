@@ -20,9 +20,9 @@ import msgspec
 import pytest
 from rich.console import Console
 
-from lingjing.cli.watch import Audience
-from lingjing.cli.watch.audience import SHARE, Watching
-from lingjing.cli.watch.chart import SIGHTS, Chart, window_around
+from lingjing.cli.watch import EpisodeDisplays
+from lingjing.cli.watch.chart import TARGET_SIGNS, Chart, window_around
+from lingjing.cli.watch.displays import SHARE, Watching
 from lingjing.cli.watch.screen import Screen
 from lingjing.cli.watch.state import Watched
 from lingjing.data import data_path
@@ -115,7 +115,7 @@ def test_an_agent_shows_its_command_and_what_came_of_it(trace: Trace) -> None:
         for decided in record.decisions
         if decided.decision.command is not None
     )
-    doing = watched(trace, made[0]).doing[made[1]]
+    doing = watched(trace, made[0]).agents[made[1]]
     assert made[2] is not None and made[2].verb in doing.command
     assert doing.status
 
@@ -135,7 +135,7 @@ def test_the_map_shows_headings_trails_targets_and_ground(trace: Trace, city: Ci
     lines = screen_text(watched(trace, 60), city, 120, 40)
     chart = "\n".join(line[:74] for line in lines[3:30])
     assert "boat" in chart and "uav[1]" in chart
-    assert SIGHTS["completed"][0] in chart
+    assert TARGET_SIGNS["completed"][0] in chart
     assert any("⠁" <= sign <= "⣿" for sign in chart)
     assert "▀" in chart
     assert "map: © Somebody" in lines[2]
@@ -164,7 +164,7 @@ def test_a_window_grows_when_something_leaves_it(trace: Trace, city: City) -> No
 
 def test_drawing_keeps_to_its_share_of_the_time(trace: Trace, city: City, monkeypatch: pytest.MonkeyPatch) -> None:
     clock = [0.0]
-    monkeypatch.setattr("lingjing.cli.watch.audience.time.perf_counter", lambda: clock[0])
+    monkeypatch.setattr("lingjing.cli.watch.displays.time.perf_counter", lambda: clock[0])
     drawn: list[int] = []
     watching = Watching(trace.header.instance, city, "heuristic", truth=False)
 
@@ -201,22 +201,24 @@ def test_a_dumb_terminal_gets_a_note_and_the_line(monkeypatch: pytest.MonkeyPatc
     path = data_path("scenarios", "ssr.ljs")
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
     monkeypatch.setenv("TERM", "dumb")
-    audience = Audience(load_mission(path), PlayOptions(mission=str(path), policy="random"), truth=False)
-    assert type(audience("ssr seed 0")).__name__ == "LiveProgress"
+    displays = EpisodeDisplays(load_mission(path), PlayOptions(mission=str(path), policy="random"), truth=False)
+    assert type(displays("ssr seed 0")).__name__ == "LiveProgress"
     assert capsys.readouterr().err == "note: this terminal cannot be drawn on (TERM=dumb): progress only\n"
     monkeypatch.setattr(sys.stderr, "isatty", lambda: False)
     with pytest.raises(UsageError, match="--watch draws on the terminal"):
-        Audience(load_mission(path), PlayOptions(mission=str(path), policy="random"), truth=False)
+        EpisodeDisplays(load_mission(path), PlayOptions(mission=str(path), policy="random"), truth=False)
 
 
 def test_each_of_several_episodes_is_watched_with_its_own_seed(monkeypatch: pytest.MonkeyPatch) -> None:
     path = data_path("scenarios", "ssr.ljs")
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
     monkeypatch.setenv("TERM", "xterm-256color")
-    audience = Audience(load_mission(path), PlayOptions(mission=str(path), policy="random", mode="star"), truth=True)
+    displays = EpisodeDisplays(
+        load_mission(path), PlayOptions(mission=str(path), policy="random", mode="star"), truth=True
+    )
     seen = []
-    for seed, _ in audience.follow([(3, None), (5, None)]):
-        watching = audience(f"ssr seed {seed}")
+    for seed, _ in displays.follow([(3, None), (5, None)]):
+        watching = displays(f"ssr seed {seed}")
         assert isinstance(watching, Watching)
         seen.append((watching._watched.instance.seed, watching._watched.instance.mode, watching._watched.truth))
     assert seen == [(3, "star", True), (5, "star", True)]
@@ -299,7 +301,7 @@ def test_control_c_leaves_the_terminal_clean(tmp_path: Path) -> None:
 def test_narrow_lines_leave_out_the_only_asset_an_agent_has(trace: Trace, city: City) -> None:
     state = watched(trace, 20)
     wide, narrow = ("\n".join(screen_text(state, city, width, 30)) for width in (160, 70))
-    commands = [one for one in state.doing.values() if "." in one.command]
+    commands = [one for one in state.agents.values() if "." in one.command]
     assert commands
     for one in commands:
         assert f"{one.agent} {one.command}"[:50] in wide

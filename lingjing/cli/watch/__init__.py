@@ -3,13 +3,13 @@
 - `state`     what the records so far say: places, trails, commands, messages, events
 - `chart`     the map: ground in half blocks, trails in braille, things as glyphs
 - `screen`    map, agents and tickers put together for a terminal's size
-- `terminal`  the screen borrowed from the terminal and given back, whatever happens
-- `audience`  the option: who may watch, and a share of time that drawing never exceeds
+- `terminal`  the terminal's alternate screen, given back whatever happens
+- `displays`  one display an episode, within a share of time that drawing never exceeds
 
 In come the kernel's `Progress` values, one a boundary; nothing goes back. A watcher knows what the agents were told and
 what the kernel judged: hidden targets appear when they are found, or from the start with `--watch-truth`.
 """
 
-from lingjing.cli.watch.audience import Audience
+from lingjing.cli.watch.displays import EpisodeDisplays
 
-__all__ = ["Audience"]
+__all__ = ["EpisodeDisplays"]

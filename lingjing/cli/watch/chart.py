@@ -18,17 +18,17 @@ from rich.color import Color
 from rich.segment import Segment
 from rich.style import Style
 
-from lingjing.cli.watch.state import Point, Sight, Watched
-from lingjing.mission.geometry2d import Extent
+from lingjing.cli.watch.state import TargetStatus, Watched
+from lingjing.mission.geometry2d import Extent, Vector2
 from lingjing.scene.city import City
 from lingjing.scene.plan import PlanShape, ground_plan, is_sea
 
-Colour = tuple[int, int, int]
+Ink = tuple[int, int, int]
 
-LAND: Colour = (30, 32, 36)
-_GREEN: Colour = (30, 48, 33)
-_PAVED: Colour = (40, 42, 46)
-GROUND: dict[str, Colour] = {
+LAND: Ink = (30, 32, 36)
+_GREEN: Ink = (30, 48, 33)
+_PAVED: Ink = (40, 42, 46)
+GROUND: dict[str, Ink] = {
     "water": (18, 44, 66), "land": LAND, "slab": (36, 38, 42), "path": (50, 52, 56), "road": (84, 88, 96),
     "solid": (48, 50, 54), "bridge": (96, 98, 102), "building": (66, 58, 52), "pipe": (120, 100, 70),
     "sand": (58, 53, 40), "park": _GREEN, "grass": _GREEN, "forest": _GREEN, "pitch": _GREEN, "plaza": _PAVED,
@@ -36,12 +36,12 @@ GROUND: dict[str, Colour] = {
 }  # fmt: skip
 """Layer or surface of the plan → colour; what has none is not painted."""
 
-ASSETS: tuple[Colour, ...] = (
+ASSETS: tuple[Ink, ...] = (
     (86, 180, 255), (255, 158, 94), (190, 150, 255), (94, 226, 200), (240, 214, 96), (255, 130, 190), (160, 226, 96),
     (200, 208, 220),
 )  # fmt: skip
-REGION: Colour = (70, 150, 170)
-SIGHTS: dict[Sight, tuple[str, Colour]] = {
+REGION: Ink = (70, 150, 170)
+TARGET_SIGNS: dict[TargetStatus, tuple[str, Ink]] = {
     "completed": ("●", (60, 220, 120)),
     "found": ("◆", (255, 180, 50)),
     "known": ("○", (210, 215, 220)),
@@ -55,13 +55,13 @@ _DOTS = ((0x01, 0x08), (0x02, 0x10), (0x04, 0x20), (0x40, 0x80))
 _MARGIN = 1.1
 
 
-def asset_colour(place: int) -> Colour:
+def asset_ink(place: int) -> Ink:
     """The colour of the n-th asset."""
     return ASSETS[place % len(ASSETS)]
 
 
 @dataclass(frozen=True, slots=True)
-class Window:
+class ChartWindow:
     """The part of the world that is shown in `columns` by `rows` cells; `dot_m` is the side of a braille dot."""
 
     west: float
@@ -76,23 +76,23 @@ class Window:
         wide, high = self.columns * 2 * self.dot_m, self.rows * 4 * self.dot_m
         return self.west, self.north - high, self.west + wide, self.north
 
-    def dot(self, point: Point) -> tuple[int, int]:
+    def dot(self, point: Vector2) -> tuple[int, int]:
         """Column and row of the dot that a point lies on; outside the window too."""
         return math.floor((point[0] - self.west) / self.dot_m), math.floor((self.north - point[1]) / self.dot_m)
 
-    def holds(self, point: Point) -> bool:
+    def holds(self, point: Vector2) -> bool:
         """Whether a point is shown."""
         x, y = self.dot(point)
         return 0 <= x < self.columns * 2 and 0 <= y < self.rows * 4
 
 
-def window_around(points: Sequence[Point], columns: int, rows: int) -> Window:
+def window_around(points: Sequence[Vector2], columns: int, rows: int) -> ChartWindow:
     """The smallest window with a margin that shows all points; a hundred metres at least."""
     xs, ys = [x for x, _ in points] or [0.0], [y for _, y in points] or [0.0]
     wide, high = max(100.0, (max(xs) - min(xs)) * _MARGIN), max(100.0, (max(ys) - min(ys)) * _MARGIN)
     dot_m = max(wide / (columns * 2), high / (rows * 4))
     middle = (min(xs) + max(xs)) / 2, (min(ys) + max(ys)) / 2
-    return Window(middle[0] - columns * dot_m, middle[1] + rows * 2 * dot_m, dot_m, columns, rows)
+    return ChartWindow(middle[0] - columns * dot_m, middle[1] + rows * 2 * dot_m, dot_m, columns, rows)
 
 
 class Chart:
@@ -100,14 +100,14 @@ class Chart:
 
     def __init__(self, city: City) -> None:
         self._city = city
-        self._window: Window | None = None
+        self._window: ChartWindow | None = None
         self._shapes: tuple[PlanShape, ...] = ()
-        self._ground: list[list[Colour]] = []
+        self._ground: list[list[Ink]] = []
 
     def lines(self, watched: Watched, columns: int, rows: int, *, coloured: bool) -> list[list[Segment]]:
         """The map as `rows` lines of `columns` cells."""
         window = self._fit(watched, columns, rows, coloured)
-        canvas = _Canvas(window, self._ground if coloured else [])
+        canvas = _CellCanvas(window, self._ground if coloured else [])
         if not coloured:
             for shape in self._shapes:
                 if shape.layer == "water" or (shape.layer in ("road", "bridge") and shape.width_m > 0):
@@ -115,7 +115,7 @@ class Chart:
         _draw(canvas, watched)
         return [list(line) for line in canvas.lines()]
 
-    def _fit(self, watched: Watched, columns: int, rows: int, coloured: bool) -> Window:
+    def _fit(self, watched: Watched, columns: int, rows: int, coloured: bool) -> ChartWindow:
         window = self._window
         states = [watched.states[asset.id] for asset in watched.assets if asset.id in watched.states]
         here = [(state.position[0], state.position[1]) for state in states]
@@ -126,18 +126,18 @@ class Chart:
             self._ground = _paint(self._shapes, window) if coloured else []
         return window
 
-    def _extent(self, watched: Watched, here: list[Point]) -> list[Point]:
+    def _extent(self, watched: Watched, here: list[Vector2]) -> list[Vector2]:
         points = [corner for region in watched.instance.regions if not region.hidden for corner in region.polygon]
         points += [place for _, place, _ in watched.seen_targets()]
         points += [point for asset in watched.assets for _, point in watched.trails.get(asset.id, ())]
         return points + here
 
 
-def _draw(canvas: _Canvas, watched: Watched) -> None:
+def _draw(canvas: _CellCanvas, watched: Watched) -> None:
     for region in watched.instance.regions:
         if not region.hidden and region.polygon:
             canvas.path((*region.polygon, region.polygon[0]), REGION, dashed=True)
-    colours = {asset.id: asset_colour(place) for place, asset in enumerate(watched.assets)}
+    colours = {asset.id: asset_ink(place) for place, asset in enumerate(watched.assets)}
     for name, route in watched.routes.items():
         canvas.path(route, _dimmed(colours.get(name, REGION)), dashed=True)
     for name, colour in colours.items():
@@ -147,7 +147,7 @@ def _draw(canvas: _Canvas, watched: Watched) -> None:
         canvas.path(old + new[:1], _dimmed(colour))
         canvas.path(old[-1:] + new, colour)
     for _, place, sight in watched.seen_targets():
-        canvas.glyph(place, *SIGHTS[sight])
+        canvas.glyph(place, *TARGET_SIGNS[sight])
     for name, colour in colours.items():
         state = watched.states.get(name)
         if state is not None:
@@ -157,29 +157,29 @@ def _draw(canvas: _Canvas, watched: Watched) -> None:
             canvas.label(watched.states[name].position[:2], name, colour)
 
 
-class _Canvas:
+class _CellCanvas:
     """Cells with dots, glyphs and letters over a ground."""
 
-    def __init__(self, window: Window, ground: list[list[Colour]]) -> None:
+    def __init__(self, window: ChartWindow, ground: list[list[Ink]]) -> None:
         self._window = window
         self._ground = ground
         self._dots: dict[tuple[int, int], int] = {}
-        self._inks: dict[tuple[int, int], Colour] = {}
-        self._glyphs: dict[tuple[int, int], tuple[str, Colour, bool]] = {}
+        self._inks: dict[tuple[int, int], Ink] = {}
+        self._glyphs: dict[tuple[int, int], tuple[str, Ink, bool]] = {}
 
-    def path(self, points: Sequence[Point], colour: Colour, *, dashed: bool = False) -> None:
+    def path(self, points: Sequence[Vector2], colour: Ink, *, dashed: bool = False) -> None:
         dots = [self._window.dot(point) for point in points]
         for a, b in pairwise(dots):
             for step, (x, y) in enumerate(_between(a, b)):
                 if not dashed or step % 3 == 0:
                     self._dot(x, y, colour)
 
-    def glyph(self, point: Sequence[float], sign: str, colour: Colour, *, bold: bool = False) -> None:
+    def glyph(self, point: Sequence[float], sign: str, colour: Ink, *, bold: bool = False) -> None:
         x, y = self._window.dot((point[0], point[1]))
         if self._window.holds((point[0], point[1])):
             self._glyphs[x // 2, y // 4] = (sign, colour, bold)
 
-    def label(self, point: Sequence[float], text: str, colour: Colour) -> None:
+    def label(self, point: Sequence[float], text: str, colour: Ink) -> None:
         """Write beside a glyph, to its right or its left, where no other glyph or label is in the way."""
         x, y = self._window.dot((point[0], point[1]))
         column, row = x // 2, y // 4
@@ -195,7 +195,7 @@ class _Canvas:
         for row in range(self._window.rows):
             yield self._line(row)
 
-    def _dot(self, x: int, y: int, colour: Colour) -> None:
+    def _dot(self, x: int, y: int, colour: Ink) -> None:
         if 0 <= x < self._window.columns * 2 and 0 <= y < self._window.rows * 4:
             cell = (x // 2, y // 4)
             self._dots[cell] = self._dots.get(cell, 0) | _DOTS[y % 4][x % 2]
@@ -230,14 +230,14 @@ class _Canvas:
         return " ", _style(None, None)
 
 
-def _paint(shapes: Sequence[PlanShape], window: Window) -> list[list[Colour]]:
+def _paint(shapes: Sequence[PlanShape], window: ChartWindow) -> list[list[Ink]]:
     """The ground as two rows of pixels for each row of cells."""
     size = (window.columns * FINE, window.rows * 2 * FINE)
     image = Image.new("RGB", size, GROUND["water"] if is_sea(shapes) else LAND)
     pen = ImageDraw.Draw(image)
     scale = FINE / (2 * window.dot_m)
 
-    def placed(points: Sequence[Point]) -> list[Point]:
+    def placed(points: Sequence[Vector2]) -> list[Vector2]:
         return [((x - window.west) * scale, (window.north - y) * scale) for x, y in points]
 
     for shape in shapes:
@@ -264,16 +264,16 @@ def _between(a: tuple[int, int], b: tuple[int, int]) -> Iterator[tuple[int, int]
         yield round(a[0] + (b[0] - a[0]) * share), round(a[1] + (b[1] - a[1]) * share)
 
 
-def _dimmed(colour: Colour) -> Colour:
+def _dimmed(colour: Ink) -> Ink:
     return _mixed(colour, LAND)
 
 
-def _mixed(a: Colour, b: Colour) -> Colour:
+def _mixed(a: Ink, b: Ink) -> Ink:
     return (a[0] + b[0]) // 2, (a[1] + b[1]) // 2, (a[2] + b[2]) // 2
 
 
 @lru_cache(maxsize=4096)
-def _style(ink: Colour | None, under: Colour | None, bold: bool = False) -> Style:
+def _style(ink: Ink | None, under: Ink | None, bold: bool = False) -> Style:
     """One object for each look, so that equal neighbours are told by identity."""
     return Style(
         color=None if ink is None else Color.from_rgb(*ink),

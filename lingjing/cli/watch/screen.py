@@ -1,26 +1,26 @@
-"""The whole screen of a watched episode for any size from 40 by 10 cells: heading, map, agents, tickers."""
+"""The whole screen of a watched episode for any size from 40 by 10 cells: heading, map, agents, messages and events."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from itertools import pairwise
 
-from rich.console import Console, ConsoleOptions, RenderResult
-from rich.segment import Segment
+from rich.console import Console, ConsoleOptions, Group, RenderResult
+from rich.layout import Layout
+from rich.padding import Padding
+from rich.rule import Rule
+from rich.segment import Segment, Segments
 from rich.style import Style
+from rich.table import Table
 from rich.text import Text
 
 from lingjing.cli.progress import factor
-from lingjing.cli.watch.chart import SIGHTS, Chart, Colour, asset_colour
-from lingjing.cli.watch.state import Doing, Line, Watched
+from lingjing.cli.watch.chart import TARGET_SIGNS, Chart, Ink, asset_ink
+from lingjing.cli.watch.state import AgentStatus, TickerLine, Watched
 from lingjing.terminal import visible
 
 MAP_FROM = (56, 16)
 """Columns and rows from which on there is room for a map."""
 _HEADING = 3
-_RULE = Style(dim=True)
-
-Row = list[Segment]
 
 
 class Screen:
@@ -34,29 +34,29 @@ class Screen:
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         width, height = options.max_width, options.height or console.height
-        rows = self._rows(width, height, coloured=console.color_system in ("256", "truecolor", "windows"))
-        for at, row in enumerate(rows[:height]):
-            if at:
-                yield Segment.line()
-            yield from Segment.adjust_line_length(row, width)
-
-    def _rows(self, width: int, height: int, *, coloured: bool) -> list[Row]:
-        heading = [_row(text, width) for text in (self._head(width), self._clock(width), self._stages(width))]
+        layout = Layout()
+        heading = Layout(Group(self._head(), self._clock(width), self._stages(width)), size=_HEADING)
         if width < MAP_FROM[0] or height < MAP_FROM[1]:
-            return heading + self._agents(width, height - _HEADING)
-        ticker = min(12, max(5, (height - _HEADING) // 4))
-        middle = height - _HEADING - ticker
-        side = min(56, max(26, round(width * 0.38)))
+            layout.split_column(heading, Layout(self._agents(width, height - _HEADING)))
+            return [layout]
+        below = min(12, max(5, (height - _HEADING) // 4))
+        middle, side = height - _HEADING - below, min(56, max(26, round(width * 0.38)))
+        coloured = console.color_system in ("256", "truecolor", "windows")
         chart = self._chart.lines(self._watched, width - side - 1, middle, coloured=coloured)
-        beside = self._agents(side, middle)
-        body = [[*left, Segment(" "), *right] for left, right in zip(chart, beside, strict=True)]
-        return heading + body + self._tickers(width, ticker)
+        body, news = Layout(), Layout(size=below)
+        body.split_row(Layout(_joined(chart)), Layout(self._agents(side, middle), size=side))
+        left = width * 3 // 5 + 1
+        news.split_row(
+            Layout(Padding(_latest("messages", self._watched.messages, below), (0, 1, 0, 0)), size=left),
+            Layout(_latest("events", self._watched.events, below)),
+        )
+        layout.split_column(heading, body, news)
+        return [layout]
 
-    def _head(self, width: int) -> Text:
+    def _head(self) -> Table:
         watched = self._watched.instance
-        left = Text(visible(f" {watched.title or watched.mission}"), style="bold")
-        right = Text(visible(f"{self._title} "), style="dim")
-        return _apart(left, right, width)
+        left = Text(visible(f" {watched.title or watched.mission}"), style="bold", no_wrap=True, overflow="ellipsis")
+        return _apart(left, Text(visible(f"{self._title} "), style="dim", no_wrap=True))
 
     def _clock(self, width: int) -> Text:
         watched = self._watched
@@ -65,104 +65,71 @@ class Screen:
         room = max(4, min(40, width - len(count) - len(rest) - 1))
         full = round(room * watched.tick / watched.ticks) if watched.ticks else 0
         bar = Text("━" * full, style="green").append("━" * (room - full), style="dim")
-        return Text(count).append_text(bar).append(rest)
+        return _line(Text(count), bar, Text(rest))
 
-    def _stages(self, width: int) -> Text:
+    def _stages(self, width: int) -> Table | Text:
         """How far each stage is; then, as far as there is room, whose map it is and what the signs of targets mean."""
-        line = Text(" ")
+        line = Text(" ", no_wrap=True)
         for name, done, of in self._watched.stage_counts():
             line.append(f"{name} {done}/{of}  ", style="bold green" if done >= of else "bold" if done else "dim")
-        signs = Text(visible(f"{self._credit} "), style="dim")
-        for sight, (sign, colour) in SIGHTS.items():
+        signs = Text(visible(f"{self._credit} "), style="dim", no_wrap=True)
+        for sight, (sign, ink) in TARGET_SIGNS.items():
             if sight != "truth" or self._watched.truth:
-                signs.append(sign, style=_ink(colour)).append(f" {sight}  ", style="dim")
-        return _apart(line, signs, width) if line.cell_len + signs.cell_len <= width else line.append_text(signs)
+                signs.append(sign, style=_bold(ink)).append(f" {sight}  ", style="dim")
+        return _apart(line, signs) if line.cell_len + signs.cell_len <= width else _line(line, signs)
 
-    def _agents(self, width: int, height: int) -> list[Row]:
+    def _agents(self, width: int, height: int) -> Group:
         """Two lines an agent where there is room, else one; agents that do not fit are counted."""
-        doing = list(self._watched.doing.values())
-        each = 2 if len(doing) * 2 <= height else 1
-        shown = doing if len(doing) * each <= height else doing[: height - 1]
-        rows = [row for one in shown for row in self._agent(one, each, width)]
-        if len(shown) < len(doing):
-            rows.append(_row(Text(f"… and {len(doing) - len(shown)} more", style="dim"), width))
-        return [*rows, *([Segment(" " * width)] for _ in range(height - len(rows)))][:height]
+        agents = list(self._watched.agents.values())
+        each = 2 if len(agents) * 2 <= height else 1
+        shown = agents if len(agents) * each <= height else agents[: height - 1]
+        rows = [line for one in shown for line in self._agent(one, each, width)]
+        if len(shown) < len(agents):
+            rows.append(Text(f"… and {len(agents) - len(shown)} more", style="dim"))
+        return Group(*rows)
 
-    def _agent(self, one: Doing, lines: int, width: int) -> list[Row]:
-        head = Text().append(one.agent, style=_ink(self._colour(one.agent))).append(" ")
-        asset, _, what = one.command.partition(".")
-        narrow = head.cell_len + len(one.command) > width and len(self._held(one.agent)) == 1
-        head.append(visible(what if narrow and asset in self._held(one.agent) else one.command))
-        status = Text("  ").append(visible(one.status), style="red" if one.refused else "dim")
-        if lines == 1:
-            return [_row(head.append_text(status), width)]
-        return [_row(head, width), _row(status, width)]
-
-    def _colour(self, agent: str) -> Colour | None:
-        """That of the first asset an agent controls."""
+    def _agent(self, one: AgentStatus, lines: int, width: int) -> list[Text]:
+        held = next(spec.controls for spec in self._watched.instance.agents if spec.id == one.agent)
         names = [asset.id for asset in self._watched.assets]
-        held = next((names.index(name) for name in self._held(agent) if name in names), None)
-        return None if held is None else asset_colour(held)
-
-    def _held(self, agent: str) -> tuple[str, ...]:
-        """The assets that it controls; where there is but one, narrow lines need not name it."""
-        return next(spec.controls for spec in self._watched.instance.agents if spec.id == agent)
-
-    def _tickers(self, width: int, height: int) -> list[Row]:
-        left = width * 3 // 5
-        right = width - left - 1
-        columns = (
-            _ticker("messages", self._watched.messages, left, height),
-            _ticker("events", self._watched.events, right, height),
-        )
-        return [[*a, Segment(" "), *b] for a, b in zip(*columns, strict=True)]
+        ink = next((asset_ink(names.index(name)) for name in held if name in names), None)
+        head = Text().append(one.agent, style=_bold(ink)).append(" ")
+        asset, _, what = one.command.partition(".")
+        narrow = head.cell_len + len(one.command) > width and len(held) == 1  # the only one need not be named
+        head.append(visible(what if narrow and asset in held else one.command))
+        status = Text("  ").append(visible(one.status), style="red" if one.refused else "dim")
+        return [_line(head, status)] if lines == 1 else [_line(head), _line(status)]
 
 
-def _ticker(name: str, lines: Iterable[Line], width: int, height: int) -> list[Row]:
+def _latest(name: str, notices: Iterable[TickerLine], height: int) -> Group:
     """A rule with a name, then the latest lines, the newest at the bottom."""
-    rule = [Segment(f"─ {name} ".ljust(width, "─")[:width], _RULE)]
-    latest = list(lines)[-(height - 1) :] if height > 1 else []
-    rows = [_row(_said(line), width) for line in latest]
-    return [rule, *rows, *([Segment(" " * width)] for _ in range(height - 1 - len(rows)))]
-
-
-def _said(line: Line) -> Text:
-    return (
-        Text()
-        .append(f"{line.tick:>3} ", style="dim")
-        .append(visible(line.text), style="bold green" if line.good else "")
+    latest = list(notices)[-(height - 1) :] if height > 1 else []
+    lines = (
+        _line(Text(f"{one.tick:>3} ", style="dim"), Text(visible(one.text), style="bold green" if one.good else ""))
+        for one in latest
     )
+    return Group(Rule(f"─ {name}", align="left", style="dim"), *lines)
 
 
-def _apart(left: Text, right: Text, width: int) -> Text:
+def _joined(lines: Sequence[Sequence[Segment]]) -> Segments:
+    return Segments([part for line in lines for part in (*line, Segment.line())][:-1])
+
+
+def _line(*parts: Text) -> Text:
+    """One line that is cut with an ellipsis where there is no room."""
+    line = Text(no_wrap=True, overflow="ellipsis")
+    for part in parts:
+        line.append_text(part)
+    return line
+
+
+def _apart(left: Text, right: Text) -> Table:
     """Both ends of a line; the left one gives way."""
-    left.truncate(max(0, width - right.cell_len - 1), overflow="ellipsis")
-    return left.append(" " * max(1, width - left.cell_len - right.cell_len)).append_text(right)
+    table = Table.grid(expand=True)
+    table.add_column(ratio=1, no_wrap=True, overflow="ellipsis")
+    table.add_column(justify="right", no_wrap=True)
+    table.add_row(left, right)
+    return table
 
 
-def _ink(colour: Colour | None) -> Style:
-    return Style(bold=True) if colour is None else Style(bold=True, color=f"rgb({colour[0]},{colour[1]},{colour[2]})")
-
-
-def _row(text: Text, width: int) -> Row:
-    """Exactly `width` cells: cut with an ellipsis, or padded."""
-    text.truncate(width, overflow="ellipsis", pad=True)
-    base, spans = Style.null(), []
-    for span in text.spans:
-        style = Style.parse(span.style) if isinstance(span.style, str) else span.style
-        spans.append((span.start, span.end, style))
-    whole = Style.parse(text.style) if isinstance(text.style, str) else text.style
-    return _segments(text.plain, base + whole, spans)
-
-
-def _segments(plain: str, base: Style, spans: Sequence[tuple[int, int, Style]]) -> Row:
-    """The text cut where a style begins or ends."""
-    cuts = sorted({0, len(plain), *(at for start, end, _ in spans for at in (start, end) if at <= len(plain))})
-    row = []
-    for start, end in pairwise(cuts):
-        style = base
-        for first, last, own in spans:
-            if first <= start and end <= last:
-                style = style + own
-        row.append(Segment(plain[start:end], style))
-    return row
+def _bold(ink: Ink | None) -> Style:
+    return Style(bold=True) if ink is None else Style(bold=True, color=f"rgb({ink[0]},{ink[1]},{ink[2]})")

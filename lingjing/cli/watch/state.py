@@ -13,6 +13,7 @@ import msgspec
 from lingjing.analysis.completion import completed_at
 from lingjing.analysis.spoken import Spoken, categories_of, spoken_at
 from lingjing.kernel.episode import Progress
+from lingjing.mission.geometry2d import Vector2
 from lingjing.mission.instance import Datum, Entity, Instance
 from lingjing.trace.records import Action, BodyState, BoundaryRecord, Receipt, TaskEvent
 
@@ -21,12 +22,11 @@ _REFUSED = ("rejected", "timed_out", "substituted")
 STEP_M = 1.0
 """A trail is not grown by steps shorter than this."""
 
-Point = tuple[float, float]
-Sight = Literal["known", "found", "completed", "truth"]
+TargetStatus = Literal["known", "found", "completed", "truth"]
 
 
 @dataclass(slots=True)
-class Doing:
+class AgentStatus:
     """An agent's latest command in words and what has become of it."""
 
     agent: str
@@ -36,7 +36,7 @@ class Doing:
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class TickerLine:
     """A line of a ticker; `good` events are those that the mission is about."""
 
     tick: int
@@ -57,17 +57,17 @@ class Watched:
     score: float = 0.0
     done: bool = False
     states: dict[str, BodyState] = field(default_factory=dict)
-    trails: dict[str, list[tuple[int, Point]]] = field(default_factory=dict)
-    routes: dict[str, tuple[Point, ...]] = field(default_factory=dict)
-    doing: dict[str, Doing] = field(default_factory=dict)
+    trails: dict[str, list[tuple[int, Vector2]]] = field(default_factory=dict)
+    routes: dict[str, tuple[Vector2, ...]] = field(default_factory=dict)
+    agents: dict[str, AgentStatus] = field(default_factory=dict)
     stages: dict[str, set[str]] = field(default_factory=dict)
     found: set[str] = field(default_factory=set)
     completed: set[str] = field(default_factory=set)
-    messages: deque[Line] = field(default_factory=lambda: deque(maxlen=KEPT_LINES))
-    events: deque[Line] = field(default_factory=lambda: deque(maxlen=KEPT_LINES))
+    messages: deque[TickerLine] = field(default_factory=lambda: deque(maxlen=KEPT_LINES))
+    events: deque[TickerLine] = field(default_factory=lambda: deque(maxlen=KEPT_LINES))
 
     def __post_init__(self) -> None:
-        self.doing = {agent.id: Doing(agent.id) for agent in self.instance.agents}
+        self.agents = {agent.id: AgentStatus(agent.id) for agent in self.instance.agents}
         self.ticks = self.instance.budget.ticks
 
     @property
@@ -91,7 +91,7 @@ class Watched:
         self.messages.extend(map(_line, spoken_at(record, categories_of(self.instance))))
         self.events.extend(self._happened(record))
 
-    def seen_targets(self) -> Iterable[tuple[Entity, Point, Sight]]:
+    def seen_targets(self) -> Iterable[tuple[Entity, Vector2, TargetStatus]]:
         """The targets that a watcher may see, where they are, and as what."""
         for entity in self.instance.entities:
             sight = self._sight(entity)
@@ -110,7 +110,7 @@ class Watched:
 
     # -- parts
 
-    def _sight(self, entity: Entity) -> Sight | None:
+    def _sight(self, entity: Entity) -> TargetStatus | None:
         if entity.id in self.completed:
             return "completed"
         if entity.id in self.found:
@@ -140,13 +140,13 @@ class Watched:
 
     def _act(self, record: BoundaryRecord) -> None:
         for made in record.decisions:
-            doing = self.doing.get(made.agent)
-            if doing is not None and made.decision.command is not None:
-                doing.command, doing.status, doing.refused = _command(made.decision.command), "asked", False
+            agent = self.agents.get(made.agent)
+            if agent is not None and made.decision.command is not None:
+                agent.command, agent.status, agent.refused = _command(made.decision.command), "asked", False
         for receipt in record.receipts:
-            doing = self.doing.get(receipt.sender)
-            if doing is not None and (receipt.request.startswith("c") or receipt.status == "substituted"):
-                doing.status, doing.refused = (
+            agent = self.agents.get(receipt.sender)
+            if agent is not None and (receipt.request.startswith("c") or receipt.status == "substituted"):
+                agent.status, agent.refused = (
                     _status(receipt),
                     receipt.status in ("rejected", "timed_out", "substituted"),
                 )
@@ -158,14 +158,14 @@ class Watched:
         seen = {entity.id for entity in self.instance.entities if self._sight(entity) is not None}
         return msgspec.structs.replace(task, entities=tuple(one if one in seen else "?" for one in task.entities))
 
-    def _happened(self, record: BoundaryRecord) -> Iterable[Line]:
+    def _happened(self, record: BoundaryRecord) -> Iterable[TickerLine]:
         for task in record.task_events:
-            yield Line(record.tick, self._told(task).line)
+            yield TickerLine(record.tick, self._told(task).line)
         for event in record.events:
-            shown = [name for name in event.bindings if name in self.states or name in self.doing]
-            yield Line(record.tick, f"{event.kind} {' '.join(shown)}".rstrip(), good=True)
+            shown = [name for name in event.bindings if name in self.states or name in self.agents]
+            yield TickerLine(record.tick, f"{event.kind} {' '.join(shown)}".rstrip(), good=True)
         for change in record.stages:
-            yield Line(record.tick, f"stage {change.stage} {change.subject}".rstrip() + " done", good=True)
+            yield TickerLine(record.tick, f"stage {change.stage} {change.subject}".rstrip() + " done", good=True)
 
 
 def _command(action: Action) -> str:
@@ -190,11 +190,11 @@ def _status(receipt: Receipt) -> str:
     return f"{receipt.status.replace('_', ' ')}{progress}{f': {receipt.reason}' if receipt.reason else ''}"
 
 
-def _line(said: Spoken) -> Line:
+def _line(said: Spoken) -> TickerLine:
     """One line a message, its recipients together; a report for nobody is adjudicated all the same."""
     to = said.recipients[0] if len(said.recipients) == 1 else f"{len(said.recipients)} agents"
     who = f"{said.sender} → {to}" if said.recipients else said.sender
-    return Line(said.tick, f"{who}: {said.kind} {_body(said.body)}".rstrip())
+    return TickerLine(said.tick, f"{who}: {said.kind} {_body(said.body)}".rstrip())
 
 
 def _body(body: Mapping[str, Datum]) -> str:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 _LEFT_ROWS = 30
 
 
-class Borrowed:
+class AlternateScreen:
     """A context manager: the alternate screen on the terminal of standard error, without a cursor.
 
     Inside, what policies, libraries and workers write to the terminal goes to a file, which is printed when the screen

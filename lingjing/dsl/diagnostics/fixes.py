@@ -87,8 +87,8 @@ def unified_diff(before: str, after: str, path: str) -> str:
     from difflib import unified_diff as differ
 
     old, new = before.splitlines(keepends=True), after.splitlines(keepends=True)
-    lines = [line if line.endswith("\n") else line + "\n" for line in differ(old, new, path, path)]
-    return "".join(lines)
+    lines = differ(old, new, path, path)
+    return "".join(line if line.endswith("\n") else f"{line}\n\\ No newline at end of file\n" for line in lines)
 
 
 def write_text(path: str, text: str) -> None:

@@ -28,7 +28,7 @@ SHARE = 0.04
 _INSTEAD = "leave --watch out: the run leaves overview.png, and `lingjing docs MISSION --trace TRACE` makes a page"
 
 
-class Audience:
+class EpisodeDisplays:
     """Opens a display for each episode, as `play_here` asks for it.
 
     Raises `UsageError` if standard error is no terminal. One that cannot be drawn on (`TERM=dumb`) gets the line of
@@ -78,12 +78,12 @@ class Watching:
         from lingjing.cli.watch.chart import Chart
         from lingjing.cli.watch.screen import Screen
         from lingjing.cli.watch.state import Watched
-        from lingjing.cli.watch.terminal import Borrowed
+        from lingjing.cli.watch.terminal import AlternateScreen
 
         self._watched = Watched(instance, truth=truth)
         title = f"{instance.mission} · seed {instance.seed} · {instance.mode} · {policy}"
         self._screen: Screen = Screen(self._watched, Chart(city), title, credit(city.attribution))
-        self._terminal = Borrowed(self._draw)
+        self._terminal = AlternateScreen(self._draw)
         self._started = time.perf_counter()
         self._spent_s = 0.0
 

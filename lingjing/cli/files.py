@@ -1,0 +1,68 @@
+"""Missions read, and texts written, as every verb does it."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lingjing.errors import UsageError
+from lingjing.terminal import write_data
+
+if TYPE_CHECKING:
+    from lingjing.mission.model import Mission
+
+
+def read_mission(path: str) -> Mission:
+    """The mission of a file, a shipped name or standard input (`-`); notes on a document go to standard error."""
+    from lingjing.dsl.loading.load import load_noted
+
+    mission, notes = load_noted(path)
+    for note in notes:
+        print(f"note: {note}", file=sys.stderr)
+    return mission
+
+
+def write_output(text: str, output: str | None) -> None:
+    """Write to the file that is named, whole or not at all, or to standard output (None or `-`)."""
+    if output in (None, "-"):
+        write_data(text)
+    else:
+        write_whole(str(output), text)
+
+
+def write_whole(path: str, text: str) -> None:
+    """Write a file so that it is there whole or not at all; `UsageError` if it cannot be written.
+
+    A device or a pipe gets the text itself. A link is followed.
+    """
+    target = Path(path).resolve()
+    if target.is_dir():
+        raise UsageError(f"cannot write `{path}`: it is a folder", hint="name a file")
+    if target.exists() and not target.is_file():  # a device or a pipe is written to, never replaced
+        with target.open("w", encoding="utf-8", newline="\n") as file:
+            file.write(text)
+        return
+    try:
+        handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=".lingjing-", suffix=".part")
+    except OSError as error:
+        raise UsageError(f"cannot write `{path}`: {error.strerror}", hint="choose another place with -o") from None
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
+            file.write(text)
+        Path(temporary).chmod(0o666 & ~_umask())
+        Path(temporary).replace(target)
+    except BaseException:
+        with contextlib.suppress(OSError):
+            Path(temporary).unlink()
+        raise
+
+
+def _umask() -> int:
+    """The process's umask: `mkstemp` gives 0600, a written file should be as readable as any other."""
+    mask = os.umask(0o022)
+    os.umask(mask)
+    return mask
