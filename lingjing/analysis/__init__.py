@@ -2,7 +2,7 @@
 
 - `detection`   reports against the ground truth of the frames they speak of
 - `completion`  which targets were completed, and when
-- `spoken`      the messages that the bus admitted, each once
+- `messages`    the messages that the bus admitted, each once
 - `relations`   the occurrences of the five coordination relations, added to a trace while it is written
 - `idleness`    the share of agent steps with nothing assigned and nothing done
 - `repetition`  how often a target was asked for or entered again

@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from statistics import median
 
-from lingjing.analysis.spoken import Spoken, spoken
+from lingjing.analysis.messages import AdmittedMessage, admitted
 from lingjing.kernel.reference_pictures import CAMERA as REFERENCE
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import FrameInfo
@@ -173,12 +173,12 @@ def numbers(value: object, count: int) -> tuple[float, ...] | None:
 
 def _reports(trace: Trace) -> Iterator[MatchedReport]:
     matches, judged = _matches(trace), judged_kinds(trace)
-    for message in spoken(trace):
+    for message in admitted(trace):
         if message.category == "report":
             yield _report(trace, message, matches.get(message.id), message.kind in judged)
 
 
-def _report(trace: Trace, said: Spoken, target: str | None, judged: bool) -> MatchedReport:
+def _report(trace: Trace, said: AdmittedMessage, target: str | None, judged: bool) -> MatchedReport:
     body = said.body
     frame, box = str(body.get("frame") or ""), _box(said)
     position, confidence = numbers(body.get("position"), 2), body.get("confidence")
@@ -199,13 +199,13 @@ def _report(trace: Trace, said: Spoken, target: str | None, judged: bool) -> Mat
     )
 
 
-def _box(said: Spoken) -> UnitBox | None:
+def _box(said: AdmittedMessage) -> UnitBox | None:
     box = numbers(said.body.get("box"), 4)
     return None if box is None else (box[0], box[1], box[2], box[3])
 
 
 def _matches(trace: Trace) -> dict[str, str]:
-    """Report id to target, from the events of the matching rules, whatever the order of their parameters."""
+    """MatchedReport id to target, from the events of the matching rules, whatever the order of their parameters."""
     rules = matching_rules(trace)
     entities = {entity.id for entity in trace.header.instance.entities}
     found: dict[str, str] = {}

@@ -19,7 +19,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from lingjing.analysis.spoken import categories_of, spoken_at
+from lingjing.analysis.messages import admitted_at, categories_of
 from lingjing.kernel.assignments import point
 from lingjing.kernel.facts import HANDOFF_M, SAME_POINT_M
 from lingjing.kernel.reference_pictures import CAMERA as REFERENCE
@@ -33,7 +33,7 @@ from lingjing.trace.records import BoundaryRecord, Envelope, Receipt, RelationRe
 Emitted = tuple[str, tuple[str, ...]]
 """What an engine said: its kind, and its entities, the target first."""
 
-Part = tuple[str, Sequence[tuple[float, float]]]
+NamedPolygon = tuple[str, Sequence[tuple[float, float]]]
 """A region or a cell: its name and polygon."""
 
 
@@ -75,7 +75,7 @@ class RelationTracker:
 
     def _next(self, record: BoundaryRecord) -> Registry:
         """The part of the kernel's registry that relations are read from, as the record shows it."""
-        said = spoken_at(record, self._categories)
+        said = admitted_at(record, self._categories)
         updated = (
             self._registry.with_boundary(record.tick, record.time_s, record.snapshots[-1].states)
             .with_receipts(record.commands, record.receipts)
@@ -156,7 +156,7 @@ class RelationTracker:
                 if any(self._inside(partner, polygon, after) for _, polygon in parts):
                     yield RelationRecord(kind=relation.kind, source=agent, target=partner.id, by=name, tick=after.tick)
 
-    def _done(self, key: Emitted, parts: Sequence[Part], at: Registry) -> Iterator[tuple[str, str]]:
+    def _done(self, key: Emitted, parts: Sequence[NamedPolygon], at: Registry) -> Iterator[tuple[str, str]]:
         """(agent, cell) of an engine's event that somebody did something at a target."""
         target, *actors = key[1]
         agent = self._owner.get(actors[0]) if actors else None

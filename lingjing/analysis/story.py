@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from lingjing.analysis.completion import asked_groups, completion_ticks
 from lingjing.analysis.detection import MatchedReport, detect, judged_kinds, shots
 from lingjing.analysis.incidents import Incident, incidents
-from lingjing.analysis.spoken import Spoken, spoken
+from lingjing.analysis.messages import AdmittedMessage, admitted
 from lingjing.mission.instance import Instance
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import FrameInfo
@@ -52,7 +52,7 @@ class Story:
     shots: tuple[FrameInfo, ...]
     reporting: bool
     judging: bool
-    said: tuple[Spoken, ...]
+    said: tuple[AdmittedMessage, ...]
     happened: tuple[Happened, ...]
     incidents: tuple[Incident, ...]
     refusals: tuple[tuple[int, str], ...]
@@ -80,7 +80,7 @@ def tell(trace: Trace) -> Story:
         shots=shots(trace),
         reporting=any(kind.category == "report" for kind in instance.messages),
         judging=bool(judged_kinds(trace)),
-        said=spoken(trace),
+        said=admitted(trace),
         happened=_happened(trace),
         incidents=incidents(trace),
         refusals=tuple(

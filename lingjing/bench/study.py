@@ -31,7 +31,7 @@ from lingjing.mission.faults import lines_of, schema_faults
 from lingjing.mission.seeding import integer
 from lingjing.play.folders import RUNS
 from lingjing.play.options import PlayOptions
-from lingjing.play.parallel import Task, play_apart
+from lingjing.play.parallel import EpisodeTask, play_apart
 from lingjing.play.report import ABORTED, INTERRUPTED, EpisodeReport
 from lingjing.terminal import guard_streams
 
@@ -137,7 +137,7 @@ class Episode:
 
     case: Case
     column: Column
-    task: Task
+    task: EpisodeTask
 
     @property
     def kind(self) -> tuple[str, str]:
@@ -163,7 +163,7 @@ def play(
     for row in study.rows:
         countdown.learn((row.case, row.column), row.wall_s)
     for attempt in range(1, TRIES + 1):
-        aborted: list[Task] = []
+        aborted: list[EpisodeTask] = []
         started: dict[Path, float] = {}
         for task, report in play_apart(_cleared(waiting, started), jobs):
             if report.reason == INTERRUPTED:  # it is not over: the next study plays it anew
@@ -334,7 +334,7 @@ def _duration(seconds: float) -> str:
     return f"{minutes // 60} h {minutes % 60:02d} min" if minutes >= 60 else f"{minutes} min"
 
 
-def _cleared(tasks: Sequence[Task], started: dict[Path, float]) -> Iterator[Task]:
+def _cleared(tasks: Sequence[EpisodeTask], started: dict[Path, float]) -> Iterator[EpisodeTask]:
     """The tasks, each with what an earlier, unfinished try left behind taken away; notes when each is begun."""
     for task in tasks:
         _take_away(task.folder)
@@ -354,7 +354,7 @@ def _take_away(folder: Path) -> None:
             time.sleep(0.2)
 
 
-def _task(study: Study, case: Case, column: Column, seed: int, *, overview: bool) -> Task:
+def _task(study: Study, case: Case, column: Column, seed: int, *, overview: bool) -> EpisodeTask:
     options = PlayOptions(
         mission=str(column.path),
         policy=case.policy,
@@ -365,7 +365,7 @@ def _task(study: Study, case: Case, column: Column, seed: int, *, overview: bool
         policy_seed=study.policy_seed(case.name, column.name, seed),
         overview=overview,
     )
-    return Task(options, study.folder / f"{case.name}-{column.name}-{seed}")
+    return EpisodeTask(options, study.folder / f"{case.name}-{column.name}-{seed}")
 
 
 def _lines(rows: Sequence[StudyRow]) -> Iterator[str]:

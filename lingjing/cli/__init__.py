@@ -6,8 +6,8 @@
 - `validate`, `compile`, `fmt`, `explain`, `lsp`   a text: its errors, its graph, its layout, what a code means
 - `graph`, `docs` ← `missionpage`                  a mission as a picture, as a page
 - `scene`                                          a map → a city
-- `run` ← `pairs` (name=value options), `progress` (the live line), `watch` (the episode in the terminal),
-  `scorecard` (the numbers of one episode), `scoreboard` (those of many)
+- `run` ← `arguments` (what options mean), `progress` (the live line), `watch` (the episode in the terminal),
+  `scorecard` (the numbers of one episode), `results` (what is printed of one or many)
 - `plugins` ← `installed`, `new` ← `newengine`      what is installed, what is begun
 - `doctor` ← `libraries`                           what the machine lacks
 """

@@ -6,8 +6,8 @@ import argparse
 import sys
 from typing import TYPE_CHECKING
 
+from lingjing.cli.arguments import MODES
 from lingjing.cli.files import read_mission, write_output
-from lingjing.cli.pairs import MODES
 from lingjing.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ def handler(args: argparse.Namespace) -> int:
 
 
 def _reset_scenario(mission: Mission, args: argparse.Namespace) -> str:
-    from lingjing.cli.pairs import parse_pairs, parse_seed, parse_settings
+    from lingjing.cli.arguments import parse_pairs, parse_seed, parse_settings
     from lingjing.mission.reset.emit import emit
 
     if mission.origin.document and (args.seed or args.mode or args.set):

@@ -22,7 +22,7 @@ BROKEN_PIPE = 141
 _UNWRITABLE = {errno.EACCES, errno.EROFS, errno.ENOSPC, errno.EDQUOT, errno.EPERM, errno.EFBIG, errno.EIO}
 
 
-class Verb(NamedTuple):
+class CommandVerb(NamedTuple):
     """A verb of the command line: `module` has `add_parser` and `handler`; `summary` is its line in the help.
 
     No dataclass: that module costs 6 ms of every start.
@@ -34,18 +34,18 @@ class Verb(NamedTuple):
 
 
 VERBS = (
-    Verb("run", "lingjing.cli.run", "play a mission to a score and a trace"),
-    Verb("validate", "lingjing.cli.validate", "report every error of mission files"),
-    Verb("explain", "lingjing.cli.explain", "say what an error code means"),
-    Verb("compile", "lingjing.cli.compile", "write the typed mission graph as JSON"),
-    Verb("graph", "lingjing.cli.graph", "draw the mission graph"),
-    Verb("docs", "lingjing.cli.docs", "write a page that says what a mission is"),
-    Verb("fmt", "lingjing.cli.fmt", "lay mission files out the one way"),
-    Verb("lsp", "lingjing.cli.lsp", "serve an editor: errors, completion, renaming as you type"),
-    Verb("scene", "lingjing.cli.scene", "build a city from a map; look at one"),
-    Verb("plugins", "lingjing.cli.plugins", "list engines, policies, scenes and evaluators; the options of one"),
-    Verb("new", "lingjing.cli.new", "write a file to start from"),
-    Verb("doctor", "lingjing.cli.doctor", "check that this machine can play missions"),
+    CommandVerb("run", "lingjing.cli.run", "play a mission to a score and a trace"),
+    CommandVerb("validate", "lingjing.cli.validate", "report every error of mission files"),
+    CommandVerb("explain", "lingjing.cli.explain", "say what an error code means"),
+    CommandVerb("compile", "lingjing.cli.compile", "write the typed mission graph as JSON"),
+    CommandVerb("graph", "lingjing.cli.graph", "draw the mission graph"),
+    CommandVerb("docs", "lingjing.cli.docs", "write a page that says what a mission is"),
+    CommandVerb("fmt", "lingjing.cli.fmt", "lay mission files out the one way"),
+    CommandVerb("lsp", "lingjing.cli.lsp", "serve an editor: errors, completion, renaming as you type"),
+    CommandVerb("scene", "lingjing.cli.scene", "build a city from a map; look at one"),
+    CommandVerb("plugins", "lingjing.cli.plugins", "list engines, policies, scenes and evaluators; the options of one"),
+    CommandVerb("new", "lingjing.cli.new", "write a file to start from"),
+    CommandVerb("doctor", "lingjing.cli.doctor", "check that this machine can play missions"),
 )
 
 
@@ -88,10 +88,10 @@ def _guarded(arguments: list[str]) -> int:
 
 
 def _dispatch(arguments: list[str]) -> int:
-    from lingjing.cli.parser import Parser  # not above: an interrupt while argparse loads is met here
+    from lingjing.cli.parser import ArgumentParser  # not above: an interrupt while argparse loads is met here
 
     chosen = next((verb for verb in VERBS if verb.name == _first_word(arguments)), None)
-    parser = Parser(
+    parser = ArgumentParser(
         prog="lingjing",
         description="Missions for heterogeneous unmanned systems: write, play, score, replay.",
         epilog="exit codes: 0 done, 1 mission errors, 2 usage, 3 infrastructure abort, 70 a bug, 130 interrupted",

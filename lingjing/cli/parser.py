@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Iterable
 
 
-class Parser(argparse.ArgumentParser):
+class ArgumentParser(argparse.ArgumentParser):
     """An `ArgumentParser` whose complaint about a word that is no choice says which one may be meant.
 
     Parsers of verbs and actions are of this class too: argparse makes them of their parent's.

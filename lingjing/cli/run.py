@@ -10,10 +10,10 @@ from pathlib import Path
 
 import msgspec
 
-from lingjing.cli.pairs import MODES, all_of, parse_pairs, parse_seed, parse_seeds, parse_settings
+from lingjing.cli.arguments import MODES, all_of, parse_pairs, parse_seed, parse_seeds, parse_settings
 from lingjing.cli.process import restore_terminal, results_alone
 from lingjing.cli.progress import LiveProgress
-from lingjing.cli.scoreboard import exit_code, explain, print_episode, print_json, print_seeds
+from lingjing.cli.results import exit_code, explain, print_episode, print_json, print_seeds
 from lingjing.dsl.loading.load import load_mission
 from lingjing.dsl.loading.shipped import find_mission
 from lingjing.errors import ExitCode, MissionError, UsageError
@@ -21,9 +21,9 @@ from lingjing.mission.model import Mission
 from lingjing.play.descendants import be_told_of_the_end_of
 from lingjing.play.folders import RUNS, claim_folder, claim_run_folder, release_if_empty
 from lingjing.play.options import PlayOptions, checked_options, read_options
-from lingjing.play.parallel import Task, play_apart, play_here, without_result
+from lingjing.play.parallel import EpisodeTask, play_apart, play_here, without_result
 from lingjing.play.report import EpisodeReport, summarise
-from lingjing.play.supervision import Place, can_supervise, play_supervised
+from lingjing.play.supervision import SeedFolder, can_supervise, play_supervised
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -204,10 +204,10 @@ def _played(
 ) -> Iterator[EpisodeReport]:
     """The episodes, each played in a process that a policy may ruin; in this one where it cannot be watched over."""
     if args.jobs > 1:
-        tasks = (Task(msgspec.structs.replace(options, seed=seed), claim(seed)) for seed in seeds)
+        tasks = (EpisodeTask(msgspec.structs.replace(options, seed=seed), claim(seed)) for seed in seeds)
         return (report for _, report in play_apart(tasks, args.jobs))
 
-    def play(places: Iterator[Place]) -> Iterator[EpisodeReport]:
+    def play(places: Iterator[SeedFolder]) -> Iterator[EpisodeReport]:
         if not _watched(args):
             return play_here(options, places, LiveProgress, mission)
         from lingjing.cli.watch import EpisodeDisplays
@@ -220,7 +220,7 @@ def _played(
 
     def abort(seed: int, folder: Path, why: str) -> EpisodeReport:
         restore_terminal()
-        report = without_result(Task(msgspec.structs.replace(options, seed=seed), folder), why)
+        report = without_result(EpisodeTask(msgspec.structs.replace(options, seed=seed), folder), why)
         return msgspec.structs.replace(report, mission=mission.name, mode=options.mode or mission.modes.default)
 
     return play_supervised(seeds, claim, play, abort)

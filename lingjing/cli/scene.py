@@ -108,7 +108,7 @@ def _city(args: argparse.Namespace) -> City:
         from lingjing.scene.store import read_store
 
         return read_store(folder)
-    from lingjing.cli.pairs import parse_seed
+    from lingjing.cli.arguments import parse_seed
     from lingjing.dsl.loading.load import load_mission
     from lingjing.mission.instantiate import instantiate
     from lingjing.plugins.host import PluginHost

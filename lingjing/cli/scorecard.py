@@ -10,8 +10,8 @@ from lingjing.analysis.metrics import GROUPS, printed
 from lingjing.play.report import EpisodeReport
 from lingjing.trace.records import CUT_SHORT
 
-Row = tuple[str, str]
-Group = tuple[str, tuple[Row, ...]]
+ScoreRow = tuple[str, str]
+ScoreGroup = tuple[str, tuple[ScoreRow, ...]]
 
 UNDEFINED = "N/A"
 """Shown for a rate over nothing, as the paper's tables do."""
@@ -29,7 +29,7 @@ _REASONS = {
 }
 
 
-def scorecard(report: EpisodeReport) -> tuple[Group, ...]:
+def scorecard(report: EpisodeReport) -> tuple[ScoreGroup, ...]:
     """Outcome, perception, communication and cost, a few rows each; incidents and the mission's events if any."""
     metrics = _values(report)
     return (
@@ -42,7 +42,7 @@ def scorecard(report: EpisodeReport) -> tuple[Group, ...]:
     )
 
 
-def plain(report: EpisodeReport) -> tuple[Group, ...]:
+def plain(report: EpisodeReport) -> tuple[ScoreGroup, ...]:
     """The same in a fixed set of short names, a bare number and its unit each, for a pipe; missing ones are N/A.
 
     Rates run from 0 to 1. Every mission and every outcome gives the same names in the same order.
@@ -59,7 +59,7 @@ def plain(report: EpisodeReport) -> tuple[Group, ...]:
     ]
     outcome += [("incident_log", _log(_incidents(report))), ("event_log", _log(_events(report)))]
     said = {name for name, _ in outcome} | {"scr", "reason"}
-    rows: dict[str, list[Row]] = {group: [] for group in GROUPS}
+    rows: dict[str, list[ScoreRow]] = {group: [] for group in GROUPS}
     rows["outcome"] = outcome
     for name, (group, unit) in printed().items():
         if name not in said:
@@ -79,7 +79,7 @@ def _values(report: EpisodeReport) -> Mapping[str, object]:
     return {} if report.metrics is None else msgspec.structs.asdict(report.metrics)
 
 
-def _outcome(report: EpisodeReport, metrics: Mapping[str, object]) -> tuple[Row, ...]:
+def _outcome(report: EpisodeReport, metrics: Mapping[str, object]) -> tuple[ScoreRow, ...]:
     return (
         ("success", verdict(report)),
         ("subtasks done (SCR)", f"{report.scr:.2f}"),
@@ -90,26 +90,26 @@ def _outcome(report: EpisodeReport, metrics: Mapping[str, object]) -> tuple[Row,
     )
 
 
-def _incidents(report: EpisodeReport) -> tuple[Row, ...]:
+def _incidents(report: EpisodeReport) -> tuple[ScoreRow, ...]:
     return tuple((f"{one.time_s:.1f} s, tick {one.tick}", one.line) for one in report.incidents)
 
 
-def _events(report: EpisodeReport) -> tuple[Row, ...]:
+def _events(report: EpisodeReport) -> tuple[ScoreRow, ...]:
     return tuple((f"{event.time_s:.1f} s", event.line) for event in report.happened)
 
 
-def _few(rows: tuple[Row, ...]) -> tuple[Row, ...]:
+def _few(rows: tuple[ScoreRow, ...]) -> tuple[ScoreRow, ...]:
     """The first of many, and how many more there are."""
     more = len(rows) - MOST_ROWS
     return rows if more <= 0 else (*rows[:MOST_ROWS], ("", f"and {more} more (--json has all)"))
 
 
-def _log(rows: tuple[Row, ...]) -> str:
+def _log(rows: tuple[ScoreRow, ...]) -> str:
     """`37.0 s, tick 4: uav[1] and uav[2] collided …; 60.0 s: …` on one line."""
     return "; ".join(f"{when}: {what}".removeprefix(": ") for when, what in _few(rows)) or UNDEFINED
 
 
-def _perception(metrics: Mapping[str, object]) -> tuple[Row, ...]:
+def _perception(metrics: Mapping[str, object]) -> tuple[ScoreRow, ...]:
     first = metrics.get("first_discovery_tick")
     when = "" if first is None else f", the first at tick {first}"
     late = f", {metrics['absent_frames']} absent" if metrics.get("absent_frames") else ""
@@ -124,7 +124,7 @@ def _perception(metrics: Mapping[str, object]) -> tuple[Row, ...]:
     )
 
 
-def _communication(metrics: Mapping[str, object]) -> tuple[Row, ...]:
+def _communication(metrics: Mapping[str, object]) -> tuple[ScoreRow, ...]:
     return (
         ("messages", f"{_number(metrics.get('messages'))} in {_number(metrics.get('rounds'))} rounds"),
         ("payload", _with_unit(metrics.get("kilobytes"), "kB")),
@@ -133,7 +133,7 @@ def _communication(metrics: Mapping[str, object]) -> tuple[Row, ...]:
     )
 
 
-def _cost(metrics: Mapping[str, object]) -> tuple[Row, ...]:
+def _cost(metrics: Mapping[str, object]) -> tuple[ScoreRow, ...]:
     dollars = metrics.get("cost_usd")
     return (
         ("model calls", f"{_number(metrics.get('calls'))}, {_number(metrics.get('tokens'))} tokens"),

@@ -49,7 +49,7 @@ from lingjing.trace.records import (
     Receipt,
     TaskEvent,
 )
-from lingjing.trace.undisturbed import undisturbed
+from lingjing.trace.signals import deferring_signals
 
 KERNEL: Literal["kernel"] = "kernel"
 """The sender of the kernel's own commands. Their receipts name hidden entities and are no agent's to see."""
@@ -232,7 +232,7 @@ class Kernel:
         if self._record is None:
             self.state = state
             return
-        with undisturbed():
+        with deferring_signals():
             self.state = state
             self._record(record, frames)
 

@@ -41,7 +41,7 @@ from lingjing.plugins.policy import PolicyPlugin
 from lingjing.scene.city import City, content_sha256
 from lingjing.trace.reader import Trace, read_trace
 from lingjing.trace.records import AgentBinding, BoundaryRecord, Header, Outcome
-from lingjing.trace.writer import Picture, TraceWriter, gone
+from lingjing.trace.writer import PictureParts, TraceWriter, gone
 
 NOT_PROMISED = "this digest is not promised on other processors"
 PIN_FIRST = "`lingjing.pin()` before numpy is imported, or `lingjing run`, pins what can be pinned"
@@ -169,7 +169,7 @@ def _hopeless(instance: Instance) -> tuple[str, ...]:
     return tuple(f"this could not be won ({proof.code}): {proof.message}" for proof in prove_instance(instance))
 
 
-def _stored(frames: Sequence[StoredFrame]) -> list[Picture]:
+def _stored(frames: Sequence[StoredFrame]) -> list[PictureParts]:
     return [(frame.info, frame.jpeg, frame.depth, frame.semantic) for frame in frames]
 
 

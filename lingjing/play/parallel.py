@@ -56,7 +56,7 @@ def play_here(
             yield report
 
 
-class Task(NamedTuple):
+class EpisodeTask(NamedTuple):
     """An episode to be played in a process of its own."""
 
     options: PlayOptions
@@ -69,14 +69,14 @@ class Task(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class _Child:
-    task: Task
+class _Worker:
+    task: EpisodeTask
     process: subprocess.Popen[bytes]
     output: IO[bytes]
     errors: IO[bytes]
 
 
-def play_apart(tasks: Iterable[Task], jobs: int) -> Iterator[tuple[Task, EpisodeReport]]:
+def play_apart(tasks: Iterable[EpisodeTask], jobs: int) -> Iterator[tuple[EpisodeTask, EpisodeReport]]:
     """Play in child processes, `jobs` at a time, in order of completion.
 
     A child that fails before it has a result raises with its own message and exit code; the others are ended. One that
@@ -84,7 +84,7 @@ def play_apart(tasks: Iterable[Task], jobs: int) -> Iterator[tuple[Task, Episode
     At an interrupt the children end as an interrupted command does and what they had is yielded before it is raised.
     """
     waiting = iter(tasks)
-    running: list[_Child] = []
+    running: list[_Worker] = []
     try:
         while True:
             while len(running) < jobs and (task := next(waiting, None)) is not None:
@@ -108,17 +108,17 @@ def play_apart(tasks: Iterable[Task], jobs: int) -> Iterator[tuple[Task, Episode
         _end(running)
 
 
-def _start(task: Task) -> _Child:
+def _start(task: EpisodeTask) -> _Worker:
     output, errors = tempfile.TemporaryFile(), tempfile.TemporaryFile()  # noqa: SIM115 - the child outlives this call
     with tempfile.TemporaryFile() as options:
         options.write(msgspec.json.encode(task.options))
         options.seek(0)
         # A process group of its own: a terminal's Ctrl-C reaches the caller alone, who then ends each child once.
         process = subprocess.Popen(task.command(), stdin=options, stdout=output, stderr=errors, process_group=0)
-    return _Child(task, process, output, errors)
+    return _Worker(task, process, output, errors)
 
 
-def _finish(child: _Child) -> EpisodeReport:
+def _finish(child: _Worker) -> EpisodeReport:
     child.output.seek(0)
     child.errors.seek(0)
     printed, complaint = child.output.read(), child.errors.read().decode(errors="replace").strip()
@@ -136,7 +136,7 @@ def _finish(child: _Child) -> EpisodeReport:
     raise kinds.get(code, LingjingError)(complaint.removeprefix("error: ") or f"an episode ended with code {code}")
 
 
-def without_result(task: Task, why: str) -> EpisodeReport:
+def without_result(task: EpisodeTask, why: str) -> EpisodeReport:
     """What can be said of an episode whose process is gone: nothing was scored."""
     trace = next(task.folder.glob("*.part"), task.folder)
     options = task.options
@@ -147,7 +147,7 @@ def without_result(task: Task, why: str) -> EpisodeReport:
     )  # fmt: skip
 
 
-def _end(children: list[_Child]) -> None:
+def _end(children: list[_Worker]) -> None:
     """Ask every child to stop as Ctrl-C would, then make sure."""
     for child in children:
         with suppress(ProcessLookupError):

@@ -48,7 +48,7 @@ class Computed(msgspec.Struct, frozen=True, kw_only=True):
     versions: dict[str, str]
 
 
-class Check(msgspec.Struct, frozen=True, kw_only=True):
+class SelfCheck(msgspec.Struct, frozen=True, kw_only=True):
     """`computed` here against `stored`; `processes` say what each process ran (`lingjing.numerics.taken`)."""
 
     computed: Computed
@@ -87,14 +87,14 @@ class Scripted:
         return Decision(command=self._part.get(observation.tick))
 
 
-def check() -> Check:
+def check() -> SelfCheck:
     """Play the episode and compare. Raises `InfrastructureError` if it is aborted, or nothing is stored."""
     try:
         stored = msgspec.json.decode(STORED.read_bytes(), type=Computed)
     except (OSError, msgspec.DecodeError) as error:
         raise InfrastructureError(f"`{STORED}` cannot be read: {error}", hint="reinstall lingjing") from error
     computed, processes = _play()
-    return Check(computed=computed, stored=stored, processes=processes)
+    return SelfCheck(computed=computed, stored=stored, processes=processes)
 
 
 def _play() -> tuple[Computed, dict[str, dict[str, str]]]:

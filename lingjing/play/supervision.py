@@ -62,8 +62,8 @@ _KINDS: dict[int, type[LingjingError]] = {
     ExitCode.MISSION: MissionError,
 }
 
-Place = tuple[int, Path | None]
-Play = Callable[[Iterator[Place]], Iterator[EpisodeReport]]
+SeedFolder = tuple[int, Path | None]
+Play = Callable[[Iterator[SeedFolder]], Iterator[EpisodeReport]]
 """Plays (seed, folder) pairs as it takes them, as `play_here` does."""
 
 
@@ -368,7 +368,7 @@ def _serve(parent: int, pipe: int, seeds: Sequence[int], claim: Callable[[int], 
 
 
 def _play(pipe: int, seeds: Sequence[int], claim: Callable[[int], Path | None], play: Play) -> None:
-    def places() -> Iterator[Place]:
+    def places() -> Iterator[SeedFolder]:
         for seed in seeds:
             folder = claim(seed)
             _tell(pipe, _Began(seed, "" if folder is None else str(folder)))

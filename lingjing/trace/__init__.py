@@ -12,7 +12,7 @@ In the order in which an episode meets them:
 - `container`  the MCAP file itself; it and `chunks` alone import `mcap`
 - `chunks`     one chunk of it, unpacked within bounds
 - `writer`     `TraceWriter`: header, boundaries, outcome
-- `undisturbed`  signals wait while a boundary is written
+- `signals`    signals wait while a boundary is written
 - `reader`     `read_trace`: the records back, pictures on demand
 
 Invariants: a file named `.part` is unfinished, and reads to its last complete boundary wherever it was cut; the two

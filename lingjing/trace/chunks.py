@@ -1,7 +1,7 @@
 """The messages of one MCAP chunk, whoever wrote it: unpacked and walked through within bounds.
 
 A few bytes can unpack to gigabytes and hold millions of messages. What a chunk declares is looked at before anything is
-unpacked, and what comes out must be what it declared; what a whole file may hold grows with its size (`Bounds`).
+unpacked, and what comes out must be what it declared; what a whole file may hold grows with its size (`UnpackLimits`).
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class ChunkError(ValueError):
     """A chunk is no chunk of ours: it holds more than it may, or something else than it says."""
 
 
-class Bounds:
+class UnpackLimits:
     """What a file of a given size may still unpack to."""
 
     def __init__(self, file_bytes: int) -> None:
@@ -59,7 +59,7 @@ class Bounds:
 
 
 @dataclass(frozen=True, slots=True)
-class Message:
+class ChunkMessage:
     """A message as the chunk has it; times in nanoseconds."""
 
     channel: int
@@ -68,7 +68,7 @@ class Message:
     data: bytes
 
 
-def contents(chunk: mcap.records.Chunk, bounds: Bounds) -> Iterator[mcap.records.Channel | Message]:
+def contents(chunk: mcap.records.Chunk, bounds: UnpackLimits) -> Iterator[mcap.records.Channel | ChunkMessage]:
     """The channels and messages of a chunk, in order. Raises `ChunkError`, or what parsing a damaged place raises."""
     bounds.take(chunk)
     data = unpacked(chunk)
@@ -81,7 +81,7 @@ def contents(chunk: mcap.records.Chunk, bounds: Bounds) -> Iterator[mcap.records
         if opcode == mcap.opcode.Opcode.MESSAGE:
             bounds.message()
             channel, sequence, time_ns, _ = _MESSAGE.unpack_from(data, begin)
-            yield Message(channel, sequence, time_ns, data[begin + _MESSAGE.size : at])
+            yield ChunkMessage(channel, sequence, time_ns, data[begin + _MESSAGE.size : at])
         elif opcode == mcap.opcode.Opcode.CHANNEL:
             bounds.message()
             yield mcap.records.Channel.read(mcap.data_stream.ReadDataStream(io.BytesIO(data[begin:at])))

@@ -21,7 +21,7 @@ import mcap.writer
 import zstandard
 
 from lingjing.errors import UsageError
-from lingjing.trace.chunks import LIMIT, Bounds, contents
+from lingjing.trace.chunks import LIMIT, UnpackLimits, contents
 
 CHUNK_BYTES = 4 * 1024 * 1024
 MAGIC = b"\x89MCAP0\r\n"
@@ -115,7 +115,7 @@ def scan(path: Path) -> Iterator[Stored]:
     """
     channels: dict[int, str] = {}
     with _opened(path) as file:
-        bounds = Bounds(path.stat().st_size)
+        bounds = UnpackLimits(path.stat().st_size)
         try:
             for record in mcap.stream_reader.StreamReader(file, emit_chunks=True, record_size_limit=LIMIT).records:
                 if isinstance(record, mcap.records.Chunk):
@@ -131,7 +131,7 @@ def chunk_messages(path: Path, chunk_at: int) -> Iterator[Stored]:
         reader = mcap.stream_reader.StreamReader(file, skip_magic=True, emit_chunks=True, record_size_limit=LIMIT)
         chunk = next(iter(reader.records))
         if isinstance(chunk, mcap.records.Chunk):
-            yield from _messages(chunk, {}, chunk_at, Bounds(path.stat().st_size))
+            yield from _messages(chunk, {}, chunk_at, UnpackLimits(path.stat().st_size))
 
 
 def ends_properly(path: Path) -> bool:
@@ -153,7 +153,9 @@ def _opened(path: Path) -> IO[bytes]:
     return file
 
 
-def _messages(chunk: mcap.records.Chunk, channels: dict[int, str], chunk_at: int, bounds: Bounds) -> Iterator[Stored]:
+def _messages(
+    chunk: mcap.records.Chunk, channels: dict[int, str], chunk_at: int, bounds: UnpackLimits
+) -> Iterator[Stored]:
     for record in contents(chunk, bounds):
         if isinstance(record, mcap.records.Channel):
             channels[record.id] = record.topic

@@ -133,11 +133,11 @@ def geodetic(origin: tuple[float, float], east: float, north: float) -> tuple[fl
     return math.degrees(lat), math.degrees(lon)
 
 
-Turn = tuple[float, float, float, float]
-Axes = tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
+Quaternion = tuple[float, float, float, float]
+Matrix3 = tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
 
 
-def _body_turn(state: BodyState) -> Turn:
+def _body_turn(state: BodyState) -> Quaternion:
     """From a body's frame to the world: yaw from east, then pitch about the left axis (nose up is negative there),
     then roll."""
     yaw = math.radians(90.0 - state.heading_deg) / 2.0
@@ -148,7 +148,7 @@ def _body_turn(state: BodyState) -> Turn:
     return x, y, cr * cp * sy - sr * sp * cy, cr * cp * cy + sr * sp * sy
 
 
-def _camera_axes(frame: FrameInfo) -> Axes:
+def _camera_axes(frame: FrameInfo) -> Matrix3:
     """Right, down and forward of a camera in the world frame."""
     heading, tilt, roll = (math.radians(v) for v in (frame.pose.heading_deg, frame.pose.tilt_deg, frame.pose.roll_deg))
     sh, ch, st, ct, sr, cr = (f(v) for v in (heading, tilt, roll) for f in (math.sin, math.cos))
@@ -158,7 +158,7 @@ def _camera_axes(frame: FrameInfo) -> Axes:
     return (right[0], right[1], right[2]), (down[0], down[1], down[2]), (sh * ct, ch * ct, -st)
 
 
-def _quaternion(axes: Axes) -> Turn:
+def _quaternion(axes: Matrix3) -> Quaternion:
     """(x, y, z, w) of the rotation whose columns are `axes` (Shepperd's method)."""
     (m00, m10, m20), (m01, m11, m21), (m02, m12, m22) = axes
     squares = (1 + m00 - m11 - m22, 1 - m00 + m11 - m22, 1 - m00 - m11 + m22, 1 + m00 + m11 + m22)
@@ -192,12 +192,12 @@ def _camera_transform(frame: FrameInfo, camera: str, body: BodyState | None) -> 
     return "/tf", _schema(FrameTransforms), message.SerializeToString(deterministic=True)
 
 
-def _inverse(turn: Turn) -> Turn:
+def _inverse(turn: Quaternion) -> Quaternion:
     x, y, z, w = turn
     return -x, -y, -z, w
 
 
-def _product(a: Turn, b: Turn) -> Turn:
+def _product(a: Quaternion, b: Quaternion) -> Quaternion:
     """The Hamilton product of two (x, y, z, w): first `b`, then `a`."""
     (ax, ay, az, aw), (bx, by, bz, bw) = a, b
     return (
@@ -307,7 +307,7 @@ def _place(vector: Any, position: tuple[float, float, float]) -> None:
     vector.x, vector.y, vector.z = position
 
 
-def _turn(quaternion: Any, turn: Turn) -> None:
+def _turn(quaternion: Any, turn: Quaternion) -> None:
     quaternion.x, quaternion.y, quaternion.z, quaternion.w = turn
 
 

@@ -40,7 +40,7 @@ class StoredPicture:
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class ChannelLocation:
     """Where one channel of a picture lies in the file."""
 
     channel: int
@@ -61,7 +61,7 @@ class Trace:
     boundaries: tuple[BoundaryRecord, ...] = field(repr=False)
     outcome: Outcome | None
     complete: bool
-    places: Mapping[str, Mapping[str, Place]] = field(repr=False, default_factory=dict)
+    places: Mapping[str, Mapping[str, ChannelLocation]] = field(repr=False, default_factory=dict)
 
     @cached_property
     def frames(self) -> dict[str, FrameInfo]:
@@ -133,12 +133,12 @@ class _Found:
         self.outcome: Outcome | None = None
         self.boundaries: list[BoundaryRecord] = []
         self.sequences: dict[str, int] = {}
-        self.places: dict[int, dict[str, Place]] = {}
+        self.places: dict[int, dict[str, ChannelLocation]] = {}
 
     def take(self, stored: Stored) -> None:
         """Sort one message into its place; derived messages are passed over."""
         if stored.topic.startswith(CAMERAS):
-            place = Place(stored.channel, stored.sequence, stored.chunk_at)
+            place = ChannelLocation(stored.channel, stored.sequence, stored.chunk_at)
             self.places.setdefault(stored.sequence, {})[stored.topic] = place
         elif stored.topic == BOUNDARY:
             self.boundaries.append(self._decoded(stored, BoundaryRecord))
@@ -162,7 +162,7 @@ class _Found:
             ) from error
 
 
-def _read(path: Path, place: Place) -> bytes:
+def _read(path: Path, place: ChannelLocation) -> bytes:
     for stored in chunk_messages(path, place.chunk_at):
         if (stored.channel, stored.sequence) == (place.channel, place.sequence):
             return stored.data

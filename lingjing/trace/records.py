@@ -16,7 +16,7 @@ import msgspec
 from lingjing.mission.instance import Datum, Instance, Vector, Weather
 
 
-class Value(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class TraceRecord(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Base of every record: frozen, keyword-only."""
 
 
@@ -32,7 +32,7 @@ DORMANT = "dormant"
 """The status of an entity that has not appeared yet or is gone: not drawn, not hit, seen by nobody."""
 
 
-class BodyState(Value, frozen=True, kw_only=True):
+class BodyState(TraceRecord, frozen=True, kw_only=True):
     """One entity at one instant, as its owner reports it; also the mirror that other engines receive.
 
     Velocity is in the world frame (m/s). `resources` holds stocks such as `battery_wh` or `battery` (0..1);
@@ -53,7 +53,7 @@ class BodyState(Value, frozen=True, kw_only=True):
     joints: tuple[float, ...] = ()
 
 
-class Action(Value, frozen=True, kw_only=True):
+class Action(TraceRecord, frozen=True, kw_only=True):
     """A candidate physical command [u]: `resource` is None for the agent's first controlled resource.
 
     `tick` may name the boundary the command was decided on; a command for another one is refused as stale.
@@ -65,7 +65,7 @@ class Action(Value, frozen=True, kw_only=True):
     tick: int | None = None
 
 
-class Outgoing(Value, frozen=True, kw_only=True):
+class Outgoing(TraceRecord, frozen=True, kw_only=True):
     """A candidate message [m]. `to` names agents and counts only where the topology leaves a choice (the hub)."""
 
     kind: str
@@ -73,7 +73,7 @@ class Outgoing(Value, frozen=True, kw_only=True):
     to: tuple[str, ...] = ()
 
 
-class Usage(Value, frozen=True, kw_only=True):
+class Usage(TraceRecord, frozen=True, kw_only=True):
     """What one policy call spent on model inference; money in US dollars."""
 
     calls: int = 0
@@ -82,7 +82,7 @@ class Usage(Value, frozen=True, kw_only=True):
     cost_usd: float = 0.0
 
 
-class Decision(Value, frozen=True, kw_only=True):
+class Decision(TraceRecord, frozen=True, kw_only=True):
     """What a policy returns: at most one physical command and a finite list of messages."""
 
     command: Action | None = None
@@ -91,7 +91,7 @@ class Decision(Value, frozen=True, kw_only=True):
     usage: Usage | None = None
 
 
-class Command(Value, frozen=True, kw_only=True):
+class Command(TraceRecord, frozen=True, kw_only=True):
     """An admitted command [û] on its way to an engine. `id` is `c<tick>-<n>`; `origin` kernel means an unlock."""
 
     id: str
@@ -106,7 +106,7 @@ class Command(Value, frozen=True, kw_only=True):
 Status = Literal["accepted", "running", "completed", "rejected", "timed_out", "substituted"]
 
 
-class Receipt(Value, frozen=True, kw_only=True):
+class Receipt(TraceRecord, frozen=True, kw_only=True):
     """A typed receipt [C]: `request` is a command or message id; `by` is `bus`, `kernel`, `policy` or an engine's
     name; `reason` a stable code (`busy`, `conflict`, `no_authority`, `unknown_verb`, `bad_argument`, `clipped`,
     `preempted`, `unreachable`, `battery`, `policy_timeout`, `policy_error`, `malformed`, …); `progress` is 0..1."""
@@ -123,7 +123,7 @@ class Receipt(Value, frozen=True, kw_only=True):
     progress: float | None = None
 
 
-class TaskEvent(Value, frozen=True, kw_only=True):
+class TaskEvent(TraceRecord, frozen=True, kw_only=True):
     """Something an engine did or saw: `arrived`, `rescue`, `collided`, `battery_empty`, … at an instant.
 
     One with a `name` is an event of the mission that happens by itself: `weather`, whose values are the fields that
@@ -146,7 +146,7 @@ class TaskEvent(Value, frozen=True, kw_only=True):
         return f"{self.kind} {self.name}: {what}"
 
 
-class Route(Value, frozen=True, kw_only=True):
+class Route(TraceRecord, frozen=True, kw_only=True):
     """The way that a road engine planned for an entity: what an inspection inspects.
 
     `waypoints` are points on its lanes from where it stands to its destination, some 200 m apart and at turns, the
@@ -163,7 +163,7 @@ class Route(Value, frozen=True, kw_only=True):
     request: str = ""
 
 
-class Snapshot(Value, frozen=True, kw_only=True):
+class Snapshot(TraceRecord, frozen=True, kw_only=True):
     """All entities of all engines at one macro-step; `ambient` (background traffic) at decision boundaries only."""
 
     time_s: float
@@ -171,7 +171,7 @@ class Snapshot(Value, frozen=True, kw_only=True):
     ambient: tuple[BodyState, ...] = ()
 
 
-class Box(Value, frozen=True, kw_only=True):
+class Box(TraceRecord, frozen=True, kw_only=True):
     """Ground truth of one entity in one frame: a normalised image box, origin top left, and its pixels.
 
     `contrast` is how much a target changes of these pixels (0..255, root mean square; ADR 0012), None where that was
@@ -185,7 +185,7 @@ class Box(Value, frozen=True, kw_only=True):
     contrast: float | None = None
 
 
-class CameraPose(Value, frozen=True, kw_only=True):
+class CameraPose(TraceRecord, frozen=True, kw_only=True):
     """Where a camera was: optical centre in metres; heading of its image-up (nadir) or optical axis (front) in
     degrees; `tilt_deg` is the axis' angle below the horizon (90 nadir, 0 front)."""
 
@@ -198,7 +198,7 @@ class CameraPose(Value, frozen=True, kw_only=True):
     height: int = 1080
 
 
-class FrameInfo(Value, frozen=True, kw_only=True):
+class FrameInfo(TraceRecord, frozen=True, kw_only=True):
     """All that is known of a captured frame but its pixels. `id` is `f<tick>-<entity>-<camera>`.
 
     `sha256` is that of the stored JPEG, `channels_sha256` that of the raw depth and class ids (empty if there are
@@ -221,7 +221,7 @@ class FrameInfo(Value, frozen=True, kw_only=True):
     renderer: str = ""
 
 
-class Absent(Value, frozen=True, kw_only=True):
+class Absent(TraceRecord, frozen=True, kw_only=True):
     """A picture that was asked for and did not come: no observation, no detection."""
 
     entity: str
@@ -230,7 +230,7 @@ class Absent(Value, frozen=True, kw_only=True):
     reason: str
 
 
-class Envelope(Value, frozen=True, kw_only=True):
+class Envelope(TraceRecord, frozen=True, kw_only=True):
     """One admitted sender-to-recipient edge [M̂]. `id` is `m<tick>-<n>`, shared by all edges of one message."""
 
     id: str
@@ -244,7 +244,7 @@ class Envelope(Value, frozen=True, kw_only=True):
     deliver_at: int
 
 
-class Event(Value, frozen=True, kw_only=True):
+class Event(TraceRecord, frozen=True, kw_only=True):
     """An adjudicated event [V]: the rule's name and its binding; `evidence` are the numbers that made it true.
 
     Policies see only the public projection (`lingjing.kernel.visibility`), one boundary later.
@@ -258,7 +258,7 @@ class Event(Value, frozen=True, kw_only=True):
     evidence: dict[str, Datum] = {}
 
 
-class StageChange(Value, frozen=True, kw_only=True):
+class StageChange(TraceRecord, frozen=True, kw_only=True):
     """A stage of a mission became done for one subject (or for all, with subject "")."""
 
     stage: str
@@ -267,7 +267,7 @@ class StageChange(Value, frozen=True, kw_only=True):
     time_s: float
 
 
-class EntityView(Value, frozen=True, kw_only=True):
+class EntityView(TraceRecord, frozen=True, kw_only=True):
     """What an observation channel shows of one entity; a field that is not observed is None.
 
     `route` are the waypoints of the latest route planned for it.
@@ -284,7 +284,7 @@ class EntityView(Value, frozen=True, kw_only=True):
     route: tuple[Vector, ...] | None = None
 
 
-class CellView(Value, frozen=True, kw_only=True):
+class CellView(TraceRecord, frozen=True, kw_only=True):
     """The shared search state of one cell: the tick and the entity of the first photograph taken over it."""
 
     name: str
@@ -292,7 +292,7 @@ class CellView(Value, frozen=True, kw_only=True):
     visited_by: str | None = None
 
 
-class EventView(Value, frozen=True, kw_only=True):
+class EventView(TraceRecord, frozen=True, kw_only=True):
     """The public projection of a task event or an adjudicated event: no numbers, no hidden entity."""
 
     id: str
@@ -301,7 +301,7 @@ class EventView(Value, frozen=True, kw_only=True):
     entities: tuple[str, ...]
 
 
-class ObservationRecord(Value, frozen=True, kw_only=True):
+class ObservationRecord(TraceRecord, frozen=True, kw_only=True):
     """What one agent saw at a boundary [o]; pictures by frame id (`frames`), the pixels are stored once.
 
     `sha256` covers the complete policy input (observation, inbox and decoded pixels): two episodes whose agents
@@ -320,7 +320,7 @@ class ObservationRecord(Value, frozen=True, kw_only=True):
     weather: Weather | None = None
 
 
-class InboxRecord(Value, frozen=True, kw_only=True):
+class InboxRecord(TraceRecord, frozen=True, kw_only=True):
     """What one agent's inbox held at a boundary [I]: ids of the envelopes and the receipts shown to it."""
 
     agent: str
@@ -328,7 +328,7 @@ class InboxRecord(Value, frozen=True, kw_only=True):
     receipts: tuple[Receipt, ...] = ()
 
 
-class DecisionRecord(Value, frozen=True, kw_only=True):
+class DecisionRecord(TraceRecord, frozen=True, kw_only=True):
     """What one policy returned [u, m], after substitution if it failed; `substituted` is the reason code or "", and
     `detail` says what went wrong."""
 
@@ -339,7 +339,7 @@ class DecisionRecord(Value, frozen=True, kw_only=True):
     policy_wall_s: float = 0.0
 
 
-class RelationRecord(Value, frozen=True, kw_only=True):
+class RelationRecord(TraceRecord, frozen=True, kw_only=True):
     """One occurrence of a declared coordination relation: who did it to whom, carried by what, when."""
 
     kind: str
@@ -349,7 +349,7 @@ class RelationRecord(Value, frozen=True, kw_only=True):
     tick: int
 
 
-class EngineStatus(Value, frozen=True, kw_only=True):
+class EngineStatus(TraceRecord, frozen=True, kw_only=True):
     """One engine at a boundary: its own clock, its frame counter and what the barrier waited for it."""
 
     engine: str
@@ -358,7 +358,7 @@ class EngineStatus(Value, frozen=True, kw_only=True):
     wait_wall_s: float = 0.0
 
 
-class BoundaryRecord(Value, frozen=True, kw_only=True):
+class BoundaryRecord(TraceRecord, frozen=True, kw_only=True):
     """One committed boundary, everything Algorithm 1's `Log` receives, in the paper's order. `reward` is the score so
     far, `scr` the subtask completion rate.
 
@@ -392,7 +392,7 @@ class BoundaryRecord(Value, frozen=True, kw_only=True):
     unheard: tuple[tuple[str, str], ...] = ()
 
 
-class AgentBinding(Value, frozen=True, kw_only=True):
+class AgentBinding(TraceRecord, frozen=True, kw_only=True):
     """Which policy played which agent; `privileged` marks an oracle."""
 
     agent: str
@@ -401,7 +401,7 @@ class AgentBinding(Value, frozen=True, kw_only=True):
     arguments: dict[str, str] = {}
 
 
-class Header(Value, frozen=True, kw_only=True):
+class Header(TraceRecord, frozen=True, kw_only=True):
     """The first record of a trace: what was played, by whom, on what; `policy_seed` started the policies' streams,
     `evaluators` scored it."""
 
@@ -416,7 +416,7 @@ class Header(Value, frozen=True, kw_only=True):
     evaluators: tuple[str, ...] = ("mission",)
 
 
-class Outcome(Value, frozen=True, kw_only=True):
+class Outcome(TraceRecord, frozen=True, kw_only=True):
     """The last record: `scr` is the subtask completion rate, `score` the mission's own with weights and penalties;
     `detail` the cause of the ending where the reason leaves one open (which stage, which constraint, which engine),
     `hint` what to do about an abort; `processes` what each process that decided this ran

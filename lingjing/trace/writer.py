@@ -19,10 +19,10 @@ from lingjing.errors import InfrastructureError, LingjingError, UsageError
 from lingjing.trace import foxglove, images
 from lingjing.trace.container import ContainerSchema, ContainerWriter
 from lingjing.trace.encoding import to_json
-from lingjing.trace.records import BodyState, BoundaryRecord, FrameInfo, Header, Outcome, Value
+from lingjing.trace.records import BodyState, BoundaryRecord, FrameInfo, Header, Outcome, TraceRecord
 from lingjing.trace.schemas import RECORDS, schema_text
 
-Picture = tuple[FrameInfo, bytes, npt.NDArray[np.float32] | None, npt.NDArray[np.uint8] | None]
+PictureParts = tuple[FrameInfo, bytes, npt.NDArray[np.float32] | None, npt.NDArray[np.uint8] | None]
 """A picture to store: what is known of it, its JPEG, and depth and class ids where the camera declares them."""
 
 PART = ".part"
@@ -57,7 +57,7 @@ class TraceWriter:
         self._container = self._create()
         self._guarded(lambda: self._begin(header))
 
-    def boundary(self, record: BoundaryRecord, pictures: Sequence[Picture] = ()) -> None:
+    def boundary(self, record: BoundaryRecord, pictures: Sequence[PictureParts] = ()) -> None:
         """Write the boundary's pictures and derived messages, the record itself last, and flush."""
         self._guarded(lambda: self._boundary(record, pictures))
 
@@ -101,7 +101,7 @@ class TraceWriter:
         self._derived(foxglove.scene(header.instance), 0)
         self._container.flush()
 
-    def _boundary(self, record: BoundaryRecord, pictures: Sequence[Picture]) -> None:
+    def _boundary(self, record: BoundaryRecord, pictures: Sequence[PictureParts]) -> None:
         now = nanoseconds(record.time_s)
         for snapshot in record.snapshots:  # before the pictures, whose poses are later: each topic stays in time order
             self._derived(foxglove.transforms(snapshot), nanoseconds(snapshot.time_s))
@@ -123,7 +123,7 @@ class TraceWriter:
         )
         return bodies.get(frame.entity) if mounted else None
 
-    def _picture(self, picture: Picture, body: BodyState | None) -> None:
+    def _picture(self, picture: PictureParts, body: BodyState | None) -> None:
         frame, jpeg, depth, semantic = picture
         self._pictures += 1
         time_ns = nanoseconds(frame.time_s)
@@ -133,7 +133,7 @@ class TraceWriter:
         for message in foxglove.frame_messages(frame, jpeg, packed, ids, body):
             self._derived(message, time_ns, self._pictures)
 
-    def _own(self, name: str, record: Value, time_ns: int, sequence: int = 0) -> None:
+    def _own(self, name: str, record: TraceRecord, time_ns: int, sequence: int = 0) -> None:
         schema = ContainerSchema(f"lingjing.{RECORDS[name].__name__}", "jsonschema", schema_text(name).encode())
         self._container.add(f"/lingjing/{name}", schema, time_ns, to_json(record), sequence)
 

@@ -17,7 +17,7 @@ from lingjing.bench.study import CASES, Study, StudyRow, _bar, missing, play, ta
 from lingjing.errors import InfrastructureError, UsageError
 from lingjing.play import parallel
 from lingjing.play.options import PlayOptions
-from lingjing.play.parallel import Task, play_apart
+from lingjing.play.parallel import EpisodeTask, play_apart
 from lingjing.play.report import ABORTED, EpisodeReport, summarise
 from tests.play.report_kit import blank_metrics, made_report
 
@@ -62,13 +62,16 @@ def child(monkeypatch: pytest.MonkeyPatch):
     """Replace the command that plays an episode by a small script that gets the same arguments."""
 
     def use(script: str) -> None:
-        monkeypatch.setattr(Task, "command", lambda self: [sys.executable, "-c", textwrap.dedent(script)])
+        monkeypatch.setattr(EpisodeTask, "command", lambda self: [sys.executable, "-c", textwrap.dedent(script)])
 
     return use
 
 
-def tasks(count: int, folder: Path) -> list[Task]:
-    return [Task(PlayOptions(mission="m.ljs", policy="p", mode="star", seed=n), folder / str(n)) for n in range(count)]
+def tasks(count: int, folder: Path) -> list[EpisodeTask]:
+    return [
+        EpisodeTask(PlayOptions(mission="m.ljs", policy="p", mode="star", seed=n), folder / str(n))
+        for n in range(count)
+    ]
 
 
 def test_children_answer_each_for_its_task(child, tmp_path: Path) -> None:
@@ -96,7 +99,7 @@ def test_no_child_is_left_behind(child, tmp_path: Path, monkeypatch: pytest.Monk
     started: list[subprocess.Popen[bytes]] = []
     real = parallel._start
 
-    def start(task: Task) -> parallel._Child:
+    def start(task: EpisodeTask) -> parallel._Worker:
         made = real(task)
         started.append(made.process)
         return made
@@ -152,7 +155,7 @@ def test_policy_seeds_come_from_the_studys_own_salt(tmp_path: Path) -> None:
 
 def test_an_episode_is_told_its_options_and_its_row_keeps_the_policy_seed(child, tmp_path: Path) -> None:
     child("import sys; sys.stderr.write(sys.stdin.read()); sys.exit(2)")
-    task = Task(PlayOptions(mission="m.ljs", settings={"uavs": 2.0}, policy_seed=77), tmp_path / "run")
+    task = EpisodeTask(PlayOptions(mission="m.ljs", settings={"uavs": 2.0}, policy_seed=77), tmp_path / "run")
     with pytest.raises(UsageError) as told:
         list(play_apart([task], jobs=1))
     assert msgspec.json.decode(str(told.value), type=PlayOptions) == task.options

@@ -11,7 +11,7 @@ import pytest
 import lingjing
 from lingjing.bench import study
 from lingjing.bench.columns import columns, shipped
-from lingjing.cli.pairs import parse_pairs, parse_settings
+from lingjing.cli.arguments import parse_pairs, parse_settings
 from lingjing.dsl.loading.load import load_mission
 
 PAGE = (Path(lingjing.__file__).parents[1] / "docs" / "studies.md").read_text(encoding="utf-8")

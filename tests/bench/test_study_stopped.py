@@ -18,7 +18,7 @@ from lingjing.bench.columns import Column
 from lingjing.bench.study import CASES, Study, main, missing, play
 from lingjing.errors import ExitCode, UsageError
 from lingjing.play.options import PlayOptions
-from lingjing.play.parallel import Task, play_apart
+from lingjing.play.parallel import EpisodeTask, play_apart
 from lingjing.play.report import ABORTED, INTERRUPTED
 
 STAR = Column(Path("m.ljs"), "m", "star")
@@ -38,7 +38,7 @@ import sys
 from lingjing.bench import study
 from lingjing.play import parallel
 answer = {ANSWER!r}.replace("REASON", "'success'")
-parallel.Task.command = lambda self: [sys.executable, "-S", "-c", answer, str(self.folder)]
+parallel.EpisodeTask.command = lambda self: [sys.executable, "-S", "-c", answer, str(self.folder)]
 sys.exit(study.main(sys.argv[1:]))
 """
 
@@ -46,10 +46,10 @@ sys.exit(study.main(sys.argv[1:]))
 def answering(monkeypatch: pytest.MonkeyPatch, script: str) -> None:
     """Play an episode by a script that gets the seed and the folder."""
 
-    def command(self: Task) -> list[str]:
+    def command(self: EpisodeTask) -> list[str]:
         return [sys.executable, "-S", "-c", textwrap.dedent(script), str(self.folder)]
 
-    monkeypatch.setattr(Task, "command", command)
+    monkeypatch.setattr(EpisodeTask, "command", command)
 
 
 def test_an_episode_that_was_interrupted_is_played_anew(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -67,7 +67,7 @@ def test_a_killed_child_is_an_abort_of_its_episode_alone(monkeypatch: pytest.Mon
     before, sleeping, after = ANSWER.replace("REASON", "'success'").partition("time.sleep(0.05)\n")
     answering(monkeypatch, before + killed + sleeping + after)
     each = [PlayOptions(mission="m.ljs", policy="p", mode="star", seed=seed) for seed in range(2)]
-    tasks = [Task(options, tmp_path / str(options.seed)) for options in each]
+    tasks = [EpisodeTask(options, tmp_path / str(options.seed)) for options in each]
     reports = {task.options.seed: report for task, report in play_apart(tasks, jobs=1)}
     assert reports[1].reason == "success"
     assert reports[0].reason == ABORTED

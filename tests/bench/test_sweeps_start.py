@@ -8,7 +8,7 @@ import pytest
 
 from lingjing.bench.columns import Column, columns, shipped
 from lingjing.dsl.loading.load import load_mission
-from lingjing.envs.game import Game
+from lingjing.envs.stepping import SteppedEpisodes
 from lingjing.trace.records import Decision
 
 pytestmark = pytest.mark.slow
@@ -19,7 +19,7 @@ GROUPS = {"cd": {"point": 20, "van": 5}, "ufr": {"fire": 6, "uav": 5}, "ssr": {"
 
 @pytest.mark.parametrize("column", LAST.values(), ids=lambda column: column.name)
 def test_it_starts(column: Column) -> None:
-    game = Game(load_mission(str(column.path)), column.mode, column.settings, "random", "inline")
+    game = SteppedEpisodes(load_mission(str(column.path)), column.mode, column.settings, "random", "inline")
     try:
         agents = [agent.id for agent in game.instance(3).agents]
         game.begin(3, agents)

@@ -10,7 +10,7 @@ from typing import cast
 
 import pytest
 
-from lingjing.cli.pairs import parse_pairs, parse_seeds, parse_settings
+from lingjing.cli.arguments import parse_pairs, parse_seeds, parse_settings
 from lingjing.dsl.loading.shipped import find_mission, shipped_missions
 from lingjing.errors import UsageError
 from lingjing.mission.expression import Number

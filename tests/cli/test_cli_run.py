@@ -15,7 +15,7 @@ import msgspec
 import pytest
 
 from lingjing.analysis.metrics import Metrics
-from lingjing.cli.scoreboard import print_episode
+from lingjing.cli.results import print_episode
 from lingjing.cli.scorecard import plain
 from lingjing.data import data_path
 from lingjing.play.report import EpisodeReport

@@ -376,14 +376,14 @@ def test_a_fork_is_a_bit_exact_copy(world):
 
 def test_branches_that_differ_do_not_touch_each_other(world):
     world.reset(toys.trio(), toys.CITY)
-    undisturbed = opened("inline")
-    undisturbed.reset(toys.trio(), toys.CITY)
+    deferring_signals = opened("inline")
+    deferring_signals.reset(toys.trio(), toys.CITY)
     twin = world.fork()
     grandchild = twin.fork()
     twin.step(1, [toys.command("c1-1", "ant")])
-    assert without_waits(world.step(1, ())) == without_waits(undisturbed.step(1, ()))
+    assert without_waits(world.step(1, ())) == without_waits(deferring_signals.step(1, ()))
     assert grandchild.step(1, ()).events == ()
-    for each in (twin, grandchild, undisturbed):
+    for each in (twin, grandchild, deferring_signals):
         each.close()
 
 

@@ -20,7 +20,7 @@ from lingjing.errors import InfrastructureError, LingjingError, MissionError, Us
 from lingjing.play import supervision
 from lingjing.play.descendants import _children_by_parent, adopting, children
 from lingjing.play.report import ABORTED, INTERRUPTED, EpisodeReport
-from lingjing.play.supervision import Place, play_supervised
+from lingjing.play.supervision import SeedFolder, play_supervised
 from tests.play.report_kit import blank_metrics, made_report
 
 METRICS = blank_metrics(kilobytes=1.5, stages=(StageMetric(name="detect", done=1, required=3, cumulative=False),))
@@ -38,7 +38,7 @@ def played(act: Callable[[int], object], folder: Path, seeds: tuple[int, ...] = 
         made.mkdir()
         return made
 
-    def play(places: Iterator[Place]) -> Iterator[EpisodeReport]:
+    def play(places: Iterator[SeedFolder]) -> Iterator[EpisodeReport]:
         for seed, _ in places:
             act(seed)
             yield report(seed)
@@ -200,7 +200,7 @@ def interrupted_by(number: signal.Signals, act: Callable[[int], object], folder:
 def test_an_interrupt_ends_the_episode_once(number: signal.Signals, tmp_path: Path) -> None:
     """However often it comes; here the episode answers with what it has."""
 
-    def play(places: Iterator[Place]) -> Iterator[EpisodeReport]:
+    def play(places: Iterator[SeedFolder]) -> Iterator[EpisodeReport]:
         for seed, _ in places:
             try:
                 (tmp_path / "begun").touch()

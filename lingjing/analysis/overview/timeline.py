@@ -8,8 +8,8 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
+from lingjing.analysis.messages import AdmittedMessage
 from lingjing.analysis.overview import style
-from lingjing.analysis.spoken import Spoken
 from lingjing.analysis.story import Story
 
 
@@ -106,9 +106,9 @@ def draw_batteries(axes: Axes, story: Story) -> None:
     axes.tick_params(labelbottom=True)
 
 
-def _spread(story: Story) -> list[tuple[Spoken, float]]:
+def _spread(story: Story) -> list[tuple[AdmittedMessage, float]]:
     """Messages of one tick side by side instead of on top of each other."""
-    by_tick: dict[int, list[Spoken]] = defaultdict(list)
+    by_tick: dict[int, list[AdmittedMessage]] = defaultdict(list)
     for said in story.said:
         by_tick[said.tick].append(said)
     return [
@@ -118,7 +118,7 @@ def _spread(story: Story) -> list[tuple[Spoken, float]]:
     ]
 
 
-def _message(axes: Axes, said: Spoken, x: float, lanes: dict[str, int]) -> None:
+def _message(axes: Axes, said: AdmittedMessage, x: float, lanes: dict[str, int]) -> None:
     colour = style.CATEGORIES.get(said.category, style.FAINT)
     ends = [lanes[name] for name in (said.sender, *said.recipients) if name in lanes]
     if not ends or said.sender not in lanes:

@@ -11,7 +11,7 @@ from typing import Literal
 import msgspec
 
 from lingjing.analysis.completion import completed_at
-from lingjing.analysis.spoken import Spoken, categories_of, spoken_at
+from lingjing.analysis.messages import AdmittedMessage, admitted_at, categories_of
 from lingjing.kernel.episode import Progress
 from lingjing.mission.geometry2d import Vector2
 from lingjing.mission.instance import Datum, Entity, Instance
@@ -88,7 +88,7 @@ class Watched:
         self._move(record)
         self._judge(record)
         self._act(record)
-        self.messages.extend(map(_line, spoken_at(record, categories_of(self.instance))))
+        self.messages.extend(map(_line, admitted_at(record, categories_of(self.instance))))
         self.events.extend(self._happened(record))
 
     def seen_targets(self) -> Iterable[tuple[Entity, Vector2, TargetStatus]]:
@@ -190,7 +190,7 @@ def _status(receipt: Receipt) -> str:
     return f"{receipt.status.replace('_', ' ')}{progress}{f': {receipt.reason}' if receipt.reason else ''}"
 
 
-def _line(said: Spoken) -> TickerLine:
+def _line(said: AdmittedMessage) -> TickerLine:
     """One line a message, its recipients together; a report for nobody is adjudicated all the same."""
     to = said.recipients[0] if len(said.recipients) == 1 else f"{len(said.recipients)} agents"
     who = f"{said.sender} → {to}" if said.recipients else said.sender

@@ -24,7 +24,7 @@ from lingjing.plugins.loading import build_policy, load_policy
 from lingjing.trace.records import Decision, DecisionRecord
 
 
-class Game:
+class SteppedEpisodes:
     """Episodes of one mission in one mode with the same settings."""
 
     def __init__(

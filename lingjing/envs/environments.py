@@ -1,4 +1,4 @@
-"""The two standard faces: PettingZoo's `ParallelEnv` for a mission, Gymnasium's `Env` for one of its agents."""
+"""The two standard environments: PettingZoo's `ParallelEnv` for a mission, Gymnasium's `Env` for one of its agents."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from pettingzoo import ParallelEnv
 from lingjing.data import data_path
 from lingjing.dsl.loading.load import load_mission
 from lingjing.envs.codec import Codec
-from lingjing.envs.game import Game
+from lingjing.envs.stepping import SteppedEpisodes
 from lingjing.errors import UsageError
 from lingjing.kernel.step import Published
 from lingjing.mission.instance import Instance
 from lingjing.mission.model import Mission
 from lingjing.trace.records import Decision
 
-World = Literal["process", "inline"]
+WorldKind = Literal["process", "inline"]
 
 LARGEST_SEED = 2**31 - 1
 
@@ -47,14 +47,14 @@ class LingjingParallelEnv(ParallelEnv, EzPickle):  # type: ignore[misc] # the pa
         mode: str | None = None,
         settings: Mapping[str, float] | None = None,
         picture_width: int = 160,
-        world: World = "process",
+        world: WorldKind = "process",
         policy_seed: int = 0,
     ) -> None:
         EzPickle.__init__(
             self, mission, mode=mode, settings=settings, picture_width=picture_width, world=world,
             policy_seed=policy_seed,
         )  # fmt: skip
-        self._game = Game(_mission(mission), mode, settings or {}, "random", world, _seed(policy_seed))
+        self._game = SteppedEpisodes(_mission(mission), mode, settings or {}, "random", world, _seed(policy_seed))
         self._instance = self._game.instance(0)
         self._codecs = codecs(self._instance, picture_width)
         self.possible_agents = list(self._codecs)
@@ -148,14 +148,14 @@ class LingjingEnv(gymnasium.Env[dict[str, Any], dict[str, Any]], EzPickle):
         mode: str | None = None,
         settings: Mapping[str, float] | None = None,
         picture_width: int = 160,
-        world: World = "process",
+        world: WorldKind = "process",
         policy_seed: int = 0,
     ) -> None:
         EzPickle.__init__(
             self, mission, agent=agent, others=others, mode=mode, settings=settings, picture_width=picture_width,
             world=world, policy_seed=policy_seed,
         )  # fmt: skip
-        self._game = Game(_mission(mission), mode, settings or {}, others, world, _seed(policy_seed))
+        self._game = SteppedEpisodes(_mission(mission), mode, settings or {}, others, world, _seed(policy_seed))
         instance = self._game.instance(0)
         each = codecs(instance, picture_width)
         self.agent = agent if agent is not None else next(iter(each))
@@ -208,7 +208,7 @@ def register_missions() -> None:
             if name not in gymnasium.registry:
                 gymnasium.register(
                     id=name,
-                    entry_point="lingjing.envs.faces:LingjingEnv",
+                    entry_point="lingjing.envs.environments:LingjingEnv",
                     kwargs={"mission": file.stem, "mode": mode},
                 )
 

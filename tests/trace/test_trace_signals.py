@@ -6,7 +6,7 @@ import threading
 
 import pytest
 
-from lingjing.trace.undisturbed import undisturbed
+from lingjing.trace.signals import deferring_signals
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
@@ -17,7 +17,7 @@ def test_a_signal_waits_for_the_end(number):
     before = signal.signal(number, interrupt)
     done = []
     try:
-        with pytest.raises(KeyboardInterrupt), undisturbed():
+        with pytest.raises(KeyboardInterrupt), deferring_signals():
             os.kill(os.getpid(), number)
             os.kill(os.getpid(), number)
             done.append("written")
@@ -28,7 +28,7 @@ def test_a_signal_waits_for_the_end(number):
 
 
 def test_an_error_inside_goes_before_the_signal():
-    with pytest.raises(OSError, match="full"), undisturbed():
+    with pytest.raises(OSError, match="full"), deferring_signals():
         os.kill(os.getpid(), signal.SIGINT)
         raise OSError("full")
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
@@ -37,13 +37,13 @@ def test_an_error_inside_goes_before_the_signal():
 def test_ignored_signals_and_other_threads_are_left_alone():
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:
-        with undisturbed():
+        with deferring_signals():
             os.kill(os.getpid(), signal.SIGHUP)
             assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
         ran = []
 
         def work():
-            with undisturbed():
+            with deferring_signals():
                 ran.append(signal.getsignal(signal.SIGINT))
 
         thread = threading.Thread(target=work)

@@ -15,7 +15,7 @@ from lingjing.trace.records import BoundaryRecord
 
 
 @dataclass(frozen=True, slots=True)
-class Spoken:
+class AdmittedMessage:
     """An admitted message of `tick`; `category` as the mission declares its kind, `recipients` in the bus's order."""
 
     id: str
@@ -27,10 +27,10 @@ class Spoken:
     recipients: tuple[str, ...] = ()
 
 
-def spoken(trace: Trace) -> tuple[Spoken, ...]:
+def admitted(trace: Trace) -> tuple[AdmittedMessage, ...]:
     """Every admitted message of a trace, in the order of its boundaries."""
     categories = categories_of(trace.header.instance)
-    return tuple(message for record in trace.boundaries for message in spoken_at(record, categories))
+    return tuple(message for record in trace.boundaries for message in admitted_at(record, categories))
 
 
 def categories_of(instance: Instance) -> Mapping[str, str]:
@@ -38,18 +38,18 @@ def categories_of(instance: Instance) -> Mapping[str, str]:
     return {spec.kind: spec.category for spec in instance.messages}
 
 
-def spoken_at(record: BoundaryRecord, categories: Mapping[str, str]) -> tuple[Spoken, ...]:
+def admitted_at(record: BoundaryRecord, categories: Mapping[str, str]) -> tuple[AdmittedMessage, ...]:
     """The admitted messages of one boundary: those that somebody was sent, then those for nobody."""
-    found: dict[str, Spoken] = {}
+    found: dict[str, AdmittedMessage] = {}
     for edge in record.messages:
         heard = (*(found[edge.id].recipients if edge.id in found else ()), edge.recipient)
-        found[edge.id] = Spoken(edge.id, edge.tick, edge.sender, edge.kind, edge.category, edge.body, heard)
+        found[edge.id] = AdmittedMessage(edge.id, edge.tick, edge.sender, edge.kind, edge.category, edge.body, heard)
     for lone in _unheard(record, categories):
         found.setdefault(lone.id, lone)
     return tuple(found.values())
 
 
-def _unheard(record: BoundaryRecord, categories: Mapping[str, str]) -> Iterator[Spoken]:
+def _unheard(record: BoundaryRecord, categories: Mapping[str, str]) -> Iterator[AdmittedMessage]:
     """The boundary's accepted messages, numbered as the bus numbers them: over all candidates in policy order."""
     accepted = {receipt.request for receipt in record.receipts if receipt.by == "bus" and receipt.status == "accepted"}
     number = 0
@@ -58,4 +58,6 @@ def _unheard(record: BoundaryRecord, categories: Mapping[str, str]) -> Iterator[
             number += 1
             name = f"m{record.tick}-{number}"
             if name in accepted and message.kind in categories:
-                yield Spoken(name, record.tick, made.agent, message.kind, categories[message.kind], message.body)
+                yield AdmittedMessage(
+                    name, record.tick, made.agent, message.kind, categories[message.kind], message.body
+                )

@@ -1,4 +1,4 @@
-"""`undisturbed`: what must be whole or not at all, as a boundary and its record, is not torn by Ctrl-C."""
+"""`deferring_signals`: what must be whole or not at all, as a boundary and its record, is not torn by Ctrl-C."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _INTERRUPTING = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "S
 
 
 @contextmanager
-def undisturbed() -> Iterator[None]:
+def deferring_signals() -> Iterator[None]:
     """Keep signals that a Python function handles until the end, then let it handle the first of them.
 
     Elsewhere than in the main thread, where none is handled, nothing is done.
