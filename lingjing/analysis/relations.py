@@ -17,7 +17,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from lingjing.analysis.messages import admitted_at, categories_of
 from lingjing.kernel.assignments import point

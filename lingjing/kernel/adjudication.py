@@ -11,7 +11,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Container, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+
+import msgspec
+from msgspec.structs import replace
 
 from lingjing.kernel.assignments import point
 from lingjing.kernel.constraints import ConstraintMonitor
@@ -28,8 +30,7 @@ from lingjing.mission.values import Area
 from lingjing.trace.records import BodyState, Event, Snapshot, StageChange
 
 
-@dataclass(frozen=True, slots=True)
-class Verdict:
+class Verdict(msgspec.Struct, frozen=True):
     """What a boundary's adjudication found [V], with the registry that has latched it."""
 
     registry: Registry
@@ -53,11 +54,15 @@ class Adjudicator:
         self._settled = tuple(rule for rule in ordered if rule not in self._moving)
         self._areas = {region.name: Area(region.polygon) for region in instance.regions}
         self._meanings: dict[int, tuple[Expr, Meaning]] = {}
+        self._latest: RuntimeContext | None = None
         self._at_once = frozenset(rule.name for rule in ordered if settles_at_once(rule, self._rules, self.kinds))
 
     def instant(self, registry: Registry, states: Mapping[str, BodyState], time_s: float) -> RuntimeContext:
-        """The evaluation context of this instance at `time_s`."""
-        return RuntimeContext(
+        """The evaluation context of this instance at `time_s`; the latest one again where it is asked for again."""
+        latest = self._latest
+        if latest is not None and latest.registry is registry and latest.states is states and latest.time_s == time_s:
+            return latest
+        self._latest = RuntimeContext(
             self._instance,
             registry,
             states,
@@ -69,18 +74,19 @@ class Adjudicator:
             FACTS,
             self._meanings,
         )
+        return self._latest
 
     def adjudicate(self, before: Registry, registry: Registry, snapshots: Sequence[Snapshot]) -> Verdict:
         """Walk the macro-steps of the boundary that `registry` stands at; `before` is the last boundary's, whose
         reports are the ones that count until the commit."""
         events: list[Event] = []
-        early = replace(registry, reports=before.reports)
-        for snapshot in snapshots[:-1]:
-            early = self._apply(self._moving, early, snapshot, events)
-        registry = replace(early, reports=registry.reports)
-        last = Snapshot(time_s=registry.time_s, states=tuple(registry.states.values()))
-        registry = self._apply(self._settled, registry, last, events)
-        registry = self._apply(self._moving, registry, last, events)
+        if self._moving and len(snapshots) > 1:
+            early = replace(registry, reports=before.reports)
+            for snapshot in snapshots[:-1]:
+                states = {state.id: state for state in snapshot.states}
+                early = self._apply(self._moving, early, states, snapshot.time_s, events)
+            registry = replace(early, reports=registry.reports)
+        registry = self._apply(self._settled + self._moving, registry, registry.states, registry.time_s, events)
         registry, broken = self._monitor.look(registry, snapshots, self.instant, len(events) + 1)
         events.extend(broken)
         registry, stages = self._stages(registry)
@@ -88,10 +94,16 @@ class Adjudicator:
         registry, unlocks = self._unlocks(registry)
         return Verdict(registry, tuple(events), stages, unlocks)
 
-    def _apply(self, rules: Iterable[Rule], registry: Registry, snapshot: Snapshot, events: list[Event]) -> Registry:
-        states = {state.id: state for state in snapshot.states}
+    def _apply(
+        self,
+        rules: Iterable[Rule],
+        registry: Registry,
+        states: Mapping[str, BodyState],
+        time_s: float,
+        events: list[Event],
+    ) -> Registry:
         for rule in rules:
-            at = self.instant(registry, states, snapshot.time_s)
+            at = self.instant(registry, states, time_s)
             registry = self._match(rule, at, events) if rule.matching else self._latch(rule, at, events)
         return registry
 
@@ -166,6 +178,8 @@ class Adjudicator:
         )
 
     def _stages(self, registry: Registry) -> tuple[Registry, tuple[StageChange, ...]]:
+        if not self._instance.stages:
+            return registry, ()
         at = self.instant(registry, registry.states, registry.time_s)
         done = dict(registry.stages)
         changes = []
@@ -181,6 +195,8 @@ class Adjudicator:
         return (replace(registry, stages=done) if changes else registry), tuple(changes)
 
     def _unlocks(self, registry: Registry) -> tuple[Registry, tuple[tuple[str, str], ...]]:
+        if not self._instance.unlocks:
+            return registry, ()
         at = self.instant(registry, registry.states, registry.time_s)
         fresh: dict[tuple[str, str], int] = {}
         for unlock in self._instance.unlocks:

@@ -9,7 +9,9 @@ a message beyond an allowance of messages is refused with that reason.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+
+from msgspec.structs import replace
 
 from lingjing.kernel.progress import EpisodeProgress, Spent
 from lingjing.kernel.registry import Registry
@@ -54,16 +56,17 @@ class Budgets:
 
     def spend(self, progress: EpisodeProgress, decisions: Iterable[DecisionRecord]) -> EpisodeProgress:
         """The progress with what the decisions' model calls have cost."""
+        paid = [(made.agent, made.decision.usage) for made in decisions if made.decision.usage is not None]
+        if not paid:
+            return progress
         spent = dict(progress.spent)
-        for made in decisions:
-            usage = made.decision.usage
-            if usage is not None:
-                before = spent.get(made.agent, Spent())
-                spent[made.agent] = replace(
-                    before,
-                    tokens=before.tokens + usage.prompt_tokens + usage.completion_tokens,
-                    money_usd=before.money_usd + usage.cost_usd,
-                )
+        for agent, usage in paid:
+            before = spent.get(agent, Spent())
+            spent[agent] = replace(
+                before,
+                tokens=before.tokens + usage.prompt_tokens + usage.completion_tokens,
+                money_usd=before.money_usd + usage.cost_usd,
+            )
         return replace(progress, spent=spent)
 
     def no_messages_left(self, sender: str, spent: Mapping[str, Spent]) -> str:

@@ -11,9 +11,9 @@ no edge; the sender's receipt says so, and a message of which nothing gets throu
 from __future__ import annotations
 
 from collections.abc import Container, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
 
 import msgspec
+from msgspec.structs import replace
 
 from lingjing.kernel.admission import body_check
 from lingjing.kernel.budgets import Tally
@@ -23,8 +23,7 @@ from lingjing.plugins.decisions import MESSAGES_PER_CALL
 from lingjing.trace.records import Envelope, Outgoing, Receipt
 
 
-@dataclass(frozen=True, slots=True)
-class Bus:
+class Bus(msgspec.Struct, frozen=True):
     """Edges on their way: `staged` wait for the barrier, `committed` for their delivery tick."""
 
     staged: tuple[Envelope, ...] = ()

@@ -11,7 +11,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+
+import msgspec
+from msgspec import field
 
 from lingjing.kernel.admission import arguments_check
 from lingjing.kernel.budgets import LIMIT, Tally
@@ -35,16 +37,14 @@ BLIND = ("out_of_view", "below_horizon")
 """The status words of a satellite that does not see its region."""
 
 
-@dataclass(frozen=True, slots=True)
-class Rejection:
+class Rejection(msgspec.Struct, frozen=True):
     """Why a candidate is refused: a stable reason code and a sentence."""
 
     reason: str
     detail: str
 
 
-@dataclass(frozen=True, slots=True)
-class Resolution:
+class Resolution(msgspec.Struct, frozen=True):
     """Admitted commands [Û], validator receipts [C^U], and by command id what had to be clipped."""
 
     commands: tuple[Command, ...] = ()

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from lingjing.kernel.context import RuntimeContext
 from lingjing.kernel.registry import Registry
@@ -27,9 +28,11 @@ class ConstraintMonitor:
         self, registry: Registry, snapshots: Sequence[Snapshot], instant: At, first: int
     ) -> tuple[Registry, tuple[Event, ...]]:
         """The registry that knows what was broken, and an event for each; their ids go on from `first`."""
+        if not self._constraints:
+            return registry, ()
         events: list[Event] = []
         broken = dict(registry.progress.broken)
-        for snapshot in snapshots if self._constraints else ():
+        for snapshot in snapshots:
             at = instant(registry, {state.id: state for state in snapshot.states}, snapshot.time_s)
             for constraint in self._constraints:
                 for subject in _offenders(constraint, at):
@@ -42,6 +45,8 @@ class ConstraintMonitor:
 
     def broken(self, registry: Registry) -> str:
         """Which hard constraint was broken, when and by whom, or "": then the episode can be no success any more."""
+        if not registry.progress.broken:
+            return ""
         hard = [constraint.name for constraint in self._constraints if constraint.kind == "hard"]
         name = next((one for one, _ in registry.progress.broken if one in hard), None)
         if name is None:
@@ -55,6 +60,8 @@ class ConstraintMonitor:
 
     def penalty(self, registry: Registry) -> float:
         """What the broken soft constraints take off the score."""
+        if not registry.progress.broken:
+            return 0.0
         cost = {one.name: one.penalty.value for one in self._constraints if isinstance(one.penalty, Number)}
         return sum(cost.get(name, 0.0) for name, _ in registry.progress.broken)
 

@@ -14,7 +14,8 @@ is late. The mission's own ticks are the loop's to count and come last, so a sta
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from lingjing.kernel.adjudication import Adjudicator
 from lingjing.kernel.constraints import ConstraintMonitor
@@ -41,8 +42,9 @@ class MissionEvaluator:
     def evaluate(self, standing: Registry, events: Sequence[Event]) -> Evaluation:
         """Success before failure and lateness: a mission won at the boundary where it would be lost is won."""
         at = self._adjudicator.instant(standing, standing.states, standing.time_s)
-        won = holds(self._instance.success, {}, at)
-        score = max(0.0, (1.0 if won else self._share(standing, at)) - self._monitor.penalty(standing))
+        parts = list(parts_of(self._instance.success, {}, at))
+        won = all(parts)
+        score = max(0.0, (1.0 if won else self._share(standing, parts)) - self._monitor.penalty(standing))
         broken = self._monitor.broken(standing)
         if broken:
             return Evaluation(score, True, "constraint", broken)
@@ -53,12 +55,9 @@ class MissionEvaluator:
         late = tuple(self._declared_stages.late(standing))
         return Evaluation(score, True, "late", _lateness(late, standing.tick)) if late else Evaluation(score, False)
 
-    def _share(self, registry: Registry, at: RuntimeContext) -> float:
+    def _share(self, registry: Registry, parts: Sequence[bool]) -> float:
         score = self._declared_stages.score(registry)
-        if score is not None:
-            return score
-        parts = list(parts_of(self._instance.success, {}, at))
-        return sum(parts) / len(parts) if parts else 0.0
+        return sum(parts) / len(parts) if score is None else score
 
 
 def _lateness(late: Sequence[Late], tick: int) -> str:
@@ -69,7 +68,10 @@ def _lateness(late: Sequence[Late], tick: int) -> str:
 
 
 def parts_of(condition: Expr, scope: Locals, at: RuntimeContext) -> Iterator[bool]:
-    """Whether each part of a condition holds: its components, once for each member that a `forall` asks them of."""
+    """Whether each part of a condition holds: its components, once for each member that a `forall` asks them of.
+
+    The condition holds when all of them do.
+    """
     for each, part in components(condition):
         if each is None:
             yield holds(part, scope, at)

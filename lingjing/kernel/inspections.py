@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from lingjing.kernel.assignments import point
 from lingjing.kernel.progress import EpisodeProgress, Inspected

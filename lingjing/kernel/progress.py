@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+
+import msgspec
+from msgspec import field
 
 
-@dataclass(frozen=True, slots=True)
-class Spent:
+class Spent(msgspec.Struct, frozen=True):
     """What one agent's policy calls have cost so far: model tokens, US dollars, messages admitted."""
 
     tokens: int = 0
@@ -15,8 +16,7 @@ class Spent:
     messages: int = 0
 
 
-@dataclass(frozen=True, slots=True)
-class Inspected:
+class Inspected(msgspec.Struct, frozen=True):
     """How far an inspection has come on the route numbered `route` (0: there is none yet).
 
     `seen` are the places of its waypoints that were inspected; `complete_s` is when the last one was, None before.
@@ -27,8 +27,7 @@ class Inspected:
     complete_s: float | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class EpisodeProgress:
+class EpisodeProgress(msgspec.Struct, frozen=True):
     """The progress of an episode at one boundary.
 
     `used` counts by limit (`stage.name`, or `name` for the whole episode); `spent` by agent; `began` holds the tick at

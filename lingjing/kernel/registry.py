@@ -8,7 +8,10 @@ never with ticks alone; what grows is an
 from __future__ import annotations
 
 from collections.abc import Container, Iterable, Mapping
-from dataclasses import dataclass, field, replace
+
+import msgspec
+from msgspec import field
+from msgspec.structs import replace
 
 from lingjing.kernel.append_only import AppendOnlyMap
 from lingjing.kernel.progress import EpisodeProgress
@@ -28,8 +31,7 @@ DOWNWARD_DEG = 45.0
 """A picture visits a cell only if its axis points at least this far below the horizon."""
 
 
-@dataclass(frozen=True, slots=True)
-class Report:
+class Report(msgspec.Struct, frozen=True):
     """A typed message that rules may range over: one per message id, however many recipients it had."""
 
     id: str
@@ -39,8 +41,7 @@ class Report:
     body: Mapping[str, Datum]
 
 
-@dataclass(frozen=True, slots=True)
-class Assignment:
+class Assignment(msgspec.Struct, frozen=True):
     """A destination given to a resource, by an admitted command or an admitted assignment message."""
 
     resource: str
@@ -49,8 +50,7 @@ class Assignment:
     tick: int
 
 
-@dataclass(frozen=True, slots=True)
-class CellVisit:
+class CellVisit(msgspec.Struct, frozen=True):
     """The first photograph taken from above a cell."""
 
     cell: str
@@ -58,8 +58,7 @@ class CellVisit:
     tick: int
 
 
-@dataclass(frozen=True, slots=True)
-class Registry:
+class Registry(msgspec.Struct, frozen=True):
     """The state G at a committed boundary.
 
     `achieved` maps (rule, binding) to the time it became true; `witnesses` maps (rule, place, the binding without that

@@ -9,7 +9,9 @@ share of the stages that are done, each by the share of its subjects; otherwise 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+
+from msgspec.structs import replace
 
 from lingjing.kernel.registry import Registry
 from lingjing.mission.expression import Number
@@ -55,6 +57,8 @@ class Stages:
 
     def begin(self, registry: Registry) -> Registry:
         """The registry that knows which stages have begun by its boundary."""
+        if not self._stages:
+            return registry
         fresh = {
             (stage.name, subject): registry.tick
             for stage in self._stages
@@ -78,8 +82,8 @@ class Stages:
 
     def score(self, registry: Registry) -> float | None:
         """The weighted share of what is done, 0..1; None if no stage has a weight."""
-        whole = sum(self._weights.values())
-        if not self._weighted or whole <= 0:
+        whole = sum(self._weights.values()) if self._weighted else 0.0
+        if whole <= 0:
             return None
         done = 0.0
         for name, subjects in self._subjects.items():

@@ -9,12 +9,14 @@ Line numbers in comments are those of that algorithm.
 
 from __future__ import annotations
 
+import dataclasses
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import msgspec
+from msgspec import field
+from msgspec.structs import replace
 
 from lingjing.kernel import assignments, pictures
 from lingjing.kernel.adjudication import Adjudicator, Verdict
@@ -60,8 +62,7 @@ Recorder = Callable[[BoundaryRecord, Sequence[StoredFrame]], None]
 """The recorder R: receives every committed boundary with its pictures."""
 
 
-@dataclass(frozen=True, slots=True)
-class KernelState:
+class KernelState(msgspec.Struct, frozen=True):
     """Everything that changes from boundary to boundary, as one value."""
 
     registry: Registry
@@ -74,8 +75,7 @@ class KernelState:
     scr: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
-class Published:
+class Published(msgspec.Struct, frozen=True):
     """The boundary output (O_t, I_t, V_t, r_t, d_t), and the record it came from."""
 
     observations: Mapping[str, Observation]
@@ -84,8 +84,7 @@ class Published:
     record: BoundaryRecord
 
 
-@dataclass(frozen=True, slots=True)
-class _Inputs:
+class _Inputs(msgspec.Struct, frozen=True):
     """What the agent-runtime phase hands to a boundary, after validation."""
 
     decisions: tuple[DecisionRecord, ...] = ()
@@ -334,7 +333,7 @@ class Kernel:
             revealed = self._reference_pictures.shown_to(agent, shown)
             missed = self._reference_pictures.missed_by(agent, absent)
             if revealed or missed:
-                observation = replace(
+                observation = dataclasses.replace(
                     observation, pictures=observation.pictures + revealed, absent=observation.absent + missed
                 )
             if agent.id in self._privileged:
@@ -345,7 +344,7 @@ class Kernel:
                     forbidden=self._validator.forbidden(at),
                     city=self._city,
                 )
-                observation = replace(observation, privileged=truth)
+                observation = dataclasses.replace(observation, privileged=truth)
             out[agent.id] = observation
         return out
 

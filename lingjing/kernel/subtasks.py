@@ -34,9 +34,9 @@ class Subtasks:
     def share(self, registry: Registry) -> float:
         """Completed over required, 0..1."""
         at = self._adjudicator.instant(registry, registry.states, registry.time_s)
+        done = list(self._done(registry, at))
         if holds(self._success, {}, at):
             return 1.0
-        done = list(self._done(registry, at))
         return sum(done) / len(done) if done else 0.0
 
     def _done(self, registry: Registry, at: RuntimeContext) -> Iterator[bool]:

@@ -6,12 +6,13 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, Protocol, TypeVar
 
+import msgspec
+
 from lingjing.mission.instance import Instance
 from lingjing.trace.records import BodyState, Event, Reason
 
 
-@dataclass(frozen=True, slots=True)
-class Evaluation:
+class Evaluation(msgspec.Struct, frozen=True):
     """r and d of the paper: the score (0..1) and whether the episode is over. With `done` comes the reason and, where
     the reason leaves it open, what it was."""
 

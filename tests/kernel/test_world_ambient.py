@@ -1,11 +1,11 @@
 """Background movers, routes and radio silence on their way from an engine to the others, the camera and the kernel."""
 
 import cProfile
-from dataclasses import replace
 from typing import ClassVar
 
 import msgspec
 import pytest
+from msgspec.structs import replace
 
 import tests.kernel.kernel_kit as kit
 import tests.kernel.world_toys as toys

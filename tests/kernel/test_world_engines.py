@@ -1,9 +1,9 @@
 """The built-in engines in both worlds: a flight over the bay, its pictures, and a fork in mid-flight."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
 import tests.kernel.world_toys as toys
 from lingjing.kernel.world import open_world

@@ -1,9 +1,8 @@
 """The coupling and its faults, in the caller."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 import tests.kernel.world_toys as toys
 from lingjing.errors import InfrastructureError, UsageError

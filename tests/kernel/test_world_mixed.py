@@ -1,10 +1,10 @@
 """All motion engines in one world process: one thread, one answer in every process, forks to the last bit."""
 
 import os
-from dataclasses import replace
 
 import msgspec
 import pytest
+from msgspec.structs import replace
 
 import tests.kernel.world_mixed as mixed
 from lingjing.kernel.stocks import current

@@ -9,11 +9,11 @@ import textwrap
 import threading
 import time
 import tracemalloc
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 import tests.kernel.world_toys as toys
 from lingjing.errors import InfrastructureError, UsageError

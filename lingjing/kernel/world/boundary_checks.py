@@ -35,6 +35,9 @@ _EVENTS = msgspec.msgpack.Decoder(tuple[TaskEvent, ...])
 _ROUTES = msgspec.msgpack.Decoder(tuple[Route, ...])
 _PAIRS = msgspec.msgpack.Decoder(tuple[tuple[str, str], ...])
 _PLAIN_NUMBERS = {float}
+_TUPLES = {tuple}
+_TEXTS = {str}
+_THREE = {3}
 
 
 def checked_boundary(
@@ -57,11 +60,10 @@ def checked_boundary(
 
 def check_apart(ambient: Mapping[str, Sequence[BodyState]]) -> None:
     """Raise `InfrastructureError` if two engines (by name in `ambient`) have a background mover of the same id."""
-    crowds = {name: movers for name, movers in ambient.items() if movers}
-    if len(crowds) < 2:
+    if len(ambient) < 2:
         return
     owner: dict[str, str] = {}
-    for name, movers in sorted(crowds.items()):
+    for name, movers in sorted(ambient.items()):
         for mover in movers:
             other = owner.setdefault(mover.id, name)
             if other != name:
@@ -77,12 +79,10 @@ def _checked(
         raise broken(engine, call, f"its boundary is signed `{report.engine}`")
     if not abs(report.time_s - until) <= TIME_TOLERANCE_S:
         raise broken(engine, call, f"it stands at {report.time_s!r} s instead of {until!r} s")
-    states = {state.id: state for state in report.states}
-    _check_ownership(engine, call, [state.id for state in report.states], owns)
     return Boundary(
         engine=engine,
         time_s=until,
-        states=_checked_states(engine, call, [states[name] for name in owns]),
+        states=_checked_states(engine, call, _in_order(engine, call, report.states, owns)),
         receipts=_plain(engine, call, _RECEIPTS, report.receipts) if report.receipts else (),
         events=_plain(engine, call, _EVENTS, report.events) if report.events else (),
         routes=_checked_routes(engine, call, report.routes, owns) if report.routes else (),
@@ -110,6 +110,16 @@ def checked_admissions(engine: str, commands: Sequence[Command], receipts: Seque
 def _answers(receipt: Receipt, command: Command) -> bool:
     addressed = receipt.resource == command.resource and receipt.sender == command.sender
     return addressed and receipt.status in ("accepted", "rejected")
+
+
+def _in_order(engine: str, call: str, states: Sequence[BodyState], owns: Sequence[str]) -> Sequence[BodyState]:
+    """The states of exactly the owned entities, in their order."""
+    reported = tuple([state.id for state in states])
+    if reported == owns:
+        return states
+    _check_ownership(engine, call, reported, owns)
+    found = dict(zip(reported, states, strict=True))
+    return [found[name] for name in owns]
 
 
 def _check_ownership(engine: str, call: str, reported: Sequence[str], owns: Sequence[str]) -> None:
@@ -160,27 +170,15 @@ def _checked_states(engine: str, call: str, states: Sequence[BodyState]) -> tupl
 
 def _are_plain(states: Sequence[BodyState]) -> bool:
     """Whether all are shaped as they should be, of Python's own floats, and finite: one sum over all of them."""
-    if not states:
-        return True
+    numbers: list[float] = []
     try:
-        rows = [
-            (*s.position, *s.velocity, s.heading_deg, s.pitch_deg, s.roll_deg, *s.joints, *s.resources.values())
-            for s in states
-        ]
-        shapes = {
-            (type(s.position), len(s.position), type(s.velocity), len(s.velocity), type(s.joints), type(s.status))
-            for s in states
-        }
-        words = {type(word) for s in states for word in (s.id, s.kind)}
+        for state in states:
+            if type(state.id) is not str or not _is_shaped(state):
+                return False
+            numbers += _numbers(state)
     except (TypeError, AttributeError):
         return False
-    numbers = list(chain.from_iterable(rows))
-    return (
-        shapes == {(tuple, 3, tuple, 3, tuple, str)}
-        and words == {str}
-        and set(map(type, numbers)) == _PLAIN_NUMBERS
-        and math.isfinite(sum(numbers))
-    )
+    return not states or (set(map(type, numbers)) == _PLAIN_NUMBERS and math.isfinite(sum(numbers)))
 
 
 def _checked_routes(engine: str, call: str, given: Sequence[Route], owns: Sequence[str]) -> tuple[Route, ...]:
@@ -205,18 +203,22 @@ def _checked_pairs(
 
 
 def _numbers(state: BodyState) -> tuple[float, ...]:
-    angles = (state.heading_deg, state.pitch_deg, state.roll_deg)
-    return (*state.position, *state.velocity, *angles, *state.joints, *state.resources.values())
+    return (
+        *state.position,
+        *state.velocity,
+        state.heading_deg,
+        state.pitch_deg,
+        state.roll_deg,
+        *state.joints,
+        *state.resources.values(),
+    )
 
 
 def _is_shaped(state: BodyState) -> bool:
-    vectors = (state.position, state.velocity)
-    words = (state.status, state.kind)
-    return (
-        all(type(v) is tuple and len(v) == 3 for v in vectors)
-        and type(state.joints) is tuple
-        and all(type(word) is str for word in words)
-    )
+    types = {type(state.position), type(state.velocity), type(state.joints)}
+    sizes = {len(state.position), len(state.velocity)}
+    words = {type(state.status), type(state.kind)}
+    return types == _TUPLES and sizes == _THREE and words == _TEXTS
 
 
 def _plain(engine: str, call: str, decoder: msgspec.msgpack.Decoder[Any], value: object) -> Any:

@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
+import msgspec
 import numpy as np
 import numpy.typing as npt
 
@@ -31,8 +32,7 @@ from lingjing.trace.records import (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class WorldBoundary:
+class WorldBoundary(msgspec.Struct, frozen=True):
     """All engines at one decision boundary. `admissions` answer the submitted commands in order; `missing` are the
     ids of commands without an admission receipt; `receipts` are the later ones of long requests.
     Background movers are in the last snapshot; `routes` were planned since the boundary before, `unheard` are the pairs

@@ -16,7 +16,7 @@ import msgspec
 from lingjing.errors import UsageError
 from lingjing.kernel.world.boundary_checks import check_apart
 from lingjing.kernel.world.contract import WorldBoundary
-from lingjing.kernel.world.engine_group import NO_MOVERS, EngineReport, Movers
+from lingjing.kernel.world.engine_group import NO_MOVERS, EngineReport, Movers, keep_movers
 from lingjing.kernel.world.stocks import Stocks
 from lingjing.mission.instance import Clock, Instance
 from lingjing.trace.records import BodyState, Command, EngineStatus, Receipt, Route, Snapshot, TaskEvent
@@ -135,7 +135,9 @@ class CoSimulation:
                 admitted.update(seat.part.submit(mine))
         return admitted
 
-    def _advance(self, until: float) -> list[EngineReport]:
+    def _advance(self, until: float) -> Sequence[EngineReport]:
+        if len(self._seats) == 1:
+            return self._seats[0].part.advance(until)
         states = self._states
         return _by_engine(
             [
@@ -149,9 +151,11 @@ class CoSimulation:
         for report in reports:
             boundary = report.boundary
             self._frames[boundary.engine] = self._frames.get(boundary.engine, -1) + 1
-            self._states.update((state.id, state) for state in boundary.states)
-            self._ambient[boundary.engine] = boundary.ambient
-            self._unheard[boundary.engine] = boundary.unheard
+            for state in boundary.states:
+                self._states[state.id] = state
+            keep_movers(self._ambient, boundary)
+            if boundary.unheard or self._unheard:
+                self._unheard[boundary.engine] = boundary.unheard
         if len(self._seats) > 1:
             check_apart(self._ambient)
         kept = self._stocks.kept(self._states)
@@ -161,7 +165,7 @@ class CoSimulation:
         """The background movers of the other parts' engines."""
         if len(self._seats) == 1:
             return NO_MOVERS
-        return {name: movers for name, movers in self._ambient.items() if movers and name not in seat.part.engines}
+        return {name: movers for name, movers in self._ambient.items() if name not in seat.part.engines}
 
     def _crowded(self, snapshot: Snapshot) -> Snapshot:
         """The snapshot of a decision boundary, which holds the background movers too."""

@@ -12,6 +12,7 @@ time is never less than what the busiest thread ran.
 from __future__ import annotations
 
 import io
+import math
 import os
 import threading
 import time
@@ -20,6 +21,9 @@ from typing import NamedTuple, Protocol
 
 _UNWATCHED_S = 0.01
 """What is shorter is not looked into: most answers come sooner, and a look costs as much as a trivial step."""
+
+_UNREAD_S = 1e-4
+"""So old may a thread's counter be: whoever waited longer than that was away for longer, and it is read again."""
 
 _STALL_S = 0.05
 """How long a runnable thread must have stood still to be in a queue for certain: a kernel's tick is 10 ms at most."""
@@ -97,12 +101,13 @@ def is_counted() -> bool:
 
 
 def own_now_s() -> float:
-    """The calling thread's own time on a clock of its own: for differences."""
+    """The calling thread's own time on a clock of its own: for differences, exact to `_UNREAD_S`."""
+    now = time.monotonic()
     try:
-        waited = _counters.waited_ns()
+        waited = _counters.waited_ns(now)
     except (OSError, ValueError, IndexError):
         waited = 0
-    return time.monotonic() - waited * 1e-9
+    return now - waited * 1e-9
 
 
 def own_clock_of_s(pid: int) -> float:
@@ -119,12 +124,17 @@ class _Counters(threading.local):
 
     owner = 0
     file: io.FileIO | None = None
+    read_at_s = -math.inf
+    latest_ns = 0
 
-    def waited_ns(self) -> int:
+    def waited_ns(self, now_s: float) -> int:
         """How long the thread has stood in run queues in all. `OSError` where the kernel does not say."""
         if self.file is None or self.owner != os.getpid():
             self.owner, self.file = os.getpid(), io.FileIO("/proc/thread-self/schedstat")
-        return int(os.pread(self.file.fileno(), 96, 0).split()[1])
+        elif now_s - self.read_at_s < _UNREAD_S:
+            return self.latest_ns
+        self.latest_ns, self.read_at_s = int(os.pread(self.file.fileno(), 96, 0).split()[1]), now_s
+        return self.latest_ns
 
 
 _counters = _Counters()

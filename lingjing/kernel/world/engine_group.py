@@ -94,7 +94,7 @@ class EngineGroup:
         """One macro-step of all engines to `until` (s), each with the others' states at the interval's start."""
         known = self._states
         known.update((state.id, state) for state in foreign)
-        crowds = sorted((name, movers) for name, movers in {**self._ambient, **ambient}.items() if movers)
+        crowds = sorted({**self._ambient, **ambient}.items()) if self._ambient or ambient else ()
         return self._commit([self._advance(member, until, known, crowds) for member in self._members])
 
     def _reset(self, member: _Member) -> EngineReport:
@@ -126,10 +126,19 @@ class EngineGroup:
         # Only after the last engine: nobody may see a state of the interval's end.
         for report in reports:
             boundary = report.boundary
-            self._states.update((state.id, state) for state in boundary.states)
-            self._ambient[boundary.engine] = boundary.ambient
+            for state in boundary.states:
+                self._states[state.id] = state
+            keep_movers(self._ambient, boundary)
         check_apart(self._ambient)
         return tuple(reports)
+
+
+def keep_movers(ambient: dict[str, tuple[BodyState, ...]], boundary: Boundary) -> None:
+    """Put the background movers of a boundary in the place of their engine's before; without any it is not listed."""
+    if boundary.ambient:
+        ambient[boundary.engine] = boundary.ambient
+    else:
+        ambient.pop(boundary.engine, None)
 
 
 def _member(instance: Instance, name: str, engine: Engine) -> _Member:
