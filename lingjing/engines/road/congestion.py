@@ -111,7 +111,7 @@ class Congestion:
             del self._leaving[name]
         for name, kind in everyone.items():
             if name in there:
-                body = body_state(self._sim, name, name, SIZES[kind].length_m, ahead_s, kind)
+                body = body_state(self._sim, name, SIZES[kind].length_m, ahead_s, kind)
                 if body.position[0] > NOWHERE_M:
                     yield body
 

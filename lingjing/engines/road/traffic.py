@@ -113,7 +113,7 @@ class Traffic:
         for mover in self._movers:
             if mover.id in there:
                 length = SIZES[mover.kind].length_m
-                body = body_state(self._sim, mover.id, mover.id, length, ahead_s, mover.kind)
+                body = body_state(self._sim, mover.id, length, ahead_s, mover.kind)
                 if body.position[0] > NOWHERE_M:
                     yield shifted(body, self._sideways.follow(body, after_s))
 

@@ -16,6 +16,8 @@ from collections.abc import Container, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+import msgspec
+
 from lingjing.engines.road.graph import Graph, LanePoint
 from lingjing.engines.road.kerb import REACH_M, Kerb, ParkingPlace, Passing
 from lingjing.engines.road.kinds import SPEED_MPS, declare, top_speed, vehicle_kind
@@ -153,11 +155,6 @@ class Vehicle:
         return float(self._sim.vehicle.getSpeed(self.id))
 
     @property
-    def road(self) -> str:
-        """The edge it is on; an internal one (`:…`) within a junction."""
-        return str(self._sim.vehicle.getRoadID(self.id))
-
-    @property
     def odometer_m(self) -> float:
         """Metres driven since the episode began."""
         return max(0.0, float(self._sim.vehicle.getDistance(self.id)))
@@ -237,7 +234,6 @@ class Vehicle:
             self._release()
             self._follow(footing, route[len(footing.before) :])
         self._begin(VehicleTask("halt", max(speed, STANDING_MPS)))
-        self._arrived = False
 
     @property
     def is_aside(self) -> bool:
@@ -375,17 +371,12 @@ class Vehicle:
 
     def state(self, ahead_s: float) -> BodyState:
         """The state `ahead_s` after the last step, moved on along its velocity."""
-        vehicles = self._sim.vehicle
-        speed = self.speed_mps
-        body = body_state(self._sim, self.id, self.id, self.size.length_m, ahead_s)
-        return BodyState(
-            id=self.id,
-            position=shifted(body, self._offset_m).position,
-            velocity=body.velocity,
-            heading_deg=body.heading_deg,
-            pitch_deg=float(vehicles.getSlope(self.id)),
+        body = body_state(self._sim, self.id, self.size.length_m, ahead_s)
+        return msgspec.structs.replace(
+            shifted(body, self._offset_m),
+            pitch_deg=float(self._sim.vehicle.getSlope(self.id)),
             status=self.status,
-            resources={"load_kg": self._load_kg, "speed_mps": speed, "odometer_m": self.odometer_m},
+            resources={"load_kg": self._load_kg, "speed_mps": self.speed_mps, "odometer_m": self.odometer_m},
         )
 
     def _begin(self, task: VehicleTask) -> None:
@@ -431,7 +422,7 @@ class Vehicle:
         rest = 0.0
         if self._room is not None and self._sim.vehicle.isStoppedParking(self.id):
             rest = (self._room.lane.width_m + self.size.width_m) / 2.0 - _SUMO_ASIDE_M
-        body = body_state(self._sim, self.id, self.id, self.size.length_m, 0.0)
+        body = body_state(self._sim, self.id, self.size.length_m, 0.0)
         self._offset_m = self._sideways.follow(body, STEP_S, rest)
 
     def _covered(self, task: VehicleTask) -> TaskEnd:
@@ -475,7 +466,7 @@ class Vehicle:
         self._room = None
 
 
-def body_state(sim: Simulation, vehicle: str, name: str, length_m: float, ahead_s: float, kind: str = "") -> BodyState:
+def body_state(sim: Simulation, vehicle: str, length_m: float, ahead_s: float, kind: str = "") -> BodyState:
     """Any vehicle of the simulation as a body: its middle, `ahead_s` after the last step."""
     vehicles = sim.vehicle
     x, y, z = vehicles.getPosition3D(vehicle)
@@ -489,7 +480,7 @@ def body_state(sim: Simulation, vehicle: str, name: str, length_m: float, ahead_
         east, north, up = east * math.cos(slope), north * math.cos(slope), math.sin(slope)
     on = speed * ahead_s - length_m / 2.0
     return BodyState(
-        id=name,
+        id=vehicle,
         position=(x + east * on, y + north * on, z + up * on),
         velocity=(east * speed, north * speed, up * speed),
         heading_deg=heading,
