@@ -7,7 +7,7 @@ how far each body has come (`progress`) and where it is (`states`). It reports t
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
 from lingjing.plugins.engine import Boundary, CaptureRequest, EngineSpec, Frame
 from lingjing.plugins.requests import Requests
@@ -22,6 +22,9 @@ class FleetEngine(ABC):
     step_s: float
     """The engine's own step; set by the class, or in `build` before it returns."""
 
+    at_once: Collection[str] = ()
+    """The verbs that are done when they are admitted, beside whatever their body is doing."""
+
     def reset(self, spec: EngineSpec, city: City, seed: int) -> Boundary:
         """Build the fleet; READY(0)."""
         self.name = spec.engine
@@ -35,7 +38,11 @@ class FleetEngine(ABC):
 
     def submit(self, commands: Sequence[Command]) -> tuple[Receipt, ...]:
         """Admit or reject each command; admitted ones start at once."""
-        return tuple(self.requests.admit(command, self.clock.time_s, self.start) for command in commands)
+        how = self.requests
+        return tuple(
+            (how.answer if command.verb in self.at_once else how.admit)(command, self.clock.time_s, self.start)
+            for command in commands
+        )
 
     def advance(self, until: float, mirrors: Sequence[BodyState]) -> Boundary:
         """Step to `until`; progress of what goes on is reported at decision boundaries."""

@@ -68,6 +68,15 @@ class Requests:
         self._pending[command.resource] = command
         return self._receipt(command, "accepted", time_s)
 
+    def answer(self, command: Command, time_s: float, examine: Callable[[Command], None]) -> Receipt:
+        """Examine a command that is done at once, beside whatever is pending. Returns its admission receipt."""
+        try:
+            examine(command)
+        except Refusal as refusal:
+            return self._receipt(command, "rejected", time_s, refusal.reason, refusal.detail)
+        self._outbox.append(self._receipt(command, "completed", time_s, progress=1.0))
+        return self._receipt(command, "accepted", time_s)
+
     def run(self, resource: str, time_s: float, progress: float) -> None:
         """Report progress (0..1, never falling) of the pending request, if there is one."""
         command = self._pending.get(resource)

@@ -9,6 +9,8 @@ READ = re.compile(
     r'|"(\w+)" in (?:entity\.)?properties'
     r'|number(?:_or)?\(\s*"(\w+)"'
     r'|(?:_given|number)\(entity, "(\w+)"'
+    r'|bounds\((?:\w+, )*"(\w+)"'
+    r'|"(\w+)" (?:not )?in (?:\w+\.)*properties'
 )
 UNITS = re.compile(r"(_low|_high)?_(m|mps|s|kg|hz|deg)$")
 THE_SCENES_OWN = {"building"}
@@ -20,7 +22,7 @@ def test_every_property_that_an_engine_reads_is_on_the_page():
     rows = re.findall(r"^\| ((?:state )?`.*?) \|", page, re.MULTILINE)
     said = {word for row in rows for word in re.findall(r"`(\w+)`", row)} | {"radius", "arrivals", "departures"}
     assert all(f"`{word}`" in page for word in said)
-    packages = [ROOT / "lingjing" / name for name in ("engines", "plugins", "kernel", "scene")]
+    packages = [ROOT / "lingjing" / name for name in ("engines", "plugins", "kernel", "scene", "mission", "analysis")]
     code = "\n".join(path.read_text("utf-8") for one in packages for path in sorted(one.rglob("*.py")))
     read = {next(filter(None, groups)) for groups in READ.findall(code)}
     assert len(read) > 12

@@ -57,7 +57,7 @@ class CityEngine:
 
     def submit(self, commands: Sequence[Command]) -> tuple[Receipt, ...]:
         """Take the kernel's unlocks; they last for the episode and are complete with their admission."""
-        return tuple(self._admit(command) for command in commands)
+        return tuple(self._requests.answer(command, self._clock.time_s, self._unlock) for command in commands)
 
     def advance(self, until: float, mirrors: Sequence[BodyState]) -> Boundary:
         """Live on to `until`, then look who has come into reach by then."""
@@ -80,12 +80,6 @@ class CityEngine:
     def close(self) -> None:
         """Let go of the targets."""
         self._targets = {}
-
-    def _admit(self, command: Command) -> Receipt:
-        receipt = self._requests.admit(command, self._clock.time_s, self._unlock)
-        if receipt.status == "accepted":
-            self._requests.complete(command.resource, self._clock.time_s)
-        return receipt
 
     def _unlock(self, command: Command) -> None:
         target = self._targets.get(command.resource)

@@ -132,13 +132,10 @@ class Congestion:
 
     def _stand(self, jam: Jam, kind: str, lane: RoadLane, front_m: float) -> None:
         name = f"traffic/{jam.id}/{jam.rounds}.{len(jam.queue) + 1}"
-        vehicles, route = self._sim.vehicle, f"route/{name}"
         following = self._graph.edges[lane.edge].links
-        self._sim.route.add(route, [lane.edge, *(link.edge for link in following[:1])])
-        vehicles.add(
-            name, route, f"traffic/{kind}", departLane=str(lane.index), departPos=str(front_m), departSpeed="0"
-        )
-        vehicles.setStop(name, lane.edge, front_m, lane.index, FOREVER_S)
+        edges = [lane.edge, *(link.edge for link in following[:1])]
+        self._sim.enter(name, edges, f"traffic/{kind}", lane.index, front_m)
+        self._sim.vehicle.setStop(name, lane.edge, front_m, lane.index, FOREVER_S)
         jam.queue[name] = kind
 
     def _standing_on(self, lane: RoadLane) -> tuple[tuple[float, float], ...]:

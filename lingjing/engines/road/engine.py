@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import replace
 
-import msgspec
-
 from lingjing.engines.road.congestion import Congestion, jam_of
 from lingjing.engines.road.contact import Contacts
 from lingjing.engines.road.foreign_bodies import Foreign
@@ -21,12 +19,12 @@ from lingjing.errors import InfrastructureError
 from lingjing.mission.instance import Entity
 from lingjing.mission.schedule import Schedule
 from lingjing.mission.seeding import integer
-from lingjing.plugins.engine import Boundary, EngineSpec
+from lingjing.plugins.engine import EngineSpec
 from lingjing.plugins.fleet import FleetEngine
-from lingjing.plugins.requests import Refusal, Requests
+from lingjing.plugins.requests import Refusal
 from lingjing.scene.city import City
 from lingjing.scene.tiles import Tiles
-from lingjing.trace.records import BodyState, Command, Receipt
+from lingjing.trace.records import BodyState, Command
 
 WARM_UP_STEPS = 100
 """Steps before time 0 in which background traffic gets going; the mission's vehicles stand."""
@@ -41,6 +39,7 @@ class RoadEngine(FleetEngine):
     """All vehicles of an episode behind the five methods."""
 
     step_s = STEP_S
+    at_once = PLANNING
 
     def __init__(self) -> None:
         self._sim: Simulation | None = None
@@ -57,7 +56,6 @@ class RoadEngine(FleetEngine):
         sim = self._sim = Simulation(city.network, integer(seed, "road/simulation", bits=31))
         graph = read_graph(sim)
         instance = spec.instance
-        self._plans = Requests(spec.engine)
         self._schedule = Schedule(instance)
         kerb = Kerb(sim, graph, Tiles(city))
         self._vehicles = {entity.id: Vehicle(entity, sim, graph, kerb) for entity in owned}
@@ -92,10 +90,6 @@ class RoadEngine(FleetEngine):
         if self._sim is not None:
             self._sim.close()
             self._sim = None
-
-    def submit(self, commands: Sequence[Command]) -> tuple[Receipt, ...]:
-        """Admit or reject each command. What only plans is done at once and holds nobody up."""
-        return tuple(self._admit(command) for command in commands)
 
     def start(self, command: Command) -> None:
         """Begin a command, or refuse it."""
@@ -146,19 +140,6 @@ class RoadEngine(FleetEngine):
         """By remaining length of the route, distance or speed."""
         shares = ((vehicle.id, vehicle.progress()) for vehicle in self._vehicles.values())
         return {name: max(0.0, share) for name, share in shares if share is not None}
-
-    def _admit(self, command: Command) -> Receipt:
-        now = self.clock.time_s
-        if command.verb not in PLANNING:
-            return self.requests.admit(command, now, self.start)
-        receipt = self._plans.admit(command, now, self.start)
-        self._plans.complete(command.resource, now)
-        return receipt
-
-    def _boundary(self) -> Boundary:
-        plans = self._plans.drain()
-        boundary = super()._boundary()
-        return msgspec.structs.replace(boundary, receipts=(*plans, *boundary.receipts)) if plans else boundary
 
     def _report(self, vehicle: Vehicle, standing: Container[str], now_s: float) -> None:
         outcome = vehicle.step(standing)

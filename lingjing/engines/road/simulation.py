@@ -8,7 +8,7 @@ the price of reading a thousand vehicles.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -56,6 +56,7 @@ class Simulation:
         except (SumoError, libsumo.FatalTraCIError) as fault:
             raise InfrastructureError(f"SUMO cannot load the road network {network}: {fault}") from fault
         _running.append(self)
+        self._entries = 0
         self.level = False
         """Whether all roads are known to lie at one height, so that no vehicle stands on a slope."""
         self.vehicle: Any = libsumo.vehicle
@@ -66,6 +67,13 @@ class Simulation:
         self.edge: Any = libsumo.edge
         self.simulation: Any = libsumo.simulation
         self.step: Any = libsumo.simulationStep
+
+    def enter(self, name: str, edges: Sequence[str], kind: str, lane: int, front_m: float) -> None:
+        """Put a vehicle on a lane of the first of some edges, standing with its front there, from the next step on."""
+        self._entries += 1
+        route = f"route/{name}/{self._entries}"
+        self.route.add(route, list(edges))
+        self.vehicle.add(name, route, kind, departLane=str(lane), departPos=str(front_m), departSpeed="0")
 
     @property
     def running(self) -> bool:

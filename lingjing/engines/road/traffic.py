@@ -73,7 +73,7 @@ class Traffic:
         self._stream = Stream(seed, "road/traffic")
         self._movers: list[BackgroundVehicle] = []
         self._blocked: frozenset[str] = frozenset()
-        self._turn = self._entries = 0
+        self._turn = 0
         self._sideways = Sideways()
         for name, _ in MIX:
             declare(sim, f"traffic/{name}", VEHICLE_KINDS[name], VEHICLE_KINDS[name].top_mps, reaction_s=REACTION_S)
@@ -139,13 +139,8 @@ class Traffic:
                 return
 
     def _add(self, mover: BackgroundVehicle, edge: str, lane: int, front_m: float) -> None:
-        self._entries += 1
         self._sideways.forget(mover.id)
-        route = f"route/{mover.id}/{self._entries}"
-        self._sim.route.add(route, [edge])
-        self._sim.vehicle.add(
-            mover.id, route, f"traffic/{mover.kind}", departLane=str(lane), departPos=str(front_m), departSpeed="0"
-        )
+        self._sim.enter(mover.id, [edge], f"traffic/{mover.kind}", lane, front_m)
         self._redirect(mover)
 
     def _look_after(self, mover: BackgroundVehicle) -> None:

@@ -129,11 +129,7 @@ class Vehicle:
     def place(self, place: LanePoint) -> None:
         """Stand on a lane from the next step on."""
         lane, front = place.lane, self._front(place)
-        name = f"route/{self.id}"
-        self._sim.route.add(name, [lane.edge])
-        self._sim.vehicle.add(
-            self.id, name, f"type/{self.id}", departLane=str(lane.index), departPos=str(front), departSpeed="0"
-        )
+        self._sim.enter(self.id, [lane.edge], f"type/{self.id}", lane.index, front)
         self._sim.vehicle.setStop(self.id, lane.edge, front, lane.index, FOREVER_S)
         self.carry()
 
