@@ -24,6 +24,7 @@ from lingjing.plugins.engine import EngineSpec
 from lingjing.plugins.fleet import FleetEngine
 from lingjing.plugins.neighbours import Neighbour, Neighbours
 from lingjing.plugins.requests import Refusal
+from lingjing.plugins.stock import Book, booked
 from lingjing.scene.blocks import Block
 from lingjing.scene.city import City
 from lingjing.scene.outlines import compass
@@ -117,7 +118,7 @@ class Aircraft(ABC):
     def touchdown(self, solids: Sequence[Block], low_m: float) -> bool:
         """Whether a descent goes on or ends well where its underside is at `low_m` amid `solids`."""
 
-    def load(self, mirrors: Sequence[BodyState]) -> None:  # noqa: B027 - most carry nothing
+    def load(self, book: Book) -> None:  # noqa: B027 - most carry nothing
         """Take what the city's book says is on board."""
 
     @property
@@ -241,8 +242,9 @@ class AircraftEngine(FleetEngine):
     def look(self, mirrors: Sequence[BodyState]) -> None:
         """Who is near each aircraft, and what is on board."""
         self._neighbours.look(mirrors, self.clock.time_s)
+        book = booked(mirrors)
         for aircraft in self._fleet.values():
-            aircraft.load(mirrors)
+            aircraft.load(book)
             reach = max(aircraft.cruise_mps, math.hypot(*aircraft.velocity)) + aircraft.spurt_mps
             aircraft.around = self._neighbours.near(aircraft.position, reach) if aircraft.flying else ()
 

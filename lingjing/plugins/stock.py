@@ -7,10 +7,23 @@ asset's own engine adds them up. Accounts are running totals, so nothing is coun
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 from lingjing.mission.instance import Entity
 from lingjing.trace.records import BodyState
+
+Book = Mapping[str, Sequence[float]]
+"""What was given so far, by account: an amount from each counterpart."""
+
+
+def booked(mirrors: Iterable[BodyState]) -> Book:
+    """The accounts that the mirrors carry; read once for all assets of an engine."""
+    found: dict[str, list[float]] = {}
+    for state in mirrors:
+        for account, amount in state.resources.items():
+            if "@" in account:
+                found.setdefault(account, []).append(amount)
+    return found
 
 
 class Stock:
@@ -18,19 +31,20 @@ class Stock:
 
     def __init__(self, entity: Entity) -> None:
         self._first = {one.field: value for one in entity.state if (value := entity.number(one.field)) is not None}
-        self._accounts = {one.field: {f"{one.field}@{entity.id}", f"{one.name}@{entity.id}"} for one in entity.state}
+        self._accounts = [
+            (one.field, f"{word}@{entity.id}")
+            for one in entity.state
+            if one.field in self._first
+            for word in dict.fromkeys((one.field, one.name))
+        ]
         self.amounts: Mapping[str, float] = dict(self._first)
 
-    def read(self, mirrors: Iterable[BodyState]) -> None:
+    def read(self, book: Book) -> None:
         """Bring the amounts up to date."""
-        if not self._first:
-            return
         amounts = dict(self._first)
-        for state in mirrors:
-            for account, amount in state.resources.items():
-                for name, accounts in self._accounts.items():
-                    if account in accounts and name in amounts:
-                        amounts[name] += amount
+        for name, account in self._accounts:
+            for amount in book.get(account, ()):
+                amounts[name] += amount
         self.amounts = amounts
 
     @property

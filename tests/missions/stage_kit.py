@@ -29,7 +29,7 @@ from lingjing.plugins.engine import Boundary, EnginePlugin, Frame
 from lingjing.plugins.hookspecs import hookimpl
 from lingjing.plugins.host import PluginHost
 from lingjing.plugins.requests import Requests
-from lingjing.plugins.stock import Stock
+from lingjing.plugins.stock import Stock, booked
 from lingjing.scene.city import City
 from lingjing.trace.records import (
     Action,
@@ -153,7 +153,7 @@ class Puppets:
     def advance(self, until, mirrors):
         self.time_s = until
         for entity in self.entities:
-            self.stocks[entity.id].read(mirrors)
+            self.stocks[entity.id].read(booked(mirrors))
             self.requests.complete(entity.id, until)
         return self.boundary()
 

@@ -20,10 +20,10 @@ from lingjing.engines.multirotor.verbs import Situation, plan
 from lingjing.engines.sea import GRAVITY
 from lingjing.mission.instance import Entity, Weather
 from lingjing.plugins.requests import STOP, Refusal
-from lingjing.plugins.stock import Stock
+from lingjing.plugins.stock import Book, Stock
 from lingjing.scene.blocks import Block
 from lingjing.scene.terrain import Terrain
-from lingjing.trace.records import BodyState, Command
+from lingjing.trace.records import Command
 
 CRUISE_MPS = 12.0
 ENDURANCE_S = 1500.0
@@ -61,7 +61,7 @@ class Drone(Aircraft):
         self._goal = entity.position
         self._spun = 0
         self._load_kg = 0.0
-        self.load(())
+        self.load({})
         if entity.position[2] > terrain.support(*entity.position) + _AIRBORNE_M:
             for _ in range(_SPINUP_PERIODS):
                 self._spin_up()
@@ -112,9 +112,9 @@ class Drone(Aircraft):
             self._goal = self._ahead(speed / (2.0 * BRAKE_MPS2) + (1.0 / speed if speed > 2.0 else 0.0))
         self._begin(self._goal, arrives=False)
 
-    def load(self, mirrors: Sequence[BodyState]) -> None:
+    def load(self, book: Book) -> None:
         """Feel the load on board: the same thrust margin leaves less speed for a greater weight."""
-        self._stock.read(mirrors)
+        self._stock.read(book)
         if self._stock.load_kg != self._load_kg:
             self._load_kg = self._stock.load_kg
             self._controller.mass_kg = MASS_KG + self._load_kg

@@ -22,6 +22,7 @@ from lingjing.mission.schedule import Schedule
 from lingjing.plugins.engine import EngineSpec
 from lingjing.plugins.fleet import FleetEngine
 from lingjing.plugins.requests import Refusal
+from lingjing.plugins.stock import booked
 from lingjing.scene.city import City
 from lingjing.scene.terrain import Terrain
 from lingjing.trace.records import DORMANT, BodyState, Command
@@ -62,8 +63,9 @@ class QuadrupedEngine(FleetEngine):
     def look(self, mirrors: Sequence[BodyState]) -> None:
         """See what moves nearby, and who of the dogs is there."""
         self._gather(self.clock.time_s)
+        book = booked(mirrors)
         for dog in self._dogs.values():
-            dog.stock.read(mirrors)
+            dog.stock.read(book)
         if self._pack is not None:
             self._burden(self._pack)
             self._movers = self._lookout.nearest(mirrors, [here.position for here in self._senses])

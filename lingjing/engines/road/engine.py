@@ -22,6 +22,7 @@ from lingjing.mission.seeding import integer
 from lingjing.plugins.engine import EngineSpec
 from lingjing.plugins.fleet import FleetEngine
 from lingjing.plugins.requests import Refusal
+from lingjing.plugins.stock import booked
 from lingjing.scene.city import City
 from lingjing.scene.tiles import Tiles
 from lingjing.trace.records import BodyState, Command
@@ -103,8 +104,9 @@ class RoadEngine(FleetEngine):
         self._foreign.look(mirrors, self.clock.time_s)
         self._looked_s = self.clock.time_s
         self._cleared = {state.id for state in mirrors if state.status == _CLEARED}
+        book = booked(mirrors)
         for vehicle in self._vehicles.values():
-            vehicle.stock.read(mirrors)
+            vehicle.stock.read(book)
             vehicle.carry()
         self._update_jams(self.clock.time_s)
 

@@ -10,6 +10,7 @@ from lingjing.mission.schedule import Schedule
 from lingjing.plugins.engine import EngineSpec
 from lingjing.plugins.fleet import FleetEngine
 from lingjing.plugins.requests import STOP, Refusal, number
+from lingjing.plugins.stock import booked
 from lingjing.scene.city import City
 from lingjing.scene.terrain import Terrain
 from lingjing.trace.records import BodyState, Command
@@ -43,8 +44,9 @@ class VesselEngine(FleetEngine):
 
     def look(self, mirrors: Sequence[BodyState]) -> None:
         """What the book says is on board."""
+        book = booked(mirrors)
         for boat in self._boats.values():
-            boat.stock.read(mirrors)
+            boat.stock.read(book)
             boat.carry()
 
     def step(self) -> None:
