@@ -42,13 +42,7 @@ class AgentChecker:
         if first is None:
             self.scope.agents[node.name.text] = span
         else:
-            self.report.at(
-                "LJ0104",
-                node.name,
-                f"the agent `{node.name.text}` is declared twice",
-                "choose another name",
-                related=(Related(first, "first declared here"),),
-            )
+            self.report.declared_twice(node.name, f"the agent `{node.name.text}`", first)
         self.scope.roles.setdefault(node.role.text, self.report.span(node.role.start, node.role.end))
 
     def agent(self, node: s.AgentBlock) -> model.Agent:
@@ -100,13 +94,7 @@ class AgentChecker:
             self.of.unknown_name(node.type, list(self.scope.records), "no message record")
         known = self.scope.messages.get(node.name.text)
         if known is not None:
-            self.report.at(
-                "LJ0104",
-                node.name,
-                f"the message `{node.name.text}` is declared twice",
-                "choose another name",
-                related=(Related(known[1], "first declared here"),),
-            )
+            self.report.declared_twice(node.name, f"the message `{node.name.text}`", known[1])
             return
         self.scope.messages[node.name.text] = (record, self.report.span(node.name.start, node.name.end))
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from lingjing.dsl.checking.expressions import ExpressionChecker
 from lingjing.dsl.checking.typenames import with_article
 from lingjing.dsl.checking.values import UNKNOWN, Environment, Taint, TypedExpression
-from lingjing.dsl.source.suggest import did_you_mean, nearest
 from lingjing.dsl.syntax import tree as s
 from lingjing.mission import expression as ex
 from lingjing.mission.functions import (
@@ -64,9 +63,7 @@ class CallChecker:
         signature = DISTRIBUTIONS.get(node.function.text)
         if signature is None:
             name = node.function
-            hint = did_you_mean(name.text, DISTRIBUTIONS)
-            close = nearest(name.text, DISTRIBUTIONS)
-            self.report.at("LJ0301", name, f"no distribution is called `{name.text}`", hint, replace=close)
+            self.report.unknown("LJ0301", name, f"no distribution is called `{name.text}`", DISTRIBUTIONS)
             return UNKNOWN
         checked = self._arguments(node, signature, environment)
         if checked is None:
@@ -290,10 +287,11 @@ class CallChecker:
 
     def _unknown_option(self, name: s.Name, signature: Signature) -> bool:
         known = [option.name for option in signature.options]
-        hint = did_you_mean(name.text, known) or f"`{signature.name}` takes no named arguments"
-        self.report.at(
-            "LJ0306", name, f"`{signature.name}` has no argument `{name.text}`", hint, replace=nearest(name.text, known)
+        message, hint = (
+            f"`{signature.name}` has no argument `{name.text}`",
+            f"`{signature.name}` takes no named arguments",
         )
+        self.report.unknown("LJ0306", name, message, known, hint)
         return False
 
     def _count_fits(self, node: s.CallExpr, signature: Signature, given: int) -> bool:

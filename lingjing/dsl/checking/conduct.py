@@ -14,7 +14,6 @@ from lingjing.dsl.checking.values import RULE, STATIC, UNKNOWN, TypedExpression
 from lingjing.dsl.syntax import tree as s
 from lingjing.mission import expression as ex
 from lingjing.mission import model
-from lingjing.mission.diagnostics import Related
 from lingjing.mission.functions import ENTITY, FLAG, METRES, NUMBER, Type
 
 KINDS = ("hard", "soft")
@@ -49,13 +48,7 @@ class ConductChecker:
         span = self.report.span(node.name.start, node.name.end)
         first = table.setdefault(node.name.text, span)
         if first is not span:
-            self.report.at(
-                "LJ0104",
-                node.name,
-                f"the {what} `{node.name.text}` is declared twice",
-                "choose another name",
-                related=(Related(first, "first declared here"),),
-            )
+            self.report.declared_twice(node.name, f"the {what} `{node.name.text}`", first)
 
     def limit(self, node: s.LimitLine) -> model.Limit | None:
         """`limit moves <= 50 counts dog.forward, guide`."""

@@ -17,7 +17,7 @@ from lingjing.dsl.checking.scope import SymbolTables
 from lingjing.dsl.checking.typenames import dimension_of, of_type, with_article
 from lingjing.dsl.checking.values import UNKNOWN, Environment, Taint, TypedExpression
 from lingjing.dsl.source.reporter import Reporter
-from lingjing.dsl.source.suggest import did_you_mean, nearest
+from lingjing.dsl.source.suggest import nearest
 from lingjing.dsl.syntax import tree as s
 from lingjing.mission import expression as ex
 from lingjing.mission.functions import (
@@ -267,8 +267,7 @@ class Elaborator(ExpressionChecker):
         return self._no_field(name, f"a message of the record `{record.name}`", [f.name for f in record.fields])
 
     def _no_field(self, name: s.Name, owner: str, known: list[str]) -> TypedExpression:
-        hint = did_you_mean(name.text, known)
-        self.report.at("LJ0102", name, f"{owner} has no field `{name.text}`", hint, replace=nearest(name.text, known))
+        self.report.unknown("LJ0102", name, f"{owner} has no field `{name.text}`", known)
         return UNKNOWN
 
     # -- operators

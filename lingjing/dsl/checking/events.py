@@ -12,7 +12,7 @@ from lingjing.dsl.checking.values import STATIC, UNKNOWN, TypedExpression
 from lingjing.dsl.syntax import tree as s
 from lingjing.mission import expression as ex
 from lingjing.mission import model
-from lingjing.mission.diagnostics import Related, Span
+from lingjing.mission.diagnostics import Span
 from lingjing.mission.units import TICKS, TIME
 
 
@@ -49,13 +49,7 @@ class EventChecker:
         span = self.report.span(name.start, name.end)
         first = self.seen.setdefault(name.text, span)
         if first is not span:
-            self.report.at(
-                "LJ0104",
-                name,
-                f"the event `{name.text}` is declared twice",
-                "choose another name",
-                related=(Related(first, "first declared here"),),
-            )
+            self.report.declared_twice(name, f"the event `{name.text}`", first)
 
     def _time(self, node: s.EventBlock) -> TypedExpression | None:
         value = self.of.calls.draw(node.at, STATIC) if node.drawn else self.of.value(node.at, STATIC)

@@ -35,13 +35,7 @@ class RuleChecker:
         name = node.name
         known = self.scope.rules.get(name.text)
         if known is not None:
-            self.report.at(
-                "LJ0104",
-                name,
-                f"the rule `{name.text}` is declared twice",
-                "choose another name",
-                related=(Related(known.span, "first declared here"),),
-            )
+            self.report.declared_twice(name, f"the rule `{name.text}`", known.span)
             return
         if name.text in FUNCTIONS or name.text in AGGREGATES:
             self.report.at("LJ0104", name, f"`{name.text}` is a built-in function", "choose another name")
@@ -52,13 +46,7 @@ class RuleChecker:
         """Make the stage's name known."""
         known = self.scope.stages.get(node.name.text)
         if known is not None:
-            self.report.at(
-                "LJ0104",
-                node.name,
-                f"the stage `{node.name.text}` is declared twice",
-                "choose another name",
-                related=(Related(known[1], "first declared here"),),
-            )
+            self.report.declared_twice(node.name, f"the stage `{node.name.text}`", known[1])
             return
         variable = node.variable.text if node.variable else None
         self.scope.stages[node.name.text] = (variable, self.report.span(node.name.start, node.name.end))

@@ -107,15 +107,8 @@ class SettingsChecker:
         if first is None:
             self.scope.symbols[name.text] = symbol
             return
-        from lingjing.mission.diagnostics import Related
 
-        self.report.at(
-            "LJ0104",
-            name,
-            f"`{name.text}` is declared twice",
-            "choose another name",
-            related=(Related(first.span, "first declared here"),),
-        )
+        self.report.declared_twice(name, f"`{name.text}`", first.span)
 
     def scene(self, node: s.SceneBlock) -> model.Scene:
         """`scene kind { … }`."""

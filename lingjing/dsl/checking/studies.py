@@ -10,7 +10,7 @@ from lingjing.dsl.checking.values import STATIC, UNKNOWN
 from lingjing.dsl.syntax import tree as s
 from lingjing.mission import expression as ex
 from lingjing.mission import model
-from lingjing.mission.diagnostics import Related, Span
+from lingjing.mission.diagnostics import Span
 from lingjing.mission.functions import Type
 from lingjing.mission.units import NONE
 
@@ -35,9 +35,7 @@ class StudyChecker:
         span = self.report.span(node.name.start, node.name.end)
         first = self.seen.setdefault(node.name.text, span)
         if first is not span:
-            self.report.at(
-                "LJ0104", node.name, f"the sweep `{node.name.text}` is declared twice",
-                "choose another name", related=(Related(first, "first declared here"),))  # fmt: skip
+            self.report.declared_twice(node.name, f"the sweep `{node.name.text}`", first)
         with self.of.without_clock():
             axes = [self._axis(axis) for axis in node.axes]
             guard = self.settings.guard(node.guard)
@@ -54,8 +52,12 @@ class StudyChecker:
             size *= len(column)
         if size > MOST:
             self.report(
-                "LJ0503", node.name.start, node.axes[-1].end, f"the sweep `{node.name.text}` has {size:,} combinations",
-                f"at most {MOST:,} are possible: sweep fewer params or fewer values")  # fmt: skip
+                "LJ0503",
+                node.name.start,
+                node.axes[-1].end,
+                f"the sweep `{node.name.text}` has {size:,} combinations",
+                f"at most {MOST:,} are possible: sweep fewer params or fewer values",
+            )
             return None
         return model.Sweep(name=node.name.text, parameters=tuple(n.text for n in names), values=values, when=guard)
 
@@ -74,8 +76,11 @@ class StudyChecker:
         self.blocks.leak(value.taint, node, f"the sweep over `{axis.name.text}`")
         if value.type.kind not in ("list", "range") or value.type.item not in (None, "quantity"):
             self.report.at(
-                "LJ0201", node, f"the values of a sweep are a list or a range, this is "
-                f"{with_article(value.type)}", f"write `{axis.name.text} in [1, 2, 3]`")  # fmt: skip
+                "LJ0201",
+                node,
+                f"the values of a sweep are a list or a range, this is {with_article(value.type)}",
+                f"write `{axis.name.text} in [1, 2, 3]`",
+            )
             return None
         if (value.type.dimension or NONE) != (symbol.type.dimension or NONE):
             due = with_article(symbol.type)
@@ -97,8 +102,8 @@ class StudyChecker:
             return None
         if high - low >= MOST:
             self.report.at(
-                "LJ0503", node, f"the range has {high - low + 1:,.0f} values",
-                f"at most {MOST:,} are possible")  # fmt: skip
+                "LJ0503", node, f"the range has {high - low + 1:,.0f} values", f"at most {MOST:,} are possible"
+            )
             return None
         unit = ir.low.unit if isinstance(ir.low, ex.Number) else ""
         return tuple(ex.Number(float(k), unit) for k in range(int(low), int(high) + 1))

@@ -26,7 +26,7 @@ from lingjing.mission.diagnostics import Diagnostic, Related
 VERSION = 1
 
 LONGEST_CHAIN = 32
-"""Files that use each other in a row. Each takes a few Python frames; no library is built of so many storeys."""
+"""Files that use each other in a row. Each takes a few Python frames; libraries that use others need two or three."""
 
 Loaded = tuple[Library, tuple[Diagnostic, ...]]
 """The declarations of a library file and what is wrong with it."""
@@ -238,13 +238,7 @@ class FileChecker:
             return
         first = self.scope.declared(name.text)
         if first is not None:
-            self.report.at(
-                "LJ0104",
-                name,
-                f"the type `{name.text}` is declared twice",
-                "choose another name",
-                related=(Related(first.span, "first declared here"),),
-            )
+            self.report.declared_twice(name, f"the type `{name.text}`", first.span)
             return
         if decl is None:
             self.scope.poisoned.add(name.text)

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 FORMAT = b"1"
 MOST_ENTRIES = 200
 LARGEST_ENTRY = 16 * 1024 * 1024
-"""Bytes. A mission beyond that is compiled each time; keeping such giants would fill a disk unasked."""
+"""Bytes. A mission that takes more is compiled each time, so that the cache does not fill the disk."""
 
 OFF = "LINGJING_NO_CACHE"
 """Environment variable: set to anything but 0, nothing is read from or kept in the cache."""

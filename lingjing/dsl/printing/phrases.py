@@ -49,7 +49,7 @@ def quoted(text: str) -> str:
 
 
 def long_text(text: str, indent: int) -> str:
-    """A text in quotes: over several lines, indented, if it has several and every one survives that; else quoted."""
+    """A text in quotes: over several lines, indented, if it has several and reads back the same; else on one line."""
     lines = text.split("\n")
     plain = all(line == line.rstrip() and "\r" not in line and "\t" not in line for line in lines)
     flush = any(line and not line[0].isspace() for line in lines[1:] or lines)

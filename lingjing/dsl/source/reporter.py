@@ -10,7 +10,7 @@ from lingjing.dsl.source.text import JoinedSource, SourceText
 from lingjing.mission.diagnostics import Diagnostic, Edit, Fix, Related, Severity, Span
 
 MOST = 1000
-"""Diagnostics of one file. Beyond that a reader is not helped, and a file of garbage must not eat the memory."""
+"""Diagnostics of one file. More do not help a reader, and take memory without bound for a file that is no mission."""
 
 
 class Placed(Protocol):
@@ -82,10 +82,15 @@ class Reporter:
         start, end = place.start, place.end
         self(code, start, end, message, hint, related=related, replace=replace, safe=safe, severity=severity)
 
-    def unknown(self, code: str, word: PlacedWord, message: str, known: Iterable[str]) -> None:
-        """Report a word that is none of the known ones, with the nearest of them as hint and fix."""
+    def unknown(self, code: str, word: PlacedWord, message: str, known: Iterable[str], hint: str = "") -> None:
+        """Report a word that is none of the known ones, with the nearest of them as hint and fix, else with `hint`."""
         words = tuple(known)
-        self.at(code, word, message, did_you_mean(word.text, words), replace=nearest(word.text, words))
+        self.at(code, word, message, did_you_mean(word.text, words) or hint, replace=nearest(word.text, words))
+
+    def declared_twice(self, place: Placed, what: str, first: Span) -> None:
+        """Report a second declaration of one name, and where the first stands."""
+        related = (Related(first, "first declared here"),)
+        self.at("LJ0104", place, f"{what} is declared twice", "choose another name", related=related)
 
     @property
     def full(self) -> bool:

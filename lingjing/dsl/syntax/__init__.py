@@ -6,5 +6,5 @@ In the order of the work:
   boundaries, braces balanced. `lookalikes`: names whose letters look like others.
 - `tree`: the nodes of the syntax tree. `ljs.lark`: the grammar. `tables`: its LALR(1) tables, built by lark and kept.
 - `builder`: reductions → nodes. `parser`: tokens → tree, with recovery at the statement.
-- `collector`: the garbage collector rests while trees are built.
+- `collector`: the garbage collector is off while trees are built.
 """

@@ -1,4 +1,4 @@
-"""`collector_at_rest`: the garbage collector sleeps while trees are built.
+"""`collector_at_rest`: the garbage collector is off while trees are built.
 
 Trees have no cycles, and looking for some costs a fifth of the time.
 """

@@ -1,7 +1,7 @@
 """Names that look like others: Cyrillic or Greek letters with a Latin double among Latin ones, or in place of them.
 
-After Unicode TR39 (mixed-script and whole-script confusables), narrowed to what fools a reader: `vісtim` with
-a Cyrillic `і` is warned of; `α_max`, `Δt` and `海_east` are honest names.
+After Unicode TR39 (mixed-script and whole-script confusables), narrowed to what a reader takes for another name:
+`vісtim` with a Cyrillic `і` is warned of; `α_max`, `Δt` and `海_east` are not.
 """
 
 from __future__ import annotations

@@ -20,91 +20,20 @@ class Token(msgspec.Struct, frozen=True, gc=False):
     unit: str = ""
 
 
-STATEMENTS: dict[str, str] = {
-    word: word.upper()
-    for word in (
-        "ljs",
-        "use",
-        "mission",
-        "goal",
-        "scene",
-        "clock",
-        "budget",
-        "weather",
-        "comms",
-        "actions",
-        "param",
-        "mode",
-        "region",
-        "grid",
-        "target",
-        "asset",
-        "camera",
-        "agent",
-        "authority",
-        "message",
-        "adjudicate",
-        "unlock",
-        "stage",
-        "relation",
-        "success",
-        "failure",
-        "when",
-        "done",
-        "observes",
-        "verb",
-        "interaction",
-        "mount",
-        "part",
-        "record",
-        "reveal",
-        "prompt",
-        "hidden",
-        "state",
-        "override",
-        "sweep",
-        "limit",
-        "permit",
-        "constraint",
-        "always",
-        "event",
-        "appear",
-        "vanish",
-        "inspection",
-    )
-}
+_STATEMENTS = """
+    ljs use mission goal scene clock budget weather comms actions param mode region grid target asset
+    camera agent authority message adjudicate unlock stage relation success failure when done observes
+    verb interaction mount part record reveal prompt hidden state override sweep limit permit
+    constraint always event appear vanish inspection
+"""
+STATEMENTS: dict[str, str] = {word: word.upper() for word in _STATEMENTS.split()}
 """Words that begin a statement, with their token types."""
 
-INNER: dict[str, str] = {
-    word: word.upper()
-    for word in (
-        "in",
-        "over",
-        "as",
-        "controls",
-        "may",
-        "command",
-        "from",
-        "to",
-        "per",
-        "when",
-        "carries",
-        "by",
-        "at",
-        "optional",
-        "and",
-        "or",
-        "not",
-        "exists",
-        "forall",
-        "extends",
-        "counts",
-        "of",
-        "for",
-        "true",
-        "false",
-    )
-}
+_INNER = """
+    in over as controls may command from to per when carries by at optional and or not exists forall
+    extends counts of for true false
+"""
+INNER: dict[str, str] = {word: word.upper() for word in _INNER.split()}
 """Words that mean something inside a statement, with their token types."""
 
 SYMBOLS: dict[str, str] = {
@@ -152,34 +81,9 @@ NAMES_IN_MESSAGES: dict[str, str] = {
 }
 """How a token type is called in a message."""
 
-OPERATORS_THAT_CONTINUE = frozenset(
-    (
-        "EQUAL",
-        "TILDE",
-        "LE",
-        "OP",
-        "MINUS",
-        "RANGE",
-        "AND",
-        "OR",
-        "NOT",
-        "COLON",
-        "ARROW",
-        "BOTH",
-        "COMMA",
-        "SEP",
-        "DOT",
-        "IN",
-        "BY",
-        "FROM",
-        "TO",
-        "AT",
-        "OVER",
-        "AS",
-        "WHEN",
-        "FOR",
-        "COUNTS",
-        "EXTENDS",
-    )
-)
+_CONTINUE = """
+    EQUAL TILDE LE OP MINUS RANGE AND OR NOT COLON ARROW BOTH COMMA SEP DOT IN BY FROM TO AT OVER AS
+    WHEN FOR COUNTS EXTENDS
+"""
+OPERATORS_THAT_CONTINUE = frozenset(_CONTINUE.split())
 """After these a line end does not end the statement."""
