@@ -3,12 +3,17 @@
 - `hookspecs`     what a plug-in may offer; `host` finds it, `loading` finds policies by name or by file
 - `options`       the models of options that plug-ins declare, and the reading of what people write
 - `engine`, `policy`, `evaluator`   the Protocols and their values
-- `decisions`     the JSON Schema of what an agent may answer, for policies over foreign programs
+- `decisions`     the JSON Schema of an agent's decisions, for policies whose answers come from a foreign program
 - `fleet`         the five methods over moving bodies ← `requests` (admission, receipts), `step_clock` (fixed steps)
 - `stock`         goods on board; `tasks` what a mission asks for, for policies that may see its rules
-- `bodies`, `neighbours`   how large others are and of what shape, and which of them is touched
+- `bodies`, `neighbours`   measures of mirrors, and which of them is touched
 - `terrain`       the ground and what stands on it; `geometry` camera rays and headings
 - `conformance`   tests for engines and policies
 
-Nothing here knows the kernel or a built-in engine.
+Nothing here knows the kernel, a built-in engine, a shipped type or a mission.
 """
+
+__all__ = [
+    "bodies", "conformance", "decisions", "engine", "evaluator", "fleet", "geometry", "hookspecs", "host", "loading",
+    "neighbours", "options", "policy", "requests", "step_clock", "stock", "tasks", "terrain",
+]  # fmt: skip

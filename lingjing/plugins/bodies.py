@@ -65,3 +65,6 @@ def sunk_m(entity: Entity | None) -> float:
 def floats(entity: Entity) -> bool:
     """Whether an entity is afloat where there is water: a vessel, what drifts, and what stands on water."""
     return entity.engine == "vessel" or "drift_mps" in entity.properties or entity.properties.get("on") == "water"
+
+
+__all__ = ["UNSAID_M", "entity_size", "floats", "mirror_size", "shape_of", "solid_size", "sunk_m", "within"]

@@ -137,18 +137,6 @@ class EnginePlugin:
 
 
 __all__ = [
-    "BodyState",
-    "Boundary",
-    "CameraPose",
-    "CaptureRequest",
-    "City",
-    "Command",
-    "Engine",
-    "EnginePlugin",
-    "EngineSpec",
-    "Frame",
-    "FrameInfo",
-    "Receipt",
-    "Route",
-    "TaskEvent",
-]
+    "BodyState", "Boundary", "CameraPose", "CaptureRequest", "City", "Command", "Engine", "EnginePlugin", "EngineSpec",
+    "Frame", "FrameInfo", "Receipt", "Route", "TaskEvent",
+]  # fmt: skip

@@ -59,3 +59,6 @@ class EvaluatorPlugin:
     name: str
     build: Callable[[Instance], Evaluator[Any]]
     summary: str = ""
+
+
+__all__ = ["Evaluation", "Evaluator", "EvaluatorPlugin", "Standing"]

@@ -109,3 +109,6 @@ class FleetEngine(ABC):
             routes=routes,
             ambient=tuple(self.ambient()),
         )
+
+
+__all__ = ["FleetEngine"]

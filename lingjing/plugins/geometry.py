@@ -180,22 +180,7 @@ def _dot(a: Vector, b: Vector) -> float:
 
 
 __all__ = [
-    "MOUNTS",
-    "SPACE_M",
-    "bearing_deg",
-    "box_to_plane",
-    "camera_axes",
-    "camera_pose",
-    "distance_xy",
-    "focal_px",
-    "ground_footprint",
-    "heading_vector",
-    "in_image",
-    "mounted_camera_pose",
-    "offset_xy",
-    "pixel_ray",
-    "pixel_to_plane",
-    "pixel_to_world",
-    "turn_deg",
-    "world_to_pixel",
-]
+    "MOUNTS", "SPACE_M", "bearing_deg", "box_to_plane", "camera_axes", "camera_pose", "distance_xy", "focal_px",
+    "ground_footprint", "heading_vector", "in_image", "mounted_camera_pose", "offset_xy", "pixel_ray", "pixel_to_plane",
+    "pixel_to_world", "turn_deg", "world_to_pixel",
+]  # fmt: skip

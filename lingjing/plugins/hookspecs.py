@@ -48,3 +48,9 @@ def lingjing_scenes() -> Iterable[ScenePlugin]:  # type: ignore[empty-body]
 @hookspec
 def lingjing_evaluators() -> Iterable[EvaluatorPlugin]:  # type: ignore[empty-body]
     """Fires once when the host is built: the evaluators this plug-in offers."""
+
+
+__all__ = [
+    "ScenePlugin", "hookimpl", "hookspec", "lingjing_engines", "lingjing_evaluators", "lingjing_policies",
+    "lingjing_scenes",
+]  # fmt: skip

@@ -84,3 +84,6 @@ class PluginHost:
             return table[name]
         known = ", ".join(table) or "none"
         raise UsageError(f"no {kind} is called `{name}`", hint=f"known: {known}; see `lingjing plugins`")
+
+
+__all__ = ["PluginHost"]

@@ -194,3 +194,6 @@ def _check_methods(cls: type, path: Path) -> None:
                 f"`{cls.__name__}.{method}` in `{path}` must be `async def {method}(…)`",
                 hint="a policy's methods are coroutines, so that it may wait for a model",
             )
+
+
+__all__ = ["build_policy", "engine_options", "load_policy", "options_model", "policy_of", "share_arguments"]

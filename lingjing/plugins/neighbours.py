@@ -129,3 +129,6 @@ class Neighbours:
             time_s=self._time_s,
             shape=solid.shape,
         )
+
+
+__all__ = ["Neighbour", "Neighbours", "SolidMirror", "solid_mirror"]

@@ -256,20 +256,7 @@ def _text(value: object) -> str:
 
 
 __all__ = [
-    "Fault",
-    "Field",
-    "OptionSpec",
-    "PluginOptions",
-    "declared_model",
-    "engine_options",
-    "given_parameters",
-    "model_of_parameters",
-    "option_faults",
-    "option_specs",
-    "options_error",
-    "read_options",
-    "shared_among_engines",
-    "spellings",
-    "takes_any_name",
-    "unknown_option",
-]
+    "Fault", "Field", "OptionSpec", "PluginOptions", "declared_model", "engine_options", "given_parameters",
+    "model_of_parameters", "option_faults", "option_specs", "options_error", "read_options", "shared_among_engines",
+    "spellings", "takes_any_name", "unknown_option",
+]  # fmt: skip

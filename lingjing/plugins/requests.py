@@ -134,3 +134,6 @@ class Requests:
             time_s=time_s,
             progress=progress,
         )
+
+
+__all__ = ["STOP", "Refusal", "Requests", "number", "optional_number"]

@@ -41,3 +41,6 @@ class StepClock:
         """Whether the time asked for is a whole multiple of `period_s` (a decision boundary)."""
         ratio = self.time_s / period_s
         return abs(ratio - round(ratio)) < 1e-6
+
+
+__all__ = ["StepClock"]

@@ -51,3 +51,6 @@ class Stock:
     def load_kg(self) -> float:
         """What is on board of a stock `load`, kilograms; 0 without one."""
         return max(0.0, self.amounts.get("load_kg", 0.0))
+
+
+__all__ = ["Stock"]

@@ -64,6 +64,8 @@ def test_its_code_is_clean(package: Path) -> None:
 def test_it_installs_is_found_and_plays_its_mission(package: Path, site: Path, tmp_path: Path) -> None:
     listed = call("-m", "lingjing.cli.main", "plugins", cwd=tmp_path, site=site)
     assert listed.count("hover_craft  hover_craft") == 2
+    told = call("-m", "lingjing.cli.main", "plugins", "hover_craft", cwd=tmp_path, site=site)
+    assert [line.split()[0] for line in told.splitlines() if "how near to its goal" in line] == ["arrived"]
     mission = package / "missions" / "tour.ljs"
     assert call("-m", "lingjing.cli.main", "validate", mission, cwd=tmp_path, site=site) == ""
     run = ("-m", "lingjing.cli.main", "run", mission, "--policy", "hover_craft", "--seed", 3, "--json")

@@ -133,3 +133,9 @@ def _boxes(case: BodyCase, away_m: float) -> list[Box | None]:
     finally:
         engine.close()
     return [next((b for b in frame.info.boxes if b.entity == case.entity.id), None) for frame in frames]
+
+
+__all__ = [
+    "BEARINGS", "BODY_CHECKS", "HFOV_DEG", "MOST_TIMES", "PIXELS", "BodyCase", "check_body", "check_can_be_hit",
+    "check_is_seen",
+]  # fmt: skip

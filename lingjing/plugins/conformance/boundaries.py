@@ -77,3 +77,6 @@ def _check_route(case: EngineCase, route: Route, until: float) -> None:
     finite = all(math.isfinite(number) for number in (*numbers, route.length_m, route.duration_s))
     require(finite and route.length_m >= 0.0 and route.duration_s >= 0.0, f"{what} is not finite or has less than none")
     require(route.time_s <= until + 1e-9, f"{what} was planned at {route.time_s} s, after {until} s")
+
+
+__all__ = ["check_boundary", "check_events", "check_route_numbers"]

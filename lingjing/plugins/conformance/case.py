@@ -157,3 +157,9 @@ def check_name(check: Callable[..., None]) -> str:
 def _moved(state: BodyState, seconds: float) -> BodyState:
     x, y, z = (here + seconds * rate for here, rate in zip(state.position, state.velocity, strict=True))
     return msgspec.structs.replace(state, position=(x, y, z))
+
+
+__all__ = [
+    "ConformanceError", "EngineCase", "Run", "advance", "case_of", "check_name", "drive", "engine_of", "play",
+    "require", "run_all",
+]  # fmt: skip

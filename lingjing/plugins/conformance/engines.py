@@ -237,3 +237,9 @@ def _frame(request: CaptureRequest, frame: Frame, camera: CameraSpec) -> None:
         left, top, right, bottom = box.box
         ordered = 0.0 <= left < right <= 1.0 and 0.0 <= top < bottom <= 1.0
         require(ordered and box.pixels > 0, f"{what}: the box of `{box.entity}` is {box.box} with {box.pixels} pixels")
+
+
+__all__ = [
+    "ENGINE_CHECKS", "check_advance", "check_capture", "check_close", "check_cuts", "check_engine", "check_fork",
+    "check_ready", "check_repeatable", "check_strangers", "check_values",
+]  # fmt: skip

@@ -87,3 +87,6 @@ def _decide(case: PolicyCase) -> list[Decision]:
 
     with ThreadPoolExecutor(max_workers=1) as worker:  # as in an episode: a thread and a loop of its own
         return worker.submit(lambda: asyncio.run(play())).result()
+
+
+__all__ = ["POLICY_CHECKS", "PolicyCase", "check_decisions", "check_policy", "check_same_decisions"]

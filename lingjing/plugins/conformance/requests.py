@@ -164,3 +164,9 @@ def _preempt(case: EngineCase, command: Command) -> None:
         later = [r for r in boundary.receipts if r.request == command.id]
     ends = [(receipt.status, receipt.reason) for receipt in later if receipt.status != "running"]
     require(ends == [("rejected", "preempted")], f"after `stop`, {command.id} ends as {ends}, not rejected: preempted")
+
+
+__all__ = [
+    "SENDER", "STOP", "UNKNOWN_RESOURCE", "UNKNOWN_VERB", "check_admission", "check_arguments", "check_busy",
+    "check_preemption", "check_receipts", "check_refusals",
+]  # fmt: skip

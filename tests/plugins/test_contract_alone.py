@@ -1,0 +1,66 @@
+"""`lingjing.plugins` is the contract alone: what it exports is said, and it knows no shipped type and no mission."""
+
+from __future__ import annotations
+
+import ast
+import re
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+from lingjing.data import data_path
+
+ROOT = Path(__file__).parents[2]
+MODULES = sorted((ROOT / "lingjing" / "plugins").rglob("*.py"))
+_TYPE = re.compile(r"^\s*(?:asset|target)\s+(\w+)", re.MULTILINE)
+
+
+def shipped_types() -> frozenset[str]:
+    """The assets and targets of the standard library."""
+    texts = [path.read_text(encoding="utf-8") for path in data_path("std").glob("*.ljs")]
+    return frozenset(name for text in texts for name in _TYPE.findall(text))
+
+
+def shipped_missions() -> frozenset[str]:
+    """The missions by name."""
+    return frozenset(path.stem for path in data_path("scenarios").glob("*.ljs"))
+
+
+def identifiers(tree: ast.AST) -> set[str]:
+    """Every name that code defines or uses."""
+    fields = {ast.Name: "id", ast.Attribute: "attr", ast.arg: "arg", ast.FunctionDef: "name", ast.ClassDef: "name"}
+    return {getattr(node, fields[type(node)]) for node in ast.walk(tree) if type(node) in fields}
+
+
+def texts(tree: ast.Module) -> set[str]:
+    """The words of all texts, but for docstrings."""
+    bare = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+    found = [
+        node.value
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in bare
+    ]
+    return {word for text in found for word in re.findall(r"\w+", text)}
+
+
+def test_there_are_types_and_missions_to_look_for() -> None:
+    assert {"quadrotor", "lifeboat", "person_in_water"} <= shipped_types()
+    assert {"ssr", "queue"} <= shipped_missions()
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_no_shipped_type_and_no_mission_is_known(path: Path) -> None:
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    known = {name.lower() for name in identifiers(tree) | texts(tree)}
+    assert not known & shipped_types()
+    assert not texts(tree) & shipped_missions()
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_what_a_module_exports_is_said_and_is_there(path: Path) -> None:
+    name = ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+    module = import_module(name)
+    assert module.__all__ == sorted(module.__all__, key=lambda one: (not one.isupper(), not one[0].isupper(), one))
+    missing = [one for one in module.__all__ if not hasattr(module, one) and not (path.parent / f"{one}.py").is_file()]
+    assert [one for one in missing if not (path.parent / one / "__init__.py").is_file()] == []
