@@ -10,15 +10,16 @@ Options: `distractors`, things afloat per square kilometre.
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterator
 from math import cos, hypot, pi, radians, sin
 from random import Random
 
-from lingjing.mission.geometry2d import Polygon
+from lingjing.mission.geometry2d import Polygon, rectangle
 from lingjing.mission.instance import SceneSpec
 from lingjing.mission.kinds import builtin_scenes, check_scene, reach_m
 from lingjing.scene.city import City, Land, Prop, Solid, Water
+from lingjing.scene.districts.draft import stream
+from lingjing.scene.outlines import within
 
 APRON_TOP_M = 0.9
 """Elevation of the UAV apron: the listing's 1.1 m less the height of a quadrotor's legs."""
@@ -80,11 +81,11 @@ def build(spec: SceneSpec) -> City:
         lands=lands,
         solids=tuple(_solids(level)),
         props=(
-            *_harbour(level, _stream(spec.seed, "bay/harbour")),
-            *_trees(level, _stream(spec.layout, "bay/trees")),
-            *_rocks(level, _stream(spec.layout, "bay/rocks")),
-            *_anchored(level, _stream(spec.seed, "bay/anchored")),
-            *_afloat(level, density, _stream(spec.seed, "bay/afloat")),
+            *_harbour(level, stream(spec.seed, "bay/harbour")),
+            *_trees(level, stream(spec.layout, "bay/trees")),
+            *_rocks(level, stream(spec.layout, "bay/rocks")),
+            *_anchored(level, stream(spec.seed, "bay/anchored")),
+            *_afloat(level, density, stream(spec.seed, "bay/afloat")),
         ),
         attribution="procedural",
     )
@@ -93,10 +94,6 @@ def build(spec: SceneSpec) -> City:
 def _density(spec: SceneSpec) -> float:
     check_scene(spec)
     return float(spec.options.get("distractors", sum(_KIND.default("distractors"))))  # type: ignore[arg-type]
-
-
-def _stream(seed: int, name: str) -> Random:
-    return Random(int.from_bytes(hashlib.sha256(f"{seed}/{name}".encode()).digest(), "big"))
 
 
 def apron_top_m(level_m: float) -> float:
@@ -125,7 +122,7 @@ def _coast(radius: float, inset: float) -> Polygon:
 
 
 def _box(west: float, south: float, east: float, north: float) -> Polygon:
-    return ((west, south), (east, south), (east, north), (west, north))
+    return rectangle((west, south), (east, north))
 
 
 def _solids(level: float) -> Iterator[Solid]:
@@ -185,8 +182,8 @@ def _trees(level: float, chance: Random) -> Iterator[Prop]:
     for k in range(130):
         east, north = chance.uniform(140.0, 500.0), chance.uniform(-640.0, -460.0)
         scale, model = chance.uniform(0.7, 1.35), "pine" if chance.random() < 0.45 else "tree"
-        clear = inside(APRON, east, north, margin=7.0) or inside(HEADLAND, east, north, margin=4.0)
-        if inside(POINT_GRASS, east, north, margin=-8.0) and not clear:
+        clear = within(APRON, east, north, margin_m=7.0) or within(HEADLAND, east, north, margin_m=4.0)
+        if within(POINT_GRASS, east, north, margin_m=-8.0) and not clear:
             yield Prop(id=f"tree-{k}", cls="tree", model=model, position=(east, north, ground - 0.3), scale=scale,
                        heading_deg=chance.uniform(0.0, 360.0), options={"variant": k})  # fmt: skip
     for k in range(170):
@@ -235,22 +232,10 @@ def _open_water(chance: Random) -> tuple[float, float]:
     """A point on open water, clear of the point, the pier and the lifeboat's berth, inside the coast."""
     while True:
         east, north = chance.uniform(-OPEN_WATER_M, OPEN_WATER_M), chance.uniform(-OPEN_WATER_M, OPEN_WATER_M)
-        dry = inside(POINT, east, north, margin=12.0) or (0.0 < east < 150.0 and -675.0 < north < -630.0)
+        dry = within(POINT, east, north, margin_m=12.0) or (0.0 < east < 150.0 and -675.0 < north < -630.0)
         berth = hypot(east - 12.4, north + 1351.8) < 25.0
         if hypot(east, north) < OPEN_WATER_M and not dry and not berth:
             return round(east, 2), round(north, 2)
 
 
-def inside(polygon: Polygon, east: float, north: float, margin: float = 0.0) -> bool:
-    """Whether a point is inside a polygon, grown (positive) or shrunk (negative) by `margin` metres."""
-    within, nearest = False, float("inf")
-    for (ax, ay), (bx, by) in zip(polygon, (*polygon[1:], polygon[0]), strict=True):
-        if (ay > north) != (by > north) and east < (bx - ax) * (north - ay) / (by - ay) + ax:
-            within = not within
-        length2 = (bx - ax) ** 2 + (by - ay) ** 2 or 1.0
-        along = min(1.0, max(0.0, ((east - ax) * (bx - ax) + (north - ay) * (by - ay)) / length2))
-        nearest = min(nearest, hypot(east - ax - along * (bx - ax), north - ay - along * (by - ay)))
-    return nearest <= margin or within if margin >= 0.0 else within and nearest >= -margin
-
-
-__all__ = ["APRON_TOP_M", "apron_top_m", "build", "inside"]
+__all__ = ["APRON_TOP_M", "apron_top_m", "build"]

@@ -6,12 +6,23 @@ from collections.abc import Sequence
 from itertools import pairwise
 from math import atan2, degrees, hypot
 
+from lingjing.mission.geometry2d import Vector2
 from lingjing.mission.instance import Vector
 
 
 def length(line: Sequence[Vector]) -> float:
     """Metres along a line, in plan."""
     return sum(hypot(bx - ax, by - ay) for (ax, ay, _), (bx, by, _) in pairwise(line))
+
+
+def distance_to(line: Sequence[Vector2], x: float, y: float) -> float:
+    """Metres in plan from a place to a line of points in plan."""
+    found = float("inf")
+    for (ax, ay), (bx, by) in pairwise(line):
+        length2 = (bx - ax) ** 2 + (by - ay) ** 2 or 1.0
+        share = min(1.0, max(0.0, ((x - ax) * (bx - ax) + (y - ay) * (by - ay)) / length2))
+        found = min(found, hypot(x - ax - share * (bx - ax), y - ay - share * (by - ay)))
+    return found
 
 
 def nearest(line: Sequence[Vector], x: float, y: float) -> tuple[float, float]:

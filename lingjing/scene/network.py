@@ -26,6 +26,7 @@ from xml.sax.saxutils import quoteattr
 import msgspec
 
 from lingjing.errors import InfrastructureError, UsageError
+from lingjing.mission.geometry2d import signed_area
 from lingjing.mission.instance import Vector
 from lingjing.scene.beside import beside
 from lingjing.scene.city import Junction, Lane, Road
@@ -372,15 +373,10 @@ def _junction(element: Element) -> Iterator[Junction]:
     if len(outline) >= 3:
         yield Junction(
             id=element.get("id", ""),
-            polygon=_anticlockwise(outline),
+            polygon=outline if signed_area(outline) >= 0.0 else outline[::-1],
             elevation_m=float(element.get("z", "0")),
             lights=element.get("type", "").startswith("traffic_light"),
         )
-
-
-def _anticlockwise(outline: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
-    twice = sum(ax * by - bx * ay for (ax, ay), (bx, by) in zip(outline, (*outline[1:], outline[0]), strict=True))
-    return outline if twice >= 0 else outline[::-1]
 
 
 def _points(text: str) -> tuple[Vector, ...]:

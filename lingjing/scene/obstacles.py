@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from lingjing.mission.geometry2d import Extent, Vector2
 from lingjing.scene.city import City
-from lingjing.scene.shapes import Capsule, OrientedBox, Shape, shapes_of
+from lingjing.scene.shapes import Capsule, OrientedBox, Shape, shapes_of, turn
 from lingjing.scene.terrain import Terrain
 from lingjing.scene.tiles import Tiles
 
@@ -123,14 +123,10 @@ def _hull(points: Sequence[Vector2]) -> list[Vector2]:
 def _chain(points: Sequence[Vector2]) -> list[Vector2]:
     chain: list[Vector2] = []
     for x, y in points:
-        while len(chain) > 1 and _turn(chain[-2], chain[-1], (x, y)) <= 0.0:
+        while len(chain) > 1 and turn(chain[-2], chain[-1], (x, y)) <= 0.0:
             chain.pop()
         chain.append((x, y))
     return chain
-
-
-def _turn(a: Vector2, b: Vector2, c: Vector2) -> float:
-    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
 def _draw_water(drawing: ObstacleMap, terrain: Terrain) -> None:

@@ -42,8 +42,10 @@ def edge_distance(polygon: Sequence[Vector2], x: float, y: float) -> float:
     return nearest
 
 
-def within(polygon: Sequence[Vector2], x: float, y: float, margin_m: float) -> bool:
-    """Whether a point lies in the polygon or within `margin_m` of it."""
+def within(polygon: Sequence[Vector2], x: float, y: float, margin_m: float = 0.0) -> bool:
+    """Whether a point lies in the polygon or within `margin_m` of it; below 0, so far from the edge inside of it."""
+    if margin_m < 0.0:
+        return inside(polygon, x, y) and edge_distance(polygon, x, y) >= -margin_m
     return inside(polygon, x, y) or edge_distance(polygon, x, y) <= margin_m
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
 import msgspec
@@ -13,6 +12,7 @@ from lingjing.mission.evaluate import Scope, number
 from lingjing.mission.geometry2d import normalised
 from lingjing.mission.instance import Instance, Region
 from lingjing.scene.city import City, Road
+from lingjing.scene.cutting import polygons
 from lingjing.scene.tiles import Tiles
 
 CROSSING_M = 18.0
@@ -73,7 +73,7 @@ class _Resolver:
 
 
 def _outline(shape: Any, name: str) -> tuple[tuple[float, float], ...]:
-    parts = sorted(_polygons(shape), key=lambda part: -part.area)
+    parts = sorted(polygons(shape), key=lambda part: -part.area)
     if not parts:
         raise MissionError(f"region '{name}' is empty on this map", hint="name another road")
     if len(parts) > 1 and parts[1].area > 0.2 * parts[0].area:
@@ -82,12 +82,3 @@ def _outline(shape: Any, name: str) -> tuple[tuple[float, float], ...]:
             hint="name a road that runs through, or widen it",
         )
     return normalised([(round(x, 3), round(y, 3)) for x, y in parts[0].simplify(0.1).exterior.coords])
-
-
-def _polygons(shape: Any) -> Iterator[Any]:
-    if shape.geom_type == "Polygon":
-        if not shape.is_empty:
-            yield shape
-    else:
-        for part in shape.geoms:
-            yield from _polygons(part)

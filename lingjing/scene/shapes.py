@@ -153,7 +153,7 @@ def _triangles(outline: Sequence[Vector2], holes: Sequence[Polygon]) -> tuple[li
     found = mapbox_earcut.triangulate_float64(np.asarray(corners, np.float64), ends).reshape(-1, 3).tolist()
     triangles: list[tuple[int, ...]] = []
     for a, b, c in found:
-        area = _turn(corners[a], corners[b], corners[c])
+        area = turn(corners[a], corners[b], corners[c])
         if abs(area) > _TINY_M * _TINY_M:
             triangles.append((a, b, c) if area > 0.0 else (a, c, b))
     return corners, triangles
@@ -190,7 +190,7 @@ def _edges(part: Sequence[int]) -> Iterator[tuple[int, int]]:
 
 def _is_convex(points: Sequence[Vector2]) -> bool:
     count = len(points)
-    turns = [_turn(points[n - 2], points[n - 1], points[n]) for n in range(count)]
+    turns = [turn(points[n - 2], points[n - 1], points[n]) for n in range(count)]
     if min(turns) < -_TINY_M * _TINY_M:
         return False
     # Turning left everywhere is not enough: a star does too, but goes round twice.
@@ -205,13 +205,13 @@ def _without_straights(outline: Sequence[Vector2]) -> tuple[Vector2, ...]:
     kept = [
         point
         for n, point in enumerate(points)
-        if abs(_turn(points[n - 1], point, points[(n + 1) % len(points)])) > _TINY_M * _TINY_M
+        if abs(turn(points[n - 1], point, points[(n + 1) % len(points)])) > _TINY_M * _TINY_M
     ]
     area = sum(a[0] * b[1] - b[0] * a[1] for a, b in zip(kept, kept[1:] + kept[:1], strict=True))
     return tuple(kept) if area > 0.0 else tuple(reversed(kept))
 
 
-def _turn(a: Vector2, b: Vector2, c: Vector2) -> float:
+def turn(a: Vector2, b: Vector2, c: Vector2) -> float:
     """Twice the area of a triangle; positive anticlockwise."""
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 

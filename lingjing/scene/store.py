@@ -30,6 +30,7 @@ from lingjing.errors import UsageError
 from lingjing.scene.beside import beside
 from lingjing.scene.city import City, Pieces
 from lingjing.scene.cutting import cut
+from lingjing.scene.network import network_folder
 from lingjing.scene.tiles import INDEX_FILE, TILED, TileIndex, extent, partition, tile_file
 
 CITY_FILE = "city.msgpack"
@@ -38,6 +39,8 @@ _ATTEMPTS = 100
 """How often another writer may come in between before we give up, where two folders cannot change places."""
 _AT_FDCWD = -100
 _RENAME_EXCHANGE = 2
+_DECIDING = ("city", "cutting", "lines", "network", "outlines", "store", "tiles")
+"""Modules of this package whose change may give another city."""
 FoundT = TypeVar("FoundT")
 
 BUILD_HINT = "a city's folder is written by: lingjing scene build MAP.osm -o FOLDER"
@@ -66,6 +69,20 @@ def write_store(folder: Path, city: City, pieces: Pieces, extra: Mapping[str, by
             return _placed(temporary, folder)
     except OSError as error:
         raise _unwritable(folder, error) from None
+
+
+def cities_folder() -> Path:
+    """Where built cities are kept: `cities` in the project's cache folder (`$XDG_CACHE_HOME/lingjing`)."""
+    return network_folder().parent / "cities"
+
+
+def code_sha256(package: Path) -> str:
+    """SHA-256 over the modules that decide what a provider builds: its package's, and those of cities beside it."""
+    digest = hashlib.sha256()
+    here = Path(__file__).parent
+    for file in (*sorted(package.glob("*.py")), *(here / f"{name}.py" for name in _DECIDING)):
+        digest.update(file.name.encode() + b"\0" + hashlib.sha256(file.read_bytes()).digest())
+    return digest.hexdigest()
 
 
 def copy_store(source: Path, folder: Path) -> City:

@@ -11,8 +11,9 @@ import shapely
 
 from lingjing.errors import UsageError
 from lingjing.mission.instance import SceneSpec
-from lingjing.scene.bay import apron_top_m, build, inside
+from lingjing.scene.bay import apron_top_m, build
 from lingjing.scene.city import City
+from lingjing.scene.outlines import within
 
 UAVS = ((306.6, -620.2), (310.0, -590.1), (278.7, -590.1))
 SEARCH = shapely.box(-200.0, -1120.0, 750.0, -740.0)
@@ -86,8 +87,12 @@ def test_other_datum_keeps_the_apron_over_the_water() -> None:
 
 def test_inside() -> None:
     square = ((0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0))
-    assert inside(square, 5, 5) and not inside(square, 12, 5)
-    assert inside(square, 12, 5, margin=3) and not inside(square, 9, 5, margin=-2) and inside(square, 5, 5, margin=-2)
+    assert within(square, 5, 5) and not within(square, 12, 5)
+    assert (
+        within(square, 12, 5, margin_m=3)
+        and not within(square, 9, 5, margin_m=-2)
+        and within(square, 5, 5, margin_m=-2)
+    )
 
 
 def test_same_in_another_process_and_without_numpy() -> None:

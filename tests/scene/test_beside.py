@@ -17,10 +17,10 @@ from lingjing.scene.beside import beside
 from lingjing.scene.city import City, Pieces
 from lingjing.scene.network import StreetEdge, StreetNode, build_network
 from lingjing.scene.osm import read as reading
-from lingjing.scene.osm.build import Options, build, cities_folder
+from lingjing.scene.osm.build import Options, build
 from lingjing.scene.osm.provider import city_of
 from lingjing.scene.osm.tags import metres, number
-from lingjing.scene.store import check_free, copy_store, read_store, whole, write_store
+from lingjing.scene.store import check_free, cities_folder, copy_store, read_store, whole, write_store
 from tests.scene.osm_maps import Map, square
 
 

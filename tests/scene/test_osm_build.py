@@ -14,10 +14,11 @@ from lingjing.errors import UsageError
 from lingjing.mission.instance import SceneSpec
 from lingjing.scene import store
 from lingjing.scene.osm import read as reading
-from lingjing.scene.osm.build import Options, build, cities_folder
+from lingjing.scene.osm.build import Options, build
 from lingjing.scene.osm.frame import choose, parse_box
 from lingjing.scene.osm.provider import city_of
 from lingjing.scene.osm.summary import read_summary, reason_text
+from lingjing.scene.store import cities_folder
 from lingjing.scene.tiles import Tiles
 from tests.scene.osm_maps import Map, square, town
 

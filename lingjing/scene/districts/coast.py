@@ -20,7 +20,9 @@ from lingjing.scene.districts.draft import Draft, stream
 from lingjing.scene.districts.furnish import disc, erect
 from lingjing.scene.districts.options import DistrictPlan
 from lingjing.scene.districts.rectangles import Rect, around
+from lingjing.scene.lines import distance_to
 from lingjing.scene.network import StreetEdge, StreetNode
+from lingjing.scene.outlines import inside
 
 SEA_M = 6000.0
 DECK_M = 16.0
@@ -105,16 +107,6 @@ def under_ramp(plan: DistrictPlan, start: Vector2, end: Vector2) -> bool:
     one, other = (end[0] - start[0], end[1] - start[1]), (top[0] - foot[0], top[1] - foot[1])
     aligned = abs(one[0] * other[0] + one[1] * other[1]) > 0.9 * hypot(*one) * hypot(*other)
     return beside and aligned
-
-
-def distance_to(line: Polygon, x: float, y: float) -> float:
-    """Metres from a point to a line."""
-    nearest = float("inf")
-    for (ax, ay), (bx, by) in pairwise(line):
-        length2 = (bx - ax) ** 2 + (by - ay) ** 2 or 1.0
-        along = min(1.0, max(0.0, ((x - ax) * (bx - ax) + (y - ay) * (by - ay)) / length2))
-        nearest = min(nearest, hypot(x - ax - along * (bx - ax), y - ay - along * (by - ay)))
-    return nearest
 
 
 # -- private
@@ -265,12 +257,3 @@ def _rail(a: Vector2, b: Vector2, aside: float) -> Polygon:
 def _aside(place: Vector2, bearing: float, right: float) -> Vector2:
     angle = (bearing + 90.0) * pi / 180.0
     return round(place[0] + right * sin(angle), 3), round(place[1] + right * cos(angle), 3)
-
-
-def inside(polygon: Polygon, x: float, y: float) -> bool:
-    """Whether a point lies in a polygon (even-odd rule)."""
-    within = False
-    for (ax, ay), (bx, by) in zip(polygon, (*polygon[1:], polygon[0]), strict=True):
-        if (ay > y) != (by > y) and x < (bx - ax) * (y - ay) / (by - ay) + ax:
-            within = not within
-    return within

@@ -14,8 +14,7 @@ from lingjing.scene.districts.district import frame, lay_out
 from lingjing.scene.districts.options import DistrictPlan
 from lingjing.scene.districts.streets import CityBlock, grid
 from lingjing.scene.districts.zones import zone
-from lingjing.scene.network import network_folder
-from lingjing.scene.store import whole, write_store
+from lingjing.scene.store import cities_folder, code_sha256, whole, write_store
 
 TREE_GAP_M = 30.0
 """Street trees stand wider apart than in a single district: there are a hundred times as many."""
@@ -23,7 +22,8 @@ TREE_GAP_M = 30.0
 
 def build_wide(plan: DistrictPlan) -> City:
     """The city of a plan, read from the cache where it is known."""
-    folder = network_folder().parent / "cities" / _key(plan)
+    key = hashlib.sha256((repr(plan) + code_sha256(Path(__file__).parent)).encode()).hexdigest()
+    folder = cities_folder() / key[:40]
     known = whole(folder)
     if known is not None:
         return known
@@ -34,16 +34,3 @@ def build_wide(plan: DistrictPlan) -> City:
     made = grid(plan.half_m, plan.spacing, lanes=(3, 1))
     pieces, net = lay_out(plan, made, kind_of, TREE_GAP_M)
     return write_store(folder, frame(plan, net), pieces)
-
-
-# -- private
-
-
-def _key(plan: DistrictPlan) -> str:
-    """A name for what this plan becomes under this code."""
-    digest = hashlib.sha256(repr(plan).encode())
-    here = Path(__file__).parent
-    beside = (here.parent / f"{name}.py" for name in ("city", "cutting", "network", "store", "tiles"))
-    for file in sorted((*here.glob("*.py"), *beside)):
-        digest.update(file.read_bytes())
-    return digest.hexdigest()[:40]

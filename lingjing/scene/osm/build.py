@@ -28,12 +28,10 @@ from lingjing.scene.osm.frame import MapFrame, choose
 from lingjing.scene.osm.read import DegreeBox, MapData
 from lingjing.scene.osm.streets import streets_xml
 from lingjing.scene.osm.summary import ATTRIBUTION, SUMMARY_FILE, MapSource, Summary, counts, encode, read_summary
-from lingjing.scene.store import check_free, copy_store, whole, write_store
+from lingjing.scene.store import check_free, cities_folder, code_sha256, copy_store, whole, write_store
 
 TILE_M = 250.0
 OFF = "LINGJING_NO_CACHE"
-_DECIDING = ("city", "cutting", "network", "store", "tiles")
-"""Modules beside this package whose change may give another city."""
 Say = Callable[[str], None]
 
 
@@ -109,11 +107,6 @@ def build(path: Path, options: Options, folder: Path | None = None, say: Say = l
     if known is not None and known != target:
         city = copy_store(known, target)  # so that the same map is known again wherever it is asked for
     return Built(city, target, summary, cached=False)
-
-
-def cities_folder() -> Path:
-    """Where built cities are kept: `cities` in the project's cache folder (`$XDG_CACHE_HOME/lingjing`)."""
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "lingjing" / "cities"
 
 
 # -- what the map gives
@@ -196,11 +189,8 @@ def _network(data: MapData, features: Features) -> tuple[str, tuple[Road, ...], 
 
 
 def _key(source: MapSource, options: Options, versions: dict[str, str]) -> str:
-    digest = hashlib.sha256(msgspec.json.encode([source.name, source.sha256, repr(options), versions]))
-    here = Path(__file__).parent
-    for file in (*sorted(here.glob("*.py")), *(here.parent / f"{name}.py" for name in _DECIDING)):
-        digest.update(file.name.encode() + b"\0" + hashlib.sha256(file.read_bytes()).digest())
-    return digest.hexdigest()
+    made_of = [source.name, source.sha256, repr(options), versions, code_sha256(Path(__file__).parent)]
+    return hashlib.sha256(msgspec.json.encode(made_of)).hexdigest()
 
 
 def _versions() -> dict[str, str]:
