@@ -8,8 +8,8 @@
 - `repetition`  how often a target was asked for or entered again
 - `incidents`   who crashed, fell, ran out of energy, when and where
 - `metrics`     `metrics(trace) -> Metrics`: the paper's tables of metrics
-- `story`       what a picture of the episode needs, gathered by entity and by tick
+- `history`     what a picture of the episode needs, gathered by entity and by tick
 - `played_city` the city of an episode, built again, and whom to name for its map
-- `gallery`     the map with the trails and the best picture of each camera, for pages
+- `page_pictures` the map with the trails and the best picture of each camera, for pages
 - `overview`    `draw_overview(trace, path)`: the picture; the only module here that needs matplotlib
 """

@@ -12,7 +12,7 @@ from lingjing.errors import InfrastructureError, UsageError
 from lingjing.mission.model import Mission
 
 if TYPE_CHECKING:
-    from lingjing.analysis.gallery import ShownFrame
+    from lingjing.analysis.page_pictures import ShownFrame
     from lingjing.bench.study import StudyRow
     from lingjing.trace.reader import Trace
 
@@ -68,7 +68,7 @@ def _rows(path: Path, mission: Mission) -> list[StudyRow]:
 
 
 def _episode(mission: Mission, traces: Sequence[Trace], folder: Path) -> Iterator[str]:
-    from lingjing.analysis.gallery import draw_trails
+    from lingjing.analysis.page_pictures import draw_trails
     from lingjing.analysis.played_city import credit
 
     name = f"{mission.name}-map.png"
@@ -95,7 +95,7 @@ def _told(trace: Trace) -> str:
 
 
 def _sights(mission: Mission, traces: Sequence[Trace], folder: Path) -> Iterator[str]:
-    from lingjing.analysis.gallery import best_frames, in_order, unasked_frames, write_frame
+    from lingjing.analysis.page_pictures import best_frames, in_order, unasked_frames, write_frame
     from lingjing.causal.lookback import look_back
 
     frames = best_frames(traces)

@@ -248,9 +248,9 @@ def _read(file: Path) -> _File:
 
 
 def _joined(base: dict[str, Any], scene: dict[str, Any]) -> dict[str, Any]:
-    own = scene.get("options", {})
-    options = {name: {**option, **own.get(name, {})} for name, option in base["options"].items()}
-    return {**base, **scene, "options": {**own, **options}}
+    given = base.get("options", {})
+    own = {name: {**given.get(name, {}), **option} for name, option in scene.get("options", {}).items()}
+    return {**base, **scene, "options": {**given, **own}}
 
 
 def _choice_faults(spec: SceneSpec, kind: SceneKind) -> Iterator[SceneFault]:

@@ -8,9 +8,9 @@ import pytest
 from PIL import Image
 
 from lingjing.analysis.completion import asked_groups
+from lingjing.analysis.history import history_of
 from lingjing.analysis.overview import draw_overview
 from lingjing.analysis.played_city import city_of, credit
-from lingjing.analysis.story import tell
 from lingjing.dsl.loading.load import load_mission
 from lingjing.dsl.loading.shipped import find_mission
 from lingjing.mission.instantiate import instantiate
@@ -106,5 +106,5 @@ def test_a_place_nothing_is_asked_of_is_not_missed(trace: Trace) -> None:
     depot = replace(target, id="depot", group="depot")
     instance = replace(trace.header.instance, entities=(*trace.header.instance.entities, depot))
     early = Trace(trace.path, replace(trace.header, instance=instance), trace.boundaries[:3], None, False)
-    assert tell(early).fate["depot"] == "aside"
-    assert tell(early).fate[target.id] == "missed"
+    assert history_of(early).fate["depot"] == "aside"
+    assert history_of(early).fate[target.id] == "missed"

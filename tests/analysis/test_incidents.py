@@ -11,11 +11,11 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 import lingjing
+from lingjing.analysis.history import history_of
 from lingjing.analysis.incidents import incidents
 from lingjing.analysis.metrics import metrics
 from lingjing.analysis.overview.mapview import draw_map
 from lingjing.analysis.overview.timeline import draw_events
-from lingjing.analysis.story import tell
 from lingjing.cli.scorecard import MOST_ROWS, plain, scorecard
 from lingjing.dsl.loading.load import load_mission
 from lingjing.mission.instance import Entity, InteractionSpec
@@ -197,9 +197,9 @@ def test_two_drones_that_fly_into_each_other_are_in_the_report_and_the_summary(r
 
 
 def test_they_are_drawn_on_the_map_and_in_the_timeline(report) -> None:  # type: ignore[no-untyped-def]
-    story = tell(read_trace(Path(report.trace)))
+    history = history_of(read_trace(Path(report.trace)))
     for draw in (draw_map, draw_events):
-        for shown, words in ((story, 1), (dataclasses.replace(story, incidents=()), 0)):
+        for shown, words in ((history, 1), (dataclasses.replace(history, incidents=()), 0)):
             figure = Figure(figsize=(8, 6))
             FigureCanvasAgg(figure)
             axes = figure.add_subplot()

@@ -12,13 +12,13 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from lingjing.analysis.detection import detect
+from lingjing.analysis.history import Happened, History, history_of
 from lingjing.analysis.metrics import metrics
 from lingjing.analysis.overview import draw_overview, style
 from lingjing.analysis.overview.mapview import draw_map
 from lingjing.analysis.overview.pictures import best_views, whole_frame
 from lingjing.analysis.overview.score import draw_score
 from lingjing.analysis.overview.timeline import draw_events
-from lingjing.analysis.story import Happened, Story, tell
 from lingjing.errors import UsageError
 from lingjing.mission.instance import InteractionSpec
 from lingjing.trace.reader import Trace
@@ -75,27 +75,29 @@ def test_a_place_that_cannot_be_written_is_a_usage_error(trace: Trace, tmp_path:
 
 
 def test_each_found_target_is_shown_before_anything_else(trace: Trace) -> None:
-    story = tell(trace)
-    views = best_views(story, 4)
+    history = history_of(trace)
+    views = best_views(history, 4)
     assert {view.entity for view in views[:3]} == {"victim[1]", "victim[2]", "victim[3]"}
     assert views[3].truth is None and "false report" in views[3].caption
     assert all(view.overlap > 0.5 for view in views[:3])
-    frame = whole_frame(story)
+    frame = whole_frame(history)
     assert frame is not None and frame.boxes
 
 
 def test_missed_targets_are_shown_when_nothing_was_reported(trace: Trace) -> None:
     quiet = tuple(replace(record, messages=(), events=()) for record in trace.boundaries)
-    story = tell(Trace(trace.path, trace.header, quiet, trace.outcome, True, trace.places))
-    views = best_views(story, 4)
+    history = history_of(Trace(trace.path, trace.header, quiet, trace.outcome, True, trace.places))
+    views = best_views(history, 4)
     assert len(views) == 3 and all("visible, not reported" in view.caption for view in views)
 
 
 def test_the_story_knows_every_fate(trace: Trace) -> None:
-    assert set(tell(trace).fate.values()) == {"completed"}
+    assert set(history_of(trace).fate.values()) == {"completed"}
     early = Trace(trace.path, trace.header, trace.boundaries[:10], None, False, trace.places)
-    assert tell(early).fate == {"victim[1]": "found", "victim[2]": "found", "victim[3]": "found"}
-    assert set(tell(Trace(trace.path, trace.header, trace.boundaries[:5], None, False)).fate.values()) == {"missed"}
+    assert history_of(early).fate == {"victim[1]": "found", "victim[2]": "found", "victim[3]": "found"}
+    assert set(history_of(Trace(trace.path, trace.header, trace.boundaries[:5], None, False)).fate.values()) == {
+        "missed"
+    }
 
 
 def test_labels_do_not_cover_each_other() -> None:
@@ -117,30 +119,30 @@ def test_colours_are_distinct_and_shades_end_at_white() -> None:
     assert style.shaded("#123456", 1.0) == "#123456" and style.shaded("#123456", 0.0) == "#ffffff"
 
 
-def marks(story: Story, *entities: str) -> list[str]:
+def marks(history: History, *entities: str) -> list[str]:
     """What stands in the dots of events about `entities`."""
     figure = Figure(figsize=(8, 2))
     FigureCanvasAgg(figure)
     axes = figure.add_axes((0.1, 0.1, 0.8, 0.8))
     happened = tuple(Happened("rescued", tick, entity) for tick, entity in enumerate(entities))
-    draw_events(axes, dataclasses.replace(story, happened=happened))
+    draw_events(axes, dataclasses.replace(history, happened=happened))
     return [text.get_text() for text in axes.texts]
 
 
 def test_a_dot_holds_its_targets_own_number(trace: Trace) -> None:
     """A depot before twenty stops must not shift their numbers; two groups that share numbers are told apart."""
-    story = tell(trace)
-    victims = [entity for entity in story.instance.entities if entity.group == "victim"]
+    history = history_of(trace)
+    victims = [entity for entity in history.instance.entities if entity.group == "victim"]
     depot = replace(victims[0], id="depot", group="depot")
-    tracks = {"depot": dataclasses.replace(story.tracks["victim[1]"], entity="depot"), **story.tracks}
+    tracks = {"depot": dataclasses.replace(history.tracks["victim[1]"], entity="depot"), **history.tracks}
     with_depot = dataclasses.replace(
-        story, instance=replace(story.instance, entities=(depot, *story.instance.entities)), tracks=tracks
+        history, instance=replace(history.instance, entities=(depot, *history.instance.entities)), tracks=tracks
     )
     assert marks(with_depot, "depot", "victim[1]", "victim[3]") == ["D", "1", "3"]
     jam = replace(victims[0], id="jam[1]", group="jam", index=1)
-    tracks = {**story.tracks, "jam[1]": dataclasses.replace(story.tracks["victim[1]"], entity="jam[1]")}
+    tracks = {**history.tracks, "jam[1]": dataclasses.replace(history.tracks["victim[1]"], entity="jam[1]")}
     with_jam = dataclasses.replace(
-        story, instance=replace(story.instance, entities=(*story.instance.entities, jam)), tracks=tracks
+        history, instance=replace(history.instance, entities=(*history.instance.entities, jam)), tracks=tracks
     )
     assert marks(with_jam, "jam[1]", "victim[1]") == ["J1", "V1"]
 
@@ -177,31 +179,31 @@ def written(draw, *args: object, **options: object) -> list[str]:  # type: ignor
 
 def test_a_reference_picture_is_no_evidence(trace: Trace) -> None:
     shown = with_reference(trace)
-    story = tell(shown)
-    assert "r0" in story.frames
-    frame = whole_frame(story)
+    history = history_of(shown)
+    assert "r0" in history.frames
+    frame = whole_frame(history)
     assert frame is not None and frame.camera != "reference"
-    assert all(view.frame.camera != "reference" for view in best_views(story, 9))
+    assert all(view.frame.camera != "reference" for view in best_views(history, 9))
     assert detect(shown) == detect(trace)
 
 
 def test_where_nobody_reports_the_last_picture_is_shown(trace: Trace) -> None:
-    silent = tell(unjudged(trace, reporting=False))
+    silent = history_of(unjudged(trace, reporting=False))
     frame = whole_frame(silent)
     assert frame is not None and frame.tick == max(shot.tick for shot in silent.shots)
 
 
 def test_where_no_report_is_judged_nothing_is_called_missed_or_false(trace: Trace) -> None:
     loose = unjudged(trace)
-    story = tell(loose)
-    captions = [view.caption for view in best_views(story, 99)]
+    history = history_of(loose)
+    captions = [view.caption for view in best_views(history, 99)]
     assert any("reported" in caption for caption in captions) and any("in view" in caption for caption in captions)
     assert not any("not reported" in caption or "false" in caption for caption in captions)
-    score = written(draw_score, metrics(loose), complete=True, judging=story.judging)
+    score = written(draw_score, metrics(loose), complete=True, judging=history.judging)
     assert "5, none judged" in score and "matched reports" not in score and "precision" not in score
     silent = unjudged(trace, reporting=False)
     assert not {"reports", "matched reports"} & set(written(draw_score, metrics(silent), complete=True, judging=False))
-    missed = dataclasses.replace(story, fate=dict.fromkeys(story.fate, "missed"))
+    missed = dataclasses.replace(history, fate=dict.fromkeys(history.fate, "missed"))
     words = " ".join(written(draw_map, missed))
     assert "not done" in words and "missed" not in words and "false report" not in words
     judged = dataclasses.replace(missed, judging=True)
@@ -217,8 +219,8 @@ def test_what_the_engine_recorded_looks_found(trace: Trace) -> None:
     header = replace(trace.header, instance=replace(instance, entities=(*instance.entities, *jams)))
     event = TaskEvent(kind="record", entities=("jam[1]", "uav[1]"), time_s=10.0)
     first = replace(trace.boundaries[1], task_events=(*trace.boundaries[1].task_events, event))
-    story = tell(Trace(trace.path, header, (trace.boundaries[0], first, *trace.boundaries[2:]), None, False))
-    assert (story.fate["jam[1]"], story.fate["jam[2]"], story.deeds["jam[1]"]) == ("found", "aside", "recorded")
+    history = history_of(Trace(trace.path, header, (trace.boundaries[0], first, *trace.boundaries[2:]), None, False))
+    assert (history.fate["jam[1]"], history.fate["jam[2]"], history.deeds["jam[1]"]) == ("found", "aside", "recorded")
 
 
 def test_a_spent_budget_is_called_out_of_time(trace: Trace) -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from lingjing.analysis.gallery import best_frames, in_order, unasked_frames
+from lingjing.analysis.page_pictures import best_frames, in_order, unasked_frames
 from lingjing.bench.columns import shipped
 from lingjing.causal.lookback import look_back
 from lingjing.cli import missionpage

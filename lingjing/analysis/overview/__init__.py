@@ -5,7 +5,7 @@
 - `timeline`  messages, events, batteries over ticks
 - `pictures`  the best detections, cut out of their frames, and one whole frame
 - `score`     the numbers
-- `sheet`     the page that holds them
+- `layout`    the page that holds them
 
 matplotlib is loaded by the first call, not by this import.
 """
@@ -26,7 +26,7 @@ def draw_overview(trace: Trace, path: Path, city: City | None = None) -> None:
 
     Raises `UsageError` if the file cannot be written.
     """
-    from lingjing.analysis.overview.sheet import draw_sheet
+    from lingjing.analysis.overview.layout import draw_sheet
     from lingjing.analysis.played_city import city_of
 
     draw_sheet(trace, path, city or city_of(trace))

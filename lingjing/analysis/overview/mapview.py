@@ -12,8 +12,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon, Rectangle
 
 from lingjing.analysis.detection import MatchedReport
+from lingjing.analysis.history import History, Track
 from lingjing.analysis.overview import style
-from lingjing.analysis.story import Story, Track
 from lingjing.scene.city import City
 from lingjing.scene.plan import ground_plan, paint
 
@@ -26,40 +26,40 @@ STILL_M = 0.05
 UNDONE = "not done"
 
 
-def draw_map(axes: Axes, story: Story, city: City | None = None, credit: str = "", legend_columns: int = 0) -> None:
+def draw_map(axes: Axes, history: History, city: City | None = None, credit: str = "", legend_columns: int = 0) -> None:
     """Fill `axes` with the episode's map, east to the right, metres: on `city` if it is there, on blank ground else.
 
     `credit` names whose map it is; it stands in the corner. The legend below has one row, or `legend_columns` columns.
     """
     axes.set_facecolor(style.PANEL)
-    west, south, east, north = _bounds(story, axes)
+    west, south, east, north = _bounds(history, axes)
     axes.set_xlim(west, east)
     axes.set_ylim(south, north)
     axes.set_aspect("equal", adjustable="box")  # after the limits: it would shrink the panel to theirs
     if city is not None:
         paint(axes, ground_plan(city, (west, south, east, north)), style.CITY)
-    _ground(axes, story)
+    _ground(axes, history)
     labels = style.Labels(axes)
-    _assets(axes, story, labels)
-    _reports(axes, story, (west, south, east, north), labels)
-    _targets(axes, story, labels)
-    _incidents(axes, story, labels)
-    _names(axes, story, labels)
+    _assets(axes, history, labels)
+    _reports(axes, history, (west, south, east, north), labels)
+    _targets(axes, history, labels)
+    _incidents(axes, history, labels)
+    _names(axes, history, labels)
     _scale(axes, west, south, east - west, north - south)
-    _legend(axes, story, legend_columns)
+    _legend(axes, history, legend_columns)
     if credit:
         _credit(axes, credit)
     style.bare(axes, "Map: tracks darken with time")
 
 
-def _bounds(story: Story, axes: Axes) -> tuple[float, float, float, float]:
+def _bounds(history: History, axes: Axes) -> tuple[float, float, float, float]:
     """The box around everything real plus a margin, widened to the panel's shape."""
-    points = [point for track in story.tracks.values() for point in track.points]
-    points += [point for region in story.instance.regions for point in region.polygon]
-    points += [entity.position[:2] for entity in story.instance.entities]
+    points = [point for track in history.tracks.values() for point in track.points]
+    points += [point for region in history.instance.regions for point in region.polygon]
+    points += [entity.position[:2] for entity in history.instance.entities]
     spots = np.array(points)
     low, high = spots.min(axis=0), spots.max(axis=0)
-    for report in story.reports:
+    for report in history.reports:
         if report.position is not None and _stray(report.position, low, high) <= STRAY_M:
             low, high = np.minimum(low, report.position), np.maximum(high, report.position)
     size = np.maximum((high - low) * 1.12, 100.0)
@@ -73,23 +73,23 @@ def _stray(point: tuple[float, float], low: npt.NDArray[np.float64], high: npt.N
     return float(np.linalg.norm(np.maximum(np.maximum(low - point, np.array(point) - high), 0.0)))
 
 
-def _ground(axes: Axes, story: Story) -> None:
-    for cell in story.instance.cells:
-        seen = cell.name in story.visited
+def _ground(axes: Axes, history: History) -> None:
+    for cell in history.instance.cells:
+        seen = cell.name in history.visited
         colour = style.VISITED if seen else "none"
         axes.add_patch(Polygon(cell.polygon, facecolor=colour, alpha=0.55, edgecolor="none", zorder=1))
         axes.add_patch(
             Polygon(cell.polygon, facecolor="none", edgecolor="#9fb4c4", linewidth=0.6, linestyle=(0, (4, 3)), zorder=2)
         )
-    for region in story.instance.regions:
+    for region in history.instance.regions:
         axes.add_patch(Polygon(region.polygon, facecolor="none", edgecolor=style.REGION, linewidth=1.8, zorder=2))
-    for cell in story.instance.cells:
+    for cell in history.instance.cells:
         name = f"{cell.row}-{cell.column}"
         axes.text(*cell.centre, name, fontsize=8, color="#8ba1b2", ha="center", va="center", zorder=2)
 
 
-def _assets(axes: Axes, story: Story, labels: style.Labels) -> None:
-    tracks = story.tracks_of("asset")
+def _assets(axes: Axes, history: History, labels: style.Labels) -> None:
+    tracks = history.tracks_of("asset")
     colours = style.asset_colours(track.entity for track in tracks)
     for track in tracks:
         _line(axes, track, colours[track.entity])
@@ -99,7 +99,7 @@ def _assets(axes: Axes, story: Story, labels: style.Labels) -> None:
             axes.plot(*end, "o", ms=8, mfc=colours[track.entity], mec="white", mew=1.2, zorder=6)
             labels.block(start, 5)
             labels.block(end, 7)
-    for frame in story.frames.values():
+    for frame in history.frames.values():
         if frame.entity in colours:  # a reference picture is nobody's and was taken before the episode
             axes.plot(*frame.pose.position[:2], ".", ms=3, color=colours[frame.entity], zorder=5)
 
@@ -117,47 +117,47 @@ def _line(axes: Axes, track: Track, colour: str) -> None:
     axes.add_collection(LineCollection(list(segments), colors=shades, linewidths=1.8, capstyle="round", zorder=4))
 
 
-def _targets(axes: Axes, story: Story, labels: style.Labels) -> None:
-    for track in story.tracks_of("target"):
+def _targets(axes: Axes, history: History, labels: style.Labels) -> None:
+    for track in history.tracks_of("target"):
         if not track.points:
             continue
-        colour = style.FATES[story.fate[track.entity]]
+        colour = style.FATES[history.fate[track.entity]]
         points = np.array(track.points)
         axes.plot(points[:, 0], points[:, 1], "-", color=colour, linewidth=1.2, alpha=0.6, zorder=6)
         axes.plot(*points[0], "D", ms=5, mfc="white", mec=colour, mew=1.4, zorder=7)
-        place = _fate_place(story, track)
+        place = _fate_place(history, track)
         axes.plot(*place, "*", ms=15, mfc=colour, mec="white", mew=1.0, zorder=8)
         labels.block(place, 10)
 
 
-def _incidents(axes: Axes, story: Story, labels: style.Labels) -> None:
+def _incidents(axes: Axes, history: History, labels: style.Labels) -> None:
     """A cross for each, with the time of the first few."""
-    for incident in story.incidents:
+    for incident in history.incidents:
         if incident.position is not None:
             axes.plot(*incident.position[:2], "X", ms=10, mfc=style.INCIDENT, mec="white", mew=0.9, zorder=9)
             labels.block(incident.position[:2], 6)
-    for incident in story.incidents[: style.CROWD]:
+    for incident in history.incidents[: style.CROWD]:
         if incident.position is not None:
             said = f"{incident.kind.replace('_', ' ')} {incident.time_s:.0f} s"
             labels.add(said, incident.position[:2], style.INCIDENT, 8.0)
 
 
-def _fate_place(story: Story, track: Track) -> tuple[float, float]:
+def _fate_place(history: History, track: Track) -> tuple[float, float]:
     """Where the target was when it was completed (it may travel aboard afterwards), else where it ended."""
-    tick = story.completed.get(track.entity)
+    tick = history.completed.get(track.entity)
     if tick is None:
         return track.points[-1]
-    time_s = tick * story.instance.clock.tick_s
+    time_s = tick * history.instance.clock.tick_s
     index = min(range(len(track.times)), key=lambda at: abs(track.times[at] - time_s))
     return track.points[index]
 
 
-def _reports(axes: Axes, story: Story, bounds: tuple[float, float, float, float], labels: style.Labels) -> None:
-    for report in story.reports:
+def _reports(axes: Axes, history: History, bounds: tuple[float, float, float, float], labels: style.Labels) -> None:
+    for report in history.reports:
         if report.position is None:
             continue
         place = _clamped(report.position, bounds)
-        truth = _truth(story, report)
+        truth = _truth(history, report)
         if truth is not None:
             axes.plot(*zip(place, truth, strict=True), "-", color=style.CLAIM, linewidth=0.8, alpha=0.7, zorder=7)
         marker, size = ("x", 6) if report.false else ("+", 8)
@@ -172,35 +172,39 @@ def _clamped(point: tuple[float, float], bounds: tuple[float, float, float, floa
     return min(max(point[0], west + dx), east - dx), min(max(point[1], south + dy), north - dy)
 
 
-def _truth(story: Story, report: MatchedReport) -> tuple[float, float] | None:
-    frame = story.frames.get(report.frame)
+def _truth(history: History, report: MatchedReport) -> tuple[float, float] | None:
+    frame = history.frames.get(report.frame)
     if report.target is None or frame is None:
         return None
-    track = story.tracks[report.target]
+    track = history.tracks[report.target]
     index = min(range(len(track.times)), key=lambda at: abs(track.times[at] - frame.time_s))
     return track.points[index]
 
 
-def _names(axes: Axes, story: Story, labels: style.Labels) -> None:
-    assets = story.tracks_of("asset")
+def _names(axes: Axes, history: History, labels: style.Labels) -> None:
+    assets = history.tracks_of("asset")
     colours = style.asset_colours(track.entity for track in assets)
-    targets = story.tracks_of("target")
+    targets = history.tracks_of("target")
     for track in targets:
         if track.points:
-            fate = story.fate[track.entity]
+            fate = history.fate[track.entity]
             plain = fate == "aside" or len(targets) > style.CROWD  # its colour says the rest
-            name = track.entity if plain else f"{track.entity} {_word(story, track.entity)}"
-            labels.add(name, _fate_place(story, track), style.FATES[fate], 8.5)
+            name = track.entity if plain else f"{track.entity} {_word(history, track.entity)}"
+            labels.add(name, _fate_place(history, track), style.FATES[fate], 8.5)
     for track in assets:
         if track.points:
             labels.add(track.entity, track.points[-1], colours[track.entity])
 
 
-def _word(story: Story, target: str) -> str:
+def _word(history: History, target: str) -> str:
     """What became of a target; where no report is judged, nobody can have overlooked one."""
-    fate = story.fate[target]
+    fate = history.fate[target]
     return (
-        UNDONE if fate == "missed" and not story.judging else story.deeds.get(target, fate) if fate == "found" else fate
+        UNDONE
+        if fate == "missed" and not history.judging
+        else history.deeds.get(target, fate)
+        if fate == "found"
+        else fate
     )
 
 
@@ -238,7 +242,7 @@ def _credit(axes: Axes, credit: str) -> None:
     )  # fmt: skip
 
 
-def _legend(axes: Axes, story: Story, columns: int) -> None:
+def _legend(axes: Axes, history: History, columns: int) -> None:
     def mark(marker: str, label: str, **options: object) -> Line2D:
         return Line2D([], [], linestyle="none", marker=marker, label=label, **options)  # type: ignore[arg-type]
 
@@ -250,12 +254,12 @@ def _legend(axes: Axes, story: Story, columns: int) -> None:
         *(
             mark("*", "other place" if fate == "aside" else f"target {word}", mfc=style.FATES[fate], mec="white", ms=12)
             for fate in style.FATES
-            for word in (UNDONE if fate == "missed" and not story.judging else fate,)
-            if fate in story.fate.values() or (fate != "aside" and story.judging)
+            for word in (UNDONE if fate == "missed" and not history.judging else fate,)
+            if fate in history.fate.values() or (fate != "aside" and history.judging)
         ),
-        *([mark("+", "report, line to truth", mec=style.CLAIM, ms=8, mew=1.4)] if story.reporting else []),
-        *([mark("X", "incident", mfc=style.INCIDENT, mec="white", ms=9)] if story.incidents else []),
-        *([mark("x", "false report", mec=style.FATES["missed"], ms=6, mew=1.4)] if story.judging else []),
+        *([mark("+", "report, line to truth", mec=style.CLAIM, ms=8, mew=1.4)] if history.reporting else []),
+        *([mark("X", "incident", mfc=style.INCIDENT, mec="white", ms=9)] if history.incidents else []),
+        *([mark("x", "false report", mec=style.FATES["missed"], ms=6, mew=1.4)] if history.judging else []),
     ]
     axes.legend(
         handles=entries,

@@ -15,8 +15,8 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
 from lingjing.analysis.detection import UnitBox
+from lingjing.analysis.history import History
 from lingjing.analysis.overview import style
-from lingjing.analysis.story import Story
 from lingjing.errors import LingjingError
 from lingjing.mission.operations import overlap
 from lingjing.trace.reader import Trace
@@ -51,32 +51,37 @@ class ReportView:
         return f"{first}\nIoU {self.overlap:.2f}{error}"
 
 
-def best_views(story: Story, count: int) -> list[ReportView]:
+def best_views(history: History, count: int) -> list[ReportView]:
     """The best match of each target first, then further matches, a false report, and what was missed."""
-    matches = sorted(_matches(story), key=lambda view: (-view.overlap, view.frame.tick))
+    matches = sorted(_matches(history), key=lambda view: (-view.overlap, view.frame.tick))
     first: dict[str, ReportView] = {}
     for view in matches:
         first.setdefault(view.entity, view)
     firsts = sorted(first.values(), key=lambda view: view.frame.tick)
     others = [view for view in matches if view not in firsts]
-    return [*firsts, *_unjudged(story), *_false(story)[:1], *_missed(story, set(first)), *others, *_false(story)[1:]][
-        :count
-    ]
+    return [
+        *firsts,
+        *_unjudged(history),
+        *_false(history)[:1],
+        *_missed(history, set(first)),
+        *others,
+        *_false(history)[1:],
+    ][:count]
 
 
-def whole_frame(story: Story) -> FrameInfo | None:
+def whole_frame(history: History) -> FrameInfo | None:
     """The frame with the most targets in it, among equals one that a report speaks of; where no report is judged, one
     that is spoken of before others; the last one where nobody may report."""
-    if not story.reporting:
-        return max(story.shots, key=lambda frame: (frame.time_s, frame.camera == FRONT), default=None)
-    spoken = {report.frame for report in story.reports if report.target is not None or not report.judged}
-    targets = set(story.fate)
+    if not history.reporting:
+        return max(history.shots, key=lambda frame: (frame.time_s, frame.camera == FRONT), default=None)
+    spoken = {report.frame for report in history.reports if report.target is not None or not report.judged}
+    targets = set(history.fate)
 
     def worth(frame: FrameInfo) -> tuple[int, bool, int]:
         seen = [truth for truth in frame.boxes if truth.entity in targets]
-        return len(seen) if story.judging else 0, frame.id in spoken, sum(truth.pixels for truth in seen)
+        return len(seen) if history.judging else 0, frame.id in spoken, sum(truth.pixels for truth in seen)
 
-    return max(story.shots, key=worth, default=None)
+    return max(history.shots, key=worth, default=None)
 
 
 def draw_view(axes: Axes, trace: Trace, view: ReportView) -> None:
@@ -95,7 +100,7 @@ def draw_view(axes: Axes, trace: Trace, view: ReportView) -> None:
     _box(axes, view.claim, rgb, style.CLAIM, (0, (3, 2)), 1.8)
 
 
-def draw_whole(axes: Axes, trace: Trace, story: Story, frame: FrameInfo | None) -> None:
+def draw_whole(axes: Axes, trace: Trace, history: History, frame: FrameInfo | None) -> None:
     """A whole frame with all its boxes."""
     style.bare(axes)
     rgb = None if frame is None else _rgb(trace, frame)
@@ -103,22 +108,22 @@ def draw_whole(axes: Axes, trace: Trace, story: Story, frame: FrameInfo | None) 
         draw_nothing(axes, "no picture was taken")
         return
     axes.imshow(rgb, extent=(0, rgb.shape[1], rgb.shape[0], 0), interpolation="antialiased", aspect="equal")
-    targets = set(story.fate)
+    targets = set(history.fate)
     for truth in frame.boxes:
         if truth.entity in targets:
             _box(axes, _grown(truth.box, 0.008), rgb, style.TRUTH, "-", 1.4)
-    for report in story.reports:
+    for report in history.reports:
         if report.frame == frame.id and report.box is not None:
             _box(axes, _grown(report.box, 0.014), rgb, style.CLAIM, (0, (3, 2)), 1.4)
-    height = frame.pose.position[2] - story.instance.scene.datum_m
+    height = frame.pose.position[2] - history.instance.scene.datum_m
     caption = f"{frame.entity} {frame.camera} · tick {frame.tick} · {height:.0f} m up"
     axes.set_xlabel(caption, fontsize=8, color=style.INK, labelpad=3)
 
 
-def _matches(story: Story) -> list[ReportView]:
+def _matches(history: History) -> list[ReportView]:
     views = []
-    for report in story.reports:
-        frame = story.frames.get(report.frame)
+    for report in history.reports:
+        frame = history.frames.get(report.frame)
         if frame is None or report.target is None or report.box is None:
             continue
         truth = next((box.box for box in frame.boxes if box.entity == report.target), None)
@@ -128,32 +133,32 @@ def _matches(story: Story) -> list[ReportView]:
     return views
 
 
-def _false(story: Story) -> list[ReportView]:
+def _false(history: History) -> list[ReportView]:
     return [
-        ReportView(story.frames[report.frame], None, report.box, "", 0.0, None)
-        for report in story.reports
-        if report.false and report.box is not None and report.frame in story.frames
+        ReportView(history.frames[report.frame], None, report.box, "", 0.0, None)
+        for report in history.reports
+        if report.false and report.box is not None and report.frame in history.frames
     ]
 
 
-def _unjudged(story: Story) -> list[ReportView]:
+def _unjudged(history: History) -> list[ReportView]:
     """What was reported where no rule compares it with the truth."""
     return [
-        ReportView(story.frames[report.frame], None, report.box, report.cls, 0.0, None, judged=False)
-        for report in story.reports
-        if not report.judged and report.box is not None and report.frame in story.frames
+        ReportView(history.frames[report.frame], None, report.box, report.cls, 0.0, None, judged=False)
+        for report in history.reports
+        if not report.judged and report.box is not None and report.frame in history.frames
     ]
 
 
-def _missed(story: Story, found: set[str]) -> list[ReportView]:
+def _missed(history: History, found: set[str]) -> list[ReportView]:
     best: dict[str, tuple[int, ReportView]] = {}
-    wanted = set(story.fate) - found
-    for frame in story.shots:
+    wanted = set(history.fate) - found
+    for frame in history.shots:
         for truth in frame.boxes:
             if truth.entity in wanted and truth.pixels > best.get(truth.entity, (0,))[0]:
                 best[truth.entity] = (
                     truth.pixels,
-                    ReportView(frame, truth.box, None, truth.entity, 0.0, None, story.judging),
+                    ReportView(frame, truth.box, None, truth.entity, 0.0, None, history.judging),
                 )
     return [view for _, view in best.values()]
 

@@ -8,45 +8,45 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
+from lingjing.analysis.history import History
 from lingjing.analysis.messages import AdmittedMessage
 from lingjing.analysis.overview import style
-from lingjing.analysis.story import Story
 
 
-def draw_messages(axes: Axes, story: Story) -> None:
+def draw_messages(axes: Axes, history: History) -> None:
     """A lane for each agent; a message leaves its sender's dot for the recipients' lanes."""
-    agents = [agent.id for agent in story.instance.agents]
+    agents = [agent.id for agent in history.instance.agents]
     lanes = {agent: place for place, agent in enumerate(agents)}
     for lane in lanes.values():
         axes.axhline(lane, color=style.RULE, linewidth=0.8, zorder=1)
-    for said, x in _spread(story):
+    for said, x in _spread(history):
         _message(axes, said, x, lanes)
-    for tick, sender in story.refusals:
+    for tick, sender in history.refusals:
         if sender in lanes:
             axes.plot(tick, lanes[sender], "|", ms=9, mec=style.FATES["missed"], mew=1.4, zorder=3)
     axes.set_yticks(list(lanes.values()), agents)
     axes.set_ylim(len(agents) - 0.5, -0.5)
-    used = dict.fromkeys(said.category for said in story.said)
+    used = dict.fromkeys(said.category for said in history.said)
     entries = [_dot(style.CATEGORIES[name], name.replace("_", " ")) for name in style.CATEGORIES if name in used]
-    if story.refusals:
+    if history.refusals:
         entries.append(
             Line2D([], [], linestyle="none", marker="|", mec=style.FATES["missed"], ms=8, mew=1.4, label="refused")
         )
-    _finish(axes, story, "Messages", entries)
+    _finish(axes, history, "Messages", entries)
 
 
-def draw_events(axes: Axes, story: Story) -> None:
+def draw_events(axes: Axes, history: History) -> None:
     """A lane for each kind of event, a dot for each, in its target's colour and with its own number: a group's members
     have their numbers, with the group's letter where several groups have some; who has no number has its letter. The
     mission's own events are grey dots, incidents crosses in a lane of their own."""
-    kinds = [rule.name for rule in story.instance.rules]
-    kinds += [event.kind for event in story.happened if event.kind not in kinds]
-    kinds += ["incident"] if story.incidents else []
+    kinds = [rule.name for rule in history.instance.rules]
+    kinds += [event.kind for event in history.happened if event.kind not in kinds]
+    kinds += ["incident"] if history.incidents else []
     lanes = {kind: place for place, kind in enumerate(dict.fromkeys(kinds))}
-    targets = [track.entity for track in story.tracks_of("target")]
-    marks = _marks(story)
+    targets = [track.entity for track in history.tracks_of("target")]
+    marks = _marks(history)
     crowd: dict[tuple[str, int], list[str]] = defaultdict(list)
-    for event in story.happened:
+    for event in history.happened:
         crowd[event.kind, event.tick].append(event.entity)
     for lane in lanes.values():
         axes.axhline(lane, color=style.RULE, linewidth=0.8, zorder=1)
@@ -61,23 +61,23 @@ def draw_events(axes: Axes, story: Story) -> None:
                     x, lanes[kind], marks[entity], color="white", fontsize=7, ha="center", va="center_baseline",
                     fontweight="bold", zorder=4,
                 )  # fmt: skip
-    for incident in story.incidents:
-        x = incident.time_s / story.instance.clock.tick_s
+    for incident in history.incidents:
+        x = incident.time_s / history.instance.clock.tick_s
         axes.plot(x, lanes["incident"], "X", ms=9, mfc=style.INCIDENT, mec="white", mew=0.7, zorder=5)
     axes.set_yticks(list(lanes.values()), list(lanes))
     axes.set_ylim(len(lanes) - 0.4, -0.6) if lanes else axes.set_yticks([])
     few = targets if len(targets) <= style.CROWD else []  # a crowd is told apart by the numbers in the dots
     entries = [_dot(style.target_colour(place), name) for place, name in enumerate(few)]
-    if story.incidents:
+    if history.incidents:
         entries.append(
             Line2D([], [], linestyle="none", marker="X", mfc=style.INCIDENT, mec="white", ms=8, label="incident")
         )
-    _finish(axes, story, "Events", entries)
+    _finish(axes, history, "Events", entries)
 
 
-def _marks(story: Story) -> dict[str, str]:
+def _marks(history: History) -> dict[str, str]:
     """What stands in a target's dot."""
-    targets = [entity for entity in story.instance.entities if entity.role == "target"]
+    targets = [entity for entity in history.instance.entities if entity.role == "target"]
     numbered = {entity.group for entity in targets if entity.id != entity.group}
     letter = {entity.group: entity.group[:1].upper() for entity in targets}
     return {
@@ -88,11 +88,11 @@ def _marks(story: Story) -> dict[str, str]:
     }
 
 
-def draw_batteries(axes: Axes, story: Story) -> None:
+def draw_batteries(axes: Axes, history: History) -> None:
     """What is left in each asset's battery, percent of what it began with."""
-    tracks = story.tracks_of("asset")
+    tracks = history.tracks_of("asset")
     colours = style.asset_colours(track.entity for track in tracks)
-    tick_s = story.instance.clock.tick_s
+    tick_s = history.instance.clock.tick_s
     powered = [track for track in tracks if track.battery]
     for track in powered:
         times = [time_s / tick_s for time_s in track.times[-len(track.battery) :]]
@@ -101,15 +101,15 @@ def draw_batteries(axes: Axes, story: Story) -> None:
     axes.set_yticks([0, 50, 100], ["0", "50", "100 %"])
     axes.grid(axis="y", color=style.RULE, linewidth=0.6)
     entries = [Line2D([], [], color=colours[track.entity], linewidth=1.8, label=track.entity) for track in powered]
-    _finish(axes, story, "Battery" if powered else "Battery: no asset has one", entries)
+    _finish(axes, history, "Battery" if powered else "Battery: no asset has one", entries)
     axes.set_xlabel(f"tick ({tick_s:g} s each)", fontsize=9, color=style.INK, labelpad=2)
     axes.tick_params(labelbottom=True)
 
 
-def _spread(story: Story) -> list[tuple[AdmittedMessage, float]]:
+def _spread(history: History) -> list[tuple[AdmittedMessage, float]]:
     """Messages of one tick side by side instead of on top of each other."""
     by_tick: dict[int, list[AdmittedMessage]] = defaultdict(list)
-    for said in story.said:
+    for said in history.said:
         by_tick[said.tick].append(said)
     return [
         (said, tick + 0.8 * ((place + 0.5) / len(group) - 0.5))
@@ -134,9 +134,9 @@ def _dot(colour: str, label: str) -> Line2D:
     return Line2D([], [], linestyle="none", marker="o", mfc=colour, mec="white", ms=7, label=label)
 
 
-def _finish(axes: Axes, story: Story, title: str, entries: list[Line2D]) -> None:
+def _finish(axes: Axes, history: History, title: str, entries: list[Line2D]) -> None:
     axes.set_facecolor(style.PANEL)
-    axes.set_xlim(-0.8, max(story.ticks, 1) + 0.8)
+    axes.set_xlim(-0.8, max(history.ticks, 1) + 0.8)
     axes.xaxis.set_major_locator(MaxNLocator(integer=True, nbins=20))
     axes.tick_params(labelsize=8, colors=style.INK, length=2, labelbottom=False)
     for name, side in axes.spines.items():

@@ -72,13 +72,13 @@ def draw_trails(trace: Trace, path: Path) -> None:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
+    from lingjing.analysis.history import history_of
     from lingjing.analysis.overview.mapview import draw_map
-    from lingjing.analysis.story import tell
 
     figure = Figure(figsize=MAP_IN, dpi=MAP_DPI, facecolor="white")
     FigureCanvasAgg(figure)
     axes = figure.add_axes((0.01, 0.085, 0.98, 0.875))
-    draw_map(axes, tell(trace), city_of(trace), credit(trace.header.attribution), legend_columns=5)
+    draw_map(axes, history_of(trace), city_of(trace), credit(trace.header.attribution), legend_columns=5)
     figure.savefig(path, format="png", dpi=MAP_DPI, metadata={"Software": "lingjing"})
 
 

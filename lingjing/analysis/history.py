@@ -38,7 +38,7 @@ class Happened:
 
 
 @dataclass(frozen=True, slots=True)
-class Story:
+class History:
     """Everything the overview draws. `fate` is `completed`, `found` or `missed` for each target, `aside` for one that
     success asks nothing of and with which nobody did anything (a depot, a jam not seen); `completed` says at which
     tick. `deeds` are the words of those that somebody dealt with beside what success asks (a jam `recorded`). `shots`
@@ -67,12 +67,12 @@ class Story:
         return tuple(track for track in self.tracks.values() if track.role == role)
 
 
-def tell(trace: Trace) -> Story:
-    """Gather the story of one trace, whole or cut."""
+def history_of(trace: Trace) -> History:
+    """Gather the history of one trace, whole or cut."""
     instance = trace.header.instance
     reports = detect(trace).reports
     dealt = _dealt_with(trace)
-    return Story(
+    return History(
         instance=instance,
         tracks={entity.id: _track(trace, entity.id, entity.role) for entity in instance.entities},
         reports=reports,

@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from lingjing.analysis.history import History, history_of
 from lingjing.analysis.metrics import metrics
 from lingjing.analysis.overview import style
 from lingjing.analysis.overview.mapview import draw_map
@@ -16,7 +17,6 @@ from lingjing.analysis.overview.pictures import best_views, draw_nothing, draw_v
 from lingjing.analysis.overview.score import draw_score
 from lingjing.analysis.overview.timeline import draw_batteries, draw_events, draw_messages
 from lingjing.analysis.played_city import credit
-from lingjing.analysis.story import Story, tell
 from lingjing.errors import UsageError
 from lingjing.scene.city import City
 from lingjing.trace.reader import Trace
@@ -29,16 +29,16 @@ def draw_sheet(trace: Trace, path: Path, city: City | None) -> None:
     """See `lingjing.analysis.overview.draw_overview`."""
     figure = Figure(figsize=(WIDTH, HEIGHT), dpi=DPI, facecolor=style.PAPER)
     FigureCanvasAgg(figure)  # the Agg canvas by itself: no pyplot, no global state, no display
-    story = tell(trace)
+    history = history_of(trace)
     _title(figure, trace)
-    draw_map(_panel(figure, 0.012, 0.375, 0.588, 0.555), story, city, credit(trace.header.attribution))
+    draw_map(_panel(figure, 0.012, 0.375, 0.588, 0.555), history, city, credit(trace.header.attribution))
     score = _panel(figure, 0.615, 0.675, 0.373, 0.255)
-    draw_score(score, metrics(trace), complete=trace.complete, judging=story.judging)
-    _pictures(figure, trace, story)
+    draw_score(score, metrics(trace), complete=trace.complete, judging=history.judging)
+    _pictures(figure, trace, history)
     left, width = 0.06, 0.54
-    draw_messages(_panel(figure, left, 0.225, width, 0.095), story)
-    draw_events(_panel(figure, left, 0.125, width, 0.065), story)
-    draw_batteries(_panel(figure, left, 0.04, width, 0.055), story)
+    draw_messages(_panel(figure, left, 0.225, width, 0.095), history)
+    draw_events(_panel(figure, left, 0.125, width, 0.065), history)
+    draw_batteries(_panel(figure, left, 0.04, width, 0.055), history)
     _save(figure, path)
 
 
@@ -57,15 +57,15 @@ def _save(figure: Figure, path: Path) -> None:
         ) from error
 
 
-def _pictures(figure: Figure, trace: Trace, story: Story) -> None:
-    views = best_views(story, VIEWS)
+def _pictures(figure: Figure, trace: Trace, history: History) -> None:
+    views = best_views(history, VIEWS)
     if not views:
         draw_nothing(_panel(figure, 0.615, 0.37, 0.373, 0.28), "no target was reported or in view")
     for place, view in enumerate(views):
         row, column = divmod(place, 2)
         left, bottom = 0.615 + column * 0.19, 0.535 - row * 0.165
         draw_view(_panel(figure, left, bottom, 0.183, 0.115), trace, view)
-    draw_whole(_panel(figure, 0.615, 0.04, 0.373, 0.295), trace, story, whole_frame(story))
+    draw_whole(_panel(figure, 0.615, 0.04, 0.373, 0.295), trace, history, whole_frame(history))
 
 
 def _title(figure: Figure, trace: Trace) -> None:
