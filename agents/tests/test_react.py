@@ -100,23 +100,23 @@ async def test_text_models_get_no_pictures_and_the_schema_in_words():
         (Reply('{"thought": 5, "command": null, "messages": []}'), "not a step"),
         (
             Reply({**NOOP, "command": {"verb": "dance", "arguments": {}, "resource": "uav[1]"}}),
-            "command.verb: 'dance' is not one of yours: ",
+            "is due, this is the text 'dance'",
         ),
         (
             Reply({**NOOP, "command": {"verb": "stop", "arguments": {}, "resource": "uav[9]"}}),
-            "command.resource: 'uav[9]' is not one of yours: uav[1]",
+            "command.resource: uav[1] is due, this is the text 'uav[9]'",
         ),
         (
             Reply({**NOOP, "command": {"verb": "setDestination", "arguments": {"x": 1}}}),
-            "command.arguments: 'y' is a required property",
+            "command.arguments: 'y' is missing",
         ),
         (
             Reply({**NOOP, "messages": [{"kind": "detection", "body": {}}]}),
-            "messages[0].body: 'frame' is a required property",
+            "messages[0].body: 'frame' is missing",
         ),
         (
             Reply({**NOOP, "messages": [{"kind": "gossip", "body": {}}]}),
-            "messages[0].kind: 'gossip' is not one of yours: detection",
+            "is due, this is the text 'gossip'",
         ),
         (Reply(STEP, finish_reason="length"), "cut off"),
     ],
@@ -200,10 +200,10 @@ def test_all_faults_of_a_step_are_told_at_once():
     with pytest.raises(StepError) as fault:
         read_step(json.dumps(step), DecisionFormat(brief()))
     for part in (
-        "command.arguments.x: 'far' is not of type 'number'",
-        "command.arguments: Additional properties are not allowed ('w' was unexpected)",
-        "messages[0].body: 'state' is a required property",
-        "messages[0].body.task: 1 is not of type 'string'",
+        "command.arguments.x: a number is due, this is the text 'far'",
+        "command.arguments: there is no field 'w'",
+        "messages[0].body: 'state' is missing",
+        "messages[0].body.task: a text is due, this is the number 1",
     ):
         assert part in str(fault.value)
 

@@ -87,7 +87,7 @@ def test_an_episode_survives_every_failure_and_tells_each(client: str, tmp_path:
     }
     assert sorted(substituted) == sorted(FAILURES)
     assert {made.substituted for made in substituted.values()} == {"policy_error"}
-    for tick, says in {2: "429", 3: "no valid step", 4: "500", 6: "'dance' is not one of yours"}.items():
+    for tick, says in {2: "429", 3: "no valid step", 4: "500", 6: "this is the text 'dance'"}.items():
         assert says in substituted[tick].detail
     receipts = [
         receipt for record in trace.boundaries for receipt in record.receipts if receipt.status == "substituted"

@@ -32,8 +32,13 @@ def schema_faults(value: object, kind: Any) -> tuple[Fault, ...]:
     from jsonschema import Draft202012Validator
 
     validator = Draft202012Validator(msgspec.json.schema(kind))
-    found = [fault for error in validator.iter_errors(value) for fault in _faults(error)]
-    return tuple(dict.fromkeys(found))
+    return tuple(dict.fromkeys(faults_of(validator.iter_errors(value))))
+
+
+def faults_of(errors: Iterable[ValidationError]) -> Iterator[Fault]:
+    """The faults that a validator of draft 2020-12 found, in words."""
+    for error in errors:
+        yield from _faults(error)
 
 
 def lines_of(faults: Iterable[Fault], path: str = "") -> str:
@@ -77,35 +82,48 @@ def _faults(error: ValidationError) -> Iterator[Fault]:
 
 
 def _of_the_meant(error: ValidationError, where: str) -> Iterator[Fault]:
-    """A tagged object is of the type that its tag names; of anything else it is said what could stand there."""
+    """A tagged object is of the type that its tags name; of anything else it is said what could stand there."""
     tag = error.schema.get("discriminator", {}).get("propertyName", "")
     branches: dict[int, list[ValidationError]] = {}
     for one in error.context or ():
         branches.setdefault(int(one.relative_schema_path[0]), []).append(one)
     meant = [found for found in branches.values() if not any(_rules_out(one, tag) for one in found)]
     if len(meant) == 1:
-        for one in meant[0]:
-            yield from _faults(one)
+        yield from faults_of(meant[0])
         return
-    tags = sorted({one.validator_value[0] for one in error.context or () if list(one.relative_path) == [tag]})
+    wrong = [[one for one in found if _is_other_tag(one, tag)] for found in branches.values()]
+    fewest = min((len(found) for found in wrong if found), default=0)
+    nearest = [found[0] for found in wrong if len(found) == fewest > 0]
+    if nearest and isinstance(error.instance, Mapping):
+        name = nearest[0].relative_path[0]
+        tags = sorted({_tag_due(one) for one in nearest if one.relative_path[0] == name})
+        given = error.instance.get(name)
+        yield Fault(
+            f"{where}.{name}".lstrip("."), f"{_either(tags)} is due, this is {kind_of(given)}", _nearest(given, tags)
+        )
+        return
     kinds = [
         _DUE[one.validator_value] for one in error.context or () if not one.relative_path and one.validator == "type"
     ]
-    if tags and isinstance(error.instance, Mapping):
-        given = error.instance.get(tag)
-        yield Fault(
-            f"{where}.{tag}".lstrip("."), f"{_either(tags)} is due, this is {kind_of(given)}", _nearest(given, tags)
-        )
-    else:
-        yield Fault(where, f"{_either(kinds)} is due, this is {kind_of(error.instance)}", "")
+    yield Fault(where, f"{_either(kinds)} is due, this is {kind_of(error.instance)}", "")
 
 
 def _rules_out(error: ValidationError, tag: str) -> bool:
     """Whether it says that a branch was not meant at all: the value is of another JSON type, or has another tag."""
     kind = str(error.validator)
     if error.relative_path:
-        return kind == "enum" and list(error.relative_path) == [tag]
+        return _is_other_tag(error, tag)
     return kind == "type" or (kind == "required" and str(error.message).startswith(f"{tag!r} is"))
+
+
+def _is_other_tag(error: ValidationError, tag: str) -> bool:
+    """Whether it says that a tag is another one: a property that only one value may have (`tag`, if it is known)."""
+    alone = error.validator == "const" or (error.validator == "enum" and list(error.relative_path) == [tag])
+    return alone and len(error.relative_path) == 1
+
+
+def _tag_due(error: ValidationError) -> str:
+    return str(error.validator_value if error.validator == "const" else error.validator_value[0])
 
 
 def _worded(error: ValidationError) -> str:

@@ -13,15 +13,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from itertools import islice
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import msgspec
 
+from lingjing.mission.faults import faults_of
 from lingjing.mission.model import Field
 from lingjing.plugins.policy import ArgumentSpec, Brief, Decision, MessageSpec, Resource, VerbSpec
-
-if TYPE_CHECKING:
-    from jsonschema import ValidationError
 
 REACH_M = 1.0e7
 """No coordinate, distance or other argument of a command is larger (the Earth's radius is 6.4e6 m): arithmetic on
@@ -35,8 +33,6 @@ PHOTO = "takePhoto"
 
 FAULTS_TOLD = 20
 """So many faults of one answer are told at most."""
-
-_SHOWN_CHARACTERS = 200
 
 JsonSchema = dict[str, object]
 
@@ -63,7 +59,7 @@ class DecisionFormat:
         given = {"thought": "", "messages": [], **_without_null(answer)}
         command, messages = given.get("command"), given["messages"]
         if isinstance(command, dict):
-            command = {"arguments": {}, "resource": self._first, **_without_null(command)}
+            command = {"verb": "", "arguments": {}, "resource": self._first, **_without_null(command)}
             command["arguments"] = _without_null(command["arguments"])
         if isinstance(messages, list):
             messages = [_message_completed(message) for message in messages]
@@ -71,8 +67,9 @@ class DecisionFormat:
 
     def faults(self, answer: Any) -> tuple[str, ...]:
         """Every fault of a completed answer with the path to it, `FAULTS_TOLD` at most; empty for a good one."""
-        told = (fault for error in self._validator.iter_errors(answer) for fault in _told(error))
-        return tuple(islice(told, FAULTS_TOLD)) or tuple(self._disordered(answer))
+        found = dict.fromkeys(islice(faults_of(self._validator.iter_errors(answer)), FAULTS_TOLD))
+        told = (f"{one.where or 'answer'}: {one.message}" + f" ({one.hint})" * bool(one.hint) for one in found)
+        return tuple(told) or tuple(self._disordered(answer))
 
     def decision(self, answer: object) -> Decision:
         """A completed answer without faults as a decision."""
@@ -137,9 +134,9 @@ def _command(resource: Resource, verb: VerbSpec) -> JsonSchema:
     arguments = {spec.name: _argument(resource, verb, spec) for spec in verb.arguments}
     required = tuple(spec.name for spec in verb.arguments if not spec.optional and spec.default is None)
     properties: JsonSchema = {
+        "resource": {"const": resource.id},
         "verb": {"const": verb.name},
         "arguments": _object(arguments, required),
-        "resource": {"const": resource.id},
     }
     return _object(properties, tuple(properties))
 
@@ -220,49 +217,8 @@ def _without_null(values: Any) -> Any:
 def _message_completed(message: object) -> object:
     if not isinstance(message, dict):
         return message
-    whole = {"body": {}, "to": [], **_without_null(message)}
+    whole = {"kind": "", "body": {}, "to": [], **_without_null(message)}
     return {**whole, "body": _without_null(whole["body"])}
-
-
-def _told(error: ValidationError) -> Iterator[str]:
-    """One schema error in words; a command or message that fits none of its forms is judged by the one that it
-    names."""
-    if error.validator != "anyOf":
-        yield f"{_path(error)}: {_short(error.message)}"
-        return
-    forms: Any = error.validator_value
-    consts = [_consts(form) for form in forms]
-    left = [number for number, form in enumerate(consts) if form]
-    if not left or not isinstance(error.instance, dict):
-        due = " or ".join(["an object"] * bool(left) + ["null"] * (len(left) < len(forms)))
-        yield f"{_path(error)}: {_short(repr(error.instance))} is not {due}"
-        return
-    for key in ("resource", "verb", "kind"):
-        known = {number: consts[number][key] for number in left if key in consts[number]}
-        given = error.instance.get(key)
-        if known and given not in known.values():
-            due = ", ".join(dict.fromkeys(known.values()))
-            yield f"{_path(error)}.{key}: {_short(repr(given))} is not one of yours: {due}"
-            return
-        left = [number for number in left if known.get(number) == given] if known else left
-    for inner in error.context or ():
-        if inner.schema_path[0] == left[0]:
-            yield from _told(inner)
-
-
-def _consts(form: Any) -> dict[str, str]:
-    """The properties of a form that have one value only, such as a command's verb."""
-    return {name: schema["const"] for name, schema in form.get("properties", {}).items() if "const" in schema}
-
-
-def _path(error: ValidationError) -> str:
-    """Where in the answer, such as `messages[0].body.box`."""
-    parts = (f"[{part}]" if isinstance(part, int) else f".{part}" for part in error.absolute_path)
-    return "".join(parts).lstrip(".") or "answer"
-
-
-def _short(text: str) -> str:
-    return text if len(text) <= _SHOWN_CHARACTERS else text[: _SHOWN_CHARACTERS - 1] + "…"
 
 
 __all__ = ["DecisionFormat", "JsonSchema", "decision_schema", "recipients", "sendable"]

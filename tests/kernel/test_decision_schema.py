@@ -174,16 +174,33 @@ def test_every_fault_is_told_at_once_with_its_path():
         ],
     }
     assert sorted(form.faults(form.completed(answer))) == [
-        "command.arguments.x: 'far' is not of type 'number'",
-        "command.arguments: 'y' is a required property",
-        "command.arguments: Additional properties are not allowed ('w' was unexpected)",
-        "messages[0].body.position: [1] is too short",
-        "messages[0].body: 'assignee' is a required property",
-        "messages[1].kind: 'gossip' is not one of yours: detection, order",
-        "messages[2].body.box[2]: 2 is greater than the maximum of 1",
-        "messages[2].body: 'confidence' is a required property",
-        "messages[3]: 'hello' is not an object",
+        "command.arguments.x: a number is due, this is the text 'far'",
+        "command.arguments: 'y' is missing (add the field)",
+        "command.arguments: there is no field 'w'",
+        "messages[0].body.position: a list of 2 is due, this one has 1",
+        "messages[0].body: 'assignee' is missing (add the field)",
+        "messages[1].kind: detection or order is due, this is the text 'gossip'",
+        "messages[2].body.box[2]: at most 1 is due, this is 2",
+        "messages[2].body: 'confidence' is missing (add the field)",
+        "messages[3]: an object is due, this is the text 'hello'",
     ]
+
+
+@pytest.mark.parametrize(
+    ("command", "fault"),
+    [
+        ({"verb": "dance"}, "command.verb: go, hop, mute, stop or takePhoto is due, this is the text 'dance'"),
+        ({"verb": "go", "resource": "tug"}, "command.resource: uav[1] is due, this is the text 'tug'"),
+        ({"verb": "takePhoto", "arguments": {"camera": "rear"}}, "command.arguments.camera: nadir is due, this is"),
+        ({}, "command.verb: go, hop, mute, stop or takePhoto is due, this is the text ''"),
+        (5, "command: an object or null is due, this is the number 5"),
+    ],
+)
+def test_a_command_that_is_none_says_what_could_stand_there(command, fault):
+    instance = kit.make_instance("star")
+    form = DecisionFormat(Projector(instance).brief(instance.agents[0], ("person",)))
+    (told,) = form.faults(form.completed({"command": command}))
+    assert told.startswith(fault)
 
 
 def test_a_box_with_its_edges_in_the_wrong_order_is_a_fault():
