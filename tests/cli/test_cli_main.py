@@ -15,7 +15,7 @@ from lingjing.data import data_path
 from lingjing.errors import InfrastructureError, MissionError, UsageError
 
 HEAVY = (
-    "mujoco", "libsumo", "jsbsim", "litellm", "mcap", "gymnasium", "pydantic",
+    "mujoco", "libsumo", "jsbsim", "litellm", "mcap", "gymnasium", "pydantic", "jsonschema",
     "pluggy", "rich", "numpy", "cv2", "moderngl", "matplotlib", "scipy",
 )  # fmt: skip
 

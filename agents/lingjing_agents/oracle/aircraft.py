@@ -114,14 +114,7 @@ class Searching(Ability):
 
     def __init__(self, aircraft: AircraftControl, plan: InstanceIndex, reporting: Reporting) -> None:
         self._aircraft, self._plan, self._reporting = aircraft, plan, reporting
-        self._first: dict[str, tuple[GroundPoint, float]] = {}
         self._tries: dict[str, int] = {}
-
-    def say(self, truth: PrivilegedState) -> list[Outgoing]:
-        """Watches how targets drift; the reports are `Reporting`'s."""
-        for name, state in truth.states.items():
-            self._first.setdefault(name, (state.position[:2], truth.time_s))
-        return []
 
     def act(self, truth: PrivilegedState) -> Action | None:
         """Fly on, or take the picture."""
@@ -165,13 +158,9 @@ class Searching(Ability):
         if math.dist(body.position, (x, y, z)) <= NEAR_M:
             self._tries[target] = tries + 1
             return self._aircraft.photo() if looking else None
-        east, north = self._drift(truth, target)
+        east, north = truth.drift(target)
         lead_s = min(_LEAD_S, math.dist(body.position[:2], (x, y)) / _LEAD_MPS)
         return self._aircraft.to(truth, x + lead_s * east, y + lead_s * north, z)
-
-    def _drift(self, truth: PrivilegedState, target: str) -> GroundPoint:
-        """Mean velocity (m/s) since the episode began; the water's current before anything has moved."""
-        return drift(truth, target, *self._first[target])
 
 
 class Inspecting(Ability):
@@ -314,18 +303,6 @@ def flying(brief: Brief, plan: InstanceIndex, reporting: Reporting | None, compo
         Inspecting(aircraft, plan, composer, one) for one in plan.instance.inspections if body.id in one.by
     ]
     return [*found, Searching(aircraft, plan, reporting or Reporting(plan, composer))]
-
-
-def drift(truth: PrivilegedState, target: str, first: GroundPoint, since_s: float) -> GroundPoint:
-    """Mean velocity (east, north; m/s) of a target since then; the water's current before anything has moved."""
-    if "drift_mps" not in truth.plan.entities[target].properties:
-        return 0.0, 0.0
-    if truth.time_s - since_s < truth.brief.tick_s:
-        weather = truth.observation.weather
-        bearing = math.radians(weather.current_to_deg)
-        return weather.current_mps * math.sin(bearing), weather.current_mps * math.cos(bearing)
-    here, passed = truth.place(target), truth.time_s - since_s
-    return (here[0] - first[0]) / passed, (here[1] - first[1]) / passed
 
 
 def _alive(truth: PrivilegedState, name: str) -> bool:

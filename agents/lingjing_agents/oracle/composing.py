@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 from lingjing.plugins.decisions import sendable
 from lingjing.plugins.policy import Brief, Datum, FrameInfo, MessageSpec, Outgoing
+from lingjing.plugins.tasks import Task
 from lingjing_agents.capability import compose
 
 
@@ -14,6 +15,7 @@ class MessageComposer:
 
     def __init__(self, brief: Brief) -> None:
         self._brief, self._open = brief, sendable(brief)
+        self._progress: dict[str, str] = {}
 
     def kind(self, name: str) -> MessageSpec | None:
         """The message kind of that name, if this agent may send it."""
@@ -31,6 +33,14 @@ class MessageComposer:
     def status(self, task: str, state: str, body: Mapping[str, Datum]) -> list[Outgoing]:
         """How a task is going, if this agent may say so."""
         return self._said(self.with_fields("task", "state"), {"task": task, "state": state, **body})
+
+    def progress(self, body: str, task: Task | None, more: Mapping[str, Datum]) -> list[Outgoing]:
+        """Which task a body goes to, None for none that is left, whenever that changes."""
+        name = f"{task.name} {task.target}" if task is not None else ""
+        if name == self._progress.get(body, ""):
+            return []
+        self._progress[body] = name
+        return self.status(name or "all done", "begun" if name else "done", more)
 
     def report(
         self,

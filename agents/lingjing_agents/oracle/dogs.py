@@ -140,18 +140,13 @@ class DogControl(Ability):
         self._walk, self._plan, self._composer, self._reporting = walk, plan, composer, reporting
         self._camera = _front(walk.dog)
         self._looks: dict[str, int] = {}
-        self._told = ""
         self._heard = 0
 
     def say(self, truth: PrivilegedState) -> list[Outgoing]:
         """What it goes to, whenever that changes."""
         task = self._walk.task(truth)
-        name = f"{task.name} {task.target}" if task is not None else ""
-        if name == self._told:
-            return []
-        self._told = name
-        x, y, z = truth.states[self._walk.dog.id].position
-        return self._composer.status(name or "all done", "begun" if name else "done", {"position": (x, y, z)})
+        position = truth.states[self._walk.dog.id].position
+        return self._composer.progress(self._walk.dog.id, task, {"position": position})
 
     def act(self, truth: PrivilegedState) -> Action | None:
         """A picture of what must be reported, else the next step."""

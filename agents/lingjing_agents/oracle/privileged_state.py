@@ -24,7 +24,8 @@ ABSENT = ("dormant", "cleared")
 
 
 class InstanceIndex:
-    """What never changes in an episode: tasks, who may be reported how, who embodies what."""
+    """What does not change in an episode: tasks, who may be reported how, who embodies what; `first_seen` is where
+    everything was at first, and when (s)."""
 
     def __init__(self, instance: Instance) -> None:
         self.instance = instance
@@ -33,6 +34,7 @@ class InstanceIndex:
         self.kinds = reported(instance)
         self.supplies = tuple(task for entity in instance.entities for task in possible(entity, instance) if task.gives)
         self.owners = {name: agent for agent in instance.agents for name in agent.controls}
+        self.first_seen: dict[str, tuple[GroundPoint, float]] = {}
 
     def bodies(self, engine: str) -> tuple[Entity, ...]:
         """The assets of an engine that some agent embodies."""
@@ -54,6 +56,8 @@ class PrivilegedState:
         self.tick, self.time_s = observation.tick, observation.time_s
         self.states = {state.id: state for state in self.known.states}
         self.routes: dict[str, Route] = {route.entity: route for route in self.known.routes}
+        for name, state in self.states.items():
+            plan.first_seen.setdefault(name, (state.position[:2], self.time_s))
 
     def place(self, name: str) -> GroundPoint:
         """East and north of an entity now."""
@@ -67,6 +71,18 @@ class PrivilegedState:
     def distance(self, one: str, other: str) -> float:
         """Metres between two entities in the plane."""
         return math.dist(self.place(one), self.place(other))
+
+    def drift(self, target: str) -> tuple[float, float]:
+        """Mean velocity (east, north; m/s) of a target so far; the water's current before anything has moved."""
+        if "drift_mps" not in self.plan.entities[target].properties:
+            return 0.0, 0.0
+        first, since_s = self.plan.first_seen[target]
+        if self.time_s - since_s < self.brief.tick_s:
+            weather = self.observation.weather
+            bearing = math.radians(weather.current_to_deg)
+            return weather.current_mps * math.sin(bearing), weather.current_mps * math.cos(bearing)
+        here, passed = self.place(target), self.time_s - since_s
+        return (here[0] - first[0]) / passed, (here[1] - first[1]) / passed
 
     def stock(self, name: str, stock: str) -> float:
         """How much of a stock an entity has; stocks are named without their units."""

@@ -9,7 +9,6 @@ from lingjing.plugins.policy import Action, Brief, Datum, Outgoing, Resource
 from lingjing.plugins.tasks import Task
 from lingjing_agents.ground_plane import GroundPoint
 from lingjing_agents.oracle.ability import Ability
-from lingjing_agents.oracle.aircraft import drift
 from lingjing_agents.oracle.composing import MessageComposer
 from lingjing_agents.oracle.privileged_state import InstanceIndex, PrivilegedState
 from lingjing_agents.paths.visiting_order import shares, shortest
@@ -35,23 +34,18 @@ class TargetApproach:
 
     def __init__(self, resource: Resource, plan: InstanceIndex) -> None:
         self.resource, self.verb, self._plan = resource, mover(resource), plan
-        self._first: dict[str, tuple[GroundPoint, float]] = {}
         self._sent: dict[str, int] = {}
-
-    def watch(self, truth: PrivilegedState) -> None:
-        """Remember where targets were first."""
-        for name, state in truth.states.items():
-            self._first.setdefault(name, (state.position[:2], truth.time_s))
 
     def next(self, truth: PrivilegedState) -> tuple[Task, Action | None] | None:
         """The task to go to, and the command that brings the body there; None if nothing is left for it."""
-        tour = self._tour(truth)
+        tour = self.tour(truth)
         if not tour:
             return None
         task = tour[0]
         return task, self._to(truth, task, tour[1].target if len(tour) > 1 else "")
 
-    def _tour(self, truth: PrivilegedState) -> list[Task]:
+    def tour(self, truth: PrivilegedState) -> list[Task]:
+        """The tasks that are left for the body, in the order in which it goes to them."""
         able = (task for task in truth.left if self.resource.id in task.actors)
         tasks = {task.target: task for task in able if not task.moves_goods}
         if not tasks:
@@ -70,7 +64,7 @@ class TargetApproach:
         if math.dist(here, there) <= reach_m or truth.forbidden(self.resource.id, self.verb):
             return None
         if self.verb == "moveTo":
-            east, north = drift(truth, task.target, *self._first[task.target])
+            east, north = truth.drift(task.target)
             lead_s = max(0.0, math.dist(here, there) - stop_m) / _speed(self.resource.properties)
             there = there[0] + lead_s * east, there[1] + lead_s * north
             goal = _rim(here, there, truth.place(onward) if onward else here, stop_m)
@@ -94,17 +88,11 @@ class Going(Ability):
 
     def __init__(self, course: TargetApproach, composer: MessageComposer) -> None:
         self._course, self._composer = course, composer
-        self._told = ""
 
     def say(self, truth: PrivilegedState) -> list[Outgoing]:
         """Which task it goes to, whenever that changes."""
-        self._course.watch(truth)
-        found = self._course._tour(truth)
-        name = f"{found[0].name} {found[0].target}" if found else ""
-        if name == self._told:
-            return []
-        self._told = name
-        return self._composer.status(name or "all done", "begun" if name else "done", {})
+        task = next(iter(self._course.tour(truth)), None)
+        return self._composer.progress(self._course.resource.id, task, {})
 
     def act(self, truth: PrivilegedState) -> Action | None:
         """On to the next target."""
@@ -118,14 +106,9 @@ class Claiming(Ability):
     """Somebody who may command a body of another agent's: sends it where its driver would, when itself has nothing to
     do. Whoever comes first is obeyed, the others get a receipt of the conflict."""
 
-    def __init__(self, course: TargetApproach, plan: InstanceIndex) -> None:
-        self._course, self._plan = course, plan
+    def __init__(self, course: TargetApproach) -> None:
+        self._course = course
         self._claimed: set[str] = set()
-
-    def say(self, truth: PrivilegedState) -> list[Outgoing]:
-        """Nothing."""
-        self._course.watch(truth)
-        return []
 
     def act(self, truth: PrivilegedState) -> Action | None:
         """Once for each target, and only if the body stands idle."""
@@ -145,7 +128,7 @@ def going(brief: Brief, plan: InstanceIndex, composer: MessageComposer) -> list[
         if not mover(resource):
             continue
         course = TargetApproach(resource, plan)
-        found.append(Going(course, composer) if resource.embodied else Claiming(course, plan))
+        found.append(Going(course, composer) if resource.embodied else Claiming(course))
     return found
 
 
