@@ -12,7 +12,7 @@ from lingjing.dsl.checking.toplevel import load_library
 from lingjing.mission.appearance import MODELS, PHYSICAL
 from lingjing.mission.evaluate import Scope, evaluate
 from lingjing.mission.instance import Entity
-from lingjing.mission.placing import datum
+from lingjing.mission.instance_entities import datum
 from lingjing.scene.sizes import SIZES
 
 

@@ -7,21 +7,23 @@ Modules in the order a mission passes them:
 - `values`, `operations`, `intervals`, `functions`: what expressions compute with, and the one table of operators and
   functions. `fold`: the one evaluator; its readings are `evaluate` (before the first tick), `certain` (in every run),
   `feasibility.needs` (what must have happened), the kernel's rules and `dsl.words`.
-- `interactions`: who may act on a target from the start. `kinds`: what is known of scenes and engines as data.
+- `interactions`: what is wrong with one, who may act from the start. `kinds`: what is known of scenes and engines, as
+  data.
 - `document`: `mission.json` in and out, and the JSON Schemas generated from the code; `faults`: what is wrong with a
   JSON value, by its schema.
-- `frames`, `jsontext`, `sky`, `elements`: coordinate frames of `resetScenario` documents, JSON with places, words for
-  weather, two-line elements.
+- `frames`, `jsontext`, `weather_words`, `elements`: coordinate frames of `resetScenario` documents, JSON with places,
+  words for weather, two-line elements.
 - `reset`: `resetScenario` documents in and out.
 - `seeding`, `draws`: named random streams, and what is drawn from them.
 - `appearance`: colours, shapes and looks that a type may have.
 - `geometry2d`, `grid`, `spacing`: polygons, search cells cut from them, and places that keep their distance.
 - `clock`: how tick and macro-step fit.
-- `placing`, `roster`, `instantiate`: (mission, seed, mode, settings) to an `Instance` of `instance`, the reset
-  specification. `trial`: what playing would refuse, found without playing.
+- `instance_entities`, `instance_agents`, `instance_rules`, `prompt_filling`, `instantiate`: (mission, seed, mode,
+  settings) to an `Instance` of `instance`, the reset specification: its entities, its agents and messages, its events
+  and limits, its texts. `trial`: what playing would refuse, found without playing.
 - `schedule`: the weather at a time, and who is there.
 - `feasibility`: proofs that a mission cannot be won. `tasks`: what it asks of whom.
-- `course`, `speaker`, `wording`: what happens and binds, who speaks, texts.
+- `wording`: holes in texts, and values in words.
 - `graph`, `draw`: the mission as typed nodes and edges, and pictures of that in SVG, Mermaid and DOT.
 
 In: a file's text or a compiled `Mission`. Out: an `Instance`, in which everything but the rules is a plain value.

@@ -14,17 +14,17 @@ from collections.abc import Iterable, Mapping
 import msgspec
 
 from lingjing.errors import MissionError, UsageError
-from lingjing.mission import course, model, roster
 from lingjing.mission import expression as ex
 from lingjing.mission import grid as grids
+from lingjing.mission import instance_agents, instance_rules, model
 from lingjing.mission.clock import clock_fault
 from lingjing.mission.evaluate import Area, Interval, Place, Scope, Value, area, describe, evaluate, number, whole
 from lingjing.mission.instance import Budget, Cell, Clock, Entity, Instance, Option, Region, SceneSpec, Weather
+from lingjing.mission.instance_entities import at_path, datum, entities, holds, member_ids, single
 from lingjing.mission.interactions import allowed_from_the_start
 from lingjing.mission.kinds import SEA_M, scene_kind
-from lingjing.mission.placing import at_path, datum, entities, holds, member_ids, single
+from lingjing.mission.prompt_filling import PromptFiller
 from lingjing.mission.seeding import integer
-from lingjing.mission.speaker import Speaker
 
 CELLS_MOST = 10_000
 
@@ -52,8 +52,8 @@ def instantiate(
     scope = msgspec.structs.replace(scope, areas=areas)
     members = _entities(mission, scope, seed, scene.datum_m)
     scope = msgspec.structs.replace(scope, areas=_areas(mission, scope, members))
-    crew = roster.agents(mission, scope)
-    say = Speaker(mission, scope, members)
+    agents = instance_agents.agents(mission, scope)
+    say = PromptFiller(mission, scope, members)
     return Instance(
         mission=mission.name,
         title=mission.title,
@@ -67,21 +67,21 @@ def instantiate(
         regions=tuple(_region(region, scope) for region in mission.regions),
         cells=_cells(mission, scope),
         entities=members,
-        agents=tuple(say.agent(spec) for spec in crew),
-        messages=roster.messages(mission, scope, crew),
-        comms=roster.comms(mission, scope, crew),
+        agents=tuple(say.agent(spec) for spec in agents),
+        messages=instance_agents.messages(mission, scope, agents),
+        comms=instance_agents.comms(mission, scope, agents),
         rules=mission.rules,
         unlocks=mission.unlocks + allowed_from_the_start(members, mission.unlocks),
-        stages=course.stages(mission, scope),
+        stages=instance_rules.stages(mission, scope),
         relations=tuple(relation for relation in mission.relations if holds(relation.when, scope)),
         success=mission.success,
         failure=mission.failure,
-        limits=course.limits(mission, scope),
-        permits=course.permits(mission, scope),
-        constraints=course.constraints(mission, scope),
-        inspections=course.inspections(mission, scope),
-        events=course.events(mission, scope, seed, lambda given: _weather(mission, scope, seed, given)),
-        reveals=course.reveals(mission, scope),
+        limits=instance_rules.limits(mission, scope),
+        permits=instance_rules.permits(mission, scope),
+        constraints=instance_rules.constraints(mission, scope),
+        inspections=instance_rules.inspections(mission, scope),
+        events=instance_rules.events(mission, scope, seed, lambda given: _weather(mission, scope, seed, given)),
+        reveals=instance_rules.reveals(mission, scope),
     )
 
 
@@ -297,7 +297,7 @@ def _members(mission: model.Mission, scope: Scope) -> dict[str, tuple[str, ...]]
 
 
 def _entities(mission: model.Mission, scope: Scope, seed: int, datum_m: float) -> tuple[Entity, ...]:
-    asleep = course.dormant(mission, scope) if mission.events else frozenset()
+    asleep = instance_rules.dormant(mission, scope) if mission.events else frozenset()
     made = (
         entity
         for group in mission.groups

@@ -183,11 +183,6 @@ class Exchange(Record, frozen=True, kw_only=True):
         return bool(self.takes) and not self.source
 
     @property
-    def hands_out(self) -> bool:
-        """Whether it gives the actor something, as a depot does."""
-        return bool(self.gives)
-
-    @property
     def carried(self) -> str:
         """The state of the actor that goods are taken from or put into; "" if nothing changes hands."""
         return self.source if self.takes else self.gives
@@ -457,7 +452,7 @@ class Change(Record, frozen=True, kw_only=True):
     entity: Expr | None = None
 
 
-class Event(Record, frozen=True, kw_only=True):
+class EventDeclaration(Record, frozen=True, kw_only=True):
     """`event squall at 12 tick { weather { … }, appear jam[2] }`: what happens by itself at a time of the mission.
 
     `at` counts ticks or, with a unit of time, seconds; it may be a draw. What some event lets appear is not there
@@ -549,7 +544,7 @@ class Mission(Record, frozen=True, kw_only=True):
     permits: tuple[Permit, ...] = ()
     constraints: tuple[Constraint, ...] = ()
     inspections: tuple[Inspection, ...] = ()
-    events: tuple[Event, ...] = ()
+    events: tuple[EventDeclaration, ...] = ()
     sweeps: tuple[Sweep, ...] = ()
 
     def __repr__(self) -> str:

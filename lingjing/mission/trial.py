@@ -18,9 +18,9 @@ from lingjing.mission import expression as ex
 from lingjing.mission.evaluate import Area, Scope, number
 from lingjing.mission.feasibility.spread import places
 from lingjing.mission.instance import Instance
+from lingjing.mission.instance_entities import DRAWN_MOST, FARTHEST_M, NodeError, count_of, holds
 from lingjing.mission.instantiate import instantiate, parameters
 from lingjing.mission.kinds import engine_kind, lacks, reach_m, scene_faults
-from lingjing.mission.placing import DRAWN_MOST, FARTHEST_M, NodeError, count_of, holds
 
 MEMBERS_MOST = 2_000
 """A mission with more entities or agents is not tried: compiling it must stay fast."""

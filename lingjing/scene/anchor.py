@@ -23,8 +23,8 @@ from lingjing.errors import MissionError
 from lingjing.mission.feasibility.standing import UNDER_M
 from lingjing.mission.geometry2d import contains, edge_distance
 from lingjing.mission.instance import Entity, Instance, Vector
+from lingjing.mission.instance_entities import GROUND_REACH_M
 from lingjing.mission.kinds import engine_kind
-from lingjing.mission.placing import GROUND_REACH_M
 from lingjing.scene.city import Building, City, Tile
 from lingjing.scene.footing import Footing
 from lingjing.scene.lines import length, nearest, point_at

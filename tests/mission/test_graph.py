@@ -239,7 +239,7 @@ def everything(whole: m.Mission) -> m.Mission:
             m.Inspection(name="looked", asset=boat, by=(uav,), within=ex.Number(25.0, "m"), replan="progress"),
         ),
         events=(
-            m.Event(
+            m.EventDeclaration(
                 name="rescue",
                 at=ex.Number(12.0, "tick"),
                 changes=(

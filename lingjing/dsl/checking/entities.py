@@ -19,7 +19,7 @@ from lingjing.dsl.syntax import tree as s
 from lingjing.mission import expression as ex
 from lingjing.mission import model
 from lingjing.mission.functions import DEGREES, NUMBER, POSITION, Type
-from lingjing.mission.placing import place_fault
+from lingjing.mission.instance_entities import place_fault
 from lingjing.mission.units import NONE
 
 

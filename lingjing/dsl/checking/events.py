@@ -27,7 +27,7 @@ class EventChecker:
         self.scope: SymbolTables = blocks.of.scope
         self.seen: dict[str, Span] = {}
 
-    def event(self, node: s.EventBlock) -> model.Event | None:
+    def event(self, node: s.EventBlock) -> model.EventDeclaration | None:
         """`event name at 12 tick { … }`, `event name at ~ uniform(5 tick, 20 tick) { … }`."""
         self._once(node.name)
         at = self._time(node)
@@ -41,7 +41,7 @@ class EventChecker:
         if at is None or None in changes:
             return None
         kept = tuple(change for change in changes if change is not None)
-        return model.Event(name=node.name.text, at=at.ir, changes=kept, when=guard)
+        return model.EventDeclaration(name=node.name.text, at=at.ir, changes=kept, when=guard)
 
     # -- private
 

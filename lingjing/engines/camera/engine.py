@@ -26,7 +26,7 @@ from lingjing.engines.camera.staging import stage
 from lingjing.engines.camera.withheld import ALL, Shot, Withheld
 from lingjing.errors import InfrastructureError
 from lingjing.mission.instance import CameraSpec, Entity, Vector, Weather
-from lingjing.mission.placing import DRAWN_MOST
+from lingjing.mission.instance_entities import DRAWN_MOST
 from lingjing.mission.schedule import Schedule
 from lingjing.plugins.engine import Boundary, CaptureRequest, EngineSpec, Frame
 from lingjing.plugins.geometry import mounted_camera_pose

@@ -14,9 +14,9 @@ from lingjing.mission.evaluate import Area, Scope, number
 from lingjing.mission.feasibility.motion import Air, bounds, ceiling, drives, flight_s
 from lingjing.mission.feasibility.spread import Where, numbers, places, point
 from lingjing.mission.instance import Entity, Instance, InteractionSpec
+from lingjing.mission.instance_entities import GROUND_REACH_M, count_of
 from lingjing.mission.instantiate import instantiate, parameters
 from lingjing.mission.intervals import Bounds
-from lingjing.mission.placing import GROUND_REACH_M, count_of
 
 ENTITIES_MOST = 150
 """A mission with more entities, or agents, is not looked at: compiling it must stay fast."""
@@ -229,7 +229,7 @@ def _settled(properties: tuple[model.Property, ...]) -> tuple[model.Property, ..
     )
 
 
-def _settled_event(event: model.Event) -> model.Event:
+def _settled_event(event: model.EventDeclaration) -> model.EventDeclaration:
     changes = tuple(msgspec.structs.replace(c, weather=_settled(c.weather)) for c in event.changes)
     at = _ZERO if isinstance(event.at, ex.Draw) else event.at
     return msgspec.structs.replace(event, at=at, changes=changes)

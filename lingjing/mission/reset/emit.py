@@ -22,7 +22,7 @@ from lingjing.mission.reset.groups import MEASURES
 from lingjing.mission.reset.reading import search_region
 from lingjing.mission.reset.shapes import LISTS, folded
 from lingjing.mission.reset.targets import PERSONS
-from lingjing.mission.sky import word_for
+from lingjing.mission.weather_words import word_for
 
 PERSON_FIELD, FIRE_FIELD = "rescuePersonPosition", "goalFirePosition"
 

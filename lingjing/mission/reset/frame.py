@@ -12,7 +12,7 @@ from collections.abc import Iterable, Sequence
 import msgspec
 
 from lingjing.mission import frames
-from lingjing.mission.placing import FARTHEST_M
+from lingjing.mission.instance_entities import FARTHEST_M
 from lingjing.mission.reset.document import Parsed
 from lingjing.mission.reset.fields import Found
 from lingjing.mission.reset.shapes import LISTS, Coordinates

@@ -12,8 +12,8 @@ import msgspec
 from lingjing.mission import expression as ex
 from lingjing.mission import frames, model
 from lingjing.mission.evaluate import Scope
+from lingjing.mission.instance_entities import FARTHEST_M, holds, place_fault
 from lingjing.mission.instantiate import parameters, scene_spec
-from lingjing.mission.placing import FARTHEST_M, holds, place_fault
 from lingjing.mission.reset.document import Parsed
 from lingjing.mission.reset.elements import elements_fault
 from lingjing.mission.reset.frame import FAR_M, DocumentFrame

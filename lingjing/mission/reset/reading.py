@@ -29,7 +29,7 @@ from lingjing.mission.reset.notes import leftovers
 from lingjing.mission.reset.shapes import LISTS, EntityList, Equipment, Satellite, folded
 from lingjing.mission.reset.targets import PERSONS, targeted
 from lingjing.mission.reset.template import template_name
-from lingjing.mission.sky import sky_of
+from lingjing.mission.weather_words import sky_of
 
 MODES = {"star": "star", "星型": "star", "broadcast": "broadcast", "广播": "broadcast", "single": "single"}
 """Spellings of a communication mode in `collaborationType`, which else says how the work is shared in free words."""

@@ -1,4 +1,4 @@
-"""What happens and what binds in the course of an instance: events, counted budgets, permits, inspections, pictures."""
+"""The rules of an instance: its events, counted budgets, limits, permits, inspections and revealed pictures."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from lingjing.mission.instance import (
     RevealSpec,
     Weather,
 )
-from lingjing.mission.placing import at_path, holds
+from lingjing.mission.instance_entities import at_path, holds
 
 _TICK_UNITS = ("", "tick", "ticks")
 
@@ -144,7 +144,7 @@ def allowance(given: model.AllowanceDeclaration | None, scope: Scope) -> Allowan
     )
 
 
-def _tick(mission: model.Mission, event: model.Event, scope: Scope, seed: int) -> int:
+def _tick(mission: model.Mission, event: model.EventDeclaration, scope: Scope, seed: int) -> int:
     path = f"{mission.name}/{event.name}/at"
     with at_path(path):
         if isinstance(event.at, ex.Draw):
@@ -177,7 +177,7 @@ def _changed(old: tuple[model.Property, ...], new: tuple[model.Property, ...]) -
     return (*(prop for prop in old if prop.name not in names), *new)
 
 
-def _entities(event: model.Event, kind: str, scope: Scope) -> tuple[str, ...]:
+def _entities(event: model.EventDeclaration, kind: str, scope: Scope) -> tuple[str, ...]:
     return tuple(
         dict.fromkeys(
             entity

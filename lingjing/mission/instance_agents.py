@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 
 from lingjing.errors import MissionError
-from lingjing.mission import course, model
 from lingjing.mission import expression as ex
+from lingjing.mission import instance_rules, model
 from lingjing.mission.evaluate import Members, Scope, evaluate, members, number
 from lingjing.mission.instance import AgentSpec, ChannelSpec, CommsSpec, MessageSpec
-from lingjing.mission.placing import at_path, holds, member_ids
+from lingjing.mission.instance_entities import at_path, holds, member_ids
 
 EVERYONE = "all"
 
@@ -22,9 +22,9 @@ def agents(mission: model.Mission, scope: Scope) -> tuple[AgentSpec, ...]:
     )
 
 
-def messages(mission: model.Mission, scope: Scope, crew: tuple[AgentSpec, ...]) -> tuple[MessageSpec, ...]:
+def messages(mission: model.Mission, scope: Scope, active: tuple[AgentSpec, ...]) -> tuple[MessageSpec, ...]:
     """The message kinds open in this mode; without the roles that nobody plays in it."""
-    roles = {spec.role for spec in crew}
+    roles = {spec.role for spec in active}
     made = (
         MessageSpec(
             kind=kind.name,
@@ -40,7 +40,7 @@ def messages(mission: model.Mission, scope: Scope, crew: tuple[AgentSpec, ...]) 
     return tuple(spec for spec in made if spec.senders and spec.recipients)
 
 
-def comms(mission: model.Mission, scope: Scope, crew: tuple[AgentSpec, ...]) -> CommsSpec:
+def comms(mission: model.Mission, scope: Scope, active: tuple[AgentSpec, ...]) -> CommsSpec:
     """The bus: star mode routes through one agent, broadcast through none."""
     path = f"{mission.name}/comms"
     with at_path(path):
@@ -57,7 +57,7 @@ def comms(mission: model.Mission, scope: Scope, crew: tuple[AgentSpec, ...]) -> 
         if scope.mode in ("star", "broadcast", "single"):
             return CommsSpec(
                 mode=scope.mode,  # type: ignore[arg-type]
-                hub=_hub(mission, crew) if scope.mode == "star" else None,
+                hub=_hub(mission, active) if scope.mode == "star" else None,
                 delay_ticks=delay,
                 payload_bytes=payload,
                 range_m=reach,
@@ -67,8 +67,8 @@ def comms(mission: model.Mission, scope: Scope, crew: tuple[AgentSpec, ...]) -> 
         raise MissionError(f"mode '{scope.mode}' is not known", hint="a mode is star, broadcast or single")
 
 
-def _hub(mission: model.Mission, crew: tuple[AgentSpec, ...]) -> str:
-    ids = [spec.id for spec in crew]
+def _hub(mission: model.Mission, active: tuple[AgentSpec, ...]) -> str:
+    ids = [spec.id for spec in active]
     if mission.comms.hub is None:
         raise MissionError("star mode has no hub", hint="name one: comms { hub = commander when mode == star }")
     if mission.comms.hub not in ids:
@@ -104,7 +104,7 @@ def _agents(
                     commands=tuple(dict.fromkeys(controls + granted)),
                     observes=tuple(spec for channel in agent.observes for spec in _channel(mission, channel, local)),
                     prompt=agent.prompt,
-                    budget=course.allowance(agent.budget, local),
+                    budget=instance_rules.allowance(agent.budget, local),
                 )
             )
     return tuple(made)

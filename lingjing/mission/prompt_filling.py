@@ -1,4 +1,4 @@
-"""`Speaker`: fills the holes of an instance's goal and prompts with the instance's own values."""
+"""`PromptFiller`: fills the holes of an instance's goal and prompts with the instance's own values."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from lingjing.mission.units import si_value
 from lingjing.mission.wording import fill, shown_field, shown_number, shown_point
 
 
-class Speaker:
-    """Words one instance. Hidden values have no words here: a hole that names one stays as it is."""
+class PromptFiller:
+    """Fills the texts of one instance. Hidden values have no words here: a hole that names one stays as it is."""
 
     def __init__(self, mission: model.Mission, scope: Scope, entities: tuple[Entity, ...]) -> None:
         self._mission = mission
