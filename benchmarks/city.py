@@ -115,7 +115,7 @@ class Mujoco:
         self.renderer = mujoco.Renderer(self.model, SIZE[1], SIZE[0], max_geom=20_000)
 
     def _city(self, city: City) -> None:
-        from lingjing.engines.camera.tilemesh import crossings_of, mesh_tile
+        from lingjing.engines.camera.tile_mesh import crossings_of, mesh_tile
         from lingjing.engines.camera.town_ground import build_town_ground
         from lingjing.scene.terrain import Terrain
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-Rgb = tuple[float, float, float]
+LinearRgb = tuple[float, float, float]
 """Linear red, green and blue, 0..1."""
 
-COLOURS: Mapping[str, Rgb] = {
+COLOURS: Mapping[str, LinearRgb] = {
     "white": (0.82, 0.82, 0.80),
     "red": (0.55, 0.06, 0.05),
     "yellow": (0.72, 0.52, 0.06),

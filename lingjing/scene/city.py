@@ -18,9 +18,6 @@ import msgspec
 from lingjing.mission.geometry2d import Polygon
 from lingjing.mission.instance import Datum, Vector
 
-LinearRgb = tuple[float, float, float]
-"""A colour: linear red, green and blue, each 0..1."""
-
 
 class Water(msgspec.Struct, frozen=True, kw_only=True):
     """A body of water at a level; land polygons on top of it are islands or the shore. `holes` are dry."""

@@ -159,7 +159,7 @@ def test_a_dogs_eye_is_low_and_leans_with_it(engine: CameraEngine) -> None:
 
 
 def test_a_car_looks_over_its_bonnet_at_the_road(engine: CameraEngine) -> None:
-    car = entity("car", "fire_engine", (-200.0, 0.0, 0.0), cameras=mounts(), bases=("fire_truck", "car"))
+    car = entity("car", "fire_truck", (-200.0, 0.0, 0.0), cameras=mounts())
     ready(engine, instance(car))
     frame = look(engine, car.position, "front", 90.0, viewer="car")
     assert 2.0 < frame.info.pose.position[2] < 2.5 and share(frame, "road") > 0.1

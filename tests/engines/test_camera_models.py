@@ -9,15 +9,15 @@ from lingjing.engines.camera.classes import CLASSES, entity_class
 from lingjing.engines.camera.effects import (
     Effects,
     Site,
-    dress,
-    dressed,
+    changes_of,
     effects_of,
     faced,
     joined,
     prop_effects,
     site_of,
+    with_changes,
 )
-from lingjing.engines.camera.effects.city import split
+from lingjing.engines.camera.effects.town_changes import split
 from lingjing.engines.camera.models import MODELS, ambient_parts, entity_model, entity_parts, look_of, prop_model
 from lingjing.engines.camera.models.catalogue import SINGLE, VARIED
 from lingjing.engines.camera.models.dog import STANDING, STANDING_M, dog_parts
@@ -245,13 +245,13 @@ def test_a_path_is_split_about_a_point() -> None:
 
 
 def test_a_fracture_cuts_the_bridge_and_its_lanes() -> None:
-    cut = dressed(SPAN, [BREAK])
+    cut = with_changes(SPAN, [BREAK])
     assert [bridge.path[0][0] for bridge in cut.bridges] == pytest.approx([0.0, 124.0])
     spans = [road for road in cut.roads if road.bridge]
     assert len(spans) == 2 and spans[0].lanes[0].shape[-1][0] == pytest.approx(116.0)
     assert cut.roads[-1] == SPAN.roads[1], "a street under the bridge stays whole"
     far = thing("bridge_fracture", (120.0, 400.0, 0.0))
-    assert dressed(SPAN, [far]) is SPAN
+    assert with_changes(SPAN, [far]) is SPAN
 
 
 def test_a_fracture_cuts_the_railings_on_its_deck() -> None:
@@ -261,7 +261,7 @@ def test_a_fracture_cuts_the_railings_on_its_deck() -> None:
     )
     tile = Tile(key=(0, 0), bridges=SPAN.bridges)
     other = Tile(key=(0, 1), solids=rails)
-    made = dress(lambda x, y, radius: (tile, other), lambda x, y: 0.0, [BREAK])
+    made = changes_of(lambda x, y, radius: (tile, other), lambda x, y: 0.0, [BREAK])
     parts = made.tiles[(0, 1)].solids
     assert [solid.id for solid in parts] == ["rail-8.8-a", "rail-8.8-b", "rail-0"]
     assert max(x for x, _ in parts[0].polygon) == pytest.approx(116.0)
@@ -304,10 +304,10 @@ def test_the_reference_building_is_painted_and_named() -> None:
 
     tile = Tile(key=(0, 0), buildings=(house("near", 0.0), house("far", 30.0)))
     home = thing("reference_building", (5.0, -3.0, 0.0), properties={"colour": "red"})
-    changed = dressed(tile, [home])
+    changed = with_changes(tile, [home])
     assert changed.buildings[1] == tile.buildings[1] and changed.buildings[0].colour[0] > changed.buildings[0].colour[1]
     assert list(faced(tile, [home])) == ["near"]
     anchored = thing("reference_building", (5.0, -3.0, 0.0), properties={"colour": "red", "building": "far"})
     assert list(faced(tile, [anchored])) == ["far"]
-    made = dress(lambda x, y, radius: (tile,), lambda x, y: 0.0, [BREAK, home])
+    made = changes_of(lambda x, y, radius: (tile,), lambda x, y: 0.0, [BREAK, home])
     assert made.faced == {"near": 1} and set(made.tiles) == {(0, 0)} and set(made.sites) == {BREAK.id, home.id}

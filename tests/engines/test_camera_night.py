@@ -12,7 +12,7 @@ from lingjing.engines.camera.effects import effects_of, site_of
 from lingjing.engines.camera.effects.night import darkness, road_light
 from lingjing.engines.camera.effects.particles import BEAM, POOL
 from lingjing.engines.camera.models import entity_parts
-from lingjing.engines.camera.staging import stage
+from lingjing.engines.camera.moving_things import stage
 from lingjing.mission.geometry2d import contains, edge_distance
 from lingjing.mission.instance import Entity, Weather
 from lingjing.scene.city import Building, Lane, Pieces, Prop, Road

@@ -7,9 +7,9 @@ import pytest
 
 from lingjing.engines.camera.classes import CLASSES, FIRST_ENTITY, semantic_picture, semantic_table
 from lingjing.engines.camera.culling import sky_bounds
-from lingjing.engines.camera.facing import planes_of, walls_of
 from lingjing.engines.camera.mesh_rows import walls
 from lingjing.engines.camera.programs import active, carried, source, uniforms
+from lingjing.engines.camera.wall_order import planes_of, walls_of
 from lingjing.mission.instance import Entity
 from lingjing.plugins.geometry import camera_axes, focal_px
 from lingjing.trace.records import CameraPose

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lingjing.engines.camera.building_meshes import building
 from lingjing.engines.camera.cityscape import KEPT_TILES
 from lingjing.engines.camera.culling import (
     boxes_in_sight,
@@ -20,9 +21,8 @@ from lingjing.engines.camera.culling import (
 )
 from lingjing.engines.camera.engine import CameraEngine
 from lingjing.engines.camera.light import light_of
-from lingjing.engines.camera.masonry import building
 from lingjing.engines.camera.mesh_rows import triangles
-from lingjing.engines.camera.paving import CENTRE, EDGE, areas, lanes, middles_of
+from lingjing.engines.camera.road_meshes import CENTRE, EDGE, areas, lanes, middles_of
 from lingjing.engines.camera.view import choose
 from lingjing.mission.instance import Weather
 from lingjing.plugins.geometry import world_to_pixel

@@ -1,14 +1,14 @@
 """The camera: one rendered city with all entities, RGB, depth and ids in one pass, exact boxes from the ids.
 
 `context` opens OpenGL → `noise`, `ocean` (waves), `meshes` → `models` (the catalogue), `effects` (fire, smoke, spray,
-debris) and `nightlights` make what moves → `staging` (states → batches) → `instances` places and culls it.
+debris) and `lamps` make what moves → `moving_things` (states → batches) → `instances` places and culls it.
 
 What stands: open country is `ground` (City → height fields, shore map). A town is `town_ground` (its ground, waters,
-quays), `skyline` (what is seen of it from afar) and, tile by tile, `tilemesh`, made by `masonry` (buildings), `paving`
-(roads and areas) and `spans` (bridges, pipes, solids) of `mesh_rows`; `surroundings` is the country and the sea around
-it. `culling` picks the tiles of a picture and the window of its shadow map, `view` how finely each is drawn,
-`cityscape` holds them on the GPU, `facing` orders their walls, `reduced_meshes` are what is small in them, `looks`
-gathers their props by mesh.
+quays), `skyline` (what is seen of it from afar) and, tile by tile, `tile_mesh`, made by `building_meshes`,
+`road_meshes` (roads and areas) and `structure_meshes` (bridges, pipes, solids) of `mesh_rows`; `surroundings` is the
+country and the sea around it. `culling` picks the tiles of a picture and the window of its shadow map, `view` how
+finely each is drawn, `cityscape` holds them on the GPU, `wall_order` orders their walls, `reduced_meshes` are what is
+small in them, `prop_groups` gathers their props by mesh.
 
 `light` (weather → light), `uniforms`, `programs` (of the sources in `shaders/*.glsl`), `upload`, `targets`, `draw` turn
 a pose into buffers → `boxes`, `classes` read them, `contrast` measures how visible a target is and `withheld` takes out

@@ -19,24 +19,25 @@ import numpy.typing as npt
 from lingjing.engines.camera import programs
 from lingjing.engines.camera.classes import FIRST_ENTITY
 from lingjing.engines.camera.culling import (
-    Window,
+    ShadowWindow,
     boxes_in_sight,
     distances,
     light_matrix,
     near_plane,
 )
-from lingjing.engines.camera.effects import SHOWING, Dress
-from lingjing.engines.camera.facing import Walls, planes_of, walls_of
+from lingjing.engines.camera.effects import SHOWING, TownChanges
 from lingjing.engines.camera.instances import Batch, prop_batches
+from lingjing.engines.camera.lamps import lamp_heads
 from lingjing.engines.camera.light import Light
-from lingjing.engines.camera.mesh_rows import LAYOUT, Index, Part, empty
-from lingjing.engines.camera.nightlights import lamp_heads
-from lingjing.engines.camera.paving import middles_of
+from lingjing.engines.camera.mesh_rows import LAYOUT, MeshPart, VertexIndex, empty
+from lingjing.engines.camera.road_meshes import middles_of
 from lingjing.engines.camera.skyline import Skyline, build_skyline
+from lingjing.engines.camera.structure_meshes import Under
 from lingjing.engines.camera.surroundings import build_surroundings
-from lingjing.engines.camera.tilemesh import CASTERS, TileMesh, Under, crossings_of, mesh_tile
+from lingjing.engines.camera.tile_mesh import CASTERS, TileMesh, crossings_of, mesh_tile
 from lingjing.engines.camera.town_ground import build_town_ground
-from lingjing.engines.camera.view import MAPPED_FROM, View, choose
+from lingjing.engines.camera.view import MAPPED_FROM, TownView, choose
+from lingjing.engines.camera.wall_order import Walls, planes_of, walls_of
 from lingjing.plugins.geometry import focal_px
 from lingjing.scene.city import City, Pieces, Prop, Tile
 from lingjing.scene.tiles import TileKey, Tiles
@@ -120,7 +121,7 @@ class Cityscape:
 
     def __init__(self, context: moderngl.Context, city: City, under: Under) -> None:
         self._context, self._city, self._under = context, city, under
-        self._dresses: tuple[Dress, ...] = (Dress(),)
+        self._variants: tuple[TownChanges, ...] = (TownChanges(),)
         self._programs: dict[tuple[str, Mode], moderngl.Program] = {}
         self._caster = context.program(
             vertex_shader=programs.source("caster.vert"), fragment_shader=programs.source("caster.frag")
@@ -130,7 +131,7 @@ class Cityscape:
         self._number = {key: k for k, key in enumerate(self._skyline.keys)}
         self._residents: OrderedDict[tuple[TileKey, int], Resident] = OrderedDict()
         self._differing: tuple[frozenset[TileKey], ...] = (frozenset(),)
-        self.worn = 0
+        self.variant = 0
         self.town_ground = build_town_ground(city)
         self._blocks = self._upload("wall", self._skyline.blocks, casts=False)
         self._block_planes = planes_of(self._skyline.blocks)
@@ -149,28 +150,28 @@ class Cityscape:
         self._shade.filter = moderngl.LINEAR, moderngl.LINEAR
         self._shade.repeat_x = self._shade.repeat_y = False
         self._shade_frame = context.framebuffer(depth_attachment=self._shade)
-        self._shade_is: tuple[Window, tuple[TileKey, ...]] | None = None
+        self._shade_is: tuple[ShadowWindow, tuple[TileKey, ...]] | None = None
         self.shade_matrix = np.eye(4)
         self.light_uniform: tuple[float, ...] = ()
 
-    def dress(self, dresses: tuple[Dress, ...]) -> None:
+    def vary(self, variants: tuple[TownChanges, ...]) -> None:
         """Take over what a mission changes; tiles that may have changed are made anew. Drawn is the first of the
-        dresses, or that of the number in `worn`."""
-        old, self._dresses, self.worn = self._dresses, dresses, 0
-        if [(d.tiles, d.faced) for d in old] == [(d.tiles, d.faced) for d in dresses]:
+        variants, or that of the number in `variant`."""
+        old, self._variants, self.variant = self._variants, variants, 0
+        if [(d.tiles, d.faced) for d in old] == [(d.tiles, d.faced) for d in variants]:
             return
         for key, number in list(self._residents):
-            if number or old[0].faced != dresses[0].faced or key in {*old[0].tiles, *dresses[0].tiles}:
+            if number or old[0].faced != variants[0].faced or key in {*old[0].tiles, *variants[0].tiles}:
                 self._drop(self._residents.pop((key, number)))
         self._shade_is = None
-        keys = {key for d in dresses for key in (*d.tiles, *d.places.values())}
+        keys = {key for d in variants for key in (*d.tiles, *d.places.values())}
         self._differing = tuple(
-            frozenset(key for key in keys if d.content(key) != dresses[0].content(key)) for d in dresses
+            frozenset(key for key in keys if d.content(key) != variants[0].content(key)) for d in variants
         )
 
     # -- choosing
 
-    def view(self, pose: CameraPose, visibility_m: float, light: Light) -> View:
+    def view(self, pose: CameraPose, visibility_m: float, light: Light) -> TownView:
         """What a picture needs."""
         return choose(self._skyline, self.town_ground, pose, visibility_m, light)
 
@@ -187,7 +188,7 @@ class Cityscape:
                 found.append(float(distances(shown, pose.position).min(initial=np.inf)))
         return min(found)
 
-    def near_plane(self, view: View, pose: CameraPose, others_m: float) -> float:
+    def near_plane(self, view: TownView, pose: CameraPose, others_m: float) -> float:
         """The near plane of a picture, `others_m` being the distance of the closest thing that moves. One that almost
         touches a camera in the air does not count: layers of the ground far below would run into one another."""
         if pose.position[2] > ALOFT_M:
@@ -196,7 +197,7 @@ class Cityscape:
 
     def resident(self, key: TileKey) -> Resident:
         """A tile, made ready if it is not."""
-        known = key, self.worn if key in self._differing[self.worn] else 0
+        known = key, self.variant if key in self._differing[self.variant] else 0
         found = self._residents.get(known)
         if found is None:
             found = self._residents[known] = self._ready(key)
@@ -222,12 +223,12 @@ class Cityscape:
             sheet.release()
 
     def _ready(self, key: TileKey) -> Resident:
-        dress = self._dresses[self.worn]
-        pieces: Pieces = dress.tiles.get(key) or self.tiles.load(key)
+        changes = self._variants[self.variant]
+        pieces: Pieces = changes.tiles.get(key) or self.tiles.load(key)
         near = self._around(key)
         crossings = crossings_of(tuple(junction for tile in near for junction in tile.junctions))
         ways = tuple(road for tile in near for road in tile.roads)
-        faced = {building: FIRST_ENTITY + number for building, number in dress.faced.items()}
+        faced = {building: FIRST_ENTITY + number for building, number in changes.faced.items()}
         mesh = mesh_tile(pieces, crossings, faced, self._under, middles_of(ways))
         sheets = {name: self._upload(name, part, casts=name in CASTERS) for name, part in mesh.parts.items()
                   if len(part.index)}  # fmt: skip
@@ -243,7 +244,7 @@ class Cityscape:
 
     # -- drawing
 
-    def shade(self, view: View) -> bool:
+    def shade(self, view: TownView) -> bool:
         """Begin the shadow map of a view with all that is not a prop; False if the last one will do.
 
         What is drawn next with the matrix `light_uniform` becomes part of it."""
@@ -272,7 +273,7 @@ class Cityscape:
         self._shade_is = wanted
         return True
 
-    def values(self, view: View) -> dict[str, object]:
+    def values(self, view: TownView) -> dict[str, object]:
         """Uniforms of the city's programs, and of any program with shadows."""
         texel = view.window.side_m / SHADE_PX
         matrix = self.shade_matrix
@@ -285,7 +286,7 @@ class Cityscape:
             "u_map_range": (MAPPED_FROM * view.reach_m, view.reach_m),
         }
 
-    def bind(self, view: View, pose: CameraPose, shade_unit: int, map_unit: int) -> None:
+    def bind(self, view: TownView, pose: CameraPose, shade_unit: int, map_unit: int) -> None:
         """Bind the textures. Where a texel of the shadow map is about a pixel, the nearest one says as much as four."""
         steep = pose.tilt_deg > STEEP_DEG
         pixel = pose.position[2] / focal_px(pose)
@@ -309,7 +310,7 @@ class Cityscape:
             found += [self._program("paving", mode) for mode in aloft]
         return (*found, *(self._program(name, mapped) for name in ("ground", "paving")), self._program("wall", averted))
 
-    def structures(self, view: View, eye: tuple[float, float, float], wet: bool, night: bool) -> None:
+    def structures(self, view: TownView, eye: tuple[float, float, float], wet: bool, night: bool) -> None:
         """Walls and everything else that stands up."""
         for key in view.full:
             mode = Mode(wet, night, key in view.shaded, even=key in view.blunt)
@@ -324,7 +325,7 @@ class Cityscape:
                 self._draw_blocks(ranges, eye, Mode(wet, night, False, even=view.reaching, blunt=blunt))
         self._context.disable(moderngl.CULL_FACE)
 
-    def floors(self, view: View, wet: bool, night: bool) -> None:
+    def floors(self, view: TownView, wet: bool, night: bool) -> None:
         """Roads, pavings and the ground, top to bottom."""
         for name in ("road", "paving", "soil"):
             for key in view.full:
@@ -354,7 +355,7 @@ class Cityscape:
                 self._context.disable(moderngl.CULL_FACE)
             sheets[name].lit[mode].render(moderngl.TRIANGLES, vertices=count)
 
-    def _draw_walls(self, sheet: Sheet, index: Index, lit: int, seen: int, mode: Mode) -> None:
+    def _draw_walls(self, sheet: Sheet, index: VertexIndex, lit: int, seen: int, mode: Mode) -> None:
         self._one_sided()
         sheet.buffers[1].write(index.tobytes())
         if not mode.sunlit:
@@ -405,7 +406,7 @@ class Cityscape:
             )
         return self._programs[name, mode]
 
-    def _upload(self, name: str, part: Part, casts: bool) -> Sheet:
+    def _upload(self, name: str, part: MeshPart, casts: bool) -> Sheet:
         if not len(part.index):
             return Sheet((), {}, None, 0)
         vertices, index = self._context.buffer(part.vertices.tobytes()), self._context.buffer(part.index.tobytes())

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lingjing.engines.camera.classes import FIRST_ENTITY
-from lingjing.engines.camera.targets import Place
+from lingjing.engines.camera.targets import PixelRect
 from lingjing.plugins.geometry import camera_axes, focal_px
 from lingjing.trace.records import Box, CameraPose
 
@@ -29,7 +29,7 @@ def judged(
     numbers: dict[str, int],
     rgb: npt.NDArray[np.uint8],
     ids: npt.NDArray[np.uint16],
-    place: Place,
+    place: PixelRect,
     without: npt.NDArray[np.uint8],
 ) -> tuple[tuple[Box, ...], tuple[Box, ...]]:
     """The boxes of what can be seen and of what is too faint to be. `numbers` are those of the entities that the part
@@ -59,7 +59,7 @@ def contrast(with_it: npt.NDArray[np.uint8], without_it: npt.NDArray[np.uint8]) 
     return round(sqrt(int((off * off).sum()) / len(off)), 1)
 
 
-def pixels_of(boxes: Iterable[Box], width: int, height: int) -> Place:
+def pixels_of(boxes: Iterable[Box], width: int, height: int) -> PixelRect:
     """The part of a picture that holds some boxes."""
     sides = [box.box for box in boxes]
     left, top = round(min(s[0] for s in sides) * width), round(min(s[1] for s in sides) * height)
@@ -67,7 +67,7 @@ def pixels_of(boxes: Iterable[Box], width: int, height: int) -> Place:
     return left, top, right - left, low - top
 
 
-def spanned(volume: tuple[float, float, float, float, float, float], pose: CameraPose) -> Place | None:
+def spanned(volume: tuple[float, float, float, float, float, float], pose: CameraPose) -> PixelRect | None:
     """The part of a picture that can show something of a box in the world; all of it where the box comes close to the
     plane of the lens, None if nothing of the box is in sight."""
     west, south, low, east, north, high = volume
@@ -86,7 +86,7 @@ def spanned(volume: tuple[float, float, float, float, float, float], pose: Camer
     return (left, top, end - left, foot - top) if left < end and top < foot else None
 
 
-def around(places: Iterable[Place]) -> Place | None:
+def around(places: Iterable[PixelRect]) -> PixelRect | None:
     """The smallest part that holds all of some; None without any."""
     known = list(places)
     if not known:

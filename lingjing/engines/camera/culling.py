@@ -32,7 +32,7 @@ SHADE_SIZES_M = (192.0, 256.0, 384.0, 512.0, 768.0, 1024.0, 1536.0, 2048.0)
 
 
 @dataclass(frozen=True, slots=True)
-class Window:
+class ShadowWindow:
     """A square of the sun's view: its axes, its lower corner and side along them (m)."""
 
     right: tuple[float, float, float]
@@ -107,7 +107,7 @@ def sky_bounds(pose: CameraPose, level_m: float) -> tuple[int, int, int, int] | 
     return left, top, end - left, low - top
 
 
-def shade_window(pose: CameraPose, sun: tuple[float, float, float]) -> Window:
+def shade_window(pose: CameraPose, sun: tuple[float, float, float]) -> ShadowWindow:
     """The window that holds what the picture shows of the ground and of 40 m above it."""
     z = np.asarray(sun)
     flat = hypot(sun[0], sun[1])
@@ -120,7 +120,7 @@ def shade_window(pose: CameraPose, sun: tuple[float, float, float]) -> Window:
     side = next((s for s in SHADE_SIZES_M if s >= need), SHADE_SIZES_M[-1])
     step = side / 8.0
     corner = np.floor(((low + high - side) / 2.0) / step + 0.5) * step
-    return Window(_tuple(right), _tuple(up), sun, (float(corner[0]), float(corner[1])), side)
+    return ShadowWindow(_tuple(right), _tuple(up), sun, (float(corner[0]), float(corner[1])), side)
 
 
 def _shown(pose: CameraPose) -> npt.NDArray[np.float64]:
@@ -139,7 +139,7 @@ def _shown(pose: CameraPose) -> npt.NDArray[np.float64]:
     return np.array(found)
 
 
-def casters(boxes: Boxes, window: Window) -> npt.NDArray[np.bool_]:
+def casters(boxes: Boxes, window: ShadowWindow) -> npt.NDArray[np.bool_]:
     """Which boxes may throw a shadow into the window: those that it holds along the sun's rays."""
     keep = np.ones(len(boxes), bool)
     for axis, start in ((window.right, window.corner[0]), (window.up, window.corner[1])):
@@ -150,7 +150,7 @@ def casters(boxes: Boxes, window: Window) -> npt.NDArray[np.bool_]:
     return keep
 
 
-def light_matrix(window: Window, boxes: Boxes) -> npt.NDArray[np.float64]:
+def light_matrix(window: ShadowWindow, boxes: Boxes) -> npt.NDArray[np.float64]:
     """(4, 4) world → clip space of the shadow map, deep enough for all boxes (the casters)."""
     z = np.asarray(window.sun)
     corner = np.asarray(window.corner) + window.side_m / 2.0
@@ -169,5 +169,5 @@ def _tuple(values: npt.NDArray[np.float64]) -> tuple[float, float, float]:
     return float(values[0]), float(values[1]), float(values[2])
 
 
-__all__ = ["Window", "blunt_from", "boxes_in_sight", "casters", "distances", "full_reach", "light_matrix",
+__all__ = ["ShadowWindow", "blunt_from", "boxes_in_sight", "casters", "distances", "full_reach", "light_matrix",
            "near_plane", "shade_window", "sky_bounds"]  # fmt: skip

@@ -21,27 +21,26 @@ from lingjing.engines.camera.cityscape import TOUCHING_M, Cityscape
 from lingjing.engines.camera.classes import CLASSES
 from lingjing.engines.camera.context import open_context, renderer_name
 from lingjing.engines.camera.culling import blunt_from, near_plane, sky_bounds
-from lingjing.engines.camera.effects import Dress, prop_effects
+from lingjing.engines.camera.effects import TownChanges, prop_effects
 from lingjing.engines.camera.effects.drawing import EffectPass
-from lingjing.engines.camera.effects.particles import BILLBOARD, DECAL
-from lingjing.engines.camera.ground import SHORE_REACH_M, Ground
-from lingjing.engines.camera.ground import Surface as Land
-from lingjing.engines.camera.instances import Batch, Rows, afloat, in_sight, visible
+from lingjing.engines.camera.effects.particles import BILLBOARD, DECAL, Rows
+from lingjing.engines.camera.ground import SHORE_REACH_M, Ground, LandSurface
+from lingjing.engines.camera.instances import Batch, afloat, in_sight, visible
+from lingjing.engines.camera.lamps import lamp_rows
 from lingjing.engines.camera.light import Light, light_of
-from lingjing.engines.camera.looks import Gathered, looks_of, merged
-from lingjing.engines.camera.mesh_rows import Part
+from lingjing.engines.camera.mesh_rows import MeshPart
 from lingjing.engines.camera.meshes import indexed
-from lingjing.engines.camera.nightlights import lamp_rows
 from lingjing.engines.camera.noise import GRAIN, cloud_texture, grain_texture, lace_texture, noise_texture
-from lingjing.engines.camera.ocean import RIPPLE_M, Surface
+from lingjing.engines.camera.ocean import RIPPLE_M, SeaSurface
 from lingjing.engines.camera.ocean import SIZE as SEA_SIZE
 from lingjing.engines.camera.programs import build, source
+from lingjing.engines.camera.prop_groups import Gathered, looks_of, merged
 from lingjing.engines.camera.reduced_meshes import reduced
+from lingjing.engines.camera.structure_meshes import Under
 from lingjing.engines.camera.surroundings import HIGH_M, SPAN_M
-from lingjing.engines.camera.targets import MAX_TARGETS, Buffers, Place, Target, overlap
-from lingjing.engines.camera.tilemesh import Under
+from lingjing.engines.camera.targets import MAX_TARGETS, Buffers, PixelRect, Target, overlap
 from lingjing.engines.camera.upload import Model, rows_array, upload, upload_still
-from lingjing.engines.camera.view import View
+from lingjing.engines.camera.view import TownView
 from lingjing.mission.instance import Vector, Weather
 from lingjing.plugins.geometry import focal_px
 from lingjing.scene.city import City
@@ -73,13 +72,13 @@ class Scenery:
 
     time_s: float
     weather: Weather
-    sea: tuple[Surface, Surface]
+    sea: tuple[SeaSurface, SeaSurface]
     batches: Sequence[Batch]
     marks: npt.NDArray[np.void]
     billboards: npt.NDArray[np.void] = field(default_factory=lambda: np.zeros(0, BILLBOARD))
     decals: npt.NDArray[np.void] = field(default_factory=lambda: np.zeros(0, DECAL))
-    dress: int = 0
-    """Which of the dresses of the town it wears (`Cityscape.dress`)."""
+    variant: int = 0
+    """Which variant of the town it shows (`Cityscape.vary`)."""
 
 
 class Renderer:
@@ -118,7 +117,7 @@ class Renderer:
         self._clouds.filter = moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR
         self._sea = (self._sea_texture(), self._sea_texture())
         self._sea_scales = ((1.0, 1.0), (1.0, 1.0))
-        self._sea_now: tuple[Surface, Surface] | None = None
+        self._sea_now: tuple[SeaSurface, SeaSurface] | None = None
         self._shore = self.context.texture((1, 1), 2, b"\xff\x80")
         self._water_vao = self.context.vertex_array(self._water, [(self._corners, "2f", "in_corner")])
         self._far_water_vao = self.context.vertex_array(self._far_water, [(self._far_corners, "2f", "in_corner")])
@@ -130,7 +129,7 @@ class Renderer:
         self._far_lakes: list[Lake] = []
         self._casting: dict[str, tuple[Model, moderngl.VertexArray]] = {}
         self._standing = Gathered()
-        self._surfaces: list[tuple[Land, Model]] = []
+        self._surfaces: list[tuple[LandSurface, Model]] = []
         self._solids: list[Model] = []
         self._models: dict[str, Model] = {}
         self._targets: dict[tuple[tuple[int, int], bool], Target] = {}
@@ -165,11 +164,11 @@ class Renderer:
         west, south, east, north = ground.bounds
         self._bounds = west, south, 1.0 / (east - west), 1.0 / (north - south)
 
-    def dress(self, *dresses: Dress) -> None:
-        """Take over what a mission changes about a town: the dress that pictures show, then those for `redraw`."""
+    def vary(self, *variants: TownChanges) -> None:
+        """Take over what a mission changes about a town: the variant that pictures show, then those for `redraw`."""
         if self._town is not None:
             with self.context:
-                self._town.dress(dresses)
+                self._town.vary(variants)
 
     def _load_town(self, city: City, under: Under) -> None:
         self._town = Cityscape(self.context, city, under)
@@ -178,13 +177,13 @@ class Renderer:
         self._lakes = [self._lake_of(self._lake, *water) for water in near]
         self._far_lakes = [self._lake_of(self._far_lake, *water) for water in (*near, *far)]
 
-    def _lake_of(self, program: moderngl.Program, level: float, part: Part) -> Lake:
+    def _lake_of(self, program: moderngl.Program, level: float, part: MeshPart) -> Lake:
         vertices = self.context.buffer(np.ascontiguousarray(part.vertices["position"]).tobytes())
         index = self.context.buffer(part.index.tobytes())
         array = self.context.vertex_array(program, [(vertices, "3f", "in_position")], index, 4)
         return level, array, (vertices, index)
 
-    def _shaded_land(self, old: Model, land: Land) -> Model:
+    def _shaded_land(self, old: Model, land: LandSurface) -> Model:
         old.release()
         return self._land(land, self._level, shaded=True)
 
@@ -230,7 +229,7 @@ class Renderer:
             return self._near(pose, scenery, self._view(pose, scenery))
 
     def redraw(
-        self, pose: CameraPose, scenery: Scenery, depth: bool, place: Place, near_m: float
+        self, pose: CameraPose, scenery: Scenery, depth: bool, place: PixelRect, near_m: float
     ) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint16]]:
         """Colours and ids of a part of a picture, pixel for pixel those of the whole one with this near plane, after
         `render` of the same pose. The town's shadows stay as that one left them."""
@@ -247,14 +246,14 @@ class Renderer:
     def _light(self, pose: CameraPose, scenery: Scenery) -> Light:
         return light_of(scenery.weather, pose.position[2] - self._level)
 
-    def _view(self, pose: CameraPose, scenery: Scenery) -> View | None:
-        """What a picture needs of the town, which wears the scenery's dress from now on; None without a town."""
+    def _view(self, pose: CameraPose, scenery: Scenery) -> TownView | None:
+        """What a picture needs of the town, which shows the scenery's variant from now on; None without a town."""
         if self._town is None:
             return None
-        self._town.worn = scenery.dress
+        self._town.variant = scenery.variant
         return self._town.view(pose, scenery.weather.visibility_m, self._light(pose, scenery))
 
-    def _near(self, pose: CameraPose, scenery: Scenery, view: View | None) -> float:
+    def _near(self, pose: CameraPose, scenery: Scenery, view: TownView | None) -> float:
         if self._town is not None and view is not None:
             return self._town.near_plane(view, pose, _closest(scenery, pose))
         if pose.position[2] > HIGH_M:
@@ -262,7 +261,13 @@ class Renderer:
         return uniforms.bay_near(pose)
 
     def _draw(
-        self, pose: CameraPose, scenery: Scenery, depth: bool, near_m: float, view: View | None, place: Place | None
+        self,
+        pose: CameraPose,
+        scenery: Scenery,
+        depth: bool,
+        near_m: float,
+        view: TownView | None,
+        place: PixelRect | None,
     ) -> Target:
         """Draw a picture, or again a part of the one that was drawn last."""
         light = self._light(pose, scenery)
@@ -309,7 +314,7 @@ class Renderer:
             lake["u_level"] = level
             array.render()
 
-    def _heavens(self, target: Target, pose: CameraPose, place: Place | None) -> None:
+    def _heavens(self, target: Target, pose: CameraPose, place: PixelRect | None) -> None:
         """The sky, where it can be: below that all is ground or water."""
         shown = sky_bounds(pose, self._level)
         if shown is not None and place is not None:
@@ -330,7 +335,7 @@ class Renderer:
         self.context.enable_only(moderngl.DEPTH_TEST)
         target.write(colour=True, alpha=True, rest=True)
 
-    def _enlivened(self, scenery: Scenery, view: View | None, pose: CameraPose, light: Light) -> Scenery:
+    def _enlivened(self, scenery: Scenery, view: TownView | None, pose: CameraPose, light: Light) -> Scenery:
         """The scenery with the effects of the tiles' props and, after dark, with their lamps."""
         if self._town is None or view is None:
             return scenery
@@ -344,7 +349,7 @@ class Renderer:
             decals=np.concatenate([scenery.decals, *(effects.decals for effects in found)]),
         )
 
-    def _shade(self, view: View) -> None:
+    def _shade(self, view: TownView) -> None:
         """Bring the shadow map up to date, plants and other props included."""
         assert self._town is not None
         if not self._town.shade(view):
@@ -367,7 +372,7 @@ class Renderer:
             found = self._casting[key] = model, rows_array(self.context, self._tree_shade, model)
         return found
 
-    def _stand(self, pose: CameraPose, view: View) -> None:
+    def _stand(self, pose: CameraPose, view: TownView) -> None:
         """Trees, lamps and other props of the tiles in sight, small plants as stand-ins."""
         assert self._town is not None
         lump_m, _ = blunt_from(view.reach_m)
@@ -419,7 +424,7 @@ class Renderer:
         """A program with switches defined in its fragments: `ALOFT` for waters seen from high over them."""
         return build(self.context, source(vertex), source(fragment, *defined))
 
-    def _land(self, land: Land, level: float, shaded: bool = False) -> Model:
+    def _land(self, land: LandSurface, level: float, shaded: bool = False) -> Model:
         program = self._grounds.get(land.cls, self._grounds[CLASSES["concrete"]])[shaded]
         index = np.concatenate([patch.triangles.ravel() for patch in land.patches])
         return upload_still(self.context, (program, self._shadow), (land.vertices, index), level, land.cls)
@@ -427,7 +432,7 @@ class Renderer:
     def _sea_texture(self) -> moderngl.Texture:
         return self.texture(np.zeros((SEA_SIZE, SEA_SIZE, 4), np.uint8))
 
-    def _prepare(self, pose: CameraPose, scenery: Scenery, light: Light, view: View | None, near_m: float) -> None:
+    def _prepare(self, pose: CameraPose, scenery: Scenery, light: Light, view: TownView | None, near_m: float) -> None:
         if self._sea_now is not scenery.sea:
             packed = [scenery.sea[0].packed(), scenery.sea[1].packed(self._lace)]
             for texture, (pixels, _) in zip(self._sea, packed, strict=True):
@@ -567,7 +572,7 @@ def _grain_filter(pose: CameraPose) -> tuple[int, int]:
     )
 
 
-def _draw_land(land: Land, model: Model, pose: CameraPose) -> None:
+def _draw_land(land: LandSurface, model: Model, pose: CameraPose) -> None:
     """Only the patches that the picture can show, neighbours in one call."""
     centres = np.array([patch.centre for patch in land.patches])
     radius = np.array([patch.radius for patch in land.patches])

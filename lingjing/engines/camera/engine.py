@@ -15,14 +15,14 @@ import msgspec
 
 from lingjing.engines.camera.boxes import entity_boxes
 from lingjing.engines.camera.draw import Renderer, Scenery
-from lingjing.engines.camera.effects import Site, dress
+from lingjing.engines.camera.effects import Site, changes_of
 from lingjing.engines.camera.ground import build_ground, height_under, water_level
 from lingjing.engines.camera.instances import Batch, prop_batches
 from lingjing.engines.camera.models import look_of
+from lingjing.engines.camera.moving_things import stage
 from lingjing.engines.camera.noise import noise_texture
 from lingjing.engines.camera.ocean import Ocean
 from lingjing.engines.camera.options import CameraOptions
-from lingjing.engines.camera.staging import stage
 from lingjing.engines.camera.withheld import ALL, Shot, Withheld
 from lingjing.errors import InfrastructureError
 from lingjing.mission.instance import CameraSpec, Entity, Vector, Weather
@@ -81,7 +81,7 @@ class CameraEngine:
         self._oceans, self._schedule = {}, Schedule(spec.instance)
         self._sites, self._withheld = {}, Withheld(entities)
         if self._terrain is not None:
-            self._dress(self._renderer, self._terrain, Tiles(city), entities)
+            self._change_town(self._renderer, self._terrain, Tiles(city), entities)
         self._states = {e.id: BodyState(id=e.id, position=e.position, heading_deg=e.heading_deg) for e in entities}
         self._ambient = ()
         self._warm(self._renderer, entities)
@@ -132,14 +132,14 @@ class CameraEngine:
             renderer.warm(places, scenery, depth)
             self._warmed = told
 
-    def _dress(self, renderer: Renderer, terrain: Terrain, tiles: Tiles, entities: Sequence[Entity]) -> None:
+    def _change_town(self, renderer: Renderer, terrain: Terrain, tiles: Tiles, entities: Sequence[Entity]) -> None:
         """What the entities do to the town, with all of them, without what is hidden and without any target."""
         kept = self._withheld
-        whole = dress(tiles.near, terrain.surface, entities)
-        public = dress(tiles.near, terrain.surface, entities, kept.hidden)
-        bare = dress(tiles.near, terrain.surface, entities, kept.targets, razed=True)
-        renderer.dress(whole, public, bare)
-        kept.dressed((whole, public, bare), tiles.load, terrain.surface)
+        whole = changes_of(tiles.near, terrain.surface, entities)
+        public = changes_of(tiles.near, terrain.surface, entities, kept.hidden)
+        bare = changes_of(tiles.near, terrain.surface, entities, kept.targets, razed=True)
+        renderer.vary(whole, public, bare)
+        kept.note_changes((whole, public, bare), tiles.load, terrain.surface)
         self._sites = whole.sites
 
     def _playing(self) -> EngineSpec:
@@ -222,9 +222,9 @@ class CameraEngine:
             return height_under(self._city, east, north)
         return self._terrain.support(east, north, up + 0.5)
 
-    def _scenery(self, viewer: Entity | None, without: Collection[str] = (), dressed: int = ALL) -> Scenery:
+    def _scenery(self, viewer: Entity | None, without: Collection[str] = (), variant: int = ALL) -> Scenery:
         """Everything but the viewer's own body, if it has one, and the entities `without`; its shadow goes with it, the
-        light it throws stays. The town is `dressed` as one of `withheld`'s."""
+        light it throws stays. The town is the `variant`, one of `withheld`'s."""
         assert self._schedule is not None
         weather = self._schedule.weather(self._time_s)
         shown, own = [], None
@@ -238,7 +238,7 @@ class CameraEngine:
         cast = stage(shown, self._ambient, self._sites, self._time_s, weather, self._under, self._level, own)
         sea = self._ocean(weather).surfaces(self._time_s)
         return Scenery(self._time_s, weather, sea, (*self._props, *cast.batches), cast.marks,
-                       cast.billboards, cast.decals, dressed)  # fmt: skip
+                       cast.billboards, cast.decals, variant)  # fmt: skip
 
     def _ocean(self, weather: Weather) -> Ocean:
         if weather not in self._oceans:

@@ -16,11 +16,12 @@ import shapely
 from scipy import ndimage
 
 from lingjing.engines.camera.classes import CLASSES, prop_class
-from lingjing.engines.camera.meshes import Array, Colour, flat, indexed, merge, prism
+from lingjing.engines.camera.meshes import Mesh, flat, indexed, merge, prism
+from lingjing.mission.appearance import LinearRgb
 from lingjing.mission.geometry2d import Polygon
 from lingjing.scene.city import City, Land
 
-SURFACES: dict[str, tuple[Colour, float]] = {
+SURFACES: dict[str, tuple[LinearRgb, float]] = {
     "sand": ((0.42, 0.33, 0.21), 1.0 / 14.0),
     "grass": ((0.085, 0.12, 0.035), 1.0 / 5.0),
     "rock": ((0.17, 0.155, 0.14), 1.0 / 1.4),
@@ -28,7 +29,7 @@ SURFACES: dict[str, tuple[Colour, float]] = {
 }
 """Surface → (linear colour, slope of its edge)."""
 
-MATERIALS: dict[str, Colour] = {
+MATERIALS: dict[str, LinearRgb] = {
     "wood": (0.26, 0.17, 0.10),
     "plaster": (0.62, 0.57, 0.48),
     "tile": (0.36, 0.11, 0.06),
@@ -46,7 +47,7 @@ BURIED_M = 3.0
 SHORE_REACH_M = 160.0
 FLAT_M = 0.3
 
-Grid = npt.NDArray[np.floating]
+HeightGrid = npt.NDArray[np.floating]
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,11 +60,11 @@ class Patch:
 
 
 @dataclass(frozen=True, slots=True)
-class Surface:
+class LandSurface:
     """The ground of one land: its class id, vertices (n, 10) and patches."""
 
     cls: int
-    vertices: Array
+    vertices: Mesh
     patches: tuple[Patch, ...]
 
 
@@ -72,8 +73,8 @@ class Ground:
     """Static meshes: the ground of every land, shadow plane (m) → mesh of solids standing on it, the shore map."""
 
     level_m: float
-    surfaces: tuple[Surface, ...]
-    solids: tuple[tuple[float, Array], ...]
+    surfaces: tuple[LandSurface, ...]
+    solids: tuple[tuple[float, Mesh], ...]
     shore: npt.NDArray[np.uint8]
     bounds: tuple[float, float, float, float]
 
@@ -103,7 +104,7 @@ def height_under(city: City, east: float, north: float) -> float:
     return max(tops, default=water_level(city))
 
 
-def fill(polygon: Polygon, xs: Grid, ys: Grid) -> npt.NDArray[np.bool_]:
+def fill(polygon: Polygon, xs: HeightGrid, ys: HeightGrid) -> npt.NDArray[np.bool_]:
     """Even-odd membership of the grid points (len(ys), len(xs))."""
     a = np.array(polygon)
     b = np.roll(a, -1, axis=0)
@@ -117,17 +118,17 @@ def fill(polygon: Polygon, xs: Grid, ys: Grid) -> npt.NDArray[np.bool_]:
     return mask
 
 
-def _surfaces(city: City, level: float) -> tuple[Surface, ...]:
+def _surfaces(city: City, level: float) -> tuple[LandSurface, ...]:
     return tuple(
         _quay(land, level) if land.surface == "concrete" else _height_field(land, level, number, _buried(city, land))
         for number, land in enumerate(city.lands)
     )
 
 
-def _quay(land: Land, level: float) -> Surface:
+def _quay(land: Land, level: float) -> LandSurface:
     mesh = _prism(land.polygon, level - 3.0, land.top_m, SURFACES["concrete"][0])
     vertices, index = indexed(mesh)
-    return Surface(prop_class(land.surface), vertices, (_patch(vertices, index.reshape(-1, 3)),))
+    return LandSurface(prop_class(land.surface), vertices, (_patch(vertices, index.reshape(-1, 3)),))
 
 
 def _buried(city: City, land: Land) -> shapely.Geometry:
@@ -141,13 +142,13 @@ def _buried(city: City, land: Land) -> shapely.Geometry:
     return shapely.union_all(over)
 
 
-def _patch(vertices: Array, triangles: npt.NDArray[np.uint32]) -> Patch:
+def _patch(vertices: Mesh, triangles: npt.NDArray[np.uint32]) -> Patch:
     points = vertices[np.unique(triangles), :3].astype(np.float64)
     centre = (points.min(axis=0) + points.max(axis=0)) / 2.0
     return Patch(triangles, centre, float(np.linalg.norm(points - centre, axis=1).max()))
 
 
-def _prism(polygon: Polygon, base: float, top: float, colour: Colour) -> Array:
+def _prism(polygon: Polygon, base: float, top: float, colour: LinearRgb) -> Mesh:
     """A prism over any simple polygon."""
     shape = shapely.Polygon(polygon)
     if shapely.equals(shape, shape.convex_hull):
@@ -165,7 +166,7 @@ def _prism(polygon: Polygon, base: float, top: float, colour: Colour) -> Array:
     return flat(np.array([*walls, *lid]), colour)
 
 
-def _height_field(land: Land, level: float, number: int, buried: shapely.Geometry) -> Surface:
+def _height_field(land: Land, level: float, number: int, buried: shapely.Geometry) -> LandSurface:
     colour, slope = SURFACES.get(land.surface, SURFACES["grass"])
     west, south, east, north = shapely.Polygon(land.polygon).bounds
     step = max(3.0, (east - west) / 140.0)
@@ -178,7 +179,7 @@ def _height_field(land: Land, level: float, number: int, buried: shapely.Geometr
     return _surface_of(prop_class(land.surface), xs, ys, height, keep, colour)
 
 
-def _profile(into: Grid, rise: float, slope: float, xs: Grid, ys: Grid, number: int) -> Grid:
+def _profile(into: HeightGrid, rise: float, slope: float, xs: HeightGrid, ys: HeightGrid, number: int) -> HeightGrid:
     """Height over the water from the distance inside the polygon, with relief that fades at the edge."""
     x, y = np.meshgrid(xs, ys)
     relief = np.sin(x / 17.0 + number) * np.sin(y / 13.0 + 2.0 * number) + 0.6 * np.sin(x / 7.3 - y / 9.1 + number)
@@ -190,7 +191,9 @@ def _profile(into: Grid, rise: float, slope: float, xs: Grid, ys: Grid, number: 
     return np.asarray(np.where(ramp > 0.7 * top, smooth - 0.05 * top * np.clip(1.7 - ramp / top, 0.0, 1.0), smooth))
 
 
-def _surface_of(cls: int, xs: Grid, ys: Grid, height: Grid, keep: npt.NDArray[np.bool_], colour: Colour) -> Surface:
+def _surface_of(
+    cls: int, xs: HeightGrid, ys: HeightGrid, height: HeightGrid, keep: npt.NDArray[np.bool_], colour: LinearRgb
+) -> LandSurface:
     step = xs[1] - xs[0]
     dy, dx = np.gradient(height, step)
     normal = np.stack([-dx, -dy, np.ones_like(dx)], axis=-1)
@@ -211,11 +214,11 @@ def _surface_of(cls: int, xs: Grid, ys: Grid, height: Grid, keep: npt.NDArray[np
             if here.any():
                 corners = [np.stack([p[part][here] for p in t], axis=1) for t in ((a, b, c), (a, c, d))]
                 patches.append(_patch(vertices, np.concatenate(corners)))
-    return Surface(cls, vertices, tuple(patches))
+    return LandSurface(cls, vertices, tuple(patches))
 
 
-def _solids(city: City, level: float) -> tuple[tuple[float, Array], ...]:
-    parts: dict[float, list[Array]] = {}
+def _solids(city: City, level: float) -> tuple[tuple[float, Mesh], ...]:
+    parts: dict[float, list[Mesh]] = {}
     for solid in city.solids:
         x, y = np.array(solid.polygon).mean(axis=0)
         plane = height_under(city, float(x), float(y))
@@ -224,7 +227,7 @@ def _solids(city: City, level: float) -> tuple[tuple[float, Array], ...]:
     return tuple((plane, merge(*meshes)) for plane, meshes in sorted(parts.items()))
 
 
-def _wet(city: City, xs: Grid, ys: Grid) -> npt.NDArray[np.bool_]:
+def _wet(city: City, xs: HeightGrid, ys: HeightGrid) -> npt.NDArray[np.bool_]:
     """Where waters lie; a city without any is drawn in the sea."""
     wet = np.zeros((len(ys), len(xs)), bool)
     for water in city.waters:

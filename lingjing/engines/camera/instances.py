@@ -10,9 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 from lingjing.engines.camera.classes import prop_class
-from lingjing.engines.camera.meshes import Array
+from lingjing.engines.camera.effects.particles import Rows
+from lingjing.engines.camera.meshes import Mesh
 from lingjing.engines.camera.models import prop_model
-from lingjing.engines.camera.ocean import Surface
+from lingjing.engines.camera.ocean import SeaSurface
 from lingjing.mission.instance import Entity
 from lingjing.plugins.geometry import camera_axes, focal_px
 from lingjing.scene.city import Pieces
@@ -21,15 +22,13 @@ from lingjing.trace.records import BodyState, CameraPose
 ROW = np.dtype([("rows", "f4", (3, 4)), ("plane", "f4"), ("id", "u4")])
 """An instance: model-to-world rows, the elevation its shadow falls on (m), its id."""
 
-Rows = npt.NDArray[np.void]
-
 
 @dataclass(frozen=True, slots=True)
 class Batch:
     """Instances of one mesh: rows (n,), bounding radius of each (m), and which of them ride the waves."""
 
     key: str
-    mesh: Array
+    mesh: Mesh
     rows: Rows
     radius: npt.NDArray[np.float64]
     floating: npt.NDArray[np.bool_]
@@ -53,14 +52,14 @@ def row(rows: npt.NDArray[np.float64], plane: float, number: int) -> Rows:
     return out
 
 
-def mesh_radius(mesh: Array) -> float:
+def mesh_radius(mesh: Mesh) -> float:
     """Radius of a mesh about its origin."""
     return float(np.linalg.norm(mesh[:, :3], axis=1).max()) if len(mesh) else 0.0
 
 
 def prop_batches(city: Pieces) -> tuple[Batch, ...]:
     """All props of a city or a tile, one batch a mesh."""
-    found: dict[str, tuple[Array, list[tuple[Rows, float, bool]]]] = {}
+    found: dict[str, tuple[Mesh, list[tuple[Rows, float, bool]]]] = {}
     for prop in city.props:
         variant = prop.options.get("variant", 0)
         key, mesh = prop_model(prop.model, variant if isinstance(variant, int) else 0)
@@ -74,9 +73,9 @@ def prop_batches(city: Pieces) -> tuple[Batch, ...]:
     )  # fmt: skip
 
 
-def entity_batches(drawn: Iterable[tuple[npt.NDArray[np.float64], str, Array, int, float]]) -> tuple[Batch, ...]:
+def entity_batches(drawn: Iterable[tuple[npt.NDArray[np.float64], str, Mesh, int, float]]) -> tuple[Batch, ...]:
     """What moves as batches: (model-to-world (3, 4), mesh key, mesh, id, shadow plane)."""
-    found: dict[str, tuple[Array, list[Rows]]] = {}
+    found: dict[str, tuple[Mesh, list[Rows]]] = {}
     for place, key, mesh, number, plane in drawn:
         found.setdefault(key, (mesh, []))[1].append(row(place, plane, number))
     return tuple(
@@ -85,7 +84,7 @@ def entity_batches(drawn: Iterable[tuple[npt.NDArray[np.float64], str, Array, in
     )
 
 
-def afloat(batch: Batch, swell: Surface) -> Rows:
+def afloat(batch: Batch, swell: SeaSurface) -> Rows:
     """The batch's rows with floating ones tilted by the waves; the drawn sea is flat, so they stay on its plane."""
     if not batch.floating.any():
         return batch.rows

@@ -10,9 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import cos, e, exp, log2, radians, sin
 
+from lingjing.mission.appearance import LinearRgb
 from lingjing.mission.instance import Weather
 
-Rgb = tuple[float, float, float]
 LOWEST_SUN_DEG = 4.0
 DAY_DEG, NIGHT_DEG = 10.0, -8.0
 LAMPS_DEG = 5.0
@@ -32,11 +32,11 @@ class Light:
     """Uniforms of one picture; `dark` 0 by day … 1 at night, `lamps` whether they are on, `rain` 0..1, `gloom` what
     rain leaves of the sky's light, `clear` what fog leaves of the sight of the sky."""
 
-    sun: Rgb
-    sunlight: Rgb
-    skylight: Rgb
-    haze: Rgb
-    dusk: Rgb
+    sun: LinearRgb
+    sunlight: LinearRgb
+    skylight: LinearRgb
+    haze: LinearRgb
+    dusk: LinearRgb
     fog: float
     cloud: float
     dark: float
@@ -81,7 +81,7 @@ def light_of(weather: Weather, height_m: float) -> Light:
     )  # fmt: skip
 
 
-def sun_direction(weather: Weather) -> Rgb:
+def sun_direction(weather: Weather) -> LinearRgb:
     """Unit vector to the light that casts shadows."""
     azimuth, elevation = radians(weather.sun_azimuth_deg), radians(max(weather.sun_elevation_deg, LOWEST_SUN_DEG))
     return sin(azimuth) * cos(elevation), cos(azimuth) * cos(elevation), sin(elevation)

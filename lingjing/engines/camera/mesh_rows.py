@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from lingjing.engines.camera.meshes import Colour
+from lingjing.mission.appearance import LinearRgb
 
 VERTEX = np.dtype(
     [
@@ -41,7 +41,7 @@ LAYOUT = (
 """The same as the attributes of a program."""
 
 Vertices = npt.NDArray[np.void]
-Index = npt.NDArray[np.uint32]
+VertexIndex = npt.NDArray[np.uint32]
 Floats = npt.NDArray[np.float64]
 Style = tuple[float, float, float, float]
 
@@ -49,26 +49,26 @@ PLAIN: Style = (0.0, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class MeshPart:
     """An indexed piece of a mesh."""
 
     vertices: Vertices
-    index: Index
+    index: VertexIndex
 
 
-def empty() -> Part:
+def empty() -> MeshPart:
     """Nothing."""
-    return Part(np.zeros(0, VERTEX), np.zeros(0, np.uint32))
+    return MeshPart(np.zeros(0, VERTEX), np.zeros(0, np.uint32))
 
 
-def joined(parts: Iterable[Part]) -> Part:
+def joined(parts: Iterable[MeshPart]) -> MeshPart:
     """Several parts as one, in order."""
     some = [part for part in parts if len(part.index)]
     if not some:
         return empty()
     starts = np.cumsum([0, *(len(part.vertices) for part in some[:-1])])
     index = [part.index + np.uint32(start) for part, start in zip(some, starts, strict=True)]
-    return Part(np.concatenate([part.vertices for part in some]), np.concatenate(index))
+    return MeshPart(np.concatenate([part.vertices for part in some]), np.concatenate(index))
 
 
 def rows(
@@ -91,13 +91,13 @@ def rows(
     return out
 
 
-def quads(count: int) -> Index:
+def quads(count: int) -> VertexIndex:
     """Indices of `count` quadrilaterals of four vertices each, in order around."""
     base = 4 * np.arange(count, dtype=np.uint32)[:, None]
     return (base + np.array([0, 1, 2, 0, 2, 3], np.uint32)).ravel()
 
 
-def triangles(rings: Sequence[npt.ArrayLike]) -> tuple[Floats, Index]:
+def triangles(rings: Sequence[npt.ArrayLike]) -> tuple[Floats, VertexIndex]:
     """(points (n, 2), indices) of a polygon with holes, anticlockwise triangles; the first ring is the outer one."""
     parts = [np.asarray(ring, np.float64).reshape(-1, 2) for ring in rings]
     points = np.concatenate(parts)
@@ -112,18 +112,18 @@ def triangles(rings: Sequence[npt.ArrayLike]) -> tuple[Floats, Index]:
     return points, corners.ravel()
 
 
-def sheet(rings: Sequence[npt.ArrayLike], height: float, colour: Colour, number: int, *, style: Style = PLAIN,
-          layer: float = 0.0, gloss: float = 0.0, down: bool = False) -> Part:  # fmt: skip
+def sheet(rings: Sequence[npt.ArrayLike], height: float, colour: LinearRgb, number: int, *, style: Style = PLAIN,
+          layer: float = 0.0, gloss: float = 0.0, down: bool = False) -> MeshPart:  # fmt: skip
     """A horizontal polygon with holes at a height; `at` is east and north."""
     points, index = triangles(rings)
     place = np.column_stack([points, np.full(len(points), height)])
     normal = (0.0, 0.0, -1.0 if down else 1.0)
     vertices = rows(place, normal, colour, number, at=points, style=style, layer=layer, gloss=gloss)
-    return Part(vertices, index[::-1].copy() if down else index)
+    return MeshPart(vertices, index[::-1].copy() if down else index)
 
 
-def walls(ring: npt.ArrayLike, base: float, top: float, colour: Colour, number: int, *, style: Style = PLAIN,
-          gloss: float = 0.0, inwards: bool = False) -> Part:  # fmt: skip
+def walls(ring: npt.ArrayLike, base: float, top: float, colour: LinearRgb, number: int, *, style: Style = PLAIN,
+          gloss: float = 0.0, inwards: bool = False) -> MeshPart:  # fmt: skip
     """The sides of a prism over an anticlockwise ring; `at` is metres along the outline and above the base."""
     outline = oriented(ring, not inwards)
     following = np.roll(outline, -1, axis=0)
@@ -143,17 +143,19 @@ def walls(ring: npt.ArrayLike, base: float, top: float, colour: Colour, number: 
     along = [(start, 0.0), (start + length, 0.0), (start + length, up), (start, up)]
     at = np.stack([np.column_stack([u, np.full(count, v)]) for u, v in along], axis=1).reshape(-1, 2)
     vertices = rows(place, np.repeat(normal, 4, axis=0), colour, number, at=at, style=style, gloss=gloss)
-    return Part(vertices, quads(count))
+    return MeshPart(vertices, quads(count))
 
 
-def prism(ring: npt.ArrayLike, base: float, top: float, colour: Colour, number: int, *, gloss: float = 0.0) -> Part:
+def prism(
+    ring: npt.ArrayLike, base: float, top: float, colour: LinearRgb, number: int, *, gloss: float = 0.0
+) -> MeshPart:
     """A closed prism over a simple ring, seen from above and from the sides."""
     sides = walls(ring, base, top, colour, number, gloss=gloss)
     return joined((sides, sheet([ring], top, colour, number, gloss=gloss)))
 
 
-def faces(corners: npt.ArrayLike, colour: Colour, number: int, *, gloss: float = 0.0, at: npt.ArrayLike = 0.0,
-          style: Style = PLAIN) -> Part:  # fmt: skip
+def faces(corners: npt.ArrayLike, colour: LinearRgb, number: int, *, gloss: float = 0.0, at: npt.ArrayLike = 0.0,
+          style: Style = PLAIN) -> MeshPart:  # fmt: skip
     """Triangles (n, 3, 3) with face normals."""
     points = np.asarray(corners, np.float64).reshape(-1, 3, 3)
     normal = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
@@ -161,7 +163,7 @@ def faces(corners: npt.ArrayLike, colour: Colour, number: int, *, gloss: float =
     some = length > 1e-9
     flat = np.repeat(normal[some] / length[some, None], 3, axis=0)
     vertices = rows(points[some].reshape(-1, 3), flat, colour, number, gloss=gloss, at=at, style=style)
-    return Part(vertices, np.arange(len(vertices), dtype=np.uint32))
+    return MeshPart(vertices, np.arange(len(vertices), dtype=np.uint32))
 
 
 def oriented(ring: npt.ArrayLike, anticlockwise: bool = True) -> Floats:

@@ -13,19 +13,20 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float32]
-Colour = tuple[float, float, float]
-Point = tuple[float, float, float]
+from lingjing.mission.appearance import LinearRgb
+from lingjing.mission.instance import Vector
+
+Mesh = npt.NDArray[np.float32]
 
 STRIDE = 10
 
 
-def merge(*meshes: Array) -> Array:
+def merge(*meshes: Mesh) -> Mesh:
     """One mesh of several."""
     return np.concatenate(meshes) if meshes else np.zeros((0, STRIDE), np.float32)
 
 
-def flat(points: npt.ArrayLike, colour: Colour, gloss: float = 0.0) -> Array:
+def flat(points: npt.ArrayLike, colour: LinearRgb, gloss: float = 0.0) -> Mesh:
     """Triangles (n, 3, 3) with face normals; those without an area are left out."""
     corners = np.asarray(points, np.float64).reshape(-1, 3, 3)
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -35,14 +36,14 @@ def flat(points: npt.ArrayLike, colour: Colour, gloss: float = 0.0) -> Array:
     return _rows(corners[some].reshape(-1, 3), np.repeat(normal, 3, axis=0), colour, gloss)
 
 
-def box(centre: Point, size: Point, colour: Colour, gloss: float = 0.0) -> Array:
+def box(centre: Vector, size: Vector, colour: LinearRgb, gloss: float = 0.0) -> Mesh:
     """An axis-aligned box with full edge lengths `size`."""
     x, y, z = (s / 2.0 for s in size)
     ring = np.array([(-x, -y), (x, -y), (x, y), (-x, y)])
     return move(prism(ring, -z, z, colour, gloss), centre)
 
 
-def prism(ring: npt.ArrayLike, base: float, top: float, colour: Colour, gloss: float = 0.0) -> Array:
+def prism(ring: npt.ArrayLike, base: float, top: float, colour: LinearRgb, gloss: float = 0.0) -> Mesh:
     """A prism over a convex anticlockwise ring (n, 2)."""
     outline = np.asarray(ring, np.float64)
     following = np.roll(outline, -1, axis=0)
@@ -56,8 +57,8 @@ def prism(ring: npt.ArrayLike, base: float, top: float, colour: Colour, gloss: f
 
 
 def cylinder(
-    base: Point, top: Point, radii: tuple[float, float], colour: Colour, gloss: float = 0.0, sides: int = 10
-) -> Array:
+    base: Vector, top: Vector, radii: tuple[float, float], colour: LinearRgb, gloss: float = 0.0, sides: int = 10
+) -> Mesh:
     """A closed cone frustum between two points."""
     start, end = np.array(base, float), np.array(top, float)
     axis = (end - start) / max(float(np.linalg.norm(end - start)), 1e-9)
@@ -73,7 +74,9 @@ def cylinder(
     return merge(_rows(points, normals.reshape(-1, 3), colour, gloss), flat(np.array(caps), colour, gloss))
 
 
-def ellipsoid(centre: Point, radii: Point, colour: Colour, gloss: float = 0.0, rows: int = 6, sides: int = 10) -> Array:
+def ellipsoid(
+    centre: Vector, radii: Vector, colour: LinearRgb, gloss: float = 0.0, rows: int = 6, sides: int = 10
+) -> Mesh:
     """A smooth ellipsoid."""
     polar = np.linspace(0.0, np.pi, rows + 1)
     around = np.linspace(0.0, 2.0 * np.pi, sides + 1)
@@ -93,7 +96,7 @@ def ellipsoid(centre: Point, radii: Point, colour: Colour, gloss: float = 0.0, r
 
 
 @cache
-def solid(shape: str, length: float, width: float, height: float, colour: Colour) -> Array:
+def solid(shape: str, length: float, width: float, height: float, colour: LinearRgb) -> Mesh:
     """A box, cylinder, sphere or cone (upright) about the origin that fills a box of `length` ahead by `width` to the
     right by `height` up."""
     half = np.array([width, length, height]) / 2.0
@@ -109,7 +112,7 @@ def solid(shape: str, length: float, width: float, height: float, colour: Colour
     return mesh
 
 
-def repainted(mesh: Array, colour: Colour) -> Array:
+def repainted(mesh: Mesh, colour: LinearRgb) -> Mesh:
     """The mesh with the colour that covers most of its surface replaced."""
     corners = mesh[:, :3].astype(np.float64).reshape(-1, 3, 3)
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
@@ -120,7 +123,7 @@ def repainted(mesh: Array, colour: Colour) -> Array:
     return made
 
 
-def torus(centre: Point, radius: float, tube: float, colours: Sequence[Colour], sides: int = 16) -> Array:
+def torus(centre: Vector, radius: float, tube: float, colours: Sequence[LinearRgb], sides: int = 16) -> Mesh:
     """A ring lying flat, its segments coloured in turn."""
     parts = []
     angle = np.linspace(0.0, 2.0 * np.pi, sides + 1)
@@ -131,7 +134,7 @@ def torus(centre: Point, radius: float, tube: float, colours: Sequence[Colour], 
     return merge(*parts)
 
 
-def loft(sections: Sequence[tuple[float, npt.ArrayLike]], colour: Colour, gloss: float = 0.0) -> Array:
+def loft(sections: Sequence[tuple[float, npt.ArrayLike]], colour: LinearRgb, gloss: float = 0.0) -> Mesh:
     """A skin through open cross-sections: (y, points (m, 2) of x and z from left to right), from stern to bow."""
     rings = [np.insert(np.asarray(ring, np.float64), 1, y, axis=1) for y, ring in sections]
     faces = []
@@ -142,7 +145,7 @@ def loft(sections: Sequence[tuple[float, npt.ArrayLike]], colour: Colour, gloss:
     return flat(np.array(faces), colour, gloss)
 
 
-def indexed(mesh: Array) -> tuple[Array, npt.NDArray[np.uint32]]:
+def indexed(mesh: Mesh) -> tuple[Mesh, npt.NDArray[np.uint32]]:
     """(vertices without repeats, three indices a triangle); triangles without an area, as at a pole, are left out."""
     corners = mesh[:, :3].astype(np.float64).reshape(-1, 3, 3)
     doubled = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
@@ -150,24 +153,24 @@ def indexed(mesh: Array) -> tuple[Array, npt.NDArray[np.uint32]]:
     return vertices, index.ravel().astype(np.uint32)
 
 
-def move(mesh: Array, offset: Point) -> Array:
+def move(mesh: Mesh, offset: Vector) -> Mesh:
     """The mesh shifted by metres."""
     moved = mesh.copy()
     moved[:, :3] += np.array(offset, np.float32)
     return moved
 
 
-def two_sided(mesh: Array) -> Array:
+def two_sided(mesh: Mesh) -> Mesh:
     """The mesh with its back faces as well."""
     back = mesh.reshape(-1, 3, STRIDE)[:, ::-1].reshape(-1, STRIDE).copy()
     back[:, 3:6] *= -1.0
     return merge(mesh, back)
 
 
-def _rows(points: npt.NDArray[np.float64], normals: npt.NDArray[np.float64], colour: Colour, gloss: float) -> Array:
+def _rows(points: npt.NDArray[np.float64], normals: npt.NDArray[np.float64], colour: LinearRgb, gloss: float) -> Mesh:
     paint = np.tile(np.array([*colour, gloss]), (len(points), 1))
     return np.hstack([points, normals, paint]).astype(np.float32)
 
 
-def _point(values: npt.NDArray[np.float64]) -> Point:
+def _point(values: npt.NDArray[np.float64]) -> Vector:
     return float(values[0]), float(values[1]), float(values[2])

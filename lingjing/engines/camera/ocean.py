@@ -26,21 +26,21 @@ RIPPLE_M = 23.0
 SPLIT = 2.0 * pi / 3.0
 """Wave number (rad/m) that parts the two patches."""
 
-Field = npt.NDArray[np.float64]
+WaveField = npt.NDArray[np.float64]
 Spectrum = npt.NDArray[np.complex128]
 
 
 @dataclass(frozen=True, slots=True)
-class Surface:
+class SeaSurface:
     """One patch at one time, rows to the north, columns to the east: height (m), slopes (east, north), foam 0..1."""
 
     length_m: float
-    height: Field
-    slope_x: Field
-    slope_y: Field
-    foam: Field
+    height: WaveField
+    slope_x: WaveField
+    slope_y: WaveField
+    foam: WaveField
 
-    def at(self, east: Field, north: Field) -> tuple[Field, Field, Field]:
+    def at(self, east: WaveField, north: WaveField) -> tuple[WaveField, WaveField, WaveField]:
         """Height and slopes at points (nearest sample)."""
         step = self.length_m / SIZE
         column = np.floor(east / step).astype(np.int64) % SIZE
@@ -62,9 +62,9 @@ class Surface:
 @dataclass(frozen=True, slots=True)
 class _Waves:
     length_m: float
-    kx: Field
-    ky: Field
-    omega: Field
+    kx: WaveField
+    ky: WaveField
+    omega: WaveField
     onward: Spectrum
     backward: Spectrum
 
@@ -78,24 +78,24 @@ class Ocean:
         self._swell = _swell(weather, chance)
         self._ripple = _ripple(weather, chance)
         self._cover = min(0.06, 3.84e-6 * weather.wind_mps**3.41)
-        self._last: tuple[float, tuple[Surface, Surface]] | None = None
+        self._last: tuple[float, tuple[SeaSurface, SeaSurface]] | None = None
 
-    def surfaces(self, time_s: float) -> tuple[Surface, Surface]:
+    def surfaces(self, time_s: float) -> tuple[SeaSurface, SeaSurface]:
         """(swell, ripple) at a time in seconds."""
         if self._last is None or self._last[0] != time_s:
             swell, ripple = self._evaluate(self._swell, time_s, True), self._evaluate(self._ripple, time_s, False)
             self._last = time_s, (swell, ripple)
         return self._last[1]
 
-    def _evaluate(self, waves: _Waves, time_s: float, crests: bool) -> Surface:
+    def _evaluate(self, waves: _Waves, time_s: float, crests: bool) -> SeaSurface:
         turn = np.exp(-1j * waves.omega * time_s)
         spectrum = waves.onward * turn + waves.backward * np.conj(turn)
         foam = self._whitecaps(waves, spectrum) if crests else np.zeros((SIZE, SIZE))
-        return Surface(
+        return SeaSurface(
             waves.length_m, _field(spectrum), _field(1j * waves.kx * spectrum), _field(1j * waves.ky * spectrum), foam
         )
 
-    def _whitecaps(self, waves: _Waves, spectrum: Spectrum) -> Field:
+    def _whitecaps(self, waves: _Waves, spectrum: Spectrum) -> WaveField:
         if self._cover < 2e-5:
             return np.zeros((SIZE, SIZE))
         sharpness = _field(np.hypot(waves.kx, waves.ky) * spectrum)
@@ -106,17 +106,17 @@ class Ocean:
         return np.clip((sharpness - limit) / spread + 0.5, 0.0, 1.0)
 
 
-def _field(spectrum: Spectrum) -> Field:
+def _field(spectrum: Spectrum) -> WaveField:
     return np.fft.irfft2(spectrum, s=(SIZE, SIZE)) * SIZE**2
 
 
-def _grid(length: float) -> tuple[Field, Field, Field]:
+def _grid(length: float) -> tuple[WaveField, WaveField, WaveField]:
     step = 2.0 * pi / length
     ky, kx = np.meshgrid(np.fft.fftfreq(SIZE, 1.0 / SIZE) * step, np.arange(SIZE // 2 + 1) * step, indexing="ij")
     return kx, ky, np.hypot(kx, ky)
 
 
-def _waves(length: float, density: Field, weather: Weather, chance: np.random.Generator) -> _Waves:
+def _waves(length: float, density: WaveField, weather: Weather, chance: np.random.Generator) -> _Waves:
     """Random waves of a relative energy density over the half plane kx >= 0, spread about the wind's direction."""
     kx, ky, k = _grid(length)
     downwind = radians(weather.wind_from_deg + 180.0)
@@ -132,7 +132,7 @@ def _scaled(waves: _Waves, factor: float) -> _Waves:
     return _Waves(waves.length_m, waves.kx, waves.ky, waves.omega, waves.onward * factor, waves.backward * factor)
 
 
-def _power(waves: _Waves, weight: Field | float = 1.0) -> float:
+def _power(waves: _Waves, weight: WaveField | float = 1.0) -> float:
     return float(2.0 * np.sum(weight * (np.abs(waves.onward) ** 2 + np.abs(waves.backward) ** 2)))
 
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lingjing.engines.camera.instances import Batch
-from lingjing.engines.camera.meshes import Array, cylinder, ellipsoid, merge
+from lingjing.engines.camera.meshes import Mesh, cylinder, ellipsoid, merge
 
 SLIGHT = ("lamp", "bench")
 PLANTS = ("tree", "pine", "palm", "bush", "hedge")
@@ -36,7 +36,7 @@ class Fineness(NamedTuple):
 SMALL, TINY, SPECK = Fineness(4, 7, 0.94, True), Fineness(3, 4, 0.94, False), Fineness(2, 4, 0.94 * SPECK_WIDER, False)
 
 
-def reduced(batch: Batch, fineness: Fineness = SMALL) -> Array | None:
+def reduced(batch: Batch, fineness: Fineness = SMALL) -> Mesh | None:
     """A few triangles in the shape and the colours of a plant; None for what has no stand-in."""
     if not plant(batch) or len(batch.mesh) < 240:
         return None
@@ -51,7 +51,7 @@ COARSE_FROM, COARSE_CELLS, LUMP_CELLS = 240, 3.5, 2.5
 """Vertices of a mesh that is worth it, and cells along a prop's radius."""
 
 
-def coarsened(batch: Batch, lump: bool = False) -> Array | None:
+def coarsened(batch: Batch, lump: bool = False) -> Mesh | None:
     """The mesh of a prop with corners that are close together (if `lump`, farther apart) made one; None for plants and
     for simple meshes."""
     if plant(batch) or len(batch.mesh) < COARSE_FROM:
@@ -73,7 +73,7 @@ def slight(batch: Batch) -> bool:
 class _Key:
     """A mesh as an argument of a cached function: equal to every other, for the name says which it is."""
 
-    def __init__(self, mesh: Array) -> None:
+    def __init__(self, mesh: Mesh) -> None:
         self.mesh = mesh
 
     def __eq__(self, other: object) -> bool:
@@ -84,7 +84,7 @@ class _Key:
 
 
 @cache
-def _made(name: str, fineness: Fineness, key: _Key) -> Array:
+def _made(name: str, fineness: Fineness, key: _Key) -> Mesh:
     points, colours = key.mesh[:, :3].astype(np.float64), key.mesh[:, 6:9].astype(np.float64)
     top = points[:, 2].max()
     crown = (colours[:, 1] > 1.15 * colours[:, 0]) if (colours[:, 1] > 1.15 * colours[:, 0]).any() else points[:, 2] > 0
@@ -106,7 +106,7 @@ def _made(name: str, fineness: Fineness, key: _Key) -> Array:
 
 
 @cache
-def _coarse(name: str, cells: float, key: _Key) -> Array:
+def _coarse(name: str, cells: float, key: _Key) -> Mesh:
     """Each corner moved to the mean of its cell; of triangles with the same corners the largest is left."""
     points = key.mesh[:, :3].astype(np.float64)
     cell = float(np.linalg.norm(points.max(axis=0) - points.min(axis=0))) / 2.0 / cells

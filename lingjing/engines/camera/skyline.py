@@ -13,10 +13,10 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image, ImageDraw
 
+from lingjing.engines.camera.building_meshes import FACADES
 from lingjing.engines.camera.classes import CLASSES
-from lingjing.engines.camera.masonry import FACADES
-from lingjing.engines.camera.mesh_rows import Part, empty, joined, oriented, sheet, walls
-from lingjing.engines.camera.paving import SURFACES
+from lingjing.engines.camera.mesh_rows import MeshPart, empty, joined, oriented, sheet, walls
+from lingjing.engines.camera.road_meshes import SURFACES
 from lingjing.mission.instance import Vector
 from lingjing.scene.city import Building, City, Tile
 from lingjing.scene.tiles import Tiles, extent
@@ -34,7 +34,7 @@ class Skyline:
     """Blocks of all tiles in one part; `boxes`, what each tile in `keys` covers (west, south, low, east, north, high);
     `ranges` (2, n, 2), first index and count of each tile's towers and of its other blocks; the map, from the south."""
 
-    blocks: Part
+    blocks: MeshPart
     keys: tuple[tuple[int, int], ...]
     boxes: npt.NDArray[np.float64]
     ranges: npt.NDArray[np.int64]
@@ -43,7 +43,7 @@ class Skyline:
 
 def build_skyline(city: City, tiles: Tiles) -> Skyline:
     """Blocks and map of a city."""
-    canvas = _Canvas(city)
+    canvas = _GroundRaster(city)
     tops, boxes = [], []
     for tile in tiles:
         canvas.paint(tile)
@@ -61,7 +61,7 @@ def build_skyline(city: City, tiles: Tiles) -> Skyline:
     return Skyline(blocks, tiles.keys, np.array(boxes).reshape(-1, 6), ranges, canvas.pixels())
 
 
-def _blocks(tile: Tile, least: float) -> tuple[Part, Part]:
+def _blocks(tile: Tile, least: float) -> tuple[MeshPart, MeshPart]:
     """A tile's towers and its other blocks."""
     some = [b for b in tile.buildings if _seen_from_afar(b) and b.top_m >= least]
     towers = joined(_block(b) for b in some if b.top_m >= TOWER_M)
@@ -92,7 +92,7 @@ def _seen_from_afar(given: Building) -> bool:
     return (max(xs) - min(xs)) * (max(ys) - min(ys)) >= WIDE_M2
 
 
-def _block(given: Building) -> Part:
+def _block(given: Building) -> MeshPart:
     """The outline thinned to what counts from afar, raised to the top; its colour is the facade's mean."""
     ring = _thinned(given.polygon)
     look = FACADES.get(given.facade, FACADES["punched"])
@@ -115,7 +115,7 @@ def _thinned(ring: tuple[tuple[float, float], ...], most: int = 12) -> npt.NDArr
     return np.asarray(points[np.linspace(0, len(points), most, endpoint=False).astype(int)])
 
 
-class _Canvas:
+class _GroundRaster:
     """The map while it is painted: square roots of linear colours."""
 
     def __init__(self, city: City) -> None:

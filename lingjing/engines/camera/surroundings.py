@@ -16,8 +16,8 @@ import shapely
 
 from lingjing.engines.camera.classes import CLASSES
 from lingjing.engines.camera.ground import is_flat
-from lingjing.engines.camera.mesh_rows import Part, joined, polygons, sheet
-from lingjing.engines.camera.paving import SURFACES, surface_id
+from lingjing.engines.camera.mesh_rows import MeshPart, joined, polygons, sheet
+from lingjing.engines.camera.road_meshes import SURFACES, surface_id
 from lingjing.engines.camera.town_ground import TownGround, outwards, shape_of
 from lingjing.scene.city import City, Land
 
@@ -37,8 +37,8 @@ OVER = 3.0
 class Surroundings:
     """`lands` (flat) around the city's own, `waters` by level that reach farther than the city's."""
 
-    lands: Part
-    waters: tuple[tuple[float, Part], ...]
+    lands: MeshPart
+    waters: tuple[tuple[float, MeshPart], ...]
 
 
 def build_surroundings(city: City, town_ground: TownGround) -> Surroundings:
@@ -53,7 +53,7 @@ def build_surroundings(city: City, town_ground: TownGround) -> Surroundings:
     flat = [_own(land) for land in city.lands if is_flat(land)]
     around = shapely.box(-SPAN_M, -SPAN_M, SPAN_M, SPAN_M).difference(bounds)
     around = around.difference(shapely.union_all([*far, *flat, *(shape for _, shape in cut)]))
-    levels: dict[float, list[Part]] = {}
+    levels: dict[float, list[MeshPart]] = {}
     for water, shape in zip(city.waters, far, strict=True):
         parts = [sheet(rings, water.level_m, (0.0, 0.0, 0.0), CLASSES["water"]) for rings in polygons(shape)]
         levels.setdefault(water.level_m, []).extend(parts)
@@ -88,7 +88,7 @@ def _pushed(
     return np.where(out[:, None], pushed, corners)
 
 
-def _flat(shape: shapely.Geometry, surface: str, height: float) -> Part:
+def _flat(shape: shapely.Geometry, surface: str, height: float) -> MeshPart:
     colour, style = SURFACES.get(surface, SURFACES["concrete"])
     number = surface_id(surface)
     return joined(sheet(rings, height, colour, number, style=style, layer=OVER) for rings in polygons(shape))

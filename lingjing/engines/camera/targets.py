@@ -11,11 +11,11 @@ import numpy.typing as npt
 MAX_TARGETS = 4
 
 
-Place = tuple[int, int, int, int]
+PixelRect = tuple[int, int, int, int]
 """A part of a picture: left, top, width, height (pixels)."""
 
 
-def overlap(one: Place, other: Place) -> Place | None:
+def overlap(one: PixelRect, other: PixelRect) -> PixelRect | None:
     """What two parts share; None if that is nothing."""
     left, top = max(one[0], other[0]), max(one[1], other[1])
     right, low = min(one[0] + one[2], other[0] + other[2]), min(one[1] + one[3], other[1] + other[3])
@@ -71,7 +71,7 @@ class Target:
             self.frame.read_into(depth, components=1, attachment=2, dtype="f4")
         return Buffers(rgb, ids, depth, near_m)
 
-    def read_part(self, place: Place) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint16]]:
+    def read_part(self, place: PixelRect) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint16]]:
         """Colours and ids of a part of the last drawing."""
         rgb, ids = np.empty((place[3], place[2], 3), np.uint8), np.empty(place[:1:-1], np.uint16)
         self.frame.read_into(rgb, viewport=place, components=3)

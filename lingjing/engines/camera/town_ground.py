@@ -16,8 +16,9 @@ import shapely
 
 from lingjing.engines.camera.classes import CLASSES
 from lingjing.engines.camera.ground import is_flat
-from lingjing.engines.camera.mesh_rows import Part, joined, polygons, sheet, walls
-from lingjing.engines.camera.paving import SURFACES, surface_id
+from lingjing.engines.camera.mesh_rows import MeshPart, joined, polygons, sheet, walls
+from lingjing.engines.camera.road_meshes import SURFACES, surface_id
+from lingjing.mission.geometry2d import Extent
 from lingjing.scene.city import City, Water
 
 REACH_M = 30_000.0
@@ -31,11 +32,10 @@ way from their middle on."""
 QUAY = (0.27, 0.265, 0.25)
 
 
-Bounds = tuple[float, float, float, float]
 """West, south, east, north."""
 
 
-Divided = tuple[Part, npt.NDArray[np.int64], npt.NDArray[np.float64]]
+Divided = tuple[MeshPart, npt.NDArray[np.int64], npt.NDArray[np.float64]]
 """A part, the range of indices (first, count) of each of its cells and their boxes (west, south, low, east, …)."""
 
 
@@ -44,14 +44,14 @@ class TownGround:
     """`ground` (flat) in cells of `ranges` (n, 2), first index and count, that `boxes` (n, 6) hold; so are `lands`,
     painted on it; `quays` (walls), `waters` by level; `sea`: the level of a water that is everywhere, or None."""
 
-    ground: Part
+    ground: MeshPart
     ranges: npt.NDArray[np.int64]
     boxes: npt.NDArray[np.float64]
-    lands: Part
+    lands: MeshPart
     land_ranges: npt.NDArray[np.int64]
     land_boxes: npt.NDArray[np.float64]
-    quays: Part
-    waters: tuple[tuple[float, Part], ...]
+    quays: MeshPart
+    waters: tuple[tuple[float, MeshPart], ...]
     sea: float | None
 
 
@@ -74,7 +74,7 @@ def build_town_ground(city: City) -> TownGround:
     return TownGround(*_cells([*pieces, *outside]), *_lands(city), joined(quays), _waters(city, shapes, beyond), None)
 
 
-def _grid(bounds: Bounds) -> list[Bounds]:
+def _grid(bounds: Extent) -> list[Extent]:
     """Cells over the bounds; their common borders are the same numbers."""
     west, south, east, north = bounds
     side = max(CELL_M, max(east - west, north - south) / MOST_CELLS)
@@ -83,7 +83,7 @@ def _grid(bounds: Bounds) -> list[Bounds]:
     return [(x, y, x2, y2) for y, y2 in pairwise(ys) for x, x2 in pairwise(xs)]
 
 
-def _sides(bounds: Bounds) -> list[Bounds]:
+def _sides(bounds: Extent) -> list[Extent]:
     """What lies around the bounds: a strip on each side."""
     west, south, east, north = bounds
     return [
@@ -104,7 +104,7 @@ def _cells(shapes: list[shapely.Geometry]) -> Divided:
     )
 
 
-def _divided(parts: list[Part]) -> Divided:
+def _divided(parts: list[MeshPart]) -> Divided:
     """Several parts as one."""
     some = [part for part in parts if len(part.index)]
     counts = np.array([len(part.index) for part in some], np.int64)
@@ -113,7 +113,7 @@ def _divided(parts: list[Part]) -> Divided:
     return joined(some), np.stack([np.cumsum(counts) - counts, counts], axis=1), boxes
 
 
-def _pieces(shape: shapely.Geometry, cells: list[Bounds]) -> list[shapely.Geometry]:
+def _pieces(shape: shapely.Geometry, cells: list[Extent]) -> list[shapely.Geometry]:
     """A shape cut along the cells' borders, and what of it lies beyond them all."""
     found = [shapely.clip_by_rect(shape, *cell) for cell in cells]
     beyond = shape.difference(shapely.box(*cells[0][:2], *cells[-1][2:]))
@@ -132,7 +132,7 @@ def _lands(city: City) -> Divided:
     return _divided(parts)
 
 
-def _edges(city: City, level: float) -> Part:
+def _edges(city: City, level: float) -> MeshPart:
     """The walls of even lands down into a sea that is all around them."""
     even = [land for land in city.lands if is_flat(land)]
     return joined(walls(land.polygon, level - BED_M, land.top_m, QUAY, CLASSES["concrete"]) for land in even)
@@ -164,8 +164,8 @@ def outwards(city: City, water: shapely.Geometry, reach_m: float = REACH_M) -> s
 
 def _waters(
     city: City, shapes: list[shapely.Geometry], beyond: list[shapely.Geometry]
-) -> tuple[tuple[float, Part], ...]:
-    levels: dict[float, list[Part]] = {}
+) -> tuple[tuple[float, MeshPart], ...]:
+    levels: dict[float, list[MeshPart]] = {}
     for water, shape, far in zip(city.waters, shapes, beyond, strict=True):
         parts = levels.setdefault(water.level_m, [])
         for one in (shape, far):

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 import moderngl
 import numpy as np
-import numpy.typing as npt
 
-from lingjing.engines.camera.instances import ROW, Rows, matrix, row
-from lingjing.engines.camera.meshes import Array
+from lingjing.engines.camera.effects.particles import Rows
+from lingjing.engines.camera.instances import ROW, matrix, row
+from lingjing.engines.camera.mesh_rows import VertexIndex
+from lingjing.engines.camera.meshes import Mesh
 
 VERTEX = (("3f", "in_position"), ("3f", "in_normal"), ("4f", "in_colour"))
 INSTANCE = (("4f", "in_row0"), ("4f", "in_row1"), ("4f", "in_row2"), ("1f", "in_plane"), ("1u", "in_id"))
-Index = npt.NDArray[np.uint32]
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +42,7 @@ class Model:
 def upload(
     context: moderngl.Context,
     programs: tuple[moderngl.Program, moderngl.Program],
-    mesh: tuple[Array, Index],
+    mesh: tuple[Mesh, VertexIndex],
     capacity: int,
 ) -> Model:
     """A mesh of (vertices, indices) for (lit, shadow) programs."""
@@ -64,7 +64,7 @@ def upload(
 def upload_still(
     context: moderngl.Context,
     programs: tuple[moderngl.Program, moderngl.Program],
-    mesh: tuple[Array, Index],
+    mesh: tuple[Mesh, VertexIndex],
     plane: float,
     number: int,
 ) -> Model:

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lingjing.engines.camera.culling import (
-    Window,
+    ShadowWindow,
     blunt_from,
     boxes_in_sight,
     casters,
@@ -51,7 +51,7 @@ class Cells(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class View:
+class TownView:
     """What one picture shows: full tiles near to far, which of them the shadow map reaches, which show their details
     and which no grain, ranges of far blocks near to far and of those still farther, tiles that may throw shadows into
     it, ranges of the ground and of the lands on it; `high`: whether the eye sees the country around the city as well.
@@ -66,7 +66,7 @@ class View:
     casters: tuple[TileKey, ...]
     ground: tuple[Cells, ...]
     lands: tuple[Cells, ...]
-    window: Window
+    window: ShadowWindow
     reach_m: float
     high: bool
 
@@ -76,7 +76,7 @@ class View:
         return bool(self.blunt or self.farther)
 
 
-def choose(sky: Skyline, town_ground: TownGround, pose: CameraPose, visibility_m: float, light: Light) -> View:
+def choose(sky: Skyline, town_ground: TownGround, pose: CameraPose, visibility_m: float, light: Light) -> TownView:
     """What a picture needs."""
     eye = pose.position
     away = distances(sky.boxes, eye)
@@ -97,7 +97,7 @@ def choose(sky: Skyline, town_ground: TownGround, pose: CameraPose, visibility_m
     blocks, off = blocks[by_distance], off[by_distance]
     blunt_m, blunt_blocks_m = blunt_from(reach)
     sharp = int(np.searchsorted(off, blunt_blocks_m))
-    return View(
+    return TownView(
         full=tuple(sky.keys[k] for k in order),
         shaded=frozenset(sky.keys[k] for k in order if reached[k]),
         detailed=frozenset(sky.keys[k] for k in order if counted[k] <= focal_px(pose) / DETAIL_PX),
@@ -160,4 +160,4 @@ def _runs(ranges: npt.NDArray[np.int64], wanted: npt.NDArray[np.bool_]) -> list[
     return runs
 
 
-__all__ = ["MAPPED_FROM", "Cells", "View", "choose"]
+__all__ = ["MAPPED_FROM", "Cells", "TownView", "choose"]

@@ -17,22 +17,22 @@ from lingjing.engines.camera.boxes import entity_boxes
 from lingjing.engines.camera.classes import semantic_picture
 from lingjing.engines.camera.contrast import around, judged, pixels_of, spanned
 from lingjing.engines.camera.draw import Renderer, Scenery
-from lingjing.engines.camera.effects import Dress, altered
-from lingjing.engines.camera.effects.city import Box as Volume
-from lingjing.engines.camera.targets import Buffers, Place
+from lingjing.engines.camera.effects import TownChanges, altered
+from lingjing.engines.camera.effects.town_changes import WorldBox
+from lingjing.engines.camera.targets import Buffers, PixelRect
 from lingjing.mission.instance import Entity
 from lingjing.scene.city import Pieces
 from lingjing.trace.records import Box, CameraPose
 
 ALL, WITHOUT_HIDDEN, WITHOUT_TARGETS = range(3)
-"""The dresses of the town (`Renderer.dress`): everything, without what is hidden, without any target."""
+"""The variants of the town (`Renderer.vary`): everything, without what is hidden, without any target."""
 
 Numbers = dict[str, int]
 """Entity id → its number in the instance."""
 
 
 Staged = Callable[[Collection[str], int], Scenery]
-"""The scenery without some entities, in one of the dresses."""
+"""The scenery without some entities, in one of the variants."""
 
 CLIPPED = 0.85
 """From this share of a near plane on another one shows that nothing lies before it (`culling.near_plane`'s reserve)."""
@@ -49,7 +49,7 @@ class Shot:
 
 
 @dataclass(frozen=True, slots=True)
-class Shown:
+class ShownPicture:
     """What is handed out of a picture: colours and depth, class ids if they are declared, the boxes of what can be
     seen, and of the targets that nobody can."""
 
@@ -62,7 +62,7 @@ class Shown:
 
 @dataclass(frozen=True, slots=True)
 class _Again:
-    place: Place
+    place: PixelRect
     rgb: npt.NDArray[np.uint8]
     ids: npt.NDArray[np.uint16]
 
@@ -76,22 +76,22 @@ class Withheld:
         self._entities = entities
         self.hidden: Numbers = {entity.id: number for number, entity in numbered if entity.hidden}
         self.targets: Numbers = {entity.id: number for number, entity in numbered if entity.role == "target"}
-        self._volumes: tuple[Volume, ...] = ()
+        self._volumes: tuple[WorldBox, ...] = ()
         self._alike = self.hidden == self.targets
 
-    def dressed(
+    def note_changes(
         self,
-        dresses: tuple[Dress, Dress, Dress],
+        variants: tuple[TownChanges, TownChanges, TownChanges],
         load: Callable[[tuple[int, int]], Pieces],
         ground: Callable[[float, float], float],
     ) -> None:
         """Take note of what the entities change about a town, in the order of `ALL`, `WITHOUT_HIDDEN`,
         `WITHOUT_TARGETS`; `load` and `ground` as in `effects.altered`."""
-        whole, public, bare = dresses
+        whole, public, bare = variants
         self._volumes = altered(whole, public, load, ground)
         self._alike &= (public.tiles, public.faced) == (bare.tiles, bare.faced)
 
-    def take(self, renderer: Renderer, shot: Shot) -> Shown:
+    def take(self, renderer: Renderer, shot: Shot) -> ShownPicture:
         """Draw a picture, and again what that takes."""
         whole, public_m = shot.staged((), ALL), None
         if shot.semantic and self.hidden:
@@ -103,7 +103,7 @@ class Withheld:
         if public is not None and semantic is not None:
             semantic[_rows(public.place)] = semantic_picture(public.ids, self._entities)
         seen, faint = self._judged(renderer, shot, drawn, boxes, public)
-        return Shown(drawn.rgb, drawn.depth, semantic, seen, faint)
+        return ShownPicture(drawn.rgb, drawn.depth, semantic, seen, faint)
 
     def _near(self, renderer: Renderer, pose: CameraPose, whole: Scenery, public_m: float | None) -> float | None:
         """The near plane of a picture that names classes: that without what is hidden, unless this cuts something off;
@@ -137,15 +137,15 @@ class Withheld:
         return judged(boxes, self.targets, drawn.rgb, drawn.ids, bare.place, bare.rgb)
 
     def _again(
-        self, renderer: Renderer, shot: Shot, without: Numbers, dress: int, place: Place, near_m: float
+        self, renderer: Renderer, shot: Shot, without: Numbers, variant: int, place: PixelRect, near_m: float
     ) -> _Again:
-        scenery = shot.staged(without, dress)
+        scenery = shot.staged(without, variant)
         return _Again(place, *renderer.redraw(shot.pose, scenery, shot.depth, place, near_m))
 
 
-def _rows(place: Place) -> tuple[slice, slice]:
+def _rows(place: PixelRect) -> tuple[slice, slice]:
     left, top, width, height = place
     return slice(top, top + height), slice(left, left + width)
 
 
-__all__ = ["ALL", "WITHOUT_HIDDEN", "WITHOUT_TARGETS", "Shot", "Shown", "Withheld"]
+__all__ = ["ALL", "WITHOUT_HIDDEN", "WITHOUT_TARGETS", "Shot", "ShownPicture", "Withheld"]

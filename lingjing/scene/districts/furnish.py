@@ -5,8 +5,9 @@ from __future__ import annotations
 from math import cos, hypot, pi, radians, sin
 from random import Random
 
+from lingjing.mission.appearance import LinearRgb
 from lingjing.mission.geometry2d import Polygon
-from lingjing.scene.city import Building, LinearRgb, Slope
+from lingjing.scene.city import Building, Slope
 from lingjing.scene.districts.draft import KERB_M, Draft
 from lingjing.scene.districts.palette import FACADES, WALLS, roof_colour, varied
 from lingjing.scene.districts.rectangles import Rect, around

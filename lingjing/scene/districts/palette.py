@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from random import Random
 
-from lingjing.scene.city import LinearRgb
+from lingjing.mission.appearance import LinearRgb
 
 WHITE: LinearRgb = (0.82, 0.82, 0.80)
 """Walls of the one building that a mission calls white; no wall of `WALLS` or `HOMES` comes near it."""

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from random import Random
 
-from lingjing.scene.city import LinearRgb
+from lingjing.mission.appearance import LinearRgb
 from lingjing.scene.osm.tags import colour, linear, metres, number
 
 

@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 from math import isfinite
 
-from lingjing.scene.city import LinearRgb
+from lingjing.mission.appearance import LinearRgb
 
 VEHICLES = {
     f"{kind}{link}"

@@ -15,13 +15,13 @@ the same for a prop (`steam`, `fountain`). Both give an `Effects`:
 noise texture: `decals` after the ground and before objects, `bodies` with the objects, `clouds` last of all, after the
 projected shadows. Nothing here casts a shadow.
 
-What targets do to the static city is in `city`: `dress(near, ground, entities)`, asked once an episode, gives the tiles
-with the gap of a fractured bridge cut out of decks and lanes and the reference building painted, the buildings whose
-pixels are an entity's, and for each entity what its effect must know of its surroundings (`Site`: the deck of the
-bridge, the pipe, the ground under it), which is handed to `effects_of`.
+What targets do to the static city is in `town_changes`: `changes_of(near, ground, entities)`, asked once an episode,
+gives the tiles with the gap of a fractured bridge cut out of decks and lanes and the reference building painted, the
+buildings whose pixels are an entity's, and for each entity what its effect must know of its surroundings (`Site`: the
+deck of the bridge, the pipe, the ground under it), which is handed to `effects_of`.
 
 Modules: `targets` says which entity shows which effect, `fire`, `water`, `fracture`, `lights` and `night` make them of
-the rows of `particles`; `standing` says what has room where; `city` changes tiles; `drawing` draws.
+the rows of `particles`; `free_space` says what has room where; `town_changes` changes tiles; `drawing` draws.
 
 Chance comes from hashes of the id and the particle's number, time from `time_s` alone: the same state at the same time
 is the same picture, whatever was drawn before.
@@ -29,24 +29,32 @@ is the same picture, whatever was drawn before.
 
 from __future__ import annotations
 
-from lingjing.engines.camera.effects.city import Dress, Site, altered, dress, dressed, faced, site_of
-from lingjing.engines.camera.effects.particles import BILLBOARD, DECAL, Effects, Solid, joined
+from lingjing.engines.camera.effects.particles import BILLBOARD, DECAL, Effects, EffectSolid, joined
 from lingjing.engines.camera.effects.targets import SHOWING, effects_of, prop_effects
+from lingjing.engines.camera.effects.town_changes import (
+    Site,
+    TownChanges,
+    altered,
+    changes_of,
+    faced,
+    site_of,
+    with_changes,
+)
 
 __all__ = [
     "BILLBOARD",
     "DECAL",
     "SHOWING",
-    "Dress",
+    "EffectSolid",
     "Effects",
     "Site",
-    "Solid",
+    "TownChanges",
     "altered",
-    "dress",
-    "dressed",
+    "changes_of",
     "effects_of",
     "faced",
     "joined",
     "prop_effects",
     "site_of",
+    "with_changes",
 ]

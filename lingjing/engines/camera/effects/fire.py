@@ -15,7 +15,6 @@ from lingjing.engines.camera.effects.particles import (
     DROP,
     FLAME,
     Effects,
-    Floats,
     Rows,
     billboards,
     chance,
@@ -25,6 +24,7 @@ from lingjing.engines.camera.effects.particles import (
     stream,
     wind_of,
 )
+from lingjing.engines.camera.mesh_rows import Floats
 from lingjing.mission.instance import Weather
 
 FLAME_HEART = (0.80, 0.50, 0.10)

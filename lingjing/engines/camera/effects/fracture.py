@@ -6,14 +6,16 @@ from functools import cache
 
 import numpy as np
 
-from lingjing.engines.camera.effects.particles import BLOT, Effects, Floats, Solid, ahead, chance, decal
+from lingjing.engines.camera.effects.particles import BLOT, Effects, EffectSolid, ahead, chance, decal
 from lingjing.engines.camera.instances import matrix
-from lingjing.engines.camera.meshes import Array, Colour, box, merge, prism
+from lingjing.engines.camera.mesh_rows import Floats
+from lingjing.engines.camera.meshes import Mesh, box, merge, prism
 from lingjing.engines.camera.models.shapes import at, limb, turned
+from lingjing.mission.appearance import LinearRgb
 
-BROKEN: Colour = (0.46, 0.43, 0.39)
-ASPHALT: Colour = (0.055, 0.055, 0.058)
-ROD: Colour = (0.16, 0.06, 0.03)
+BROKEN: LinearRgb = (0.46, 0.43, 0.39)
+ASPHALT: LinearRgb = (0.055, 0.055, 0.058)
+ROD: LinearRgb = (0.16, 0.06, 0.03)
 TEETH = 9
 
 
@@ -32,11 +34,11 @@ def fracture(
         middle = place + along * s * (0.5 * gap_m + 1.3)
         spot = (float(middle[0]), float(middle[1]), float(middle[2]) + 0.03)
         cracks.append(decal(spot, (0.60 * width_m, 2.6), heading_deg, (0.02, 0.02, 0.02), 0.7, BLOT, seed % 50 + s))
-    return Effects(decals=np.concatenate(cracks), solids=(Solid(key, rubble(*shape), rows, float(place[2])),))
+    return Effects(decals=np.concatenate(cracks), solids=(EffectSolid(key, rubble(*shape), rows, float(place[2])),))
 
 
 @cache
-def rubble(variant: int, gap_m: float, width_m: float, thickness_m: float, drop_m: float) -> Array:
+def rubble(variant: int, gap_m: float, width_m: float, thickness_m: float, drop_m: float) -> Mesh:
     """One mesh: the origin is the deck's top in the middle of the gap, y along the bridge."""
     return merge(
         *(_edge(variant, side, gap_m, width_m, thickness_m) for side in (-1.0, 1.0)),
@@ -45,7 +47,7 @@ def rubble(variant: int, gap_m: float, width_m: float, thickness_m: float, drop_
     )
 
 
-def _edge(variant: int, side: float, gap: float, width: float, thick: float) -> Array:
+def _edge(variant: int, side: float, gap: float, width: float, thick: float) -> Mesh:
     reach = 0.25 + 1.35 * chance(variant, 10 + int(side), TEETH)
     pieces = []
     for k in range(TEETH):
@@ -69,7 +71,7 @@ def _edge(variant: int, side: float, gap: float, width: float, thick: float) -> 
     return merge(*pieces)
 
 
-def _slab(variant: int, gap: float, width: float, thick: float) -> Array:
+def _slab(variant: int, gap: float, width: float, thick: float) -> Mesh:
     """A third of the deck hangs down from one end."""
     side = 1.0 if variant % 2 else -1.0
     long, wide = 0.78 * gap, 0.52 * width
@@ -87,7 +89,7 @@ def _slab(variant: int, gap: float, width: float, thick: float) -> Array:
     return turned(hung, at((0.16 * width * (1 if variant % 3 else -1), side * (0.5 * gap - 0.2), -0.15)))
 
 
-def _debris(variant: int, gap: float, width: float, drop: float) -> Array:
+def _debris(variant: int, gap: float, width: float, drop: float) -> Mesh:
     """Slabs and lumps that stick out of the water or lie on the ground."""
     count = 12
     x, y, size, turn = (chance(variant, salt, count) for salt in (21, 22, 23, 24))

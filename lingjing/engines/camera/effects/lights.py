@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from lingjing.engines.camera.effects.night import darkness, pool
-from lingjing.engines.camera.effects.particles import DROP, Effects, Floats, ahead, billboards
+from lingjing.engines.camera.effects.particles import DROP, Effects, ahead, billboards
+from lingjing.engines.camera.mesh_rows import Floats
 from lingjing.mission.instance import Weather
 
 FLASH_HZ = 2.2

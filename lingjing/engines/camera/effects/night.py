@@ -12,20 +12,10 @@ from math import radians
 
 import numpy as np
 
-from lingjing.engines.camera.effects.particles import (
-    BEAM,
-    DECAL,
-    DROP,
-    POOL,
-    Effects,
-    Floats,
-    Rows,
-    ahead,
-    billboards,
-    decal,
-)
+from lingjing.engines.camera.effects.particles import BEAM, DECAL, DROP, POOL, Effects, Rows, ahead, billboards, decal
 from lingjing.engines.camera.light import light_of
-from lingjing.engines.camera.meshes import Colour
+from lingjing.engines.camera.mesh_rows import Floats
+from lingjing.mission.appearance import LinearRgb
 from lingjing.mission.instance import Weather
 from lingjing.scene.sizes import SIZES
 from lingjing.trace.records import BodyState
@@ -34,8 +24,8 @@ FIRST_DARK = 0.10
 """Share of the night (`Light.dark`) that must have come before anything of this shows: at sunset none has."""
 DRIVEN = ("car", "taxi", "delivery_van", "truck", "bus", "fire_truck", "motorcycle")
 LOW_BEAM_M, BEAM_WIDE_M = 13.0, 2.9
-HEADLIGHT: Colour = (0.95, 0.90, 0.72)
-TAIL_GLOW: Colour = (0.60, 0.05, 0.03)
+HEADLIGHT: LinearRgb = (0.95, 0.90, 0.72)
+TAIL_GLOW: LinearRgb = (0.60, 0.05, 0.03)
 RED, GREEN, WHITE = (0.80, 0.03, 0.02), (0.03, 0.70, 0.20), (0.80, 0.78, 0.70)
 
 
@@ -45,7 +35,7 @@ class Lamp:
     blinks."""
 
     place: tuple[float, float, float]
-    colour: Colour
+    colour: LinearRgb
     lamp_m: float
     halo_m: float
     blinks: bool = False
@@ -73,7 +63,7 @@ def darkness(weather: Weather) -> float:
     return max(0.0, (dark - FIRST_DARK) / (1.0 - FIRST_DARK))
 
 
-def pool(place: Floats, radius_m: float, colour: Colour, strength: float) -> Rows:
+def pool(place: Floats, radius_m: float, colour: LinearRgb, strength: float) -> Rows:
     """A round pool of light on what is drawn at a place; `strength` 0..1."""
     return decal((float(place[0]), float(place[1]), float(place[2])), (radius_m, radius_m), 0.0, colour, strength,
                  POOL, 0.0)  # fmt: skip

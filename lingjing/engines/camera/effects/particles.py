@@ -12,7 +12,10 @@ from math import cos, radians, sin
 import numpy as np
 import numpy.typing as npt
 
-from lingjing.engines.camera.meshes import Array, Colour, Point
+from lingjing.engines.camera.mesh_rows import Floats
+from lingjing.engines.camera.meshes import Mesh
+from lingjing.mission.appearance import LinearRgb
+from lingjing.mission.instance import Vector
 
 BILLBOARD = np.dtype(
     [
@@ -47,7 +50,6 @@ DECAL = np.dtype(
 `WET`, `PAINT`; light on the ground: `POOL`, round, and `BEAM`, a cone ahead), seed."""
 
 Rows = npt.NDArray[np.void]
-Floats = npt.NDArray[np.float64]
 
 PUFF, FLAME, DROP = 0.0, 1.0, 2.0
 BLOT, WET, PAINT, POOL, BEAM = 0.0, 1.0, 2.0, 3.0, 4.0
@@ -58,11 +60,11 @@ def _none(dtype: np.dtype[np.void]) -> Rows:
 
 
 @dataclass(frozen=True, slots=True)
-class Solid:
+class EffectSolid:
     """A mesh with its entity's id: `rows` (3, 4) is model-to-world, `plane` the elevation its shadow falls on (m)."""
 
     key: str
-    mesh: Array
+    mesh: Mesh
     rows: Floats
     plane: float
 
@@ -73,7 +75,7 @@ class Effects:
 
     billboards: Rows = field(default_factory=lambda: _none(BILLBOARD))
     decals: Rows = field(default_factory=lambda: _none(DECAL))
-    solids: tuple[Solid, ...] = ()
+    solids: tuple[EffectSolid, ...] = ()
 
 
 def joined(*parts: Effects) -> Effects:
@@ -140,7 +142,13 @@ def billboards(
 
 
 def decal(
-    place: Point, half: tuple[float, float], heading_deg: float, colour: Colour, alpha: float, kind: float, seed: float
+    place: Vector,
+    half: tuple[float, float],
+    heading_deg: float,
+    colour: LinearRgb,
+    alpha: float,
+    kind: float,
+    seed: float,
 ) -> Rows:
     """One row of `DECAL`."""
     rows = np.zeros(1, DECAL)

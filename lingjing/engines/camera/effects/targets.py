@@ -7,9 +7,10 @@ from collections.abc import Callable
 import numpy as np
 
 from lingjing.engines.camera.effects import fire, lights, night, water
-from lingjing.engines.camera.effects.city import Site, gap_of
 from lingjing.engines.camera.effects.fracture import fracture
-from lingjing.engines.camera.effects.particles import Effects, Floats, seed_of
+from lingjing.engines.camera.effects.particles import Effects, seed_of
+from lingjing.engines.camera.effects.town_changes import Site, gap_of
+from lingjing.engines.camera.mesh_rows import Floats
 from lingjing.engines.camera.models import look_of
 from lingjing.mission.instance import Entity, Weather
 from lingjing.scene.city import Prop
@@ -20,7 +21,7 @@ HERE = Site()
 
 
 def effects_of(entity: Entity, state: BodyState, time_s: float, weather: Weather, site: Site = HERE) -> Effects:
-    """What an entity in a state shows at a time beside its model; `site` is what it stands on (`city.site_of`)."""
+    """What an entity in a state shows at a time beside its model; `site` is what it stands on (`site_of`)."""
     build = EFFECTS.get(look_of(entity))
     return NOTHING if build is None else build(entity, state, time_s, weather, site)
 

@@ -8,7 +8,6 @@ from lingjing.engines.camera.effects.particles import (
     DROP,
     WET,
     Effects,
-    Floats,
     Rows,
     ahead,
     billboards,
@@ -18,6 +17,7 @@ from lingjing.engines.camera.effects.particles import (
     stream,
     wind_of,
 )
+from lingjing.engines.camera.mesh_rows import Floats
 from lingjing.mission.instance import Weather
 
 GRAVITY = 9.81

@@ -29,13 +29,13 @@ from lingjing.engines.camera.models.catalogue import (
     prop_model,
 )
 from lingjing.engines.camera.models.sea import CLOTHES, POSES
-from lingjing.engines.camera.models.shapes import Part
+from lingjing.engines.camera.models.shapes import ModelPart
 
 __all__ = [
     "CLOTHES",
     "MODELS",
     "POSES",
-    "Part",
+    "ModelPart",
     "ambient_parts",
     "entity_model",
     "entity_parts",

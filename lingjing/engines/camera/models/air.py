@@ -5,15 +5,16 @@ from __future__ import annotations
 from functools import cache
 from math import cos, pi, radians, sin
 
-from lingjing.engines.camera.meshes import Array, Colour, box, cylinder, ellipsoid, flat, loft, merge, two_sided
+from lingjing.engines.camera.meshes import Mesh, box, cylinder, ellipsoid, flat, loft, merge, two_sided
 from lingjing.engines.camera.models.palette import BLACK, GREY, ORANGE, WHITE
 from lingjing.engines.camera.models.shapes import limb, mirrored, pane, quad, shell
+from lingjing.mission.appearance import LinearRgb
 
-GLASS: Colour = (0.015, 0.02, 0.026)
+GLASS: LinearRgb = (0.015, 0.02, 0.026)
 
 
 @cache
-def quadrotor() -> Array:
+def quadrotor() -> Mesh:
     """A 1 m quadrotor; the origin is the body's, its legs end 0.2 m under it."""
     parts = [
         ellipsoid((0.0, 0.0, 0.03), (0.13, 0.19, 0.07), WHITE, 0.4),
@@ -39,9 +40,9 @@ def quadrotor() -> Array:
 
 
 @cache
-def fixed_wing() -> Array:
+def fixed_wing() -> Mesh:
     """A single-engined high-winged aeroplane of 11 m span, its wheels 1.2 m under the origin."""
-    red: Colour = (0.55, 0.05, 0.04)
+    red: LinearRgb = (0.55, 0.05, 0.04)
 
     def ring(y: float, half: float, low: float, high: float) -> tuple[float, list[tuple[float, float]]]:
         return y, [(-0.6 * half, low), (-half, 0.5 * (low + high)), (-0.6 * half, high), (0.6 * half, high),
@@ -76,7 +77,7 @@ def fixed_wing() -> Array:
 
 
 @cache
-def satellite() -> Array:
+def satellite() -> Mesh:
     """A bus in gold foil with two solar wings and a dish towards the ground."""
     gold, cells = (0.62, 0.42, 0.10), (0.02, 0.04, 0.16)
     return merge(

@@ -15,9 +15,9 @@ from dataclasses import dataclass
 from functools import cache
 from math import cos, hypot, radians, sin
 
-from lingjing.engines.camera.meshes import Array, box, merge, repainted, solid
+from lingjing.engines.camera.meshes import Mesh, box, merge, repainted, solid
 from lingjing.engines.camera.models import air, dog, nature, people, places, sea, street, vehicles
-from lingjing.engines.camera.models.shapes import Part, at, turned
+from lingjing.engines.camera.models.shapes import ModelPart, at, turned
 from lingjing.mission.appearance import BARE, COLOURS, MEASURES
 from lingjing.mission.instance import Datum, Entity
 from lingjing.mission.model import BodyPart
@@ -53,7 +53,7 @@ class Subject:
         return hypot(self.state.velocity[0], self.state.velocity[1])
 
 
-Parts = tuple[Part, ...]
+Parts = tuple[ModelPart, ...]
 
 
 def entity_parts(
@@ -62,7 +62,7 @@ def entity_parts(
 ) -> Parts:  # fmt: skip
     """The meshes of an entity in its body's frame (x right, y ahead, z up); () for what shows itself otherwise.
 
-    `kerb_m`, `pipe_m` and `facing_deg` are what its surroundings are (`effects.city.Site`).
+    `kerb_m`, `pipe_m` and `facing_deg` are what its surroundings are (`town_changes.Site`).
     """
     look, own = look_of(entity), tuple(map(_part, entity.parts))
     if look in MODELS:
@@ -76,20 +76,20 @@ def look_of(entity: Entity) -> str:
     return str(entity.properties.get("look", ""))
 
 
-def _part(part: BodyPart) -> Part:
+def _part(part: BodyPart) -> ModelPart:
     mesh = solid(part.shape, part.length_m, part.width_m, part.height_m, COLOURS.get(part.colour, UNPAINTED))
     place = at((part.right_m, part.ahead_m, part.above_m), part.heading_deg)
-    return Part(f"{part.shape}-{part.length_m}-{part.width_m}-{part.height_m}-{part.colour}", mesh, place)
+    return ModelPart(f"{part.shape}-{part.length_m}-{part.width_m}-{part.height_m}-{part.colour}", mesh, place)
 
 
 def _body(entity: Entity) -> Parts:
     """The shape, size and colour that an entity declares; a metre cube without any size."""
     if not any(entity.number(f"{name}_m") for name in MEASURES):
-        return (painted(Part("unknown", unknown()), _colour(entity)),)
+        return (painted(ModelPart("unknown", unknown()), _colour(entity)),)
     size, shape, colour = entity_size(entity), shape_of(entity), str(entity.properties.get("colour", "grey"))
     mesh = solid(shape, size.length_m, size.width_m, size.height_m, COLOURS.get(colour, UNPAINTED))
     rows = at((0.0, 0.0, 0.5 * size.height_m - sunk_m(entity)))
-    return (Part(f"{shape}-{size.length_m}-{size.width_m}-{size.height_m}-{colour}", mesh, rows),)
+    return (ModelPart(f"{shape}-{size.length_m}-{size.width_m}-{size.height_m}-{colour}", mesh, rows),)
 
 
 def _colour(entity: Entity) -> str:
@@ -97,12 +97,12 @@ def _colour(entity: Entity) -> str:
     return "" if solid_size(entity) is None else str(entity.properties.get("colour", ""))
 
 
-def painted(part: Part, colour: str) -> Part:
+def painted(part: ModelPart, colour: str) -> ModelPart:
     """A part whose paint, the colour that most of its surface has, is another one."""
     return (
         part
         if colour not in COLOURS
-        else Part(f"{part.key}-{colour}", repainted(part.mesh, COLOURS[colour]), part.rows)
+        else ModelPart(f"{part.key}-{colour}", repainted(part.mesh, COLOURS[colour]), part.rows)
     )
 
 
@@ -112,7 +112,7 @@ def ambient_parts(state: BodyState, time_s: float) -> Parts:
     return build(Subject(zlib.crc32(state.id.encode()), state, time_s, {}))
 
 
-def entity_model(kind: str, index: int, time_s: float) -> tuple[str, Array]:
+def entity_model(kind: str, index: int, time_s: float) -> tuple[str, Mesh]:
     """(key, mesh) of the `index`-th entity of a look at a time, standing still."""
     build = MODELS.get(kind, _unknown)
     parts = build(Subject(index - 1, BodyState(id=kind, position=(0.0, 0.0, 0.0)), time_s, {}))
@@ -121,7 +121,7 @@ def entity_model(kind: str, index: int, time_s: float) -> tuple[str, Array]:
     return f"{kind}-{index}", merge(*(turned(part.mesh, part.rows) for part in parts))
 
 
-def prop_model(model: str, variant: int) -> tuple[str, Array]:
+def prop_model(model: str, variant: int) -> tuple[str, Mesh]:
     """(key, mesh) of a prop's model."""
     if model in VARIED:
         build, count = VARIED[model]
@@ -132,27 +132,27 @@ def prop_model(model: str, variant: int) -> tuple[str, Array]:
 
 
 @cache
-def unknown() -> Array:
+def unknown() -> Mesh:
     """What has no model: a grey metre cube standing on its position."""
     return box((0.0, 0.0, 0.5), (1.0, 1.0, 1.0), (0.4, 0.4, 0.4))
 
 
 def _unknown(who: Subject) -> Parts:
-    return (Part("unknown", unknown()),)
+    return (ModelPart("unknown", unknown()),)
 
 
 def _nothing(who: Subject) -> Parts:
     return ()
 
 
-def _one(key: str, build: Callable[[], Array]) -> Callable[[Subject], Parts]:
-    return lambda who: (Part(key, build()),)
+def _one(key: str, build: Callable[[], Mesh]) -> Callable[[Subject], Parts]:
+    return lambda who: (ModelPart(key, build()),)
 
 
-def _painted(key: str, build: Callable[[int], Array], count: int) -> Callable[[Subject], Parts]:
+def _painted(key: str, build: Callable[[int], Mesh], count: int) -> Callable[[Subject], Parts]:
     def look(who: Subject) -> Parts:
         paint = who.number % count
-        return (Part(f"{key}-{paint}", build(paint)),)
+        return (ModelPart(f"{key}-{paint}", build(paint)),)
 
     return look
 
@@ -160,19 +160,19 @@ def _painted(key: str, build: Callable[[int], Array], count: int) -> Callable[[S
 def _car(who: Subject) -> Parts:
     shape = vehicles.SHAPES[who.number // 7 % len(vehicles.SHAPES)]
     paint = who.number % len(vehicles.PAINTS)
-    return (Part(f"car-{shape}-{paint}", vehicles.motorcar(shape, paint)),)
+    return (ModelPart(f"car-{shape}-{paint}", vehicles.motorcar(shape, paint)),)
 
 
 def _person(who: Subject) -> Parts:
     look = who.number % len(people.OUTFITS)
     pose = people.pose_of(who.speed_mps, who.time_s, 0.37 * who.number)
-    return (Part(f"pedestrian-{look}-{pose}", people.pedestrian(look, pose)),)
+    return (ModelPart(f"pedestrian-{look}-{pose}", people.pedestrian(look, pose)),)
 
 
 def _swimmer(who: Subject) -> Parts:
     look = who.number % len(sea.CLOTHES)
     pose = int((who.time_s / sea.WAVE_PERIOD_S + 0.37 * (who.number + 1)) * sea.POSES) % sea.POSES
-    return (Part(f"person-{look}-{pose}", sea.person(look, pose)),)
+    return (ModelPart(f"person-{look}-{pose}", sea.person(look, pose)),)
 
 
 def people_in_line(given: object) -> int:
@@ -189,7 +189,7 @@ def spacing_in_line(given: object) -> float:
 def _queue(who: Subject) -> Parts:
     """People in a line behind the position, who sway a little."""
     turn_deg = 0.0 if who.facing_deg is None else who.facing_deg - who.state.heading_deg
-    line = [Part("barrier", places.crowd_barrier(), at((0.0, 0.0, 0.0), turn_deg))]
+    line = [ModelPart("barrier", places.crowd_barrier(), at((0.0, 0.0, 0.0), turn_deg))]
     behind = radians(turn_deg)
     spacing_m = spacing_in_line(who.properties.get("spacing_m"))
     for k in range(people_in_line(who.state.resources.get("people", who.properties.get("people", 4)))):
@@ -198,7 +198,9 @@ def _queue(who: Subject) -> Parts:
         turn = turn_deg + 11.0 * ((3 * k + who.number) % 5 - 2)
         back = -spacing_m * (k + 1)
         place = aside * cos(behind) + back * sin(behind), back * cos(behind) - aside * sin(behind), 0.0
-        line.append(Part(f"pedestrian-{look}-{people.STAND}", people.pedestrian(look, people.STAND), at(place, turn)))
+        line.append(
+            ModelPart(f"pedestrian-{look}-{people.STAND}", people.pedestrian(look, people.STAND), at(place, turn))
+        )
     return tuple(line)
 
 
@@ -211,17 +213,17 @@ def _residents(who: Subject) -> Parts:
     place = STROLL_M - abs(gone - 0.5 * round_m)
     pose = people.pose_of(STROLL_MPS, who.time_s, 0.0)
     return (
-        Part(
+        ModelPart(
             f"pedestrian-{looks[0]}-{people.STAND}",
             people.pedestrian(looks[0], people.STAND),
             at((1.5, 2.4, 0.0), -66.0),
         ),
-        Part(
+        ModelPart(
             f"pedestrian-{looks[1]}-{people.STAND}",
             people.pedestrian(looks[1], people.STAND),
             at((0.6, 2.8, 0.0), 114.0),
         ),
-        Part(
+        ModelPart(
             f"pedestrian-{looks[2]}-{pose}",
             people.pedestrian(looks[2], pose),
             at((place, 3.6, 0.0), -90.0 if back else 90.0),
@@ -232,8 +234,8 @@ def _residents(who: Subject) -> Parts:
 def _leak(who: Subject) -> Parts:
     radius = round(who.pipe_m, 2)
     if who.state.status == "sealed":
-        return (Part(f"clamp-{radius}", places.clamp(radius)),)
-    return (Part(f"cracked-{radius}", places.cracked_pipe(radius)),)
+        return (ModelPart(f"clamp-{radius}", places.clamp(radius)),)
+    return (ModelPart(f"cracked-{radius}", places.cracked_pipe(radius)),)
 
 
 def _kerbside(look: Callable[[Subject], Parts]) -> Callable[[Subject], Parts]:
@@ -241,15 +243,15 @@ def _kerbside(look: Callable[[Subject], Parts]) -> Callable[[Subject], Parts]:
 
     def moved(who: Subject) -> Parts:
         rows = at((who.kerb_m - places.KERB_M, 0.0, 0.0))
-        return tuple(Part(part.key, part.mesh, rows) for part in look(who))
+        return tuple(ModelPart(part.key, part.mesh, rows) for part in look(who))
 
     return moved
 
 
-def _served(key: str, build: Callable[[bool], Array]) -> Callable[[Subject], Parts]:
+def _served(key: str, build: Callable[[bool], Mesh]) -> Callable[[Subject], Parts]:
     def look(who: Subject) -> Parts:
         served = who.state.status == "served"
-        return (Part(f"{key}-{int(served)}", build(served)),)
+        return (ModelPart(f"{key}-{int(served)}", build(served)),)
 
     return look
 
@@ -284,7 +286,7 @@ MODELS: dict[str, Callable[[Subject], Parts]] = {
 }
 """Look, or kind of background traffic → its meshes."""
 
-_PARKED: dict[str, tuple[Callable[[int], Array], int]] = {
+_PARKED: dict[str, tuple[Callable[[int], Mesh], int]] = {
     "car": (lambda v: vehicles.motorcar(vehicles.SHAPES[v % 3], v // 3), 3 * len(vehicles.PAINTS)),
     "delivery_van": (vehicles.van, len(vehicles.VAN_PAINTS)),
     "truck": (vehicles.truck, 4),

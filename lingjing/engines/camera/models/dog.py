@@ -12,9 +12,10 @@ from math import cos, sin
 
 import numpy as np
 
-from lingjing.engines.camera.meshes import Array, Colour, box, cylinder, ellipsoid, merge
+from lingjing.engines.camera.meshes import Mesh, box, cylinder, ellipsoid, merge
 from lingjing.engines.camera.models.palette import BLACK
-from lingjing.engines.camera.models.shapes import Part, Rows, limb, mirrored, shell
+from lingjing.engines.camera.models.shapes import ModelPart, Placement, limb, mirrored, shell
+from lingjing.mission.appearance import LinearRgb
 
 LEG_M = 0.213
 HIP_AHEAD_M, HIP_ASIDE_M, THIGH_ASIDE_M = 0.1934, 0.0465, 0.0955
@@ -23,49 +24,49 @@ FOOT_M = 0.023
 STANDING_M = 2.0 * LEG_M * cos(0.9) + FOOT_M
 """Height of the trunk's origin over the ground in `STANDING`."""
 
-SILVER: Colour = (0.46, 0.47, 0.48)
-DARK: Colour = (0.05, 0.05, 0.055)
+SILVER: LinearRgb = (0.46, 0.47, 0.48)
+DARK: LinearRgb = (0.05, 0.05, 0.055)
 
-_TO_MODEL: Rows = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+_TO_MODEL: Placement = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 """The joints' axes are those of ahead, left, up; models have right, ahead, up."""
 
 
-def dog_parts(joints: tuple[float, ...]) -> tuple[Part, ...]:
+def dog_parts(joints: tuple[float, ...]) -> tuple[ModelPart, ...]:
     """Trunk, hips, thighs and calves for twelve angles; standing on the origin for none."""
     known = len(joints) == 12
     angles = joints if known else STANDING
     lift = np.array([0.0, 0.0, 0.0 if known else STANDING_M])
-    parts = [Part("dog-trunk", trunk(), _placed(np.eye(3), lift))]
+    parts = [ModelPart("dog-trunk", trunk(), _placed(np.eye(3), lift))]
     for leg in range(4):
         hip, thigh, calf = angles[3 * leg : 3 * leg + 3]
         fore, left = (1.0 if leg < 2 else -1.0), (1.0 if leg % 2 == 0 else -1.0)
         at = np.array([fore * HIP_AHEAD_M, left * HIP_ASIDE_M, 0.0]) + lift
         turn = _about_ahead(hip)
-        parts.append(Part("dog-hip", hip_link(), _placed(turn, at)))
+        parts.append(ModelPart("dog-hip", hip_link(), _placed(turn, at)))
         at = at + turn @ np.array([0.0, left * THIGH_ASIDE_M, 0.0])
         turn = turn @ _about_left(thigh)
-        parts.append(Part("dog-thigh", thigh_link(), _placed(turn, at)))
+        parts.append(ModelPart("dog-thigh", thigh_link(), _placed(turn, at)))
         at = at + turn @ np.array([0.0, 0.0, -LEG_M])
-        parts.append(Part("dog-calf", calf_link(), _placed(turn @ _about_left(calf), at)))
+        parts.append(ModelPart("dog-calf", calf_link(), _placed(turn @ _about_left(calf), at)))
     return tuple(parts)
 
 
-def _placed(turn: Rows, place: Rows) -> Rows:
+def _placed(turn: Placement, place: Placement) -> Placement:
     return np.hstack([_TO_MODEL @ turn @ _TO_MODEL.T, (_TO_MODEL @ place)[:, None]])
 
 
-def _about_ahead(angle: float) -> Rows:
+def _about_ahead(angle: float) -> Placement:
     c, s = cos(angle), sin(angle)
     return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
 
 
-def _about_left(angle: float) -> Rows:
+def _about_left(angle: float) -> Placement:
     c, s = cos(angle), sin(angle)
     return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
 
 
 @cache
-def trunk() -> Array:
+def trunk() -> Mesh:
     """The body with its head, a lidar dome and a handle."""
 
     def ring(y: float, half: float, low: float, high: float) -> tuple[float, list[tuple[float, float]]]:
@@ -87,7 +88,7 @@ def trunk() -> Array:
 
 
 @cache
-def hip_link() -> Array:
+def hip_link() -> Mesh:
     """The motor between trunk and thigh, the same on both sides."""
     return merge(
         cylinder((-0.075, 0.0, 0.0), (0.075, 0.0, 0.0), (0.045, 0.045), SILVER, 0.4, sides=10),
@@ -96,7 +97,7 @@ def hip_link() -> Array:
 
 
 @cache
-def thigh_link() -> Array:
+def thigh_link() -> Mesh:
     """A tapering beam from the hip to the knee."""
     return merge(
         cylinder((-0.026, 0.0, 0.0), (0.026, 0.0, 0.0), (0.047, 0.047), DARK, 0.4, sides=10),
@@ -106,7 +107,7 @@ def thigh_link() -> Array:
 
 
 @cache
-def calf_link() -> Array:
+def calf_link() -> Mesh:
     """A thin shank and a rubber foot."""
     return merge(
         limb((0.0, 0.0, 0.0), (0.0, 0.012, -0.10), (0.018, 0.014), DARK, 6),

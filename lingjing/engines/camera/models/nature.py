@@ -9,12 +9,13 @@ from math import cos, pi, sin
 
 import numpy as np
 
-from lingjing.engines.camera.meshes import Array, Colour, box, cylinder, ellipsoid, flat, merge
+from lingjing.engines.camera.meshes import Mesh, box, cylinder, ellipsoid, flat, merge
 from lingjing.engines.camera.models.palette import WOOD, YELLOW
 from lingjing.engines.camera.models.shapes import blob, limb
+from lingjing.mission.appearance import LinearRgb
 
 
-def _rock(variant: int) -> Array:
+def _rock(variant: int) -> Mesh:
     mesh = ellipsoid((0.0, 0.0, 0.1), (1.3, 1.0, 0.75), (0.20, 0.18, 0.16), 0.1, rows=7, sides=11)
     p = mesh[:, :3].astype(np.float64)
     bump = np.sin(p @ np.array([3.1, 1.7, 2.3]) + variant) + np.sin(p @ np.array([-2.2, 4.1, 1.1]) + 2.0 * variant)
@@ -23,8 +24,8 @@ def _rock(variant: int) -> Array:
     return flat(corners, (0.20 * shade, 0.185 * shade, 0.165 * shade), 0.1)
 
 
-def _tree(variant: int) -> Array:
-    green: Colour = ((0.06, 0.13, 0.03), (0.09, 0.16, 0.04), (0.05, 0.11, 0.04))[variant]
+def _tree(variant: int) -> Mesh:
+    green: LinearRgb = ((0.06, 0.13, 0.03), (0.09, 0.16, 0.04), (0.05, 0.11, 0.04))[variant]
     crowns = [
         (0.0, 0.0, 5.2, 2.3), (1.2, 0.5, 4.4, 1.6), (-1.0, 0.9, 4.6, 1.7), (-0.2, -1.3, 4.2, 1.6), (0.3, 0.2, 6.5, 1.5),
     ]  # fmt: skip
@@ -35,8 +36,8 @@ def _tree(variant: int) -> Array:
     return merge(cylinder((0.0, 0.0, 0.0), (0.0, 0.0, 4.5), (0.28, 0.16), WOOD, sides=6), *leaves)
 
 
-def _pine(variant: int) -> Array:
-    green: Colour = ((0.025, 0.075, 0.03), (0.035, 0.09, 0.03))[variant]
+def _pine(variant: int) -> Mesh:
+    green: LinearRgb = ((0.025, 0.075, 0.03), (0.035, 0.09, 0.03))[variant]
     tiers = [
         cylinder((0.0, 0.0, 1.2 + 1.7 * k), (0.0, 0.0, 4.4 + 1.7 * k), (2.0 - 0.45 * k, 0.05), green, sides=8)
         for k in range(4)
@@ -44,8 +45,8 @@ def _pine(variant: int) -> Array:
     return merge(cylinder((0.0, 0.0, 0.0), (0.0, 0.0, 2.0), (0.22, 0.18), WOOD, sides=6), *tiers)
 
 
-def _helipad() -> Array:
-    mark: Colour = (0.75, 0.72, 0.66)
+def _helipad() -> Mesh:
+    mark: LinearRgb = (0.75, 0.72, 0.66)
     angle = np.linspace(0.0, 2.0 * pi, 33)
     ring = []
     for a, b in pairwise(angle):
@@ -55,13 +56,13 @@ def _helipad() -> Array:
     return merge(flat(ring, YELLOW), *bars, box((0.0, 0.0, 0.0), (1.6, 0.4, 0.04), mark))
 
 
-LEAVES: tuple[Colour, ...] = (
+LEAVES: tuple[LinearRgb, ...] = (
     (0.070, 0.135, 0.032), (0.095, 0.160, 0.040), (0.052, 0.110, 0.040), (0.120, 0.150, 0.035), (0.085, 0.120, 0.025),
 )  # fmt: skip
 """Greens of crowns."""
 
 
-def _street_tree(variant: int) -> Array:
+def _street_tree(variant: int) -> Mesh:
     """A lime or a plane, 7 m."""
     leaf = LEAVES[variant]
     return merge(
@@ -71,7 +72,7 @@ def _street_tree(variant: int) -> Array:
     )
 
 
-def _poplar(variant: int) -> Array:
+def _poplar(variant: int) -> Mesh:
     """A slim upright tree, 10 m."""
     return merge(
         limb((0.0, 0.0, 0.0), (0.0, 0.0, 2.2), (0.16, 0.12), WOOD, 5),
@@ -79,9 +80,9 @@ def _poplar(variant: int) -> Array:
     )
 
 
-def _birch(variant: int) -> Array:
+def _birch(variant: int) -> Mesh:
     """A light tree with a white trunk, 8 m."""
-    leaf: Colour = ((0.150, 0.185, 0.045), (0.120, 0.170, 0.050))[variant]
+    leaf: LinearRgb = ((0.150, 0.185, 0.045), (0.120, 0.170, 0.050))[variant]
     return merge(
         limb((0.0, 0.0, 0.0), (0.1, 0.0, 4.5), (0.12, 0.07), (0.55, 0.54, 0.50), 5),
         blob((0.1, 0.1, 5.3), (1.35, 1.3, 2.3), leaf, variant + 3, rows=4, sides=6),
@@ -89,9 +90,9 @@ def _birch(variant: int) -> Array:
     )
 
 
-def _conifer(variant: int) -> Array:
+def _conifer(variant: int) -> Mesh:
     """A spruce of three tiers, 9 m."""
-    green: Colour = ((0.025, 0.075, 0.030), (0.040, 0.090, 0.040))[variant]
+    green: LinearRgb = ((0.025, 0.075, 0.030), (0.040, 0.090, 0.040))[variant]
     tiers = [
         limb((0.0, 0.0, 0.9 + 2.2 * k), (0.0, 0.0, 4.6 + 2.2 * k), (2.0 - 0.5 * k, 0.03), green, 8) for k in range(3)
     ]
@@ -100,9 +101,9 @@ def _conifer(variant: int) -> Array:
     return merge(limb((0.0, 0.0, 0.0), (0.0, 0.0, 1.4), (0.2, 0.18), WOOD, 5), *tiers)
 
 
-def _palm(variant: int) -> Array:
+def _palm(variant: int) -> Mesh:
     """A palm with eight drooping fronds, 7 m."""
-    green: Colour = (0.085, 0.150, 0.035)
+    green: LinearRgb = (0.085, 0.150, 0.035)
     fronds = []
     for k in range(8):
         a = 2.0 * pi * k / 8 + 0.3 * variant
@@ -116,7 +117,7 @@ def _palm(variant: int) -> Array:
     )
 
 
-def _bush(variant: int) -> Array:
+def _bush(variant: int) -> Mesh:
     leaf = LEAVES[variant]
     return merge(
         blob((0.0, 0.0, 0.45), (0.75, 0.7, 0.6), leaf, variant, rows=4, sides=7),
@@ -124,13 +125,13 @@ def _bush(variant: int) -> Array:
     )
 
 
-def _hedge() -> Array:
+def _hedge() -> Mesh:
     """Three metres of clipped hedge along x."""
     return box((0.0, 0.0, 0.5), (3.0, 0.6, 1.0), (0.055, 0.105, 0.030))
 
 
-def _flowerbed(variant: int) -> Array:
-    bloom: Colour = ((0.60, 0.08, 0.06), (0.70, 0.50, 0.06), (0.45, 0.12, 0.40))[variant]
+def _flowerbed(variant: int) -> Mesh:
+    bloom: LinearRgb = ((0.60, 0.08, 0.06), (0.70, 0.50, 0.06), (0.45, 0.12, 0.40))[variant]
     heads = [
         blob((0.25 * k**0.5 * cos(2.4 * k), 0.25 * k**0.5 * sin(2.4 * k), 0.34), (0.15, 0.15, 0.11), bloom, k, 3, 5)
         for k in range(9)
@@ -138,7 +139,7 @@ def _flowerbed(variant: int) -> Array:
     return merge(cylinder((0.0, 0.0, 0.0), (0.0, 0.0, 0.28), (0.95, 0.85), (0.10, 0.13, 0.05), sides=9), *heads)
 
 
-VARIED: dict[str, tuple[Callable[[int], Array], int]] = {
+VARIED: dict[str, tuple[Callable[[int], Mesh], int]] = {
     "rock": (cache(_rock), 5),
     "tree": (cache(_tree), 3),
     "pine": (cache(_pine), 2),
@@ -150,4 +151,4 @@ VARIED: dict[str, tuple[Callable[[int], Array], int]] = {
     "bush": (cache(_bush), 5),
     "flowerbed": (cache(_flowerbed), 3),
 }
-SINGLE: dict[str, Callable[[], Array]] = {"helipad": cache(_helipad), "hedge": cache(_hedge)}
+SINGLE: dict[str, Callable[[], Mesh]] = {"helipad": cache(_helipad), "hedge": cache(_hedge)}

@@ -5,9 +5,11 @@ from __future__ import annotations
 from functools import cache
 from math import cos, pi, sin
 
-from lingjing.engines.camera.meshes import Array, Colour, Point, box, cylinder, ellipsoid, merge
+from lingjing.engines.camera.meshes import Mesh, box, cylinder, ellipsoid, merge
 from lingjing.engines.camera.models.palette import BLACK, HAIRS, SKINS, WHITE
 from lingjing.engines.camera.models.shapes import limb
+from lingjing.mission.appearance import LinearRgb
+from lingjing.mission.instance import Vector
 
 PHASES = 4
 STAND = PHASES
@@ -15,7 +17,7 @@ STAND = PHASES
 STEP_S = 1.1
 """Time of two steps at a walk."""
 
-OUTFITS: tuple[tuple[Colour, Colour], ...] = (
+OUTFITS: tuple[tuple[LinearRgb, LinearRgb], ...] = (
     ((0.10, 0.16, 0.32), (0.06, 0.07, 0.10)),
     ((0.50, 0.06, 0.05), (0.05, 0.06, 0.12)),
     ((0.62, 0.60, 0.55), (0.14, 0.15, 0.18)),
@@ -29,7 +31,7 @@ OUTFITS: tuple[tuple[Colour, Colour], ...] = (
 
 
 @cache
-def pedestrian(look: int, pose: int) -> Array:
+def pedestrian(look: int, pose: int) -> Mesh:
     """A person of 1.75 m in a pose (`STAND` or a phase of walking)."""
     coat, trousers = OUTFITS[look % len(OUTFITS)]
     skin, hair = SKINS[look % len(SKINS)], HAIRS[(look // 2) % len(HAIRS)]
@@ -50,12 +52,12 @@ def pedestrian(look: int, pose: int) -> Array:
     return merge(*parts)
 
 
-def _leg(side: float, swing: float, trousers: Colour) -> list[Array]:
+def _leg(side: float, swing: float, trousers: LinearRgb) -> list[Mesh]:
     bend = max(0.0, -swing) * 0.7
-    hip: Point = (side * 0.095, 0.0, 0.90)
-    knee: Point = (side * 0.10, 0.44 * sin(swing) + 0.10 * bend, 0.90 - 0.44 * cos(swing))
+    hip: Vector = (side * 0.095, 0.0, 0.90)
+    knee: Vector = (side * 0.10, 0.44 * sin(swing) + 0.10 * bend, 0.90 - 0.44 * cos(swing))
     back = swing - bend
-    foot: Point = (side * 0.10, knee[1] + 0.42 * sin(back), max(0.06, knee[2] - 0.42 * cos(back)))
+    foot: Vector = (side * 0.10, knee[1] + 0.42 * sin(back), max(0.06, knee[2] - 0.42 * cos(back)))
     return [
         limb(hip, knee, (0.095, 0.07), trousers),
         limb(knee, foot, (0.07, 0.05), trousers),
@@ -63,10 +65,10 @@ def _leg(side: float, swing: float, trousers: Colour) -> list[Array]:
     ]
 
 
-def _arm(side: float, swing: float, sleeve: Colour, skin: Colour) -> list[Array]:
-    shoulder: Point = (side * 0.21, 0.0, 1.40)
-    elbow: Point = (side * 0.25, 0.28 * sin(swing), 1.40 - 0.28 * cos(swing))
-    hand: Point = (side * 0.24, elbow[1] + 0.26 * sin(swing + 0.35), elbow[2] - 0.26 * cos(swing + 0.35))
+def _arm(side: float, swing: float, sleeve: LinearRgb, skin: LinearRgb) -> list[Mesh]:
+    shoulder: Vector = (side * 0.21, 0.0, 1.40)
+    elbow: Vector = (side * 0.25, 0.28 * sin(swing), 1.40 - 0.28 * cos(swing))
+    hand: Vector = (side * 0.24, elbow[1] + 0.26 * sin(swing + 0.35), elbow[2] - 0.26 * cos(swing + 0.35))
     return [
         limb(shoulder, elbow, (0.06, 0.05), sleeve, 5),
         limb(elbow, hand, (0.05, 0.035), sleeve, 5),

@@ -8,19 +8,20 @@ from __future__ import annotations
 from functools import cache
 from math import cos, pi, sin
 
-from lingjing.engines.camera.meshes import Array, Colour, box, cylinder, merge
+from lingjing.engines.camera.meshes import Mesh, box, cylinder, merge
 from lingjing.engines.camera.models.palette import BLACK, GREY, ORANGE, WHITE, WOOD, YELLOW
 from lingjing.engines.camera.models.shapes import at, limb, turned
+from lingjing.mission.appearance import LinearRgb
 
 KERB_M = 2.4
 """From the position on a lane to what stands at its kerb."""
-SIGN_BLUE: Colour = (0.02, 0.13, 0.48)
-CARD: Colour = (0.42, 0.28, 0.14)
-TAPE: Colour = (0.62, 0.52, 0.36)
+SIGN_BLUE: LinearRgb = (0.02, 0.13, 0.48)
+CARD: LinearRgb = (0.42, 0.28, 0.14)
+TAPE: LinearRgb = (0.62, 0.52, 0.36)
 
 
-def _parcel(x: float, y: float, z: float, size: tuple[float, float, float], shade: float = 1.0) -> Array:
-    card: Colour = (CARD[0] * shade, CARD[1] * shade, CARD[2] * shade)
+def _parcel(x: float, y: float, z: float, size: tuple[float, float, float], shade: float = 1.0) -> Mesh:
+    card: LinearRgb = (CARD[0] * shade, CARD[1] * shade, CARD[2] * shade)
     w, d, h = size
     return merge(
         box((x, y, z + h / 2), size, card),
@@ -30,7 +31,7 @@ def _parcel(x: float, y: float, z: float, size: tuple[float, float, float], shad
 
 
 @cache
-def parking_sign() -> Array:
+def parking_sign() -> Mesh:
     """A blue sign with a white P at the kerb, seen from both sides."""
     letter = [
         (-0.12, 0.0, 0.09, 0.62), (0.02, 0.265, 0.28, 0.09), (0.02, 0.0, 0.28, 0.09), (0.14, 0.13, 0.09, 0.30),
@@ -47,7 +48,7 @@ def parking_sign() -> Array:
 
 
 @cache
-def parcel_station(served: bool) -> Array:
+def parcel_station(served: bool) -> Mesh:
     """A yellow parcel locker at the kerb; parcels wait beside it until it is served, then they are inside."""
     doors = [
         box((KERB_M - 0.32, -0.99 + 0.5 * k + 0.24, 0.45 + 0.58 * row), (0.02, 0.44, 0.50), WHITE)
@@ -65,7 +66,7 @@ def parcel_station(served: bool) -> Array:
 
 
 @cache
-def doorstep(served: bool) -> Array:
+def doorstep(served: bool) -> Mesh:
     """A door mat, a delivery box and a plant beside it; once served, parcels lie on the mat."""
     parts = [
         box((0.0, 0.0, 0.012), (1.3, 0.8, 0.024), (0.30, 0.07, 0.04)),
@@ -82,7 +83,7 @@ def doorstep(served: bool) -> Array:
 
 
 @cache
-def dock() -> Array:
+def dock() -> Mesh:
     """A warehouse's loading bay at the kerb: an orange totem with a white box on it, pallets, a hand truck's load."""
     parcels = [
         _parcel(KERB_M + 1.2 + 0.9 * (k % 3), 1.6 - 1.1 * (k // 3), 0.14, (0.75, 0.75, 0.7), 0.9 + k / 10)
@@ -101,7 +102,7 @@ def dock() -> Array:
 
 
 @cache
-def crowd_barrier() -> Array:
+def crowd_barrier() -> Mesh:
     """A metre of barrier with a bar, at the head of a queue."""
     return merge(
         *(box((x, 0.0, 0.5), (0.05, 0.05, 1.0), GREY) for x in (-0.9, 0.9)),
@@ -110,7 +111,7 @@ def crowd_barrier() -> Array:
 
 
 @cache
-def clamp(radius_m: float) -> Array:
+def clamp(radius_m: float) -> Mesh:
     """An orange sleeve about a pipe along y, with bolts: a leak that is sealed."""
     r = radius_m * 1.12
     bolts = [
@@ -121,10 +122,10 @@ def clamp(radius_m: float) -> Array:
 
 
 @cache
-def cracked_pipe(radius_m: float) -> Array:
+def cracked_pipe(radius_m: float) -> Mesh:
     """A rusty, torn flange about a pipe along y: where a leak is."""
     r = radius_m * 1.10
-    rust: Colour = (0.20, 0.07, 0.025)
+    rust: LinearRgb = (0.20, 0.07, 0.025)
     return merge(
         cylinder((0.0, -0.18, 0.0), (0.0, 0.18, 0.0), (r, r), rust, sides=14),
         *(box((r * cos(a), 0.0, r * sin(a)), (0.12, 0.5, 0.12), (0.10, 0.05, 0.03)) for a in (0.5, 1.4, 2.6)),
@@ -132,9 +133,9 @@ def cracked_pipe(radius_m: float) -> Array:
 
 
 @cache
-def embers() -> Array:
+def embers() -> Mesh:
     """A charred heap of boards and drums, what burns on the ground."""
-    char: Colour = (0.025, 0.020, 0.018)
+    char: LinearRgb = (0.025, 0.020, 0.018)
     boards = [
         turned(box((0.0, 0.0, 0.0), (0.13, 1.2, 0.06), char if k % 2 else (0.06, 0.035, 0.02)),
                at((0.15 * cos(2.1 * k), 0.15 * sin(2.1 * k), 0.06 + 0.03 * k), 57.0 * k, 9.0 * (k % 3 - 1)))

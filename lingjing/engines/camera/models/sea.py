@@ -8,19 +8,7 @@ from math import cos, pi, sin
 
 import numpy as np
 
-from lingjing.engines.camera.meshes import (
-    Array,
-    Colour,
-    Point,
-    box,
-    cylinder,
-    ellipsoid,
-    flat,
-    loft,
-    merge,
-    torus,
-    two_sided,
-)
+from lingjing.engines.camera.meshes import Mesh, box, cylinder, ellipsoid, flat, loft, merge, torus, two_sided
 from lingjing.engines.camera.models.palette import (
     BLACK,
     GREY,
@@ -34,8 +22,10 @@ from lingjing.engines.camera.models.palette import (
     WOOD,
     YELLOW,
 )
+from lingjing.mission.appearance import LinearRgb
+from lingjing.mission.instance import Vector
 
-CLOTHES: tuple[tuple[Colour, bool], ...] = (
+CLOTHES: tuple[tuple[LinearRgb, bool], ...] = (
     (ORANGE, True),
     ((0.90, 0.30, 0.03), True),
     ((0.03, 0.05, 0.12), False),
@@ -50,7 +40,7 @@ WAVE_PERIOD_S = 2.0
 
 
 @cache
-def person(look: int, pose: int) -> Array:
+def person(look: int, pose: int) -> Mesh:
     """A person up to the chest in the water: head, shoulders, arms in one of `POSES` phases of waving."""
     colour, vest = CLOTHES[look]
     skin, hair = SKINS[look % len(SKINS)], HAIRS[look % len(HAIRS)]
@@ -71,10 +61,10 @@ def person(look: int, pose: int) -> Array:
     return merge(*parts)
 
 
-def _arm(side: float, swing: float, skin: Colour, sleeve: Colour) -> list[Array]:
-    shoulder: Point = (side * 0.22, 0.0, 0.08)
-    elbow: Point = (side * 0.47, 0.10 + 0.06 * sin(swing), 0.07 + 0.07 * cos(swing))
-    hand: Point = (side * (0.66 + 0.05 * cos(swing)), 0.22 + 0.12 * sin(swing), 0.07 + 0.13 * max(0.0, cos(swing)))
+def _arm(side: float, swing: float, skin: LinearRgb, sleeve: LinearRgb) -> list[Mesh]:
+    shoulder: Vector = (side * 0.22, 0.0, 0.08)
+    elbow: Vector = (side * 0.47, 0.10 + 0.06 * sin(swing), 0.07 + 0.07 * cos(swing))
+    hand: Vector = (side * (0.66 + 0.05 * cos(swing)), 0.22 + 0.12 * sin(swing), 0.07 + 0.13 * max(0.0, cos(swing)))
     return [
         cylinder(shoulder, elbow, (0.065, 0.055), sleeve, sides=7),
         cylinder(elbow, hand, (0.052, 0.042), skin, sides=7),
@@ -82,7 +72,7 @@ def _arm(side: float, swing: float, skin: Colour, sleeve: Colour) -> list[Array]
     ]
 
 
-def _hull(length: float, beam: float, depth: float, colour: Colour, inside: Colour, draught: float) -> Array:
+def _hull(length: float, beam: float, depth: float, colour: LinearRgb, inside: LinearRgb, draught: float) -> Mesh:
     """An open hull: outer skin, inner skin, floor and gunwale; the stern is flat, the bow a point."""
     stations = np.linspace(-0.5, 0.5, 9)
     shape = np.clip(1.0 - np.maximum(stations + 0.05, 0.0) ** 2 * 3.3 - np.maximum(-stations - 0.2, 0) * 0.35, 0.02, 1)
@@ -107,7 +97,7 @@ def _hull(length: float, beam: float, depth: float, colour: Colour, inside: Colo
 
 
 @cache
-def lifeboat() -> Array:
+def lifeboat() -> Mesh:
     """An 8 m orange rescue boat with a wheelhouse aft, a grey fender and a white foredeck."""
     fender = [
         cylinder((s * 1.36, -3.9, 0.75), (s * 1.36, 1.4, 0.85), (0.17, 0.17), GREY, sides=8) for s in (-1.0, 1.0)
@@ -128,8 +118,8 @@ def lifeboat() -> Array:
     )
 
 
-def _buoy(colour: Colour) -> Callable[[], Array]:
-    def build() -> Array:
+def _buoy(colour: LinearRgb) -> Callable[[], Mesh]:
+    def build() -> Mesh:
         return merge(
             ellipsoid((0.0, 0.0, 0.12), (0.36, 0.36, 0.34), colour, 0.3, rows=8, sides=14),
             cylinder((0.0, 0.0, 0.4), (0.0, 0.0, 0.62), (0.07, 0.05), BLACK, sides=7),
@@ -139,7 +129,7 @@ def _buoy(colour: Colour) -> Callable[[], Array]:
     return build
 
 
-def _channel_buoy() -> Array:
+def _channel_buoy() -> Mesh:
     return merge(
         cylinder((0.0, 0.0, -0.4), (0.0, 0.0, 0.45), (0.75, 0.75), YELLOW, 0.2, sides=16),
         cylinder((0.0, 0.0, 0.45), (0.0, 0.0, 2.1), (0.45, 0.10), YELLOW, 0.2, sides=8),
@@ -148,7 +138,7 @@ def _channel_buoy() -> Array:
     )
 
 
-def _driftwood(variant: int) -> Array:
+def _driftwood(variant: int) -> Mesh:
     length = 1.4 + 0.5 * variant
     return merge(
         cylinder((0.0, -length / 2, -0.03), (0.1, length / 2, 0.02), (0.14, 0.09), WOOD, sides=8),
@@ -157,18 +147,18 @@ def _driftwood(variant: int) -> Array:
     )
 
 
-def _crate() -> Array:
+def _crate() -> Mesh:
     slats = [box((0.0, 0.0, z), (0.84, 0.64, 0.05), (0.40, 0.26, 0.13)) for z in (0.0, 0.12, 0.24)]
     return merge(box((0.0, 0.0, -0.02), (0.8, 0.6, 0.5), (0.30, 0.19, 0.10)), *slats)
 
 
-def _barrel(variant: int) -> Array:
+def _barrel(variant: int) -> Mesh:
     colour = (HULL_BLUE, RED, (0.10, 0.25, 0.10))[variant]
     return merge(cylinder((0.0, -0.45, 0.08), (0.0, 0.45, 0.08), (0.29, 0.29), colour, 0.3, sides=14))
 
 
-def _jerrycan() -> Array:
-    red: Colour = (0.70, 0.06, 0.03)
+def _jerrycan() -> Mesh:
+    red: LinearRgb = (0.70, 0.06, 0.03)
     return merge(
         box((0.0, 0.0, 0.05), (0.34, 0.46, 0.20), red, 0.2),
         box((0.0, 0.28, 0.06), (0.10, 0.12, 0.10), BLACK),
@@ -176,7 +166,7 @@ def _jerrycan() -> Array:
     )
 
 
-def _seaweed(variant: int) -> Array:
+def _seaweed(variant: int) -> Mesh:
     angles = [2.4 * k + variant for k in range(9)]
     return merge(
         *(
@@ -187,7 +177,7 @@ def _seaweed(variant: int) -> Array:
     )  # fmt: skip
 
 
-def _tarpaulin(variant: int) -> Array:
+def _tarpaulin(variant: int) -> Mesh:
     colour = ((0.05, 0.20, 0.42), (0.75, 0.30, 0.05))[variant]
     steps = np.linspace(-0.8, 0.8, 7)
     height = 0.06 + 0.05 * np.sin(3.1 * steps[:, None] + variant) * np.cos(4.3 * steps[None, :])
@@ -196,17 +186,17 @@ def _tarpaulin(variant: int) -> Array:
     return two_sided(loft(sections, colour, 0.2))
 
 
-def _seats(beam: float, spots: tuple[float, ...], height: float) -> list[Array]:
+def _seats(beam: float, spots: tuple[float, ...], height: float) -> list[Mesh]:
     return [box((0.0, y, height), (beam * 0.86, 0.28, 0.05), WOOD) for y in spots]
 
 
-def _rowing_boat(variant: int) -> Array:
+def _rowing_boat(variant: int) -> Mesh:
     paint = (WHITE, HULL_GREEN, HULL_BLUE)[variant]
     return merge(_hull(4.2, 1.5, 0.7, paint, (0.34, 0.22, 0.12), 0.2), *_seats(1.5, (-1.2, 0.0, 1.0), 0.34))
 
 
-def _dinghy(variant: int) -> Array:
-    tube: Colour = ((0.12, 0.12, 0.13), (0.60, 0.60, 0.58), ORANGE)[variant]
+def _dinghy(variant: int) -> Mesh:
+    tube: LinearRgb = ((0.12, 0.12, 0.13), (0.60, 0.60, 0.58), ORANGE)[variant]
     sides = [cylinder((s * 0.72, -1.7, 0.18), (s * 0.72, 0.8, 0.22), (0.22, 0.22), tube, 0.2, 10) for s in (-1, 1)]
     bow = [cylinder((s * 0.72, 0.8, 0.22), (s * 0.12, 1.75, 0.34), (0.22, 0.20), tube, 0.2, 10) for s in (-1, 1)]
     return merge(
@@ -218,7 +208,7 @@ def _dinghy(variant: int) -> Array:
     )
 
 
-def _fishing_boat(variant: int) -> Array:
+def _fishing_boat(variant: int) -> Mesh:
     paint = (HULL_BLUE, HULL_GREEN, (0.40, 0.06, 0.05))[variant]
     return merge(
         _hull(9.5, 3.1, 1.8, paint, (0.36, 0.30, 0.22), 0.7),
@@ -232,7 +222,7 @@ def _fishing_boat(variant: int) -> Array:
     )
 
 
-def _sailboat() -> Array:
+def _sailboat() -> Mesh:
     deck = [(0.0, -3.6), (1.1, -2.6), (1.2, 0.0), (0.75, 2.4), (0.0, 3.9), (-0.75, 2.4), (-1.2, 0.0), (-1.1, -2.6)]
     fan = [((0.0, 0.0, 0.92), (*deck[k], 0.85), (*deck[(k + 1) % 8], 0.85)) for k in range(8)]
     return merge(
@@ -245,11 +235,11 @@ def _sailboat() -> Array:
     )
 
 
-def _life_ring() -> Array:
+def _life_ring() -> Mesh:
     return torus((0.0, 0.0, 0.04), 0.31, 0.085, (ORANGE, WHITE) * 4)
 
 
-VARIED: dict[str, tuple[Callable[[int], Array], int]] = {
+VARIED: dict[str, tuple[Callable[[int], Mesh], int]] = {
     "driftwood": (cache(_driftwood), 3),
     "barrel": (cache(_barrel), 3),
     "seaweed": (cache(_seaweed), 4),
@@ -258,7 +248,7 @@ VARIED: dict[str, tuple[Callable[[int], Array], int]] = {
     "dinghy": (cache(_dinghy), 3),
     "fishing_boat": (cache(_fishing_boat), 3),
 }
-SINGLE: dict[str, Callable[[], Array]] = {
+SINGLE: dict[str, Callable[[], Mesh]] = {
     "buoy_orange": cache(_buoy(ORANGE)),
     "buoy_red": cache(_buoy(RED)),
     "buoy_yellow": cache(_channel_buoy),

@@ -1,4 +1,4 @@
-"""Shapes that models are put together from, beside the primitives of `camera.meshes`, and `Part`, what they give."""
+"""Shapes that models are made of, beside the primitives of `camera.meshes`, and `ModelPart`, what they give."""
 
 from __future__ import annotations
 
@@ -9,23 +9,25 @@ from math import cos, radians, sin
 import numpy as np
 import numpy.typing as npt
 
-from lingjing.engines.camera.meshes import Array, Colour, Point, cylinder, ellipsoid, flat, loft, merge
+from lingjing.engines.camera.meshes import Mesh, cylinder, ellipsoid, flat, loft, merge
 from lingjing.engines.camera.models.palette import BLACK
+from lingjing.mission.appearance import LinearRgb
+from lingjing.mission.instance import Vector
 
-Rows = npt.NDArray[np.float64]
-HERE: Rows = np.eye(3, 4)
+Placement = npt.NDArray[np.float64]
+HERE: Placement = np.eye(3, 4)
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class ModelPart:
     """A mesh of an entity: `key` names it for good, `rows` (3, 4) puts it into the body's frame."""
 
     key: str
-    mesh: Array
-    rows: Rows = field(default_factory=lambda: HERE)
+    mesh: Mesh
+    rows: Placement = field(default_factory=lambda: HERE)
 
 
-def turned(mesh: Array, rows: Rows) -> Array:
+def turned(mesh: Mesh, rows: Placement) -> Mesh:
     """The mesh carried by a rigid (3, 4) transformation."""
     moved = mesh.copy()
     moved[:, :3] = mesh[:, :3] @ rows[:, :3].T + rows[:, 3]
@@ -33,7 +35,7 @@ def turned(mesh: Array, rows: Rows) -> Array:
     return moved
 
 
-def at(place: Point, yaw_deg: float = 0.0, pitch_deg: float = 0.0, roll_deg: float = 0.0) -> Rows:
+def at(place: Vector, yaw_deg: float = 0.0, pitch_deg: float = 0.0, roll_deg: float = 0.0) -> Placement:
     """(3, 4): rolled about y, pitched about x (up), turned clockwise about z, then moved."""
     y, p, r = radians(yaw_deg), radians(pitch_deg), radians(roll_deg)
     yaw = np.array([[cos(y), sin(y), 0.0], [-sin(y), cos(y), 0.0], [0.0, 0.0, 1.0]])
@@ -42,7 +44,9 @@ def at(place: Point, yaw_deg: float = 0.0, pitch_deg: float = 0.0, roll_deg: flo
     return np.hstack([yaw @ nod @ lean, np.array(place, float)[:, None]])
 
 
-def shell(sections: Sequence[tuple[float, Sequence[tuple[float, float]]]], colour: Colour, gloss: float = 0.0) -> Array:
+def shell(
+    sections: Sequence[tuple[float, Sequence[tuple[float, float]]]], colour: LinearRgb, gloss: float = 0.0
+) -> Mesh:
     """A skin through open cross-sections as `loft`, with flat ends."""
     ends = []
     for y, ring in (sections[0], sections[-1]):
@@ -51,19 +55,19 @@ def shell(sections: Sequence[tuple[float, Sequence[tuple[float, float]]]], colou
     return merge(loft(sections, colour, gloss), flat(np.array(ends), colour, gloss))
 
 
-def quad(a: Point, b: Point, c: Point, d: Point, colour: Colour, gloss: float = 0.0) -> Array:
+def quad(a: Vector, b: Vector, c: Vector, d: Vector, colour: LinearRgb, gloss: float = 0.0) -> Mesh:
     """Two triangles over four corners in order."""
     return flat([(a, b, c), (a, c, d)], colour, gloss)
 
 
 def pane(
-    corners: Sequence[Point],
-    colour: Colour,
+    corners: Sequence[Vector],
+    colour: LinearRgb,
     gloss: float,
     share: float = 0.86,
     lift: float = 0.012,
-    away: Point = (0.0, 0.0, 0.0),
-) -> Array:
+    away: Vector = (0.0, 0.0, 0.0),
+) -> Mesh:
     """A quad shrunk to a share about its middle and lifted off its plane, away from a point inside the model."""
     p = np.array(corners, float)
     middle = p.mean(axis=0)
@@ -75,7 +79,7 @@ def pane(
     return flat(np.array([(p[0], p[1], p[2]), (p[0], p[2], p[3])]), colour, gloss)
 
 
-def wheel(x: float, y: float, radius: float, width: float, sides: int = 9) -> Array:
+def wheel(x: float, y: float, radius: float, width: float, sides: int = 9) -> Mesh:
     """A wheel that stands on z = 0, its axle across, with a grey hub."""
     out = x + (0.5 * width + 0.005) * (1.0 if x > 0 else -1.0)
     angle = np.linspace(0.0, 2.0 * np.pi, 7)
@@ -85,12 +89,12 @@ def wheel(x: float, y: float, radius: float, width: float, sides: int = 9) -> Ar
     return merge(tyre, flat(np.array(hub), (0.34, 0.34, 0.36), 0.5))
 
 
-def limb(start: Point, end: Point, radii: tuple[float, float], colour: Colour, sides: int = 6) -> Array:
+def limb(start: Vector, end: Vector, radii: tuple[float, float], colour: LinearRgb, sides: int = 6) -> Mesh:
     """An arm, a leg or a strut without its end caps."""
     return cylinder(start, end, radii, colour, sides=sides)[: 6 * sides]
 
 
-def blob(centre: Point, radii: Point, colour: Colour, seed: int, rows: int = 4, sides: int = 7) -> Array:
+def blob(centre: Vector, radii: Vector, colour: LinearRgb, seed: int, rows: int = 4, sides: int = 7) -> Mesh:
     """A lumpy, leafy ellipsoid, darker underneath and inside."""
     mesh = ellipsoid((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), colour, rows=rows, sides=sides)
     p = mesh[:, :3].astype(np.float64)
@@ -104,7 +108,7 @@ def blob(centre: Point, radii: Point, colour: Colour, seed: int, rows: int = 4, 
     return mesh
 
 
-def mirrored(mesh: Array) -> Array:
+def mirrored(mesh: Mesh) -> Mesh:
     """The mesh and its mirror image across x = 0."""
     other = mesh.copy()
     other[:, 0] *= -1.0
@@ -112,4 +116,4 @@ def mirrored(mesh: Array) -> Array:
     return merge(mesh, other)
 
 
-__all__ = ["HERE", "Part", "at", "blob", "limb", "mirrored", "pane", "quad", "shell", "turned", "wheel"]
+__all__ = ["HERE", "ModelPart", "at", "blob", "limb", "mirrored", "pane", "quad", "shell", "turned", "wheel"]

@@ -12,15 +12,17 @@ from math import cos, pi, sin
 
 import numpy as np
 
-from lingjing.engines.camera.meshes import Array, Colour, Point, box, cylinder, ellipsoid, flat, merge
+from lingjing.engines.camera.meshes import Mesh, box, cylinder, ellipsoid, flat, merge
 from lingjing.engines.camera.models.palette import BLACK, GREY, ORANGE, RED, WHITE, WOOD, YELLOW
 from lingjing.engines.camera.models.shapes import limb, mirrored
+from lingjing.mission.appearance import LinearRgb
+from lingjing.mission.instance import Vector
 
-STEEL: Colour = (0.36, 0.37, 0.38)
-CARD: Colour = (0.42, 0.28, 0.14)
+STEEL: LinearRgb = (0.36, 0.37, 0.38)
+CARD: LinearRgb = (0.42, 0.28, 0.14)
 
 
-def _lamp() -> Array:
+def _lamp() -> Mesh:
     """An 8 m street lamp, its arm ahead."""
     return merge(
         limb((0.0, 0.0, 0.0), (0.0, 0.0, 7.8), (0.10, 0.06), STEEL, 6),
@@ -30,7 +32,7 @@ def _lamp() -> Array:
     )
 
 
-def _park_lamp() -> Array:
+def _park_lamp() -> Mesh:
     return merge(
         limb((0.0, 0.0, 0.0), (0.0, 0.0, 3.2), (0.06, 0.05), BLACK, 6),
         ellipsoid((0.0, 0.0, 3.4), (0.2, 0.2, 0.24), (0.70, 0.70, 0.66), 0.4, rows=4, sides=7),
@@ -38,28 +40,28 @@ def _park_lamp() -> Array:
     )
 
 
-def _bench() -> Array:
+def _bench() -> Mesh:
     planks = [box((0.0, -0.18 + 0.14 * k, 0.46), (1.8, 0.11, 0.05), WOOD) for k in range(3)]
     backs = [box((0.0, -0.30, 0.62 + 0.15 * k), (1.8, 0.05, 0.10), WOOD) for k in range(2)]
     return merge(*planks, *backs, mirrored(box((0.7, -0.05, 0.23), (0.07, 0.5, 0.45), BLACK)))
 
 
-def _bin(variant: int) -> Array:
-    colour: Colour = ((0.07, 0.16, 0.09), (0.10, 0.11, 0.12), (0.06, 0.14, 0.30))[variant]
+def _bin(variant: int) -> Mesh:
+    colour: LinearRgb = ((0.07, 0.16, 0.09), (0.10, 0.11, 0.12), (0.06, 0.14, 0.30))[variant]
     return merge(
         box((0.0, 0.0, 0.55), (0.58, 0.68, 0.95), colour, 0.2),
         box((0.0, 0.0, 1.06), (0.62, 0.74, 0.08), BLACK, 0.2),
     )
 
 
-def _bollard() -> Array:
+def _bollard() -> Mesh:
     return merge(
         cylinder((0.0, 0.0, 0.0), (0.0, 0.0, 0.85), (0.09, 0.08), (0.12, 0.12, 0.13), sides=7),
         cylinder((0.0, 0.0, 0.62), (0.0, 0.0, 0.74), (0.095, 0.095), WHITE, sides=7),
     )
 
 
-def _cone() -> Array:
+def _cone() -> Mesh:
     return merge(
         box((0.0, 0.0, 0.02), (0.4, 0.4, 0.04), BLACK),
         limb((0.0, 0.0, 0.04), (0.0, 0.0, 0.72), (0.15, 0.03), ORANGE, 8),
@@ -67,7 +69,7 @@ def _cone() -> Array:
     )
 
 
-def _hydrant() -> Array:
+def _hydrant() -> Mesh:
     return merge(
         cylinder((0.0, 0.0, 0.0), (0.0, 0.0, 0.62), (0.13, 0.11), RED, 0.3, sides=8),
         ellipsoid((0.0, 0.0, 0.64), (0.13, 0.13, 0.12), RED, 0.3, rows=4, sides=7),
@@ -75,7 +77,7 @@ def _hydrant() -> Array:
     )
 
 
-def _traffic_light() -> Array:
+def _traffic_light() -> Mesh:
     lenses = [
         cylinder((0.0, 0.16, 3.55 - 0.3 * k), (0.0, 0.19, 3.55 - 0.3 * k), (0.10, 0.10), colour, 0.4, sides=8)
         for k, colour in enumerate(((0.55, 0.03, 0.02), (0.25, 0.16, 0.02), (0.02, 0.16, 0.06)))
@@ -87,8 +89,8 @@ def _traffic_light() -> Array:
     )  # fmt: skip
 
 
-def _bus_stop() -> Array:
-    glass: Colour = (0.20, 0.26, 0.28)
+def _bus_stop() -> Mesh:
+    glass: LinearRgb = (0.20, 0.26, 0.28)
     return merge(
         box((0.0, 0.0, 2.45), (4.0, 1.5, 0.10), (0.12, 0.13, 0.14)),
         box((0.0, -0.7, 1.35), (3.9, 0.05, 1.9), glass, 0.8),
@@ -99,21 +101,21 @@ def _bus_stop() -> Array:
     )
 
 
-def _fence() -> Array:
+def _fence() -> Mesh:
     """Three metres of railing along x."""
     posts = [box((-1.45 + 0.725 * k, 0.0, 0.6), (0.05, 0.05, 1.2), STEEL) for k in range(5)]
     return merge(*posts, *(box((0.0, 0.0, z), (3.0, 0.04, 0.05), STEEL) for z in (0.3, 0.7, 1.15)))
 
 
-CONTAINERS: tuple[Colour, ...] = (
+CONTAINERS: tuple[LinearRgb, ...] = (
     (0.36, 0.07, 0.04), (0.06, 0.16, 0.34), (0.10, 0.25, 0.16), (0.50, 0.24, 0.03), (0.40, 0.41, 0.42),
     (0.24, 0.06, 0.05),
 )  # fmt: skip
 
 
-def _container(variant: int, length: float) -> Array:
+def _container(variant: int, length: float) -> Mesh:
     colour = CONTAINERS[variant]
-    dark: Colour = (0.72 * colour[0], 0.72 * colour[1], 0.72 * colour[2])
+    dark: LinearRgb = (0.72 * colour[0], 0.72 * colour[1], 0.72 * colour[2])
     ribs = int(length / 0.75)
     sides = [
         box((s * 1.215, (k + 0.5) * length / ribs - length / 2, 1.3), (0.05, 0.30, 2.3), dark)
@@ -123,9 +125,9 @@ def _container(variant: int, length: float) -> Array:
     return merge(box((0.0, 0.0, 1.3), (2.42, length, 2.58), colour, 0.1), *sides, *doors)
 
 
-def _pallets(variant: int) -> Array:
+def _pallets(variant: int) -> Mesh:
     """Goods on two pallets."""
-    cloth: Colour = ((0.62, 0.62, 0.60), CARD, (0.10, 0.22, 0.40))[variant]
+    cloth: LinearRgb = ((0.62, 0.62, 0.60), CARD, (0.10, 0.22, 0.40))[variant]
     return merge(
         box((-0.65, 0.0, 0.07), (1.2, 0.9, 0.14), WOOD), box((0.65, 0.0, 0.07), (1.2, 0.9, 0.14), WOOD),
         box((-0.65, 0.0, 0.72), (1.1, 0.8, 1.15), cloth, 0.1), box((0.65, 0.0, 0.55), (1.1, 0.8, 0.8), CARD),
@@ -133,23 +135,23 @@ def _pallets(variant: int) -> Array:
     )  # fmt: skip
 
 
-def _crates(variant: int) -> Array:
-    shades: tuple[Colour, ...] = (WOOD, (0.36, 0.25, 0.14), (0.30, 0.19, 0.10))
+def _crates(variant: int) -> Mesh:
+    shades: tuple[LinearRgb, ...] = (WOOD, (0.36, 0.25, 0.14), (0.30, 0.19, 0.10))
     spots = ((-0.5, 0.0, 0.4, 0.8), (0.42, 0.1, 0.35, 0.7), (-0.35, 0.05, 1.1, 0.6), (0.0, 0.85, 0.3, 0.6))
     return merge(*(
         box((x, y, z), (s, s, s), shades[(k + variant) % 3]) for k, (x, y, z, s) in enumerate(spots[: 3 + variant % 2])
     ))  # fmt: skip
 
 
-def _drums(variant: int) -> Array:
-    colour: Colour = ((0.06, 0.16, 0.34), (0.45, 0.06, 0.04), (0.58, 0.36, 0.03))[variant]
+def _drums(variant: int) -> Mesh:
+    colour: LinearRgb = ((0.06, 0.16, 0.34), (0.45, 0.06, 0.04), (0.58, 0.36, 0.03))[variant]
     spots = ((-0.32, 0.0), (0.32, 0.05), (0.0, 0.58))
     return merge(*(cylinder((x, y, 0.0), (x, y, 0.88), (0.29, 0.29), colour, 0.2, sides=10) for x, y in spots))
 
 
-def _tank(variant: int) -> Array:
+def _tank(variant: int) -> Mesh:
     """A storage tank, 8 m across and 6 m high."""
-    colour: Colour = ((0.62, 0.62, 0.60), (0.50, 0.50, 0.48))[variant]
+    colour: LinearRgb = ((0.62, 0.62, 0.60), (0.50, 0.50, 0.48))[variant]
     return merge(
         cylinder((0.0, 0.0, 0.0), (0.0, 0.0, 6.0), (4.0, 4.0), colour, 0.2, sides=24),
         cylinder((0.0, 0.0, 6.0), (0.0, 0.0, 6.9), (4.0, 0.3), (0.55, 0.55, 0.53), 0.2, sides=24),
@@ -157,14 +159,14 @@ def _tank(variant: int) -> Array:
     )
 
 
-def _chimney() -> Array:
+def _chimney() -> Mesh:
     """A 28 m stack with red rings."""
     rings = [cylinder((0.0, 0.0, z), (0.0, 0.0, z + 1.6), (r, r - 0.03), RED, sides=12)
              for z, r in ((25.6, 0.98), (20.6, 1.11))]  # fmt: skip
     return merge(cylinder((0.0, 0.0, 0.0), (0.0, 0.0, 28.0), (1.6, 0.9), (0.48, 0.46, 0.43), sides=12), *rings)
 
 
-def _steam() -> Array:
+def _steam() -> Mesh:
     """A steel vent; its steam is an effect."""
     return merge(
         cylinder((0.0, 0.0, 0.0), (0.0, 0.0, 1.1), (0.28, 0.24), STEEL, 0.4, sides=9),
@@ -173,8 +175,8 @@ def _steam() -> Array:
     )
 
 
-def _parasol(variant: int) -> Array:
-    cloth: Colour = (ORANGE, (0.50, 0.05, 0.04), (0.66, 0.64, 0.56), (0.05, 0.16, 0.12))[variant]
+def _parasol(variant: int) -> Mesh:
+    cloth: LinearRgb = (ORANGE, (0.50, 0.05, 0.04), (0.66, 0.64, 0.56), (0.05, 0.16, 0.12))[variant]
     return merge(
         limb((0.0, 0.0, 0.0), (0.0, 0.0, 2.5), (0.03, 0.03), WHITE, 5),
         limb((0.0, 0.0, 2.05), (0.0, 0.0, 2.65), (1.5, 0.02), cloth, 8),
@@ -183,13 +185,13 @@ def _parasol(variant: int) -> Array:
     )
 
 
-def _stall(variant: int) -> Array:
+def _stall(variant: int) -> Mesh:
     """A market stall under a striped roof."""
-    cloth: Colour = (ORANGE, (0.50, 0.06, 0.05), (0.05, 0.20, 0.38))[variant]
+    cloth: LinearRgb = (ORANGE, (0.50, 0.06, 0.05), (0.05, 0.20, 0.38))[variant]
     strips = []
     for k in range(6):
         x0, x1 = -1.5 + 0.5 * k, -1.0 + 0.5 * k
-        corners: list[Point] = [(x0, -1.0, 2.6), (x1, -1.0, 2.6), (x1, 1.2, 2.2), (x0, 1.2, 2.2)]
+        corners: list[Vector] = [(x0, -1.0, 2.6), (x1, -1.0, 2.6), (x1, 1.2, 2.2), (x0, 1.2, 2.2)]
         paint = cloth if k % 2 == 0 else WHITE
         strips.append(flat([(corners[0], corners[1], corners[2]), (corners[0], corners[2], corners[3])], paint))
     posts = [box((x, y, 1.2), (0.06, 0.06, 2.4), STEEL) for x in (-1.45, 1.45) for y in (-0.95, 1.1)]
@@ -197,8 +199,8 @@ def _stall(variant: int) -> Array:
                  box((0.0, 0.4, 1.02), (2.6, 0.8, 0.14), (0.45, 0.22, 0.06)))  # fmt: skip
 
 
-def _billboard(variant: int) -> Array:
-    colour: Colour = ((0.06, 0.24, 0.45), (0.55, 0.10, 0.06), (0.58, 0.48, 0.10))[variant]
+def _billboard(variant: int) -> Mesh:
+    colour: LinearRgb = ((0.06, 0.24, 0.45), (0.55, 0.10, 0.06), (0.58, 0.48, 0.10))[variant]
     return merge(
         mirrored(box((1.5, 0.0, 1.6), (0.14, 0.14, 3.2), STEEL)),
         box((0.0, 0.0, 4.2), (4.4, 0.18, 2.4), STEEL), box((0.0, 0.1, 4.2), (4.2, 0.02, 2.2), colour),
@@ -206,7 +208,7 @@ def _billboard(variant: int) -> Array:
     )  # fmt: skip
 
 
-def _rooftop_unit(variant: int) -> Array:
+def _rooftop_unit(variant: int) -> Mesh:
     """An air conditioner for a flat roof."""
     size = (1.8, 1.2, 1.1) if variant == 0 else (2.8, 1.6, 1.4)
     fans = [cylinder((x, 0.0, size[2]), (x, 0.0, size[2] + 0.1), (0.42, 0.42), BLACK, sides=10)
@@ -214,7 +216,7 @@ def _rooftop_unit(variant: int) -> Array:
     return merge(box((0.0, 0.0, size[2] / 2), size, (0.48, 0.49, 0.49), 0.2), *fans)
 
 
-def _water_tank() -> Array:
+def _water_tank() -> Mesh:
     return merge(
         *(box((x, y, 0.4), (0.12, 0.12, 0.8), STEEL) for x in (-0.7, 0.7) for y in (-0.7, 0.7)),
         cylinder((0.0, 0.0, 0.8), (0.0, 0.0, 2.6), (1.05, 1.05), (0.55, 0.55, 0.54), 0.4, sides=12),
@@ -222,9 +224,9 @@ def _water_tank() -> Array:
     )
 
 
-def _gantry() -> Array:
+def _gantry() -> Mesh:
     """A harbour crane, 30 m high, its boom ahead."""
-    paint: Colour = (0.07, 0.20, 0.42)
+    paint: LinearRgb = (0.07, 0.20, 0.42)
     legs = [limb((x, y, 0.0), (0.6 * x, y, 24.0), (0.55, 0.45), paint, 4) for x in (-7.0, 7.0) for y in (-6.0, 6.0)]
     return merge(
         *legs, *(box((0.0, y, 12.0), (10.0, 0.8, 0.9), paint) for y in (-6.0, 6.0)),
@@ -235,7 +237,7 @@ def _gantry() -> Array:
     )  # fmt: skip
 
 
-def _silo() -> Array:
+def _silo() -> Mesh:
     return merge(
         cylinder((0.0, 0.0, 0.0), (0.0, 0.0, 14.0), (2.6, 2.6), (0.56, 0.55, 0.52), 0.2, sides=16),
         cylinder((0.0, 0.0, 14.0), (0.0, 0.0, 15.6), (2.6, 0.4), (0.50, 0.50, 0.48), 0.2, sides=16),
@@ -243,7 +245,7 @@ def _silo() -> Array:
     )
 
 
-def _fountain() -> Array:
+def _fountain() -> Mesh:
     angle = np.linspace(0.0, 2.0 * pi, 17)
     pool = [((0.0, 0.0, 0.36), (2.5 * cos(a), 2.5 * sin(a), 0.36), (2.5 * cos(b), 2.5 * sin(b), 0.36))
             for a, b in pairwise(angle)]  # fmt: skip
@@ -255,7 +257,7 @@ def _fountain() -> Array:
     )
 
 
-VARIED: dict[str, tuple[Callable[[int], Array], int]] = {
+VARIED: dict[str, tuple[Callable[[int], Mesh], int]] = {
     "bin": (cache(_bin), 3),
     "container": (cache(lambda variant: _container(variant, 6.06)), len(CONTAINERS)),
     "container_long": (cache(lambda variant: _container(variant, 12.19)), len(CONTAINERS)),
@@ -268,7 +270,7 @@ VARIED: dict[str, tuple[Callable[[int], Array], int]] = {
     "billboard": (cache(_billboard), 3),
     "rooftop_unit": (cache(_rooftop_unit), 2),
 }
-SINGLE: dict[str, Callable[[], Array]] = {
+SINGLE: dict[str, Callable[[], Mesh]] = {
     "lamp": cache(_lamp),
     "park_lamp": cache(_park_lamp),
     "bench": cache(_bench),

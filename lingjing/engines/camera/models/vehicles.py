@@ -1,24 +1,26 @@
 """What drives: cars in several shapes and colours, van, truck, bus, fire truck, motorcycle and bicycle with riders.
 
-Origin: the middle of the footprint on the ground. Dimensions are those of `engines.bodies.SIZES`.
+Origin: the middle of the footprint on the ground. Dimensions are those of `scene.sizes.SIZES`.
 """
 
 from __future__ import annotations
 
 from functools import cache
 
-from lingjing.engines.camera.meshes import Array, Colour, Point, box, cylinder, ellipsoid, merge
+from lingjing.engines.camera.meshes import Mesh, box, cylinder, ellipsoid, merge
 from lingjing.engines.camera.models.palette import BLACK, GREY, RED, SKINS, WHITE, WOOD, YELLOW
 from lingjing.engines.camera.models.shapes import limb, mirrored, pane, quad, shell, wheel
+from lingjing.mission.appearance import LinearRgb
+from lingjing.mission.instance import Vector
 
-GLASS: Colour = (0.015, 0.02, 0.026)
-LAMP: Colour = (0.78, 0.78, 0.72)
-TAIL: Colour = (0.45, 0.02, 0.02)
-CHROME: Colour = (0.40, 0.41, 0.43)
-FIRE_RED: Colour = (0.60, 0.025, 0.02)
-BLUE_LIGHT: Colour = (0.02, 0.10, 0.75)
+GLASS: LinearRgb = (0.015, 0.02, 0.026)
+LAMP: LinearRgb = (0.78, 0.78, 0.72)
+TAIL: LinearRgb = (0.45, 0.02, 0.02)
+CHROME: LinearRgb = (0.40, 0.41, 0.43)
+FIRE_RED: LinearRgb = (0.60, 0.025, 0.02)
+BLUE_LIGHT: LinearRgb = (0.02, 0.10, 0.75)
 
-PAINTS: tuple[Colour, ...] = (
+PAINTS: tuple[LinearRgb, ...] = (
     (0.74, 0.74, 0.73), (0.40, 0.42, 0.44), (0.03, 0.03, 0.035), (0.10, 0.11, 0.13), (0.05, 0.10, 0.27),
     (0.42, 0.03, 0.03), (0.66, 0.66, 0.64), (0.05, 0.13, 0.09), (0.33, 0.27, 0.19), (0.20, 0.21, 0.22),
 )  # fmt: skip
@@ -46,18 +48,18 @@ SHAPES = tuple(_BODIES)
 
 
 @cache
-def motorcar(shape: str, paint: int) -> Array:
+def motorcar(shape: str, paint: int) -> Mesh:
     """A `sedan`, `hatch` or `suv` in one of `PAINTS`; some 400 triangles."""
     return _motorcar(shape, PAINTS[paint % len(PAINTS)])
 
 
 @cache
-def taxi() -> Array:
+def taxi() -> Mesh:
     """A yellow sedan with a sign on its roof."""
     return merge(_motorcar("sedan", YELLOW), box((0.0, -0.5, 1.53), (0.5, 0.2, 0.14), WHITE))
 
 
-def _motorcar(shape: str, colour: Colour) -> Array:
+def _motorcar(shape: str, colour: LinearRgb) -> Mesh:
     stations, cabin = _BODIES[shape], _CABINS[shape]
     lower = [
         (y, [(-0.93 * h, sill), (-h, 0.55 * sill + 0.45 * top), (-0.94 * h, top), (0.94 * h, top),
@@ -81,10 +83,10 @@ def _motorcar(shape: str, colour: Colour) -> Array:
     )
 
 
-def _glazing(cabin: list[tuple[float, float, float, float, float]]) -> list[Array]:
-    inside: Point = (0.0, -0.4, 1.1)
+def _glazing(cabin: list[tuple[float, float, float, float, float]]) -> list[Mesh]:
+    inside: Vector = (0.0, -0.4, 1.1)
 
-    def across(at: int) -> list[Point]:
+    def across(at: int) -> list[Vector]:
         (y0, f0, _, _, z0), (y1, _, _, r1, z1) = (cabin[k] for k in ((0, 1) if at == 0 else (3, 2)))
         return [(-f0, y0, z0), (f0, y0, z0), (r1, y1, z1), (-r1, y1, z1)]
 
@@ -95,23 +97,23 @@ def _glazing(cabin: list[tuple[float, float, float, float, float]]) -> list[Arra
     for s in (-1.0, 1.0):
         for a, b in ((y0 * 0.65 + y1 * 0.35, middle), (middle, y3 * 0.68 + y2 * 0.32)):
             top_a, top_b = max(a, y1), min(b, y2)
-            corners: list[Point] = [(s * f1, a, b1), (s * f2, b, b2), (s * r2, top_b, z2), (s * r1, top_a, z1)]
+            corners: list[Vector] = [(s * f1, a, b1), (s * f2, b, b2), (s * r2, top_b, z2), (s * r1, top_a, z1)]
             panes.append(pane(corners, GLASS, 0.9, 0.84, away=inside))
     return panes
 
 
-def _axles(half: float, ys: tuple[float, ...], radius: float, width: float = 0.28) -> list[Array]:
+def _axles(half: float, ys: tuple[float, ...], radius: float, width: float = 0.28) -> list[Mesh]:
     return [wheel(s * half, y, radius, width) for s in (-1.0, 1.0) for y in ys]
 
 
-VAN_PAINTS: tuple[Colour, ...] = ((0.76, 0.76, 0.74), (0.72, 0.47, 0.04), (0.06, 0.14, 0.34), (0.66, 0.66, 0.64))
+VAN_PAINTS: tuple[LinearRgb, ...] = ((0.76, 0.76, 0.74), (0.72, 0.47, 0.04), (0.06, 0.14, 0.34), (0.66, 0.66, 0.64))
 
 
 @cache
-def van(paint: int) -> Array:
+def van(paint: int) -> Mesh:
     """A 5.9 m delivery van with a stripe along its sides."""
     colour = VAN_PAINTS[paint % len(VAN_PAINTS)]
-    stripe: Colour = (0.62, 0.10, 0.02) if paint % 2 == 0 else WHITE
+    stripe: LinearRgb = (0.62, 0.10, 0.02) if paint % 2 == 0 else WHITE
 
     def section(y: float, low: float, high: float, half: float) -> tuple[float, list[tuple[float, float]]]:
         return y, [(-half, low), (-half, high - 0.12), (-half + 0.14, high), (half - 0.14, high), (half, high - 0.12),
@@ -119,8 +121,8 @@ def van(paint: int) -> Array:
 
     body = [section(-2.95, 0.35, 2.58, 1.0), section(1.15, 0.30, 2.60, 1.03), section(1.75, 0.30, 2.30, 1.02),
             section(2.45, 0.30, 1.25, 0.98), section(2.95, 0.40, 1.02, 0.88)]  # fmt: skip
-    inside: Point = (0.0, 0.0, 1.2)
-    side: list[Point] = [(1.03, 1.0, 1.35), (1.0, 2.2, 1.35), (1.0, 1.80, 2.05), (1.03, 1.0, 2.15)]
+    inside: Vector = (0.0, 0.0, 1.2)
+    side: list[Vector] = [(1.03, 1.0, 1.35), (1.0, 2.2, 1.35), (1.0, 1.80, 2.05), (1.03, 1.0, 2.15)]
     return merge(
         shell(body, colour, 0.4),
         pane([(-0.96, 2.42, 1.30), (0.96, 2.42, 1.30), (0.86, 1.78, 2.26), (-0.86, 1.78, 2.26)], GLASS, 0.9, 0.92,
@@ -135,13 +137,13 @@ def van(paint: int) -> Array:
     )  # fmt: skip
 
 
-BOX_PAINTS: tuple[Colour, ...] = ((0.70, 0.70, 0.68), (0.30, 0.36, 0.42), (0.42, 0.26, 0.10), (0.08, 0.20, 0.30))
+BOX_PAINTS: tuple[LinearRgb, ...] = ((0.70, 0.70, 0.68), (0.30, 0.36, 0.42), (0.42, 0.26, 0.10), (0.08, 0.20, 0.30))
 
 
 @cache
-def truck(paint: int) -> Array:
+def truck(paint: int) -> Mesh:
     """A 9 m box truck, its cab in another colour than its box."""
-    cab: Colour = ((0.55, 0.05, 0.04), (0.70, 0.70, 0.68), (0.06, 0.16, 0.36), (0.75, 0.75, 0.73))[paint % 4]
+    cab: LinearRgb = ((0.55, 0.05, 0.04), (0.70, 0.70, 0.68), (0.06, 0.16, 0.36), (0.75, 0.75, 0.73))[paint % 4]
     cargo = BOX_PAINTS[paint % len(BOX_PAINTS)]
     return merge(
         box((0.0, -1.15, 2.22), (2.5, 6.6, 2.65), cargo, 0.15),
@@ -154,16 +156,16 @@ def truck(paint: int) -> Array:
     )
 
 
-def _cab(y: float, length: float, width: float, top: float, colour: Colour) -> Array:
+def _cab(y: float, length: float, width: float, top: float, colour: LinearRgb) -> Mesh:
     front, back, half = y + length / 2, y - length / 2, width / 2
 
     def section(at: float, high: float) -> tuple[float, list[tuple[float, float]]]:
         return at, [(-half, 0.45), (-half, high - 0.1), (-half + 0.1, high), (half - 0.1, high), (half, high - 0.1),
                     (half, 0.45)]  # fmt: skip
 
-    inside: Point = (0.0, y, 1.2)
+    inside: Vector = (0.0, y, 1.2)
     base = top - 1.15
-    side: list[Point] = [(half, back + 0.5, base), (half, front - 0.1, base), (half, front - 0.2, top - 0.25),
+    side: list[Vector] = [(half, back + 0.5, base), (half, front - 0.1, base), (half, front - 0.2, top - 0.25),
                          (half, back + 0.5, top - 0.25)]  # fmt: skip
     return merge(
         shell([section(back, top), section(front - 0.18, top), section(front, base), section(front, 0.9)], colour, 0.5),
@@ -177,11 +179,11 @@ def _cab(y: float, length: float, width: float, top: float, colour: Colour) -> A
     )  # fmt: skip
 
 
-BUS_PAINTS: tuple[Colour, ...] = ((0.08, 0.30, 0.22), (0.66, 0.66, 0.64), (0.55, 0.06, 0.05))
+BUS_PAINTS: tuple[LinearRgb, ...] = ((0.08, 0.30, 0.22), (0.66, 0.66, 0.64), (0.55, 0.06, 0.05))
 
 
 @cache
-def bus(paint: int) -> Array:
+def bus(paint: int) -> Mesh:
     """A 12 m city bus with a band of windows."""
     colour = BUS_PAINTS[paint % len(BUS_PAINTS)]
     bars = [box((s * 1.285, y, 2.0), (0.02, 0.12, 1.0), colour) for s in (-1.0, 1.0) for y in (-4.4, -2.2, 0.0, 2.2)]
@@ -202,7 +204,7 @@ def bus(paint: int) -> Array:
 
 
 @cache
-def fire_truck() -> Array:
+def fire_truck() -> Mesh:
     """A red fire engine with white stripes, roller shutters, a ladder on its roof and a bar of blue lights."""
     rails = [box((0.45 + s * 0.26, -1.1, 3.2), (0.07, 6.2, 0.12), (0.62, 0.63, 0.64), 0.5) for s in (-1.0, 1.0)]
     rungs = [box((0.45, -4.0 + 0.58 * k, 3.2), (0.5, 0.06, 0.05), (0.62, 0.63, 0.64), 0.5) for k in range(11)]
@@ -230,9 +232,9 @@ def fire_truck() -> Array:
     )
 
 
-def _rider(y: float, seat: float, hands: Point, coat: Colour, head: Colour, skin: Colour) -> list[Array]:
-    hip: Point = (0.0, y, seat)
-    shoulder: Point = (0.0, y + 0.22, seat + 0.50)
+def _rider(y: float, seat: float, hands: Vector, coat: LinearRgb, head: LinearRgb, skin: LinearRgb) -> list[Mesh]:
+    hip: Vector = (0.0, y, seat)
+    shoulder: Vector = (0.0, y + 0.22, seat + 0.50)
     parts = [
         cylinder(hip, shoulder, (0.15, 0.20), coat, sides=7),
         ellipsoid((0.0, y + 0.27, seat + 0.72), (0.12, 0.13, 0.15), head, rows=4, sides=7),
@@ -240,17 +242,17 @@ def _rider(y: float, seat: float, hands: Point, coat: Colour, head: Colour, skin
     ]
     for s in (-1.0, 1.0):
         parts.append(limb((s * 0.19, y + 0.22, seat + 0.46), (s * hands[0], hands[1], hands[2]), (0.06, 0.045), coat))
-        knee: Point = (s * 0.17, y + 0.40, seat - 0.10)
+        knee: Vector = (s * 0.17, y + 0.40, seat - 0.10)
         parts.append(limb((s * 0.10, y, seat), knee, (0.085, 0.07), (0.06, 0.07, 0.10)))
         parts.append(limb(knee, (s * 0.14, y + 0.22, seat - 0.52), (0.06, 0.05), (0.06, 0.07, 0.10)))
     return parts
 
 
 @cache
-def motorcycle(paint: int) -> Array:
+def motorcycle(paint: int) -> Mesh:
     """A motor scooter with a helmeted rider."""
-    colour: Colour = ((0.45, 0.04, 0.03), (0.05, 0.14, 0.35), (0.70, 0.70, 0.68))[paint % 3]
-    coat: Colour = ((0.08, 0.10, 0.16), (0.72, 0.50, 0.03), (0.20, 0.20, 0.20))[paint % 3]
+    colour: LinearRgb = ((0.45, 0.04, 0.03), (0.05, 0.14, 0.35), (0.70, 0.70, 0.68))[paint % 3]
+    coat: LinearRgb = ((0.08, 0.10, 0.16), (0.72, 0.50, 0.03), (0.20, 0.20, 0.20))[paint % 3]
     return merge(
         wheel(0.0, -0.68, 0.28, 0.13), wheel(0.0, 0.68, 0.28, 0.13),
         box((0.0, -0.45, 0.62), (0.30, 0.95, 0.26), colour, 0.4),
@@ -265,9 +267,9 @@ def motorcycle(paint: int) -> Array:
 
 
 @cache
-def bicycle(paint: int) -> Array:
+def bicycle(paint: int) -> Mesh:
     """A bicycle with its rider."""
-    coat: Colour = ((0.10, 0.26, 0.34), (0.52, 0.06, 0.05), (0.66, 0.66, 0.62), (0.10, 0.28, 0.10))[paint % 4]
+    coat: LinearRgb = ((0.10, 0.26, 0.34), (0.52, 0.06, 0.05), (0.66, 0.66, 0.62), (0.10, 0.28, 0.10))[paint % 4]
     return merge(
         *(cylinder((-0.03, y, 0.34), (0.03, y, 0.34), (0.33, 0.33), (0.07, 0.07, 0.075), sides=9)
           for y in (-0.52, 0.52)),

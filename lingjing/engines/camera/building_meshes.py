@@ -17,7 +17,7 @@ import shapely
 
 from lingjing.engines.camera.mesh_rows import (
     Floats,
-    Part,
+    MeshPart,
     Style,
     faces,
     joined,
@@ -26,7 +26,7 @@ from lingjing.engines.camera.mesh_rows import (
     sheet,
     walls,
 )
-from lingjing.engines.camera.meshes import Colour
+from lingjing.mission.appearance import LinearRgb
 from lingjing.scene.city import Building
 
 
@@ -46,12 +46,12 @@ FACADES: dict[str, Facade] = {
     "blank": Facade(8.0, 0.0, 0.0),
     "industrial": Facade(5.0, 0.62, 0.20),
 }
-BRICK: Colour = (0.33, 0.15, 0.10)
+BRICK: LinearRgb = (0.33, 0.15, 0.10)
 PARAPET_M = 0.7
 TALL_M = 20.0
 
 
-def building(given: Building, number: int) -> tuple[Part, Part, Part]:
+def building(given: Building, number: int) -> tuple[MeshPart, MeshPart, MeshPart]:
     """(walls, roof, small details) of a building, all with the id `number`."""
     eaves = given.top_m - (given.roof_m if given.roof != "flat" else 0.0)
     eaves = max(eaves, given.base_m + 0.3)
@@ -85,7 +85,7 @@ def _roomy(given: Building) -> bool:
     return float(shapely.Polygon(given.polygon, given.holes).buffer(-1.5).area) > 20.0
 
 
-def _parapet(given: Building, eaves: float, height: float, number: int) -> Part:
+def _parapet(given: Building, eaves: float, height: float, number: int) -> MeshPart:
     """The inner side and the top of the wall around a flat roof."""
     shape = shapely.Polygon(given.polygon, given.holes)
     inner = shape.buffer(-0.35, join_style="mitre")
@@ -100,7 +100,7 @@ def _parapet(given: Building, eaves: float, height: float, number: int) -> Part:
     return joined(parts)
 
 
-def _roof(given: Building, eaves: float, number: int) -> Part:
+def _roof(given: Building, eaves: float, number: int) -> MeshPart:
     rise = given.top_m - eaves
     if given.roof == "flat" or rise < 0.2:
         return sheet([given.polygon, *given.holes], eaves, given.roof_colour, number)
@@ -111,7 +111,7 @@ def _roof(given: Building, eaves: float, number: int) -> Part:
     return _pyramid(given, eaves, rise, number)
 
 
-def _plant(given: Building, eaves: float, number: int) -> list[Part]:
+def _plant(given: Building, eaves: float, number: int) -> list[MeshPart]:
     """What stands on a flat roof: lift houses and air plants, by the building's seed."""
     shape = shapely.Polygon(given.polygon, given.holes)
     inner = shape.buffer(-3.0)
@@ -119,7 +119,7 @@ def _plant(given: Building, eaves: float, number: int) -> list[Part]:
         return []
     west, south, east, north = inner.bounds
     _, turn = _frame(given)
-    found: list[Part] = []
+    found: list[MeshPart] = []
     chance = np.random.default_rng(given.seed & 0xFFFFFFFF)
     wanted = int(min(2 + inner.area / 350.0, 9))
     for k in range(wanted * 3):
@@ -154,7 +154,7 @@ def _turned(points: npt.ArrayLike, centre: npt.ArrayLike, turn: float) -> Floats
     return np.asarray(turned + np.asarray(centre, np.float64))
 
 
-def _ridged(given: Building, eaves: float, rise: float, number: int) -> Part:
+def _ridged(given: Building, eaves: float, rise: float, number: int) -> MeshPart:
     """A gabled or hipped roof over the smallest rectangle around the outline, with half a metre of overhang."""
     box = shapely.Polygon(given.polygon).minimum_rotated_rectangle
     if not isinstance(box, shapely.Polygon):
@@ -177,7 +177,7 @@ def _ridged(given: Building, eaves: float, rise: float, number: int) -> Part:
     return joined((*parts, sheet([under], low, _mixed(given.colour, (0.1, 0.1, 0.1), 0.4), number, down=True)))
 
 
-def _pyramid(given: Building, eaves: float, rise: float, number: int) -> Part:
+def _pyramid(given: Building, eaves: float, rise: float, number: int) -> MeshPart:
     ring = oriented(given.polygon)
     tip = np.array([*_inner_point(ring), eaves + rise])
     low = np.column_stack([ring, np.full(len(ring), eaves)])
@@ -185,7 +185,7 @@ def _pyramid(given: Building, eaves: float, rise: float, number: int) -> Part:
     return faces(np.stack([low, high, np.broadcast_to(tip, low.shape)], axis=1), given.roof_colour, number)
 
 
-def _dome(given: Building, eaves: float, rise: float, number: int) -> Part:
+def _dome(given: Building, eaves: float, rise: float, number: int) -> MeshPart:
     """The outline shrunk towards its middle along a quarter of an ellipse."""
     ring = oriented(given.polygon)
     middle = _inner_point(ring)
@@ -205,14 +205,14 @@ def _inner_point(ring: Floats) -> Floats:
     return np.array([point.x, point.y])
 
 
-def _entrance(given: Building, number: int) -> Part:
+def _entrance(given: Building, number: int) -> MeshPart:
     """A door with a canopy on the wall."""
     assert given.entrance is not None
     x, y, bearing = given.entrance
     out, right = _bearing(bearing), _bearing(bearing + 90.0)
     at = np.array([x, y])
     wide = 1.1 if given.use in ("house", "residential") else 2.0
-    glass: Colour = (0.03, 0.045, 0.055)
+    glass: LinearRgb = (0.03, 0.045, 0.055)
     door = [at - right * wide, at + right * wide, at + right * wide + out * 0.12, at - right * wide + out * 0.12]
     roof = [at - right * (wide + 0.5), at + right * (wide + 0.5), at + right * (wide + 0.5) + out * 1.6,
             at - right * (wide + 0.5) + out * 1.6]  # fmt: skip
@@ -227,7 +227,7 @@ def _bearing(degrees: float) -> Floats:
     return np.array([sin(radians(degrees)), cos(radians(degrees))])
 
 
-def _mixed(a: Colour, b: Colour, share: float) -> Colour:
+def _mixed(a: LinearRgb, b: LinearRgb, share: float) -> LinearRgb:
     return (a[0] + (b[0] - a[0]) * share, a[1] + (b[1] - a[1]) * share, a[2] + (b[2] - a[2]) * share)
 
 

@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
+from lingjing.engines.camera.building_meshes import building
 from lingjing.engines.camera.classes import CLASSES, prop_class
-from lingjing.engines.camera.masonry import building
-from lingjing.engines.camera.mesh_rows import Part, joined
-from lingjing.engines.camera.paving import Middles, areas, junctions, lanes, middles_of, pavements
-from lingjing.engines.camera.spans import bridge, pipe, slope, solid
+from lingjing.engines.camera.mesh_rows import MeshPart, joined
+from lingjing.engines.camera.road_meshes import Middles, areas, junctions, lanes, middles_of, pavements
+from lingjing.engines.camera.structure_meshes import Under, bridge, pipe, slope, solid
 from lingjing.mission.geometry2d import Polygon
 from lingjing.scene.city import Junction, Pieces
 
-Under = Callable[[float, float], float]
 MATERIALS = ("wall", "plain", "road", "paving", "soil")
 CASTERS = ("wall", "plain")
 
@@ -26,7 +25,7 @@ class TileMesh:
     """Vertices by material (`MATERIALS`), of "plain" the first `coarse` indices without the details that only show
     from near by, and the boxes (west, south, low, east, north, high) of its buildings."""
 
-    parts: Mapping[str, Part]
+    parts: Mapping[str, MeshPart]
     coarse: int
     boxes: npt.NDArray[np.float64]
     low: npt.NDArray[np.float64]
@@ -42,7 +41,7 @@ def mesh_tile(
 ) -> TileMesh:
     """All that stands still in a tile. `crossings` are the junctions in and around it that have crossings, `faced` the
     ids of buildings that are drawn as an entity's, `under` the elevation of the ground at a place, `middles` the left
-    edges of the roads in and around it (`paving`; without: of its own roads)."""
+    edges of the roads in and around it (`road_meshes`; without: of its own roads)."""
     middles = middles_of(pieces.roads) if middles is None else middles
     structure, concrete = _id("structure", "concrete"), CLASSES["concrete"]
     built = [building(b, faced.get(b.id, _id("building", "structure"))) for b in pieces.buildings]

@@ -1,7 +1,7 @@
 """What targets do to the static city: a gap in a bridge, a building in the colour that its mission names.
 
-All are pure functions of tiles and the mission's entities: `dress` looks at the tiles near each of them and gives the
-changed tiles, the buildings whose pixels are an entity's, and what each effect must know of its surroundings.
+All are pure functions of tiles and the mission's entities: `changes_of` looks at the tiles near each of them and gives
+the changed tiles, the buildings whose pixels are an entity's, and what each effect must know of its surroundings.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import TypeVar
 
 import msgspec
 
-from lingjing.engines.camera.effects.standing import facing, inward
+from lingjing.engines.camera.effects.free_space import facing, inward
 from lingjing.engines.camera.models import look_of
 from lingjing.engines.camera.models.places import KERB_M
 from lingjing.mission.appearance import COLOURS
@@ -37,7 +37,7 @@ GAP_M = 8.0
 BESIDE_M, OVER_M = 30.0, 6.0
 """How far (m) a bridge reaches beside its path, and what stands on it above it."""
 Path = tuple[Vector, ...]
-Box = tuple[float, float, float, float, float, float]
+WorldBox = tuple[float, float, float, float, float, float]
 """West, south, low, east, north, high (m)."""
 P = TypeVar("P", bound=Pieces)
 T = TypeVar("T")
@@ -60,7 +60,7 @@ class Site:
 
 
 @dataclass(frozen=True, slots=True)
-class Dress:
+class TownChanges:
     """What a mission changes: whole tiles by their key, building id → number of the entity that it is and that
     building's tile, entity id → its surroundings."""
 
@@ -75,17 +75,17 @@ class Dress:
         return self.tiles.get(key), mine
 
 
-def dress(
+def changes_of(
     near: Callable[[float, float, float], tuple[Tile, ...]],
     ground: Callable[[float, float], float],
     entities: Sequence[Entity],
     without: Collection[str] = (),
     razed: bool = False,
-) -> Dress:
-    """The dress of a city for the entities of a mission. `near` gives the tiles about a point (`Tiles.near`), `ground`
+) -> TownChanges:
+    """What the entities of a mission change about a city. `near` gives the tiles about a point (`Tiles.near`), `ground`
     the elevation of ground or water at one. For the entities `without` the city stands as if they were not; if `razed`,
     a building that is one of them is not there either."""
-    made = Dress()
+    made = TownChanges()
     for number, entity in enumerate(entities):
         if look_of(entity) not in AWARE:
             continue
@@ -102,19 +102,19 @@ def dress(
             if left_out:
                 after = _razed(before, chosen) if razed else before
             else:
-                after = dressed(before, (entity,), chosen, made.sites)
+                after = with_changes(before, (entity,), chosen, made.sites)
             if after is not before:
                 made.tiles[tile.key] = after
     return made
 
 
 def altered(
-    one: Dress,
-    other: Dress,
+    one: TownChanges,
+    other: TownChanges,
     load: Callable[[tuple[int, int]], Pieces],
     ground: Callable[[float, float], float],
-) -> tuple[Box, ...]:
-    """Where two dresses of a city differ in shape: a box for each tile that does. `load` gives a tile as it is built
+) -> tuple[WorldBox, ...]:
+    """Where two sets of changes differ in shape: a box for each tile that does. `load` gives a tile as it is built
     (`Tiles.load`), `ground` the elevation of ground or water at a place."""
     found = []
     for key in sorted({*one.tiles, *other.tiles}):
@@ -175,7 +175,7 @@ def site_of(entity: Entity, near: Iterable[Pieces], ground_m: float) -> Site:
     return Site(ground_m)
 
 
-def dressed(
+def with_changes(
     pieces: P,
     entities: Sequence[Entity],
     painted: Mapping[str, Entity] | None = None,
@@ -376,4 +376,4 @@ def _outline_distance(polygon: Polygon, x: float, y: float) -> float:
     return 0.0 if crossings % 2 else _project(ring, x, y)[0]
 
 
-__all__ = ["Dress", "Site", "altered", "dress", "dressed", "faced", "gap_of", "site_of", "split"]
+__all__ = ["Site", "TownChanges", "altered", "changes_of", "faced", "gap_of", "site_of", "split", "with_changes"]

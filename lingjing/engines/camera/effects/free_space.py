@@ -26,7 +26,7 @@ ROOF_MARGIN_M = 4.8
 
 _KEPT_FREE_M = {**BODIES_M, **SHUNNED_M}
 
-Spot = tuple[float, float]
+PlanPoint = tuple[float, float]
 
 
 def facing(entity: Entity, near: Iterable[Pieces]) -> float:
@@ -46,7 +46,7 @@ def facing(entity: Entity, near: Iterable[Pieces]) -> float:
     return (entity.heading_deg + best) % 360.0
 
 
-def inward(position: Vector, near: Iterable[Pieces]) -> Spot:
+def inward(position: Vector, near: Iterable[Pieces]) -> PlanPoint:
     """How far (m, east and north) a place on a roof is moved to be `ROOF_MARGIN_M` from its edges, if the roof is wide
     enough; (0, 0) for one on none."""
     x, y, z = position
@@ -65,10 +65,10 @@ def inward(position: Vector, near: Iterable[Pieces]) -> Spot:
 class _Obstacles:
     """What nobody stands in, of pieces near a place."""
 
-    def __init__(self, near: Iterable[Pieces], about: Spot, reach_m: float) -> None:
+    def __init__(self, near: Iterable[Pieces], about: PlanPoint, reach_m: float) -> None:
         self._walls: list[Polygon] = []
-        self._round: list[tuple[Spot, float]] = []
-        self._strips: list[tuple[tuple[Spot, Spot], float]] = []
+        self._round: list[tuple[PlanPoint, float]] = []
+        self._strips: list[tuple[tuple[PlanPoint, PlanPoint], float]] = []
         for pieces in near:
             self._walls += [b.polygon for b in pieces.buildings if _touches(b.polygon, about, reach_m)]
             blocks = (s.polygon for s in pieces.solids if s.top_m > STEP_M and s.base_m < HEAD_M)
@@ -78,7 +78,7 @@ class _Obstacles:
             for lane in (lane for road in pieces.roads for lane in road.lanes if lane.kind != "foot"):
                 self._strips += [((a[:2], b[:2]), 0.5 * lane.width_m) for a, b in pairwise(lane.shape)]
 
-    def free(self, spot: Spot) -> bool:
+    def free(self, spot: PlanPoint) -> bool:
         """Whether somebody can stand there."""
         x, y = spot
         return (
@@ -88,7 +88,7 @@ class _Obstacles:
         )
 
 
-def _touches(polygon: Polygon, about: Spot, reach_m: float) -> bool:
+def _touches(polygon: Polygon, about: PlanPoint, reach_m: float) -> bool:
     """Whether a polygon's bounds come within reach of a place."""
     return all(
         min(values) <= here + reach_m and max(values) >= here - reach_m
@@ -96,12 +96,12 @@ def _touches(polygon: Polygon, about: Spot, reach_m: float) -> bool:
     )
 
 
-def _apart(strip: tuple[Spot, Spot], spot: Spot) -> float:
+def _apart(strip: tuple[PlanPoint, PlanPoint], spot: PlanPoint) -> float:
     """From a place to a piece of a line, m."""
     return _nearest_on(strip, spot)[0]
 
 
-def _nearest_on(strip: tuple[Spot, Spot], spot: Spot) -> tuple[float, Spot]:
+def _nearest_on(strip: tuple[PlanPoint, PlanPoint], spot: PlanPoint) -> tuple[float, PlanPoint]:
     """(distance, point) of a piece of a line nearest to a place."""
     (ax, ay), (bx, by) = strip
     east, north = bx - ax, by - ay

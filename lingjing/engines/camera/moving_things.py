@@ -13,9 +13,9 @@ from lingjing.engines.camera.classes import CLASSES, FIRST_ENTITY
 from lingjing.engines.camera.effects import BILLBOARD, DECAL, Site, effects_of
 from lingjing.engines.camera.effects.night import road_light
 from lingjing.engines.camera.instances import Batch, entity_batches, marks, matrix
-from lingjing.engines.camera.meshes import Array
-from lingjing.engines.camera.models import Part, ambient_parts, entity_parts, look_of
-from lingjing.engines.camera.nightlights import vehicle_rows, vehicles_lit
+from lingjing.engines.camera.lamps import vehicle_rows, vehicles_lit
+from lingjing.engines.camera.meshes import Mesh
+from lingjing.engines.camera.models import ModelPart, ambient_parts, entity_parts, look_of
 from lingjing.mission.instance import Entity, Weather
 from lingjing.plugins.bodies import floats
 from lingjing.trace.records import BodyState
@@ -25,7 +25,7 @@ Support = Callable[[float, float, float], float]
 
 
 @dataclass(frozen=True, slots=True)
-class Cast:
+class MovingThings:
     """Everything that moves in a picture."""
 
     batches: tuple[Batch, ...]
@@ -43,11 +43,11 @@ def stage(
     under: Support,
     level_m: float,
     own: tuple[BodyState, str] | None = None,
-) -> Cast:
+) -> MovingThings:
     """The cast of the entities (with their numbers in the instance) and of background traffic; `sites` says by entity
     what lies about it, where that matters. `own` is who looks and is not drawn, with its look: the road in front of it
     lies in its headlights all the same."""
-    drawn: list[tuple[npt.NDArray[np.float64], str, Array, int, float]] = []
+    drawn: list[tuple[npt.NDArray[np.float64], str, Mesh, int, float]] = []
     wet = []
     billboards, decals = [np.zeros(0, BILLBOARD)], [np.zeros(0, DECAL)]
     cast = tuple(entities)
@@ -72,12 +72,12 @@ def stage(
     for state in ambient:
         number = CLASSES.get(state.kind, CLASSES["entity"])
         drawn += _placed(state, ambient_parts(state, time_s), "entity", number, state.position[2])
-    return Cast(entity_batches(drawn), marks(wet), np.concatenate(billboards), np.concatenate(decals))
+    return MovingThings(entity_batches(drawn), marks(wet), np.concatenate(billboards), np.concatenate(decals))
 
 
 def _placed(
-    state: BodyState, parts: Iterable[Part], group: str, number: int, plane: float
-) -> list[tuple[npt.NDArray[np.float64], str, Array, int, float]]:
+    state: BodyState, parts: Iterable[ModelPart], group: str, number: int, plane: float
+) -> list[tuple[npt.NDArray[np.float64], str, Mesh, int, float]]:
     body = matrix(state.position, state.heading_deg, state.pitch_deg, state.roll_deg)
     whole = np.vstack([np.eye(4)[:3], [0.0, 0.0, 0.0, 1.0]])
     found = []
@@ -87,4 +87,4 @@ def _placed(
     return found
 
 
-__all__ = ["Cast", "stage"]
+__all__ = ["MovingThings", "stage"]

@@ -7,8 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lingjing.engines.camera.instances import Batch, Rows, in_sight
-from lingjing.engines.camera.meshes import Array
+from lingjing.engines.camera.effects.particles import Rows
+from lingjing.engines.camera.instances import Batch, in_sight
+from lingjing.engines.camera.meshes import Mesh
 from lingjing.engines.camera.reduced_meshes import (
     FAR_M,
     FAR_PX,
@@ -34,7 +35,7 @@ class Look(NamedTuple):
     """Instances that are drawn with one mesh; `dull` without gloss."""
 
     key: str
-    mesh: Array
+    mesh: Mesh
     rows: Rows
     dull: bool
 

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lingjing.engines.camera.mesh_rows import Index, Part
+from lingjing.engines.camera.mesh_rows import MeshPart, VertexIndex
 
-Floats = npt.NDArray[np.float32]
+CornerArray = npt.NDArray[np.float32]
 Ranges = Sequence[tuple[int, int]]
 EDGE_ON_M = 0.02
 """A triangle whose plane passes the eye as closely as this is left to the rasteriser to judge."""
@@ -26,17 +26,17 @@ class Planes:
     """Triangles (n, 3) of a part as indices of its vertices, and their planes (n, 4): outward unit normal, and what is
     added to its product with a point for the point's height over the plane, metres."""
 
-    triangles: Index
-    planes: Floats
+    triangles: VertexIndex
+    planes: CornerArray
 
     def facing(self, eye: tuple[float, float, float]) -> npt.NDArray[np.bool_]:
         """Which triangles (n,) an eye may see the front of."""
         return np.asarray(self.planes @ (*eye, 1.0) > -EDGE_ON_M)
 
-    def among(self, ranges: Ranges, eye: tuple[float, float, float]) -> Index:
+    def among(self, ranges: Ranges, eye: tuple[float, float, float]) -> VertexIndex:
         """The indices, in order, of those triangles in ranges (first index, count) that face an eye."""
         some = np.concatenate([np.arange(first // 3, (first + count) // 3) for first, count in ranges])
-        seen: Index = self.triangles[some[self.planes[some] @ (*eye, 1.0) > -EDGE_ON_M]]
+        seen: VertexIndex = self.triangles[some[self.planes[some] @ (*eye, 1.0) > -EDGE_ON_M]]
         return seen.ravel()
 
 
@@ -45,10 +45,10 @@ class Walls:
     """Triangles of a part with their planes, corners (n, 3, 3), metres, and shaded normals (n, 3)."""
 
     planes: Planes
-    corners: Floats
-    normals: Floats
+    corners: CornerArray
+    normals: CornerArray
 
-    def ordered(self, eye: tuple[float, float, float], sun: tuple[float, float, float]) -> tuple[Index, int, int]:
+    def ordered(self, eye: tuple[float, float, float], sun: tuple[float, float, float]) -> tuple[VertexIndex, int, int]:
         """(all indices, in drawing order what faces the eye and then the rest; how many are of walls that face both the
         eye and the sun; how many face the eye). Shadows are thrown by all of them."""
         facing = self.planes.facing(eye)
@@ -59,7 +59,7 @@ class Walls:
         return self.planes.triangles[order].ravel(), 3 * int((facing & ~away).sum()), 3 * int(facing.sum())
 
 
-def planes_of(part: Part) -> Planes:
+def planes_of(part: MeshPart) -> Planes:
     """The triangles of a part and their planes, turned to the side that their normals are shaded for."""
     triangles = part.index.reshape(-1, 3)
     corners = part.vertices["position"][triangles].astype(np.float64)
@@ -71,7 +71,7 @@ def planes_of(part: Part) -> Planes:
     return Planes(triangles, planes.astype(np.float32))
 
 
-def walls_of(part: Part) -> Walls:
+def walls_of(part: MeshPart) -> Walls:
     """The walls of a part."""
     planes = planes_of(part)
     triangles = planes.triangles

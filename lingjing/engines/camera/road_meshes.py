@@ -14,12 +14,12 @@ import numpy.typing as npt
 import shapely
 
 from lingjing.engines.camera.classes import CLASSES
-from lingjing.engines.camera.mesh_rows import Floats, Part, Style, joined, quads, rows, sheet
-from lingjing.engines.camera.meshes import Colour
+from lingjing.engines.camera.mesh_rows import Floats, MeshPart, Style, joined, quads, rows, sheet
+from lingjing.mission.appearance import LinearRgb
 from lingjing.mission.geometry2d import Polygon
 from lingjing.scene.city import Junction, Lane, PaintedArea, Road
 
-SURFACES: dict[str, tuple[Colour, Style]] = {
+SURFACES: dict[str, tuple[LinearRgb, Style]] = {
     "ground": ((0.205, 0.200, 0.182), (9.0, 0.0, 0.45, 0.50)),
     "park": ((0.085, 0.125, 0.040), (9.0, 0.0, 0.60, 0.35)),
     "grass": ((0.090, 0.130, 0.038), (9.0, 0.0, 0.60, 0.25)),
@@ -48,7 +48,7 @@ IDS = {
 }
 """Surface → semantic class where that is not the surface's own or `concrete`."""
 
-CYCLE_RED: Colour = (0.20, 0.075, 0.055)
+CYCLE_RED: LinearRgb = (0.20, 0.075, 0.055)
 KERB_M = 0.2
 TOP_AREA = 6.0
 PAVED_OVER = 0.5
@@ -71,7 +71,7 @@ def surface_id(surface: str) -> int:
     return 0
 
 
-def areas(given: Sequence[PaintedArea]) -> tuple[Part, Part]:
+def areas(given: Sequence[PaintedArea]) -> tuple[MeshPart, MeshPart]:
     """Painted areas with joints and without, the topmost first (it is drawn first and hides what is under it)."""
     boxes = [shapely.Polygon(area.polygon).bounds if len(area.polygon) > 2 else None for area in given]
     layers: list[float] = []
@@ -89,12 +89,12 @@ def _touch(a: tuple[float, ...], b: tuple[float, ...] | None) -> bool:
     return b is not None and a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3]
 
 
-def _area(area: PaintedArea, layer: float) -> Part:
+def _area(area: PaintedArea, layer: float) -> MeshPart:
     colour, style = SURFACES.get(area.surface, SURFACES["concrete"])
     return sheet([area.polygon, *area.holes], area.top_m, colour, surface_id(area.surface), style=style, layer=layer)
 
 
-def junctions(given: Iterable[Junction]) -> Part:
+def junctions(given: Iterable[Junction]) -> MeshPart:
     """The asphalt of junctions, without markings."""
     style = (0.0, 0.0, 0.0, 0.0)
     parts = []
@@ -140,7 +140,7 @@ def _two_way(road: Road, middles: Middles) -> bool:
     return bool((close & against).any())
 
 
-def lanes(given: Iterable[Road], crossings: Sequence[Polygon], middles: Middles) -> Part:
+def lanes(given: Iterable[Road], crossings: Sequence[Polygon], middles: Middles) -> MeshPart:
     """The driving lanes of roads; `crossings` are the outlines of junctions that pedestrians cross at, `middles` those
     of the roads around."""
     near = [shapely.Polygon(ring).buffer(1.5) for ring in crossings if len(ring) > 2]
@@ -159,7 +159,7 @@ def lanes(given: Iterable[Road], crossings: Sequence[Polygon], middles: Middles)
     return joined(parts)
 
 
-def pavements(given: Iterable[Road]) -> Part:
+def pavements(given: Iterable[Road]) -> MeshPart:
     """The walkways along roads with their kerb stones."""
     colour, style = SURFACES["sidewalk"]
     number = surface_id("sidewalk")
@@ -174,7 +174,9 @@ def pavements(given: Iterable[Road]) -> Part:
     return joined(parts)
 
 
-def _lane(road: Road, lane: Lane, place: int, driven: Sequence[Lane], inner: int, crossings: shapely.STRtree) -> Part:
+def _lane(
+    road: Road, lane: Lane, place: int, driven: Sequence[Lane], inner: int, crossings: shapely.STRtree
+) -> MeshPart:
     if len(lane.shape) < 2:
         return joined(())
     left, right, along = _edges(lane)
@@ -188,7 +190,7 @@ def _lane(road: Road, lane: Lane, place: int, driven: Sequence[Lane], inner: int
     number = surface_id("asphalt")
     vertices = rows(position, (0.0, 0.0, 1.0), colour, number, at=at, style=style, layer=LANE_LAYER)
     base = 2 * np.arange(count - 1, dtype=np.uint32)[:, None]
-    return Part(vertices, (base + np.array([0, 1, 3, 0, 3, 2], np.uint32)).ravel())
+    return MeshPart(vertices, (base + np.array([0, 1, 3, 0, 3, 2], np.uint32)).ravel())
 
 
 def _lines(road: Road, place: int, driven: Sequence[Lane], inner: int) -> float:
@@ -237,13 +239,13 @@ def _edges(lane: Lane) -> tuple[Floats, Floats, Floats]:
     return path + offset, path - offset, np.concatenate([[0.0], np.cumsum(length)])
 
 
-def _ribbon(left: Floats, right: Floats, colour: Colour, style: Style, number: int) -> Part:
+def _ribbon(left: Floats, right: Floats, colour: LinearRgb, style: Style, number: int) -> MeshPart:
     position = np.stack([left[:-1], right[:-1], right[1:], left[1:]], axis=1).reshape(-1, 3)
     vertices = rows(position, (0.0, 0.0, 1.0), colour, number, at=position[:, :2], style=style, layer=WALK_LAYER)
-    return Part(vertices, quads(len(left) - 1))
+    return MeshPart(vertices, quads(len(left) - 1))
 
 
-def _kerb(line: Floats, turn: float, number: int) -> Part:
+def _kerb(line: Floats, turn: float, number: int) -> MeshPart:
     """The kerb stones along one edge of a walkway, which lies to the left (`turn` 1) or right (-1) of the line."""
     step = np.diff(line[:, :2], axis=0)
     side = turn * np.column_stack([-step[:, 1], step[:, 0]]) / np.maximum(np.linalg.norm(step, axis=1), 1e-6)[:, None]
@@ -251,4 +253,4 @@ def _kerb(line: Floats, turn: float, number: int) -> Part:
     position = np.stack([line[:-1], line[1:], line[1:] + inwards, line[:-1] + inwards], axis=1).reshape(-1, 3)
     vertices = rows(position, (0.0, 0.0, 1.0), (0.40, 0.40, 0.385), number, style=(9.0, 0.0, 0.2, 0.0),
                     layer=KERB_LAYER)  # fmt: skip
-    return Part(vertices, quads(len(line) - 1))
+    return MeshPart(vertices, quads(len(line) - 1))

@@ -11,20 +11,21 @@ import shapely
 
 from lingjing.engines.camera.ground import MATERIALS
 from lingjing.engines.camera.ground import SURFACES as GROUND
-from lingjing.engines.camera.mesh_rows import Floats, Part, faces, joined, oriented, prism, sheet, walls
-from lingjing.engines.camera.meshes import Colour, cylinder
+from lingjing.engines.camera.mesh_rows import Floats, MeshPart, faces, joined, oriented, prism, sheet, walls
+from lingjing.engines.camera.meshes import cylinder
+from lingjing.mission.appearance import LinearRgb
 from lingjing.scene.city import Bridge, Pipe, Slope, Solid
 
-CONCRETE: Colour = (0.36, 0.355, 0.34)
-RAIL: Colour = (0.42, 0.42, 0.41)
-STEEL: Colour = (0.34, 0.36, 0.38)
+CONCRETE: LinearRgb = (0.36, 0.355, 0.34)
+RAIL: LinearRgb = (0.42, 0.42, 0.41)
+STEEL: LinearRgb = (0.34, 0.36, 0.38)
 PARAPET_M, PARAPET_WIDE_M = 1.0, 0.25
 CLEARANCE_M = 0.02
 Under = Callable[[float, float], float]
 """Elevation of what carries a pier at a place."""
 
 
-def bridge(given: Bridge, number: int, under: Under) -> Part:
+def bridge(given: Bridge, number: int, under: Under) -> MeshPart:
     """Deck, parapets and piers; the deck's top lies a little under the way on it."""
     path = np.asarray(given.path, np.float64)
     left, right = _sides(path, given.width_m / 2.0)
@@ -47,7 +48,7 @@ def _sides(path: Floats, half: float) -> tuple[Floats, Floats]:
     return path + offset, path - offset
 
 
-def _slab(left: Floats, right: Floats, thickness: float, number: int, colour: Colour = CONCRETE) -> Part:
+def _slab(left: Floats, right: Floats, thickness: float, number: int, colour: LinearRgb = CONCRETE) -> MeshPart:
     """A slab along a pair of lines: top, bottom, sides and both ends."""
     drop = np.array([0.0, 0.0, -thickness])
     a, b, c, d = left, right, right + drop, left + drop
@@ -60,7 +61,7 @@ def _skin(p: Floats, q: Floats) -> Floats:
     return np.concatenate([np.stack([p[:-1], q[:-1], q[1:]], 1), np.stack([p[:-1], q[1:], p[1:]], 1)])
 
 
-def _piers(given: Bridge, path: Floats, number: int, under: Under) -> list[Part]:
+def _piers(given: Bridge, path: Floats, number: int, under: Under) -> list[MeshPart]:
     line = shapely.LineString(path[:, :2])
     if given.pier_spacing_m <= 0 or line.length < 1.0:
         return []
@@ -86,14 +87,14 @@ def _piers(given: Bridge, path: Floats, number: int, under: Under) -> list[Part]
 
 
 def _block(centre: npt.ArrayLike, ahead: Floats, across: Floats, deep: float, wide: float, number: int,
-           base: float, top: float) -> Part:  # fmt: skip
+           base: float, top: float) -> MeshPart:  # fmt: skip
     at = np.asarray(centre, np.float64)
     ring = [at + ahead * deep + across * wide, at - ahead * deep + across * wide, at - ahead * deep - across * wide,
             at + ahead * deep - across * wide]  # fmt: skip
     return prism(oriented(ring), base, top, CONCRETE, number)
 
 
-def solid(given: Solid, number: int) -> Part:
+def solid(given: Solid, number: int) -> MeshPart:
     """A prism of its material."""
     colour = MATERIALS.get(given.material, GROUND["concrete"][0])
     ring = oriented(given.polygon)
@@ -101,7 +102,7 @@ def solid(given: Solid, number: int) -> Part:
                    sheet([ring], given.top_m, colour, number)))  # fmt: skip
 
 
-def slope(given: Slope, number: int) -> Part:
+def slope(given: Slope, number: int) -> MeshPart:
     """A slab with an inclined top."""
     colour = MATERIALS.get(given.material, CONCRETE)
     top = np.asarray(given.top, np.float64)
@@ -117,7 +118,7 @@ def _outside(low: Floats, top: Floats) -> Floats:
     return np.concatenate([np.stack([low, low2, top2], 1), np.stack([low, top2, top], 1)])
 
 
-def pipe(given: Pipe, number: int) -> Part:
+def pipe(given: Pipe, number: int) -> MeshPart:
     """A tube along a path with flanges, on supports where it runs above the ground."""
     parts = []
     radius = given.radius_m
@@ -137,7 +138,7 @@ def pipe(given: Pipe, number: int) -> Part:
     return joined(parts)
 
 
-def _tube(start: Floats, end: Floats, radius: float, colour: Colour, number: int) -> Part:
+def _tube(start: Floats, end: Floats, radius: float, colour: LinearRgb, number: int) -> MeshPart:
     mesh = cylinder(_point(start), _point(end), (radius, radius), colour, 0.4, sides=10)
     part = faces(mesh[:, :3], colour, number, gloss=0.4)
     if len(part.vertices) == len(mesh):
