@@ -12,7 +12,7 @@ READ = re.compile(
     r'|bounds\((?:\w+, )*"(\w+)"'
     r'|"(\w+)" (?:not )?in (?:\w+\.)*properties'
 )
-UNITS = re.compile(r"(_low|_high)?_(m|mps|s|kg|hz|deg)$")
+UNITS = re.compile(r"(_low|_high)?_(m|mps2|mps|s|kg|hz|deg)$")
 THE_SCENES_OWN = {"building"}
 """Written by the scene where it anchors something, and by nobody else."""
 
