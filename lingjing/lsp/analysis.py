@@ -67,12 +67,8 @@ class Analysis:
     # -- private
 
     def _imported(self, name: str) -> Span | None:
-        scope = self.scope
-        for table in (scope.types, scope.records, getattr(scope, "cameras", {}), getattr(scope, "weathers", {})):
-            if name in table:
-                span: Span = table[name].span
-                return span
-        return None
+        found = self.scope.declared(name)
+        return found.span if found is not None else None
 
     def _part_of_type(self, one: Occurrence) -> tuple[str, int, int] | None:
         """A verb or an interaction that a type of a library declares."""

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from importlib import import_module
 
-from lingjing.dsl.checking import library
+from lingjing.dsl.checking import bodies, conduct, equipment, library, rules, settings, types
 from lingjing.dsl.checking.keys import PropertyKey
 from lingjing.dsl.checking.scope import SymbolTables, TypeDecl
 from lingjing.dsl.checking.toplevel import load_library
@@ -54,7 +53,6 @@ STATEMENTS_IN: dict[str, tuple[str, ...]] = {
 }  # fmt: skip
 """The statements of a block, by the token that opens it."""
 
-_KEY_TABLES = ("settings", "types", "entities", "equipment", "rules", "conduct")
 _COMPOUND = ("m/s", "km/h", "m/s^2", "deg/s", "m^2", "m^3", "kB/s", "B/s", "kg*m^2")
 _AFTER_OPERAND = ("in", "and", "or", "when", "at", "by", "from", "to")
 _OPERANDS = frozenset(("NAME", "NUMBER", "QUANTITY", "STRING", "RPAR", "RSQB", "RSET", "TRUE", "FALSE"))
@@ -105,14 +103,21 @@ class _Completer:
     def _keys(self) -> Iterator[tuple[str, str]]:
         kind = self.at.kind()
         if kind in ("ASSET", "TARGET"):
-            for key in _keys_of("COMMON").values():
+            for key in types.COMMON_KEYS.values():
                 yield key.name, type_word(key.type)
             decl = self._type()
             for name, attribute in (decl.attributes if decl else {}).items():
                 yield name, type_word(attribute.type)
         else:
-            for key in _keys_of(kind).values():
+            for key in self._known_keys().values():
                 yield key.name, type_word(key.type)
+
+    def _known_keys(self) -> dict[str, PropertyKey]:
+        """The properties that the block around the cursor knows."""
+        if self.at.kind() != "SCENE":
+            return _KEYS.get(self.at.kind(), {})
+        head = self.at.blocks[-1]
+        return settings.scene_keys(head[1].text if len(head) > 1 else "")
 
     def _type(self) -> TypeDecl | None:
         head = next((head for head in reversed(self.at.blocks) if head and head[0].type in ("ASSET", "TARGET")), None)
@@ -175,7 +180,7 @@ class _Completer:
         elif head == "MESSAGE":
             yield from (Item(name, "type", record.category) for name, record in self.scope.records.items())
         elif head == "CAMERA":
-            yield from (Item(name, "type", "camera preset") for name in getattr(self.scope, "cameras", ()))
+            yield from (Item(name, "type", "camera preset") for name in self.scope.cameras)
         elif head in ("ADJUDICATE", "UNLOCK"):
             yield from self._domains()
         elif head == "VERB":
@@ -358,10 +363,10 @@ class _Completer:
         """The property whose value is being written."""
         name = next((token.text for token in self.at.statement if token.type == "NAME"), "")
         if self.at.kind() not in ("ASSET", "TARGET"):
-            return _keys_of(self.at.kind()).get(name)
+            return self._known_keys().get(name)
         decl = self._type()
         attribute = decl.attributes.get(name) if decl else None
-        return PropertyKey(name, attribute.type) if attribute else _keys_of("COMMON").get(name)
+        return PropertyKey(name, attribute.type) if attribute else types.COMMON_KEYS.get(name)
 
     def _bound_of_verb(self) -> Dimension | None:
         name = self.at.statement[-3].text if len(self.at.statement) >= 3 else self.at.statement[0].text
@@ -385,16 +390,21 @@ _SPECIAL: dict[str, Callable[[_Completer], Iterable[Item]]] = {
 """Statements whose words are not expressions, by their first token."""
 
 
-def _keys_of(kind: str) -> dict[str, PropertyKey]:
-    """The properties a block knows: the compiler's own table, found by the block's name."""
-    for module in _KEY_TABLES:
-        try:
-            table = getattr(import_module(f"lingjing.dsl.checking.{module}"), f"{kind}_KEYS", None)
-        except ImportError:
-            continue
-        if isinstance(table, dict):
-            return table
-    return {}
+_KEYS: dict[str, dict[str, PropertyKey]] = {
+    "CLOCK": settings.CLOCK_KEYS,
+    "BUDGET": settings.BUDGET_KEYS,
+    "WEATHER": settings.WEATHER_KEYS,
+    "GRID": settings.GRID_KEYS,
+    "COMMS": settings.COMMS_KEYS,
+    "CAMERA": equipment.CAMERA_KEYS,
+    "STAGE": rules.STAGE_KEYS,
+    "INTERACTION": types.INTERACTION_KEYS,
+    "MOUNT": bodies.MOUNT_KEYS,
+    "PART": bodies.PART_KEYS,
+    "INSPECTION": conduct.INSPECTION_KEYS,
+    "CONSTRAINT": conduct.CONSTRAINT_KEYS,
+}
+"""The properties that a block knows, by the token that opens it; those of scenes and entities depend on more."""
 
 
 def _chain(statement: list[Token]) -> list[Token]:

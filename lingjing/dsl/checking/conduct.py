@@ -18,7 +18,7 @@ from lingjing.mission.functions import ENTITY, FLAG, METRES, NUMBER, Type
 
 KINDS = ("hard", "soft")
 ORDERS = ("strict", "any")
-_INSPECTION_KEYS = {
+INSPECTION_KEYS = {
     key.name: key
     for key in (
         PropertyKey("within", METRES, above=0, required=True),
@@ -27,7 +27,7 @@ _INSPECTION_KEYS = {
         PropertyKey("replan", Type("name")),
     )
 }
-_CONSTRAINT_KEYS = {"penalty": PropertyKey("penalty", NUMBER, low=0, high=1)}
+CONSTRAINT_KEYS = {"penalty": PropertyKey("penalty", NUMBER, low=0, high=1)}
 
 
 class ConductChecker:
@@ -80,7 +80,7 @@ class ConductChecker:
             return None
         environment = self.rules.per(node.variable, node.domain)
         what = f"the constraint `{node.name.text}`"
-        entries = self.blocks.read(node.block, _CONSTRAINT_KEYS, what, others=(s.Condition,), owner=node.name)
+        entries = self.blocks.read(node.block, CONSTRAINT_KEYS, what, others=(s.Condition,), owner=node.name)
         condition = self.rules.only_condition(node.block, "always", what, node.name, others=(s.PropertyLine,))
         guard = self.settings.guard(node.guard)
         penalty = entries.get("penalty")
@@ -103,7 +103,7 @@ class ConductChecker:
 
     def inspection(self, node: s.InspectionBlock) -> model.Inspection | None:
         """`inspection name of asset by inspectors { within = …, replan = … }`."""
-        entries = self.blocks.read(node.block, _INSPECTION_KEYS, f"the inspection `{node.name.text}`", owner=node.name)
+        entries = self.blocks.read(node.block, INSPECTION_KEYS, f"the inspection `{node.name.text}`", owner=node.name)
         asset = self._asset(node.asset, "`of`")
         if asset is not None and asset.type.kind == "group":
             self.report.at("LJ0201", node.asset, "one asset's route is inspected, this is a group")

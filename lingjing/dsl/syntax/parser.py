@@ -2,7 +2,8 @@
 
 On an unexpected token it takes a misspelt keyword for the one that was meant; else it reports what was due, drops the
 unfinished statement from the stack, skips to the end of that statement (a block it opens is still parsed, so that
-errors in it are found) and puts an ERROR in the statement's place. Braces balance in the token stream, so a fault in a statement never moves the end of the block around it.
+errors in it are found) and puts an ERROR in the statement's place. Braces balance in the token stream, so a fault in a
+statement never moves the end of the block around it.
 """
 
 from __future__ import annotations
