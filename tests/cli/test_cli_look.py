@@ -34,14 +34,6 @@ def test_plugins_prints_a_line_each(capsys) -> None:
     assert any(line.split()[:3] == ["policy", "heuristic", "agents"] for line in lines)
 
 
-def test_the_options_of_a_scene_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["plugins", "coastal"]) == 0
-    rows = {line.split()[0]: line for line in capsys.readouterr().out.splitlines()[2:]}
-    assert "metres: from 150 to 12000" in rows["extent"] and "default 800" in rows["extent"]
-    assert "default 8 to 40" in rows["height"] and rows["height"].endswith("lowest and highest")
-    assert "2 or more points" in rows["bridge"]
-
-
 def test_plugins_lists_the_options_of_one_with_type_bounds_default_and_help(capsys) -> None:
     assert main(["plugins", "react"]) == 0
     lines = capsys.readouterr().out.splitlines()
