@@ -23,7 +23,7 @@ from lingjing.mission.model import Field
 from lingjing.plugins.policy import Inbox, Observation
 from lingjing.trace.records import Action, Decision, EntityView, Envelope, Outgoing
 
-Array = npt.NDArray[Any]
+SpaceValue = npt.NDArray[Any]
 
 INBOX = 8
 """The latest messages that an observation holds."""
@@ -146,7 +146,7 @@ class Codec:
 
     # -- observations
 
-    def _events(self, observation: Observation) -> Array:
+    def _events(self, observation: Observation) -> SpaceValue:
         counts = np.zeros(len(self._words.events), np.float32)
         for event in observation.events:
             number = self._words.events.number(event.kind)
@@ -154,7 +154,7 @@ class Codec:
                 counts[number - 1] += 1.0
         return counts
 
-    def _inbox(self, messages: Sequence[Envelope]) -> Array:
+    def _inbox(self, messages: Sequence[Envelope]) -> SpaceValue:
         table = np.zeros((INBOX, 2 + self._width), np.float32)
         specs = {message.kind: message for message in self._instance.messages}
         for row, message in enumerate(messages[-INBOX:]):
@@ -193,7 +193,7 @@ class Codec:
             raise self._wrong(f"`{key}` is {chosen!r}, not one of {space}")
         return int(chosen)
 
-    def _numbers(self, action: Mapping[str, Any], key: str) -> Array:
+    def _numbers(self, action: Mapping[str, Any], key: str) -> SpaceValue:
         space = self.action_space[key]
         try:
             values = np.asarray(action.get(key), np.float64)
@@ -234,7 +234,7 @@ class Codec:
         to = self._words.agents.word(self._choice(action, "to"))
         return (Outgoing(kind=message.kind, body=body, to=() if to is None else (to,)),)
 
-    def _field(self, field: Field, values: Array, observation: Observation) -> Datum:
+    def _field(self, field: Field, values: SpaceValue, observation: Observation) -> Datum:
         if field.type == "text":
             return ""
         if field.type == "position":
@@ -283,7 +283,7 @@ def _box(*shape: int, low: float = -np.inf) -> spaces.Box:
     return spaces.Box(low, np.inf, shape, np.float32)
 
 
-def _body(entity: Entity, view: EntityView | None) -> Array:
+def _body(entity: Entity, view: EntityView | None) -> SpaceValue:
     numbers = np.zeros(_BODY + len(entity.state), np.float32)
     if view is None:
         return numbers
@@ -300,7 +300,7 @@ def _body(entity: Entity, view: EntityView | None) -> Array:
     return numbers
 
 
-def _picture(eye: Eye, observation: Observation) -> Array:
+def _picture(eye: Eye, observation: Observation) -> SpaceValue:
     shape = (eye.height, eye.width, 3)
     for picture in observation.pictures:
         if (picture.entity, picture.camera) == (eye.entity, eye.camera.name):

@@ -27,14 +27,14 @@ from lingjing.mission.fold import Meaning
 from lingjing.mission.instance import Datum, Entity, Instance
 from lingjing.mission.model import Rule
 from lingjing.mission.values import Area
-from lingjing.trace.records import BodyState, Event, Snapshot, StageChange
+from lingjing.trace.records import AdjudicatedEvent, BodyState, Snapshot, StageChange
 
 
 class Verdict(msgspec.Struct, frozen=True):
     """What a boundary's adjudication found [V], with the registry that has latched it."""
 
     registry: Registry
-    events: tuple[Event, ...]
+    events: tuple[AdjudicatedEvent, ...]
     stages: tuple[StageChange, ...]
     unlocks: tuple[tuple[str, str], ...]
 
@@ -79,7 +79,7 @@ class Adjudicator:
     def adjudicate(self, before: Registry, registry: Registry, snapshots: Sequence[Snapshot]) -> Verdict:
         """Walk the macro-steps of the boundary that `registry` stands at; `before` is the last boundary's, whose
         reports are the ones that count until the commit."""
-        events: list[Event] = []
+        events: list[AdjudicatedEvent] = []
         if self._moving and len(snapshots) > 1:
             early = replace(registry, reports=before.reports)
             for snapshot in snapshots[:-1]:
@@ -100,14 +100,14 @@ class Adjudicator:
         registry: Registry,
         states: Mapping[str, BodyState],
         time_s: float,
-        events: list[Event],
+        events: list[AdjudicatedEvent],
     ) -> Registry:
         for rule in rules:
             at = self.instant(registry, states, time_s)
             registry = self._match(rule, at, events) if rule.matching else self._latch(rule, at, events)
         return registry
 
-    def _latch(self, rule: Rule, at: RuntimeContext, events: list[Event]) -> Registry:
+    def _latch(self, rule: Rule, at: RuntimeContext, events: list[AdjudicatedEvent]) -> Registry:
         achieved: dict[Binding, float] = {}
         for scope in bindings(_domains(rule), at, fresh=rule.name in self._at_once):
             binding = tuple(identity(value) for value in scope.values())
@@ -119,7 +119,7 @@ class Adjudicator:
                 events.append(self._event(rule, scope, at, len(events)))
         return at.registry.with_achieved(rule.name, achieved)
 
-    def _match(self, rule: Rule, at: RuntimeContext, events: list[Event]) -> Registry:
+    def _match(self, rule: Rule, at: RuntimeContext, events: list[AdjudicatedEvent]) -> Registry:
         registry = at.registry
         achieved: dict[Binding, float] = {}
         for report, scopes in self._by_report(rule, at).items():
@@ -163,12 +163,14 @@ class Adjudicator:
                 best = (scope, claim, dict(at.evidence))
         return best
 
-    def _event(self, rule: Rule, scope: Mapping[str, Entity | Report], at: RuntimeContext, number: int) -> Event:
+    def _event(
+        self, rule: Rule, scope: Mapping[str, Entity | Report], at: RuntimeContext, number: int
+    ) -> AdjudicatedEvent:
         evidence: dict[str, Datum] = dict(at.evidence)
         error = _localisation_error(scope, at)
         if error is not None:
             evidence["loc_error_m"] = error
-        return Event(
+        return AdjudicatedEvent(
             id=f"e{at.registry.tick}-{number + 1}",
             kind=rule.name,
             tick=at.registry.tick,

@@ -13,7 +13,7 @@ from lingjing.mission.expression import Number
 from lingjing.mission.instance import Instance
 from lingjing.mission.model import Constraint
 from lingjing.mission.wording import some
-from lingjing.trace.records import BodyState, Event, Snapshot
+from lingjing.trace.records import AdjudicatedEvent, BodyState, Snapshot
 
 At = Callable[[Registry, Mapping[str, BodyState], float], RuntimeContext]
 
@@ -26,11 +26,11 @@ class ConstraintMonitor:
 
     def look(
         self, registry: Registry, snapshots: Sequence[Snapshot], instant: At, first: int
-    ) -> tuple[Registry, tuple[Event, ...]]:
+    ) -> tuple[Registry, tuple[AdjudicatedEvent, ...]]:
         """The registry that knows what was broken, and an event for each; their ids go on from `first`."""
         if not self._constraints:
             return registry, ()
-        events: list[Event] = []
+        events: list[AdjudicatedEvent] = []
         broken = dict(registry.progress.broken)
         for snapshot in snapshots:
             at = instant(registry, {state.id: state for state in snapshot.states}, snapshot.time_s)
@@ -75,8 +75,8 @@ def _offenders(constraint: Constraint, at: RuntimeContext) -> list[str]:
     ]
 
 
-def _event(constraint: Constraint, subject: str, at: RuntimeContext, number: int) -> Event:
-    return Event(
+def _event(constraint: Constraint, subject: str, at: RuntimeContext, number: int) -> AdjudicatedEvent:
+    return AdjudicatedEvent(
         id=f"e{at.registry.tick}-{number}",
         kind=constraint.name,
         tick=at.registry.tick,

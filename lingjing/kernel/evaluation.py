@@ -27,7 +27,7 @@ from lingjing.mission.expression import Expr, components
 from lingjing.mission.instance import Instance
 from lingjing.mission.wording import some
 from lingjing.plugins.evaluator import Evaluation
-from lingjing.trace.records import Event
+from lingjing.trace.records import AdjudicatedEvent
 
 
 class MissionEvaluator:
@@ -39,7 +39,7 @@ class MissionEvaluator:
         self._monitor = ConstraintMonitor(instance)
         self._declared_stages = Stages(instance)
 
-    def evaluate(self, standing: Registry, events: Sequence[Event]) -> Evaluation:
+    def evaluate(self, standing: Registry, events: Sequence[AdjudicatedEvent]) -> Evaluation:
         """Success before failure and lateness: a mission won at the boundary where it would be lost is won."""
         at = self._adjudicator.instant(standing, standing.states, standing.time_s)
         parts = list(parts_of(self._instance.success, {}, at))

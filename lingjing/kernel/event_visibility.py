@@ -17,7 +17,7 @@ from lingjing.mission.expression import Aggregate, Call, Expr, Quantified, Ref, 
 from lingjing.mission.functions import OPERATIONS
 from lingjing.mission.instance import AgentSpec, Instance
 from lingjing.mission.model import Rule
-from lingjing.trace.records import Event, EventView, TaskEvent
+from lingjing.trace.records import AdjudicatedEvent, EventView, TaskEvent
 
 ALL, ACTOR, NONE = "all", "actor", "none"
 """Whoever observes events; of them who commands a body that took part; nobody."""
@@ -32,7 +32,7 @@ class EventVisibility:
         self._open = frozenset(_open_kinds(instance))
 
     def of(
-        self, agent: AgentSpec, task_events: Sequence[TaskEvent], adjudicated: Sequence[Event], tick: int
+        self, agent: AgentSpec, task_events: Sequence[TaskEvent], adjudicated: Sequence[AdjudicatedEvent], tick: int
     ) -> tuple[EventView, ...]:
         """The agent's share: the mission's and the engines' events of this boundary `tick`, then the adjudicator's of
         the one before."""

@@ -43,11 +43,11 @@ from lingjing.scene.city import City
 from lingjing.trace.digest import START, next_digest, next_frames_digest
 from lingjing.trace.records import (
     Absent,
+    AdjudicatedEvent,
     BoundaryRecord,
     Command,
     DecisionRecord,
     Envelope,
-    Event,
     Receipt,
     TaskEvent,
 )
@@ -68,7 +68,7 @@ class KernelState(msgspec.Struct, frozen=True):
     registry: Registry
     bus: Bus = field(default_factory=Bus)
     unlocks: tuple[tuple[str, str], ...] = ()
-    adjudicated: tuple[Event, ...] = ()
+    adjudicated: tuple[AdjudicatedEvent, ...] = ()
     digest: str = START
     frames_digest: str = START
     evaluation: Evaluation = field(default_factory=lambda: Evaluation(0.0, False))

@@ -24,10 +24,10 @@ from lingjing.scene.city import City
 from lingjing.trace.records import (
     DORMANT,
     Absent,
+    AdjudicatedEvent,
     BodyState,
     CellView,
     EntityView,
-    Event,
     EventView,
     FrameInfo,
     TaskEvent,
@@ -88,7 +88,7 @@ class Projector:
         pictures: Sequence[Picture] = (),
         absent: Sequence[Absent] = (),
         task_events: Sequence[TaskEvent] = (),
-        adjudicated: Sequence[Event] = (),
+        adjudicated: Sequence[AdjudicatedEvent] = (),
         privileged: Privileged | None = None,
     ) -> Observation:
         """The agent's member of O_t: `task_events` are this boundary's, `adjudicated` those of the one before."""

@@ -9,7 +9,7 @@ from typing import Any, Literal, Protocol, TypeVar
 import msgspec
 
 from lingjing.mission.instance import Instance
-from lingjing.trace.records import BodyState, Event, Reason
+from lingjing.trace.records import AdjudicatedEvent, BodyState, Reason
 
 
 class Evaluation(msgspec.Struct, frozen=True):
@@ -46,7 +46,7 @@ class Evaluator(Protocol[StandingT_contra]):
     """One evaluator of the paper's set E. It must be a pure function of its arguments: it keeps nothing from one
     boundary to the next, since an episode may be forked."""
 
-    def evaluate(self, standing: StandingT_contra, events: Sequence[Event]) -> Evaluation:
+    def evaluate(self, standing: StandingT_contra, events: Sequence[AdjudicatedEvent]) -> Evaluation:
         """The score and the flag at a boundary, `events` being those of the rules that came true at it."""
         ...
 

@@ -27,12 +27,12 @@ if TYPE_CHECKING:
 JPEG_QUALITY = 90
 DEPTH_STEP_M = 0.01
 
-Rgb = npt.NDArray[np.uint8]
+RgbPixels = npt.NDArray[np.uint8]
 Depth = npt.NDArray[np.float32]
 Semantic = npt.NDArray[np.uint8]
 
 
-def encode_jpeg(rgb: Rgb, quality: int = JPEG_QUALITY) -> bytes:
+def encode_jpeg(rgb: RgbPixels, quality: int = JPEG_QUALITY) -> bytes:
     """`rgb` is (height, width, 3) uint8. Baseline JPEG with 4:2:0 chroma, no metadata."""
     import PIL.Image
 
@@ -41,7 +41,7 @@ def encode_jpeg(rgb: Rgb, quality: int = JPEG_QUALITY) -> bytes:
     return out.getvalue()
 
 
-def decode_jpeg(data: bytes) -> Rgb:
+def decode_jpeg(data: bytes) -> RgbPixels:
     """Pixels as (height, width, 3) uint8, writable and contiguous. Raises `LingjingError` for a broken image."""
     return np.array(_open(data, "JPEG").convert("RGB"))
 

@@ -244,7 +244,7 @@ class Envelope(TraceRecord, frozen=True, kw_only=True):
     deliver_at: int
 
 
-class Event(TraceRecord, frozen=True, kw_only=True):
+class AdjudicatedEvent(TraceRecord, frozen=True, kw_only=True):
     """An adjudicated event [V]: the rule's name and its binding; `evidence` are the numbers that made it true.
 
     Policies see only the public projection (`lingjing.kernel.visibility`), one boundary later.
@@ -380,7 +380,7 @@ class BoundaryRecord(TraceRecord, frozen=True, kw_only=True):
     commands: tuple[Command, ...]
     messages: tuple[Envelope, ...]
     receipts: tuple[Receipt, ...]
-    events: tuple[Event, ...]
+    events: tuple[AdjudicatedEvent, ...]
     stages: tuple[StageChange, ...]
     relations: tuple[RelationRecord, ...] = ()
     reward: float

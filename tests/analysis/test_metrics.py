@@ -17,6 +17,7 @@ from lingjing.mission.model import Rule, RuleParameter, Unlock
 from lingjing.trace.reader import Trace
 from lingjing.trace.records import (
     Absent,
+    AdjudicatedEvent,
     BodyState,
     BoundaryRecord,
     Box,
@@ -25,7 +26,6 @@ from lingjing.trace.records import (
     Decision,
     DecisionRecord,
     Envelope,
-    Event,
     FrameInfo,
     ObservationRecord,
     Outgoing,
@@ -66,8 +66,8 @@ def report(number: int, frame_id: str, tick: int, recipients: int = 2, **body: o
     )  # fmt: skip
 
 
-def matched(tick: int, target: str, message: str) -> Event:
-    return Event(id=f"e{tick}", kind="matched", tick=tick, time_s=10.0 * tick, bindings=(target, message))
+def matched(tick: int, target: str, message: str) -> AdjudicatedEvent:
+    return AdjudicatedEvent(id=f"e{tick}", kind="matched", tick=tick, time_s=10.0 * tick, bindings=(target, message))
 
 
 def at(tick: int, **places: tuple[float, float]) -> Snapshot:

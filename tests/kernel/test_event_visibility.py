@@ -8,7 +8,7 @@ from lingjing.kernel.event_visibility import EventVisibility
 from lingjing.mission.expression import Binary, Call, Number, Point, Quantified, Ref, Symbol
 from lingjing.mission.instance import ChannelSpec, InteractionSpec
 from lingjing.mission.model import Constraint
-from lingjing.trace.records import Event, TaskEvent
+from lingjing.trace.records import AdjudicatedEvent, TaskEvent
 
 RESCUE = TaskEvent(kind="rescue", entities=("victim[1]", "boat"), time_s=10.0)
 PAST = Binary(
@@ -83,7 +83,7 @@ def test_numbers_do_not_count_what_was_not_told():
 
 
 def judged(kind, number, *bindings):
-    return Event(id=f"e3-{number}", kind=kind, tick=3, time_s=30.0, bindings=bindings)
+    return AdjudicatedEvent(id=f"e3-{number}", kind=kind, tick=3, time_s=30.0, bindings=bindings)
 
 
 @pytest.mark.parametrize(

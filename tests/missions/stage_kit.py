@@ -33,12 +33,12 @@ from lingjing.plugins.stock import Stock, booked
 from lingjing.scene.city import City
 from lingjing.trace.records import (
     Action,
+    AdjudicatedEvent,
     BodyState,
     Box,
     CameraPose,
     Decision,
     DecisionRecord,
-    Event,
     FrameInfo,
     Outgoing,
     Receipt,
@@ -258,7 +258,7 @@ class Play:
     strings: Strings
     instance: Instance
     published: Published
-    events: list[Event] = field(default_factory=list)
+    events: list[AdjudicatedEvent] = field(default_factory=list)
     relations: list[RelationRecord] = field(default_factory=list)
     receipts: list[Receipt] = field(default_factory=list)
     all: list[Published] = field(default_factory=list)

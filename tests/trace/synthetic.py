@@ -35,6 +35,7 @@ from lingjing.trace import images
 from lingjing.trace.digest import START, next_digest, next_frames_digest
 from lingjing.trace.records import (
     Action,
+    AdjudicatedEvent,
     AgentBinding,
     BodyState,
     BoundaryRecord,
@@ -46,7 +47,6 @@ from lingjing.trace.records import (
     DecisionRecord,
     EngineStatus,
     Envelope,
-    Event,
     FrameInfo,
     Header,
     InboxRecord,
@@ -307,7 +307,7 @@ def episode(  # noqa: C901  one loop reads like the episode it makes
         pictures, messages, events, stages, decisions, receipts = [], [], [], [], [], []
         for task in task_events:
             events.append(
-                Event(
+                AdjudicatedEvent(
                     id=f"e{tick}-{len(events) + 1}",
                     kind="rescued",
                     tick=tick,
@@ -368,7 +368,7 @@ def episode(  # noqa: C901  one loop reads like the episode it makes
                 error = math.dist(position[:2], there)
                 for kind, stage in (("matched", "detect"), ("reported", "locate")):
                     events.append(
-                        Event(
+                        AdjudicatedEvent(
                             id=f"e{tick}-{len(events) + 1}",
                             kind=kind,
                             tick=tick,
