@@ -1,7 +1,7 @@
 # Every target sets up what it needs first; a second run sets nothing up again.
 PYTHON3 ?= python3
 BIN := .venv/bin
-PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile -q
+PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder -q
 
 .PHONY: help setup demo test check bench study pictures missions selfcheck clean
 

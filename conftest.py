@@ -1,11 +1,15 @@
 """What holds for every test: hypotheses are tried with the same examples everywhere and without a clock, for what a
 loaded machine takes longer for is not wrong; and signals are heard, even in tests that a shell runs in its background
-or under `nohup`, where its children ignore them. Numerical libraries are pinned before anything loads them."""
+or under `nohup`, where its children ignore them. Numerical libraries are pinned before anything loads them.
+
+Files with slow tests come first, so that no worker is left with one when the others have nothing more to do.
+"""
 
 from __future__ import annotations
 
 import signal
 
+import pytest
 from hypothesis import settings
 
 from lingjing.numerics import pin
@@ -18,3 +22,9 @@ for number, usual in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHU
 
 settings.register_profile("lingjing", deadline=None, derandomize=True, print_blob=True)
 settings.load_profile("lingjing")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """The files in which a test is marked `slow` first, otherwise in their order."""
+    slow = {item.path for item in items if item.get_closest_marker("slow")}
+    items.sort(key=lambda item: item.path not in slow)

@@ -7,6 +7,8 @@ import pytest
 import lingjing
 from lingjing.trace.reader import read_trace
 
+pytestmark = pytest.mark.slow
+
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 
 

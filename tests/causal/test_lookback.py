@@ -14,6 +14,8 @@ from lingjing.mission.expression import Number
 from lingjing.play.episode import run
 from lingjing.trace.reader import Trace, read_trace
 
+pytestmark = pytest.mark.slow
+
 replace = msgspec.structs.replace
 
 

@@ -24,6 +24,8 @@ from lingjing.play.report import ABORTED, INTERRUPTED, EpisodeReport, summarise
 from lingjing.trace.reader import read_trace
 from tests.play.report_kit import blank_metrics, made_report
 
+pytestmark = pytest.mark.slow
+
 COMMAND = (sys.executable, "-c", "import sys; from lingjing.cli.main import main; sys.exit(main())")
 
 POLICY = """

@@ -22,6 +22,8 @@ from lingjing.play.report import EpisodeReport
 from lingjing.trace.reader import read_trace
 from tests.play.report_kit import made_report
 
+pytestmark = pytest.mark.slow
+
 KEYS = {"mission", "seed", "mode", "success", "reason", "scr", "ticks", "digest", "trace", "metrics"}
 RUN = (sys.executable, "-m", "lingjing.cli.main", "run")
 

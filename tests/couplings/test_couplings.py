@@ -16,6 +16,8 @@ from lingjing.trace.images import decode_jpeg
 from lingjing.trace.records import Action, Decision, DecisionRecord
 from tests.couplings.couplings_kit import Play
 
+pytestmark = pytest.mark.slow
+
 STREET = kit.HERE / "street.ljs"
 CROSSING = (-80.0, -201.65)
 Start = Callable[..., Play]

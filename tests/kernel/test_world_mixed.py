@@ -11,6 +11,8 @@ from lingjing.kernel.stocks import current
 from lingjing.kernel.world import open_world
 from lingjing.kernel.world.messages import Stepped, encoded
 
+pytestmark = pytest.mark.slow
+
 TICKS = 3
 
 
