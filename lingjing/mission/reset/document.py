@@ -22,14 +22,14 @@ from lingjing.mission.reset.spelling import Spelt
 @dataclass(frozen=True, slots=True)
 class Parsed:
     """A document that was read: the scenario, the JSON path of the scenario, its plain values without nulls under the
-    keys of this module, notes on spellings that were read as others, and the faults found since."""
+    keys of this module; and the notes and faults found so far."""
 
     scenario: Scenario
     path: str
     file: str
     raw: Mapping[str, Any]
     envelope: Mapping[str, Any] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
+    notes: list[str] = field(default_factory=list)
     spelt: Spelt = field(default_factory=lambda: Spelt({}))
     faults: list[Fault] = field(default_factory=list)
 
@@ -112,7 +112,7 @@ def parse(text: str, path: str) -> Parsed:
         faults.extend(faults_of(error, value, root, spelt))
     envelope = value if shape is CommandEnvelope else {}
     raw = inner if isinstance(inner, dict) else {}
-    return Parsed(whole, where, path, raw, envelope, (*notes, *spelt.notes), spelt, faults)
+    return Parsed(whole, where, path, raw, envelope, [*notes, *spelt.notes], spelt, faults)
 
 
 class _Either(DocumentPart):

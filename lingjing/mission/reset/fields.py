@@ -106,16 +106,16 @@ def field_of(key: str) -> HiddenField | None:
     return next((field for field in FIELDS if word in field.spellings), None)
 
 
-def hidden_fields(parsed: Parsed, notes: list[str]) -> tuple[Found, ...]:
+def hidden_fields(parsed: Parsed) -> tuple[Found, ...]:
     """Every hidden field of the document, empty ones too, in the order of `FIELDS`.
 
     `MissionError` for an entry that is no place by its types.
     """
-    found = [one for holder, path in parsed.holders() for one in _found(holder, path, parsed, notes)]
+    found = [one for holder, path in parsed.holders() for one in _found(holder, path, parsed)]
     return tuple(sorted(found, key=lambda one: FIELDS.index(one.field)))
 
 
-def _found(holder: Mapping[str, Any], path: str, parsed: Parsed, notes: list[str]) -> Iterator[Found]:
+def _found(holder: Mapping[str, Any], path: str, parsed: Parsed) -> Iterator[Found]:
     for key, value in holder.items():
         field = field_of(key)
         if field is None:
@@ -123,11 +123,11 @@ def _found(holder: Mapping[str, Any], path: str, parsed: Parsed, notes: list[str
         where = f"{path}.{key}"
         items = [value] if isinstance(value, dict) else value
         if not isinstance(items, list) or not all(isinstance(item, dict) for item in items):
-            notes.append(f"{where}: is no list of places; not understood and kept")
+            parsed.notes.append(f"{where}: is no list of places; not understood and kept")
             continue
         one = isinstance(value, dict)
         read = [_target(item, where if one else f"{where}[{k}]", parsed) for k, item in enumerate(items)]
-        notes.extend(note for note in parsed.spelt.notes if note not in parsed.notes and note not in notes)
+        parsed.notes.extend(note for note in parsed.spelt.notes if note not in parsed.notes)
         yield Found(field, key, where, tuple(target for target in read if target is not None), one)
 
 

@@ -47,7 +47,7 @@ class DocumentFrame(msgspec.Struct, frozen=True):
         return round(height - self.datum_m, 4) if self.datum_m else height
 
 
-def frame_of(parsed: Parsed, found: Sequence[Found], origin: tuple[float, float], notes: list[str]) -> DocumentFrame:
+def frame_of(parsed: Parsed, found: Sequence[Found], origin: tuple[float, float]) -> DocumentFrame:
     """The frame of a document whose template has its origin at `origin`."""
     given = parsed.scenario.lingjing
     on_ground, others = _places(parsed, found)
@@ -59,7 +59,7 @@ def frame_of(parsed: Parsed, found: Sequence[Found], origin: tuple[float, float]
             parsed.report(where, "is no latitude and longitude", "write degrees: [39.83, 109.94]")
         frame = DocumentFrame(given.origin)
     elif (worked_out := _origin(every, origin)) is not None:
-        notes.append(
+        parsed.notes.append(
             f"{parsed.path}: the scene's origin is taken to be at {worked_out[0]:g}, {worked_out[1]:g}, where the "
             'document\'s degrees lie; "lingjing": {"origin": [latitude, longitude]} would say'
         )
@@ -69,7 +69,7 @@ def frame_of(parsed: Parsed, found: Sequence[Found], origin: tuple[float, float]
     heights = _heights(frame, on_ground) or _heights(frame, others)
     if not heights or LOW_M <= min(heights) <= HIGH_M or abs(min(heights)) > FARTHEST_M:
         return frame
-    notes.append(
+    parsed.notes.append(
         f"{parsed.path}: heights begin at {min(heights):g} m, which is taken for the ground; "
         '"lingjing": {"datum_m": metres} would say'
     )

@@ -130,7 +130,6 @@ def filled(
     frame: DocumentFrame,
     parsed: Parsed,
     where: str,
-    notes: list[str],
 ) -> model.Mission:
     """The mission with one group's count, places, headings, labels and weights taken from the document."""
     if group.count is None:
@@ -142,15 +141,15 @@ def filled(
             parsed.report(where, said, 'leave one, or name a template that has several: "lingjing": {"mission": …}')
             return mission
     else:
-        mission = _counted(mission, group, len(spots), parsed, where, notes)
+        mission = _counted(mission, group, len(spots), parsed, where)
         group = next(g for g in mission.groups if g.name == group.name)
     if not spots:
         return mission
-    properties = _positioned(group, spots, frame, parsed, where, notes)
+    properties = _positioned(group, spots, frame, parsed, where)
     if any(spot.heading_deg is not None for spot in spots):
         headings = tuple(ex.Number(spot.heading_deg or 0.0, "deg") for spot in spots)
         properties = _set(properties, "heading_deg", _indexed(group, headings, "heading_deg"), unit="deg")
-    properties = _measured(group, _orbiting(group, properties, spots, where, notes), spots, parsed, where, notes)
+    properties = _measured(group, _orbiting(group, properties, spots, where, parsed), spots, parsed, where)
     labels = tuple("" if spot.code == member_id(group, k) else spot.code for k, spot in enumerate(spots, start=1))
     changed = msgspec.structs.replace(group, properties=properties, labels=labels if any(labels) else ())
     groups = tuple(changed if g.name == group.name else g for g in mission.groups)
@@ -165,18 +164,14 @@ def allows_none(mission: model.Mission, group: model.Group) -> bool:
 
 
 def _positioned(
-    group: model.Group,
-    spots: Sequence[DocumentEntry],
-    frame: DocumentFrame,
-    parsed: Parsed,
-    where: str,
-    notes: list[str],
+    group: model.Group, spots: Sequence[DocumentEntry], frame: DocumentFrame, parsed: Parsed, where: str
 ) -> tuple[model.Property, ...]:
     if not any(spot.placed for spot in spots):
-        notes.append(f"{where}: gives elements and no coordinates; the places of '{group.name}' are the template's")
+        said = f"gives elements and no coordinates; the places of '{group.name}' are the template's"
+        parsed.notes.append(f"{where}: {said}")
         return group.properties
-    notes.extend(note for note in (contradiction(spot, frame) for spot in spots) if note)
-    notes.extend(note for note in (far_off(spot, frame, parsed) for spot in spots) if note)
+    parsed.notes.extend(note for note in (contradiction(spot, frame) for spot in spots) if note)
+    parsed.notes.extend(note for note in (far_off(spot, frame, parsed) for spot in spots) if note)
     given = tuple(world(spot, frame, parsed) for spot in spots)
     for spot, place in zip(spots, given, strict=True):
         fault = place_fault(place, group.engine)
@@ -191,7 +186,7 @@ def _orbiting(
     properties: tuple[model.Property, ...],
     spots: Sequence[DocumentEntry],
     where: str,
-    notes: list[str],
+    parsed: Parsed,
 ) -> tuple[model.Property, ...]:
     """The properties with the two-line elements; lines that are no elements are kept and noted."""
     if not any(spot.lines for spot in spots):
@@ -200,7 +195,7 @@ def _orbiting(
     faults = [fault for fault in faults if not fault.endswith(": ")]
     if faults or not all(spot.lines for spot in spots) or _property(properties, "tle1") is None:
         told = faults or [f"{where}: not all have two-line elements, or '{group.name}' takes none"]
-        notes.extend(f"{fault}; kept, and the template's elements stand" for fault in told)
+        parsed.notes.extend(f"{fault}; kept, and the template's elements stand" for fault in told)
         return properties
     for k, name in enumerate(("tle1", "tle2")):
         properties = _set(properties, name, _indexed(group, tuple(ex.Text(spot.lines[k]) for spot in spots), name))
@@ -213,7 +208,6 @@ def _measured(
     entries: Sequence[DocumentEntry],
     parsed: Parsed,
     where: str,
-    notes: list[str],
 ) -> tuple[model.Property, ...]:
     """The properties with the document's measures of those that the group has; the others are kept and noted."""
     for one in MEASURES:
@@ -221,14 +215,16 @@ def _measured(
         if all(value is None for value in given):
             continue
         if _property(properties, one.property) is None:
-            notes.append(f"{where}: '{group.name}' has no {one.says}; '{one.field}' is kept, not played")
+            parsed.notes.append(f"{where}: '{group.name}' has no {one.says}; '{one.field}' is kept, not played")
             continue
         odd = next((value for value in given if value is not None and not one.fits(value)), None)
         if odd is not None:
-            notes.append(f"{where}: {odd!r} is no {one.says} in {one.said_in}; '{one.field}' is kept, not played")
+            parsed.notes.append(
+                f"{where}: {odd!r} is no {one.says} in {one.said_in}; '{one.field}' is kept, not played"
+            )
             continue
         if one.per_unit != 1.0:
-            notes.append(f"{where}: '{one.field}' is the {one.says} in {one.said_in}")
+            parsed.notes.append(f"{where}: '{one.field}' is the {one.says} in {one.said_in}")
         for entry, value in zip(entries, given, strict=True):
             if value is None:
                 hint = f"give all a {one.field}, or none"
@@ -238,9 +234,7 @@ def _measured(
     return properties
 
 
-def _counted(
-    mission: model.Mission, group: model.Group, count: int, parsed: Parsed, where: str, notes: list[str]
-) -> model.Mission:
+def _counted(mission: model.Mission, group: model.Group, count: int, parsed: Parsed, where: str) -> model.Mission:
     """The mission with the group's count: the default of its parameter, or the count itself.
 
     A parameter that is bounded lower takes what the document has, with a note, for it places all of them. Where the
@@ -262,11 +256,13 @@ def _counted(
             )
             return mission
         if count > bounds.high.value:
-            notes.append(f"{where}: holds {count}, more than the {bounds.high.value:g} of mission '{mission.name}'")
+            parsed.notes.append(
+                f"{where}: holds {count}, more than the {bounds.high.value:g} of mission '{mission.name}'"
+            )
             bounds = msgspec.structs.replace(bounds, high=number_like(bounds.high, float(count)))
         if count and not _spread(group):
             bounds = msgspec.structs.replace(bounds, high=number_like(bounds.high, float(count)))
-            mission = _narrowed(mission, name, count, where, notes)
+            mission = _narrowed(mission, name, count, where, parsed)
     default = number_like(parameter.default, float(count))
     replaced = msgspec.structs.replace(parameter, default=default, bounds=bounds)
     return msgspec.structs.replace(
@@ -274,7 +270,7 @@ def _counted(
     )
 
 
-def _narrowed(mission: model.Mission, name: str, most: int, where: str, notes: list[str]) -> model.Mission:
+def _narrowed(mission: model.Mission, name: str, most: int, where: str, parsed: Parsed) -> model.Mission:
     """The mission with the sweeps over a parameter kept to what the document places."""
     sweeps: list[model.Sweep] = []
     for sweep in mission.sweeps:
@@ -283,7 +279,7 @@ def _narrowed(mission: model.Mission, name: str, most: int, where: str, notes: l
             for parameter, column in zip(sweep.parameters, sweep.values, strict=True)
         )
         if values != sweep.values:
-            notes.append(f"{where}: places {most}; what sweep '{sweep.name}' has beyond is left out")
+            parsed.notes.append(f"{where}: places {most}; what sweep '{sweep.name}' has beyond is left out")
         if all(values):
             sweeps.append(msgspec.structs.replace(sweep, values=values))
     return msgspec.structs.replace(mission, sweeps=tuple(sweeps))

@@ -1,9 +1,9 @@
 """`resetScenario` in: a document instantiates a template mission.
 
 The document says who is where and what is hidden; the template says everything else (budget, actions, rules). Lists of
-the document go to the groups of the template whose engine drives such entities (`reset_groups`), hidden places to its
-target groups (`reset_targets`), the rescue range to the region targets are drawn in. What the template has no place
-for stays in the document, which `Mission.origin` keeps to the letter, and is noted (`reset_notes`). The way back is
+the document go to the groups of the template whose engine drives such entities (`groups`), hidden places to its
+target groups (`targets`), the rescue range to the region targets are drawn in. What the template has no place
+for stays in the document, which `Mission.origin` keeps to the letter, and is noted (`notes`). The way back is
 `lingjing.mission.reset.emit`.
 """
 
@@ -45,8 +45,7 @@ def instantiate_document(
     path of every fault.
     """
     parsed = parse(text, path)
-    notes = list(parsed.notes)
-    found = hidden_fields(parsed, notes)
+    found = hidden_fields(parsed)
     if parsed.faults:
         raise document_error(path, parsed.faults)
     name, where, why = template_name(parsed, found)
@@ -56,32 +55,32 @@ def instantiate_document(
         raise parsed.fault(
             where, f"there is no template '{name[:60]}'", "name one of the missions in scenarios/"
         ) from None
-    notes.insert(0, f"template '{name}': {why}")
-    mission = _placed(template, parsed, found, notes)
+    parsed.notes.insert(0, f"template '{name}': {why}")
+    mission = _placed(template, parsed, found)
     if parsed.faults:
         raise document_error(path, parsed.faults)
-    notes.extend(leftovers(text, parsed, found))
+    parsed.notes.extend(leftovers(text, parsed, found))
     digest = hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
     draws: dict[str, ex.Expr] = {
         group.name: drawn for group in template.groups if (drawn := draw_of(group)) is not None
     }
     origin = model.Origin(file=path, sha256=digest, document=text, draws=draws)
-    return msgspec.structs.replace(mission, origin=origin), tuple(notes)
+    return msgspec.structs.replace(mission, origin=origin), tuple(parsed.notes)
 
 
 # -- the parts of the mission ---------------------------------------------------------------------------------------
 
 
-def _placed(template: model.Mission, parsed: Parsed, found: Sequence[Found], notes: list[str]) -> model.Mission:
-    mission = _worded(_configured(template, parsed, notes), parsed, notes)
-    frame = frame_of(parsed, found, origin_of(mission), notes)
+def _placed(template: model.Mission, parsed: Parsed, found: Sequence[Found]) -> model.Mission:
+    mission = _worded(_configured(template, parsed), parsed)
+    frame = frame_of(parsed, found, origin_of(mission))
     mission = _with_origin(mission, frame)
     for one in LISTS:
-        mission = _equipped(mission, parsed, one, frame, notes)
-    outline = _outline(mission, parsed, frame, notes)
+        mission = _equipped(mission, parsed, one, frame)
+    outline = _outline(mission, parsed, frame)
     if outline is not None:
         mission = _with_region(mission, search_region(mission), outline)
-    return targeted(mission, parsed, found, frame, outline, notes)
+    return targeted(mission, parsed, found, frame, outline)
 
 
 def _with_origin(mission: model.Mission, frame: DocumentFrame) -> model.Mission:
@@ -94,11 +93,11 @@ def _with_origin(mission: model.Mission, frame: DocumentFrame) -> model.Mission:
     return msgspec.structs.replace(mission, scene=msgspec.structs.replace(mission.scene, options=options))
 
 
-def _configured(template: model.Mission, parsed: Parsed, notes: list[str]) -> model.Mission:
+def _configured(template: model.Mission, parsed: Parsed) -> model.Mission:
     """The template with the mode and settings of the document's `lingjing` object as its defaults."""
     extra = parsed.scenario.lingjing
     if extra is None or extra.mode is None:
-        template = _collaborating(template, parsed, notes)
+        template = _collaborating(template, parsed)
     if extra is None:
         return template
     try:
@@ -116,32 +115,32 @@ def _configured(template: model.Mission, parsed: Parsed, notes: list[str]) -> mo
     return msgspec.structs.replace(template, modes=modes, parameters=changed)
 
 
-def _collaborating(template: model.Mission, parsed: Parsed, notes: list[str]) -> model.Mission:
+def _collaborating(template: model.Mission, parsed: Parsed) -> model.Mission:
     """The template in the mode that `collaborationType` names, if it names one."""
     word = parsed.scenario.collaboration_type
     mode, where = MODES.get(folded(word)), f"{parsed.path}.collaborationType"
     if mode is None or mode == template.modes.default:
         return template
     if mode not in template.modes.allowed:
-        notes.append(
+        parsed.notes.append(
             f"{where}: mission '{template.name}' has no mode '{mode}'; kept, {template.modes.default} is played"
         )
         return template
-    notes.append(f"{where}: '{word}' is the mode that is played")
+    parsed.notes.append(f"{where}: '{word}' is the mode that is played")
     return msgspec.structs.replace(template, modes=msgspec.structs.replace(template.modes, default=mode))
 
 
-def _worded(mission: model.Mission, parsed: Parsed, notes: list[str]) -> model.Mission:
+def _worded(mission: model.Mission, parsed: Parsed) -> model.Mission:
     """Title, goal and weather."""
     state = parsed.task.initial_state
     if len(parsed.scenario.task_matrix) > 1:
-        notes.append(f"{parsed.path}.taskMatrix: the first of {len(parsed.scenario.task_matrix)} rows is played")
-    mission = _at_height(mission, parsed, notes)
+        parsed.notes.append(f"{parsed.path}.taskMatrix: the first of {len(parsed.scenario.task_matrix)} rows is played")
+    mission = _at_height(mission, parsed)
     return msgspec.structs.replace(
         mission,
         title=parsed.scenario.scene_name or mission.title,
         goal=parsed.task.goal or mission.goal,
-        weather=_weather(mission.weather, state.weather, f"{parsed.state_path}.weather", notes),
+        weather=_weather(mission.weather, state.weather, f"{parsed.state_path}.weather", parsed),
     )
 
 
@@ -149,7 +148,7 @@ _ALTITUDE = "altitude"
 """The parameter of a template that says how high its aircraft fly."""
 
 
-def _at_height(mission: model.Mission, parsed: Parsed, notes: list[str]) -> model.Mission:
+def _at_height(mission: model.Mission, parsed: Parsed) -> model.Mission:
     """The mission with `takeoff_height_m` as the height its aircraft fly at, if it has a parameter that takes it."""
     height, where = parsed.task.initial_state.takeoff_height_m, f"{parsed.state_path}.takeoff_height_m"
     if height is None:
@@ -159,28 +158,30 @@ def _at_height(mission: model.Mission, parsed: Parsed, notes: list[str]) -> mode
     low, high = (bounds.low, bounds.high) if isinstance(bounds, ex.Range) else (None, None)
     fits = isinstance(low, ex.Number) and isinstance(high, ex.Number) and low.value <= height <= high.value
     if known is None or not fits:
-        notes.append(f"{where}: mission '{mission.name}' flies no aircraft at {height:g} m; kept")
+        parsed.notes.append(f"{where}: mission '{mission.name}' flies no aircraft at {height:g} m; kept")
         return mission
-    notes.append(f"{where}: is the parameter '{_ALTITUDE}'")
+    parsed.notes.append(f"{where}: is the parameter '{_ALTITUDE}'")
     changed = msgspec.structs.replace(known, default=number_like(known.default, height))
     return msgspec.structs.replace(mission, parameters=tuple(changed if p is known else p for p in mission.parameters))
 
 
 def _weather(
-    given: tuple[model.Property, ...], word: str | dict[str, Any], where: str, notes: list[str]
+    given: tuple[model.Property, ...], word: str | dict[str, Any], where: str, parsed: Parsed
 ) -> tuple[model.Property, ...]:
     if not word:
         return given
     sky = sky_of(word) if isinstance(word, str) else None
     if sky is None:
         said = f"'{word}'" if isinstance(word, str) else "an object"
-        notes.append(f"{where}: {said} is not understood and kept; the template's weather stands")
+        parsed.notes.append(f"{where}: {said} is not understood and kept; the template's weather stands")
         return given
     known = {p.name: p.value.value for p in given if isinstance(p.value, ex.Number)}
     calm = Weather()
     if sky.fits(known.get("visibility_m", calm.visibility_m), known.get("cloud", calm.cloud)):
         return given
-    notes.append(f"{where}: '{word}' sets visibility {sky.typical_visibility_m:g} m, cloud {sky.typical_cloud:g}")
+    parsed.notes.append(
+        f"{where}: '{word}' sets visibility {sky.typical_visibility_m:g} m, cloud {sky.typical_cloud:g}"
+    )
     changed = (
         model.Property(name="visibility_m", unit="m", value=ex.Number(sky.typical_visibility_m, "m")),
         model.Property(name="cloud", value=ex.Number(sky.typical_cloud)),
@@ -188,21 +189,21 @@ def _weather(
     return (*(p for p in given if p.name not in ("visibility_m", "cloud")), *changed)
 
 
-def _equipped(
-    mission: model.Mission, parsed: Parsed, one: EntityList, frame: DocumentFrame, notes: list[str]
-) -> model.Mission:
+def _equipped(mission: model.Mission, parsed: Parsed, one: EntityList, frame: DocumentFrame) -> model.Mission:
     """Put one of the six lists into the groups of the template that its engine drives."""
     where = f"{parsed.path}.equipmentList.{one.name}"
     listed: tuple[Equipment, ...] = getattr(parsed.scenario.equipment_list, one.attribute)
     driven = [g for g in mission.groups if g.role == "asset" and g.engine == one.engine and plays(mission, g)]
     said = parsed.task.initial_state.uav_count
     if one.engine == "multirotor" and said is not None and said != len(listed):
-        notes.append(f"{parsed.state_path}.uav_count says {said:g}, the list has {len(listed)}: the list counts")
+        parsed.notes.append(f"{parsed.state_path}.uav_count says {said:g}, the list has {len(listed)}: the list counts")
     if not driven:
         if listed:
-            notes.append(f"{where}: mission '{mission.name}' has no {one.engine}; {len(listed)} kept, not played")
+            parsed.notes.append(
+                f"{where}: mission '{mission.name}' has no {one.engine}; {len(listed)} kept, not played"
+            )
         return mission
-    spots = tuple(_spot(item, f"{where}[{k}]", notes) for k, item in enumerate(listed))
+    spots = tuple(_spot(item, f"{where}[{k}]", parsed) for k, item in enumerate(listed))
     # With several groups of one engine the name tells whose an entity is; without such a name it goes to the first.
     own = {group.name for group in driven}
     stems = [item.name.partition("[")[0] for item in listed]
@@ -211,19 +212,19 @@ def _equipped(
     shares = [[k for k, owner in enumerate(owners) if owner == group.name] for group in driven]
     if len(driven) > 1 and unnamed:
         names = ", ".join(group.name for group in driven)
-        notes.append(f"{where}: {len(unnamed)} are named like none of {names}; they go to '{driven[0].name}'")
+        parsed.notes.append(f"{where}: {len(unnamed)} are named like none of {names}; they go to '{driven[0].name}'")
     for group, share in zip(driven, shares, strict=True):
-        mission = filled(mission, group, [spots[k] for k in share], frame, parsed, where, notes)
+        mission = filled(mission, group, [spots[k] for k in share], frame, parsed, where)
     return mission
 
 
-def _spot(item: Equipment, where: str, notes: list[str]) -> DocumentEntry:
+def _spot(item: Equipment, where: str, parsed: Parsed) -> DocumentEntry:
     given = {"heading": item.heading, "raw": item.raw}
     yaw = item.data.yaw if item.yaw is None else item.yaw
     given["yaw"] = None if yaw is None else frames.compass_from_yaw(yaw)
     headings = {name: value for name, value in given.items() if value is not None}
     if len({round(value % 360.0, 6) for value in headings.values()}) > 1:
-        notes.append(f"{where}: {', '.join(headings)} disagree; {next(iter(headings))} counts")
+        parsed.notes.append(f"{where}: {', '.join(headings)} disagree; {next(iter(headings))} counts")
     compass = next(iter(headings.values()), None)
     lines = item.lines if isinstance(item, Satellite) else ()
     orbits = isinstance(item, Satellite)
@@ -233,18 +234,16 @@ def _spot(item: Equipment, where: str, notes: list[str]) -> DocumentEntry:
 # -- the region -----------------------------------------------------------------------------------------------------
 
 
-def _outline(
-    mission: model.Mission, parsed: Parsed, frame: DocumentFrame, notes: list[str]
-) -> geometry2d.Polygon | None:
+def _outline(mission: model.Mission, parsed: Parsed, frame: DocumentFrame) -> geometry2d.Polygon | None:
     where = f"{parsed.state_path}.rescueRange"
     corners = parsed.task.initial_state.rescue_range
     region = search_region(mission)
     if not corners:
         if region and _person_group(mission):
-            notes.append(f"{where}: is missing or empty; the template's region '{region}' stands")
+            parsed.notes.append(f"{where}: is missing or empty; the template's region '{region}' stands")
         return None
     if not region:
-        notes.append(f"{where}: mission '{mission.name}' has no region to search; kept")
+        parsed.notes.append(f"{where}: mission '{mission.name}' has no region to search; kept")
         return None
     spots = tuple(DocumentEntry(corner, f"{where}[{k}]", str(corner.range_id)) for k, corner in enumerate(corners))
     places = tuple(world(spot, frame, parsed) for spot in spots)

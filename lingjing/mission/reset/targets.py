@@ -21,7 +21,6 @@ def targeted(
     found: Sequence[Found],
     frame: DocumentFrame,
     outline: geometry2d.Polygon | None,
-    notes: list[str],
 ) -> model.Mission:
     """The mission with its targets where the document says; a group the document is silent about stays as it was."""
     claimed: dict[str, str] = {}
@@ -33,14 +32,14 @@ def targeted(
             continue
         paths = [f"{where}[{k}]" for k in range(len(targets))]
         _told_apart(parsed, targets, paths)
-        mission = filled(mission, group, _spots(targets, paths), frame, parsed, where, notes)
+        mission = filled(mission, group, _spots(targets, paths), frame, parsed, where)
         claimed[name] = where
     # Fields with something in them claim first: an empty one says little beside a full one of the same kind.
     for one in sorted(found, key=lambda one: not one.targets):
-        mission = _claimed(mission, parsed, one, claimed, frame, outline, notes)
+        mission = _claimed(mission, parsed, one, claimed, frame, outline)
     drawn = (g for g in mission.groups if g.role == "target" and (is_hidden(g) or draw_of(g)) and plays(mission, g))
     silent = [group.name for group in drawn if group.name not in claimed]
-    notes.extend(f"{parsed.state_path}: says nothing of '{name}'; the template places it" for name in silent)
+    parsed.notes.extend(f"{parsed.state_path}: says nothing of '{name}'; the template places it" for name in silent)
     return mission
 
 
@@ -51,7 +50,6 @@ def _claimed(
     claimed: dict[str, str],
     frame: DocumentFrame,
     outline: geometry2d.Polygon | None,
-    notes: list[str],
 ) -> model.Mission:
     groups = [
         g
@@ -64,7 +62,9 @@ def _claimed(
     if group is None and not groups and one.field.general and one.targets:
         group = _only_hidden(mission, claimed)
         if group is not None:
-            notes.append(f"{one.path}: taken for '{group.name}', the only hidden target of mission '{mission.name}'")
+            parsed.notes.append(
+                f"{one.path}: taken for '{group.name}', the only hidden target of mission '{mission.name}'"
+            )
     if group is None:
         if one.targets:
             if not groups and not any(signature.holds(one) for signature in signatures()):
@@ -72,19 +72,21 @@ def _claimed(
                 parsed.report(one.path, f"no template has anything for '{one.key}'", hint)
                 return mission
             why = f"'{groups[0].name}' is given by {claimed[groups[0].name]}" if groups else _nothing(mission, one)
-            notes.append(f"{one.path}: {why}; {len(one.targets)} kept, not played")
+            parsed.notes.append(f"{one.path}: {why}; {len(one.targets)} kept, not played")
         return mission
     claimed[group.name] = one.path
     if not one.targets and not (group.count is not None and allows_none(mission, group)):
-        notes.append(f"{one.path}: is empty; the template places '{group.name}'")
+        parsed.notes.append(f"{one.path}: is empty; the template places '{group.name}'")
         return mission
     paths = [one.at(k) for k in range(len(one.targets))]
     _told_apart(parsed, one.targets, paths)
     spots = _spots(one.targets, paths)
     if group.type == PERSONS and outline is not None:
         outside = (spot for spot in spots if not geometry2d.contains(outline, *world(spot, frame, parsed)[:2]))
-        notes.extend(f"{spot.path}: lies outside of rescueRange, where no report of it counts" for spot in outside)
-    return filled(mission, group, spots, frame, parsed, one.path, notes)
+        parsed.notes.extend(
+            f"{spot.path}: lies outside of rescueRange, where no report of it counts" for spot in outside
+        )
+    return filled(mission, group, spots, frame, parsed, one.path)
 
 
 def _told_apart(parsed: Parsed, targets: Sequence[HiddenPlace], paths: Sequence[str]) -> None:
