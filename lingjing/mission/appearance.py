@@ -63,6 +63,9 @@ MODELS = (
 MEASURES = ("length", "width", "height")
 """A body's measures along, across and up, in the author's words."""
 
+UNSAID_M = 0.5
+"""A measure of a body that says another one, or none, metres."""
+
 RESHAPING = frozenset((*MEASURES, "shape"))
 """Words that say another body: with one of them and no `look` of its own, a type does not look like its base."""
 

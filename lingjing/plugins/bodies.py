@@ -8,13 +8,10 @@ from __future__ import annotations
 
 from math import hypot
 
-from lingjing.mission.appearance import BARE, MEASURES
+from lingjing.mission.appearance import BARE, MEASURES, UNSAID_M
 from lingjing.mission.instance import Entity
 from lingjing.scene.sizes import SIZES, Size
 from lingjing.trace.records import BodyState
-
-UNSAID_M = 0.5
-"""Length, width or height of a body that does not declare it."""
 
 
 def entity_size(entity: Entity) -> Size:

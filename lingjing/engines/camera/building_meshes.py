@@ -15,17 +15,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from lingjing.engines.camera.mesh_rows import (
-    Floats,
-    MeshPart,
-    Style,
-    faces,
-    joined,
-    oriented,
-    prism,
-    sheet,
-    walls,
-)
+from lingjing.engines.camera.mesh_rows import Floats, MeshPart, Style, faces, joined, oriented, prism, sheet, walls
 from lingjing.mission.appearance import LinearRgb
 from lingjing.scene.city import Building
 

@@ -18,13 +18,7 @@ import numpy.typing as npt
 
 from lingjing.engines.camera import programs
 from lingjing.engines.camera.classes import FIRST_ENTITY
-from lingjing.engines.camera.culling import (
-    ShadowWindow,
-    boxes_in_sight,
-    distances,
-    light_matrix,
-    near_plane,
-)
+from lingjing.engines.camera.culling import ShadowWindow, boxes_in_sight, distances, light_matrix, near_plane
 from lingjing.engines.camera.effects import SHOWING, TownChanges
 from lingjing.engines.camera.instances import Batch, prop_batches
 from lingjing.engines.camera.lamps import lamp_heads

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from lingjing.mission.appearance import UNSAID_M
 from lingjing.mission.feasibility.needs import PictureNeed
 from lingjing.mission.feasibility.outline import Body, Outline
 from lingjing.mission.feasibility.proof import Proof, both, exceeds, spelled
@@ -17,9 +18,6 @@ it appears largest, cannot be told from noise."""
 
 EXTENTS = ("length_m", "width_m", "height_m")
 """Properties of a target that say how large it is."""
-
-UNSAID_M = 0.5
-"""What a target measures that says another of its measures."""
 
 LARGEST_M = {"person_in_water": 2.5}
 """Extents of looks, generous. Others may show flames, spray or people, however far they reach."""

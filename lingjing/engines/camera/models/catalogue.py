@@ -17,7 +17,7 @@ from math import cos, hypot, radians, sin
 
 from lingjing.engines.camera.meshes import Mesh, box, merge, repainted, solid
 from lingjing.engines.camera.models import air, dog, nature, people, places, sea, street, vehicles
-from lingjing.engines.camera.models.shapes import ModelPart, at, turned
+from lingjing.engines.camera.models.shapes import HERE, ModelPart, Placement, at, turned
 from lingjing.mission.appearance import BARE, COLOURS, MEASURES
 from lingjing.mission.instance import Datum, Entity
 from lingjing.mission.model import BodyPart
@@ -163,10 +163,13 @@ def _car(who: Subject) -> Parts:
     return (ModelPart(f"car-{shape}-{paint}", vehicles.motorcar(shape, paint)),)
 
 
+def _figure(look: int, pose: int, rows: Placement = HERE) -> ModelPart:
+    return ModelPart(f"pedestrian-{look}-{pose}", people.pedestrian(look, pose), rows)
+
+
 def _person(who: Subject) -> Parts:
-    look = who.number % len(people.OUTFITS)
     pose = people.pose_of(who.speed_mps, who.time_s, 0.37 * who.number)
-    return (ModelPart(f"pedestrian-{look}-{pose}", people.pedestrian(look, pose)),)
+    return (_figure(who.number % len(people.OUTFITS), pose),)
 
 
 def _swimmer(who: Subject) -> Parts:
@@ -198,9 +201,7 @@ def _queue(who: Subject) -> Parts:
         turn = turn_deg + 11.0 * ((3 * k + who.number) % 5 - 2)
         back = -spacing_m * (k + 1)
         place = aside * cos(behind) + back * sin(behind), back * cos(behind) - aside * sin(behind), 0.0
-        line.append(
-            ModelPart(f"pedestrian-{look}-{people.STAND}", people.pedestrian(look, people.STAND), at(place, turn))
-        )
+        line.append(_figure(look, people.STAND, at(place, turn)))
     return tuple(line)
 
 
@@ -213,21 +214,9 @@ def _residents(who: Subject) -> Parts:
     place = STROLL_M - abs(gone - 0.5 * round_m)
     pose = people.pose_of(STROLL_MPS, who.time_s, 0.0)
     return (
-        ModelPart(
-            f"pedestrian-{looks[0]}-{people.STAND}",
-            people.pedestrian(looks[0], people.STAND),
-            at((1.5, 2.4, 0.0), -66.0),
-        ),
-        ModelPart(
-            f"pedestrian-{looks[1]}-{people.STAND}",
-            people.pedestrian(looks[1], people.STAND),
-            at((0.6, 2.8, 0.0), 114.0),
-        ),
-        ModelPart(
-            f"pedestrian-{looks[2]}-{pose}",
-            people.pedestrian(looks[2], pose),
-            at((place, 3.6, 0.0), -90.0 if back else 90.0),
-        ),
+        _figure(looks[0], people.STAND, at((1.5, 2.4, 0.0), -66.0)),
+        _figure(looks[1], people.STAND, at((0.6, 2.8, 0.0), 114.0)),
+        _figure(looks[2], pose, at((place, 3.6, 0.0), -90.0 if back else 90.0)),
     )
 
 
