@@ -4,20 +4,21 @@ Star: an agent's message goes to the hub; the hub's goes to the recipients it na
 declares. Broadcast: to all other active agents. Nothing is relayed by itself. With a delay of one tick, what is
 produced on boundary t is staged for t+1 and readable there. An edge is fixed at validation and delivered only after
 the engine barrier has committed the boundary. What nobody could read any more is refused as `expired`. A report is
-for the adjudicator first: it is accepted also when nobody else can read it. What the air cuts (out of range, lost) is
-no edge; the sender's receipt says so, and a message of which nothing gets through is refused.
+for the adjudicator first: it is accepted also when nobody else can read it. What a link does not carry (out of range,
+lost) is no edge; the sender's receipt says so, and a message of which nothing gets through is refused.
 """
 
 from __future__ import annotations
 
 from collections.abc import Container, Iterable, Mapping, Sequence
+from typing import Literal, NamedTuple
 
 import msgspec
 from msgspec.structs import replace
 
 from lingjing.kernel.admission import body_check
 from lingjing.kernel.budgets import Tally
-from lingjing.kernel.links import Links
+from lingjing.kernel.links import MessageLinks
 from lingjing.mission.instance import AgentSpec, Instance, MessageSpec
 from lingjing.plugins.decisions import MESSAGES_PER_CALL
 from lingjing.trace.records import Envelope, Outgoing, Receipt
@@ -43,6 +44,16 @@ class Bus(msgspec.Struct, frozen=True):
         return replace(self, committed=tuple(e for e in self.committed if e.deliver_at > tick)), due
 
 
+class _Candidate(NamedTuple):
+    """A message that a policy sent, and its place among those of the call."""
+
+    id: str
+    tick: int
+    sender: str
+    message: Outgoing
+    place: int
+
+
 class MessageRouter:
     """ValidateAndExpand for one instance: envelope validation and topology expansion."""
 
@@ -52,7 +63,7 @@ class MessageRouter:
         self._agents = {agent.id: agent for agent in instance.agents}
         self._kinds: Mapping[str, MessageSpec] = {message.kind: message for message in instance.messages}
         self._bodies = {message.kind: body_check(message) for message in instance.messages}
-        self._links = Links(instance)
+        self._links = MessageLinks(instance)
 
     def expand(
         self,
@@ -67,87 +78,70 @@ class MessageRouter:
         `unheard` are the pairs of entities that radio does not reach between."""
         edges: list[Envelope] = []
         receipts: list[Receipt] = []
-        number = 0
-        for sender, messages in candidates:
-            for place, message in enumerate(messages):
-                number += 1
-                name = f"m{tick}-{number}"
-                new, receipt = self._counted(name, sender, message, place, tick, frames, unheard, tally)
-                edges.extend(new)
-                receipts.append(receipt)
+        sent = [(sender, place, message) for sender, each in candidates for place, message in enumerate(each)]
+        for number, (sender, place, message) in enumerate(sent, 1):
+            candidate = _Candidate(f"m{tick}-{number}", tick, sender, message, place)
+            new, receipt = self._counted(candidate, frames, unheard, tally)
+            edges.extend(new)
+            receipts.append(receipt)
         return tuple(edges), tuple(receipts)
 
     def _counted(
-        self,
-        name: str,
-        sender: str,
-        message: Outgoing,
-        place: int,
-        tick: int,
-        frames: Container[str],
-        unheard: Sequence[tuple[str, str]],
-        tally: Tally | None,
+        self, one: _Candidate, frames: Container[str], unheard: Sequence[tuple[str, str]], tally: Tally | None
     ) -> tuple[tuple[Envelope, ...], Receipt]:
-        """As `_one`, within the counted budgets and allowances."""
-        edges, receipt = self._one(name, sender, message, place, tick, frames, unheard)
+        """As `_expanded`, within the counted budgets and allowances."""
+        edges, receipt = self._expanded(one, frames, unheard)
         if tally is None or receipt.status != "accepted":
             return edges, receipt
-        reason, detail = tally.message(sender, message.kind)
+        reason, detail = tally.message(one.sender, one.message.kind)
         if reason:
-            return (), self._receipt(name, sender, message, tick, "rejected", reason, detail)
-        tally.take_message(sender, message.kind)
+            return (), self._receipt(one, "rejected", reason, detail)
+        tally.take_message(one.sender, one.message.kind)
         return edges, receipt
 
-    def _one(
-        self,
-        name: str,
-        sender: str,
-        message: Outgoing,
-        place: int,
-        tick: int,
-        frames: Container[str],
-        unheard: Sequence[tuple[str, str]],
+    def _expanded(
+        self, one: _Candidate, frames: Container[str], unheard: Sequence[tuple[str, str]]
     ) -> tuple[tuple[Envelope, ...], Receipt]:
-        reason, detail = self._fault(sender, message, place, frames)
+        reason, detail = self._fault(one, frames)
         if reason:
-            return (), self._receipt(name, sender, message, tick, "rejected", reason, detail)
-        spec = self._kinds[message.kind]
-        deliver_at = tick + self._comms.delay_ticks - 1
-        recipients, reason, detail = self._recipients(self._agents[sender], message)
-        if not reason and tick <= self._instance.budget.ticks < deliver_at:
+            return (), self._receipt(one, "rejected", reason, detail)
+        spec = self._kinds[one.message.kind]
+        deliver_at = one.tick + self._comms.delay_ticks - 1
+        recipients, reason, detail = self._recipients(self._agents[one.sender], one.message)
+        if not reason and one.tick <= self._instance.budget.ticks < deliver_at:
             recipients, reason, detail = (), "expired", "the episode ends before it could be read"
-        heard, cuts = self._over_links(name, sender, recipients, unheard)
+        heard, cuts = self._over_links(one, recipients, unheard)
         if recipients and not heard:
             reason, detail = cuts
         if reason in ("out_of_range", "lost") and spec.category == "report":
-            return (), self._receipt(name, sender, message, tick, "accepted", reason, f"adjudicated; {detail}")
+            return (), self._receipt(one, "accepted", reason, f"adjudicated; {detail}")
         if reason in ("no_recipient", "expired") and spec.category == "report":
-            return (), self._receipt(name, sender, message, tick, "accepted", "", f"adjudicated; {detail}")
+            return (), self._receipt(one, "accepted", "", f"adjudicated; {detail}")
         if reason:
-            return (), self._receipt(name, sender, message, tick, "rejected", reason, detail)
-        size = len(msgspec.json.encode(message.body))
+            return (), self._receipt(one, "rejected", reason, detail)
+        size = len(msgspec.json.encode(one.message.body))
         edges = tuple(
             Envelope(
-                id=name,
-                tick=tick,
-                sender=sender,
+                id=one.id,
+                tick=one.tick,
+                sender=one.sender,
                 recipient=recipient,
-                kind=message.kind,
+                kind=one.message.kind,
                 category=spec.category,
-                body=message.body,
+                body=one.message.body,
                 bytes=size,
                 deliver_at=deliver_at,
             )
             for recipient in heard
         )
         detail = "; ".join(part for part in (", ".join(heard), cuts[1]) if part)
-        return edges, self._receipt(name, sender, message, tick, "accepted", cuts[0], detail)
+        return edges, self._receipt(one, "accepted", cuts[0], detail)
 
     def _over_links(
-        self, name: str, sender: str, recipients: Sequence[str], unheard: Sequence[tuple[str, str]]
+        self, one: _Candidate, recipients: Sequence[str], unheard: Sequence[tuple[str, str]]
     ) -> tuple[tuple[str, ...], tuple[str, str]]:
         """Who hears the message, and the reason code and detail for those who do not, or two empty strings."""
-        fates = {recipient: self._links.cut(name, sender, recipient, unheard) for recipient in recipients}
+        fates = {recipient: self._links.cut(one.id, one.sender, recipient, unheard) for recipient in recipients}
         heard = tuple(recipient for recipient in recipients if not fates[recipient])
         parts = [
             (reason, ", ".join(recipient for recipient in recipients if fates[recipient] == reason))
@@ -157,12 +151,13 @@ class MessageRouter:
         words = {"out_of_range": "out of range", "lost": "lost on the way to"}
         return heard, (parts[0][0] if parts else "", "; ".join(f"{words[reason]}: {who}" for reason, who in parts))
 
-    def _fault(self, sender: str, message: Outgoing, place: int, frames: Container[str]) -> tuple[str, str]:
+    def _fault(self, one: _Candidate, frames: Container[str]) -> tuple[str, str]:
         """The reason code and detail of an envelope that must be refused, or two empty strings."""
+        sender, message = one.sender, one.message
         agent, spec = self._agents.get(sender), self._kinds.get(message.kind)
         if agent is None:
             return "unknown_agent", f"`{sender}` is not active in this episode"
-        if place >= MESSAGES_PER_CALL:
+        if one.place >= MESSAGES_PER_CALL:
             return "too_many", f"at most {MESSAGES_PER_CALL} messages a call"
         if spec is None:
             return "unknown_kind", f"`{message.kind}` is not declared; open: {', '.join(self._kinds) or 'none'}"
@@ -192,17 +187,15 @@ class MessageRouter:
         chosen = tuple(name for name in allowed if name in message.to) if message.to else allowed
         return (chosen, "", "") if chosen else ((), "no_recipient", f"nobody may receive `{message.kind}`")
 
-    def _receipt(
-        self, name: str, sender: str, message: Outgoing, tick: int, status: str, reason: str, detail: str
-    ) -> Receipt:
+    def _receipt(self, one: _Candidate, status: Literal["accepted", "rejected"], reason: str, detail: str) -> Receipt:
         return Receipt(
-            request=name,
-            tick=tick,
-            sender=sender,
-            resource=message.kind,
-            status="accepted" if status == "accepted" else "rejected",
+            request=one.id,
+            tick=one.tick,
+            sender=one.sender,
+            resource=one.message.kind,
+            status=status,
             reason=reason,
             detail=detail,
             by="bus",
-            time_s=(tick - 1) * self._instance.clock.tick_s,
+            time_s=(one.tick - 1) * self._instance.clock.tick_s,
         )

@@ -20,7 +20,7 @@ LossReason = Literal["", "out_of_range", "lost"]
 _BITS = 53
 
 
-class Links:
+class MessageLinks:
     """The links of one instance; holds no run-time state."""
 
     def __init__(self, instance: Instance) -> None:

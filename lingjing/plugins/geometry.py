@@ -33,7 +33,7 @@ MOUNTS: dict[str, CameraMount] = {
 SPACE_M = 100_000.0
 """Where space begins: above it every camera looks along its body's nose."""
 
-Axes = tuple[Vector, Vector, Vector]
+CameraAxes = tuple[Vector, Vector, Vector]
 
 
 def bearing_deg(origin: tuple[float, ...], target: tuple[float, ...]) -> float:
@@ -99,7 +99,7 @@ def focal_px(pose: CameraPose) -> float:
     return pose.width / 2.0 / tan(radians(pose.hfov_deg) / 2.0)
 
 
-def camera_axes(pose: CameraPose) -> Axes:
+def camera_axes(pose: CameraPose) -> CameraAxes:
     """World vectors of image-right, image-down and the optical axis; positive roll lowers the image's right side."""
     heading, tilt, roll = radians(pose.heading_deg), radians(pose.tilt_deg), radians(pose.roll_deg)
     sh, ch, st, ct, sr, cr = sin(heading), cos(heading), sin(tilt), cos(tilt), sin(roll), cos(roll)
