@@ -8,7 +8,7 @@ In the order in which an episode meets them:
 - `osm`         OpenStreetMap data → a city in a folder (`lingjing scene build`; scene kind `map`)
 - `network`     nodes and edges, or a map, → SUMO's road network in world metres, and its roads back as pieces
 - `cutting`, `store`, `tiles`   long pieces cut at the grid → a city in a folder of tiles → read near a place, lazily
-- `beside`      where writers write, so that a city or network appears whole or not at all
+- `atomic_folder` where writers write, so that a city or network appears whole or not at all
 - `anchor`      entities onto the roads, roofs, facades and ground that they declare ← `footing`, `lines`
 - `terrain`     what a place is to a body: water, ground, what stands there and how high ← `outlines`, `blocks`
 - `obstacles`   where legs can go; `shapes`, `props`, `sizes` what can be touched, and how large it is

@@ -28,7 +28,7 @@ import msgspec
 from lingjing.errors import InfrastructureError, UsageError
 from lingjing.mission.geometry2d import signed_area
 from lingjing.mission.instance import Vector
-from lingjing.scene.beside import beside
+from lingjing.scene.atomic_folder import folder_beside
 from lingjing.scene.city import Junction, Lane, Road
 
 FORMAT = "3"
@@ -235,7 +235,7 @@ def _cached(key: str, origin: tuple[float, float], arguments: _Arguments, what: 
             return Network(path=str(target), sha256=sha256)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        with beside(target) as folder:
+        with folder_beside(target) as folder:
             made = folder / "made.net.xml"
             _run([*arguments(folder), "--offset.disable-normalization", "-o", str(made)], what)
             data = _plain(made.read_bytes(), origin)

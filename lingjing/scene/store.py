@@ -27,7 +27,7 @@ from typing import Literal, TypeVar
 import msgspec
 
 from lingjing.errors import UsageError
-from lingjing.scene.beside import beside
+from lingjing.scene.atomic_folder import folder_beside
 from lingjing.scene.city import City, Pieces
 from lingjing.scene.cutting import cut
 from lingjing.scene.network import network_folder
@@ -64,7 +64,7 @@ def write_store(folder: Path, city: City, pieces: Pieces, extra: Mapping[str, by
     check_free(folder)
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
-        with beside(folder) as temporary:
+        with folder_beside(folder) as temporary:
             _write_files(temporary, city, pieces, extra or {})
             return _placed(temporary, folder)
     except OSError as error:
@@ -90,7 +90,7 @@ def copy_store(source: Path, folder: Path) -> City:
     check_free(folder)
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
-        with beside(folder) as temporary:
+        with folder_beside(folder) as temporary:
             _steady(source, lambda _: _copied(source, temporary))
             return _placed(temporary, folder)
     except OSError as error:

@@ -2,7 +2,8 @@
 
 - `options`: what the mission says → `DistrictPlan`.
 - `streets`: the plan's grid → nodes and edges of the road net, blocks between the kerbs.
-- `zones` chooses what fills a block; `dwellings`, `offices` and `works` fill it, `furnish` puts up what stands about.
+- `zones` chooses what fills a block; `dwellings`, `offices` and `industry` fill it,
+  `furnish` puts up what stands there.
 - `sites`: compounds, factories, pipelines; `coast`: sea, harbour, bridge.
 - `rectangles`, `palette`, `draft`: rectangles, colours, and the pieces under way.
 - `district` puts one together, `whole_city` all of them as a city of wide blocks in a store of tiles.

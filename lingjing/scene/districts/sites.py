@@ -9,9 +9,9 @@ from lingjing.scene.city import Pipe
 from lingjing.scene.districts.draft import Draft
 from lingjing.scene.districts.dwellings import Heights, storeys
 from lingjing.scene.districts.furnish import STOREY_M, bench, disc, erect, parking, trees, wall_ring
+from lingjing.scene.districts.industry import RACK_M, clutter
 from lingjing.scene.districts.palette import HOMES
 from lingjing.scene.districts.rectangles import Rect, around
-from lingjing.scene.districts.works import RACK_M, clutter
 
 GATE_M = 9.0
 AXIS_M = 8.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from random import Random
 
-from lingjing.scene.districts import dwellings, offices, works
+from lingjing.scene.districts import dwellings, industry, offices
 from lingjing.scene.districts.draft import KERB_M, Draft
 from lingjing.scene.districts.dwellings import Heights
 from lingjing.scene.districts.rectangles import Rect
@@ -32,9 +32,9 @@ _FILLINGS: dict[str, tuple[Filling, str]] = {
     "campus": (offices.campus, "grass"),
     "dormitories": (offices.dormitories, "grass"),
     "sports": (offices.sports, "grass"),
-    "halls": (works.halls, "industrial"),
-    "warehouse": (works.warehouse, "asphalt"),
-    "yard": (works.yard, "asphalt"),
+    "halls": (industry.halls, "industrial"),
+    "warehouse": (industry.warehouse, "asphalt"),
+    "yard": (industry.yard, "asphalt"),
 }
 
 WEIGHTS: dict[str, tuple[tuple[str, int], ...]] = {

@@ -19,7 +19,7 @@ from pathlib import Path
 import msgspec
 
 from lingjing.errors import UsageError
-from lingjing.scene.beside import beside
+from lingjing.scene.atomic_folder import folder_beside
 from lingjing.scene.city import City, Junction, Pieces, Road, Solid
 from lingjing.scene.osm import buildings, ground, read, structures, trees, water
 from lingjing.scene.osm.features import Features, collect
@@ -168,7 +168,7 @@ def _network(data: MapData, features: Features) -> tuple[str, tuple[Road, ...], 
     text = streets_xml(data, features)
     if not text:
         return "", (), (), ["no roads in this part of the map: a city without traffic"]
-    with beside(Path(tempfile.gettempdir(), "lingjing-map")) as folder:
+    with folder_beside(Path(tempfile.gettempdir(), "lingjing-map")) as folder:
         plain = folder / "streets.osm"
         plain.write_text(text, encoding="utf-8")
         try:

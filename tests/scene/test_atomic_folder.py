@@ -13,7 +13,7 @@ import pytest
 from lingjing.errors import UsageError
 from lingjing.mission.instance import SceneSpec
 from lingjing.scene import store
-from lingjing.scene.beside import beside
+from lingjing.scene.atomic_folder import folder_beside
 from lingjing.scene.city import City, Pieces
 from lingjing.scene.network import StreetEdge, StreetNode, build_network
 from lingjing.scene.osm import read as reading
@@ -38,15 +38,15 @@ def hut(tmp_path: Path) -> Path:
 
 def test_what_a_killed_writer_left_goes_with_the_next_one(tmp_path: Path) -> None:
     code = (
-        "import os, sys; from pathlib import Path; from lingjing.scene.beside import beside\n"
-        "with beside(Path(sys.argv[1])) as folder:\n"
+        "import os, sys; from pathlib import Path; from lingjing.scene.atomic_folder import folder_beside\n"
+        "with folder_beside(Path(sys.argv[1])) as folder:\n"
         "    (folder / 'half').write_bytes(b'x'); os.kill(os.getpid(), 9)"
     )
     subprocess.run([sys.executable, "-c", code, str(tmp_path / "city")], check=False)
     assert len(list(tmp_path.glob(".city.*.part/new/half"))) == 1
     mine = tmp_path / f".city.{os.getpid()}.other.part"
     mine.mkdir()
-    with beside(tmp_path / "city") as folder:
+    with folder_beside(tmp_path / "city") as folder:
         assert sorted(tmp_path.iterdir()) == sorted([mine, folder.parent])
     assert list(tmp_path.iterdir()) == [mine]
 

@@ -16,7 +16,7 @@ SUFFIX = ".part"
 
 
 @contextlib.contextmanager
-def beside(target: Path) -> Iterator[Path]:
+def folder_beside(target: Path) -> Iterator[Path]:
     """An empty folder `.NAME.PROCESS.….part` next to `target`, on its file system, gone at the end.
 
     Folders of processes that live no more go with it. `OSError` where none can be made.
