@@ -15,7 +15,7 @@ import msgspec
 
 from lingjing.cli.libraries import SYSTEM_LIBRARIES, apt_line, missing_libraries
 from lingjing.errors import ExitCode, InfrastructureError, LingjingError
-from lingjing.numerics import deviations, pin, taken, worker_environment
+from lingjing.numerics import deviations, taken, worker_environment
 
 PROBE_S = 60.0
 """A probe that takes longer, less what it waited for a processor, is reported as hanging."""
@@ -82,7 +82,6 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 def handler(args: argparse.Namespace) -> int:
     """Print every finding; 0 if all are well, else 3."""
-    pin()
     findings: list[Finding] = []
     for finding in check_numerics() if args.numerics else (check() for check in CHECKS):
         findings.append(finding)

@@ -23,7 +23,8 @@ _UNWRITABLE = {errno.EACCES, errno.EROFS, errno.ENOSPC, errno.EDQUOT, errno.EPER
 
 
 class CommandVerb(NamedTuple):
-    """A verb of the command line: `module` has `add_parser` and `handler`; `summary` is its line in the help.
+    """A verb of the command line: `module` has `add_parser` and `handler`; `summary` is its line in the help. One that
+    `computes` loads numerical libraries, which are pinned before its module is imported.
 
     No dataclass: that module costs 6 ms of every start.
     """
@@ -31,10 +32,11 @@ class CommandVerb(NamedTuple):
     name: str
     module: str
     summary: str
+    computes: bool = False
 
 
 VERBS = (
-    CommandVerb("run", "lingjing.cli.run", "play a mission to a score and a trace"),
+    CommandVerb("run", "lingjing.cli.run", "play a mission to a score and a trace", computes=True),
     CommandVerb("validate", "lingjing.cli.validate", "report every error of mission files"),
     CommandVerb("explain", "lingjing.cli.explain", "say what an error code means"),
     CommandVerb("compile", "lingjing.cli.compile", "write the typed mission graph as JSON"),
@@ -42,10 +44,10 @@ VERBS = (
     CommandVerb("docs", "lingjing.cli.docs", "write a page that says what a mission is"),
     CommandVerb("fmt", "lingjing.cli.fmt", "lay mission files out the one way"),
     CommandVerb("lsp", "lingjing.cli.lsp", "serve an editor: errors, completion, renaming as you type"),
-    CommandVerb("scene", "lingjing.cli.scene", "build a city from a map; look at one"),
+    CommandVerb("scene", "lingjing.cli.scene", "build a city from a map; look at one", computes=True),
     CommandVerb("plugins", "lingjing.cli.plugins", "list engines, policies, scenes and evaluators; the options of one"),
     CommandVerb("new", "lingjing.cli.new", "write a file to start from"),
-    CommandVerb("doctor", "lingjing.cli.doctor", "check that this machine can play missions"),
+    CommandVerb("doctor", "lingjing.cli.doctor", "check that this machine can play missions", computes=True),
 )
 
 
@@ -98,6 +100,8 @@ def _dispatch(arguments: list[str]) -> int:
     )
     parser.add_argument("--version", action="store_true", help="print the version and stop")
     subparsers = parser.add_subparsers(dest="verb", metavar="VERB", title="verbs")
+    if chosen is not None and chosen.computes:
+        import_module("lingjing.numerics").pin()
     module = import_module(chosen.module) if chosen else None
     for verb in VERBS:
         if verb is chosen and module is not None:

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lingjing.errors import ExitCode, UsageError
-from lingjing.numerics import pin
 from lingjing.terminal import visible
 
 if TYPE_CHECKING:
@@ -59,7 +58,6 @@ def _add_city(parser: argparse.ArgumentParser) -> None:
 
 def handler(args: argparse.Namespace) -> int:
     """Run the action (each has a handler of its own)."""
-    pin()  # a city's numbers are part of every digest on it
     return int(args.handler(args))
 
 
