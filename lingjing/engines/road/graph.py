@@ -9,16 +9,14 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-
-import shapely
 
 from lingjing.engines.road.simulation import Simulation
 from lingjing.mission.geometry2d import Vector2
 
 CAR = "passenger"
-_FIRST_M = 50.0
+_CELL_M = 50.0
 _NEAR_CELL_M = 4.0
 _BESIDE_M = 12.0
 _ALONG_DEG = 75.0
@@ -72,14 +70,13 @@ class LanePoint:
     point: Vector2
 
 
+@dataclass(frozen=True)
 class Graph:
-    """All edges by id in the network's order, and an index of their lanes by place."""
+    """All edges by id in the network's order, and an index of their lanes by squares."""
 
-    def __init__(self, edges: Mapping[str, RoadEdge]) -> None:
-        self.edges = edges
-        self._near: dict[tuple[int, int], bool] = {}
-        self._lanes = tuple(lane for edge in edges.values() for lane in edge.lanes)
-        self._tree = shapely.STRtree([shapely.LineString(lane.shape) for lane in self._lanes])
+    edges: Mapping[str, RoadEdge]
+    _cells: Mapping[tuple[int, int], tuple[RoadLane, ...]]
+    _near: dict[tuple[int, int], bool] = field(default_factory=dict)
 
     @cached_property
     def core(self) -> tuple[str, ...]:
@@ -88,13 +85,12 @@ class Graph:
 
     def places(self, x: float, y: float, within_m: float) -> tuple[LanePoint, ...]:
         """The nearest point of each lane within a distance, nearest first (ties in the network's order)."""
-        square = shapely.box(x - within_m, y - within_m, x + within_m, y + within_m)
-        found = (locate(self._lanes[number], x, y) for number in sorted(self._tree.query(square).tolist()))
+        found = (locate(lane, x, y) for lane in self._lanes_near(x, y, within_m))
         return tuple(sorted((place for place in found if place.off_m <= within_m), key=lambda place: place.off_m))
 
     def nearest(self, x: float, y: float, heading_deg: float | None = None, most_m: float = 2000.0) -> LanePoint | None:
         """The nearest lane point within `most_m`; with a heading, of the lanes beside it one that leads that way."""
-        reach = min(_FIRST_M, most_m)
+        reach = min(_CELL_M, most_m)
         while not (near := self.places(x, y, reach)):
             if reach >= most_m:
                 return None
@@ -112,6 +108,12 @@ class Graph:
             known = any(place.off_m <= place.lane.width_m / 2.0 + 8.0 for place in self.places(*middle, within_m=12.0))
             self._near[cell] = known
         return known
+
+    def _lanes_near(self, x: float, y: float, within_m: float) -> Iterator[RoadLane]:
+        columns = range(math.floor((x - within_m) / _CELL_M), math.floor((x + within_m) / _CELL_M) + 1)
+        rows = range(math.floor((y - within_m) / _CELL_M), math.floor((y + within_m) / _CELL_M) + 1)
+        lanes = (lane for column in columns for row in rows for lane in self._cells.get((column, row), ()))
+        return iter({lane.id: lane for lane in lanes}.values())
 
 
 def read_graph(sim: Simulation) -> Graph:
@@ -138,7 +140,7 @@ def read_graph(sim: Simulation) -> Graph:
             for name, own in lanes.items()
         }
     )
-    return Graph(edges)
+    return Graph(edges, _indexed(lane for edge in edges.values() for lane in edge.lanes))
 
 
 def elevations(sim: Simulation, graph: Graph) -> tuple[float, float]:
@@ -198,6 +200,25 @@ def _lane(sim: Simulation, name: str, edge: str) -> RoadLane:
     index = int(name.rsplit("_", 1)[1])
     shape = tuple((float(point[0]), float(point[1])) for point in sim.lane.getShape(name))
     return RoadLane(name, edge, index, shape, sim.lane.getLength(name), sim.lane.getWidth(name))
+
+
+def _indexed(lanes: Iterator[RoadLane]) -> dict[tuple[int, int], tuple[RoadLane, ...]]:
+    cells: dict[tuple[int, int], list[RoadLane]] = {}
+    for lane in lanes:
+        for cell in _crossed(lane.shape):
+            cells.setdefault(cell, []).append(lane)
+    return {cell: tuple(found) for cell, found in cells.items()}
+
+
+def _crossed(shape: Sequence[Vector2]) -> Iterator[tuple[int, int]]:
+    """The squares in which a line has a point, taken each half square."""
+    seen: dict[tuple[int, int], None] = {}
+    for (ax, ay), (bx, by) in itertools.pairwise(shape):
+        parts = max(1, math.ceil(math.hypot(bx - ax, by - ay) / (_CELL_M / 4.0)))
+        for part in range(parts + 1):
+            x, y = ax + (bx - ax) * part / parts, ay + (by - ay) * part / parts
+            seen[math.floor(x / _CELL_M), math.floor(y / _CELL_M)] = None
+    return iter(seen)
 
 
 def _components(edges: Mapping[str, RoadEdge]) -> Iterator[tuple[str, ...]]:
