@@ -39,6 +39,7 @@ NOWHERE_M = -1e8
 """Farther west than every map: where SUMO says a vehicle is that is on no road."""
 
 _STILL_MPS = 1e-3
+_SAME_LOAD_KG = 0.5
 
 QUEUE_M = 40.0
 """Within this distance of its goal a vehicle that stands behind others of the mission has arrived."""
@@ -113,7 +114,7 @@ class Vehicle:
         self._speed_mps = entity.number_or("speed_mps", SPEED_MPS)
         self._payload_kg = entity.number_or("payload_kg", 0.0)
         self.stock = Stock(entity)
-        self._load_kg = 0.0
+        self._felt_kg = math.inf
         self._arrived = False
         self._waited = 0
         self._room: ParkingPlace | None = None
@@ -358,12 +359,12 @@ class Vehicle:
         return 1.0 - min(max(self._left_m(task), 0.0) / task.total, 1.0)
 
     def carry(self) -> None:
-        """Feel the load on board."""
-        if self.stock.load_kg != self._load_kg:
-            self._load_kg = self.stock.load_kg
+        """Feel the load on board; what changes it by less than `_SAME_LOAD_KG` is not felt yet."""
+        if abs(self.stock.load_kg - self._felt_kg) > _SAME_LOAD_KG:
+            self._felt_kg = self.stock.load_kg
             vehicles = self._sim.vehicle
-            vehicles.setAccel(self.id, self.kind.acceleration(self._load_kg))
-            vehicles.setMaxSpeed(self.id, top_speed(self._speed_mps, self._load_kg, self._payload_kg))
+            vehicles.setAccel(self.id, self.kind.acceleration(self._felt_kg))
+            vehicles.setMaxSpeed(self.id, top_speed(self._speed_mps, self._felt_kg, self._payload_kg))
 
     def state(self, ahead_s: float) -> BodyState:
         """The state `ahead_s` after the last step, moved on along its velocity."""
@@ -372,7 +373,7 @@ class Vehicle:
             shifted(body, self._offset_m),
             pitch_deg=float(self._sim.vehicle.getSlope(self.id)),
             status=self.status,
-            resources={"load_kg": self._load_kg, "speed_mps": self.speed_mps, "odometer_m": self.odometer_m},
+            resources={"load_kg": self.stock.load_kg, "speed_mps": self.speed_mps, "odometer_m": self.odometer_m},
         )
 
     def _begin(self, task: VehicleTask) -> None:
