@@ -164,7 +164,7 @@ def test_colours_are_ours(here: Path):
 @pytest.mark.slow
 @pytest.mark.parametrize("option", ["--watch", "--no-overview"])
 def test_nothing_that_a_policy_says_steers_the_terminal(option: str, here: Path):
-    mission = (Path(__file__).parents[2] / "scenarios" / "ssr.ljs").read_text().replace("ticks <= 60", "ticks <= 3")
+    mission = (Path(__file__).parents[2] / "scenarios" / "ssr.ljs").read_text().replace("ticks <= 60", "ticks <= 10")
     (here / "short.ljs").write_text(mission)
     shown = on_terminal("run", "short.ljs", "--policy", "./evil.py:Evil", option, cwd=here)
     assert harmless(shown), shown

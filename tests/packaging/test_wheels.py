@@ -68,11 +68,11 @@ def test_the_mission_validates_and_plays_without_the_repository(bare: Path, tmp_
     lingjing = bare / "lingjing"
     source = ROOT / "scenarios" / "ssr.ljs"
     mission = tmp_path / "ssr.ljs"
-    mission.write_text(source.read_text(encoding="utf-8").replace("ticks <= 60", "ticks <= 6"), encoding="utf-8")
+    mission.write_text(source.read_text(encoding="utf-8").replace("ticks <= 60", "ticks <= 10"), encoding="utf-8")
     call(lingjing, "validate", mission, cwd=tmp_path)
     done = call(lingjing, "run", mission, "--seed", 7, "--json", "-o", tmp_path / "out", cwd=tmp_path)
     answer = json.loads(done.stdout)
-    assert (answer["mission"], answer["seed"], answer["mode"], answer["ticks"]) == ("ssr", 7, "broadcast", 6)
+    assert (answer["mission"], answer["seed"], answer["mode"], answer["ticks"]) == ("ssr", 7, "broadcast", 10)
     assert Path(answer["trace"]).is_file()
     assert (tmp_path / "out" / "overview.png").is_file()
     where = call(bare / "python", "-c", "import lingjing; print(lingjing.__file__)", cwd=tmp_path).stdout
