@@ -101,7 +101,9 @@ def _dispatch(arguments: list[str]) -> int:
     parser.add_argument("--version", action="store_true", help="print the version and stop")
     subparsers = parser.add_subparsers(dest="verb", metavar="VERB", title="verbs")
     if chosen is not None and chosen.computes:
-        import_module("lingjing.numerics").pin()
+        from lingjing.numerics import pin
+
+        pin()
     module = import_module(chosen.module) if chosen else None
     for verb in VERBS:
         if verb is chosen and module is not None:

@@ -167,7 +167,7 @@ def test_a_scene_is_refused_for_what_the_checker_says_and_for_nothing_else() -> 
         try:
             plan(spec)
         except LingjingError as error:
-            assert faults and f"{error}" == faults[0].message
+            assert faults and f"{error}" == "\n".join(fault.message for fault in faults)
         else:
             assert faults == []
 
