@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 
 from lingjing.errors import MissionError
@@ -124,7 +124,7 @@ def entities(
     verbs = tuple(_verb(verb, scope, f"{mission}/{group.name}/{verb.name}") for verb in group.verbs)
     hidden = tuple(sorted({prop.name for prop in group.properties if prop.hidden}))
     state = tuple(StateSpec(name=prop.plain, unit=prop.unit) for prop in group.properties if prop.state)
-    moved = {one.own for one in group.interactions}
+    _check_abilities(group, columns, mission)
     drifts = "drift_mps" in columns
     interactions = tuple(
         _interaction(one, scope, f"{mission}/{group.name}/{one.name}", drifts) for one in group.interactions
@@ -136,9 +136,6 @@ def entities(
         path = f"{mission}/{entity_id}"
         with at_path(path):
             values = {name: column[k] for name, column in columns.items()}
-            for name, value in values.items():
-                with at_path(f"{mission}/{group.name}/{name}"):
-                    _check_ability(name, value, group.engine, moved)
             made.append(
                 Entity(
                     id=entity_id,
@@ -176,15 +173,23 @@ def _interaction(one: model.Interaction, scope: Scope, path: str, drifts: bool) 
         )
 
 
-def _check_ability(name: str, value: Value, engine: str, moved: Collection[str]) -> None:
+def _check_abilities(group: model.Group, columns: Mapping[str, Collection[Value]], mission: str) -> None:
     """Raise `MissionError` for a speed, an endurance or a load that no body can have, and for
     less than nothing of a state that interactions move."""
-    if not engine_kind(engine).standard_properties or isinstance(value, bool) or not isinstance(value, float):
+    if not engine_kind(group.engine).standard_properties:
         return
-    if name in ABOVE_ZERO and value <= 0.0:
-        raise MissionError(f"`{without_unit(name)}` is {value:g}", hint="it must be more than nothing")
-    if (name in NOT_BELOW_ZERO or without_unit(name) in moved) and value < 0.0:
-        raise MissionError(f"`{without_unit(name)}` is {value:g}", hint="it cannot be less than nothing")
+    moved = {one.own for one in group.interactions}
+    for name, column in columns.items():
+        plain = without_unit(name)
+        if name not in ABOVE_ZERO and name not in NOT_BELOW_ZERO and plain not in moved:
+            continue
+        numbers = [value for value in column if isinstance(value, float)]
+        with at_path(f"{mission}/{group.name}/{name}"):
+            for value in numbers:
+                if name in ABOVE_ZERO and value <= 0.0:
+                    raise MissionError(f"`{plain}` is {value:g}", hint="it must be more than nothing")
+                if name not in ABOVE_ZERO and value < 0.0:
+                    raise MissionError(f"`{plain}` is {value:g}", hint="it cannot be less than nothing")
 
 
 def _drawn_in(
