@@ -39,6 +39,9 @@ def handler(args: argparse.Namespace) -> int:
 
 
 def _illustrated(args: argparse.Namespace, mission: Mission) -> None:
+    from lingjing.numerics import pin
+
+    pin()  # pictures that nobody took are drawn anew
     from lingjing.cli.missionpage import write_page
 
     if args.output in (None, "-"):

@@ -125,7 +125,7 @@ class Projector:
         city: City | None = None,
     ) -> Privileged:
         """The truth, for a policy that was declared privileged."""
-        course = registry.progress
+        progress = registry.progress
         return Privileged(
             instance=self._instance,
             states=tuple(msgspec.structs.replace(state, resources=public(state)) for state in registry.states.values()),
@@ -133,8 +133,8 @@ class Projector:
             achieved=tuple(registry.achieved),
             emitted=tuple(registry.emitted),
             routes=tuple(registry.routes.values()),
-            inspected={name: tuple(sorted(one.seen)) for name, one in course.inspected.items()},
-            used=dict(course.used),
+            inspected={name: tuple(sorted(one.seen)) for name, one in progress.inspected.items()},
+            used=dict(progress.used),
             forbidden=forbidden,
             city=city,
         )

@@ -7,6 +7,9 @@ from collections.abc import Collection, Iterable
 MANY = 500
 """Beyond so many known words not all of them are compared."""
 
+LISTED = 24
+"""So many known words are listed in a hint: those of a type with a body and a state are about 20."""
+
 
 def nearest(word: str, known: Iterable[str]) -> str | None:
     """The known word at the smallest edit distance, at most a third of its length (two of six letters)."""
@@ -47,7 +50,7 @@ def did_you_mean(word: str, known: Iterable[str], what: str = "") -> str:
         return f"did you mean `{close}`?"
     if not words:
         return f"there is no {what}" if what else ""
-    if len(words) <= 12:
+    if len(words) <= LISTED:
         return f"known{' ' + what if what else ''}: {', '.join(words)}"
     return ""
 

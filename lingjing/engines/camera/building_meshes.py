@@ -36,7 +36,6 @@ FACADES: dict[str, Facade] = {
     "blank": Facade(8.0, 0.0, 0.0),
     "industrial": Facade(5.0, 0.62, 0.20),
 }
-BRICK: LinearRgb = (0.33, 0.15, 0.10)
 PARAPET_M = 0.7
 TALL_M = 20.0
 
