@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from lingjing.errors import LingjingError
+from lingjing.plugins.building import build_city
 from lingjing.plugins.host import PluginHost
 from lingjing.scene.city import City, content_sha256
 from lingjing.trace.reader import Trace
@@ -14,7 +15,7 @@ UNCREDITED = ("", "procedural")
 def city_of(trace: Trace) -> City | None:
     """The city a trace was played in, built again; None if it is no longer to be had exactly as it was."""
     try:
-        city = PluginHost().scene(trace.header.instance.scene.kind).build(trace.header.instance.scene)
+        city = build_city(trace.header.instance.scene, PluginHost())
     except LingjingError:
         return None  # another machine's map, or a plug-in that is not here: the trace is drawn without
     return city if content_sha256(city) == trace.header.city_sha256 else None

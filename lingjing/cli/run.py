@@ -118,7 +118,7 @@ def _options(args: argparse.Namespace) -> tuple[PlayOptions, Mission]:
     }
     single = {"seed": seed, "policy_seed": policy_seed, "policy": args.policy, "mode": args.mode, "world": args.world}
     if args.evaluator:
-        single["evaluators"] = tuple(dict.fromkeys(args.evaluator))
+        single["evaluators"] = tuple(args.evaluator)
     over |= {name: value for name, value in single.items() if value is not None}
     options = msgspec.structs.replace(options, **over)
     _check_settings(args.set, mission, options)

@@ -109,11 +109,12 @@ def _city(args: argparse.Namespace) -> City:
     from lingjing.cli.arguments import parse_seed
     from lingjing.dsl.loading.load import load_mission
     from lingjing.mission.instantiate import instantiate
+    from lingjing.plugins.building import build_city
     from lingjing.plugins.host import PluginHost
 
     spec = instantiate(load_mission(args.city), seed=parse_seed(args.seed)).scene
     with _phases(f"building the scene of {args.city}"):
-        return PluginHost().scene(spec.kind).build(spec)
+        return build_city(spec, PluginHost())
 
 
 @contextmanager

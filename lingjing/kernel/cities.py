@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from lingjing.mission.instance import Instance, SceneSpec
+from lingjing.plugins.building import build_city
 from lingjing.plugins.host import PluginHost
 from lingjing.scene.anchor import anchor
 from lingjing.scene.city import City
@@ -18,12 +19,13 @@ class CityBuilder:
     def place(self, instance: Instance) -> tuple[Instance, City]:
         """The instance with its entities on roads, roofs and ground of its city, and the city.
 
-        Raises `UsageError` for a scene that nobody offers, `MissionError` where something has no place.
+        Raises `UsageError` for a scene that nobody offers, `PluginError` for one that cannot be built, `MissionError`
+        where something has no place.
         """
         city = self._city(instance.scene)
         return anchor(instance, city), city
 
     def _city(self, spec: SceneSpec) -> City:
         if self._last is None or self._last[0] != spec:
-            self._last = spec, self._host.scene(spec.kind).build(spec)
+            self._last = spec, build_city(spec, self._host)
         return self._last[1]

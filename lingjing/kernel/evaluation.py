@@ -44,7 +44,8 @@ class MissionEvaluator:
         at = self._adjudicator.instant(standing, standing.states, standing.time_s)
         parts = list(parts_of(self._instance.success, {}, at))
         won = all(parts)
-        score = max(0.0, (1.0 if won else self._share(standing, parts)) - self._monitor.penalty(standing))
+        whole = 1.0 if won else self._share(standing, parts)
+        score = min(1.0, max(0.0, whole - self._monitor.penalty(standing)))
         broken = self._monitor.broken(standing)
         if broken:
             return Evaluation(score, True, "constraint", broken)

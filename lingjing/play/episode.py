@@ -35,6 +35,7 @@ from lingjing.play.folders import claim_run_folder
 from lingjing.play.options import Changes, PlayOptions, compiled, options_of
 from lingjing.play.policies import Assigned, assign_policies
 from lingjing.play.report import ABORTED, EpisodeReport
+from lingjing.plugins.building import build_evaluators
 from lingjing.plugins.host import PluginHost
 from lingjing.plugins.loading import build_policy, engine_options
 from lingjing.plugins.policy import PolicyPlugin
@@ -105,7 +106,7 @@ class Session:
             record=lambda record, frames: recorder[0].boundary(
                 msgspec.structs.replace(record, relations=relations.take(record)), _stored(frames)
             ),
-            evaluators=[self.host.evaluator(name).build(instance) for name in options.evaluators],
+            evaluators=build_evaluators(options.evaluators, instance, self.host),
             blank_pictures=options.blank_pictures,
             policy_seed=options.policy_seed,
         )
@@ -157,8 +158,9 @@ def run(
     that it watches over.
 
     Raises `UsageError` for wrong arguments and unwritable folders, `MissionError` for a mission that cannot be
-    instantiated, `EpisodeInterrupted` on Ctrl-C, `InfrastructureError` if the trace was removed meanwhile. An engine
-    that fails is no exception: the report's `reason` is `infrastructure-abort` and `detail` says which engine and why.
+    instantiated, `PluginError` for a plug-in that breaks its contract, `EpisodeInterrupted` on Ctrl-C,
+    `InfrastructureError` if the trace was removed meanwhile. An engine or evaluator that fails is no exception: the
+    report's `reason` is `infrastructure-abort` and `detail` says which one and why.
     """
     with Session() as session:
         return session.run(mission, out=out, progress=progress, **changes)

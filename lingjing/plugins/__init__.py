@@ -1,6 +1,7 @@
 """Everything a plug-in author needs: contracts, values, hooks, geometry and the conformance kit.
 
-- `hookspecs`     what a plug-in may offer; `host` finds it, `loading` finds policies by name or by file
+- `hookspecs`     what a plug-in may offer; `host` finds it, `loading` finds policies by name or by file, `building`
+  builds scenes and evaluators and checks what they answer
 - `options`       the models of options that plug-ins declare, and the reading of what people write
 - `engine`, `policy`, `evaluator`   the Protocols and their values
 - `decisions`     the JSON Schema of an agent's decisions, for policies whose answers come from a foreign program
@@ -14,6 +15,6 @@ Nothing here knows the kernel, a built-in engine, a shipped type or a mission.
 """
 
 __all__ = [
-    "bodies", "conformance", "decisions", "engine", "evaluator", "fleet", "geometry", "hookspecs", "host", "loading",
-    "neighbours", "options", "policy", "requests", "step_clock", "stock", "tasks", "terrain",
+    "bodies", "building", "conformance", "decisions", "engine", "evaluator", "fleet", "geometry", "hookspecs", "host",
+    "loading", "neighbours", "options", "policy", "requests", "step_clock", "stock", "tasks", "terrain",
 ]  # fmt: skip

@@ -23,6 +23,15 @@ class _Named(Protocol):
 NamedT = TypeVar("NamedT", bound=_Named)
 
 
+_DECLARATIONS: dict[str, tuple[type, str]] = {
+    "lingjing_engines": (EnginePlugin, "factory"),
+    "lingjing_policies": (PolicyPlugin, "factory"),
+    "lingjing_scenes": (ScenePlugin, "build"),
+    "lingjing_evaluators": (EvaluatorPlugin, "build"),
+}
+"""What each hook offers, and the field of it that makes the thing."""
+
+
 class PluginHost:
     """Everything the installed plug-ins offer. Two plug-ins with one name are an error that names both."""
 
@@ -67,6 +76,7 @@ class PluginHost:
             source = implementation.plugin_name
             offered: Iterable[NamedT] = self._call(hook, implementation.function, source)
             for item in offered:
+                _check(item, hook, source)
                 other = self.sources.setdefault((hook, item.name), source)
                 if item.name in found:
                     raise PluginError(f"`{item.name}` is offered twice by {hook}: in `{other}` and in `{source}`")
@@ -84,6 +94,19 @@ class PluginHost:
             return table[name]
         known = ", ".join(table) or "none"
         raise UsageError(f"no {kind} is called `{name}`", hint=f"known: {known}; see `lingjing plugins`")
+
+
+def _check(item: object, hook: str, source: str) -> None:
+    """Raise `PluginError` if what a hook returned is no declaration of the hook's kind with a name and a maker."""
+    declaration, maker = _DECLARATIONS[hook]
+    wrong = f"plug-in `{source}` failed in {hook}: "
+    if not isinstance(item, declaration):
+        raise PluginError(f"{wrong}it offers {item!r}, which is no {declaration.__name__}")
+    name: object = getattr(item, "name")  # noqa: B009 - of any of the four
+    if not isinstance(name, str) or name.split() != [name] or not name.isprintable():
+        raise PluginError(f"{wrong}it offers a {declaration.__name__} whose name is {name!r}", hint="names are words")
+    if not callable(getattr(item, maker)):
+        raise PluginError(f"{wrong}`{maker}` of `{name}` cannot be called")
 
 
 __all__ = ["PluginHost"]

@@ -110,7 +110,7 @@ def build_policy(plugin: PolicyPlugin, arguments: Mapping[str, object]) -> Polic
         raise
     except (Exception, SystemExit) as error:
         raise UsageError(
-            f"{_owner(plugin)} cannot be built: {_said(error)}", hint="check its --policy-arg and its code"
+            f"{_owner(plugin)} cannot be built: {one_line(error)}", hint="check its --policy-arg and its code"
         ) from error
 
 
@@ -136,11 +136,11 @@ def _load_module(path: Path) -> ModuleType:
         raise UsageError(f"{error.filename or path}:{error.lineno}: {error.msg}", hint="fix the policy file") from error
     except (Exception, SystemExit) as error:
         where = f"{path}:{_line_in(error, resolved)}"
-        raise UsageError(f"{where}: {_said(error)}", hint="fix the policy file") from error
+        raise UsageError(f"{where}: {one_line(error)}", hint="fix the policy file") from error
     return module
 
 
-def _said(error: BaseException) -> str:
+def one_line(error: BaseException) -> str:
     """An exception of a stranger in one line: its type and what it says, if it can say anything."""
     try:
         text = f"{type(error).__name__}: {error}"
@@ -196,4 +196,6 @@ def _check_methods(cls: type, path: Path) -> None:
             )
 
 
-__all__ = ["build_policy", "engine_options", "load_policy", "options_model", "policy_of", "share_arguments"]
+__all__ = [
+    "build_policy", "engine_options", "load_policy", "one_line", "options_model", "policy_of", "share_arguments",
+]  # fmt: skip

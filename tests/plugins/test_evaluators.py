@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -120,3 +121,73 @@ def test_an_unknown_evaluator_is_named_and_two_of_one_name_are_refused(mission: 
         session.run(mission, evaluators=["nobody"], world="inline", out=tmp_path / "run")
     with pytest.raises(PluginError, match="`constant` is offered twice by lingjing_evaluators"):
         PluginHost(entry_points=False, extra=(builtin, _Constant, type("Other", (), vars(_Constant).copy())))
+
+
+def _host(build: object, name: object = "boom") -> PluginHost:
+    """A host that also offers an evaluator of that name, by the plug-in `Wrong`."""
+    offered = [EvaluatorPlugin(name=name, build=build)]  # type: ignore[arg-type]
+    hook = staticmethod(hookimpl(lambda: offered, specname="lingjing_evaluators"))
+    return PluginHost(extra=(type("Wrong", (), {"lingjing_evaluators": hook, "__name__": "Wrong"}),))
+
+
+def _answering(answer: object) -> PluginHost:
+    """A host whose evaluator `boom` answers that at tick 1, or raises it."""
+
+    def evaluate(standing: Standing, events: object) -> object:
+        if standing.tick == 0:
+            return Evaluation(0.25, False)
+        if isinstance(answer, Exception):
+            raise answer
+        return answer
+
+    return _host(lambda instance: SimpleNamespace(evaluate=evaluate))
+
+
+def _raise(instance: object) -> object:
+    raise KeyError("uav")
+
+
+@pytest.mark.parametrize(
+    ("build", "said"),
+    [
+        (_raise, r"evaluator `boom` of plug-in `Wrong` cannot be built: KeyError: 'uav'"),
+        (lambda: None, "evaluator `boom` of plug-in `Wrong` cannot be built: TypeError"),
+        (lambda instance: None, "evaluator `boom` of plug-in `Wrong` built None, which has no method `evaluate`"),
+    ],
+)
+def test_an_evaluator_that_cannot_be_built_is_named_before_the_episode(
+    build: object, said: str, mission: Path, tmp_path: Path
+) -> None:
+    with Session(_host(build)) as session, pytest.raises(PluginError, match=said):
+        session.run(mission, policy="random", evaluators=["boom"], world="inline", out=tmp_path / "run")
+    assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize(
+    ("answer", "said"),
+    [
+        (RuntimeError("no sight"), "failed at tick 1: RuntimeError: no sight"),
+        (None, "answered None at tick 1, no Evaluation"),
+        ((0.5, False), "answered a value of type `tuple` at tick 1, no Evaluation"),
+        (Evaluation(1.5, False), "its reward is 1.5, not a number in 0..1"),
+        (Evaluation(-0.1, False), "its reward is -0.1, not a number in 0..1"),
+        (Evaluation(float("nan"), False), "its reward is nan, not a number in 0..1"),
+        (Evaluation("1", False), "its reward is '1', not a number in 0..1"),  # type: ignore[arg-type]
+        (Evaluation(0.5, None), "its `done` is None"),  # type: ignore[arg-type]
+        (Evaluation(0.5, True, "bored"), "its reason is 'bored'"),  # type: ignore[arg-type]
+    ],
+)
+def test_a_wrong_answer_of_an_evaluator_aborts_the_episode_and_names_it(
+    answer: object, said: str, mission: Path, tmp_path: Path
+) -> None:
+    with Session(_answering(answer)) as session:
+        options = {"policy": "random", "evaluators": ["boom"], "world": "inline", "overview": False}
+        report = session.run(mission, out=tmp_path / "run", **options)
+    assert (report.reason, report.ticks, report.score) == ("infrastructure-abort", 0, 0.25)
+    assert report.detail.startswith("evaluator `boom` of plug-in `Wrong` ")
+    assert said in report.detail
+
+
+def test_an_evaluator_is_named_once(mission: Path, tmp_path: Path) -> None:
+    with Session() as session, pytest.raises(UsageError, match="evaluator `mission` is named twice"):
+        session.run(mission, evaluators=["mission", "mission"], world="inline", out=tmp_path / "run")

@@ -15,6 +15,7 @@ from lingjing.mission.instance import Entity, Instance, VerbSpec
 from lingjing.mission.instantiate import instantiate
 from lingjing.mission.model import Mission
 from lingjing.plugins.bodies import entity_size, solid_size, sunk_m
+from lingjing.plugins.building import build_city
 from lingjing.plugins.conformance.case import require, run_all
 from lingjing.plugins.engine import CaptureRequest, EngineSpec
 from lingjing.plugins.host import PluginHost
@@ -56,7 +57,7 @@ class BodyCase:
 def check_body(mission: Mission, entity: str, *, seed: int = 1) -> None:
     """Run every check of an entity of a mission; one `ConformanceError` tells all that failed."""
     instance = instantiate(mission, seed=seed)
-    city = PluginHost().scene(instance.scene.kind).build(instance.scene)
+    city = build_city(instance.scene, PluginHost())
     instance = anchor(instance, city)
     found = {one.id: one for one in instance.entities}
     require(entity in found, f"the mission has no entity `{entity}`, it has {', '.join(found)}")

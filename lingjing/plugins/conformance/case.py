@@ -13,6 +13,7 @@ from lingjing.errors import PluginError
 from lingjing.mission.instance import Datum, Entity, Instance
 from lingjing.mission.instantiate import instantiate
 from lingjing.mission.model import Mission
+from lingjing.plugins.building import build_city
 from lingjing.plugins.engine import Boundary, Engine, EnginePlugin, EngineSpec
 from lingjing.plugins.host import PluginHost
 from lingjing.scene.anchor import anchor
@@ -80,7 +81,7 @@ def case_of(
 ) -> EngineCase:
     """A case on a mission's own instance and city: `commands` are a verb and its arguments by resource."""
     instance = instantiate(mission, seed=seed)
-    city = PluginHost().scene(instance.scene.kind).build(instance.scene)
+    city = build_city(instance.scene, PluginHost())
     given = tuple(
         Command(id=f"c0-{number}", tick=0, sender="conformance", resource=name, verb=verb, arguments=dict(arguments))
         for number, (name, (verb, arguments)) in enumerate(commands.items(), start=1)

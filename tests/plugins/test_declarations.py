@@ -1,0 +1,59 @@
+"""What plug-ins return from their hooks and what their scenes build: each mistake names the plug-in and the hook."""
+
+from __future__ import annotations
+
+import pytest
+
+from lingjing.errors import PluginError
+from lingjing.mission.instance import SceneSpec
+from lingjing.plugins.building import build_city
+from lingjing.plugins.engine import EnginePlugin
+from lingjing.plugins.evaluator import EvaluatorPlugin
+from lingjing.plugins.hookspecs import ScenePlugin, hookimpl
+from lingjing.plugins.host import PluginHost
+from lingjing.plugins.policy import PolicyPlugin
+
+KINDS = [
+    ("lingjing_engines", EnginePlugin, "factory"),
+    ("lingjing_policies", PolicyPlugin, "factory"),
+    ("lingjing_scenes", ScenePlugin, "build"),
+    ("lingjing_evaluators", EvaluatorPlugin, "build"),
+]
+
+
+def offering(hook: str, offered: object) -> PluginHost:
+    """A host with one plug-in, `Stranger`, whose hook returns that."""
+    function = staticmethod(hookimpl(lambda: offered, specname=hook))
+    return PluginHost(entry_points=False, extra=(type("Stranger", (), {hook: function, "__name__": "Stranger"}),))
+
+
+@pytest.mark.parametrize(("hook", "kind", "maker"), KINDS)
+def test_a_hook_that_returns_something_else_is_named_with_its_plugin(hook: str, kind: type, maker: str) -> None:
+    start = f"plug-in `Stranger` failed in {hook}: "
+    wrong = [
+        (("three",), f"it offers 'three', which is no {kind.__name__}"),
+        ((kind(3, len),), f"it offers a {kind.__name__} whose name is 3"),
+        ((kind("", len),), f"it offers a {kind.__name__} whose name is ''"),
+        ((kind("two words", len),), f"it offers a {kind.__name__} whose name is 'two words'"),
+        ((kind("deaf", 3),), f"`{maker}` of `deaf` cannot be called"),
+        (3, "'int' object is not iterable"),
+    ]
+    for offered, said in wrong:
+        with pytest.raises(PluginError) as caught:
+            offering(hook, offered)
+        assert str(caught.value) == start + said
+    assert offering(hook, (kind("right", len),)).sources == {(hook, "right"): "Stranger"}
+
+
+def _fall(spec: SceneSpec) -> object:
+    raise ValueError("no river")
+
+
+@pytest.mark.parametrize(
+    ("build", "said"), [(_fall, "ValueError: no river"), (lambda spec: None, "it built None, no City")]
+)
+def test_a_scene_that_cannot_be_built_is_named(build: object, said: str) -> None:
+    host = offering("lingjing_scenes", [ScenePlugin("canyon", build)])  # type: ignore[arg-type]
+    with pytest.raises(PluginError) as caught:
+        build_city(SceneSpec(kind="canyon", seed=0), host)
+    assert str(caught.value) == f"scene `canyon` of plug-in `Stranger` failed: {said}"
