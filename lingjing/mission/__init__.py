@@ -8,7 +8,7 @@ Modules in the order a mission passes them:
   functions. `fold`: the one evaluator; its readings are `evaluate` (before the first tick), `certain` (in every run),
   `feasibility.needs` (what must have happened), the kernel's rules and `dsl.words`.
 - `interactions`: what is wrong with one, who may act from the start. `kinds`: what is known of scenes and engines, as
-  data.
+  data; `kinds_file`: a plug-in's file of it, checked.
 - `document`: `mission.json` in and out, and the JSON Schemas generated from the code; `faults`: what is wrong with a
   JSON value, by its schema.
 - `frames`, `jsontext`, `weather_words`, `elements`: coordinate frames of `resetScenario` documents, JSON with places,

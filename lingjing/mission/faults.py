@@ -136,6 +136,8 @@ def _worded(error: ValidationError) -> str:
             return f"{_either([str(one) for one in due])} is due, this is {kind_of(given)}"
         case "minimum" | "maximum":
             return f"at {'least' if error.validator == 'minimum' else 'most'} {due} is due, this is {given}"
+        case "exclusiveMinimum":
+            return f"more than {due} is due, this is {given}"
         case "minItems" | "maxItems":
             return f"a list of {due} is due, this one has {len(given)}"
     return str(error.message)[:200]

@@ -12,11 +12,11 @@ import math
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import msgspec
 
-from lingjing.errors import Fault, PluginError, UsageError
+from lingjing.errors import Fault, UsageError
 from lingjing.mission.instance import Option, SceneSpec
 
 FILE = "kinds.json"
@@ -30,6 +30,10 @@ SEA_M = -3.0
 LINE_MOST_M = 25_000.0
 """How far from the origin a line or an outline may lead: the widest scene's extent and as much again."""
 
+Surface = Literal["ground", "road", "roof", "facade", "bridge", "pipe", "water"]
+"""What a thing can stand on in a scene."""
+
+_BUILTIN = Path(__file__).parents[1] / "engines" / FILE
 _SUFFIXES = {"metres": ("_m",), "size": ("_rows", "_columns"), "range": ("_low_m", "_high_m")}
 
 
@@ -50,7 +54,7 @@ class SceneOption(_Record, frozen=True, kw_only=True):
     help: str = ""
     low: float | None = None
     high: float | None = None
-    points: int = 0
+    points: Annotated[int, msgspec.Meta(ge=0)] = 0
     default: float | tuple[float, float] | None = None
     within: bool = False
     needs_shore: bool = False
@@ -74,13 +78,13 @@ class SceneKind(_Record, frozen=True, kw_only=True):
     like: str = ""
     summary: str = ""
     options: dict[str, SceneOption] = {}
-    extent_m: float | None = None
-    outskirts_m: float = 0.0
+    extent_m: Annotated[float, msgspec.Meta(gt=0)] | None = None
+    outskirts_m: Annotated[float, msgspec.Meta(ge=0)] = 0.0
     wider_by: tuple[str, ...] = ()
     shore: Literal["own", "given", "none"] = "none"
-    lacks: tuple[str, ...] = ()
+    lacks: tuple[Surface, ...] = ()
     unless: dict[str, str] = {}
-    aside_m: float = 250.0
+    aside_m: Annotated[float, msgspec.Meta(ge=0)] = 250.0
     one_of: tuple[str, ...] = ()
     one_of_hint: str = ""
 
@@ -106,6 +110,23 @@ class EngineKind(_Record, frozen=True, kw_only=True):
     anywhere: bool = False
     orbits: bool = False
     standard_properties: bool = False
+
+
+class KindsFile(_Record, frozen=True, kw_only=True):
+    """What one file says, with `like` resolved (`joined`)."""
+
+    scenes: tuple[SceneKind, ...] = ()
+    engines: tuple[EngineKind, ...] = ()
+
+    @property
+    def by_scene(self) -> dict[str, SceneKind]:
+        """The scenes by name."""
+        return {kind.name: kind for kind in self.scenes}
+
+    @property
+    def by_engine(self) -> dict[str, EngineKind]:
+        """The engines by name."""
+        return {kind.name: kind for kind in self.engines}
 
 
 class SceneFault(msgspec.Struct, frozen=True):
@@ -135,6 +156,18 @@ def engine_kind(name: str) -> EngineKind:
     """What is known of an engine; where no file describes it, that its entities act."""
     found = builtin_engines().get(name)
     return found or next((f.by_engine[name] for f in _plugins() if name in f.by_engine), EngineKind(name=name))
+
+
+def joined(document: object) -> Any:
+    """The decoded text of a file with `like` resolved: each scene with all that the ones it is like say.
+
+    What is of another type than it should be stays as it is.
+    """
+    scenes = document.get("scenes") if isinstance(document, dict) else None
+    if not isinstance(document, dict) or not isinstance(scenes, list):
+        return document
+    named = {scene["name"]: scene for scene in scenes if isinstance(scene, dict) and isinstance(scene.get("name"), str)}
+    return document | {"scenes": [_joined(scene, named) if isinstance(scene, dict) else scene for scene in scenes]}
 
 
 def names_of(spelled: str, option: SceneOption) -> tuple[str, ...]:
@@ -200,29 +233,19 @@ def reach_m(spec: SceneSpec) -> float | None:
 # -- private
 
 
-class _File(_Record, frozen=True, kw_only=True):
-    scenes: tuple[SceneKind, ...] = ()
-    engines: tuple[EngineKind, ...] = ()
-
-    @property
-    def by_scene(self) -> dict[str, SceneKind]:
-        return {kind.name: kind for kind in self.scenes}
-
-    @property
-    def by_engine(self) -> dict[str, EngineKind]:
-        return {kind.name: kind for kind in self.engines}
+@cache
+def _builtin() -> KindsFile:
+    document = msgspec.json.decode(_BUILTIN.read_bytes())
+    return msgspec.convert(joined(document), KindsFile)
 
 
 @cache
-def _builtin() -> _File:
-    return _read(Path(__file__).parents[1] / "engines" / FILE)
-
-
-@cache
-def _plugins() -> tuple[_File, ...]:
+def _plugins() -> tuple[KindsFile, ...]:
     """The files of the plug-ins that are installed, in the order of their names."""
     from importlib.metadata import entry_points
     from importlib.util import find_spec
+
+    from lingjing.mission.kinds_file import read
 
     found = []
     for point in sorted(entry_points(group="lingjing"), key=lambda point: point.name):
@@ -231,26 +254,26 @@ def _plugins() -> tuple[_File, ...]:
         for folder in (spec.submodule_search_locations or ()) if spec else ():
             within = Path(folder, *below)
             file = (within if within.is_dir() else within.parent) / FILE
-            if file.is_file():
-                found.append(_read(file))
+            if file.is_file() and not file.samefile(_BUILTIN):
+                found.append(read(file, point.name))
     return tuple(found)
 
 
-def _read(file: Path) -> _File:
-    try:
-        document = msgspec.json.decode(file.read_bytes())
-        scenes = {scene["name"]: scene for scene in document.get("scenes", ())}
-        document["scenes"] = [_joined(scenes[scene["like"]], scene) if "like" in scene else scene
-                              for scene in scenes.values()]  # fmt: skip
-        return msgspec.convert(document, _File)
-    except (OSError, msgspec.DecodeError, msgspec.ValidationError, KeyError, TypeError, AttributeError) as error:
-        raise PluginError(f"{file} does not describe kinds of scenes and engines: {error}") from error
+def _joined(scene: dict[str, Any], named: dict[str, Any], passed: tuple[str, ...] = ()) -> dict[str, Any]:
+    like = scene.get("like")
+    if not isinstance(like, str) or like not in named or like in passed:
+        return scene
+    base = _joined(named[like], named, (*passed, like))
+    given, own = base.get("options", {}), scene.get("options", {})
+    inherited = {field: value for field, value in base.items() if field not in ("name", "like")}
+    if not isinstance(given, dict) or not isinstance(own, dict):
+        return inherited | scene
+    options = {name: _option_joined(given.get(name), option) for name, option in own.items()}
+    return inherited | scene | {"options": given | options}
 
 
-def _joined(base: dict[str, Any], scene: dict[str, Any]) -> dict[str, Any]:
-    given = base.get("options", {})
-    own = {name: {**given.get(name, {}), **option} for name, option in scene.get("options", {}).items()}
-    return {**base, **scene, "options": {**given, **own}}
+def _option_joined(base: object, option: object) -> object:
+    return base | option if isinstance(base, dict) and isinstance(option, dict) else option
 
 
 def _choice_faults(spec: SceneSpec, kind: SceneKind) -> Iterator[SceneFault]:
@@ -268,10 +291,12 @@ def _option_faults(spec: SceneSpec, kind: SceneKind, spelled: str, option: Scene
         if message:
             yield SceneFault(spelled, f"scene `{kind.name}`: `{spelled}` {message}", hint)
     if option.type == "range" and given:
-        low, high = (given.get(name, usual) for name, usual in zip(names, kind.default(spelled), strict=True))
+        low, high = (
+            given.get(name, usual) for name, usual in zip(names, kind.default(spelled) or (None, None), strict=True)
+        )
         if isinstance(low, int | float) and isinstance(high, int | float) and low > high:
             message = f"scene `{kind.name}`: `{spelled}` is {high!r}"
-            yield SceneFault(spelled, message, f"give {low:g} to {option.high:g}")
+            yield SceneFault(spelled, message, _bounds(low, option.high))
     if any(given.values()) and option.needs_shore and not has_shore(spec):
         hint = f"a {spelled} needs a shore: scene coastal {{ … }}"
         yield SceneFault(spelled, f"scene `{kind.name}` has no `{spelled}`", hint)
@@ -286,10 +311,11 @@ def _value_fault(spec: SceneSpec, kind: SceneKind, option: SceneOption, value: O
         return (
             ("", "") if isinstance(value, str) and value else (f"is {value!r}, not a text in quotes", kind.one_of_hint)
         )
-    if option.points:
-        metres = _coordinates(value, option.points)
+    if option.type in ("positions", "region"):
+        least = max(option.points, 3 if option.type == "region" else 1)
+        metres = _coordinates(value, least)
         if metres is None:
-            return f"is no line of {option.points} or more points", "write [(0 m, 0 m), (10 m, 0 m)]"
+            return f"is no line of {least} or more points", "write [(0 m, 0 m), (10 m, 0 m)]"
         most = (extent_m(spec) if option.within else None) or LINE_MOST_M
         reach = max(map(abs, metres), default=0.0)
         return (f"reaches {reach:g} m from the origin", f"{most:g} m at most") if reach > most else ("", "")
@@ -297,7 +323,14 @@ def _value_fault(spec: SceneSpec, kind: SceneKind, option: SceneOption, value: O
     high = math.inf if option.high is None else option.high
     if isinstance(value, int | float) and not isinstance(value, bool) and low <= value <= high:
         return "", ""
-    return f"is {value!r}", f"give {low:g} to {high:g}" if math.isfinite(high) else f"give {low:g} or more"
+    return f"is {value!r}", _bounds(option.low, option.high)
+
+
+def _bounds(low: float | None, high: float | None) -> str:
+    """What to give where a number lies outside of its bounds."""
+    if high is None:
+        return "give a number" if low is None else f"give {low:g} or more"
+    return f"give {high:g} at most" if low is None else f"give {low:g} to {high:g}"
 
 
 def _coordinates(value: Option, least: int) -> list[float] | None:

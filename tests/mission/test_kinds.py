@@ -12,7 +12,7 @@ import pytest
 
 from lingjing.dsl import compile_text
 from lingjing.errors import PluginError
-from lingjing.mission import kinds
+from lingjing.mission import kinds, kinds_file
 from lingjing.mission.instance import SceneSpec
 from lingjing.mission.kinds import SceneKind, builtin_scenes, engine_kind, extent_m, lacks, reach_m, scene_faults
 
@@ -80,6 +80,105 @@ def test_a_file_that_is_none_is_named(acme: Path, text: str) -> None:
     acme.write_text(text)
     with pytest.raises(PluginError, match=r"inner/kinds\.json does not describe kinds"):
         kinds.scene_kind("canyon")
+
+
+def kinds_document(**scene: object) -> str:
+    return json.dumps({"scenes": [{"name": "canyon", **scene}]})
+
+
+def faults_of(acme: Path, text: str) -> list[tuple[str, str]]:
+    """The faults of a file: path and message."""
+    acme.write_text(text)
+    with pytest.raises(PluginError, match=r"plug-in `acme`: .*kinds\.json does not") as raised:
+        kinds.scene_kind("canyon")
+    assert raised.value.hint
+    return [(fault.where, fault.message) for fault in raised.value.faults]
+
+
+def test_a_range_needs_no_default(acme: Path) -> None:
+    acme.write_text(kinds_document(options={"width": {"type": "range"}, "height": {"type": "range", "low": 1}}))
+    good = SceneSpec(kind="canyon", options={"width_low_m": 3.0, "width_high_m": 9.0})
+    assert list(scene_faults(good)) == []
+    half = SceneSpec(kind="canyon", options={"width_low_m": 3.0})
+    assert list(scene_faults(half)) == []
+    swapped = SceneSpec(kind="canyon", options={"width_low_m": 9.0, "width_high_m": 3.0})
+    assert [(fault.option, fault.hint) for fault in scene_faults(swapped)] == [("width", "give 9 or more")]
+    short = SceneSpec(kind="canyon", options={"height_low_m": 0.0, "height_high_m": 3.0})
+    assert [(fault.option, fault.hint) for fault in scene_faults(short)] == [("height", "give 1 or more")]
+
+
+@pytest.mark.parametrize(("kind", "least"), [("positions", 1), ("region", 3)])
+def test_a_line_needs_no_number_of_points(acme: Path, kind: str, least: int) -> None:
+    acme.write_text(kinds_document(options={"rim": {"type": kind}}))
+    corners = ((0.0, 0.0), (9.0, 0.0), (9.0, 9.0))
+    for count in range(1, 4):
+        spec = SceneSpec(kind="canyon", options={"rim": corners[:count]})
+        assert bool(list(scene_faults(spec))) == (count < least)
+
+
+def test_every_fault_of_a_file_is_told_with_its_path(acme: Path) -> None:
+    depth = {"type": "metres", "low": "deep"}
+    scenes = [{"name": "canyon", "options": {"depth": depth, "width": {"type": "range", "default": 3}}}, {"nam": 1}, 7]
+    listed = faults_of(acme, json.dumps({"scenes": scenes, "engines": {}}))
+    assert ("scenes[1]", "'name' is missing") in listed and ("scenes[1]", "there is no field 'nam'") in listed
+    found = dict(listed)
+    assert found["scenes[0].options.depth.low"] == "a number or null is due, this is the text 'deep'"
+    assert found["scenes[0].options.width.default"] == "an option of type range has two numbers"
+    assert found["scenes[2]"] == "an object is due, this is the number 7"
+    assert found["engines"] == "a list is due, this is an object"
+
+
+METRES = {"type": "metres", "low": 1, "high": 9}
+
+
+@pytest.mark.parametrize(
+    ("scene", "where"),
+    [
+        ({"options": {"depth": {"type": "metres", "low": 9, "high": 1}}}, "options.depth.low"),
+        ({"options": {"depth": METRES | {"default": 10}}}, "options.depth.default"),
+        ({"options": {"depth": METRES | {"default": [2, 3]}}}, "options.depth.default"),
+        ({"options": {"depth": METRES | {"type": "range", "default": [3, 2]}}}, "options.depth.default"),
+        ({"options": {"rim": {"type": "positions", "default": 3}}}, "options.rim.default"),
+        ({"options": {"the rim": METRES}}, "options.the rim"),
+        ({"options": {"datum": METRES}}, "options.datum"),
+        ({"options": {"origin": METRES}}, "options.origin"),
+        ({"options": {"depth": METRES | {"without": "rim"}}}, "options.depth.without"),
+        ({"options": {"depth": METRES}, "one_of": ["depth_m", "rim"]}, "one_of[1]"),
+        ({"extent_m": -1}, "extent_m"),
+        ({"lacks": ["road", "rails"]}, "lacks[1]"),
+        ({"like": "canyon"}, "like"),
+        ({"like": "moon"}, "like"),
+    ],
+)
+def test_a_file_is_held_to_its_meaning(acme: Path, scene: dict[str, object], where: str) -> None:
+    assert [path for path, _ in faults_of(acme, kinds_document(**scene))] == [f"scenes[0].{where}"]
+
+
+def test_a_fault_is_told_of_the_kind_that_says_it(acme: Path) -> None:
+    scenes = [{"name": "canyon", "extent_m": -1, "options": {"depth": METRES | {"default": 10}}}]
+    scenes += [{"name": "rift", "like": "canyon"}, {"name": "gorge", "like": "rift", "lacks": ["rails"]}]
+    found = [path for path, _ in faults_of(acme, json.dumps({"scenes": scenes}))]
+    assert found == ["scenes[0].extent_m", "scenes[2].lacks[0]", "scenes[0].options.depth.default"]
+
+
+def test_the_built_in_file_is_held_to_the_same_meaning() -> None:
+    document = kinds.joined(json.loads(kinds._BUILTIN.read_text("utf-8")))
+    found = [fault for fault in kinds_file._meaning_faults(document) if not fault.where.endswith(".name")]
+    assert found == []
+
+
+def test_a_name_means_one_kind(acme: Path) -> None:
+    scenes = [{"name": "bay"}, {"name": "rift", "like": "gorge"}, {"name": "rift"}, {"name": "gorge", "like": "rift"}]
+    found = faults_of(acme, json.dumps({"scenes": scenes, "engines": [{"name": "road"}]}))
+    assert ("scenes[0].name", "`bay` is built in") in found
+    assert ("scenes[1].name", "`rift` is described 2 times") in found
+    assert ("scenes[2].name", "`rift` is described 2 times") in found
+    assert ("engines[0].name", "`road` is built in") in found
+
+
+def test_kinds_that_are_like_each_other_in_a_circle_are_refused(acme: Path) -> None:
+    scenes = [{"name": "rift", "like": "gorge"}, {"name": "gorge", "like": "rift"}]
+    assert [path for path, _ in faults_of(acme, json.dumps({"scenes": scenes}))] == ["scenes[0].like", "scenes[1].like"]
 
 
 def test_every_default_of_a_built_in_scene_is_within_its_bounds() -> None:

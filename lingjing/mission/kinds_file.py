@@ -1,0 +1,179 @@
+"""A plug-in's `kinds.json` in, checked: every fault of the file at once, each with its JSON path.
+
+Loaded only where a mission names a kind that is not built in; the built-in file is held right by a test.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from lingjing.errors import Fault, PluginError
+from lingjing.mission.faults import lines_of, schema_faults
+from lingjing.mission.kinds import (
+    KindsFile,
+    SceneOption,
+    builtin_engines,
+    builtin_scenes,
+    joined,
+    names_of,
+)
+
+_NAME = re.compile(r"[^\W\d]\w*")
+_EVERY_SCENE = ("datum", "layout", "origin")
+_NUMBERS = {"number": 1, "metres": 1, "size": 2, "range": 2}
+"""How many numbers the default of an option has, by its type; the other types have no default."""
+
+
+def read(file: Path, plugin: str) -> KindsFile:
+    """The kinds that a plug-in's file describes. `PluginError` that names both and tells every fault of the file."""
+    told = f"plug-in `{plugin}`: {file} does not describe kinds of scenes and engines"
+    hint = "docs/scenes.md says what the file holds"
+    try:
+        given = msgspec.json.decode(file.read_bytes())
+    except (OSError, msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise PluginError(f"{told}: {error}", hint=hint) from error
+    document = joined(given)
+    faults = _where_said(document, dict.fromkeys((*_type_faults(document), *_meaning_faults(document))))
+    if faults:
+        hints = dict.fromkeys(fault.hint for fault in faults if fault.hint)
+        raise PluginError(f"{told}:\n{lines_of(faults)}", hint="; ".join(hints) or hint, faults=faults)
+    return msgspec.convert(document, KindsFile)
+
+
+def _where_said(document: object, faults: Iterable[Fault]) -> tuple[Fault, ...]:
+    """The faults without those that a scene has only because it is like another one, of which they are told."""
+    places = {scene.get("name"): place for place, scene in _likeable(document)}
+    bases = {place: places.get(scene.get("like")) for place, scene in _likeable(document)}
+    told = {(fault.where, fault.message) for fault in faults}
+
+    def inherited(fault: Fault) -> bool:
+        place, bracket, rest = fault.where.partition("]")
+        base = bases.get(place + bracket)
+        return base is not None and base != place + bracket and (base + rest, fault.message) in told
+
+    return tuple(fault for fault in faults if not inherited(fault))
+
+
+def _likeable(document: object) -> list[tuple[str, dict[str, Any]]]:
+    """The scenes whose `name` and `like` are texts, each with its path."""
+    scenes = _records(document, "scenes")
+    return [
+        (place, one)
+        for place, one in scenes
+        if isinstance(one.get("name"), str) and isinstance(one.get("like", ""), str)
+    ]
+
+
+def _type_faults(document: object) -> tuple[Fault, ...]:
+    try:
+        msgspec.convert(document, KindsFile)
+    except msgspec.ValidationError as error:
+        return schema_faults(document, KindsFile) or (Fault("", str(error)),)
+    return ()
+
+
+def _meaning_faults(document: object) -> Iterator[Fault]:
+    """What no type says: of the parts that are of their types, so that one run tells all."""
+    for part, builtin in (("scenes", builtin_scenes()), ("engines", builtin_engines())):
+        records = _records(document, part)
+        counts = Counter(name for _, record in records if isinstance(name := record.get("name"), str))
+        for place, record in records:
+            name = record.get("name")
+            if isinstance(name, str) and name in builtin:
+                yield Fault(f"{place}.name", f"`{name}` is built in", "give it a name of its own")
+            if isinstance(name, str) and counts[name] > 1:
+                yield Fault(f"{place}.name", f"`{name}` is described {counts[name]} times", "describe it once")
+    scenes = _records(document, "scenes")
+    likes = {scene["name"]: scene.get("like") for _, scene in scenes if isinstance(scene.get("name"), str)}
+    for place, scene in scenes:
+        yield from _like_faults(place, scene, likes)
+        yield from _options_faults(place, scene)
+
+
+def _records(document: object, part: str) -> list[tuple[str, dict[str, Any]]]:
+    """The objects of a list of the file, each with its path."""
+    found = document.get(part) if isinstance(document, dict) else None
+    listed = enumerate(found) if isinstance(found, list) else ()
+    return [(f"{part}[{index}]", record) for index, record in listed if isinstance(record, dict)]
+
+
+def _like_faults(place: str, scene: dict[str, Any], likes: dict[str, Any]) -> Iterator[Fault]:
+    like = scene.get("like", "")
+    if not isinstance(like, str) or not like:
+        return
+    if like not in likes:
+        yield Fault(f"{place}.like", f"no scene of this file is called `{like}`", f"known: {', '.join(likes)}")
+        return
+    passed: list[str] = []
+    while isinstance(like, str) and like in likes and like not in passed:
+        passed.append(like)
+        like = likes[like]
+    if scene.get("name") in passed:
+        yield Fault(f"{place}.like", f"`{scene['name']}` is like itself", "name another scene of the file")
+
+
+def _options_faults(place: str, scene: dict[str, Any]) -> Iterator[Fault]:
+    given = scene.get("options")
+    options = {name: _option(value) for name, value in given.items()} if isinstance(given, dict) else {}
+    for spelled, option in options.items():
+        where = f"{place}.options.{spelled}"
+        if not _NAME.fullmatch(spelled):
+            yield Fault(where, f"an option cannot be called `{spelled}`", "letters, digits and _, no digit first")
+        if spelled in _EVERY_SCENE:
+            yield Fault(where, f"every scene has the option `{spelled}`", "give it another name")
+        if option:
+            yield from _bounds_faults(where, option)
+    known = {
+        name for spelled, option in options.items() for name in (names_of(spelled, option) if option else (spelled,))
+    }
+    for where, name in _references(place, scene):
+        if isinstance(name, str) and name and name not in known:
+            yield Fault(where, f"there is no option `{name}`", f"known: {', '.join(sorted(known))}")
+
+
+def _option(value: object) -> SceneOption | None:
+    try:
+        return msgspec.convert(value, SceneOption)
+    except msgspec.ValidationError:
+        return None
+
+
+def _bounds_faults(where: str, option: SceneOption) -> Iterator[Fault]:
+    low, high = option.low, option.high
+    if low is not None and high is not None and low > high:
+        yield Fault(f"{where}.low", f"{low:g} is more than `high`, which is {high:g}", "exchange them")
+        low = high = None
+    if option.default is None:
+        return
+    numbers = option.default if isinstance(option.default, tuple) else (option.default,)
+    due = _NUMBERS.get(option.type, 0)
+    if len(numbers) != due:
+        words = {0: "no default", 1: "one number", 2: "two numbers"}[due]
+        yield Fault(f"{where}.default", f"an option of type {option.type} has {words}", "mend or leave out `default`")
+        return
+    for number in numbers:
+        if (low is not None and number < low) or (high is not None and number > high):
+            yield Fault(f"{where}.default", f"{number:g} is outside of the option's bounds", "mend it or the bounds")
+    if option.type == "range" and numbers[0] > numbers[-1]:
+        yield Fault(f"{where}.default", f"{numbers[0]:g} is more than {numbers[-1]:g}", "exchange them")
+
+
+def _references(place: str, scene: dict[str, Any]) -> Iterator[tuple[str, object]]:
+    """Where a scene names an option of its own, as an instance has it (`depth_m`)."""
+    for field in ("one_of", "wider_by"):
+        listed = scene.get(field)
+        for index, name in enumerate(listed if isinstance(listed, list) else ()):
+            yield f"{place}.{field}[{index}]", name
+    unless = scene.get("unless")
+    for surface, name in (unless if isinstance(unless, dict) else {}).items():
+        yield f"{place}.unless.{surface}", name
+    options = scene.get("options")
+    for spelled, option in (options if isinstance(options, dict) else {}).items():
+        if isinstance(option, dict):
+            yield f"{place}.options.{spelled}.without", option.get("without")
