@@ -63,6 +63,12 @@ MODELS = (
 MEASURES = ("length", "width", "height")
 """A body's measures along, across and up, in the author's words."""
 
+LEAST_M = 0.001
+"""The least measure of a body or a part, metres: less has no surface that could be drawn."""
+
+MOST_M = 1000.0
+"""The largest measure of a body or a part, and the farthest that a part lies from its body's position, metres."""
+
 UNSAID_M = 0.5
 """A measure of a body that says another one, or none, metres."""
 

@@ -17,6 +17,8 @@ BUOY = """target beacon : person_in_water {
   part lamp : cone { length = 0.2 m, width = 0.2 m, height = 30 cm, above = 3 m, heading = 45 deg, colour = red }
 }
 """
+MEASURE = "must be at least 0.001 m and at most 1000 m"
+MASS = "must be above 0 kg and at most 10000000 kg"
 
 
 def with_type(small: str, text: str) -> str:
@@ -66,6 +68,20 @@ def test_a_mission_may_give_measures_of_its_own(small: str) -> None:
     assert "look" not in first.properties and lost(compilation.mission, to_ljs(compilation.mission)) == ()
 
 
+def test_a_colour_is_drawn_from_a_list(small: str) -> None:
+    text = small.replace("  target victim[1..3] : person_in_water {",
+                         "  target victim[1..3] : person_in_water {\n    colour ~ choice([red, blue])")  # fmt: skip
+    mission = compile_text(text).mission
+    assert mission is not None and lost(mission, to_ljs(mission)) == ()
+    drawn = [one for seed in range(4) for one in instantiate(mission, seed=seed).entities if one.group == "victim"]
+    assert {one.properties["colour"] for one in drawn} == {"red", "blue"}
+
+
+def test_a_draw_within_the_bounds_is_taken(small: str) -> None:
+    lines = "length ~ normal(2 m, 1 m, low >= 1 mm, high <= 3 m)\nmass ~ uniform(1 kg, 3 kg)\nwidth = 1 mm"
+    assert group_of(with_type(small, f"target beacon : person_in_water {{\n{lines}\n}}\n")).properties
+
+
 def test_bodies_survive_the_way_back_to_text(small: str) -> None:
     text = with_type(small, BUOY)
     mission = compile_text(text).mission
@@ -81,8 +97,18 @@ def test_bodies_survive_the_way_back_to_text(small: str) -> None:
         ("shape = blob", "LJ0109", "`shape` cannot be `blob`"),
         ("origin = top", "LJ0109", "`origin` cannot be `top`"),
         ("length = 3", "LJ0202", ""),
-        ("height = 0 m", "LJ0206", "`height` must be above 0"),
-        ("mass = -3 kg", "LJ0206", "`mass` must be above 0"),
+        ("height = 0 m", "LJ0206", f"`height` {MEASURE}"),
+        ("mass = -3 kg", "LJ0206", f"`mass` {MASS}"),
+        ("width = 1e-7 m", "LJ0206", f"`width` {MEASURE}"),
+        ("width = 1e15 m", "LJ0206", f"`width` {MEASURE}"),
+        ("length ~ uniform(-8 m, -4 m)", "LJ0206", f"`length` {MEASURE}, this draw can give -8 m"),
+        ("length ~ choice([1 m, 0 m])", "LJ0206", f"`length` {MEASURE}, this draw can give 0 m"),
+        ("mass ~ normal(9 kg, 1 kg, low >= 1 kg)", "LJ0206", f"`mass` {MASS}, this draw has no such end"),
+        ("colour ~ choice([red, blu])", "LJ0109", "`colour` cannot be `blu`"),
+        ("colour ~ uniform(1, 2)", "LJ0301", "`colour` is drawn from a list of its words"),
+        ("part a : box { length = 1 m, width = 1 m, height = 1e-7 m }", "LJ0206", ""),
+        ("part a : box { length = 1 m, width = 1 m, height = 1 m, right = -1e15 m }", "LJ0206", ""),
+        ("mount front { ahead = 101 m, above = 1 m, tilt = 0 deg }", "LJ0206", ""),
         ("mount side { ahead = 1 m, above = 1 m, tilt = 0 deg }", "LJ0109", "no view is called `side`"),
         ("mount front { ahead = 1 m, above = 1 m }", "LJ0106", "the mount `front` lacks `tilt`"),
         ("mount front { ahead = 1 kg, above = 1 m, tilt = 0 deg }", "LJ0203", ""),

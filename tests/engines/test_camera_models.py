@@ -18,6 +18,7 @@ from lingjing.engines.camera.effects import (
     with_changes,
 )
 from lingjing.engines.camera.effects.town_changes import split
+from lingjing.engines.camera.meshes import indexed
 from lingjing.engines.camera.models import MODELS, ambient_parts, entity_model, entity_parts, look_of, prop_model
 from lingjing.engines.camera.models.catalogue import SINGLE, VARIED
 from lingjing.engines.camera.models.dog import STANDING, STANDING_M, dog_parts
@@ -86,11 +87,25 @@ def test_a_type_without_a_look_is_the_shape_size_and_colour_it_declares(shape: s
         assert np.allclose(mesh[:, 6:9], COLOURS["red"])
 
 
+@pytest.mark.parametrize("shape", ["box", "cylinder", "sphere", "cone"])
+@pytest.mark.parametrize("measure", [1e-7, 1e-3])
+def test_the_smallest_body_has_faces_to_draw(shape: str, measure: float) -> None:
+    speck = BodyPart(name="speck", shape=shape, length_m=measure, width_m=measure, height_m=measure)  # type: ignore[arg-type]
+    sizes = {"length_m": measure, "width_m": measure, "height_m": measure, "shape": shape}
+    for drawn in entity_parts(thing("mote", parts=(speck,), properties=sizes), state(thing("mote")), 0.0):
+        vertices, _ = indexed(drawn.mesh)
+        assert len(vertices) and np.isfinite(vertices).all()
+
+
 def test_parts_stand_where_the_type_puts_them_beside_its_look() -> None:
     crate = BodyPart(name="crate", shape="box", length_m=2.0, width_m=1.0, height_m=0.5, ahead_m=3.0, right_m=-1.0,
                      above_m=4.0, heading_deg=90.0, colour="blue")  # fmt: skip
-    alone = thing("frame", parts=(crate,), properties={"length_m": 9.0, "width_m": 9.0, "height_m": 9.0})
+    measures = {"length_m": 9.0, "width_m": 9.0, "height_m": 9.0}
+    alone = thing("frame", parts=(crate,), properties={**measures, "look": "none"})
     (part,) = entity_parts(alone, state(alone), 0.0)
+    assert [p.key for p in entity_parts(thing("stand", parts=(crate,)), state(alone), 0.0)] == [part.key]
+    shown = entity_parts(thing("hall", parts=(crate,), properties=measures), state(alone), 0.0)
+    assert [p.key for p in shown] == ["box-9.0-9.0-9.0-grey", part.key]
     mesh = turned(part.mesh, part.rows)[:, :3]
     assert mesh.min(axis=0) == pytest.approx([-2.0, 2.5, 3.75]) and mesh.max(axis=0) == pytest.approx([0.0, 3.5, 4.25])
     carried = thing("crane", parts=(crate,), properties={"look": "truck"})

@@ -6,6 +6,7 @@ belong (unknown keys, wrong relations, repeats, misplaced statements) and gives 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 
 from lingjing.dsl.checking.elaborate import Elaborator
@@ -16,6 +17,7 @@ from lingjing.dsl.source.suggest import did_you_mean, is_certain, nearest
 from lingjing.dsl.syntax import tree as s
 from lingjing.mission import expression as ex
 from lingjing.mission.functions import DEGREES, MPS, NUMBER, Type
+from lingjing.mission.units import dimension_unit
 
 SEA_LEVEL = "sea level"
 
@@ -159,26 +161,39 @@ class BlockReader:
         entries[name.text] = PropertyEntry(item, key, parts)
 
     def in_bounds(self, item: s.PropertyLine, key: PropertyKey, parts: tuple[TypedExpression, ...]) -> bool:
-        """Whether a value lies within its key's bounds; one outside of them is reported."""
+        """Whether a value lies within its key's bounds, and all that a draw can give; one that does not is reported."""
         number = self.of.constant(parts[0].ir)
         if number is not None and key.whole and number != int(number):
             place = item.value
             self.report.at("LJ0206", place, f"`{key.name}` counts in whole numbers, this is {number:g}")
             return False
-        if number is None or (key.low is None and key.high is None and key.above is None):
+        outside = [each for each in self._ends(parts[0].ir) if not _within(key, each)]
+        if not outside:
             return True
-        below = (key.low is not None and number < key.low) or (key.above is not None and number <= key.above)
-        if not below and (key.high is None or number <= key.high):
-            return True
-        bounds = []
-        if key.above is not None:
-            bounds.append(f"above {key.above:g}")
-        if key.low is not None:
-            bounds.append(f"at least {key.low:g}")
-        if key.high is not None:
-            bounds.append(f"at most {key.high:g}")
-        self.report.at("LJ0206", item.value, f"`{key.name}` must be {' and '.join(bounds)}")
+        unit = f" {dimension_unit(key.type.dimension)}".rstrip() if key.type.dimension else ""
+        limits = (("above", key.above), ("at least", key.low), ("at most", key.high))
+        bounds = " and ".join(f"{word} {limit:.12g}{unit}" for word, limit in limits if limit is not None)
+        message, hint = f"`{key.name}` must be {bounds}", ""
+        if isinstance(parts[0].ir, ex.Draw):
+            endless = math.isinf(outside[0])
+            message += ", this draw has no such end" if endless else f", this draw can give {outside[0]:g}{unit}"
+            hint = "cut it off: `normal(…, low >= …, high <= …)`" if endless else ""
+        self.report.at("LJ0206", item.value, message, hint)
         return False
+
+    def _ends(self, ir: ex.Expr) -> list[float]:
+        """The constant numbers between which a value lies: itself, or the ends of a draw, endless where not cut off."""
+        ends: list[ex.Expr] = [ir]
+        endless: list[float] = []
+        if isinstance(ir, ex.Draw):
+            cuts = dict(ir.named)
+            ends = list(ir.arguments)
+            if ir.distribution == "normal":
+                ends = [cuts[name] for name in ("low", "high") if name in cuts]
+                endless = [end for name, end in (("low", -math.inf), ("high", math.inf)) if name not in cuts]
+            elif ir.distribution != "uniform":
+                ends = [item for listed in ends if isinstance(listed, ex.Sequence) for item in listed.items]
+        return [number for end in ends if (number := self.of.constant(end)) is not None] + endless
 
     def check_state(self, item: s.PropertyLine, kind: Type) -> None:
         """A state is a number that changes in a run; places and headings change by themselves."""
@@ -215,6 +230,8 @@ class BlockReader:
             return self._size(node, what, environment)
         if kind == "level":
             return (self._level(node, what, environment),)
+        if relation == "~" and key.choices is not None:
+            return (self._drawn_choice(node, key, environment),)
         if relation == "~":
             value = self.of.calls.draw(node, environment)
             return (value if self.of.fits(value, key.type, node, what) else UNKNOWN,)
@@ -238,13 +255,26 @@ class BlockReader:
         self.report.at("LJ0109", node, message, hint, replace=close, safe=certain)
         return UNKNOWN
 
+    def _drawn_choice(self, node: s.Expression, key: PropertyKey, environment: Environment) -> TypedExpression:
+        """`~ choice([red, blue])`: the draw of one of the words that fit the key."""
+        drawn = node.function.text if isinstance(node, s.CallExpr) else ""
+        listed = node.arguments[0].value if isinstance(node, s.CallExpr) and len(node.arguments) == 1 else None
+        if drawn not in ("choice", "subset") or not isinstance(listed, s.List):
+            message = f"`{key.name}` is drawn from a list of its words"
+            self.report.at("LJ0301", node, message, f"write `{key.name} ~ choice([…])`")
+            return UNKNOWN
+        items = [self._word(item, key, environment) for item in listed.items]
+        if not items or UNKNOWN in items:
+            return UNKNOWN
+        return TypedExpression(ex.Draw(drawn, (ex.Sequence(tuple(item.ir for item in items)),)), key.type)
+
+    def _word(self, node: s.Expression, key: PropertyKey, environment: Environment) -> TypedExpression:
+        if isinstance(node, s.Name):
+            return self._choice(node, key)
+        return self.of.expect(node, environment, Type("name"), f"`{key.name}`")
+
     def _choices(self, node: s.List, key: PropertyKey, environment: Environment) -> TypedExpression:
-        items = []
-        for item in node.items:
-            if isinstance(item, s.Name):
-                items.append(self._choice(item, key))
-            else:
-                items.append(self.of.expect(item, environment, Type("name"), f"`{key.name}`"))
+        items = [self._word(item, key, environment) for item in node.items]
         names = [item.ir for item in items]
         if len(names) != len(set(names)) and UNKNOWN not in items:
             self.report.at("LJ0103", node, f"`{key.name}` names something twice")
@@ -312,3 +342,8 @@ class BlockReader:
                     f"{what} lacks `{key.name}`",
                     f"add `{key.name} {key.relations[0]} …`: {with_article(key.type)}",
                 )
+
+
+def _within(key: PropertyKey, number: float) -> bool:
+    below = (key.low is not None and number < key.low) or (key.above is not None and number <= key.above)
+    return not below and (key.high is None or number <= key.high)

@@ -15,17 +15,23 @@ from lingjing.dsl.source.suggest import did_you_mean, nearest
 from lingjing.dsl.syntax import tree as s
 from lingjing.mission import expression as ex
 from lingjing.mission import model
-from lingjing.mission.appearance import BARE, COLOURS, MEASURES, MODELS, ORIGINS, RESHAPING, SHAPES
+from lingjing.mission.appearance import BARE, COLOURS, LEAST_M, MEASURES, MODELS, MOST_M, ORIGINS, RESHAPING, SHAPES
 from lingjing.mission.functions import DEGREES, FLAG, METRES, Type
 from lingjing.mission.units import MASS
 
 _DRAWN = ("=", "~")
+_MOST_KG = 1e7
+_MOUNTED_M = 100.0
+"""How far a camera sits from its body's position at most, ahead or above."""
 
 BODY_KEYS = {
     key.name: key
     for key in (
-        *(PropertyKey(name, METRES, _DRAWN, above=0, hideable=True, public=False) for name in MEASURES),
-        PropertyKey("mass", Type("quantity", MASS), _DRAWN, above=0, hideable=True, public=False),
+        *(
+            PropertyKey(name, METRES, _DRAWN, low=LEAST_M, high=MOST_M, hideable=True, public=False)
+            for name in MEASURES
+        ),
+        PropertyKey("mass", Type("quantity", MASS), _DRAWN, above=0, high=_MOST_KG, hideable=True, public=False),
         PropertyKey("colour", Type("name"), _DRAWN, choices=tuple(COLOURS), hideable=True, public=False),
         PropertyKey("shape", Type("name"), choices=(*SHAPES, BARE)),
         PropertyKey("origin", Type("name"), choices=ORIGINS),
@@ -38,8 +44,8 @@ the position lies, and which of the camera's models shows it."""
 MOUNT_KEYS = {
     key.name: key
     for key in (
-        PropertyKey("ahead", METRES, required=True),
-        PropertyKey("above", METRES, required=True),
+        PropertyKey("ahead", METRES, required=True, low=-_MOUNTED_M, high=_MOUNTED_M),
+        PropertyKey("above", METRES, required=True, low=-_MOUNTED_M, high=_MOUNTED_M),
         PropertyKey("tilt", DEGREES, required=True, low=-90, high=90),
         PropertyKey("gimbal", FLAG),
     )
@@ -47,8 +53,8 @@ MOUNT_KEYS = {
 PART_KEYS = {
     key.name: key
     for key in (
-        *(PropertyKey(name, METRES, required=True, above=0) for name in MEASURES),
-        *(PropertyKey(name, METRES) for name in ("ahead", "right", "above")),
+        *(PropertyKey(name, METRES, required=True, low=LEAST_M, high=MOST_M) for name in MEASURES),
+        *(PropertyKey(name, METRES, low=-MOST_M, high=MOST_M) for name in ("ahead", "right", "above")),
         PropertyKey("heading", DEGREES),
         PropertyKey("colour", Type("name"), choices=tuple(COLOURS)),
     )

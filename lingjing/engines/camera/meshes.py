@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from lingjing.mission.appearance import LinearRgb
+from lingjing.mission.appearance import LEAST_M, LinearRgb
 from lingjing.mission.instance import Vector
 
 Mesh = npt.NDArray[np.float32]
@@ -98,7 +98,8 @@ def ellipsoid(
 @cache
 def solid(shape: str, length: float, width: float, height: float, colour: LinearRgb) -> Mesh:
     """A box, cylinder, sphere or cone (upright) about the origin that fills a box of `length` ahead by `width` to the
-    right by `height` up."""
+    right by `height` up. Less than `LEAST_M`, which a param may give, is drawn as that."""
+    length, width, height = (max(measure, LEAST_M) for measure in (length, width, height))
     half = np.array([width, length, height]) / 2.0
     if shape == "box":
         return box((0.0, 0.0, 0.0), (width, length, height), colour)

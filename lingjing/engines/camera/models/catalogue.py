@@ -1,7 +1,8 @@
 """Names → models: what an entity, a body of the background traffic or a prop looks like.
 
-An entity's type declares its `look`, the name of a model, and its `part`s, which are drawn beside it. One without look
-and parts is the shape, size and colour that it declares, else a metre cube, so that a new plug-in's entity is seen.
+An entity's type declares its `look`, the name of a model, and its `part`s, which are drawn beside it. One without a
+look is the shape, size and colour that it declares, beside its parts. One without look, size and parts is a metre cube,
+so that a new plug-in's entity is seen.
 Chance (colours, clothes) comes from the entity's index or a hash of a body's id. Some looks have no model of their
 own: `congestion` is its vehicles, a fire or spray is an effect, a reference building is the building and people before
 its door.
@@ -68,7 +69,9 @@ def entity_parts(
     if look in MODELS:
         drawn = MODELS[look](Subject(entity.index - 1, state, time_s, entity.properties, kerb_m, pipe_m, facing_deg))
         return (*(painted(part, _colour(entity)) for part in drawn), *own)
-    return own if own or look == BARE else _body(entity)
+    if look == BARE or (own and not _measured(entity)):
+        return own
+    return (*_body(entity), *own)
 
 
 def look_of(entity: Entity) -> str:
@@ -82,9 +85,13 @@ def _part(part: BodyPart) -> ModelPart:
     return ModelPart(f"{part.shape}-{part.length_m}-{part.width_m}-{part.height_m}-{part.colour}", mesh, place)
 
 
+def _measured(entity: Entity) -> bool:
+    return any(entity.number(f"{name}_m") for name in MEASURES)
+
+
 def _body(entity: Entity) -> Parts:
     """The shape, size and colour that an entity declares; a metre cube without any size."""
-    if not any(entity.number(f"{name}_m") for name in MEASURES):
+    if not _measured(entity):
         return (painted(ModelPart("unknown", unknown()), _colour(entity)),)
     size, shape, colour = entity_size(entity), shape_of(entity), str(entity.properties.get("colour", "grey"))
     mesh = solid(shape, size.length_m, size.width_m, size.height_m, COLOURS.get(colour, UNPAINTED))
