@@ -23,7 +23,7 @@ DUE = {
 """What is due, by the first words of the error types of pydantic (`int_parsing`, `int_type`, `int_from_float`)."""
 
 _BOUNDS = {"ge": "at least", "gt": "more than", "le": "at most", "lt": "less than"}
-_SHOWN = 40
+_SHOWN = 20
 """Letters of a given text that a message repeats; a longer one may be a secret in the wrong place."""
 
 

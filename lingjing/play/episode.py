@@ -26,6 +26,7 @@ from lingjing.kernel.episode import Progress, play, seat
 from lingjing.kernel.step import Kernel
 from lingjing.kernel.world import open_world
 from lingjing.kernel.world.contract import StoredFrame, World
+from lingjing.kernel.world.selection import select_engines
 from lingjing.mission.feasibility import prove_instance
 from lingjing.mission.instance import Instance
 from lingjing.mission.instantiate import instantiate
@@ -92,7 +93,7 @@ class Session:
         that have been loaded already, by their names in the options."""
         mission = mission or compiled(options)
         drawn = instantiate(mission, seed=options.seed, mode=options.mode, settings=options.settings)
-        told = engine_options(options.engine_args, self.host)
+        told = engine_options(options.engine_args, self.host, select_engines(drawn, self.host).names)
         instance, city = self._cities.place(msgspec.structs.replace(drawn, engine_options=told))
         assigned = assign_policies(instance, options, self.host, given or {})
         policies = {agent: build_policy(plugin, arguments) for agent, (plugin, arguments) in assigned.items()}

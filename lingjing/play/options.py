@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from os import PathLike, fspath
-from typing import Annotated, Literal, TypedDict
+from typing import Annotated, Any, Literal, TypedDict
 
 import msgspec
 
@@ -99,10 +99,10 @@ def options_of(
     plain = {
         **changes,
         "mission": mission.name if isinstance(mission, Mission) else _path(mission),
-        "policies_for": {one: _named(spec, made) for one, spec in (changes.get("policies_for") or {}).items()},
-        "policy_args": {name: str(value) for name, value in (changes.get("policy_args") or {}).items()},
-        "engine_args": {name: str(value) for name, value in (changes.get("engine_args") or {}).items()},
-        "settings": dict(changes.get("settings") or {}),
+        "policies_for": _mapped(changes.get("policies_for"), lambda spec: _named(spec, made)),
+        "policy_args": _mapped(changes.get("policy_args"), str),
+        "engine_args": _mapped(changes.get("engine_args"), str),
+        "settings": _mapped(changes.get("settings"), lambda value: value),
     }
     if "policy" in changes:
         plain["policy"] = _named(changes["policy"], made)
@@ -115,6 +115,11 @@ def compiled(options: PlayOptions) -> Mission:
     from lingjing.dsl.loading.load import load_mission
 
     return load_mission(options.mission)
+
+
+def _mapped(given: object, value_of: Callable[[Any], object]) -> object:
+    """A mapping with its values made plain, None an empty one; anything else is left for the check to refuse."""
+    return {name: value_of(value) for name, value in given.items()} if isinstance(given, Mapping) else given or {}
 
 
 def _path(given: object) -> str:

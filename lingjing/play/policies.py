@@ -31,14 +31,13 @@ def assign_policies(
         raise UsageError(
             f"no role or agent is called {called} in {instance.mode} mode", hint=f"there are: {', '.join(names)}"
         )
-    loaded = dict(given)
 
-    def policy_of(agent: AgentSpec) -> PolicyPlugin:
-        spec = next((chosen[name] for name in (agent.id, agent.name, agent.role) if name in chosen), options.policy)
-        if spec not in loaded:
-            loaded[spec] = load_policy(spec, host)
-        return loaded[spec]
+    def named_for(agent: AgentSpec) -> str:
+        return next((chosen[name] for name in (agent.id, agent.name, agent.role) if name in chosen), options.policy)
 
-    plugins = {agent.id: policy_of(agent) for agent in instance.agents}
-    shares = share_arguments(plugins.values(), options.policy_args)
-    return {agent: (plugin, shares[plugin.name]) for agent, plugin in plugins.items()}
+    names_of = {agent.id: named_for(agent) for agent in instance.agents}
+    plugins = {
+        name: given[name] if name in given else load_policy(name, host) for name in dict.fromkeys(names_of.values())
+    }
+    shares = share_arguments(plugins, options.policy_args)
+    return {agent: (plugins[name], shares[name]) for agent, name in names_of.items()}

@@ -67,14 +67,19 @@ def options_model(plugin: PolicyPlugin) -> type[PluginOptions]:
     return declared_model(plugin.options, _owner(plugin)) or model_of_parameters(plugin.factory)
 
 
-def share_arguments(plugins: Iterable[PolicyPlugin], arguments: Mapping[str, ValueT]) -> dict[str, dict[str, ValueT]]:
-    """Which of the given options each policy (by name) gets: those of its model; a policy alone gets them all.
+def share_arguments(
+    plugins: Mapping[str, PolicyPlugin], arguments: Mapping[str, ValueT]
+) -> dict[str, dict[str, ValueT]]:
+    """Which of the given options each policy gets: those of its model; a policy alone gets them all.
+
+    The policies are told apart and called by the names they were asked for with, folders and all: two files of one
+    name in two folders hold two policies.
 
     Raises `UsageError` that tells every fault: of each policy's options, and what none of them takes.
     """
     from lingjing.plugins.options import option_faults, options_error, spellings, takes_any_name, unknown_option
 
-    models = {plugin.name: options_model(plugin) for plugin in plugins}
+    models = {name: options_model(plugin) for name, plugin in plugins.items()}
     taken = {name: spellings(model) for name, model in models.items()}
     shares = {
         name: {key: value for key, value in arguments.items() if takes_any_name(model) or key in taken[name]}
@@ -90,13 +95,17 @@ def share_arguments(plugins: Iterable[PolicyPlugin], arguments: Mapping[str, Val
     return shares
 
 
-def engine_options(arguments: Mapping[str, str], host: PluginHost) -> dict[str, dict[str, str]]:
-    """The `--engine-arg` pairs by engine and option. Raises `UsageError` that tells every fault."""
-    if not arguments:
+def engine_options(
+    arguments: Mapping[str, str], host: PluginHost, used: Iterable[str] = ()
+) -> dict[str, dict[str, str]]:
+    """The `--engine-arg` pairs by engine and option. `used` are the engines that take part: each must have been given
+    what it requires. Raises `UsageError` that tells every fault."""
+    declaring = [name for name in used if host.engine(name).options]
+    if not arguments and not declaring:
         return {}
     from lingjing.plugins.options import shared_among_engines
 
-    return shared_among_engines(arguments, host.engines)
+    return shared_among_engines(arguments, host.engines, declaring)
 
 
 def build_policy(plugin: PolicyPlugin, arguments: Mapping[str, object]) -> Policy:

@@ -12,12 +12,17 @@ from __future__ import annotations
 
 import difflib
 import inspect
+import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from pathlib import Path
 from pkgutil import resolve_name
 from typing import Any, TypeVar
 
 import msgspec
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model
+from pydantic import AliasChoices, AliasPath, BaseModel, ConfigDict, Field, ValidationError, create_model
+from pydantic.errors import PydanticUndefinedAnnotation, PydanticUserError
+from pydantic.fields import FieldInfo
+from pydantic.json_schema import GenerateJsonSchema
 
 from lingjing.errors import Fault, PluginError, UsageError
 from lingjing.plugins.engine import EnginePlugin, EngineSpec
@@ -70,6 +75,10 @@ def declared_model(reference: type[Any] | str | None, owner: str) -> type[Plugin
         raise PluginError(
             f"the options of {owner} are declared by `{reference}`, which is no model of options", hint=hint
         )
+    try:
+        found.model_rebuild()
+    except (PydanticUserError, PydanticUndefinedAnnotation) as error:
+        raise PluginError(f"the options of {owner} cannot be read from `{found.__name__}`: {error.message}") from error
     return found
 
 
@@ -126,8 +135,13 @@ def engine_options(model: type[OptionsT], spec: EngineSpec) -> OptionsT:
     return read_options(model, spec.instance.engine_options.get(spec.engine, {}), f"engine `{spec.engine}`")
 
 
-def shared_among_engines(given: Mapping[str, str], plugins: Mapping[str, EnginePlugin]) -> dict[str, dict[str, str]]:
-    """`{"camera.quality": "80"}` by engine and option. Raises `UsageError` that tells every fault."""
+def shared_among_engines(
+    given: Mapping[str, str], plugins: Mapping[str, EnginePlugin], used: Iterable[str] = ()
+) -> dict[str, dict[str, str]]:
+    """`{"camera.quality": "80"}` by engine and option; the engines `used` are checked even if they are given nothing.
+
+    Raises `UsageError` that tells every fault.
+    """
     shares: dict[str, dict[str, str]] = {}
     faults: dict[str, tuple[Fault, ...]] = {}
     for key, value in given.items():
@@ -136,17 +150,18 @@ def shared_among_engines(given: Mapping[str, str], plugins: Mapping[str, EngineP
             faults["engines"] = (*faults.get("engines", ()), _unknown_engine(key, plugins))
         else:
             shares.setdefault(name, {})[option] = value
-    for name, share in shares.items():
+    for name in dict.fromkeys((*shares, *used)):
         owner = f"engine `{name}`"
-        faults[owner] = option_faults(declared_model(plugins[name].options, owner) or PluginOptions, share)
+        model = declared_model(plugins[name].options, owner) or PluginOptions
+        faults[owner] = option_faults(model, shares.get(name, {}))
     if any(faults.values()):
         raise options_error(faults)
     return shares
 
 
 def spellings(model: type[PluginOptions]) -> tuple[str, ...]:
-    """How the options of a model are spelled, in the order of declaration."""
-    return tuple(field.alias or name for name, field in model.model_fields.items())
+    """How the options of a model are spelled, in the order of declaration, with every alias of each."""
+    return tuple(one for name, field in model.model_fields.items() for one in _spelled(name, field))
 
 
 def unknown_option(name: str, known: Iterable[str]) -> Fault:
@@ -164,8 +179,11 @@ def takes_any_name(model: type[PluginOptions]) -> bool:
 
 
 def option_specs(model: type[PluginOptions]) -> tuple[OptionSpec, ...]:
-    """Every option of a model as it is listed, in the order of declaration."""
-    schema = model.model_json_schema(mode="validation")
+    """Every option of a model as it is listed, in the order of declaration.
+
+    One whose type JSON Schema has no words for, such as a function, is listed as `any`.
+    """
+    schema = model.model_json_schema(mode="validation", schema_generator=_ListedSchema)
     required = frozenset(schema.get("required", ()))
     return tuple(
         OptionSpec(
@@ -191,6 +209,25 @@ class _AnyParameters(_Parameters, extra="allow"):
     """Those of a factory that takes `**others`."""
 
 
+class _ListedSchema(GenerateJsonSchema):
+    """The JSON Schema of what it can express; the rest may be anything, and a default without JSON is left out."""
+
+    def handle_invalid_for_json_schema(self, schema: object, error_info: str) -> dict[str, Any]:
+        return {}
+
+    def emit_warning(self, kind: object, detail: str) -> None:
+        """Say nothing: the list is for people, who need no warning of pydantic's."""
+
+
+def _spelled(name: str, field: FieldInfo) -> tuple[str, ...]:
+    match field.validation_alias:
+        case AliasChoices() as choices:
+            return tuple(str(path[0]) for path in choices.convert_to_aliases())
+        case AliasPath() as path:
+            return (str(path.path[0]),)
+    return (field.validation_alias or name,)
+
+
 def _parameters(factory: Callable[..., object]) -> Mapping[str, inspect.Parameter]:
     try:
         return inspect.signature(factory, eval_str=True).parameters
@@ -210,6 +247,25 @@ def _validated(model: type[OptionsT], given: Mapping[str, object]) -> tuple[Opti
         return model.model_validate(dict(given)), ()
     except ValidationError as error:
         return None, tuple(_faults(model, error))
+    except Exception as error:  # noqa: BLE001 - a validator is a stranger's code and may raise anything
+        at = traceback.extract_tb(error.__traceback__)[-1]
+        said = f"cannot be checked: its validator raised {type(error).__name__} at {Path(at.filename).name}:{at.lineno}"
+        return None, (Fault(_breaking(model, given), said),)
+
+
+def _breaking(model: type[PluginOptions], given: Mapping[str, object]) -> str:
+    """The option whose validator raises what is no `ValueError`, found by giving one more at a time; "" if none is."""
+    some: dict[str, object] = {}
+    for name in ("", *given):
+        if name:
+            some[name] = given[name]
+        try:
+            model.model_validate(some)
+        except ValidationError:
+            continue
+        except Exception:  # noqa: BLE001 - as above
+            return name
+    return ""
 
 
 def _faults(model: type[PluginOptions], error: ValidationError) -> Iterator[Fault]:

@@ -10,7 +10,12 @@ import pytest
 import lingjing
 from lingjing.cli.main import main
 from lingjing.errors import ExitCode, UsageError
+from lingjing.play.episode import Session
 from lingjing.play.options import Changes, PlayOptions, checked_options, options_of, read_options
+from lingjing.plugins.engine import EnginePlugin
+from lingjing.plugins.hookspecs import hookimpl
+from lingjing.plugins.host import PluginHost
+from lingjing.plugins.options import PluginOptions
 
 EXAMPLE = Path(__file__).parents[2] / "scenarios" / "ssr.ljs"
 
@@ -40,6 +45,28 @@ def test_policies_given_as_objects_have_names_in_the_options() -> None:
     assert made[options.policy].factory is made[options.policies_for["searcher"]].factory is first
     assert made[options.policies_for["rescuer"]].factory is second
     assert {plugin.name for plugin in made.values()} == {"Mine"}
+
+
+@pytest.mark.parametrize("name", ["policies_for", "policy_args", "engine_args", "settings"])
+def test_what_is_no_mapping_is_refused_with_what_is_due(name: str) -> None:
+    with pytest.raises(UsageError, match=f"{name}: an object is due, this is the number 3"):
+        lingjing.run(EXAMPLE, **{name: 3})
+
+
+class Link(PluginOptions):
+    host: str
+
+
+def test_an_engine_that_lacks_a_required_option_is_refused_before_the_episode(tmp_path: Path) -> None:
+    class Engines:
+        @hookimpl
+        def lingjing_engines(self) -> list[EnginePlugin]:
+            return [EnginePlugin(name="far", factory=object, options=Link, wanted=lambda instance: True)]
+
+    due = "engine `far`: option `host` is missing"
+    with Session(PluginHost(extra=[Engines()])) as session, pytest.raises(UsageError, match=due):
+        session.run(EXAMPLE, out=tmp_path / "run", world="inline")
+    assert not (tmp_path / "run").exists()
 
 
 def test_a_file_of_options_tells_all_its_faults() -> None:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Annotated, Literal
 
 import pytest
+from pydantic import AliasChoices, field_validator
 
 from lingjing.errors import PluginError, UsageError
 from lingjing.plugins.engine import EnginePlugin
@@ -77,7 +79,7 @@ def test_a_nested_fault_has_its_path():
 
 
 def test_what_was_given_is_not_repeated_when_it_may_be_a_secret():
-    key = "Zq8vT3kX9-mWn2bLs77RxZq8vT3kX9-mWn2bLs77Rx"
+    key = "Zq8vT3kX9-mWn2bLs77RxZq8vT3kX"
     with pytest.raises(UsageError) as caught:
         read_options(Flight, {"rounds": key, "place": "pier"}, "policy `scout`")
     assert key not in str(caught.value)
@@ -102,6 +104,52 @@ def test_options_are_listed_with_type_bounds_default_and_help():
     assert [one.name for one in listed.values() if one.required] == ["place"]
 
 
+def test_what_json_schema_cannot_express_is_listed_as_any(recwarn):
+    class Callback(PluginOptions):
+        f: Callable[[], int]
+        g: Callable[[], int] = lambda: 1
+        height: float = 80.0
+
+    def made(clock: Scout, wait: object = Scout): ...
+
+    listed = {one.name: one for one in option_specs(Callback)}
+    assert [(one.type, one.required) for one in listed.values()] == [("any", True), ("any", False), ("number", False)]
+    assert [(one.name, one.type) for one in option_specs(model_of_parameters(made))] == [
+        ("clock", "any"),
+        ("wait", "any"),
+    ]
+    assert not recwarn.list
+
+
+def test_a_validator_that_breaks_is_a_fault_of_its_option():
+    class Share(PluginOptions):
+        rounds: int = 1
+        parts: int = 1
+
+        @field_validator("parts")
+        @classmethod
+        def divided(cls, parts: int) -> int:
+            return 10 // parts
+
+    with pytest.raises(UsageError, match=r"policy `scout`: option `parts` cannot be checked: its validator") as caught:
+        read_options(Share, {"rounds": "2", "parts": "0"}, "policy `scout`")
+    assert "ZeroDivisionError at test_options.py:" in str(caught.value)
+    assert [one.where for one in option_faults(Share, {"parts": "0", "rounds": "x"})] == ["parts"]
+
+
+def test_an_option_is_given_by_the_alias_that_it_is_listed_under():
+    class Aliased(PluginOptions):
+        key_file: str = Field("", validation_alias="key-file")
+        wait: int = Field(1, validation_alias=AliasChoices("pause", "wait-s"))
+
+    class Made(Scout):
+        options = Aliased
+
+    assert [one.name for one in option_specs(Aliased)] == ["key-file", "pause"]
+    given = {"key-file": "x", "wait-s": "2"}
+    assert share_arguments({"made": policy_of(Made, "made")}, given) == {"made": given}
+
+
 def test_a_model_is_found_by_its_name_when_it_is_needed():
     assert declared_model(f"{__name__}:Flight", "policy `scout`") is Flight
     assert declared_model(None, "policy `scout`") is None
@@ -109,6 +157,14 @@ def test_a_model_is_found_by_its_name_when_it_is_needed():
         declared_model("no_such_module:Flight", "policy `scout`")
     with pytest.raises(PluginError, match="no model of options"):
         declared_model(f"{__name__}:Scout", "policy `scout`")
+
+
+def test_a_model_whose_types_are_unknown_is_its_authors_mistake():
+    class Torn(PluginOptions):
+        height: Unheard  # noqa: F821
+
+    with pytest.raises(PluginError, match="options of policy `scout` cannot be read from `Torn`: name 'Unheard'"):
+        declared_model(Torn, "policy `scout`")
 
 
 def test_parameters_are_options_where_no_model_is_declared():
@@ -131,8 +187,9 @@ def test_a_class_says_by_attribute_which_model_it_takes():
 def test_the_faults_of_several_policies_are_told_together():
     def other(gamma: int = 1): ...
 
+    plugins = {"scout": policy_of(Scout, "scout"), "other": policy_of(other, "other")}
     with pytest.raises(UsageError) as caught:
-        share_arguments((policy_of(Scout, "scout"), policy_of(other, "other")), {"gamma": "x", "higth": "3"})
+        share_arguments(plugins, {"gamma": "x", "higth": "3"})
     assert str(caught.value).splitlines() == [
         "policy `scout`: option `place` is missing",
         "policy `other`: option `gamma` is 'x', a whole number is due",
@@ -159,6 +216,18 @@ def test_what_engines_are_told_is_shared_among_them():
     given = {"bridge.host": "gpu.local", "bridge.port": "5000"}
     assert engine_options(given, host) == {"bridge": {"host": "gpu.local", "port": "5000"}}
     assert engine_options({}, host) == {}
+
+
+def test_an_engine_that_takes_part_must_be_given_what_it_requires():
+    class Engines:
+        @hookimpl
+        def lingjing_engines(self):
+            return [EnginePlugin(name="far", factory=object, options=f"{__name__}:Flight")]
+
+    host = PluginHost(entry_points=False, extra=[Engines()])
+    assert engine_options({}, host) == {}
+    with pytest.raises(UsageError, match="engine `far`: option `place` is missing"):
+        engine_options({}, host, used=["far"])
 
 
 def test_every_fault_of_what_engines_are_told_is_told_at_once():

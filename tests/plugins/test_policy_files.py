@@ -132,6 +132,22 @@ def test_arguments_that_the_policy_does_not_take_are_named(host, write) -> None:
         build_policy(plugin, {"height": "tall"})
 
 
+def test_files_of_one_name_in_two_folders_hold_two_policies(host, tmp_path) -> None:
+    names = []
+    for folder, parameter in (("a", "alpha"), ("b", "beta")):
+        (tmp_path / folder).mkdir()
+        methods = "    async def reset(self, brief): ...\n    async def act(self, observation, inbox): ...\n"
+        text = f"class P:\n    def __init__(self, {parameter}='0'): ...\n{methods}"
+        (tmp_path / folder / "pol.py").write_text(text, encoding="utf-8")
+        names.append(f"{tmp_path / folder}/pol.py:P")
+    plugins = {name: load_policy(name, host) for name in names}
+    shares = share_arguments(plugins, {"alpha": "1", "beta": "2"})
+    assert shares == {names[0]: {"alpha": "1"}, names[1]: {"beta": "2"}}
+    with pytest.raises(UsageError) as caught:
+        share_arguments({names[0]: plugins[names[0]]}, {"gamma": "3"})
+    assert caught.value.hint == f"`lingjing plugins {names[0]}` lists the options"
+
+
 def test_arguments_go_to_the_policies_that_take_them():
     def one(alpha="1"):
         raise NotImplementedError
@@ -144,9 +160,9 @@ def test_arguments_go_to_the_policies_that_take_them():
 
     first, second, third = (PolicyPlugin(name=f.__name__, factory=f) for f in (one, two, three))
     given = {"alpha": "a", "gamma": "c"}
-    assert share_arguments((first, third, first), given) == {"one": {"alpha": "a"}, "three": {"gamma": "c"}}
-    assert share_arguments((first, second), given) == {"one": {"alpha": "a"}, "two": given}
+    assert share_arguments({"one": first, "three": third}, given) == {"one": {"alpha": "a"}, "three": {"gamma": "c"}}
+    assert share_arguments({"one": first, "two": second}, given) == {"one": {"alpha": "a"}, "two": given}
     with pytest.raises(UsageError, match="policy `one`: option `delta` is not known; known: alpha"):
-        share_arguments((first,), {"delta": "d"})
+        share_arguments({"one": first}, {"delta": "d"})
     with pytest.raises(UsageError, match="policies `one`, `three`: option `delta` is not known"):
-        share_arguments((first, third), {"delta": "d"})
+        share_arguments({"one": first, "three": third}, {"delta": "d"})

@@ -20,6 +20,11 @@ class EngineSelection:
     remote: tuple[str, ...]
     sensor: str | None
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """All of them, the sensor engine last."""
+        return (*self.local, *self.remote, *((self.sensor,) if self.sensor else ()))
+
 
 def select_engines(instance: Instance, host: PluginHost) -> EngineSelection:
     """The engines of `instance`; `UsageError` names an engine that is not installed or cannot own entities.
