@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from lingjing.dsl.loading.load import templates_beside
-from lingjing.errors import LingjingError
+from lingjing.errors import LingjingError, MissionError
 from lingjing.mission.document import decode, encode, read
 from lingjing.mission.instantiate import instantiate
 from lingjing.mission.reset.emit import emit
@@ -88,6 +88,14 @@ REFUSED: list[tuple[Edit, str]] = [
     (lambda w, s, d: d[0]["data"].update(X=1e300), f"{AT}[0].data: lies at (1e+298, -620.2, 1.12) m, beyond the scene"),
     (lambda w, s, d: d[0]["data"].update(X=10**400), "data.X: a number is due, this is a number out of range"),
     (lambda w, s, d: s.update(rescueRange=s["rescueRange"][:2]), "rescueRange: the outline has 2 different corners"),
+    (
+        lambda w, s, d: [d[1].pop(key, None) or d[1]["data"].pop(key, None) for key in ("heading", "raw", "yaw")],
+        f"{AT}[1].data: has no heading while others have one",
+    ),
+    (
+        lambda w, s, d: s.update(searchRange=s["rescueRange"][:3]),
+        f"{STATE}: 'rescueRange' and 'searchRange' spell one field and differ",
+    ),
 ]
 
 
@@ -96,3 +104,45 @@ def test_what_is_refused_names_the_path_and_the_reason(edit: Edit, words: str) -
     with pytest.raises(LingjingError) as caught:
         read(edited(edit), "d.json", TEMPLATES)
     assert words in str(caught.value) and caught.value.hint
+
+
+def test_an_entry_that_is_no_object_is_a_fault_beside_those_of_the_others() -> None:
+    odd = [{"personId": "a", "X": 1.0, "Y": 2.0}, None, [1, 2, 3], "here", {"personId": "b", "X": 1.0}]
+    with pytest.raises(MissionError) as caught:
+        read(edited(lambda w, s, d: s.update(rescuePersonPosition=odd)), "d.json", TEMPLATES)
+    at = f"{STATE}.rescuePersonPosition"
+    assert [(one.where, one.message) for one in caught.value.faults] == [
+        (f"{at}[1]", "an object is due, this is null"),
+        (f"{at}[2]", "an object is due, this is a list"),
+        (f"{at}[3]", "an object is due, this is the text 'here'"),
+        (f"{at}[4]", "has no place"),
+    ]
+
+
+def test_a_fault_in_a_row_leaves_the_matrix_not_empty() -> None:
+    with pytest.raises(MissionError) as caught:
+        read(edited(lambda w, s, d: s.update(takeoff_height_m="60")), "d.json", TEMPLATES)
+    assert [(one.where, one.message) for one in caught.value.faults] == [
+        (f"{STATE}.takeoff_height_m", "a number is due, this is the text '60'")
+    ]
+    with pytest.raises(MissionError, match="taskMatrix: is empty"):
+        read(edited(lambda w, s, d: w["scenario"].update(taskMatrix=[])), "d.json", TEMPLATES)
+
+
+def test_of_two_spellings_the_one_that_is_not_empty_counts() -> None:
+    def twice(whole: dict[str, Any], state: dict[str, Any], drones: list[Any]) -> None:
+        state.update(search_range=state["rescueRange"], rescueRange=[])
+        whole["scenario"]["equipmentList"].update(drone_entity_list=list(drones), droneEntityList=[])
+
+    given, plain = (
+        instantiate(read(edited(edit), "d.json", TEMPLATES)[0], seed=5) for edit in (twice, lambda w, s, d: None)
+    )
+    assert given.entities == plain.entities
+    assert given.regions == plain.regions
+
+
+@pytest.mark.parametrize("data", [{"X": 100.0, "Y": 0.0, "alt": 45.0}, {"lon": 121.5, "lat": 31.0, "Z": 4500.0}])
+def test_a_height_is_read_with_the_coordinates_of_the_other_kind(data: dict[str, float]) -> None:
+    mission, _ = read(edited(lambda w, s, d: d[0].update(data=data)), "d.json", TEMPLATES)
+    (uav, *_) = (e for e in instantiate(mission, seed=5).entities if e.label == "UAV-MA-001")
+    assert uav.position[2] == 45.0

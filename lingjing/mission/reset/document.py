@@ -104,15 +104,15 @@ def parse(text: str, path: str) -> Parsed:
         )
     spelt.unify(value, shape, root)
     inner, where = (value["scenario"], f"{root}.scenario") if shape is CommandEnvelope else (value, root)
-    whole, faults = Scenario.model_construct(), list[Fault]()
+    whole = Scenario.model_construct()
     try:
         read = shape.model_validate(value)
         whole = read.scenario if isinstance(read, CommandEnvelope) else read
     except ValidationError as error:
-        faults.extend(faults_of(error, value, root, spelt))
+        spelt.faults.extend(faults_of(error, value, root, spelt))
     envelope = value if shape is CommandEnvelope else {}
     raw = inner if isinstance(inner, dict) else {}
-    return Parsed(whole, where, path, raw, envelope, [*notes, *spelt.notes], spelt, faults)
+    return Parsed(whole, where, path, raw, envelope, [*notes, *spelt.notes], spelt, spelt.faults)
 
 
 class _Either(DocumentPart):

@@ -26,6 +26,8 @@ def faults_of(error: ValidationError, value: object, root: str, spelt: Spelt) ->
     """Every fault that validation found, at the JSON paths of the document, one for each place."""
     seen: set[str] = set()
     for one in error.errors(include_url=False):
+        if one["type"] == "too_short" and one["input"]:
+            continue  # there are entries, whose own faults are told
         where, missing = _path(one["loc"], value, root, spelt)
         if one["type"] in ("missing", "extra_forbidden"):
             where, missing = where.rpartition(".")[0] if not missing else where, missing or where.rpartition(".")[2]

@@ -2,7 +2,7 @@
 
 Documents spell these fields in many ways (`goalFirePosition`, `fire_spots`, `leak`, `task_points`, …) and put them into
 the initial state, the task or the scenario, as a list or as a single object. Spellings are compared by their letters
-and digits alone. What is no list of objects is not taken for places; it is kept and noted.
+and digits alone. What is neither a list nor an object is not taken for places; it is kept and noted.
 """
 
 from __future__ import annotations
@@ -122,7 +122,7 @@ def _found(holder: Mapping[str, Any], path: str, parsed: Parsed) -> Iterator[Fou
             continue
         where = f"{path}.{key}"
         items = [value] if isinstance(value, dict) else value
-        if not isinstance(items, list) or not all(isinstance(item, dict) for item in items):
+        if not isinstance(items, list):
             parsed.notes.append(f"{where}: is no list of places; not understood and kept")
             continue
         one = isinstance(value, dict)

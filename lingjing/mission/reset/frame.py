@@ -33,15 +33,21 @@ class DocumentFrame(msgspec.Struct, frozen=True):
     datum_m: float = 0.0
 
     def place(self, data: Coordinates) -> tuple[float, ...] | None:
-        """East, north and, if given, elevation in metres; centimetres win over degrees; None without coordinates."""
+        """East, north and, if given, elevation in metres; None without coordinates.
+
+        Centimetres win over degrees; a height is read with either, of two the one of the same kind counts.
+        """
+        above = None if data.z is None else frames.from_unreal(0.0, 0.0, data.z)[2]
         if data.x is not None and data.y is not None:
-            east, north, up = frames.from_unreal(data.x, data.y, data.z or 0.0)
-            return (east, north) if data.z is None else (east, north, self._over_datum(up))
-        if data.lon is not None and data.lat is not None:
+            east, north, _ = frames.from_unreal(data.x, data.y, 0.0)
+            height = data.alt if above is None else above
+        elif data.lon is not None and data.lat is not None:
             east, north = frames.from_geodetic(data.lat, data.lon, self.origin)
             east, north = round(east, 4), round(north, 4)
-            return (east, north) if data.alt is None else (east, north, self._over_datum(data.alt))
-        return None
+            height = above if data.alt is None else data.alt
+        else:
+            return None
+        return (east, north) if height is None else (east, north, self._over_datum(height))
 
     def _over_datum(self, height: float) -> float:
         return round(height - self.datum_m, 4) if self.datum_m else height

@@ -147,6 +147,9 @@ def filled(
         return mission
     properties = _positioned(group, spots, frame, parsed, where)
     if any(spot.heading_deg is not None for spot in spots):
+        for spot in spots:
+            if spot.heading_deg is None:
+                parsed.report(spot.path, "has no heading while others have one", "give all a heading, or none")
         headings = tuple(ex.Number(spot.heading_deg or 0.0, "deg") for spot in spots)
         properties = _set(properties, "heading_deg", _indexed(group, headings, "heading_deg"), unit="deg")
     properties = _measured(group, _orbiting(group, properties, spots, where, parsed), spots, parsed, where)

@@ -6,6 +6,7 @@ import re
 from collections.abc import Mapping, MutableMapping
 from typing import Any
 
+from lingjing.errors import Fault
 from lingjing.mission.reset.elements import lifted
 from lingjing.mission.reset.shapes import DocumentPart, Satellite, folded
 
@@ -15,6 +16,7 @@ class Spelt:
 
     def __init__(self, original: MutableMapping[tuple[int, str], str]) -> None:
         self.notes: list[str] = []
+        self.faults: list[Fault] = []
         self._original = original
         self._kept: list[object] = []
 
@@ -41,16 +43,25 @@ class Spelt:
         return self._original.get((id(holder), key), key)
 
     def rename(self, value: dict[str, Any], shape: type[DocumentPart], where: str) -> None:
-        """Put one object's keys under the names of the shape, in place; one that is there already stays."""
+        """Put one object's keys under the names of the shape, in place.
+
+        Of two spellings of one field the one that is not empty counts; two that are not and differ are a fault.
+        """
         known = shape.spellings()
         own = {info.alias or name for name, info in shape.model_fields.items()}
+        free = {info.alias or name for name, info in shape.model_fields.items() if info.annotation is Any}
         renamed = {}
         for key in list(value):
             name = known.get(folded(key))
-            if name is not None and key not in own and name not in value:
+            if name is None or key in own:
+                continue
+            if name not in value or (value[name] in _EMPTY and value[key] not in _EMPTY):
                 value[name] = value.pop(key)
                 self._original[id(value), name] = key
                 renamed[key] = name
+            elif value[key] not in _EMPTY and value[key] != value[name] and name not in free:
+                said = f"'{self.key(value, name)}' and '{key}' spell one field and differ"
+                self.faults.append(Fault(where, said, "leave one of them"))
         self._kept.append(value)  # its identity must stay its own
         self._note(renamed, where)
 
@@ -69,5 +80,7 @@ def _rowless(where: str) -> str:
     """A JSON path without the indices of lists; the task matrix keeps its own, for its first row is played."""
     return _ROW.sub("[]", where)
 
+
+_EMPTY: tuple[object, ...] = ([], {}, "")
 
 _ROW = re.compile(r"\[\d+\](?!\.initial_state)")
