@@ -277,7 +277,7 @@ def test_geodetic_targets_and_two_spellings_that_disagree(nine: Nine) -> None:
     assert len(notes) == 1
     both = {"X": 15_000.0, "Y": -2_500.0, **goal}
     mission, notes = read(nine, foreign(nine, "vdn", lambda s: state(s).update(goalPosition=both)))
-    assert targets(instantiate(mission), "home") == [(150.0, 25.0, 0.0)]
+    assert targets(instantiate(mission), "home") == [(150.0, 25.0, 2.0)]
     assert notes[1].endswith("goalPosition: lon and lat lie 5 m off X and Y: X and Y count")
 
 
@@ -286,7 +286,7 @@ def test_geodetic_targets_and_two_spellings_that_disagree(nine: Nine) -> None:
     [
         ("cr", lambda s: state(s).update(congestionLevel="heavy"), "'congestionLevel' not understood and kept"),
         ("cr", lambda s: state(s).update(congestion="heavy"), "congestion: is no list of places; not understood and"),
-        ("upr", lambda s: state(s).update(leak=[[1.0, 2.0, 3.0]]), "leak: is no list of places"),
+        ("upr", lambda s: state(s).update(leak=3.0), "leak: is no list of places"),
         ("upr", lambda s: state(s).update(leak={"X": 0.0, "Y": 0.0}), "'leak' is given by $.scenario"),
         ("ufr", lambda s: (s.update(taskType="ufr"), state(s).update(leak={"X": 0.0, "Y": 0.0})),
          "mission 'ufr' has no pipeline_leak; 1 kept, not played"),
