@@ -194,3 +194,12 @@ def test_the_oracle_wins_it(name: str, tmp_path: Path) -> None:
     assert ended.returncode == 0, ended.stderr
     report = json.loads(ended.stdout)
     assert (report["mission"], report["success"]) == (MISSIONS[name], True)
+
+
+def test_the_yaw_of_a_hidden_place_is_its_heading_and_an_empty_place_hides_none() -> None:
+    plain, _ = instance_of("uavdog_queue")
+    whole = json.loads(text_of("uavdog_queue"))
+    for row in whole["scenario"]["taskMatrix"][0]["initial_state"]["queuingList"]:
+        row |= {"yaw": row.pop("heading") - 90.0, "data": {}}
+    mission, _ = read(json.dumps(whole), "w.json", TEMPLATES)
+    assert instantiate(mission, seed=1).entities == plain.entities

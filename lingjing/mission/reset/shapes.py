@@ -12,6 +12,8 @@ from typing import Annotated, Any, Literal, NamedTuple, TypeVar, get_args, get_o
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 from pydantic.alias_generators import to_camel
 
+from lingjing.mission.frames import compass_from_yaw
+
 Free = Annotated[Any, Field(description="kept as it is, nothing reads it")]
 """The type of a field that documents have and a mission does not need: whatever stands there is no fault."""
 
@@ -96,6 +98,11 @@ class Coordinates(DocumentPart):
     alt: float | None = spelt("altitude", "海拔")
     yaw: float | None = None
 
+    @property
+    def is_place(self) -> bool:
+        """Whether a pair of coordinates is there."""
+        return None not in (self.x, self.y) or None not in (self.lon, self.lat)
+
 
 class Data(Coordinates):
     """The place of an entity, which it must have."""
@@ -144,8 +151,15 @@ class HiddenPlace(Coordinates):
 
     @property
     def place(self) -> Coordinates:
-        """Where it lies."""
-        return self.data or self.position or self
+        """Where it lies: `data`, `position` or its own coordinates, the first that are any."""
+        given = [one for one in (self.data, self.position) if one is not None]
+        return next((one for one in (*given, self) if one.is_place), self)
+
+    @property
+    def compass(self) -> float | None:
+        """Its heading in compass degrees, else what its `yaw` or that of its place is; None without."""
+        yaw = self.place.yaw if self.yaw is None else self.yaw
+        return compass_from_yaw(yaw) if self.heading is None and yaw is not None else self.heading
 
     @property
     def measures(self) -> Mapping[str, object]:
@@ -175,7 +189,7 @@ PLACELESS = "has no place"
 
 
 def _placed(part: P, place: Coordinates) -> P:
-    if (place.x is None or place.y is None) and (place.lon is None or place.lat is None):
+    if not place.is_place:
         raise ValueError(PLACELESS)
     return part
 

@@ -112,7 +112,7 @@ def _spots(targets: Sequence[HiddenPlace], paths: Sequence[str]) -> tuple[Docume
             target.place,
             path,
             target.code,
-            target.heading,
+            target.compass,
             measures=target.measures,
         )
         for target, path in zip(targets, paths, strict=True)
