@@ -88,8 +88,8 @@ class WorldHandler:
     def __init__(self, find_host: Callable[[], PluginHost], progress: CallMonitor) -> None:
         self._engines = _Engines(find_host, progress)
         self._enter = progress.enter
-        self._ensemble: EngineGroup | None = None
-        self._conductor: CoSimulation | None = None
+        self._engine_group: EngineGroup | None = None
+        self._cosimulation: CoSimulation | None = None
 
     def answer(self, request: Request) -> Iterator[ReplyWithDescriptors]:
         """One reply to each request."""
@@ -103,30 +103,30 @@ class WorldHandler:
         match request:
             case Prepare():
                 gc.unfreeze()
-                self._ensemble = self._conductor = None
+                self._engine_group = self._cosimulation = None
                 return self._engines.prepare(request.engines)
             case Reset():
-                self._ensemble = EngineGroup(request.instance, request.city, self._engines.by_name, self._enter)
-                self._conductor = CoSimulation(request.instance, (self._ensemble,)) if request.coupled else None
+                self._engine_group = EngineGroup(request.instance, request.city, self._engines.by_name, self._enter)
+                self._cosimulation = CoSimulation(request.instance, (self._engine_group,)) if request.coupled else None
                 return Ready(taken=self._engines.taken)
-            case Begin() if self._ensemble is not None:
-                ready = self._begin(self._ensemble)
+            case Begin() if self._engine_group is not None:
+                ready = self._begin(self._engine_group)
                 # What the episode is played on stays until its end: collections need not walk through a whole city
                 # again and again, and a forked copy shares its pages untouched.
                 gc.freeze()
                 return ready
-            case Step() if self._conductor is not None:
-                return Stepped(boundary=self._conductor.step(request.tick, request.commands))
-            case Submit() if self._ensemble is not None:
-                return Admitted(receipts=self._ensemble.submit(request.commands))
-            case Advance() if self._ensemble is not None:
-                return Reported(reports=self._ensemble.advance(request.until, request.foreign, request.ambient))
+            case Step() if self._cosimulation is not None:
+                return Stepped(boundary=self._cosimulation.step(request.tick, request.commands))
+            case Submit() if self._engine_group is not None:
+                return Admitted(receipts=self._engine_group.submit(request.commands))
+            case Advance() if self._engine_group is not None:
+                return Reported(reports=self._engine_group.advance(request.until, request.foreign, request.ambient))
         raise RuntimeError(f"{type(request).__name__} came out of turn to the world process")
 
     def _begin(self, ensemble: EngineGroup) -> WorkerMessage:
-        if self._conductor is None:
+        if self._cosimulation is None:
             return Reported(reports=ensemble.reset())
-        return Stepped(boundary=self._conductor.reset())
+        return Stepped(boundary=self._cosimulation.reset())
 
 
 class CameraHandler:

@@ -29,7 +29,7 @@ from lingjing.trace.records import Absent, BodyState, Command
 
 
 class InlineWorld:
-    """A `World` without processes: conductor and sensor in the caller. See `World` for the methods."""
+    """A `World` without processes: co-simulation and sensor in the caller. See `World` for the methods."""
 
     def __init__(self, host: PluginHost) -> None:
         self._host = host
@@ -37,7 +37,7 @@ class InlineWorld:
         self._drawing: dict[str, Engine] = {}
         self.processes: Mapping[str, Mapping[str, str]] = {}
         self._instance: Instance | None = None
-        self._conductor: CoSimulation | None = None
+        self._cosimulation: CoSimulation | None = None
         self._sensor: Sensor | None = None
         self._times = EngineTimes()
 
@@ -49,19 +49,19 @@ class InlineWorld:
         try:
             self._motion = start_engines(self._host, (*roles.local, *roles.remote))
             self._sensor = self._find_sensor(roles.sensor)
-            self._conductor = CoSimulation(instance, (EngineGroup(instance, city, self._motion, self._times.enter),))
+            self._cosimulation = CoSimulation(instance, (EngineGroup(instance, city, self._motion, self._times.enter),))
             self._instance = instance
-            return self._reset(instance, city, self._conductor)
+            return self._reset(instance, city, self._cosimulation)
         except BaseException:
             self.close()
             raise
 
     def step(self, tick: int, commands: Sequence[Command]) -> WorldBoundary:
         """Advance to boundary `tick` in the caller."""
-        instance, conductor = self._episode()
+        instance, cosimulation = self._episode()
         try:
             self._times.clear()
-            boundary = conductor.step(tick, commands)
+            boundary = cosimulation.step(tick, commands)
             self._times.check(instance.budget.engine_s)
         except InfrastructureError:
             self.close()
@@ -93,7 +93,7 @@ class InlineWorld:
 
     def _end_episode(self) -> None:
         motion, self._motion = self._motion, {}
-        self._instance = self._conductor = self._sensor = None
+        self._instance = self._cosimulation = self._sensor = None
         _warn(close_engines(motion))
 
     def _find_sensor(self, name: str | None) -> Sensor | None:
@@ -103,11 +103,11 @@ class InlineWorld:
             self._drawing = start_engines(self._host, (name,))
         return Sensor(name, self._drawing[name])
 
-    def _reset(self, instance: Instance, city: City, conductor: CoSimulation) -> WorldBoundary:
+    def _reset(self, instance: Instance, city: City, cosimulation: CoSimulation) -> WorldBoundary:
         if self._sensor is not None:
             self._sensor.reset(instance, city)
         self._times.clear()
-        boundary = conductor.reset()
+        boundary = cosimulation.reset()
         self._times.check(instance.budget.engine_s)
         return boundary
 
@@ -120,9 +120,9 @@ class InlineWorld:
         return absent(request, "late") if deadline.left_s() <= 0.0 else frame
 
     def _episode(self) -> tuple[Instance, CoSimulation]:
-        if self._instance is None or self._conductor is None:
+        if self._instance is None or self._cosimulation is None:
             raise no_episode()
-        return self._instance, self._conductor
+        return self._instance, self._cosimulation
 
 
 def _warn(problems: Sequence[str]) -> None:

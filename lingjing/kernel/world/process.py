@@ -93,18 +93,18 @@ class _FarPart:
 class _Driver:
     """How an episode with remote engines is driven from here; `times` are those of the remote engines."""
 
-    conductor: CoSimulation
+    cosimulation: CoSimulation
     far: _FarPart | None
     times: EngineTimes
     allowed_s: float
 
     def reset(self) -> WorldBoundary:
         """Boundary 0."""
-        return self._judged(self.conductor.reset)
+        return self._judged(self.cosimulation.reset)
 
     def step(self, tick: int, commands: Sequence[Command]) -> WorldBoundary:
         """Boundary `tick`."""
-        return self._judged(lambda: self.conductor.step(tick, commands))
+        return self._judged(lambda: self.cosimulation.step(tick, commands))
 
     def _judged(self, barrier: Callable[[], WorldBoundary]) -> WorldBoundary:
         """A remote engine cannot be killed, so whether it was too slow is judged afterwards."""
@@ -172,7 +172,7 @@ class ProcessWorld:
         macro_steps(instance.clock)
         self._episode = None
         try:
-            self._recruit(roles)
+            self._start_workers(roles)
             self._prepare(roles)
             return self._reset(_Episode(instance, roles), city)
         except BaseException:
@@ -247,7 +247,7 @@ class ProcessWorld:
             raise no_episode()
         return self._episode
 
-    def _recruit(self, roles: EngineSelection) -> None:
+    def _start_workers(self, roles: EngineSelection) -> None:
         """Have the workers that this episode needs; they come up side by side."""
         workers = self._workers
         workers.world = self._fit(workers.world)
