@@ -1,4 +1,4 @@
-"""`lingjing plugins [NAME]`: the engines, policies, scenes and evaluators that are installed; the options of one."""
+"""`lingjing plugins [NAME]`: which engines, policies, scenes, evaluators and models there are; the options of one."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import msgspec
 
 from lingjing.errors import ExitCode, PluginError, UsageError
 from lingjing.mission.kinds import SceneOption, scene_kind
+from lingjing.plugins.chat_model import ModelPlugin
 from lingjing.plugins.host import PluginHost
 from lingjing.plugins.loading import load_policy, options_model
 from lingjing.plugins.options import OptionSpec, declared_model, option_specs
@@ -22,9 +23,9 @@ if TYPE_CHECKING:
 
 
 class Offer(msgspec.Struct, frozen=True, kw_only=True):
-    """One thing on offer: `kind` is engine, policy, scene or evaluator; `source` the plug-in's entry point; `notes`
-    what is special about it (where an engine runs, whether a policy sees the truth); `options` are listed of one that
-    was asked for by name."""
+    """One thing on offer: `kind` is engine, policy, scene, evaluator or model; `source` the plug-in's entry point;
+    `notes` what is special about it (where an engine runs, whether a policy sees the truth, what a model costs);
+    `options` are listed of one that was asked for by name."""
 
     kind: str
     name: str
@@ -79,6 +80,9 @@ def offers(host: PluginHost) -> Iterator[Offer]:
     for evaluator in host.evaluators.values():
         source = host.sources["lingjing_evaluators", evaluator.name]
         yield Offer(kind="evaluator", name=evaluator.name, source=source, summary=evaluator.summary)
+    for model in host.models.values():
+        source = host.sources["lingjing_models", model.name]
+        yield Offer(kind="model", name=model.name, source=source, notes=_price(model), summary=model.summary)
 
 
 def offers_called(name: str, host: PluginHost) -> Iterator[Offer]:
@@ -102,7 +106,7 @@ def offers_called(name: str, host: PluginHost) -> Iterator[Offer]:
 def _options(offer: Offer, host: PluginHost) -> tuple[OptionSpec, ...]:
     if offer.kind == "policy":
         return option_specs(options_model(host.policies[offer.name]))
-    if offer.kind == "evaluator":
+    if offer.kind in ("evaluator", "model"):
         return ()
     if offer.kind == "scene":
         kind = scene_kind(offer.name)
@@ -128,6 +132,16 @@ _SCENE_TYPES = {
     "positions": "list of positions", "region": "region",
 }  # fmt: skip
 """The types of scenes' options, as `lingjing.mission.kinds` has them, in words."""
+
+
+def _price(model: ModelPlugin) -> str:
+    """`open, free`; `commercial, $1.25 in and $10 out a million tokens`."""
+    prices = (model.price_in, model.price_out)
+    if None in prices:
+        return f"{model.tier}, price not known"
+    if prices == (0.0, 0.0):
+        return f"{model.tier}, free"
+    return f"{model.tier}, ${model.price_in:g} in and ${model.price_out:g} out a million tokens"
 
 
 def _policy_offer(policy: PolicyPlugin, source: str, options: tuple[OptionSpec, ...] = ()) -> Offer:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import pluggy
 
 from lingjing.mission.instance import SceneSpec
+from lingjing.plugins.chat_model import ModelPlugin
 from lingjing.plugins.engine import EnginePlugin
 from lingjing.plugins.evaluator import EvaluatorPlugin
 from lingjing.plugins.policy import PolicyPlugin
@@ -50,7 +51,12 @@ def lingjing_evaluators() -> Iterable[EvaluatorPlugin]:  # type: ignore[empty-bo
     """Fires once when the host is built: the evaluators this plug-in offers."""
 
 
+@hookspec
+def lingjing_models() -> Iterable[ModelPlugin]:  # type: ignore[empty-body]
+    """Fires once when the models are asked for, by a suite or a list: the chat models this plug-in knows."""
+
+
 __all__ = [
-    "ScenePlugin", "hookimpl", "hookspec", "lingjing_engines", "lingjing_evaluators", "lingjing_policies",
-    "lingjing_scenes",
+    "ScenePlugin", "hookimpl", "hookspec", "lingjing_engines", "lingjing_evaluators", "lingjing_models",
+    "lingjing_policies", "lingjing_scenes",
 ]  # fmt: skip

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import cached_property
 from typing import Protocol, TypeVar
 
 import pluggy
 
 from lingjing.errors import PluginError, UsageError
 from lingjing.plugins import hookspecs
+from lingjing.plugins.chat_model import ModelPlugin
 from lingjing.plugins.engine import EnginePlugin
 from lingjing.plugins.evaluator import EvaluatorPlugin
 from lingjing.plugins.hookspecs import ScenePlugin
@@ -28,8 +30,9 @@ _DECLARATIONS: dict[str, tuple[type, str]] = {
     "lingjing_policies": (PolicyPlugin, "factory"),
     "lingjing_scenes": (ScenePlugin, "build"),
     "lingjing_evaluators": (EvaluatorPlugin, "build"),
+    "lingjing_models": (ModelPlugin, ""),
 }
-"""What each hook offers, and the field of it that makes the thing."""
+"""What each hook offers, and the field of it that makes the thing, if one does."""
 
 
 class PluginHost:
@@ -47,6 +50,11 @@ class PluginHost:
         self.policies: dict[str, PolicyPlugin] = self._collect("lingjing_policies")
         self.scenes: dict[str, ScenePlugin] = self._collect("lingjing_scenes")
         self.evaluators: dict[str, EvaluatorPlugin] = self._collect("lingjing_evaluators")
+
+    @cached_property
+    def models(self) -> dict[str, ModelPlugin]:
+        """The chat models, by name; asked for only when somebody wants them, since their list is read from a file."""
+        return self._collect("lingjing_models")
 
     def engine(self, name: str) -> EnginePlugin:
         """The engine of that name, or a `UsageError` that lists what there is."""
@@ -102,10 +110,10 @@ def _check(item: object, hook: str, source: str) -> None:
     wrong = f"plug-in `{source}` failed in {hook}: "
     if not isinstance(item, declaration):
         raise PluginError(f"{wrong}it offers {item!r}, which is no {declaration.__name__}")
-    name: object = getattr(item, "name")  # noqa: B009 - of any of the four
+    name: object = getattr(item, "name")  # noqa: B009 - of any of them
     if not isinstance(name, str) or name.split() != [name] or not name.isprintable():
         raise PluginError(f"{wrong}it offers a {declaration.__name__} whose name is {name!r}", hint="names are words")
-    if not callable(getattr(item, maker)):
+    if maker and not callable(getattr(item, maker)):
         raise PluginError(f"{wrong}`{maker}` of `{name}` cannot be called")
 
 

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import pytest
 
+from lingjing.cli.plugins import offers
 from lingjing.errors import PluginError
 from lingjing.mission.instance import SceneSpec
 from lingjing.plugins.building import build_city
+from lingjing.plugins.chat_model import ModelPlugin
 from lingjing.plugins.engine import EnginePlugin
 from lingjing.plugins.evaluator import EvaluatorPlugin
 from lingjing.plugins.hookspecs import ScenePlugin, hookimpl
@@ -43,6 +45,25 @@ def test_a_hook_that_returns_something_else_is_named_with_its_plugin(hook: str, 
             offering(hook, offered)
         assert str(caught.value) == start + said
     assert offering(hook, (kind("right", len),)).sources == {(hook, "right"): "Stranger"}
+
+
+def test_models_are_listed_by_name_with_what_they_cost() -> None:
+    models = (
+        ModelPlugin("large-1", "react", {"model": "large-1"}, "commercial", 1.25, 10.0),
+        ModelPlugin("small-1", "react", tier="open", price_in=0.0, price_out=0.0),
+        ModelPlugin("other-1", "react"),
+    )
+    host = offering("lingjing_models", models)
+    assert list(host.models) == ["large-1", "other-1", "small-1"]
+    told = {offer.name: offer.notes for offer in offers(host)}
+    assert told["large-1"] == "commercial, $1.25 in and $10 out a million tokens"
+    assert (told["small-1"], told["other-1"]) == ("open, free", "open, price not known")
+
+
+def test_what_is_no_model_is_named_when_the_models_are_asked_for() -> None:
+    host = offering("lingjing_models", ("large-1",))
+    with pytest.raises(PluginError, match=r"failed in lingjing_models: it offers 'large-1', which is no ModelPlugin"):
+        host.models  # noqa: B018
 
 
 def _fall(spec: SceneSpec) -> object:

@@ -1,0 +1,31 @@
+"""How a chat model is declared that a policy plays with: what it is called, and what its tokens cost."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+Tier = Literal["commercial", "open"]
+
+
+@dataclass(frozen=True, slots=True)
+class ModelPlugin:
+    """A model that a suite may name as an entrant.
+
+    `policy` plays it with `arguments` (`react` with `model=NAME`). `tier` is the group of a table in which its row
+    stands. Prices are US dollars per million tokens: 0 for a model that one serves oneself, None where the price is not
+    known. `image_tokens` is about how many tokens of a prompt a picture takes.
+    """
+
+    name: str
+    policy: str
+    arguments: Mapping[str, str] = field(default_factory=dict)
+    tier: Tier = "open"
+    price_in: float | None = None
+    price_out: float | None = None
+    image_tokens: int = 1500
+    summary: str = ""
+
+
+__all__ = ["ModelPlugin", "Tier"]
