@@ -1,8 +1,9 @@
-"""Reductions of the grammar to the syntax tree: one method an alias of `ljs.lark`, plus the ranking of operators.
+"""Reductions of the grammar to the syntax tree, by alias of `ljs.lark`: `NODES`, what becomes a node as it stands, and
+the methods of `Builder`, plus the ranking of operators.
 
-A method's arguments are the values on the right-hand side in order, tokens included, None for what is absent.
-An expression under construction is a flat list `[operand, operator, operand, …]` until its owner asks for it; depth is
-bounded here so that no later phase recurses without limit.
+The arguments of a reduction are the values on the right-hand side in order, tokens included, None for what is absent.
+An expression under construction is a flat list `[operand, operator, operand, …]` until it is reduced to a `value`;
+depth is bounded here so that no later phase recurses without limit.
 """
 
 # ruff: noqa: D102 - the docstring of a reduction is its rule in ljs.lark
@@ -10,6 +11,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from functools import cache
 from typing import Any, TypeVar
 
 from lingjing.dsl.source.reporter import Reporter
@@ -27,6 +29,68 @@ Arguments = list[s.CallArgument]
 FlatExpr = list[Any]
 """`[operand, operator token, operand, …]`, or a lone operand."""
 
+NODES: dict[str, tuple[type[s.SyntaxNode], str]] = {
+    "set": (s.NameSet, "_ names _"),
+    "typed": (s.Typed, "name _ type _ bounds optional"),
+    "clause": (s.Clause, "keyword name"),
+    "channel": (s.ObservedChannel, "source everything"),
+    "axis": (s.Axis, "name _ values"),
+    "version": (s.Version, "_ number"),
+    "use": (s.UseLine, "_ relative path names"),
+    "mission": (s.MissionBlock, "_ name _ base title block"),
+    "override": (s.Override, "_ item"),
+    "text_line": (s.TextLine, "keyword text"),
+    "scene": (s.SceneBlock, "_ kind block"),
+    "section": (s.SettingsBlock, "keyword block"),
+    "param": (s.Param, "_ name _ value"),
+    "region": (s.RegionLine, "_ name _ shape"),
+    "grid": (s.GridBlock, "_ name _ region block"),
+    "entity": (s.EntityBlock, "keyword name index _ type guard block"),
+    "camera": (s.CameraBlock, "_ name _ type block"),
+    "agent": (s.AgentBlock, "_ name index _ role _ controls guard block"),
+    "authority": (s.AuthorityLine, "_ roles _ _ resource guard"),
+    "message": (s.MessageLine, "_ name _ type _ senders _ recipients guard"),
+    "adjudicate": (s.RuleBlock, "_ name parameters block"),
+    "unlock": (s.UnlockLine, "_ name parameters condition"),
+    "stage": (s.StageBlock, "_ name _ variable _ domain block"),
+    "relation": (s.RelationLine, "_ kind source _ target clauses guard"),
+    "mutual_relation": (s.RelationLine, "_ kind source mutual target clauses guard"),
+    "limit": (s.LimitLine, "_ name _ most _ counts guard"),
+    "permit": (s.PermitLine, "_ resource condition"),
+    "constraint": (s.ConstraintBlock, "_ kind name _ variable _ domain guard block"),
+    "inspection": (s.InspectionBlock, "_ name _ asset _ by guard block"),
+    "event": (s.EventBlock, "_ name _ drawn at guard block"),
+    "change": (s.ChangeLine, "keyword entity"),
+    "sweep": (s.SweepLine, "_ name _ axes guard"),
+    "outcome": (s.OutcomeLine, "keyword _ condition"),
+    "condition": (s.Condition, "keyword _ condition"),
+    "bare_condition": (s.Condition, "keyword condition"),
+    "observes": (s.Observes, "_ channels"),
+    "verb": (s.VerbLine, "_ name parameters"),
+    "interaction": (s.InteractionBlock, "_ name block"),
+    "mount": (s.MountBlock, "_ view block"),
+    "part": (s.PartBlock, "_ name _ shape block"),
+    "record": (s.RecordBlock, "_ name _ category block"),
+    "reveal": (s.RevealLine, "_ what _ entity _ _ role"),
+    "bounded": (s.PropertyLine, "name relation value"),
+    "field": (s.FieldLine, "typed"),
+    "bare": (s.Bare, "name"),
+    "unknown_block": (s.UnknownBlock, "name block"),
+    "subscript": (s.Subscript, "base _ index _"),
+    "attribute": (s.FieldExpr, "base _ name"),
+    "unary": (s.UnaryExpr, "operator operand"),
+    "quantified": (s.QuantifiedExpr, "quantifier variable _ domain _ body"),
+    "named": (s.CallArgument, "name _ value"),
+    "named_number": (s.CallArgument, "name value"),
+    "range": (s.ForClause, "variable _ domain"),
+}
+"""Alias → the node, and the field that each symbol on the right-hand side fills; `_` fills none.
+
+The node stands where its first symbol begins and its last one ends. A field of text takes a token's text, one that is
+true or false takes whether the symbol is there; any other token becomes a name, a number or a text. A field that no
+symbol fills is empty: None, false or `()`. What long missions are made of has methods instead, which are faster.
+"""
+
 
 class Builder:
     """Builds nodes; `faulty` is filled by the parser before it reduces ERROR."""
@@ -35,351 +99,29 @@ class Builder:
         self.report = report
 
     def actions(self) -> dict[str, Callable[..., Any]]:
-        """Alias → method."""
-        return {
-            name: getattr(self, name) for name in dir(self) if not name.startswith("_") and name not in _NOT_ACTIONS
-        }
+        """Alias → what makes its value."""
+        methods = {name: getattr(self, name) for name in dir(self) if not name.startswith("_")}
+        return methods | {alias: self._node(node, _places(alias)) for alias, (node, _) in NODES.items()}
 
     # -- lists and structure
 
     def first(self, item: T) -> list[T]:
         return [item]
 
-    def more(self, items: list[T], _separator: Token, item: T) -> list[T]:
-        items.append(item)
+    def more(self, items: list[T], *rest: T) -> list[T]:
+        items.append(rest[-1])
         return items
 
-    def file(self, items: list[s.Statement]) -> s.File:
-        return s.File(0, items[-1].end, tuple(items))
+    def inside(self, _opening: Token, value: T, *_closing: Token) -> T:
+        return value
 
-    def empty_file(self) -> s.File:
-        return s.File(0, 0, ())
+    def file(self, items: list[s.Statement] | None = None) -> s.File:
+        return s.File(0, items[-1].end, tuple(items)) if items else s.File(0, 0, ())
 
-    def block(self, opening: Token, items: list[s.Statement], closing: Token) -> s.BracedBlock:
-        return s.BracedBlock(opening.start, closing.end, tuple(items))
-
-    def empty_block(self, opening: Token, closing: Token) -> s.BracedBlock:
-        return s.BracedBlock(opening.start, closing.end, ())
-
-    def guard(self, _when: Token, condition: FlatExpr) -> s.Expression:
-        return self._done(condition)
-
-    def index(self, _opening: Token, value: FlatExpr, _closing: Token) -> s.Expression:
-        return self._done(value)
-
-    def set(self, opening: Token, names: list[Token], closing: Token) -> s.NameSet:
-        return s.NameSet(opening.start, closing.end, tuple(map(_word, names)))
-
-    def path(self, name: Token) -> list[Token]:
-        return [name]
-
-    def longer_path(self, path: list[Token], _dot: Token, name: Token) -> list[Token]:
-        path.append(name)
-        return path
-
-    def no_params(self, _opening: Token, closing: Token) -> tuple[s.Typed, ...]:
-        return ()
-
-    def params(self, _opening: Token, items: list[s.Typed], _closing: Token) -> tuple[s.Typed, ...]:
-        return tuple(items)
-
-    def typed(
-        self,
-        name: Token,
-        _colon: Token,
-        kind: Token,
-        _in: Token | None,
-        bounds: FlatExpr | None,
-        optional: Token | None,
-    ) -> s.Typed:
-        limits = None if bounds is None else self._done(bounds)
-        end = optional.end if optional else limits.end if limits else kind.end
-        return s.Typed(name.start, end, _word(name), _word(kind), limits, optional is not None)
-
-    def no_clauses(self) -> list[s.Clause]:
-        return []
-
-    def and_clause(self, clauses: list[s.Clause], clause: s.Clause) -> list[s.Clause]:
-        clauses.append(clause)
-        return clauses
-
-    def clause(self, keyword: Token, name: Token) -> s.Clause:
-        return s.Clause(keyword.start, name.end, keyword.text, _word(name))
-
-    def channel(self, source: FlatExpr, star: Token | None = None) -> s.ObservedChannel:
-        value = self._done(source)
-        return s.ObservedChannel(value.start, star.end if star else value.end, value, star is not None)
+    def block(self, opening: Token, items: list[s.Statement] | None, closing: Token) -> s.BracedBlock:
+        return s.BracedBlock(opening.start, closing.end, tuple(items or ()))
 
     # -- statements
-
-    def version(self, keyword: Token, number: Token) -> s.Version:
-        return s.Version(keyword.start, number.end, self.number(number))
-
-    def use(self, keyword: Token, dot: Token | None, path: list[Token], names: s.BracedBlock | None) -> s.UseLine:
-        return s.UseLine(keyword.start, (names or path[-1]).end, tuple(map(_word, path)), names, dot is not None)
-
-    def mission(
-        self,
-        keyword: Token,
-        name: Token,
-        _extends: Token | None,
-        base: Token | None,
-        title: Token | None,
-        block: s.BracedBlock,
-    ) -> s.MissionBlock:
-        shown = self.text(title) if title else None
-        return s.MissionBlock(keyword.start, block.end, _word(name), shown, block, _word(base) if base else None)
-
-    def override(self, keyword: Token, item: s.Statement) -> s.Override:
-        return s.Override(keyword.start, item.end, item)
-
-    def goal(self, keyword: Token, text: Token) -> s.TextLine:
-        return s.TextLine(keyword.start, text.end, keyword.text, self.text(text))
-
-    prompt = goal
-
-    def scene(self, keyword: Token, kind: Token, block: s.BracedBlock | None) -> s.SceneBlock:
-        return s.SceneBlock(keyword.start, (block or kind).end, _word(kind), block)
-
-    def section(self, keyword: Token, block: s.BracedBlock) -> s.SettingsBlock:
-        return s.SettingsBlock(keyword.start, block.end, keyword.text, block)
-
-    def preset(self, keyword: Token, name: Token, block: s.BracedBlock | None) -> s.SettingsBlock:
-        inside = block or s.BracedBlock(name.end, name.end, ())
-        return s.SettingsBlock(keyword.start, inside.end, keyword.text, inside, _word(name))
-
-    def param(self, keyword: Token, name: Token, _equal: Token, value: FlatExpr) -> s.Param:
-        done = self._done(value)
-        return s.Param(keyword.start, done.end, _word(name), done)
-
-    def mode(self, keyword: Token, default: Token, _in: Token | None, allowed: s.NameSet | None) -> s.ModeLine:
-        only = _word(default)
-        names = allowed or s.NameSet(only.start, only.end, (only,))
-        return s.ModeLine(keyword.start, names.end, only, names)
-
-    def region(self, keyword: Token, name: Token, _equal: Token, shape: FlatExpr) -> s.RegionLine:
-        done = self._done(shape)
-        return s.RegionLine(keyword.start, done.end, _word(name), done)
-
-    def grid(self, keyword: Token, name: Token, _over: Token, region: Token, block: s.BracedBlock) -> s.GridBlock:
-        return s.GridBlock(keyword.start, block.end, _word(name), _word(region), block)
-
-    def entity(
-        self,
-        keyword: Token,
-        name: Token,
-        index: s.Expression | None,
-        _colon: Token | None,
-        kind: Token | None,
-        guard: s.Expression | None,
-        block: s.BracedBlock | None,
-    ) -> s.EntityBlock:
-        end = (block or guard or kind or index or name).end
-        of_type = _word(kind) if kind else None
-        return s.EntityBlock(keyword.start, end, keyword.text, _word(name), index, of_type, guard, block)
-
-    def camera(
-        self, keyword: Token, name: Token, _colon: Token | None, preset: Token | None, block: s.BracedBlock | None
-    ) -> s.CameraBlock:
-        end = (block or preset or name).end
-        return s.CameraBlock(keyword.start, end, _word(name), block, _word(preset) if preset else None)
-
-    def agent(
-        self,
-        keyword: Token,
-        name: Token,
-        index: s.Expression | None,
-        _as: Token,
-        role: Token,
-        _controls: Token | None,
-        controls: list[FlatExpr] | None,
-        guard: s.Expression | None,
-        block: s.BracedBlock | None,
-    ) -> s.AgentBlock:
-        held = tuple(map(self._done, controls or ()))
-        end = (block or guard or (held[-1] if held else role)).end
-        return s.AgentBlock(keyword.start, end, _word(name), index, _word(role), held, guard, block)
-
-    def authority(
-        self,
-        keyword: Token,
-        roles: list[Token],
-        _may: Token,
-        _command: Token,
-        resource: FlatExpr,
-        guard: s.Expression | None,
-    ) -> s.AuthorityLine:
-        done = self._done(resource)
-        return s.AuthorityLine(keyword.start, (guard or done).end, tuple(map(_word, roles)), done, guard)
-
-    def message(
-        self,
-        keyword: Token,
-        name: Token,
-        _colon: Token,
-        kind: Token,
-        _from: Token,
-        senders: list[Token],
-        _to: Token,
-        recipients: list[Token],
-        guard: s.Expression | None,
-    ) -> s.MessageLine:
-        end = (guard or recipients[-1]).end
-        return s.MessageLine(
-            keyword.start,
-            end,
-            _word(name),
-            _word(kind),
-            tuple(map(_word, senders)),
-            tuple(map(_word, recipients)),
-            guard,
-        )
-
-    def adjudicate(
-        self, keyword: Token, name: Token, parameters: tuple[s.Typed, ...], block: s.BracedBlock
-    ) -> s.RuleBlock:
-        return s.RuleBlock(keyword.start, block.end, _word(name), parameters, block)
-
-    def unlock(self, keyword: Token, name: Token, parameters: tuple[s.Typed, ...], guard: s.Expression) -> s.UnlockLine:
-        return s.UnlockLine(keyword.start, guard.end, _word(name), parameters, guard)
-
-    def stage(
-        self,
-        keyword: Token,
-        name: Token,
-        _per: Token | None,
-        variable: Token | None,
-        _in: Token | None,
-        domain: Token | None,
-        block: s.BracedBlock,
-    ) -> s.StageBlock:
-        bound = _word(variable) if variable else None
-        over = _word(domain) if domain else None
-        return s.StageBlock(keyword.start, block.end, _word(name), bound, over, block)
-
-    def relation(
-        self,
-        keyword: Token,
-        kind: Token,
-        source: Token,
-        arrow: Token,
-        target: Token,
-        clauses: list[s.Clause],
-        guard: s.Expression | None,
-    ) -> s.RelationLine:
-        end = (guard or (clauses[-1] if clauses else target)).end
-        mutual = arrow.type == "BOTH"
-        return s.RelationLine(
-            keyword.start, end, _word(kind), _word(source), _word(target), mutual, tuple(clauses), guard
-        )
-
-    def outcome(self, keyword: Token, _when: Token, condition: FlatExpr) -> s.OutcomeLine:
-        done = self._done(condition)
-        return s.OutcomeLine(keyword.start, done.end, keyword.text, done)
-
-    def condition(self, keyword: Token, _when: Token, condition: FlatExpr) -> s.Condition:
-        done = self._done(condition)
-        return s.Condition(keyword.start, done.end, keyword.text, done)
-
-    def bare_condition(self, keyword: Token, condition: FlatExpr) -> s.Condition:
-        done = self._done(condition)
-        return s.Condition(keyword.start, done.end, keyword.text, done)
-
-    def limit(
-        self,
-        keyword: Token,
-        name: Token,
-        _le: Token,
-        most: FlatExpr,
-        _counts: Token,
-        counts: list[s.ObservedChannel],
-        guard: s.Expression | None,
-    ) -> s.LimitLine:
-        end = (guard or counts[-1]).end
-        return s.LimitLine(keyword.start, end, _word(name), self._done(most), tuple(counts), guard)
-
-    def permit(self, keyword: Token, resource: s.ObservedChannel, guard: s.Expression) -> s.PermitLine:
-        return s.PermitLine(keyword.start, guard.end, resource, guard)
-
-    def constraint(
-        self,
-        keyword: Token,
-        kind: Token,
-        name: Token,
-        _per: Token | None,
-        variable: Token | None,
-        _in: Token | None,
-        domain: Token | None,
-        guard: s.Expression | None,
-        block: s.BracedBlock,
-    ) -> s.ConstraintBlock:
-        bound, over = _word(variable) if variable else None, _word(domain) if domain else None
-        return s.ConstraintBlock(keyword.start, block.end, _word(kind), _word(name), bound, over, guard, block)
-
-    def inspection(
-        self,
-        keyword: Token,
-        name: Token,
-        _of: Token,
-        asset: FlatExpr,
-        _by: Token,
-        inspectors: list[FlatExpr],
-        guard: s.Expression | None,
-        block: s.BracedBlock,
-    ) -> s.InspectionBlock:
-        by = tuple(map(self._done, inspectors))
-        return s.InspectionBlock(keyword.start, block.end, _word(name), self._done(asset), by, guard, block)
-
-    def event(
-        self,
-        keyword: Token,
-        name: Token,
-        _at: Token,
-        tilde: Token | None,
-        at: FlatExpr,
-        guard: s.Expression | None,
-        block: s.BracedBlock,
-    ) -> s.EventBlock:
-        drawn = tilde is not None
-        return s.EventBlock(keyword.start, block.end, _word(name), self._done(at), drawn, guard, block)
-
-    def change(self, keyword: Token, entity: FlatExpr) -> s.ChangeLine:
-        done = self._done(entity)
-        return s.ChangeLine(keyword.start, done.end, keyword.text, done)
-
-    def axis(self, name: Token, _in: Token, values: FlatExpr) -> s.Axis:
-        done = self._done(values)
-        return s.Axis(name.start, done.end, _word(name), done)
-
-    def sweep(
-        self, keyword: Token, name: Token, _over: Token, axes: list[s.Axis], guard: s.Expression | None
-    ) -> s.SweepLine:
-        return s.SweepLine(keyword.start, (guard or axes[-1]).end, _word(name), tuple(axes), guard)
-
-    def observes(self, keyword: Token, channels: list[s.ObservedChannel]) -> s.Observes:
-        return s.Observes(keyword.start, channels[-1].end, tuple(channels))
-
-    def verb(self, keyword: Token, name: Token, parameters: tuple[s.Typed, ...]) -> s.VerbLine:
-        return s.VerbLine(keyword.start, (parameters[-1] if parameters else name).end, _word(name), parameters)
-
-    def interaction(self, keyword: Token, name: Token, block: s.BracedBlock) -> s.InteractionBlock:
-        return s.InteractionBlock(keyword.start, block.end, _word(name), block)
-
-    def mount(self, keyword: Token, view: Token, block: s.BracedBlock) -> s.MountBlock:
-        return s.MountBlock(keyword.start, block.end, _word(view), block)
-
-    def part(self, keyword: Token, name: Token, _colon: Token, shape: Token, block: s.BracedBlock) -> s.PartBlock:
-        return s.PartBlock(keyword.start, block.end, _word(name), _word(shape), block)
-
-    def record(
-        self, keyword: Token, name: Token, _colon: Token, category: Token, block: s.BracedBlock
-    ) -> s.RecordBlock:
-        return s.RecordBlock(keyword.start, block.end, _word(name), _word(category), block)
-
-    def reveal(
-        self, keyword: Token, what: Token, _o: Token, entity: FlatExpr, _c: Token, _to: Token, role: Token
-    ) -> s.RevealLine:
-        return s.RevealLine(keyword.start, role.end, _word(what), self._done(entity), _word(role))
 
     def property(
         self,
@@ -387,33 +129,24 @@ class Builder:
         state: Token | None,
         name: Token,
         relation: Token,
-        value: FlatExpr,
+        value: s.Expression,
         guard: s.Expression | None,
     ) -> s.PropertyLine:
-        done = self._done(value)
-        start, end = (hidden or state or name).start, (guard or done).end
-        return s.PropertyLine(
-            start, end, _word(name), relation.text, done, hidden is not None, guard, state is not None
-        )
+        start, end = (hidden or state or name).start, (guard or value).end
+        named = self.name(name)
+        return s.PropertyLine(start, end, named, relation.text, value, hidden is not None, guard, state is not None)
 
-    def bounded(self, name: Token, relation: Token, value: FlatExpr) -> s.PropertyLine:
-        done = self._done(value)
-        return s.PropertyLine(name.start, done.end, _word(name), relation.text, done, hidden=False, guard=None)
+    def preset(self, keyword: Token, name: Token, block: s.BracedBlock | None) -> s.SettingsBlock:
+        inside = block or s.BracedBlock(name.end, name.end, ())
+        return s.SettingsBlock(keyword.start, inside.end, keyword.text, inside, self.name(name))
 
-    def field(self, typed: s.Typed) -> s.FieldLine:
-        return s.FieldLine(typed.start, typed.end, typed)
+    def mode(self, keyword: Token, default: Token, _in: Token | None, allowed: s.NameSet | None) -> s.ModeLine:
+        only = self.name(default)
+        names = allowed or s.NameSet(only.start, only.end, (only,))
+        return s.ModeLine(keyword.start, names.end, only, names)
 
-    def bare(self, name: Token) -> s.Bare:
-        return s.Bare(name.start, name.end, _word(name))
-
-    def unknown_block(self, name: Token, block: s.BracedBlock) -> s.UnknownBlock:
-        return s.UnknownBlock(name.start, block.end, _word(name), block)
-
-    def faulty(self, error: Token) -> s.Faulty:
-        return s.Faulty(error.start, error.end, tuple(error.text.split()), None)
-
-    def faulty_block(self, error: Token, block: s.BracedBlock) -> s.Faulty:
-        return s.Faulty(error.start, block.end, tuple(error.text.split()), block)
+    def faulty(self, error: Token, block: s.BracedBlock | None) -> s.Faulty:
+        return s.Faulty(error.start, (block or error).end, tuple(error.text.split()), block)
 
     # -- expressions
 
@@ -426,6 +159,15 @@ class Builder:
             left.append(right)
             return left
         return [left, operator, right]
+
+    def value(self, flat: FlatExpr | s.Expression) -> s.Expression:
+        if type(flat) is not list:
+            return flat  # type: ignore[return-value]
+        if len(flat) > 2 * DEEPEST:
+            start, end = flat[0].start, flat[-1].end
+            self.report("LJ0005", start, end, f"an expression has more than {DEEPEST} operators", "split it into rules")
+            return s.Broken(start, end)
+        return _Ranker(self, flat).run()
 
     def name(self, token: Token) -> s.Name:
         return s.Name(token.start, token.end, token.text)
@@ -452,9 +194,6 @@ class Builder:
     def flag(self, token: Token) -> s.FlagLiteral:
         return s.FlagLiteral(token.start, token.end, token.text == "true")
 
-    def set_operand(self, names: s.NameSet) -> s.NameSet:
-        return names
-
     def paren(self, opening: Token, arguments: Arguments, closing: Token) -> s.Expression:
         items = self._unnamed(arguments)
         if len(items) == 1:
@@ -462,65 +201,49 @@ class Builder:
             if type(item) is s.UnaryExpr and item.operator == "not":  # a `not` in brackets is closed: see `_Ranker`
                 return s.UnaryExpr(opening.start, closing.end, item.depth, "not", item.operand)
             return item
-        return self._bounded(s.Tuple(opening.start, closing.end, _below(items), items))
+        return self._bounded(s.Tuple(opening.start, closing.end, _levels(*items), items))
 
-    def empty_list(self, opening: Token, closing: Token) -> s.List:
-        return s.List(opening.start, closing.end, 1, ())
+    def list(self, opening: Token, arguments: Arguments | None, closing: Token) -> s.Expression:
+        items = self._unnamed(arguments or [])
+        return self._bounded(s.List(opening.start, closing.end, _levels(*items), items))
 
-    def list(self, opening: Token, arguments: Arguments, closing: Token) -> s.Expression:
-        items = self._unnamed(arguments)
-        return self._bounded(s.List(opening.start, closing.end, _below(items), items))
+    def call(self, name: Token, _opening: Token, arguments: Arguments | None, closing: Token) -> s.Expression:
+        values = tuple(arguments or ())
+        depth = _levels(*[argument.value for argument in values])
+        return self._bounded(s.CallExpr(name.start, closing.end, depth, self.name(name), values))
 
-    def empty_call(self, name: Token, _opening: Token, closing: Token) -> s.CallExpr:
-        return s.CallExpr(name.start, closing.end, 1, _word(name), ())
-
-    def call(self, name: Token, _opening: Token, arguments: Arguments, closing: Token) -> s.Expression:
-        depth = _below(tuple(argument.value for argument in arguments))
-        return self._bounded(s.CallExpr(name.start, closing.end, depth, _word(name), tuple(arguments)))
-
-    def subscript(self, base: s.Expression, _opening: Token, index: FlatExpr, closing: Token) -> s.Expression:
-        done = self._done(index)
-        return self._bounded(s.Subscript(base.start, closing.end, _below((base, done)), base, done))
-
-    def attribute(self, base: s.Expression, _dot: Token, name: Token) -> s.Expression:
-        return self._bounded(s.FieldExpr(base.start, name.end, _below((base,)), base, _word(name)))
-
-    def negative(self, sign: Token, operand: s.Expression) -> s.Expression:
-        return self._bounded(s.UnaryExpr(sign.start, operand.end, _below((operand,)), "-", operand))
-
-    def negation(self, sign: Token, operand: s.Expression) -> s.Expression:
-        return self._bounded(s.UnaryExpr(sign.start, operand.end, _below((operand,)), "not", operand))
-
-    def quantified(self, word: Token, variable: Token, _colon: Token, body: FlatExpr) -> s.Expression:
-        return self._quantified(word, variable, None, body)
-
-    def quantified_in(
-        self, word: Token, variable: Token, _in: Token, domain: Token, _colon: Token, body: FlatExpr
-    ) -> s.Expression:
-        return self._quantified(word, variable, _word(domain), body)
-
-    def positional(self, value: FlatExpr) -> s.CallArgument:
-        done = self._done(value)
-        return s.CallArgument(done.start, done.end, None, done)
-
-    def named(self, name: Token, _equal: Token, value: FlatExpr) -> s.CallArgument:
-        done = self._done(value)
-        return s.CallArgument(name.start, done.end, _word(name), done)
-
-    def comprehension(self, value: FlatExpr, _for: Token, variable: Token, _in: Token, domain: Token) -> s.CallArgument:
-        done = self._done(value)
-        over = s.ForClause(variable.start, domain.end, _word(variable), _word(domain))
-        return s.CallArgument(done.start, domain.end, None, done, over)
-
-    def named_number(self, name: Token, value: Token) -> s.CallArgument:
-        return s.CallArgument(name.start, value.end, _word(name), self.number(value))
+    def positional(self, value: s.Expression, _for: Token | None, over: s.ForClause | None) -> s.CallArgument:
+        return s.CallArgument(value.start, (over or value).end, None, value, over)
 
     # -- private
 
-    def _quantified(self, word: Token, variable: Token, domain: s.Name | None, body: FlatExpr) -> s.Expression:
-        done = self._done(body)
-        depth = _below((done,))
-        return self._bounded(s.QuantifiedExpr(word.start, done.end, depth, word.text, _word(variable), domain, done))
+    def _node(self, node: type[s.SyntaxNode], places: tuple[tuple[int, str], ...]) -> Callable[..., s.SyntaxNode]:
+        """What makes a node of the values of its symbols, as `NODES` says."""
+        composite = issubclass(node, s.CompositeExpr)
+
+        def build(*values: Any) -> s.SyntaxNode:
+            present = [value for value in values if value]
+            first, last = present[0], present[-1]
+            end = last[-1].end if type(last) is list else last.end
+            values = (*values, None)
+            parts = []
+            for place, kind in places:
+                value = values[place]
+                if value is None:
+                    value = _EMPTY[kind]
+                elif type(value) is Token:
+                    value = value.text if kind == "str" else kind == "bool" or self._leaf(value)
+                elif type(value) is list:
+                    value = tuple(map(self._leaf, value) if type(value[0]) is Token else value)
+                parts.append(value)
+            if composite:
+                return self._bounded(node(first.start, end, _levels(*parts), *parts))  # type: ignore[arg-type, call-arg]
+            return node(first.start, end, *parts)
+
+        return build
+
+    def _leaf(self, token: Token) -> s.SyntaxNode:
+        return _LITERALS.get(token.type, Builder.name)(self, token)
 
     def _unnamed(self, arguments: Arguments) -> tuple[s.Expression, ...]:
         for argument in arguments:
@@ -531,15 +254,6 @@ class Builder:
                 name = argument.name
                 self.report.at("LJ0012", name, "only a call has named arguments")
         return tuple([argument.value for argument in arguments])
-
-    def _done(self, flat: FlatExpr | s.Expression) -> s.Expression:
-        if type(flat) is not list:
-            return flat  # type: ignore[return-value]
-        if len(flat) > 2 * DEEPEST:
-            start, end = flat[0].start, flat[-1].end
-            self.report("LJ0005", start, end, f"an expression has more than {DEEPEST} operators", "split it into rules")
-            return s.Broken(start, end)
-        return _Ranker(self, flat).run()
 
     def _bounded(self, node: s.CompositeExpr) -> s.Expression:
         if node.depth <= DEEPEST:
@@ -568,7 +282,7 @@ class _Ranker:
                 break
             self.at += 1
             right = self._climb(rank + 1)
-            depth = _below((left, right))
+            depth = _levels(left, right)
             left = self.builder._bounded(s.BinaryExpr(left.start, right.end, depth, operator, left, right))
         return left
 
@@ -577,7 +291,7 @@ class _Ranker:
         if type(value) is s.UnaryExpr and value.operator == "not" and not self._closed(value):
             self.flat[self.at] = value.operand
             operand = self._climb(RANKS["not"] + 1)
-            depth = _below((operand,))
+            depth = _levels(operand)
             return self.builder._bounded(s.UnaryExpr(value.start, operand.end, depth, "not", operand))
         self.at += 1
         return value
@@ -587,7 +301,12 @@ class _Ranker:
         return self.builder.report.source.text.startswith("(", value.start)
 
 
-_NOT_ACTIONS = frozenset({"actions", "report"})
+_EMPTY: dict[str, bool | tuple[()] | None] = {"bool": False, "tuple": (), "": None, "str": None}
+_LITERALS: dict[str, Callable[[Builder, Token], s.SyntaxNode]] = {
+    "NUMBER": Builder.number,
+    "QUANTITY": Builder.number,
+    "STRING": Builder.text,
+}
 
 
 def _dedented(raw: str) -> str:
@@ -603,13 +322,21 @@ def _dedented(raw: str) -> str:
     return "\n".join(kept)
 
 
-def _word(token: Token) -> s.Name:
-    return s.Name(token.start, token.end, token.text)
+@cache
+def _places(alias: str) -> tuple[tuple[int, str], ...]:
+    """For each field of an alias's node which symbol fills it, -1 for none, and the field's kind, a key of `_EMPTY`."""
+    node, spec = NODES[alias]
+    said = {name: str(kind) for each in node.__mro__ for name, kind in getattr(each, "__annotations__", {}).items()}
+    kinds = {name: kind.partition("[")[0] for name, kind in said.items()}
+    own = [name for name in node.__struct_fields__ if name not in ("start", "end", "depth")]
+    symbols = spec.split()
+    return tuple((symbols.index(n) if n in symbols else -1, kinds[n] if kinds[n] in _EMPTY else "") for n in own)
 
 
-def _below(nodes: tuple[s.Expression, ...]) -> int:
+def _levels(*parts: Any) -> int:
+    """The depth of an expression made of such parts."""
     depth = 0
-    for node in nodes:
-        if isinstance(node, s.CompositeExpr) and node.depth > depth:
-            depth = node.depth
+    for part in parts:
+        if isinstance(part, s.CompositeExpr) and part.depth > depth:
+            depth = part.depth
     return depth + 1

@@ -493,7 +493,7 @@ class PropertyLine(Statement, frozen=True, gc=False):
     value: Expression
     hidden: bool
     guard: Expression | None
-    state: bool = False
+    state: bool
 
 
 class FieldLine(Statement, frozen=True, gc=False):
