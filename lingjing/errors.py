@@ -5,8 +5,14 @@ raises is a fault at a border: a file that cannot be read, an engine that died, 
 Every such fault derives from `LingjingError` and knows the exit code that the command line ends with.
 """
 
+from __future__ import annotations
+
+from collections.abc import Callable
 from enum import IntEnum
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
+
+ReadT = TypeVar("ReadT")
+OtherwiseT = TypeVar("OtherwiseT")
 
 
 class ExitCode(IntEnum):
@@ -67,3 +73,41 @@ class InfrastructureError(LingjingError):
     """An engine or a worker process failed: the episode is an infrastructure abort, never a model failure."""
 
     exit_code = ExitCode.INFRASTRUCTURE
+
+
+class ErrorCollector:
+    """The mistakes of one call, collected while the rest is still read, so that all of them are told together."""
+
+    def __init__(self) -> None:
+        self.errors: list[LingjingError] = []
+
+    def attempt(self, read: Callable[[], ReadT], otherwise: OtherwiseT) -> ReadT | OtherwiseT:
+        """What `read` gives; `otherwise` if it raises `UsageError` or `MissionError`, which is collected."""
+        try:
+            return read()
+        except (UsageError, MissionError) as error:
+            self.add(error)
+            return otherwise
+
+    def add(self, error: LingjingError) -> None:
+        """Collect a mistake that is known already."""
+        self.errors.append(error)
+
+    @property
+    def faults(self) -> tuple[Fault, ...]:
+        """Those of all errors."""
+        return tuple(fault for error in self.errors for fault in error.faults)
+
+    def check(self) -> None:
+        """Raise what was collected, if anything: one error as it is, several as one `UsageError` of a line each."""
+        if len(self.errors) == 1:
+            raise self.errors[0]
+        if self.errors:
+            hints = [error.hint for error in self.errors if "\n" in str(error) and error.hint]
+            lines = dict.fromkeys(_with_hint(error) for error in self.errors)
+            raise UsageError("\n".join(lines), hint="; ".join(dict.fromkeys(hints)), faults=self.faults)
+
+
+def _with_hint(error: LingjingError) -> str:
+    """An error's message with its hint, if both are one line."""
+    return f"{error}; {error.hint}" if error.hint and "\n" not in str(error) else str(error)

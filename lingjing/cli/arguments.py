@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from functools import partial
-from typing import Any
 
-from lingjing.errors import UsageError
+from lingjing.errors import ErrorCollector, Fault, UsageError
 from lingjing.mission.expression import Expr, Number
 from lingjing.mission.model import Mission
 from lingjing.mission.units import Unit, dimension_name, unit_of
@@ -22,34 +21,26 @@ MOST_SEEDS = 100_000
 """A range beyond this is a slip of the finger."""
 
 
-def all_of(*readers: Callable[[], Any]) -> list[Any]:
-    """What each of the readers gives. A `UsageError` tells the faults of all of them, a line each."""
-    read, faults = [], []
-    for reader in readers:
-        try:
-            read.append(reader())
-        except UsageError as error:
-            faults.append(error)
-    if faults:
-        hints = dict.fromkeys(fault.hint for fault in faults if fault.hint)
-        raise UsageError("\n".join(map(str, faults)), hint="; ".join(hints))
-    return read
+def parse_pairs(
+    option: str, texts: Iterable[str], errors: ErrorCollector | None = None, field: str = ""
+) -> dict[str, str]:
+    """`["k=v", …]` as a mapping; a missing `=`, an empty name or a repeated one is a `UsageError`.
 
-
-def parse_pairs(option: str, texts: Iterable[str]) -> dict[str, str]:
-    """`["k=v", …]` as a mapping; a missing `=`, an empty name or a repeated one is a `UsageError`."""
+    With `errors` the faults go there, said of `field` of the options, and what is left is returned.
+    """
     pairs: dict[str, str] = {}
-
-    def read(text: str) -> None:
+    found = ErrorCollector() if errors is None else errors
+    for text in texts:
         name, equals, value = text.partition("=")
         name = name.strip()
         if not equals or not name:
-            raise UsageError(f"{option} {text}: expected name=value", hint=f"for example: {option} name=value")
-        if name in pairs:
-            raise UsageError(f"{option} {text}: `{name}` is given twice")
-        pairs[name] = value.strip()
-
-    all_of(*(partial(read, text) for text in texts))
+            found.add(_fault(field, f"{option} {text}: expected name=value", f"for example: {option} name=value"))
+        elif name in pairs:
+            found.add(_fault(field, f"{option} {text}: `{name}` is given twice"))
+        else:
+            pairs[name] = value.strip()
+    if errors is None:
+        found.check()
     return pairs
 
 
@@ -74,16 +65,19 @@ def parse_seed(text: str) -> int:
     return int(text)
 
 
-def parse_settings(pairs: Mapping[str, str], mission: Mission) -> dict[str, float]:
-    """Values of `--set` in SI units: `80`, `80 m` or `0.08 km`; a wrong number or unit is a `UsageError`."""
-    units = {parameter.name: _unit_of(parameter.default) for parameter in mission.parameters}
-    return dict(
-        zip(
-            pairs,
-            all_of(*(partial(_quantity, name, text, units.get(name)) for name, text in pairs.items())),
-            strict=True,
-        )
-    )
+def parse_settings(
+    pairs: Mapping[str, str], mission: Mission | None, errors: ErrorCollector | None = None
+) -> dict[str, float]:
+    """Values of `--set` in SI units: `80`, `80 m` or `0.08 km`; a wrong number or unit is a `UsageError`.
+
+    With `errors` the faults go there and what is left is returned. Without a mission every unit will do.
+    """
+    found = ErrorCollector() if errors is None else errors
+    units = {parameter.name: _unit_of(parameter.default) for parameter in (mission.parameters if mission else ())}
+    read = {name: found.attempt(partial(_quantity, name, text, units.get(name)), None) for name, text in pairs.items()}
+    if errors is None:
+        found.check()
+    return {name: value for name, value in read.items() if value is not None}
 
 
 def _unit_of(default: Expr) -> Unit | None:
@@ -94,15 +88,19 @@ def _unit_of(default: Expr) -> Unit | None:
 def _quantity(name: str, text: str, expected: Unit | None) -> float:
     match = _QUANTITY.fullmatch(text)
     value = float(match[1]) if match else math.nan
+    where, given = f"settings.{name}", f"--set {name}={text}"
     if match is None or not math.isfinite(value):
-        raise UsageError(f"--set {name}={text}: `{text}` is not a number", hint="write a number, then its unit")
+        raise _fault(where, f"{given}: `{text}` is not a number", "write a number, then its unit")
     if not match[2]:
         return value
     unit = unit_of(match[2])
     if unit is None:
-        raise UsageError(f"--set {name}={text}: there is no unit `{match[2]}`", hint="without a unit it is in SI units")
+        raise _fault(where, f"{given}: there is no unit `{match[2]}`", "without a unit it is in SI units")
     if expected is not None and unit.dimension != expected.dimension:
-        raise UsageError(
-            f"--set {name}={text}: {dimension_name(unit.dimension)} where {dimension_name(expected.dimension)} is due"
-        )
+        named = dimension_name(unit.dimension), dimension_name(expected.dimension)
+        raise _fault(where, f"{given}: {named[0]} where {named[1]} is due")
     return value * unit.factor
+
+
+def _fault(where: str, message: str, hint: str = "") -> UsageError:
+    return UsageError(message, hint=hint, faults=(Fault(where, message, hint),))

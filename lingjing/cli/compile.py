@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from lingjing.cli.arguments import MODES
 from lingjing.cli.files import read_mission, write_output
-from lingjing.errors import ExitCode, UsageError
+from lingjing.errors import ErrorCollector, ExitCode, UsageError
 
 if TYPE_CHECKING:
     from lingjing.mission.model import Mission
@@ -58,8 +58,11 @@ def _reset_scenario(mission: Mission, args: argparse.Namespace) -> str:
             "a resetScenario document is given back as it is: nothing is left to draw",
             hint=f"compile the mission itself: lingjing compile {mission.name} --emit reset-scenario --seed …",
         )
-    settings = parse_settings(parse_pairs("--set", args.set), mission)
-    text = emit(mission, seed=parse_seed(args.seed or "0"), mode=args.mode, settings=settings, plain=args.plain)
+    errors = ErrorCollector()
+    settings = parse_settings(parse_pairs("--set", args.set, errors), mission, errors)
+    seed = errors.attempt(lambda: parse_seed(args.seed or "0"), 0)
+    errors.check()
+    text = emit(mission, seed=seed, mode=args.mode, settings=settings, plain=args.plain)
     if mission.origin.document not in ("", text):
         print("note: the object 'lingjing' was added, which names the template; --plain leaves it out", file=sys.stderr)
     return text

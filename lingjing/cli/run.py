@@ -5,18 +5,20 @@ from __future__ import annotations
 import argparse
 import signal
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
+from typing import NoReturn
 
 import msgspec
 
-from lingjing.cli.arguments import MODES, all_of, parse_pairs, parse_seed, parse_seeds, parse_settings
+from lingjing.cli.arguments import parse_pairs, parse_seed, parse_seeds, parse_settings
 from lingjing.cli.process import restore_terminal, results_alone
 from lingjing.cli.progress import LiveProgress
 from lingjing.cli.results import exit_code, explain, print_episode, print_json, print_seeds
 from lingjing.dsl.loading.load import load_mission
 from lingjing.dsl.loading.shipped import find_mission
-from lingjing.errors import ExitCode, MissionError, UsageError
+from lingjing.errors import ErrorCollector, ExitCode, InfrastructureError, MissionError, UsageError
 from lingjing.mission.model import Mission
 from lingjing.play.descendants import be_told_of_the_end_of
 from lingjing.play.folders import RUNS, claim_folder, claim_run_folder, release_if_empty
@@ -35,7 +37,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     which = parser.add_mutually_exclusive_group()
     which.add_argument("--seed", metavar="N", help="the episode's seed (default 0)")
     which.add_argument("--seeds", metavar="A-B", help="several seeds, both ends included")
-    parser.add_argument("--mode", choices=MODES, help="communication mode (default: the mission's)")
+    parser.add_argument("--mode", metavar="MODE", help="communication mode (default: the mission's)")
     parser.add_argument("--set", metavar="NAME=VALUE", action="append", default=[], help="set a mission parameter")
     parser.add_argument("--policy", metavar="NAME|FILE.py:CLASS", help="who plays (default heuristic)")
     parser.add_argument(
@@ -57,10 +59,10 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help="a JSON file with all of these; - reads standard input; what is given here counts",
     )
     parser.add_argument("-o", "--output", metavar="DIR", help="a new or empty folder (default: a new one in runs/)")
-    parser.add_argument("--world", choices=("process", "inline"), help="where the engines run (default process)")
+    parser.add_argument("--world", metavar="process|inline", help="where the engines run (default process)")
     parser.add_argument("--blank-pictures", action="store_true", help="hand the policies black pictures (a control)")
     parser.add_argument("--no-overview", action="store_true", help="do not draw overview.png (it takes a few seconds)")
-    parser.add_argument("-j", "--jobs", metavar="N", type=int, default=1, help="play N seeds at a time")
+    parser.add_argument("-j", "--jobs", metavar="N", default="1", help="play N seeds at a time")
     parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
     parser.add_argument("--watch", action="store_true", help="show the episode in the terminal while it is played")
     parser.add_argument(
@@ -73,79 +75,118 @@ def handler(args: argparse.Namespace) -> int:
     """Play, print, and answer with the exit code."""
     if args.end_with is not None and not be_told_of_the_end_of(args.end_with, signal.SIGTERM):
         raise KeyboardInterrupt
-    _, (options, mission), seeds = all_of(
-        lambda: _check(args), lambda: _options(args), lambda: parse_seeds(args.seeds) if args.seeds else ()
-    )
+    errors = ErrorCollector()
+    jobs = _jobs(args, errors)
+    options, mission = _options(args, errors)
+    seeds = errors.attempt(lambda: parse_seeds(args.seeds), ()) if args.seeds is not None else ()
+    folder = errors.attempt(lambda: claim_folder(Path(args.output)), None) if args.output else None
+    if errors.errors or mission is None:
+        if folder is not None:
+            release_if_empty(folder)
+        _tell(options, mission, errors)
+    args.jobs = jobs
     if seeds:
-        return _run_many(args, mission, options, seeds)
-    return _run_one(args, mission, options)
+        return _run_many(args, mission, options, folder or RUNS, seeds)
+    return _run_one(args, mission, options, folder)
 
 
-def _check(args: argparse.Namespace) -> None:
-    if args.jobs < 1:
-        raise UsageError(f"-j {args.jobs}: at least one")
+def _jobs(args: argparse.Namespace, errors: ErrorCollector) -> int:
+    jobs = int(args.jobs) if args.jobs.isascii() and args.jobs.isdigit() else 0
+    if jobs < 1:
+        errors.add(UsageError(f"-j {args.jobs}: a whole number is due, at least one"))
     if args.output == "":
-        raise UsageError("-o names no folder", hint="give -o a name, or leave it out for a new folder in runs/")
-    if args.jobs > 1 and _watched(args):
-        raise UsageError("--watch shows one episode at a time", hint="leave -j out, or --watch")
+        errors.add(UsageError("-o names no folder", hint="give -o a name, or leave it out for a new folder in runs/"))
+    if jobs > 1 and _watched(args):
+        errors.add(UsageError("--watch shows one episode at a time", hint="leave -j out, or --watch"))
+    return jobs
 
 
-def _options(args: argparse.Namespace) -> tuple[PlayOptions, Mission]:
+def _tell(options: PlayOptions, mission: Mission | None, errors: ErrorCollector) -> NoReturn:
+    """Raise what is wrong with the command line, and with that what else would be wrong with the episode.
+
+    A child looks for that: it may load a policy's file.
+    """
+    from lingjing.play.preparation import prepare
+    from lingjing.plugins.host import PluginHost
+
+    def look(places: Iterator[SeedFolder]) -> Iterator[EpisodeReport]:
+        prepare(options, mission, PluginHost(), {}, errors)
+        return iter(())
+
+    with suppress(InfrastructureError):  # the child may be ended by what it loads: then this is told without that
+        if can_supervise():
+            list(play_supervised((options.seed,), lambda seed: None, look, _aborting(mission, options)))
+        else:
+            look(iter(()))
+    errors.check()
+    raise AssertionError("there is no error")
+
+
+def _options(args: argparse.Namespace, errors: ErrorCollector) -> tuple[PlayOptions, Mission | None]:
     """The options of a file, if one is named, with those of the command line over them; and their mission."""
-    given = _file_options(args.options) if args.options else {}
+    given = _file_options(args.options, errors) if args.options else {}
     named = args.mission or given.get("mission")
-    if not named:
-        raise UsageError("no mission is named", hint="name a .ljs file or a shipped mission: lingjing run ssr")
-    path, policies_for, policy_args, engine_args, pairs, seed, policy_seed = all_of(
-        lambda: find_mission(str(named)),
-        lambda: parse_pairs("--policy-for", args.policy_for),
-        lambda: parse_pairs("--policy-arg", args.policy_arg),
-        lambda: parse_pairs("--engine-arg", args.engine_arg),
-        lambda: parse_pairs("--set", args.set),
-        lambda: parse_seed(args.seed) if args.seed is not None else None,
-        lambda: parse_seed(args.policy_seed) if args.policy_seed is not None else None,
-    )
-    mission = load_mission(path)
-    settings = parse_settings(pairs, mission)
-    options = checked_options(given | {"mission": str(path)})
-    over = {
-        "policies_for": options.policies_for | policies_for,
-        "policy_args": options.policy_args | policy_args,
-        "engine_args": options.engine_args | engine_args,
-        "settings": options.settings | settings,
-        "blank_pictures": options.blank_pictures or args.blank_pictures,
-        "overview": options.overview and not args.no_overview,
+    path: str | None = None
+    if named:
+        path = errors.attempt(lambda: str(find_mission(str(named))), None)
+    else:
+        errors.add(UsageError("no mission is named", hint="name a .ljs file or a shipped mission: lingjing run ssr"))
+    mission = errors.attempt(lambda: load_mission(path), None) if path is not None else None
+    pairs = parse_pairs("--set", args.set, errors)
+    mappings: dict[str, Mapping[str, object]] = {
+        "policies_for": parse_pairs("--policy-for", args.policy_for, errors, "policies_for"),
+        "policy_args": parse_pairs("--policy-arg", args.policy_arg, errors),
+        "engine_args": parse_pairs("--engine-arg", args.engine_arg, errors),
+        "settings": parse_settings(pairs, mission, errors),
     }
-    single = {"seed": seed, "policy_seed": policy_seed, "policy": args.policy, "mode": args.mode, "world": args.world}
-    if args.evaluator:
-        single["evaluators"] = tuple(args.evaluator)
-    over |= {name: value for name, value in single.items() if value is not None}
-    options = msgspec.structs.replace(options, **over)
-    _check_settings(args.set, mission, options)
+    single = {
+        "mission": path,
+        "seed": errors.attempt(lambda: parse_seed(args.seed), None) if args.seed is not None else None,
+        "policy_seed": errors.attempt(lambda: parse_seed(args.policy_seed), None)
+        if args.policy_seed is not None
+        else None,
+        "policy": args.policy,
+        "mode": args.mode,
+        "world": args.world,
+        "evaluators": args.evaluator,
+        "blank_pictures": args.blank_pictures or None,
+        "overview": False if args.no_overview else None,
+    }
+    plain = given | {name: value for name, value in single.items() if value is not None}
+    plain |= {name: {**_mapping(given.get(name)), **told} for name, told in mappings.items()}
+    options = checked_options(plain, errors)
+    if args.set and mission is not None and not errors.errors:
+        without = msgspec.structs.replace(options, settings={})
+        options = errors.attempt(lambda: _possible(args.set, mission, options), without)
     return options, mission
 
 
-def _file_options(file: str) -> dict[str, object]:
+def _file_options(file: str, errors: ErrorCollector) -> dict[str, object]:
     try:
-        return read_options(sys.stdin.buffer.read() if file == "-" else Path(file).read_bytes(), file)
+        return read_options(sys.stdin.buffer.read() if file == "-" else Path(file).read_bytes(), file, errors)
     except OSError as error:
-        raise UsageError(f"cannot read `{file}`: {error.strerror}") from error
+        errors.add(UsageError(f"cannot read `{file}`: {error.strerror}"))
+        return {}
 
 
-def _check_settings(given: list[str], mission: Mission, options: PlayOptions) -> None:
-    """A mission that is fine by itself and no longer once a value is set is a mistake of the command line."""
-    if not given:
-        return
+def _mapping(value: object) -> Mapping[str, object]:
+    return value if isinstance(value, Mapping) else {}
+
+
+def _possible(given: list[str], mission: Mission, options: PlayOptions) -> PlayOptions:
+    """The options. `UsageError` if the mission is fine by itself and no longer once its values are set."""
     from lingjing.mission.instantiate import instantiate
 
     try:
         instantiate(mission, seed=options.seed, mode=options.mode, settings=options.settings)
+    except UsageError:  # told with everything else
+        return options
     except MissionError as error:
         raise UsageError(f"--set {' --set '.join(given)}: {error}", hint=error.hint) from error
+    return options
 
 
-def _run_one(args: argparse.Namespace, mission: Mission, options: PlayOptions) -> int:
-    given = claim_folder(Path(args.output)) if args.output else None
+def _run_one(args: argparse.Namespace, mission: Mission, options: PlayOptions, given: Path | None) -> int:
     try:
         with results_alone():
             (episode,) = _played(
@@ -161,8 +202,9 @@ def _run_one(args: argparse.Namespace, mission: Mission, options: PlayOptions) -
     return exit_code([episode])
 
 
-def _run_many(args: argparse.Namespace, mission: Mission, options: PlayOptions, seeds: tuple[int, ...]) -> int:
-    root = claim_folder(Path(args.output)) if args.output else RUNS
+def _run_many(
+    args: argparse.Namespace, mission: Mission, options: PlayOptions, root: Path, seeds: tuple[int, ...]
+) -> int:
     try:
         with results_alone():
             played = _played(args, mission, options, seeds, lambda seed: _claim(mission, options, seed, root))
@@ -211,19 +253,33 @@ def _played(
         if not _watched(args):
             return play_here(options, places, LiveProgress, mission)
         from lingjing.cli.watch import EpisodeDisplays
+        from lingjing.play.preparation import prepare
+        from lingjing.plugins.host import PluginHost
 
-        displays = EpisodeDisplays(mission, options, truth=args.watch_truth)
+        errors = ErrorCollector()
+        displays = errors.attempt(lambda: EpisodeDisplays(mission, options, truth=args.watch_truth), None)
+        prepare(options, mission, PluginHost(), {}, errors)  # a display draws the instance before it is played
+        if displays is None:
+            raise AssertionError("without displays there is an error")
         return play_here(options, displays.follow(places), displays, mission)
 
     if not can_supervise():
         return play((seed, claim(seed)) for seed in seeds)
 
+    return play_supervised(seeds, claim, play, _aborting(mission, options))
+
+
+def _aborting(mission: Mission | None, options: PlayOptions) -> Callable[[int, Path, str], EpisodeReport]:
+    """What makes the report of an episode that has no result."""
+
     def abort(seed: int, folder: Path, why: str) -> EpisodeReport:
         restore_terminal()
         report = without_result(EpisodeTask(msgspec.structs.replace(options, seed=seed), folder), why)
+        if mission is None:
+            return report
         return msgspec.structs.replace(report, mission=mission.name, mode=options.mode or mission.modes.default)
 
-    return play_supervised(seeds, claim, play, abort)
+    return abort
 
 
 def _watched(args: argparse.Namespace) -> bool:

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Mapping
 
 import msgspec
 
-from lingjing.errors import MissionError, UsageError
+from lingjing.errors import ErrorCollector, Fault, MissionError, UsageError
 from lingjing.mission import expression as ex
 from lingjing.mission import grid as grids
 from lingjing.mission import instance_agents, instance_rules, model
@@ -38,11 +38,13 @@ def instantiate(
 ) -> Instance:
     """Apply seed, mode and settings (SI values by parameter name) to a mission.
 
-    Equal arguments give equal instances in every process. Raises `UsageError` for a setting or a mode the mission
-    does not have, `MissionError` for a mission that cannot be evaluated.
+    Equal arguments give equal instances in every process. Raises `UsageError` that tells every fault of mode and
+    settings, at `mode` and `settings.NAME`; `MissionError` for a mission that cannot be evaluated.
     """
-    chosen = choose_mode(mission, mode)
-    values = parameters(mission, chosen, settings or {})
+    errors = ErrorCollector()
+    chosen = errors.attempt(lambda: choose_mode(mission, mode), mission.modes.default)
+    values = errors.attempt(lambda: parameters(mission, chosen, settings or {}), {})
+    errors.check()
     scope = Scope(parameters=values, mode=chosen)
     clock = _clock(mission, scope)
     scope = msgspec.structs.replace(scope, tick_s=clock.tick_s)
@@ -89,25 +91,33 @@ def choose_mode(mission: model.Mission, mode: str | None) -> str:
     """The mode to play in; `UsageError` if the mission does not have it."""
     chosen = mission.modes.default if mode is None else mode
     if chosen not in mission.modes.allowed:
-        raise UsageError(
-            f"mission '{mission.name}' has no mode '{chosen}'", hint=f"choose one of {', '.join(mission.modes.allowed)}"
-        )
+        hint = f"choose one of {', '.join(mission.modes.allowed)}"
+        raise _usage("mode", f"mission '{mission.name}' has no mode '{chosen}'", hint)
     return chosen
 
 
 def parameters(mission: model.Mission, mode: str, settings: Mapping[str, float]) -> dict[str, float]:
-    """Every parameter's value: the setting if there is one, else the default, checked against its bounds."""
+    """Every parameter's value: the setting if there is one, else the default, checked against its bounds.
+
+    Raises `UsageError` that tells every fault of the settings, `MissionError` for a default that cannot be had.
+    """
+    errors = ErrorCollector()
     names = tuple(parameter.name for parameter in mission.parameters)
     for name in settings:
         if name not in names:
-            raise UsageError(f"mission '{mission.name}' has no parameter '{name}'", hint=_suggestion(name, names))
+            message = f"mission '{mission.name}' has no parameter '{name}'"
+            errors.add(_usage(f"settings.{name}", message, _suggestion(name, names)))
     values: dict[str, float] = {}
     for parameter in mission.parameters:
         scope = Scope(parameters=dict(values), mode=mode)
-        given = settings.get(parameter.name)
-        values[parameter.name] = (
-            _default(mission, parameter, scope) if given is None else _setting(mission, parameter, given, scope)
-        )
+        try:
+            values[parameter.name] = _parameter(mission, parameter, settings.get(parameter.name), scope)
+        except UsageError as error:
+            errors.add(error)
+        except MissionError:
+            if not errors.errors:  # otherwise it may only follow from a setting that is refused
+                raise
+    errors.check()
     return values
 
 
@@ -146,23 +156,28 @@ def _option(value: Value, level: float) -> Option:
     return datum(value, level)
 
 
-def _default(mission: model.Mission, parameter: model.Parameter, scope: Scope) -> float:
+def _parameter(mission: model.Mission, parameter: model.Parameter, given: float | None, scope: Scope) -> float:
     with at_path(f"{mission.name}/{parameter.name}"):
-        value = number(parameter.default, scope)
-        fault = _bound_fault(parameter, value, scope)
-        if fault:
-            raise MissionError(f"the default {value:g} {fault}")
-        return value
-
-
-def _setting(mission: model.Mission, parameter: model.Parameter, given: float, scope: Scope) -> float:
-    if not _is_finite(given):
-        raise UsageError(f"{parameter.name} = {given!r} is not a number", hint=f"give '{parameter.name}' a number")
-    with at_path(f"{mission.name}/{parameter.name}"):
+        if given is None:
+            value = number(parameter.default, scope)
+            fault = _bound_fault(parameter, value, scope)
+            if fault:
+                raise MissionError(f"the default {value:g} {fault}")
+            return value
+        if not _is_finite(given):
+            raise _setting_error(parameter, f"= {given!r} is not a number", f"give '{parameter.name}' a number")
         fault = _bound_fault(parameter, float(given), scope)
-    if fault:
-        raise UsageError(f"{parameter.name} = {given:g} {fault}", hint=parameter.doc)
+        if fault:
+            raise _setting_error(parameter, f"= {given:g} {fault}", parameter.doc)
     return float(given)
+
+
+def _setting_error(parameter: model.Parameter, message: str, hint: str) -> UsageError:
+    return _usage(f"settings.{parameter.name}", f"{parameter.name} {message}", hint)
+
+
+def _usage(where: str, message: str, hint: str) -> UsageError:
+    return UsageError(message, hint=hint, faults=(Fault(where, message, hint),))
 
 
 def _is_finite(value: object) -> bool:

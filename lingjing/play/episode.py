@@ -19,26 +19,25 @@ import msgspec
 from lingjing.analysis.incidents import incidents
 from lingjing.analysis.metrics import metrics
 from lingjing.analysis.relations import RelationTracker
-from lingjing.errors import UsageError
+from lingjing.errors import ErrorCollector, UsageError
 from lingjing.kernel.barrier import PolicyBarrier
 from lingjing.kernel.cities import CityBuilder
 from lingjing.kernel.episode import Progress, play, seat
 from lingjing.kernel.step import Kernel
 from lingjing.kernel.world import open_world
 from lingjing.kernel.world.contract import StoredFrame, World
-from lingjing.kernel.world.selection import select_engines
 from lingjing.mission.feasibility import prove_instance
 from lingjing.mission.instance import Instance
-from lingjing.mission.instantiate import instantiate
 from lingjing.mission.model import Mission
 from lingjing.numerics import versions, withdrawn
 from lingjing.play.folders import claim_run_folder
 from lingjing.play.options import Changes, PlayOptions, compiled, options_of
-from lingjing.play.policies import Assigned, assign_policies
+from lingjing.play.policies import Assigned
+from lingjing.play.preparation import Preparation, prepare
 from lingjing.play.report import ABORTED, EpisodeReport
 from lingjing.plugins.building import build_evaluators
 from lingjing.plugins.host import PluginHost
-from lingjing.plugins.loading import build_policy, engine_options
+from lingjing.plugins.loading import build_policy
 from lingjing.plugins.policy import PolicyPlugin
 from lingjing.scene.city import City, content_sha256
 from lingjing.trace.reader import Trace, read_trace
@@ -77,8 +76,9 @@ class Session:
         **changes: Unpack[Changes],
     ) -> EpisodeReport:
         """Play one episode; see `lingjing.run` for the arguments and the errors."""
-        options, compiled, given = options_of(mission, changes)
-        return self.play(options, compiled, out=out, progress=progress, given=given)
+        errors = ErrorCollector()
+        options, compiled, given = options_of(mission, changes, errors)
+        return self._play(prepare(options, compiled, self.host, given, errors), options, out, progress)
 
     def play(
         self,
@@ -91,11 +91,18 @@ class Session:
     ) -> EpisodeReport:
         """Play the episode of the options. `mission` is theirs where it has been compiled already, `given` are policies
         that have been loaded already, by their names in the options."""
-        mission = mission or compiled(options)
-        drawn = instantiate(mission, seed=options.seed, mode=options.mode, settings=options.settings)
-        told = engine_options(options.engine_args, self.host, select_engines(drawn, self.host).names)
-        instance, city = self._cities.place(msgspec.structs.replace(drawn, engine_options=told))
-        assigned = assign_policies(instance, options, self.host, given or {})
+        prepared = prepare(options, mission or compiled(options), self.host, given or {})
+        return self._play(prepared, options, out, progress)
+
+    def _play(
+        self,
+        prepared: Preparation,
+        options: PlayOptions,
+        out: str | Path | None,
+        progress: Callable[[Progress], None] | None,
+    ) -> EpisodeReport:
+        instance, city = self._cities.place(prepared.instance)
+        assigned = prepared.assigned
         policies = {agent: build_policy(plugin, arguments) for agent, (plugin, arguments) in assigned.items()}
         relations = RelationTracker(instance)
         recorder: list[TraceWriter] = []
@@ -107,7 +114,7 @@ class Session:
             record=lambda record, frames: recorder[0].boundary(
                 msgspec.structs.replace(record, relations=relations.take(record)), _stored(frames)
             ),
-            evaluators=build_evaluators(options.evaluators, instance, self.host),
+            evaluators=build_evaluators(prepared.evaluators, instance, self.host),
             blank_pictures=options.blank_pictures,
             policy_seed=options.policy_seed,
         )

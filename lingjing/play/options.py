@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, TypedDict
 
 import msgspec
 
-from lingjing.errors import UsageError
+from lingjing.errors import ErrorCollector, Fault, UsageError
 from lingjing.mission.faults import lines_of, schema_faults
 from lingjing.mission.model import Mission
 from lingjing.plugins.loading import policy_of
@@ -64,50 +64,75 @@ class Changes(TypedDict, total=False):
     overview: bool
 
 
-def read_options(text: str | bytes, path: str) -> dict[str, object]:
+def read_options(text: str | bytes, path: str, errors: ErrorCollector | None = None) -> dict[str, object]:
     """The options that a JSON file gives, each of them right by itself; the mission may be left out.
 
-    Raises `UsageError` that tells every fault with its JSON path.
+    Raises `UsageError` that tells every fault with its JSON path. With `errors` it goes there, and what is right is
+    returned.
     """
+    found = ErrorCollector() if errors is None else errors
+    given: object = {}
     try:
         given = msgspec.json.decode(text)
     except msgspec.DecodeError as error:
-        raise UsageError(f"{path} is not JSON: {error}") from error
-    checked_options({"mission": "", **given} if isinstance(given, dict) else given, path)
-    return dict(given)
+        found.add(UsageError(f"{path} is not JSON: {error}"))
+    read = _right({"mission": "", **given} if isinstance(given, dict) else given, path, found)
+    if errors is None:
+        found.check()
+    return {name: value for name, value in read.items() if isinstance(given, dict) and name in given}
 
 
-def checked_options(given: object, path: str = "") -> PlayOptions:
-    """Plain values as options. Raises `UsageError` that tells every fault of theirs."""
-    try:
-        return msgspec.convert(given, PlayOptions)
-    except msgspec.ValidationError as error:
-        faults = schema_faults(given, PlayOptions)
-        said = lines_of(faults, path) or str(error)
-        raise UsageError(said, hint=faults[0].hint if faults else "", faults=faults) from None
+def checked_options(given: object, errors: ErrorCollector | None = None) -> PlayOptions:
+    """Plain values as options. Raises `UsageError` that tells every fault of theirs.
+
+    With `errors` it goes there, and what is refused counts as not given.
+    """
+    found = ErrorCollector() if errors is None else errors
+    right = {"mission": "", **_right(given, "", found)}
+    if errors is None:
+        found.check()
+    return msgspec.convert(right, PlayOptions)
 
 
 def options_of(
-    mission: Mission | str | PathLike[str], changes: Changes
-) -> tuple[PlayOptions, Mission, dict[str, PolicyPlugin]]:
+    mission: Mission | str | PathLike[str], changes: Changes, errors: ErrorCollector | None = None
+) -> tuple[PlayOptions, Mission | None, dict[str, PolicyPlugin]]:
     """What `lingjing.run` was called with: the options, the compiled mission, and the policies given as objects, by the
-    names that the options have for them."""
+    names that the options have for them.
+
+    Raises `UsageError` or `MissionError` that tells every fault. With `errors` it goes there, what is refused counts as
+    not given, and a mission that has errors is None.
+    """
+    found = ErrorCollector() if errors is None else errors
     made: dict[str, PolicyPlugin] = {}
     unknown = sorted(set(changes) - set(PlayOptions.__struct_fields__))
     if unknown:
         raise TypeError(f"run() got an unexpected keyword argument '{unknown[0]}'")
+
+    def named(field: str, spec: object) -> object:
+        return found.attempt(lambda: _named(spec, made, field), None)
+
     plain = {
         **changes,
-        "mission": mission.name if isinstance(mission, Mission) else _path(mission),
-        "policies_for": _mapped(changes.get("policies_for"), lambda spec: _named(spec, made)),
+        "mission": mission.name if isinstance(mission, Mission) else found.attempt(lambda: _path(mission), ""),
+        "policies_for": _mapped(changes.get("policies_for"), lambda spec: named("policies_for", spec)),
         "policy_args": _mapped(changes.get("policy_args"), str),
         "engine_args": _mapped(changes.get("engine_args"), str),
         "settings": _mapped(changes.get("settings"), lambda value: value),
     }
     if "policy" in changes:
-        plain["policy"] = _named(changes["policy"], made)
-    options = checked_options(plain)
-    return options, mission if isinstance(mission, Mission) else compiled(options), made
+        plain["policy"] = named("policy", changes["policy"])
+    for name in ("policy", "policies_for"):  # what is no policy has been told in other words than those of JSON
+        if any(fault.where == name for fault in found.faults):
+            del plain[name]
+    options = checked_options(plain, found)
+    if isinstance(mission, Mission):
+        compiled_mission: Mission | None = mission
+    else:
+        compiled_mission = found.attempt(lambda: compiled(options), None) if options.mission else None
+    if errors is None:
+        found.check()
+    return options, compiled_mission, made
 
 
 def compiled(options: PlayOptions) -> Mission:
@@ -131,11 +156,44 @@ def _path(given: object) -> str:
     return fspath(given)
 
 
-def _named(spec: object, made: dict[str, PolicyPlugin]) -> str:
+def _right(given: object, path: str, errors: ErrorCollector) -> dict[str, object]:
+    """The options that are right by themselves; a `UsageError` for each fault of the others goes to `errors`.
+
+    Of a mapping the entries that are wrong are left out, of the rest the whole field.
+    """
+    try:
+        msgspec.convert(given, PlayOptions)
+    except msgspec.ValidationError as error:
+        for fault in schema_faults(given, PlayOptions) or (Fault("", str(error)),):
+            errors.add(UsageError(lines_of([fault], path), hint=fault.hint, faults=(fault,)))
+        if not isinstance(given, dict):
+            return {}
+        return {name: right for name, value in given.items() if (right := _right_value(name, value)) is not None}
+    return given if isinstance(given, dict) else {}
+
+
+def _right_value(name: str, value: object) -> object:
+    """What is right of a field's value, None if nothing is."""
+    if name not in PlayOptions.__struct_fields__:
+        return None
+    if isinstance(value, dict):
+        return {key: one for key, one in value.items() if _fits(name, {key: one})}
+    return value if _fits(name, value) else None
+
+
+def _fits(name: str, value: object) -> bool:
+    try:
+        msgspec.convert({"mission": "", name: value}, PlayOptions)
+    except msgspec.ValidationError:
+        return False
+    return True
+
+
+def _named(spec: object, made: dict[str, PolicyPlugin], field: str) -> str:
     """The name that stands for a policy in the options; one given as a class or a function is added to `made`."""
     if isinstance(spec, str):
         return spec
-    plugin = _plugin(spec)
+    plugin = _plugin(spec, field)
     taken = [name for name, one in made.items() if one.name == plugin.name]
     name = next((one for one in taken if made[one].factory is plugin.factory), "")
     name = name or (f"{plugin.name} ({len(taken) + 1})" if taken else plugin.name)
@@ -143,11 +201,10 @@ def _named(spec: object, made: dict[str, PolicyPlugin]) -> str:
     return name
 
 
-def _plugin(factory: object) -> PolicyPlugin:
+def _plugin(factory: object, field: str) -> PolicyPlugin:
     """A class or function given from Python; its attribute `privileged` counts as its declaration."""
     if not callable(factory):
-        raise UsageError(
-            f"{factory!r} is not a policy",
-            hint="give a policy's name, FILE.py:CLASS, a class, or a function that makes one",
-        )
+        message = f"{factory!r} is not a policy"
+        hint = "give a policy's name, FILE.py:CLASS, a class, or a function that makes one"
+        raise UsageError(message, hint=hint, faults=(Fault(field, message, hint),))
     return policy_of(factory, getattr(factory, "__qualname__", type(factory).__name__))

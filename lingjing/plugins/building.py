@@ -5,15 +5,15 @@ Whatever a stranger's code raises or returns, the error names the scene or evalu
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from numbers import Real
 from typing import Any, get_args
 
 from msgspec.structs import replace
 
-from lingjing.errors import InfrastructureError, LingjingError, PluginError, UsageError
+from lingjing.errors import InfrastructureError, LingjingError, PluginError
 from lingjing.mission.instance import Instance, SceneSpec
-from lingjing.plugins.evaluator import Evaluation, Evaluator
+from lingjing.plugins.evaluator import Evaluation, Evaluator, EvaluatorPlugin
 from lingjing.plugins.host import PluginHost
 from lingjing.plugins.loading import one_line
 from lingjing.scene.city import City
@@ -37,21 +37,19 @@ def build_city(spec: SceneSpec, host: PluginHost) -> City:
     return city
 
 
-def build_evaluators(names: Sequence[str], instance: Instance, host: PluginHost) -> tuple[Evaluator[Any], ...]:
+def build_evaluators(
+    plugins: Iterable[EvaluatorPlugin], instance: Instance, host: PluginHost
+) -> tuple[Evaluator[Any], ...]:
     """The evaluators of an episode; what they answer is checked.
 
-    Raises `UsageError` for a name that nobody offers or that stands twice, `PluginError` if one cannot be built. Their
-    `evaluate` raises `InfrastructureError` if it fails or its answer is not as `Evaluation` says.
+    Raises `PluginError` if one cannot be built. Their `evaluate` raises `InfrastructureError` if it fails or its answer
+    is not as `Evaluation` says.
     """
-    twice = next((name for at, name in enumerate(names) if name in names[:at]), None)
-    if twice is not None:
-        raise UsageError(f"evaluator `{twice}` is named twice", hint="name each evaluator once")
-    return tuple(_build_evaluator(name, instance, host) for name in names)
+    return tuple(_build_evaluator(plugin, instance, host) for plugin in plugins)
 
 
-def _build_evaluator(name: str, instance: Instance, host: PluginHost) -> Evaluator[Any]:
-    plugin = host.evaluator(name)
-    owner = f"evaluator `{name}` of plug-in `{host.sources['lingjing_evaluators', name]}`"
+def _build_evaluator(plugin: EvaluatorPlugin, instance: Instance, host: PluginHost) -> Evaluator[Any]:
+    owner = f"evaluator `{plugin.name}` of plug-in `{host.sources['lingjing_evaluators', plugin.name]}`"
     try:
         made = plugin.build(instance)
     except LingjingError:

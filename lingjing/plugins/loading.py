@@ -68,12 +68,13 @@ def options_model(plugin: PolicyPlugin) -> type[PluginOptions]:
 
 
 def share_arguments(
-    plugins: Mapping[str, PolicyPlugin], arguments: Mapping[str, ValueT]
+    plugins: Mapping[str, PolicyPlugin], arguments: Mapping[str, ValueT], *, whole: bool = True
 ) -> dict[str, dict[str, ValueT]]:
     """Which of the given options each policy gets: those of its model; a policy alone gets them all.
 
     The policies are told apart and called by the names they were asked for with, folders and all: two files of one
-    name in two folders hold two policies.
+    name in two folders hold two policies. Where they are not all that were asked for (`whole`), what none of them takes
+    may be another's.
 
     Raises `UsageError` that tells every fault: of each policy's options, and what none of them takes.
     """
@@ -87,7 +88,7 @@ def share_arguments(
     }
     faults = {f"policy `{name}`": option_faults(model, shares[name]) for name, model in models.items()}
     names = [name for each in taken.values() for name in each]
-    strangers = [key for key in arguments if not any(key in share for share in shares.values())]
+    strangers = [key for key in arguments if whole and not any(key in share for share in shares.values())]
     owners = f"polic{'y' if len(models) == 1 else 'ies'} {', '.join(f'`{name}`' for name in models)}"
     faults[owners] = (*faults.get(owners, ()), *(unknown_option(key, names) for key in strangers))
     if any(faults.values()):

@@ -76,7 +76,7 @@ def test_a_file_of_options_tells_all_its_faults() -> None:
         "o.json: seed: at least 0 is due, this is -4",
         "o.json: settings.uavs: a number is due, this is the text 'two'",
         "o.json: world: inline or process is due, this is the text 'moon'",
-        "o.json: there is no field 'polcy'",
+        "o.json: there is no field 'polcy'; did you mean 'policy'?",
     ]
     with pytest.raises(UsageError, match="an object is due, this is a list"):
         read_options(b"[]", "o.json")
@@ -107,3 +107,73 @@ def test_the_command_line_counts_before_a_file(tmp_path: Path, capsys: pytest.Ca
 def test_every_unknown_role_is_named() -> None:
     with pytest.raises(UsageError, match="no role or agent is called `cook` or `poet` in broadcast mode"):
         lingjing.run(EXAMPLE, policies_for={"cook": "random", "poet": "random"}, mode="broadcast", world="inline")
+
+
+FIVE_LAYERS = (
+    "'ssr' has no mode 'mesh'; choose one of star, broadcast",
+    "uavs = 99 is outside of its range 1..10",
+    "'ssr' has no parameter 'foo'",
+    "engine `camera`: option `quality` is '900', at most 100 is due",
+    "engines: option `camra.quality` names no installed engine and one of its options; did you mean `camera`?",
+    "policy `heuristic`: option `hallo` is not known",
+    "no role or agent is called `cook` in 'ssr'",
+    "no evaluator is called `judge`",
+)
+"""What `WRONG` options are told, each by what checks it."""
+
+WRONG = {
+    "mode": "mesh",
+    "settings": {"uavs": 99, "foo": 1},
+    "engine_args": {"camera.quality": "900", "camra.quality": "3"},
+    "policies_for": {"cook": "random"},
+    "policy_args": {"hallo": "1"},
+    "evaluators": ["judge"],
+}
+
+
+def test_python_tells_the_faults_of_every_layer(tmp_path: Path) -> None:
+    with pytest.raises(UsageError) as told:
+        lingjing.run(EXAMPLE, out=tmp_path / "run", seed=-1, **WRONG)
+    lines = str(told.value).splitlines()
+    assert len(lines) == len(FIVE_LAYERS) + 1 and lines[0] == "seed: at least 0 is due, this is -1"
+    for fault in FIVE_LAYERS:
+        assert any(fault in line for line in lines), fault
+    assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize("from_file", [True, False])
+def test_the_command_line_tells_the_faults_of_every_layer(
+    from_file: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "o.json"
+    file.write_bytes(msgspec.json.encode({**WRONG, "sede": 3} if from_file else {"sede": 3}))
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "trace.mcap").touch()
+    words = ["--mode", "mesh", "--set", "uavs=99", "--set", "foo=1", "--engine-arg", "camera.quality=900"]
+    words += ["--engine-arg", "camra.quality=3", "--policy-for", "cook=random", "--policy-arg", "hallo=1"]
+    words = [] if from_file else [*words, "--evaluator", "judge"]
+    common = ["--options", str(file), "-j", "none", "--world", "moon", "-o", str(tmp_path / "full")]
+    assert main(["run", str(EXAMPLE), *common, *words]) == ExitCode.USAGE
+    said = capsys.readouterr().err
+    others = ("there is no field 'sede'; did you mean 'seed'?", "-j none: a whole number", "world: ", "is not empty")
+    for fault in (*FIVE_LAYERS, *others):
+        assert fault in said
+    assert len(said.splitlines()) == len(FIVE_LAYERS) + len(others) + 1  # the last is the one hint for all options
+
+
+def test_a_faulty_mission_does_not_hide_the_faults_of_options(tmp_path: Path) -> None:
+    mission = tmp_path / "m.ljs"
+    mission.write_text("ljs 1\nmission m { goal 3 }\n")
+    with pytest.raises(UsageError) as told:
+        lingjing.run(mission, policy="nobody", evaluators=["judge"])
+    for fault in ("goal", "no policy is called `nobody`", "no evaluator is called `judge`"):
+        assert fault in str(told.value)
+
+
+def test_what_only_follows_from_another_fault_is_not_told(tmp_path: Path) -> None:
+    """Its role is there in the mode that was meant, its option may be of the policy that was."""
+    with pytest.raises(UsageError) as told:
+        lingjing.run(EXAMPLE, mode="sta", policies_for={"coordinator": "random"}, policy="nobody", policy_args={"a": 1})
+    lines = str(told.value).splitlines()
+    assert len(lines) == 2
+    assert "no mode 'sta'" in lines[0] and "no policy is called `nobody`" in lines[1]

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
-from lingjing.errors import UsageError
+from lingjing.errors import ErrorCollector, UsageError
 from lingjing.mission.instance import Instance
 from lingjing.plugins.host import PluginHost
 
@@ -27,11 +28,14 @@ class EngineSelection:
 
 
 def select_engines(instance: Instance, host: PluginHost) -> EngineSelection:
-    """The engines of `instance`; `UsageError` names an engine that is not installed or cannot own entities.
+    """The engines of `instance`; `UsageError` names every engine that is not installed or cannot own entities.
 
     An engine takes part if it owns an entity or wants to all the same (`EnginePlugin.wanted`).
     """
-    places = {entity.engine: _place(host, entity.engine, entity.id) for entity in instance.entities}
+    errors = ErrorCollector()
+    owners = {entity.engine: entity.id for entity in reversed(instance.entities)}
+    places = {name: errors.attempt(partial(_place, host, name, owner), "") for name, owner in owners.items()}
+    errors.check()
     places |= {
         name: plugin.place
         for name, plugin in host.engines.items()

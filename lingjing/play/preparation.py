@@ -1,0 +1,92 @@
+"""What an episode is played with, checked before anything is built: every fault of its options in one error.
+
+A fault does not keep the others from being found: what is refused is left out, and the rest is checked as if it had
+not been given. What would then be said of something only because of such a gap is not said.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from msgspec.structs import replace
+
+from lingjing.errors import ErrorCollector, MissionError, UsageError
+from lingjing.kernel.world.selection import select_engines
+from lingjing.mission.instance import Instance
+from lingjing.mission.instantiate import instantiate
+from lingjing.mission.model import Mission
+from lingjing.play.options import PlayOptions
+from lingjing.play.policies import Assigned, assign_policies
+from lingjing.plugins.evaluator import EvaluatorPlugin
+from lingjing.plugins.host import PluginHost
+from lingjing.plugins.loading import engine_options
+from lingjing.plugins.policy import PolicyPlugin
+
+
+@dataclass(frozen=True, slots=True)
+class Preparation:
+    """An episode that can begin.
+
+    `instance` has its engines' options and is not placed in its city yet; `assigned` are the policies by agent.
+    """
+
+    instance: Instance
+    assigned: dict[str, Assigned]
+    evaluators: tuple[EvaluatorPlugin, ...]
+
+
+def prepare(
+    options: PlayOptions,
+    mission: Mission | None,
+    host: PluginHost,
+    given: Mapping[str, PolicyPlugin],
+    errors: ErrorCollector | None = None,
+) -> Preparation:
+    """Draw the instance and find who plays and who scores.
+
+    `mission` is None where it has errors; `given` are policies that have been loaded already, by their names in the
+    options; `errors` holds what reading the options has found. Raises `UsageError` that tells all of it: of mode,
+    settings, scene, engines and their options, policies and theirs, roles and evaluators. `MissionError` for a mission
+    that cannot be evaluated, if that is all there is.
+    """
+    errors = errors or ErrorCollector()
+    instance = _drawn(options, mission, errors) if mission is not None else None
+    used: tuple[str, ...] = ()
+    if instance is not None:
+        scene = instance.scene.kind
+        errors.attempt(lambda: host.scene(scene), None)
+        used = errors.attempt(lambda: select_engines(instance, host).names, ())
+    told = errors.attempt(lambda: engine_options(options.engine_args, host, used), {})
+    assigned = assign_policies(instance, mission, options, host, given, errors)
+    evaluators = errors.attempt(lambda: _evaluators(options, host), ())
+    errors.check()
+    if instance is None:
+        raise AssertionError("without an instance there is an error")
+    return Preparation(replace(instance, engine_options=told), assigned, evaluators)
+
+
+def _drawn(options: PlayOptions, mission: Mission, errors: ErrorCollector) -> Instance | None:
+    """The instance; where mode or settings are refused, that without them, if there is one."""
+    try:
+        return instantiate(mission, seed=options.seed, mode=options.mode, settings=options.settings)
+    except MissionError as error:
+        errors.add(error)
+        return None
+    except UsageError as error:
+        errors.add(error)
+        refused = {fault.where for fault in error.faults}
+    settings = {name: value for name, value in options.settings.items() if f"settings.{name}" not in refused}
+    mode = None if "mode" in refused else options.mode
+    follow = ErrorCollector()  # what can only follow from the gaps is not told
+    return follow.attempt(lambda: instantiate(mission, seed=options.seed, mode=mode, settings=settings), None)
+
+
+def _evaluators(options: PlayOptions, host: PluginHost) -> tuple[EvaluatorPlugin, ...]:
+    errors = ErrorCollector()
+    for name in dict.fromkeys(options.evaluators):
+        errors.attempt(lambda: host.evaluator(name), None)  # noqa: B023 - called at once
+        if options.evaluators.count(name) > 1:
+            errors.add(UsageError(f"evaluator `{name}` is named twice", hint="name each evaluator once"))
+    errors.check()
+    return tuple(host.evaluator(name) for name in options.evaluators)
