@@ -31,6 +31,16 @@ def data_path(*parts: str) -> Path:
     return root.joinpath(_FOLDERS[kind], *rest)
 
 
+CACHE_OFF = "LINGJING_NO_CACHE"
+"""Environment variable: set to anything but 0, nothing is read from or kept in the caches of missions, of cities made
+from maps and of meshes."""
+
+
+def cache_is_off() -> bool:
+    """Whether the user wants everything made anew."""
+    return os.environ.get(CACHE_OFF, "0") not in ("", "0")
+
+
 def cache_folder() -> str:
     """Where this project keeps what can be made again (XDG base directory specification)."""
     base = os.environ.get("XDG_CACHE_HOME")

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from lingjing.data import cache_folder
+from lingjing.data import cache_folder, cache_is_off
 from lingjing.dsl.source.text import SourceText, read_source
 from lingjing.errors import PluginError, UsageError
 from lingjing.mission.diagnostics import Diagnostic
@@ -32,9 +32,6 @@ FORMAT = b"1"
 MOST_ENTRIES = 200
 LARGEST_ENTRY = 16 * 1024 * 1024
 """Bytes. A mission that takes more is compiled each time, so that the cache does not fill the disk."""
-
-OFF = "LINGJING_NO_CACHE"
-"""Environment variable: set to anything but 0, nothing is read from or kept in the cache."""
 
 _USE = re.compile(r"\buse\b[ \t]*(?P<dot>\.?)[ \t]*(?P<path>[^\W\d]\w*(?:[ \t]*\.[ \t]*[^\W\d]\w*)*)")
 _CHECKSUM = 32
@@ -75,7 +72,7 @@ def keep(compilation: Compilation) -> None:
     One that needs a plug-in is not kept either: by the next time that may be installed, or gone.
     """
     source = compilation.source
-    if _is_off() or any(item.severity == "error" for item in compilation.diagnostics):
+    if cache_is_off() or any(item.severity == "error" for item in compilation.diagnostics):
         return
     if compilation.mission is not None and _needs_plugins(compilation.mission):
         return
@@ -99,12 +96,8 @@ def _needs_plugins(mission: Mission) -> bool:
     return next(missing(mission, lambda kind: ()), None) is not None
 
 
-def _is_off() -> bool:
-    return os.environ.get(OFF, "0") not in ("", "0")
-
-
 def _entry(source: SourceText) -> CacheEntry | None:
-    if _is_off():
+    if cache_is_off():
         return None
     try:
         with open(_file(source), "rb") as file:  # noqa: PTH123 - a cold start

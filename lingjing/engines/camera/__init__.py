@@ -7,8 +7,8 @@ What stands: open country is `ground` (City → height fields, shore map). A tow
 quays), `skyline` (what is seen of it from afar) and, tile by tile, `tile_mesh`, made by `building_meshes`,
 `road_meshes` (roads and areas) and `structure_meshes` (bridges, pipes, solids) of `mesh_rows`; `surroundings` is the
 country and the sea around it. `culling` picks the tiles of a picture and the window of its shadow map, `view` how
-finely each is drawn, `cityscape` holds them on the GPU, `wall_order` orders their walls, `reduced_meshes` are what is
-small in them, `prop_groups` gathers their props by mesh.
+finely each is drawn, `mesh_cache` keeps their meshes on disk, `cityscape` holds them on the GPU, `wall_order` orders
+their walls, `reduced_meshes` are what is small in them, `prop_groups` gathers their props by mesh.
 
 `light` (weather → light), `uniforms`, `programs` (of the sources in `shaders/*.glsl`), `upload`, `targets`, `draw` turn
 a pose into buffers → `boxes`, `classes` read them, `contrast` measures how visible a target is and `withheld` takes out

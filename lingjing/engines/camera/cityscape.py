@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import NamedTuple
 
 import moderngl
@@ -23,6 +24,7 @@ from lingjing.engines.camera.effects import SHOWING, TownChanges
 from lingjing.engines.camera.instances import Batch, prop_batches
 from lingjing.engines.camera.lamps import lamp_heads
 from lingjing.engines.camera.light import Light
+from lingjing.engines.camera.mesh_cache import MeshCache
 from lingjing.engines.camera.mesh_rows import LAYOUT, MeshPart, VertexIndex, empty
 from lingjing.engines.camera.road_meshes import middles_of
 from lingjing.engines.camera.skyline import Skyline, build_skyline
@@ -121,6 +123,7 @@ class Cityscape:
             vertex_shader=programs.source("caster.vert"), fragment_shader=programs.source("caster.frag")
         )
         self.tiles = Tiles(city, KEPT_PIECES)
+        self._cache = MeshCache(city)
         self._skyline: Skyline = build_skyline(city, self.tiles)
         self._number = {key: k for k, key in enumerate(self._skyline.keys)}
         self._residents: OrderedDict[tuple[TileKey, int], Resident] = OrderedDict()
@@ -217,19 +220,24 @@ class Cityscape:
             sheet.release()
 
     def _ready(self, key: TileKey) -> Resident:
-        changes = self._variants[self.variant]
-        pieces: Pieces = changes.tiles.get(key) or self.tiles.load(key)
-        near = self._around(key)
-        crossings = crossings_of(tuple(junction for tile in near for junction in tile.junctions))
-        ways = tuple(road for tile in near for road in tile.roads)
-        faced = {building: FIRST_ENTITY + number for building, number in changes.faced.items()}
-        mesh = mesh_tile(pieces, crossings, faced, self._under, middles_of(ways))
+        changed, faced = self._variants[self.variant].content(key)
+        pieces: Pieces = changed or self.tiles.load(key)
+        is_unchanged = changed is None and not faced
+        meshed = partial(self._meshed, key, pieces, faced)
+        mesh = self._cache.tile(key, meshed) if is_unchanged else meshed()
         sheets = {name: self._upload(name, part, casts=name in CASTERS) for name, part in mesh.parts.items()
                   if len(part.index)}  # fmt: skip
         bare = TileMesh({}, mesh.coarse, mesh.boxes, mesh.low, mesh.high)
         lively = tuple(prop for prop in pieces.props if prop.model in SHOWING)
         walls = walls_of(mesh.parts["wall"]) if "wall" in sheets else None
         return Resident(bare, sheets, walls, prop_batches(pieces), lively, lamp_heads(pieces.props))
+
+    def _meshed(self, key: TileKey, pieces: Pieces, faced: Mapping[str, int]) -> TileMesh:
+        near = self._around(key)
+        crossings = crossings_of(tuple(junction for tile in near for junction in tile.junctions))
+        ways = tuple(road for tile in near for road in tile.roads)
+        drawn_as = {building: FIRST_ENTITY + number for building, number in faced.items()}
+        return mesh_tile(pieces, crossings, drawn_as, self._under, middles_of(ways))
 
     def _around(self, key: TileKey) -> tuple[Tile, ...]:
         west, south, _, east, north, _ = self._skyline.boxes[self._number[key]].tolist()

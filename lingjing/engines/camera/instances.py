@@ -16,7 +16,7 @@ from lingjing.engines.camera.models import prop_model
 from lingjing.engines.camera.ocean import SeaSurface
 from lingjing.mission.instance import Entity
 from lingjing.plugins.geometry import camera_axes, focal_px
-from lingjing.scene.city import Pieces
+from lingjing.scene.city import Pieces, Prop
 from lingjing.trace.records import BodyState, CameraPose
 
 ROW = np.dtype([("rows", "f4", (3, 4)), ("plane", "f4"), ("id", "u4")])
@@ -59,18 +59,27 @@ def mesh_radius(mesh: Mesh) -> float:
 
 def prop_batches(city: Pieces) -> tuple[Batch, ...]:
     """All props of a city or a tile, one batch a mesh."""
-    found: dict[str, tuple[Mesh, list[tuple[Rows, float, bool]]]] = {}
+    found: dict[str, tuple[Mesh, list[Prop]]] = {}
     for prop in city.props:
         variant = prop.options.get("variant", 0)
         key, mesh = prop_model(prop.model, variant if isinstance(variant, int) else 0)
-        place = matrix(prop.position, prop.heading_deg, 0.0, 0.0, prop.scale)
-        item = row(place, prop.position[2], prop_class(prop.cls)), mesh_radius(mesh) * prop.scale, prop.floating
-        found.setdefault(key, (mesh, []))[1].append(item)
-    return tuple(
-        Batch(key, mesh, np.concatenate([i[0] for i in items]), np.array([i[1] for i in items]),
-              np.array([i[2] for i in items]))
-        for key, (mesh, items) in sorted(found.items())
-    )  # fmt: skip
+        found.setdefault(key, (mesh, []))[1].append(prop)
+    return tuple(_prop_batch(key, mesh, props) for key, (mesh, props) in sorted(found.items()))
+
+
+def _prop_batch(key: str, mesh: Mesh, props: Sequence[Prop]) -> Batch:
+    """What `matrix` and `row` give for each, all at once: a town has thousands of them."""
+    heading = [radians(prop.heading_deg) for prop in props]
+    east, north = np.array([cos(h) for h in heading]), np.array([sin(h) for h in heading])
+    scale = np.array([prop.scale for prop in props])
+    rows = np.zeros(len(props), ROW)
+    rows["rows"][:, :2, 0] = np.column_stack([east, -north]) * scale[:, None]
+    rows["rows"][:, :2, 1] = np.column_stack([north, east]) * scale[:, None]
+    rows["rows"][:, 2, 2] = scale
+    rows["rows"][:, :, 3] = [prop.position for prop in props]
+    rows["plane"] = rows["rows"][:, 2, 3]
+    rows["id"] = [prop_class(prop.cls) for prop in props]
+    return Batch(key, mesh, rows, mesh_radius(mesh) * scale, np.array([prop.floating for prop in props]))
 
 
 def entity_batches(drawn: Iterable[tuple[npt.NDArray[np.float64], str, Mesh, int, float]]) -> tuple[Batch, ...]:

@@ -1,32 +1,41 @@
 """The camera process as the caller sees it: pictures within a deadline, late ones dropped, a dead one an abort.
 
-One camera may serve a world and its forks: a capture carries every entity's state, so nothing is remembered.
+It gets its engine and the episode's city when the first picture is asked for: many an episode asks for none. One camera
+may serve a world and its forks: a capture carries every entity's state, so nothing is remembered.
 """
 
 from __future__ import annotations
 
 import threading
-from collections.abc import Sequence
+import warnings
+from collections.abc import Mapping, Sequence
 
 from lingjing.kernel.world.contract import StoredFrame
 from lingjing.kernel.world.deadlines import OwnDeadline
 from lingjing.kernel.world.guarded_calls import absent
 from lingjing.kernel.world.handle import Worker
-from lingjing.kernel.world.messages import Capture, PictureReply, encoded
+from lingjing.kernel.world.messages import Capture, PictureReply, Prepare, Ready, Reset, encoded
 from lingjing.kernel.world.shared import load_frame
 from lingjing.plugins.engine import CaptureRequest
 from lingjing.trace.records import Absent, BodyState
+
+START_S = 300.0
+"""What a worker may take to come up and import its engines, or to take in a city, and a camera to make a city's first
+pictures ready: seconds of its own time, and no part of `budget.engine_s` or `budget.capture_s`."""
 
 _PATIENCE = 3
 """How many deadlines a camera may be late before it counts as hung."""
 
 
 class CameraProcess:
-    """The caller's end of a camera process that has been reset for an episode."""
+    """The caller's end of a camera process. `taken` is what it runs (`lingjing.numerics.taken`), once it has drawn."""
 
     def __init__(self, worker: Worker) -> None:
         self.worker = worker
+        self.taken: Mapping[str, str] = {}
         self._lock = threading.Lock()
+        self._due: tuple[Prepare, Reset] | None = None
+        self._preparing: OwnDeadline | None = None
         self._serial = 0
         self._owed: dict[int, tuple[OwnDeadline, int]] = {}
 
@@ -35,6 +44,14 @@ class CameraProcess:
         """Whether it still draws for a deadline that has passed."""
         return bool(self._owed)
 
+    def begin(self, engine: str, reset: Reset, *, at_once: bool) -> None:
+        """Note the engine and the episode of the next pictures; `at_once` has the process start the engine now, beside
+        the world process, since pictures are sure to come."""
+        self.taken, self._preparing = {}, None
+        self._due = Prepare(engines=(engine,)), reset
+        if at_once:
+            self._prepare(self._due[0])
+
     def capture(
         self, time_s: float, requests: Sequence[CaptureRequest], states: Sequence[BodyState], allowed_s: float
     ) -> tuple[StoredFrame | Absent, ...]:
@@ -42,10 +59,24 @@ class CameraProcess:
         dropped when it comes."""
         with self._lock:
             try:
+                if self._due is not None:
+                    self._make_ready(*self._due)
                 return self._captured(time_s, requests, states, allowed_s)
             except BaseException:
                 self.worker.kill()
                 raise
+
+    def _prepare(self, prepare: Prepare) -> OwnDeadline:
+        self._preparing = self.worker.deadline(START_S)
+        self.worker.send(encoded(prepare), self._preparing)
+        return self._preparing
+
+    def _make_ready(self, prepare: Prepare, reset: Reset) -> None:
+        preparing = self._preparing or self._prepare(prepare)
+        for problem in self.worker.expect(Ready, preparing).problems:
+            warnings.warn(problem, RuntimeWarning, stacklevel=4)
+        self.taken = self.worker.ask(reset, Ready, self.worker.deadline(START_S)).taken
+        self._due = self._preparing = None
 
     def _captured(
         self, time_s: float, requests: Sequence[CaptureRequest], states: Sequence[BodyState], allowed_s: float

@@ -64,12 +64,13 @@ class StoredFrame:
 
 
 class World(Protocol):
-    """Engines behind one door. One `World` plays one episode at a time; `reset` starts the next on warm workers.
+    """Engines behind one door. One `World` plays one episode at a time; `reset` starts the next on warm workers."""
 
-    `processes` are those that the last episode's engines run in beside the caller, by name, with what each of them
-    runs (`lingjing.numerics.taken`)."""
-
-    processes: Mapping[str, Mapping[str, str]]
+    @property
+    def processes(self) -> Mapping[str, Mapping[str, str]]:
+        """The processes that the last episode's engines run in beside the caller, by name, with what each of them runs
+        (`lingjing.numerics.taken`); that of the sensor engine from the first picture on."""
+        ...
 
     def reset(self, instance: Instance, city: City) -> WorldBoundary:
         """Reset every engine in parallel within `budget.engine_s` and return boundary 0."""

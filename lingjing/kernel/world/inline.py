@@ -39,6 +39,7 @@ class InlineWorld:
         self._instance: Instance | None = None
         self._cosimulation: CoSimulation | None = None
         self._sensor: Sensor | None = None
+        self._undrawn: tuple[str, City] | None = None
         self._times = EngineTimes()
 
     def reset(self, instance: Instance, city: City) -> WorldBoundary:
@@ -48,10 +49,13 @@ class InlineWorld:
         self._end_episode()
         try:
             self._motion = start_engines(self._host, (*roles.local, *roles.remote))
-            self._sensor = self._find_sensor(roles.sensor)
+            self._undrawn = (roles.sensor, city) if roles.sensor is not None else None
             self._cosimulation = CoSimulation(instance, (EngineGroup(instance, city, self._motion, self._times.enter),))
             self._instance = instance
-            return self._reset(instance, city, self._cosimulation)
+            self._times.clear()
+            boundary = self._cosimulation.reset()
+            self._times.check(instance.budget.engine_s)
+            return boundary
         except BaseException:
             self.close()
             raise
@@ -75,11 +79,10 @@ class InlineWorld:
         instance, _ = self._episode()
         if not requests:
             return ()
-        if self._sensor is None:
-            raise no_sensor()
+        sensor = self._ready_sensor(instance)
         deadline = OwnDeadline(os.getpid(), instance.budget.capture_s, watched=True)
-        self._sensor.settle(tick * instance.clock.tick_s, states)
-        return tuple(self._draw(self._sensor, request, deadline) for request in requests)
+        sensor.settle(tick * instance.clock.tick_s, states)
+        return tuple(self._draw(sensor, request, deadline) for request in requests)
 
     def fork(self) -> World:
         """Engines in the caller cannot be copied."""
@@ -93,23 +96,21 @@ class InlineWorld:
 
     def _end_episode(self) -> None:
         motion, self._motion = self._motion, {}
-        self._instance = self._cosimulation = self._sensor = None
+        self._instance = self._cosimulation = self._sensor = self._undrawn = None
         _warn(close_engines(motion))
 
-    def _find_sensor(self, name: str | None) -> Sensor | None:
-        if name is None:
-            return None
-        if name not in self._drawing:
-            self._drawing = start_engines(self._host, (name,))
-        return Sensor(name, self._drawing[name])
-
-    def _reset(self, instance: Instance, city: City, cosimulation: CoSimulation) -> WorldBoundary:
-        if self._sensor is not None:
-            self._sensor.reset(instance, city)
-        self._times.clear()
-        boundary = cosimulation.reset()
-        self._times.check(instance.budget.engine_s)
-        return boundary
+    def _ready_sensor(self, instance: Instance) -> Sensor:
+        """The sensor engine, started and brought to the city before the first picture of an episode."""
+        if self._undrawn is not None:
+            name, city = self._undrawn
+            if name not in self._drawing:
+                self._drawing = start_engines(self._host, (name,))
+            sensor = Sensor(name, self._drawing[name])
+            sensor.reset(instance, city)
+            self._sensor, self._undrawn = sensor, None
+        if self._sensor is None:
+            raise no_sensor()
+        return self._sensor
 
     def _draw(self, sensor: Sensor, request: CaptureRequest, deadline: OwnDeadline) -> StoredFrame | Absent:
         if deadline.left_s() <= 0.0:

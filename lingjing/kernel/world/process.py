@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from lingjing.errors import UsageError
-from lingjing.kernel.world.camera import CameraProcess
+from lingjing.kernel.world.camera import START_S, CameraProcess
 from lingjing.kernel.world.contract import StoredFrame, WorldBoundary
 from lingjing.kernel.world.cosimulation import CoSimulation, CoupledGroup, macro_steps
 from lingjing.kernel.world.deadlines import OwnDeadline
@@ -43,17 +43,13 @@ from lingjing.kernel.world.messages import (
     WorkerMessage,
     encoded,
 )
-from lingjing.kernel.world.selection import EngineSelection, select_engines
+from lingjing.kernel.world.selection import EngineSelection, select_engines, takes_pictures_unasked
 from lingjing.kernel.world.times import EngineTimes
 from lingjing.mission.instance import Instance
 from lingjing.plugins.engine import CaptureRequest, Engine
 from lingjing.plugins.host import PluginHost
 from lingjing.scene.city import City
 from lingjing.trace.records import Absent, BodyState, Command, Receipt
-
-START_S = 300.0
-"""What a worker may take to come up and import its engines, or to take in a city, and a camera to make a city's first
-pictures ready: seconds of its own time, and no part of `budget.engine_s` or `budget.capture_s`."""
 
 
 class _FarPart:
@@ -163,8 +159,15 @@ class ProcessWorld:
         self._settings = WorkerSettings(plugins, paths, installed)
         self._host = host if host is not None else host_with(plugins, installed=installed)
         self._episode: _Episode | None = None
-        self.processes: Mapping[str, Mapping[str, str]] = {}
+        self._taken: Mapping[str, Mapping[str, str]] = {}
         self._keep(_Workers())
+
+    @property
+    def processes(self) -> Mapping[str, Mapping[str, str]]:
+        """What each worker runs; the camera process from its first picture on."""
+        camera = self._workers.camera
+        drawing = {"camera": camera.taken} if camera is not None and camera.taken else {}
+        return {**self._taken, **drawing}
 
     def reset(self, instance: Instance, city: City) -> WorldBoundary:
         """Start an episode on warm workers, or on new ones where there are none."""
@@ -173,6 +176,9 @@ class ProcessWorld:
         self._episode = None
         try:
             self._start_workers(roles)
+            if self._workers.camera is not None and roles.sensor is not None:
+                drawn = Reset(instance=instance, city=city, coupled=False)
+                self._workers.camera.begin(roles.sensor, drawn, at_once=takes_pictures_unasked(instance))
             self._prepare(roles)
             return self._reset(_Episode(instance, roles), city)
         except BaseException:
@@ -230,7 +236,7 @@ class ProcessWorld:
             camera.worker.share()
         twin._keep(_Workers(copy, camera))
         twin._episode = _Episode(episode.instance, episode.cast, episode.tick)
-        twin.processes = self.processes
+        twin._taken = self._taken
         return twin
 
     def close(self) -> None:
@@ -274,13 +280,12 @@ class ProcessWorld:
         workers = self._workers
         old, workers.remote = workers.remote, {}
         _warn(close_engines(old))
-        waiting: list[tuple[Worker, OwnDeadline]] = []
-        if workers.camera is not None and roles.sensor is not None:
-            waiting.append(_sent(workers.camera.worker, Prepare(engines=(roles.sensor,))))
+        preparing = None
         if workers.world is not None:
-            waiting.append(_sent(workers.world, Prepare(engines=roles.local)))
+            preparing = _sent(workers.world, Prepare(engines=roles.local))
         workers.remote = start_engines(self._host, roles.remote)
-        for worker, deadline in waiting:
+        if preparing is not None:
+            worker, deadline = preparing
             _warn(worker.expect(Ready, deadline).problems)
 
     def _reset(self, episode: _Episode, city: City) -> WorldBoundary:
@@ -288,9 +293,6 @@ class ProcessWorld:
         coupled = not roles.remote and bool(roles.local)
         reset = Reset(instance=instance, city=city, coupled=coupled)
         processes: dict[str, dict[str, str]] = {}
-        drawing = None
-        if workers.camera is not None and roles.sensor is not None:
-            drawing = _sent(workers.camera.worker, reset)
         if workers.world is not None and roles.local:
             worker, deadline = _sent(workers.world, reset)
             processes["world"] = worker.expect(Ready, deadline).taken
@@ -299,10 +301,7 @@ class ProcessWorld:
         else:
             episode.driver = self._driver(episode, city)
             boundary = episode.driver.reset()
-        if drawing is not None:
-            worker, deadline = drawing
-            processes["camera"] = worker.expect(Ready, deadline).taken
-        self._episode, self.processes = episode, processes
+        self._episode, self._taken = episode, processes
         return boundary
 
     def _driver(self, episode: _Episode, city: City) -> _Driver:

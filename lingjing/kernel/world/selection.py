@@ -48,6 +48,11 @@ def select_engines(instance: Instance, host: PluginHost) -> EngineSelection:
     )
 
 
+def takes_pictures_unasked(instance: Instance) -> bool:
+    """Whether pictures are sure to be taken: some camera takes one each tick."""
+    return any(camera.capture == "each_tick" for entity in instance.entities for camera in entity.cameras)
+
+
 def _place(host: PluginHost, engine: str, entity: str) -> str:
     place = host.engine(engine).place
     if place == "camera":

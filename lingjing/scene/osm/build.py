@@ -7,7 +7,6 @@ that decide the outcome. Without a folder of the caller's a city is kept in `cit
 from __future__ import annotations
 
 import hashlib
-import os
 import tempfile
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -18,6 +17,7 @@ from pathlib import Path
 
 import msgspec
 
+from lingjing.data import CACHE_OFF, cache_is_off
 from lingjing.errors import UsageError
 from lingjing.scene.atomic_folder import folder_beside
 from lingjing.scene.city import City, Junction, Pieces, Road, Solid
@@ -31,7 +31,6 @@ from lingjing.scene.osm.summary import ATTRIBUTION, SUMMARY_FILE, MapSource, Sum
 from lingjing.scene.store import check_free, cities_folder, code_sha256, copy_store, whole, write_store
 
 TILE_M = 250.0
-OFF = "LINGJING_NO_CACHE"
 Say = Callable[[str], None]
 
 
@@ -71,14 +70,15 @@ def build(path: Path, options: Options, folder: Path | None = None, say: Say = l
     source = MapSource(name=path.name, sha256=read.digest(path), bytes=path.stat().st_size)
     versions = _versions()
     key = _key(source, options, versions)
-    known = None if _is_off() else cities_folder() / key[:40]
+    known = None if cache_is_off() else cities_folder() / key[:40]
     target = folder or known
     if target is None:
         raise UsageError(
-            f"the cache is off ({OFF}), so the city needs a folder", hint="build it with: lingjing scene build -o DIR"
+            f"the cache is off ({CACHE_OFF}), so the city needs a folder",
+            hint="build it with: lingjing scene build -o DIR",
         )
     for kept in (target, known):
-        found = None if kept is None or _is_off() else _kept(kept, key)
+        found = None if kept is None or cache_is_off() else _kept(kept, key)
         if found is not None and kept is not None:
             city, summary = found
             return Built(city if kept == target else copy_store(kept, target), target, summary, cached=True)
@@ -218,10 +218,6 @@ def _kept(folder: Path, key: str) -> tuple[City, Summary] | None:
         return None
     city = whole(folder)
     return None if city is None else (city, summary)
-
-
-def _is_off() -> bool:
-    return os.environ.get(OFF, "0") not in ("", "0")
 
 
 def _text(box: DegreeBox | None) -> str | None:

@@ -1,0 +1,168 @@
+"""Meshes of a city's tiles on disk (`$XDG_CACHE_HOME/lingjing/meshes`), so that a city is meshed once and not by every
+process that draws it.
+
+A file is named by what decides its content: the city's, the code that meshes (this package and that of scenes), the
+versions and the instructions of the libraries that compute, and the tile. It begins with its SHA-256. One whose hash or
+whose indices are wrong is no file: the mesh is made again and the file written anew. Files are written beside and
+renamed, so that two writers leave one whole file; where nothing can be written nothing is kept. Together they take
+`MOST_BYTES` at most, and what one process has written since it last looked: those that were not read for longest go
+first. With `LINGJING_NO_CACHE` nothing is read and nothing is kept.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+import tempfile
+import time
+from collections.abc import Callable
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from lingjing import scene
+from lingjing.data import cache_folder, cache_is_off
+from lingjing.engines.camera.mesh_rows import VERTEX, MeshPart
+from lingjing.engines.camera.tile_mesh import MATERIALS, TileMesh
+from lingjing.numerics import taken
+from lingjing.scene.city import City, content_sha256
+from lingjing.scene.tiles import TileKey
+
+MOST_BYTES = 1 << 30
+LOOK_EVERY = 32
+"""After so many written files, the first one included, the folder is looked through for what has to go."""
+READ_AGAIN_S = 3600.0
+"""A file that is read is marked as read at most this often."""
+LEFT_BEHIND_S = 3600.0
+"""A half-written file this old has no writer any more."""
+
+_CHECKSUM = 32
+_COMPUTING = ("numpy", "shapely", "mapbox-earcut")
+_CHOSEN = ("libm", "numpy")
+"""What of `lingjing.numerics.taken` a mesh may depend on."""
+
+
+class _StoredTile(msgspec.Struct, frozen=True, array_like=True):
+    """A `TileMesh`: vertices and indices by material, the buildings' boxes and the two corners as bytes."""
+
+    parts: dict[str, tuple[bytes, bytes]]
+    coarse: int
+    boxes: bytes
+    corners: bytes
+
+
+class MeshCache:
+    """The kept meshes of one city."""
+
+    def __init__(self, city: City) -> None:
+        self._folder = None if cache_is_off() else Path(cache_folder(), "meshes")
+        self._key = "" if self._folder is None else _city_key(city)
+        self._written = 0
+
+    def tile(self, key: TileKey, make: Callable[[], TileMesh]) -> TileMesh:
+        """The mesh of an unchanged tile: the kept one, else what `make` gives, which is then kept."""
+        if self._folder is None:
+            return make()
+        file = self._folder / f"{self._key}-{key[0]}_{key[1]}.mesh"
+        found = _read(file)
+        if found is None:
+            found = make()
+            self._keep(file, _packed(found))
+        return found
+
+    def _keep(self, file: Path, data: bytes) -> None:
+        """Write a file whole or not at all; on a disk that takes none, no further one is tried."""
+        try:
+            file.parent.mkdir(parents=True, exist_ok=True)
+            _write(file, data)
+            if self._written % LOOK_EVERY == 0:
+                prune(file.parent, MOST_BYTES)
+            self._written += 1
+        except OSError:
+            self._folder = None
+
+
+def prune(folder: Path, most_bytes: int) -> None:
+    """Remove the files that were not read for longest until the rest take `most_bytes` at most, and what writers that
+    were killed left behind. Another process may be doing the same."""
+    now, found = time.time(), []
+    for item in os.scandir(folder):
+        with contextlib.suppress(FileNotFoundError):
+            status = item.stat()
+            if item.name.startswith("."):
+                if now - status.st_mtime > LEFT_BEHIND_S:
+                    Path(item.path).unlink(missing_ok=True)
+            else:
+                found.append((status.st_mtime_ns, item.path, status.st_size))
+    room = most_bytes
+    for _, path, size in sorted(found, reverse=True):
+        room -= size
+        if room < 0:
+            Path(path).unlink(missing_ok=True)
+
+
+def _city_key(city: City) -> str:
+    chosen = taken()
+    told = [f"{name} {version(name)}" for name in _COMPUTING] + [f"{name} {chosen[name]}" for name in _CHOSEN]
+    parts = (content_sha256(city), _code_sha256(), *told)
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:40]
+
+
+@cache
+def _code_sha256() -> str:
+    """Over all source that may change a mesh."""
+    digest = hashlib.sha256()
+    for folder in (Path(__file__).parent, Path(scene.__file__).parent):
+        for file in sorted(folder.rglob("*.py")):
+            digest.update(f"{file.relative_to(folder)}\0".encode() + hashlib.sha256(file.read_bytes()).digest())
+    return digest.hexdigest()
+
+
+def _write(file: Path, data: bytes) -> None:
+    handle, temporary = tempfile.mkstemp(dir=file.parent, prefix=".new-")
+    try:
+        with os.fdopen(handle, "wb") as new:
+            new.write(hashlib.sha256(data).digest())
+            new.write(data)
+        Path(temporary).replace(file)
+    except BaseException:
+        Path(temporary).unlink()
+        raise
+
+
+def _read(file: Path) -> TileMesh | None:
+    try:
+        data = file.read_bytes()
+        if hashlib.sha256(memoryview(data)[_CHECKSUM:]).digest() != data[:_CHECKSUM]:
+            return None
+        if time.time() - file.stat().st_mtime > READ_AGAIN_S:
+            os.utime(file)
+        return _unpacked(memoryview(data)[_CHECKSUM:])
+    except (OSError, msgspec.DecodeError, ValueError):
+        return None
+
+
+def _packed(mesh: TileMesh) -> bytes:
+    parts = {name: (part.vertices.tobytes(), part.index.tobytes()) for name, part in mesh.parts.items()}
+    corners = np.concatenate([mesh.low, mesh.high])
+    return msgspec.msgpack.encode(_StoredTile(parts, mesh.coarse, mesh.boxes.tobytes(), corners.tobytes()))
+
+
+def _unpacked(data: memoryview) -> TileMesh | None:
+    """The mesh, or None where a drawing of it would read what is not there."""
+    stored = msgspec.msgpack.decode(data, type=_StoredTile)
+    parts = {name: MeshPart(np.frombuffer(vertices, VERTEX), np.frombuffer(index, np.uint32))
+             for name, (vertices, index) in stored.parts.items()}  # fmt: skip
+    corners = np.frombuffer(stored.corners, np.float64)
+    if tuple(parts) != MATERIALS or len(corners) != 6 or not all(map(_is_sound, parts.values())):
+        return None
+    boxes = np.frombuffer(stored.boxes, np.float64).reshape(-1, 6)
+    return TileMesh(parts, stored.coarse, boxes, corners[:3], corners[3:])
+
+
+def _is_sound(part: MeshPart) -> bool:
+    return len(part.index) % 3 == 0 and int(part.index.max(initial=0)) < max(len(part.vertices), 1)

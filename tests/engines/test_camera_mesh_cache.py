@@ -1,0 +1,213 @@
+"""Meshes kept on disk: the same pictures, never a damaged mesh, bounded room, and no harm where nothing can be kept."""
+
+import hashlib
+import os
+import resource
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+from lingjing.data import CACHE_OFF
+from lingjing.engines.camera import cityscape, mesh_cache
+from lingjing.engines.camera.engine import CameraEngine
+from lingjing.engines.camera.instances import ROW, matrix, mesh_radius, prop_batches
+from lingjing.engines.camera.mesh_cache import MeshCache, prune
+from lingjing.engines.camera.tile_mesh import TileMesh, mesh_tile
+from lingjing.scene.city import City, Prop
+from tests.engines.camera_town import WHY_NOT, look, pieces, ready
+
+CITY = City(id="c", origin=(0.0, 0.0), bounds=(-400.0, -400.0, 400.0, 400.0))
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.delenv(CACHE_OFF, raising=False)
+    return tmp_path / "lingjing" / "meshes"
+
+
+def mesh() -> TileMesh:
+    return mesh_tile(pieces(), (), {}, lambda east, north: 0.0)
+
+
+def counted() -> tuple[Callable[[], TileMesh], list[int]]:
+    made: list[int] = []
+
+    def make() -> TileMesh:
+        made.append(1)
+        return mesh()
+
+    return make, made
+
+
+def bytes_of(given: TileMesh) -> tuple[object, ...]:
+    parts = tuple((name, p.vertices.tobytes(), p.index.tobytes()) for name, p in given.parts.items())
+    return parts, given.coarse, given.boxes.tobytes(), given.low.tobytes(), given.high.tobytes()
+
+
+def test_a_kept_mesh_is_the_made_one_and_is_not_made_again(folder: Path) -> None:
+    make, made = counted()
+    first = MeshCache(CITY).tile((0, -1), make)
+    second = MeshCache(CITY).tile((0, -1), make)
+    assert bytes_of(first) == bytes_of(second)
+    assert len(made) == 1
+    assert second.boxes.shape == first.boxes.shape
+    assert [path.name.endswith("-0_-1.mesh") for path in folder.iterdir()] == [True]
+
+
+def test_another_city_other_code_and_other_tiles_are_not_mixed_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    make, made = counted()
+    MeshCache(CITY).tile((0, 0), make)
+    MeshCache(CITY).tile((0, 1), make)
+    MeshCache(msgspec.structs.replace(CITY, datum_m=1.0)).tile((0, 0), make)
+    monkeypatch.setattr(mesh_cache, "_code_sha256", lambda: "of another version")
+    MeshCache(CITY).tile((0, 0), make)
+    assert len(made) == 4
+
+
+def signed(data: bytes) -> bytes:
+    return hashlib.sha256(data).digest() + data
+
+
+def out_of_bounds(data: bytes) -> bytes:
+    """A file with a good hash whose first index names a vertex that is not there."""
+    parts, *rest = msgspec.msgpack.decode(data[32:])
+    parts["plain"] = (parts["plain"][0], np.uint32(1 << 30).tobytes() + parts["plain"][1][4:])
+    return signed(msgspec.msgpack.encode([parts, *rest]))
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda data: b"",
+        lambda data: data[:40],
+        lambda data: data[:-1],
+        lambda data: data[:5000] + bytes([data[5000] ^ 1]) + data[5001:],
+        lambda data: signed(b"\x00"),
+        lambda data: signed(msgspec.msgpack.encode([{}, 0, b"", b""])),
+        lambda data: signed(msgspec.msgpack.encode([{"wall": (b"abc", b"")}, 0, b"", b""])),
+        out_of_bounds,
+    ],
+    ids=["empty", "cut", "short", "flipped", "no mesh", "no parts", "no vertices", "index out of bounds"],
+)
+def test_a_damaged_file_is_made_anew(folder: Path, damage: Callable[[bytes], bytes]) -> None:
+    make, made = counted()
+    good = bytes_of(MeshCache(CITY).tile((0, 0), make))
+    (file,) = folder.iterdir()
+    file.write_bytes(damage(file.read_bytes()))
+    assert bytes_of(MeshCache(CITY).tile((0, 0), make)) == good
+    assert len(made) == 2
+    assert bytes_of(MeshCache(CITY).tile((0, 0), make)) == good
+    assert len(made) == 2, "the file was not written anew"
+
+
+def test_where_the_cache_is_off_nothing_is_read_or_kept(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    make, made = counted()
+    MeshCache(CITY).tile((0, 0), make)
+    monkeypatch.setenv(CACHE_OFF, "1")
+    before = sorted(folder.iterdir())
+    MeshCache(CITY).tile((0, 0), make)
+    MeshCache(CITY).tile((0, 1), make)
+    assert len(made) == 3
+    assert sorted(folder.iterdir()) == before
+
+
+def test_a_disk_that_takes_no_more_costs_time_alone(folder: Path) -> None:
+    make, made = counted()
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, hard))
+    try:
+        cache = MeshCache(CITY)
+        good = bytes_of(cache.tile((0, 0), make))
+        cache.tile((0, 1), make)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert len(made) == 2
+    assert list(folder.iterdir()) == []
+    assert good == bytes_of(mesh())
+
+
+def test_a_folder_that_cannot_be_made_costs_time_alone(folder: Path) -> None:
+    folder.parent.parent.mkdir(exist_ok=True)
+    folder.parent.write_text("a file where the folder should be")
+    make, made = counted()
+    MeshCache(CITY).tile((0, 0), make)
+    assert len(made) == 1
+
+
+def test_many_writers_leave_one_whole_file(folder: Path) -> None:
+    good = bytes_of(mesh())
+    children = []
+    for _ in range(4):
+        pid = os.fork()
+        if pid == 0:
+            wrong = 1
+            try:
+                for _ in range(10):
+                    cache = MeshCache(CITY)
+                    assert bytes_of(cache.tile((0, 0), mesh)) == good
+                    for file in folder.glob("*.mesh"):
+                        file.unlink(missing_ok=True)
+                wrong = 0
+            finally:
+                os._exit(wrong)
+        children.append(pid)
+    assert [os.waitpid(pid, 0)[1] for pid in children] == [0] * 4
+    assert list(folder.glob(".new-*")) == []
+
+
+def test_the_oldest_files_go_when_the_room_is_used_up(tmp_path: Path) -> None:
+    for number in range(6):
+        file = tmp_path / f"{number}.mesh"
+        file.write_bytes(bytes(100))
+        os.utime(file, (1000 * number, 1000 * number))
+    left = tmp_path / ".new-left"
+    left.write_bytes(bytes(100))
+    prune(tmp_path, 250)
+    assert sorted(path.name for path in tmp_path.iterdir()) == [".new-left", "4.mesh", "5.mesh"]
+    os.utime(left, (0, 0))
+    prune(tmp_path, 250)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["4.mesh", "5.mesh"]
+
+
+def test_props_stand_as_each_alone_would() -> None:
+    props = tuple(
+        Prop(id=f"p{k}", cls="tree", model="tree", position=(3.1 * k, -7.7 * k, 0.3 * k), heading_deg=37.0 * k,
+             scale=0.7 + 0.11 * k, floating=k % 2 == 0, options={"variant": k % 2})
+        for k in range(12)
+    )  # fmt: skip
+    batches = prop_batches(msgspec.structs.replace(pieces(), props=props))
+    for batch in batches:
+        mine = [p for p in props if batch.key == "tree" or batch.key.endswith(f"-{p.options['variant']}")]
+        assert len(mine) == len(batch.rows) > 0
+        for prop, got, radius, floating in zip(mine, batch.rows, batch.radius, batch.floating, strict=True):
+            wanted = np.zeros(1, ROW)
+            wanted["rows"] = matrix(prop.position, prop.heading_deg, 0.0, 0.0, prop.scale)
+            assert np.array_equal(got["rows"], wanted["rows"][0])
+            assert got["plane"] == np.float32(prop.position[2])
+            assert radius == mesh_radius(batch.mesh) * prop.scale
+            assert floating == prop.floating
+
+
+@pytest.mark.skipif(bool(WHY_NOT), reason=WHY_NOT)
+def test_pictures_of_a_kept_city_are_those_of_a_made_one(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def pictures() -> list[bytes]:
+        camera = CameraEngine()
+        ready(camera)
+        try:
+            frames = [look(camera, (0.0, 0.0, 90.0), "front"), look(camera, (60.0, 40.0, 120.0))]
+            return [frame.rgb.tobytes() + frame.depth.tobytes() for frame in frames]
+        finally:
+            camera.close()
+
+    made = pictures()
+    assert len(list(folder.glob("*.mesh"))) > 1
+
+    def must_not_mesh(*given: object) -> TileMesh:
+        raise AssertionError("a kept tile was meshed again")
+
+    monkeypatch.setattr(cityscape, "mesh_tile", must_not_mesh)
+    assert pictures() == made
