@@ -158,6 +158,13 @@ def engine_kind(name: str) -> EngineKind:
     return found or next((f.by_engine[name] for f in _plugins() if name in f.by_engine), EngineKind(name=name))
 
 
+def is_described(kind: Literal["scene", "engine"], name: str) -> bool:
+    """Whether a file describes a scene or an engine of that name. `PluginError` for a file that cannot be read."""
+    if kind == "scene":
+        return scene_kind(name) is not None
+    return name in builtin_engines() or any(name in file.by_engine for file in _plugins())
+
+
 def joined(document: object) -> Any:
     """The decoded text of a file with `like` resolved: each scene with all that the ones it is like say.
 

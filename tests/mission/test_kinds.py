@@ -10,8 +10,10 @@ from pathlib import Path
 
 import pytest
 
+from lingjing.cli import installed
+from lingjing.cli.main import main
 from lingjing.dsl import compile_text
-from lingjing.errors import PluginError
+from lingjing.errors import ExitCode, PluginError
 from lingjing.mission import kinds, kinds_file
 from lingjing.mission.instance import SceneSpec
 from lingjing.mission.kinds import SceneKind, builtin_scenes, engine_kind, extent_m, lacks, reach_m, scene_faults
@@ -52,6 +54,31 @@ def test_a_strangers_scene_is_checked_by_its_file(acme: Path) -> None:
     (found,) = [item for item in compile_text(text).diagnostics if item.severity == "error"]
     assert (found.code, found.hint) == ("LJ0508", "give 10 to 300")
     assert "`depth` is 5.0" in found.message
+
+
+def test_validate_imports_no_plug_in_whose_kinds_are_described(
+    acme: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The plug-in's module raises when it is imported: the fixture's last line says that nobody tried."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    acme.write_text(json.dumps({"scenes": [{"name": "canyon", "extent_m": 6000}], "engines": [{"name": "balloon"}]}))
+    shipped = (Path(__file__).parents[2] / "scenarios" / "ssr.ljs").read_text("utf-8")
+    file = tmp_path / "m.ljs"
+    text = re.sub(r"scene +bay \{[^}]*\}", "scene canyon", shipped)
+    text = text.replace("mission ssr", "asset blimp { engine = balloon }\n\nmission ssr", 1)
+    file.write_text(text.replace("asset boat :", "asset float : blimp { position = (0 m, 0 m) }\n  asset boat :", 1))
+    compiled = str(tmp_path / "m.json")
+    for command in (["validate", str(file)], ["compile", str(file), "-o", compiled], ["validate", compiled]):
+        assert main(command) == ExitCode.OK and "acme" not in sys.modules
+        said = capsys.readouterr()
+        assert "installed" not in said.out + said.err
+    acme.unlink()  # the mission is not known to be good once the plug-in has changed
+    kinds._plugins.cache_clear()
+    installed._offers.cache_clear()
+    with pytest.raises(PluginError, match="imported"):
+        installed.offers("scene")
+    assert main(["validate", str(file)]) == ExitCode.USAGE
+    assert "imported" in capsys.readouterr().err
 
 
 def test_a_strangers_engine_says_where_its_bodies_may_be(acme: Path) -> None:

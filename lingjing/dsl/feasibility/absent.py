@@ -1,8 +1,8 @@
 """`absent`: scenes and engines that a mission names and nobody here offers.
 
-A warning and no error: the mission may be right and be played elsewhere, where the plug-in is installed. Who offers
-what is the caller's to say, because plug-ins lie behind the language; the kinds that are built in
-(`lingjing.mission.kinds`) spare it the look in most cases.
+A warning and no error: the mission may be right and be played elsewhere, where the plug-in is installed. What a file
+of kinds describes (`lingjing.mission.kinds`), built in or a plug-in's, is there, and nothing is imported to know it.
+Who offers what no file describes is the caller's to say, because plug-ins lie behind the language.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ from typing import Literal
 from lingjing.dsl.source.reporter import Reporter
 from lingjing.dsl.source.suggest import did_you_mean
 from lingjing.dsl.syntax import tree as s
-from lingjing.mission.kinds import builtin_engines, builtin_scenes
+from lingjing.mission.kinds import builtin_engines, builtin_scenes, is_described
 from lingjing.mission.model import Mission
 
 Offered = Literal["scene", "engine"]
 
 Offers = Callable[[Offered], tuple[str, ...]]
-"""The names that are installed, sorted; called only for a name that is not built in."""
+"""The names that are installed, sorted; called only for a name that no file of kinds describes."""
 
 
 def absent(mission: Mission, tree: s.File, report: Reporter, offers: Offers) -> None:
@@ -35,16 +35,20 @@ def absent(mission: Mission, tree: s.File, report: Reporter, offers: Offers) -> 
 
 def missing(mission: Mission, offers: Offers) -> Iterator[tuple[Offered, str, str]]:
     """Kind, name and the entity group that asks for it ("" for the scene)."""
+    for kind, name, owner in strange(mission):
+        if not is_described(kind, name) and name not in offers(kind):
+            yield kind, name, owner
+
+
+def strange(mission: Mission) -> Iterator[tuple[Offered, str, str]]:
+    """The same of every scene and engine that is not built in, once each."""
     builtin: dict[Offered, Container[str]] = {"scene": builtin_scenes(), "engine": builtin_engines()}
-    seen: set[tuple[Offered, str]] = set()
     wanted: list[tuple[Offered, str, str]] = [("scene", mission.scene.kind, "")]
     wanted += [("engine", group.engine, group.name) for group in mission.groups]
-    for kind, name, owner in wanted:
-        if (kind, name) in seen or name in builtin[kind]:
-            continue
-        seen.add((kind, name))
-        if name not in offers(kind):
-            yield kind, name, owner
+    first = {(kind, name): owner for kind, name, owner in reversed(wanted)}
+    for kind, name in dict.fromkeys((kind, name) for kind, name, _ in wanted):
+        if name not in builtin[kind]:
+            yield kind, name, first[kind, name]
 
 
 def _place(node: s.MissionBlock, kind: Offered, owner: str) -> s.Name:

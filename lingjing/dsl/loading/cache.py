@@ -91,9 +91,9 @@ def keep(compilation: Compilation) -> None:
 
 
 def _needs_plugins(mission: Mission) -> bool:
-    from lingjing.dsl.feasibility.absent import missing
+    from lingjing.dsl.feasibility.absent import strange
 
-    return next(missing(mission, lambda kind: ()), None) is not None
+    return next(strange(mission), None) is not None
 
 
 def _entry(source: SourceText) -> CacheEntry | None:
