@@ -32,6 +32,8 @@ def worded(found: Mapping[str, Any]) -> str:
     kind, given, context = str(found["type"]), found["input"], found.get("ctx", {})
     if kind == "missing":
         return "is missing"
+    if kind == "extra_forbidden":
+        return "is not known"
     if kind in ("literal_error", "enum"):
         return f"is {shown(given)}, {context.get('expected', '')} is due"
     due = DUE.get(kind) or next((words for start, words in DUE.items() if kind.startswith(f"{start}_")), "")

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from importlib import import_module
 
+from lingjing.plugins.chat_model import ModelPlugin
 from lingjing.plugins.hookspecs import hookimpl
 from lingjing.plugins.policy import Policy, PolicyPlugin
 
@@ -34,6 +35,7 @@ def lingjing_policies() -> Iterable[PolicyPlugin]:
             name="react",
             factory=Factory("react.policy", "ReactPolicy"),
             options="lingjing_agents.react.options:ReactOptions",
+            calls=True,
             summary="perceives, reasons and acts over a chat model",
         ),
         PolicyPlugin(
@@ -43,6 +45,14 @@ def lingjing_policies() -> Iterable[PolicyPlugin]:
             summary="replays decisions from a JSON file",
         ),
     )
+
+
+@hookimpl
+def lingjing_models() -> Iterable[ModelPlugin]:
+    """The chat models of `models.toml` and of the user's own list, which `react` plays with."""
+    from lingjing_agents.llm.models import known_models
+
+    return known_models()
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,16 +1,20 @@
 """What a hostile service sends is bounded in memory and in time, through both clients."""
 
+import datetime as dt
+import math
 import resource
 import threading
 from collections.abc import Iterable, Iterator
+from email.utils import format_datetime
 from importlib.util import find_spec
 
 import pytest
+import zstandard
 from lingjing_agents.llm.chat import ChatMessage, ChatRequest, ModelClient, ModelError
 from lingjing_agents.llm.direct import DirectClient
 from lingjing_agents.llm.retry import Attempts, CallDeadline, complete_with_retries
 from lingjing_agents.llm.through_litellm import LitellmClient
-from lingjing_agents.llm.wire import ANSWER_BYTES, seconds
+from lingjing_agents.llm.wire import ANSWER_BYTES, pause_s
 
 from agents.tests.hostile_server import BLOCK, answered, completion, gzip_bomb, serve_raw
 
@@ -18,6 +22,8 @@ ROOM = 400_000
 """Kilobytes by which a client's process may grow at most: the bombs hold gigabytes."""
 
 BOMB = gzip_bomb()
+ZSTD_BOMB = zstandard.ZstdCompressor(19).compress(b" " * (256 * 1024 * 1024))
+LATER = "Fri, 31 Dec 2399 23:59:59 GMT"
 
 
 def once(data: bytes):
@@ -54,6 +60,9 @@ TOO_LONG = {
     "an endless stream": endless(CHUNKED, CHUNK),
     "an endless answer to the end of the connection": endless(b"HTTP/1.1 200 OK\r\n\r\n", b" " * BLOCK),
     "brotli, which was not asked for": once(answered("200 OK", b"\x0b" * 9, "content-encoding: br")),
+    "a zstd bomb": once(answered("200 OK", ZSTD_BOMB, "content-encoding: zstd")),
+    "gzip in gzip": once(answered("200 OK", BOMB[:BLOCK], "content-encoding: gzip, gzip")),
+    "deflate, which was not asked for": once(answered("200 OK", b"x", "content-encoding: deflate")),
     "what is no gzip": once(answered("200 OK", b"{}", "content-encoding: gzip")),
     "an endless header": endless(b"HTTP/1.1 200 OK\r\n", b"x: " + b"y" * 1000 + b"\r\n"),
     "a header without an end": endless(b"HTTP/1.1 200 OK\r\nx: ", b"y" * BLOCK),
@@ -178,12 +187,47 @@ async def test_an_answer_up_to_the_bound_is_read():
 @pytest.mark.parametrize(
     ("header", "found"),
     [
-        ("2", 2.0), (" 1.5 ", 1.5), ("²", None), ("٣", None), ("", None), (None, None), ("-1", None), ("1e400", None),
-        ("9" * 400, None), ("nan", None), ("Fri, 31 Dec 1999 23:59:59 GMT", None), ("1.2.3", None),
+        ("2", 2.0), (" 1.5 ", 1.5), ("0", 0.0), ("-1", 0.0), ("-0.5", 0.0), ("9" * 400, math.inf), ("1" * 12, 1.1e11),
+        ("²", None), ("٣", None), ("", None), (None, None), ("1e400", None), ("nan", None), ("1.2.3", None),
+        ("inf", None), ("soon", None), ("2 s", None), ("--1", None), ("Fri, 31 Dec 1999 23:59:59 GMT", 0.0),
+        ("Fri, 99 Dec 1999 23:59:59 GMT", None), ("Fri, 31 Dec 99999999999 23:59:59 GMT", None),
+        ("Fri, 31 Dec 1999 23:59:59 +9999999999", None),
     ],
 )  # fmt: skip
-def test_retry_after_is_seconds_or_nothing(header: str | None, found: float | None):
-    assert seconds(header) == found
+def test_retry_after_in_all_its_forms(header: str | None, found: float | None):
+    assert pause_s(header) == (found if found is None else pytest.approx(found, rel=0.02))
+
+
+@pytest.mark.parametrize(
+    ("until", "now", "found"),
+    [
+        ("Sun, 06 Nov 1994 08:50:07 GMT", "Sun, 06 Nov 1994 08:49:37 GMT", 30.0),
+        ("Sunday, 06-Nov-94 08:50:07 GMT", "Sun, 06 Nov 1994 08:49:37 GMT", 30.0),
+        ("Sun Nov  6 08:50:07 1994", "Sun, 06 Nov 1994 08:49:37 GMT", 30.0),
+        ("Sun, 06 Nov 1994 08:49:37 GMT", "Sun, 06 Nov 1994 08:50:07 GMT", 0.0),
+    ],
+)
+def test_a_date_counts_from_the_clock_of_the_service(until: str, now: str, found: float):
+    assert pause_s(until, now) == found
+
+
+def test_a_date_without_a_clock_of_the_service_counts_from_ours():
+    until = format_datetime(dt.datetime.now(dt.UTC) + dt.timedelta(seconds=60), usegmt=True)
+    assert pause_s(until, "yesterday") == pytest.approx(60, abs=5)
+
+
+@pytest.mark.parametrize("pause", ["99999999999", "9" * 400, LATER])
+@pytest.mark.parametrize("client", CLIENTS)
+async def test_a_pause_beyond_the_deadline_is_not_made(client, pause: str):
+    busy = answered("429 Busy", b"come back later", f"retry-after: {pause}")
+    with serve_raw(once(busy)) as url, pytest.raises(ModelError, match="come back later"):
+        await ask(client(url), 60)
+
+
+async def test_milliseconds_are_honoured_where_they_are_given():
+    answers = iter([answered("429 Busy", b"{}", "retry-after: 3600", "retry-after-ms: 10"), completion("hi")])
+    with serve_raw(lambda request: iter([next(answers)])) as url:
+        assert (await ask(direct(url), 60, tries=2)).text == "hi"
 
 
 @pytest.mark.parametrize("client", CLIENTS)

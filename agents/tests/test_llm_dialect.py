@@ -4,7 +4,7 @@ import json
 from typing import Any
 
 import pytest
-from lingjing_agents.llm.capabilities import capability_of
+from lingjing_agents.llm.models import read_models
 from lingjing_agents.react.policy import ReactError, ReactPolicy
 
 from agents.tests.agent_kit import Inbox, brief, observe, react
@@ -106,8 +106,9 @@ async def test_a_value_that_is_too_large_is_told_and_not_renamed():
 
 
 def test_reasoning_models_by_name():
+    table = read_models()
     for name in ("o1", "o1-mini", "o3", "o3-pro", "o4-mini-2025", "openai/gpt-5", "gpt-5.1-codex"):
-        assert not capability_of(name).temperature, name
-        assert capability_of(name).limit_name == "max_completion_tokens", name
+        assert not table.traits(name).takes_temperature, name
+        assert table.traits(name).limit == "max_completion_tokens", name
     for name in ("gpt-4o", "olmo-2", "gpt-oss-20b", "gpt-5-chat-latest", "qwen3-vl", "o2net"):
-        assert capability_of(name).temperature, name
+        assert table.traits(name).takes_temperature, name

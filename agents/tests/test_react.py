@@ -232,9 +232,12 @@ def test_every_wrong_option_is_told_at_once():
     with pytest.raises(UsageError) as caught:
         react(modle="m", client="direct", temperature="3", history="-1", api_key_env="NO_SUCH_KEY_HERE", tries="many")
     assert [fault.where for fault in caught.value.faults] == [
-        "model", "api_key_env", "base_url", "temperature", "tries", "history", "modle",
+        "model", "base_url", "temperature", "tries", "history", "modle",
     ]  # fmt: skip
     assert "`modle` is not known; did you mean `model`?" in str(caught.value)
+    with pytest.raises(UsageError) as caught:
+        react(model="m", api_key_env="NO_SUCH_KEY_HERE", base_url_env="NO_SUCH_URL_HERE")
+    assert [fault.where for fault in caught.value.faults] == ["api_key_env", "base_url_env"]
 
 
 @pytest.mark.slow

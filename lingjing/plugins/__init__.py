@@ -3,7 +3,8 @@
 - `hookspecs`     what a plug-in may offer; `host` finds it, `loading` finds policies by name or by file, `building`
   builds scenes and evaluators and checks what they answer
 - `options`       the models of options that plug-ins declare, and the reading of what people write
-- `engine`, `policy`, `evaluator`   the Protocols and their values; `chat_model` how a model is declared
+- `engine`, `policy`, `evaluator`   the Protocols and their values; `chat_model` how a model is declared, `calls` what a
+  policy that asks models is given beside its options
 - `decisions`     the JSON Schema of an agent's decisions, for policies whose answers come from a foreign program
 - `fleet`         the five methods over moving bodies ← `requests` (admission, receipts), `step_clock` (fixed steps)
 - `stock`         goods on board; `tasks` what a mission asks for, for policies that may see its rules
@@ -15,7 +16,7 @@ Nothing here knows the kernel, a built-in engine, a shipped type or a mission.
 """
 
 __all__ = [
-    "bodies", "building", "chat_model", "conformance", "decisions", "engine", "evaluator", "fleet", "geometry",
+    "bodies", "building", "calls", "chat_model", "conformance", "decisions", "engine", "evaluator", "fleet", "geometry",
     "hookspecs", "host", "loading", "neighbours", "options", "policy", "requests", "step_clock", "stock", "tasks",
     "terrain",
 ]  # fmt: skip

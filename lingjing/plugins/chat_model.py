@@ -15,7 +15,8 @@ class ModelPlugin:
 
     `policy` plays it with `arguments` (`react` with `model=NAME`). `tier` is the group of a table in which its row
     stands. Prices are US dollars per million tokens: 0 for a model that one serves oneself, None where the price is not
-    known. `image_tokens` is about how many tokens of a prompt a picture takes.
+    known. `image_tokens` is about how many tokens of a prompt a picture takes. `title` is the model's name in tables,
+    and `key_variable` the environment variable that holds its service's key, if it needs one.
     """
 
     name: str
@@ -26,6 +27,8 @@ class ModelPlugin:
     price_out: float | None = None
     image_tokens: int = 1500
     summary: str = ""
+    title: str = ""
+    key_variable: str = ""
 
 
 __all__ = ["ModelPlugin", "Tier"]

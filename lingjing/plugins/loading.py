@@ -18,7 +18,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from lingjing.errors import LingjingError, UsageError
+from lingjing.errors import LingjingError, PluginError, UsageError
+from lingjing.plugins.calls import ModelCalls, UnrecordedCalls
 from lingjing.plugins.host import PluginHost
 from lingjing.plugins.policy import Policy, PolicyPlugin
 
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
     from lingjing.plugins.options import PluginOptions
 
 ValueT = TypeVar("ValueT")
+
+UNRECORDED = UnrecordedCalls()
 
 _METHODS = ("reset", "act")
 _START = "`lingjing new agent NAME` writes a policy to start from"
@@ -48,7 +51,7 @@ def policy_of(factory: Callable[..., Policy], name: str, summary: str = "") -> P
     """The declaration of a class or function that no plug-in declares.
 
     Its own attributes say what a declaration says: `privileged = True` that it wants to see the truth, `options` which
-    model its options have (without one its parameters are the options).
+    model its options have (without one its parameters are the options), `calls = True` that it asks chat models.
     """
     own: Mapping[str, Any] = getattr(factory, "__dict__", {})
     return PolicyPlugin(
@@ -57,6 +60,7 @@ def policy_of(factory: Callable[..., Policy], name: str, summary: str = "") -> P
         privileged=bool(own.get("privileged", False)),
         summary=summary,
         options=own.get("options"),
+        calls=bool(own.get("calls", False)),
     )
 
 
@@ -109,13 +113,22 @@ def engine_options(
     return shared_among_engines(arguments, host.engines, declaring)
 
 
-def build_policy(plugin: PolicyPlugin, arguments: Mapping[str, object]) -> Policy:
-    """One policy object for one agent. Raises `UsageError` that tells every fault of its options."""
+def build_policy(plugin: PolicyPlugin, arguments: Mapping[str, object], calls: ModelCalls = UNRECORDED) -> Policy:
+    """One policy object for one agent; `calls` keeps what it asks chat models, if it says that it does.
+
+    Raises `UsageError` that tells every fault of its options.
+    """
     from lingjing.plugins.options import given_parameters, read_options
 
     options = read_options(options_model(plugin), arguments, _owner(plugin))
+    if plugin.calls and not plugin.options:
+        raise PluginError(
+            f"{_owner(plugin)} asks chat models and declares no model of its options", hint="declare both"
+        )
     try:
-        return plugin.factory(options) if plugin.options else plugin.factory(**given_parameters(options))
+        if not plugin.options:
+            return plugin.factory(**given_parameters(options))
+        return plugin.factory(options, calls) if plugin.calls else plugin.factory(options)
     except LingjingError:
         raise
     except (Exception, SystemExit) as error:

@@ -195,7 +195,8 @@ class PolicyPlugin:
 
     `options` is the model of its options (`lingjing.plugins.options.PluginOptions`) as a class or, so that nothing
     heavy is loaded before it is needed, as `package.module:Class`. `factory` takes an object of that model and returns
-    one policy object per agent; without a model the factory's parameters are the options.
+    one policy object per agent; without a model the factory's parameters are the options. A policy with such a model
+    that asks chat models says so by `calls`: its factory then takes a `lingjing.plugins.calls.ModelCalls` as well.
     """
 
     name: str
@@ -203,6 +204,7 @@ class PolicyPlugin:
     privileged: bool = False
     summary: str = ""
     options: type[PluginOptions] | str | None = None
+    calls: bool = False
 
 
 __all__ = [

@@ -9,7 +9,7 @@ from typing import Annotated
 import httpx
 import msgspec
 
-from lingjing_agents.llm.chat import ChatRequest, ModelCompletion, ModelError, response_format, wire_messages
+from lingjing_agents.llm.chat import ChatRequest, ModelCompletion, ModelError, parameters, wire_messages
 from lingjing_agents.llm.dialect import Dialect
 from lingjing_agents.llm.wire import HttpAnswer, UnreadableAnswerError, exchange
 
@@ -19,9 +19,20 @@ MOST_TOKENS = 2**40
 Count = Annotated[int, msgspec.Meta(ge=0, le=MOST_TOKENS)]
 
 
+class _Called(msgspec.Struct):
+    arguments: str | None = None
+
+
+class _ToolCall(msgspec.Struct):
+    function: _Called = msgspec.field(default_factory=_Called)
+
+
 class _Message(msgspec.Struct):
     content: str | None = None
     refusal: str | None = None
+    tool_calls: list[_ToolCall] | None = None
+    reasoning_content: str | None = None
+    reasoning: str | None = None
 
 
 class _Choice(msgspec.Struct):
@@ -29,9 +40,14 @@ class _Choice(msgspec.Struct):
     finish_reason: str | None = None
 
 
+class _PromptTokens(msgspec.Struct):
+    cached_tokens: Count | None = None
+
+
 class _Tokens(msgspec.Struct):
     prompt_tokens: Count | None = None
     completion_tokens: Count | None = None
+    prompt_tokens_details: _PromptTokens | None = None
 
 
 class _Answer(msgspec.Struct):
@@ -58,13 +74,14 @@ class DirectClient:
             answer = await exchange(post, timeout_s)
         except httpx.TimeoutException as error:
             message = f"no answer from {self.base_url} within {timeout_s:.1f} s"
-            raise ModelError(message, transient=True, fault="time") from error
+            raise ModelError(message, transient=True, fault="time", billed=_sent(error)) from error
         except (httpx.InvalidURL, httpx.UnsupportedProtocol) as error:
             raise ModelError(f"base_url {self.base_url} is not a URL: {error}") from error
         except httpx.HTTPError as error:
-            raise ModelError(f"connection to {self.base_url} failed: {_reason(error)}", transient=True) from error
+            message = f"connection to {self.base_url} failed: {_reason(error)}"
+            raise ModelError(message, transient=True, billed=_sent(error)) from error
         except UnreadableAnswerError as error:
-            raise ModelError(str(error), transient=True) from error
+            raise ModelError(str(error), transient=True, billed=True) from error
         if answer.status != httpx.codes.OK:
             raise self._refused(answer, request)
         return _completion(answer.body)
@@ -103,17 +120,7 @@ def filtered(refusal: str) -> bool:
 
 
 def _payload(request: ChatRequest) -> bytes:
-    body: dict[str, object] = {
-        "model": request.model,
-        "messages": wire_messages(request.messages),
-        request.limit_name: request.max_tokens,
-    }
-    if request.temperature is not None:
-        body["temperature"] = request.temperature
-    form = response_format(request.schema)
-    if form is not None:
-        body["response_format"] = form
-    return msgspec.json.encode(body)
+    return msgspec.json.encode({**parameters(request), "messages": wire_messages(request.messages)})
 
 
 def _completion(content: bytes) -> ModelCompletion:
@@ -121,16 +128,31 @@ def _completion(content: bytes) -> ModelCompletion:
         answer = msgspec.json.decode(content, type=_Answer)
         choice = answer.choices[0]
     except (msgspec.DecodeError, UnicodeDecodeError, IndexError, RecursionError) as error:
-        raise ModelError(f"the service's answer is not a chat completion: {error}", transient=True) from error
-    if choice.message.refusal:
-        raise ModelError(f"the model refused: {choice.message.refusal}", fault="model")
+        message = f"the service's answer is not a chat completion: {error}"
+        raise ModelError(message, transient=True, billed=True) from error
+    said = choice.message
+    if said.refusal:
+        raise ModelError(f"the model refused: {said.refusal}", fault="model", billed=True)
     tokens = answer.usage or _Tokens()
+    kept = tokens.prompt_tokens_details or _PromptTokens()
     return ModelCompletion(
-        text=choice.message.content or "",
+        text=_called(said) or said.content or "",
         finish_reason=choice.finish_reason or "stop",
         prompt_tokens=tokens.prompt_tokens or 0,
         completion_tokens=tokens.completion_tokens or 0,
+        reasoning=said.reasoning_content or said.reasoning or "",
+        cached_tokens=min(kept.cached_tokens or 0, tokens.prompt_tokens or 0),
     )
+
+
+def _called(message: _Message) -> str:
+    """The arguments of the first tool that the model calls."""
+    return next((call.function.arguments for call in message.tool_calls or () if call.function.arguments), "")
+
+
+def _sent(error: httpx.HTTPError) -> bool:
+    """Whether the service may have got the request."""
+    return not isinstance(error, httpx.ConnectError | httpx.ConnectTimeout | httpx.PoolTimeout)
 
 
 def _reason(error: Exception) -> str:

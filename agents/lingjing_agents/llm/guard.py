@@ -45,10 +45,15 @@ class GuardedClient:
         except ModelError as error:
             failure = self._without_secrets(error)
         except Exception as error:  # noqa: BLE001 - whatever a library raises may quote the request
-            failure = self._without_secrets(ModelError(f"{type(error).__name__}: {error}"))
+            failure = self._without_secrets(ModelError(f"{type(error).__name__}: {error}", billed=True))
         else:
             redact = self._redact
-            return replace(answer, text=redact(answer.text), finish_reason=redact(answer.finish_reason))
+            return replace(
+                answer,
+                text=redact(answer.text),
+                reasoning=redact(answer.reasoning),
+                finish_reason=redact(answer.finish_reason),
+            )
         raise failure  # outside of the `except`, so that no exception hangs on to it
 
     def _without_secrets(self, error: ModelError) -> ModelError:
@@ -60,6 +65,7 @@ class GuardedClient:
             status=error.status,
             fault=error.fault,
             adapted=error.adapted,
+            billed=error.billed,
         )
 
 

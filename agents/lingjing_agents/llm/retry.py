@@ -26,9 +26,10 @@ class CallDeadline:
 
 @dataclass(slots=True)
 class Attempts:
-    """How many calls were made, failed ones included."""
+    """How many calls were made, failed ones included, and how many of these may have been billed all the same."""
 
     calls: int = 0
+    billed: int = 0
 
 
 async def complete_with_retries(
@@ -45,6 +46,7 @@ async def complete_with_retries(
         try:
             return await _ask(client, request, left)
         except ModelError as error:
+            attempts.billed += error.billed
             if error.adapted:
                 continue
             failures += 1
@@ -63,4 +65,5 @@ async def _ask(client: ModelClient, request: ChatRequest, left_s: float) -> Mode
         async with asyncio.timeout(left_s):
             return await client.complete(request, left_s)
     except TimeoutError as error:
-        raise ModelError(f"no answer from the model within {left_s:.1f} s", transient=True, fault="time") from error
+        message = f"no answer from the model within {left_s:.1f} s"
+        raise ModelError(message, transient=True, fault="time", billed=True) from error

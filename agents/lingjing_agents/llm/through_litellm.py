@@ -8,10 +8,11 @@ goes through `wire`, so that answers are bounded; providers with a library of th
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import httpx
+import msgspec
 
 from lingjing.plugins.policy import UsageError
 from lingjing_agents.llm.chat import (
@@ -19,11 +20,11 @@ from lingjing_agents.llm.chat import (
     FailureCause,
     ModelCompletion,
     ModelError,
-    response_format,
+    parameters,
     wire_messages,
 )
 from lingjing_agents.llm.direct import MOST_TOKENS, TRANSIENT_STATUS, basic, filtered
-from lingjing_agents.llm.wire import BoundedTransport, seconds
+from lingjing_agents.llm.wire import BoundedTransport, pause_s
 
 _INSTALL = "pip install 'lingjing-agents[litellm]', or use client=direct"
 
@@ -42,11 +43,9 @@ class LitellmClient:
         litellm = load_litellm()
         try:
             answer = await litellm.acompletion(
-                model=request.model,
                 messages=wire_messages(request.messages),
-                temperature=request.temperature,
-                **{request.limit_name: request.max_tokens},
-                response_format=response_format(request.schema),
+                **msgspec.json.decode(msgspec.json.encode(parameters(replace(request, extra=b"{}")))),
+                extra_body=msgspec.json.decode(request.extra) or None,
                 api_base=self.base_url or None,
                 api_key=self.api_key or None,
                 extra_headers={"Authorization": basic(self.login)} if self.login and not self.api_key else None,
@@ -95,15 +94,17 @@ def _failed(error: Exception) -> ModelError:
     status = status if isinstance(status, int) else None
     response = getattr(error, "response", None)
     retry_after = response.headers.get("retry-after") if response is not None else None
+    answered = response.headers.get("date") if response is not None else None
     # Connection faults carry 500 (InternalServerError) or none at all.
     transient = status in TRANSIENT_STATUS or "connection" in type(error).__name__.lower()
     text = " ".join(str(error).split())
     return ModelError(
         f"{type(error).__name__}: {text}",
         transient=transient,
-        retry_after_s=seconds(retry_after),
+        retry_after_s=pause_s(retry_after, answered),
         status=status,
         fault=_fault(error, text),
+        billed=status is None or type(error).__name__ == "Timeout",
     )
 
 
@@ -116,13 +117,18 @@ def _fault(error: Exception, text: str) -> FailureCause:
 
 def _completion(answer: Any) -> ModelCompletion:
     if not answer.choices:
-        raise ModelError("the service's answer holds no choices", transient=True)
+        raise ModelError("the service's answer holds no choices", transient=True, billed=True)
     choice = answer.choices[0]
+    said = choice.message
+    calls = getattr(said, "tool_calls", None) or ()
+    called = next((one.function.arguments for one in calls if one.function.arguments), "")
     usage = getattr(answer, "usage", None)
     cost = getattr(answer, "_hidden_params", {}).get("response_cost")
     return ModelCompletion(
-        text=choice.message.content or "",
+        text=called or said.content or "",
         finish_reason=choice.finish_reason or "stop",
+        reasoning=getattr(said, "reasoning_content", None) or "",
+        cached_tokens=_count(getattr(getattr(usage, "prompt_tokens_details", None), "cached_tokens", 0)),
         prompt_tokens=_count(getattr(usage, "prompt_tokens", 0)),
         completion_tokens=_count(getattr(usage, "completion_tokens", 0)),
         cost_usd=float(cost) if cost is not None else None,

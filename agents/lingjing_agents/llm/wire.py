@@ -7,10 +7,12 @@ policy call has an event loop of its own.
 
 from __future__ import annotations
 
+import datetime as dt
 import re
 import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
+from email.utils import parsedate_to_datetime
 
 import httpx
 import msgspec
@@ -23,7 +25,7 @@ REFUSAL_BYTES = 64 * 1024
 
 _CHUNK = 64 * 1024
 _GZIP = 16 + zlib.MAX_WBITS
-_SECONDS = re.compile(r"[0-9]{1,9}(\.[0-9]{1,9})?", re.ASCII)
+_SECONDS = re.compile(r"[0-9]+(\.[0-9]+)?", re.ASCII)
 _HOP_HEADERS = ("content-encoding", "content-length", "transfer-encoding", "connection")
 
 
@@ -41,13 +43,35 @@ class HttpAnswer:
 
     @property
     def retry_after_s(self) -> float | None:
-        """The seconds of a `Retry-After` header; None for none, a date, or what is neither."""
-        return seconds(self.headers.get("retry-after"))
+        """The seconds that the service asks to be left alone; None if it does not say so in a way that is known."""
+        milliseconds = self.headers.get("retry-after-ms", "")
+        if _SECONDS.fullmatch(milliseconds.strip()):
+            return float(milliseconds) / 1000
+        return pause_s(self.headers.get("retry-after"), self.headers.get("date"))
 
 
-def seconds(retry_after: str | None) -> float | None:
-    """A `Retry-After` value in seconds, if that is what it is."""
-    return float(retry_after) if retry_after and _SECONDS.fullmatch(retry_after.strip()) else None
+def pause_s(retry_after: str | None, answered: str | None = None) -> float | None:
+    """A `Retry-After` value as seconds from now: a number of seconds or an HTTP date (RFC 9110, 10.2.3), which counts
+    from the service's own clock if it tells the time (`answered`, its `Date`). One in the past is 0, so is a negative
+    number; more digits than a float holds are infinite; None for what is neither."""
+    text = (retry_after or "").strip()
+    if _SECONDS.fullmatch(text):
+        return float(text)
+    if _SECONDS.fullmatch(text.removeprefix("-")):
+        return 0.0
+    until = _moment(text)
+    if until is None:
+        return None
+    return max(0.0, (until - (_moment(answered or "") or dt.datetime.now(dt.UTC))).total_seconds())
+
+
+def _moment(text: str) -> dt.datetime | None:
+    """An HTTP date; None for anything else."""
+    try:
+        moment = parsedate_to_datetime(text)
+    except (ValueError, TypeError, OverflowError, IndexError):
+        return None
+    return moment if moment.tzinfo else moment.replace(tzinfo=dt.UTC)
 
 
 async def exchange(request: httpx.Request, timeout_s: float | None) -> HttpAnswer:

@@ -11,6 +11,7 @@ from collections import deque
 
 import msgspec
 
+from lingjing.plugins.calls import ModelCalls
 from lingjing.plugins.decisions import DecisionFormat
 from lingjing.plugins.policy import (
     Brief,
@@ -20,12 +21,12 @@ from lingjing.plugins.policy import (
     NoDecisionError,
     Observation,
     Picture,
-    Usage,
 )
-from lingjing_agents.llm.chat import ChatMessage, ChatRequest, ModelCompletion, ModelError
-from lingjing_agents.llm.retry import Attempts, CallDeadline, complete_with_retries
+from lingjing_agents.llm.asking import open_model
+from lingjing_agents.llm.chat import ChatMessage, ModelCompletion, ModelError
+from lingjing_agents.llm.retry import CallDeadline
 from lingjing_agents.react.answer import StepError, after_reasoning, read_step
-from lingjing_agents.react.options import ReactOptions, make_client
+from lingjing_agents.react.options import ReactOptions
 from lingjing_agents.react.picture import jpeg
 from lingjing_agents.react.prompt import observation_text, system_prompt
 from lingjing_agents.react.remedy import explained, remedy
@@ -41,20 +42,18 @@ class ReactError(NoDecisionError):
 class ReactPolicy:
     """An agent's mind that is a chat model."""
 
-    def __init__(self, options: ReactOptions) -> None:
+    def __init__(self, options: ReactOptions, calls: ModelCalls) -> None:
         self._options = options
-        self._capability = options.capability
-        self._client = make_client(options)
-        self._unbilled = Usage()
+        self._model = open_model(options, calls)
         self._refused = 0
 
     async def reset(self, brief: Brief) -> None:
         """Write the system prompt and the schema; forget everything else."""
         self._brief = brief
-        self._unbilled = Usage()
         self._refused = 0
         self._form = DecisionFormat(brief)
-        self._schema = msgspec.json.encode(self._form.schema) if self._capability.json_schema else None
+        schema = msgspec.json.encode(self._form.schema)
+        self._schema = schema if self._model.profile.structured in ("json_schema", "tool") else None
         in_words = self._form.schema if self._schema is None else None
         self._system = ChatMessage("system", system_prompt(brief, in_words))
         self._history: deque[tuple[ChatMessage, ChatMessage]] = deque(maxlen=self._options.history)
@@ -68,31 +67,32 @@ class ReactPolicy:
         past = tuple(turn for pair in self._history for turn in pair)
         question = ChatMessage("user", text, images)
         try:
-            decision, answer = await self._settle((self._system, *past, question))
+            decision, answer = await self._settle(observation.tick, (self._system, *past, question))
         except ModelError as error:
             raise self._failure(error, images) from error
         self._history.append((ChatMessage("user", text), ChatMessage("assistant", answer)))
-        return msgspec.structs.replace(decision, usage=self._bill_of_now())
+        return msgspec.structs.replace(decision, usage=self._model.bill())
 
     def _failure(self, error: ModelError, images: tuple[bytes, ...]) -> ReactError | InfrastructureError:
         """Slow answers and refused topics are the model's doing; a service that answers nothing is not."""
         if error.fault != "time":
             self._refused = self._refused + 1 if error.fault == "service" else 0
         if self._refused < PATIENCE:
-            return ReactError(explained(error, images, self._schema), self._bill_of_now())
+            return ReactError(explained(error, images, self._schema), self._model.bill())
         return InfrastructureError(
             f"the model service refused `{self._brief.agent}` {self._refused} ticks in a row, at last with: {error}",
             hint=remedy(error, images, self._schema) or "see that the service runs and answers, then run it again",
         )
 
     def _shown(self, observation: Observation) -> tuple[Picture, ...]:
-        return observation.pictures[: self._options.images] if self._capability.vision else ()
+        return observation.pictures[: self._options.images] if self._model.profile.vision else ()
 
-    async def _settle(self, messages: tuple[ChatMessage, ...]) -> tuple[Decision, str]:
+    async def _settle(self, tick: int, messages: tuple[ChatMessage, ...]) -> tuple[Decision, str]:
         deadline = CallDeadline(self._options.deadline_s)
         fault = ""
         for _ in range(self._options.repairs + 1):
-            completion = await self._ask(messages, deadline)
+            completion = await self._model.ask(tick, messages, deadline, schema=self._schema)
+            self._refused = 0
             try:
                 return _read(completion, self._form, self._options.max_tokens), answered(completion.text)
             except StepError as error:
@@ -103,47 +103,8 @@ class ReactPolicy:
             said = answered(completion.text)[:2000]
             messages = (*messages, ChatMessage("assistant", said), ChatMessage("user", complaint))
         raise ReactError(
-            f"no valid step after {self._options.repairs} repairs; last fault: {fault}", self._bill_of_now()
+            f"no valid step after {self._options.repairs} repairs; last fault: {fault}", self._model.bill()
         )
-
-    async def _ask(self, messages: tuple[ChatMessage, ...], deadline: CallDeadline) -> ModelCompletion:
-        options = self._options
-        request = ChatRequest(
-            options.model,
-            messages,
-            options.sent_temperature,
-            options.max_tokens,
-            self._schema,
-            options.insists_on_temperature,
-            self._capability.limit_name,
-        )
-        attempts = Attempts()
-        completion = ModelCompletion("", "")
-        try:
-            completion = await complete_with_retries(self._client, request, deadline, attempts, tries=options.tries)
-        finally:
-            self._bill(attempts.calls, completion)
-        self._refused = 0
-        return completion
-
-    def _bill(self, calls: int, completion: ModelCompletion) -> None:
-        prompt, answer = completion.prompt_tokens, completion.completion_tokens
-        price_in, price_out = self._options.price_in, self._options.price_out
-        if price_in is None and price_out is None:
-            cost = completion.cost_usd or 0.0
-        else:
-            cost = (prompt * (price_in or 0.0) + answer * (price_out or 0.0)) / 1e6
-        spent = self._unbilled
-        self._unbilled = Usage(
-            calls=spent.calls + calls,
-            prompt_tokens=spent.prompt_tokens + prompt,
-            completion_tokens=spent.completion_tokens + answer,
-            cost_usd=spent.cost_usd + cost,
-        )
-
-    def _bill_of_now(self) -> Usage:
-        usage, self._unbilled = self._unbilled, Usage()
-        return usage
 
 
 def _read(completion: ModelCompletion, form: DecisionFormat, max_tokens: int) -> Decision:

@@ -1,0 +1,222 @@
+"""Which model a policy asks and how: the options that every policy over `llm` has."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from os import environ
+from pathlib import Path
+from typing import Any, Literal
+
+import msgspec
+from pydantic import ValidationInfo, field_validator
+
+from lingjing.plugins.options import Fault, Field, PluginOptions, options_error
+from lingjing.plugins.policy import UsageError
+from lingjing_agents.llm.address import Address, address
+from lingjing_agents.llm.chat import Structured
+from lingjing_agents.llm.models import ModelTraits, ServiceEntry, read_models
+
+_FOR_INSTANCE = "for instance http://localhost:8000/v1"
+
+Switch = Literal["auto", "yes", "no"]
+
+
+class ModelOptions(PluginOptions):
+    """What a policy can be told of its model. Options go into the trace, so a key, and an address with a password in
+    it, are named by their environment variables. What is not given is as the list of models says."""
+
+    models: Path | None = Field(None, description="a list of models over the shipped one (models.toml)")
+    model: str = Field(min_length=1, description="a model of the list, or any other model's name at its service")
+    client: Literal["direct", "litellm"] = Field(
+        "direct", description="how the service is spoken to: as an OpenAI-compatible server, or through litellm"
+    )
+    api_key_env: str = Field("", description="environment variable that holds the service's key")
+    base_url_env: str = Field("", description="environment variable that holds the service's address")
+    base_url: str = Field("", validate_default=True, description=f"the service's address, {_FOR_INSTANCE}")
+    temperature: float = Field(0.0, ge=0.0, le=2.0, description="left out for models that take none, unless given")
+    reasoning_effort: str | None = Field(None, max_length=40, description="how long a reasoning model thinks")
+    max_tokens: int = Field(2048, ge=16, le=1_000_000, description="the longest answer")
+    tries: int = Field(5, ge=1, le=20, description="how often a call is tried that the service does not answer")
+    vision: Switch = Field("auto", description="whether the model sees pictures; auto: by its name")
+    structured: Literal["auto"] | Structured = Field("auto", description="how the service is asked for a step")
+    json_schema: Switch = Field(
+        "auto", alias="schema", description="whether the service keeps answers to a JSON Schema; auto: by its name"
+    )
+    price_in: float | None = Field(None, ge=0.0, le=1e6, description="US dollars per million tokens of a prompt")
+    price_out: float | None = Field(None, ge=0.0, le=1e6, description="US dollars per million tokens of an answer")
+
+    @field_validator("models")
+    @classmethod
+    def _is_a_list(cls, path: Path | None) -> Path | None:
+        try:
+            read_models(path)
+        except UsageError as error:
+            raise ValueError(f"cannot be used: {error}") from error
+        return path
+
+    @field_validator("base_url")
+    @classmethod
+    def _is_address(cls, url: str, info: ValidationInfo) -> str:
+        given = info.data
+        if url and given.get("base_url_env"):
+            raise ValueError("is given, and base_url_env too: leave one of them out")
+        if url and _address(url).login:
+            raise ValueError(
+                "holds a user or password, and options are written into the trace: export the address in a variable "
+                "and give base_url_env=VARIABLE; a bearer key goes by api_key_env"
+            )
+        if not url and not given.get("base_url_env") and _needs_address(given):
+            raise ValueError(
+                f"is missing: client=direct needs the service's address, {_FOR_INSTANCE}, or a model of the list"
+            )
+        return url
+
+    @property
+    def profile(self) -> ModelProfile:
+        """The model with everything that the list and these options say of it."""
+        table = read_models(self.models)
+        entry = table.entry(self.model)
+        listed = table.services[entry.service] if entry else _unlisted(self.client)
+        traits = table.traits(self.model)
+        changes: dict[str, Any] = {"structured": self._structured(traits)}
+        if self.vision != "auto":
+            changes["images"] = self.vision == "yes"
+        if self.reasoning_effort is not None:
+            changes["reasoning_effort"] = self.reasoning_effort
+        if self.price_in is not None or self.price_out is not None:
+            changes |= {"price_in": self.price_in or 0.0, "price_out": self.price_out or 0.0, "price_cached": None}
+        traits = traits.model_copy(update=changes)
+        elsewhere = bool(self.base_url or self.base_url_env)
+        return ModelProfile(
+            served=entry.served if entry else self.model,
+            service=_unlisted(self.client) if elsewhere else listed,
+            client=self.client if elsewhere or "client" in self.model_fields_set else listed.client,
+            traits=traits,
+            temperature=self.temperature if self._is_given("temperature") or traits.takes_temperature else None,
+            insist=self._is_given("temperature"),
+            max_tokens=self.max_tokens,
+            tries=self.tries,
+        )
+
+    def _structured(self, traits: ModelTraits) -> Structured:
+        if self.structured != "auto":
+            return self.structured
+        if self.json_schema == "auto":
+            return traits.structured
+        return "none" if self.json_schema == "no" else "json_schema"
+
+    def _is_given(self, name: str) -> bool:
+        return name in self.model_fields_set
+
+    def credentials(self, profile: ModelProfile) -> Credentials:
+        """The key and the address, from the environment where they are named.
+
+        Raises `UsageError` that tells every variable that is not set, or holds no address.
+        """
+        key_variable = self.api_key_env or profile.service.key_variable
+        faults = list(_unset({"api_key_env" if self.api_key_env else "model": key_variable}))
+        faults += _unset({"base_url_env": self.base_url_env})
+        url = self.base_url or environ.get(self.base_url_env, "") or profile.service.base_url
+        service = Address("")
+        try:
+            service = _address(url) if url else service
+        except ValueError as error:  # it quotes nothing
+            faults.append(Fault("base_url_env", str(error)))
+        if faults:
+            raise options_error({"policy `react`": tuple(faults)})
+        return Credentials(service.url, environ.get(key_variable, ""), service.login, service.secrets)
+
+
+@dataclass(frozen=True, slots=True)
+class Credentials:
+    """A service's address without user and password; its key; the login and what of it must not be told."""
+
+    url: str
+    key: str = field(default="", repr=False)
+    login: str = field(default="", repr=False)
+    secrets: tuple[str, ...] = field(default=(), repr=False)
+
+
+@dataclass(frozen=True, slots=True)
+class ModelProfile:
+    """A model as a policy asks it. `served` is its name at the service; `temperature` is None if none is sent, and
+    `insist` says that somebody asked for this one; `max_tokens` bounds an answer; `tries` is per question."""
+
+    served: str
+    service: ServiceEntry
+    client: Literal["direct", "litellm"]
+    traits: ModelTraits
+    temperature: float | None
+    insist: bool
+    max_tokens: int
+    tries: int
+
+    @property
+    def vision(self) -> bool:
+        """Whether the model sees pictures."""
+        return self.traits.images
+
+    @property
+    def structured(self) -> Structured:
+        """How the service is asked for an answer of a given form."""
+        return self.traits.structured
+
+    @property
+    def context(self) -> int | None:
+        """Tokens of prompt and answer together; None if unknown."""
+        return self.traits.context
+
+    @property
+    def most_images(self) -> int | None:
+        """The most pictures of one call; None if unknown."""
+        return self.traits.most_images
+
+    @property
+    def image_side(self) -> int | None:
+        """The longer side of a picture in pixels that the model makes use of; None if unknown."""
+        return self.traits.image_side
+
+    @property
+    def image_tokens(self) -> int:
+        """The most tokens of one picture."""
+        return self.traits.image_tokens
+
+    @property
+    def extra(self) -> bytes:
+        """What else is sent with each request, a JSON object as text."""
+        return msgspec.json.encode(self.traits.extra_body)
+
+
+def _unlisted(client: str) -> ServiceEntry:
+    """A service that is not in the list: nothing is known of it, and no key of another one is sent to it."""
+    return ServiceEntry.model_validate({"client": client})
+
+
+def _needs_address(given: Mapping[str, Any]) -> bool:
+    """Whether the model is to be asked directly and is not in the list, as far as the options are right."""
+    if given.get("client") != "direct" or not {"models", "base_url_env"} <= given.keys():
+        return False
+    table = read_models(given["models"])
+    entry = table.entry(given.get("model", ""))
+    return not entry or not table.services[entry.service].base_url
+
+
+def _unset(named: Mapping[str, str]) -> Iterator[Fault]:
+    """A fault for each variable that is named by an option and not set. A name that does not look like one may be the
+    key itself: it is not repeated."""
+    for option, name in named.items():
+        if name and not environ.get(name):
+            shown = f"`{name}`" if re.fullmatch(r"[A-Z][A-Z0-9_]{0,63}", name) else "…"
+            said = f"takes the name of an environment variable, and {shown} is not set: export it first"
+            if option == "model":
+                said = f"is at a service whose key is in {shown}, which is not set: export it first"
+            yield Fault(option, said)
+
+
+def _address(url: str) -> Address:
+    try:
+        return address(url)
+    except ValueError as error:
+        raise ValueError(f"is not a service's address ({_FOR_INSTANCE}): {error}") from error

@@ -1,0 +1,250 @@
+"""The list of models: what it says of the paper's, how it is extended, what is refused, and what is then sent."""
+
+import json
+from pathlib import Path
+
+import pytest
+from lingjing_agents.llm.asking import open_model
+from lingjing_agents.llm.chat import ChatMessage
+from lingjing_agents.llm.models import read_models
+from lingjing_agents.llm.options import ModelOptions
+from lingjing_agents.llm.retry import CallDeadline
+
+from agents.tests.chat_server import Reply, completion, serve
+from lingjing.plugins.calls import UnrecordedCalls
+from lingjing.plugins.host import PluginHost
+from lingjing.plugins.options import read_options
+from lingjing.plugins.policy import UsageError
+
+PAPER = [
+    "gpt-5.5", "gpt-5.4", "gemini-3.1-pro", "kimi-k2.5", "qwen3-vl-flash", "qwen3-vl-2b", "qwen3-vl-4b", "qwen3-vl-8b",
+    "internvl3.5-8b", "pixtral-12b", "minicpm-v-4.5", "gemma-3-4b", "qwen3.7-plus",
+]  # fmt: skip
+SCHEMA = b'{"type": "object", "properties": {"thought": {"type": "string"}}}'
+KEYS = ("OPENAI_API_KEY", "GEMINI_API_KEY", "MOONSHOT_API_KEY", "DASHSCOPE_API_KEY")
+
+
+@pytest.fixture(autouse=True)
+def alone(tmp_path, monkeypatch):
+    """No list and no key of the machine's own."""
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
+    for name in ("LINGJING_MODELS", *KEYS):
+        monkeypatch.delenv(name, raising=False)
+
+
+def options(**given: object) -> ModelOptions:
+    return read_options(ModelOptions, given, "policy `test`")
+
+
+async def sent(url: str, **given: object) -> dict[str, object]:
+    with serve([Reply()]) as server:
+        model = open_model(options(base_url=server.url, **given), UnrecordedCalls())
+        await model.ask(0, (ChatMessage("user", "hi"),), CallDeadline(20), schema=SCHEMA)
+    (request,) = server.requests
+    return request
+
+
+def own_list(folder: Path, text: str) -> str:
+    path = folder / "own.toml"
+    path.write_text(text)
+    return str(path)
+
+
+def test_the_papers_models_are_listed_in_its_order_and_each_can_be_reached():
+    table = read_models()
+    assert list(table.models) == PAPER
+    for name in PAPER:
+        entry = table.models[name]
+        assert table.services[entry.service].base_url.startswith("http"), name
+        assert entry.images, name
+        assert entry.priced == (name != "qwen3-vl-flash"), name  # of that one no price was to be found
+        assert bool(entry.price_source) == bool(entry.price_in), name
+        if entry.tier == "open":
+            assert (entry.service, entry.context, entry.price_in, entry.price_out) == ("vllm", 16_384, 0.0, 0.0), name
+    assert sum(table.models[name].tier == "commercial" for name in PAPER[:12]) == 5
+
+
+def test_suites_and_lists_find_them():
+    models = PluginHost().models
+    assert set(PAPER) <= models.keys()
+    assert models["gpt-5.5"].arguments == {"model": "gpt-5.5"}
+    assert (models["gpt-5.5"].price_in, models["gpt-5.5"].price_out) == (5.0, 30.0)
+    assert models["qwen3-vl-flash"].price_in is None
+
+
+@pytest.mark.parametrize(
+    ("given", "there", "absent"),
+    [
+        (
+            {"model": "gpt-5.5"},
+            {"model": "gpt-5.5", "max_completion_tokens": 2048, "reasoning_effort": "none", "temperature": 0.0},
+            ["max_tokens"],
+        ),
+        (
+            {"model": "gpt-5.5", "reasoning_effort": "high"},
+            {"reasoning_effort": "high", "max_completion_tokens": 2048},
+            ["temperature", "max_tokens"],
+        ),
+        ({"model": "gemini-3.1-pro"}, {"reasoning_effort": "low", "max_tokens": 2048, "temperature": 0.0}, []),
+        ({"model": "kimi-k2.5"}, {"thinking": {"type": "disabled"}}, ["temperature", "reasoning_effort"]),
+        (
+            {"model": "qwen3.7-plus"},
+            {"enable_thinking": False, "response_format": {"type": "json_object"}, "temperature": 0.0},
+            ["tools"],
+        ),
+        (
+            {"model": "minicpm-v-4.5"},
+            {"model": "openbmb/MiniCPM-V-4_5", "chat_template_kwargs": {"enable_thinking": False}},
+            [],
+        ),
+        ({"model": "o3"}, {"max_completion_tokens": 2048}, ["temperature", "max_tokens"]),
+        ({"model": "mystery", "structured": "none"}, {"max_tokens": 2048}, ["response_format", "tools"]),
+    ],
+)
+async def test_each_model_is_asked_its_way(given, there, absent):
+    request = await sent("", **given)
+    assert {name: request.get(name) for name in there} == there
+    assert not set(absent) & request.keys()
+
+
+async def test_a_step_can_come_as_a_tools_arguments():
+    reply = completion(Reply())
+    step = {"thought": "by a tool", "command": None, "messages": []}
+    call = {"id": "1", "type": "function", "function": {"name": "step", "arguments": json.dumps(step)}}
+    reply["choices"][0]["message"] = {"role": "assistant", "content": None, "tool_calls": [call], "reasoning": "so"}
+    with serve([Reply(body=json.dumps(reply))]) as server:
+        model = open_model(options(model="m", base_url=server.url, structured="tool"), UnrecordedCalls())
+        answer = await model.ask(0, (ChatMessage("user", "hi"),), CallDeadline(20), schema=SCHEMA)
+    assert json.loads(answer.text) == step
+    assert answer.reasoning == "so"
+    (request,) = server.requests
+    assert request["tools"][0]["function"]["parameters"] == json.loads(SCHEMA)
+    assert request["tool_choice"]["function"]["name"] == "step"
+
+
+async def test_kept_tokens_have_their_own_price():
+    reply = completion(Reply())
+    reply["usage"] = {
+        "prompt_tokens": 1000, "completion_tokens": 10, "prompt_tokens_details": {"cached_tokens": 900}
+    }  # fmt: skip
+    with serve([Reply(body=json.dumps(reply))]) as server:
+        model = open_model(options(model="gpt-5.5", base_url=server.url), UnrecordedCalls())
+        await model.ask(0, (ChatMessage("user", "hi"),), CallDeadline(20))
+    assert model.bill().cost_usd == pytest.approx((100 * 5.0 + 900 * 0.5 + 10 * 30.0) / 1e6)
+    assert model.bill().calls == 0
+
+
+async def test_a_listed_key_goes_to_the_listed_service_and_to_no_other(monkeypatch):
+    monkeypatch.setenv("OPENAI_API_KEY", "sk-listed-key-0123456789")
+    with serve([Reply()]) as server:
+        model = open_model(options(model="gpt-5.5", base_url=server.url), UnrecordedCalls())
+        await model.ask(0, (ChatMessage("user", "hi"),), CallDeadline(20))
+    assert server.keys == [""]
+
+
+async def test_a_list_of_ones_own_adds_and_replaces(tmp_path, monkeypatch):
+    monkeypatch.setenv("OWN_KEY", "own-key-0123456789")
+    with serve([Reply()]) as server:
+        path = own_list(
+            tmp_path,
+            f"""
+            [services.lab]
+            base_url = "{server.url}"
+            key_variable = "OWN_KEY"
+            [models."qwen3-vl-8b"]
+            service = "lab"
+            served = "our-finetune"
+            [models.another]
+            service = "vllm"
+            served = "x"
+            """,
+        )
+        model = open_model(options(model="qwen3-vl-8b", models=path), UnrecordedCalls())
+        await model.ask(0, (ChatMessage("user", "hi"),), CallDeadline(20))
+        assert server.requests[0]["model"] == "our-finetune"
+        assert server.keys == ["Bearer own-key-0123456789"]
+    assert set(read_models(Path(path)).models) == {*PAPER, "another"}
+    monkeypatch.setenv("LINGJING_MODELS", path)
+    assert "another" in read_models().models
+    monkeypatch.delenv("LINGJING_MODELS")
+    (tmp_path / "config" / "lingjing").mkdir(parents=True)
+    Path(path).rename(tmp_path / "config" / "lingjing" / "models.toml")
+    assert "another" in read_models().models
+
+
+def test_every_fault_of_a_list_is_told_at_once_with_its_path(tmp_path):
+    path = own_list(
+        tmp_path,
+        """
+        [services.lab]
+        base_url = "lab.example"
+        concurrency = 0
+        [models.one]
+        service = "nowhere"
+        served = "one"
+        price_in = -1.0
+        temprature = "no"
+        [models.two]
+        service = "lab"
+        limit = "tokens"
+        [models.three]
+        service = "lab"
+        served = "three"
+        price_in = 1.0
+        [[families]]
+        images = "yes"
+        """,
+    )
+    with pytest.raises(UsageError) as caught:
+        read_models(Path(path))
+    found = {fault.where: fault.message for fault in caught.value.faults}
+    assert found == {
+        "services.lab.base_url": "it does not begin with http:// or https:// and a host",
+        "services.lab.concurrency": "is 0, at least 1 is due",
+        "models.one.price_in": "is -1, at least 0 is due",
+        "models.one.temprature": "is not known",
+        "models.one.service": f"no service is called `nowhere`; there are: {', '.join(read_models().services)}, lab",
+        "models.two.served": "is missing",
+        "models.two.limit": "is 'tokens', 'max_tokens' or 'max_completion_tokens' is due",
+        "models.three": "price_in and price_out go together: give both, or neither",
+        "families.0.pattern": "is missing",
+        "families.0.images": "is 'yes', yes or no is due",
+    }
+    assert all(f"{path}: {where}: " in str(caught.value) for where in found)
+
+
+@pytest.mark.parametrize("text", ["models = 3", "[models]\nx = 1", "services = []", "[[models]]"])
+def test_a_list_of_the_wrong_shape_is_told(tmp_path, text):
+    with pytest.raises(UsageError, match=r"an object is due|a list is due"):
+        read_models(Path(own_list(tmp_path, text)))
+
+
+@pytest.mark.parametrize(
+    ("data", "said"), [(b"[models", "is not TOML"), (b"\xff", "is not TOML"), (b"a=" + b"[" * 5000, "TOML")]
+)
+def test_what_is_no_toml_is_told(tmp_path, data, said):
+    path = tmp_path / "own.toml"
+    path.write_bytes(data)
+    with pytest.raises(UsageError, match=said):
+        read_models(path)
+
+
+def test_what_cannot_be_asked_is_told(tmp_path):
+    with pytest.raises(UsageError, match="cannot read the models in"):
+        options(model="gpt-5.5", models=str(tmp_path / "missing.toml"))
+    with pytest.raises(UsageError, match="or a model of the list"):
+        options(model="gpt-5.9")
+    with pytest.raises(UsageError, match="OPENAI_API_KEY`, which is not set"):
+        open_model(options(model="gpt-5.5"), UnrecordedCalls())
+
+
+class Capped(UnrecordedCalls):
+    capped = True
+
+
+def test_without_a_price_no_money_is_capped():
+    given = {"model": "qwen3-vl-flash", "base_url": "http://localhost:1/v1"}
+    with pytest.raises(UsageError, match="nobody has said what `qwen3-vl-flash` costs"):
+        open_model(options(**given), Capped())
+    for more in ({"price_in": 0, "price_out": 0}, {"price_in": 1, "price_out": 2}):
+        assert open_model(options(**given, **more), Capped()).profile.traits.priced
