@@ -1,6 +1,7 @@
 # Every target sets up what it needs first; a second run sets nothing up again.
 PYTHON3 ?= python3
 BIN := .venv/bin
+STUDY ?= reference -j 2
 PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder -q
 
 .PHONY: help setup demo test check bench study pictures missions selfcheck clean
@@ -10,10 +11,10 @@ help:
 	@echo 'make test    run the tests'
 	@echo 'make check   ruff, mypy, import contracts and the tests'
 	@echo 'make bench   compare with others, side by side'
-	@echo 'make study   seeds 0-19, every mission in every mode, all reference agents: hours (STUDY="--sweeps --seeds 5")'
+	@echo 'make study   a suite: seeds 0-19, every mission in every mode, all reference agents: hours (STUDY="main --limit 1")'
 	@echo 'make pictures  draw the contact sheet in docs/images'
 	@echo 'make selfcheck  store the digest of the self-check anew, after a change of what engines compute'
-	@echo 'make missions  play every mission and write its page in docs/missions (RESULTS=results.json of a study)'
+	@echo 'make missions  play every mission and write its page in docs/missions (RESULTS=a suite's folder)'
 
 setup:
 	@$(PYTHON3) tools/setup.py
@@ -36,7 +37,7 @@ bench: setup
 	@$(BIN)/python benchmarks/all.py
 
 study: setup
-	@$(BIN)/python -m lingjing.bench.study $(STUDY)
+	@$(BIN)/lingjing bench $(STUDY)
 
 selfcheck: setup
 	@$(BIN)/python -m lingjing.play.selfcheck

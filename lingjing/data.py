@@ -15,13 +15,14 @@ _FOLDERS = {
     "std": Path("scenarios", "std"),
     "scenarios": Path("scenarios"),
     "schemas": Path("schemas"),
+    "suites": Path("suites"),
     "errors": Path("docs", "errors"),
 }
 
 
 def data_path(*parts: str) -> Path:
-    """The path of shipped data: the first part is `std`, `scenarios`, `schemas` or `errors` (the pages of
-    the error codes), the rest goes below it.
+    """The path of shipped data: the first part is `std`, `scenarios`, `schemas`, `suites` or `errors` (the
+    pages of the error codes), the rest goes below it.
 
     The packaged copy wins; without one the repository's folder answers. The path need not exist. An unknown first
     part raises `KeyError`.

@@ -35,7 +35,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("missions", nargs="*", help="names of shipped missions (default: all)")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--traces", type=Path, default=ROOT / "runs" / "missions", help="where the traces are kept")
-    parser.add_argument("--results", type=Path, help="a study's results.json, for the tables of results")
+    parser.add_argument("--results", type=Path, help="a suite's folder or .parquet file, for the tables of results")
     parser.add_argument("--again", action="store_true", help="play again what has been played")
     parser.add_argument("-o", "--output", type=Path, default=ROOT / "docs" / "missions")
     args = parser.parse_args(argv)

@@ -1,5 +1,11 @@
-"""Many episodes: matched seeds over missions, modes and policies.
+"""Suites of many episodes: entrants x missions x modes x conditions x seeds, and the tables that are made of them.
 
-`columns` are missions in their modes and at the values of their sweeps → `study` plays each with the same seeds, goes
-on where it was stopped and prints the table → `countdown` says how long the rest takes.
+`suite` reads what people write → `planning` looks its names up and makes cells of it (`columns` are missions in their
+modes and at the values of their sweeps) → `running` plays what a `folder` does not have yet, through an executor of
+`executors`, and says with `countdown` how long the rest takes → `rows` are what is kept, as `parquet` → `played` is
+what a cell's rows amount to, with `statistics` for intervals and tests → `tables` of `table_cells` → `exports`.
+In: a TOML file; out: rows that one can query, tables in the paper's form.
+
+Invariants: a seed is the same instance in every cell of a mission; a row is written whole or not at all; an
+infrastructure abort never counts for or against anybody, and is never hidden.
 """

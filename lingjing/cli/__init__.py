@@ -8,6 +8,7 @@
 - `scene`                                          a map → a city
 - `run` ← `arguments` (what options mean), `progress` (the live line), `watch` (the episode in the terminal),
   `scorecard` (the numbers of one episode), `results` (what is printed of one or many)
+- `bench`                                          a suite of many episodes: its rows, its tables
 - `plugins` ← `installed`, `new` ← `newengine`      what is installed, what is begun
 - `doctor` ← `libraries`                           what the machine lacks
 """

@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import math
-import re
 from collections.abc import Iterable, Mapping
 from functools import partial
 
 from lingjing.errors import ErrorCollector, Fault, UsageError
-from lingjing.mission.expression import Expr, Number
 from lingjing.mission.model import Mission
-from lingjing.mission.units import Unit, dimension_name, unit_of
-
-_QUANTITY = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S*)", re.ASCII)
+from lingjing.mission.settings import read_setting
 
 MODES = ("star", "broadcast", "single")
 """What `--mode` takes; whether the mission has it is said by the mission."""
@@ -73,33 +68,17 @@ def parse_settings(
     With `errors` the faults go there and what is left is returned. Without a mission every unit will do.
     """
     found = ErrorCollector() if errors is None else errors
-    units = {parameter.name: _unit_of(parameter.default) for parameter in (mission.parameters if mission else ())}
-    read = {name: found.attempt(partial(_quantity, name, text, units.get(name)), None) for name, text in pairs.items()}
+
+    def read(name: str, text: str) -> float:
+        try:
+            return read_setting(mission, name, text)
+        except UsageError as error:
+            raise _fault(f"settings.{name}", f"--set {name}={text}: {error}", error.hint) from None
+
+    values = {name: found.attempt(partial(read, name, text), None) for name, text in pairs.items()}
     if errors is None:
         found.check()
-    return {name: value for name, value in read.items() if value is not None}
-
-
-def _unit_of(default: Expr) -> Unit | None:
-    """The unit of a parameter whose default is a plain quantity; None where it is computed."""
-    return unit_of(default.unit) if isinstance(default, Number) and default.unit else None
-
-
-def _quantity(name: str, text: str, expected: Unit | None) -> float:
-    match = _QUANTITY.fullmatch(text)
-    value = float(match[1]) if match else math.nan
-    where, given = f"settings.{name}", f"--set {name}={text}"
-    if match is None or not math.isfinite(value):
-        raise _fault(where, f"{given}: `{text}` is not a number", "write a number, then its unit")
-    if not match[2]:
-        return value
-    unit = unit_of(match[2])
-    if unit is None:
-        raise _fault(where, f"{given}: there is no unit `{match[2]}`", "without a unit it is in SI units")
-    if expected is not None and unit.dimension != expected.dimension:
-        named = dimension_name(unit.dimension), dimension_name(expected.dimension)
-        raise _fault(where, f"{given}: {named[0]} where {named[1]} is due")
-    return value * unit.factor
+    return {name: value for name, value in values.items() if value is not None}
 
 
 def _fault(where: str, message: str, hint: str = "") -> UsageError:

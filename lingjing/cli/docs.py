@@ -18,7 +18,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         "--trace", metavar="TRACE", nargs="+", default=[],
         help="traces of the mission: adds the first one's map and the best picture of each camera",
     )  # fmt: skip
-    parser.add_argument("--results", metavar="RESULTS.json", help="a study's results: adds their table")
+    parser.add_argument("--results", metavar="RESULTS", help="a suite's folder or .parquet file: adds its table")
     parser.add_argument(
         "-o", "--output", metavar="OUT",
         help="where to write: a file (default: standard output), or with --trace or --results a folder",

@@ -13,7 +13,7 @@ from lingjing.mission.model import Mission
 
 if TYPE_CHECKING:
     from lingjing.analysis.page_pictures import ShownFrame
-    from lingjing.bench.study import StudyRow
+    from lingjing.bench.rows import SuiteRow
     from lingjing.trace.reader import Trace
 
 ENDINGS = {"success": "won", "failure": "lost", "budget": "out of time", "late": "late", "constraint": "lost"}
@@ -61,10 +61,10 @@ def _trace(path: Path, mission: Mission) -> Trace:
     return trace
 
 
-def _rows(path: Path, mission: Mission) -> list[StudyRow]:
-    from lingjing.bench.study import read_rows
+def _rows(path: Path, mission: Mission) -> list[SuiteRow]:
+    from lingjing.bench.folder import read_results
 
-    return [row for row in read_rows(path) if row.report.mission == mission.name]
+    return [row for row in read_results(path) if row.mission == mission.name]
 
 
 def _episode(mission: Mission, traces: Sequence[Trace], folder: Path) -> Iterator[str]:
@@ -117,10 +117,11 @@ def _plain(shown: ShownFrame) -> str:
     return re.sub(r"[^a-z0-9]+", "-", f"{shown.info.entity}-{shown.info.camera}".lower()).strip("-")
 
 
-def _results(rows: Sequence[StudyRow]) -> list[str]:
-    from lingjing.bench.study import table
+def _results(rows: Sequence[SuiteRow]) -> list[str]:
+    from lingjing.bench.exports import to_markdown
+    from lingjing.bench.tables import make_tables
 
-    return [table(rows)] if rows else []
+    return [to_markdown(table) for table in make_tables(rows, ("intervals", "cost"))]
 
 
 def _graph(mission: Mission, folder: Path) -> str:

@@ -3,14 +3,27 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from typing import Any
 
 
 class ArgumentParser(argparse.ArgumentParser):
     """An `ArgumentParser` whose complaint about a word that is no choice says which one may be meant.
 
     Parsers of verbs and actions are of this class too: argparse makes them of their parent's.
+    `implied_word` is the action that is meant where the first word is none, if it is given.
     """
+
+    implied_word = ""
+
+    def parse_known_args(self, args: Sequence[str] | None = None, namespace: Any = None) -> Any:  # type: ignore[override]
+        """Argparse's, with the implied action put before what is no action."""
+        if self.implied_word and args is not None:
+            actions = [one for one in self._actions if isinstance(one, argparse._SubParsersAction)]
+            known = {"-h", "--help", *(name for one in actions for name in one.choices)}
+            if not args or args[0] not in known:
+                args = [self.implied_word, *args]
+        return super().parse_known_args(args, namespace)
 
     def _check_value(self, action: argparse.Action, value: object) -> None:
         try:

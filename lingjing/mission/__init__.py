@@ -21,7 +21,7 @@ Modules in the order a mission passes them:
 - `instance_entities`, `instance_agents`, `instance_rules`, `prompt_filling`, `instantiate`: (mission, seed, mode,
   settings) to an `Instance` of `instance`, the reset specification: its entities, its agents and messages, its events
   and limits, its texts. `trial`: what playing would refuse, found without playing.
-- `schedule`: the weather at a time, and who is there.
+- `settings`: values of parameters as people write them. `schedule`: the weather at a time, and who is there.
 - `feasibility`: proofs that a mission cannot be won. `tasks`: what it asks of whom.
 - `wording`: holes in texts, and values in words.
 - `graph`, `draw`: the mission as typed nodes and edges, and pictures of that in SVG, Mermaid and DOT.

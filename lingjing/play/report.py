@@ -27,7 +27,8 @@ class EpisodeReport(msgspec.Struct, frozen=True, kw_only=True):
     policies' random streams; `scr` is the subtask completion rate, `score` the mission's own with its weights and
     penalties; `incidents` say who crashed, fell or ran out of energy, `happened` are the mission's own events;
     `withdrawn` is what computed otherwise than the promise of one digest on every processor asks, by process.
-    `metrics` is None for an episode whose process left nothing to count.
+    `metrics` is None for an episode whose process left nothing to count. `crashed` is whether what ended or ruined that
+    process can only have been its policy.
     """
 
     mission: str
@@ -51,6 +52,7 @@ class EpisodeReport(msgspec.Struct, frozen=True, kw_only=True):
     incidents: tuple[Incident, ...] = ()
     happened: tuple[TaskEvent, ...] = ()
     withdrawn: tuple[str, ...] = ()
+    crashed: bool = False
 
     @property
     def folder(self) -> Path:

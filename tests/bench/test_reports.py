@@ -1,4 +1,4 @@
-"""Reports of several episodes, and the study's bookkeeping."""
+"""Reports of several episodes, episodes in child processes, and the columns of suites."""
 
 from __future__ import annotations
 
@@ -11,17 +11,13 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from lingjing.bench.columns import Column, columns, shipped
-from lingjing.bench.countdown import Countdown
-from lingjing.bench.study import CASES, Study, StudyRow, _bar, missing, play, table
+from lingjing.bench.columns import columns, shipped
 from lingjing.errors import InfrastructureError, UsageError
 from lingjing.play import parallel
 from lingjing.play.options import PlayOptions
 from lingjing.play.parallel import EpisodeTask, play_apart
 from lingjing.play.report import ABORTED, EpisodeReport, summarise
 from tests.play.report_kit import blank_metrics, made_report
-
-STAR = Column(Path("m.ljs"), "m", "star")
 
 ECHO = """
 import json, sys
@@ -94,6 +90,25 @@ def test_a_child_without_a_result_is_an_abort(child, tmp_path: Path, code: str) 
     assert (report.reason, report.detail) == (ABORTED, "its process ended without a result (exit code 0)")
 
 
+def test_a_killed_child_is_an_abort_of_its_episode_alone(child, tmp_path: Path) -> None:
+    child(
+        ECHO.replace(
+            "print(",
+            "import os, pathlib\n"
+            "folder = pathlib.Path(FOLDER, str(options['seed']))\n"
+            "folder.mkdir()\n"
+            "(folder / 'trace.mcap.part').touch()\n"
+            "if options['seed'] == 0: os.kill(os.getpid(), 9)\n"
+            "print(",
+            1,
+        ).replace("FOLDER", repr(str(tmp_path)))
+    )
+    reports = {task.options.seed: report for task, report in play_apart(tasks(2, tmp_path), jobs=1)}
+    assert reports[1].reason == "success"
+    assert (reports[0].reason, reports[0].detail) == (ABORTED, "its process was killed by signal 9")
+    assert reports[0].trace == str(tmp_path / "0" / "trace.mcap.part")
+
+
 def test_no_child_is_left_behind(child, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     child("import time; time.sleep(600)")
     started: list[subprocess.Popen[bytes]] = []
@@ -120,39 +135,6 @@ def test_no_child_is_left_behind(child, tmp_path: Path, monkeypatch: pytest.Monk
     assert all(process.poll() is not None for process in started)
 
 
-def test_a_study_goes_on_where_it_was(child, tmp_path: Path) -> None:
-    child(ECHO)
-    cases = CASES[:2]
-    study = Study(tmp_path)
-    first = missing(study, cases, [STAR], range(2))
-    assert [(one.case.name, one.task.options.seed) for one in first] == [
-        ("oracle", 0), ("heuristic", 0), ("oracle", 1), ("heuristic", 1),
-    ]  # fmt: skip
-    for one in first:
-        one.task.folder.mkdir()
-    play(study, first[:3], jobs=2, keep=True)
-    again = Study(tmp_path)
-    assert {(row.case, row.report.seed) for row in again.rows} == {("oracle", 0), ("heuristic", 0), ("oracle", 1)}
-    left = missing(again, cases, [STAR], range(2))
-    assert [(one.case.name, one.task.options.seed) for one in left] == [("heuristic", 1)]
-
-
-def policy_seeds(study: Study) -> dict[tuple[str, int], int]:
-    episodes = missing(study, CASES[:2], [STAR], range(50))
-    return {(one.case.name, one.task.options.seed): one.task.options.policy_seed for one in episodes}
-
-
-def test_policy_seeds_come_from_the_studys_own_salt(tmp_path: Path) -> None:
-    folders = [tmp_path / name for name in ("a", "b", "c")]
-    for folder in folders:
-        folder.mkdir()
-    first, other = policy_seeds(Study(folders[0])), policy_seeds(Study(folders[1]))
-    assert len({*first.values(), *other.values()}) == 200, "one of its own for every row of every study"
-    assert policy_seeds(Study(folders[0])) == first, "a study that goes on draws the same"
-    (folders[2] / "salt").write_text((folders[0] / "salt").read_text())
-    assert policy_seeds(Study(folders[2])) == first, "the same salt draws the same"
-
-
 def test_an_episode_is_told_its_options_and_its_row_keeps_the_policy_seed(child, tmp_path: Path) -> None:
     child("import sys; sys.stderr.write(sys.stdin.read()); sys.exit(2)")
     task = EpisodeTask(PlayOptions(mission="m.ljs", settings={"uavs": 2.0}, policy_seed=77), tmp_path / "run")
@@ -160,28 +142,6 @@ def test_an_episode_is_told_its_options_and_its_row_keeps_the_policy_seed(child,
         list(play_apart([task], jobs=1))
     assert msgspec.json.decode(str(told.value), type=PlayOptions) == task.options
     assert parallel.without_result(task, "gone").policy_seed == 77
-
-
-def test_an_aborted_episode_is_played_again_with_its_seed(child, tmp_path: Path) -> None:
-    marker = tmp_path / "tried"
-    child(
-        "import pathlib\n"
-        f"marker = pathlib.Path({str(marker)!r})\n"
-        f"reason = 'success' if marker.exists() else {ABORTED!r}\n"
-        "marker.touch()\n" + ECHO.replace('"reason": "success"', '"reason": reason')
-    )
-    study = Study(tmp_path)
-    play(study, missing(study, CASES[:1], [STAR], range(1)), jobs=1, keep=True)
-    assert [(row.tries, row.report.reason) for row in study.rows] == [(2, "success")]
-
-
-def test_the_table_counts_successes_of_what_was_not_aborted() -> None:
-    rows = [
-        StudyRow(case="oracle", column="m-star", wall_s=4.0, report=report(0, success=True, reason="success", scr=1.0)),
-        StudyRow(case="oracle", column="m-star", wall_s=6.0, report=report(1, success=False, scr=0.5)),
-        StudyRow(case="oracle", column="m-star", wall_s=9.0, report=report(2, success=False, reason=ABORTED)),
-    ]
-    assert table(rows).splitlines()[2:] == ["| m-star | oracle | 1 of 2 | 0.75 | 10.0 | 1 | 5 |"]
 
 
 def test_the_columns_are_the_shipped_missions_in_the_modes_that_they_allow() -> None:
@@ -194,18 +154,3 @@ def test_the_columns_are_the_shipped_missions_in_the_modes_that_they_allow() -> 
         {"replans_most": 3.0},
         {"replans_most": 6.0},
     ]
-
-
-def test_the_time_left_is_that_of_each_kind_of_episode() -> None:
-    countdown = Countdown(2, ["quick", "quick", "slow", "new"])
-    assert countdown.left_s != countdown.left_s
-    countdown.done("quick", 10.0)
-    countdown.learn("slow", 90.0)
-    assert countdown.left_s == (10.0 + 90.0 + 50.0) / 2
-
-
-def test_the_bar_says_what_is_done_and_left() -> None:
-    assert _bar(0, 20, float("nan")) == "[..........] 0/20, ? left:"
-    assert _bar(10, 20, 3900.0) == "[#####.....] 10/20, 1 h 05 min left:"
-    assert _bar(19, 20, 100.0) == "[##########] 19/20, 2 min left:"
-    assert _bar(20, 20, 0.4) == "[##########] 20/20, 0 s left:"

@@ -1,4 +1,4 @@
-"""The page on studies: its commands are understood, and its table names what the missions declare."""
+"""The page on studies: its commands are understood, its suite is right, and its table names what missions declare."""
 
 from __future__ import annotations
 
@@ -9,23 +9,38 @@ from pathlib import Path
 import pytest
 
 import lingjing
-from lingjing.bench import study
 from lingjing.bench.columns import columns, shipped
+from lingjing.bench.running import SuiteRun
+from lingjing.bench.tables import TABLES
+from lingjing.cli import bench
 from lingjing.cli.arguments import parse_pairs, parse_settings
+from lingjing.cli.main import main
 from lingjing.dsl.loading.load import load_mission
 
 PAGE = (Path(lingjing.__file__).parents[1] / "docs" / "studies.md").read_text(encoding="utf-8")
-ROWS = re.findall(r"^\| `(\w+)` \| (.*?) \| `(.*?)` \|$", PAGE, flags=re.MULTILINE)
+ROWS = re.findall(r"^\| `(\w+)` \| (.*?) \| `(--set .*?)` \|$", PAGE, flags=re.MULTILINE)
 
 
 def test_its_commands_are_understood(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.chdir(tmp_path)
     played: list[int] = []
-    monkeypatch.setattr(study, "play", lambda results, episodes, jobs, **how: played.append(len(episodes)))
+    monkeypatch.setattr(SuiteRun, "play", lambda self, episodes: played.append(len(episodes)))
     (block,) = re.findall(r"^```console\n(.*?)^```", PAGE, flags=re.MULTILINE | re.DOTALL)
     for line in block.splitlines():
-        assert study.main(shlex.split(line)[3:]) == 0
+        assert main(shlex.split(line)[1:]) == 0
     assert played == [100 * len(columns(shipped())), 2 * 2 * 20, 4 * 5]
+
+
+def test_its_suite_is_right(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (block,) = re.findall(r"^```toml\n(.*?)^```", PAGE, flags=re.MULTILINE | re.DOTALL)
+    (tmp_path / "altitude.toml").write_text(block)
+    assert main(["bench", str(tmp_path / "altitude.toml"), "--check"]) == 0
+    assert "2 entrants in 2 columns, 20 seeds: 80 episodes" in capsys.readouterr().err
+
+
+def test_it_names_every_table() -> None:
+    named = re.findall(r"^\| `(\w+)` \| [^|]+ \|$", PAGE, flags=re.MULTILINE)
+    assert tuple(named) == tuple(TABLES) == bench.KINDS
 
 
 @pytest.mark.parametrize(("name", "values", "by_hand"), ROWS, ids=[row[0] for row in ROWS])

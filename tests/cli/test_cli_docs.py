@@ -7,13 +7,11 @@ import re
 import sys
 from pathlib import Path
 
-import msgspec
 import pytest
 
-from lingjing.bench.study import StudyRow
+from lingjing.bench.parquet import encode_rows
 from lingjing.cli.main import main
-from lingjing.play.report import EpisodeReport
-from tests.play.report_kit import made_report
+from tests.bench.suite_kit import made_row
 
 
 @pytest.fixture(scope="module")
@@ -30,16 +28,12 @@ def played(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def results(path: Path) -> Path:
-    def report(mission: str) -> EpisodeReport:
-        return made_report(mission=mission, seed=0, policy="oracle", ticks=12)
-
-    rows = [StudyRow(case="oracle", column=f"{name}-star", report=report(name)) for name in ("ssr", "cd")]
-    path.write_bytes(msgspec.json.encode(rows))
+    path.write_bytes(encode_rows([made_row(entrant="oracle", mission=name) for name in ("ssr", "cd")]))
     return path
 
 
 def test_a_page_with_pictures_and_results(played: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    table = results(tmp_path / "results.json")
+    table = results(tmp_path / "results.parquet")
     code = main(["docs", "ssr", "--trace", str(played), "--results", str(table), "-o", str(tmp_path / "pages")])
     assert code == 0
     assert capsys.readouterr().out == f"{tmp_path}/pages/ssr.md\n"
@@ -51,7 +45,7 @@ def test_a_page_with_pictures_and_results(played: Path, tmp_path: Path, capsys: 
     heads = re.findall(r"^## (.+)$", text, re.MULTILINE)
     assert heads[:4] == ["An episode", "What each agent sees", "What counts", "How well it is played"]
     assert "| rescue (victim) | the `vessel` engine | ≤ 50 m |" in text
-    assert "ssr-star" in text and "cd-star" not in text
+    assert "| oracle | 100 \\[21, 100\\] (1/1) | 100 |" in text and "| SSR |" in text and "CD" not in text
     assert "seed 7, broadcast, played by `heuristic`" in text
 
 
@@ -62,8 +56,8 @@ def test_a_page_with_pictures_and_results(played: Path, tmp_path: Path, capsys: 
         (("docs", "ssr", "--trace", "{trace}"), "a page with pictures needs a folder"),
         (("docs", "ssr", "--trace", "{trace}", "-o", "-"), "a page with pictures needs a folder"),
         (("docs", "ssr", "--trace", "none.mcap", "-o", "{out}"), "none.mcap"),
-        (("docs", "ssr", "--results", "{trace}", "-o", "{out}"), "holds no results of a study"),
-        (("docs", "ssr", "--results", "none.json", "-o", "{out}"), "cannot read none.json"),
+        (("docs", "ssr", "--results", "{trace}", "-o", "{out}"), "holds no results of a suite"),
+        (("docs", "ssr", "--results", "none.parquet", "-o", "{out}"), "cannot read none.parquet"),
         (("docs", "ssr", "--trace", "{trace}", "-o", "/proc/nowhere"), "/proc/nowhere"),
     ],
 )

@@ -54,7 +54,7 @@ def declared(pyproject: Path, *extras: str) -> set[str]:
 
 def test_the_core_declares_what_it_imports_and_nothing_else() -> None:
     run_as_programs = {"eclipse-sumo", "graphviz-pure"}  # netconvert, and what lays graphs out
-    asked = declared(ROOT / "pyproject.toml", "lsp", "road", "quadruped", "maps", "envs")
+    asked = declared(ROOT / "pyproject.toml", "bench", "lsp", "road", "quadruped", "maps", "envs")
     assert distributions(set(foreign(CORE))) == asked - run_as_programs
 
 

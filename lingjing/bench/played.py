@@ -1,0 +1,74 @@
+"""What the counted episodes of a cell amount to: rates, means, medians, pooled counts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from statistics import median
+
+from lingjing.analysis.metrics import Metrics
+from lingjing.bench.rows import SuiteRow
+
+
+@dataclass(frozen=True, slots=True)
+class Played:
+    """The counted episodes of one cell, or of several that are taken together."""
+
+    rows: tuple[SuiteRow, ...]
+
+    def won(self) -> dict[int, bool]:
+        """Whether the episode of each seed was won."""
+        return {row.seed: row.report.success for row in self.rows}
+
+    def rate(self) -> float:
+        """The share of successes; nan where nothing was played."""
+        return mean_of([float(row.report.success) for row in self.rows])
+
+    def scr(self) -> float:
+        """The mean subtask completion rate."""
+        return mean_of([row.report.scr for row in self.rows])
+
+    def metrics(self) -> list[Metrics]:
+        """The metrics of all that have any."""
+        return [row.report.metrics for row in self.rows if row.report.metrics is not None]
+
+    def mean(self, name: str) -> float:
+        """The mean of a metric over the episodes in which it is defined."""
+        found = (getattr(one, name) for one in self.metrics())
+        return mean_of([float(value) for value in found if value is not None])
+
+    def middle(self, name: str) -> float:
+        """The median of a metric over the episodes in which it is defined."""
+        values = [float(value) for one in self.metrics() if (value := getattr(one, name)) is not None]
+        return median(values) if values else math.nan
+
+    def weighted(self, name: str, weight: str) -> float:
+        """The mean of a rate over what `weight` counts in each episode, as over one pool of all of them."""
+        pairs = [(getattr(one, name), getattr(one, weight)) for one in self.metrics()]
+        known = [(float(value), float(count)) for value, count in pairs if value is not None]
+        whole = sum(count for _, count in known)
+        return sum(value * count for value, count in known) / whole if whole else math.nan
+
+    def f1(self) -> float:
+        """Detection F1 over the pooled counts."""
+        found = [
+            one for one in self.metrics() if one.f1 is not None or one.precision is not None or one.recall is not None
+        ]
+        hits = sum(one.detections for one in found)
+        wrong = sum(one.false_positives + one.misses for one in found)
+        return 2 * hits / (2 * hits + wrong) if hits + wrong else math.nan
+
+    def stages(self) -> dict[str, float]:
+        """The share of episodes that completed each stage and all before it, in the mission's order."""
+        names = dict.fromkeys(stage.name for one in self.metrics() for stage in one.stages)
+        each = [{stage.name: stage.cumulative for stage in one.stages} for one in self.metrics()]
+        return {name: mean_of([float(one[name]) for one in each if name in one]) for name in names}
+
+
+def mean_of(values: Sequence[float]) -> float:
+    """The mean; nan of nothing."""
+    return sum(values) / len(values) if values else math.nan
+
+
+__all__ = ["Played", "mean_of"]

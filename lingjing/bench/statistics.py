@@ -1,0 +1,119 @@
+"""Intervals and tests for the numbers of tables: Wilson's interval, the bootstrap, McNemar's test, Holm's correction.
+
+Everything is a function of its arguments: the bootstrap draws from a stream of its own that starts from a fixed seed.
+Levels are 0.95 everywhere.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+LEVEL = 0.95
+DRAWS = 2000
+"""Bootstrap samples; more move the ends of an interval by less than a tenth of a point at 100 episodes."""
+
+_Z = 1.959963984540054
+"""The standard normal quantile at 0.975."""
+
+
+class ConfidenceBounds(NamedTuple):
+    """The ends of a confidence interval."""
+
+    low: float
+    high: float
+
+
+class PairedTest(NamedTuple):
+    """McNemar's test of two entrants on the same instances: how often only the one or only the other won, and p."""
+
+    pairs: int
+    only_first: int
+    only_second: int
+    p: float
+
+
+def wilson(won: int, played: int) -> ConfidenceBounds:
+    """Wilson's score interval of a share of successes; nan where nothing was played."""
+    if not played:
+        return ConfidenceBounds(math.nan, math.nan)
+    share, square = won / played, _Z * _Z / played
+    middle = (share + square / 2) / (1 + square)
+    half = _Z * math.sqrt(share * (1 - share) / played + square / played / 4) / (1 + square)
+    return ConfidenceBounds(middle - half if won else 0.0, middle + half if won < played else 1.0)
+
+
+def bootstrap(values: Sequence[float]) -> ConfidenceBounds:
+    """The percentile bootstrap interval of a mean; nan of nothing, the value itself of one."""
+    if not values:
+        return ConfidenceBounds(math.nan, math.nan)
+    drawn = np.asarray(values, dtype=np.float64)
+    means = drawn[_generator().integers(0, len(drawn), (DRAWS, len(drawn)))].mean(axis=1)
+    return _quantiles(means)
+
+
+def macro_average(columns: Mapping[tuple[str, str], Mapping[int, float]]) -> float:
+    """The task-balanced mean: over modes within a mission first, then over missions; `columns` are values by
+    (mission, mode) and seed."""
+    missions: dict[str, list[float]] = {}
+    for (mission, _), values in columns.items():
+        missions.setdefault(mission, []).append(sum(values.values()) / len(values))
+    means = [sum(each) / len(each) for each in missions.values()]
+    return sum(means) / len(means)
+
+
+def macro_bounds(columns: Mapping[tuple[str, str], Mapping[int, float]]) -> ConfidenceBounds:
+    """The bootstrap interval of the macro average. The seeds of a mission are drawn together in all of its modes, since
+    a seed is the same instance in each."""
+    random = _generator()
+    drawn_means = []
+    for mission in dict.fromkeys(mission for mission, _ in columns):
+        modes = [values for (name, _), values in columns.items() if name == mission]
+        seeds = sorted({seed for values in modes for seed in values})
+        table = np.array([[values.get(seed, math.nan) for seed in seeds] for values in modes])
+        drawn = table[:, random.integers(0, len(seeds), (DRAWS, len(seeds)))]
+        known = ~np.isnan(drawn)
+        with np.errstate(invalid="ignore"):  # a draw may hold no seed that a mode has played
+            means = np.where(known, drawn, 0.0).sum(axis=2) / known.sum(axis=2)
+        drawn_means.append(np.nanmean(means, axis=0))
+    return _quantiles(np.mean(drawn_means, axis=0))
+
+
+def mcnemar(first: Mapping[int, bool], second: Mapping[int, bool]) -> PairedTest:
+    """McNemar's exact test over the seeds that both have played: two-sided binomial over the pairs that differ."""
+    from scipy.stats import binomtest
+
+    shared = first.keys() & second.keys()
+    only_first = sum(first[seed] and not second[seed] for seed in shared)
+    only_second = sum(second[seed] and not first[seed] for seed in shared)
+    differing = only_first + only_second
+    p = float(binomtest(only_first, differing).pvalue) if differing else 1.0
+    return PairedTest(len(shared), only_first, only_second, p)
+
+
+def holm(values: Sequence[float]) -> list[float]:
+    """Holm's correction of p values for how many there are, in the order given."""
+    corrected, highest = [0.0] * len(values), 0.0
+    for rank, at in enumerate(sorted(range(len(values)), key=lambda at: values[at])):
+        highest = max(highest, min(1.0, values[at] * (len(values) - rank)))
+        corrected[at] = highest
+    return corrected
+
+
+def _quantiles(values: npt.NDArray[np.float64]) -> ConfidenceBounds:
+    low, high = np.nanquantile(values, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
+    return ConfidenceBounds(float(low), float(high))
+
+
+def _generator() -> np.random.Generator:
+    return np.random.Generator(np.random.PCG64(20240229))
+
+
+__all__ = [
+    "LEVEL", "ConfidenceBounds", "PairedTest", "bootstrap", "holm", "macro_average", "macro_bounds", "mcnemar",
+    "wilson",
+]  # fmt: skip

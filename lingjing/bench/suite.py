@@ -1,0 +1,248 @@
+"""A suite as people write it: a TOML file that says who plays what, how often, and which tables are made of it.
+
+`read_suite` reads one and tells every fault of its form with its path; what the names in it mean is for `planning`.
+`readable` is what can still be made of a faulty part, so that the faults of its form hide none of its names' faults.
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self, TypeVar
+
+import msgspec
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+
+from lingjing.data import data_path
+from lingjing.errors import Fault, UsageError
+from lingjing.mission.faults import lines_of
+from lingjing.plugins.options import unknown_option
+from lingjing.validation import shown, worded
+
+FORMAT = 1
+"""The version of the form; a file of another one is refused."""
+
+MOST_SEEDS = 100_000
+"""A range beyond this is a slip of the finger."""
+
+SuiteMode = Literal["star", "broadcast", "single"]
+TableKind = Literal["success", "intervals", "modes", "conditions", "stages", "perception", "paired", "cost"]
+
+
+def _seeds(given: object) -> tuple[int, ...]:
+    """`20` is the seeds 0 to 19, `"3-7"` those from 3 to 7, a list is what it lists."""
+    match given:
+        case bool():
+            pass
+        case int() if 1 <= given <= MOST_SEEDS:
+            return tuple(range(given))
+        case list() | tuple() if given and all(_is_seed(one) for one in given):
+            return tuple(dict.fromkeys(given))
+        case str():
+            first, dash, last = (part.strip() for part in given.partition("-"))
+            ends = [
+                int(one) for one in (first, last or first) if one.isascii() and one.isdigit() and _is_seed(int(one))
+            ]
+            if len(ends) == 2 and bool(dash) == bool(last) and 0 <= ends[1] - ends[0] < MOST_SEEDS:
+                return tuple(range(ends[0], ends[1] + 1)) if dash else tuple(range(ends[0]))
+    raise ValueError(f"is {shown(given)}, and names no seeds: write a number of seeds, as 20, or a range, as '0-19'")
+
+
+def _is_seed(given: object) -> bool:
+    return isinstance(given, int) and not isinstance(given, bool) and 0 <= given < 2**63
+
+
+Seeds = Annotated[tuple[int, ...], BeforeValidator(_seeds, json_schema_input_type=int | str | list[int])]
+ShortText = Annotated[str, Field(min_length=1, max_length=80, pattern=r"^[^\x00-\x1f\x7f]+$")]
+Plain = str | int | float | bool
+"""A value as an option or a setting has it in TOML."""
+
+
+class SuitePart(BaseModel):
+    """What the parts of a suite share: unknown names are faults, values do not change."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
+
+
+class Entrant(SuitePart):
+    """One row of the tables: a chat model or a policy, with what it is told."""
+
+    name: ShortText | None = Field(
+        None, description="what it is called in tables (default: the model's or policy's name)"
+    )
+    model: ShortText | None = Field(None, description="a model that `lingjing plugins` lists; its policy plays it")
+    policy: ShortText | None = Field(None, description="a policy's name, or FILE.py:CLASS beside the suite")
+    group: ShortText | None = Field(None, description="the heading under which it stands (default: a model's tier)")
+    args: dict[str, Plain] = Field({}, description="options of the policy")
+    policies_for: dict[str, str] = Field({}, description="other policies by role or agent")
+    blank_pictures: bool = Field(False, description="hand the policy black pictures (a control)")
+
+    @model_validator(mode="after")
+    def _is_one_of_two(self) -> Self:
+        if (self.model is None) == (self.policy is None):
+            raise ValueError("needs either a model or a policy" if self.model is None else "is a model or a policy")
+        return self
+
+    @property
+    def called(self) -> str:
+        """Its name in tables."""
+        return self.name or self.model or self.policy or ""
+
+
+class SuiteCondition(SuitePart):
+    """One setting under which entrants play: values of the missions' parameters, options of the policies."""
+
+    name: ShortText = Field(description="what it is called in tables")
+    missions: tuple[ShortText, ...] | None = Field(None, min_length=1, strict=False, description="default: the suite's")
+    modes: tuple[SuiteMode, ...] | None = Field(None, min_length=1, strict=False, description="default: the suite's")
+    settings: dict[str, Plain] = Field({}, description="values of the mission's parameters, with their units")
+    args: dict[str, Plain] = Field({}, description="options of the policies")
+    entrants: tuple[ShortText, ...] | None = Field(
+        None, min_length=1, strict=False, description="names of those who play under it (default: all)"
+    )
+    baseline: bool = Field(False, description="what the others of its missions are compared with")
+
+
+class Suite(SuitePart):
+    """A suite: entrants x missions x modes x conditions x seeds."""
+
+    suite: Literal[1] = Field(description="the version of this form")
+    name: str = Field(pattern=r"^[a-z0-9][a-z0-9-]{0,39}$", description="a word for folders: letters, digits, hyphens")
+    title: str = Field("", max_length=200, description="what its tables are headed with")
+    about: str = Field("", max_length=4000, description="what is studied, and which table of the paper it makes")
+    missions: tuple[ShortText, ...] = Field(min_length=1, strict=False, description="shipped names, or files beside it")
+    modes: tuple[SuiteMode, ...] | None = Field(
+        None, min_length=1, strict=False, description="only these modes (default: all that a mission allows)"
+    )
+    seeds: Seeds = Field(description="how many seeds from 0, a range 'A-B', or a list")
+    args: dict[str, Plain] = Field({}, description="options of every entrant's policy")
+    entrants: tuple[Entrant, ...] = Field(min_length=1, strict=False, description="who plays")
+    conditions: tuple[SuiteCondition, ...] = Field(
+        (), strict=False, description="under what (default: as missions are)"
+    )
+    sweeps: bool = Field(False, description="play the values that the missions' sweeps declare")
+    evaluators: tuple[ShortText, ...] = Field(("mission",), min_length=1, strict=False, description="who scores")
+    tables: tuple[TableKind, ...] = Field(("success",), min_length=1, strict=False, description="what is printed")
+
+    @model_validator(mode="after")
+    def _has_one_kind_of_condition(self) -> Self:
+        if self.sweeps and self.conditions:
+            raise ValueError("has conditions and sweeps too: leave one of them out")
+        return self
+
+
+PartT = TypeVar("PartT", bound=SuitePart)
+
+
+def shipped_suites() -> tuple[str, ...]:
+    """The names of the suites that come with the package, sorted."""
+    return tuple(sorted(path.stem for path in data_path("suites").glob("*.toml")))
+
+
+def find_suite(word: str) -> Path:
+    """A file that is there wins; else a shipped suite by name (`main`, `suites/main.toml`). Raises `UsageError`."""
+    from lingjing.dsl.source.suggest import did_you_mean
+
+    path = Path(word)
+    try:
+        if path.is_file():
+            return path
+    except OSError:  # a name longer than any file system takes
+        pass
+    named = path.parts[1:] if path.parts[:1] == ("suites",) else path.parts
+    if len(named) == 1 and named[0].removesuffix(".toml") in shipped_suites():
+        return data_path("suites", f"{named[0].removesuffix('.toml')}.toml")
+    said = did_you_mean(path.stem, shipped_suites(), "suites")
+    raise UsageError(f"there is no suite `{word[:300]}`", hint=said or "`lingjing bench list` lists those that ship")
+
+
+def read_document(path: Path) -> dict[str, Any]:
+    """A suite file's values. Raises `UsageError` for a file that cannot be read or is no TOML."""
+    try:
+        return tomllib.loads(path.read_bytes().decode())
+    except OSError as error:
+        raise UsageError(f"cannot read `{path}`: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise UsageError(f"`{path}` is no text in UTF-8") from error
+    except tomllib.TOMLDecodeError as error:
+        raise UsageError(f"`{path}` is not TOML: {error}") from error
+
+
+def form_faults(document: Mapping[str, Any]) -> tuple[Fault, ...]:
+    """What is wrong with the form of a suite's values, each with its path."""
+    version = document.get("suite")
+    if isinstance(version, int) and version != FORMAT:
+        return (Fault("suite", f"is {version}; this version of lingjing reads suites of form {FORMAT}"),)
+    try:
+        Suite.model_validate(document)
+    except ValidationError as error:
+        return tuple(_form_faults(error))
+    return ()
+
+
+def readable(kind: type[PartT], given: object) -> PartT | None:
+    """What `given` is without its faults of form; None if nothing that means anything is left of it."""
+    for _ in range(10):
+        try:
+            return kind.model_validate(given)
+        except ValidationError as error:
+            faulty = {str(one["loc"][0]) for one in error.errors() if one["loc"] and one["type"] != "missing"}
+        if not isinstance(given, Mapping) or not faulty & set(given):
+            return None
+        given = {name: value for name, value in given.items() if name not in faulty}
+    return None
+
+
+def faults_error(path: Path, faults: tuple[Fault, ...]) -> UsageError:
+    """The error that tells all faults of a suite file."""
+    told = lines_of((Fault(one.where, f"{one.message}{one.hint and f'; {one.hint}'}") for one in faults), str(path))
+    return UsageError(told, hint="docs/studies.md says what a suite may hold", faults=faults)
+
+
+def json_schema() -> bytes:
+    """The JSON Schema of a suite's values (draft 2020-12), for editors and for those who write suites by program."""
+    schema = Suite.model_json_schema(mode="validation")
+    whole = {"$schema": "https://json-schema.org/draft/2020-12/schema", "$id": "suite.schema.json", **schema}
+    return msgspec.json.format(msgspec.json.encode(whole, order="deterministic"), indent=2) + b"\n"
+
+
+def _form_faults(error: ValidationError) -> Iterator[Fault]:
+    from lingjing.dsl.source.suggest import nearest
+
+    found = error.errors(include_url=False)
+    for one in found:
+        where = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in one["loc"]).removeprefix(".")
+        if one["type"] == "too_short" and any(other["loc"][:-1] == one["loc"] for other in found if other is not one):
+            continue  # it is too short because what is in it is wrong, which is told
+        if one["type"] == "extra_forbidden":
+            kinds: dict[object, type[SuitePart]] = {"entrants": Entrant, "conditions": SuiteCondition}
+            kind = kinds.get(one["loc"][0], Suite) if len(one["loc"]) > 1 else Suite
+            fault = unknown_option(str(one["loc"][-1]), kind.model_fields)
+            yield Fault(where, fault.message, fault.hint)
+        elif one["type"] == "literal_error":
+            close = nearest(str(one["input"]), re.findall(r"'([^']+)'", one["ctx"]["expected"]))
+            yield Fault(where, worded(one), f"did you mean `{close}`?" if close else "")
+        else:
+            yield Fault(where, worded(one))
+
+
+__all__ = [
+    "FORMAT",
+    "Entrant",
+    "Suite",
+    "SuiteCondition",
+    "SuitePart",
+    "faults_error",
+    "find_suite",
+    "form_faults",
+    "json_schema",
+    "read_document",
+    "readable",
+    "shipped_suites",
+]  # fmt: skip
+
+
+if __name__ == "__main__":
+    (Path(__file__).resolve().parents[2] / "schemas" / "suite.schema.json").write_bytes(json_schema())

@@ -1,0 +1,108 @@
+"""Entries of tables: a text, the number behind it, and the marks of the best and the second best."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Literal, NamedTuple
+
+from lingjing.bench.statistics import ConfidenceBounds
+
+Mark = Literal["", "best", "second"]
+
+ABSENT = "–"
+UNDEFINED = "N/A"
+PRIVILEGED = "†"
+"""Behind the name of an entrant that was shown the truth."""
+
+
+class ResultCell(NamedTuple):
+    """One entry of a table: its text, the number behind it (nan for none) and whether it is the best of its kind."""
+
+    text: str
+    value: float = math.nan
+    mark: Mark = ""
+
+
+class ResultLine(NamedTuple):
+    """One line of a table, under a heading."""
+
+    group: str
+    label: tuple[str, ...]
+    cells: tuple[ResultCell, ...]
+
+
+class ResultTable(NamedTuple):
+    """A table with its heads: `labels` are those of the columns before the entries."""
+
+    kind: str
+    title: str
+    labels: tuple[str, ...]
+    heads: tuple[str, ...]
+    lines: tuple[ResultLine, ...]
+    notes: tuple[str, ...] = ()
+
+
+def marked(
+    lines: Sequence[ResultLine], *, by_column: bool = True, lower: Sequence[int] = (), only: Sequence[int] | None = None
+) -> tuple[ResultLine, ...]:
+    """The lines with the best and the second best of each column marked; entrants shown the truth do not compete."""
+    ranked = [line for line in lines if not line.label[0].endswith(PRIVILEGED)]
+    if len(ranked) < 2 or not by_column:
+        return tuple(lines)
+    marks: dict[tuple[int, int], Mark] = {}
+    for column in range(len(ranked[0].cells)):
+        if only is not None and column not in only:
+            continue
+        cells = best_of([line.cells[column] for line in ranked], lower=column in lower)
+        marks |= {(id(line), column): cell.mark for line, cell in zip(ranked, cells, strict=True)}
+    return tuple(
+        line._replace(
+            cells=tuple(cell._replace(mark=marks.get((id(line), at), "")) for at, cell in enumerate(line.cells))
+        )
+        for line in lines
+    )
+
+
+def best_of(cells: Sequence[ResultCell], *, lower: bool = False, second: bool = True) -> tuple[ResultCell, ...]:
+    """The cells with the best value marked and, if wanted, the second best; equal ones alike."""
+    values = sorted({cell.value for cell in cells if not math.isnan(cell.value)}, reverse=not lower)
+    if len(values) < 2:
+        return tuple(cells)
+    marks: dict[float, Mark] = {values[0]: "best"}
+    if second:
+        marks[values[1]] = "second"
+    return tuple(cell._replace(mark=marks.get(cell.value, "")) for cell in cells)
+
+
+def percent(share: float) -> ResultCell:
+    """A share as a percentage, or a dash."""
+    return ResultCell(ABSENT) if math.isnan(share) else ResultCell(f"{100 * share:.0f}", 100 * share)
+
+
+def plain(value: float, spec: str) -> ResultCell:
+    """A number in a format, or N/A."""
+    return ResultCell(UNDEFINED) if math.isnan(value) else ResultCell(format(value, spec), value)
+
+
+def measure(spec: str, factor: float = 1.0) -> Callable[[float], ResultCell]:
+    """What writes a number in a format, times a factor."""
+    return lambda value: plain(value * factor, spec)
+
+
+def ranged(share: float, bounds: ConfidenceBounds, behind: str = "") -> ResultCell:
+    """A share with its interval, as percentages."""
+    if math.isnan(share):
+        return ResultCell(ABSENT)
+    return ResultCell(f"{100 * share:.0f} [{100 * bounds.low:.0f}, {100 * bounds.high:.0f}]{behind}", 100 * share)
+
+
+def probability(p: float) -> ResultCell:
+    """A p value."""
+    return ResultCell("< 0.001" if p < 0.001 else f"{p:.3f}", p)
+
+
+__all__ = [
+    "ABSENT", "PRIVILEGED", "Mark", "ResultCell", "ResultLine", "ResultTable", "best_of", "marked", "measure",
+    "percent", "plain", "probability", "ranged",
+]  # fmt: skip

@@ -1,0 +1,366 @@
+"""The tables of the paper, made of a suite's rows: values with marks for the best and the second best.
+
+A kind of table is a row of `TABLES`; all are functions of rows alone. Aborted tries are in none of them, lost episodes
+are left out of every rate and listed in a note, and an entrant that was shown the truth is never the best.
+Shares are percentages. What nobody has played is a dash, what is not defined is N/A.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from itertools import combinations
+from typing import TypeVar
+
+from lingjing.bench.played import Played, mean_of
+from lingjing.bench.rows import SuiteRow
+from lingjing.bench.statistics import ConfidenceBounds, bootstrap, holm, macro_average, macro_bounds, mcnemar, wilson
+from lingjing.bench.table_cells import (
+    ABSENT,
+    PRIVILEGED,
+    ResultCell,
+    ResultLine,
+    ResultTable,
+    best_of,
+    marked,
+    measure,
+    percent,
+    plain,
+    probability,
+    ranged,
+)
+
+FEWEST = 10
+"""Seeds in each column from which on the interval of a macro average is told: fewer say nothing of how it varies."""
+
+KeyT = TypeVar("KeyT", bound=Hashable)
+
+
+def make_tables(rows: Sequence[SuiteRow], kinds: Iterable[str], title: str = "") -> tuple[ResultTable, ...]:
+    """The tables of those kinds; one that has nothing to show is left out. Raises `KeyError` for an unknown kind."""
+    counted = sorted((row for row in rows if row.standing == "counted"), key=_place)
+    made = (table for kind in kinds for table in TABLES[kind](counted, title))
+    notes = standing_notes(rows)
+    return tuple(table._replace(notes=(*table.notes, *notes)) for table in made if table.lines)
+
+
+def _place(row: SuiteRow) -> tuple[int, int, int]:
+    return row.entrant_place, row.condition_place, row.seed
+
+
+def standing_notes(rows: Sequence[SuiteRow]) -> tuple[str, ...]:
+    """What a reader of any table must know: how much was played, what was lost, who was shown the truth."""
+    counted = [row for row in rows if row.standing == "counted"]
+    aborted = sum(row.standing == "aborted" for row in rows)
+    lost = sorted(row.key for row in rows if row.standing == "lost")
+    again = f"; {aborted} infrastructure aborts were played again with their seeds" if aborted else ""
+    notes = [f"{len(counted)} episodes are counted{again}"]
+    if lost:
+        named = ", ".join(f"{key[0]} {key[1]}-{key[2]}{key[3] and f' ({key[3]})'} seed {key[4]}" for key in lost[:8])
+        more = f" and {len(lost) - 8} more" if len(lost) > 8 else ""
+        notes.append(f"{len(lost)} are lost (aborted {lost[0][5]} times) and in no rate: {named}{more}")
+    codes = {row.code for row in rows}
+    if len(codes) > 1:
+        notes.append(f"the rows were played by {len(codes)} versions of the code")
+    if any(row.privileged for row in rows):
+        notes.append(f"{PRIVILEGED} is shown the truth and is never marked as best")
+    return tuple(notes)
+
+
+# -- the kinds
+
+
+def _success(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
+    """The paper's main table: TSR of every entrant in every column, and the macro average."""
+    for condition, some in _by(rows, lambda row: row.condition).items():
+        columns = _columns(some)
+        lines = []
+        for entrant, own in _by(some, lambda row: row.entrant).items():
+            cells = [percent(_played(own, column).rate()) for column in columns]
+            lines.append(_line(own[0], (entrant,), (*cells, percent(_average(own, columns)))))
+        heads = (*(column_head(mission, mode, columns) for mission, mode in columns), "Avg")
+        named = _titled(title or "Task success rate (TSR, %)", condition)
+        yield ResultTable("success", named, ("Entrant",), heads, marked(lines, by_column=True))
+
+
+def _intervals(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
+    """The same with what is behind each rate: successes of episodes, Wilson's interval; a bootstrap for the average."""
+    for condition, some in _by(rows, lambda row: row.condition).items():
+        columns = _columns(some)
+        lines = []
+        for entrant, own in _by(some, lambda row: row.entrant).items():
+            cells = [_wilson_cell(_played(own, column)) for column in columns]
+            values = _seeded(own, columns)
+            average = _average(own, columns)
+            enough = all(len(each) >= FEWEST for each in values.values())
+            cells.append(ranged(average, macro_bounds(values)) if enough else percent(average))
+            lines.append(_line(own[0], (entrant,), cells))
+        heads = (*(column_head(mission, mode, columns) for mission, mode in columns), "Avg")
+        named = _titled(f"{title or 'Task success rate (TSR, %)'} with 95 % intervals", condition)
+        note = (
+            f"rates: Wilson's interval; Avg: bootstrap over {FEWEST} or more seeds, the same in all modes of a mission"
+        )
+        yield ResultTable("intervals", named, ("Entrant",), heads, tuple(lines), (note,))
+
+
+def _modes(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
+    """The paper's table of communication modes: what each costs in the same instances."""
+    lines: list[ResultLine] = []
+    entrants = _by(rows, lambda row: (row.entrant, row.condition))
+    for (entrant, condition), own in entrants.items():
+        for mission, some in _by(own, lambda row: row.mission).items():
+            both = [Played(tuple(row for row in some if row.mode == mode)) for mode in ("star", "broadcast")]
+            if not all(one.rows for one in both):
+                continue
+            group = "" if len(entrants) == 1 else f"{entrant}{condition and f', {condition}'}"
+            for name, of, text, lower in _MODE_MEASURES:
+                cells = [text(of(one)) for one in both]
+                lines.append(ResultLine(group, (mission.upper(), name), best_of(cells, lower=lower, second=False)))
+    named = title or "Communication modes on matched instances"
+    notes = ("bold marks the better mode; Gap and Rep are means of the episodes in which they are defined",)
+    yield ResultTable("modes", named, ("Mission", "Metric"), ("Star", "Broadcast"), tuple(lines), notes)
+
+
+def _conditions(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
+    """Ablations, sweeps, prompts and interventions: every condition of a mission under each entrant."""
+    for (mission, mode), some in _by(rows, lambda row: (row.mission, row.mode)).items():
+        lines: list[ResultLine] = []
+        stages = tuple(dict.fromkeys(name for row in some for name in Played((row,)).stages()))
+        heads = ("n", "TSR", "TSR 95 %", "SCR", "SCR 95 %", "LocErr m", "Coverage", "Cost x", *stages)
+        for entrant, own in _by(some, lambda row: row.entrant).items():
+            group = entrant
+            base = Played(tuple(row for row in own if row.baseline)).mean("tokens")
+            each = _by(own, lambda row: row.condition)
+            measured = []
+            for condition, few in each.items():
+                played = Played(tuple(few))
+                spent = played.mean("tokens") / base if base else math.nan
+                done = played.stages()
+                measured.append((condition or "default", (
+                    ResultCell(str(len(few)), len(few)), percent(played.rate()), _wilson_ends(played),
+                    percent(played.scr()), _bootstrap_ends(played), plain(played.middle("localisation_error_m"), ".0f"),
+                    percent(played.mean("coverage")), plain(spent, ".2f"),
+                    *(percent(done.get(stage, math.nan)) for stage in stages),
+                )))  # fmt: skip
+            lines += marked([ResultLine(group, (name,), cells) for name, cells in measured], only=(1, 3))
+        named = f"{title or 'Conditions'}: {mission.upper()} ({mode})"
+        note = (
+            "TSR: Wilson's interval, SCR: bootstrap; stages are cumulative; LocErr is the median of the episodes' "
+            "medians; Cost x compares tokens with the baseline"
+        )
+        if len({row.condition for row in some}) > 1 or len({row.condition for row in rows}) > 1:
+            yield ResultTable("conditions", named, ("Condition",), heads, tuple(lines), (note,))
+
+
+def _stages(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
+    """Provenance: cumulative success of the stages, and how well the calls behind them saw."""
+    for condition, some in _by(rows, lambda row: row.condition).items():
+        missions = _by(some, lambda row: (row.entrant, row.mission, row.mode))
+        names = tuple(dict.fromkeys(name for own in missions.values() for name in Played(tuple(own)).stages()))
+        farthest = max(
+            (_finite(Played(tuple(own)).middle("localisation_error_m")) for own in missions.values()), default=0.0
+        )
+        lines = []
+        for (entrant, mission, mode), own in missions.items():
+            played, done = Played(tuple(own)), Played(tuple(own)).stages()
+            error = played.middle("localisation_error_m")
+            cells = (
+                *(percent(done.get(name, math.nan)) for name in names),
+                plain(1 - played.f1(), ".2f"), percent(played.weighted("miss_rate", "frames")),
+                plain(error, ".0f"), plain(error / farthest if farthest else math.nan, ".2f"),
+                plain(played.weighted("calibration_error", "reports"), ".2f"),
+            )  # fmt: skip
+            lines.append(ResultLine(entrant, (f"{mission.upper()} ({mode})",), cells))
+        heads = (*names, "1-F1", "Miss", "LocErr m", "LocErr norm.", "ECE")
+        note = (
+            "stages are cumulative; F1 is pooled, Miss and ECE are weighted by pictures and by reports, LocErr is the "
+            "median of the episodes' medians, normalised by the largest"
+        )
+        yield ResultTable(
+            "stages",
+            _titled(title or "Cumulative stage success (%)", condition),
+            ("Mission",),
+            heads,
+            tuple(lines),
+            (note,),
+        )
+
+
+def _perception(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
+    """Perception by entrant: what was overlooked, what was made up."""
+    lines = []
+    for entrant, own in _by(rows, lambda row: row.entrant).items():
+        played = Played(tuple(own))
+        cells = (
+            percent(played.weighted("miss_rate", "frames")), percent(played.weighted("hallucination_rate", "frames")),
+            plain(played.f1(), ".2f"), plain(played.weighted("calibration_error", "reports"), ".2f"),
+        )  # fmt: skip
+        lines.append(_line(own[0], (entrant,), cells))
+    compared = marked(lines, by_column=True, lower=(0, 1, 3))
+    yield ResultTable("perception", title or "Perception", ("Entrant",), ("Miss", "Halluc.", "F1", "ECE"), compared)
+
+
+def _paired(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
+    """McNemar's test of every two entrants on the instances that both have played, corrected for their number."""
+    entrants = _by([row for row in rows if not row.privileged], lambda row: (row.entrant, row.condition))
+    found = []
+    for (first, own), (second, others) in combinations(entrants.items(), 2):
+        results = [{(row.column, row.seed): row.report.success for row in some} for some in (own, others)]
+        numbers = {key: at for at, key in enumerate(sorted(results[0].keys() & results[1].keys()))}
+        if numbers:
+            each = [{numbers[key]: won for key, won in one.items() if key in numbers} for one in results]
+            found.append((_called(first), _called(second), mcnemar(each[0], each[1])))
+    corrected = holm([test.p for _, _, test in found])
+    lines = tuple(
+        ResultLine("", (first, second), (
+            ResultCell(str(test.pairs), test.pairs), ResultCell(str(test.only_first), test.only_first),
+            ResultCell(str(test.only_second), test.only_second), probability(test.p), probability(p),
+        ))
+        for (first, second, test), p in zip(found, corrected, strict=True)
+    )  # fmt: skip
+    heads = ("Instances", "Only first won", "Only second won", "p", "p (Holm)")
+    note = "McNemar's exact test over instances (column and seed) that both have played; Holm corrects for all pairs"
+    yield ResultTable("paired", _titled(title, "") or "Paired tests", ("First", "Second"), heads, lines, (note,))
+
+
+def _cost(rows: Sequence[SuiteRow], title: str) -> Iterable[ResultTable]:
+    """What an episode takes: calls, tokens, dollars, seconds."""
+    lines = []
+    for entrant, own in _by(rows, lambda row: row.entrant).items():
+        played = Played(tuple(own))
+        total = sum(one.cost_usd for one in played.metrics())
+        cells = (
+            ResultCell(str(len(own)), len(own)),
+            plain(played.mean("calls"), ".0f"),
+            plain(played.mean("tokens"), ".0f"),
+            plain(played.mean("cost_usd"), ".4f"),
+            plain(total, ".2f"),
+            plain(played.mean("substitutions"), ".1f"),
+            plain(played.mean("ticks"), ".1f"),
+            plain(mean_of([row.wall_s for row in own]), ".0f"),
+        )
+        lines.append(_line(own[0], (entrant,), cells))
+    heads = ("n", "Calls", "Tokens", "USD", "USD in all", "Replaced answers", "Ticks", "Wall s")
+    yield ResultTable("cost", "Means of an episode", ("Entrant",), heads, tuple(lines))
+
+
+TABLES: Mapping[str, Callable[[Sequence[SuiteRow], str], Iterable[ResultTable]]] = {
+    "success": _success,
+    "intervals": _intervals,
+    "modes": _modes,
+    "conditions": _conditions,
+    "stages": _stages,
+    "perception": _perception,
+    "paired": _paired,
+    "cost": _cost,
+}
+"""Every kind of table by its name in a suite."""
+
+
+# -- values and marks
+
+
+def column_head(mission: str, mode: str, columns: Iterable[tuple[str, str]]) -> str:
+    """`VDN`, and `UFR^s` or `UFR^b` where the mission is there in both modes, as in the paper."""
+    both = len({other for name, other in columns if name == mission}) > 1
+    return f"{mission.upper()}^{mode[0]}" if both else mission.upper()
+
+
+def average_of(rows: Sequence[SuiteRow], columns: Sequence[tuple[str, str]]) -> float:
+    """The macro average of TSR over those columns; nan unless there are counted episodes in each."""
+    return _average([row for row in rows if row.standing == "counted"], columns)
+
+
+def columns_of(rows: Iterable[SuiteRow]) -> tuple[tuple[str, str], ...]:
+    """The (mission, mode) pairs of the rows, in the paper's order."""
+    return _columns(rows)
+
+
+_PAPERS_ORDER = ("vdn", "bi", "ld", "idf", "upr", "ufr", "cr", "ssr", "cd")
+_MODE_ORDER = ("single", "star", "broadcast")
+
+
+def _columns(rows: Iterable[SuiteRow]) -> tuple[tuple[str, str], ...]:
+    found = dict.fromkeys((row.mission, row.mode) for row in rows)
+
+    def place(column: tuple[str, str]) -> tuple[int, str, int]:
+        mission, mode = column
+        known = _PAPERS_ORDER.index(mission) if mission in _PAPERS_ORDER else len(_PAPERS_ORDER)
+        return known, mission, _MODE_ORDER.index(mode) if mode in _MODE_ORDER else 0
+
+    return tuple(sorted(found, key=place))
+
+
+def _by(rows: Iterable[SuiteRow], key: Callable[[SuiteRow], KeyT]) -> dict[KeyT, list[SuiteRow]]:
+    found: dict[KeyT, list[SuiteRow]] = {}
+    for row in rows:
+        found.setdefault(key(row), []).append(row)
+    return found
+
+
+def _played(rows: Iterable[SuiteRow], column: tuple[str, str]) -> Played:
+    return Played(tuple(row for row in rows if (row.mission, row.mode) == column))
+
+
+def _seeded(rows: Sequence[SuiteRow], columns: Sequence[tuple[str, str]]) -> dict[tuple[str, str], dict[int, float]]:
+    return {
+        column: {seed: float(won) for seed, won in _played(rows, column).won().items()}
+        for column in columns
+    }  # fmt: skip
+
+
+def _average(rows: Sequence[SuiteRow], columns: Sequence[tuple[str, str]]) -> float:
+    values = _seeded(rows, columns)
+    return macro_average(values) if all(values.values()) else math.nan
+
+
+def _line(row: SuiteRow, label: tuple[str, ...], cells: Iterable[ResultCell]) -> ResultLine:
+    named = (f"{label[0]} {PRIVILEGED}", *label[1:]) if row.privileged else label
+    return ResultLine(row.group, named, tuple(cells))
+
+
+_MODE_MEASURES: tuple[tuple[str, Callable[[Played], float], Callable[[float], ResultCell], bool], ...] = (
+    ("TSR", Played.rate, percent, False),
+    ("Msg", lambda played: played.mean("messages"), measure(".0f"), True),
+    ("KB", lambda played: played.mean("kilobytes"), measure(".1f"), True),
+    ("Rnd", lambda played: played.mean("rounds"), measure(".0f"), True),
+    ("Gap", lambda played: played.mean("gap"), measure(".0f"), True),
+    ("Rep", lambda played: played.mean("rep"), measure(".0f", 100.0), True),
+)
+"""The paper's measures of communication: name, value, text, and whether less is better."""
+
+
+def _wilson_cell(played: Played) -> ResultCell:
+    rate, bounds = played.rate(), wilson(sum(played.won().values()), len(played.rows))
+    return ranged(rate, bounds, f" ({sum(played.won().values())}/{len(played.rows)})")
+
+
+def _wilson_ends(played: Played) -> ResultCell:
+    return _ends(wilson(sum(played.won().values()), len(played.rows)))
+
+
+def _bootstrap_ends(played: Played) -> ResultCell:
+    return _ends(bootstrap([row.report.scr for row in played.rows]))
+
+
+def _ends(bounds: ConfidenceBounds) -> ResultCell:
+    known = not math.isnan(bounds.low)
+    return ResultCell(f"{100 * bounds.low:.0f}..{100 * bounds.high:.0f}") if known else ResultCell(ABSENT)
+
+
+def _titled(title: str, condition: str) -> str:
+    return f"{title}: {condition}" if condition else title
+
+
+def _called(key: tuple[str, str]) -> str:
+    entrant, condition = key
+    return f"{entrant} ({condition})" if condition else entrant
+
+
+def _finite(value: float) -> float:
+    return 0.0 if math.isnan(value) else value
+
+
+__all__ = [
+    "TABLES", "average_of", "column_head", "columns_of", "make_tables", "standing_notes",
+]  # fmt: skip

@@ -1,0 +1,238 @@
+"""`lingjing bench SUITE`: play a suite of many episodes, go on where it was stopped, make the paper's tables of it."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lingjing.cli.arguments import MODES, parse_seeds
+from lingjing.cli.files import write_output
+from lingjing.cli.parser import ArgumentParser
+from lingjing.errors import ExitCode, UsageError
+
+if TYPE_CHECKING:
+    from lingjing.bench.countdown import Countdown
+    from lingjing.bench.planning import SuiteCell, SuitePlan
+    from lingjing.bench.rows import SuiteRow
+    from lingjing.bench.running import Shard, SuiteRun
+
+KINDS = ("success", "intervals", "modes", "conditions", "stages", "perception", "paired", "cost")
+FORMATS = ("markdown", "latex", "csv", "html")
+
+
+def add_parser(subparsers: argparse._SubParsersAction[ArgumentParser]) -> None:
+    """Declare the verb and what it can do; a word that is none of its actions is a suite to play."""
+    parser = subparsers.add_parser(
+        "bench", help="play a suite of many episodes; make tables of it", description=__doc__
+    )
+    actions = parser.add_subparsers(dest="action", metavar="ACTION", title="actions", required=True)
+    parser.implied_word = "play"
+    _add_play(actions.add_parser("play", help="play a suite (the word `play` may be left out)", description=__doc__))
+    table = actions.add_parser("table", help="make tables of results", description=_table.__doc__)
+    table.add_argument("results", metavar="RESULTS", nargs="+", help="a suite's folders, or .parquet files")
+    table.add_argument("--kind", nargs="+", choices=KINDS, default=["success"], help="which (default success)")
+    table.add_argument("--format", choices=FORMATS, default="markdown")
+    table.add_argument("-o", "--output", metavar="OUT", help="a file (default: standard output)")
+    table.set_defaults(handler=_table)
+    listed = actions.add_parser("list", help="list the suites that ship", description=_list.__doc__)
+    listed.set_defaults(handler=_list)
+    parser.set_defaults(handler=handler)
+
+
+def _add_play(play: argparse.ArgumentParser) -> None:
+    play.add_argument("suite", metavar="SUITE", help="a .toml file, or a shipped suite's name")
+    play.add_argument("-o", "--output", metavar="DIR", type=Path, help="where results are kept and gone on with")
+    play.add_argument("-j", "--jobs", metavar="N", type=int, default=1, help="play N episodes at a time (default 1)")
+    play.add_argument("--missions", metavar="NAME", nargs="+", help="only these of its missions")
+    play.add_argument("--modes", nargs="+", choices=MODES, help="only these modes")
+    play.add_argument("--entrants", metavar="NAME", nargs="+", help="only these of its entrants")
+    play.add_argument("--seeds", metavar="A-B", help="other seeds than the suite's, both ends included")
+    play.add_argument("--limit", metavar="N", type=int, help="only the first N seeds, to try it")
+    play.add_argument("--policy", metavar="NAME", nargs="+", help="these policies in place of all its entrants")
+    play.add_argument("--shard", metavar="K/N", help="the K-th of N parts, for batch systems; `merge` joins them")
+    play.add_argument("--keep", action="store_true", help="keep every trace (those of models are kept anyway)")
+    play.add_argument("--other-code", action="store_true", help="go on in a folder whose rows other code has played")
+    play.add_argument("--check", action="store_true", help="check the suite, say what it would play, and stop")
+    play.set_defaults(handler=_play)
+
+
+def handler(args: argparse.Namespace) -> int:
+    """Run the action (each has a handler of its own)."""
+    return int(args.handler(args))
+
+
+def _play(args: argparse.Namespace) -> int:
+    """Play what is missing, keep rows and tables in the folder, print the suite's tables."""
+    from lingjing.bench.executors import LocalExecutor
+    from lingjing.bench.folder import open_results
+    from lingjing.bench.planning import read_plan
+    from lingjing.bench.rows import code_sha256
+    from lingjing.bench.running import SuiteRun
+    from lingjing.bench.suite import find_suite
+    from lingjing.play.folders import RUNS
+    from lingjing.plugins.host import PluginHost
+
+    _check_numbers(args)
+    shard = shard_of(args.shard) if args.shard else None
+    plan = read_plan(find_suite(args.suite), PluginHost(), args.policy or ())
+    cells = _chosen(plan, args)
+    seeds = parse_seeds(args.seeds) if args.seeds else plan.suite.seeds
+    seeds = seeds[: args.limit] if args.limit else seeds
+    if args.check:
+        _say(f"{plan.path}: {_size(cells, len(seeds))}")
+        return ExitCode.OK
+    code = code_sha256(plan.files)
+    part = f"-{shard.number}of{shard.count}" if shard else ""
+    folder = args.output or RUNS / "bench" / f"{plan.suite.name}-{code[:12]}{part}"
+    with open_results(folder) as results:
+        run = SuiteRun(plan, results, code, LocalExecutor(args.jobs), keep=args.keep)
+        run.check_resumable(other_code=args.other_code)
+        results.write("suite.toml", plan.path.read_text(encoding="utf-8"))
+        return _run(run, cells, seeds, shard)
+
+
+def _run(run: SuiteRun, cells: Sequence[SuiteCell], seeds: Sequence[int], shard: Shard | None) -> int:
+    from lingjing.bench.exports import EXPORTS, SUFFIXES, html_page
+    from lingjing.bench.running import WHOLE
+    from lingjing.bench.tables import make_tables
+
+    results, suite = run.results, run.plan.suite
+    due = run.due(seeds, cells, shard or WHOLE)
+    finals = sum(row.standing != "aborted" for row in results.rows)
+    _say(f"{suite.name}: {finals} episodes are there, {len(due)} to play, results in {results.folder}")
+    done = 0
+
+    def tell(row: SuiteRow, countdown: Countdown) -> None:
+        nonlocal done
+        done += row.standing != "aborted"
+        _say(f"{_bar(done, len(due), countdown)} {_one(row)}")
+
+    run.tell = tell
+    try:
+        run.play(due)
+    except KeyboardInterrupt:
+        _say(f"interrupted after {done} of {len(due)} episodes; the same command goes on from here")
+        raise
+    results.compact()
+    tables = make_tables(results.rows, suite.tables, suite.title)
+    for name, export in EXPORTS.items():
+        text = "\n".join(map(export, tables))
+        results.write(
+            f"tables.{SUFFIXES[name]}", html_page(suite.title or suite.name, text) if name == "html" else text
+        )
+    sys.stdout.write("\n".join(map(EXPORTS["markdown"], tables)))
+    return ExitCode.INFRASTRUCTURE if any(row.standing == "lost" for row in results.rows) else ExitCode.OK
+
+
+def _table(args: argparse.Namespace) -> int:
+    """Print tables of one or several results, which may still be played."""
+    from lingjing.bench.exports import EXPORTS, html_page
+    from lingjing.bench.folder import read_results
+    from lingjing.bench.tables import make_tables
+
+    rows = list({row.key: row for place in args.results for row in read_results(Path(place))}.values())
+    tables = make_tables(rows, args.kind)
+    text = "\n".join(map(EXPORTS[args.format], tables))
+    write_output(html_page("Results", text) if args.format == "html" else text, args.output)
+    return ExitCode.OK
+
+
+def _list(args: argparse.Namespace) -> int:
+    """Print the name of every shipped suite with its title and its size."""
+    from lingjing.bench.suite import Suite, find_suite, read_document, shipped_suites
+
+    for name in shipped_suites():
+        suite = Suite.model_validate(read_document(find_suite(name)))
+        who = f"{len(suite.entrants)} entrant{'s' * (len(suite.entrants) > 1)}"
+        print(f"{name:<14}{suite.title} ({who}, {len(suite.seeds)} seeds)")
+    return ExitCode.OK
+
+
+# -- arguments
+
+
+def shard_of(text: str) -> Shard:
+    """`3/16`. Raises `UsageError` for anything else."""
+    from lingjing.bench.running import Shard
+
+    number, slash, count = text.partition("/")
+    if slash and number.isdecimal() and count.isdecimal() and 1 <= int(number) <= int(count):
+        return Shard(int(number), int(count))
+    raise UsageError(f"--shard {text}: no part of a suite", hint="write it like 3/16: the third of sixteen parts")
+
+
+def _check_numbers(args: argparse.Namespace) -> None:
+    if args.jobs < 1:
+        raise UsageError(f"-j {args.jobs}: at least one")
+    if args.limit is not None and args.limit < 1:
+        raise UsageError(f"--limit {args.limit}: at least one")
+
+
+def _chosen(plan: SuitePlan, args: argparse.Namespace) -> tuple[SuiteCell, ...]:
+    """The suite's cells that the command line asks for. Raises `UsageError` for names that it does not have."""
+    from lingjing.dsl.source.suggest import did_you_mean
+
+    entrants = [player.name for player in plan.players]
+    for option, given, known in (
+        ("--missions", args.missions, list(plan.missions)), ("--entrants", args.entrants, entrants),
+    ):  # fmt: skip
+        for name in given or ():
+            if name not in known:
+                hint = did_you_mean(name, known, option.removeprefix("--"))
+                raise UsageError(f"{option} {name}: the suite has none that is called so", hint=hint)
+    chosen = tuple(
+        cell
+        for cell in plan.cells
+        if cell.column.mission in (args.missions or plan.missions)
+        and (args.modes is None or cell.column.mode in args.modes)
+        and cell.player.name in (args.entrants or entrants)
+    )
+    if not chosen:
+        raise UsageError("nothing to play: no mission of the suite has such a mode", hint="leave --modes out")
+    return chosen
+
+
+# -- what is said
+
+
+def _say(line: str) -> None:
+    print(line, file=sys.stderr, flush=True)
+
+
+def _size(cells: Sequence[SuiteCell], seeds: int) -> str:
+    """`2 entrants in 12 columns, 20 seeds: 480 episodes`."""
+    entrants = len({cell.player.name for cell in cells})
+    columns = len({cell.key[1:] for cell in cells})
+    return (
+        f"{entrants} entrant{'s' * (entrants > 1)} in {columns} column{'s' * (columns > 1)}, "
+        f"{seeds} seed{'s' * (seeds > 1)}: {len(cells) * seeds} episodes"
+    )
+
+
+def _one(row: SuiteRow) -> str:
+    """One episode in one line."""
+    report, condition = row.report, f", {row.condition}" if row.condition else ""
+    scored = f"{report.reason}, SCR {report.scr:.2f}, {report.ticks} ticks, {row.wall_s:.0f} s"
+    if row.standing != "counted":
+        scored = f"{report.reason} ({'to be played again' if row.standing == 'aborted' else 'lost'}): {report.detail}"
+    return f"{row.entrant}, {row.column}{condition}, seed {row.seed}: {scored}"
+
+
+def _bar(done: int, whole: int, countdown: Countdown) -> str:
+    """`[#####.....] 10/20, 1 h 05 min and $3.20 left:`."""
+    filled = round(10 * done / max(whole, 1))
+    money = f" and ${countdown.left_usd:.2f}" if countdown.left_usd > 0.0 else ""
+    return f"[{'#' * filled}{'.' * (10 - filled)}] {done}/{whole}, {duration(countdown.left_s)}{money} left:"
+
+
+def duration(seconds: float) -> str:
+    """`1 h 05 min`, `12 min`, `40 s`; `?` for nan."""
+    if seconds != seconds:
+        return "?"
+    if seconds < 90.0:
+        return f"{seconds:.0f} s"
+    minutes = round(seconds / 60.0)
+    return f"{minutes // 60} h {minutes % 60:02d} min" if minutes >= 60 else f"{minutes} min"

@@ -1,0 +1,40 @@
+"""Values of a mission's parameters as people write them: `80`, `80 m` or `0.08 km`, in SI units where there is none."""
+
+from __future__ import annotations
+
+import math
+import re
+
+from lingjing.errors import UsageError
+from lingjing.mission.expression import Expr, Number
+from lingjing.mission.model import Mission
+from lingjing.mission.units import Unit, dimension_name, unit_of
+
+_QUANTITY = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S*)", re.ASCII)
+
+
+def read_setting(mission: Mission | None, name: str, text: str) -> float:
+    """The SI value of a text for the parameter of that name, whose unit it must have if it has any; without a
+    mission any unit will do.
+
+    Raises `UsageError`. Whether the mission has such a parameter, and what it may be, is said when it is instantiated.
+    """
+    match = _QUANTITY.fullmatch(text)
+    value = float(match[1]) if match else math.nan
+    if match is None or not math.isfinite(value):
+        raise UsageError(f"`{text}` is not a number", hint="write a number, then its unit")
+    if not match[2]:
+        return value
+    unit = unit_of(match[2])
+    if unit is None:
+        raise UsageError(f"there is no unit `{match[2]}`", hint="without a unit it is in SI units")
+    parameters = mission.parameters if mission is not None else ()
+    expected = next((_unit_of(one.default) for one in parameters if one.name == name), None)
+    if expected is not None and unit.dimension != expected.dimension:
+        raise UsageError(f"{dimension_name(unit.dimension)} where {dimension_name(expected.dimension)} is due")
+    return value * unit.factor
+
+
+def _unit_of(default: Expr) -> Unit | None:
+    """The unit of a parameter whose default is a plain quantity; None where it is computed."""
+    return unit_of(default.unit) if isinstance(default, Number) and default.unit else None

@@ -1,0 +1,65 @@
+"""Suites and rows that nobody played, and an executor that answers at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from lingjing.bench.rows import SuiteRow
+from lingjing.play.options import PlayOptions
+from lingjing.play.parallel import EpisodeTask
+from lingjing.play.report import EpisodeReport
+from tests.play.report_kit import blank_metrics, made_report
+
+SMALL = """
+suite = 1
+name = "small"
+title = "A small suite"
+missions = ["bi", "cd"]
+seeds = 2
+tables = ["success", "modes"]
+
+[[entrants]]
+policy = "oracle"
+
+[[entrants]]
+policy = "random"
+"""
+
+
+def made_row(*, success: bool = True, scr: float | None = None, **changes: object) -> SuiteRow:
+    """A counted row of `ssr` in star mode, but for the changes; `metrics` are those of its report."""
+    metrics = changes.pop("metrics", {})
+    report = changes.pop("report", None) or made_report(
+        seed=changes.get("seed", 0), success=success, scr=(1.0 if success else 0.5) if scr is None else scr,
+        metrics=blank_metrics(**metrics) if isinstance(metrics, dict) else metrics,
+    )  # fmt: skip
+    plain = {"suite": "small", "entrant": "e", "mission": "ssr", "mode": "star", "seed": 0, "policy": "p", "code": "c",
+             "options": PlayOptions(mission="ssr", policy="p"), "report": report}  # fmt: skip
+    return SuiteRow(**{**plain, **changes})  # type: ignore[arg-type]
+
+
+def answered(task: EpisodeTask, **changes: object) -> EpisodeReport:
+    """The report of a task that nobody played."""
+    options = task.options
+    plain = {"mission": Path(options.mission).stem, "seed": options.seed, "mode": options.mode,
+             "policy": options.policy, "policy_seed": options.policy_seed,
+             "trace": str(task.folder / "trace.mcap")}  # fmt: skip
+    return made_report(**{**plain, **changes})
+
+
+@dataclass
+class AnsweringExecutor:
+    """Answers each task with what `answer` says of it; `tasks` are those it was given."""
+
+    answer: Callable[[EpisodeTask], EpisodeReport] = answered
+    jobs: int = 1
+    tasks: list[EpisodeTask] = field(default_factory=list)
+
+    def play(self, tasks: Iterable[EpisodeTask]) -> Iterator[tuple[EpisodeTask, EpisodeReport]]:
+        for task in tasks:
+            self.tasks.append(task)
+            task.folder.mkdir(parents=True)
+            (task.folder / "trace.mcap.part").touch()
+            yield task, self.answer(task)

@@ -1,0 +1,71 @@
+"""`lingjing bench` as a user types it; one small suite is played for real."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from lingjing.bench.folder import read_results
+from lingjing.cli.main import main
+from lingjing.errors import ExitCode
+from tests.bench.suite_kit import SMALL
+
+
+@pytest.mark.slow
+def test_a_small_suite_is_played_for_real(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    suite = tmp_path / "small.toml"
+    suite.write_text(SMALL.replace('"bi", "cd"', '"bi", "upr"').replace("seeds = 2", "seeds = [3]"))
+    command = ["bench", str(suite), "--entrants", "oracle", "-j", "2", "-o", str(tmp_path / "out")]
+    assert main(command) == ExitCode.OK
+    told = capsys.readouterr()
+    assert "| oracle † | 100 | 100 | 100 |" in told.out
+    assert re.search(r"^\[#+\] 2/2, 0 s left: oracle, \w+-\w+, seed 3: success, SCR 1.00, \d+ ticks", told.err, re.M)
+    rows = read_results(tmp_path / "out")
+    assert {(row.mission, row.mode, row.seed, row.privileged, row.standing) for row in rows} == {
+        ("bi", "single", 3, True, "counted"), ("upr", "star", 3, True, "counted"),
+    }  # fmt: skip
+    assert all(row.report.digest and row.report.metrics and row.wall_s > 0 for row in rows)
+    names = {path.name for path in (tmp_path / "out").iterdir()}
+    assert {"results.parquet", "salt", "suite.toml", "tables.csv", "tables.html", "tables.md", "tables.tex"} <= names
+    assert main(command) == ExitCode.OK
+    assert "small: 2 episodes are there, 0 to play" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("refrence",), "there is no suite `refrence`"),
+        (("reference", "-j", "0"), "-j 0: at least one"),
+        (("reference", "--limit", "0"), "--limit 0: at least one"),
+        (("reference", "--seeds", "5-2"), "the range runs backwards"),
+        (("reference", "--shard", "17/16"), "--shard 17/16: no part of a suite"),
+        (("reference", "--missions", "bii"), "--missions bii: the suite has none that is called so"),
+        (("reference", "--entrants", "orakle"), "did you mean `oracle`?"),
+        (("reference", "--missions", "bi", "--modes", "star"), "nothing to play"),
+        (("reference", "--policy", "orakle"), "no policy is called `orakle`"),
+        (("reference", "-o", "/proc/suite"), "cannot write to `/proc/suite`"),
+        (("table", "nothing.parquet"), "cannot read nothing.parquet"),
+        (("table", "."), "`.` holds no results of a suite"),
+    ],
+)
+def test_nonsense_is_a_usage_error(
+    arguments: tuple[str, ...], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    assert main(["bench", *arguments]) == ExitCode.USAGE
+    assert said in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_word_play_may_be_left_out_and_help_names_the_actions(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["bench", "reference", "--check"]) == main(["bench", "play", "reference", "--check"]) == 0
+    first, second = capsys.readouterr().err.splitlines()
+    assert first == second
+    with pytest.raises(SystemExit):
+        main(["bench", "--help"])
+    assert {"play", "table", "list"} <= set(re.findall(r"^    (\w+)", capsys.readouterr().out, re.M))
+    assert main(["bench", "list"]) == 0
+    assert "reference" in capsys.readouterr().out

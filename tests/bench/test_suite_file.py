@@ -1,0 +1,204 @@
+"""Suite files: what they mean, and every fault of one told with its path."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import jsonschema
+import msgspec
+import pytest
+
+from lingjing.bench.planning import SuitePlan, options_of_cell, read_plan
+from lingjing.bench.suite import Suite, find_suite, json_schema, read_document, shipped_suites
+from lingjing.data import data_path
+from lingjing.errors import UsageError
+from lingjing.plugins.chat_model import ModelPlugin
+from lingjing.plugins.hookspecs import hookimpl
+from lingjing.plugins.host import PluginHost
+from tests.bench.suite_kit import SMALL
+
+
+class Models:
+    """A plug-in that knows one model, which `scripted` plays."""
+
+    @hookimpl
+    def lingjing_models(self):
+        return (ModelPlugin("large-1", "scripted", {"script": "x.json"}, "commercial", 1.0, 2.0),)
+
+
+@pytest.fixture(scope="module")
+def host() -> PluginHost:
+    return PluginHost(extra=(Models(),))
+
+
+def planned(text: str, folder: Path, host: PluginHost, **how: object) -> SuitePlan:
+    file = folder / "suite.toml"
+    file.write_text(text)
+    return read_plan(file, host, **how)  # type: ignore[arg-type]
+
+
+def faults(text: str, folder: Path, host: PluginHost) -> list[str]:
+    with pytest.raises(UsageError) as told:
+        planned(text, folder, host)
+    lines = str(told.value).splitlines()
+    assert all(line.startswith(f"{folder / 'suite.toml'}: ") for line in lines)
+    return [line.removeprefix(f"{folder / 'suite.toml'}: ") for line in lines]
+
+
+def test_a_suite_means_entrants_times_columns(tmp_path: Path, host: PluginHost) -> None:
+    plan = planned(SMALL, tmp_path, host)
+    assert [(cell.player.name, cell.column.name) for cell in plan.cells] == [
+        ("oracle", "bi-single"), ("random", "bi-single"), ("oracle", "cd-star"), ("random", "cd-star"),
+        ("oracle", "cd-broadcast"), ("random", "cd-broadcast"),
+    ]  # fmt: skip
+    assert plan.suite.seeds == (0, 1)
+
+
+def test_five_mistakes_are_five_lines_with_their_paths(tmp_path: Path, host: PluginHost) -> None:
+    text = SMALL.replace('"cd"]', '"cdd"]').replace("seeds = 2", 'seeds = "5-2"').replace('"random"', '"randam"')
+    text = text.replace('"modes"]', '"mode"]') + '\n[[conditions]]\nname = "x"\nmodes = ["broadcats"]\n'
+    told = faults(text, tmp_path, host)
+    assert sorted(line.partition(":")[0] for line in told) == [
+        "conditions[0].modes[0]", "entrants[1].policy", "missions[1]", "seeds", "tables[1]",
+    ]  # fmt: skip
+    assert "entrants[1].policy: no policy is called `randam`; did you mean `random`?" in told
+    assert "missions[1]: there is no mission `cdd`; did you mean `cd`?" in told
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ('[[entrants]]\nmodel = "large-2"', "entrants[2].model: there is no model `large-2`; did you mean `large-1`?"),
+        ('[[entrants]]\nmodel = "large-1"\npolicy = "oracle"', "entrants[2]: is a model or a policy"),
+        ('[[entrants]]\npolicy = "oracle"', "entrants[2].name: `oracle` is there twice; give each a name of its own"),
+        ('[[entrants]]\npolcy = "x"', "entrants[2].polcy: is not known; did you mean `policy`?"),
+        (
+            '[[entrants]]\nname = "s"\npolicy = "scripted"\nargs = { script = "a.json", skript = 3 }',
+            "entrants[2].args.skript: is not known; did you mean `script`?",
+        ),
+        (
+            '[[conditions]]\nname = "c"\nmissions = ["ssr"]',
+            "conditions[0].missions[0]: `ssr` is none of the suite's missions; known missions: bi, cd",
+        ),
+        (
+            '[[conditions]]\nname = "c"\nmissions = ["bi"]\nmodes = ["star"]',
+            "conditions[0].modes[0]: none of bi is played in mode `star`; they have: single",
+        ),
+        (
+            '[[conditions]]\nname = "c"\nmissions = ["cd"]\nsettings = { point = 5 }',
+            "conditions[0].settings.point: mission 'cd' has no parameter 'point'; did you mean 'points'?",
+        ),
+        (
+            '[[conditions]]\nname = "c"\nmissions = ["bi"]\nsettings = { altitude = "60 kg" }',
+            "conditions[0].settings.altitude: mass where length is due",
+        ),
+        (
+            '[[conditions]]\nname = "c"\nmissions = ["cd"]\nsettings = { points = 99 }',
+            "conditions[0].settings.points: points = 99 is outside of its range 1..40",
+        ),
+        (
+            '[[conditions]]\nname = "c"\nentrants = ["orakle"]',
+            "conditions[0].entrants[0]: there is no entrant `orakle`; did you mean `oracle`?",
+        ),
+        ('[[conditions]]\nname = "c"\nargs = { memory = 3 }', "conditions[0].args.memory: is not known"),
+        (
+            '[[conditions]]\nname = "c"\n[[conditions]]\nname = "c"\nmissions = ["bi"]',
+            "conditions[1].name: `c` is the name of another condition in bi, single",
+        ),
+    ],
+)
+def test_a_mistake_is_named_with_what_was_meant(wrong: str, said: str, tmp_path: Path, host: PluginHost) -> None:
+    told = faults(f"{SMALL}\n{wrong}\n", tmp_path, host)
+    assert len(told) == 1
+    assert told[0].startswith(said)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("suite = 1", "suite = 2", "suite: is 2; this version of lingjing reads suites of form 1"),
+        ("suite = 1", "", "suite: is missing"),
+        ('name = "small"', 'name = "../x"', "name: "),
+        ("seeds = 2", "seeds = 0", "seeds: is 0, and names no seeds"),
+        ("seeds = 2", "seeds = true", "seeds: is yes, and names no seeds"),
+        ("seeds = 2", "seeds = [1, -1]", "seeds: is a list, and names no seeds"),
+        ("seeds = 2", 'seeds = 2\nmodes = ["star"]\nevaluators = ["mision"]', "evaluators[0]: there is no evaluator"),
+        ('["bi", "cd"]', '["bi"]\nmodes = ["star"]', "modes[0]: none of bi is played in mode `star`"),
+        ('["bi", "cd"]', '["bi", "bi"]', "missions[1]: `bi` is there twice"),
+    ],
+)
+def test_a_wrong_head_is_told(old: str, new: str, said: str, tmp_path: Path, host: PluginHost) -> None:
+    told = faults(SMALL.replace(old, new), tmp_path, host)
+    assert len(told) == 1
+    assert told[0].startswith(said)
+
+
+def test_what_is_no_toml_is_said(tmp_path: Path, host: PluginHost) -> None:
+    with pytest.raises(UsageError, match=r"is not TOML: .*line 1"):
+        planned("suite = = 1", tmp_path, host)
+    with pytest.raises(UsageError, match="there is no suite `smal`"):
+        find_suite("smal")
+
+
+def test_a_mission_with_errors_and_a_policy_file_beside_the_suite(tmp_path: Path, host: PluginHost) -> None:
+    (tmp_path / "mine.ljs").write_text("ljs 1\nmission mine {\n")
+    (tmp_path / "mine.py").write_text(
+        "class Mine:\n    async def reset(self, b): ...\n    async def act(self, o, i): ...\n"
+    )
+    told = faults(SMALL.replace('"bi"', '"mine.ljs"'), tmp_path, host)
+    assert len(told) == 1 and told[0].startswith("missions[0]: `mine.ljs` does not compile: ")
+    plan = planned(SMALL.replace('"random"', '"./mine.py:Mine"'), tmp_path, host)
+    assert plan.players[1].policy == f"{tmp_path}/mine.py:Mine"
+    assert plan.players[1].plugin.name == "mine.py:Mine"
+
+
+def test_arguments_go_to_who_takes_them_the_nearest_counts(tmp_path: Path, host: PluginHost) -> None:
+    text = SMALL + (
+        '\n[[entrants]]\nmodel = "large-1"\n[[conditions]]\nname = "a"\nargs = { script = "y.json" }\n'
+        '[[conditions]]\nname = "b"\nbaseline = true\nentrants = ["large-1"]\nmissions = ["cd"]\nmodes = ["star"]\n'
+        "settings = { points = 5 }\n"
+    )
+    cells = planned(text, tmp_path, host).cells
+    last = next(cell for cell in cells if cell.condition == "b")
+    assert (last.player.name, last.player.group, last.args) == ("large-1", "Commercial models", {"script": "x.json"})
+    assert len([cell for cell in cells if cell.condition == "b"]) == 1
+    first = next(cell for cell in cells if cell.condition == "a" and cell.player.name == "large-1")
+    assert first.args == {"script": "y.json"}
+    assert all(cell.args == {} for cell in cells if cell.player.name == "oracle")
+    options = options_of_cell(last, 7, 11, ("mission",))
+    assert (options.policy, options.seed, options.policy_seed, options.settings) == ("scripted", 7, 11, {"points": 5.0})
+
+
+def test_other_policies_may_play_any_suite(tmp_path: Path, host: PluginHost) -> None:
+    text = (
+        SMALL.replace('policy = "random"', 'model = "nobody-has-this"') + "\n[[conditions]]\nname = 'a'\nargs = {x = 1}"
+    )
+    plan = planned(text, tmp_path, host, policies=["random"])
+    assert [player.name for player in plan.players] == ["random"]
+
+
+def test_sweeps_are_what_missions_declare(tmp_path: Path, host: PluginHost) -> None:
+    plan = planned(SMALL.replace("seeds = 2", "seeds = 2\nsweeps = true"), tmp_path, host)
+    assert [cell.condition for cell in plan.cells if cell.player.name == "oracle"] == [
+        "points=5", "points=10", "points=15", "points=20",
+    ]  # fmt: skip
+
+
+def test_the_schema_is_the_committed_one_and_takes_every_shipped_suite() -> None:
+    committed = data_path("schemas", "suite.schema.json").read_bytes()
+    assert committed == json_schema(), "run `python -m lingjing.bench.suite`"
+    validator = jsonschema.Draft202012Validator(msgspec.json.decode(committed))
+    jsonschema.Draft202012Validator.check_schema(validator.schema)
+    for name in shipped_suites():
+        validator.validate(read_document(find_suite(name)))
+    assert [error.validator for error in validator.iter_errors({**read_document(find_suite("reference")), "x": 1})] == [
+        "additionalProperties"
+    ]
+
+
+@pytest.mark.parametrize("name", shipped_suites())
+def test_every_shipped_suite_is_right_and_called_as_its_file(name: str) -> None:
+    plan = read_plan(find_suite(name), PluginHost())
+    assert plan.suite.name == name
+    assert plan.suite.title and plan.suite.about
+    assert isinstance(plan.suite, Suite) and len(plan.cells) > 0

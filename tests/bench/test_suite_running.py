@@ -1,0 +1,359 @@
+"""Playing a suite: aborts again, nothing lost, doubled or written half, whatever happens to command or folder."""
+
+from __future__ import annotations
+
+import collections
+import json
+import os
+import random
+import re
+import resource
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from lingjing.bench import folder as folders
+from lingjing.bench.folder import ResultsFolder, open_results, read_results
+from lingjing.bench.parquet import encode_rows, read_rows
+from lingjing.bench.planning import SuitePlan, read_plan
+from lingjing.bench.rows import SuiteRow
+from lingjing.bench.running import Shard, SuiteRun
+from lingjing.cli.main import main
+from lingjing.errors import ExitCode, UsageError
+from lingjing.play.parallel import EpisodeTask
+from lingjing.play.report import ABORTED, INTERRUPTED, EpisodeReport
+from lingjing.plugins.host import PluginHost
+from tests.bench.suite_kit import SMALL, AnsweringExecutor, answered, made_row
+from tests.play.report_kit import blank_metrics
+
+SEEDS = (0, 1)
+
+
+@pytest.fixture(scope="module")
+def plan(tmp_path_factory: pytest.TempPathFactory) -> SuitePlan:
+    file = tmp_path_factory.mktemp("suite") / "small.toml"
+    file.write_text(SMALL)
+    return read_plan(file, PluginHost())
+
+
+def play(plan: SuitePlan, folder: Path, executor: AnsweringExecutor, code: str = "code", **how: object) -> SuiteRun:
+    with open_results(folder) as results:
+        run = SuiteRun(plan, results, code, executor, **how)  # type: ignore[arg-type]
+        run.check_resumable()
+        run.play(run.due(SEEDS, plan.cells))
+        results.compact()
+        return run
+
+
+def aborting(*times: str) -> AnsweringExecutor:
+    """Aborts every episode of the oracle with these details in turn, then lets it be won."""
+    count: collections.Counter[object] = collections.Counter()
+
+    def answer(task: EpisodeTask) -> EpisodeReport:
+        count[task.folder] += 1
+        if task.options.policy == "oracle" and count[task.folder] <= len(times):
+            return answered(task, success=False, reason=ABORTED, detail=times[count[task.folder] - 1], metrics=None)
+        return answered(task)
+
+    return AnsweringExecutor(answer)
+
+
+def test_every_episode_is_played_once_seed_by_seed_and_matched(plan: SuitePlan, tmp_path: Path) -> None:
+    executor = AnsweringExecutor()
+    play(plan, tmp_path / "a", executor)
+    assert [task.options.seed for task in executor.tasks] == [0] * 6 + [1] * 6
+    rows = read_results(tmp_path / "a")
+    assert len(rows) == 12 and {row.standing for row in rows} == {"counted"}
+    assert not list((tmp_path / "a" / "runs").iterdir()), "what is not kept is gone"
+    again = AnsweringExecutor()
+    play(plan, tmp_path / "a", again)
+    assert again.tasks == []
+
+
+def test_an_abort_is_played_again_with_its_seed_and_kept_in_view(plan: SuitePlan, tmp_path: Path) -> None:
+    executor = aborting("engine `road` died")
+    play(plan, tmp_path / "a", executor)
+    rows = read_results(tmp_path / "a")
+    oracle = [row for row in rows if row.entrant == "oracle"]
+    assert collections.Counter((row.standing, row.tries) for row in oracle) == {("aborted", 1): 6, ("counted", 2): 6}
+    assert len([task for task in executor.tasks if task.options.policy == "oracle"]) == 12
+    first = {task.folder: task.options for task in executor.tasks[:12]}
+    assert all(first[task.folder] == task.options for task in executor.tasks[12:]), "the same seed, the same draws"
+
+
+def test_the_third_abort_is_lost_and_listed(plan: SuitePlan, tmp_path: Path, capsys) -> None:
+    executor = aborting("one", "two", "three", "never")
+    play(plan, tmp_path / "a", executor)
+    lost = [row for row in read_results(tmp_path / "a") if row.standing == "lost"]
+    assert {(row.entrant, row.tries, row.report.detail) for row in lost} == {("oracle", 3, "three")}
+    assert len(lost) == 6
+    assert main(["bench", "table", str(tmp_path / "a")]) == 0
+    said = capsys.readouterr().out
+    assert "6 are lost (aborted 3 times) and in no rate: oracle bi-single seed 0, " in said
+    assert "12 infrastructure aborts were played again" in said
+
+
+def test_tries_are_counted_across_commands(plan: SuitePlan, tmp_path: Path) -> None:
+    with open_results(tmp_path / "a") as results:
+        run = SuiteRun(plan, results, "code", aborting("one"))
+        run.check_resumable()
+        run._round(run.due((0,), plan.cells[:1]), _countdown())
+        assert [(one.tries, one.seed) for one in run.due((0,), plan.cells[:1])] == [(2, 0)]
+
+
+def _countdown():
+    from lingjing.bench.countdown import Countdown
+
+    return Countdown(1, ())
+
+
+def test_a_policys_crash_counts_against_it(plan: SuitePlan, tmp_path: Path) -> None:
+    def answer(task: EpisodeTask) -> EpisodeReport:
+        if task.options.policy == "random":
+            return answered(task, success=False, reason=ABORTED, crashed=True, metrics=None, detail="exit code 3")
+        return answered(task)
+
+    executor = AnsweringExecutor(answer)
+    play(plan, tmp_path / "a", executor)
+    assert len(executor.tasks) == 12
+    rows = [row for row in read_results(tmp_path / "a") if row.entrant == "random"]
+    assert {(row.standing, row.report.reason, row.report.success) for row in rows} == {
+        ("counted", "policy-crash", False)
+    }
+
+
+def test_an_episode_that_was_interrupted_is_played_anew(plan: SuitePlan, tmp_path: Path) -> None:
+    play(plan, tmp_path / "a", AnsweringExecutor(lambda task: answered(task, reason=INTERRUPTED)))
+    assert read_results(tmp_path / "a") == []
+    executor = AnsweringExecutor()
+    play(plan, tmp_path / "a", executor)
+    assert len(executor.tasks) == len(read_results(tmp_path / "a")) == 12
+
+
+def test_shards_are_disjoint_and_together_everything(plan: SuitePlan, tmp_path: Path) -> None:
+    with open_results(tmp_path / "a") as results:
+        run = SuiteRun(plan, results, "code", AnsweringExecutor())
+        whole = run.due(range(40), plan.cells)
+        parts = [run.due(range(40), plan.cells, Shard(number, 3)) for number in (1, 2, 3)]
+    assert sorted((one.cell.key, one.seed) for part in parts for one in part) == sorted(
+        (one.cell.key, one.seed) for one in whole
+    )
+    assert all(0.7 < 3 * len(part) / len(whole) < 1.3 for part in parts)
+
+
+def test_policy_seeds_come_from_the_suites_own_salt(plan: SuitePlan, tmp_path: Path) -> None:
+    def drawn(folder: Path) -> dict[tuple[object, ...], int]:
+        if not folder.exists():
+            play(plan, folder, AnsweringExecutor())
+        return {row.key: row.policy_seed for row in read_results(folder)}
+
+    first, other = drawn(tmp_path / "a"), drawn(tmp_path / "b")
+    assert len({*first.values(), *other.values()}) == 24, "one of its own for every row of every suite"
+    (tmp_path / "c").mkdir()
+    shutil.copy(tmp_path / "a" / "salt", tmp_path / "c" / "salt")
+    assert drawn(tmp_path / "a") == first
+    play(plan, tmp_path / "c", AnsweringExecutor())
+    assert drawn(tmp_path / "c") == first, "the same salt draws the same"
+    fingerprints = {row.salt_sha256 for name in "abc" for row in read_results(tmp_path / name)}
+    assert len(fingerprints) == 2
+    assert (tmp_path / "a" / "salt").read_text().strip() not in str(fingerprints)
+
+
+def test_rows_of_other_code_other_options_or_another_suite_stop_it(plan: SuitePlan, tmp_path: Path) -> None:
+    play(plan, tmp_path / "a", AnsweringExecutor())
+    before = (tmp_path / "a" / "results.parquet").read_bytes()
+    with pytest.raises(UsageError, match=r"^12 of the 12 rows in .* were played by other code or missions \(code; now"):
+        play(plan, tmp_path / "a", AnsweringExecutor(), code="other")
+    with open_results(tmp_path / "a") as results:
+        results.add(made_row(suite="else", entrant="x"))
+        with pytest.raises(UsageError, match="holds results of the suite `else`, this is `small`"):
+            SuiteRun(plan, results, "code", AnsweringExecutor()).check_resumable()
+    play(plan, tmp_path / "b", AnsweringExecutor())
+    file = tmp_path / "changed.toml"
+    file.write_text(SMALL.replace('policy = "oracle"', 'policy = "oracle"\nblank_pictures = true'))
+    with pytest.raises(UsageError, match="`blank_pictures` was False and is True"):
+        play(read_plan(file, PluginHost()), tmp_path / "b", AnsweringExecutor())
+    assert read_rows(tmp_path / "a" / "results.parquet") and before == (tmp_path / "a" / "results.parquet").read_bytes()
+
+
+def test_two_commands_do_not_share_a_folder(tmp_path: Path) -> None:
+    with (
+        open_results(tmp_path / "a"),
+        pytest.raises(UsageError, match="another suite is writing to"),
+        open_results(tmp_path / "a"),
+    ):
+        pass
+
+
+def test_a_folder_that_vanishes_is_said_and_not_made_again(plan: SuitePlan, tmp_path: Path) -> None:
+    def answer(task: EpisodeTask) -> EpisodeReport:
+        if task.options.seed == 1:
+            shutil.rmtree(tmp_path / "a")
+        return answered(task)
+
+    with pytest.raises(UsageError, match="was removed or replaced while its suite was played"):
+        play(plan, tmp_path / "a", AnsweringExecutor(answer))
+    assert not (tmp_path / "a").exists()
+
+
+FULL = """
+import resource, signal, sys
+from pathlib import Path
+from lingjing.bench.folder import open_results
+from lingjing.errors import UsageError
+from tests.bench.suite_kit import made_row
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+with open_results(Path(sys.argv[1])) as results:
+    results.add(made_row())
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
+    try:
+        results.add(made_row(seed=1))
+    except UsageError as error:
+        print(error)
+"""
+
+
+def test_a_full_disk_is_said_once_and_leaves_only_whole_rows(tmp_path: Path) -> None:
+    """The system refuses to let the file grow: what a full disk looks like to the one who writes."""
+    done = subprocess.run([sys.executable, "-c", FULL, str(tmp_path / "a")], capture_output=True, text=True, check=True,
+                          cwd=Path(__file__).parents[2])  # fmt: skip
+    assert done.stdout == f"cannot write to `{tmp_path}/a`: File too large; 1 rows are there\n"
+    assert [row.seed for row in read_results(tmp_path / "a")] == [0]
+    assert not list((tmp_path / "a").rglob("*.partial"))
+    assert resource.getrlimit(resource.RLIMIT_FSIZE)[0] == resource.RLIM_INFINITY
+
+
+STUDY = """
+import sys, time
+from lingjing.bench import executors
+from tests.bench.suite_kit import answered
+class Slow(executors.LocalExecutor):
+    def play(self, tasks):
+        for task in tasks:
+            task.folder.mkdir(parents=True)
+            (task.folder / "trace.mcap.part").touch()
+            time.sleep(0.02)
+            yield task, answered(task)
+executors.LocalExecutor = Slow
+from lingjing.cli.main import main
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+def test_killed_again_and_again_it_plays_everything_once(tmp_path: Path) -> None:
+    """kill -9 at any moment: what was told is there, what was not is played by the next, and no row comes twice."""
+    suite = tmp_path / "small.toml"
+    suite.write_text(SMALL.replace("seeds = 2", "seeds = 6"))
+    folder = tmp_path / "results"
+    command = [sys.executable, "-c", STUDY, "bench", str(suite), "-o", str(folder)]
+    root, moments = Path(__file__).parents[2], random.Random(5)
+    for _ in range(4):
+        running = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, cwd=root)
+        assert running.stderr is not None
+        for _ in range(moments.randrange(2, 8)):  # killed a few episodes after it began, in the middle of one
+            running.stderr.readline()
+        time.sleep(moments.uniform(0.0, 0.02))
+        running.kill()
+        running.communicate()
+        assert len({row.key for row in read_results(folder)}) == len(read_results(folder)) > 0
+    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=root)
+    assert done.returncode == ExitCode.OK, done.stderr
+    rows = read_results(folder)
+    assert collections.Counter(row.key for row in rows).most_common(1)[0][1] == 1
+    assert len(rows) == 2 * 3 * 6
+    assert not any((folder / "runs").iterdir()) and not any((folder / "parts").iterdir())
+    assert len({row.code for row in rows}) == 1 and len(rows[0].code) == 64
+    again = subprocess.run(command, capture_output=True, text=True, check=False, cwd=root)
+    assert "small: 36 episodes are there, 0 to play" in again.stderr
+    assert again.stdout == done.stdout and again.stdout.count("| random | 100 | 100 | 100 | 100 |") == 1
+
+
+def test_parts_become_one_file_and_a_kill_between_doubles_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(folders, "MOST_PARTS", 5)
+    with open_results(tmp_path) as results:
+        for seed in range(12):
+            results.add(made_row(seed=seed))
+        assert len(list((tmp_path / "parts").iterdir())) == 2
+    part = tmp_path / "parts" / "00000099.parquet"
+    part.write_bytes(encode_rows([made_row(seed=3)]))  # as after a kill before the parts were taken away
+    assert sorted(row.seed for row in read_results(tmp_path)) == list(range(12))
+    (tmp_path / "parts" / "00000100.parquet.partial").write_bytes(b"PAR1")
+    with open_results(tmp_path) as results:
+        assert len(results.rows) == 12
+        results.add(made_row(seed=12))
+        results.compact()
+    assert [path.name for path in (tmp_path / "parts").iterdir()] == []
+
+
+def test_rows_read_back_whole_and_can_be_queried(tmp_path: Path) -> None:
+    import pyarrow.compute as compute
+    import pyarrow.parquet as parquet
+
+    metrics = blank_metrics(scr=0.5, messages=7, recall=None, gap=12.5)
+    rows = [made_row(seed=seed, metrics=metrics, success=seed == 1, entrant="ä|<b>") for seed in range(3)]
+    odd = msgspec.structs.replace(rows[0].report, trace="runs/\udce9")  # a folder whose name is no text
+    rows[0] = msgspec.structs.replace(rows[0], report=odd)
+    (tmp_path / "r.parquet").write_bytes(encode_rows(rows))
+    assert read_rows(tmp_path / "r.parquet") == rows
+    assert encode_rows(rows) == encode_rows(rows[::-1])
+    table = parquet.read_table(tmp_path / "r.parquet")
+    assert table.column("messages").to_pylist() == [7] * 3 and table.column("recall").to_pylist() == [None] * 3
+    assert compute.sum(table.column("success")).as_py() == 1
+    assert set(SuiteRow.__struct_fields__) - {"options", "report"} <= set(table.schema.names)
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"", "holds no results of a suite"),
+        (b"PAR1 and then nothing", "holds no results of a suite"),
+        (b'[{"case": 1}]', "holds no results of a suite"),
+        ("table", "holds no results that this version reads: nothing says that it is one"),
+        ("version", "holds no results that this version reads: it has form 9"),
+        ("report", r"row 0 of .* cannot be read: .*`mission`"),
+        ("half", "holds no results of a suite"),
+    ],
+)
+def test_what_holds_no_results_is_said(content: bytes | str, said: str, tmp_path: Path, capsys) -> None:
+    import pyarrow as pa
+    import pyarrow.parquet as parquet
+
+    file = tmp_path / "r.parquet"
+    file.write_bytes(content if isinstance(content, bytes) else encode_rows([made_row()]))
+    table = None if isinstance(content, bytes) else parquet.read_table(file)
+    if content == "half":
+        file.write_bytes(file.read_bytes()[:-40])
+    elif content == "table":
+        parquet.write_table(pa.table({"x": [1]}), file)
+    elif content == "version":
+        parquet.write_table(table.replace_schema_metadata({"lingjing.results": "9"}), file)
+    elif content == "report":
+        at = table.schema.names.index("report")
+        parquet.write_table(table.set_column(at, "report", pa.array([json.dumps({"seed": 1})])), file)
+    assert main(["bench", "table", str(file)]) == ExitCode.USAGE
+    told = capsys.readouterr()
+    assert re.search(said, told.err) and told.out == ""
+
+
+def test_results_are_read_while_they_are_played(tmp_path: Path) -> None:
+    with open_results(tmp_path) as results:
+        results.add(made_row())
+        assert len(read_results(tmp_path)) == 1
+    with pytest.raises(UsageError, match="holds no results of a suite"):
+        read_results(tmp_path / "parts")
+
+
+def test_an_own_seed_row_keeps_its_options(plan: SuitePlan, tmp_path: Path) -> None:
+    play(plan, tmp_path / "a", AnsweringExecutor(), keep=True)
+    row = read_results(tmp_path / "a")[0]
+    assert msgspec.structs.replace(row.options, seed=5) != row.options
+    assert (row.options.mission, row.options.seed, row.options.policy_seed) == (row.mission, row.seed, row.policy_seed)
+    assert row.report.trace.startswith("runs/") and (tmp_path / "a" / row.report.trace).parent.is_dir()
+    assert isinstance(ResultsFolder, type) and os.listdir(tmp_path / "a" / "runs")

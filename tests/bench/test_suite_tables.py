@@ -1,0 +1,251 @@
+"""The numbers of tables, who is marked as best, and texts that are markup elsewhere."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import random
+
+import pytest
+
+from lingjing.analysis.metrics import StageMetric
+from lingjing.bench.countdown import Countdown
+from lingjing.bench.exports import html_page, to_csv, to_html, to_latex, to_markdown
+from lingjing.bench.played import Played
+from lingjing.bench.rows import SuiteRow
+from lingjing.bench.statistics import bootstrap, holm, macro_average, macro_bounds, mcnemar, wilson
+from lingjing.bench.table_cells import ResultCell, ResultLine, ResultTable
+from lingjing.bench.tables import TABLES, columns_of, make_tables
+from lingjing.cli import bench
+from tests.bench.suite_kit import made_row
+from tests.play.report_kit import blank_metrics
+
+
+def column(entrant: str, mission: str, mode: str, won: int, of: int = 10, **changes: object) -> list[SuiteRow]:
+    return [
+        made_row(entrant=entrant, mission=mission, mode=mode, seed=seed, success=seed < won, **changes)
+        for seed in range(of)
+    ]
+
+
+# -- statistics
+
+
+def test_wilsons_interval_is_the_published_one() -> None:
+    """Brown, Cai and DasGupta (2001); 8 of 10: 0.4902 to 0.9433."""
+    assert wilson(8, 10) == pytest.approx((0.4901625, 0.9433178), abs=1e-6)
+    assert wilson(0, 10)[0] == 0.0 and wilson(10, 10)[1] == 1.0
+    assert wilson(10, 10)[0] == pytest.approx(0.7224672, abs=1e-6)
+    assert all(math.isnan(end) for end in wilson(0, 0))
+
+
+def test_wilsons_interval_covers_as_it_says() -> None:
+    draws = random.Random(3)
+    held = 0
+    for _ in range(2000):
+        won = sum(draws.random() < 0.3 for _ in range(50))
+        low, high = wilson(won, 50)
+        held += low <= 0.3 <= high
+    assert 0.93 <= held / 2000 <= 0.97
+
+
+def test_the_bootstrap_is_repeatable_and_near_the_normal_interval() -> None:
+    draws = random.Random(1)
+    values = [draws.gauss(5.0, 2.0) for _ in range(200)]
+    low, high = bootstrap(values)
+    assert (low, high) == bootstrap(values)
+    mean = sum(values) / 200
+    half = 1.96 * math.sqrt(sum((value - mean) ** 2 for value in values) / 200 / 200)
+    assert (low, high) == pytest.approx((mean - half, mean + half), abs=0.05)
+    assert bootstrap([2.0]) == (2.0, 2.0)
+    assert math.isnan(bootstrap([]).low)
+
+
+def test_the_macro_average_is_over_modes_first() -> None:
+    columns = {("ufr", "star"): {0: 1.0, 1: 1.0}, ("ufr", "broadcast"): {0: 0.0, 1: 0.0}, ("bi", "single"): {0: 1.0}}
+    assert macro_average(columns) == 0.75
+    low, high = macro_bounds({name: dict.fromkeys(range(50), 0.0) | {0: 1.0} for name in columns})
+    assert 0.0 <= low < 0.02 < high < 0.1
+
+
+def test_mcnemar_is_the_exact_binomial_over_pairs_that_differ() -> None:
+    first = {seed: seed < 12 for seed in range(20)}
+    second = {seed: seed < 2 or seed == 19 for seed in range(25)}
+    test = mcnemar(first, second)
+    assert test[:3] == (20, 10, 1)
+    assert test.p == pytest.approx(2 * sum(math.comb(11, k) for k in (0, 1)) / 2**11)
+    assert mcnemar(first, first).p == 1.0
+    assert holm([0.01, 0.04, 0.03]) == pytest.approx([0.03, 0.06, 0.06])
+    assert holm([]) == []
+
+
+def test_pooled_rates_are_over_counts_and_not_over_episodes() -> None:
+    metrics = [
+        {"detections": 9, "misses": 1, "false_positives": 0, "f1": 0.9, "miss_rate": 0.1, "frames": 10},
+        {"detections": 0, "misses": 0, "false_positives": 0, "f1": None, "miss_rate": 0.5, "frames": 90},
+    ]
+    played = Played(tuple(made_row(seed=seed, metrics=one) for seed, one in enumerate(metrics)))
+    assert played.f1() == pytest.approx(18 / 19)
+    assert played.weighted("miss_rate", "frames") == pytest.approx(0.46)
+    assert math.isnan(Played(()).f1()) and math.isnan(Played(()).rate())
+
+
+# -- tables
+
+
+def test_the_main_table_has_the_papers_columns_average_and_marks() -> None:
+    rows = [
+        *column("a", "ssr", "star", 4), *column("a", "ssr", "broadcast", 8), *column("a", "vdn", "single", 5),
+        *column("b", "ssr", "star", 6, entrant_place=1), *column("b", "ssr", "broadcast", 8, entrant_place=1),
+        *column("b", "vdn", "single", 1, entrant_place=1), *column("c", "ssr", "star", 5, entrant_place=2),
+        *column("o", "ssr", "star", 10, entrant_place=3, privileged=True),
+    ]  # fmt: skip
+    (table,) = make_tables(rows[::-1], ["success"])
+    assert table.heads == ("VDN", "SSR^s", "SSR^b", "Avg")
+    told = {line.label[0]: [(cell.text, cell.mark) for cell in line.cells] for line in table.lines}
+    assert list(told) == ["a", "b", "c", "o †"]
+    assert told["a"] == [("50", "best"), ("40", ""), ("80", ""), ("55", "best")]
+    assert told["b"] == [("10", "second"), ("60", "best"), ("80", ""), ("40", "second")]
+    assert told["c"] == [("–", ""), ("50", "second"), ("–", ""), ("–", "")]
+    assert told["o †"][1] == ("100", "")
+    assert columns_of(rows) == (("vdn", "single"), ("ssr", "star"), ("ssr", "broadcast"))
+
+
+def test_what_is_lost_or_aborted_is_in_no_rate_and_is_said() -> None:
+    rows = [
+        *column("a", "ssr", "star", 10), made_row(entrant="a", seed=10, success=False, standing="lost", tries=3),
+        made_row(entrant="a", seed=11, success=False, standing="aborted"),
+    ]  # fmt: skip
+    (table,) = make_tables(rows, ["success"])
+    assert table.lines[0].cells[0].text == "100"
+    assert table.notes[0] == "10 episodes are counted; 1 infrastructure aborts were played again with their seeds"
+    assert table.notes[1] == "1 are lost (aborted 3 times) and in no rate: a ssr-star seed 10"
+
+
+def test_modes_are_compared_on_the_same_mission() -> None:
+    metrics = {"star": {"messages": 6, "kilobytes": 0.52, "gap": 13.0, "rep": 0.17, "rounds": 5},
+               "broadcast": {"messages": 61, "kilobytes": 3.0, "gap": 15.0, "rep": 0.11, "rounds": 9}}  # fmt: skip
+    rows = [row for mode, one in metrics.items() for row in column("q", "ufr", mode, 5, metrics=one)]
+    rows += column("q", "bi", "single", 5)
+    (table,) = make_tables(rows, ["modes"])
+    assert [(line.label, *((cell.text, cell.mark) for cell in line.cells)) for line in table.lines] == [
+        (("UFR", "TSR"), ("50", ""), ("50", "")),
+        (("UFR", "Msg"), ("6", "best"), ("61", "")),
+        (("UFR", "KB"), ("0.5", "best"), ("3.0", "")),
+        (("UFR", "Rnd"), ("5", "best"), ("9", "")),
+        (("UFR", "Gap"), ("13", "best"), ("15", "")),
+        (("UFR", "Rep"), ("17", ""), ("11", "best")),
+    ]
+
+
+def test_conditions_are_compared_with_the_baseline_and_stages_are_cumulative() -> None:
+    def stages(*whole: bool) -> tuple[StageMetric, ...]:
+        names = ("detect", "locate")
+        return tuple(
+            StageMetric(name=name, done=int(one), required=1, cumulative=one)
+            for name, one in zip(names, whole, strict=True)
+        )
+
+    full = {"tokens": 1000, "localisation_error_m": 52.0, "coverage": 0.9, "stages": stages(True, True)}
+    coarse = {"tokens": 250, "localisation_error_m": None, "coverage": 0.5, "stages": stages(True, False)}
+    rows = [
+        *column("q", "ssr", "broadcast", 7, condition="Full", baseline=True, metrics=full),
+        *column("q", "ssr", "broadcast", 6, condition="Coarse", condition_place=1, metrics=coarse),
+    ]
+    (table,) = make_tables(rows, ["conditions"])
+    assert table.heads[-2:] == ("detect", "locate")
+    told = {line.label[0]: [cell.text for cell in line.cells] for line in table.lines}
+    assert told["Full"][:2] == ["10", "70"] and told["Full"][5:] == ["52", "90", "1.00", "100", "100"]
+    assert told["Coarse"][5:] == ["N/A", "50", "0.25", "100", "0"]
+    assert [line.cells[1].mark for line in table.lines] == ["best", "second"]
+    assert make_tables(column("q", "ssr", "star", 7), ["conditions"]) == ()
+
+
+def test_pairs_are_the_same_instances() -> None:
+    rows = [*column("a", "ssr", "star", 9), *column("b", "ssr", "star", 0, of=8), *column("c", "bi", "single", 3)]
+    (table,) = make_tables(rows, ["paired"])
+    assert [(line.label, [cell.text for cell in line.cells]) for line in table.lines] == [
+        (("a", "b"), ["8", "8", "0", "0.008", "0.008"])
+    ]
+
+
+@pytest.mark.parametrize("kind", TABLES)
+def test_every_kind_is_made_of_one_row_and_of_none(kind: str) -> None:
+    assert make_tables([], [kind]) == ()
+    for table in make_tables([made_row(), made_row(mode="broadcast"), made_row(entrant="f")], [kind]):
+        assert all(len(line.cells) == len(table.heads) for line in table.lines)
+        assert all(len(line.label) == len(table.labels) for line in table.lines)
+
+
+def test_a_row_without_metrics_is_a_failure_like_any_other() -> None:
+    rows = [made_row(success=True), made_row(seed=1, success=False, metrics=None)]
+    (table,) = make_tables(rows, ["success"])
+    assert table.lines[0].cells[0].text == "50"
+    for kind in TABLES:
+        make_tables(rows, [kind])
+
+
+# -- exports
+
+HOSTILE = "<img src=x onerror=alert(1)> | *b* `c` \\input{/etc/passwd} & 50% $x$ #_ {y} ~^ \x1b[31m\u202e\n=1+1"
+TABLE = ResultTable(
+    "success", HOSTILE, ("Entrant",), ("UFR^s", "<b>"),
+    (ResultLine(HOSTILE, ("=HYPERLINK(1)",), (ResultCell("<i>", 1.0, "best"), ResultCell("12", 12.4, "second"))),),
+    (HOSTILE,),
+)  # fmt: skip
+
+
+def test_html_holds_no_foreign_markup() -> None:
+    from html.parser import HTMLParser
+
+    tags: set[str] = set()
+
+    class Reader(HTMLParser):
+        def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+            tags.add(tag)
+            assert all(name in {"class", "colspan", "scope"} for name, _ in attrs)
+
+    Reader().feed(to_html(TABLE))
+    assert tags <= {"table", "caption", "thead", "tbody", "tr", "th", "td", "sup", "ul", "li"}
+    assert "<td class='best'>&lt;i&gt;</td>" in to_html(TABLE) and "<th>UFR<sup>s</sup></th>" in to_html(TABLE)
+    page = html_page("<script>", to_html(TABLE))
+    assert "<script" not in page and "\x1b" not in page and "\u202e" not in page
+
+
+def test_markdown_and_latex_hold_no_foreign_markup() -> None:
+    text = to_markdown(TABLE)
+    assert "<img" not in text and "\\| \\*b\\*" in text and "**&lt;i&gt;**" in text and "<u>12</u>" in text
+    assert all(line.count("|") - line.count("\\|") == 4 for line in text.splitlines() if line.startswith("|"))
+    text = to_latex(TABLE)
+    assert "\\input" not in text.replace("\\textbackslash{}input", "") and "\\& 50\\%" in text
+    assert r"\textbf{\textless{}i\textgreater{}} & \underline{12} \\" in text and "UFR$^{s}$" in text
+    assert all(line.startswith(("%", "\\", "=HYPERLINK", "Entrant")) or " & " in line for line in text.splitlines())
+
+
+def test_csv_reads_back_and_begins_no_formula() -> None:
+    head, row = csv.reader(io.StringIO(to_csv(TABLE)))
+    assert head == ["group", "Entrant", "UFR^s", "<b>"]
+    assert row[1] == "'=HYPERLINK(1)" and row[3] == "12.4"
+    assert "\x1b" not in to_csv(TABLE)
+
+
+# -- what is said while it is played
+
+
+def test_the_time_and_the_money_left_are_those_of_each_kind_of_episode() -> None:
+    countdown = Countdown(2, ["quick", "quick", "slow", "new"])
+    assert math.isnan(countdown.left_s) and math.isnan(countdown.left_usd)
+    countdown.done("quick", 10.0, 1.0)
+    countdown.learn("slow", 90.0, 3.0)
+    assert countdown.left_s == (10.0 + 90.0 + 50.0) / 2
+    assert countdown.left_usd == 1.0 + 3.0 + 2.0
+
+
+def test_the_bar_says_what_is_done_and_left() -> None:
+    countdown = Countdown(1, ["a"] * 20)
+    assert bench._bar(0, 20, countdown) == "[..........] 0/20, ? left:"
+    countdown.learn("a", 195.0, 0.16)
+    assert bench._bar(10, 20, countdown) == "[#####.....] 10/20, 1 h 05 min and $3.20 left:"
+    assert (bench.duration(100.0), bench.duration(0.4)) == ("2 min", "0 s")
+    assert blank_metrics().cost_usd == 0.0
