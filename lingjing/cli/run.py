@@ -62,6 +62,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument("--world", metavar="process|inline", help="where the engines run (default process)")
     parser.add_argument("--blank-pictures", action="store_true", help="hand the policies black pictures (a control)")
     parser.add_argument("--no-overview", action="store_true", help="do not draw overview.png (it takes a few seconds)")
+    parser.add_argument("--sign", metavar="KEYFILE", help="sign the trace with this key (see `lingjing verify --key`)")
     parser.add_argument("-j", "--jobs", metavar="N", default="1", help="play N seeds at a time")
     parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
     parser.add_argument("--watch", action="store_true", help="show the episode in the terminal while it is played")
@@ -148,6 +149,7 @@ def _options(args: argparse.Namespace, errors: ErrorCollector) -> tuple[PlayOpti
         "policy": args.policy,
         "mode": args.mode,
         "world": args.world,
+        "sign": args.sign,
         "evaluators": args.evaluator,
         "blank_pictures": args.blank_pictures or None,
         "overview": False if args.no_overview else None,

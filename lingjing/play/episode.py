@@ -120,7 +120,7 @@ class Session:
         )
         barrier = seat(kernel, policies)
         folder = Path(out) if out is not None else claim_run_folder(instance.mission, instance.mode, options.seed)
-        writer = _writer(folder, _header(instance, city, assigned, options), barrier)
+        writer = _writer(folder, _header(instance, city, assigned, options), barrier, prepared.key)
         recorder.append(writer)
         try:
             outcome = play(kernel, barrier, writer, progress)
@@ -199,11 +199,11 @@ def _header(instance: Instance, city: City, assigned: Mapping[str, Assigned], op
     )
 
 
-def _writer(folder: Path, header: Header, barrier: PolicyBarrier) -> TraceWriter:
+def _writer(folder: Path, header: Header, barrier: PolicyBarrier, key: bytes) -> TraceWriter:
     """The trace in its folder; the barrier is closed where it cannot be written."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        return TraceWriter(folder / TRACE_NAME, header)
+        return TraceWriter(folder / TRACE_NAME, header, key)
     except OSError as error:
         barrier.close()
         raise UsageError(f"cannot write to `{folder}`: {error.strerror}", hint="choose another folder") from error

@@ -29,7 +29,7 @@ class PlayOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     streams and tells them nothing about it. `mode` None is the mission's own; `settings` are values of its parameters
     in SI units. `evaluators` score it: the mean of their scores counts, and the first that says so ends the episode.
     `world` says where the engines run, `blank_pictures` hands the policies black pictures, `overview` draws
-    `overview.png`.
+    `overview.png`, `sign` is the file of the key that the trace is signed with.
     """
 
     mission: str
@@ -45,6 +45,7 @@ class PlayOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     world: Literal["process", "inline"] = "process"
     blank_pictures: bool = False
     overview: bool = True
+    sign: str | None = None
 
 
 class Changes(TypedDict, total=False):
@@ -62,6 +63,7 @@ class Changes(TypedDict, total=False):
     world: Literal["process", "inline"]
     blank_pictures: bool
     overview: bool
+    sign: str | PathLike[str] | None
 
 
 def read_options(text: str | bytes, path: str, errors: ErrorCollector | None = None) -> dict[str, object]:
@@ -119,6 +121,7 @@ def options_of(
         "policy_args": _mapped(changes.get("policy_args"), str),
         "engine_args": _mapped(changes.get("engine_args"), str),
         "settings": _mapped(changes.get("settings"), lambda value: value),
+        "sign": fspath(key) if isinstance(key := changes.get("sign"), PathLike) else key,
     }
     if "policy" in changes:
         plain["policy"] = named("policy", changes["policy"])

@@ -22,18 +22,21 @@ from lingjing.plugins.evaluator import EvaluatorPlugin
 from lingjing.plugins.host import PluginHost
 from lingjing.plugins.loading import engine_options
 from lingjing.plugins.policy import PolicyPlugin
+from lingjing.trace.seals import read_key
 
 
 @dataclass(frozen=True, slots=True)
 class Preparation:
     """An episode that can begin.
 
-    `instance` has its engines' options and is not placed in its city yet; `assigned` are the policies by agent.
+    `instance` has its engines' options and is not placed in its city yet; `assigned` are the policies by agent; `key`
+    signs the trace, if it is not empty.
     """
 
     instance: Instance
     assigned: dict[str, Assigned]
     evaluators: tuple[EvaluatorPlugin, ...]
+    key: bytes = b""
 
 
 def prepare(
@@ -60,10 +63,11 @@ def prepare(
     told = errors.attempt(lambda: engine_options(options.engine_args, host, used), {})
     assigned = assign_policies(instance, mission, options, host, given, errors)
     evaluators = errors.attempt(lambda: _evaluators(options, host), ())
+    key = errors.attempt(lambda: read_key(options.sign) if options.sign is not None else b"", b"")
     errors.check()
     if instance is None:
         raise AssertionError("without an instance there is an error")
-    return Preparation(replace(instance, engine_options=told), assigned, evaluators)
+    return Preparation(replace(instance, engine_options=told), assigned, evaluators, key)
 
 
 def _drawn(options: PlayOptions, mission: Mission, errors: ErrorCollector) -> Instance | None:

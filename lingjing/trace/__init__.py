@@ -5,17 +5,22 @@ In the order in which an episode meets them:
 - `records`    the vocabulary: what engines, agents and the kernel say to each other, and what is kept of it
 - `images`     pictures as bytes and back; policies receive what is stored
 - `encoding`   records as JSON, the same bytes for the same record
-- `digest`     the hash chain over boundaries, the one over pictures, the digest of one policy input, `verify`
+- `digest`     what two runs are compared by: the chain over boundaries, the one over pictures, the digest of one policy
+               input; `verify`: whether records agree
 - `schemas`    JSON Schemas of the records, generated; `python -m lingjing.trace.schemas` writes them
 - `topics`     the names of the file's topics
 - `foxglove`   the same boundary in Foxglove's published schemas: poses, scene, images, logs, geo positions
-- `container`  the MCAP file itself; it and `chunks` alone import `mcap`
+- `seals`      the hash chain over the file's bytes, and its signature
+- `container`  the MCAP file itself; it, `chunks` and `seal_difference` alone import `mcap`
 - `chunks`     one chunk of it, unpacked within bounds
 - `writer`     `TraceWriter`: header, boundaries, outcome
 - `signals`    signals wait while a boundary is written
 - `reader`     `read_trace`: the records back, pictures on demand
+- `seal_difference` which record is not as it was sealed
+- `seal_check` the bytes against the seals
+- `verification` `verify_file`: bytes and records, one answer
 
 Invariants: a file named `.part` is unfinished, and reads to its last complete boundary wherever it was cut; the two
-digests hold no wall-clock value; log times are simulation time in nanoseconds, so that two equal episodes differ in
-nothing but their wall-clock fields.
+digests hold no wall-clock value, the seals cover every byte; log times are simulation time in nanoseconds, so that two
+equal episodes differ in nothing but their wall-clock fields and what follows from those.
 """

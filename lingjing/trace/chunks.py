@@ -13,8 +13,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import mcap.data_stream
+import mcap.exceptions
 import mcap.opcode
 import mcap.records
+import mcap.stream_reader
 import zstandard
 
 LIMIT = 2**28
@@ -31,11 +33,27 @@ UNINDEXED = 200_000
 """Messages that a chunk may hold whose index was cut off: as many of the shortest ones as fill a chunk of ours."""
 
 _RECORD = struct.Struct("<BQ")
-_MESSAGE = struct.Struct("<HIQQ")
+MESSAGE = struct.Struct("<HIQQ")
+"""What stands before the data of an MCAP message: channel, sequence, log time, publish time."""
 
 
 class ChunkError(ValueError):
     """A chunk is no chunk of ours: it holds more than it may, or something else than it says."""
+
+
+BROKEN = (
+    ChunkError,
+    mcap.exceptions.McapError,
+    mcap.stream_reader.CRCValidationError,
+    zstandard.ZstdError,
+    struct.error,
+    zlib.error,
+    EOFError,
+    ValueError,
+    MemoryError,
+    OverflowError,
+)
+"""What reading past a cut or a damaged place raises."""
 
 
 class UnpackLimits:
@@ -80,22 +98,23 @@ def contents(chunk: mcap.records.Chunk, bounds: UnpackLimits) -> Iterator[mcap.r
             raise ChunkError("a record is longer than its chunk")
         if opcode == mcap.opcode.Opcode.MESSAGE:
             bounds.message()
-            channel, sequence, time_ns, _ = _MESSAGE.unpack_from(data, begin)
-            yield ChunkMessage(channel, sequence, time_ns, data[begin + _MESSAGE.size : at])
+            channel, sequence, time_ns, _ = MESSAGE.unpack_from(data, begin)
+            yield ChunkMessage(channel, sequence, time_ns, data[begin + MESSAGE.size : at])
         elif opcode == mcap.opcode.Opcode.CHANNEL:
             bounds.message()
             yield mcap.records.Channel.read(mcap.data_stream.ReadDataStream(io.BytesIO(data[begin:at])))
 
 
-def unpacked(chunk: mcap.records.Chunk) -> bytes:
-    """A chunk's bytes. Raises `ChunkError` if there are more or fewer than it declares, or more than `LIMIT`."""
+def unpacked(chunk: mcap.records.Chunk, *, checked: bool = True) -> bytes:
+    """A chunk's bytes. Raises `ChunkError` if there are more than `LIMIT`, more or fewer than it declares, or, if
+    `checked`, others than its sum says."""
     size = chunk.uncompressed_size
     if size > LIMIT:
         raise ChunkError(f"a chunk of {size} bytes")
     data = _taken(chunk, size + 1)  # one byte more shows that there is more
     if len(data) != size:
         raise ChunkError(f"a chunk of other than the {size} bytes that it declares")
-    if chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
+    if checked and chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
         raise ChunkError("a chunk is damaged")
     return data
 

@@ -7,24 +7,20 @@ flushed chunk with the plain `mcap` reader as well.
 from __future__ import annotations
 
 import contextlib
-import struct
-import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO
+from typing import IO, cast
 
-import mcap.exceptions
 import mcap.records
 import mcap.stream_reader
 import mcap.writer
-import zstandard
 
 from lingjing.errors import UsageError
-from lingjing.trace.chunks import LIMIT, UnpackLimits, contents
+from lingjing.trace.chunks import BROKEN, LIMIT, UnpackLimits, contents
+from lingjing.trace.seals import MAGIC, SEAL, SealedFile, definition_sum, message_sum
 
 CHUNK_BYTES = 4 * 1024 * 1024
-MAGIC = b"\x89MCAP0\r\n"
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,11 +50,12 @@ class Stored:
 
 
 class ContainerWriter:
-    """Messages into one MCAP file, opened exclusively. Raises `OSError` as the file system does."""
+    """Messages into one MCAP file, opened exclusively and sealed at every flush, with `key` signed as well. Raises
+    `OSError` as the file system does."""
 
-    def __init__(self, path: Path) -> None:
-        self._file: IO[bytes] = path.open("xb")
-        self._writer = mcap.writer.Writer(self._file, chunk_size=CHUNK_BYTES)
+    def __init__(self, path: Path, key: bytes = b"") -> None:
+        self._file = SealedFile(path.open("xb"), key)
+        self._writer = mcap.writer.Writer(cast("IO[bytes]", self._file), chunk_size=CHUNK_BYTES)
         self._writer.start(library="lingjing")
         self.last_ns = 0
         self._schemas: dict[str, int] = {}
@@ -67,44 +64,37 @@ class ContainerWriter:
     def add(self, topic: str, schema: ContainerSchema, time_ns: int, data: bytes, sequence: int = 0) -> None:
         """One message; log time and publish time are both the simulation time."""
         self.last_ns = max(self.last_ns, time_ns)
-        self._writer.add_message(self._channel(topic, schema), time_ns, data, time_ns, sequence)
+        channel = self._channel(topic, schema)
+        self._file.note(message_sum(topic, sequence, time_ns, data))
+        self._writer.add_message(channel, time_ns, data, time_ns, sequence)
 
     def flush(self) -> None:
-        """Close the chunk and hand everything to the operating system (a killed process then loses nothing)."""
+        """Close and seal the chunk, and hand all to the operating system (a killed process then loses nothing)."""
         self._writer.flush()
+        self._writer.add_metadata(SEAL, self._file.fields())
         self._file.flush()
 
     def finish(self) -> None:
-        """Write the summary (indexes, statistics) and close the file."""
+        """Write the last seal and the summary (indexes, statistics), and close the file."""
+        self._writer.flush()
+        self._writer.add_metadata(SEAL, self._file.fields(last=True))
         self._writer.finish()
         self._file.close()
 
     def close(self) -> None:
         """Close the file as it is, without a summary, when writing has failed; idempotent."""
         with contextlib.suppress(OSError):  # what cannot be flushed is why we are here
-            self._file.close()
+            self._file.abort()
 
     def _channel(self, topic: str, schema: ContainerSchema) -> int:
         if topic not in self._channels:
             if schema.name not in self._schemas:
+                self._file.note(definition_sum(schema.name, schema.encoding, schema.data))
                 self._schemas[schema.name] = self._writer.register_schema(schema.name, schema.encoding, schema.data)
-            self._channels[topic] = self._writer.register_channel(
-                topic, schema.message_encoding, self._schemas[schema.name]
-            )
+            number = self._schemas[schema.name]
+            self._file.note(definition_sum(topic, schema.message_encoding, str(number)))
+            self._channels[topic] = self._writer.register_channel(topic, schema.message_encoding, number)
         return self._channels[topic]
-
-
-_CUT = (
-    mcap.exceptions.McapError,
-    mcap.stream_reader.CRCValidationError,
-    zstandard.ZstdError,
-    struct.error,
-    zlib.error,
-    EOFError,
-    ValueError,
-    MemoryError,
-)
-"""What reading past a cut or a damaged place raises."""
 
 
 def scan(path: Path) -> Iterator[Stored]:
@@ -120,7 +110,7 @@ def scan(path: Path) -> Iterator[Stored]:
             for record in mcap.stream_reader.StreamReader(file, emit_chunks=True, record_size_limit=LIMIT).records:
                 if isinstance(record, mcap.records.Chunk):
                     yield from _messages(record, channels, file.tell() - _chunk_length(record), bounds)
-        except _CUT:
+        except BROKEN:
             return
 
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from lingjing.trace.encoding import settled, to_json
-from lingjing.trace.records import BoundaryRecord, Envelope, FrameInfo, ObservationRecord, Receipt
+from lingjing.trace.records import CUT_SHORT, BoundaryRecord, Envelope, FrameInfo, ObservationRecord, Outcome, Receipt
 
 if TYPE_CHECKING:
     from lingjing.trace.reader import Trace
@@ -58,9 +58,10 @@ def input_digest(
 
 
 def verify(trace: Trace, *, pixels: bool = False) -> str | None:
-    """None if every digest of the trace follows from its records, else one sentence that names the first fault.
+    """None if the records of a trace agree with each other, else one sentence that names the first that does not.
 
-    With `pixels` every stored JPEG is hashed as well.
+    Every digest must follow from its records, the outcome from the last boundary. With `pixels` every stored JPEG is
+    hashed as well; depth and class ids are not: what was hashed is the depth before it was rounded for the file.
     """
     return _chain_fault(trace) or _outcome_fault(trace) or (_pixel_fault(trace) if pixels else None)
 
@@ -87,6 +88,23 @@ def _outcome_fault(trace: Trace) -> str | None:
         pixels = next_frames_digest(pixels, record.frames)
     if trace.outcome.frames_digest != pixels:
         return "the outcome's frames digest does not follow from the pictures' hashes"
+    return _ending_fault(trace.outcome, trace.boundaries[-1]) if trace.boundaries else None
+
+
+def _ending_fault(outcome: Outcome, last: BoundaryRecord) -> str | None:
+    """What the outcome claims against the last boundary, from which it was made."""
+    claims = (
+        ("ticks", outcome.ticks, last.tick),
+        ("score", outcome.score, last.reward),
+        ("subtask completion rate", outcome.scr, last.scr),
+        ("success", outcome.success, outcome.reason == "success"),
+    )
+    for name, claimed, found in claims:
+        if claimed != found:
+            return f"the outcome's {name} is {claimed}, that of the last boundary {found}"
+    if outcome.reason not in CUT_SHORT and last.done != (outcome.reason != "budget"):
+        ended = "had ended" if last.done else "was not over"
+        return f"the outcome's reason is `{outcome.reason}`, but at the last boundary the episode {ended}"
     return None
 
 

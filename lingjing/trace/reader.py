@@ -19,7 +19,7 @@ from lingjing.errors import UsageError
 from lingjing.trace import images
 from lingjing.trace.container import Stored, chunk_messages, ends_properly, scan
 from lingjing.trace.encoding import from_json
-from lingjing.trace.records import CUT_SHORT, BoundaryRecord, FrameInfo, Header, Outcome
+from lingjing.trace.records import CUT_SHORT, FIRST_FORMAT, FORMAT, BoundaryRecord, FrameInfo, Header, Outcome
 from lingjing.trace.topics import BOUNDARY, CAMERAS, FRAME, HEADER, OUTCOME, camera_topic
 
 RECORD_RATIO = 200
@@ -123,6 +123,12 @@ def read_trace(path: str | Path) -> Trace:
     )
 
 
+class _Named(msgspec.Struct):
+    """What every version's header has."""
+
+    format: str = FIRST_FORMAT
+
+
 class _Found:
     """What one pass over the file has gathered so far."""
 
@@ -145,9 +151,19 @@ class _Found:
         elif stored.topic == FRAME:
             self.sequences[self._decoded(stored, FrameInfo).id] = stored.sequence
         elif stored.topic == HEADER:
-            self.header = self._decoded(stored, Header)
+            self.header = self._header(stored)
         elif stored.topic == OUTCOME:
             self.outcome = self._decoded(stored, Outcome)
+
+    def _header(self, stored: Stored) -> Header:
+        """The header, after a look at the format that it names: one of tomorrow is told by its name."""
+        named = self._decoded(stored, _Named).format
+        if named not in (FIRST_FORMAT, FORMAT):
+            raise UsageError(
+                f"{self.path} is of the format `{named[:40]}`; this version reads {FIRST_FORMAT} and {FORMAT}",
+                hint="read it with the version that wrote it",
+            )
+        return self._decoded(stored, Header)
 
     def _decoded(self, stored: Stored, kind: type[Record]) -> Record:
         self.left -= len(stored.data)

@@ -401,11 +401,16 @@ class AgentBinding(TraceRecord, frozen=True, kw_only=True):
     arguments: dict[str, str] = {}
 
 
+FIRST_FORMAT = "lingjing-trace/1"
+FORMAT = "lingjing-trace/2"
+"""What `Header.format` is: the first had no seals, this one has (ADR 0017)."""
+
+
 class Header(TraceRecord, frozen=True, kw_only=True):
     """The first record of a trace: what was played, by whom, on what; `policy_seed` started the policies' streams,
     `evaluators` scored it."""
 
-    format: str = "lingjing-trace/1"
+    format: str = FORMAT
     instance: Instance
     bindings: tuple[AgentBinding, ...]
     fingerprint: dict[str, str]

@@ -42,14 +42,15 @@ def gone(part: Path) -> InfrastructureError:
 
 
 class TraceWriter:
-    """One episode's trace. Use it as a context manager: an episode that ends in neither `finish` nor `abandon`
-    leaves a closed `.part`.
+    """One episode's trace, sealed, and signed if there is a `key`. Use it as a context manager: an episode that ends in
+    neither `finish` nor `abandon` leaves a closed `.part`.
 
     Raises `UsageError` if `path` or its `.part` is there already, or when the file cannot be written.
     """
 
-    def __init__(self, path: Path, header: Header) -> None:
+    def __init__(self, path: Path, header: Header, key: bytes = b"") -> None:
         self.path = path
+        self._key = key
         self.part = part_path(path)
         self._instance = header.instance
         self._pictures = 0
@@ -92,7 +93,7 @@ class TraceWriter:
             taken = self.path if self.path.exists() else self.part
             raise UsageError(f"{taken} is there already", hint="a trace is never overwritten: choose another folder")
         try:
-            return ContainerWriter(self.part)
+            return ContainerWriter(self.part, self._key)
         except OSError as error:
             raise UsageError(f"cannot write the trace {self.part}: {error.strerror}") from error
 

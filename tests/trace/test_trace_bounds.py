@@ -166,3 +166,13 @@ def test_a_long_trace_of_nothing_stays_within_the_bounds(synthetic: ModuleType, 
     plain = sum(len(stored.data) for stored in scan(path))
     assert plain / packed < 500
     assert sum(1 for _ in scan(path)) < packed / 16
+
+
+def test_lengths_beyond_every_number_are_a_damaged_place(trace: Trace, tmp_path: Path) -> None:
+    """A packed length of 2**63 and more fits no index; the chunk before it is read all the same."""
+    good = channel(1, "/x") + message(1, b"hi")
+    whole = chunk(zstandard.compress(good), len(good))
+    for length in (2**63, 2**64 - 1, 2**32):
+        head = struct.pack("<QQQI", 0, 0, 10, 0) + text("zstd") + struct.pack("<Q", length)
+        (tmp_path / "t.mcap").write_bytes(MAGIC + whole + record(CHUNK, head) + MAGIC)
+        assert [stored.data for stored in scan(tmp_path / "t.mcap")] == [b"hi"]

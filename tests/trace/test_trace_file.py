@@ -171,7 +171,7 @@ def test_an_unwritable_place_is_a_usage_error(synthetic: ModuleType, tmp_path: P
 def test_a_full_disk_is_a_usage_error(synthetic: ModuleType, tmp_path: Path) -> None:
     writer = TraceWriter(tmp_path / "trace.mcap", synthetic.header())
     full = os.open("/dev/full", os.O_WRONLY)
-    os.dup2(full, writer._container._file.fileno())
+    os.dup2(full, writer._container._file._file.fileno())
     os.close(full)
     with pytest.raises(UsageError, match="No space left"):
         writer.boundary(*next(synthetic.episode(4)))

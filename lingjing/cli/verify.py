@@ -1,0 +1,53 @@
+"""`lingjing verify TRACE...`: whether traces are what was written, or the first record that is not."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from typing import TYPE_CHECKING
+
+from lingjing.errors import ExitCode, UsageError
+
+if TYPE_CHECKING:
+    from lingjing.trace.verification import Verification
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Declare the verb and its options."""
+    parser = subparsers.add_parser(
+        "verify", help="say whether traces are what was written", description=__doc__,
+        epilog="exit codes: 0 all are ok, 1 one is wrong, cut or unsealed, 2 one is no trace or cannot be read",
+    )  # fmt: skip
+    parser.add_argument("traces", metavar="TRACE", nargs="+", help="a trace.mcap or trace.mcap.part")
+    parser.add_argument("--key", metavar="KEYFILE", help="the key that `run --sign` signed them with")
+    parser.add_argument("--output-format", choices=("text", "json"), default="text", help="default: text")
+    parser.set_defaults(handler=handler)
+
+
+def handler(args: argparse.Namespace) -> int:
+    """Print a line, or an object, for each trace in the order given."""
+    from lingjing.trace.seals import read_key
+
+    key = read_key(args.key) if args.key else None
+    found = []
+    for path in args.traces:
+        found.append(_verified(path, key))
+        if args.output_format == "text":
+            print(f"{path}: {found[-1].state}: {found[-1].said}", flush=True)
+    if args.output_format == "json":
+        import msgspec
+
+        print(json.dumps(msgspec.to_builtins(found), indent=2))
+    states = {one.state for one in found}
+    if states <= {"ok"}:
+        return ExitCode.OK
+    return ExitCode.USAGE if states <= {"ok", "unreadable"} else ExitCode.MISSION
+
+
+def _verified(path: str, key: bytes | None) -> Verification:
+    from lingjing.trace.verification import Verification, verify_file
+
+    try:
+        return verify_file(path, key)
+    except UsageError as error:
+        return Verification(path=path, state="unreadable", said=str(error))

@@ -1,0 +1,106 @@
+"""`check_seals`: the bytes of a file against its seals, and the first record that is not as it was sealed.
+
+Nothing is unpacked until a seal does not hold: one pass hashes the file as it lies on the disk.
+"""
+
+from __future__ import annotations
+
+import hmac
+import mmap
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+from lingjing.errors import UsageError
+from lingjing.trace.seal_difference import first_difference, seal_fields, sealed_part
+from lingjing.trace.seals import (
+    MAGIC,
+    RECORD,
+    blanked,
+    chain_hash,
+    find_seal,
+    is_last,
+    is_seal,
+    signature,
+    whole_records,
+)
+
+SignatureState = Literal["none", "good", "bad", "unchecked"]
+
+
+class SealReport(NamedTuple):
+    """What the seals of a file say. `seals` hold one after the other; `fault` names the first record that is not as it
+    was sealed; `ended` if the last seal is there; `loose` are the bytes behind the last one that holds, where there is
+    no fault.
+
+    `signature` is that of all seals under the key that was given.
+    """
+
+    seals: int = 0
+    fault: str = ""
+    ended: bool = False
+    loose: int = 0
+    signature: SignatureState = "none"
+
+
+def check_seals(path: Path, key: bytes | None = None) -> SealReport:
+    """Compare a file's bytes with its seals. Raises `UsageError` if it cannot be read."""
+    try:
+        with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+            return _checked(data, key)
+    except OSError as error:
+        raise UsageError(f"cannot read the trace {path}: {error.strerror}") from error
+    except ValueError as error:  # mmap refuses an empty file
+        raise UsageError(f"{path} is not a trace: it is empty") from error
+
+
+def _checked(data: mmap.mmap, key: bytes | None) -> SealReport:
+    """Seal by seal; the first that does not hold ends it."""
+    begin, running, states = 0, chain_hash(), list[SignatureState]()
+    for at, end in whole_records(data):
+        if not is_seal(data[at : min(end, at + 64)]):
+            continue
+        record = data[at:end]
+        fields, last = seal_fields(record), is_last(record)
+        running.update(memoryview(data)[begin:at])
+        running.update(blanked(record))
+        if last:
+            running.update(memoryview(data)[end:])
+        chain, number = running.hexdigest(), len(states) + 1
+        if fields.get("number") != str(number) or fields.get("chain") != chain:
+            fault = first_difference(data, (begin, at, end), number, fields)
+            return SealReport(len(states), fault, signature=_all(states))
+        states.append(_signed(fields, key))
+        if states[-1] == "bad":
+            fault = f"{sealed_part(number, last=last)}: it is not signed with this key"
+            return SealReport(len(states), fault, signature="bad")
+        begin, running = end, chain_hash(chain, fields.get("hmac", ""))
+        if last:
+            return SealReport(len(states), ended=True, signature=_all(states))
+    return _open_end(data, begin, len(states), _all(states))
+
+
+def _open_end(data: mmap.mmap, begin: int, seals: int, signed: SignatureState) -> SealReport:
+    """A file whose records end before its last seal: cut there, unless there is a seal behind the place."""
+    further, finished = find_seal(data, begin), data[-len(MAGIC) :] == MAGIC
+    if further < 0:
+        fault = "the outcome: its seal is missing or damaged" if seals and finished else ""
+        return SealReport(seals, fault, loose=len(data) - begin, signature=signed)
+    end = further + RECORD.size + RECORD.unpack_from(data, further)[1]
+    if end > len(data) and not finished and find_seal(data, further + 1) < 0:  # that seal was being written
+        return SealReport(seals, loose=len(data) - begin, signature=signed)
+    end = min(end, len(data))
+    fault = first_difference(data, (begin, further, end), seals + 1, seal_fields(data[further:end]))
+    return SealReport(seals, fault, signature=signed)
+
+
+def _signed(fields: dict[str, str], key: bytes | None) -> SignatureState:
+    if "hmac" not in fields:
+        return "none"
+    if key is None:
+        return "unchecked"
+    wanted = signature(fields["chain"], key).encode()
+    return "good" if hmac.compare_digest(wanted, fields["hmac"].encode()) else "bad"
+
+
+def _all(states: list[SignatureState]) -> SignatureState:
+    return states[-1] if states else "none"

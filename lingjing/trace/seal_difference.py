@@ -1,0 +1,167 @@
+"""`first_difference`: the record between two seals that is not as it was sealed, named for a reader."""
+
+from __future__ import annotations
+
+import io
+import mmap
+import zlib
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import mcap.opcode
+import mcap.records
+from mcap.data_stream import ReadDataStream
+
+from lingjing.trace.chunks import BROKEN, MESSAGE, UnpackLimits, unpacked
+from lingjing.trace.seals import MAGIC, RECORD, definition_sum, message_sum, records_of, whole_records
+
+
+class _Found(NamedTuple):
+    """A record of a segment: how it is called, where it begins in the file, and its sum."""
+
+    name: str
+    at: int
+    total: int
+
+
+def seal_fields(record: bytes) -> dict[str, str]:
+    """The fields of a seal's bytes; none if they are damaged."""
+    try:
+        return dict(mcap.records.Metadata.read(ReadDataStream(io.BytesIO(record[RECORD.size :]))).metadata)
+    except BROKEN:
+        return {}
+
+
+def sealed_part(number: int, *, last: bool) -> str:
+    """What the seal of that number stands behind."""
+    return "the outcome" if last else "the header" if number == 1 else f"boundary {number - 2}"
+
+
+def first_difference(data: mmap.mmap, segment: tuple[int, int, int], number: int, fields: dict[str, str]) -> str:
+    """The first record between two seals that is not as it was sealed, in words."""
+    begin, at, end = segment
+    place = sealed_part(number, last="end" in fields)
+    found = list(_contents(data, begin, at))
+    texts = fields.get("records", "")
+    sealed = [int(texts[i : i + 8], 16) for i in range(0, len(texts), 8)] if _is_hex(texts) else []
+    if not sealed:
+        return f"{place}: the seal at byte {at} is damaged"
+    for index, one in enumerate(found):
+        if one.total == -1:
+            return f"{place}: {one.name} at byte {one.at}"
+        if index >= len(sealed) or one.total != sealed[index]:
+            return f"{place}: {one.name} at byte {one.at} {_changed(found, sealed, index)}"
+    if len(found) < len(sealed):
+        return f"{place}: {len(sealed) - len(found)} records are missing before byte {at}"
+    if fields.get("number") != str(number):
+        told = fields.get("number", "")[:20]
+        return f"{place}: the seal at byte {at} is number {told}, not {number}: what was sealed before it is missing"
+    return (
+        f"{place}: {_behind(data, end)}"
+        if "end" in fields
+        else f"{place}: the seal at byte {at} is not the one it was given"
+    )
+
+
+def _changed(found: list[_Found], sealed: list[int], index: int) -> str:
+    here, after = found[index].total, sealed[index + 1] if index + 1 < len(sealed) else None
+    if (
+        index < len(sealed)
+        and here not in sealed
+        and (index + 1 >= len(found) or found[index + 1].total != sealed[index])
+    ):
+        return "is not as it was sealed"
+    if here == after and here not in sealed[:index]:
+        return "comes too early: the record before it is missing"
+    return "was not there: it was added, repeated or moved"
+
+
+def _behind(data: mmap.mmap, end: int) -> str:
+    """What is wrong behind the last seal: the footer, bytes after it, or the summary between them."""
+    at = end
+    while at + RECORD.size <= len(data):
+        opcode, length = RECORD.unpack_from(data, at)
+        at += RECORD.size + length
+        if opcode == mcap.opcode.Opcode.FOOTER:
+            break
+    if data[at : at + len(MAGIC)] != MAGIC:
+        return f"the file's summary, from byte {end} on, is damaged"
+    added = len(data) - at - len(MAGIC)
+    if added:
+        return f"{added} bytes were added behind the end of the file, from byte {len(data) - added} on"
+    return f"the last seal, or the summary between bytes {end} and {at} by which viewers find records, is another"
+
+
+def _contents(data: mmap.mmap, begin: int, end: int) -> Iterator[_Found]:
+    """The records between two seals in the order of their sums; one that cannot be read has the sum -1 and says why."""
+    topics, limits = _topics(data, begin), UnpackLimits(len(data))
+    at = begin or len(MAGIC)
+    while at < end:
+        if at + RECORD.size > end:
+            yield _Found("what stands where a record is due", at, -1)
+            return
+        opcode, length = RECORD.unpack_from(data, at)
+        after = at + RECORD.size + length
+        if after > end:
+            yield _Found(f"a record ({_kind(opcode)}) that is longer than there is room", at, -1)
+            return
+        record = data[at:after]
+        if opcode == mcap.opcode.Opcode.CHUNK:
+            yield from _inside(record, at, topics, limits)
+        yield _Found(f"the file's record {_kind(opcode)}", at, zlib.crc32(record))
+        at = after
+
+
+def _inside(record: bytes, at: int, topics: dict[int, str], limits: UnpackLimits) -> Iterator[_Found]:
+    try:
+        chunk = mcap.records.Chunk.read(ReadDataStream(io.BytesIO(record[RECORD.size :])))
+        limits.take(chunk)
+        for opcode, inner in records_of(unpacked(chunk, checked=False)):
+            limits.message()
+            named = _inner(opcode, inner[RECORD.size :], topics)
+            if named is not None:
+                yield _Found(named[0], at, named[1])
+    except BROKEN as error:
+        yield _Found(f"a chunk that cannot be unpacked ({error})", at, -1)
+
+
+def _inner(opcode: int, body: bytes, topics: dict[int, str]) -> tuple[str, int] | None:
+    stream = ReadDataStream(io.BytesIO(body))
+    if opcode == mcap.opcode.Opcode.MESSAGE:
+        channel, sequence, time_ns, _ = MESSAGE.unpack_from(body)
+        topic = topics.get(channel, "")
+        name = f"the message on {topic or f'channel {channel}'} at {time_ns / 1e9:g} s"
+        return name, message_sum(topic, sequence, time_ns, body[MESSAGE.size :])
+    if opcode == mcap.opcode.Opcode.CHANNEL:
+        channel_record = mcap.records.Channel.read(stream)
+        topics[channel_record.id] = channel_record.topic
+        parts = (channel_record.topic, channel_record.message_encoding, str(channel_record.schema_id))
+        return f"the channel {channel_record.topic[:80]}", definition_sum(*parts)
+    if opcode == mcap.opcode.Opcode.SCHEMA:
+        schema = mcap.records.Schema.read(stream)
+        return f"the schema {schema.name[:80]}", definition_sum(schema.name, schema.encoding, schema.data)
+    return f"a record of kind {opcode}", -2
+
+
+def _topics(data: mmap.mmap, until: int) -> dict[int, str]:
+    """The topics of the channels that are declared before a place."""
+    topics: dict[int, str] = {}
+    limits = UnpackLimits(len(data))
+    for at, end in whole_records(data):
+        if at >= until:
+            break
+        if data[at] == mcap.opcode.Opcode.CHUNK:
+            for _ in _inside(data[at:end], at, topics, limits):
+                pass
+    return topics
+
+
+def _kind(opcode: int) -> str:
+    try:
+        return f"{mcap.opcode.Opcode(opcode).name.lower().replace('_', ' ')}"
+    except ValueError:
+        return f"{opcode:#04x}"
+
+
+def _is_hex(text: str) -> bool:
+    return len(text) % 8 == 0 and set(text) <= set("0123456789abcdef")
