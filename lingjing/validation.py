@@ -12,11 +12,13 @@ DUE = {
     "bool": "yes or no",
     "dict": "an object",
     "float": "a number",
+    "frozen_set": "a list",
     "finite_number": "a finite number",
     "int": "a whole number",
     "list": "a list",
     "mapping": "an object",
     "model": "an object",
+    "set": "a list",
     "string": "a text",
     "tuple": "a list",
 }

@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
+from lingjing.cli.option_listing import OptionSpec, option_specs
 from lingjing.errors import ExitCode, PluginError, UsageError
 from lingjing.mission.kinds import SceneOption, scene_kind
 from lingjing.plugins.chat_model import ModelPlugin
 from lingjing.plugins.host import PluginHost
-from lingjing.plugins.loading import load_policy, options_model
-from lingjing.plugins.options import OptionSpec, declared_model, option_specs
+from lingjing.plugins.loading import options_model
+from lingjing.plugins.options import declared_model
 from lingjing.plugins.policy import PolicyPlugin
 
 if TYPE_CHECKING:
@@ -91,6 +92,8 @@ def offers_called(name: str, host: PluginHost) -> Iterator[Offer]:
     Raises `UsageError` if nothing is called so.
     """
     if name.partition(":")[0].endswith(".py"):
+        from lingjing.play.policy_files import load_policy
+
         policy = load_policy(name, host)
         yield _policy_offer(policy, name.partition(":")[0], option_specs(options_model(policy)))
         return
@@ -106,12 +109,13 @@ def offers_called(name: str, host: PluginHost) -> Iterator[Offer]:
 def _options(offer: Offer, host: PluginHost) -> tuple[OptionSpec, ...]:
     if offer.kind == "policy":
         return option_specs(options_model(host.policies[offer.name]))
-    if offer.kind in ("evaluator", "model"):
+    if offer.kind == "model":
         return ()
     if offer.kind == "scene":
         kind = scene_kind(offer.name)
         return tuple(_scene_option(*one) for one in kind.options.items()) if kind is not None else ()
-    model = declared_model(host.engines[offer.name].options, f"engine `{offer.name}`")
+    plugin = host.engines[offer.name] if offer.kind == "engine" else host.evaluators[offer.name]
+    model = declared_model(plugin.options, f"{offer.kind} `{offer.name}`")
     return option_specs(model) if model is not None else ()
 
 

@@ -43,7 +43,9 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument(
         "--policy-for", metavar="ROLE_OR_AGENT=NAME", action="append", default=[], help="who plays this role or agent"
     )
-    parser.add_argument("--policy-arg", metavar="K=V", action="append", default=[], help="an option of the policy")
+    parser.add_argument(
+        "--policy-arg", metavar="K=V", action="append", default=[], help="an option of the policy; a list as JSON"
+    )
     parser.add_argument(
         "--engine-arg", metavar="ENGINE.K=V", action="append", default=[], help="an option of an engine"
     )
@@ -52,6 +54,9 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     )
     parser.add_argument(
         "--evaluator", metavar="NAME", action="append", help="who scores (default mission); of several the mean counts"
+    )
+    parser.add_argument(
+        "--evaluator-arg", metavar="NAME.K=V", action="append", default=[], help="an option of an evaluator"
     )
     parser.add_argument(
         "--options",
@@ -138,6 +143,7 @@ def _options(args: argparse.Namespace, errors: ErrorCollector) -> tuple[PlayOpti
         "policies_for": parse_pairs("--policy-for", args.policy_for, errors, "policies_for"),
         "policy_args": parse_pairs("--policy-arg", args.policy_arg, errors),
         "engine_args": parse_pairs("--engine-arg", args.engine_arg, errors),
+        "evaluator_args": parse_pairs("--evaluator-arg", args.evaluator_arg, errors),
         "settings": parse_settings(pairs, mission, errors),
     }
     single = {

@@ -19,8 +19,9 @@ from lingjing.kernel.world.contract import World
 from lingjing.mission.instance import Instance
 from lingjing.mission.instantiate import instantiate
 from lingjing.mission.model import Mission
+from lingjing.play.policy_files import load_policy
 from lingjing.plugins.host import PluginHost
-from lingjing.plugins.loading import build_policy, load_policy
+from lingjing.plugins.loading import build_policy
 from lingjing.trace.records import Decision, DecisionRecord
 
 

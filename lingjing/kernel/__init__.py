@@ -21,7 +21,8 @@ In the order of control:
   the evaluation of expressions;
 - `adjudication` latches rules as events (Adjudicate), `constraints` checks what must always hold, `stages` times
   the stages;
-- `subtasks` counts the parts of success; `evaluation` scores and ends the episode (Evaluate, TerminationReason);
+- `subtasks` counts the parts of success; `evaluation` scores and ends the episode (Evaluate, TerminationReason),
+  `evaluators` builds those of plug-ins and checks what they answer;
 - `recording` derives records from what was published;
 - `step` is W.Step, `episode` the loop around it.
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from lingjing.kernel.assignments import point
-from lingjing.kernel.registry import Registry, Report
+from lingjing.kernel.registry import Binding, Registry, Report
 from lingjing.mission.expression import Expr
 from lingjing.mission.fold import Meaning
 from lingjing.mission.instance import Entity, Instance
@@ -38,6 +38,21 @@ class RuntimeContext:
     facts: Mapping[str, Callable[..., Value]]
     meanings: dict[int, tuple[Expr, Meaning]]
     evidence: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def tick(self) -> int:
+        """The boundary's tick. With `achieved`, `stages`, `states` and `time_s` this is an evaluator's `Standing`."""
+        return self.registry.tick
+
+    @property
+    def achieved(self) -> Mapping[tuple[str, Binding], float]:
+        """When each (rule, binding) that has come true did, in seconds."""
+        return self.registry.achieved
+
+    @property
+    def stages(self) -> Mapping[tuple[str, str], int]:
+        """The tick at which each (stage, subject) that is done was done."""
+        return self.registry.stages
 
     def domain(self, name: str) -> tuple[Entity, ...] | tuple[Report, ...]:
         """The members of a group or the reports of a message kind, in declaration or arrival order."""

@@ -17,7 +17,6 @@ from collections.abc import Iterator, Sequence
 
 from msgspec.structs import replace
 
-from lingjing.kernel.adjudication import Adjudicator
 from lingjing.kernel.constraints import ConstraintMonitor
 from lingjing.kernel.context import Locals, RuntimeContext
 from lingjing.kernel.registry import Registry
@@ -33,15 +32,14 @@ from lingjing.trace.records import AdjudicatedEvent
 class MissionEvaluator:
     """Scores by the mission's own success and failure conditions: the evaluator `mission`."""
 
-    def __init__(self, instance: Instance, adjudicator: Adjudicator | None = None) -> None:
+    def __init__(self, instance: Instance) -> None:
         self._instance = instance
-        self._adjudicator = adjudicator or Adjudicator(instance)
         self._monitor = ConstraintMonitor(instance)
         self._declared_stages = Stages(instance)
 
-    def evaluate(self, standing: Registry, events: Sequence[AdjudicatedEvent]) -> Evaluation:
+    def evaluate(self, at: RuntimeContext, events: Sequence[AdjudicatedEvent]) -> Evaluation:
         """Success before failure and lateness: a mission won at the boundary where it would be lost is won."""
-        at = self._adjudicator.instant(standing, standing.states, standing.time_s)
+        standing = at.registry
         parts = list(parts_of(self._instance.success, {}, at))
         won = all(parts)
         whole = 1.0 if won else self._share(standing, parts)

@@ -24,6 +24,7 @@ from lingjing.kernel.budgets import Budgets
 from lingjing.kernel.bus import Bus, MessageRouter
 from lingjing.kernel.candidates import received
 from lingjing.kernel.commands import CommandValidator, Resolution
+from lingjing.kernel.context import RuntimeContext
 from lingjing.kernel.evaluation import MissionEvaluator, combine
 from lingjing.kernel.inspections import Inspections, commands_of
 from lingjing.kernel.progress import EpisodeProgress
@@ -107,7 +108,7 @@ class Kernel:
         world: World,
         *,
         privileged: frozenset[str] = frozenset(),
-        evaluators: Sequence[Evaluator[Registry]] = (),
+        evaluators: Sequence[Evaluator[RuntimeContext]] = (),
         record: Recorder | None = None,
         blank_pictures: bool = False,
         policy_seed: int = 0,
@@ -128,7 +129,7 @@ class Kernel:
         self._inspections = Inspections(instance)
         self._scheduled = ScheduledEvents(instance)
         self._reference_pictures = ReferencePictures(instance)
-        self._evaluators = tuple(evaluators) or (MissionEvaluator(instance, self._adjudicator),)
+        self._evaluators = tuple(evaluators) or (MissionEvaluator(instance),)
         self.state = KernelState(registry=initial(instance))
 
     def reset(self) -> Published:
@@ -209,7 +210,9 @@ class Kernel:
         happened = self._scheduled.at(boundary.tick) + boundary.events
         observations = self._observe(registry, happened, answers)  # line 49: ProjectVisible
         verdict = self._adjudicator.adjudicate(before, registry, boundary.snapshots)  # line 50: Adjudicate
-        evaluation = combine([one.evaluate(verdict.registry, verdict.events) for one in self._evaluators])  # line 51
+        latched = verdict.registry
+        standing = self._adjudicator.instant(latched, latched.states, latched.time_s)
+        evaluation = combine([one.evaluate(standing, verdict.events) for one in self._evaluators])  # line 51
         record = self._draft(boundary, happened, inputs, receipts, frames, verdict, evaluation, observations, inboxes)
         digest = next_digest(self.state.digest, record)
         record = _with_digest(record, digest, inputs.started)

@@ -7,7 +7,7 @@ mission file. World frame: east, north, elevation over the scene's datum, metres
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 
 from lingjing.mission.expression import Expr
 from lingjing.mission.model import (
@@ -29,6 +29,8 @@ Datum = bool | int | float | str | tuple[bool | int | float | str, ...] | None
 """A value that may stand in an action's arguments, a message body or an entity's property."""
 Option = bool | int | float | str | tuple[bool | int | float | str | tuple[float, float], ...] | None
 """A value of a scene's option; a line or an outline is its points, (east, north) in metres."""
+GivenOption = bool | int | float | str | list[Any] | dict[str, Any] | None
+"""What an option of a plug-in is given: any JSON."""
 
 
 class Clock(Record, frozen=True, kw_only=True):
@@ -362,7 +364,7 @@ class Instance(Record, frozen=True, kw_only=True):
     inspections: tuple[InspectionSpec, ...] = ()
     events: tuple[EventSpec, ...] = ()
     reveals: tuple[RevealSpec, ...] = ()
-    engine_options: dict[str, dict[str, str]] = {}
+    engine_options: dict[str, dict[str, GivenOption]] = {}
 
     @property
     def mode(self) -> str:

@@ -23,6 +23,7 @@ from lingjing.errors import ErrorCollector, UsageError
 from lingjing.kernel.barrier import PolicyBarrier
 from lingjing.kernel.cities import CityBuilder
 from lingjing.kernel.episode import Progress, play, seat
+from lingjing.kernel.evaluators import build_evaluators
 from lingjing.kernel.step import Kernel
 from lingjing.kernel.world import open_world
 from lingjing.kernel.world.contract import StoredFrame, World
@@ -32,10 +33,8 @@ from lingjing.mission.model import Mission
 from lingjing.numerics import versions, withdrawn
 from lingjing.play.folders import claim_run_folder
 from lingjing.play.options import Changes, PlayOptions, compiled, options_of
-from lingjing.play.policies import Assigned
 from lingjing.play.preparation import Preparation, prepare
 from lingjing.play.report import ABORTED, EpisodeReport
-from lingjing.plugins.building import build_evaluators
 from lingjing.plugins.host import PluginHost
 from lingjing.plugins.loading import build_policy
 from lingjing.plugins.policy import PolicyPlugin
@@ -114,13 +113,13 @@ class Session:
             record=lambda record, frames: recorder[0].boundary(
                 msgspec.structs.replace(record, relations=relations.take(record)), _stored(frames)
             ),
-            evaluators=build_evaluators(prepared.evaluators, instance, self.host),
+            evaluators=build_evaluators(prepared.evaluators, instance, self.host, prepared.evaluator_options),
             blank_pictures=options.blank_pictures,
             policy_seed=options.policy_seed,
         )
         barrier = seat(kernel, policies)
         folder = Path(out) if out is not None else claim_run_folder(instance.mission, instance.mode, options.seed)
-        writer = _writer(folder, _header(instance, city, assigned, options), barrier, prepared.key)
+        writer = _writer(folder, _header(instance, city, prepared, options), barrier, prepared.key)
         recorder.append(writer)
         try:
             outcome = play(kernel, barrier, writer, progress)
@@ -183,12 +182,12 @@ def _stored(frames: Sequence[StoredFrame]) -> list[PictureParts]:
     return [(frame.info, frame.jpeg, frame.depth, frame.semantic) for frame in frames]
 
 
-def _header(instance: Instance, city: City, assigned: Mapping[str, Assigned], options: PlayOptions) -> Header:
+def _header(instance: Instance, city: City, prepared: Preparation, options: PlayOptions) -> Header:
     return Header(
         instance=instance,
         bindings=tuple(
             AgentBinding(agent=agent, policy=plugin.name, privileged=plugin.privileged, arguments=arguments)
-            for agent, (plugin, arguments) in assigned.items()
+            for agent, (plugin, arguments) in prepared.assigned.items()
         ),
         fingerprint=versions(),
         city_sha256=content_sha256(city),
@@ -196,6 +195,7 @@ def _header(instance: Instance, city: City, assigned: Mapping[str, Assigned], op
         started_wall=dt.datetime.now(dt.UTC).isoformat(timespec="seconds"),
         policy_seed=options.policy_seed,
         evaluators=options.evaluators,
+        evaluator_options=prepared.evaluator_options,
     )
 
 

@@ -10,6 +10,7 @@ import msgspec
 
 from lingjing.errors import ErrorCollector, Fault, UsageError
 from lingjing.mission.faults import lines_of, schema_faults
+from lingjing.mission.instance import GivenOption
 from lingjing.mission.model import Mission
 from lingjing.plugins.loading import policy_of
 from lingjing.plugins.policy import Policy, PolicyPlugin
@@ -25,7 +26,8 @@ class PlayOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
 
     `mission` is the path of a file or the name of a shipped mission. `policy` plays every agent; `policies_for`
     overrides it by role, agent or agent id; `policy_args` go to every policy that takes them, `engine_args` to the
-    engine that each names (`camera.quality`). `seed` draws the instance, `policy_seed` starts the policies' own random
+    engine that each names (`camera.quality`), `evaluator_args` likewise; a value
+    is any JSON. `seed` draws the instance, `policy_seed` starts the policies' own random
     streams and tells them nothing about it. `mode` None is the mission's own; `settings` are values of its parameters
     in SI units. `evaluators` score it: the mean of their scores counts, and the first that says so ends the episode.
     `world` says where the engines run, `blank_pictures` hands the policies black pictures, `overview` draws
@@ -35,8 +37,9 @@ class PlayOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     mission: str
     policy: str = "heuristic"
     policies_for: dict[str, str] = {}
-    policy_args: dict[str, str] = {}
-    engine_args: dict[str, str] = {}
+    policy_args: dict[str, GivenOption] = {}
+    engine_args: dict[str, GivenOption] = {}
+    evaluator_args: dict[str, GivenOption] = {}
     seed: Seed = 0
     policy_seed: Seed = 0
     mode: str | None = None
@@ -55,6 +58,7 @@ class Changes(TypedDict, total=False):
     policies_for: Mapping[str, PolicySpec]
     policy_args: Mapping[str, object]
     engine_args: Mapping[str, object]
+    evaluator_args: Mapping[str, object]
     seed: int
     policy_seed: int
     mode: str | None
@@ -118,8 +122,7 @@ def options_of(
         **changes,
         "mission": mission.name if isinstance(mission, Mission) else found.attempt(lambda: _path(mission), ""),
         "policies_for": _mapped(changes.get("policies_for"), lambda spec: named("policies_for", spec)),
-        "policy_args": _mapped(changes.get("policy_args"), str),
-        "engine_args": _mapped(changes.get("engine_args"), str),
+        **{name: _mapped(changes.get(name), _as_json) for name in ("policy_args", "engine_args", "evaluator_args")},
         "settings": _mapped(changes.get("settings"), lambda value: value),
         "sign": fspath(key) if isinstance(key := changes.get("sign"), PathLike) else key,
     }
@@ -148,6 +151,14 @@ def compiled(options: PlayOptions) -> Mission:
 def _mapped(given: object, value_of: Callable[[Any], object]) -> object:
     """A mapping with its values made plain, None an empty one; anything else is left for the check to refuse."""
     return {name: value_of(value) for name, value in given.items()} if isinstance(given, Mapping) else given or {}
+
+
+def _as_json(value: object) -> object:
+    """A value of an option as JSON has it; what JSON has no words for, such as a path, as its text."""
+    try:
+        return msgspec.to_builtins(value, str_keys=True, order="deterministic")
+    except (TypeError, ValueError, msgspec.MsgspecError):
+        return str(value)
 
 
 def _path(given: object) -> str:

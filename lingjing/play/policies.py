@@ -7,14 +7,15 @@ from collections.abc import Mapping
 from functools import partial
 
 from lingjing.errors import ErrorCollector, UsageError
-from lingjing.mission.instance import AgentSpec, Instance
+from lingjing.mission.instance import AgentSpec, GivenOption, Instance
 from lingjing.mission.model import Mission
+from lingjing.play.option_sharing import share_arguments
 from lingjing.play.options import PlayOptions
+from lingjing.play.policy_files import load_policy
 from lingjing.plugins.host import PluginHost
-from lingjing.plugins.loading import load_policy, share_arguments
 from lingjing.plugins.policy import PolicyPlugin
 
-Assigned = tuple[PolicyPlugin, dict[str, str]]
+Assigned = tuple[PolicyPlugin, dict[str, GivenOption]]
 """A policy, and the arguments that it is built with."""
 
 

@@ -8,19 +8,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 
 from msgspec.structs import replace
 
 from lingjing.errors import ErrorCollector, MissionError, UsageError
 from lingjing.kernel.world.selection import select_engines
-from lingjing.mission.instance import Instance
+from lingjing.mission.instance import GivenOption, Instance
 from lingjing.mission.instantiate import instantiate
 from lingjing.mission.model import Mission
+from lingjing.play.option_sharing import engine_options, evaluator_options
 from lingjing.play.options import PlayOptions
 from lingjing.play.policies import Assigned, assign_policies
 from lingjing.plugins.evaluator import EvaluatorPlugin
 from lingjing.plugins.host import PluginHost
-from lingjing.plugins.loading import engine_options
 from lingjing.plugins.policy import PolicyPlugin
 from lingjing.trace.seals import read_key
 
@@ -36,6 +37,7 @@ class Preparation:
     instance: Instance
     assigned: dict[str, Assigned]
     evaluators: tuple[EvaluatorPlugin, ...]
+    evaluator_options: dict[str, dict[str, GivenOption]]
     key: bytes = b""
 
 
@@ -50,8 +52,8 @@ def prepare(
 
     `mission` is None where it has errors; `given` are policies that have been loaded already, by their names in the
     options; `errors` holds what reading the options has found. Raises `UsageError` that tells all of it: of mode,
-    settings, scene, engines and their options, policies and theirs, roles and evaluators. `MissionError` for a mission
-    that cannot be evaluated, if that is all there is.
+    settings, scene, engines and their options, policies and theirs, roles, evaluators and theirs.
+    `MissionError` for a mission that cannot be evaluated, if that is all there is.
     """
     errors = errors or ErrorCollector()
     instance = _drawn(options, mission, errors) if mission is not None else None
@@ -62,12 +64,12 @@ def prepare(
         used = errors.attempt(lambda: select_engines(instance, host).names, ())
     told = errors.attempt(lambda: engine_options(options.engine_args, host, used), {})
     assigned = assign_policies(instance, mission, options, host, given, errors)
-    evaluators = errors.attempt(lambda: _evaluators(options, host), ())
+    evaluators, evaluator_told = _evaluators(options, host, errors)
     key = errors.attempt(lambda: read_key(options.sign) if options.sign is not None else b"", b"")
     errors.check()
     if instance is None:
         raise AssertionError("without an instance there is an error")
-    return Preparation(replace(instance, engine_options=told), assigned, evaluators, key)
+    return Preparation(replace(instance, engine_options=told), assigned, evaluators, evaluator_told, key)
 
 
 def _drawn(options: PlayOptions, mission: Mission, errors: ErrorCollector) -> Instance | None:
@@ -86,11 +88,16 @@ def _drawn(options: PlayOptions, mission: Mission, errors: ErrorCollector) -> In
     return follow.attempt(lambda: instantiate(mission, seed=options.seed, mode=mode, settings=settings), None)
 
 
-def _evaluators(options: PlayOptions, host: PluginHost) -> tuple[EvaluatorPlugin, ...]:
-    errors = ErrorCollector()
-    for name in dict.fromkeys(options.evaluators):
-        errors.attempt(lambda: host.evaluator(name), None)  # noqa: B023 - called at once
+def _evaluators(
+    options: PlayOptions, host: PluginHost, errors: ErrorCollector
+) -> tuple[tuple[EvaluatorPlugin, ...], dict[str, dict[str, GivenOption]]]:
+    """Who scores, and what each is told; the options of one that is refused are not looked at."""
+    found = {name: errors.attempt(partial(host.evaluator, name), None) for name in dict.fromkeys(options.evaluators)}
+    for name in found:
         if options.evaluators.count(name) > 1:
             errors.add(UsageError(f"evaluator `{name}` is named twice", hint="name each evaluator once"))
-    errors.check()
-    return tuple(host.evaluator(name) for name in options.evaluators)
+    scoring = {name: plugin for name, plugin in found.items() if plugin is not None}
+    unknown = found.keys() - scoring.keys()
+    given = {key: value for key, value in options.evaluator_args.items() if key.partition(".")[0] not in unknown}
+    told = errors.attempt(lambda: evaluator_options(given, scoring), {})
+    return tuple(scoring.values()), told

@@ -1,7 +1,6 @@
 """Everything a plug-in author needs: contracts, values, hooks, geometry and the conformance kit.
 
-- `hookspecs`     what a plug-in may offer; `host` finds it, `loading` finds policies by name or by file, `building`
-  builds scenes and evaluators and checks what they answer
+- `hookspecs`     what a plug-in may offer; `host` finds it, `loading` builds policies, `building` scenes
 - `options`       the models of options that plug-ins declare, and the reading of what people write
 - `engine`, `policy`, `evaluator`   the Protocols and their values; `chat_model` how a model is declared, `calls` what a
   policy that asks models is given beside its options

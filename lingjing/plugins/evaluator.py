@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, Protocol, TypeVar
+from numbers import Real
+from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeVar, get_args
 
 import msgspec
 
-from lingjing.mission.instance import Instance
 from lingjing.trace.records import AdjudicatedEvent, BodyState, Reason
+
+if TYPE_CHECKING:
+    from lingjing.plugins.options import PluginOptions
 
 
 class Evaluation(msgspec.Struct, frozen=True):
@@ -39,6 +42,8 @@ class Standing(Protocol):
     def stages(self) -> Mapping[tuple[str, str], int]: ...  # noqa: D102
 
 
+_REASONS = ("", *get_args(Reason))
+
 StandingT_contra = TypeVar("StandingT_contra", contravariant=True)
 
 
@@ -54,11 +59,31 @@ class Evaluator(Protocol[StandingT_contra]):
 @dataclass(frozen=True, slots=True)
 class EvaluatorPlugin:
     """How an evaluator is declared: `build` makes the one of an instance. A plug-in's takes a `Standing`; the built-in
-    one, `mission`, reads the mission's own conditions and needs the kernel's whole registry for that."""
+    one, `mission`, reads the mission's own conditions and needs the kernel's whole context for that.
+
+    `options` is the model of what it can be told (`--evaluator-arg NAME.OPTION=VALUE`), as a class or, so that nothing
+    heavy is loaded before it is needed, as `package.module:Class`. With a model `build` takes an object of it as well:
+    `build(instance, options)`.
+    """
 
     name: str
-    build: Callable[[Instance], Evaluator[Any]]
+    build: Callable[..., Evaluator[Any]]
     summary: str = ""
+    options: type[PluginOptions] | str | None = None
 
 
-__all__ = ["Evaluation", "Evaluator", "EvaluatorPlugin", "Standing"]
+def answer_fault(found: Evaluation) -> str:
+    """What of an answer is not as `Evaluation` says; "" if nothing. A reward that is no number is outside 0..1 too."""
+    reward: Any = found.reward
+    done: Any = found.done
+    detail: Any = found.detail
+    if isinstance(reward, bool) or not isinstance(reward, Real) or not 0.0 <= float(reward) <= 1.0:
+        return f"its reward is {reward!r}, not a number in 0..1"
+    if not isinstance(done, bool):
+        return f"its `done` is {done!r}, neither True nor False"
+    if found.reason not in _REASONS:
+        return f"its reason is {found.reason!r}, none of {', '.join(_REASONS[1:])}"
+    return "" if isinstance(detail, str) else f"its detail is {detail!r}, no text"
+
+
+__all__ = ["Evaluation", "Evaluator", "EvaluatorPlugin", "Standing", "answer_fault"]

@@ -12,21 +12,26 @@ from __future__ import annotations
 
 import difflib
 import inspect
+import re
 import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from pkgutil import resolve_name
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import msgspec
 from pydantic import AliasChoices, AliasPath, BaseModel, ConfigDict, Field, ValidationError, create_model
 from pydantic.errors import PydanticUndefinedAnnotation, PydanticUserError
 from pydantic.fields import FieldInfo
-from pydantic.json_schema import GenerateJsonSchema
 
 from lingjing.errors import Fault, PluginError, UsageError
-from lingjing.plugins.engine import EnginePlugin, EngineSpec
+from lingjing.plugins.engine import EngineSpec
 from lingjing.validation import worded
+
+if TYPE_CHECKING:
+    from pydantic_core import ErrorDetails
+
+    _Errors = tuple[ErrorDetails, ...]
 
 _FEW = 8
 """A message lists so many names at most."""
@@ -44,17 +49,6 @@ class PluginOptions(BaseModel):
 
 
 OptionsT = TypeVar("OptionsT", bound=PluginOptions)
-
-
-class OptionSpec(msgspec.Struct, frozen=True, kw_only=True):
-    """One declared option as it is listed: its spelling, type and bounds in words, default as text, and help."""
-
-    name: str
-    type: str
-    bounds: str = ""
-    default: str = ""
-    required: bool = False
-    help: str = ""
 
 
 def declared_model(reference: type[Any] | str | None, owner: str) -> type[PluginOptions] | None:
@@ -135,30 +129,6 @@ def engine_options(model: type[OptionsT], spec: EngineSpec) -> OptionsT:
     return read_options(model, spec.instance.engine_options.get(spec.engine, {}), f"engine `{spec.engine}`")
 
 
-def shared_among_engines(
-    given: Mapping[str, str], plugins: Mapping[str, EnginePlugin], used: Iterable[str] = ()
-) -> dict[str, dict[str, str]]:
-    """`{"camera.quality": "80"}` by engine and option; the engines `used` are checked even if they are given nothing.
-
-    Raises `UsageError` that tells every fault.
-    """
-    shares: dict[str, dict[str, str]] = {}
-    faults: dict[str, tuple[Fault, ...]] = {}
-    for key, value in given.items():
-        name, dot, option = key.partition(".")
-        if name not in plugins or not dot:
-            faults["engines"] = (*faults.get("engines", ()), _unknown_engine(key, plugins))
-        else:
-            shares.setdefault(name, {})[option] = value
-    for name in dict.fromkeys((*shares, *used)):
-        owner = f"engine `{name}`"
-        model = declared_model(plugins[name].options, owner) or PluginOptions
-        faults[owner] = option_faults(model, shares.get(name, {}))
-    if any(faults.values()):
-        raise options_error(faults)
-    return shares
-
-
 def spellings(model: type[PluginOptions]) -> tuple[str, ...]:
     """How the options of a model are spelled, in the order of declaration, with every alias of each."""
     return tuple(one for name, field in model.model_fields.items() for one in _spelled(name, field))
@@ -178,26 +148,6 @@ def takes_any_name(model: type[PluginOptions]) -> bool:
     return model.model_config.get("extra") == "allow"
 
 
-def option_specs(model: type[PluginOptions]) -> tuple[OptionSpec, ...]:
-    """Every option of a model as it is listed, in the order of declaration.
-
-    One whose type JSON Schema has no words for, such as a function, is listed as `any`.
-    """
-    schema = model.model_json_schema(mode="validation", schema_generator=_ListedSchema)
-    required = frozenset(schema.get("required", ()))
-    return tuple(
-        OptionSpec(
-            name=name,
-            type=_type(one),
-            bounds=_bounds(one),
-            default="" if name in required or one.get("default") is None else _text(one["default"]),
-            required=name in required,
-            help=str(one.get("description", "")),
-        )
-        for name, one in schema.get("properties", {}).items()
-    )
-
-
 # -- private
 
 
@@ -207,16 +157,6 @@ class _Parameters(PluginOptions, arbitrary_types_allowed=True):
 
 class _AnyParameters(_Parameters, extra="allow"):
     """Those of a factory that takes `**others`."""
-
-
-class _ListedSchema(GenerateJsonSchema):
-    """The JSON Schema of what it can express; the rest may be anything, and a default without JSON is left out."""
-
-    def handle_invalid_for_json_schema(self, schema: object, error_info: str) -> dict[str, Any]:
-        return {}
-
-    def emit_warning(self, kind: object, detail: str) -> None:
-        """Say nothing: the list is for people, who need no warning of pydantic's."""
 
 
 def _spelled(name: str, field: FieldInfo) -> tuple[str, ...]:
@@ -237,20 +177,50 @@ def _parameters(factory: Callable[..., object]) -> Mapping[str, inspect.Paramete
         return {}
 
 
-def _unknown_engine(key: str, plugins: Mapping[str, EnginePlugin]) -> Fault:
-    fault = unknown_option(key.partition(".")[0], plugins)
-    return Fault(key, "names no installed engine and one of its options", fault.hint)
-
-
 def _validated(model: type[OptionsT], given: Mapping[str, object]) -> tuple[OptionsT | None, tuple[Fault, ...]]:
+    """The checked options, or their faults. A text that its option refuses is read as JSON, where it is any."""
+    options, errors, broken = _tried(model, given)
+    decoded = {name: value for name in _places(errors) if (value := _decoded(given.get(name))) is not given.get(name)}
+    if decoded:
+        first, given = errors, {**given, **decoded}
+        options, errors, broken = _tried(model, given)
+        plain = {name for name in _places(errors) if name in decoded and not isinstance(decoded[name], list | dict)}
+        errors = (
+            *(one for one in first if _place(one) in plain),  # of a number it is said how it was written
+            *(one for one in errors if _place(one) not in plain),
+        )
+    return options, (*broken, *_faults(model, given, errors))
+
+
+def _tried(model: type[OptionsT], given: Mapping[str, object]) -> tuple[OptionsT | None, _Errors, tuple[Fault, ...]]:
+    """The checked options; else pydantic's errors, or the fault of a validator that broke."""
     try:
-        return model.model_validate(dict(given)), ()
+        return model.model_validate(dict(given)), (), ()
     except ValidationError as error:
-        return None, tuple(_faults(model, error))
+        return None, tuple(error.errors(include_url=False)), ()
     except Exception as error:  # noqa: BLE001 - a validator is a stranger's code and may raise anything
         at = traceback.extract_tb(error.__traceback__)[-1]
         said = f"cannot be checked: its validator raised {type(error).__name__} at {Path(at.filename).name}:{at.lineno}"
-        return None, (Fault(_breaking(model, given), said),)
+        return None, (), (Fault(_breaking(model, given), said),)
+
+
+def _place(error: ErrorDetails) -> str:
+    """The option that an error is of; "" for the model as a whole."""
+    return str(error["loc"][0]) if error["loc"] else ""
+
+
+def _places(errors: _Errors) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(map(_place, errors)))
+
+
+def _decoded(value: object) -> object:
+    """What a text says in JSON; anything else is left as it is."""
+    if not isinstance(value, str):
+        return value
+    try:
+        return msgspec.json.decode(value)
+    except (msgspec.DecodeError, UnicodeEncodeError, RecursionError):
+        return value
 
 
 def _breaking(model: type[PluginOptions], given: Mapping[str, object]) -> str:
@@ -268,51 +238,44 @@ def _breaking(model: type[PluginOptions], given: Mapping[str, object]) -> str:
     return ""
 
 
-def _faults(model: type[PluginOptions], error: ValidationError) -> Iterator[Fault]:
-    for one in error.errors(include_url=False):
-        where = ".".join(map(str, one["loc"]))
-        unknown = one["type"] == "extra_forbidden" and len(one["loc"]) == 1
-        yield unknown_option(where, spellings(model)) if unknown else Fault(where, worded(one))
+def _faults(model: type[PluginOptions], given: Mapping[str, object], errors: _Errors) -> Iterator[Fault]:
+    """The faults in pydantic's order; of a value that may be of several types, one fault with all of them."""
+    due: dict[tuple[str, str], list[str]] = {}
+    for one in errors:
+        where, message = _path(given, one), worded(one)
+        is_due = _DUE_WORDS.fullmatch(message)
+        due.setdefault((where, is_due[1] if is_due else message), []).append(is_due[2] if is_due else "")
+    unknown = {_path(given, one) for one in errors if one["type"] == "extra_forbidden" and len(one["loc"]) == 1}
+    for (where, said), words in due.items():
+        kinds = tuple(dict.fromkeys(words))
+        if where in unknown:
+            yield unknown_option(where, spellings(model))
+        elif kinds == ("",):
+            yield Fault(where, said)
+        else:
+            as_json = {"a list", "an object"}.intersection(kinds) and said.endswith("'")
+            yield Fault(where, f"{said}, {' or '.join(kinds)} is due", _AS_JSON if as_json else "")
 
 
-def _type(one: Mapping[str, Any]) -> str:
-    if "enum" in one or "const" in one:
-        return "word"
-    if "anyOf" in one:
-        kinds = dict.fromkeys(_type(part) for part in one["anyOf"] if part.get("type") != "null")
-        return " or ".join(kinds)
-    if one.get("type") == "array":
-        return f"list of {_type(one['items'])}" if one.get("items") else "list"
-    return _TYPES.get(str(one.get("type", "")), "any")
+_DUE_WORDS = re.compile(r"(is .*), (.+) is due", re.DOTALL)
+_AS_JSON = 'write it as JSON: ["a", "b"] or {"a": 1}'
 
 
-_TYPES = {"number": "number", "integer": "whole number", "string": "text", "boolean": "yes or no", "object": "object"}
-
-
-def _bounds(one: Mapping[str, Any]) -> str:
-    if "anyOf" in one:
-        return ", ".join(filter(None, dict.fromkeys(_bounds(part) for part in one["anyOf"])))
-    if "enum" in one or "const" in one:
-        return ", ".join(_text(value) for value in one.get("enum", (one.get("const"),)))
-    words = {
-        "minimum": "at least {}", "exclusiveMinimum": "more than {}", "maximum": "at most {}",
-        "exclusiveMaximum": "less than {}", "minItems": "{} or more", "pattern": "like {}",
-    }  # fmt: skip
-    if "minimum" in one and "maximum" in one:
-        return f"{_text(one['minimum'])} to {_text(one['maximum'])}"
-    return ", ".join(text.format(_text(one[key])) for key, text in words.items() if key in one)
-
-
-def _text(value: object) -> str:
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    if isinstance(value, int | float):
-        return f"{value:.15g}"
-    return value if isinstance(value, str) else msgspec.json.encode(value).decode()
+def _path(given: object, error: ErrorDetails) -> str:
+    """The path of what is wrong; pydantic's names of the types of a union are no part of it."""
+    names: list[str] = []
+    for at, key in enumerate(error["loc"], 1):
+        keys = range(len(given)) if isinstance(given, list | tuple) else given if isinstance(given, Mapping) else ()
+        within = key in keys
+        if within:
+            given = given[key]  # type: ignore[index]
+        if within or not names or (at == len(error["loc"]) and error["type"] == "missing"):
+            names.append(str(key))
+    return ".".join(names)
 
 
 __all__ = [
-    "Fault", "Field", "OptionSpec", "PluginOptions", "declared_model", "engine_options", "given_parameters",
-    "model_of_parameters", "option_faults", "option_specs", "options_error", "read_options", "shared_among_engines",
+    "Fault", "Field", "PluginOptions", "declared_model", "engine_options", "given_parameters",
+    "model_of_parameters", "option_faults", "options_error", "read_options",
     "spellings", "takes_any_name", "unknown_option",
 ]  # fmt: skip

@@ -13,7 +13,7 @@ from typing import Literal
 
 import msgspec
 
-from lingjing.mission.instance import Datum, Instance, Vector, Weather
+from lingjing.mission.instance import Datum, GivenOption, Instance, Vector, Weather
 
 
 class TraceRecord(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -398,7 +398,7 @@ class AgentBinding(TraceRecord, frozen=True, kw_only=True):
     agent: str
     policy: str
     privileged: bool = False
-    arguments: dict[str, str] = {}
+    arguments: dict[str, GivenOption] = {}
 
 
 FIRST_FORMAT = "lingjing-trace/1"
@@ -408,7 +408,7 @@ FORMAT = "lingjing-trace/2"
 
 class Header(TraceRecord, frozen=True, kw_only=True):
     """The first record of a trace: what was played, by whom, on what; `policy_seed` started the policies' streams,
-    `evaluators` scored it."""
+    `evaluators` scored it, told `evaluator_options`."""
 
     format: str = FORMAT
     instance: Instance
@@ -419,6 +419,7 @@ class Header(TraceRecord, frozen=True, kw_only=True):
     started_wall: str = ""
     policy_seed: int = 0
     evaluators: tuple[str, ...] = ("mission",)
+    evaluator_options: dict[str, dict[str, GivenOption]] = {}
 
 
 class Outcome(TraceRecord, frozen=True, kw_only=True):

@@ -13,9 +13,10 @@ import pytest
 from lingjing.cli import doctor, libraries
 from lingjing.cli.main import main
 from lingjing.errors import PluginError, UsageError
+from lingjing.play.policy_files import load_policy
 from lingjing.plugins import host as hosts
 from lingjing.plugins.host import PluginHost
-from lingjing.plugins.loading import build_policy, load_policy
+from lingjing.plugins.loading import build_policy
 
 
 def test_plugins_lists_the_built_in_engines_and_the_agents_with_their_source(capsys) -> None:
@@ -45,7 +46,7 @@ def test_plugins_lists_the_options_of_one_with_type_bounds_default_and_help(caps
     assert main(["plugins", "react", "--output-format", "json"]) == 0
     (offer,) = json.loads(capsys.readouterr().out)
     assert offer["options"][1] == {
-        "name": "model", "type": "text", "bounds": "", "default": "", "required": True,
+        "name": "model", "type": "text", "bounds": "not empty", "default": "", "required": True,
         "help": "a model of the list, or any other model's name at its service",
     }  # fmt: skip
     assert main(["plugins", "raect"]) == 2

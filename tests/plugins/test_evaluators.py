@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -13,10 +14,13 @@ import pytest
 
 from lingjing.engines import builtin
 from lingjing.errors import PluginError, UsageError
+from lingjing.kernel.adjudication import Adjudicator
 from lingjing.play.episode import Session
+from lingjing.play.episode import run as lingjing_run
 from lingjing.plugins.evaluator import Evaluation, EvaluatorPlugin, Standing
 from lingjing.plugins.hookspecs import hookimpl
 from lingjing.plugins.host import PluginHost
+from lingjing.plugins.options import Field, PluginOptions
 from lingjing.trace.reader import read_trace
 
 MISSION = """\
@@ -121,6 +125,70 @@ def test_an_unknown_evaluator_is_named_and_two_of_one_name_are_refused(mission: 
         session.run(mission, evaluators=["nobody"], world="inline", out=tmp_path / "run")
     with pytest.raises(PluginError, match="`constant` is offered twice by lingjing_evaluators"):
         PluginHost(entry_points=False, extra=(builtin, _Constant, type("Other", (), vars(_Constant).copy())))
+
+
+class WaitOptions(PluginOptions):
+    ticks: int = Field(ge=1, le=9, description="how long it waits")
+    scores: list[float] = [1.0]
+
+
+class _Wait:
+    @staticmethod
+    @hookimpl
+    def lingjing_evaluators() -> list[EvaluatorPlugin]:
+        def build(instance: object, options: WaitOptions) -> object:
+            def evaluate(standing: Standing, events: object) -> Evaluation:
+                done = standing.tick >= options.ticks
+                return Evaluation(options.scores[-1], done, "success" if done else "")
+
+            return SimpleNamespace(evaluate=evaluate)
+
+        return [EvaluatorPlugin(name="wait", build=build, options=WaitOptions)]
+
+
+def test_an_evaluator_is_told_its_options(mission: Path, tmp_path: Path) -> None:
+    told = {"wait.ticks": "2", "wait.scores": "[0.25, 0.75]"}
+    options = {"policy": "random", "evaluators": ["wait"], "evaluator_args": told, "world": "inline", "overview": False}
+    with Session(PluginHost(extra=(_Wait,))) as session:
+        report = session.run(mission, out=tmp_path / "run", **options)
+    assert (report.reason, report.ticks, report.score) == ("success", 2, 0.75)
+    assert read_trace(Path(report.trace)).header.evaluator_options == {"wait": {"ticks": "2", "scores": "[0.25, 0.75]"}}
+
+
+def test_faults_of_evaluators_options_are_told_by_name(mission: Path, tmp_path: Path) -> None:
+    options = {"policy": "random", "world": "inline", "out": tmp_path / "run"}
+    with Session(PluginHost(extra=(_Wait,))) as session:
+        with pytest.raises(UsageError, match="evaluator `wait`: option `ticks` is missing"):
+            session.run(mission, evaluators=["wait"], **options)
+        with pytest.raises(UsageError) as told:
+            given = {"wait.ticks": "12", "wait.tick": 1, "mission.x": 1, "patience.x": 2, "wait.scores": [1, "x"]}
+            session.run(mission, evaluators=["mission", "wait"], evaluator_args=given, **options)
+    said = str(told.value)
+    for fault in (
+        "evaluators: option `patience.x` names no evaluator that scores and one of its options",
+        "evaluator `mission`: option `x` is not known",
+        "evaluator `wait`: option `ticks` is '12', at most 9 is due",
+        "evaluator `wait`: option `tick` is not known; did you mean `ticks`?",
+        "evaluator `wait`: option `scores.1` is 'x', a number is due",
+    ):
+        assert fault in said
+    assert len(said.splitlines()) == 5
+
+
+def test_the_mission_is_judged_by_the_kernels_own_rules_alone(mission: Path, tmp_path: Path, monkeypatch) -> None:
+    """The evaluator `mission` reads the context that rules are evaluated on, and makes none of its own."""
+    made = []
+    monkeypatch.setattr(Adjudicator, "__init__", _counting(Adjudicator.__init__, made))
+    lingjing_run(mission, policy="random", world="inline", out=tmp_path / "run", overview=False)
+    assert len(made) == 1
+
+
+def _counting(init: Callable[..., None], made: list[object]) -> Callable[..., None]:
+    def counted(self: object, instance: object) -> None:
+        made.append(self)
+        init(self, instance)
+
+    return counted
 
 
 def _host(build: object, name: object = "boom") -> PluginHost:

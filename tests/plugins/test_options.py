@@ -2,24 +2,27 @@
 
 from __future__ import annotations
 
+import enum
+import json
 from collections.abc import Callable
 from typing import Annotated, Literal
 
 import pytest
 from pydantic import AliasChoices, field_validator
 
+from lingjing.cli.option_listing import option_specs
 from lingjing.errors import PluginError, UsageError
+from lingjing.play.option_sharing import engine_options, share_arguments
 from lingjing.plugins.engine import EnginePlugin
 from lingjing.plugins.hookspecs import hookimpl
 from lingjing.plugins.host import PluginHost
-from lingjing.plugins.loading import build_policy, engine_options, policy_of, share_arguments
+from lingjing.plugins.loading import build_policy, policy_of
 from lingjing.plugins.options import (
     Field,
     PluginOptions,
     declared_model,
     model_of_parameters,
     option_faults,
-    option_specs,
     read_options,
 )
 
@@ -102,6 +105,87 @@ def test_options_are_listed_with_type_bounds_default_and_help():
         "no",
     )
     assert [one.name for one in listed.values() if one.required] == ["place"]
+
+
+class Colour(enum.Enum):
+    RED = "red"
+    BLUE = "blue"
+
+
+class Link(PluginOptions):
+    host: str = Field(min_length=3)
+    port: int = Field(80, ge=1, le=65535)
+
+
+class Wide(PluginOptions):
+    """An option of every shape."""
+
+    colours: list[Colour] = Field([], min_length=1, max_length=4)
+    names: set[str] = set()
+    pair: tuple[int, float] = (1, 2.0)
+    limits: dict[str, Annotated[float, Field(gt=0)]] = {}
+    link: Link | None = None
+    rounds: Literal[1, 2, 4] = 1
+    step: int = Field(5, multiple_of=5)
+    name: str = Field("", max_length=8, pattern="^[a-z]*$")
+    either: int | list[int] = 1
+    free: str | list[str] = ""
+
+
+def test_texts_that_an_option_cannot_take_are_read_as_json():
+    texts = {
+        "colours": '["red", "blue"]', "names": '["a", "b", "a"]', "pair": "[3, 4]", "limits": '{"x": 2}',
+        "link": '{"host": "gpu.local"}', "rounds": "4", "step": "10", "name": "abc", "either": "[1, 2]",
+        "free": "[1, 2]",
+    }  # fmt: skip
+    read = read_options(Wide, texts, "policy `scout`")
+    assert (read.colours, read.names, read.pair) == ([Colour.RED, Colour.BLUE], {"a", "b"}, (3, 4.0))
+    assert (read.limits, read.link, read.rounds) == ({"x": 2.0}, Link(host="gpu.local"), 4)
+    assert (read.step, read.name, read.either) == (10, "abc", [1, 2])
+    assert read.free == "[1, 2]"  # it takes texts
+    values = {name: json.loads(text) if text[0] in "[{" or text.isdigit() else text for name, text in texts.items()}
+    again = read_options(Wide, {**values, "free": ["x"]}, "policy `scout`")
+    assert again == read.model_copy(update={"free": ["x"]})
+    assert read_options(Wide, {"link": "null"}, "policy `scout`").link is None
+
+
+def test_faults_within_json_have_their_paths_and_texts_that_are_none_are_told_how():
+    texts = {
+        "colours": '["red", "green"]', "names": "a, b", "pair": "[3]", "limits": '{"x": -2}', "link": '{"prt": 1}',
+        "rounds": "3", "step": "7", "name": "Long name of it", "either": "x", "free": "x",
+    }  # fmt: skip
+    found = {one.where: (one.message, one.hint) for one in option_faults(Wide, texts)}
+    assert found["colours.1"][0] == "is 'green', 'red' or 'blue' is due"
+    assert found["names"] == ("is 'a, b', a list is due", 'write it as JSON: ["a", "b"] or {"a": 1}')
+    assert found["pair.1"][0] == "is missing" and found["limits.x"][0] == "is -2, more than 0 is due"
+    assert found["link.host"][0] == "is missing" and "link.prt" in found
+    assert found["rounds"][0] == "is '3', 1, 2 or 4 is due" and "multiple of 5" in found["step"][0]
+    assert "at most 8" in found["name"][0]
+    assert found["either"][0] == "is 'x', a whole number or a list is due"
+    assert "free" not in found and len(found) == 10
+
+
+def test_every_bound_is_listed():
+    listed = {one.name: (one.type, one.bounds) for one in option_specs(Wide)}
+    assert listed == {
+        "colours": ("list of word", "1 or more, 4 at most, each red, blue"),
+        "names": ("set of text", ""),
+        "pair": ("list of whole number, number", "2 or more, 2 at most"),
+        "limits": ("object of number", "each more than 0"),
+        "link": ("object (host: text 3 letters or more, port: whole number 1 to 65535)", ""),
+        "rounds": ("choice", "1, 2, 4"),
+        "step": ("whole number", "a multiple of 5"),
+        "name": ("text", "8 letters at most, like ^[a-z]*$"),
+        "either": ("whole number or list of whole number", ""),
+        "free": ("text or list of text", ""),
+    }
+
+
+def test_a_model_within_itself_is_listed():
+    class Tree(PluginOptions):
+        below: list[Tree] = []
+
+    assert [one.type for one in option_specs(Tree)] == ["list of object (below: list of object)"]
 
 
 def test_what_json_schema_cannot_express_is_listed_as_any(recwarn):

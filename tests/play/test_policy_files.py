@@ -7,9 +7,11 @@ from pathlib import Path
 import pytest
 
 from lingjing.errors import UsageError
+from lingjing.play.option_sharing import share_arguments
+from lingjing.play.policy_files import load_policy
 from lingjing.plugins.hookspecs import hookimpl
 from lingjing.plugins.host import PluginHost
-from lingjing.plugins.loading import build_policy, load_policy, share_arguments
+from lingjing.plugins.loading import build_policy
 from lingjing.plugins.policy import PolicyPlugin
 
 GOOD = '''
